@@ -1,0 +1,19 @@
+//! Triangle meshes for fantex: loading model files, cleaning, adjacency and fans.
+//!
+//! ```text
+//!  file --load--> Model --clean--> Mesh --Fans::of--> Fans
+//!  (glTF, OBJ, PLY, STL)  as the file says   welded, mesh space   one umbrella per fan
+//! ```
+//!
+//! A [`Model`] is what a file says: corners index positions that loaders may have split, coordinates are in the
+//! file's (world) space in double precision. A [`Mesh`] is what everything else works on: welded by position,
+//! free of degenerate triangles, consistently oriented where possible, in *mesh space* (centred, scaled by a
+//! power of two so that all coordinates lie in [-1, 1]). Attributes stay per corner.
+
+mod material;
+mod mesh;
+mod model;
+
+pub use material::*;
+pub use mesh::*;
+pub use model::*;

@@ -1,0 +1,78 @@
+//! The cleaned mesh that all of fantex works on.
+
+use glam::{DVec3, Vec3};
+
+use crate::{CornerAttributes, ImageSource, Material};
+
+/// The similarity that takes mesh space to world space: `p_world = offset + scale * p_mesh`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldFromMesh {
+    /// Centre of the model's bounding box, world units.
+    pub offset: DVec3,
+    /// World units per mesh unit, a power of two.
+    pub scale: f64,
+}
+
+impl WorldFromMesh {
+    /// Maps a mesh-space point to world space.
+    pub fn point(&self, p_mesh: Vec3) -> DVec3 {
+        self.offset + p_mesh.as_dvec3() * self.scale
+    }
+
+    /// Maps a world-space point to mesh space.
+    pub fn inverse_point(&self, p_world: DVec3) -> Vec3 {
+        ((p_world - self.offset) / self.scale).as_vec3()
+    }
+}
+
+impl Default for WorldFromMesh {
+    fn default() -> Self {
+        Self { offset: DVec3::ZERO, scale: 1.0 }
+    }
+}
+
+/// A welded, cleaned triangle mesh in mesh space (all coordinates within [-1, 1]).
+///
+/// Guarantees, which `clean` establishes and the store checks when it reads a mesh: indices in range, three distinct
+/// vertices and a positive area per triangle, finite positions, no two vertices at the same position, no two triangles
+/// with the same vertices in the same cyclic order, every vertex used. It need not be manifold, closed, connected or
+/// orientable.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    /// Vertex positions, mesh space.
+    pub positions: Vec<Vec3>,
+    /// Vertex indices, counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Attributes per corner.
+    pub corners: CornerAttributes,
+    /// Material of each triangle, index into `materials`; empty means material 0 everywhere.
+    pub triangle_materials: Vec<u32>,
+    /// Never empty after cleaning.
+    pub materials: Vec<Material>,
+    /// Encoded images that the materials refer to.
+    pub images: Vec<ImageSource>,
+    /// Where the mesh lies in the world.
+    pub world_from_mesh: WorldFromMesh,
+}
+
+impl Mesh {
+    /// The three positions of a triangle.
+    pub fn triangle_positions(&self, triangle: usize) -> [Vec3; 3] {
+        self.triangles[triangle].map(|v| self.positions[v as usize])
+    }
+
+    /// Index into `materials` for a triangle.
+    pub fn material_of(&self, triangle: usize) -> usize {
+        self.triangle_materials.get(triangle).copied().unwrap_or(0) as usize
+    }
+
+    /// Surface area in square mesh units, summed in double precision.
+    pub fn area(&self) -> f64 {
+        (0..self.triangles.len())
+            .map(|t| {
+                let [a, b, c] = self.triangle_positions(t).map(|p| p.as_dvec3());
+                0.5 * (b - a).cross(c - a).length()
+            })
+            .sum()
+    }
+}
