@@ -87,6 +87,11 @@ impl Cover {
         }
     }
 
+    /// Texels of all tiles at level 0.
+    pub fn texels(&self) -> u64 {
+        self.groups.iter().map(|g| u64::from(g.extent[0]) * u64::from(g.extent[1])).sum()
+    }
+
     /// The groups that the texture function reads at a point of a triangle, with their weights.
     pub fn weights(&self, triangle: usize, lambda: Vec3) -> GroupWeights {
         GroupWeights::new(self.corner_groups[triangle], lambda, self.delta)
@@ -98,6 +103,17 @@ impl Group {
     pub fn tile_from_mesh(&self, p_mesh: Vec3) -> Vec2 {
         let q = p_mesh - self.frame.origin;
         self.uv_offset + self.uv_scale * Vec2::new(q.dot(self.frame.x_axis), q.dot(self.frame.y_axis()))
+    }
+
+    /// The x and y axis of the shading frame in which a tile stores normals, at a point with the unit vertex normal
+    /// `normal` (mesh space): the frame's `x_axis`, turned by the smallest rotation that takes the projection direction to
+    /// `normal`, and `normal` cross it.
+    pub fn shading_axes(&self, normal: Vec3) -> [Vec3; 2] {
+        let (d, x) = (self.frame.direction, self.frame.x_axis);
+        // Rodrigues' rotation of a vector orthogonal to d; the bound keeps the antipode finite.
+        let turned = x - (d + normal) * (x.dot(normal) / (1.0 + d.dot(normal)).max(1e-4));
+        let x_axis = (turned - normal * turned.dot(normal)).normalize_or(normal.any_orthonormal_vector());
+        [x_axis, normal.cross(x_axis)]
     }
 
     /// Number of detail levels of the tile: level 0 is `extent`, the last is 4x4.

@@ -1,0 +1,201 @@
+//! Lays a group flat: direction, rotation, bounding rectangle, and whether that is valid.
+
+use fantex_mesh::FanCorner;
+use glam::{Vec2, Vec3};
+
+use crate::Frame;
+use crate::cone::narrowest_cone;
+use crate::injective::{Segment, any_crossing};
+use crate::rectangle::{Rectangle, RectangleFinder};
+use crate::region::outline_points;
+use crate::surface::Surface;
+use crate::unfold::unfold;
+
+/// A group laid flat. `min` and `size` are mesh units along the frame's axes, relative to the frame's origin.
+#[derive(Clone, Debug)]
+pub(crate) struct Flat {
+    pub(crate) frame: Frame,
+    pub(crate) min: Vec2,
+    pub(crate) size: Vec2,
+    /// For an unfolded fan: corner index of the centre and rotated planar coordinates of the triangle's corners.
+    pub(crate) unfolded: Vec<(u32, [Vec2; 3])>,
+}
+
+/// What the groups look like while the cover is built.
+pub(crate) struct Membership<'a> {
+    /// Group of each fan.
+    pub(crate) fan_groups: &'a [u32],
+    /// The group to lay flat; two where a union is tried (else twice the same).
+    pub(crate) groups: [u32; 2],
+    pub(crate) delta: f32,
+    /// The filter margin of both sides in mesh units, which counts when rectangles are compared.
+    pub(crate) pad: f32,
+    /// A projected group of several fans must keep this cosine between its direction and every triangle's normal.
+    pub(crate) facing: f32,
+}
+
+/// Why a set of fans cannot share a projection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reject {
+    TooSteep,
+    Overlapping,
+}
+
+/// Reused buffers.
+#[derive(Default)]
+pub(crate) struct Flattener {
+    normals: Vec<Vec3>,
+    points: Vec<Vec2>,
+    segments: Vec<Segment>,
+    rectangles: RectangleFinder,
+}
+
+impl Flattener {
+    /// Projects the fans of a group along their common best direction.
+    pub(crate) fn project(
+        &mut self,
+        surface: &Surface<'_>,
+        fans: &[u32],
+        membership: &Membership<'_>,
+    ) -> Result<Flat, Reject> {
+        self.normals.clear();
+        for &fan in fans {
+            for &corner in surface.fans.corners(fan as usize) {
+                if is_first_of_group(surface, corner, membership) {
+                    self.normals.push(surface.fan_normal(corner));
+                }
+            }
+        }
+        let cone = narrowest_cone(&self.normals);
+        if fans.len() > 1 && cone.cos < membership.facing {
+            return Err(Reject::TooSteep);
+        }
+        let origin = surface.fan_center(fans[fans.len() / 2] as usize);
+        let (x, y) = cone.axis.any_orthonormal_pair();
+        let flat = |p: Vec3| Vec2::new((p - origin).dot(x), (p - origin).dot(y));
+        self.collect_points(surface, fans, membership, flat);
+        if fans.len() > 1 {
+            self.collect_boundary(surface, fans, membership, flat);
+            if any_crossing(&mut self.segments) {
+                return Err(Reject::Overlapping);
+            }
+        }
+        let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
+        let frame = Frame { origin, direction: cone.axis, x_axis: (x * x_axis.x + y * x_axis.y).normalize() };
+        Ok(Flat { frame, min, size, unfolded: Vec::new() })
+    }
+
+    /// Unfolds a single fan; `None` where that is impossible.
+    pub(crate) fn unfold(
+        &mut self,
+        surface: &Surface<'_>,
+        fan: u32,
+        direction: Vec3,
+        membership: &Membership<'_>,
+    ) -> Option<Flat> {
+        let planar = unfold(surface, fan as usize)?;
+        self.points.clear();
+        for triangle in &planar {
+            outline_points(*triangle, [true, false, false], membership.delta, |p| self.points.push(p));
+        }
+        let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
+        let turned = |p: Vec2| Vec2::new(p.dot(x_axis), x_axis.perp_dot(p));
+        let unfolded = surface
+            .fans
+            .corners(fan as usize)
+            .iter()
+            .zip(planar)
+            .map(|(&corner, p)| {
+                let mut by_slot = [Vec2::ZERO; 3];
+                for (slot, p) in corner.slots().into_iter().zip(p) {
+                    by_slot[slot] = turned(p);
+                }
+                (corner.corner(), by_slot)
+            })
+            .collect();
+        let origin = surface.fan_center(fan as usize);
+        let frame = Frame { origin, direction, x_axis: direction.any_orthonormal_vector() };
+        Some(Flat { frame, min, size, unfolded })
+    }
+
+    /// The outline points of the group's region. Triangles that lie wholly inside and away from boundaries cannot touch the
+    /// hull; they are skipped.
+    fn collect_points(
+        &mut self,
+        surface: &Surface<'_>,
+        fans: &[u32],
+        membership: &Membership<'_>,
+        flat: impl Fn(Vec3) -> Vec2,
+    ) {
+        self.points.clear();
+        for &fan in fans {
+            let open = !surface.fans.is_closed(fan as usize);
+            for &corner in surface.fans.corners(fan as usize) {
+                let inside = inside_of(surface, corner.triangle(), membership);
+                if inside == [true; 3] && !open {
+                    continue;
+                }
+                let triangle = surface.mesh.triangle_positions(corner.triangle()).map(&flat);
+                if inside == [true; 3] || is_first_of_group(surface, corner, membership) {
+                    outline_points(triangle, inside, membership.delta, |p| self.points.push(p));
+                }
+            }
+        }
+        if self.points.is_empty() {
+            // A closed surface in one group is steeper than any bound, so this is only ever reached by rounding.
+            self.points.extend(fans.iter().map(|&f| flat(surface.fan_center(f as usize))));
+        }
+    }
+
+    /// The edges that bound the union of the group's triangles: those opposite a lone corner, and the mesh's own.
+    fn collect_boundary(
+        &mut self,
+        surface: &Surface<'_>,
+        fans: &[u32],
+        membership: &Membership<'_>,
+        flat: impl Fn(Vec3) -> Vec2,
+    ) {
+        self.segments.clear();
+        for &fan in fans {
+            let corners = surface.fans.corners(fan as usize);
+            for &corner in corners {
+                let inside = inside_of(surface, corner.triangle(), membership);
+                if inside.iter().filter(|&&i| i).count() == 1 {
+                    let [_, from, to] = corner.slots();
+                    self.segments.push(segment(surface, corner, [from, to], &flat));
+                }
+            }
+            if !surface.fans.is_closed(fan as usize)
+                && let (Some(&first), Some(&last)) = (corners.first(), corners.last())
+            {
+                let [center, from, _] = first.slots();
+                self.segments.push(segment(surface, first, [center, from], &flat));
+                let [center, _, to] = last.slots();
+                self.segments.push(segment(surface, last, [center, to], &flat));
+            }
+        }
+    }
+}
+
+fn segment(
+    surface: &Surface<'_>,
+    corner: FanCorner,
+    slots: [usize; 2],
+    flat: impl Fn(Vec3) -> Vec2,
+) -> Segment {
+    let triangle = surface.mesh.triangles[corner.triangle()];
+    let vertices = slots.map(|k| triangle[k]);
+    Segment { vertices, ends: vertices.map(|v| flat(surface.mesh.positions[v as usize])) }
+}
+
+/// Which corners of a triangle are in the group.
+fn inside_of(surface: &Surface<'_>, triangle: usize, membership: &Membership<'_>) -> [bool; 3] {
+    surface.fans.of_triangle(triangle).map(|f| membership.groups.contains(&membership.fan_groups[f as usize]))
+}
+
+/// True for one of a triangle's corners in the group, so that each triangle is visited once.
+fn is_first_of_group(surface: &Surface<'_>, corner: FanCorner, m: &Membership<'_>) -> bool {
+    let inside = inside_of(surface, corner.triangle(), m);
+    let k = corner.corner() as usize % 3;
+    !inside[..k].contains(&true)
+}

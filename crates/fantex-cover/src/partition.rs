@@ -1,0 +1,243 @@
+//! Top-down partition of the fans into patches of about one tile's extent and coherent normals.
+//!
+//! Like a surface-area kd-tree builder, but planes are chosen for tiles: where normals agree, a set is cut across its longer
+//! side in its own projection plane, at a multiple of the target extent, so that patches come out as nearly square cells that
+//! fill their bounding rectangles. Where normals disagree, a set much larger than a tile is cut in space, a small one between
+//! its two bundles of normals. Every cut permutes one array in place; the order of the result follows the cuts and is
+//! therefore a space-filling curve over the surface.
+
+use glam::{Mat3, Vec3};
+
+/// One fan, as the partition sees it. Mesh space.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Item {
+    pub(crate) position: Vec3,
+    /// Best direction of the fan.
+    pub(crate) axis: Vec3,
+    /// A third of the area of the fan's triangles.
+    pub(crate) area: f32,
+    /// Nominal texels per mesh unit here.
+    pub(crate) density: f32,
+    pub(crate) fan: u32,
+}
+
+/// When a set of fans is a patch.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PatchLimits {
+    /// Longest side in texels.
+    pub(crate) extent_texels: f32,
+    /// Smallest cosine between the patch's direction and a fan's.
+    pub(crate) facing: f32,
+}
+
+/// Sets larger than this are split on two threads.
+const PARALLEL_FROM: usize = 8192;
+
+/// A set longer than this many tiles is cut in space, whatever its normals.
+const SPATIAL_CUT_FROM: f32 = 3.0;
+
+/// Below this ratio of the summed to the absolute normals a set has no plane of its own.
+const COHERENT: f32 = 0.75;
+
+/// Permutes the items so that patches are contiguous; returns their lengths in order.
+pub(crate) fn partition(items: &mut [Item], limits: &PatchLimits) -> Vec<u32> {
+    let Some(cut) = Summary::of(items).cut(items, limits) else {
+        return vec![items.len() as u32];
+    };
+    let middle = separate(items, |item| cut.key(item) < cut.threshold);
+    let middle = if middle == 0 || middle == items.len() { halve(items, &cut) } else { middle };
+    let (left, right) = items.split_at_mut(middle);
+    let (mut first, second) = if left.len() + right.len() >= PARALLEL_FROM {
+        rayon::join(|| partition(left, limits), || partition(right, limits))
+    } else {
+        (partition(left, limits), partition(right, limits))
+    };
+    first.extend(second);
+    first
+}
+
+/// A plane: items with a smaller key go left.
+struct Cut {
+    direction: Vec3,
+    by_normal: bool,
+    threshold: f32,
+}
+
+impl Cut {
+    fn key(&self, item: &Item) -> f32 {
+        let v = if self.by_normal { item.axis } else { item.position };
+        v.dot(self.direction)
+    }
+}
+
+/// Stable partition; returns the number of items that went left.
+fn separate(items: &mut [Item], left: impl Fn(&Item) -> bool) -> usize {
+    let mut right = Vec::with_capacity(items.len() / 2 + 1);
+    let mut end = 0;
+    for i in 0..items.len() {
+        if left(&items[i]) {
+            items[end] = items[i];
+            end += 1;
+        } else {
+            right.push(items[i]);
+        }
+    }
+    items[end..].copy_from_slice(&right);
+    end
+}
+
+/// Where a plane separates nothing (all keys equal, or rounding), the set is halved by rank.
+fn halve(items: &mut [Item], cut: &Cut) -> usize {
+    items.sort_by(|a, b| cut.key(a).total_cmp(&cut.key(b)).then(a.fan.cmp(&b.fan)));
+    items.len() / 2
+}
+
+/// Moments of a set of items.
+#[derive(Clone, Copy, Default)]
+struct Summary {
+    area: f32,
+    axis: Vec3,
+    density: f32,
+    position: Vec3,
+    largest: f32,
+    low: Vec3,
+    high: Vec3,
+}
+
+impl Summary {
+    fn of(items: &[Item]) -> Self {
+        let mut s = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, ..Self::default() };
+        // Partial sums of fixed length keep single precision accurate, and the same on any number of threads.
+        for chunk in items.chunks(512) {
+            let mut c = Self::default();
+            for item in chunk {
+                c.area += item.area;
+                c.axis += item.axis * item.area;
+                c.density += item.density * item.area;
+                c.position += item.position;
+                s.low = s.low.min(item.position);
+                s.high = s.high.max(item.position);
+                s.largest = s.largest.max(item.area);
+            }
+            s.area += c.area;
+            s.axis += c.axis;
+            s.density += c.density;
+            s.position += c.position;
+        }
+        s.position /= items.len() as f32;
+        s
+    }
+
+    /// The plane to cut at, or `None` for a patch.
+    fn cut(&self, items: &[Item], limits: &PatchLimits) -> Option<Cut> {
+        if items.len() < 2 {
+            return None;
+        }
+        let density = self.density / self.area.max(f32::MIN_POSITIVE);
+        let target = limits.extent_texels / density.max(f32::MIN_POSITIVE);
+        let size = self.high - self.low;
+        if size.max_element() > 2.0 * SPATIAL_CUT_FROM * target && items.len() > 256 {
+            return Some(self.cut_box(size));
+        }
+        let coherent = self.axis.length() > COHERENT * self.area;
+        let direction = self.axis.normalize_or_zero();
+        if coherent {
+            let facing = items.iter().map(|i| i.axis.dot(direction)).fold(f32::INFINITY, f32::min);
+            let (long_axis, side) = self.long_side(items, direction);
+            // Partial fans reach beyond their centres by about half an edge.
+            let reach = 1.15 * (self.area / items.len() as f32).sqrt();
+            let length = side.1 - side.0 + reach;
+            if length > target && (facing >= limits.facing || length > SPATIAL_CUT_FROM * target) {
+                let cells = (length / target).ceil();
+                let threshold = side.0 + (side.1 - side.0) * (cells * 0.5).floor() / cells;
+                return Some(Cut { direction: long_axis, by_normal: false, threshold });
+            }
+            if facing >= limits.facing {
+                return None;
+            }
+        } else if size.max_element() > SPATIAL_CUT_FROM * target {
+            return Some(self.cut_box(size));
+        }
+        Some(self.cut_normals(items))
+    }
+
+    /// Across the longest side of the bounding box, at the centroid.
+    fn cut_box(&self, size: Vec3) -> Cut {
+        let axis = size.max_position();
+        let mut direction = Vec3::ZERO;
+        direction[axis] = 1.0;
+        Cut { direction, by_normal: false, threshold: self.position[axis] }
+    }
+
+    /// The principal axis of the positions in the plane orthogonal to `direction`, or the perpendicular one if the set is
+    /// longer along it, with the range of the positions.
+    fn long_side(&self, items: &[Item], direction: Vec3) -> (Vec3, (f32, f32)) {
+        let (x_axis, y_axis) = direction.any_orthonormal_pair();
+        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
+        for item in items {
+            let p = item.position - self.position;
+            let (x, y) = (p.dot(x_axis), p.dot(y_axis));
+            xx += x * x;
+            xy += x * y;
+            yy += y * y;
+        }
+        let angle = 0.5 * f32::atan2(2.0 * xy, xx - yy);
+        let u = x_axis * angle.cos() + y_axis * angle.sin();
+        let v = direction.cross(u);
+        let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
+        for item in items {
+            for (k, axis) in [u, v].into_iter().enumerate() {
+                let x = item.position.dot(axis);
+                low[k] = low[k].min(x);
+                high[k] = high[k].max(x);
+            }
+        }
+        let k = usize::from(high[1] - low[1] > high[0] - low[0]);
+        ([u, v][k], (low[k], high[k]))
+    }
+
+    /// Between the two bundles of normals: across the direction of greatest variance.
+    fn cut_normals(&self, items: &[Item]) -> Cut {
+        let mean = self.axis / self.area.max(f32::MIN_POSITIVE);
+        let mut covariance = Mat3::ZERO;
+        for item in items {
+            let d = item.axis - mean;
+            covariance += Mat3::from_cols(d * d.x, d * d.y, d * d.z) * item.area;
+        }
+        let direction = principal_axis(covariance);
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        for item in items {
+            let x = item.axis.dot(direction);
+            low = low.min(x);
+            high = high.max(x);
+        }
+        Cut { direction, by_normal: true, threshold: 0.5 * (low + high) }
+    }
+}
+
+/// The eigenvector of the largest eigenvalue of a symmetric positive matrix, by repeated squaring.
+fn principal_axis(m: Mat3) -> Vec3 {
+    let mut power = m;
+    for _ in 0..6 {
+        let scale = power.to_cols_array().iter().fold(0.0f32, |a, x| a.max(x.abs()));
+        if scale <= 0.0 || !scale.is_finite() {
+            return Vec3::X;
+        }
+        power = power * (1.0 / scale);
+        power = power * power;
+    }
+    let columns = [power.x_axis, power.y_axis, power.z_axis];
+    let longest = columns.into_iter().fold(Vec3::ZERO, |a, c| if c.length() > a.length() { c } else { a });
+    longest.try_normalize().unwrap_or(Vec3::X)
+}
+
+/// Cuts a patch that turned out invalid into two by rank along its longest extent.
+pub(crate) fn halve_by_length(items: &mut [Item]) -> [u32; 2] {
+    let (low, high) = items.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), i| {
+        (low.min(i.position), high.max(i.position))
+    });
+    let mut direction = Vec3::ZERO;
+    direction[(high - low).max_position()] = 1.0;
+    let middle = halve(items, &Cut { direction, by_normal: false, threshold: 0.0 });
+    [middle as u32, (items.len() - middle) as u32]
+}

@@ -1,0 +1,174 @@
+//! Figures that describe a cover.
+
+use fantex_mesh::Mesh;
+use glam::Vec2;
+use rayon::prelude::*;
+
+use crate::{Cover, FanCounts};
+
+/// First, fiftieth and ninety-ninth percentile, by surface area.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Percentiles {
+    /// 1 %.
+    pub p1: f32,
+    /// 50 %.
+    pub median: f32,
+    /// 99 %.
+    pub p99: f32,
+}
+
+/// Figures of a cover, measured over the whole surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CoverStats {
+    /// Fans by how they were laid flat.
+    pub fans: FanCounts,
+    /// Groups, which is also the number of tiles.
+    pub groups: u64,
+    /// Texels of all tiles at level 0.
+    pub texels: u64,
+    /// Texels that the surface would take at its nominal density, divided by those that the tiles hold: 1 would be a
+    /// texture without margins, gaps and rounding.
+    pub density_share: f64,
+    /// Mean number of tiles that the texture function reads at a point of the surface.
+    pub lookups_per_sample: f64,
+    /// Texel density along the direction in which a triangle's texels are most stretched, divided by the nominal density:
+    /// the cosine that the projection costs, times what the rounding of the tile's sides gives or takes.
+    pub stretch: Percentiles,
+    /// Texels per area, divided by the nominal number.
+    pub density_spread: Percentiles,
+    /// Duration of gathering fans and choosing their directions.
+    pub seconds_fans: f64,
+    /// Duration of grouping and of sizing the tiles.
+    pub seconds_groups: f64,
+}
+
+impl CoverStats {
+    /// Measures a cover. `nominal` is the nominal number of texels per mesh unit of a triangle.
+    pub(crate) fn measure(
+        &mut self,
+        mesh: &Mesh,
+        areas: &[f32],
+        cover: &Cover,
+        nominal: impl Fn(usize) -> f32 + Sync,
+    ) {
+        self.groups = cover.groups.len() as u64;
+        self.texels = cover.texels();
+        let parts: Vec<Part> = areas
+            .par_chunks(1 << 14)
+            .enumerate()
+            .map(|(i, chunk)| Part::of(i << 14, chunk, mesh, cover, &nominal))
+            .collect();
+        let mut sum = Part::default();
+        parts.iter().for_each(|p| sum.add(p));
+        self.density_share = sum.nominal_texels / self.texels as f64;
+        self.lookups_per_sample = sum.lookups / sum.area;
+        self.stretch = sum.stretch.percentiles();
+        self.density_spread = sum.spread.percentiles();
+    }
+}
+
+#[derive(Default)]
+struct Part {
+    area: f64,
+    nominal_texels: f64,
+    lookups: f64,
+    stretch: Histogram,
+    spread: Histogram,
+}
+
+impl Part {
+    fn of(first: usize, areas: &[f32], mesh: &Mesh, cover: &Cover, nominal: &(impl Fn(usize) -> f32 + Sync)) -> Self {
+        let mut part = Self::default();
+        for (t, &area) in (first..).zip(areas) {
+            let density = nominal(t);
+            let a = f64::from(area);
+            part.area += a;
+            part.nominal_texels += a * f64::from(density) * f64::from(density);
+            part.lookups += a * expected_lookups(cover.corner_groups[t], f64::from(cover.delta));
+            for slot in 0..3 {
+                let [large, small] = singular_values(mesh, cover, t, slot);
+                part.stretch.add(small / density, a / 3.0);
+                part.spread.add(large * small / (density * density), a / 3.0);
+            }
+        }
+        part
+    }
+
+    fn add(&mut self, other: &Part) {
+        self.area += other.area;
+        self.nominal_texels += other.nominal_texels;
+        self.lookups += other.lookups;
+        self.stretch.merge(&other.stretch);
+        self.spread.merge(&other.spread);
+    }
+}
+
+/// Mean number of groups with a positive weight over a triangle. A lone corner's region takes `(1 + d)^2 / 3` of the area,
+/// that of two corners `1 - (1 - d)^2 / 3`.
+fn expected_lookups([a, b, c]: [u32; 3], delta: f64) -> f64 {
+    match (a == b, b == c, c == a) {
+        (true, true, _) => 1.0,
+        (false, false, false) => (1.0 + delta) * (1.0 + delta),
+        _ => 1.0 + 4.0 / 3.0 * delta,
+    }
+}
+
+/// Texels per mesh unit along the directions in which a triangle's texels lie densest and least dense.
+fn singular_values(mesh: &Mesh, cover: &Cover, triangle: usize, slot: usize) -> [f32; 2] {
+    let group = &cover.groups[cover.corner_groups[triangle][slot] as usize];
+    let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
+    let [a, b, c] = mesh.triangle_positions(triangle);
+    let [ta, tb, tc] = cover.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
+    // An orthonormal basis of the triangle's plane, then the Jacobian of the map from it to texels.
+    let (e1, e2) = (b - a, c - a);
+    let length = e1.length();
+    let x = e1 / length;
+    let (p, height) = (e2.dot(x), e1.cross(e2).length() / length);
+    if !(length > 0.0 && height > 0.0) {
+        return [0.0; 2];
+    }
+    let du = (tb - ta) / length;
+    let dv = ((tc - ta) - du * p) / height;
+    let (e, f, g) = (du.length_squared(), du.dot(dv), dv.length_squared());
+    let root = ((e - g) * (e - g) + 4.0 * f * f).sqrt();
+    [(0.5 * (e + g + root)).max(0.0).sqrt(), (0.5 * (e + g - root)).max(0.0).sqrt()]
+}
+
+/// Area by value, in buckets of one part in two hundred.
+#[derive(Clone)]
+struct Histogram {
+    buckets: Vec<f64>,
+}
+
+const BUCKETS_PER_UNIT: f32 = 200.0;
+const BUCKETS: usize = 2000;
+
+impl Default for Histogram {
+    fn default() -> Self {
+        Self { buckets: vec![0.0; BUCKETS] }
+    }
+}
+
+impl Histogram {
+    fn add(&mut self, value: f32, weight: f64) {
+        let bucket = (value * BUCKETS_PER_UNIT) as usize;
+        self.buckets[bucket.min(BUCKETS - 1)] += weight;
+    }
+
+    fn merge(&mut self, other: &Histogram) {
+        self.buckets.iter_mut().zip(&other.buckets).for_each(|(a, b)| *a += b);
+    }
+
+    fn percentiles(&self) -> Percentiles {
+        let total: f64 = self.buckets.iter().sum();
+        let at = |share: f64| {
+            let mut sum = 0.0;
+            let bucket = self.buckets.iter().position(|b| {
+                sum += b;
+                sum >= share * total
+            });
+            (bucket.unwrap_or(BUCKETS - 1) as f32 + 0.5) / BUCKETS_PER_UNIT
+        };
+        Percentiles { p1: at(0.01), median: at(0.5), p99: at(0.99) }
+    }
+}

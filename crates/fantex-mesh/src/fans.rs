@@ -1,0 +1,291 @@
+//! The triangle fans (umbrellas) of a mesh.
+//!
+//! A fan is a maximal set of corners around one vertex that are linked through manifold edges, in their order around
+//! the vertex. A manifold vertex has one fan; a vertex where several sheets touch has one per sheet. Every corner
+//! belongs to exactly one fan, so on an edge with exactly two triangles both triangles name the same two fans: the
+//! ground that the continuity of the texture function stands on.
+//!
+//! ```text
+//!        w1 ----- w0            corners of the fan around v, counter-clockwise:
+//!       /  \  c0  /               c0 = (v, w0, w1), c1 = (v, w1, w2), ...
+//!      / c1 \    /              the last one ends at w0 again (closed)
+//!    w2 ---- v ---- w5          or at a boundary (open)
+//! ```
+
+use rayon::prelude::*;
+
+use crate::VertexCorners;
+
+/// A fan's corner as the walk around the centre passes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FanCorner(u32);
+
+const REVERSED: u32 = 1 << 31;
+
+impl FanCorner {
+    fn new(corner: u32, reversed: bool) -> Self {
+        Self(corner | if reversed { REVERSED } else { 0 })
+    }
+
+    /// Corner index `3 * triangle + k`; corner `k` lies at the fan's centre.
+    pub fn corner(self) -> u32 {
+        self.0 & !REVERSED
+    }
+
+    /// Triangle index.
+    pub fn triangle(self) -> usize {
+        self.corner() as usize / 3
+    }
+
+    /// True where the triangle is wound against the fan (on surfaces that cannot be oriented).
+    pub fn reversed(self) -> bool {
+        self.0 & REVERSED != 0
+    }
+
+    /// Positions within the triangle (0..3) of the centre, the earlier and the later ring vertex of the walk.
+    pub fn slots(self) -> [usize; 3] {
+        let k = self.corner() as usize % 3;
+        let (next, previous) = ((k + 1) % 3, (k + 2) % 3);
+        if self.reversed() { [k, previous, next] } else { [k, next, previous] }
+    }
+}
+
+/// All fans of a mesh, ascending by centre vertex.
+#[derive(Clone, Debug, Default)]
+pub struct Fans {
+    /// Fan of each corner `3 * t + k`.
+    corner_fans: Vec<u32>,
+    /// Fan `f` owns `corners[first[f]..first[f + 1]]`.
+    first: Vec<u32>,
+    corners: Vec<FanCorner>,
+    closed: Vec<bool>,
+}
+
+impl Fans {
+    /// Gathers the fans of a mesh with the given vertex-to-corner lists. Linear in the corners for bounded degree,
+    /// `O(d log d)` for a vertex of degree `d`.
+    pub fn of(triangles: &[[u32; 3]], vertex_corners: &VertexCorners) -> Self {
+        let vertices: Vec<u32> = (0..vertex_corners.vertex_count() as u32).collect();
+        let parts: Vec<Part> = vertices
+            .par_chunks(4096)
+            .map(|chunk| {
+                let mut part = Part::default();
+                let mut walker = Walker::default();
+                for &v in chunk {
+                    walker.walk(triangles, v, vertex_corners.corners(v as usize), &mut part);
+                }
+                part
+            })
+            .collect();
+        Self::concatenate(parts, 3 * triangles.len())
+    }
+
+    fn concatenate(parts: Vec<Part>, corner_count: usize) -> Self {
+        let fan_count: usize = parts.iter().map(|p| p.lengths.len()).sum();
+        let mut first = Vec::with_capacity(fan_count + 1);
+        let mut corners = Vec::with_capacity(corner_count);
+        let mut closed = Vec::with_capacity(fan_count);
+        first.push(0);
+        let mut end = 0;
+        for part in parts {
+            for length in part.lengths {
+                end += length;
+                first.push(end);
+            }
+            corners.extend_from_slice(&part.corners);
+            closed.extend_from_slice(&part.closed);
+        }
+        let mut corner_fans = vec![0; corner_count];
+        for (f, range) in first.windows(2).enumerate() {
+            for c in &corners[range[0] as usize..range[1] as usize] {
+                corner_fans[c.corner() as usize] = f as u32;
+            }
+        }
+        Self { corner_fans, first, corners, closed }
+    }
+
+    /// The same fans, except that each one that `split` picks is replaced by one open fan per triangle.
+    pub fn with_split(&self, split: impl Fn(usize) -> bool) -> Self {
+        let mut part = Part { corners: self.corners.clone(), ..Part::default() };
+        for fan in 0..self.len() {
+            let length = self.corners(fan).len();
+            if split(fan) {
+                part.lengths.extend(std::iter::repeat_n(1, length));
+                part.closed.extend(std::iter::repeat_n(false, length));
+            } else {
+                part.lengths.push(length as u32);
+                part.closed.push(self.closed[fan]);
+            }
+        }
+        Self::concatenate(vec![part], self.corner_fans.len())
+    }
+
+    /// Number of fans.
+    pub fn len(&self) -> usize {
+        self.closed.len()
+    }
+
+    /// True for a mesh without triangles.
+    pub fn is_empty(&self) -> bool {
+        self.closed.is_empty()
+    }
+
+    /// The corners of a fan, in order around its centre.
+    pub fn corners(&self, fan: usize) -> &[FanCorner] {
+        &self.corners[self.first[fan] as usize..self.first[fan + 1] as usize]
+    }
+
+    /// True where the fan surrounds its centre.
+    pub fn is_closed(&self, fan: usize) -> bool {
+        self.closed[fan]
+    }
+
+    /// The fan that a corner `3 * t + k` belongs to.
+    pub fn of_corner(&self, corner: usize) -> u32 {
+        self.corner_fans[corner]
+    }
+
+    /// The fans at the three corners of a triangle.
+    pub fn of_triangle(&self, triangle: usize) -> [u32; 3] {
+        let c = 3 * triangle;
+        [self.corner_fans[c], self.corner_fans[c + 1], self.corner_fans[c + 2]]
+    }
+}
+
+/// Fans of a run of vertices.
+#[derive(Default)]
+struct Part {
+    corners: Vec<FanCorner>,
+    lengths: Vec<u32>,
+    closed: Vec<bool>,
+}
+
+const OPEN: u32 = u32::MAX;
+
+/// Finds the neighbours of each corner around one vertex and walks along them. Keeps its buffers between vertices.
+#[derive(Default)]
+struct Walker {
+    /// Ring vertices of each local corner: `[next, previous]`.
+    ring: Vec<[u32; 2]>,
+    /// For each local corner and side, the local corner that shares that edge, or `OPEN`.
+    link: Vec<[u32; 2]>,
+    visited: Vec<bool>,
+    /// `(ring vertex, local corner, side)`, for vertices of high degree.
+    sorted: Vec<(u32, u32, u32)>,
+}
+
+/// Up to this degree a quadratic search for neighbours beats sorting.
+const SMALL_DEGREE: usize = 24;
+
+impl Walker {
+    fn walk(&mut self, triangles: &[[u32; 3]], _vertex: u32, corners: &[u32], part: &mut Part) {
+        self.ring.clear();
+        self.ring.extend(corners.iter().map(|&c| {
+            let (t, k) = (&triangles[c as usize / 3], c as usize % 3);
+            [t[(k + 1) % 3], t[(k + 2) % 3]]
+        }));
+        if self.walk_oriented_disc(corners, part) {
+            return;
+        }
+        self.link.clear();
+        self.link.resize(corners.len(), [OPEN; 2]);
+        if corners.len() <= SMALL_DEGREE { self.link_by_search() } else { self.link_by_sorting() }
+        self.visited.clear();
+        self.visited.resize(corners.len(), false);
+        // Open fans first, each from the end where a counter-clockwise walk begins; then what is left is closed.
+        for side in [0, 1] {
+            for i in 0..corners.len() {
+                if !self.visited[i] && self.link[i][side] == OPEN {
+                    self.walk_from(i, side == 1, corners, part);
+                }
+            }
+        }
+        for i in 0..corners.len() {
+            if !self.visited[i] {
+                self.walk_from(i, false, corners, part);
+            }
+        }
+    }
+
+    /// The common case without links: a small, consistently wound, closed umbrella with distinct ring vertices.
+    fn walk_oriented_disc(&self, corners: &[u32], part: &mut Part) -> bool {
+        let n = corners.len();
+        if !(3..=SMALL_DEGREE).contains(&n) {
+            return false;
+        }
+        let begin = part.corners.len();
+        let (mut i, mut seen) = (0, 0u32);
+        for _ in 0..n {
+            let (mut following, mut matches) = (0, 0);
+            for (j, ring) in self.ring.iter().enumerate() {
+                if ring[0] == self.ring[i][1] {
+                    (following, matches) = (j, matches + 1);
+                }
+            }
+            if matches != 1 || seen & (1 << i) != 0 {
+                part.corners.truncate(begin);
+                return false;
+            }
+            seen |= 1 << i;
+            part.corners.push(FanCorner::new(corners[i], false));
+            i = following;
+        }
+        if i != 0 {
+            part.corners.truncate(begin);
+            return false;
+        }
+        part.lengths.push(n as u32);
+        part.closed.push(true);
+        true
+    }
+
+    fn link_by_search(&mut self) {
+        for i in 0..self.ring.len() {
+            for side in 0..2 {
+                let w = self.ring[i][side];
+                let mut others = (0..self.ring.len()).filter(|&j| j != i && self.ring[j].contains(&w));
+                if let (Some(j), None) = (others.next(), others.next()) {
+                    self.link[i][side] = j as u32;
+                }
+            }
+        }
+    }
+
+    fn link_by_sorting(&mut self) {
+        self.sorted.clear();
+        for (i, ring) in self.ring.iter().enumerate() {
+            for (side, &w) in ring.iter().enumerate() {
+                self.sorted.push((w, i as u32, side as u32));
+            }
+        }
+        self.sorted.sort_unstable();
+        for edge in self.sorted.chunk_by(|a, b| a.0 == b.0) {
+            if let &[(_, i, side_i), (_, j, side_j)] = edge {
+                self.link[i as usize][side_i as usize] = j;
+                self.link[j as usize][side_j as usize] = i;
+            }
+        }
+    }
+
+    /// Walks from local corner `i`, which is left over its `previous` vertex (or, `reversed`, over its `next`).
+    fn walk_from(&mut self, mut i: usize, mut reversed: bool, corners: &[u32], part: &mut Part) {
+        let begin = part.corners.len();
+        let closed = loop {
+            self.visited[i] = true;
+            part.corners.push(FanCorner::new(corners[i], reversed));
+            let exit_side = if reversed { 0 } else { 1 };
+            let j = self.link[i][exit_side];
+            if j == OPEN {
+                break false;
+            }
+            let shared = self.ring[i][exit_side];
+            i = j as usize;
+            if self.visited[i] {
+                break true;
+            }
+            reversed = self.ring[i][0] != shared;
+        };
+        part.lengths.push((part.corners.len() - begin) as u32);
+        part.closed.push(closed);
+    }
+}
