@@ -4,7 +4,7 @@ use fantex_mesh::FanCorner;
 use glam::{Vec2, Vec3};
 
 use crate::Frame;
-use crate::cone::narrowest_cone;
+use crate::cone::{Cone, narrowest_cone};
 use crate::injective::{Segment, any_crossing};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::region::outline_points;
@@ -17,6 +17,10 @@ pub(crate) struct Flat {
     pub(crate) frame: Frame,
     pub(crate) min: Vec2,
     pub(crate) size: Vec2,
+    /// Holds the normals of all triangles.
+    pub(crate) cone: Cone,
+    /// Points on the convex outline of a projected group, mesh space.
+    pub(crate) outline: Vec<Vec3>,
     /// For an unfolded fan: corner index of the centre and rotated planar coordinates of the triangle's corners.
     pub(crate) unfolded: Vec<(u32, [Vec2; 3])>,
 }
@@ -25,13 +29,15 @@ pub(crate) struct Flat {
 pub(crate) struct Membership<'a> {
     /// Group of each fan.
     pub(crate) fan_groups: &'a [u32],
-    /// The group to lay flat; two where a union is tried (else twice the same).
-    pub(crate) groups: [u32; 2],
+    /// The group to lay flat.
+    pub(crate) group: u32,
     pub(crate) delta: f32,
     /// The filter margin of both sides in mesh units, which counts when rectangles are compared.
     pub(crate) pad: f32,
     /// A projected group of several fans must keep this cosine between its direction and every triangle's normal.
     pub(crate) facing: f32,
+    /// Whether `Flat::outline` is wanted.
+    pub(crate) keep_outline: bool,
 }
 
 /// Why a set of fans cannot share a projection.
@@ -45,7 +51,8 @@ pub(crate) enum Reject {
 #[derive(Default)]
 pub(crate) struct Flattener {
     normals: Vec<Vec3>,
-    points: Vec<Vec2>,
+    /// Planar coordinates and, in z, the depth along the direction.
+    points: Vec<Vec3>,
     segments: Vec<Segment>,
     rectangles: RectangleFinder,
 }
@@ -72,7 +79,7 @@ impl Flattener {
         }
         let origin = surface.fan_center(fans[fans.len() / 2] as usize);
         let (x, y) = cone.axis.any_orthonormal_pair();
-        let flat = |p: Vec3| Vec2::new((p - origin).dot(x), (p - origin).dot(y));
+        let flat = |p: Vec3| Vec3::new((p - origin).dot(x), (p - origin).dot(y), (p - origin).dot(cone.axis));
         self.collect_points(surface, fans, membership, flat);
         if fans.len() > 1 {
             self.collect_boundary(surface, fans, membership, flat);
@@ -82,7 +89,11 @@ impl Flattener {
         }
         let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
         let frame = Frame { origin, direction: cone.axis, x_axis: (x * x_axis.x + y * x_axis.y).normalize() };
-        Ok(Flat { frame, min, size, unfolded: Vec::new() })
+        let outline = match membership.keep_outline {
+            true => self.rectangles.hull().iter().map(|p| origin + x * p.x + y * p.y + cone.axis * p.z).collect(),
+            false => Vec::new(),
+        };
+        Ok(Flat { frame, min, size, cone, outline, unfolded: Vec::new() })
     }
 
     /// Unfolds a single fan; `None` where that is impossible.
@@ -90,13 +101,13 @@ impl Flattener {
         &mut self,
         surface: &Surface<'_>,
         fan: u32,
-        direction: Vec3,
+        cone: Cone,
         membership: &Membership<'_>,
     ) -> Option<Flat> {
         let planar = unfold(surface, fan as usize)?;
         self.points.clear();
         for triangle in &planar {
-            outline_points(*triangle, [true, false, false], membership.delta, |p| self.points.push(p));
+            outline_points(*triangle, [true, false, false], membership.delta, |p| self.points.push(p.extend(0.0)));
         }
         let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
         let turned = |p: Vec2| Vec2::new(p.dot(x_axis), x_axis.perp_dot(p));
@@ -114,8 +125,8 @@ impl Flattener {
             })
             .collect();
         let origin = surface.fan_center(fan as usize);
-        let frame = Frame { origin, direction, x_axis: direction.any_orthonormal_vector() };
-        Some(Flat { frame, min, size, unfolded })
+        let frame = Frame { origin, direction: cone.axis, x_axis: cone.axis.any_orthonormal_vector() };
+        Some(Flat { frame, min, size, cone, outline: Vec::new(), unfolded })
     }
 
     /// The outline points of the group's region. Triangles that lie wholly inside and away from boundaries cannot touch the
@@ -125,7 +136,7 @@ impl Flattener {
         surface: &Surface<'_>,
         fans: &[u32],
         membership: &Membership<'_>,
-        flat: impl Fn(Vec3) -> Vec2,
+        flat: impl Fn(Vec3) -> Vec3,
     ) {
         self.points.clear();
         for &fan in fans {
@@ -153,7 +164,7 @@ impl Flattener {
         surface: &Surface<'_>,
         fans: &[u32],
         membership: &Membership<'_>,
-        flat: impl Fn(Vec3) -> Vec2,
+        flat: impl Fn(Vec3) -> Vec3,
     ) {
         self.segments.clear();
         for &fan in fans {
@@ -181,16 +192,16 @@ fn segment(
     surface: &Surface<'_>,
     corner: FanCorner,
     slots: [usize; 2],
-    flat: impl Fn(Vec3) -> Vec2,
+    flat: impl Fn(Vec3) -> Vec3,
 ) -> Segment {
     let triangle = surface.mesh.triangles[corner.triangle()];
     let vertices = slots.map(|k| triangle[k]);
-    Segment { vertices, ends: vertices.map(|v| flat(surface.mesh.positions[v as usize])) }
+    Segment { vertices, ends: vertices.map(|v| flat(surface.mesh.positions[v as usize]).truncate()) }
 }
 
 /// Which corners of a triangle are in the group.
 fn inside_of(surface: &Surface<'_>, triangle: usize, membership: &Membership<'_>) -> [bool; 3] {
-    surface.fans.of_triangle(triangle).map(|f| membership.groups.contains(&membership.fan_groups[f as usize]))
+    surface.fans.of_triangle(triangle).map(|f| membership.fan_groups[f as usize] == membership.group)
 }
 
 /// True for one of a triangle's corners in the group, so that each triangle is visited once.

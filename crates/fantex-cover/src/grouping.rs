@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, Flattener, Membership};
-use crate::merge::merge_small;
+use crate::merge::{MergeLimits, choose_unions};
 use crate::partition::{Item, PatchLimits, halve_by_length, partition};
 use crate::surface::Surface;
 
@@ -66,8 +66,18 @@ pub(crate) fn group_fans(
         sort_along_curve(&mut items);
         vec![1; items.len()]
     };
-    let grouping = flatten_all(surface, shapes, items, lengths, limits);
-    if grouped { merge_small(surface, shapes, grouping, limits) } else { grouping }
+    let pieces = Pieces::consecutive(lengths);
+    let mut builder = Builder { surface, shapes, limits, items, fan_groups: vec![0; shapes.len()], unused_label: 0 };
+    let mut patches = builder.flatten(pieces);
+    if grouped {
+        builder.number_groups(&patches);
+        let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
+        let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
+        patches = builder.join(patches, &joined);
+    }
+    builder.number_groups(&patches);
+    let order = builder.items.iter().map(|i| i.fan).collect();
+    Grouping { order, patches, fan_groups: builder.fan_groups }
 }
 
 fn item(surface: &Surface<'_>, shapes: &[FanShape], fan: usize, density: f32) -> Item {
@@ -196,72 +206,132 @@ impl ComponentFinder {
     }
 }
 
-/// Lays every patch flat, halving those that cannot share a projection until all can.
-fn flatten_all(
-    surface: &Surface<'_>,
-    shapes: &[FanShape],
-    mut items: Vec<Item>,
-    lengths: Vec<u32>,
-    limits: &GroupLimits,
-) -> Grouping {
-    let mut fan_groups = vec![0; shapes.len()];
-    let mut pending = Vec::with_capacity(lengths.len());
-    let mut start = 0;
-    for length in lengths {
-        pending.push((start, length));
-        start += length;
+/// Runs of items, `(start, length)`.
+struct Pieces(Vec<(u32, u32)>);
+
+impl Pieces {
+    fn consecutive(lengths: Vec<u32>) -> Self {
+        let mut start = 0;
+        let pieces = lengths.into_iter().map(|length| {
+            start += length;
+            (start - length, length)
+        });
+        Self(pieces.collect())
     }
-    let mut patches: Vec<Patch> = Vec::with_capacity(pending.len());
-    let mut next_group = 0u32;
-    while !pending.is_empty() {
-        for (i, &(start, length)) in pending.iter().enumerate() {
-            for item in &items[start as usize..(start + length) as usize] {
-                fan_groups[item.fan as usize] = next_group + i as u32;
-            }
-        }
-        let flats: Vec<Option<Patch>> = pending
-            .par_iter()
-            .enumerate()
-            .map_init(Default::default, |scratch, (i, &(start, length))| {
-                let group = next_group + i as u32;
-                let members = &items[start as usize..(start + length) as usize];
-                flatten_patch(surface, shapes, members, group, &fan_groups, limits, scratch)
-                    .map(|(flat, density)| Patch { start, length, flat, density })
-            })
-            .collect();
-        next_group += pending.len() as u32;
-        let mut rejected = Vec::new();
-        for (flat, (start, length)) in flats.into_iter().zip(pending) {
-            match flat {
-                Some(patch) => patches.push(patch),
-                None => {
-                    let slice = &mut items[start as usize..(start + length) as usize];
-                    let halves = halve_by_length(slice);
-                    let mut at = start;
-                    for part in separate_components(surface, shapes, slice, &halves, &mut fan_groups, next_group) {
-                        rejected.push((at, part));
-                        at += part;
-                    }
-                }
-            }
-        }
-        pending = rejected;
-    }
-    patches.sort_unstable_by_key(|p| p.start);
-    let order: Vec<u32> = items.iter().map(|i| i.fan).collect();
-    let mut grouping = Grouping { order, patches, fan_groups };
-    grouping.number_groups();
-    grouping
 }
 
-impl Grouping {
+/// The state while patches are laid flat, halved and joined. Every patch is a run of `items`.
+struct Builder<'a> {
+    surface: &'a Surface<'a>,
+    shapes: &'a [FanShape],
+    limits: &'a GroupLimits,
+    items: Vec<Item>,
+    /// A label per fan; equal in one patch, different in different patches.
+    fan_groups: Vec<u32>,
+    /// Labels from here on are not in use.
+    unused_label: u32,
+}
+
+impl Builder<'_> {
+    /// Lays every piece flat, halving those that cannot share a projection until all can. Ascending by start.
+    fn flatten(&mut self, pieces: Pieces) -> Vec<Patch> {
+        let mut patches: Vec<Patch> = Vec::with_capacity(pieces.0.len());
+        let mut pending = pieces.0;
+        while !pending.is_empty() {
+            let first_label = self.unused_label;
+            for (&(start, length), label) in pending.iter().zip(first_label..) {
+                for item in &self.items[start as usize..(start + length) as usize] {
+                    self.fan_groups[item.fan as usize] = label;
+                }
+            }
+            let flats: Vec<Option<Patch>> = pending
+                .par_iter()
+                .enumerate()
+                .map_init(Default::default, |scratch, (i, &(start, length))| {
+                    self.flatten_piece(start, length, first_label + i as u32, scratch)
+                })
+                .collect();
+            self.unused_label += pending.len() as u32;
+            let rejected: Vec<(u32, u32)> =
+                flats.iter().zip(&pending).filter(|(flat, _)| flat.is_none()).map(|(_, &piece)| piece).collect();
+            patches.extend(flats.into_iter().flatten());
+            pending = rejected.into_iter().flat_map(|piece| self.halve(piece)).collect();
+        }
+        patches.sort_unstable_by_key(|p| p.start);
+        patches
+    }
+
+    fn flatten_piece(&self, start: u32, length: u32, group: u32, scratch: &mut Scratch) -> Option<Patch> {
+        let members = &self.items[start as usize..(start + length) as usize];
+        let area: f32 = members.iter().map(|i| i.area).sum();
+        let weighted: f32 = members.iter().map(|i| i.area * i.density).sum();
+        let density = if area > 0.0 { weighted / area } else { members[0].density };
+        let membership = Membership {
+            fan_groups: &self.fan_groups,
+            group,
+            delta: self.limits.delta,
+            pad: 1.0 / density.max(f32::MIN_POSITIVE),
+            facing: self.limits.facing,
+            keep_outline: self.limits.extent_texels > 0.0,
+        };
+        let shape = &self.shapes[members[0].fan as usize];
+        let flat = if shape.layout == Layout::Unfolded {
+            scratch.flattener.unfold(self.surface, members[0].fan, shape.cone, &membership)?
+        } else {
+            scratch.fans.clear();
+            scratch.fans.extend(members.iter().map(|i| i.fan));
+            scratch.flattener.project(self.surface, &scratch.fans, &membership).ok()?
+        };
+        Some(Patch { start, length, flat, density })
+    }
+
+    /// Cuts a piece in two, and each half into connected components.
+    fn halve(&mut self, (start, length): (u32, u32)) -> Vec<(u32, u32)> {
+        let slice = &mut self.items[start as usize..(start + length) as usize];
+        let halves = halve_by_length(slice);
+        let first_label = self.unused_label;
+        self.unused_label += 2;
+        let (surface, shapes) = (self.surface, self.shapes);
+        let parts = separate_components(surface, shapes, slice, &halves, &mut self.fan_groups, first_label);
+        Pieces::consecutive(parts).0.into_iter().map(|(at, n)| (start + at, n)).collect()
+    }
+
     /// Makes `fan_groups` agree with the order of the patches.
-    pub(crate) fn number_groups(&mut self) {
-        for (g, patch) in self.patches.iter().enumerate() {
-            for &fan in patch.fans(&self.order) {
-                self.fan_groups[fan as usize] = g as u32;
+    fn number_groups(&mut self, patches: &[Patch]) {
+        for (patch, group) in patches.iter().zip(0..) {
+            for item in &self.items[patch.start as usize..(patch.start + patch.length) as usize] {
+                self.fan_groups[item.fan as usize] = group;
             }
         }
+        self.unused_label = patches.len() as u32;
+    }
+
+    /// Brings the fans of joined patches together and lays the unions flat; `joined` names each patch's union by one of its
+    /// members.
+    fn join(&mut self, patches: Vec<Patch>, joined: &[u32]) -> Vec<Patch> {
+        let mut members: Vec<(u32, u32)> = joined.iter().copied().zip(0..).collect();
+        members.sort_unstable();
+        let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
+        unions.sort_unstable_by_key(|union| union[0].1);
+        let mut items = Vec::with_capacity(self.items.len());
+        let mut kept = Vec::new();
+        let mut pieces = Vec::new();
+        for union in unions {
+            let start = items.len() as u32;
+            for &(_, p) in union {
+                let patch = &patches[p as usize];
+                items.extend_from_slice(&self.items[patch.start as usize..(patch.start + patch.length) as usize]);
+            }
+            if let &[(_, p)] = union {
+                kept.push(Patch { start, ..patches[p as usize].clone() });
+            } else {
+                pieces.push((start, items.len() as u32 - start));
+            }
+        }
+        self.items = items;
+        kept.extend(self.flatten(Pieces(pieces)));
+        kept.sort_unstable_by_key(|p| p.start);
+        kept
     }
 }
 
@@ -270,34 +340,4 @@ impl Grouping {
 struct Scratch {
     flattener: Flattener,
     fans: Vec<u32>,
-}
-
-fn flatten_patch(
-    surface: &Surface<'_>,
-    shapes: &[FanShape],
-    members: &[Item],
-    group: u32,
-    fan_groups: &[u32],
-    limits: &GroupLimits,
-    scratch: &mut Scratch,
-) -> Option<(Flat, f32)> {
-    let area: f32 = members.iter().map(|i| i.area).sum();
-    let weighted: f32 = members.iter().map(|i| i.area * i.density).sum();
-    let density = if area > 0.0 { weighted / area } else { members[0].density };
-    let membership =
-        Membership { fan_groups, groups: [group; 2], delta: limits.delta, pad: texel_pad(density), facing: limits.facing };
-    let shape = &shapes[members[0].fan as usize];
-    if shape.layout == Layout::Unfolded {
-        let flat = scratch.flattener.unfold(surface, members[0].fan, shape.cone.axis, &membership);
-        return flat.map(|flat| (flat, density));
-    }
-    scratch.fans.clear();
-    scratch.fans.extend(members.iter().map(|i| i.fan));
-    let flat = scratch.flattener.project(surface, &scratch.fans, &membership).ok();
-    flat.map(|flat| (flat, density))
-}
-
-/// The filter margin of a tile, both sides together: one texel, in mesh units.
-pub(crate) fn texel_pad(density: f32) -> f32 {
-    1.0 / density.max(f32::MIN_POSITIVE)
 }

@@ -1,176 +1,284 @@
 //! Small groups join a neighbour where one tile costs fewer texels than two.
 //!
-//! In every round each small group proposes its cheapest union, in parallel; proposals are taken in order of the texels they
-//! save, each group at most once. So the result does not depend on the number of threads.
+//! Unions are judged by summaries (a cone that holds both normal cones, the convex outlines of both), which costs about a
+//! microsecond each. In every round each small group proposes its cheapest union, in parallel; proposals are taken in order
+//! of the texels they save, each group at most once, so the result does not depend on the number of threads. What was
+//! joined is laid flat exactly afterwards, and halved again where the summary promised too much.
 
+use fantex_mesh::Fans;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::cone::Cone;
 use crate::extent::side_texels;
-use crate::fan_shape::{FanShape, Layout};
-use crate::flatten::{Flat, Flattener, Membership};
-use crate::grouping::{GroupLimits, Grouping, Patch, texel_pad};
-use crate::surface::Surface;
+use crate::grouping::Patch;
 
 /// Groups with a tile smaller than this share of the target tile look for a partner.
-const SMALL: f32 = 0.5;
+const SMALL: f32 = 0.6;
 
 /// A union may exceed the target extent by this factor.
 const STRETCHED_TARGET: f32 = 1.25;
 
 /// Neighbours tried per group, by the length of the common border.
-const CANDIDATES: usize = 3;
+const CANDIDATES: usize = 6;
 
-const ROUNDS: usize = 6;
+const ROUNDS: usize = 12;
+
+/// Rotations tried for the rectangle of a union.
+const ROTATIONS: usize = 12;
+
+/// When two groups may share a tile.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MergeLimits {
+    pub(crate) extent_texels: f32,
+    pub(crate) facing: f32,
+}
+
+/// What a union is judged by.
+#[derive(Clone, Debug)]
+struct Summary {
+    cone: Cone,
+    /// Points on the convex outline, mesh space.
+    outline: Vec<Vec3>,
+    texels: f32,
+    density: f32,
+    fans: u32,
+    mergeable: bool,
+}
 
 struct Proposal {
     saved_texels: f32,
     small: u32,
     partner: u32,
-    patch: Patch,
+    union: Summary,
 }
 
-/// Merges small groups of a grouping.
-pub(crate) fn merge_small(
-    surface: &Surface<'_>,
-    shapes: &[FanShape],
-    grouping: Grouping,
-    limits: &GroupLimits,
-) -> Grouping {
-    let Grouping { order, patches, mut fan_groups } = grouping;
-    let mut members: Vec<Vec<u32>> = patches.iter().map(|p| p.fans(&order).to_vec()).collect();
-    let mut patches: Vec<Option<Patch>> = patches.into_iter().map(Some).collect();
-    let mut active: Vec<u32> = (0..patches.len() as u32).collect();
+/// For every patch the patch that it joins (itself, for those that stay): a forest of depth one.
+pub(crate) fn choose_unions(fans: &Fans, patches: &[Patch], fan_groups: &[u32], limits: &MergeLimits) -> Vec<u32> {
+    let mut summaries: Vec<Option<Summary>> = patches.par_iter().map(|p| Some(Summary::of(p))).collect();
+    let mut borders = Borders::of(fans, fan_groups);
+    let mut joined: Vec<u32> = (0..patches.len() as u32).collect();
+    let mut active = joined.clone();
     for _ in 0..ROUNDS {
-        let merger = Merger { surface, shapes, limits, fan_groups: &fan_groups, members: &members, patches: &patches };
         let mut proposals: Vec<Proposal> =
-            active.par_iter().map_init(Default::default, |scratch, &g| merger.propose(g, scratch)).flatten().collect();
-        proposals.sort_by(|a, b| b.saved_texels.total_cmp(&a.saved_texels).then(a.small.cmp(&b.small)));
-        active.clear();
-        let mut taken = vec![false; patches.len()];
-        for p in proposals {
-            let pair = [p.small as usize, p.partner as usize];
-            if pair.iter().any(|&g| taken[g]) {
-                active.push(p.small);
-                continue;
-            }
-            pair.iter().for_each(|&g| taken[g] = true);
-            let moved = std::mem::take(&mut members[pair[0]]);
-            moved.iter().for_each(|&fan| fan_groups[fan as usize] = p.partner);
-            members[pair[1]].extend(moved);
-            patches[pair[0]] = None;
-            patches[pair[1]] = Some(p.patch);
-            active.push(p.partner);
-        }
-        if active.is_empty() {
+            active.par_iter().filter_map(|&g| propose(g, &summaries, &borders, limits)).collect();
+        if proposals.is_empty() {
             break;
         }
+        proposals.sort_by(|a, b| b.saved_texels.total_cmp(&a.saved_texels).then(a.small.cmp(&b.small)));
+        let mut taken = vec![false; patches.len()];
+        active.clear();
+        for p in proposals {
+            active.push(p.small);
+            active.push(p.partner);
+            let pair = [p.small as usize, p.partner as usize];
+            if !pair.iter().any(|&g| taken[g]) {
+                pair.iter().for_each(|&g| taken[g] = true);
+                joined[pair[0]] = p.partner;
+                summaries[pair[0]] = None;
+                summaries[pair[1]] = Some(p.union);
+            }
+        }
+        for g in 0..joined.len() {
+            joined[g] = joined[joined[g] as usize];
+        }
+        borders.contract(&joined);
+        active.iter_mut().for_each(|g| *g = joined[*g as usize]);
         active.sort_unstable();
         active.dedup();
-        active.retain(|&g| patches[g as usize].is_some());
     }
-    collect(order.len(), members, patches, fan_groups)
+    joined
 }
 
-fn collect(
-    fan_count: usize,
-    members: Vec<Vec<u32>>,
-    patches: Vec<Option<Patch>>,
-    fan_groups: Vec<u32>,
-) -> Grouping {
-    let mut order = Vec::with_capacity(fan_count);
-    let mut kept = Vec::with_capacity(patches.len());
-    for (fans, patch) in members.into_iter().zip(patches) {
-        if let Some(patch) = patch {
-            kept.push(Patch { start: order.len() as u32, length: fans.len() as u32, ..patch });
-            order.extend(fans);
+fn propose(small: u32, summaries: &[Option<Summary>], borders: &Borders, limits: &MergeLimits) -> Option<Proposal> {
+    let summary = summaries[small as usize].as_ref()?;
+    let target = limits.extent_texels * limits.extent_texels;
+    if summary.texels > SMALL * target || !summary.mergeable {
+        return None;
+    }
+    let mut best: Option<Proposal> = None;
+    for &(_, partner) in borders.longest(small) {
+        let Some(other) = summaries[partner as usize].as_ref() else { continue };
+        let Some(union) = summary.union(other, limits) else { continue };
+        let saved_texels = summary.texels + other.texels - union.texels;
+        if saved_texels > 0.0 && best.as_ref().is_none_or(|b| saved_texels > b.saved_texels) {
+            best = Some(Proposal { saved_texels, small, partner, union });
         }
     }
-    let mut grouping = Grouping { order, patches: kept, fan_groups };
-    grouping.number_groups();
-    grouping
+    best
 }
 
-#[derive(Default)]
-struct Scratch {
-    flattener: Flattener,
-    neighbours: Vec<u32>,
-    union: Vec<u32>,
-}
+impl Summary {
+    fn of(patch: &Patch) -> Self {
+        let texels = patch.flat.size * patch.density;
+        Self {
+            cone: patch.flat.cone,
+            outline: patch.flat.outline.clone(),
+            texels: tile_texels(texels),
+            density: patch.density,
+            fans: patch.length,
+            mergeable: patch.flat.unfolded.is_empty(),
+        }
+    }
 
-struct Merger<'a> {
-    surface: &'a Surface<'a>,
-    shapes: &'a [FanShape],
-    limits: &'a GroupLimits,
-    fan_groups: &'a [u32],
-    members: &'a [Vec<u32>],
-    patches: &'a [Option<Patch>],
-}
-
-impl Merger<'_> {
-    fn propose(&self, small: u32, scratch: &mut Scratch) -> Option<Proposal> {
-        let patch = self.patches[small as usize].as_ref()?;
-        let target = self.limits.extent_texels * self.limits.extent_texels;
-        let fans = &self.members[small as usize];
-        if cost(&patch.flat, patch.density) > SMALL * target || self.is_unfolded(fans) {
+    fn union(&self, other: &Summary, limits: &MergeLimits) -> Option<Summary> {
+        if !other.mergeable {
             return None;
         }
-        let mut best: Option<Proposal> = None;
-        for partner in self.neighbours(small, &mut scratch.neighbours) {
-            let Some(other) = self.patches[partner as usize].as_ref() else { continue };
-            let Some(union) = self.union(small, partner, scratch) else { continue };
-            let saved_texels =
-                cost(&patch.flat, patch.density) + cost(&other.flat, other.density) - cost(&union.flat, union.density);
-            if saved_texels > 0.0 && best.as_ref().is_none_or(|b| saved_texels > b.saved_texels) {
-                best = Some(Proposal { saved_texels, small, partner, patch: union });
-            }
-        }
-        best
-    }
-
-    fn is_unfolded(&self, fans: &[u32]) -> bool {
-        fans.first().is_some_and(|&f| self.shapes[f as usize].layout == Layout::Unfolded)
-    }
-
-    /// The groups with the longest common borders, longest first.
-    fn neighbours(&self, group: u32, found: &mut Vec<u32>) -> Vec<u32> {
-        found.clear();
-        for &fan in &self.members[group as usize] {
-            for corner in self.surface.fans.corners(fan as usize) {
-                let groups =
-                    self.surface.fans.of_triangle(corner.triangle()).map(|f| self.fan_groups[f as usize]);
-                found.extend(groups.into_iter().filter(|&g| g != group));
-            }
-        }
-        found.sort_unstable();
-        let mut counted: Vec<(usize, u32)> = found.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0])).collect();
-        counted.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-        counted.into_iter().take(CANDIDATES).map(|(_, g)| g).collect()
-    }
-
-    fn union(&self, small: u32, partner: u32, scratch: &mut Scratch) -> Option<Patch> {
-        let [a, b] = [small, partner].map(|g| &self.members[g as usize]);
-        let (pa, pb) = (self.patches[small as usize].as_ref()?, self.patches[partner as usize].as_ref()?);
-        if self.is_unfolded(b) || pa.flat.frame.direction.dot(pb.flat.frame.direction) < self.limits.facing {
+        let cone = union_of_cones(self.cone, other.cone)?;
+        if cone.cos < limits.facing {
             return None;
         }
-        let density = (pa.density * a.len() as f32 + pb.density * b.len() as f32) / (a.len() + b.len()) as f32;
-        scratch.union.clear();
-        scratch.union.extend_from_slice(b);
-        scratch.union.extend_from_slice(a);
-        let membership = Membership {
-            fan_groups: self.fan_groups,
-            groups: [small, partner],
-            delta: self.limits.delta,
-            pad: texel_pad(density),
-            facing: self.limits.facing,
-        };
-        let flat = scratch.flattener.project(self.surface, &scratch.union, &membership).ok()?;
-        let fits = flat.size.max_element() * density <= self.limits.extent_texels * STRETCHED_TARGET;
-        fits.then_some(Patch { start: 0, length: 0, flat, density })
+        let fans = self.fans + other.fans;
+        let density = (self.density * self.fans as f32 + other.density * other.fans as f32) / fans as f32;
+        let (x, y) = cone.axis.any_orthonormal_pair();
+        let flat = |p: &Vec3| Vec2::new(p.dot(x), p.dot(y));
+        let points: Vec<Vec2> = self.outline.iter().chain(&other.outline).map(flat).collect();
+        let size = (0..ROTATIONS)
+            .map(|i| bounding_size(&points, Vec2::from_angle(i as f32 * std::f32::consts::FRAC_PI_2 / ROTATIONS as f32)))
+            .min_by(|a, b| (a.x * a.y).total_cmp(&(b.x * b.y)))?;
+        let texels = size * density;
+        if texels.max_element() > limits.extent_texels * STRETCHED_TARGET {
+            return None;
+        }
+        let outline = extreme_points(self.outline.iter().chain(&other.outline), &points);
+        Some(Summary { cone, outline, texels: tile_texels(texels), density, fans, mergeable: true })
     }
 }
 
-/// Texels of a group's tile.
-fn cost(flat: &Flat, density: f32) -> f32 {
-    (side_texels(flat.size.x * density) * side_texels(flat.size.y * density)) as f32
+fn tile_texels(size: Vec2) -> f32 {
+    (side_texels(size.x) * side_texels(size.y)) as f32
+}
+
+fn bounding_size(points: &[Vec2], x_axis: Vec2) -> Vec2 {
+    let (mut min, mut max) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+    for p in points {
+        let q = Vec2::new(p.dot(x_axis), x_axis.perp_dot(*p));
+        min = min.min(q);
+        max = max.max(q);
+    }
+    max - min
+}
+
+/// Directions in which an outline keeps its farthest point, so that outlines do not grow with each union.
+const DIRECTIONS: usize = 24;
+
+/// The spatial points whose planar images lie farthest in any of `DIRECTIONS` directions.
+fn extreme_points<'a>(spatial: impl Iterator<Item = &'a Vec3> + Clone, planar: &[Vec2]) -> Vec<Vec3> {
+    let mut kept: Vec<usize> = (0..DIRECTIONS)
+        .map(|i| {
+            let d = Vec2::from_angle(i as f32 * std::f32::consts::TAU / DIRECTIONS as f32);
+            let mut best = (0, f32::NEG_INFINITY);
+            for (j, p) in planar.iter().enumerate() {
+                let x = p.dot(d);
+                if x > best.1 {
+                    best = (j, x);
+                }
+            }
+            best.0
+        })
+        .collect();
+    kept.sort_unstable();
+    kept.dedup();
+    let all: Vec<Vec3> = spatial.copied().collect();
+    kept.into_iter().map(|j| all[j]).collect()
+}
+
+/// The narrowest cone that holds two cones; `None` where it is wider than a hemisphere.
+fn union_of_cones(a: Cone, b: Cone) -> Option<Cone> {
+    let [half_a, half_b] = [a, b].map(|c| c.cos.clamp(-1.0, 1.0).acos());
+    let between = a.axis.angle_between(b.axis);
+    if between + half_b <= half_a {
+        return Some(a);
+    }
+    if between + half_a <= half_b {
+        return Some(b);
+    }
+    let half = 0.5 * (half_a + half_b + between);
+    if half >= std::f32::consts::FRAC_PI_2 || between < 1e-6 {
+        return (between < 1e-6).then_some(if half_a > half_b { a } else { b });
+    }
+    // The axis lies on the arc from a to b, half - half_a away from a.
+    let t = (half - half_a) / between;
+    let axis = (a.axis * ((1.0 - t) * between).sin() + b.axis * (t * between).sin()).try_normalize()?;
+    Some(Cone { axis, cos: half.cos() })
+}
+
+/// Which groups touch, and in how many triangles.
+struct Borders {
+    /// `(group, neighbour, triangles)`, both directions, ascending.
+    pairs: Vec<(u32, u32, u32)>,
+    /// For every group its longest borders, `(triangles, neighbour)`.
+    longest: Vec<Vec<(u32, u32)>>,
+}
+
+impl Borders {
+    fn of(fans: &Fans, fan_groups: &[u32]) -> Self {
+        let triangles = fans.triangle_count();
+        let mut pairs: Vec<(u32, u32, u32)> = (0..triangles)
+            .into_par_iter()
+            .with_min_len(1 << 12)
+            .flat_map_iter(|t| {
+                let [a, b, c] = fans.of_triangle(t).map(|f| fan_groups[f as usize]);
+                [(a, b), (b, c), (c, a)].into_iter().filter(|(x, y)| x != y)
+            })
+            .flat_map_iter(|(x, y)| [(x, y, 1), (y, x, 1)])
+            .collect();
+        pairs.par_sort_unstable();
+        let mut borders = Self { pairs, longest: Vec::new() };
+        let groups = fan_groups.iter().max().map_or(0, |&g| g as usize + 1);
+        borders.aggregate(groups);
+        borders
+    }
+
+    /// Renames groups after unions.
+    fn contract(&mut self, joined: &[u32]) {
+        for pair in &mut self.pairs {
+            (pair.0, pair.1) = (joined[pair.0 as usize], joined[pair.1 as usize]);
+        }
+        self.pairs.retain(|p| p.0 != p.1);
+        self.pairs.par_sort_unstable();
+        self.aggregate(joined.len());
+    }
+
+    fn aggregate(&mut self, groups: usize) {
+        self.pairs = self
+            .pairs
+            .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+            .map(|run| (run[0].0, run[0].1, run.iter().map(|r| r.2).sum()))
+            .collect();
+        self.longest = vec![Vec::new(); groups];
+        for run in self.pairs.chunk_by(|a, b| a.0 == b.0) {
+            let mut borders: Vec<(u32, u32)> = run.iter().map(|r| (r.2, r.1)).collect();
+            borders.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+            borders.truncate(CANDIDATES);
+            self.longest[run[0].0 as usize] = borders;
+        }
+    }
+
+    fn longest(&self, group: u32) -> &[(u32, u32)] {
+        &self.longest[group as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn a_union_of_cones_holds_both(z in -1f32..1.0, angle in 0f32..6.3, half_a in 0f32..0.7, half_b in 0f32..0.7, turn in 0f32..6.3) {
+            let r = (1.0 - z * z).sqrt();
+            let a = Cone { axis: Vec3::Z, cos: half_a.cos() };
+            let b = Cone { axis: Vec3::new(r * angle.cos(), r * angle.sin(), z), cos: half_b.cos() };
+            if let Some(union) = union_of_cones(a, b) {
+                for (cone, half) in [(a, half_a), (b, half_b)] {
+                    let (x, y) = cone.axis.any_orthonormal_pair();
+                    let rim = cone.axis * half.cos() + (x * turn.cos() + y * turn.sin()) * half.sin();
+                    prop_assert!(rim.dot(union.axis) >= union.cos - 2e-3);
+                }
+            }
+        }
+    }
 }

@@ -26,8 +26,8 @@ pub struct CoverStats {
     pub groups: u64,
     /// Texels of all tiles at level 0.
     pub texels: u64,
-    /// Texels that the surface would take at its nominal density, divided by those that the tiles hold: 1 would be a
-    /// texture without margins, gaps and rounding.
+    /// Texels that lie on the surface (each point counted once), divided by those that the tiles hold: 1 would be a texture
+    /// without margins, gaps, overlaps and foreshortening, and so at the ideal density.
     pub density_share: f64,
     /// Mean number of tiles that the texture function reads at a point of the surface.
     pub lookups_per_sample: f64,
@@ -60,7 +60,7 @@ impl CoverStats {
             .collect();
         let mut sum = Part::default();
         parts.iter().for_each(|p| sum.add(p));
-        self.density_share = sum.nominal_texels / self.texels as f64;
+        self.density_share = sum.surface_texels / self.texels as f64;
         self.lookups_per_sample = sum.lookups / sum.area;
         self.stretch = sum.stretch.percentiles();
         self.density_spread = sum.spread.percentiles();
@@ -70,7 +70,7 @@ impl CoverStats {
 #[derive(Default)]
 struct Part {
     area: f64,
-    nominal_texels: f64,
+    surface_texels: f64,
     lookups: f64,
     stretch: Histogram,
     spread: Histogram,
@@ -83,10 +83,10 @@ impl Part {
             let density = nominal(t);
             let a = f64::from(area);
             part.area += a;
-            part.nominal_texels += a * f64::from(density) * f64::from(density);
             part.lookups += a * expected_lookups(cover.corner_groups[t], f64::from(cover.delta));
             for slot in 0..3 {
                 let [large, small] = singular_values(mesh, cover, t, slot);
+                part.surface_texels += f64::from(large * small) * a / 3.0;
                 part.stretch.add(small / density, a / 3.0);
                 part.spread.add(large * small / (density * density), a / 3.0);
             }
@@ -96,7 +96,7 @@ impl Part {
 
     fn add(&mut self, other: &Part) {
         self.area += other.area;
-        self.nominal_texels += other.nominal_texels;
+        self.surface_texels += other.surface_texels;
         self.lookups += other.lookups;
         self.stretch.merge(&other.stretch);
         self.spread.merge(&other.spread);

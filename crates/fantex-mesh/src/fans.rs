@@ -140,6 +140,11 @@ impl Fans {
         self.closed[fan]
     }
 
+    /// Number of triangles of the mesh.
+    pub fn triangle_count(&self) -> usize {
+        self.corner_fans.len() / 3
+    }
+
     /// The fan that a corner `3 * t + k` belongs to.
     pub fn of_corner(&self, corner: usize) -> u32 {
         self.corner_fans[corner]
