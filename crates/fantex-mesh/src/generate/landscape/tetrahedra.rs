@@ -19,6 +19,8 @@ use rayon::prelude::*;
 const CHUNK: u32 = 16;
 /// Lattice points per side of a chunk, borders included.
 const SIDE: u32 = CHUNK + 1;
+/// Every so many-th lattice point is sampled to find where the surface is.
+const SAMPLED: u32 = 4;
 /// Crossings keep this share of an edge's length away from its ends: no slivers, no coinciding vertices.
 const MARGIN: f32 = 0.08;
 
@@ -54,7 +56,7 @@ pub(super) struct Surface {
 }
 
 /// The surface `density = 0` of a solid where `density > 0`, as far as it hangs together with what a sampling of every
-/// eighth lattice point finds.
+/// [`SAMPLED`]th lattice point finds.
 pub(super) fn polygonise(lattice: &Lattice, density: impl Fn(Vec3) -> f32 + Sync) -> Surface {
     let marching = Marching { lattice: *lattice, density, cases: cases() };
     let mut frontier = marching.seeds();
@@ -96,7 +98,7 @@ struct Marching<D> {
 }
 
 impl<D: Fn(Vec3) -> f32 + Sync> Marching<D> {
-    /// Chunks in which a sampling of every eighth point finds both signs.
+    /// Chunks in which a sampling of every fourth point finds both signs.
     fn seeds(&self) -> Vec<[u32; 3]> {
         let chunks = self.lattice.chunks();
         let all = (0..chunks.element_product())
@@ -104,12 +106,13 @@ impl<D: Fn(Vec3) -> f32 + Sync> Marching<D> {
             .map(|i| [i % chunks.x, i / chunks.x % chunks.y, i / (chunks.x * chunks.y)]);
         all.filter(|&c| {
             let base = UVec3::from(c) * CHUNK;
+            let side = CHUNK / SAMPLED + 1;
             let sample = |i: u32| {
-                let offset = UVec3::new(i % 3, i / 3 % 3, i / 9) * (CHUNK / 2);
+                let offset = UVec3::new(i % side, i / side % side, i / (side * side)) * SAMPLED;
                 self.value(base + offset) > 0.0
             };
             let first = sample(0);
-            (1..27).any(|i| sample(i) != first)
+            (1..side.pow(3)).any(|i| sample(i) != first)
         })
         .collect()
     }
