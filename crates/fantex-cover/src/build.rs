@@ -277,7 +277,8 @@ fn assemble(
     density: f32,
     delta: f32,
 ) -> Result<Cover, CoverError> {
-    let longest = grouping.patches.iter().map(|p| p.flat.size.max_element() * p.density * scale).fold(0.0, f32::max);
+    let longest =
+        grouping.patches.iter().map(|p| p.flat.size.max_element() * p.density * scale).fold(0.0, f32::max);
     if longest + 1.0 > MAX_EXTENT as f32 {
         return Err(CoverError::TileTooLarge { wanted: longest as u64 + 1, limit: MAX_EXTENT });
     }

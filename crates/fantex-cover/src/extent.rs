@@ -31,7 +31,11 @@ mod tests {
         for i in 0..10_000 {
             let length = i as f32 * 0.037;
             let side = side_texels(length);
-            assert!(side % 4 == 0 && (side - 1) as f32 >= (1.0 - TOLERATED_LOSS) * length && side as f32 <= length + 5.0);
+            assert!(
+                side % 4 == 0
+                    && (side - 1) as f32 >= (1.0 - TOLERATED_LOSS) * length
+                    && side as f32 <= length + 5.0
+            );
         }
     }
 }

@@ -90,7 +90,9 @@ impl Flattener {
         let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
         let frame = Frame { origin, direction: cone.axis, x_axis: (x * x_axis.x + y * x_axis.y).normalize() };
         let outline = match membership.keep_outline {
-            true => self.rectangles.hull().iter().map(|p| origin + x * p.x + y * p.y + cone.axis * p.z).collect(),
+            true => {
+                self.rectangles.hull().iter().map(|p| origin + x * p.x + y * p.y + cone.axis * p.z).collect()
+            }
             false => Vec::new(),
         };
         Ok(Flat { frame, min, size, cone, outline, unfolded: Vec::new() })
@@ -107,7 +109,9 @@ impl Flattener {
         let planar = unfold(surface, fan as usize)?;
         self.points.clear();
         for triangle in &planar {
-            outline_points(*triangle, [true, false, false], membership.delta, |p| self.points.push(p.extend(0.0)));
+            outline_points(*triangle, [true, false, false], membership.delta, |p| {
+                self.points.push(p.extend(0.0))
+            });
         }
         let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
         let turned = |p: Vec2| Vec2::new(p.dot(x_axis), x_axis.perp_dot(p));

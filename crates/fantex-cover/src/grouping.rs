@@ -67,7 +67,8 @@ pub(crate) fn group_fans(
         vec![1; items.len()]
     };
     let pieces = Pieces::consecutive(lengths);
-    let mut builder = Builder { surface, shapes, limits, items, fan_groups: vec![0; shapes.len()], unused_label: 0 };
+    let mut builder =
+        Builder { surface, shapes, limits, items, fan_groups: vec![0; shapes.len()], unused_label: 0 };
     let mut patches = builder.flatten(pieces);
     if grouped {
         builder.number_groups(&patches);
@@ -172,7 +173,8 @@ impl ComponentFinder {
         for &c in &self.component {
             lengths[c as usize] += 1;
         }
-        let mut tagged: Vec<(u32, Item)> = self.component.iter().copied().zip(slice.iter().copied()).collect();
+        let mut tagged: Vec<(u32, Item)> =
+            self.component.iter().copied().zip(slice.iter().copied()).collect();
         tagged.sort_by_key(|t| t.0);
         for (to, (_, item)) in slice.iter_mut().zip(tagged) {
             *to = item;
@@ -252,8 +254,12 @@ impl Builder<'_> {
                 })
                 .collect();
             self.unused_label += pending.len() as u32;
-            let rejected: Vec<(u32, u32)> =
-                flats.iter().zip(&pending).filter(|(flat, _)| flat.is_none()).map(|(_, &piece)| piece).collect();
+            let rejected: Vec<(u32, u32)> = flats
+                .iter()
+                .zip(&pending)
+                .filter(|(flat, _)| flat.is_none())
+                .map(|(_, &piece)| piece)
+                .collect();
             patches.extend(flats.into_iter().flatten());
             pending = rejected.into_iter().flat_map(|piece| self.halve(piece)).collect();
         }
@@ -320,7 +326,9 @@ impl Builder<'_> {
             let start = items.len() as u32;
             for &(_, p) in union {
                 let patch = &patches[p as usize];
-                items.extend_from_slice(&self.items[patch.start as usize..(patch.start + patch.length) as usize]);
+                items.extend_from_slice(
+                    &self.items[patch.start as usize..(patch.start + patch.length) as usize],
+                );
             }
             if let &[(_, p)] = union {
                 kept.push(Patch { start, ..patches[p as usize].clone() });

@@ -38,7 +38,8 @@ impl Segment {
 
 /// True where two segments without a common vertex meet. Reorders `segments`. A sweep along x.
 pub(crate) fn any_crossing(segments: &mut [Segment]) -> bool {
-    segments.sort_unstable_by(|a, b| a.x_range().0.total_cmp(&b.x_range().0).then(a.vertices.cmp(&b.vertices)));
+    segments
+        .sort_unstable_by(|a, b| a.x_range().0.total_cmp(&b.x_range().0).then(a.vertices.cmp(&b.vertices)));
     for (i, s) in segments.iter().enumerate() {
         let (x_end, (y_start, y_end)) = (s.x_range().1, s.y_range());
         for o in segments[i + 1..].iter().take_while(|o| o.x_range().0 <= x_end) {

@@ -54,7 +54,12 @@ struct Proposal {
 }
 
 /// For every patch the patch that it joins (itself, for those that stay): a forest of depth one.
-pub(crate) fn choose_unions(fans: &Fans, patches: &[Patch], fan_groups: &[u32], limits: &MergeLimits) -> Vec<u32> {
+pub(crate) fn choose_unions(
+    fans: &Fans,
+    patches: &[Patch],
+    fan_groups: &[u32],
+    limits: &MergeLimits,
+) -> Vec<u32> {
     let mut summaries: Vec<Option<Summary>> = patches.par_iter().map(|p| Some(Summary::of(p))).collect();
     let mut borders = Borders::of(fans, fan_groups);
     let mut joined: Vec<u32> = (0..patches.len() as u32).collect();
@@ -90,7 +95,12 @@ pub(crate) fn choose_unions(fans: &Fans, patches: &[Patch], fan_groups: &[u32], 
     joined
 }
 
-fn propose(small: u32, summaries: &[Option<Summary>], borders: &Borders, limits: &MergeLimits) -> Option<Proposal> {
+fn propose(
+    small: u32,
+    summaries: &[Option<Summary>],
+    borders: &Borders,
+    limits: &MergeLimits,
+) -> Option<Proposal> {
     let summary = summaries[small as usize].as_ref()?;
     let target = limits.extent_texels * limits.extent_texels;
     if summary.texels > SMALL * target || !summary.mergeable {
@@ -135,7 +145,12 @@ impl Summary {
         let flat = |p: &Vec3| Vec2::new(p.dot(x), p.dot(y));
         let points: Vec<Vec2> = self.outline.iter().chain(&other.outline).map(flat).collect();
         let size = (0..ROTATIONS)
-            .map(|i| bounding_size(&points, Vec2::from_angle(i as f32 * std::f32::consts::FRAC_PI_2 / ROTATIONS as f32)))
+            .map(|i| {
+                bounding_size(
+                    &points,
+                    Vec2::from_angle(i as f32 * std::f32::consts::FRAC_PI_2 / ROTATIONS as f32),
+                )
+            })
             .min_by(|a, b| (a.x * a.y).total_cmp(&(b.x * b.y)))?;
         let texels = size * density;
         if texels.max_element() > limits.extent_texels * STRETCHED_TARGET {

@@ -77,7 +77,13 @@ struct Part {
 }
 
 impl Part {
-    fn of(first: usize, areas: &[f32], mesh: &Mesh, cover: &Cover, nominal: &(impl Fn(usize) -> f32 + Sync)) -> Self {
+    fn of(
+        first: usize,
+        areas: &[f32],
+        mesh: &Mesh,
+        cover: &Cover,
+        nominal: &(impl Fn(usize) -> f32 + Sync),
+    ) -> Self {
         let mut part = Self::default();
         for (t, &area) in (first..).zip(areas) {
             let density = nominal(t);

@@ -65,14 +65,14 @@ impl Fans {
     /// Gathers the fans of a mesh with the given vertex-to-corner lists. Linear in the corners for bounded degree,
     /// `O(d log d)` for a vertex of degree `d`.
     pub fn of(triangles: &[[u32; 3]], vertex_corners: &VertexCorners) -> Self {
-        let vertices: Vec<u32> = (0..vertex_corners.vertex_count() as u32).collect();
+        let vertices: Vec<u32> = (0..vertex_corners.len() as u32).collect();
         let parts: Vec<Part> = vertices
             .par_chunks(4096)
             .map(|chunk| {
                 let mut part = Part::default();
                 let mut walker = Walker::default();
                 for &v in chunk {
-                    walker.walk(triangles, v, vertex_corners.corners(v as usize), &mut part);
+                    walker.walk(triangles, v, vertex_corners.at(v as usize), &mut part);
                 }
                 part
             })
@@ -194,7 +194,11 @@ impl Walker {
         }
         self.link.clear();
         self.link.resize(corners.len(), [OPEN; 2]);
-        if corners.len() <= SMALL_DEGREE { self.link_by_search() } else { self.link_by_sorting() }
+        if corners.len() <= SMALL_DEGREE {
+            self.link_by_search()
+        } else {
+            self.link_by_sorting()
+        }
         self.visited.clear();
         self.visited.resize(corners.len(), false);
         // Open fans first, each from the end where a counter-clockwise walk begins; then what is left is closed.

@@ -11,13 +11,17 @@
 //! power of two so that all coordinates lie in [-1, 1]). Attributes stay per corner.
 
 mod adjacency;
+mod clean;
 mod fans;
+mod generate;
 mod material;
 mod mesh;
 mod model;
 
 pub use adjacency::*;
+pub use clean::*;
 pub use fans::*;
+pub use generate::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
