@@ -158,17 +158,18 @@ impl Image {
             return self.clone();
         }
         let is_srgb = |is_alpha: bool| space == ColorSpace::Srgb && !is_alpha;
-        let samples = match depth {
-            Depth::U8 => Samples::U8(self.map_linear(|value, is_alpha| {
-                if is_srgb(is_alpha) { srgb8_from_linear(value) } else { unorm8(value) }
-            })),
-            Depth::U16 => Samples::U16(self.map_linear(|value, is_alpha| {
-                if is_srgb(is_alpha) { srgb16_from_linear(value) } else { unorm16(value) }
-            })),
-            Depth::F32 => Samples::F32(self.map_linear(|value, is_alpha| {
-                if is_srgb(is_alpha) { srgb_from_linear(value) } else { value }
-            })),
-        };
+        let samples =
+            match depth {
+                Depth::U8 => Samples::U8(self.map_linear(|value, is_alpha| {
+                    if is_srgb(is_alpha) { srgb8_from_linear(value) } else { unorm8(value) }
+                })),
+                Depth::U16 => Samples::U16(self.map_linear(|value, is_alpha| {
+                    if is_srgb(is_alpha) { srgb16_from_linear(value) } else { unorm16(value) }
+                })),
+                Depth::F32 => Samples::F32(self.map_linear(|value, is_alpha| {
+                    if is_srgb(is_alpha) { srgb_from_linear(value) } else { value }
+                })),
+            };
         Self { width: self.width, height: self.height, channels: self.channels, space, samples }
     }
 

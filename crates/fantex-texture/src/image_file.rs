@@ -11,7 +11,9 @@ use std::io::{self, BufWriter, Cursor, Write};
 use std::path::{Path, PathBuf};
 
 use image::error::{ImageError, LimitErrorKind};
-use image::{ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader};
+use image::{
+    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader,
+};
 
 use crate::image::{ColorSpace, Depth, Image, Samples};
 
@@ -71,7 +73,9 @@ pub enum LoadImageError {
         limit: u32,
     },
     /// Decoding would allocate too much.
-    #[error("'{label}' would take more than {limit} bytes of memory; raise the limit or scale the image down")]
+    #[error(
+        "'{label}' would take more than {limit} bytes of memory; raise the limit or scale the image down"
+    )]
     Memory {
         /// File or other origin.
         label: String,
@@ -413,7 +417,8 @@ fn write_exr(image: &Image, bytes: &mut Vec<u8>) -> Result<(), ImageError> {
         }
     }
     write_samples(&associated, |data, width, height, color| {
-        image::codecs::openexr::OpenExrEncoder::new(Cursor::new(bytes)).write_image(data, width, height, color)
+        image::codecs::openexr::OpenExrEncoder::new(Cursor::new(bytes))
+            .write_image(data, width, height, color)
     })
 }
 

@@ -4,6 +4,7 @@
 //! row 0, column 0, `u` to the right and `v` downwards, both in [0,1] over the image.
 
 pub mod color;
+mod filter;
 mod image;
 mod image_file;
 mod image_texture;
