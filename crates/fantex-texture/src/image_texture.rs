@@ -146,7 +146,8 @@ impl ImageTexture {
     /// The mean linear RGBA of the bilinear reconstruction over the parallelogram around `uv` whose edges are
     /// `footprint[0]` and `footprint[1]`, in the units of `uv`.
     ///
-    /// Level 0 is used as long as the shorter edge has at most 8 texels and the longer one at most 256.
+    /// Level 0 is used as long as the shorter edge has less than 16 texels and the longer one less than 512; beyond, the
+    /// coarser level at which this holds again, with 8 to 16 of its texels along the shorter edge.
     pub fn sample_area(&self, uv: Vec2, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> [f32; 4] {
         let level = self.level(self.area_level(footprint));
         resolve(filter::area_bilinear(level, self.alpha, uv, footprint, wrap), self.alpha)
@@ -161,11 +162,11 @@ impl ImageTexture {
     fn area_level(&self, footprint: [Vec2; 2]) -> usize {
         let [first, second] = footprint.map(|edge| self.texels(edge).length_squared());
         let (short2, long2) = (first.min(second), first.max(second));
-        if short2 <= 64.0 && long2 <= 65536.0 {
+        if short2 < 256.0 && long2 < 262_144.0 {
             return 0;
         }
         let excess = (short2.sqrt() / 8.0).max(long2.sqrt() / 256.0);
-        (excess.log2().ceil().max(0.0) as usize).min(self.coarser.len())
+        (excess.log2().max(0.0) as usize).min(self.coarser.len())
     }
 
     /// A vector of uv space in texels of level 0.
@@ -214,8 +215,7 @@ impl ImageTexture {
     fn ewa(&self, uv: Vec2, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
         let minor = axes.limited_minor(options.max_anisotropy.min(64.0));
         let axes = FootprintAxes { minor, ..*axes };
-        // A level is used from a minor axis of two texels on.
-        let (fine, coarse, share) = self.levels_for(0.5 * minor);
+        let (fine, coarse, share) = self.levels_for(minor / filter::EWA_MINOR_TEXELS);
         let value = self.ewa_at(fine, uv, &axes, options.wrap);
         if share == 0.0 {
             return value;

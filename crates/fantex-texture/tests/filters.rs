@@ -113,7 +113,7 @@ fn wraps_equal_an_image_continued_by_hand() {
                 let texel = uv * Vec2::new(width as f32, height as f32);
                 let on_boundary = (texel - texel.round()).abs().min_element() < 1e-4;
                 if filter != Filter::Nearest || !on_boundary {
-                    assert_close(got, expected, 2e-4, &what);
+                    assert_close(got, expected, 1e-3, &what);
                 }
             }
         }
@@ -342,7 +342,7 @@ fn coarse_area_stays_near_the_truth() {
         let edge = Vec2::from_angle(random.unit() * 6.3) * (10.0 + 60.0 * random.unit()) / 512.0;
         let edges = [edge, edge.perp()];
         let truth = brute_force_area(&texture, uv, edges);
-        assert_close(texture.sample_area(uv, edges, [Wrap::Repeat; 2]), truth, 0.01, "coarse area");
+        assert_close(texture.sample_area(uv, edges, [Wrap::Repeat; 2]), truth, 0.015, "coarse area");
     }
 }
 

@@ -1,8 +1,10 @@
 //! Heckbert, "Fundamentals of texture mapping and image warping", 1989: the elliptical weighted average.
 //!
 //! A Gaussian over the pixel, mapped into the texture, is a Gaussian over an ellipse. Its texels are averaged directly, so
-//! this filter is the reference for the others. Deviations: each level is used from a minor axis of two texels on (rather
-//! than one), and two levels are blended, so that the value changes continuously with the footprint.
+//! this filter is the reference for the others. Deviations: a level is used from a minor axis of three texels on (rather
+//! than one), where the filter that made the level widens the Gaussian by less than two percent; two levels are blended,
+//! so that the value changes continuously with the footprint; and axes shorter than a texel are set to one texel (rather
+//! than adding one to their square), so that magnified images are smoothed no more than needed.
 
 use std::sync::LazyLock;
 
@@ -16,7 +18,11 @@ use crate::{AlphaUse, Wrap};
 
 /// Exponent of the Gaussian: the pixel's filter is `exp(-2 r^2)`, standard deviation half a pixel, cut off at `r = 1`.
 const FALLOFF: f32 = 2.0;
-const TABLE_SIZE: usize = 256;
+/// The minor axis, in texels of a level, from which on that level alone is fine enough.
+pub(crate) const EWA_MINOR_TEXELS: f32 = 3.0;
+/// No axis is shorter, so that there is always a texel inside the ellipse.
+const SMALLEST_AXIS_TEXELS: f32 = 1.0;
+const TABLE_SIZE: usize = 1024;
 
 /// `exp(-2 r^2) - exp(-2)` by `r^2`.
 fn weight_table() -> &'static [f32; TABLE_SIZE + 1] {
@@ -28,13 +34,13 @@ fn weight_table() -> &'static [f32; TABLE_SIZE + 1] {
 
 /// The average at one level of the texels around `uv` under the footprint with `axes` (in texels of this level).
 pub(crate) fn ewa(level: &Image, alpha: AlphaUse, uv: Vec2, axes: &FootprintAxes, wrap: [Wrap; 2]) -> Vec4 {
-    // The ellipse p^T Q^-1 p = 1, with Q = J J^T + I: the unit matrix is the texels' own reconstruction filter.
-    let (major2, minor2) = (axes.major * axes.major, axes.minor * axes.minor);
+    let major2 = axes.major.max(SMALLEST_AXIS_TEXELS).powi(2);
+    let minor2 = axes.minor.max(SMALLEST_AXIS_TEXELS).powi(2);
     let Vec2 { x: cos, y: sin } = axes.direction;
     let quadric = Ellipse {
-        xx: major2 * cos * cos + minor2 * sin * sin + 1.0,
+        xx: major2 * cos * cos + minor2 * sin * sin,
         xy: (major2 - minor2) * cos * sin,
-        yy: major2 * sin * sin + minor2 * cos * cos + 1.0,
+        yy: major2 * sin * sin + minor2 * cos * cos,
     };
     let fold = |coordinate: f32, wrap: Wrap| match wrap {
         // Keeps the centre near the image, where floats are precise; the period of a mirror is two images.

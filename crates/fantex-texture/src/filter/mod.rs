@@ -14,7 +14,7 @@ mod taps;
 mod texel;
 
 pub(crate) use area::{area_bilinear, area_nearest};
-pub(crate) use ewa::ewa;
+pub(crate) use ewa::{EWA_MINOR_TEXELS, ewa};
 pub(crate) use footprint::FootprintAxes;
 pub(crate) use mipmap::build_levels;
 pub(crate) use taps::{bicubic, bilinear, nearest};

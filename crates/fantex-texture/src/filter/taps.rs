@@ -101,7 +101,7 @@ impl Taps<2> {
             Wrap::Repeat => {
                 let first = floor(position);
                 let share = position - first as f32;
-                let second = if first >= last { 0 } else { first + 1 };
+                let second = if first < 0 || first >= last { 0 } else { first + 1 };
                 let first = if first < 0 { last } else { first.min(last) };
                 Self { index: [first as usize, second as usize], weight: [1.0 - share, share] }
             }
