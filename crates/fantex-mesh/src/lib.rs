@@ -10,10 +10,14 @@
 //! free of degenerate triangles, consistently oriented where possible, in *mesh space* (centred, scaled by a
 //! power of two so that all coordinates lie in [-1, 1]). Attributes stay per corner.
 
+mod adjacency;
+mod clean;
 mod material;
 mod mesh;
 mod model;
 
+pub use adjacency::*;
+pub use clean::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;

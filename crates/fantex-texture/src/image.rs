@@ -1,4 +1,9 @@
-//! Images in memory, from and to files.
+//! Images in memory.
+
+use crate::color::{
+    linear_from_srgb, linear_from_srgb8_table, linear_from_srgb16_table, srgb_from_linear, srgb8_from_linear,
+    srgb16_from_linear, unorm8, unorm16,
+};
 
 /// How the numbers of a colour channel encode light. Alpha is always linear.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -20,6 +25,42 @@ pub enum Samples {
     F32(Vec<f32>),
 }
 
+impl Samples {
+    /// Number of samples (texels times channels).
+    pub fn len(&self) -> usize {
+        match self {
+            Samples::U8(values) => values.len(),
+            Samples::U16(values) => values.len(),
+            Samples::F32(values) => values.len(),
+        }
+    }
+
+    /// Whether there is no sample.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The width of one sample.
+    pub fn depth(&self) -> Depth {
+        match self {
+            Samples::U8(_) => Depth::U8,
+            Samples::U16(_) => Depth::U16,
+            Samples::F32(_) => Depth::F32,
+        }
+    }
+}
+
+/// The width of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Depth {
+    /// 8-bit fixed point.
+    U8,
+    /// 16-bit fixed point.
+    U16,
+    /// 32-bit floating point.
+    F32,
+}
+
 /// A discrete two-dimensional texture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
@@ -33,4 +74,112 @@ pub struct Image {
     pub space: ColorSpace,
     /// `width * height * channels` numbers.
     pub samples: Samples,
+}
+
+impl Image {
+    /// An image of linear-light floats; `samples` holds `width * height * channels` numbers (1, 2, 3 or 4 channels).
+    ///
+    /// # Panics
+    /// If the count of samples does not fit the size: that is a mistake of the caller, never of a file.
+    pub fn from_linear(width: u32, height: u32, channels: u8, samples: Vec<f32>) -> Self {
+        let expected = width as usize * height as usize * usize::from(channels);
+        assert!((1..=4).contains(&channels), "an image has 1 to 4 channels, not {channels}");
+        assert_eq!(samples.len(), expected, "{width} x {height} x {channels} samples are needed");
+        Self { width, height, channels, space: ColorSpace::Linear, samples: Samples::F32(samples) }
+    }
+
+    /// An image of linear-light RGBA texels with straight alpha.
+    ///
+    /// # Panics
+    /// If there are not `width * height` texels.
+    pub fn from_linear_rgba(width: u32, height: u32, texels: &[[f32; 4]]) -> Self {
+        Self::from_linear(width, height, 4, texels.as_flattened().to_vec())
+    }
+
+    /// As [`Image::from_linear_rgba`], without the alpha.
+    ///
+    /// # Panics
+    /// If there are not `width * height` texels.
+    pub fn from_linear_rgb(width: u32, height: u32, texels: &[[f32; 4]]) -> Self {
+        Self::from_linear(width, height, 3, texels.iter().flat_map(|t| [t[0], t[1], t[2]]).collect())
+    }
+
+    /// Whether the last channel is alpha.
+    pub fn has_alpha(&self) -> bool {
+        self.channels == 2 || self.channels == 4
+    }
+
+    /// Bytes of the samples.
+    pub fn byte_len(&self) -> usize {
+        let bytes = match self.samples.depth() {
+            Depth::U8 => 1,
+            Depth::U16 => 2,
+            Depth::F32 => 4,
+        };
+        self.samples.len() * bytes
+    }
+
+    /// The linear RGBA value of the texel in column `x` and row `y`: grey is spread to r, g and b, missing alpha is 1.
+    ///
+    /// # Panics
+    /// Outside the image.
+    pub fn linear_texel(&self, x: u32, y: u32) -> [f32; 4] {
+        assert!(x < self.width && y < self.height, "texel {x},{y} of {} x {}", self.width, self.height);
+        let channels = usize::from(self.channels);
+        let first = (y as usize * self.width as usize + x as usize) * channels;
+        let value = |channel: usize| {
+            let is_alpha = self.has_alpha() && channel + 1 == channels;
+            self.linear_sample(first + channel, is_alpha)
+        };
+        match channels {
+            1 => [value(0), value(0), value(0), 1.0],
+            2 => [value(0), value(0), value(0), value(1)],
+            3 => [value(0), value(1), value(2), 1.0],
+            _ => [value(0), value(1), value(2), value(3)],
+        }
+    }
+
+    fn linear_sample(&self, index: usize, is_alpha: bool) -> f32 {
+        let is_srgb = self.space == ColorSpace::Srgb && !is_alpha;
+        match &self.samples {
+            Samples::U8(values) if is_srgb => linear_from_srgb8_table()[usize::from(values[index])],
+            Samples::U8(values) => f32::from(values[index]) / 255.0,
+            Samples::U16(values) if is_srgb => linear_from_srgb16_table()[usize::from(values[index])],
+            Samples::U16(values) => f32::from(values[index]) / 65535.0,
+            Samples::F32(values) if is_srgb => linear_from_srgb(values[index]),
+            Samples::F32(values) => values[index],
+        }
+    }
+
+    /// The same picture with samples of another width and encoding, through linear light; fixed-point samples are clamped
+    /// to [0,1] and rounded to nearest.
+    pub fn converted(&self, depth: Depth, space: ColorSpace) -> Self {
+        if self.samples.depth() == depth && self.space == space {
+            return self.clone();
+        }
+        let is_srgb = |is_alpha: bool| space == ColorSpace::Srgb && !is_alpha;
+        let samples =
+            match depth {
+                Depth::U8 => Samples::U8(self.map_linear(|value, is_alpha| {
+                    if is_srgb(is_alpha) { srgb8_from_linear(value) } else { unorm8(value) }
+                })),
+                Depth::U16 => Samples::U16(self.map_linear(|value, is_alpha| {
+                    if is_srgb(is_alpha) { srgb16_from_linear(value) } else { unorm16(value) }
+                })),
+                Depth::F32 => Samples::F32(self.map_linear(|value, is_alpha| {
+                    if is_srgb(is_alpha) { srgb_from_linear(value) } else { value }
+                })),
+            };
+        Self { width: self.width, height: self.height, channels: self.channels, space, samples }
+    }
+
+    fn map_linear<T>(&self, encode: impl Fn(f32, bool) -> T) -> Vec<T> {
+        let channels = usize::from(self.channels);
+        (0..self.samples.len())
+            .map(|index| {
+                let is_alpha = self.has_alpha() && index % channels + 1 == channels;
+                encode(self.linear_sample(index, is_alpha), is_alpha)
+            })
+            .collect()
+    }
 }

@@ -3,8 +3,12 @@
 //! Values are linear-light RGBA `[f32; 4]` with straight alpha. Image coordinates have their origin at the top left of
 //! row 0, column 0, `u` to the right and `v` downwards, both in [0,1] over the image.
 
+pub mod color;
+mod filter;
 mod image;
+mod image_file;
 mod image_texture;
 
 pub use image::*;
+pub use image_file::*;
 pub use image_texture::*;

@@ -1,0 +1,189 @@
+//! Wrapped texel indices with weights, along one axis and as tensor products.
+//!
+//! Texel `i` of an axis with `n` texels has its centre at the coordinate `(i + 1/2) / n`.
+
+use glam::{Vec2, Vec4};
+
+use super::texel::{Kernel, TexelSource, with_texels};
+use crate::image::Image;
+use crate::{AlphaUse, Wrap};
+
+/// The largest integer not above `x` (a library call without SSE4.1); saturates, NaN gives 0.
+#[inline(always)]
+pub(super) fn floor(x: f32) -> i32 {
+    let truncated = x as i32;
+    truncated.saturating_sub(i32::from(x < truncated as f32))
+}
+
+/// The coordinate folded into [0,1] as far as the wrap mode repeats.
+#[inline(always)]
+fn fold(coordinate: f32, wrap: Wrap) -> f32 {
+    match wrap {
+        Wrap::Clamp | Wrap::Border => coordinate,
+        Wrap::Repeat => coordinate - floor(coordinate) as f32,
+        Wrap::Mirror => {
+            let period = coordinate - 2.0 * floor(0.5 * coordinate) as f32;
+            1.0 - (1.0 - period).abs()
+        }
+    }
+}
+
+/// The texel that stands at position `index` of an endless row; `None` is transparent black.
+pub(super) fn wrap_index(index: i32, size: u32, wrap: Wrap) -> Option<usize> {
+    let size = size as i32;
+    if (0..size).contains(&index) {
+        return Some(index as usize);
+    }
+    match wrap {
+        Wrap::Clamp => Some(index.clamp(0, size - 1) as usize),
+        Wrap::Border => None,
+        Wrap::Repeat => Some(index.rem_euclid(size) as usize),
+        Wrap::Mirror => {
+            let period = i64::from(index).rem_euclid(2 * i64::from(size));
+            Some(period.min(2 * i64::from(size) - 1 - period) as usize)
+        }
+    }
+}
+
+/// `N` texels along one axis and their weights. Texels outside a border have weight 0 and some valid index.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Taps<const N: usize> {
+    pub(super) index: [usize; N],
+    pub(super) weight: [f32; N],
+}
+
+/// The taps around a coordinate, for algorithms that are the same for several reconstructions.
+pub(super) trait Reconstruction {
+    fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self;
+}
+
+impl Reconstruction for Taps<1> {
+    #[inline(always)]
+    fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self {
+        Self::nearest(coordinate, size, wrap)
+    }
+}
+
+impl Reconstruction for Taps<2> {
+    #[inline(always)]
+    fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self {
+        Self::linear(coordinate, size, wrap)
+    }
+}
+
+impl Taps<1> {
+    #[inline(always)]
+    pub(super) fn nearest(coordinate: f32, size: u32, wrap: Wrap) -> Self {
+        // Folding may round up to exactly 1, which is one texel too far.
+        let position = fold(coordinate, wrap) * size as f32;
+        let index = floor(position);
+        let is_outside = wrap == Wrap::Border && !(0..size as i32).contains(&index);
+        Self {
+            index: [index.clamp(0, size as i32 - 1) as usize],
+            weight: [if is_outside { 0.0 } else { 1.0 }],
+        }
+    }
+}
+
+impl Taps<2> {
+    #[inline(always)]
+    pub(super) fn linear(coordinate: f32, size: u32, wrap: Wrap) -> Self {
+        let last = size as i32 - 1;
+        let position = fold(coordinate, wrap) * size as f32 - 0.5;
+        match wrap {
+            Wrap::Clamp | Wrap::Mirror => {
+                // Beyond the middle of an edge texel, both modes continue with that texel.
+                let position = position.clamp(0.0, last as f32);
+                let first = position as i32;
+                let share = position - first as f32;
+                Self { index: [first as usize, (first + 1).min(last) as usize], weight: [1.0 - share, share] }
+            }
+            Wrap::Repeat => {
+                let first = floor(position);
+                let share = position - first as f32;
+                let second = if first < 0 || first >= last { 0 } else { first + 1 };
+                let first = if first < 0 { last } else { first.min(last) };
+                Self { index: [first as usize, second as usize], weight: [1.0 - share, share] }
+            }
+            Wrap::Border => {
+                let first = floor(position.clamp(-1.0, size as f32));
+                let share = position.clamp(-1.0, size as f32) - first as f32;
+                let inside = |index: i32| f32::from(u8::from((0..=last).contains(&index)));
+                Self {
+                    index: [first.clamp(0, last) as usize, (first + 1).clamp(0, last) as usize],
+                    weight: [(1.0 - share) * inside(first), share * inside(first + 1)],
+                }
+            }
+        }
+    }
+}
+
+impl Taps<4> {
+    /// Catmull and Rom, "A class of local interpolating splines", 1974: interpolates, reproduces quadratics.
+    pub(super) fn cubic(coordinate: f32, size: u32, wrap: Wrap) -> Self {
+        let position = fold(coordinate, wrap) * size as f32 - 0.5;
+        let position = position.clamp(-4.0, size as f32 + 4.0);
+        let first = floor(position);
+        let t = position - first as f32;
+        let mut weight = [
+            t * (-0.5 + t * (1.0 - 0.5 * t)),
+            1.0 + t * t * (-2.5 + 1.5 * t),
+            t * (0.5 + t * (2.0 - 1.5 * t)),
+            t * t * (-0.5 + 0.5 * t),
+        ];
+        let mut index = [0; 4];
+        for tap in 0..4 {
+            match wrap_index(first - 1 + tap as i32, size, wrap) {
+                Some(inside) => index[tap] = inside,
+                None => weight[tap] = 0.0,
+            }
+        }
+        Self { index, weight }
+    }
+}
+
+/// The weighted sum over the tensor product of two axes' taps.
+pub(super) struct TensorProduct<const N: usize> {
+    pub(super) width: u32,
+    pub(super) u: Taps<N>,
+    pub(super) v: Taps<N>,
+}
+
+impl<const N: usize> Kernel for TensorProduct<N> {
+    type Output = Vec4;
+    #[inline(always)]
+    fn run<T: TexelSource>(self, texels: T) -> Vec4 {
+        let mut sum = Vec4::ZERO;
+        for (row, row_weight) in self.v.index.into_iter().zip(self.v.weight) {
+            let first = row * self.width as usize;
+            let mut row_sum = Vec4::ZERO;
+            for (column, weight) in self.u.index.into_iter().zip(self.u.weight) {
+                row_sum += texels.fetch(first + column) * weight;
+            }
+            sum += row_sum * row_weight;
+        }
+        sum
+    }
+}
+
+/// The texel whose square holds `uv`.
+pub(crate) fn nearest(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+    let u = Taps::nearest(uv.x, level.width, wrap[0]);
+    let v = Taps::nearest(uv.y, level.height, wrap[1]);
+    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+}
+
+/// Linear interpolation between the four nearest texels.
+#[inline]
+pub(crate) fn bilinear(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+    let u = Taps::linear(uv.x, level.width, wrap[0]);
+    let v = Taps::linear(uv.y, level.height, wrap[1]);
+    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+}
+
+/// Cubic interpolation between the sixteen nearest texels.
+pub(crate) fn bicubic(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+    let u = Taps::cubic(uv.x, level.width, wrap[0]);
+    let v = Taps::cubic(uv.y, level.height, wrap[1]);
+    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+}

@@ -1,0 +1,442 @@
+//! Images from and to files.
+//!
+//! The format is recognised by the content when reading and chosen by the extension when writing. Row 0 of the file is row
+//! 0 of the image; orientation tags and colour profiles are not applied, so nothing is ever flipped or converted silently.
+//! OpenEXR files store colours multiplied with alpha; an [`Image`] holds straight alpha, so reading divides and writing
+//! multiplies.
+
+use std::fmt;
+use std::fs;
+use std::io::{self, BufWriter, Cursor, Write};
+use std::path::{Path, PathBuf};
+
+use image::error::{ImageError, LimitErrorKind};
+use image::{
+    ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader,
+};
+
+use crate::image::{ColorSpace, Depth, Image, Samples};
+
+/// What a reader may allocate.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ImageLimits {
+    /// Longest side, in texels.
+    pub side: u32,
+    /// Decoded bytes.
+    pub bytes: u64,
+}
+
+impl Default for ImageLimits {
+    /// 65 536 texels per side, 8 GiB.
+    fn default() -> Self {
+        Self { side: 65_536, bytes: 8 << 30 }
+    }
+}
+
+/// Why an image could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadImageError {
+    /// The file could not be read.
+    #[error("cannot read image '{path}': {source}")]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The content is none of the known formats.
+    #[error("'{label}' is no image that can be read here (known: PNG, JPEG, TIFF, WebP, HDR, OpenEXR)")]
+    UnknownFormat {
+        /// File or other origin.
+        label: String,
+    },
+    /// The content is damaged, cut short, or uses a variant that is not supported.
+    #[error("'{label}' is not a readable {format} image: {cause}")]
+    Decode {
+        /// File or other origin.
+        label: String,
+        /// The format that the content claims to be.
+        format: FormatName,
+        /// What the decoder found.
+        cause: DecodeCause,
+    },
+    /// A side is zero or too long.
+    #[error("'{label}' has {width} x {height} texels; each side must be 1 to {limit}")]
+    Size {
+        /// File or other origin.
+        label: String,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Longest side allowed.
+        limit: u32,
+    },
+    /// Decoding would allocate too much.
+    #[error(
+        "'{label}' would take more than {limit} bytes of memory; raise the limit or scale the image down"
+    )]
+    Memory {
+        /// File or other origin.
+        label: String,
+        /// Bytes allowed.
+        limit: u64,
+    },
+}
+
+/// What a decoder stumbled over.
+#[derive(Debug)]
+pub enum DecodeCause {
+    /// The decoder's own report.
+    Reported(ImageError),
+    /// The decoder gave up without a report (it panicked; the panic was stopped).
+    Crashed,
+}
+
+impl fmt::Display for DecodeCause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DecodeCause::Reported(error) => error.fmt(f),
+            DecodeCause::Crashed => f.write_str("the data is damaged"),
+        }
+    }
+}
+
+/// The name of a file format, as people write it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FormatName(ImageFormat);
+
+impl fmt::Display for FormatName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self.0 {
+            ImageFormat::Png => "PNG",
+            ImageFormat::Jpeg => "JPEG",
+            ImageFormat::Tiff => "TIFF",
+            ImageFormat::WebP => "WebP",
+            ImageFormat::Hdr => "Radiance HDR",
+            ImageFormat::OpenExr => "OpenEXR",
+            _ => "unknown",
+        })
+    }
+}
+
+/// Why an image could not be written.
+#[derive(Debug, thiserror::Error)]
+pub enum SaveImageError {
+    /// The extension names no format.
+    #[error("cannot tell the image format of '{path}'; use .png, .jpg, .tif, .webp, .hdr or .exr")]
+    UnknownExtension {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The format has no room for the channels.
+    #[error("{format} cannot hold {channels} channels ('{path}'); use .png or .exr")]
+    Channels {
+        /// The file.
+        path: PathBuf,
+        /// The format of the extension.
+        format: FormatName,
+        /// Channels of the image.
+        channels: u8,
+    },
+    /// The encoder refused, for instance an image too large for the format.
+    #[error("cannot encode '{path}' as {format}: {source}")]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// The format of the extension.
+        format: FormatName,
+        /// What the encoder said.
+        source: ImageError,
+    },
+    /// The file could not be written.
+    #[error("cannot write image '{path}': {source}")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+impl Image {
+    /// Reads a PNG, JPEG, TIFF, WebP, Radiance HDR or OpenEXR file with the default limits. Fixed-point samples are taken
+    /// as sRGB-encoded colours; for other data use [`Image::load_as`].
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, LoadImageError> {
+        Self::load_as(path, ColorSpace::Srgb)
+    }
+
+    /// As [`Image::load`], with the meaning of 8- and 16-bit samples said. Floating-point samples are always linear.
+    pub fn load_as(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Self, LoadImageError> {
+        let path = path.as_ref();
+        let bytes =
+            fs::read(path).map_err(|source| LoadImageError::Read { path: path.to_owned(), source })?;
+        Self::decode(&bytes, &path.display().to_string(), default_space)
+    }
+
+    /// Reads an image from the bytes of a file with the default limits; `label` names it in errors.
+    pub fn decode(bytes: &[u8], label: &str, default_space: ColorSpace) -> Result<Self, LoadImageError> {
+        Self::decode_within(bytes, label, default_space, ImageLimits::default())
+    }
+
+    /// As [`Image::decode`], refusing what exceeds `limits` before it is allocated.
+    pub fn decode_within(
+        bytes: &[u8],
+        label: &str,
+        default_space: ColorSpace,
+        limits: ImageLimits,
+    ) -> Result<Self, LoadImageError> {
+        let unknown = || LoadImageError::UnknownFormat { label: label.to_owned() };
+        let format = image::guess_format(bytes).map_err(|_| unknown())?;
+        if !READABLE.contains(&format) {
+            return Err(unknown());
+        }
+        // The decoders are safe code that is meant to report errors, but not all of them keep to it on damaged data.
+        let decoded = std::panic::catch_unwind(|| decode_dynamic(bytes, label, format, limits));
+        let decoded = decoded.unwrap_or_else(|_| {
+            let cause = DecodeCause::Crashed;
+            Err(LoadImageError::Decode { label: label.to_owned(), format: FormatName(format), cause })
+        })?;
+        let mut image = from_dynamic(decoded, default_space);
+        if format == ImageFormat::OpenExr {
+            divide_by_alpha(&mut image);
+        }
+        Ok(image)
+    }
+
+    /// Writes the image in the format of the path's extension, whole or not at all (a temporary file beside it is renamed
+    /// at the end). What a format cannot hold is converted as [`Image::converted`] does: floats become 8-bit sRGB in PNG,
+    /// JPEG and WebP, 16-bit samples 8-bit in JPEG and WebP, fixed point linear floats in HDR and OpenEXR.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SaveImageError> {
+        let path = path.as_ref();
+        let bytes = self.encode_for(path)?;
+        write_atomically(path, &bytes)
+            .map_err(|source| SaveImageError::Write { path: path.to_owned(), source })
+    }
+
+    fn encode_for(&self, path: &Path) -> Result<Vec<u8>, SaveImageError> {
+        let format = ImageFormat::from_path(path).ok().filter(|format| READABLE.contains(format));
+        let format = format.ok_or_else(|| SaveImageError::UnknownExtension { path: path.to_owned() })?;
+        let fits = match format {
+            ImageFormat::Jpeg => !self.has_alpha(),
+            ImageFormat::Hdr => self.channels == 3,
+            _ => true,
+        };
+        let mut image = convert_for(self, format);
+        if format == ImageFormat::Hdr && self.channels == 1 {
+            image = spread_grey(&image);
+        } else if !fits {
+            let (format, channels) = (FormatName(format), self.channels);
+            return Err(SaveImageError::Channels { path: path.to_owned(), format, channels });
+        }
+        encode(&image, format).map_err(|source| SaveImageError::Encode {
+            path: path.to_owned(),
+            format: FormatName(format),
+            source,
+        })
+    }
+}
+
+const READABLE: [ImageFormat; 6] = [
+    ImageFormat::Png,
+    ImageFormat::Jpeg,
+    ImageFormat::Tiff,
+    ImageFormat::WebP,
+    ImageFormat::Hdr,
+    ImageFormat::OpenExr,
+];
+
+fn decode_dynamic(
+    bytes: &[u8],
+    label: &str,
+    format: ImageFormat,
+    limits: ImageLimits,
+) -> Result<DynamicImage, LoadImageError> {
+    let report = |error: ImageError| match &error {
+        ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::InsufficientMemory) => {
+            LoadImageError::Memory { label: label.to_owned(), limit: limits.bytes }
+        }
+        _ => LoadImageError::Decode {
+            label: label.to_owned(),
+            format: FormatName(format),
+            cause: DecodeCause::Reported(error),
+        },
+    };
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    let mut decoder_limits = image::Limits::no_limits();
+    decoder_limits.max_alloc = Some(limits.bytes);
+    reader.limits(decoder_limits);
+    let decoder = reader.into_decoder().map_err(report)?;
+    let (width, height) = decoder.dimensions();
+    if width == 0 || height == 0 || width.max(height) > limits.side {
+        return Err(LoadImageError::Size { label: label.to_owned(), width, height, limit: limits.side });
+    }
+    if decoder.total_bytes() > limits.bytes {
+        return Err(LoadImageError::Memory { label: label.to_owned(), limit: limits.bytes });
+    }
+    DynamicImage::from_decoder(decoder).map_err(report)
+}
+
+fn from_dynamic(decoded: DynamicImage, default_space: ColorSpace) -> Image {
+    let (width, height) = (decoded.width(), decoded.height());
+    let channels = decoded.color().channel_count();
+    let samples = match decoded {
+        DynamicImage::ImageLuma8(buffer) => Samples::U8(buffer.into_raw()),
+        DynamicImage::ImageLumaA8(buffer) => Samples::U8(buffer.into_raw()),
+        DynamicImage::ImageRgb8(buffer) => Samples::U8(buffer.into_raw()),
+        DynamicImage::ImageRgba8(buffer) => Samples::U8(buffer.into_raw()),
+        DynamicImage::ImageLuma16(buffer) => Samples::U16(buffer.into_raw()),
+        DynamicImage::ImageLumaA16(buffer) => Samples::U16(buffer.into_raw()),
+        DynamicImage::ImageRgb16(buffer) => Samples::U16(buffer.into_raw()),
+        DynamicImage::ImageRgba16(buffer) => Samples::U16(buffer.into_raw()),
+        DynamicImage::ImageRgb32F(buffer) => Samples::F32(buffer.into_raw()),
+        other => {
+            let samples = Samples::F32(other.into_rgba32f().into_raw());
+            return Image { width, height, channels: 4, space: ColorSpace::Linear, samples };
+        }
+    };
+    let space = if samples.depth() == Depth::F32 { ColorSpace::Linear } else { default_space };
+    Image { width, height, channels, space, samples }
+}
+
+/// Straight from associated alpha; colours of fully transparent texels stay as they are.
+fn divide_by_alpha(image: &mut Image) {
+    if let (Samples::F32(values), 4) = (&mut image.samples, image.channels) {
+        for [r, g, b, a] in values.as_chunks_mut::<4>().0 {
+            if *a > 0.0 {
+                (*r, *g, *b) = (*r / *a, *g / *a, *b / *a);
+            }
+        }
+    }
+}
+
+/// The image with samples that `format` can hold.
+fn convert_for(image: &Image, format: ImageFormat) -> Image {
+    let depth = image.samples.depth();
+    match format {
+        ImageFormat::Hdr | ImageFormat::OpenExr => image.converted(Depth::F32, ColorSpace::Linear),
+        ImageFormat::Jpeg | ImageFormat::WebP if depth == Depth::U16 => {
+            image.converted(Depth::U8, image.space)
+        }
+        ImageFormat::Tiff if depth == Depth::F32 => image.converted(Depth::F32, ColorSpace::Linear),
+        _ if depth == Depth::F32 => image.converted(Depth::U8, ColorSpace::Srgb),
+        _ => image.clone(),
+    }
+}
+
+/// Grey as three equal channels, grey + alpha as four; others unchanged.
+fn spread_grey(image: &Image) -> Image {
+    fn spread<T: Copy>(values: &[T], channels: u8) -> Vec<T> {
+        match channels {
+            1 => values.iter().flat_map(|&grey| [grey; 3]).collect(),
+            _ => values.as_chunks().0.iter().flat_map(|&[grey, alpha]| [grey, grey, grey, alpha]).collect(),
+        }
+    }
+    if image.channels > 2 {
+        return image.clone();
+    }
+    let samples = match &image.samples {
+        Samples::U8(values) => Samples::U8(spread(values, image.channels)),
+        Samples::U16(values) => Samples::U16(spread(values, image.channels)),
+        Samples::F32(values) => Samples::F32(spread(values, image.channels)),
+    };
+    Image { channels: image.channels + 2, samples, ..*image }
+}
+
+fn encode(image: &Image, format: ImageFormat) -> Result<Vec<u8>, ImageError> {
+    let mut bytes = Vec::new();
+    match format {
+        ImageFormat::OpenExr => write_exr(&spread_grey(image), &mut bytes)?,
+        ImageFormat::WebP => {
+            write_samples(&spread_grey(image), |data, width, height, color| {
+                image::codecs::webp::WebPEncoder::new_lossless(&mut bytes)
+                    .write_image(data, width, height, color)
+            })?;
+        }
+        ImageFormat::Jpeg => {
+            write_samples(image, |data, width, height, color| {
+                image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, 95)
+                    .write_image(data, width, height, color)
+            })?;
+        }
+        ImageFormat::Tiff => {
+            let mut cursor = Cursor::new(&mut bytes);
+            let image = if image.samples.depth() == Depth::F32 || image.channels == 2 {
+                &spread_grey(image)
+            } else {
+                image
+            };
+            write_samples(image, |data, width, height, color| {
+                image::codecs::tiff::TiffEncoder::new(&mut cursor).write_image(data, width, height, color)
+            })?;
+        }
+        ImageFormat::Hdr => {
+            write_samples(image, |data, width, height, color| {
+                image::codecs::hdr::HdrEncoder::new(&mut bytes).write_image(data, width, height, color)
+            })?;
+        }
+        _ => {
+            write_samples(image, |data, width, height, color| {
+                image::codecs::png::PngEncoder::new(&mut bytes).write_image(data, width, height, color)
+            })?;
+        }
+    }
+    Ok(bytes)
+}
+
+/// Hands the samples as native-endian bytes to `write`, which is what the encoders expect.
+fn write_samples(
+    image: &Image,
+    write: impl FnOnce(&[u8], u32, u32, ExtendedColorType) -> Result<(), ImageError>,
+) -> Result<(), ImageError> {
+    let color = match (image.samples.depth(), image.channels) {
+        (Depth::U8, 1) => ColorType::L8,
+        (Depth::U8, 2) => ColorType::La8,
+        (Depth::U8, 3) => ColorType::Rgb8,
+        (Depth::U8, _) => ColorType::Rgba8,
+        (Depth::U16, 1) => ColorType::L16,
+        (Depth::U16, 2) => ColorType::La16,
+        (Depth::U16, 3) => ColorType::Rgb16,
+        (Depth::U16, _) => ColorType::Rgba16,
+        (Depth::F32, 3) => ColorType::Rgb32F,
+        (Depth::F32, _) => ColorType::Rgba32F,
+    };
+    let data = match &image.samples {
+        Samples::U8(values) => values,
+        Samples::U16(values) => bytemuck::cast_slice(values),
+        Samples::F32(values) => bytemuck::cast_slice(values),
+    };
+    write(data, image.width, image.height, color.into())
+}
+
+fn write_exr(image: &Image, bytes: &mut Vec<u8>) -> Result<(), ImageError> {
+    let mut associated = image.clone();
+    if let (Samples::F32(values), 4) = (&mut associated.samples, image.channels) {
+        for [r, g, b, a] in values.as_chunks_mut::<4>().0 {
+            (*r, *g, *b) = (*r * *a, *g * *a, *b * *a);
+        }
+    }
+    write_samples(&associated, |data, width, height, color| {
+        image::codecs::openexr::OpenExrEncoder::new(Cursor::new(bytes))
+            .write_image(data, width, height, color)
+    })
+}
+
+fn write_atomically(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".fantex-");
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        // What a plainly created file would get: the process's mask still applies.
+        builder.permissions(fs::Permissions::from_mode(0o666));
+    }
+    let mut file = builder.tempfile_in(folder)?;
+    let mut writer = BufWriter::new(file.as_file_mut());
+    writer.write_all(bytes)?;
+    writer.flush()?;
+    drop(writer);
+    file.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}

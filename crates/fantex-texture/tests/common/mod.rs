@@ -1,0 +1,62 @@
+//! What the tests share.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fantex_texture::{Filter, Image, ImageTexture};
+
+pub const FILTERS: [Filter; 6] =
+    [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
+
+/// A folder of the test data, or `None` (said on standard error) where it is not installed.
+pub fn data_folder(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("FANTEX_DATA").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        PathBuf::from,
+    );
+    let folder = root.join(name);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("SKIPPED: no test data in {}", folder.display());
+    None
+}
+
+/// A small generator of test numbers (SplitMix64).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// In [0,1).
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 40) as f32 / (1 << 24) as f32
+    }
+}
+
+/// A float texture whose texel (x, y) is `value(x, y)`.
+pub fn texture(
+    width: u32,
+    height: u32,
+    channels: u8,
+    mut value: impl FnMut(u32, u32) -> [f32; 4],
+) -> ImageTexture {
+    let mut samples = Vec::new();
+    for y in 0..height {
+        for x in 0..width {
+            samples.extend_from_slice(&value(x, y)[..usize::from(channels)]);
+        }
+    }
+    ImageTexture::new(Arc::new(Image::from_linear(width, height, channels, samples)))
+}
+
+pub fn assert_close(got: [f32; 4], expected: [f32; 4], tolerance: f32, what: &str) {
+    let error = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(error <= tolerance, "{what}: got {got:?}, expected {expected:?}");
+}
