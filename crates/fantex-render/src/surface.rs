@@ -1,5 +1,6 @@
 //! What a surface tells the renderer about its points.
 
+use fantex_mesh::{AlphaMode, Material};
 use glam::Vec3;
 
 use crate::Hit;
@@ -12,6 +13,22 @@ pub enum Coverage {
     Opaque,
     /// Cut-outs and transparency: composited back to front with [`MaterialSample::alpha`].
     Layered,
+}
+
+impl Coverage {
+    /// What a material asks for.
+    pub fn of(material: &Material) -> Self {
+        if material.alpha == AlphaMode::Opaque { Self::Opaque } else { Self::Layered }
+    }
+}
+
+/// Opacity as a material means it.
+pub(crate) fn apply_alpha_mode(mode: AlphaMode, alpha: f32) -> f32 {
+    match mode {
+        AlphaMode::Opaque => 1.0,
+        AlphaMode::Mask(threshold) => f32::from(u8::from(alpha >= threshold)),
+        AlphaMode::Blend => alpha.clamp(0.0, 1.0),
+    }
 }
 
 /// The material at one point.
