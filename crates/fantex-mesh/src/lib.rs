@@ -12,12 +12,14 @@
 
 mod adjacency;
 mod clean;
+mod generate;
 mod material;
 mod mesh;
 mod model;
 
 pub use adjacency::*;
 pub use clean::*;
+pub use generate::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;

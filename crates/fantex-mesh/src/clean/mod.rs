@@ -30,6 +30,7 @@ use crate::{CornerAttributes, Material, Mesh, Model, VertexCorners, WorldFromMes
 
 use first::Repeat;
 pub use report::CleanReport;
+pub(crate) use topology::Components;
 pub use topology::Topology;
 
 /// Triangles per parallel task.

@@ -102,17 +102,17 @@ impl Topology {
 }
 
 /// Concurrent union-find over triangles. Every set's root is its smallest member, whatever the order of joining.
-pub(super) struct Components {
+pub(crate) struct Components {
     parents: Vec<AtomicU32>,
 }
 
 impl Components {
-    pub(super) fn new(count: usize) -> Self {
+    pub(crate) fn new(count: usize) -> Self {
         Self { parents: (0..count as u32).map(AtomicU32::new).collect() }
     }
 
     /// The smallest member of the set, once all joins are done.
-    pub(super) fn root(&self, mut element: u32) -> u32 {
+    pub(crate) fn root(&self, mut element: u32) -> u32 {
         loop {
             let parent = self.parents[element as usize].load(Relaxed);
             if parent == element {
@@ -126,7 +126,7 @@ impl Components {
     }
 
     /// Makes the sets of `a` and `b` one.
-    pub(super) fn join(&self, mut a: u32, mut b: u32) {
+    pub(crate) fn join(&self, mut a: u32, mut b: u32) {
         loop {
             (a, b) = (self.root(a), self.root(b));
             if a == b {
@@ -140,7 +140,7 @@ impl Components {
     }
 
     /// Number of sets.
-    pub(super) fn count(&self) -> u64 {
+    pub(crate) fn count(&self) -> u64 {
         let is_root = |(i, parent): (usize, &AtomicU32)| parent.load(Relaxed) == i as u32;
         self.parents.par_iter().enumerate().with_min_len(1 << 14).filter(|&p| is_root(p)).count() as u64
     }

@@ -1,0 +1,190 @@
+//! Landscapes with ridged mountains, terraced cliffs, overhangs, tunnels and natural arches, of any size.
+//!
+//! ```text
+//!  seed --> height map --> density (overhangs, arches, tunnels, walls, floor) --marching tetrahedra--> relaxed surface
+//! ```
+//!
+//! The result is one closed solid: watertight, manifold, consistently oriented, its handles counted.
+
+mod density;
+mod relax;
+mod terrain;
+mod tetrahedra;
+mod tubes;
+
+use glam::{UVec3, Vec3};
+
+use crate::clean::Components;
+use crate::{Material, Model, Topology, VertexCorners};
+
+use density::{Density, Overhangs};
+use terrain::HeightMap;
+use tetrahedra::{Lattice, Surface, polygonise};
+
+/// Altitude of the solid's floor, metres.
+const FLOOR: f32 = -30.0;
+/// Triangles of the trial passes that the lattice's step is estimated from.
+const TRIAL_TRIANGLES: [f32; 2] = [2.0e4, 8.0e4];
+/// Passes until the number of triangles must be near the target.
+const MAX_PASSES: u32 = 6;
+
+/// What landscape to make.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LandscapeOptions {
+    /// Number of triangles aimed at; at least about a thousand are made. The result lies within 10 %.
+    pub triangles: u64,
+    /// Same seed, same landscape, at any number of triangles.
+    pub seed: u64,
+    /// Side of its square, metres.
+    pub size: f32,
+    /// Tunnels wanted; fewer are made where the mountains hold no more.
+    pub tunnels: u32,
+    /// Natural arches wanted; fewer are made where the ground offers no place.
+    pub arches: u32,
+}
+
+impl Default for LandscapeOptions {
+    fn default() -> Self {
+        Self { triangles: 500_000, seed: 1, size: 640.0, tunnels: 4, arches: 3 }
+    }
+}
+
+/// A closed solid of rock; y is up, lengths in metres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Landscape {
+    /// Vertex positions, metres.
+    pub positions: Vec<Vec3>,
+    /// Counter-clockwise seen from outside.
+    pub triangles: Vec<[u32; 3]>,
+    /// Number of handles, from the Euler characteristic of the surface.
+    pub genus: u64,
+    /// Number of pieces.
+    pub components: u64,
+    /// Tunnels that were carved.
+    pub tunnels: u32,
+    /// Arches that were built.
+    pub arches: u32,
+}
+
+/// Makes a landscape.
+pub fn landscape(options: &LandscapeOptions) -> Landscape {
+    let target = (options.triangles as f32).max(1000.0);
+    let mut trials: Vec<(f32, f32)> = Vec::new();
+    for aim in TRIAL_TRIANGLES.into_iter().filter(|&aim| aim < 0.5 * target) {
+        let step = estimate(&trials, aim, options.size);
+        trials.push((step, World::new(options, step).surface().triangles.len() as f32));
+    }
+    for pass in 1.. {
+        let world = World::new(options, estimate(&trials, target, options.size));
+        let surface = world.surface();
+        let count = surface.triangles.len() as f32;
+        if pass == MAX_PASSES || (count / target - 1.0).abs() < 0.08 {
+            return world.finish(surface);
+        }
+        trials.push((world.lattice.step, count));
+    }
+    unreachable!("the loop ends at its last pass")
+}
+
+/// The lattice's step in metres for a number of triangles: `count = a * step^-b` through the last two trials. Rough ground
+/// has more area the closer one looks, so `b` is somewhat above two.
+fn estimate(trials: &[(f32, f32)], target: f32, size: f32) -> f32 {
+    match trials {
+        [] => size * (28.0 / target).sqrt(),
+        [(step, count)] => step * (count / target).powf(1.0 / 2.1),
+        [.., (s0, c0), (s1, c1)] => {
+            let exponent = ((c1 / c0).ln() / (s0 / s1).ln()).clamp(1.7, 2.6);
+            let exponent = if exponent.is_nan() { 2.1 } else { exponent };
+            s1 * (c1 / target).powf(1.0 / exponent)
+        }
+    }
+}
+
+/// A density on its lattice.
+struct World {
+    density: Density,
+    lattice: Lattice,
+}
+
+impl World {
+    fn new(options: &LandscapeOptions, step: f32) -> Self {
+        let cubes = (options.size / step).round().max(8.0);
+        let step = options.size / cubes;
+        let ground = HeightMap::new(options.seed, options.size, step);
+        let range = ground.range();
+        let blend = (0.6 * step).max(5.0);
+        let site = tubes::Site {
+            ground: &ground,
+            size: options.size,
+            least_radius: 1.7 * step,
+            reach: blend,
+            seed: options.seed,
+        };
+        let tunnels = site.tunnels(options.tunnels);
+        let arches = site.arches(options.arches, &tunnels);
+        let height = range.1 + 60.0 - FLOOR;
+        // Walls and floor lie half-way between lattice points: they come out exactly flat.
+        let origin = Vec3::new(-0.5 * options.size, FLOOR, -0.5 * options.size) - 0.5 * step;
+        let cubes = UVec3::new(cubes as u32 + 1, (height / step).ceil() as u32 + 1, cubes as u32 + 1);
+        let overhangs = Overhangs::new(options.seed);
+        let half_size = 0.5 * options.size;
+        let density = Density { half_size, floor: FLOOR, ground, range, tunnels, arches, blend, overhangs };
+        Self { density, lattice: Lattice { origin, step, cubes } }
+    }
+
+    /// The surface without loose specks and sealed caverns: its largest piece.
+    fn surface(&self) -> Surface {
+        largest_piece(polygonise(&self.lattice, |p| self.density.at(p)))
+    }
+
+    fn finish(self, mut surface: Surface) -> Landscape {
+        relax::relax(&mut surface.positions, &surface.triangles, 0.5, 3);
+        let corners = VertexCorners::of(&surface.triangles, surface.positions.len());
+        let topology = Topology::of(&surface.triangles, &corners);
+        Landscape {
+            positions: surface.positions,
+            triangles: surface.triangles,
+            genus: topology.genus().unwrap_or(0),
+            components: topology.components,
+            tunnels: self.density.tunnels.len() as u32,
+            arches: self.density.arches.len() as u32,
+        }
+    }
+}
+
+/// Keeps only the piece with the most triangles.
+fn largest_piece(surface: Surface) -> Surface {
+    let pieces = Components::new(surface.positions.len());
+    for &[a, b, c] in &surface.triangles {
+        pieces.join(a, b);
+        pieces.join(b, c);
+    }
+    let roots: Vec<u32> = (0..surface.positions.len() as u32).map(|v| pieces.root(v)).collect();
+    let mut sizes = vec![0_u32; roots.len()];
+    roots.iter().for_each(|&r| sizes[r as usize] += 1);
+    let Some(largest) = (0..sizes.len()).rev().max_by_key(|&r| sizes[r]) else { return surface };
+    if sizes[largest] as usize == roots.len() {
+        return surface;
+    }
+    let mut target = vec![u32::MAX; roots.len()];
+    let mut positions = Vec::with_capacity(sizes[largest] as usize);
+    for v in (0..roots.len()).filter(|&v| roots[v] == largest as u32) {
+        target[v] = positions.len() as u32;
+        positions.push(surface.positions[v]);
+    }
+    let stays = |t: &[u32; 3]| target[t[0] as usize] != u32::MAX;
+    let renumbered = |t: [u32; 3]| t.map(|v| target[v as usize]);
+    Surface { positions, triangles: surface.triangles.into_iter().filter(stays).map(renumbered).collect() }
+}
+
+impl From<Landscape> for Model {
+    fn from(landscape: Landscape) -> Self {
+        Self {
+            name: "landscape".to_owned(),
+            positions: landscape.positions.iter().map(|p| p.as_dvec3()).collect(),
+            triangles: landscape.triangles,
+            materials: vec![Material { name: "rock".to_owned(), ..Material::default() }],
+            ..Self::default()
+        }
+    }
+}
