@@ -1,9 +1,33 @@
-//! The `.fan` asset: format, block codecs, writing, reading, verifying.
+//! The `.fan` asset: format, block codecs, writing, reading, caching, verifying.
+//!
+//! ```text
+//!  Mesh, Cover, Channels --create--> AssetWriter <--write_pages-- EncodedPage <--encode-- texels
+//!                                        | finish (fsync, rename)
+//!                                        v
+//!                 PageCache <--- Asset::open(path) ---> verify
+//!                     | tile(channel, group, level)
+//!                     v
+//!                   Tile::bilinear(uv) -> linear RGBA
+//! ```
+//!
+//! The format is described byte by byte in `docs/format.md`. No function of this crate trusts a file: lengths, offsets,
+//! counts and extents are checked against the [`limits`] before anything is allocated.
 
+mod cache;
 mod channel;
+mod codec;
+mod error;
+pub mod limits;
+mod page;
 mod reader;
+mod verify;
 mod writer;
 
+pub use cache::*;
 pub use channel::*;
+pub use codec::*;
+pub use error::*;
+pub use page::*;
 pub use reader::*;
+pub use verify::*;
 pub use writer::*;

@@ -5,27 +5,7 @@ use std::path::Path;
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 
-use crate::Channel;
-
-/// A failed operation on an asset. (To be split by who can act.)
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StoreError {}
-
-/// The name of one stored rectangle of texels: a tile at a level, or, where that is larger than [`PAGE`] texels, one of
-/// the pages it is cut into (row-major).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct PageId {
-    /// Group index.
-    pub group: u32,
-    /// Detail level, 0 = finest.
-    pub level: u32,
-    /// Page column and row; `[0, 0]` for most tiles.
-    pub page: [u32; 2],
-}
-
-/// Longest side of a page in texels.
-pub const PAGE: u32 = 256;
+use crate::{Channel, ChannelKind, OpenError, PageError, PageId};
 
 /// Decoded texels of one page and channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,18 +16,28 @@ pub struct Texels {
     pub rgba: Vec<[f32; 4]>,
 }
 
-/// An open asset. Shared by threads.
+/// An open asset. Shared by threads: all reads are positional.
 #[derive(Debug)]
 pub struct Asset {}
 
 impl Asset {
     /// Opens and checks an asset: header, mesh, cover, channels and directory.
-    pub fn open(path: &Path) -> Result<Self, StoreError> {
+    pub fn open(path: &Path) -> Result<Self, OpenError> {
         let _ = path;
         todo!()
     }
 
-    /// The mesh.
+    /// The path it was opened from.
+    pub fn path(&self) -> &Path {
+        todo!()
+    }
+
+    /// Length of the file in bytes.
+    pub fn file_bytes(&self) -> u64 {
+        todo!()
+    }
+
+    /// The mesh; without images, and its materials without textures (they are baked).
     pub fn mesh(&self) -> &Mesh {
         todo!()
     }
@@ -62,6 +52,16 @@ impl Asset {
         todo!()
     }
 
+    /// Index of the channel of a kind.
+    pub fn channel_of_kind(&self, kind: ChannelKind) -> Option<usize> {
+        self.channels().iter().position(|c| c.kind == kind)
+    }
+
+    /// Number of detail levels of the tile with the most.
+    pub fn level_count(&self) -> u32 {
+        todo!()
+    }
+
     /// Mean linear RGBA of a group, always resident.
     pub fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
         let _ = (channel, group);
@@ -69,7 +69,13 @@ impl Asset {
     }
 
     /// Reads, checks and decodes one page. Not cached.
-    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, StoreError> {
+    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
+        let _ = (channel, page);
+        todo!()
+    }
+
+    /// Reads and checks one page and returns its bytes in the channel's format. Not cached.
+    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
         let _ = (channel, page);
         todo!()
     }

@@ -1,0 +1,267 @@
+//! Where the picture is taken from.
+
+use fantex_mesh::{Mesh, WorldFromMesh};
+use glam::{DMat3, DVec2, DVec3, Vec3};
+
+/// An axis-aligned box, world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Smallest coordinates.
+    pub min: DVec3,
+    /// Largest coordinates.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// The bounding box of a mesh; a point at the origin for a mesh without vertices.
+    pub fn of_mesh(mesh: &Mesh) -> Self {
+        let mut points = mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p));
+        let first = points.next().unwrap_or(DVec3::ZERO);
+        points.fold(Self { min: first, max: first }, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
+    }
+
+    /// The eight corners.
+    pub fn corners(&self) -> [DVec3; 8] {
+        std::array::from_fn(|i| {
+            let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
+            DVec3::new(
+                pick(0, self.min.x, self.max.x),
+                pick(1, self.min.y, self.max.y),
+                pick(2, self.min.z, self.max.z),
+            )
+        })
+    }
+
+    /// The centre.
+    pub fn center(&self) -> DVec3 {
+        (self.min + self.max) * 0.5
+    }
+}
+
+/// A pinhole camera, **world space** (the model file's coordinates). There is no far plane; the near plane is chosen by
+/// the renderer from the distance to the mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// The pinhole.
+    pub eye: DVec3,
+    /// A point in the middle of the picture, not the eye.
+    pub target: DVec3,
+    /// Points upwards in the picture; need not be orthogonal to the line of sight.
+    pub up: DVec3,
+    /// Vertical opening angle in degrees, between 0 and 180.
+    pub fov_degrees: f64,
+}
+
+/// Share of the picture that a framed model fills.
+const FRAMING_FILL: f64 = 0.92;
+
+/// Opening angle of framed pictures: long enough a lens to show proportions as they are.
+const FRAMING_FOV_DEGREES: f64 = 35.0;
+
+impl Camera {
+    /// Direction from the model to the camera of a three-quarter view: from the front (+z), the right and above.
+    pub const THREE_QUARTER: DVec3 = DVec3::new(0.62, 0.45, 1.0);
+
+    /// A camera that looks at a box from `direction` (from the box to the camera) and shows it whole and as large as
+    /// possible. `aspect` is width / height.
+    pub fn framing(bounds: &Bounds, direction: DVec3, aspect: f64) -> Self {
+        Self::framing_points(bounds.corners(), direction, aspect)
+    }
+
+    /// Like [`Camera::framing`], but tight around the mesh itself.
+    pub fn framing_mesh(mesh: &Mesh, direction: DVec3, aspect: f64) -> Self {
+        Self::framing_points(mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)), direction, aspect)
+    }
+
+    /// The camera whose frustum, looking along `-direction`, touches the points from all sides.
+    ///
+    /// In a frame with z along `direction`, a point is left of the right frustum plane of an eye at `e` if
+    /// `x - e.x <= t (e.z - z)`. Each of the four planes thus asks for the largest `+-x + t z` (or y); the two
+    /// opposite ones together give the eye's distance and its centre.
+    fn framing_points(points: impl IntoIterator<Item = DVec3>, direction: DVec3, aspect: f64) -> Self {
+        let direction = direction.try_normalize().unwrap_or(DVec3::Z);
+        let world_from_view = view_axes(direction, DVec3::Y);
+        let view_from_world = world_from_view.transpose();
+        let half = (FRAMING_FOV_DEGREES.to_radians() * 0.5).tan() * FRAMING_FILL;
+        let tangents = DVec2::new(half * aspect, half);
+        let mut high = DVec2::splat(f64::NEG_INFINITY);
+        let mut low = high;
+        let mut front = f64::NEG_INFINITY;
+        for p in points {
+            let p = view_from_world * p;
+            high = high.max(p.truncate() + tangents * p.z);
+            low = low.max(-p.truncate() + tangents * p.z);
+            front = front.max(p.z);
+        }
+        if !front.is_finite() {
+            return Self {
+                eye: direction * 3.0,
+                target: DVec3::ZERO,
+                up: DVec3::Y,
+                fov_degrees: FRAMING_FOV_DEGREES,
+            };
+        }
+        let center = (high - low) * 0.5;
+        let distances = (high + low) / (2.0 * tangents);
+        let smallest_gap = front.abs().max(1e-3) * 1e-3;
+        let eye_z = distances.max_element().max(front + smallest_gap);
+        let eye = center.extend(eye_z);
+        let target = center.extend(front - (eye_z - front));
+        Self {
+            eye: world_from_view * eye,
+            target: world_from_view * target,
+            up: world_from_view.y_axis,
+            fov_degrees: FRAMING_FOV_DEGREES,
+        }
+    }
+
+    /// `count` cameras spread evenly around the mesh, each framing it: a spiral of equal-area steps over the sphere
+    /// (the Fibonacci lattice; Á. González, "Measurement of Areas on a Sphere Using Fibonacci and Latitude-Longitude
+    /// Lattices", 2010), kept off the poles.
+    pub fn orbit(mesh: &Mesh, count: usize, aspect: f64) -> Vec<Self> {
+        let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+        (0..count)
+            .map(|i| {
+                let y = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
+                let radius = (1.0 - y * y).sqrt();
+                let angle = golden_angle * i as f64 + 0.5;
+                let direction = DVec3::new(radius * angle.sin(), y * 0.95, radius * angle.cos());
+                Self::framing_mesh(mesh, direction, aspect)
+            })
+            .collect()
+    }
+
+    /// Why the camera cannot take a picture, or nothing.
+    pub(crate) fn defect(&self) -> Option<&'static str> {
+        if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite()) {
+            Some("its eye, target or up vector is not finite")
+        } else if self.eye == self.target {
+            Some("its eye and target are the same point")
+        } else if !(self.fov_degrees > 0.0 && self.fov_degrees < 180.0) {
+            Some("its opening angle is not between 0 and 180 degrees")
+        } else {
+            None
+        }
+    }
+}
+
+/// Right, up and backward axes (as columns) of a camera that looks along `-backward`.
+fn view_axes(backward: DVec3, up: DVec3) -> DMat3 {
+    let right = up.cross(backward).try_normalize().unwrap_or_else(|| {
+        let side = if backward.y.abs() > 0.9 { DVec3::X } else { DVec3::Y.cross(backward) };
+        (side - backward * side.dot(backward)).normalize_or(DVec3::X)
+    });
+    DMat3::from_cols(right, backward.cross(right), backward)
+}
+
+/// The projection of mesh space onto the screen.
+///
+/// Screen-homogeneous coordinates `(x w, y w, w)`: `x` and `y` in pixels from the picture's top left corner, `w` the
+/// depth along the line of sight in mesh units.
+#[derive(Clone, Debug)]
+pub(crate) struct Projection {
+    /// The pinhole, mesh space.
+    pub(crate) eye: Vec3,
+    screen_from_view: DMat3,
+    eye_exact: DVec3,
+    /// Depth of the near plane, mesh units.
+    pub(crate) near: f64,
+}
+
+impl Projection {
+    /// The projection of a camera without [`Camera::defect`] onto `size` pixels.
+    pub(crate) fn new(camera: &Camera, size: [u32; 2], mesh: &Mesh) -> Self {
+        let WorldFromMesh { offset, scale } = mesh.world_from_mesh;
+        let eye_exact = (camera.eye - offset) / scale;
+        let backward = (camera.eye - camera.target).normalize_or(DVec3::Z);
+        let axes = view_axes(backward, camera.up.normalize_or(DVec3::Y));
+        let [width, height] = size.map(f64::from);
+        let focal = 0.5 * height / (camera.fov_degrees.to_radians() * 0.5).tan();
+        let rows = DMat3::from_cols(
+            axes.x_axis * focal - backward * (0.5 * width),
+            axes.y_axis * -focal - backward * (0.5 * height),
+            -backward,
+        );
+        Self {
+            eye: eye_exact.as_vec3(),
+            eye_exact,
+            screen_from_view: rows.transpose(),
+            near: near_depth(mesh, eye_exact, -backward),
+        }
+    }
+
+    /// Screen-homogeneous coordinates of a mesh-space point.
+    pub(crate) fn project(&self, p_mesh: Vec3) -> DVec3 {
+        self.screen_from_view * (p_mesh.as_dvec3() - self.eye_exact)
+    }
+}
+
+/// The near plane: as far away as the mesh allows, but never so close that depth loses its digits.
+fn near_depth(mesh: &Mesh, eye: DVec3, forward: DVec3) -> f64 {
+    let depths = mesh.positions.iter().map(|p| (p.as_dvec3() - eye).dot(forward));
+    let (nearest, farthest) = depths.fold((f64::INFINITY, 0f64), |(near, far), d| (near.min(d), far.max(d)));
+    (nearest * 0.5).max(farthest * 1e-5).max(1e-12)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn box_mesh() -> Mesh {
+        let bounds = Bounds { min: DVec3::splat(-0.5), max: DVec3::new(0.5, 0.25, 0.75) };
+        Mesh {
+            positions: bounds.corners().map(|c| c.as_vec3()).to_vec(),
+            world_from_mesh: WorldFromMesh { offset: DVec3::new(1e4, 5.0, -7.0), scale: 16.0 },
+            ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn framing_touches_the_picture_and_stays_inside() {
+        let mesh = box_mesh();
+        let size = [640, 360];
+        for direction in
+            [Camera::THREE_QUARTER, DVec3::Y, DVec3::NEG_Y, DVec3::X, DVec3::new(-1.0, -0.2, 0.1)]
+        {
+            let camera = Camera::framing_mesh(&mesh, direction, 640.0 / 360.0);
+            let projection = Projection::new(&camera, size, &mesh);
+            let screen: Vec<_> = mesh
+                .positions
+                .iter()
+                .map(|&p| projection.project(p))
+                .inspect(|h| assert!(h.z > projection.near))
+                .map(|h| h.truncate() / h.z / DVec2::new(640.0, 360.0) - 0.5)
+                .collect();
+            let reach = screen.iter().fold(DVec2::ZERO, |r, s| r.max(s.abs()));
+            assert!(reach.max_element() < 0.5 && reach.max_element() > 0.45, "{direction}: {reach}");
+        }
+    }
+
+    #[test]
+    fn up_is_up_and_right_is_right() {
+        let mesh = box_mesh();
+        let camera = Camera {
+            eye: DVec3::new(1e4, 5.0, 93.0),
+            target: mesh.world_from_mesh.offset,
+            up: DVec3::Y,
+            fov_degrees: 40.0,
+        };
+        let projection = Projection::new(&camera, [200, 100], &mesh);
+        let at = |p| {
+            let h = projection.project(p);
+            h.truncate() / h.z
+        };
+        assert!((at(Vec3::ZERO) - DVec2::new(100.0, 50.0)).length() < 1e-6);
+        assert!(at(Vec3::X * 0.1).x > 100.0, "+x is on the right of a camera on +z");
+        assert!(at(Vec3::Y * 0.1).y < 50.0, "+y is in the upper half");
+    }
+
+    #[test]
+    fn an_orbit_looks_from_all_sides() {
+        let mesh = box_mesh();
+        let cameras = Camera::orbit(&mesh, 8, 1.0);
+        let mean: DVec3 = cameras.iter().map(|c| (c.eye - c.target).normalize()).sum::<DVec3>() / 8.0;
+        assert!(mean.length() < 0.2, "{mean}");
+        assert!(cameras.iter().all(|c| c.defect().is_none()));
+    }
+}

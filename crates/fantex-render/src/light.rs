@@ -1,0 +1,71 @@
+//! Lights.
+
+use glam::Vec3;
+
+use crate::Camera;
+
+/// Light from one direction, as from the sun.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionalLight {
+    /// From the surface to the light; any length but zero. World directions, which are mesh space's, too.
+    pub to_light: Vec3,
+    /// Linear RGB: what a white, perfectly diffuse surface that faces the light reflects to every side.
+    pub color: Vec3,
+}
+
+/// Light from everywhere: one colour from above, one from below, mixed by height in between.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AmbientLight {
+    /// Linear RGB from straight above.
+    pub sky: Vec3,
+    /// Linear RGB from straight below.
+    pub ground: Vec3,
+    /// Unit vector upwards.
+    pub up: Vec3,
+}
+
+impl AmbientLight {
+    /// The same colour from all sides.
+    pub fn uniform(color: Vec3) -> Self {
+        Self { sky: color, ground: color, up: Vec3::Y }
+    }
+
+    /// Colour from a (unit) direction; also what a white surface with that normal reflects.
+    pub(crate) fn from_direction(&self, direction: Vec3) -> Vec3 {
+        self.ground.lerp(self.sky, 0.5 + 0.5 * direction.dot(self.up))
+    }
+}
+
+/// All light of a scene.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lights {
+    /// Light from everywhere.
+    pub ambient: AmbientLight,
+    /// Light from certain directions.
+    pub directional: Vec<DirectionalLight>,
+}
+
+impl Default for Lights {
+    /// A sun high in front (+z) and to the left, and a sky a little brighter than the ground.
+    fn default() -> Self {
+        Self::sun(Vec3::new(-0.5, 0.8, 0.7))
+    }
+}
+
+impl Lights {
+    /// A white sun and a sky.
+    pub fn sun(to_light: Vec3) -> Self {
+        Self {
+            ambient: AmbientLight { sky: Vec3::splat(0.4), ground: Vec3::splat(0.22), up: Vec3::Y },
+            directional: vec![DirectionalLight { to_light, color: Vec3::splat(0.8) }],
+        }
+    }
+
+    /// A sun over the photographer's left shoulder: every side of a model gets its picture in good light.
+    pub fn behind(camera: &Camera) -> Self {
+        let back = (camera.eye - camera.target).normalize_or(glam::DVec3::Z);
+        let right = camera.up.cross(back).normalize_or(glam::DVec3::X);
+        let up = back.cross(right);
+        Self::sun((back - right * 0.6 + up * 0.7).as_vec3())
+    }
+}

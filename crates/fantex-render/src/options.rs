@@ -1,0 +1,124 @@
+//! How to render.
+
+use glam::Vec3;
+
+use crate::pattern::MAX_SAMPLES;
+use crate::{Camera, Interpolation, Shading};
+
+/// What is seen where no surface is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Background {
+    /// Nothing: the picture gets an alpha channel.
+    Transparent,
+    /// Linear RGB.
+    Color(Vec3),
+    /// Linear RGB from the first row to the last.
+    Gradient {
+        /// First row.
+        top: Vec3,
+        /// Last row.
+        bottom: Vec3,
+    },
+}
+
+impl Default for Background {
+    /// A light grey gradient, darker below.
+    fn default() -> Self {
+        Self::Gradient { top: Vec3::splat(0.62), bottom: Vec3::splat(0.34) }
+    }
+}
+
+impl Background {
+    /// Premultiplied RGBA at a height, 0 = top, 1 = bottom.
+    pub(crate) fn at(&self, height: f32) -> glam::Vec4 {
+        match *self {
+            Self::Transparent => glam::Vec4::ZERO,
+            Self::Color(color) => color.extend(1.0),
+            Self::Gradient { top, bottom } => top.lerp(bottom, height).extend(1.0),
+        }
+    }
+}
+
+/// Where materials are evaluated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShadingRate {
+    /// Once per pixel and visible triangle, in the middle of its visible samples (multi-sampling).
+    #[default]
+    PerPixel,
+    /// At every sample (supersampling), with footprints as small as the samples are close.
+    PerSample,
+}
+
+/// How to render.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderOptions {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Samples per pixel, 1..=64; 4, 8 and 16 have the best patterns.
+    pub samples: u32,
+    /// Where materials are evaluated.
+    pub shading_rate: ShadingRate,
+    /// Perspective-correct or affine.
+    pub interpolation: Interpolation,
+    /// Lighting model.
+    pub shading: Shading,
+    /// What is seen where no surface is. Not affected by exposure.
+    pub background: Background,
+    /// Factor of the light that reaches the eye.
+    pub exposure: f32,
+}
+
+impl Default for RenderOptions {
+    /// 1280x720, 8 samples.
+    fn default() -> Self {
+        Self {
+            width: 1280,
+            height: 720,
+            samples: 8,
+            shading_rate: ShadingRate::default(),
+            interpolation: Interpolation::default(),
+            shading: Shading::default(),
+            background: Background::default(),
+            exposure: 1.0,
+        }
+    }
+}
+
+/// Longest side of a picture in pixels.
+pub const MAX_PICTURE_SIDE: u32 = 16_384;
+
+/// A picture cannot be rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// Empty or absurdly large.
+    #[error("cannot render {width}x{height} pixels: both sides must be between 1 and {MAX_PICTURE_SIDE}")]
+    Size {
+        /// Columns asked for.
+        width: u32,
+        /// Rows asked for.
+        height: u32,
+    },
+    /// None or too many.
+    #[error("cannot render with {0} samples per pixel: ask for 1 to {MAX_SAMPLES}")]
+    Samples(u32),
+    /// Not a view.
+    #[error("cannot render from this camera: {0}")]
+    Camera(&'static str),
+}
+
+impl RenderOptions {
+    /// Checks options and camera.
+    pub(crate) fn check(&self, camera: &Camera) -> Result<(), RenderError> {
+        let (width, height) = (self.width, self.height);
+        if !(1..=MAX_PICTURE_SIDE).contains(&width) || !(1..=MAX_PICTURE_SIDE).contains(&height) {
+            return Err(RenderError::Size { width, height });
+        }
+        if !(1..=MAX_SAMPLES).contains(&self.samples) {
+            return Err(RenderError::Samples(self.samples));
+        }
+        camera.defect().map_or(Ok(()), |defect| Err(RenderError::Camera(defect)))
+    }
+}

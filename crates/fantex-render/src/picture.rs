@@ -1,0 +1,75 @@
+//! Rendered pictures.
+
+use fantex_texture::{ColorSpace, Image, Samples};
+
+/// A picture in linear light.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Row-major from the top: linear RGB and straight alpha. RGB may exceed one.
+    pub rgba: Vec<[f32; 4]>,
+}
+
+impl Picture {
+    /// The pixel in column `x` and row `y`. Panics outside the picture.
+    pub fn pixel(&self, x: u32, y: u32) -> [f32; 4] {
+        assert!(x < self.width && y < self.height, "pixel {x},{y} of {}x{}", self.width, self.height);
+        self.rgba[(y * self.width + x) as usize]
+    }
+
+    /// True where every pixel is opaque.
+    pub fn is_opaque(&self) -> bool {
+        self.rgba.iter().all(|p| p[3] == 1.0)
+    }
+
+    /// As floats in linear light, for OpenEXR and HDR files.
+    pub fn to_linear_image(&self) -> Image {
+        self.image(ColorSpace::Linear, |channels| {
+            Samples::F32(self.rgba.iter().flat_map(|p| p[..channels].iter().copied()).collect())
+        })
+    }
+
+    /// As 8-bit sRGB, values above one cut off, for PNG and JPEG files.
+    pub fn to_srgb_image(&self) -> Image {
+        self.image(ColorSpace::Srgb, |channels| {
+            let byte = |(c, &v): (usize, &f32)| to_byte(if c == 3 { v } else { srgb_from_linear(v) });
+            Samples::U8(self.rgba.iter().flat_map(|p| p[..channels].iter().enumerate().map(byte)).collect())
+        })
+    }
+
+    /// Without an alpha channel where the picture is opaque.
+    fn image(&self, space: ColorSpace, samples: impl FnOnce(usize) -> Samples) -> Image {
+        let channels: u8 = if self.is_opaque() { 3 } else { 4 };
+        let samples = samples(usize::from(channels));
+        Image { width: self.width, height: self.height, channels, space, samples }
+    }
+}
+
+fn to_byte(v: f32) -> u8 {
+    (v.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+/// IEC 61966-2-1.
+fn srgb_from_linear(v: f32) -> f32 {
+    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_have_the_right_encoding_and_channels() {
+        let opaque =
+            Picture { width: 2, height: 1, rgba: vec![[0.0, 0.5, 1.0, 1.0], [2.0, 0.215_861, 0.0, 1.0]] };
+        let bytes = opaque.to_srgb_image();
+        assert_eq!((bytes.channels, bytes.space), (3, ColorSpace::Srgb));
+        assert_eq!(bytes.samples, Samples::U8(vec![0, 188, 255, 255, 128, 0]));
+        let see_through = Picture { width: 1, height: 1, rgba: vec![[0.5, 0.25, 3.0, 0.5]] };
+        assert_eq!(see_through.to_srgb_image().samples, Samples::U8(vec![188, 137, 255, 128]));
+        assert_eq!(see_through.to_linear_image().samples, Samples::F32(vec![0.5, 0.25, 3.0, 0.5]));
+    }
+}

@@ -1,0 +1,213 @@
+//! Triangles made ready for the rasteriser, and their distribution over the picture's tiles.
+
+use fantex_mesh::Mesh;
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::camera::Projection;
+use crate::clip::{clip, screen};
+use crate::fixed::{FixedPoint, SUBPIXELS, doubled_area, snap};
+use crate::surface::{Coverage, Surface};
+
+/// Side of a tile in pixels.
+pub(crate) const TILE: u32 = 32;
+
+/// Triangles per unit of parallel work. Fixed, so that the work is cut the same way on any number of threads.
+const CHUNK: usize = 16 * 1024;
+
+/// A triangle on the screen: corners run clockwise (y down), the area is not zero.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Primitive {
+    /// Corner positions.
+    pub(crate) corners: [FixedPoint; 3],
+    /// Nearness `1 / w` at the corners; linear over the screen.
+    pub(crate) nearness: [f32; 3],
+    /// The mesh's triangle.
+    pub(crate) triangle: u32,
+    /// True where what lies behind may show through.
+    pub(crate) layered: bool,
+}
+
+impl Primitive {
+    /// First and last pixel column and row (inclusive) that the corners' bounding box touches.
+    pub(crate) fn pixel_bounds(&self) -> [[i32; 2]; 2] {
+        let [a, b, c] = self.corners;
+        let axis = |i: usize| {
+            let (low, high) = (a[i].min(b[i]).min(c[i]), a[i].max(b[i]).max(c[i]));
+            [low.div_euclid(SUBPIXELS), high.div_euclid(SUBPIXELS)]
+        };
+        let ([x0, x1], [y0, y1]) = (axis(0), axis(1));
+        [[x0, y0], [x1, y1]]
+    }
+}
+
+/// The picture's division into tiles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TileGrid {
+    /// Picture width and height in pixels.
+    pub(crate) size: [u32; 2],
+}
+
+impl TileGrid {
+    fn columns(&self) -> u32 {
+        self.size[0].div_ceil(TILE)
+    }
+
+    /// Number of tiles.
+    pub(crate) fn len(&self) -> usize {
+        (self.columns() * self.size[1].div_ceil(TILE)) as usize
+    }
+
+    /// First pixel and extent of a tile.
+    pub(crate) fn rect(&self, tile: usize) -> [[u32; 2]; 2] {
+        let origin = [tile as u32 % self.columns() * TILE, tile as u32 / self.columns() * TILE];
+        [origin, [0, 1].map(|i| TILE.min(self.size[i] - origin[i]))]
+    }
+
+    /// The tiles that a box of pixels touches.
+    fn touched(&self, [low, high]: [[i32; 2]; 2]) -> impl Iterator<Item = u32> + use<> {
+        let clamp = |c: i32, n: u32| c.clamp(0, n as i32 - 1) as u32 / TILE;
+        let outside = (0..2).any(|i| high[i] < 0 || low[i] >= self.size[i] as i32);
+        let rows = clamp(low[1], self.size[1])..=clamp(high[1], self.size[1]);
+        let columns = clamp(low[0], self.size[0])..=clamp(high[0], self.size[0]);
+        let stride = self.columns();
+        rows.filter(move |_| !outside).flat_map(move |y| columns.clone().map(move |x| y * stride + x))
+    }
+}
+
+/// Primitives of one run of the mesh's triangles and, per tile, which of them touch it.
+#[derive(Debug)]
+pub(crate) struct Chunk {
+    primitives: Vec<Primitive>,
+    /// Tile `t` owns `entries[starts[t]..starts[t + 1]]`.
+    starts: Vec<u32>,
+    entries: Vec<u32>,
+}
+
+impl Chunk {
+    /// The primitives that may touch a tile, in the order of the mesh.
+    pub(crate) fn in_tile(&self, tile: usize) -> impl Iterator<Item = &Primitive> {
+        let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
+        self.entries[range].iter().map(|&i| &self.primitives[i as usize])
+    }
+
+    fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
+        // Counting sort by tile.
+        let mut starts = vec![0; grid.len() + 1];
+        for p in &primitives {
+            grid.touched(p.pixel_bounds()).for_each(|tile| starts[tile as usize + 1] += 1);
+        }
+        for tile in 0..grid.len() {
+            starts[tile + 1] += starts[tile];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![0; starts[grid.len()] as usize];
+        for (i, p) in primitives.iter().enumerate() {
+            for tile in grid.touched(p.pixel_bounds()) {
+                entries[next[tile as usize] as usize] = i as u32;
+                next[tile as usize] += 1;
+            }
+        }
+        Self { primitives, starts, entries }
+    }
+}
+
+/// Projects, clips, culls and bins the mesh's triangles.
+pub(crate) fn prepare(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    projection: &Projection,
+    grid: &TileGrid,
+) -> Vec<Chunk> {
+    let projected: Vec<DVec3> = mesh.positions.par_iter().map(|&p| projection.project(p)).collect();
+    let setup = Setup { surface, projection, grid };
+    (0..mesh.triangles.len().div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|chunk| {
+            let range = chunk * CHUNK..mesh.triangles.len().min((chunk + 1) * CHUNK);
+            let mut primitives = Vec::with_capacity(range.len() / 2);
+            for triangle in range {
+                let corners = mesh.triangles[triangle].map(|v| projected[v as usize]);
+                setup.add(triangle, corners, &mut primitives);
+            }
+            Chunk::new(primitives, grid)
+        })
+        .collect()
+}
+
+struct Setup<'a> {
+    surface: &'a dyn Surface,
+    projection: &'a Projection,
+    grid: &'a TileGrid,
+}
+
+impl Setup<'_> {
+    /// Appends what is visible of a triangle, as a fan of its clipped polygon.
+    fn add(&self, triangle: usize, corners: [DVec3; 3], out: &mut Vec<Primitive>) {
+        let needs_clipping = !corners.iter().all(|h| self.is_plain(*h));
+        if !needs_clipping {
+            if !self.misses(&corners) {
+                self.add_piece(triangle, corners, out);
+            }
+            return;
+        }
+        let polygon = clip(corners, self.projection.near);
+        for pair in polygon.corners().get(1..).unwrap_or(&[]).windows(2) {
+            self.add_piece(triangle, [polygon.corners()[0], pair[0], pair[1]], out);
+        }
+    }
+
+    /// In front of the near plane and well inside the guard band.
+    fn is_plain(&self, h: DVec3) -> bool {
+        h.z >= self.projection.near && h.x.abs().max(h.y.abs()) <= 16384.0 * h.z
+    }
+
+    /// True where all corners lie beyond the same side of the picture.
+    fn misses(&self, corners: &[DVec3; 3]) -> bool {
+        let [width, height] = self.grid.size.map(f64::from);
+        corners.iter().all(|h| h.x < 0.0)
+            || corners.iter().all(|h| h.y < 0.0)
+            || corners.iter().all(|h| h.x > width * h.z)
+            || corners.iter().all(|h| h.y > height * h.z)
+    }
+
+    fn add_piece(&self, triangle: usize, h: [DVec3; 3], out: &mut Vec<Primitive>) {
+        let mut corners = h.map(|h| snap(screen(h)));
+        let mut nearness = h.map(|h| (1.0 / h.z) as f32);
+        let area = doubled_area(&corners);
+        // Counter-clockwise in space is counter-clockwise to the eye, too: negative with y down.
+        let front = area < 0;
+        if area == 0 || !(front || self.surface.is_double_sided(triangle)) {
+            return;
+        }
+        if front {
+            corners.swap(1, 2);
+            nearness.swap(1, 2);
+        }
+        let layered = self.surface.coverage(triangle) == Coverage::Layered;
+        out.push(Primitive { corners, nearness, triangle: triangle as u32, layered });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_the_picture_once() {
+        let grid = TileGrid { size: [100, 37] };
+        let pixels: u32 = (0..grid.len()).map(|t| grid.rect(t)[1]).map(|[w, h]| w * h).sum();
+        assert_eq!(pixels, 100 * 37);
+        assert_eq!(grid.rect(grid.len() - 1), [[96, 32], [4, 5]]);
+    }
+
+    #[test]
+    fn boxes_touch_the_tiles_they_overlap() {
+        let grid = TileGrid { size: [100, 37] };
+        let touched = |b| grid.touched(b).collect::<Vec<_>>();
+        assert_eq!(touched([[-5, -5], [-1, 10]]), []);
+        assert_eq!(touched([[31, 0], [32, 31]]), [0, 1]);
+        assert_eq!(touched([[-9, -9], [900, 900]]), (0..8).collect::<Vec<_>>());
+        assert_eq!(touched([[100, 0], [101, 5]]), []);
+    }
+}

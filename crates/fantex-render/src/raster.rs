@@ -1,0 +1,285 @@
+//! Coverage and visibility of one tile: which triangle is seen by which sample.
+//!
+//! Opaque triangles compete in a visibility buffer of one (nearness, triangle) pair per sample. Triangles that let
+//! something through become fragments, kept where nothing opaque hides them and composited later.
+
+use crate::fixed::{Edge, SUBPIXELS};
+use crate::pattern::{SamplePattern, bits};
+use crate::primitive::{Primitive, TILE};
+
+/// No triangle: the background.
+pub(crate) const NO_TRIANGLE: u32 = u32::MAX;
+
+/// Side of the blocks that are rejected as a whole.
+const BLOCK: i32 = 8;
+
+/// Nearness over the screen, relative to the primitive's first corner to keep its digits, held between the corners'
+/// values so that slivers cannot extrapolate through others.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct NearnessPlane {
+    origin: [i32; 2],
+    value: f64,
+    slope: [f64; 2],
+    low: f64,
+    high: f64,
+}
+
+impl NearnessPlane {
+    fn new(p: &Primitive) -> Self {
+        let [a, b, c] = p.corners;
+        let [na, nb, nc] = p.nearness.map(f64::from);
+        let [bx, by, cx, cy] = [b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]].map(f64::from);
+        let inverse = 1.0 / (bx * cy - by * cx);
+        let slope =
+            [((nb - na) * cy - (nc - na) * by) * inverse, ((nc - na) * bx - (nb - na) * cx) * inverse];
+        Self { origin: a, value: na, slope, low: na.min(nb).min(nc), high: na.max(nb).max(nc) }
+    }
+
+    /// Nearness at a position in fixed point.
+    pub(crate) fn at(&self, [x, y]: [i32; 2]) -> f32 {
+        let [dx, dy] = [x - self.origin[0], y - self.origin[1]].map(f64::from);
+        (self.value + self.slope[0] * dx + self.slope[1] * dy).clamp(self.low, self.high) as f32
+    }
+}
+
+/// A piece of a layered triangle in one pixel.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fragment {
+    /// Pixel index in the tile, row-major with stride [`TILE`].
+    pub(crate) pixel: u32,
+    /// The mesh's triangle.
+    pub(crate) triangle: u32,
+    /// Samples that it covers and that nothing opaque hides.
+    pub(crate) mask: u64,
+    /// Its nearness, for the order of the layers.
+    pub(crate) nearness: NearnessPlane,
+}
+
+/// The samples of one tile.
+#[derive(Debug)]
+pub(crate) struct TileSamples<'a> {
+    pattern: &'a SamplePattern,
+    /// First pixel of the tile and its extent in pixels.
+    rect: [[u32; 2]; 2],
+    /// Per pixel and sample: nearness and triangle.
+    nearness: Vec<f32>,
+    triangles: Vec<u32>,
+    fragments: Vec<Fragment>,
+}
+
+impl<'a> TileSamples<'a> {
+    /// An empty tile. `rect` is its first pixel and its extent, at most [`TILE`] each.
+    pub(crate) fn new(pattern: &'a SamplePattern, rect: [[u32; 2]; 2]) -> Self {
+        let count = (TILE * TILE) as usize * pattern.len();
+        Self {
+            pattern,
+            rect,
+            nearness: vec![0.0; count],
+            triangles: vec![NO_TRIANGLE; count],
+            fragments: Vec::new(),
+        }
+    }
+
+    /// The triangles that the samples of a pixel see.
+    pub(crate) fn visible(&self, pixel: u32) -> &[u32] {
+        let n = self.pattern.len();
+        &self.triangles[pixel as usize * n..][..n]
+    }
+
+    /// Enters an opaque triangle. Of equally near ones the first stays.
+    pub(crate) fn add_opaque(&mut self, primitive: &Primitive) {
+        let (pattern, rect) = (self.pattern, self.rect);
+        let plane = NearnessPlane::new(primitive);
+        for_each_covered(primitive, rect, pattern, |pixel, corner, mask| {
+            let base = pixel as usize * pattern.len();
+            for s in bits(mask) {
+                let nearness = plane.at(offset(corner, pattern.offsets()[s]));
+                if nearness > self.nearness[base + s] {
+                    self.nearness[base + s] = nearness;
+                    self.triangles[base + s] = primitive.triangle;
+                }
+            }
+        });
+    }
+
+    /// Enters a layered triangle, after all opaque ones.
+    pub(crate) fn add_layered(&mut self, primitive: &Primitive) {
+        let (pattern, rect) = (self.pattern, self.rect);
+        let nearness = NearnessPlane::new(primitive);
+        for_each_covered(primitive, rect, pattern, |pixel, corner, mask| {
+            let base = pixel as usize * pattern.len();
+            let in_front =
+                |s: &usize| nearness.at(offset(corner, pattern.offsets()[*s])) > self.nearness[base + s];
+            let mask = bits(mask).filter(in_front).fold(0, |m, s| m | 1 << s);
+            if mask != 0 {
+                self.fragments.push(Fragment { pixel, triangle: primitive.triangle, mask, nearness });
+            }
+        });
+    }
+
+    /// The fragments of layered triangles, ordered by pixel and then as they were entered.
+    pub(crate) fn take_fragments(&mut self) -> Vec<Fragment> {
+        let mut fragments = std::mem::take(&mut self.fragments);
+        fragments.sort_by_key(|f| f.pixel);
+        fragments
+    }
+}
+
+fn offset(corner: [i32; 2], by: [i32; 2]) -> [i32; 2] {
+    [corner[0] + by[0], corner[1] + by[1]]
+}
+
+/// Calls `visit(pixel, corner, mask)` for every pixel of the tile with covered samples: its index in the tile, its top
+/// left corner in fixed point, and the samples.
+fn for_each_covered(
+    primitive: &Primitive,
+    [origin, extent]: [[u32; 2]; 2],
+    pattern: &SamplePattern,
+    mut visit: impl FnMut(u32, [i32; 2], u64),
+) {
+    let [low, high] = primitive.pixel_bounds();
+    let first: [i32; 2] = [0, 1].map(|i| low[i].max(origin[i] as i32));
+    let last: [i32; 2] = [0, 1].map(|i| high[i].min((origin[i] + extent[i]) as i32 - 1));
+    let [a, b, c] = primitive.corners;
+    let coverage = PixelCoverage::new([Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)], pattern);
+    for block_y in (first[1]..=last[1]).step_by(BLOCK as usize) {
+        for block_x in (first[0]..=last[0]).step_by(BLOCK as usize) {
+            let end = [(block_x + BLOCK - 1).min(last[0]), (block_y + BLOCK - 1).min(last[1])];
+            if coverage.misses_block([block_x, block_y], end) {
+                continue;
+            }
+            for y in block_y..=end[1] {
+                for x in block_x..=end[0] {
+                    let corner = [x * SUBPIXELS, y * SUBPIXELS];
+                    let mask = coverage.mask(corner);
+                    if mask != 0 {
+                        visit(
+                            (y - origin[1] as i32) as u32 * TILE + (x - origin[0] as i32) as u32,
+                            corner,
+                            mask,
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// The edge functions of a triangle, prepared for whole pixels.
+struct PixelCoverage<'a> {
+    edges: [Edge; 3],
+    pattern: &'a SamplePattern,
+    /// Largest and smallest change of each edge function from a pixel's top left corner to a point in the pixel.
+    reach: [[i64; 2]; 3],
+}
+
+impl<'a> PixelCoverage<'a> {
+    fn new(edges: [Edge; 3], pattern: &'a SamplePattern) -> Self {
+        let side = i64::from(SUBPIXELS);
+        let reach = edges.map(|e| {
+            let [x, y] = [e.dx * side, e.dy * side];
+            [x.max(0) + y.max(0), x.min(0) + y.min(0)]
+        });
+        Self { edges, pattern, reach }
+    }
+
+    /// True where one edge has all pixels `first..=last` on its outer side.
+    fn misses_block(&self, first: [i32; 2], last: [i32; 2]) -> bool {
+        let side = i64::from(SUBPIXELS);
+        self.edges.iter().zip(self.reach).any(|(e, [most, _])| {
+            let x = if e.dx > 0 { last[0] } else { first[0] };
+            let y = if e.dy > 0 { last[1] } else { first[1] };
+            e.at(i64::from(x) * side, i64::from(y) * side) + most < 0
+        })
+    }
+
+    /// The covered samples of the pixel with the given top left corner.
+    fn mask(&self, corner: [i32; 2]) -> u64 {
+        let [x, y] = corner.map(i64::from);
+        let values = self.edges.map(|e| e.at(x, y));
+        let (mut inside, mut outside) = (true, false);
+        for (value, [most, least]) in values.into_iter().zip(self.reach) {
+            inside &= value + least >= 0;
+            outside |= value + most < 0;
+        }
+        if outside {
+            return 0;
+        }
+        if inside {
+            return self.pattern.full_mask();
+        }
+        let mut mask = 0;
+        for (s, o) in self.pattern.offsets().iter().enumerate() {
+            let [ox, oy] = o.map(i64::from);
+            let covered = (0..3).all(|i| values[i] + self.edges[i].dx * ox + self.edges[i].dy * oy >= 0);
+            mask |= u64::from(covered) << s;
+        }
+        mask
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn primitive(corners: [[i32; 2]; 3], nearness: [f32; 3], triangle: u32) -> Primitive {
+        Primitive { corners, nearness, triangle, layered: false }
+    }
+
+    const WHOLE_TILE: [[u32; 2]; 2] = [[0, 0], [TILE, TILE]];
+
+    #[test]
+    fn nearness_is_linear_and_bounded() {
+        let p = primitive([[0, 0], [2560, 0], [0, 2560]], [1.0, 2.0, 3.0], 0);
+        let plane = NearnessPlane::new(&p);
+        assert!((plane.at([1280, 0]) - 1.5).abs() < 1e-6);
+        assert!((plane.at([0, 1280]) - 2.0).abs() < 1e-6);
+        assert_eq!(plane.at([100_000, 100_000]), 3.0);
+    }
+
+    #[test]
+    fn the_nearer_triangle_wins_whatever_the_order() {
+        let pattern = SamplePattern::new(4);
+        let big = [[0, 0], [20_000, 0], [0, 20_000]];
+        let (near, far) = (primitive(big, [2.0; 3], 1), primitive(big, [1.0; 3], 2));
+        for order in [[near, far], [far, near]] {
+            let mut tile = TileSamples::new(&pattern, WHOLE_TILE);
+            order.iter().for_each(|p| tile.add_opaque(p));
+            assert!((0..TILE * TILE).all(|p| tile.visible(p) == [1; 4]));
+        }
+    }
+
+    #[test]
+    fn fragments_are_kept_only_in_front() {
+        let pattern = SamplePattern::new(1);
+        let big = [[0, 0], [20_000, 0], [0, 20_000]];
+        let mut tile = TileSamples::new(&pattern, WHOLE_TILE);
+        tile.add_opaque(&primitive(big, [2.0; 3], 0));
+        tile.add_layered(&primitive(big, [1.0; 3], 1));
+        tile.add_layered(&primitive(big, [3.0; 3], 2));
+        let fragments = tile.take_fragments();
+        assert_eq!(fragments.len(), (TILE * TILE) as usize);
+        assert!(fragments.iter().all(|f| f.triangle == 2));
+        assert!(fragments.windows(2).all(|w| w[0].pixel < w[1].pixel));
+    }
+
+    #[test]
+    fn block_rejection_changes_nothing() {
+        // Against every sample tested on its own.
+        let pattern = SamplePattern::new(8);
+        let corners = [[-700, 300], [7000, 1111], [2500, 8100]];
+        assert!(crate::fixed::doubled_area(&corners) > 0);
+        let mut masks = vec![0; (TILE * TILE) as usize];
+        for_each_covered(&primitive(corners, [1.0; 3], 0), WHOLE_TILE, &pattern, |p, _, m| {
+            masks[p as usize] = m
+        });
+        let edges = [0, 1, 2].map(|i| Edge::new(corners[i], corners[(i + 1) % 3]));
+        for pixel in 0..TILE * TILE {
+            let [x, y] = [pixel % TILE, pixel / TILE].map(|c| c as i32 * SUBPIXELS);
+            for (s, o) in pattern.offsets().iter().enumerate() {
+                let inside = edges.iter().all(|e| e.at((x + o[0]).into(), (y + o[1]).into()) >= 0);
+                assert_eq!(masks[pixel as usize] >> s & 1 == 1, inside, "pixel {pixel} sample {s}");
+            }
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The renderer: mesh, surface, camera and lights in, picture out.
+//!
+//! ```text
+//!  prepare: project, clip, cull, bin       per chunk of triangles, parallel
+//!  TileSamples: coverage and visibility    per tile, parallel
+//!  Resolve: shade, composite, average      per pixel of the tile
+//! ```
+
+use std::time::{Duration, Instant};
+
+use fantex_mesh::Mesh;
+use rayon::prelude::*;
+
+use crate::camera::Projection;
+use crate::hit::HitFinder;
+use crate::pattern::SamplePattern;
+use crate::primitive::{Chunk, TileGrid, prepare};
+use crate::raster::TileSamples;
+use crate::resolve::{PixelColors, Resolve};
+use crate::{Camera, Lights, Picture, RenderError, RenderOptions, ShadingRate, Surface};
+
+/// What rendering took.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RenderStats {
+    /// Triangles of the mesh.
+    pub triangles: u64,
+    /// Materials evaluated.
+    pub shaded: u64,
+    /// Filtered look-ups, as the surface counts them.
+    pub lookups: u64,
+    /// Wall clock.
+    pub elapsed: Duration,
+}
+
+/// A picture and what it took.
+#[derive(Clone, Debug)]
+pub struct Rendering {
+    /// The picture.
+    pub picture: Picture,
+    /// What it took.
+    pub stats: RenderStats,
+}
+
+/// Renders a mesh on the current rayon pool. The picture does not depend on the number of threads.
+pub fn render(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    camera: &Camera,
+    lights: &Lights,
+    options: &RenderOptions,
+) -> Result<Rendering, RenderError> {
+    options.check(camera)?;
+    let start = Instant::now();
+    let size = [options.width, options.height];
+    let projection = Projection::new(camera, size, mesh);
+    let grid = TileGrid { size };
+    let pattern = SamplePattern::new(options.samples);
+    let chunks = prepare(mesh, surface, &projection, &grid);
+    let spacing = match options.shading_rate {
+        ShadingRate::PerPixel => 1.0,
+        ShadingRate::PerSample => 1.0 / (options.samples as f32).sqrt(),
+    };
+    let hits = HitFinder { mesh, projection: &projection, interpolation: options.interpolation, spacing };
+    let resolve = Resolve { surface, hits, lights, options, pattern: &pattern };
+    let tiles: Vec<PixelColors> = (0..grid.len())
+        .into_par_iter()
+        .map(|tile| resolve.tile(grid.rect(tile), rasterise(&chunks, tile, &grid, &pattern)))
+        .collect();
+    let stats = tiles.iter().fold(RenderStats::default(), |sum, t| RenderStats {
+        shaded: sum.shaded + t.shaded,
+        lookups: sum.lookups + t.lookups,
+        ..sum
+    });
+    let picture = assemble(&grid, &tiles);
+    let stats = RenderStats { triangles: mesh.triangles.len() as u64, elapsed: start.elapsed(), ..stats };
+    Ok(Rendering { picture, stats })
+}
+
+/// Visibility of one tile.
+fn rasterise<'a>(
+    chunks: &[Chunk],
+    tile: usize,
+    grid: &TileGrid,
+    pattern: &'a SamplePattern,
+) -> TileSamples<'a> {
+    let mut samples = TileSamples::new(pattern, grid.rect(tile));
+    let primitives = || chunks.iter().flat_map(|c| c.in_tile(tile));
+    primitives().filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
+    primitives().filter(|p| p.layered).for_each(|p| samples.add_layered(p));
+    samples
+}
+
+fn assemble(grid: &TileGrid, tiles: &[PixelColors]) -> Picture {
+    let [width, height] = grid.size;
+    let mut rgba = vec![[0.0; 4]; width as usize * height as usize];
+    for (tile, colors) in tiles.iter().enumerate() {
+        let [[x0, y0], [columns, rows]] = grid.rect(tile);
+        for row in 0..rows as usize {
+            let at = (y0 as usize + row) * width as usize + x0 as usize;
+            let columns = columns as usize;
+            rgba[at..][..columns].copy_from_slice(&colors.rgba[row * columns..][..columns]);
+        }
+    }
+    Picture { width, height, rgba }
+}

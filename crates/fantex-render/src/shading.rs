@@ -1,0 +1,243 @@
+//! From a material and lights to the light that reaches the eye.
+
+use std::f32::consts::PI;
+
+use glam::Vec3;
+
+use crate::light::{AmbientLight, Lights};
+use crate::split_sum::{split_sum, visibility};
+use crate::surface::MaterialSample;
+
+/// A lighting model, or one of the inputs of lighting as the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shading {
+    /// glTF 2.0 metallic-roughness: Lambert and GGX.
+    #[default]
+    MetallicRoughness,
+    /// Blinn-Phong with ambient.
+    BlinnPhong,
+    /// The base colour.
+    BaseColor,
+    /// The shading normal, -1..1 shown as 0..1.
+    Normal,
+    /// Occlusion, roughness and metallic as red, green and blue.
+    OcclusionRoughnessMetallic,
+    /// Emitted light.
+    Emission,
+}
+
+impl Shading {
+    /// Linear RGB towards the eye. `to_eye` is a unit vector.
+    pub(crate) fn evaluate(self, material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
+        match self {
+            Self::BaseColor => material.base_color,
+            Self::Normal => material.normal * 0.5 + 0.5,
+            Self::OcclusionRoughnessMetallic => {
+                Vec3::new(material.occlusion, material.roughness, material.metallic)
+            }
+            Self::Emission => material.emission,
+            Self::MetallicRoughness | Self::BlinnPhong if material.unlit => material.base_color,
+            Self::MetallicRoughness => material.emission + metallic_roughness(material, to_eye, lights),
+            Self::BlinnPhong => material.emission + blinn_phong(material, to_eye, lights),
+        }
+    }
+}
+
+/// Reflectance of dielectrics at normal incidence (refractive index 1.5).
+const DIELECTRIC: f32 = 0.04;
+
+/// Roughness below which highlights of a directional light would be smaller than any pixel.
+const SMALLEST_ALPHA: f32 = 2e-3;
+
+/// `L = r_a L_a + sum_j (r_d (n.l_j) + r_s (n.h_j)^m) L_j`, with the reflectances taken from the metallic-roughness
+/// material: `r_d` the dielectric's colour, `r_s` the mirror colour, `m = 2 / alpha^2 - 2` the exponent of the
+/// Blinn-Phong lobe that is as wide as a Beckmann lobe of slope `alpha` (B. Walter et al., 2007).
+fn blinn_phong(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
+    let n = material.normal;
+    let ambient_reflectance = material.base_color * material.occlusion;
+    let diffuse = material.base_color * (1.0 - material.metallic);
+    let specular = Vec3::splat(DIELECTRIC).lerp(material.base_color, material.metallic);
+    let alpha = squared_roughness(material);
+    let shininess = (2.0 / (alpha * alpha) - 2.0).max(0.0);
+    let ambient = ambient_reflectance * lights.ambient.from_direction(n);
+    lights.directional.iter().fold(ambient, |sum, light| {
+        let l = light.to_light.normalize_or(Vec3::Y);
+        let n_l = n.dot(l);
+        if n_l <= 0.0 {
+            return sum;
+        }
+        let n_h = n.dot((l + to_eye).normalize_or(n)).max(0.0);
+        sum + (diffuse * n_l + specular * n_h.powf(shininess)) * light.color
+    })
+}
+
+/// glTF 2.0, appendix B: a dielectric (Lambert under a Fresnel coat) mixed with a metal by `metallic`; GGX
+/// microfacets (Walter et al. 2007), height-correlated Smith shadowing (E. Heitz 2014), Fresnel after C. Schlick (1994).
+fn metallic_roughness(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
+    let lobe = Microfacets::new(material, to_eye);
+    let ambient = lobe.ambient(&lights.ambient) * material.occlusion;
+    lights
+        .directional
+        .iter()
+        .fold(ambient, |sum, light| sum + lobe.reflected(light.to_light.normalize_or(Vec3::Y)) * light.color)
+}
+
+/// The reflection of one point towards the eye.
+struct Microfacets {
+    n: Vec3,
+    v: Vec3,
+    n_v: f32,
+    diffuse: Vec3,
+    /// Mirror colour at normal incidence.
+    f0: Vec3,
+    /// Squared perceptual roughness.
+    alpha: f32,
+    perceptual_roughness: f32,
+}
+
+impl Microfacets {
+    fn new(material: &MaterialSample, to_eye: Vec3) -> Self {
+        let n = material.normal;
+        Self {
+            n,
+            v: to_eye,
+            // A bent normal may turn away from the eye; such points are seen as if edge-on.
+            n_v: n.dot(to_eye).max(1e-3),
+            diffuse: material.base_color * (1.0 - material.metallic),
+            f0: Vec3::splat(DIELECTRIC).lerp(material.base_color, material.metallic),
+            alpha: squared_roughness(material),
+            perceptual_roughness: material.roughness,
+        }
+    }
+
+    /// Light reflected per light of colour one from the unit direction `l`; `pi` times the BRDF times the cosine,
+    /// since lights state what a white diffuse surface reflects.
+    fn reflected(&self, l: Vec3) -> Vec3 {
+        let n_l = self.n.dot(l);
+        if n_l <= 0.0 {
+            return Vec3::ZERO;
+        }
+        let h = (self.v + l).normalize_or(self.n);
+        let (n_h, v_h) = (self.n.dot(h).clamp(0.0, 1.0), self.v.dot(h).clamp(0.0, 1.0));
+        let fresnel = self.f0 + (Vec3::ONE - self.f0) * (1.0 - v_h).powi(5);
+        let specular =
+            fresnel * (PI * self.distribution(n_h) * visibility(n_l, self.n_v, self.alpha * self.alpha));
+        let diffuse = self.diffuse * (Vec3::ONE - fresnel);
+        (diffuse + specular) * n_l
+    }
+
+    /// GGX density of facets along the half vector. `1 - c^2` is formed as `(1 - c)(1 + c)` to keep its digits.
+    fn distribution(&self, n_h: f32) -> f32 {
+        let a2 = self.alpha * self.alpha;
+        let d = (1.0 - n_h) * (1.0 + n_h) + n_h * n_h * a2;
+        a2 / (PI * d * d)
+    }
+
+    /// Reflection of the surroundings: the mean colour around the normal for the diffuse part, around the mirror
+    /// direction for the specular part, times the lobe's total reflectance (B. Karis, "Real Shading in Unreal
+    /// Engine 4", 2013: the split sum).
+    fn ambient(&self, light: &AmbientLight) -> Vec3 {
+        let mirror = self.n * (2.0 * self.n.dot(self.v)) - self.v;
+        let seen = mirror.lerp(self.n, self.alpha).normalize_or(self.n);
+        let [scale, bias] = split_sum(self.perceptual_roughness, self.n_v);
+        let specular = self.f0 * scale + Vec3::splat(bias);
+        let diffuse = self.diffuse * (Vec3::ONE - specular);
+        diffuse * light.from_direction(self.n) + specular * light.from_direction(seen)
+    }
+}
+
+fn squared_roughness(material: &MaterialSample) -> f32 {
+    (material.roughness * material.roughness).clamp(SMALLEST_ALPHA, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::light::DirectionalLight;
+
+    fn material(roughness: f32, metallic: f32) -> MaterialSample {
+        MaterialSample { roughness, metallic, ..MaterialSample::with_normal(Vec3::Z) }
+    }
+
+    fn only(to_light: Vec3) -> Lights {
+        Lights {
+            ambient: AmbientLight::uniform(Vec3::ZERO),
+            directional: vec![DirectionalLight { to_light, color: Vec3::ONE }],
+        }
+    }
+
+    /// Directions spread evenly over the upper hemisphere.
+    fn hemisphere(count: usize) -> impl Iterator<Item = Vec3> {
+        (0..count).map(move |i| {
+            let z = (i as f32 + 0.5) / count as f32;
+            let angle = i as f32 * 2.399_963_2;
+            let r = (1.0 - z * z).sqrt();
+            Vec3::new(r * angle.cos(), r * angle.sin(), z)
+        })
+    }
+
+    #[test]
+    fn no_more_light_leaves_than_arrives() {
+        // A white furnace: light of radiance one from everywhere is the mean over the hemisphere of twice the response.
+        let to_eye = Vec3::new(0.6, 0.0, 0.8);
+        for roughness in [0.3, 0.6, 1.0] {
+            for metallic in [0.0, 1.0] {
+                let m = material(roughness, metallic);
+                let n = 20_000;
+                let sum: f32 =
+                    hemisphere(n).map(|l| Shading::MetallicRoughness.evaluate(&m, to_eye, &only(l)).x).sum();
+                let total = 2.0 * sum / n as f32;
+                assert!(total < 1.02 && total > 0.3, "roughness {roughness}, metallic {metallic}: {total}");
+                if metallic == 1.0 {
+                    let [scale, bias] = split_sum(roughness, to_eye.z);
+                    assert!(
+                        (total - scale - bias).abs() < 0.03,
+                        "split sum {} against {total}",
+                        scale + bias
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_facing_white_diffuser_reflects_the_lights_colour() {
+        let lit = Shading::BlinnPhong.evaluate(&material(1.0, 0.0), Vec3::X, &only(Vec3::Z));
+        assert!((lit.x - 1.0 - DIELECTRIC).abs() < 1e-5, "{lit}");
+    }
+
+    #[test]
+    fn highlights_sit_at_the_mirror_direction() {
+        let m = material(0.2, 1.0);
+        let to_eye = Vec3::new(0.6, 0.0, 0.8);
+        for shading in [Shading::MetallicRoughness, Shading::BlinnPhong] {
+            let at = |l: Vec3| shading.evaluate(&m, to_eye, &only(l)).x;
+            let mirror = at(Vec3::new(-0.6, 0.0, 0.8));
+            assert!(mirror > 4.0 * at(Vec3::new(0.0, 0.0, 1.0)), "{shading:?}");
+            assert!(mirror > 4.0 * at(Vec3::new(0.6, 0.0, 0.8)), "{shading:?}");
+        }
+    }
+
+    #[test]
+    fn extreme_materials_give_numbers() {
+        for roughness in [0.0, 1.0] {
+            for metallic in [0.0, 1.0] {
+                for to_eye in [Vec3::Z, Vec3::X, Vec3::NEG_Z] {
+                    for l in [Vec3::Z, Vec3::X, Vec3::NEG_Z, Vec3::ZERO] {
+                        for shading in [Shading::MetallicRoughness, Shading::BlinnPhong] {
+                            let c = shading.evaluate(&material(roughness, metallic), to_eye, &only(l));
+                            assert!(c.is_finite() && c.min_element() >= 0.0, "{shading:?} {to_eye} {l}: {c}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn unlit_surfaces_show_their_colour() {
+        let m = MaterialSample { unlit: true, base_color: Vec3::new(0.1, 0.2, 0.3), ..material(0.5, 0.5) };
+        let c = Shading::MetallicRoughness.evaluate(&m, Vec3::Z, &Lights::default());
+        assert_eq!(c, m.base_color);
+    }
+}

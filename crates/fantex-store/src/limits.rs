@@ -1,0 +1,18 @@
+//! What a `.fan` file may hold at most. Readers refuse more before they allocate; writers refuse to write it.
+
+/// Material channels of an asset.
+pub const MAX_CHANNELS: usize = 16;
+/// Side of a tile at level 0, texels.
+pub const MAX_TILE_SIDE: u32 = 1 << 16;
+/// Triangles of a mesh. Corner indices `3 * triangle + k` must fit into 32 bits.
+pub const MAX_TRIANGLES: usize = 1 << 30;
+/// Texture coordinate sets of a mesh.
+pub const MAX_UV_SETS: usize = 8;
+/// Materials of a mesh.
+pub const MAX_MATERIALS: usize = 1 << 20;
+/// Bytes of a material's name.
+pub const MAX_NAME_BYTES: usize = 1 << 12;
+/// Bytes of a section before packing.
+pub const MAX_SECTION_BYTES: u64 = 1 << 36;
+/// Bytes of a cluster before packing: a page of 16 channels of 16 bytes per texel, and some.
+pub const MAX_CLUSTER_BYTES: u64 = 1 << 25;
