@@ -1,0 +1,51 @@
+//! What is baked: functions of a surface point and a texel's footprint.
+
+use fantex_store::ChannelKind;
+use glam::{Vec3, Vec4};
+
+/// A point of the surface and the texel around it.
+#[derive(Clone, Copy, Debug)]
+pub struct SurfacePoint {
+    /// Triangle index.
+    pub triangle: usize,
+    /// Barycentric coordinates; slightly outside [0,1] for texels off the surface.
+    pub lambda: Vec3,
+    /// Change of `lambda` along the texel's width and height.
+    pub lambda_steps: [Vec3; 2],
+    /// Mesh space.
+    pub position: Vec3,
+    /// Change of `position` along the texel's width and height, mesh space.
+    pub position_steps: [Vec3; 2],
+    /// Unit vertex normal, interpolated, mesh space.
+    pub normal: Vec3,
+}
+
+/// What a source gives for one channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SourceChannel {
+    /// The channel. Normals are given as unit vectors in mesh space (xyz), all others as linear RGBA.
+    pub kind: ChannelKind,
+    /// True where alpha carries information.
+    pub has_alpha: bool,
+}
+
+/// How a value relates to the function at the texel's centre.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Prefilter {
+    /// The value at the point: the function has no detail finer than a texel.
+    Point,
+    /// The mean over the texel's footprint.
+    Box,
+}
+
+/// A function on the surface that can be baked.
+pub trait Source: Sync {
+    /// The channels it gives, in the order of `evaluate`'s output.
+    fn channels(&self) -> Vec<SourceChannel>;
+
+    /// How its values relate to the texel's centre.
+    fn prefilter(&self) -> Prefilter;
+
+    /// Writes one value per channel.
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]);
+}
