@@ -1,12 +1,10 @@
-//! Speed of look-ups: `cargo test --release -p fantex-texture --test speed -- --ignored --nocapture`.
-
-mod common;
+//! Speed of look-ups: `cargo test --release -p fantex-texture --test texture speed -- --ignored --nocapture`.
 
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
-use common::{FILTERS, Random};
+use crate::common::{FILTERS, Random};
 use fantex_texture::{ColorSpace, Image, ImageTexture, SampleOptions, Samples, Wrap};
 use glam::Vec2;
 
