@@ -10,10 +10,13 @@
 //! free of degenerate triangles, consistently oriented where possible, in *mesh space* (centred, scaled by a
 //! power of two so that all coordinates lie in [-1, 1]). Attributes stay per corner.
 
+mod load;
 mod material;
 mod mesh;
 mod model;
+mod write;
 
+pub use load::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
