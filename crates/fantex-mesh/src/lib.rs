@@ -20,3 +20,4 @@ pub use load::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
+pub use write::*;

@@ -68,6 +68,6 @@ fn all_shipped_models_have_the_known_triangle_counts() {
         }
         count += 1;
     }
-    assert!(count >= 30, "only {count} models");
+    assert!(count >= 29, "only {count} models");
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }

@@ -28,8 +28,31 @@ pub(crate) fn finish(model: &mut Model) {
     if model.materials.is_empty() {
         model.materials.push(crate::Material::default());
     }
+    drop_textures_without_coordinates(model);
     make_normals_unit(model);
     make_tangents_unit(model);
+}
+
+/// A texture needs coordinates to be looked up with; one that names a set the model lacks is left out.
+fn drop_textures_without_coordinates(model: &mut Model) {
+    let sets = model.corners.uv_sets.len();
+    for (index, material) in model.materials.iter_mut().enumerate() {
+        let textures = [
+            &mut material.base_color_texture,
+            &mut material.metallic_roughness_texture,
+            &mut material.normal_texture,
+            &mut material.occlusion_texture,
+            &mut material.emission_texture,
+        ];
+        for texture in textures {
+            if let Some(dropped) = texture.take_if(|t| t.uv_set >= sets) {
+                let set = dropped.uv_set;
+                model.notes.push(format!(
+                    "material {index}: a texture was left out, because the model has no texture coordinates {set}"
+                ));
+            }
+        }
+    }
 }
 
 fn pad_if_present<T: Clone>(values: &mut Vec<T>, corners: usize, fill: T) {

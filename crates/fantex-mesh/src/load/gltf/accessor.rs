@@ -120,7 +120,7 @@ impl<'a> Reader<'a> {
         }
         let normalized = self.accessor.normalized || always_normalized;
         match self.component {
-            Component::F32 => self.read(|b| f32::from_le_bytes(b)),
+            Component::F32 => self.read(f32::from_le_bytes),
             Component::I8 if normalized => self.read(|b| (f32::from(i8::from_le_bytes(b)) / 127.0).max(-1.0)),
             Component::U8 if normalized => self.read(|b| f32::from(u8::from_le_bytes(b)) / 255.0),
             Component::I16 if normalized => {
@@ -143,7 +143,7 @@ impl<'a> Reader<'a> {
         let elements: Vec<[u32; 1]> = match self.component {
             Component::U8 => self.read(|b: [u8; 1]| u32::from(b[0]))?,
             Component::U16 => self.read(|b| u32::from(u16::from_le_bytes(b)))?,
-            _ => self.read(|b| u32::from_le_bytes(b))?,
+            _ => self.read(u32::from_le_bytes)?,
         };
         Ok(elements.into_iter().map(|[index]| index).collect())
     }
