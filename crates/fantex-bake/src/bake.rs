@@ -63,10 +63,14 @@ pub fn bake(
     progress: &dyn Progress,
 ) -> Result<BakeSummary, BakeError> {
     if cover.corner_groups.len() != mesh.triangles.len() {
-        return Err(BakeError::CoverOfAnotherMesh { cover: cover.corner_groups.len(), mesh: mesh.triangles.len() });
+        return Err(BakeError::CoverOfAnotherMesh {
+            cover: cover.corner_groups.len(),
+            mesh: mesh.triangles.len(),
+        });
     }
     let source_channels = source.channels();
-    let plans: Vec<ChannelPlan> = source_channels.iter().map(|c| ChannelPlan::new(c, options.format)).collect();
+    let plans: Vec<ChannelPlan> =
+        source_channels.iter().map(|c| ChannelPlan::new(c, options.format)).collect();
     if plans.is_empty() {
         return Err(BakeError::NoChannels);
     }

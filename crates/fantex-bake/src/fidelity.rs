@@ -20,7 +20,12 @@ pub struct Fidelity {
 
 /// Samples the first channel of an asset at level 0 through the texture function, at `samples` area-uniform points, and
 /// compares red with `truth` (a function of the position in mesh space).
-pub fn fidelity(cache: &PageCache, samples: u64, seed: u64, truth: &(dyn Fn(Vec3) -> f32 + Sync)) -> Fidelity {
+pub fn fidelity(
+    cache: &PageCache,
+    samples: u64,
+    seed: u64,
+    truth: &(dyn Fn(Vec3) -> f32 + Sync),
+) -> Fidelity {
     let mesh = cache.asset().mesh();
     let points = surface_points(mesh, samples, seed);
     let parts: Vec<(f64, f32, u64)> = points

@@ -113,7 +113,8 @@ impl Footprints {
         for row in first_row..end_row {
             // Barycentric coordinates grow linearly along the row; each bounds the columns from one side.
             let start = triangle.lambda(Vec2::new(x0 + 0.5, y0 + row as f32 + 0.5));
-            let (mut from, mut to) = ((low.x - x0 - 0.5).ceil().max(0.0), (high.x - x0 - 0.5).floor().min(width as f32 - 1.0));
+            let (mut from, mut to) =
+                ((low.x - x0 - 0.5).ceil().max(0.0), (high.x - x0 - 0.5).floor().min(width as f32 - 1.0));
             for k in 0..3 {
                 let (l, step) = (start[k], triangle.steps[0][k]);
                 if step > 0.0 {
@@ -159,7 +160,10 @@ impl Footprints {
 
     fn nearest_neighbour(&self, x: usize, y: usize, block: Block) -> Option<u32> {
         let [width, height] = block.extent.map(|n| n as usize);
-        let at = Vec2::new((block.origin[0] as usize + x) as f32 + 0.5, (block.origin[1] as usize + y) as f32 + 0.5);
+        let at = Vec2::new(
+            (block.origin[0] as usize + x) as f32 + 0.5,
+            (block.origin[1] as usize + y) as f32 + 0.5,
+        );
         let mut best: Option<(f32, u32)> = None;
         for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
             for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {

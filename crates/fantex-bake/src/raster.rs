@@ -38,7 +38,12 @@ impl Raster {
     /// The texel values that reconstruct the function best. Least squares asks for the inverse of the linear spline's
     /// autocorrelation; its local form (to second order) subtracts a multiple of the second differences along both axes: a
     /// twelfth for values at the texel's centre, an eighth for means over the texel, whose own blur is undone as well.
-    pub(crate) fn fitted(&self, fit: Fit, prefilter: Prefilter, overshoot: impl Fn(usize) -> Overshoot) -> Vec<Vec4> {
+    pub(crate) fn fitted(
+        &self,
+        fit: Fit,
+        prefilter: Prefilter,
+        overshoot: impl Fn(usize) -> Overshoot,
+    ) -> Vec<Vec4> {
         let strength = match (fit, prefilter) {
             (Fit::Point | Fit::Box, _) => return self.values.clone(),
             (Fit::Sharp, Prefilter::Point) => 1.0 / 12.0,
@@ -73,8 +78,10 @@ impl Raster {
                     }
                     let low = neighbours.into_iter().fold(center, Vec4::min);
                     let high = neighbours.into_iter().fold(center, Vec4::max);
-                    let below = (low * overshoot.share_below).min(Vec4::splat(overshoot.below)).max(Vec4::ZERO);
-                    let below = if overshoot.share_below.is_finite() { below } else { Vec4::splat(overshoot.below) };
+                    let below =
+                        (low * overshoot.share_below).min(Vec4::splat(overshoot.below)).max(Vec4::ZERO);
+                    let below =
+                        if overshoot.share_below.is_finite() { below } else { Vec4::splat(overshoot.below) };
                     fitted[texel * self.channels + channel] =
                         (center - strength * curvature).clamp(low - below, high + overshoot.above);
                 }
@@ -147,8 +154,9 @@ impl Raster {
     /// True where a look-up falls into the block or a texel beside it.
     fn is_block_read(&self, x: usize, y: usize) -> bool {
         let [width, height] = self.extent.map(|n| n as usize);
-        (y.saturating_sub(1)..(y + 5).min(height))
-            .any(|row| self.read[row * width + x.saturating_sub(1)..row * width + (x + 5).min(width)].contains(&true))
+        (y.saturating_sub(1)..(y + 5).min(height)).any(|row| {
+            self.read[row * width + x.saturating_sub(1)..row * width + (x + 5).min(width)].contains(&true)
+        })
     }
 
     fn fill_block(&self, texels: impl Iterator<Item = (usize, usize)> + Clone, values: &mut [Vec4]) {
@@ -172,7 +180,8 @@ impl Raster {
                         }
                     }
                 }
-                values[(y * width + x) * self.channels + channel] = near.value().or(block.value()).unwrap_or(Vec4::ZERO);
+                values[(y * width + x) * self.channels + channel] =
+                    near.value().or(block.value()).unwrap_or(Vec4::ZERO);
             }
         }
     }

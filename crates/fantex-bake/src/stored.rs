@@ -1,7 +1,7 @@
 //! From linear values to the numbers and bytes that a channel stores.
 
 use fantex_store::{Channel, ChannelKind, EncodeError, Quality, TexelFormat, TexelSlice, encode_many};
-use fantex_texture::{srgb8_from_linear, unorm8};
+use fantex_texture::color::{srgb8_from_linear, unorm8};
 use glam::Vec4;
 
 use crate::raster::Raster;
@@ -53,16 +53,19 @@ pub(crate) fn encode_pages(
 ) -> Result<Vec<Vec<Vec<u8>>>, EncodeError> {
     let mut encoded = vec![Vec::with_capacity(plans.len()); pages.len()];
     for (index, plan) in plans.iter().enumerate() {
-        let channel = |page: &Raster| page.values.iter().skip(index).step_by(plans.len()).copied().collect::<Vec<_>>();
+        let channel =
+            |page: &Raster| page.values.iter().skip(index).step_by(plans.len()).copied().collect::<Vec<_>>();
         let bytes = if plan.channel.format == TexelFormat::Rgba32F {
             let texels: Vec<Vec<[f32; 4]>> =
                 pages.iter().map(|p| channel(p).into_iter().map(|v| plan.float(v)).collect()).collect();
-            let slices: Vec<_> = pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
+            let slices: Vec<_> =
+                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
             encode_many(plan.channel.format, quality, &slices)?
         } else {
             let texels: Vec<Vec<[u8; 4]>> =
                 pages.iter().map(|p| channel(p).into_iter().map(|v| plan.bytes(v)).collect()).collect();
-            let slices: Vec<_> = pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
+            let slices: Vec<_> =
+                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
             encode_many(plan.channel.format, quality, &slices)?
         };
         for (page, bytes) in encoded.iter_mut().zip(bytes) {

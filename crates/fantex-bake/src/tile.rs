@@ -132,26 +132,37 @@ impl TileBaker<'_> {
             let level_extent = self.cover.groups[group as usize].level_extent(level);
             let start: [u32; 2] = std::array::from_fn(|k| (low[k] - origin[k]) >> level);
             let stop: [u32; 2] =
-                std::array::from_fn(|k| if high[k] == extent[k] { level_extent[k] } else { high[k] >> level });
+                std::array::from_fn(
+                    |k| if high[k] == extent[k] { level_extent[k] } else { high[k] >> level },
+                );
             let first: [u32; 2] = low.map(|l| l >> level);
             let size = [stop[0] - first[0], stop[1] - first[1]];
             self.encode_level(group, level, &raster, start, size, first, &mut tile)?;
             let next = self.cover.groups[group as usize].level_extent(level + 1);
-            let halved: [u32; 2] = std::array::from_fn(|k| {
-                if extent[k] <= BLOCK { next[k] } else { raster.extent[k] / 2 }
-            });
+            let halved: [u32; 2] =
+                std::array::from_fn(|k| if extent[k] <= BLOCK { next[k] } else { raster.extent[k] / 2 });
             raster = raster.halved(halved);
         }
         let first = low.map(|l| l >> SHARED_LEVEL);
         let start: [u32; 2] = std::array::from_fn(|k| (low[k] - origin[k]) >> SHARED_LEVEL);
         let size: [u32; 2] = std::array::from_fn(|k| {
-            if high[k] == extent[k] { shared_extent[k] - first[k] } else { (high[k] - low[k]) >> SHARED_LEVEL }
+            if high[k] == extent[k] {
+                shared_extent[k] - first[k]
+            } else {
+                (high[k] - low[k]) >> SHARED_LEVEL
+            }
         });
         Ok((tile, raster.window(start, size), first))
     }
 
     /// Values of all channels over a block.
-    fn evaluate(&self, group: u32, triangles: Vec<TexelTriangle>, block: Block, tile: &mut BakedTile) -> Raster {
+    fn evaluate(
+        &self,
+        group: u32,
+        triangles: Vec<TexelTriangle>,
+        block: Block,
+        tile: &mut BakedTile,
+    ) -> Raster {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
@@ -245,14 +256,18 @@ impl TileBaker<'_> {
         };
         raster.fill_blocks(&mut values);
         let filled = Raster { values, ..raster.clone() };
-        let window = if start == [0, 0] && size == raster.extent { filled } else { filled.window(start, size) };
+        let window =
+            if start == [0, 0] && size == raster.extent { filled } else { filled.window(start, size) };
         tile.bake_time += started.elapsed();
         let started = Instant::now();
         let grid = page_grid(size);
         let pages: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
-        let rasters: Vec<Raster> = pages.iter().map(|&p| window.window(page_origin(p), page_extent(size, p))).collect();
+        let rasters: Vec<Raster> =
+            pages.iter().map(|&p| window.window(page_origin(p), page_extent(size, p))).collect();
         let offset = first.map(|f| f / fantex_store::PAGE);
-        for (page, channels) in pages.into_iter().zip(encode_pages(self.plans, self.options.quality, &rasters)?) {
+        for (page, channels) in
+            pages.into_iter().zip(encode_pages(self.plans, self.options.quality, &rasters)?)
+        {
             let page = [offset[0] + page[0], offset[1] + page[1]];
             tile.pages.push(EncodedPage { id: PageId { group, level, page }, channels });
         }
