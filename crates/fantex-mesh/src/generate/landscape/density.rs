@@ -50,12 +50,12 @@ impl Overhangs {
 
     /// Horizontal displacement at a point, metres.
     fn displacement(&self, p: Vec3) -> Vec2 {
-        let strength = smoothstep(-0.12, 0.18, self.mask.at2(Vec2::new(p.x, p.z) / 150.0));
+        let strength = smoothstep(-0.05, 0.3, self.mask.at2(Vec2::new(p.x, p.z) / 170.0));
         if strength == 0.0 {
             return Vec2::ZERO;
         }
         let q = p / OVERHANG_SIZE;
-        let [x, z] = self.push.map(|n| n.at3(q) + 0.45 * n.at3(q * 2.3) + 0.2 * n.at3(q * 5.1));
+        let [x, z] = self.push.map(|n| n.at3(q) + 0.35 * n.at3(q * 2.3) + 0.1 * n.at3(q * 5.1));
         OVERHANG * strength * Vec2::new(x, z)
     }
 }

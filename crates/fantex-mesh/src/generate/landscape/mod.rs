@@ -45,7 +45,7 @@ pub struct LandscapeOptions {
 
 impl Default for LandscapeOptions {
     fn default() -> Self {
-        Self { triangles: 500_000, seed: 1, size: 640.0, tunnels: 4, arches: 3 }
+        Self { triangles: 500_000, seed: 1, size: 1000.0, tunnels: 4, arches: 3 }
     }
 }
 

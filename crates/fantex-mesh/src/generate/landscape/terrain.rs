@@ -69,7 +69,7 @@ impl Ground {
     fn new(seed: u64, size: f32, step: f32) -> Self {
         let noise = |stream| Noise::new(seed, stream);
         // Ridges of the first octave are about a fifth of the world apart; those of the last span about two samples.
-        let octaves = ((size / 5.0 / step).log2().ceil().max(3.0) as u32).min(10);
+        let octaves = ((size / 6.4 / step).log2().ceil().max(3.0) as u32).min(10);
         Self {
             size,
             octaves,
@@ -88,7 +88,7 @@ impl Ground {
         let bend = Vec2::new(self.warp[0].fbm2(q * 3.0, 3), self.warp[1].fbm2(q * 3.0, 3));
         let warped = q + 0.07 * bend;
         let massif = self.massif(q, warped);
-        let mountains = self.ridged(warped * 2.5) * massif;
+        let mountains = self.ridged(warped * 3.2) * massif;
         let hills = 0.24 + 0.10 * self.hills.fbm2(warped * 5.0, self.octaves.min(5));
         let raw = PEAK_HEIGHT * (hills + mountains);
         let carved = self.carve_canyon(q, raw);
@@ -116,7 +116,7 @@ impl Ground {
             let signal = crest(at);
             let slope = Vec2::new(crest(at + PROBE * Vec2::X), crest(at + PROBE * Vec2::Y)) - signal;
             sum += amplitude * signal * weight;
-            weight = (1.5 * signal * weight).clamp(0.0, 1.0);
+            weight = (1.5 * signal * weight).clamp(0.14, 1.0);
             // In units of the next octave, whose lattice is turned and twice as fine.
             drift = spun(drift - 0.11 * slope / PROBE * weight) * 2.0;
             amplitude *= 0.5;
@@ -128,10 +128,10 @@ impl Ground {
     /// A winding canyon with steep walls from left to right.
     fn carve_canyon(&self, q: Vec2, height: f32) -> f32 {
         let course = 0.16 + 0.16 * self.canyon.fbm2(Vec2::new(2.3 * q.x, 0.5), 2);
-        let rough = 0.012 * self.canyon.fbm2(q * 14.0, self.octaves.min(4));
+        let rough = 0.010 * self.canyon.fbm2(q * 16.0, self.octaves.min(4));
         let distance = (q.y - course).abs() + rough;
         let bed = 0.04 * PEAK_HEIGHT + 0.15 * (height - 0.24 * PEAK_HEIGHT).max(0.0);
-        let depth = (1.0 - smoothstep(0.028, 0.062, distance)) * CANYON_DEPTH;
+        let depth = (1.0 - smoothstep(0.016, 0.044, distance)) * CANYON_DEPTH;
         lerp(height, (height - depth).max(bed.min(height)), smoothstep(0.0, 0.08, depth / CANYON_DEPTH))
     }
 

@@ -123,7 +123,7 @@ impl Site<'_> {
     fn arch(&self, random: &Noise, candidate: u32) -> Option<(f32, Tube)> {
         let number = |i| random.uniform(16 * candidate + i);
         let centre = self.place(number(0), number(1), 0.38);
-        let half_span = 24.0 + 26.0 * number(2);
+        let half_span = 24.0 + 46.0 * number(2);
         let radius = (6.5 + 3.5 * number(3)).max(0.75 * self.least_radius);
         let across = Vec2::from_angle(PI * number(4)) * (half_span + radius);
         let feet = [centre - across, centre + across];
@@ -139,7 +139,7 @@ impl Site<'_> {
         let nodes: Vec<(Vec3, f32)> = (0..=steps)
             .map(|n| n as f32 / steps as f32)
             .map(|t| (curve(t), t))
-            .map(|(p, t)| (p, radius * (0.8 + 4.0 * (t - 0.5).powi(2)) * (1.0 + 0.25 * random.at3(p / 13.0))))
+            .map(|(p, t)| (p, radius * (0.8 + 6.0 * (t - 0.5).powi(2)) * (1.0 + 0.25 * random.at3(p / 13.0))))
             .collect();
         // Clear height below the rock along the middle half, open sky above the apex.
         let clear = |(p, r): &(Vec3, f32)| p.y - r - self.ground.at(Vec2::new(p.x, p.z));
@@ -147,7 +147,7 @@ impl Site<'_> {
         let height = middle.iter().map(clear).fold(f32::MAX, f32::min);
         let slant = (heights[0] - heights[1]).abs();
         let is_sound = height > 1.2 * radius + self.reach && slant < 0.5 * half_span;
-        let score = height.min(45.0) - 0.5 * slant - 0.4 * half_span + 10.0 * number(6) + 0.05 * centre.y;
+        let score = height.min(45.0) - 0.5 * slant - 0.25 * half_span + 10.0 * number(6) + 0.05 * centre.y;
         is_sound.then(|| (score, Tube::new(nodes, self.reach)))
     }
 
