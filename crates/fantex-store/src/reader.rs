@@ -15,7 +15,7 @@ use crate::header::{
     HEADER_BYTES, SECTION_NAMES, SIGNATURE, SLOT_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION,
 };
 use crate::layout::{ClusterPages, PageSize, TilePlace};
-use crate::limits::MAX_SECTION_BYTES;
+use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
 use crate::section::directory::{self, ClusterEntry, Directory};
 use crate::section::{channels, cover as cover_section, mesh as mesh_section};
 use crate::{
@@ -289,22 +289,27 @@ fn read_section(
 ) -> Result<Vec<u8>, OpenError> {
     let SectionRecord { offset, stored_length, raw_length, checksum } = record;
     let end = offset.saturating_add(stored_length);
-    if offset < HEADER_BYTES || end > file_length || raw_length > MAX_SECTION_BYTES {
+    if offset < HEADER_BYTES || end > file_length {
         return Err(OpenError::SectionPlace { path: path.to_owned(), section, offset, end });
+    }
+    let packing_error = || OpenError::SectionPacking { path: path.to_owned(), section, expected: raw_length };
+    if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO)) {
+        return Err(packing_error());
     }
     let mut stored = vec![0; stored_length as usize];
     read_exact_at(file, &mut stored, offset).map_err(|source| io_error(path, source))?;
     if xxh3_64(&stored) != checksum {
         return Err(OpenError::SectionChecksum { path: path.to_owned(), section });
     }
-    let unpacked = zstd::Decoder::new(stored.as_slice()).and_then(|decoder| {
+    let unpacked = zstd::Decoder::new(stored.as_slice()).and_then(|mut decoder| {
+        decoder.window_log_max(MAX_WINDOW_LOG)?;
         let mut raw = Vec::new();
         decoder.take(raw_length + 1).read_to_end(&mut raw)?;
         Ok(raw)
     });
     match unpacked {
         Ok(raw) if raw.len() as u64 == raw_length => Ok(raw),
-        _ => Err(OpenError::SectionPacking { path: path.to_owned(), section, expected: raw_length }),
+        _ => Err(packing_error()),
     }
 }
 
