@@ -260,7 +260,12 @@ fn limits_are_kept() {
     let defaults = LoadLimits::default();
     assert_mentions(&refuse(LoadLimits { max_triangles: 1, ..defaults }), &["2 triangles", "limit of 1"]);
     assert_mentions(&refuse(LoadLimits { max_positions: 3, ..defaults }), &["4 positions", "limit of 3"]);
-    assert_mentions(&refuse(LoadLimits { max_file_bytes: 10, ..defaults }), &["bytes", "limit of 10"]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, text).unwrap();
+    let limits = LoadLimits { max_file_bytes: 10, ..defaults };
+    let error = fantex_mesh::load(&path, &limited(limits)).unwrap_err().to_string();
+    assert_mentions(&error, &["a.obj has", "bytes", "limit of 10"]);
     assert_mentions(
         &refuse(LoadLimits { max_face_corners: 3, ..defaults }),
         &["line 5", "4 corners", "limit of 3"],

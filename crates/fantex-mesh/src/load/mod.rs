@@ -75,9 +75,18 @@ pub struct LoadOptions {
 /// A [`LoadError`] that names the file, the place in it and what was expected there. A model without a single triangle
 /// is an error too.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Model, LoadError> {
-    let bytes = read_file(path, &options.limits)?;
-    let detected = detect::detect(path, &bytes)?;
-    let file = SourceFile { path, bytes: &bytes, limits: options.limits };
+    load_bytes(path, &read_file(path, &options.limits)?, options)
+}
+
+/// Loads a model whose file is in memory already. `path` is where it lies or would lie: its extension and folder count
+/// as for [`load`], and messages name it.
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model, LoadError> {
+    let detected = detect::detect(path, bytes)?;
+    let file = SourceFile { path, bytes, limits: options.limits };
     let mut model = match detected.format {
         ModelFormat::Gltf | ModelFormat::Glb => gltf::load(&file, detected.format)?,
         ModelFormat::Obj => obj::load(&file)?,

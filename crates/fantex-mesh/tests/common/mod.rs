@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex_mesh::{LoadError, LoadOptions, Model, load};
+use fantex_mesh::{LoadError, LoadOptions, Model, load, load_bytes};
 
 /// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace.
 pub(crate) fn data_folder() -> Option<PathBuf> {
@@ -17,12 +17,15 @@ pub(crate) fn data_folder() -> Option<PathBuf> {
     None
 }
 
-/// Writes files into a temporary folder and loads the first one.
+/// Loads the first file, with the others beside it (in a temporary folder; a single file needs none).
 pub(crate) fn load_files(files: &[(&str, &[u8])]) -> Result<Model, LoadError> {
     load_files_with(files, &LoadOptions::default())
 }
 
 pub(crate) fn load_files_with(files: &[(&str, &[u8])], options: &LoadOptions) -> Result<Model, LoadError> {
+    if let [(name, bytes)] = files {
+        return load_bytes(Path::new(name), bytes, options);
+    }
     let folder = tempfile::tempdir().unwrap();
     for (name, bytes) in files {
         let path = folder.path().join(name);

@@ -284,7 +284,7 @@ impl<S: NumberSource> Rows<'_, S> {
     }
 
     fn read_face(&mut self, row: u64, columns: &[FaceColumn], faces: &mut Faces) -> Result<(), LoadError> {
-        let first = faces.corners.len();
+        let (face, first) = (faces.len(), faces.corners.len());
         let mut rgba: Option<Vec4> = None;
         let mut texture = None;
         let mut uvs = None;
@@ -305,7 +305,6 @@ impl<S: NumberSource> Rows<'_, S> {
                 (_, length) => self.skip(scalar, length).map_err(|e| self.failed(row, e))?,
             }
         }
-        let face = faces.len();
         if !faces.end_face(first) {
             return Ok(());
         }
