@@ -102,7 +102,7 @@ fn binary_files_that_are_cut_off_never_load() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 3000, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 20_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn damaged_files_are_refused_or_sound(
@@ -298,4 +298,33 @@ fn a_huge_concave_polygon_takes_bounded_time() {
     assert_eq!(model.triangles.len(), count - 2);
     let elapsed = start.elapsed();
     assert!(elapsed < Duration::from_secs(20), "{elapsed:?}");
+}
+
+/// Names are looked up, not searched for.
+#[test]
+fn very_many_materials_take_linear_time() {
+    use std::fmt::Write as _;
+    let start = Instant::now();
+    let mut text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n".to_owned();
+    for material in 0..200_000 {
+        writeln!(text, "usemtl {material}\nf 1 2 3").unwrap();
+    }
+    let model = load_text("a.obj", &text).unwrap();
+    assert_eq!(model.materials.len(), 200_000);
+    assert!(start.elapsed() < Duration::from_secs(10));
+}
+
+#[test]
+fn zeroed_accessors_and_second_vertex_tables_claim_no_memory_and_do_not_confuse() {
+    let document = r#"{"asset":{"version":"2.0"},"nodes":[{"mesh":0}],"meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[{"componentType":5126,"type":"VEC3","count":100000000}]}"#;
+    assert_mentions(&message("a.gltf", document.as_bytes()), &["accessor 0", "100000000 elements", "limit"]);
+    let xyz = "property float x\nproperty float y\nproperty float z\n";
+    let text = format!(
+        "ply\nformat ascii 1.0\nelement vertex 3\n{xyz}property float nx\nproperty float ny\nproperty float nz\nelement vertex 3\n{xyz}element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 0 0 1\n1 0 0 0 0 1\n0 1 0 0 0 1\n9 9 9\n9 9 9\n9 9 9\n3 0 1 2\n"
+    );
+    let model = load_text("a.ply", &text).unwrap();
+    assert_eq!(model.positions.len(), 3);
+    assert_mentions(&model.notes.join("\n"), &["skipped: 3 vertex"]);
+    let text = format!("ply\ncomment {}\nformat ascii 1.0\n", "x".repeat(1 << 17));
+    assert_mentions(&message("a.ply", text.as_bytes()), &["header has no end"]);
 }

@@ -114,14 +114,17 @@ fn material_libraries_are_read() {
     assert_eq!(name(cut.metallic_roughness_texture.as_ref().unwrap().image), "rough.png");
     assert_eq!((none.name.as_str(), none.base_color), ("none", Vec4::ONE));
     let notes = model.notes.join("\n");
-    assert_mentions(&notes, &["\"shiny\": map_Ks", "default material: none", "bump map of material \"cut\""]);
+    assert_mentions(
+        &notes,
+        &["\"shiny\": map_Ks", "default materials: none", "bump map of material \"cut\""],
+    );
 }
 
 #[test]
 fn a_missing_library_is_a_note_and_a_broken_one_an_error() {
     let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
     let model = load_text("a.obj", text).unwrap();
-    assert_mentions(&model.notes.join("\n"), &["material file a.mtl cannot be read", "default material: m"]);
+    assert_mentions(&model.notes.join("\n"), &["material file a.mtl cannot be read", "default materials: m"]);
     let broken = |library: &str| {
         load_files(&[("a.obj", text.as_bytes()), ("a.mtl", library.as_bytes())])
             .expect_err("refused")

@@ -1,6 +1,6 @@
 //! Helpers of the loader tests.
 
-#![allow(dead_code, reason = "each test file uses some of these")]
+#![allow(dead_code, clippy::unwrap_used, reason = "each test file uses some of these, and tests may unwrap")]
 
 use std::path::{Path, PathBuf};
 

@@ -83,7 +83,7 @@ fn assign_materials(model: &mut Model, names: &[String], of_triangle: Vec<u32>, 
     for entry in &mut model.triangle_materials {
         let name = *entry as usize;
         *entry = *index_of_name[name].get_or_insert_with(|| {
-            let defined = library.materials.iter().find(|m| m.name == names[name]);
+            let defined = library.of_name.get(&names[name]).map(|&m| &library.materials[m]);
             if defined.is_none() && !names[name].is_empty() {
                 undefined.push(names[name].as_str());
             }
@@ -92,8 +92,11 @@ fn assign_materials(model: &mut Model, names: &[String], of_triangle: Vec<u32>, 
         });
     }
     if !undefined.is_empty() {
-        let list = undefined.join(", ");
-        model.notes.push(format!("materials without a definition became a default material: {list}"));
+        let (count, list) = (undefined.len(), undefined[..undefined.len().min(5)].join(", "));
+        let rest = if count > 5 { ", ..." } else { "" };
+        model
+            .notes
+            .push(format!("{count} materials without a definition became default materials: {list}{rest}"));
     }
     if model.materials.len() <= 1 {
         model.triangle_materials.clear();

@@ -100,7 +100,8 @@ fn read_elements(
         check_count(element, header.encoding, source.left()).map_err(|problem| located(file, problem))?;
         let mut rows = Rows { file, vertex_count, element, source: &mut source };
         match element.name.as_str() {
-            "vertex" => rows.read_vertices(&mut content)?,
+            // A second table of vertices would have nothing that refers to it.
+            "vertex" if content.positions.is_empty() => rows.read_vertices(&mut content)?,
             "face" => rows.read_faces(&mut content.faces)?,
             "tristrips" => rows.read_strips(&mut content.faces)?,
             name => {
