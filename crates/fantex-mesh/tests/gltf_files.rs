@@ -208,6 +208,7 @@ fn external_buffers_are_found_by_decoded_relative_paths() {
     };
     assert_eq!(files("my%20data/b+%C3%BC.bin").unwrap().triangles, [[0, 1, 2]]);
     let refused = |uri: &str| files(uri).expect_err("must be refused").to_string();
+    assert_mentions(&refused("my%20data"), &["buffer 0", "cannot read", "not a regular file"]);
     assert_mentions(&refused("missing.bin"), &["buffer 0", "cannot read", "missing.bin"]);
     assert_mentions(&refused("short.bin"), &["buffer 0", "should have 40 bytes", "are 3"]);
     for uri in ["http://example.com/a.bin", "/etc/hostname", "file:///a.bin", "C:/a.bin", "%2Fetc/hostname"] {

@@ -120,6 +120,9 @@ fn wrong_geometry_and_places_are_refused_and_leave_nothing() {
     bad.positions[7].y = f64::NAN;
     common::assert_mentions(&refuse("a.glb", &bad), &["position 7 is not finite"]);
     let mut bad = sample(DVec3::ZERO);
+    bad.triangles.clear();
+    common::assert_mentions(&refuse("a.glb", &bad), &["a.glb", "no triangles"]);
+    let mut bad = sample(DVec3::ZERO);
     bad.colors.pop();
     common::assert_mentions(&refuse("a.obj", &bad), &["399 colours for 400 positions"]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

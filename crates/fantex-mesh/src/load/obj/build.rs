@@ -1,6 +1,7 @@
 //! From an OBJ file's lines to a model.
 
 use glam::{DVec3, Vec2, Vec4};
+use rayon::prelude::*;
 
 use super::super::polygon::Triangulator;
 use super::super::{LoadError, SourceFile, builder, srgb};
@@ -70,7 +71,7 @@ fn linear_colors(text: &ObjText, notes: &mut Vec<String>) -> Vec<Vec4> {
         notes.push("vertex colours exceed 1 and were read as 0..255".to_owned());
     }
     let scale = if is_bytes { 1.0 / 255.0 } else { 1.0 };
-    text.colors_srgb.iter().map(|&c| srgb::linear_rgba(c * scale, 1.0)).collect()
+    text.colors_srgb.par_iter().map(|&c| srgb::linear_rgba(c * scale, 1.0)).collect()
 }
 
 /// Replaces material names by indices; a name without a definition becomes a default material of that name.

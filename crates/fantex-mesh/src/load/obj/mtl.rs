@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::super::{LoadError, SourceFile, read_file, srgb};
+use super::super::{LoadError, SourceFile, read_companion, relative_path, srgb};
 use super::{ObjProblem, number, shown};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
@@ -39,7 +39,7 @@ pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Libr
         if !done.insert(path.clone()) {
             continue;
         }
-        match read_file(&path, &file.limits) {
+        match read_companion(&path, &file.limits) {
             Ok(bytes) => Reader::new(&path, &mut library).read(&bytes)?,
             Err(LoadError::Read { source, .. }) => {
                 library.notes.push(format!("the material file {name} cannot be read: {source}"));
@@ -48,15 +48,6 @@ pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Libr
         }
     }
     Ok(library)
-}
-
-/// A path as written in a file from any system: backslashes separate too; of an absolute path only the name is kept,
-/// because it points into the author's computer.
-fn relative_path(written: &str) -> Option<PathBuf> {
-    let path = written.trim().trim_matches('"').replace('\\', "/");
-    let is_absolute = path.starts_with('/') || path.as_bytes().get(1) == Some(&b':');
-    let path = if is_absolute { path.rsplit('/').next().unwrap_or_default() } else { &path };
-    (!path.is_empty()).then(|| PathBuf::from(path))
 }
 
 struct Reader<'a> {
