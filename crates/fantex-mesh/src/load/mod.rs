@@ -70,6 +70,17 @@ pub struct LoadOptions {
 /// Buffers and material files that the model names are read too; images are not opened (see
 /// [`ImageSource`](crate::ImageSource)). What was skipped or assumed stands in [`Model::notes`].
 ///
+/// ```no_run
+/// use fantex_mesh::{LoadOptions, load};
+///
+/// let model = load("bottle.glb".as_ref(), &LoadOptions::default())?;
+/// println!("{}: {} triangles", model.name, model.triangles.len());
+/// for note in &model.notes {
+///     eprintln!("note: {note}");
+/// }
+/// # Ok::<(), fantex_mesh::LoadError>(())
+/// ```
+///
 /// # Errors
 ///
 /// A [`LoadError`] that names the file, the place in it and what was expected there. A model without a single triangle

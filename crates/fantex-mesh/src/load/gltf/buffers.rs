@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-use super::super::{LoadError, SourceFile, read_companion};
 use super::schema::{Buffer, Root};
 use super::uri::{Target, resolve};
 use super::{BufferProblem, GltfProblem, get};
+use crate::load::{LoadError, SourceFile, read_companion};
 
 /// All buffers of a file.
 pub(super) struct Buffers<'a> {

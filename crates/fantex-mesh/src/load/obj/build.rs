@@ -3,10 +3,10 @@
 use glam::{DVec3, Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::super::polygon::Triangulator;
-use super::super::{LoadError, SourceFile, builder, srgb};
 use super::mtl::Library;
 use super::parse::{Corner, NONE, ObjText};
+use crate::load::polygon::Triangulator;
+use crate::load::{LoadError, SourceFile, builder, srgb};
 use crate::{Material, Model};
 
 /// Cuts the polygons and spreads attributes over the corners.

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::super::{LoadError, SourceFile, read_companion, relative_path, srgb};
 use super::{ObjProblem, number, shown};
+use crate::load::{LoadError, SourceFile, read_companion, relative_path, srgb};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
 /// The materials of all libraries of an OBJ file.

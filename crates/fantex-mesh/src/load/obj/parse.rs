@@ -5,8 +5,8 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec2, Vec3};
 
-use super::super::{LoadError, SourceFile};
 use super::{ObjProblem, number, shown, words};
+use crate::load::{LoadError, SourceFile};
 
 /// Marks a corner without texture coordinate or normal.
 pub(super) const NONE: u32 = u32::MAX;
@@ -180,7 +180,7 @@ impl<'a> Parser<'a> {
         self.text.positions.push(DVec3::new(x, y, z));
         if count >= 6 {
             let before = self.text.positions.len() - 1;
-            super::super::builder::pad(&mut self.text.colors_srgb, before, Vec3::ONE);
+            crate::load::builder::pad(&mut self.text.colors_srgb, before, Vec3::ONE);
             self.text.colors_srgb.push(DVec3::new(r, g, b).as_vec3());
         }
         Ok(())

@@ -2,11 +2,11 @@
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use super::super::builder::pad;
-use super::super::{LoadError, SourceFile};
 use super::header::{Element, Encoding, Header, Scalar};
 use super::source::{Ascii, Binary, NumberSource, SourceError};
 use super::{PlyProblem, located};
+use crate::load::builder::pad;
+use crate::load::{LoadError, SourceFile};
 
 /// The tables that matter, as the file has them; all vertex indices are in range.
 #[derive(Default)]

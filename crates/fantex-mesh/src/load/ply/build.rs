@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use glam::{DVec3, Mat3, Vec2, Vec4};
 use rayon::prelude::*;
 
-use super::super::polygon::Triangulator;
-use super::super::{LoadError, SourceFile, builder, relative_path, srgb};
 use super::body::{Content, Faces};
 use super::header::Header;
+use crate::load::polygon::Triangulator;
+use crate::load::{LoadError, SourceFile, builder, relative_path, srgb};
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
 /// Cuts the polygons and spreads attributes over the corners.
