@@ -20,7 +20,7 @@ pub(crate) fn soup(
 
 /// Cleans with the default options and checks what [`Mesh`] promises.
 pub(crate) fn cleaned(model: Model) -> (Mesh, CleanReport) {
-    let (mesh, report) = try_clean(model).unwrap();
+    let (mesh, report) = try_clean(model).unwrap_or_else(|error| panic!("{error}"));
     check(&mesh, &report);
     (mesh, report)
 }
@@ -44,8 +44,9 @@ pub(crate) fn check(mesh: &Mesh, report: &CleanReport) {
         let [a, b, c] = mesh.triangle_positions(t).map(|p| p.as_dvec3());
         assert!((b - a).cross(c - a).length_squared() > 0.0, "triangle {t} has no area");
         let mut turned = *triangle;
-        let smallest = (0..3).min_by_key(|&k| triangle[k]).unwrap();
-        turned.rotate_left(smallest);
+        while turned[0] > turned[1] || turned[0] > turned[2] {
+            turned.rotate_left(1);
+        }
         assert!(cycles.insert(turned), "triangle {t} is a duplicate");
     }
     assert!(!mesh.materials.is_empty() && !mesh.triangles.is_empty());
