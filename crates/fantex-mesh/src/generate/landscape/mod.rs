@@ -28,6 +28,8 @@ use tetrahedra::{Lattice, Surface, polygonise};
 const FLOOR: f32 = -30.0;
 /// Triangles of the trial passes that the lattice's step is estimated from.
 const TRIAL_TRIANGLES: [f32; 2] = [2.0e4, 8.0e4];
+/// Samples along the height map that tunnels and arches are placed on.
+const REFERENCE: f32 = 256.0;
 /// Passes until the number of triangles must be near the target.
 const MAX_PASSES: u32 = 6;
 
@@ -36,7 +38,7 @@ const MAX_PASSES: u32 = 6;
 pub struct LandscapeOptions {
     /// Number of triangles aimed at; at least about a thousand are made. The result lies within 10 %.
     pub triangles: u64,
-    /// Same seed, same landscape, at any number of triangles.
+    /// Same seed, same landscape; more triangles add detail.
     pub seed: u64,
     /// Side of its square, metres.
     pub size: f32,
@@ -119,10 +121,11 @@ impl World {
         let ground = HeightMap::new(options.seed, options.size, step);
         let range = ground.range();
         let blend = (0.6 * step).max(5.0);
+        let coarse_ground = HeightMap::new(options.seed, options.size, options.size / REFERENCE);
         let site = tubes::Site {
-            ground: &ground,
+            ground: &coarse_ground,
             size: options.size,
-            least_radius: 1.7 * step,
+            least_radius: 1.3 * step,
             reach: blend,
             seed: options.seed,
         };
