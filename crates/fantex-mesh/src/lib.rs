@@ -20,6 +20,7 @@ mod mesh;
 mod model;
 mod tangents;
 mod write;
+mod normals;
 
 pub use adjacency::*;
 pub use clean::*;
@@ -31,3 +32,4 @@ pub use mesh::*;
 pub use model::*;
 pub use tangents::*;
 pub use write::*;
+pub use normals::*;

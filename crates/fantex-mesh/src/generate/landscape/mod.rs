@@ -12,6 +12,9 @@ mod terrain;
 mod tetrahedra;
 mod tubes;
 
+#[cfg(test)]
+mod tests;
+
 use glam::{UVec3, Vec3};
 
 use crate::clean::Components;
@@ -25,6 +28,8 @@ use tetrahedra::{Lattice, Surface, polygonise};
 const FLOOR: f32 = -30.0;
 /// Triangles of the trial passes that the lattice's step is estimated from.
 const TRIAL_TRIANGLES: [f32; 2] = [2.0e4, 8.0e4];
+/// Samples along the height map that tunnels and arches are placed on.
+const REFERENCE: f32 = 256.0;
 /// Passes until the number of triangles must be near the target.
 const MAX_PASSES: u32 = 6;
 
@@ -33,7 +38,7 @@ const MAX_PASSES: u32 = 6;
 pub struct LandscapeOptions {
     /// Number of triangles aimed at; at least about a thousand are made. The result lies within 10 %.
     pub triangles: u64,
-    /// Same seed, same landscape, at any number of triangles.
+    /// Same seed, same landscape; more triangles add detail.
     pub seed: u64,
     /// Side of its square, metres.
     pub size: f32,
@@ -41,11 +46,14 @@ pub struct LandscapeOptions {
     pub tunnels: u32,
     /// Natural arches wanted; fewer are made where the ground offers no place.
     pub arches: u32,
+    /// 0 gives triangles as even as they come; up to 1 vertices are moved about along the surface, so that triangles
+    /// differ in size and shape.
+    pub irregularity: f32,
 }
 
 impl Default for LandscapeOptions {
     fn default() -> Self {
-        Self { triangles: 500_000, seed: 1, size: 1000.0, tunnels: 4, arches: 3 }
+        Self { triangles: 500_000, seed: 1, size: 1000.0, tunnels: 4, arches: 3, irregularity: 0.0 }
     }
 }
 
@@ -79,7 +87,7 @@ pub fn landscape(options: &LandscapeOptions) -> Landscape {
         let surface = world.surface();
         let count = surface.triangles.len() as f32;
         if pass == MAX_PASSES || (count / target - 1.0).abs() < 0.08 {
-            return world.finish(surface);
+            return world.finish(surface, options.irregularity.clamp(0.0, 1.0));
         }
         trials.push((world.lattice.step, count));
     }
@@ -113,10 +121,11 @@ impl World {
         let ground = HeightMap::new(options.seed, options.size, step);
         let range = ground.range();
         let blend = (0.6 * step).max(5.0);
+        let coarse_ground = HeightMap::new(options.seed, options.size, options.size / REFERENCE);
         let site = tubes::Site {
-            ground: &ground,
+            ground: &coarse_ground,
             size: options.size,
-            least_radius: 1.7 * step,
+            least_radius: 1.3 * step,
             reach: blend,
             seed: options.seed,
         };
@@ -137,9 +146,12 @@ impl World {
         largest_piece(polygonise(&self.lattice, |p| self.density.at(p)))
     }
 
-    fn finish(self, mut surface: Surface) -> Landscape {
-        relax::relax(&mut surface.positions, &surface.triangles, 0.5, 3);
+    fn finish(self, mut surface: Surface, irregularity: f32) -> Landscape {
         let corners = VertexCorners::of(&surface.triangles, surface.positions.len());
+        relax::relax(&mut surface.positions, &surface.triangles, &corners);
+        if irregularity > 0.0 {
+            relax::scatter(&mut surface.positions, &surface.triangles, &corners, irregularity);
+        }
         let topology = Topology::of(&surface.triangles, &corners);
         Landscape {
             positions: surface.positions,
