@@ -111,8 +111,8 @@ const SENSITIVITY: [&[Term]; 3] = [
 
 fn contrast_filter(plane: &Plane, terms: &[Term], options: FlipOptions) -> Plane {
     use std::f32::consts::PI;
-    let widest = 0.04;
-    let radius = (3.0 * (widest / (2.0 * PI * PI) as f32).sqrt() * options.pixels_per_degree).ceil() as i32;
+    let widest = 0.04_f32;
+    let radius = (3.0 * (widest / (2.0 * PI * PI)).sqrt() * options.pixels_per_degree).ceil() as i32;
     let passes: Vec<(f32, Vec<f32>)> = terms
         .iter()
         .map(|term| {

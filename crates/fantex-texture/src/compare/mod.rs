@@ -90,7 +90,7 @@ fn display_rgb(image: &Image) -> Vec<[f32; 3]> {
         for x in 0..image.width {
             let [r, g, b, _] = image.linear_texel(x, y);
             // NaN counts as black.
-            texels.push([r, g, b].map(|value| srgb_from_linear(value.max(0.0).min(1.0))));
+            texels.push([r, g, b].map(|value| srgb_from_linear(value.clamp(0.0, 1.0).max(0.0))));
         }
     }
     texels

@@ -130,7 +130,7 @@ fn every_shipped_image_loads() {
 }
 
 fn encoded_samples() -> Vec<(&'static str, Vec<u8>)> {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
     [
         ("a.png", Depth::U8, 4),
         ("b.png", Depth::U16, 3),
@@ -143,8 +143,8 @@ fn encoded_samples() -> Vec<(&'static str, Vec<u8>)> {
     .into_iter()
     .map(|(name, depth, channels)| {
         let path = folder.path().join(name);
-        sample_image(depth, channels).save(&path).unwrap();
-        (name, fs::read(&path).unwrap())
+        sample_image(depth, channels).save(&path).unwrap_or_else(|error| panic!("{error}"));
+        (name, fs::read(&path).unwrap_or_else(|error| panic!("{error}")))
     })
     .collect()
 }
