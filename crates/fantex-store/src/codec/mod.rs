@@ -4,21 +4,27 @@ mod decode;
 mod encode;
 mod punch_through;
 
+use std::borrow::Cow;
+
 pub(crate) use decode::StoredTexels;
 pub use decode::decode;
 pub use encode::{encode, encode_many};
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
+///
+/// Measured on one core, million texels per second and dB for photographs of rock and of the Earth and for a normal map:
+/// `UltraFast` 45 (45.8, 44.9, 31.3), `VeryFast` 6 (46.1, 47.4, 35.6), `Fast` 3 (46.2, 47.6, 35.6). So the default is right
+/// for colours; channels whose components do not go together (occlusion, roughness, metallic) gain from `VeryFast`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
-    /// About 60 million texels per second and core.
+    /// One mode, one region per block.
     #[default]
     UltraFast,
-    /// About a tenth of that, 2 dB better.
+    /// Also two regions per block.
     VeryFast,
-    /// Slower, slightly better.
+    /// The same, with a longer search.
     Fast,
-    /// About 1 million texels per second and core.
+    /// All modes; about 1 million texels per second.
     Basic,
 }
 
@@ -45,27 +51,22 @@ impl TexelSlice<'_> {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+}
 
-    /// One texel in 8 bits.
-    fn unorm8(&self, index: usize) -> [u8; 4] {
+impl<'a> TexelSlice<'a> {
+    /// The texels in 8 bits.
+    fn unorm8(self) -> Cow<'a, [[u8; 4]]> {
         match self {
-            Self::U8(texels) => texels[index],
-            Self::F32(texels) => texels[index].map(unorm8_from_f32),
-        }
-    }
-
-    /// One texel as floats.
-    fn float(&self, index: usize) -> [f32; 4] {
-        match self {
-            Self::U8(texels) => texels[index].map(|x| f32::from(x) / 255.0),
-            Self::F32(texels) => texels[index],
+            Self::U8(texels) => Cow::Borrowed(texels),
+            Self::F32(texels) => texels.iter().map(|texel| texel.map(unorm8_from_f32)).collect(),
         }
     }
 }
 
 /// Nearest of the 256 steps of 0..1.
 fn unorm8_from_f32(x: f32) -> u8 {
-    (x * 255.0).round() as u8
+    // Truncation of a non-negative number plus one half rounds; the conversion clamps, and takes NaN to 0.
+    (x * 255.0 + 0.5) as u8
 }
 
 /// True for a rectangle of whole 4x4 blocks.
