@@ -17,6 +17,12 @@ pub enum ChannelKind {
     Displacement,
 }
 
+impl ChannelKind {
+    /// All kinds, ordered by their code in files.
+    pub(crate) const ALL: [Self; 5] =
+        [Self::BaseColor, Self::Normal, Self::OcclusionRoughnessMetallic, Self::Emission, Self::Displacement];
+}
+
 /// How the texels of a channel are stored. Rows of blocks from the top (v = 0), blocks from the left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum TexelFormat {
@@ -38,6 +44,37 @@ pub enum TexelFormat {
     Rgba32F,
 }
 
+impl TexelFormat {
+    /// All formats, ordered by their code in files.
+    pub(crate) const ALL: [Self; 8] =
+        [Self::Bc1, Self::Bc4, Self::Bc5, Self::Bc7, Self::R8, Self::Rg8, Self::Rgba8, Self::Rgba32F];
+
+    /// Bytes of 4x4 texels.
+    pub const fn block_bytes(self) -> usize {
+        match self {
+            Self::Bc1 | Self::Bc4 => 8,
+            Self::Bc5 | Self::Bc7 | Self::R8 => 16,
+            Self::Rg8 => 32,
+            Self::Rgba8 => 64,
+            Self::Rgba32F => 256,
+        }
+    }
+
+    /// Bytes of a rectangle of texels whose sides are multiples of 4.
+    pub const fn bytes(self, extent: [u32; 2]) -> usize {
+        (extent[0] as usize / 4) * (extent[1] as usize / 4) * self.block_bytes()
+    }
+
+    /// Channels it stores: 1, 2 or 4. Missing ones read as `0, 0, 1` (green, blue, alpha).
+    pub const fn channel_count(self) -> usize {
+        match self {
+            Self::Bc4 | Self::R8 => 1,
+            Self::Bc5 | Self::Rg8 => 2,
+            Self::Bc1 | Self::Bc7 | Self::Rgba8 | Self::Rgba32F => 4,
+        }
+    }
+}
+
 /// One material channel of an asset.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
@@ -45,6 +82,6 @@ pub struct Channel {
     pub kind: ChannelKind,
     /// How its texels are stored.
     pub format: TexelFormat,
-    /// True where the stored numbers are sRGB-encoded (alpha never is).
+    /// True where the stored numbers are sRGB-encoded (alpha never is). Only formats of four channels can be.
     pub srgb: bool,
 }

@@ -1,8 +1,9 @@
 //! Errors, one enum per operation.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
-use crate::PageId;
+use crate::{ContentError, PageId};
 
 /// Texels could not be encoded: the caller's mistake.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -117,11 +118,6 @@ pub enum CreateError {
     },
 }
 
-/// A rule that mesh, cover, channels or directory of an asset break.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ContentError {}
-
 /// An asset could not be opened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -133,6 +129,84 @@ pub enum OpenError {
         path: PathBuf,
         /// Why.
         source: std::io::Error,
+    },
+    /// Some other kind of file.
+    #[error("{} is not a .fan asset: it does not start with the asset signature", path.display())]
+    NotAnAsset {
+        /// The file's path.
+        path: PathBuf,
+    },
+    /// A later format.
+    #[error(
+        "{} has format version {version}, flags {flags:#x}; this program reads version {supported}, flags 0: \
+         use a newer program",
+        path.display()
+    )]
+    Version {
+        /// The asset's path.
+        path: PathBuf,
+        /// Its version.
+        version: u32,
+        /// Its feature flags.
+        flags: u32,
+        /// The version that this program reads.
+        supported: u32,
+    },
+    /// Neither header slot is whole.
+    #[error("{} is damaged: neither of its two headers has a valid checksum; bake it anew", path.display())]
+    Header {
+        /// The asset's path.
+        path: PathBuf,
+    },
+    /// Shorter than its header says.
+    #[error("{} is truncated: {length} bytes of {expected}; copy or bake it anew", path.display())]
+    Truncated {
+        /// The asset's path.
+        path: PathBuf,
+        /// Bytes there are.
+        length: u64,
+        /// Bytes its header records.
+        expected: u64,
+    },
+    /// A section lies outside of the file.
+    #[error("{} is damaged: its {section} section claims bytes {offset} to {end}", path.display())]
+    SectionPlace {
+        /// The asset's path.
+        path: PathBuf,
+        /// Which section.
+        section: &'static str,
+        /// Its start.
+        offset: u64,
+        /// Its end.
+        end: u64,
+    },
+    /// A section's checksum is wrong.
+    #[error("{} is damaged: its {section} section has a wrong checksum; copy or bake it anew", path.display())]
+    SectionChecksum {
+        /// The asset's path.
+        path: PathBuf,
+        /// Which section.
+        section: &'static str,
+    },
+    /// A section does not unpack to what the header says.
+    #[error("{} is damaged: its {section} section does not unpack to {expected} bytes", path.display())]
+    SectionPacking {
+        /// The asset's path.
+        path: PathBuf,
+        /// Which section.
+        section: &'static str,
+        /// Bytes expected.
+        expected: u64,
+    },
+    /// A section breaks a rule of the format.
+    #[error("{} cannot be used: in its {section} section {source}", path.display())]
+    Content {
+        /// The asset's path.
+        path: PathBuf,
+        /// Which section.
+        section: &'static str,
+        /// Which rule.
+        source: ContentError,
     },
 }
 
@@ -149,5 +223,35 @@ pub enum PageError {
         channel: usize,
         /// The page.
         page: PageId,
+    },
+    /// The system refused.
+    #[error("cannot read {} bytes at byte {offset} of {}: {source}", length, path.display())]
+    Io {
+        /// The asset's path.
+        path: PathBuf,
+        /// Start of the cluster.
+        offset: u64,
+        /// Its length.
+        length: u64,
+        /// Why.
+        source: Arc<std::io::Error>,
+    },
+    /// The stored bytes changed since they were written.
+    #[error("{} is damaged: the cluster at byte {offset} has a wrong checksum", path.display())]
+    Checksum {
+        /// The asset's path.
+        path: PathBuf,
+        /// Start of the cluster.
+        offset: u64,
+    },
+    /// A cluster does not unpack to its pages.
+    #[error("{} is damaged: the cluster at byte {offset} does not unpack to {expected} bytes", path.display())]
+    Packing {
+        /// The asset's path.
+        path: PathBuf,
+        /// Start of the cluster.
+        offset: u64,
+        /// Bytes expected.
+        expected: u64,
     },
 }

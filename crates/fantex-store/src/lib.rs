@@ -13,19 +13,27 @@
 //! The format is described byte by byte in `docs/format.md`. No function of this crate trusts a file: lengths, offsets,
 //! counts and extents are checked against the [`limits`] before anything is allocated.
 
+mod bytes;
 mod cache;
 mod channel;
 mod codec;
+mod content_error;
 mod error;
+mod header;
+mod layout;
 pub mod limits;
+mod packing;
 mod page;
 mod reader;
+mod section;
+mod srgb;
 mod verify;
 mod writer;
 
 pub use cache::*;
 pub use channel::*;
 pub use codec::*;
+pub use content_error::*;
 pub use error::*;
 pub use page::*;
 pub use reader::*;

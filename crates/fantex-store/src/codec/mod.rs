@@ -1,6 +1,12 @@
 //! Texel codecs: between texels in *stored encoding* (what the bytes mean before sRGB decoding, 0..1) and bytes.
 
-use crate::{DecodeError, EncodeError, TexelFormat};
+mod decode;
+mod encode;
+mod punch_through;
+
+pub(crate) use decode::StoredTexels;
+pub use decode::decode;
+pub use encode::{encode, encode_many};
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -21,26 +27,51 @@ pub enum Quality {
 pub enum TexelSlice<'a> {
     /// 0..255 is 0..1.
     U8(&'a [[u8; 4]]),
-    /// Rounded to 8 bits (clamped to 0..1) for all formats but [`TexelFormat::Rgba32F`], which keeps them.
+    /// Clamped to 0..1 and rounded to 8 bits for all formats but [`TexelFormat::Rgba32F`](crate::TexelFormat), which
+    /// keeps them. NaN becomes 0 where it is rounded.
     F32(&'a [[f32; 4]]),
 }
 
-/// Encodes one page. `extent`: columns and rows, multiples of 4 (up to [`PAGE`](crate::PAGE) where the result is to be
-/// stored). R formats take red, RG formats red and green, [`TexelFormat::Bc1`] alpha below 1/2 as "transparent".
-/// Thread-safe, deterministic; a page's bytes depend on its texels only.
-pub fn encode(
-    format: TexelFormat,
-    quality: Quality,
-    extent: [u32; 2],
-    texels: TexelSlice<'_>,
-) -> Result<Vec<u8>, EncodeError> {
-    let _ = (format, quality, extent, texels);
-    todo!()
+impl TexelSlice<'_> {
+    /// Number of texels.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::U8(texels) => texels.len(),
+            Self::F32(texels) => texels.len(),
+        }
+    }
+
+    /// True without texels.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// One texel in 8 bits.
+    fn unorm8(&self, index: usize) -> [u8; 4] {
+        match self {
+            Self::U8(texels) => texels[index],
+            Self::F32(texels) => texels[index].map(unorm8_from_f32),
+        }
+    }
+
+    /// One texel as floats.
+    fn float(&self, index: usize) -> [f32; 4] {
+        match self {
+            Self::U8(texels) => texels[index].map(|x| f32::from(x) / 255.0),
+            Self::F32(texels) => texels[index],
+        }
+    }
 }
 
-/// Decodes one page into **stored encoding**, exactly as `docs/format.md` defines the rounding. Missing channels are
-/// `0, 0, 1` (green, blue, alpha).
-pub fn decode(format: TexelFormat, extent: [u32; 2], bytes: &[u8]) -> Result<Vec<[f32; 4]>, DecodeError> {
-    let _ = (format, extent, bytes);
-    todo!()
+/// Nearest of the 256 steps of 0..1.
+fn unorm8_from_f32(x: f32) -> u8 {
+    (x * 255.0).round() as u8
 }
+
+/// True for a rectangle of whole 4x4 blocks.
+fn is_block_extent(extent: [u32; 2]) -> bool {
+    extent.iter().all(|&n| n > 0 && n.is_multiple_of(4))
+}
+
+#[cfg(test)]
+mod tests;

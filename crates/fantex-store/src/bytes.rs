@@ -1,0 +1,232 @@
+//! Little-endian reading and writing of sections, every read checked.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::ContentError;
+
+/// Reads a section from front to back.
+pub(crate) struct ByteReader<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> ByteReader<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: 0 }
+    }
+
+    /// The next `count` bytes; `what` names them in the error.
+    pub(crate) fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], ContentError> {
+        let rest = &self.bytes[self.at..];
+        let taken = rest.get(..count).ok_or(ContentError::Ends { what, offset: self.bytes.len() })?;
+        self.at += count;
+        Ok(taken)
+    }
+
+    fn array<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N], ContentError> {
+        let mut array = [0; N];
+        array.copy_from_slice(self.take(N, what)?);
+        Ok(array)
+    }
+
+    pub(crate) fn u8(&mut self, what: &'static str) -> Result<u8, ContentError> {
+        Ok(self.array::<1>(what)?[0])
+    }
+
+    pub(crate) fn u32(&mut self, what: &'static str) -> Result<u32, ContentError> {
+        Ok(u32::from_le_bytes(self.array(what)?))
+    }
+
+    pub(crate) fn u64(&mut self, what: &'static str) -> Result<u64, ContentError> {
+        Ok(u64::from_le_bytes(self.array(what)?))
+    }
+
+    pub(crate) fn f64(&mut self, what: &'static str) -> Result<f64, ContentError> {
+        let value = f64::from_le_bytes(self.array(what)?);
+        if value.is_finite() { Ok(value) } else { Err(ContentError::NotFinite { what, index: 0 }) }
+    }
+
+    pub(crate) fn f32(&mut self, what: &'static str) -> Result<f32, ContentError> {
+        let value = f32::from_le_bytes(self.array(what)?);
+        if value.is_finite() { Ok(value) } else { Err(ContentError::NotFinite { what, index: 0 }) }
+    }
+
+    /// `N` finite floats.
+    pub(crate) fn f32s<const N: usize>(&mut self, what: &'static str) -> Result<[f32; N], ContentError> {
+        let mut values = [0.0; N];
+        for value in &mut values {
+            *value = self.f32(what)?;
+        }
+        Ok(values)
+    }
+
+    /// A 32-bit count of at most `limit`.
+    pub(crate) fn count(&mut self, limit: usize, what: &'static str) -> Result<usize, ContentError> {
+        let count = self.u32(what)?;
+        if count as usize > limit {
+            return Err(ContentError::TooMany { what, count: u64::from(count), limit: limit as u64 });
+        }
+        Ok(count as usize)
+    }
+
+    /// An array of `count` items of `LANES` 32-bit words each, as [`ByteWriter::words`] writes it. Checks that the bytes
+    /// are there before it allocates.
+    pub(crate) fn words<const LANES: usize>(
+        &mut self,
+        count: usize,
+        what: &'static str,
+    ) -> Result<Vec<[u32; LANES]>, ContentError> {
+        let too_many = ContentError::Ends { what, offset: self.bytes.len() };
+        let words = count.checked_mul(LANES).ok_or(too_many.clone())?;
+        let planes = self.take(words.checked_mul(4).ok_or(too_many)?, what)?;
+        let mut items = vec![[0u32; LANES]; count];
+        let mut previous = [0u32; LANES];
+        for (i, item) in items.iter_mut().enumerate() {
+            for (lane, previous) in previous.iter_mut().enumerate() {
+                let k = i * LANES + lane;
+                let bytes = [planes[k], planes[words + k], planes[2 * words + k], planes[3 * words + k]];
+                *previous = previous.wrapping_add(unzigzag(u32::from_le_bytes(bytes)));
+                item[lane] = *previous;
+            }
+        }
+        Ok(items)
+    }
+
+    /// An array of `count` items of `LANES` finite floats each.
+    pub(crate) fn floats<const LANES: usize>(
+        &mut self,
+        count: usize,
+        what: &'static str,
+    ) -> Result<Vec<[f32; LANES]>, ContentError> {
+        let words = self.words::<LANES>(count, what)?;
+        let items: Vec<[f32; LANES]> = words.into_iter().map(|item| item.map(f32::from_bits)).collect();
+        check_finite(&items, what)?;
+        Ok(items)
+    }
+
+    /// Refuses trailing bytes.
+    pub(crate) fn end(self) -> Result<(), ContentError> {
+        match self.bytes.len() - self.at {
+            0 => Ok(()),
+            count => Err(ContentError::TrailingBytes { count }),
+        }
+    }
+}
+
+/// Refuses NaN and infinities.
+pub(crate) fn check_finite<const LANES: usize>(
+    items: &[[f32; LANES]],
+    what: &'static str,
+) -> Result<(), ContentError> {
+    match items.iter().position(|item| item.iter().any(|x| !x.is_finite())) {
+        Some(index) => Err(ContentError::NotFinite { what, index }),
+        None => Ok(()),
+    }
+}
+
+/// Writes a section from front to back.
+#[derive(Default)]
+pub(crate) struct ByteWriter {
+    pub(crate) bytes: Vec<u8>,
+}
+
+impl ByteWriter {
+    pub(crate) fn put(&mut self, bytes: &[u8]) {
+        self.bytes.extend_from_slice(bytes);
+    }
+
+    pub(crate) fn u8(&mut self, value: u8) {
+        self.bytes.push(value);
+    }
+
+    pub(crate) fn u32(&mut self, value: u32) {
+        self.put(&value.to_le_bytes());
+    }
+
+    pub(crate) fn u64(&mut self, value: u64) {
+        self.put(&value.to_le_bytes());
+    }
+
+    pub(crate) fn f64(&mut self, value: f64) {
+        self.put(&value.to_le_bytes());
+    }
+
+    pub(crate) fn f32s(&mut self, values: &[f32]) {
+        values.iter().for_each(|v| self.put(&v.to_le_bytes()));
+    }
+
+    /// An array of words in a form that packs well: of every lane the difference from the item before (wrapping, zigzag),
+    /// first the lowest bytes of all words, then the next ones, and so on.
+    pub(crate) fn words<const LANES: usize>(&mut self, items: impl ExactSizeIterator<Item = [u32; LANES]>) {
+        let words = items.len() * LANES;
+        let start = self.bytes.len();
+        self.bytes.resize(start + 4 * words, 0);
+        let planes = &mut self.bytes[start..];
+        let mut previous = [0u32; LANES];
+        for (i, item) in items.enumerate() {
+            for lane in 0..LANES {
+                let difference = zigzag(item[lane].wrapping_sub(previous[lane])).to_le_bytes();
+                for (plane, byte) in difference.into_iter().enumerate() {
+                    planes[plane * words + i * LANES + lane] = byte;
+                }
+            }
+            previous = item;
+        }
+    }
+
+    /// An array of items of `LANES` floats each, stored by their bits like [`words`](Self::words).
+    pub(crate) fn floats<const LANES: usize>(&mut self, items: impl ExactSizeIterator<Item = [f32; LANES]>) {
+        self.words(items.map(|item| item.map(f32::to_bits)));
+    }
+}
+
+/// 0, -1, 1, -2, ... becomes 0, 1, 2, 3, ...
+pub(crate) fn zigzag(difference: u32) -> u32 {
+    (difference << 1) ^ (((difference as i32) >> 31) as u32)
+}
+
+/// Inverse of [`zigzag`].
+pub(crate) fn unzigzag(code: u32) -> u32 {
+    (code >> 1) ^ (code & 1).wrapping_neg()
+}
+
+/// A copy of bytes as values of a plain type, whatever their alignment; left-over bytes are dropped.
+pub(crate) fn values_from_bytes<T: Pod + Zeroable>(bytes: &[u8]) -> Vec<T> {
+    let mut values = vec![T::zeroed(); bytes.len() / size_of::<T>()];
+    let used = values.len() * size_of::<T>();
+    bytemuck::cast_slice_mut(&mut values).copy_from_slice(&bytes[..used]);
+    values
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_survive_the_round_trip() {
+        let items = [[0u32, u32::MAX], [7, 3], [u32::MAX, 0], [1 << 31, (1 << 31) - 1]];
+        let mut writer = ByteWriter::default();
+        writer.words(items.into_iter());
+        assert_eq!(writer.bytes.len(), 32);
+        let mut reader = ByteReader::new(&writer.bytes);
+        assert_eq!(reader.words::<2>(4, "items").unwrap(), items);
+        reader.end().unwrap();
+    }
+
+    #[test]
+    fn a_huge_count_is_refused_before_it_is_allocated() {
+        let mut reader = ByteReader::new(&[0; 64]);
+        assert!(matches!(
+            reader.words::<3>(usize::MAX / 2, "items"),
+            Err(ContentError::Ends { what: "items", .. })
+        ));
+    }
+
+    #[test]
+    fn zigzag_keeps_small_differences_small() {
+        assert_eq!([0, 1u32.wrapping_neg(), 1, 2u32.wrapping_neg()].map(zigzag), [0, 1, 2, 3]);
+        for x in [0, 1, 5, u32::MAX, 1 << 31] {
+            assert_eq!(unzigzag(zigzag(x)), x);
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Where pages lie: within a tile's level, within a level, within a cluster.
+
+use crate::page::{PAGE, page_extent, page_grid};
+use crate::section::directory::ClusterEntry;
+use crate::{PageId, TexelFormat};
+
+/// A page of a given level: its group and its row-major number within the tile's level. Ordered as pages are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct TilePlace {
+    pub(crate) group: u32,
+    pub(crate) page: u32,
+}
+
+/// `n / 2^level` rounded to the nearest multiple of 4 (halves up), at least 4: the rule of
+/// [`Group::level_extent`](fantex_cover::Group::level_extent), for extents without their group.
+fn level_length(n: u32, level: u32) -> u32 {
+    let quarters = (u64::from(n) + (2 << level)) >> (level + 2);
+    4 * (quarters as u32).max(1)
+}
+
+/// Number of levels of a tile of `extent` texels at level 0: the last is 4x4.
+pub(crate) fn level_count(extent: [u32; 2]) -> u32 {
+    let longest = extent[0].max(extent[1]);
+    (0..32).find(|&level| level_length(longest, level) == 4).unwrap_or(0) + 1
+}
+
+/// Tile extent at a level, or `[0, 0]` beyond its last.
+pub(crate) fn level_extent(extent: [u32; 2], level: u32) -> [u32; 2] {
+    let longest = extent[0].max(extent[1]);
+    let exists = level == 0 || (level < 32 && level_length(longest, level - 1) > 4);
+    if exists { extent.map(|n| level_length(n, level)) } else { [0, 0] }
+}
+
+/// How a tile's level is cut into pages.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PageSize {
+    extent: [u32; 2],
+}
+
+impl PageSize {
+    /// `extent`: of the tile at level 0.
+    pub(crate) fn new(extent: [u32; 2], level: u32) -> Self {
+        Self { extent: level_extent(extent, level) }
+    }
+
+    /// Tile extent at this level; zero where it has no such level.
+    pub(crate) fn extent(self) -> [u32; 2] {
+        self.extent
+    }
+
+    pub(crate) fn page_count(self) -> u32 {
+        let [columns, rows] = page_grid(self.extent);
+        columns * rows
+    }
+
+    /// Column and row of a page.
+    pub(crate) fn page(self, number: u32) -> [u32; 2] {
+        let columns = page_grid(self.extent)[0].max(1);
+        [number % columns, number / columns]
+    }
+
+    /// Row-major number of a page, if there is one.
+    pub(crate) fn number(self, page: [u32; 2]) -> Option<u32> {
+        let [columns, rows] = page_grid(self.extent);
+        (page[0] < columns && page[1] < rows).then(|| page[1] * columns + page[0])
+    }
+
+    /// Extent of a page in texels.
+    pub(crate) fn page_extent(self, number: u32) -> [u32; 2] {
+        page_extent(self.extent, self.page(number))
+    }
+
+    /// 4x4 blocks of the level.
+    pub(crate) fn blocks(self) -> u64 {
+        u64::from(self.extent[0] / 4) * u64::from(self.extent[1] / 4)
+    }
+
+    /// 4x4 blocks of the pages before one.
+    pub(crate) fn blocks_before(self, number: u32) -> u64 {
+        let [column, row] = self.page(number).map(u64::from);
+        let [width, height] = self.extent.map(|n| u64::from(n / 4));
+        let side = u64::from(PAGE / 4);
+        let rows_of_page = (height - (row * side).min(height)).min(side);
+        row * side * width + column * side * rows_of_page
+    }
+}
+
+/// Bytes of one page in all formats.
+pub(crate) fn page_bytes(formats: &[TexelFormat], extent: [u32; 2]) -> Vec<usize> {
+    formats.iter().map(|format| format.bytes(extent)).collect()
+}
+
+/// The pages of an unpacked cluster: channel after channel, in each the pages in order.
+#[derive(Debug)]
+pub(crate) struct ClusterPages {
+    pub(crate) bytes: Vec<u8>,
+    /// First group.
+    group: u32,
+    /// 4x4 blocks of the groups before, for `group` and those after it, relative to the cluster's start (negative, modulo
+    /// 2^32, for the first where the cluster starts within its tile).
+    starts: Vec<u32>,
+    /// All 4x4 blocks.
+    blocks: usize,
+    level: u32,
+}
+
+impl ClusterPages {
+    /// `bytes`: unpacked, of the length that `entry` records, which has been checked against the cover.
+    pub(crate) fn new(
+        bytes: Vec<u8>,
+        level: u32,
+        entry: &ClusterEntry,
+        formats: &[TexelFormat],
+        extents: impl Fn(usize) -> [u32; 2],
+    ) -> Self {
+        let block_bytes: usize = formats.iter().map(|f| f.block_bytes()).sum();
+        let blocks = bytes.len() / block_bytes;
+        let group = entry.first.group;
+        let first = PageSize::new(extents(group as usize), level);
+        let mut start = (first.blocks_before(entry.first.page) as u32).wrapping_neg();
+        let mut starts = vec![start];
+        start = start.wrapping_add(first.blocks() as u32);
+        // Wrapped (within the first tile) or past the end: no further group starts in this cluster.
+        while (start as usize) < blocks {
+            starts.push(start);
+            start += PageSize::new(extents(group as usize + starts.len() - 1), level).blocks() as u32;
+        }
+        Self { bytes, group, starts, blocks, level }
+    }
+
+    /// The bytes of a page that lies in this cluster. `extent`: of its tile at level 0.
+    pub(crate) fn page(
+        &self,
+        formats: &[TexelFormat],
+        channel: usize,
+        id: PageId,
+        extent: [u32; 2],
+    ) -> Option<&[u8]> {
+        let size = PageSize::new(extent, self.level);
+        let number = size.number(id.page)?;
+        let start = *self.starts.get(id.group.checked_sub(self.group)? as usize)?;
+        let block = start.wrapping_add(size.blocks_before(number) as u32) as usize;
+        let extent = size.page_extent(number);
+        if block + (extent[0] / 4 * (extent[1] / 4)) as usize > self.blocks {
+            return None;
+        }
+        let before: usize = formats[..channel].iter().map(|f| f.block_bytes()).sum();
+        let from = self.blocks * before + block * formats[channel].block_bytes();
+        self.bytes.get(from..from + formats[channel].bytes(extent))
+    }
+
+    pub(crate) fn memory_bytes(&self) -> usize {
+        self.bytes.len() + 4 * self.starts.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_cover::{Frame, Group, GroupKind};
+    use glam::{Vec2, Vec3};
+
+    use super::*;
+
+    #[test]
+    fn levels_agree_with_the_cover() {
+        for extent in [[4, 4], [8, 4], [12, 20], [64, 60], [100, 4], [256, 260], [1000, 516], [65536, 4]] {
+            let group = Group {
+                kind: GroupKind::Projected,
+                frame: Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X },
+                uv_scale: Vec2::ONE,
+                uv_offset: Vec2::ZERO,
+                extent,
+            };
+            assert_eq!(level_count(extent), group.level_count(), "{extent:?}");
+            for level in 0..level_count(extent) {
+                assert_eq!(level_extent(extent, level), group.level_extent(level), "{extent:?} {level}");
+            }
+            assert_eq!(level_extent(extent, level_count(extent)), [0, 0]);
+        }
+    }
+
+    #[test]
+    fn blocks_before_sums_the_pages_before() {
+        let size = PageSize::new([600, 772], 0);
+        let mut sum = 0;
+        for number in 0..size.page_count() {
+            assert_eq!(size.blocks_before(number), sum);
+            let [w, h] = size.page_extent(number);
+            sum += u64::from(w / 4 * (h / 4));
+            assert_eq!(size.number(size.page(number)), Some(number));
+        }
+        assert_eq!(size.blocks(), sum);
+        assert_eq!(size.number([3, 0]), None);
+    }
+}

@@ -1,0 +1,162 @@
+//! The cover section.
+
+use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
+use glam::{Vec2, Vec3};
+
+use super::mesh::{below, limit};
+use crate::ContentError;
+use crate::bytes::{ByteReader, ByteWriter, check_finite};
+use crate::limits::{MAX_TILE_SIDE, MAX_TRIANGLES};
+
+/// What must hold for a cover of a mesh of `triangles` triangles.
+pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<(), ContentError> {
+    parameter(
+        "delta",
+        cover.delta,
+        cover.delta > 0.0 && cover.delta <= 1.0 / 3.0 + 1e-6,
+        "0 < delta <= 1/3",
+    )?;
+    parameter("density", cover.density, cover.density > 0.0 && cover.density.is_finite(), "density > 0")?;
+    if cover.corner_groups.len() != triangles {
+        return Err(ContentError::Count {
+            what: "triangles in the cover",
+            expected: triangles as u64,
+            got: cover.corner_groups.len() as u64,
+        });
+    }
+    limit("groups", cover.groups.len(), 3 * triangles)?;
+    for (t, groups) in cover.corner_groups.iter().enumerate() {
+        for &group in groups {
+            below("group of triangle", t, group, cover.groups.len())?;
+        }
+    }
+    for (g, group) in cover.groups.iter().enumerate() {
+        check_group(g, group)?;
+    }
+    check_unfolded(cover)
+}
+
+fn parameter(what: &'static str, value: f32, ok: bool, range: &'static str) -> Result<(), ContentError> {
+    if ok { Ok(()) } else { Err(ContentError::Parameter { what, value: f64::from(value), range }) }
+}
+
+fn check_group(index: usize, group: &Group) -> Result<(), ContentError> {
+    let fits = |&n: &u32| n > 0 && n.is_multiple_of(4) && n <= MAX_TILE_SIDE;
+    if !group.extent.iter().all(fits) {
+        return Err(ContentError::Extent { group: index, extent: group.extent, limit: MAX_TILE_SIDE });
+    }
+    match check_finite(&[map_floats(group)], "tile map of group") {
+        Err(_) => Err(ContentError::NotFinite { what: "tile map of group", index }),
+        Ok(()) => Ok(()),
+    }
+}
+
+/// Exactly the corners whose group is unfolded have coordinates.
+fn check_unfolded(cover: &Cover) -> Result<(), ContentError> {
+    let is_unfolded = |group: u32| cover.groups[group as usize].kind == GroupKind::Unfolded;
+    for (i, entry) in cover.unfolded.iter().enumerate() {
+        if i > 0 && cover.unfolded[i - 1].corner >= entry.corner {
+            return Err(ContentError::Order { what: "unfolded corner", index: i });
+        }
+        below("unfolded corner", i, entry.corner, 3 * cover.corner_groups.len())?;
+        if !is_unfolded(cover.corner_groups[entry.corner as usize / 3][entry.corner as usize % 3]) {
+            return Err(ContentError::NotUnfolded { corner: entry.corner });
+        }
+        if !entry.uv.iter().all(|uv| uv.is_finite()) {
+            return Err(ContentError::NotFinite { what: "unfolded corner", index: i });
+        }
+    }
+    let due = cover.corner_groups.iter().flatten().filter(|&&g| is_unfolded(g)).count();
+    if due != cover.unfolded.len() {
+        return Err(ContentError::Count {
+            what: "unfolded corners",
+            expected: due as u64,
+            got: cover.unfolded.len() as u64,
+        });
+    }
+    Ok(())
+}
+
+/// Frame and scale of a group in the order of the file.
+fn map_floats(group: &Group) -> [f32; 13] {
+    let Frame { origin: o, direction: d, x_axis: x } = group.frame;
+    let (s, t) = (group.uv_scale, group.uv_offset);
+    [o.x, o.y, o.z, d.x, d.y, d.z, x.x, x.y, x.z, s.x, s.y, t.x, t.y]
+}
+
+pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
+    let mut out = ByteWriter::default();
+    out.f32s(&[cover.delta, cover.density]);
+    out.u32(cover.corner_groups.len() as u32);
+    out.u32(cover.groups.len() as u32);
+    out.u32(cover.unfolded.len() as u32);
+    out.words(cover.corner_groups.iter().copied());
+    for group in &cover.groups {
+        out.u8(match group.kind {
+            GroupKind::Projected => 0,
+            GroupKind::Unfolded => 1,
+        });
+    }
+    out.words(cover.groups.iter().map(|g| g.extent));
+    out.floats(cover.groups.iter().map(map_floats));
+    out.words(cover.unfolded.iter().map(|u| [u.corner]));
+    out.floats(cover.unfolded.iter().map(|u| {
+        let [a, b, c] = u.uv;
+        [a.x, a.y, b.x, b.y, c.x, c.y]
+    }));
+    out.bytes
+}
+
+pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover, ContentError> {
+    let mut input = ByteReader::new(bytes);
+    let delta = input.f32("delta")?;
+    let density = input.f32("the density")?;
+    let triangles = input.count(MAX_TRIANGLES, "triangles")?;
+    let groups = input.count(3 * triangles, "groups")?;
+    let unfolded = input.count(3 * triangles, "unfolded corners")?;
+    let corner_groups = input.words(triangles, "the groups of triangles")?;
+    let kinds = input.take(groups, "the kinds of groups")?;
+    let extents = input.words::<2>(groups, "the extents of groups")?;
+    let maps = input.floats::<13>(groups, "tile map of group")?;
+    let corners = input.words::<1>(unfolded, "unfolded corners")?;
+    let coordinates = input.floats::<6>(unfolded, "unfolded corner")?;
+    input.end()?;
+    let cover = Cover {
+        delta,
+        density,
+        corner_groups,
+        groups: kinds
+            .iter()
+            .zip(&extents)
+            .zip(&maps)
+            .enumerate()
+            .map(|(index, ((&kind, &extent), map))| group_from(index, kind, extent, map))
+            .collect::<Result<_, _>>()?,
+        unfolded: corners
+            .into_iter()
+            .zip(coordinates)
+            .map(|([corner], [ax, ay, bx, by, cx, cy])| UnfoldedCorner {
+                corner,
+                uv: [Vec2::new(ax, ay), Vec2::new(bx, by), Vec2::new(cx, cy)],
+            })
+            .collect(),
+    };
+    check(&cover, mesh_triangles)?;
+    Ok(cover)
+}
+
+fn group_from(index: usize, kind: u8, extent: [u32; 2], map: &[f32; 13]) -> Result<Group, ContentError> {
+    below("kind of group", index, u32::from(kind), 2)?;
+    let [ox, oy, oz, dx, dy, dz, xx, xy, xz, sx, sy, tx, ty] = *map;
+    Ok(Group {
+        kind: if kind == 0 { GroupKind::Projected } else { GroupKind::Unfolded },
+        frame: Frame {
+            origin: Vec3::new(ox, oy, oz),
+            direction: Vec3::new(dx, dy, dz),
+            x_axis: Vec3::new(xx, xy, xz),
+        },
+        uv_scale: Vec2::new(sx, sy),
+        uv_offset: Vec2::new(tx, ty),
+        extent,
+    })
+}

@@ -1,0 +1,240 @@
+//! The directory: where the clusters lie, and the mean of every group and channel.
+//!
+//! It lists clusters, not pages. The clusters of a level hold its pages in order (groups ascending, pages of a tile row by
+//! row), and how many bytes a page takes follows from cover and channels. So a million tiles of five levels need some ten
+//! thousand entries, and finding a page is a binary search.
+
+use half::f16;
+
+use crate::bytes::{ByteReader, ByteWriter};
+use crate::layout::{PageSize, TilePlace};
+use crate::limits::MAX_CLUSTER_BYTES;
+use crate::{ContentError, TexelFormat};
+
+/// Clusters start at multiples of this, so that direct I/O can read them.
+pub(crate) const ALIGNMENT: u64 = 4096;
+
+/// Bytes of a cluster's entry.
+const ENTRY_BYTES: usize = 32;
+
+/// Where a cluster lies and which page it starts with. It ends before the next one's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ClusterEntry {
+    pub(crate) first: TilePlace,
+    pub(crate) offset: u64,
+    pub(crate) stored_length: u32,
+    pub(crate) raw_length: u32,
+    /// xxh3-64 of the stored bytes.
+    pub(crate) checksum: u64,
+}
+
+/// All clusters, and the means.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Directory {
+    /// Per level, in page order.
+    pub(crate) levels: Vec<Vec<ClusterEntry>>,
+    /// Linear RGBA, `means[group * channels + channel]`.
+    pub(crate) means: Means,
+}
+
+/// Means of all groups and channels, group after group: half floats, or floats for float channels.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Means {
+    bytes: Vec<u8>,
+    /// Offset of each channel's mean within a group's, and whether it is of half floats.
+    channels: Vec<(usize, bool)>,
+    group_bytes: usize,
+}
+
+impl Means {
+    fn layout(formats: &[TexelFormat]) -> Self {
+        let mut means = Self::default();
+        for &format in formats {
+            let is_half = format != TexelFormat::Rgba32F;
+            means.channels.push((means.group_bytes, is_half));
+            means.group_bytes += if is_half { 8 } else { 16 };
+        }
+        means
+    }
+
+    /// From `values[group * channels + channel]`. Values beyond the half floats' range are clamped to it, NaN becomes 0.
+    pub(crate) fn new(values: &[[f32; 4]], formats: &[TexelFormat]) -> Self {
+        let mut means = Self::layout(formats);
+        let limit = f32::from(f16::MAX);
+        for (i, value) in values.iter().enumerate() {
+            let (_, is_half) = means.channels[i % formats.len()];
+            for x in value.map(|x| if x.is_nan() { 0.0 } else { x }) {
+                if is_half {
+                    means.bytes.extend(f16::from_f32(x.clamp(-limit, limit)).to_le_bytes());
+                } else {
+                    means.bytes.extend(x.clamp(f32::MIN, f32::MAX).to_le_bytes());
+                }
+            }
+        }
+        means
+    }
+
+    pub(crate) fn get(&self, channel: usize, group: u32) -> [f32; 4] {
+        let (offset, is_half) = self.channels[channel];
+        let bytes = &self.bytes[group as usize * self.group_bytes + offset..];
+        let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
+        std::array::from_fn(|k| {
+            finite(if is_half {
+                f16::from_le_bytes([bytes[2 * k], bytes[2 * k + 1]]).to_f32()
+            } else {
+                f32::from_le_bytes([bytes[4 * k], bytes[4 * k + 1], bytes[4 * k + 2], bytes[4 * k + 3]])
+            })
+        })
+    }
+}
+
+/// Length of an encoded directory.
+pub(crate) fn encoded_length(clusters_per_level: &[usize], groups: usize, formats: &[TexelFormat]) -> usize {
+    let clusters: usize = clusters_per_level.iter().sum();
+    8 + 4 * clusters_per_level.len() + ENTRY_BYTES * clusters + groups * Means::layout(formats).group_bytes
+}
+
+pub(crate) fn encode(directory: &Directory) -> Vec<u8> {
+    let mut out = ByteWriter::default();
+    out.u32(directory.levels.len() as u32);
+    out.u32(0);
+    directory.levels.iter().for_each(|clusters| out.u32(clusters.len() as u32));
+    for cluster in directory.levels.iter().flatten() {
+        out.u32(cluster.first.group);
+        out.u32(cluster.first.page);
+        out.u64(cluster.offset);
+        out.u32(cluster.stored_length);
+        out.u32(cluster.raw_length);
+        out.u64(cluster.checksum);
+    }
+    out.put(&directory.means.bytes);
+    out.bytes
+}
+
+/// What a directory must agree with.
+pub(crate) struct Expected<'a> {
+    /// Tile extents of all groups at level 0.
+    pub(crate) extents: &'a dyn Fn(usize) -> [u32; 2],
+    pub(crate) groups: usize,
+    pub(crate) levels: u32,
+    pub(crate) formats: &'a [TexelFormat],
+    /// Where clusters may lie.
+    pub(crate) clusters: std::ops::Range<u64>,
+}
+
+pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory, ContentError> {
+    let mut input = ByteReader::new(bytes);
+    let levels = input.u32("the directory's levels")?;
+    input.u32("the directory's levels")?;
+    if levels != expected.levels {
+        return Err(ContentError::Count {
+            what: "levels in the directory",
+            expected: u64::from(expected.levels),
+            got: u64::from(levels),
+        });
+    }
+    let counts = (0..levels)
+        .map(|_| input.count(bytes.len() / ENTRY_BYTES, "clusters"))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut directory = Directory { levels: Vec::new(), means: Means::layout(expected.formats) };
+    for &count in &counts {
+        let what = "the directory's clusters";
+        let mut entries = ByteReader::new(input.take(count * ENTRY_BYTES, what)?);
+        let mut clusters = Vec::with_capacity(count);
+        for _ in 0..count {
+            clusters.push(ClusterEntry {
+                first: TilePlace { group: entries.u32(what)?, page: entries.u32(what)? },
+                offset: entries.u64(what)?,
+                stored_length: entries.u32(what)?,
+                raw_length: entries.u32(what)?,
+                checksum: entries.u64(what)?,
+            });
+        }
+        directory.levels.push(clusters);
+    }
+    let mean_bytes = expected.groups.checked_mul(directory.means.group_bytes);
+    let mean_bytes = mean_bytes.ok_or(ContentError::Ends { what: "the means", offset: bytes.len() })?;
+    directory.means.bytes = input.take(mean_bytes, "the means")?.to_vec();
+    input.end()?;
+    check_places(&directory, expected)?;
+    for (level, clusters) in directory.levels.iter().enumerate() {
+        check_lengths(level as u32, clusters, expected)?;
+    }
+    Ok(directory)
+}
+
+/// Clusters lie aligned within the file's cluster area. (They may overlap: whatever they hold is checksummed.)
+fn check_places(directory: &Directory, expected: &Expected<'_>) -> Result<(), ContentError> {
+    let std::ops::Range { start: first, end: last } = expected.clusters;
+    for (cluster, entry) in directory.levels.iter().flatten().enumerate() {
+        let offset = entry.offset;
+        let end = offset.saturating_add(u64::from(entry.stored_length));
+        if offset < first || end > last || !offset.is_multiple_of(ALIGNMENT) {
+            return Err(ContentError::ClusterPlace { cluster, offset, end, first, last });
+        }
+    }
+    Ok(())
+}
+
+/// The clusters of a level hold all its pages, each once, in order, and record their lengths rightly.
+fn check_lengths(level: u32, clusters: &[ClusterEntry], expected: &Expected<'_>) -> Result<(), ContentError> {
+    let block_bytes: u64 = expected.formats.iter().map(|f| f.block_bytes() as u64).sum();
+    let mut open: Option<(usize, u64)> = None;
+    let mut next = clusters.iter().enumerate().peekable();
+    let close = |open: Option<(usize, u64)>| match open {
+        Some((cluster, got)) if u64::from(clusters[cluster].raw_length) != got => {
+            let recorded = u64::from(clusters[cluster].raw_length);
+            Err(ContentError::ClusterLength {
+                cluster,
+                expected: got,
+                got: recorded,
+                limit: MAX_CLUSTER_BYTES,
+            })
+        }
+        _ => Ok(()),
+    };
+    for group in 0..expected.groups {
+        let size = PageSize::new((expected.extents)(group), level);
+        let mut from = 0;
+        while let Some((cluster, entry)) = next.next_if(|(_, c)| c.first.group as usize == group) {
+            let page = entry.first.page;
+            if page >= size.page_count() || (from > 0 && page == 0) {
+                return Err(ContentError::Order { what: "cluster", index: cluster });
+            }
+            let at = size.blocks_before(page);
+            if at < from {
+                return Err(ContentError::Order { what: "cluster", index: cluster });
+            }
+            add(&mut open, (at - from) * block_bytes, clusters)?;
+            close(open)?;
+            open = Some((cluster, 0));
+            from = at;
+        }
+        add(&mut open, (size.blocks() - from) * block_bytes, clusters)?;
+    }
+    match next.next() {
+        Some((index, _)) => Err(ContentError::Order { what: "cluster", index }),
+        None => close(open),
+    }
+}
+
+/// Counts bytes of pages to the open cluster. There is one, unless there are no bytes.
+fn add(open: &mut Option<(usize, u64)>, bytes: u64, clusters: &[ClusterEntry]) -> Result<(), ContentError> {
+    match open {
+        _ if bytes == 0 => Ok(()),
+        None => Err(ContentError::Order { what: "cluster", index: 0 }),
+        Some((cluster, sum)) => {
+            *sum += bytes;
+            if *sum > MAX_CLUSTER_BYTES {
+                let got = u64::from(clusters[*cluster].raw_length);
+                return Err(ContentError::ClusterLength {
+                    cluster: *cluster,
+                    expected: *sum,
+                    got,
+                    limit: MAX_CLUSTER_BYTES,
+                });
+            }
+            Ok(())
+        }
+    }
+}

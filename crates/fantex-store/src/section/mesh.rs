@@ -1,0 +1,224 @@
+//! The mesh section: geometry, corner attributes and material factors. Images are not part of an asset: its channels hold
+//! what they were baked into.
+
+use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, WorldFromMesh};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use crate::ContentError;
+use crate::bytes::{ByteReader, ByteWriter, check_finite};
+use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_TRIANGLES, MAX_UV_SETS};
+
+const HAS_NORMALS: u32 = 1;
+const HAS_COLORS: u32 = 2;
+const HAS_TANGENTS: u32 = 4;
+const HAS_TRIANGLE_MATERIALS: u32 = 8;
+const ALL_FLAGS: u32 = 15;
+
+const DOUBLE_SIDED: u8 = 1;
+const UNLIT: u8 = 2;
+
+/// What must hold for a mesh. (That no two vertices or triangles coincide is left to `verify`: it costs a sort.)
+pub(crate) fn check(mesh: &Mesh) -> Result<(), ContentError> {
+    limit("triangles", mesh.triangles.len(), MAX_TRIANGLES)?;
+    limit("vertices", mesh.positions.len(), 3 * mesh.triangles.len())?;
+    limit("materials", mesh.materials.len(), MAX_MATERIALS)?;
+    limit("texture coordinate sets", mesh.corners.uv_sets.len(), MAX_UV_SETS)?;
+    check_finite(bytemuck::cast_slice::<Vec3, [f32; 3]>(&mesh.positions), "position of vertex")?;
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        for &vertex in triangle {
+            below("vertex of triangle", t, vertex, mesh.positions.len())?;
+        }
+        let [a, b, c] = *triangle;
+        if a == b || b == c || c == a {
+            return Err(ContentError::Degenerate { triangle: t });
+        }
+    }
+    check_attributes(&mesh.corners, 3 * mesh.triangles.len())?;
+    check_materials(mesh)
+}
+
+fn check_attributes(corners: &CornerAttributes, count: usize) -> Result<(), ContentError> {
+    exactly("corner normals", corners.normals.len(), count)?;
+    exactly("corner colours", corners.colors.len(), count)?;
+    exactly("corner tangents", corners.tangents.len(), count)?;
+    check_finite(bytemuck::cast_slice::<Vec3, [f32; 3]>(&corners.normals), "normal of corner")?;
+    check_finite(bytemuck::cast_slice::<Vec4, [f32; 4]>(&corners.colors), "colour of corner")?;
+    check_finite(bytemuck::cast_slice::<Vec4, [f32; 4]>(&corners.tangents), "tangent of corner")?;
+    for uvs in &corners.uv_sets {
+        exactly("corner texture coordinates", uvs.len(), count)?;
+        check_finite(bytemuck::cast_slice::<Vec2, [f32; 2]>(uvs), "texture coordinates of corner")?;
+    }
+    Ok(())
+}
+
+fn check_materials(mesh: &Mesh) -> Result<(), ContentError> {
+    if !mesh.triangle_materials.is_empty() && mesh.triangle_materials.len() != mesh.triangles.len() {
+        return Err(ContentError::Count {
+            what: "materials of triangles",
+            expected: mesh.triangles.len() as u64,
+            got: mesh.triangle_materials.len() as u64,
+        });
+    }
+    for (t, &material) in mesh.triangle_materials.iter().enumerate() {
+        below("material of triangle", t, material, mesh.materials.len())?;
+    }
+    for (index, m) in mesh.materials.iter().enumerate() {
+        limit("bytes in the name of a material", m.name.len(), MAX_NAME_BYTES)?;
+        let cutoff = if let AlphaMode::Mask(cutoff) = m.alpha { cutoff } else { 0.0 };
+        let scalars = [m.metallic, m.roughness, m.normal_scale, m.occlusion_strength, cutoff];
+        if !(m.base_color.is_finite() && m.emission.is_finite() && scalars.iter().all(|x| x.is_finite())) {
+            return Err(ContentError::NotFinite { what: "a factor of material", index });
+        }
+    }
+    Ok(())
+}
+
+pub(crate) fn limit(what: &'static str, count: usize, limit: usize) -> Result<(), ContentError> {
+    if count > limit {
+        return Err(ContentError::TooMany { what, count: count as u64, limit: limit as u64 });
+    }
+    Ok(())
+}
+
+/// None or `count`.
+fn exactly(what: &'static str, got: usize, count: usize) -> Result<(), ContentError> {
+    if got != 0 && got != count {
+        return Err(ContentError::Count { what, expected: count as u64, got: got as u64 });
+    }
+    Ok(())
+}
+
+pub(crate) fn below(what: &'static str, index: usize, value: u32, limit: usize) -> Result<(), ContentError> {
+    if value as usize >= limit {
+        return Err(ContentError::OutOfRange { what, index, value: u64::from(value), limit: limit as u64 });
+    }
+    Ok(())
+}
+
+pub(crate) fn encode(mesh: &Mesh) -> Vec<u8> {
+    let corners = &mesh.corners;
+    let mut out = ByteWriter::default();
+    out.u32(mesh.positions.len() as u32);
+    out.u32(mesh.triangles.len() as u32);
+    let flag = |present: bool, flag: u32| if present { flag } else { 0 };
+    out.u32(
+        flag(!corners.normals.is_empty(), HAS_NORMALS)
+            | flag(!corners.colors.is_empty(), HAS_COLORS)
+            | flag(!corners.tangents.is_empty(), HAS_TANGENTS)
+            | flag(!mesh.triangle_materials.is_empty(), HAS_TRIANGLE_MATERIALS),
+    );
+    // A set without coordinates is not stored.
+    let uv_sets = corners.uv_sets.iter().filter(|uvs| !uvs.is_empty());
+    out.u32(uv_sets.clone().count() as u32);
+    out.u32(mesh.materials.len() as u32);
+    let WorldFromMesh { offset, scale } = mesh.world_from_mesh;
+    [offset.x, offset.y, offset.z, scale].into_iter().for_each(|x| out.f64(x));
+    out.words(mesh.triangles.iter().copied());
+    out.floats(mesh.positions.iter().map(Vec3::to_array));
+    out.floats(corners.normals.iter().map(Vec3::to_array));
+    out.floats(corners.colors.iter().map(Vec4::to_array));
+    out.floats(corners.tangents.iter().map(Vec4::to_array));
+    uv_sets.for_each(|uvs| out.floats(uvs.iter().map(Vec2::to_array)));
+    out.words(mesh.triangle_materials.iter().map(|&m| [m]));
+    mesh.materials.iter().for_each(|m| encode_material(m, &mut out));
+    out.bytes
+}
+
+fn encode_material(m: &Material, out: &mut ByteWriter) {
+    out.u32(m.name.len() as u32);
+    out.put(m.name.as_bytes());
+    out.f32s(&m.base_color.to_array());
+    out.f32s(&[m.metallic, m.roughness, m.normal_scale, m.occlusion_strength]);
+    out.f32s(&m.emission.to_array());
+    let (alpha, cutoff) = match m.alpha {
+        AlphaMode::Opaque => (0, 0.0),
+        AlphaMode::Mask(cutoff) => (1, cutoff),
+        AlphaMode::Blend => (2, 0.0),
+    };
+    out.f32s(&[cutoff]);
+    out.u8(alpha);
+    out.u8(if m.double_sided { DOUBLE_SIDED } else { 0 } | if m.unlit { UNLIT } else { 0 });
+    out.put(&[0; 2]);
+}
+
+pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh, ContentError> {
+    let mut input = ByteReader::new(bytes);
+    let triangle_limit = MAX_TRIANGLES;
+    let vertices = input.count(3 * triangle_limit, "vertices")?;
+    let triangles = input.count(triangle_limit, "triangles")?;
+    let flags = input.u32("the mesh flags")?;
+    below("mesh flags", 0, flags, ALL_FLAGS as usize + 1)?;
+    let uv_sets = input.count(MAX_UV_SETS, "texture coordinate sets")?;
+    let materials = input.count(MAX_MATERIALS, "materials")?;
+    let offset = DVec3::new(
+        input.f64("the world offset")?,
+        input.f64("the world offset")?,
+        input.f64("the world offset")?,
+    );
+    let world_from_mesh = WorldFromMesh { offset, scale: input.f64("the world scale")? };
+    let count = |flag: u32, count: usize| if flags & flag != 0 { count } else { 0 };
+    let mesh = Mesh {
+        triangles: input.words(triangles, "triangles")?,
+        positions: vectors(input.floats(vertices, "position of vertex")?),
+        corners: CornerAttributes {
+            normals: vectors(input.floats(count(HAS_NORMALS, 3 * triangles), "normal of corner")?),
+            colors: vectors(input.floats(count(HAS_COLORS, 3 * triangles), "colour of corner")?),
+            tangents: vectors(input.floats(count(HAS_TANGENTS, 3 * triangles), "tangent of corner")?),
+            uv_sets: (0..uv_sets)
+                .map(|_| Ok(vectors(input.floats(3 * triangles, "texture coordinates of corner")?)))
+                .collect::<Result<_, ContentError>>()?,
+        },
+        triangle_materials: input
+            .words::<1>(count(HAS_TRIANGLE_MATERIALS, triangles), "materials of triangles")?
+            .into_iter()
+            .map(|[m]| m)
+            .collect(),
+        materials: (0..materials).map(|i| decode_material(i, &mut input)).collect::<Result<_, _>>()?,
+        images: Vec::new(),
+        world_from_mesh,
+    };
+    input.end()?;
+    check(&mesh)?;
+    Ok(mesh)
+}
+
+fn vectors<A, V: From<A>>(arrays: Vec<A>) -> Vec<V> {
+    arrays.into_iter().map(V::from).collect()
+}
+
+fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material, ContentError> {
+    let what = "a material";
+    let length = input.count(MAX_NAME_BYTES, "bytes in the name of a material")?;
+    let name = std::str::from_utf8(input.take(length, what)?)
+        .map_err(|_| ContentError::Name { material: index })?
+        .to_owned();
+    let base_color = Vec4::from(input.f32s(what)?);
+    let [metallic, roughness, normal_scale, occlusion_strength] = input.f32s(what)?;
+    let emission = Vec3::from(input.f32s(what)?);
+    let cutoff = input.f32(what)?;
+    let alpha = match input.u8(what)? {
+        0 => AlphaMode::Opaque,
+        1 => AlphaMode::Mask(cutoff),
+        2 => AlphaMode::Blend,
+        code => {
+            let value = u64::from(code);
+            return Err(ContentError::OutOfRange { what: "alpha mode of material", index, value, limit: 3 });
+        }
+    };
+    let flags = input.u8(what)?;
+    below("flags of material", index, u32::from(flags), usize::from(DOUBLE_SIDED | UNLIT) + 1)?;
+    input.take(2, what)?;
+    Ok(Material {
+        name,
+        base_color,
+        metallic,
+        roughness,
+        normal_scale,
+        occlusion_strength,
+        emission,
+        alpha,
+        double_sided: flags & DOUBLE_SIDED != 0,
+        unlit: flags & UNLIT != 0,
+        ..Material::default()
+    })
+}
