@@ -53,11 +53,11 @@ impl Default for Lights {
 }
 
 impl Lights {
-    /// A white sun and a sky.
+    /// A white sun and a sky. Together they stay below one, so that a white model does not burn out.
     pub fn sun(to_light: Vec3) -> Self {
         Self {
-            ambient: AmbientLight { sky: Vec3::splat(0.4), ground: Vec3::splat(0.22), up: Vec3::Y },
-            directional: vec![DirectionalLight { to_light, color: Vec3::splat(0.8) }],
+            ambient: AmbientLight { sky: Vec3::splat(0.33), ground: Vec3::splat(0.2), up: Vec3::Y },
+            directional: vec![DirectionalLight { to_light, color: Vec3::splat(0.65) }],
         }
     }
 
