@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -131,6 +132,12 @@ impl Asset {
         self.page_extent(channel, page)?;
         let cluster = self.read_cluster(page.level, self.cluster_of(page)?)?;
         self.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
+    }
+
+    /// The byte ranges of a level's clusters in the file, in page order. Empty beyond the last level.
+    pub fn cluster_ranges(&self, level: u32) -> Vec<Range<u64>> {
+        let clusters = self.directory.levels.get(level as usize).map_or(&[][..], Vec::as_slice);
+        clusters.iter().map(|c| c.offset..c.offset + u64::from(c.stored_length)).collect()
     }
 
     /// Extent of a page in texels; an error where there is no such page or channel.
