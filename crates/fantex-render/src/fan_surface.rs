@@ -152,13 +152,14 @@ impl<S: TileSource> Surface for FanSurface<'_, S> {
         let emission = or_factors(self.emission, blended.emission, material.emission.extend(1.0));
         let normal = blended.normal.try_normalize().unwrap_or(vertex_normal);
         MaterialSample {
-            base_color: base.truncate(),
+            // Bicubic filters overshoot.
+            base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
             normal: if hit.front { normal } else { -normal },
             occlusion,
             roughness,
             metallic,
-            emission: emission.truncate(),
+            emission: emission.truncate().max(Vec3::ZERO),
             unlit: material.unlit,
             lookups: blended.lookups,
         }

@@ -1,6 +1,8 @@
 //! Meshes, cameras and rays that several tests share.
 #![allow(dead_code, reason = "every test binary uses some of it")]
 
+pub(crate) mod tiles;
+
 use fantex_mesh::Mesh;
 use fantex_render::{Camera, Hit};
 use glam::{DVec3, Vec3};
