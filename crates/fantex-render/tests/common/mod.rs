@@ -1,6 +1,7 @@
 //! Meshes, cameras and rays that several tests share.
 #![allow(dead_code, reason = "every test binary uses some of it")]
 
+pub(crate) mod golden;
 pub(crate) mod tiles;
 
 use fantex_mesh::Mesh;
