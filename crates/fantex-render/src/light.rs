@@ -31,7 +31,7 @@ impl AmbientLight {
     }
 
     /// Colour from a (unit) direction; also what a white surface with that normal reflects.
-    pub(crate) fn from_direction(&self, direction: Vec3) -> Vec3 {
+    pub(crate) fn radiance_from(&self, direction: Vec3) -> Vec3 {
         self.ground.lerp(self.sky, 0.5 + 0.5 * direction.dot(self.up))
     }
 }

@@ -61,7 +61,7 @@ fn blinn_phong(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3
     let alpha = squared_roughness(material);
     let shininess = (2.0 / (alpha * alpha) - 2.0).max(0.0);
     let specular = mirror * ((shininess + 8.0) / 8.0);
-    let ambient = ambient_reflectance * lights.ambient.from_direction(n);
+    let ambient = ambient_reflectance * lights.ambient.radiance_from(n);
     lights.directional.iter().fold(ambient, |sum, light| {
         let l = light.to_light.normalize_or(Vec3::Y);
         let n_l = n.dot(l);
@@ -144,7 +144,7 @@ impl Microfacets {
         let [scale, bias] = split_sum(self.perceptual_roughness, self.n_v);
         let specular = self.f0 * scale + Vec3::splat(bias);
         let diffuse = self.diffuse * (Vec3::ONE - specular);
-        diffuse * light.from_direction(self.n) + specular * light.from_direction(seen)
+        diffuse * light.radiance_from(self.n) + specular * light.radiance_from(seen)
     }
 }
 

@@ -1,5 +1,7 @@
 //! Pictures against goldens.
 
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
 mod common;
 
 use std::f32::consts::PI;

@@ -1,5 +1,7 @@
 //! Materials of meshes: textures against closed forms, normal maps, alpha, vertex colours.
 
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
 mod common;
 
 use std::sync::Arc;

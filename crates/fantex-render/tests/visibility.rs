@@ -1,5 +1,7 @@
 //! Properties of coverage and visibility: no gaps, no double hits, the right triangle, the right point.
 
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
 mod common;
 
 use common::{cast, frontal, ray, sheet, sphere};
