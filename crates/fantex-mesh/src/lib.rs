@@ -16,6 +16,7 @@ mod generate;
 mod material;
 mod mesh;
 mod model;
+mod normals;
 
 pub use adjacency::*;
 pub use clean::*;
@@ -23,3 +24,4 @@ pub use generate::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
+pub use normals::*;
