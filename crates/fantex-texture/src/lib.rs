@@ -4,11 +4,17 @@
 //! row 0, column 0, `u` to the right and `v` downwards, both in [0,1] over the image.
 
 pub mod color;
+pub mod compare;
 mod filter;
 mod image;
 mod image_file;
 mod image_texture;
+mod mapping;
+pub mod noise;
+mod solid;
 
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;
+pub use mapping::*;
+pub use solid::*;

@@ -1,0 +1,9 @@
+//! Tests of the texture crate from outside.
+
+mod common;
+mod comparisons;
+mod files;
+mod filters;
+mod mappings;
+mod solids;
+mod speed;
