@@ -15,6 +15,7 @@
 
 mod camera;
 mod clip;
+mod fan_surface;
 mod fixed;
 mod flat_surface;
 mod hit;
@@ -32,15 +33,20 @@ mod shading;
 mod split_sum;
 mod surface;
 mod tangents;
+mod tile_filter;
+mod tiles;
 
 pub use camera::{Bounds, Camera};
+pub use fan_surface::FanSurface;
 pub use flat_surface::{FlatShading, FlatSurface};
 pub use hit::{Hit, Interpolation};
 pub use light::{AmbientLight, DirectionalLight, Lights};
 pub use mesh_surface::{FilterOptions, MeshSurface};
+pub use normals::CREASE_DEGREES;
 pub use options::{Background, MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
 pub use pattern::MAX_SAMPLES;
 pub use picture::Picture;
 pub use render::{RenderStats, Rendering, render};
 pub use shading::Shading;
 pub use surface::{Coverage, MaterialSample, Surface};
+pub use tiles::{TileSource, TileTexels};
