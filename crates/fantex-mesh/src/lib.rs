@@ -18,9 +18,9 @@ mod load;
 mod material;
 mod mesh;
 mod model;
+mod normals;
 mod tangents;
 mod write;
-mod normals;
 
 pub use adjacency::*;
 pub use clean::*;
@@ -30,6 +30,6 @@ pub use load::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
+pub use normals::*;
 pub use tangents::*;
 pub use write::*;
-pub use normals::*;

@@ -1,12 +1,12 @@
 //! The model's own textures, through its own texture coordinates: all material channels at once.
 
-use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents};
+use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::LoadImageError;
 use fantex_texture::material::{MaterialTextures, TextureLayer, load_material_textures};
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint, shading_normals};
+use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
 
 /// The materials of a mesh as a source.
 #[derive(Debug)]
