@@ -22,7 +22,7 @@
 //! | anisotropic | 155 | 177 | 134 |
 //! | EWA | 610 | 690 | 600 |
 //!
-//! On white noise, the worst case, `sample_area` is off by 0.003 to 0.009 (root mean square, of texels in [0,1]).
+//! On white noise, the worst case, `sample_area` is off by 0.003 to 0.009 (root mean square, of texels in `[0,1]`).
 
 use std::sync::Arc;
 
@@ -40,7 +40,7 @@ pub enum AlphaUse {
     Independent,
 }
 
-/// What lies outside [0,1].
+/// What lies outside `[0,1]`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// The edge texel.
