@@ -30,9 +30,9 @@ pub enum CompareError {
 pub struct Comparison {
     /// Peak signal-to-noise ratio in decibels; infinite for equal pictures. See [`psnr_db`].
     pub psnr_db: f64,
-    /// Mean structural similarity, at most 1. See [`ssim`].
+    /// Mean structural similarity, at most 1. See [`ssim()`].
     pub ssim: f64,
-    /// Mean FLIP error, 0 to 1. See [`flip`].
+    /// Mean FLIP error, 0 to 1. See [`flip()`].
     pub flip: f64,
 }
 
