@@ -12,7 +12,7 @@
 
 mod adjacency;
 mod clean;
-mod generate;
+pub mod generate;
 mod material;
 mod mesh;
 mod model;
@@ -20,7 +20,6 @@ mod normals;
 
 pub use adjacency::*;
 pub use clean::*;
-pub use generate::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
