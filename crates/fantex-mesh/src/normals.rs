@@ -118,7 +118,8 @@ fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CleanOptions, book, clean, cube, icosphere};
+    use crate::generate::{book, cube, icosphere};
+    use crate::{CleanOptions, clean};
 
     fn cleaned(model: crate::Model) -> Mesh {
         clean(model, &CleanOptions::default()).unwrap().0

@@ -79,8 +79,8 @@ pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanRep
     model.positions = Vec::new();
 
     // Step 3: weld.
-    let distance = weld::mesh_distance(options.weld_distance, world_from_mesh.scale);
-    let welded = if distance > 0.0 {
+    let welded = if options.weld_distance > 0.0 {
+        let distance = weld::mesh_distance(options.weld_distance, world_from_mesh.scale);
         weld::within(&positions, |v| used[v], distance)
     } else {
         weld::coinciding(&positions, |v| used[v])
