@@ -1,6 +1,6 @@
 //! Options and outcome of a bake.
 
-use fantex_store::EncodeQuality;
+use fantex_store::Quality;
 
 /// How texel values are found from the source.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,30 +36,24 @@ pub struct BakeOptions {
     /// Block format.
     pub format: BakeFormat,
     /// Effort of the block encoder.
-    pub quality: EncodeQuality,
+    pub quality: Quality,
     /// Overwrite an existing asset.
     pub force: bool,
     /// Bytes that texels in flight may take, whatever the texture's size.
     pub memory_bytes: u64,
 }
 
-/// Progress of a long operation, and the wish to end it. Called from several threads.
-pub trait Progress: Sync {
-    /// `done` of `total` texels are finished.
-    fn report(&self, done: u64, total: u64);
-
-    /// True once the user wants to stop; the operation then ends soon and leaves nothing behind.
-    fn is_cancelled(&self) -> bool {
-        false
+impl Default for BakeOptions {
+    /// Sharp BC7, fast encoder, 512 MiB, no overwriting.
+    fn default() -> Self {
+        Self {
+            fit: Fit::default(),
+            format: BakeFormat::default(),
+            quality: Quality::default(),
+            force: false,
+            memory_bytes: 512 << 20,
+        }
     }
-}
-
-/// Neither shows nor stops anything.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct NoProgress;
-
-impl Progress for NoProgress {
-    fn report(&self, _done: u64, _total: u64) {}
 }
 
 /// What was baked.
@@ -69,6 +63,8 @@ pub struct BakeSummary {
     pub texels: u64,
     /// Bytes of the asset.
     pub bytes: u64,
+    /// Of that, texels of all levels and channels, packed.
+    pub texel_bytes: u64,
     /// Names of the channels.
     pub channels: Vec<String>,
     /// Seconds of all threads together spent evaluating the source.

@@ -6,11 +6,18 @@ pub const MAX_EXTENT: u32 = 1 << 18;
 /// Rounding a side down to a multiple of 4 may cost at most this share of the nominal density.
 const TOLERATED_LOSS: f32 = 0.06;
 
+/// Sides longer than this are multiples of 32.
+const LONG: f32 = 1024.0;
+
 /// Texels along a side whose region is `length` texels long: the region plus half a texel of filter margin at both ends,
 /// rounded to a multiple of 4. The tile map is then scaled so that the region fills the tile, whichever way the rounding
 /// went, so no texel is left over; the density of the side follows by at most the tolerated loss or the gain.
 pub(crate) fn side_texels(length: f32) -> u32 {
     let wanted = length + 1.0;
+    if wanted > LONG {
+        // Three levels halve exactly, so that long tiles can be baked in pieces.
+        return ((wanted / 32.0).round() as u32 * 32).min(MAX_EXTENT);
+    }
     let down = (wanted * 0.25).floor() * 4.0;
     let good = down >= 4.0 && down - 1.0 >= (1.0 - TOLERATED_LOSS) * length;
     let side = if good { down } else { (wanted * 0.25).ceil() * 4.0 };

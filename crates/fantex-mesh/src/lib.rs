@@ -14,14 +14,18 @@ mod adjacency;
 mod clean;
 mod fans;
 mod generate;
+mod load;
 mod material;
 mod mesh;
 mod model;
+mod write;
 
 pub use adjacency::*;
 pub use clean::*;
 pub use fans::*;
 pub use generate::*;
+pub use load::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
+pub use write::*;

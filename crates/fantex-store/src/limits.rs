@@ -12,7 +12,12 @@ pub const MAX_UV_SETS: usize = 8;
 pub const MAX_MATERIALS: usize = 1 << 20;
 /// Bytes of a material's name.
 pub const MAX_NAME_BYTES: usize = 1 << 12;
-/// Bytes of a section before packing.
-pub const MAX_SECTION_BYTES: u64 = 1 << 36;
+/// Bytes that a section may unpack to, per byte stored, beyond [`SECTION_RATIO_FREE`]: so a small file never claims much
+/// memory. Writers lengthen what packs better (a flat regular grid may) by a skippable frame.
+pub const MAX_SECTION_RATIO: u64 = 1024;
+/// Bytes that any section may unpack to.
+pub const SECTION_RATIO_FREE: u64 = 1 << 20;
+/// Base-2 logarithm of the window of a section's zstd frame in bytes.
+pub const MAX_WINDOW_LOG: u32 = 23;
 /// Bytes of a cluster before packing: a page of 16 channels of 16 bytes per texel, and some.
 pub const MAX_CLUSTER_BYTES: u64 = 1 << 25;

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::Read;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -14,7 +15,7 @@ use crate::header::{
     HEADER_BYTES, SECTION_NAMES, SIGNATURE, SLOT_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION,
 };
 use crate::layout::{ClusterPages, PageSize, TilePlace};
-use crate::limits::MAX_SECTION_BYTES;
+use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
 use crate::section::directory::{self, ClusterEntry, Directory};
 use crate::section::{channels, cover as cover_section, mesh as mesh_section};
 use crate::{
@@ -41,13 +42,14 @@ pub struct Asset {
     channels: Vec<Channel>,
     formats: Vec<TexelFormat>,
     directory: Directory,
+    damaged_headers: u32,
 }
 
 impl Asset {
     /// Opens and checks an asset: header, mesh, cover, channels and directory.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let file = File::open(path).map_err(|source| io_error(path, source))?;
-        let slot = read_slot(path, &file)?;
+        let (slot, damaged_headers) = read_slot(path, &file)?;
         let [channel_record, cover_record, mesh_record, directory_record] = slot.sections;
         let read = |index: usize, record: SectionRecord| {
             read_section(path, &file, SECTION_NAMES[index], record, slot.file_length)
@@ -73,7 +75,8 @@ impl Asset {
         };
         let directory = directory::decode(&read(3, directory_record)?, &expected).map_err(content(3))?;
         let file_length = slot.file_length;
-        Ok(Self { path: path.to_owned(), file, file_length, mesh, cover, channels, formats, directory })
+        let path = path.to_owned();
+        Ok(Self { path, file, file_length, mesh, cover, channels, formats, directory, damaged_headers })
     }
 
     /// The path it was opened from.
@@ -131,6 +134,32 @@ impl Asset {
         self.page_extent(channel, page)?;
         let cluster = self.read_cluster(page.level, self.cluster_of(page)?)?;
         self.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
+    }
+
+    /// The byte ranges of a level's clusters in the file, in page order. Empty beyond the last level.
+    pub fn cluster_ranges(&self, level: u32) -> Vec<Range<u64>> {
+        let clusters = self.directory.levels.get(level as usize).map_or(&[][..], Vec::as_slice);
+        clusters.iter().map(|c| c.offset..c.offset + u64::from(c.stored_length)).collect()
+    }
+
+    pub(crate) fn damaged_headers(&self) -> u32 {
+        self.damaged_headers
+    }
+
+    /// Number of clusters of a level.
+    pub(crate) fn cluster_count(&self, level: u32) -> usize {
+        self.directory.levels[level as usize].len()
+    }
+
+    /// The groups whose tiles may have pages in a cluster, given by its index within its level.
+    pub(crate) fn groups_in_cluster(&self, level: u32, index: usize) -> Range<u32> {
+        let clusters = &self.directory.levels[level as usize];
+        let end = match clusters.get(index + 1) {
+            // The next one starts within the last group's tile, or with the tile after it.
+            Some(next) => next.first.group + u32::from(next.first.page > 0),
+            None => self.cover.groups.len() as u32,
+        };
+        clusters[index].first.group..end
     }
 
     /// Extent of a page in texels; an error where there is no such page or channel.
@@ -223,8 +252,8 @@ impl Asset {
     }
 }
 
-/// The valid header slot with the greatest generation.
-fn read_slot(path: &Path, file: &File) -> Result<Slot, OpenError> {
+/// The valid header slot with the greatest generation, and the number of damaged ones.
+fn read_slot(path: &Path, file: &File) -> Result<(Slot, u32), OpenError> {
     let length = file.metadata().map_err(|source| io_error(path, source))?.len();
     let mut slots = [[0; SLOT_BYTES]; 2];
     for (bytes, offset) in slots.iter_mut().zip(SLOT_OFFSETS) {
@@ -232,7 +261,9 @@ fn read_slot(path: &Path, file: &File) -> Result<Slot, OpenError> {
             read_exact_at(file, bytes, offset).map_err(|source| io_error(path, source))?;
         }
     }
-    let Some(slot) = slots.iter().filter_map(Slot::decode).max_by_key(|slot| slot.generation) else {
+    let valid = slots.iter().filter_map(Slot::decode);
+    let damaged = 2 - valid.clone().count() as u32;
+    let Some(slot) = valid.max_by_key(|slot| slot.generation) else {
         let path = path.to_owned();
         let has_signature = slots.iter().any(|slot| slot[..8] == SIGNATURE);
         return Err(if has_signature { OpenError::Header { path } } else { OpenError::NotAnAsset { path } });
@@ -245,7 +276,7 @@ fn read_slot(path: &Path, file: &File) -> Result<Slot, OpenError> {
     if length < slot.file_length {
         return Err(OpenError::Truncated { path, length, expected: slot.file_length });
     }
-    Ok(slot)
+    Ok((slot, damaged))
 }
 
 /// Reads, checks and unpacks a section. Memory grows with what is really there, not with what is claimed.
@@ -258,22 +289,27 @@ fn read_section(
 ) -> Result<Vec<u8>, OpenError> {
     let SectionRecord { offset, stored_length, raw_length, checksum } = record;
     let end = offset.saturating_add(stored_length);
-    if offset < HEADER_BYTES || end > file_length || raw_length > MAX_SECTION_BYTES {
+    if offset < HEADER_BYTES || end > file_length {
         return Err(OpenError::SectionPlace { path: path.to_owned(), section, offset, end });
+    }
+    let packing_error = || OpenError::SectionPacking { path: path.to_owned(), section, expected: raw_length };
+    if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO)) {
+        return Err(packing_error());
     }
     let mut stored = vec![0; stored_length as usize];
     read_exact_at(file, &mut stored, offset).map_err(|source| io_error(path, source))?;
     if xxh3_64(&stored) != checksum {
         return Err(OpenError::SectionChecksum { path: path.to_owned(), section });
     }
-    let unpacked = zstd::Decoder::new(stored.as_slice()).and_then(|decoder| {
+    let unpacked = zstd::Decoder::new(stored.as_slice()).and_then(|mut decoder| {
+        decoder.window_log_max(MAX_WINDOW_LOG)?;
         let mut raw = Vec::new();
         decoder.take(raw_length + 1).read_to_end(&mut raw)?;
         Ok(raw)
     });
     match unpacked {
         Ok(raw) if raw.len() as u64 == raw_length => Ok(raw),
-        _ => Err(OpenError::SectionPacking { path: path.to_owned(), section, expected: raw_length }),
+        _ => Err(packing_error()),
     }
 }
 

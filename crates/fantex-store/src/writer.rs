@@ -21,6 +21,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION};
 use crate::layout::{PageSize, TilePlace, level_count, page_bytes};
+use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::section::directory::{self, ALIGNMENT, ClusterEntry, Directory, Means};
 use crate::section::{channels, cover as cover_section, mesh as mesh_section};
 use crate::{Channel, CreateError, PageId, TexelFormat, packing};
@@ -30,6 +31,9 @@ const CLUSTER_TARGET_BYTES: u64 = 256 << 10;
 
 /// zstd level of the sections, which are written once.
 const SECTION_ZSTD_LEVEL: i32 = 3;
+
+/// Magic number of a zstd frame that decoders skip.
+const SKIPPABLE_FRAME: u32 = 0x184d_2a50;
 
 /// How to write an asset.
 #[derive(Clone, Debug)]
@@ -276,7 +280,9 @@ impl AssetWriter {
 
     /// Packs and writes a section at the end of those before.
     fn write_section(&mut self, index: usize, raw: &[u8]) -> Result<(), CreateError> {
-        let stored = zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL).map_err(|e| io_error(&self.path, e))?;
+        let mut stored =
+            zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL).map_err(|e| io_error(&self.path, e))?;
+        lengthen(&mut stored, raw.len() as u64);
         self.write_at(self.end, &stored)?;
         self.sections[index] = SectionRecord {
             offset: self.end,
@@ -343,6 +349,17 @@ fn arrange(cluster: &OpenCluster, formats: &[TexelFormat]) -> Vec<u8> {
         rest = after;
     }
     raw
+}
+
+/// Appends a skippable zstd frame where a section packs so well that readers would refuse it as a bomb.
+fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
+    let due = raw_length.saturating_sub(SECTION_RATIO_FREE).div_ceil(MAX_SECTION_RATIO) as usize;
+    if stored.len() < due {
+        let skipped = due - stored.len();
+        stored.extend(SKIPPABLE_FRAME.to_le_bytes());
+        stored.extend((skipped as u32).to_le_bytes());
+        stored.resize(stored.len() + skipped, 0);
+    }
 }
 
 /// The folder that holds `path`.

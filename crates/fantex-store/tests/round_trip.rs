@@ -1,5 +1,7 @@
 //! What is written is what is read, on any number of threads, in any batches; and writing fails cleanly.
 
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
 mod common;
 
 use std::path::Path;

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec4};
 
 use crate::Image;
-use crate::filter::{self, FootprintAxes, resolve};
+use crate::filter::{self, AreaPlan, FootprintAxes, resolve};
 
 /// What the alpha channel of an image means when texels are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -149,14 +149,21 @@ impl ImageTexture {
     /// Level 0 is used as long as the shorter edge has less than 16 texels and the longer one less than 512; beyond, the
     /// coarser level at which this holds again, with 8 to 16 of its texels along the shorter edge.
     pub fn sample_area(&self, uv: Vec2, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> [f32; 4] {
-        let level = self.level(self.area_level(footprint));
-        resolve(filter::area_bilinear(level, self.alpha, uv, footprint, wrap), self.alpha)
+        self.area_sampler(footprint, wrap).sample(uv)
     }
 
     /// As [`ImageTexture::sample_area`], of the nearest-texel reconstruction (square texels).
     pub fn sample_area_nearest(&self, uv: Vec2, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> [f32; 4] {
         let level = self.level(self.area_level(footprint));
-        resolve(filter::area_nearest(level, self.alpha, uv, footprint, wrap), self.alpha)
+        let plan = AreaPlan::nearest(level, footprint, wrap);
+        resolve(plan.nearest_mean(level, self.alpha, uv), self.alpha)
+    }
+
+    /// [`ImageTexture::sample_area`] prepared for many look-ups with the same footprint, such as the texels of a triangle.
+    #[inline]
+    pub fn area_sampler(&self, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> AreaSampler<'_> {
+        let level = self.level(self.area_level(footprint));
+        AreaSampler { level, alpha: self.alpha, plan: AreaPlan::bilinear(level, footprint, wrap) }
     }
 
     fn area_level(&self, footprint: [Vec2; 2]) -> usize {
@@ -236,5 +243,21 @@ impl ImageTexture {
         let along = axes.direction * axes.major * scale;
         let across = axes.direction.perp() * axes.minor * scale;
         filter::ewa(level, self.alpha, uv, &FootprintAxes::new(along, across), wrap)
+    }
+}
+
+/// Means over equal parallelograms of one texture; see [`ImageTexture::area_sampler`].
+#[derive(Clone, Copy, Debug)]
+pub struct AreaSampler<'a> {
+    level: &'a Image,
+    alpha: AlphaUse,
+    plan: AreaPlan,
+}
+
+impl AreaSampler<'_> {
+    /// The mean linear RGBA over the parallelogram around `uv`.
+    #[inline]
+    pub fn sample(&self, uv: Vec2) -> [f32; 4] {
+        resolve(self.plan.bilinear_mean(self.level, self.alpha, uv), self.alpha)
     }
 }

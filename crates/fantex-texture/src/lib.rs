@@ -8,7 +8,12 @@ mod filter;
 mod image;
 mod image_file;
 mod image_texture;
+mod mapping;
+pub mod noise;
+mod solid;
 
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;
+pub use mapping::*;
+pub use solid::*;

@@ -69,7 +69,12 @@ impl Noise {
 
 /// Turns a point so that the lattices of successive octaves do not line up (angle of the 3-4-5 triangle).
 pub(super) fn turned(p: Vec2) -> Vec2 {
-    Vec2::new(0.8 * p.x - 0.6 * p.y, 0.6 * p.x + 0.8 * p.y) + Vec2::new(17.3, -9.1)
+    spun(p) + Vec2::new(17.3, -9.1)
+}
+
+/// The linear part of [`turned`].
+pub(super) fn spun(v: Vec2) -> Vec2 {
+    Vec2::new(0.8 * v.x - 0.6 * v.y, 0.6 * v.x + 0.8 * v.y)
 }
 
 /// Smooth step from 0 at `low` to 1 at `high`.

@@ -119,7 +119,7 @@ fn bc1_rounds_to_the_nearest_step() {
 #[test]
 fn bc4_values_are_exact_ratios() {
     // Indices 0..8, then zeros.
-    let indices = [0b10_001_000, 0b1_100_011_0, 0b111_110_10, 0, 0, 0];
+    let indices = [0b1000_1000, 0b1100_0110, 0b1111_1010, 0, 0, 0];
     let block = |e0, e1| [vec![e0, e1], indices.to_vec()].concat();
     let values = |e0, e1| -> Vec<f32> {
         decode(TexelFormat::Bc4, [4, 4], &block(e0, e1)).unwrap()[..8].iter().map(|t| t[0]).collect()

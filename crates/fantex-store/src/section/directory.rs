@@ -172,6 +172,13 @@ fn check_places(directory: &Directory, expected: &Expected<'_>) -> Result<(), Co
         if offset < first || end > last || !offset.is_multiple_of(ALIGNMENT) {
             return Err(ContentError::ClusterPlace { cluster, offset, end, first, last });
         }
+        // More would not be one frame of so many bytes.
+        let limit = zstd::zstd_safe::compress_bound(entry.raw_length as usize) as u64;
+        if u64::from(entry.stored_length) > limit {
+            let got = u64::from(entry.stored_length);
+            let expected = u64::from(entry.raw_length);
+            return Err(ContentError::ClusterLength { cluster, expected, got, limit });
+        }
     }
     Ok(())
 }

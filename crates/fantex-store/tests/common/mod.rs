@@ -1,5 +1,6 @@
 //! Small meshes, covers and assets made by hand.
 
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 #![allow(dead_code, reason = "every test file uses its own part of these")]
 
 use std::path::Path;
@@ -13,7 +14,7 @@ use fantex_store::{
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 /// A bumpy sheet of `n * n` squares, two triangles each, with all attributes.
-pub fn sheet(n: u32) -> Mesh {
+pub(crate) fn sheet(n: u32) -> Mesh {
     let positions: Vec<Vec3> = (0..(n + 1) * (n + 1))
         .map(|i| {
             let (x, y) = ((i % (n + 1)) as f32 / n as f32, (i / (n + 1)) as f32 / n as f32);
@@ -54,7 +55,7 @@ pub fn sheet(n: u32) -> Mesh {
 }
 
 /// A tetrahedron without attributes.
-pub fn tetrahedron() -> Mesh {
+pub(crate) fn tetrahedron() -> Mesh {
     Mesh {
         positions: vec![
             Vec3::ONE,
@@ -70,7 +71,7 @@ pub fn tetrahedron() -> Mesh {
 
 /// One fan per tile, `extent` by vertex. Directions differ from vertex to vertex; every third tile is "unfolded": its
 /// coordinates are stored.
-pub fn fan_cover(mesh: &Mesh, extent: impl Fn(usize) -> [u32; 2]) -> Cover {
+pub(crate) fn fan_cover(mesh: &Mesh, extent: impl Fn(usize) -> [u32; 2]) -> Cover {
     let groups: Vec<Group> = (0..mesh.positions.len())
         .map(|v| {
             let direction = Vec3::new((v as f32).sin() * 0.2, (v as f32).cos() * 0.2, 1.0).normalize();
@@ -99,7 +100,7 @@ pub fn fan_cover(mesh: &Mesh, extent: impl Fn(usize) -> [u32; 2]) -> Cover {
 }
 
 /// The channels of a painted model in block formats.
-pub fn block_channels() -> Vec<Channel> {
+pub(crate) fn block_channels() -> Vec<Channel> {
     vec![
         Channel { kind: ChannelKind::BaseColor, format: TexelFormat::Bc7, srgb: true },
         Channel { kind: ChannelKind::Normal, format: TexelFormat::Bc5, srgb: false },
@@ -109,7 +110,7 @@ pub fn block_channels() -> Vec<Channel> {
 }
 
 /// Channels of all uncompressed formats.
-pub fn plain_channels() -> Vec<Channel> {
+pub(crate) fn plain_channels() -> Vec<Channel> {
     vec![
         Channel { kind: ChannelKind::BaseColor, format: TexelFormat::Rgba8, srgb: true },
         Channel { kind: ChannelKind::Normal, format: TexelFormat::Rg8, srgb: false },
@@ -119,7 +120,7 @@ pub fn plain_channels() -> Vec<Channel> {
 }
 
 /// Texels of a page in stored encoding: waves that differ between tiles, levels and channels.
-pub fn page_texels(cover: &Cover, id: PageId, channel: usize) -> ([u32; 2], Vec<[f32; 4]>) {
+pub(crate) fn page_texels(cover: &Cover, id: PageId, channel: usize) -> ([u32; 2], Vec<[f32; 4]>) {
     let level_extent = cover.groups[id.group as usize].level_extent(id.level);
     let [width, height] = page_extent(level_extent, id.page);
     let [x0, y0] = page_origin(id.page);
@@ -135,7 +136,7 @@ pub fn page_texels(cover: &Cover, id: PageId, channel: usize) -> ([u32; 2], Vec<
 }
 
 /// One page, encoded.
-pub fn encoded_page(cover: &Cover, channels: &[Channel], id: PageId) -> EncodedPage {
+pub(crate) fn encoded_page(cover: &Cover, channels: &[Channel], id: PageId) -> EncodedPage {
     let encoded = channels.iter().enumerate().map(|(index, channel)| {
         let (extent, texels) = page_texels(cover, id, index);
         encode(channel.format, Quality::UltraFast, extent, TexelSlice::F32(&texels)).unwrap()
@@ -144,17 +145,17 @@ pub fn encoded_page(cover: &Cover, channels: &[Channel], id: PageId) -> EncodedP
 }
 
 /// All pages of a cover in the writer's order.
-pub fn pages(cover: &Cover) -> impl Iterator<Item = PageId> + '_ {
+pub(crate) fn pages(cover: &Cover) -> impl Iterator<Item = PageId> + '_ {
     cover.groups.iter().enumerate().flat_map(|(g, group)| group_pages(g as u32, group))
 }
 
 /// Means that tell groups and channels apart.
-pub fn means(cover: &Cover, channels: &[Channel]) -> Vec<[f32; 4]> {
+pub(crate) fn means(cover: &Cover, channels: &[Channel]) -> Vec<[f32; 4]> {
     (0..cover.groups.len() * channels.len()).map(|i| [i as f32 / 1024.0, 0.25, 0.5, 1.0]).collect()
 }
 
 /// Writes an asset in batches of `batch` pages.
-pub fn write(
+pub(crate) fn write(
     path: &Path,
     mesh: &Mesh,
     cover: &Cover,

@@ -2,7 +2,7 @@
 
 use glam::{Vec2, Vec4};
 
-use super::taps::{Reconstruction, Taps, TensorProduct};
+use super::taps::{Reconstruction, Taps, TensorProduct, floor, recenter, wrap_index};
 use super::texel::{Kernel, TexelSource, with_texels};
 use crate::image::Image;
 use crate::{AlphaUse, Wrap};
@@ -17,47 +17,73 @@ struct Subsamples {
 /// Most subsamples along one edge; callers choose the level so that this is not reached by sensible footprints.
 const MAX_SUBSAMPLES: f32 = 512.0;
 
-/// Mean of the bilinear reconstruction of `level` over the parallelogram around `uv` with the given edges (in uv).
-///
-/// Along an edge of `l` texels there are `ceil(l + 1/2)` subsamples: two for one texel, where the mean of two linear
-/// pieces is exact about a texel's centre, and about one per texel of a long edge, where the errors at the kinks average out.
-pub(crate) fn area_bilinear(
-    level: &Image,
-    alpha: AlphaUse,
-    uv: Vec2,
-    edges: [Vec2; 2],
+/// A footprint prepared for many look-ups on one level.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AreaPlan {
     wrap: [Wrap; 2],
-) -> Vec4 {
-    let subsamples = count(level, edges, |length| (length + 0.5).ceil());
-    with_texels(level, alpha, Mean::<2> { level, uv, edges, wrap, subsamples })
+    subsamples: Subsamples,
+    /// From subsample to subsample along both edges, in uv.
+    step: [Vec2; 2],
+    /// From the centre to the first subsample, in uv.
+    first: Vec2,
+    /// The same in texels, if the subsamples fit into a [`Window`].
+    window: Option<WindowPlan>,
 }
 
-/// Mean of the nearest-texel reconstruction of `level` over the parallelogram, with four subsamples per texel and axis.
-pub(crate) fn area_nearest(
-    level: &Image,
-    alpha: AlphaUse,
-    uv: Vec2,
-    edges: [Vec2; 2],
-    wrap: [Wrap; 2],
-) -> Vec4 {
-    let subsamples = count(level, edges, |length| (4.0 * length).ceil());
-    with_texels(level, alpha, Mean::<1> { level, uv, edges, wrap, subsamples })
+impl AreaPlan {
+    /// For the mean of the bilinear reconstruction of `level` over parallelograms with the given edges (in uv).
+    ///
+    /// Along an edge of `l` texels there are `l + 1/2` subsamples, rounded up: two for one texel, where the mean of two
+    /// linear pieces is exact about a texel's centre, and about one per texel of a long edge, where the errors at the kinks
+    /// average out.
+    pub(crate) fn bilinear(level: &Image, edges: [Vec2; 2], wrap: [Wrap; 2]) -> Self {
+        let mut plan = Self::new(level, edges, wrap, |length| length + 0.5);
+        if plan.subsamples.columns * plan.subsamples.rows > 1 {
+            plan.window = WindowPlan::new(level, plan.step, plan.subsamples);
+        }
+        plan
+    }
+
+    /// For the mean of the nearest-texel reconstruction, with four subsamples per texel and axis.
+    pub(crate) fn nearest(level: &Image, edges: [Vec2; 2], wrap: [Wrap; 2]) -> Self {
+        Self::new(level, edges, wrap, |length| 4.0 * length)
+    }
+
+    fn new(level: &Image, edges: [Vec2; 2], wrap: [Wrap; 2], count: impl Fn(f32) -> f32) -> Self {
+        let size = level_size(level);
+        // A NaN becomes one subsample.
+        let [columns, rows] =
+            edges.map(|edge| (count((edge * size).length()).min(MAX_SUBSAMPLES) + 0.9999).max(1.0) as u32);
+        let step = [edges[0] / columns as f32, edges[1] / rows as f32];
+        let first = 0.5 * (step[0] + step[1] - edges[0] - edges[1]);
+        Self { wrap, subsamples: Subsamples { columns, rows }, step, first, window: None }
+    }
+
+    /// The mean of the bilinear reconstruction around `uv`.
+    #[inline]
+    pub(crate) fn bilinear_mean(&self, level: &Image, alpha: AlphaUse, uv: Vec2) -> Vec4 {
+        match &self.window {
+            Some(window) => {
+                with_texels(level, alpha, Window::new(level, uv, self.wrap, self.subsamples, window))
+            }
+            None => with_texels(level, alpha, Mean::<2> { level, uv, plan: self }),
+        }
+    }
+
+    /// The mean of the nearest-texel reconstruction around `uv`.
+    pub(crate) fn nearest_mean(&self, level: &Image, alpha: AlphaUse, uv: Vec2) -> Vec4 {
+        with_texels(level, alpha, Mean::<1> { level, uv, plan: self })
+    }
 }
 
-fn count(level: &Image, edges: [Vec2; 2], along: impl Fn(f32) -> f32) -> Subsamples {
-    let texels = Vec2::new(level.width as f32, level.height as f32);
-    // A NaN becomes one subsample.
-    let [columns, rows] =
-        edges.map(|edge| along((edge * texels).length()).max(1.0).min(MAX_SUBSAMPLES) as u32);
-    Subsamples { columns, rows }
+fn level_size(level: &Image) -> Vec2 {
+    Vec2::new(level.width as f32, level.height as f32)
 }
 
 struct Mean<'a, const N: usize> {
     level: &'a Image,
     uv: Vec2,
-    edges: [Vec2; 2],
-    wrap: [Wrap; 2],
-    subsamples: Subsamples,
+    plan: &'a AreaPlan,
 }
 
 impl<const N: usize> Kernel for Mean<'_, N>
@@ -68,18 +94,121 @@ where
 
     #[inline(always)]
     fn run<T: TexelSource>(self, texels: T) -> Vec4 {
-        let Subsamples { columns, rows } = self.subsamples;
-        let step = [self.edges[0] / columns as f32, self.edges[1] / rows as f32];
-        let first = self.uv - 0.5 * (self.edges[0] + self.edges[1]) + 0.5 * (step[0] + step[1]);
+        let AreaPlan { subsamples: Subsamples { columns, rows }, step, wrap, .. } = *self.plan;
+        let first = self.uv + self.plan.first;
         let mut sum = Vec4::ZERO;
         for row in 0..rows {
             for column in 0..columns {
                 let uv = first + step[0] * column as f32 + step[1] * row as f32;
-                let u = Taps::at(uv.x, self.level.width, self.wrap[0]);
-                let v = Taps::at(uv.y, self.level.height, self.wrap[1]);
+                let u = Taps::at(uv.x, self.level.width, wrap[0]);
+                let v = Taps::at(uv.y, self.level.height, wrap[1]);
                 sum += TensorProduct { width: self.level.width, u, v }.run(texels);
             }
         }
         sum / (columns * rows) as f32
+    }
+}
+
+/// Texels along a side of the window of a small footprint.
+const WINDOW: usize = 4;
+
+/// The subsamples of a small footprint share their texels: their weights are gathered over a window of 4x4 texels, so that
+/// every texel is decoded once.
+struct Window<'a> {
+    level: &'a Image,
+    wrap: [Wrap; 2],
+    /// Column and row of the window's first texel, before wrapping.
+    origin: [i32; 2],
+    /// Columns and rows that have weight, at most [`WINDOW`].
+    extent: [usize; 2],
+    /// By row, then column.
+    weights: [Vec4; WINDOW],
+}
+
+/// The part of a window that does not depend on the look-up's centre, in texels.
+#[derive(Clone, Copy, Debug)]
+struct WindowPlan {
+    step: [Vec2; 2],
+    /// From the centre to the first subsample.
+    first: Vec2,
+    /// From the centre to the farthest subsample along x and y.
+    reach: Vec2,
+    /// One over the number of subsamples.
+    share: f32,
+}
+
+impl WindowPlan {
+    fn new(level: &Image, step_uv: [Vec2; 2], subsamples: Subsamples) -> Option<Self> {
+        let step = step_uv.map(|step| step * level_size(level));
+        let to_last = [step[0] * (subsamples.columns - 1) as f32, step[1] * (subsamples.rows - 1) as f32];
+        let reach = 0.5 * (to_last[0].abs() + to_last[1].abs());
+        let share = 1.0 / (subsamples.columns * subsamples.rows) as f32;
+        // A span of two texels touches the hats of four at most.
+        (reach.max_element() <= 1.0).then_some(Self {
+            step,
+            first: -0.5 * (to_last[0] + to_last[1]),
+            reach,
+            share,
+        })
+    }
+}
+
+impl<'a> Window<'a> {
+    #[inline(always)]
+    fn new(level: &'a Image, uv: Vec2, wrap: [Wrap; 2], subsamples: Subsamples, plan: &WindowPlan) -> Self {
+        let center = Vec2::new(
+            recenter(uv.x, level.width, wrap[0]) - 0.5,
+            recenter(uv.y, level.height, wrap[1]) - 0.5,
+        );
+        let (low, high) = (center - plan.reach, center + plan.reach);
+        let origin = [floor(low.x), floor(low.y)];
+        let extent = [floor(high.x) - origin[0] + 2, floor(high.y) - origin[1] + 2];
+        let first = center - Vec2::new(origin[0] as f32, origin[1] as f32) + plan.first;
+        let weights = Self::gather(first, plan, subsamples);
+        let extent = extent.map(|texels| texels.clamp(1, WINDOW as i32) as usize);
+        Self { level, wrap, origin, extent, weights }
+    }
+
+    /// Sums the hat functions of all subsamples; `first` is relative to the window's first texel.
+    #[inline(always)]
+    fn gather(first: Vec2, plan: &WindowPlan, subsamples: Subsamples) -> [Vec4; WINDOW] {
+        let step = plan.step;
+        let texels = Vec4::new(0.0, 1.0, 2.0, 3.0);
+        let hat = |position: f32| (1.0 - (texels - position).abs()).max(Vec4::ZERO);
+        let mut weights = [Vec4::ZERO; WINDOW];
+        for row in 0..subsamples.rows {
+            for column in 0..subsamples.columns {
+                let position = first + step[0] * column as f32 + step[1] * row as f32;
+                let (across, down) = (hat(position.x), hat(position.y).to_array());
+                for (weight, down) in weights.iter_mut().zip(down) {
+                    *weight += across * down;
+                }
+            }
+        }
+        weights.map(|weight| weight * plan.share)
+    }
+}
+
+impl Kernel for Window<'_> {
+    type Output = Vec4;
+
+    #[inline(always)]
+    fn run<T: TexelSource>(self, texels: T) -> Vec4 {
+        let width = self.level.width as usize;
+        let columns: [Option<usize>; WINDOW] = std::array::from_fn(|column| {
+            wrap_index(self.origin[0] + column as i32, self.level.width, self.wrap[0])
+        });
+        let mut sum = Vec4::ZERO;
+        for row in 0..self.extent[1] {
+            let wrapped = wrap_index(self.origin[1] + row as i32, self.level.height, self.wrap[1]);
+            let Some(first) = wrapped.map(|row| row * width) else { continue };
+            let weights = self.weights[row].to_array();
+            for (column, weight) in columns.into_iter().zip(weights).take(self.extent[0]) {
+                if let Some(column) = column {
+                    sum += texels.fetch(first + column) * weight;
+                }
+            }
+        }
+        sum
     }
 }

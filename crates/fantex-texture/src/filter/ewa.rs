@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 use glam::{Vec2, Vec4};
 
 use super::footprint::FootprintAxes;
-use super::taps::wrap_index;
+use super::taps::{recenter, wrap_index};
 use super::texel::{Kernel, TexelSource, with_texels};
 use crate::image::Image;
 use crate::{AlphaUse, Wrap};
@@ -42,13 +42,8 @@ pub(crate) fn ewa(level: &Image, alpha: AlphaUse, uv: Vec2, axes: &FootprintAxes
         xy: (major2 - minor2) * cos * sin,
         yy: major2 * sin * sin + minor2 * cos * cos,
     };
-    let fold = |coordinate: f32, wrap: Wrap| match wrap {
-        // Keeps the centre near the image, where floats are precise; the period of a mirror is two images.
-        Wrap::Repeat | Wrap::Mirror => coordinate - 2.0 * (0.5 * coordinate).floor(),
-        Wrap::Clamp | Wrap::Border => coordinate.clamp(-1e4, 1e4),
-    };
-    let folded = Vec2::new(fold(uv.x, wrap[0]), fold(uv.y, wrap[1]));
-    let center = folded * Vec2::new(level.width as f32, level.height as f32) - 0.5;
+    let center =
+        Vec2::new(recenter(uv.x, level.width, wrap[0]) - 0.5, recenter(uv.y, level.height, wrap[1]) - 0.5);
     with_texels(level, alpha, EllipseSum { level, wrap, center, quadric })
 }
 

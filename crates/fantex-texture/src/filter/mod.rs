@@ -13,7 +13,7 @@ mod mipmap;
 mod taps;
 mod texel;
 
-pub(crate) use area::{area_bilinear, area_nearest};
+pub(crate) use area::AreaPlan;
 pub(crate) use ewa::{EWA_MINOR_TEXELS, ewa};
 pub(crate) use footprint::FootprintAxes;
 pub(crate) use mipmap::build_levels;

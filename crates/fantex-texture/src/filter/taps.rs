@@ -28,7 +28,24 @@ fn fold(coordinate: f32, wrap: Wrap) -> f32 {
     }
 }
 
+/// The position, in texels, of a coordinate, moved by whole periods to the image's neighbourhood, where floats are precise.
+#[inline(always)]
+pub(super) fn recenter(coordinate: f32, size: u32, wrap: Wrap) -> f32 {
+    let texels = size as f32;
+    match wrap {
+        Wrap::Repeat => (coordinate - floor(coordinate) as f32) * texels,
+        Wrap::Mirror => (coordinate - 2.0 * floor(0.5 * coordinate) as f32) * texels,
+        // Further outside, everything in reach of a filter is the same.
+        Wrap::Clamp | Wrap::Border => (coordinate * texels).clamp(-MARGIN_TEXELS, texels + MARGIN_TEXELS),
+    }
+    .clamp(-MARGIN_TEXELS, 2.0 * texels + MARGIN_TEXELS)
+}
+
+/// More than the half extent of any filter on one level.
+const MARGIN_TEXELS: f32 = 4096.0;
+
 /// The texel that stands at position `index` of an endless row; `None` is transparent black.
+#[inline(always)]
 pub(super) fn wrap_index(index: i32, size: u32, wrap: Wrap) -> Option<usize> {
     let size = size as i32;
     if (0..size).contains(&index) {

@@ -7,9 +7,9 @@ use super::tubes::Tube;
 use crate::generate::noise::{Noise, smoothstep};
 
 /// How far overhangs are pushed out at most, metres.
-const OVERHANG: f32 = 34.0;
+const OVERHANG: f32 = 25.0;
 /// Feature size of overhangs, metres: wide and low, as layers of rock weather.
-const OVERHANG_SIZE: Vec3 = Vec3::new(58.0, 26.0, 58.0);
+const OVERHANG_SIZE: Vec3 = Vec3::new(46.0, 19.0, 46.0);
 
 /// The solid between floor, walls and ground, with overhangs, tunnels and arches.
 pub(super) struct Density {
@@ -42,14 +42,20 @@ impl Overhangs {
         Self { mask: Noise::new(seed, 30), push: [Noise::new(seed, 31), Noise::new(seed, 32)] }
     }
 
+    /// How far a tube's wall is in or out at a point, metres.
+    fn roughness(&self, p: Vec3) -> f32 {
+        let q = p * Vec3::new(1.0, 1.7, 1.0);
+        2.0 * self.push[0].at3(q / 13.0) + 1.0 * self.push[1].at3(q / 5.5)
+    }
+
     /// Horizontal displacement at a point, metres.
     fn displacement(&self, p: Vec3) -> Vec2 {
-        let strength = smoothstep(-0.12, 0.18, self.mask.at2(Vec2::new(p.x, p.z) / 150.0));
+        let strength = smoothstep(-0.05, 0.3, self.mask.at2(Vec2::new(p.x, p.z) / 170.0));
         if strength == 0.0 {
             return Vec2::ZERO;
         }
         let q = p / OVERHANG_SIZE;
-        let [x, z] = self.push.map(|n| n.at3(q) + 0.45 * n.at3(q * 2.3) + 0.2 * n.at3(q * 5.1));
+        let [x, z] = self.push.map(|n| n.at3(q) + 0.35 * n.at3(q * 2.3) + 0.1 * n.at3(q * 5.1));
         OVERHANG * strength * Vec2::new(x, z)
     }
 }
@@ -63,10 +69,10 @@ impl Density {
         }
         let mut rock = 0.7 * self.ground(p);
         for depth in self.arches.iter().filter_map(|tube| tube.depth(p)) {
-            rock = smooth_max(rock, depth, self.blend);
+            rock = smooth_max(rock, depth + self.overhangs.roughness(p), self.blend);
         }
         for depth in self.tunnels.iter().filter_map(|tube| tube.depth(p)) {
-            rock = -smooth_max(-rock, depth, self.blend);
+            rock = -smooth_max(-rock, depth + self.overhangs.roughness(p), self.blend);
         }
         rock.min(walls)
     }

@@ -45,7 +45,7 @@ pub struct LandscapeOptions {
 
 impl Default for LandscapeOptions {
     fn default() -> Self {
-        Self { triangles: 500_000, seed: 1, size: 640.0, tunnels: 4, arches: 3 }
+        Self { triangles: 500_000, seed: 1, size: 1000.0, tunnels: 4, arches: 3 }
     }
 }
 
@@ -78,7 +78,6 @@ pub fn landscape(options: &LandscapeOptions) -> Landscape {
         let world = World::new(options, estimate(&trials, target, options.size));
         let surface = world.surface();
         let count = surface.triangles.len() as f32;
-        eprintln!("pass {pass} step {} count {count}", world.lattice.step);
         if pass == MAX_PASSES || (count / target - 1.0).abs() < 0.08 {
             return world.finish(surface);
         }
@@ -187,23 +186,5 @@ impl From<Landscape> for Model {
             materials: vec![Material { name: "rock".to_owned(), ..Material::default() }],
             ..Self::default()
         }
-    }
-}
-#[cfg(test)]
-mod debug {
-    use super::*;
-    #[test]
-    fn look() {
-        let options = LandscapeOptions::default();
-        let world = World::new(&options, 23.7);
-        eprintln!("{:?} {:?}", world.lattice, world.density.range);
-        for y in -2..10 {
-            let p = Vec3::new(0.0, 30.0 * y as f32, 0.0);
-            eprintln!("{p} {}", world.density.at(p));
-        }
-        let s = world.surface();
-        eprintln!("largest {}", s.triangles.len());
-        let s = polygonise(&world.lattice, |p| world.density.at(p));
-        eprintln!("{} {}", s.positions.len(), s.triangles.len());
     }
 }

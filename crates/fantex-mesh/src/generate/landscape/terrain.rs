@@ -3,7 +3,7 @@
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::generate::noise::{Noise, lerp, smoothstep, turned};
+use crate::generate::noise::{Noise, lerp, smoothstep, spun, turned};
 
 /// Nominal height of the highest peaks above sea level, metres.
 const PEAK_HEIGHT: f32 = 230.0;
@@ -68,8 +68,8 @@ struct Ground {
 impl Ground {
     fn new(seed: u64, size: f32, step: f32) -> Self {
         let noise = |stream| Noise::new(seed, stream);
-        // The first octave is about 2.5 features wide; the last should span at least three samples.
-        let octaves = ((size / 2.5 / (3.0 * step)).log2().floor().max(2.0) as u32).min(10);
+        // Ridges of the first octave are about a fifth of the world apart; those of the last span about two samples.
+        let octaves = ((size / 6.4 / step).log2().ceil().max(3.0) as u32).min(10);
         Self {
             size,
             octaves,
@@ -88,8 +88,8 @@ impl Ground {
         let bend = Vec2::new(self.warp[0].fbm2(q * 3.0, 3), self.warp[1].fbm2(q * 3.0, 3));
         let warped = q + 0.07 * bend;
         let massif = self.massif(q, warped);
-        let mountains = self.ridged(warped * 2.5) * massif;
-        let hills = 0.13 + 0.11 * self.hills.fbm2(warped * 5.0, self.octaves.min(5));
+        let mountains = self.ridged(warped * 3.2) * massif;
+        let hills = 0.24 + 0.10 * self.hills.fbm2(warped * 5.0, self.octaves.min(5));
         let raw = PEAK_HEIGHT * (hills + mountains);
         let carved = self.carve_canyon(q, raw);
         self.terrace(q, carved)
@@ -102,27 +102,36 @@ impl Ground {
     }
 
     /// Ridged multifractal, about 0..1: sharp crests, detail grows with height (F. K. Musgrave, in D. Ebert et al.,
-    /// "Texturing and Modeling", 1994).
+    /// "Texturing and Modeling", 1994). Every octave is displaced along the slopes of the coarser ones, which draws the
+    /// crests out into spurs with gullies between them (G. de Carpentier, "Scape: procedural extensions", 2011).
     fn ridged(&self, mut p: Vec2) -> f32 {
-        let (mut sum, mut weight, mut amplitude) = (0.0, 1.0, 0.5);
+        const PROBE: f32 = 0.05;
+        let (mut sum, mut weight, mut amplitude, mut drift) = (0.0, 1.0, 0.5, Vec2::ZERO);
         for _ in 0..self.octaves {
-            let crest = 1.0 - (1.6 * self.ridges.at2(p)).abs();
-            let signal = crest * crest * weight;
-            sum += amplitude * signal;
-            weight = (1.7 * signal).clamp(0.0, 1.0);
-            amplitude *= 0.47;
-            p = turned(p) * 2.03;
+            let crest = |p: Vec2| {
+                let crest = 1.0 - (1.6 * self.ridges.at2(p)).abs();
+                crest * crest
+            };
+            let at = p + drift;
+            let signal = crest(at);
+            let slope = Vec2::new(crest(at + PROBE * Vec2::X), crest(at + PROBE * Vec2::Y)) - signal;
+            sum += amplitude * signal * weight;
+            weight = (1.5 * signal * weight).clamp(0.14, 1.0);
+            // In units of the next octave, whose lattice is turned and twice as fine.
+            drift = spun(drift - 0.11 * slope / PROBE * weight) * 2.0;
+            amplitude *= 0.5;
+            p = turned(p) * 2.0;
         }
-        sum * 1.1
+        sum * 1.12
     }
 
     /// A winding canyon with steep walls from left to right.
     fn carve_canyon(&self, q: Vec2, height: f32) -> f32 {
         let course = 0.16 + 0.16 * self.canyon.fbm2(Vec2::new(2.3 * q.x, 0.5), 2);
-        let rough = 0.012 * self.canyon.fbm2(q * 14.0, self.octaves.min(4));
+        let rough = 0.010 * self.canyon.fbm2(q * 16.0, self.octaves.min(4));
         let distance = (q.y - course).abs() + rough;
-        let bed = 0.05 * PEAK_HEIGHT + 0.2 * (height - 0.13 * PEAK_HEIGHT).max(0.0);
-        let depth = (1.0 - smoothstep(0.028, 0.062, distance)) * CANYON_DEPTH;
+        let bed = 0.04 * PEAK_HEIGHT + 0.15 * (height - 0.24 * PEAK_HEIGHT).max(0.0);
+        let depth = (1.0 - smoothstep(0.016, 0.044, distance)) * CANYON_DEPTH;
         lerp(height, (height - depth).max(bed.min(height)), smoothstep(0.0, 0.08, depth / CANYON_DEPTH))
     }
 

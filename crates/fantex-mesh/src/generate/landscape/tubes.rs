@@ -91,7 +91,7 @@ impl Site<'_> {
     fn tunnel(&self, random: &Noise, candidate: u32) -> Option<(f32, Tube)> {
         let number = |i| random.uniform(16 * candidate + i);
         let centre = self.place(number(0), number(1), 0.36);
-        let radius = (10.0 + 5.0 * number(2)).max(self.least_radius);
+        let radius = (13.0 + 6.0 * number(2)).max(self.least_radius);
         let top = self.ground.at(centre);
         let altitude = top - radius * (2.4 + 3.0 * number(3));
         let heading = TAU * number(4);
@@ -123,12 +123,12 @@ impl Site<'_> {
     fn arch(&self, random: &Noise, candidate: u32) -> Option<(f32, Tube)> {
         let number = |i| random.uniform(16 * candidate + i);
         let centre = self.place(number(0), number(1), 0.38);
-        let half_span = 24.0 + 26.0 * number(2);
-        let radius = (5.5 + 3.0 * number(3)).max(0.75 * self.least_radius);
+        let half_span = 30.0 + 50.0 * number(2);
+        let radius = (8.0 + 4.0 * number(3)).max(0.75 * self.least_radius);
         let across = Vec2::from_angle(PI * number(4)) * (half_span + radius);
         let feet = [centre - across, centre + across];
         let heights = feet.map(|p| self.ground.at(p));
-        let rise = 10.0 + 18.0 * number(5);
+        let rise = 5.0 + 25.0 * number(5);
         let curve = |t: f32| {
             let p = feet[0] + (feet[1] - feet[0]) * t;
             let chord = heights[0] + (heights[1] - heights[0]) * t - 2.2 * radius;
@@ -139,9 +139,7 @@ impl Site<'_> {
         let nodes: Vec<(Vec3, f32)> = (0..=steps)
             .map(|n| n as f32 / steps as f32)
             .map(|t| (curve(t), t))
-            .map(|(p, t)| {
-                (p, radius * (0.85 + 2.4 * (t - 0.5).powi(2)) * (1.0 + 0.25 * random.at3(p / 13.0)))
-            })
+            .map(|(p, t)| (p, radius * (0.8 + 6.0 * (t - 0.5).powi(2)) * (1.0 + 0.25 * random.at3(p / 13.0))))
             .collect();
         // Clear height below the rock along the middle half, open sky above the apex.
         let clear = |(p, r): &(Vec3, f32)| p.y - r - self.ground.at(Vec2::new(p.x, p.z));
@@ -149,7 +147,8 @@ impl Site<'_> {
         let height = middle.iter().map(clear).fold(f32::MAX, f32::min);
         let slant = (heights[0] - heights[1]).abs();
         let is_sound = height > 1.2 * radius + self.reach && slant < 0.5 * half_span;
-        let score = height.min(45.0) - 0.5 * slant - 0.4 * half_span + 10.0 * number(6) + 0.05 * centre.y;
+        let score =
+            1.5 * height.min(50.0) - 0.5 * slant - 0.25 * half_span + 10.0 * number(6) + 0.06 * centre.y;
         is_sound.then(|| (score, Tube::new(nodes, self.reach)))
     }
 

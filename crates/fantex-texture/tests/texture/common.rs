@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use fantex_texture::{Filter, Image, ImageTexture};
 
-pub const FILTERS: [Filter; 6] =
+pub(crate) const FILTERS: [Filter; 6] =
     [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
 
 /// A folder of the test data, or `None` (said on standard error) where it is not installed.
-pub fn data_folder(name: &str) -> Option<PathBuf> {
+pub(crate) fn data_folder(name: &str) -> Option<PathBuf> {
     let root = std::env::var_os("FANTEX_DATA").map_or_else(
         || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
         PathBuf::from,
@@ -23,10 +23,10 @@ pub fn data_folder(name: &str) -> Option<PathBuf> {
 }
 
 /// A small generator of test numbers (SplitMix64).
-pub struct Random(pub u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    pub fn bits(&mut self) -> u64 {
+    pub(crate) fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -35,13 +35,13 @@ impl Random {
     }
 
     /// In [0,1).
-    pub fn unit(&mut self) -> f32 {
+    pub(crate) fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
 }
 
 /// A float texture whose texel (x, y) is `value(x, y)`.
-pub fn texture(
+pub(crate) fn texture(
     width: u32,
     height: u32,
     channels: u8,
@@ -56,7 +56,7 @@ pub fn texture(
     ImageTexture::new(Arc::new(Image::from_linear(width, height, channels, samples)))
 }
 
-pub fn assert_close(got: [f32; 4], expected: [f32; 4], tolerance: f32, what: &str) {
+pub(crate) fn assert_close(got: [f32; 4], expected: [f32; 4], tolerance: f32, what: &str) {
     let error = got.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
     assert!(error <= tolerance, "{what}: got {got:?}, expected {expected:?}");
 }

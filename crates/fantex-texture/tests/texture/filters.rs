@@ -1,10 +1,8 @@
 //! Properties of the filters.
 
-mod common;
-
 use std::sync::Arc;
 
-use common::{FILTERS, Random, assert_close, texture};
+use crate::common::{FILTERS, Random, assert_close, texture};
 use fantex_texture::{
     AlphaUse, ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples, Wrap, color,
 };

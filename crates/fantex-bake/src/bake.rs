@@ -1,0 +1,187 @@
+//! The bake of a whole asset.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use fantex_cover::Cover;
+use fantex_mesh::Mesh;
+use fantex_store::{AssetWriter, CreateError, CreateOptions, EncodeError};
+use rayon::prelude::*;
+
+use crate::progress::Meter;
+use crate::stored::ChannelPlan;
+use crate::tile::{BakedTile, TileBaker};
+use crate::{BakeOptions, BakeSummary, Progress, Source, shading_normals};
+
+/// Why no asset was baked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BakeError {
+    /// The progress receiver asked to stop.
+    #[error("the bake was cancelled; nothing was written")]
+    Cancelled,
+    /// The cover is that of another mesh.
+    #[error("the cover has {cover} triangles, the mesh {mesh}: build the cover of this mesh first")]
+    CoverOfAnotherMesh {
+        /// Triangles of the cover.
+        cover: usize,
+        /// Triangles of the mesh.
+        mesh: usize,
+    },
+    /// The source gives no channel.
+    #[error("the source has no channel to bake")]
+    NoChannels,
+    /// The asset could not be written.
+    #[error(transparent)]
+    Create(#[from] CreateError),
+    /// Texels could not be encoded.
+    #[error(transparent)]
+    Encode(#[from] EncodeError),
+}
+
+/// Bytes that one texel of a batch takes in encoded form, per channel: an uncompressed byte format with its levels.
+const ENCODED_BYTES_PER_TEXEL: u64 = 6;
+const ENCODED_BYTES_PER_FLOAT_TEXEL: u64 = 22;
+
+/// A batch is large enough to keep all threads busy and small enough for progress to move.
+const BATCH_TEXELS: std::ops::RangeInclusive<u64> = 1 << 16..=8 << 20;
+
+/// Bakes `source` into the tiles of `cover` and writes the asset `path`.
+///
+/// Memory besides mesh, cover and source is bounded by `options.memory_bytes`, whatever the number of texels. The asset's
+/// bytes do not depend on the number of threads.
+///
+/// # Errors
+///
+/// The file exists already (unless forced), cannot be written, or the bake was cancelled; in all cases nothing is left behind.
+pub fn bake(
+    mesh: &Mesh,
+    cover: &Cover,
+    source: &dyn Source,
+    path: &Path,
+    options: &BakeOptions,
+    progress: &dyn Progress,
+) -> Result<BakeSummary, BakeError> {
+    if cover.corner_groups.len() != mesh.triangles.len() {
+        return Err(BakeError::CoverOfAnotherMesh {
+            cover: cover.corner_groups.len(),
+            mesh: mesh.triangles.len(),
+        });
+    }
+    let source_channels = source.channels();
+    let plans: Vec<ChannelPlan> =
+        source_channels.iter().map(|c| ChannelPlan::new(c, options.format)).collect();
+    if plans.is_empty() {
+        return Err(BakeError::NoChannels);
+    }
+    let channels: Vec<_> = plans.iter().map(|p| p.channel.clone()).collect();
+    let create = CreateOptions { force: options.force, ..CreateOptions::default() };
+    let mut writer = AssetWriter::create(path, &create, mesh, cover, &channels)?;
+
+    let triangles = GroupTriangles::of(cover);
+    let normals = shading_normals(mesh);
+    let meter = Meter::new(progress, cover.texels());
+    let baker = TileBaker { mesh, cover, source, normals: &normals, plans: &plans, options, meter: &meter };
+    let mut summary = BakeSummary {
+        texels: cover.texels(),
+        channels: channels.iter().map(|c| format!("{:?}", c.kind)).collect(),
+        ..BakeSummary::default()
+    };
+    let mut means = Vec::with_capacity(cover.groups.len() * plans.len());
+    let (mut bake_time, mut encode_time, mut write_time) = (Duration::ZERO, Duration::ZERO, Duration::ZERO);
+    for batch in batches(cover, batch_texels(options, plans.len())) {
+        let tiles = batch
+            .into_par_iter()
+            .map(|group| match meter.is_cancelled() {
+                true => Err(BakeError::Cancelled),
+                false => Ok(baker.bake(group, triangles.of_group(group))?),
+            })
+            .collect::<Result<Vec<BakedTile>, BakeError>>()?;
+        let started = Instant::now();
+        for tile in tiles {
+            bake_time += tile.bake_time;
+            encode_time += tile.encode_time;
+            means.extend(tile.means);
+            writer.write_pages(tile.pages)?;
+        }
+        write_time += started.elapsed();
+    }
+    let started = Instant::now();
+    let written = writer.finish(&means)?;
+    write_time += started.elapsed();
+    summary.bytes = written.bytes;
+    summary.texel_bytes = written.cluster_bytes;
+    summary.bake_seconds = bake_time.as_secs_f64();
+    summary.encode_seconds = encode_time.as_secs_f64();
+    summary.write_seconds = write_time.as_secs_f64();
+    Ok(summary)
+}
+
+/// Half of the memory holds encoded tiles that wait for the writer; the rest is for the blocks in work.
+fn batch_texels(options: &BakeOptions, channels: usize) -> u64 {
+    let per_texel = match options.format {
+        crate::BakeFormat::Float => ENCODED_BYTES_PER_FLOAT_TEXEL,
+        _ => ENCODED_BYTES_PER_TEXEL,
+    };
+    let fitting = options.memory_bytes / 2 / (per_texel * channels as u64);
+    fitting.clamp(*BATCH_TEXELS.start(), *BATCH_TEXELS.end())
+}
+
+/// Runs of groups with about `texels` texels each.
+fn batches(cover: &Cover, texels: u64) -> Vec<std::ops::Range<u32>> {
+    let mut batches = Vec::new();
+    let (mut start, mut sum) = (0, 0);
+    for (group, shape) in (0u32..).zip(&cover.groups) {
+        sum += u64::from(shape.extent[0]) * u64::from(shape.extent[1]);
+        if sum >= texels {
+            batches.push(start..group + 1);
+            (start, sum) = (group + 1, 0);
+        }
+    }
+    let end = cover.groups.len() as u32;
+    if start < end {
+        batches.push(start..end);
+    }
+    batches
+}
+
+/// For every group the triangles with a corner in it, ascending.
+struct GroupTriangles {
+    first: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+impl GroupTriangles {
+    fn of(cover: &Cover) -> Self {
+        let mut first = vec![0u32; cover.groups.len() + 1];
+        for &groups in &cover.corner_groups {
+            distinct(groups, |g| first[g as usize + 1] += 1);
+        }
+        for g in 0..cover.groups.len() {
+            first[g + 1] += first[g];
+        }
+        let mut next = first.clone();
+        let mut triangles = vec![0; first.last().copied().unwrap_or(0) as usize];
+        for (t, &groups) in (0u32..).zip(&cover.corner_groups) {
+            distinct(groups, |g| {
+                triangles[next[g as usize] as usize] = t;
+                next[g as usize] += 1;
+            });
+        }
+        Self { first, triangles }
+    }
+
+    fn of_group(&self, group: u32) -> &[u32] {
+        &self.triangles[self.first[group as usize] as usize..self.first[group as usize + 1] as usize]
+    }
+}
+
+fn distinct([a, b, c]: [u32; 3], mut visit: impl FnMut(u32)) {
+    visit(a);
+    if b != a {
+        visit(b);
+    }
+    if c != a && c != b {
+        visit(c);
+    }
+}

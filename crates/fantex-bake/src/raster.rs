@@ -1,0 +1,274 @@
+//! Values of one channel over a rectangle of texels: fitting to the reconstruction, and halving for the levels.
+
+use glam::Vec4;
+
+use crate::{Fit, Prefilter};
+
+/// Texels with values and validity, row-major.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Raster {
+    pub(crate) extent: [u32; 2],
+    /// One value per channel and texel: `values[texel * channels + channel]`.
+    pub(crate) values: Vec<Vec4>,
+    pub(crate) channels: usize,
+    /// True where there is a value.
+    pub(crate) valid: Vec<bool>,
+    /// True where a look-up of the texture function falls into the texel.
+    pub(crate) read: Vec<bool>,
+}
+
+/// Which values may overshoot how far when they are fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Overshoot {
+    /// Over the largest neighbour.
+    pub(crate) above: f32,
+    /// Under the smallest neighbour, and at most this share of its distance to zero.
+    pub(crate) below: f32,
+    pub(crate) share_below: f32,
+}
+
+impl Overshoot {
+    /// Ringing at edges stays under 8 steps of 255; dark texels lose at most a quarter, so that shadows do not crush.
+    pub(crate) const COLOR: Self = Self { above: 1.0 / 32.0, below: 1.0 / 32.0, share_below: 0.25 };
+    /// Signed values have no dark end.
+    pub(crate) const SIGNED: Self = Self { above: 1.0 / 32.0, below: 1.0 / 32.0, share_below: f32::INFINITY };
+}
+
+impl Raster {
+    /// The texel values that reconstruct the function best. Least squares asks for the inverse of the linear spline's
+    /// autocorrelation; its local form (to second order) subtracts a multiple of the second differences along both axes: a
+    /// twelfth for values at the texel's centre, an eighth for means over the texel, whose own blur is undone as well.
+    pub(crate) fn fitted(
+        &self,
+        fit: Fit,
+        prefilter: Prefilter,
+        overshoot: impl Fn(usize) -> Overshoot,
+    ) -> Vec<Vec4> {
+        let strength = match (fit, prefilter) {
+            (Fit::Point | Fit::Box, _) => return self.values.clone(),
+            (Fit::Sharp, Prefilter::Point) => 1.0 / 12.0,
+            (Fit::Sharp, Prefilter::Box) => 1.0 / 8.0,
+        };
+        let [width, height] = self.extent.map(|n| n as usize);
+        let mut fitted = self.values.clone();
+        let overshoots: Vec<Overshoot> = (0..self.channels).map(overshoot).collect();
+        for y in 0..height {
+            for x in 0..width {
+                let texel = y * width + x;
+                if !self.valid[texel] {
+                    continue;
+                }
+                let left = if x > 0 && self.valid[texel - 1] { texel - 1 } else { texel };
+                let right = if x + 1 < width && self.valid[texel + 1] { texel + 1 } else { texel };
+                let up = if y > 0 && self.valid[texel - width] { texel - width } else { texel };
+                let down = if y + 1 < height && self.valid[texel + width] { texel + width } else { texel };
+                // A one-sided second difference would be a slope; at an edge of the data that axis is left alone.
+                let across = left != texel && right != texel;
+                let along = up != texel && down != texel;
+                for (channel, overshoot) in overshoots.iter().enumerate() {
+                    let at = |t: usize| self.values[t * self.channels + channel];
+                    let center = at(texel);
+                    let neighbours = [at(left), at(right), at(up), at(down)];
+                    let mut curvature = Vec4::ZERO;
+                    if across {
+                        curvature += neighbours[0] + neighbours[1] - 2.0 * center;
+                    }
+                    if along {
+                        curvature += neighbours[2] + neighbours[3] - 2.0 * center;
+                    }
+                    let low = neighbours.into_iter().fold(center, Vec4::min);
+                    let high = neighbours.into_iter().fold(center, Vec4::max);
+                    let below =
+                        (low * overshoot.share_below).min(Vec4::splat(overshoot.below)).max(Vec4::ZERO);
+                    let below =
+                        if overshoot.share_below.is_finite() { below } else { Vec4::splat(overshoot.below) };
+                    fitted[texel * self.channels + channel] =
+                        (center - strength * curvature).clamp(low - below, high + overshoot.above);
+                }
+            }
+        }
+        fitted
+    }
+
+    /// The next coarser level: each texel is the mean of the valid part of its footprint, exact for any ratio of extents.
+    pub(crate) fn halved(&self, extent: [u32; 2]) -> Self {
+        let columns = Overlaps::new(self.extent[0], extent[0]);
+        let rows = Overlaps::new(self.extent[1], extent[1]);
+        let texels = extent[0] as usize * extent[1] as usize;
+        let mut coarse = Self {
+            extent,
+            values: vec![Vec4::ZERO; texels * self.channels],
+            channels: self.channels,
+            valid: vec![false; texels],
+            read: vec![false; texels],
+        };
+        for y in 0..extent[1] as usize {
+            for x in 0..extent[0] as usize {
+                self.gather(&columns.of(x), &rows.of(y), y * extent[0] as usize + x, &mut coarse);
+            }
+        }
+        coarse
+    }
+
+    fn gather(&self, columns: &[(u32, f32)], rows: &[(u32, f32)], target: usize, coarse: &mut Self) {
+        let values = &mut coarse.values[target * self.channels..(target + 1) * self.channels];
+        let mut total = 0.0;
+        for &(row, row_weight) in rows {
+            for &(column, column_weight) in columns {
+                let texel = row as usize * self.extent[0] as usize + column as usize;
+                coarse.read[target] |= self.read[texel];
+                if self.valid[texel] {
+                    let weight = row_weight * column_weight;
+                    total += weight;
+                    for (value, &fine) in values.iter_mut().zip(&self.values[texel * self.channels..]) {
+                        *value += weight * fine;
+                    }
+                }
+            }
+        }
+        coarse.valid[target] = total > 0.0;
+        if total > 0.0 {
+            values.iter_mut().for_each(|v| *v /= total);
+        }
+    }
+
+    /// Gives every texel that a bilinear look-up may read, and the rest of its 4x4 block, a value: invalid ones continue
+    /// their valid neighbours, or take their block's mean. Blocks that nothing reads become zero. `values` as in `fitted`.
+    pub(crate) fn fill_blocks(&self, values: &mut [Vec4]) {
+        let [width, height] = self.extent.map(|n| n as usize);
+        for y in (0..height).step_by(4) {
+            for x in (0..width).step_by(4) {
+                let texels = (0..16).map(|k| (x + k % 4, y + k / 4));
+                if self.is_block_read(x, y) {
+                    self.fill_block(texels, values);
+                } else {
+                    for (x, y) in texels {
+                        let texel = y * width + x;
+                        values[texel * self.channels..(texel + 1) * self.channels].fill(Vec4::ZERO);
+                    }
+                }
+            }
+        }
+    }
+
+    /// True where a look-up falls into the block or a texel beside it.
+    fn is_block_read(&self, x: usize, y: usize) -> bool {
+        let [width, height] = self.extent.map(|n| n as usize);
+        (y.saturating_sub(1)..(y + 5).min(height)).any(|row| {
+            self.read[row * width + x.saturating_sub(1)..row * width + (x + 5).min(width)].contains(&true)
+        })
+    }
+
+    fn fill_block(&self, texels: impl Iterator<Item = (usize, usize)> + Clone, values: &mut [Vec4]) {
+        let [width, height] = self.extent.map(|n| n as usize);
+        for channel in 0..self.channels {
+            let mut block = Mean::default();
+            for (x, y) in texels.clone() {
+                if self.valid[y * width + x] {
+                    block.add(values[(y * width + x) * self.channels + channel]);
+                }
+            }
+            for (x, y) in texels.clone() {
+                if self.valid[y * width + x] {
+                    continue;
+                }
+                let mut near = Mean::default();
+                for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
+                    for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
+                        if self.valid[ny * width + nx] {
+                            near.add(self.values[(ny * width + nx) * self.channels + channel]);
+                        }
+                    }
+                }
+                values[(y * width + x) * self.channels + channel] =
+                    near.value().or(block.value()).unwrap_or(Vec4::ZERO);
+            }
+        }
+    }
+
+    /// Copies a rectangle out.
+    pub(crate) fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Self {
+        let mut window = Self { extent, channels: self.channels, ..Self::default() };
+        for row in origin[1]..origin[1] + extent[1] {
+            let start = row as usize * self.extent[0] as usize + origin[0] as usize;
+            let end = start + extent[0] as usize;
+            window.values.extend_from_slice(&self.values[start * self.channels..end * self.channels]);
+            window.valid.extend_from_slice(&self.valid[start..end]);
+            window.read.extend_from_slice(&self.read[start..end]);
+        }
+        window
+    }
+
+    /// Copies a rectangle in.
+    pub(crate) fn paste(&mut self, origin: [u32; 2], from: &Self) {
+        let width = from.extent[0] as usize;
+        for row in 0..from.extent[1] as usize {
+            let to = (origin[1] as usize + row) * self.extent[0] as usize + origin[0] as usize;
+            let at = row * width;
+            self.values[to * self.channels..(to + width) * self.channels]
+                .copy_from_slice(&from.values[at * self.channels..(at + width) * self.channels]);
+            self.valid[to..to + width].copy_from_slice(&from.valid[at..at + width]);
+            self.read[to..to + width].copy_from_slice(&from.read[at..at + width]);
+        }
+    }
+
+    pub(crate) fn empty(extent: [u32; 2], channels: usize) -> Self {
+        let texels = extent[0] as usize * extent[1] as usize;
+        Self {
+            extent,
+            values: vec![Vec4::ZERO; texels * channels],
+            channels,
+            valid: vec![false; texels],
+            read: vec![false; texels],
+        }
+    }
+}
+
+/// A mean under construction.
+#[derive(Default)]
+pub(crate) struct Mean {
+    sum: Vec4,
+    count: f32,
+}
+
+impl Mean {
+    pub(crate) fn add(&mut self, value: Vec4) {
+        self.sum += value;
+        self.count += 1.0;
+    }
+
+    pub(crate) fn value(&self) -> Option<Vec4> {
+        (self.count > 0.0).then(|| self.sum / self.count)
+    }
+}
+
+/// Which fine texels a coarse one overlaps along one axis, and how far.
+struct Overlaps {
+    ratio: f64,
+    fine: u32,
+    /// Exactly two whole texels each: the common case.
+    halves: bool,
+}
+
+impl Overlaps {
+    fn new(fine: u32, coarse: u32) -> Self {
+        Self { ratio: f64::from(fine) / f64::from(coarse), fine, halves: fine == 2 * coarse }
+    }
+
+    fn of(&self, coarse: usize) -> arrayvec::ArrayVec<(u32, f32), 8> {
+        let mut overlaps = arrayvec::ArrayVec::new();
+        if self.halves {
+            overlaps.push((2 * coarse as u32, 1.0));
+            overlaps.push((2 * coarse as u32 + 1, 1.0));
+            return overlaps;
+        }
+        let (start, end) = (coarse as f64 * self.ratio, (coarse as f64 + 1.0) * self.ratio);
+        for fine in start as u32..(end.ceil() as u32).min(self.fine) {
+            let covered = end.min(f64::from(fine) + 1.0) - start.max(f64::from(fine));
+            if covered > 1e-9 {
+                overlaps.push((fine, covered as f32));
+            }
+        }
+        overlaps
+    }
+}

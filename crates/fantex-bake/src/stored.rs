@@ -1,0 +1,76 @@
+//! From linear values to the numbers and bytes that a channel stores.
+
+use fantex_store::{Channel, ChannelKind, EncodeError, Quality, TexelFormat, TexelSlice, encode_many};
+use fantex_texture::color::{srgb8_from_linear, unorm8};
+use glam::Vec4;
+
+use crate::raster::Raster;
+use crate::{BakeFormat, SourceChannel};
+
+/// How one channel of the source is stored.
+#[derive(Clone, Debug)]
+pub(crate) struct ChannelPlan {
+    pub(crate) channel: Channel,
+    has_alpha: bool,
+}
+
+impl ChannelPlan {
+    pub(crate) fn new(source: &SourceChannel, format: BakeFormat) -> Self {
+        use ChannelKind::{BaseColor, Displacement, Emission, Normal, OcclusionRoughnessMetallic};
+        let texel_format = match (format, source.kind) {
+            (BakeFormat::Float, _) => TexelFormat::Rgba32F,
+            (BakeFormat::Rgba8, Normal) => TexelFormat::Rg8,
+            (BakeFormat::Rgba8, Displacement) => TexelFormat::R8,
+            (BakeFormat::Rgba8, _) => TexelFormat::Rgba8,
+            (_, Normal) => TexelFormat::Bc5,
+            (_, Displacement) => TexelFormat::Bc4,
+            (BakeFormat::Bc1, BaseColor | OcclusionRoughnessMetallic | Emission) => TexelFormat::Bc1,
+            (BakeFormat::Bc7, BaseColor | OcclusionRoughnessMetallic | Emission) => TexelFormat::Bc7,
+        };
+        let srgb = format != BakeFormat::Float && matches!(source.kind, BaseColor | Emission);
+        let channel = Channel { kind: source.kind, format: texel_format, srgb };
+        Self { channel, has_alpha: source.has_alpha }
+    }
+
+    fn float(&self, value: Vec4) -> [f32; 4] {
+        let [r, g, b, a] = value.to_array();
+        [r, g, b, if self.has_alpha { a } else { 1.0 }]
+    }
+
+    fn bytes(&self, value: Vec4) -> [u8; 4] {
+        let [r, g, b, a] = value.to_array();
+        let alpha = if self.has_alpha { unorm8(a) } else { 255 };
+        let color = if self.channel.srgb { [r, g, b].map(srgb8_from_linear) } else { [r, g, b].map(unorm8) };
+        [color[0], color[1], color[2], alpha]
+    }
+}
+
+/// Encodes pages of all channels: `result[page][channel]`.
+pub(crate) fn encode_pages(
+    plans: &[ChannelPlan],
+    quality: Quality,
+    pages: &[Raster],
+) -> Result<Vec<Vec<Vec<u8>>>, EncodeError> {
+    let mut encoded = vec![Vec::with_capacity(plans.len()); pages.len()];
+    for (index, plan) in plans.iter().enumerate() {
+        let channel =
+            |page: &Raster| page.values.iter().skip(index).step_by(plans.len()).copied().collect::<Vec<_>>();
+        let bytes = if plan.channel.format == TexelFormat::Rgba32F {
+            let texels: Vec<Vec<[f32; 4]>> =
+                pages.iter().map(|p| channel(p).into_iter().map(|v| plan.float(v)).collect()).collect();
+            let slices: Vec<_> =
+                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
+            encode_many(plan.channel.format, quality, &slices)?
+        } else {
+            let texels: Vec<Vec<[u8; 4]>> =
+                pages.iter().map(|p| channel(p).into_iter().map(|v| plan.bytes(v)).collect()).collect();
+            let slices: Vec<_> =
+                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
+            encode_many(plan.channel.format, quality, &slices)?
+        };
+        for (page, bytes) in encoded.iter_mut().zip(bytes) {
+            page.push(bytes);
+        }
+    }
+    Ok(encoded)
+}

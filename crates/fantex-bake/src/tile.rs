@@ -1,0 +1,307 @@
+//! One tile: evaluating the source, fitting, levels, encoding.
+//!
+//! ```text
+//!  block 0,0 | block 1,0      a tile up to BLOCK texels long is one block
+//!  ----------+----------      each block: levels 0..SHARED_LEVEL as whole pages, and its part of SHARED_LEVEL
+//!  block 0,1 | block 1,1      the tile:   SHARED_LEVEL and everything coarser
+//! ```
+//!
+//! Large tiles are cut into blocks with a margin of `HALO` texels, so that a texel's value does not depend on the cut, and
+//! memory does not grow with the tile.
+
+use std::time::{Duration, Instant};
+
+use fantex_cover::Cover;
+use fantex_mesh::Mesh;
+use fantex_store::{ChannelKind, EncodeError, EncodedPage, PageId, page_extent, page_grid, page_origin};
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::footprints::{Block, Footprints, NOBODY, TexelTriangle};
+use crate::progress::Meter;
+use crate::raster::{Mean, Overshoot, Raster};
+use crate::stored::{ChannelPlan, encode_pages};
+use crate::{BakeOptions, Prefilter, Source, SurfacePoint};
+
+/// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
+/// to `SHARED_LEVEL`.
+const BLOCK: u32 = 1024;
+
+/// The finest level at which a block is smaller than a page.
+const SHARED_LEVEL: u32 = 3;
+
+/// One texel of `SHARED_LEVEL`, twice.
+const HALO: u32 = 16;
+
+/// What all tiles of a bake share.
+pub(crate) struct TileBaker<'a> {
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) cover: &'a Cover,
+    pub(crate) source: &'a dyn Source,
+    pub(crate) normals: &'a [Vec3],
+    pub(crate) plans: &'a [ChannelPlan],
+    pub(crate) options: &'a BakeOptions,
+    pub(crate) meter: &'a Meter<'a>,
+}
+
+/// A finished tile.
+#[derive(Default)]
+pub(crate) struct BakedTile {
+    /// All pages, as the writer wants them.
+    pub(crate) pages: Vec<EncodedPage>,
+    /// Mean linear value per channel.
+    pub(crate) means: Vec<[f32; 4]>,
+    pub(crate) bake_time: Duration,
+    pub(crate) encode_time: Duration,
+}
+
+impl TileBaker<'_> {
+    /// Bakes the tile of a group; `triangles` are those with a corner in the group.
+    pub(crate) fn bake(&self, group: u32, triangles: &[u32]) -> Result<BakedTile, EncodeError> {
+        let extent = self.cover.groups[group as usize].extent;
+        let started = Instant::now();
+        let triangles = self.texel_triangles(group, triangles);
+        let mut tile = BakedTile { bake_time: started.elapsed(), ..BakedTile::default() };
+        if extent.iter().all(|&n| n <= BLOCK) {
+            let raster = self.evaluate(group, triangles, Block { origin: [0, 0], extent }, &mut tile);
+            self.finish_levels(group, 0, raster, &mut tile)?;
+        } else {
+            self.bake_blocks(group, extent, &triangles, &mut tile)?;
+        }
+        self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
+        Ok(tile)
+    }
+
+    fn texel_triangles(&self, group: u32, triangles: &[u32]) -> Vec<TexelTriangle> {
+        let extent = self.cover.groups[group as usize].extent;
+        let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
+        let in_tile = |&t: &u32| {
+            let inside = self.cover.corner_groups[t as usize].map(|g| g == group);
+            let slot = inside.iter().position(|&i| i)?;
+            let corners = self.cover.tile_corners(self.mesh, t as usize, slot).map(|uv| uv * texels);
+            TexelTriangle::new(t, inside, corners)
+        };
+        triangles.iter().filter_map(in_tile).collect()
+    }
+
+    fn bake_blocks(
+        &self,
+        group: u32,
+        extent: [u32; 2],
+        triangles: &[TexelTriangle],
+        tile: &mut BakedTile,
+    ) -> Result<(), EncodeError> {
+        let shared_extent = self.cover.groups[group as usize].level_extent(SHARED_LEVEL);
+        let grid = extent.map(|n| n.div_ceil(BLOCK));
+        let blocks: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
+        let baked = blocks
+            .par_iter()
+            .map(|&at| self.bake_block(group, extent, shared_extent, triangles, at))
+            .collect::<Result<Vec<_>, EncodeError>>()?;
+        let mut shared = Raster::empty(shared_extent, self.plans.len());
+        for (block, part, origin) in baked {
+            shared.paste(origin, &part);
+            tile.pages.extend(block.pages);
+            tile.bake_time += block.bake_time;
+            tile.encode_time += block.encode_time;
+        }
+        tile.pages.sort_by_key(|p| (p.id.level, p.id.page[1], p.id.page[0]));
+        self.finish_levels(group, SHARED_LEVEL, shared, tile)
+    }
+
+    /// The pages of a block finer than `SHARED_LEVEL`, and its part of that level with its place there.
+    fn bake_block(
+        &self,
+        group: u32,
+        extent: [u32; 2],
+        shared_extent: [u32; 2],
+        triangles: &[TexelTriangle],
+        at: [u32; 2],
+    ) -> Result<(BakedTile, Raster, [u32; 2]), EncodeError> {
+        // Along a short side the block is the whole tile and nothing is cut there.
+        let low: [u32; 2] = std::array::from_fn(|k| at[k] * BLOCK);
+        let high: [u32; 2] = std::array::from_fn(|k| (low[k] + BLOCK).min(extent[k]));
+        let origin: [u32; 2] = std::array::from_fn(|k| low[k].saturating_sub(HALO));
+        let end: [u32; 2] = std::array::from_fn(|k| (high[k] + HALO).min(extent[k]));
+        let block = Block { origin, extent: [end[0] - origin[0], end[1] - origin[1]] };
+        let near: Vec<TexelTriangle> = triangles.iter().filter(|t| t.touches(block)).copied().collect();
+        let mut tile = BakedTile::default();
+        let mut raster = self.evaluate(group, near, block, &mut tile);
+        for level in 0..SHARED_LEVEL {
+            // Where a side is cut, offsets halve exactly; where it is not, they are zero and the extent is the level's own.
+            let level_extent = self.cover.groups[group as usize].level_extent(level);
+            let start: [u32; 2] = std::array::from_fn(|k| (low[k] - origin[k]) >> level);
+            let stop: [u32; 2] =
+                std::array::from_fn(
+                    |k| if high[k] == extent[k] { level_extent[k] } else { high[k] >> level },
+                );
+            let first: [u32; 2] = low.map(|l| l >> level);
+            let size = [stop[0] - first[0], stop[1] - first[1]];
+            self.encode_level(group, level, &raster, start, size, first, &mut tile)?;
+            let next = self.cover.groups[group as usize].level_extent(level + 1);
+            let halved: [u32; 2] =
+                std::array::from_fn(|k| if extent[k] <= BLOCK { next[k] } else { raster.extent[k] / 2 });
+            raster = raster.halved(halved);
+        }
+        let first = low.map(|l| l >> SHARED_LEVEL);
+        let start: [u32; 2] = std::array::from_fn(|k| (low[k] - origin[k]) >> SHARED_LEVEL);
+        let size: [u32; 2] = std::array::from_fn(|k| {
+            if high[k] == extent[k] {
+                shared_extent[k] - first[k]
+            } else {
+                (high[k] - low[k]) >> SHARED_LEVEL
+            }
+        });
+        Ok((tile, raster.window(start, size), first))
+    }
+
+    /// Values of all channels over a block.
+    fn evaluate(
+        &self,
+        group: u32,
+        triangles: Vec<TexelTriangle>,
+        block: Block,
+        tile: &mut BakedTile,
+    ) -> Raster {
+        let started = Instant::now();
+        let mut footprints = Footprints { triangles, ..Footprints::default() };
+        footprints.cover(block, self.cover.delta);
+        let mut raster = Raster::empty(block.extent, self.plans.len());
+        for (texel, &owner) in footprints.owner.iter().enumerate() {
+            if owner == NOBODY {
+                continue;
+            }
+            let triangle = &footprints.triangles[owner as usize];
+            let column = block.origin[0] as usize + texel % block.extent[0] as usize;
+            let row = block.origin[1] as usize + texel / block.extent[0] as usize;
+            let lambda = triangle.lambda(Vec2::new(column as f32 + 0.5, row as f32 + 0.5));
+            let point = self.surface_point(triangle, lambda);
+            let values = &mut raster.values[texel * self.plans.len()..(texel + 1) * self.plans.len()];
+            self.source.evaluate(&point, values);
+            self.turn_normals(group, point.normal, values);
+            raster.valid[texel] = true;
+        }
+        raster.read = footprints.in_region;
+        tile.bake_time += started.elapsed();
+        raster
+    }
+
+    fn surface_point(&self, triangle: &TexelTriangle, lambda: Vec3) -> SurfacePoint {
+        let t = triangle.triangle as usize;
+        let [a, b, c] = self.mesh.triangle_positions(t);
+        let blend = |l: Vec3| a * l.x + b * l.y + c * l.z;
+        // Off the surface the plane goes on, but a normal must not be extrapolated.
+        let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        let [na, nb, nc] = [0, 1, 2].map(|k| self.normals[3 * t + k]);
+        let normal = (na * on_triangle.x + nb * on_triangle.y + nc * on_triangle.z).try_normalize();
+        SurfacePoint {
+            triangle: t,
+            lambda,
+            lambda_steps: triangle.steps,
+            position: blend(lambda),
+            position_steps: triangle.steps.map(blend),
+            normal: normal.unwrap_or_else(|| (b - a).cross(c - a).normalize_or(Vec3::Z)),
+        }
+    }
+
+    /// Normals are stored in the tile's shading frame, x and y in 0..1.
+    fn turn_normals(&self, group: u32, vertex_normal: Vec3, values: &mut [Vec4]) {
+        for (plan, value) in self.plans.iter().zip(values) {
+            if plan.channel.kind == ChannelKind::Normal {
+                let [x, y] = self.cover.groups[group as usize].shading_axes(vertex_normal);
+                let normal = value.truncate();
+                *value = Vec4::new(0.5 + 0.5 * normal.dot(x), 0.5 + 0.5 * normal.dot(y), 0.0, 1.0);
+            }
+        }
+    }
+
+    /// Encodes `raster`, which is the whole tile at `level`, and all coarser levels; computes the means.
+    fn finish_levels(
+        &self,
+        group: u32,
+        level: u32,
+        mut raster: Raster,
+        tile: &mut BakedTile,
+    ) -> Result<(), EncodeError> {
+        let shape = &self.cover.groups[group as usize];
+        tile.means = means(&raster);
+        for l in level..shape.level_count() {
+            if l > level {
+                let started = Instant::now();
+                raster = raster.halved(shape.level_extent(l));
+                tile.bake_time += started.elapsed();
+            }
+            self.encode_level(group, l, &raster, [0, 0], raster.extent, [0, 0], tile)?;
+        }
+        Ok(())
+    }
+
+    /// Fits, fills and encodes the rectangle at `start` of `raster`, which lies at `first` in its level.
+    #[expect(clippy::too_many_arguments, reason = "three rectangles' corners in two spaces")]
+    fn encode_level(
+        &self,
+        group: u32,
+        level: u32,
+        raster: &Raster,
+        start: [u32; 2],
+        size: [u32; 2],
+        first: [u32; 2],
+        tile: &mut BakedTile,
+    ) -> Result<(), EncodeError> {
+        let started = Instant::now();
+        let mut values = if level == 0 {
+            raster.fitted(self.options.fit, self.prefilter(), |channel| self.overshoot(channel))
+        } else {
+            raster.values.clone()
+        };
+        raster.fill_blocks(&mut values);
+        let filled = Raster { values, ..raster.clone() };
+        let window =
+            if start == [0, 0] && size == raster.extent { filled } else { filled.window(start, size) };
+        tile.bake_time += started.elapsed();
+        let started = Instant::now();
+        let grid = page_grid(size);
+        let pages: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
+        let rasters: Vec<Raster> =
+            pages.iter().map(|&p| window.window(page_origin(p), page_extent(size, p))).collect();
+        let offset = first.map(|f| f / fantex_store::PAGE);
+        for (page, channels) in
+            pages.into_iter().zip(encode_pages(self.plans, self.options.quality, &rasters)?)
+        {
+            let page = [offset[0] + page[0], offset[1] + page[1]];
+            tile.pages.push(EncodedPage { id: PageId { group, level, page }, channels });
+        }
+        tile.encode_time += started.elapsed();
+        Ok(())
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        self.source.prefilter()
+    }
+
+    fn overshoot(&self, channel: usize) -> Overshoot {
+        match self.plans[channel].channel.kind {
+            ChannelKind::Normal | ChannelKind::Displacement => Overshoot::SIGNED,
+            _ => Overshoot::COLOR,
+        }
+    }
+}
+
+/// The mean of each channel where the tile is read, or of what there is.
+fn means(raster: &Raster) -> Vec<[f32; 4]> {
+    (0..raster.channels)
+        .map(|channel| {
+            let (mut read, mut valid) = (Mean::default(), Mean::default());
+            for texel in 0..raster.valid.len() {
+                if raster.valid[texel] {
+                    let value = raster.values[texel * raster.channels + channel];
+                    valid.add(value);
+                    if raster.read[texel] {
+                        read.add(value);
+                    }
+                }
+            }
+            read.value().or(valid.value()).unwrap_or(Vec4::ZERO).to_array()
+        })
+        .collect()
+}

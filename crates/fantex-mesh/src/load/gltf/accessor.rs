@@ -1,0 +1,243 @@
+//! Accessors: typed, strided, possibly sparse views of buffers. Every range is checked before it is read.
+
+use super::schema::{Accessor, Sparse};
+use super::{AccessorProblem, Document, GltfProblem, get};
+
+/// Type of one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    /// From the number that glTF inherited from OpenGL.
+    fn from_code(code: u64) -> Result<Self, AccessorProblem> {
+        Ok(match code {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return Err(AccessorProblem::ComponentType(code)),
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    fn is_index(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32)
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::I8 => "signed bytes",
+            Self::U8 => "bytes",
+            Self::I16 => "16-bit integers",
+            Self::U16 => "unsigned 16-bit integers",
+            Self::U32 => "unsigned 32-bit integers",
+            Self::F32 => "floats",
+        }
+    }
+}
+
+/// Elements at regular distances, in range.
+struct Elements<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+    count: usize,
+}
+
+impl<'a> Elements<'a> {
+    /// Each element's bytes (at least its own, perhaps up to the next).
+    fn iter(&self) -> impl Iterator<Item = &'a [u8]> {
+        self.bytes.chunks(self.stride).take(self.count)
+    }
+}
+
+/// A checked accessor.
+pub(super) struct Reader<'a> {
+    document: &'a Document<'a>,
+    index: usize,
+    accessor: &'a Accessor,
+    component: Component,
+    /// Numbers per element.
+    width: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// Looks an accessor up; `used_for` names its use in messages.
+    pub(super) fn new(document: &'a Document, index: usize, used_for: &str) -> Result<Self, GltfProblem> {
+        let accessor = get(&document.root.accessors, index, "accessor", || used_for.to_owned())?;
+        let failed = |problem| GltfProblem::Accessor { accessor: index, problem };
+        let component = Component::from_code(accessor.component_type).map_err(failed)?;
+        let width = match accessor.shape.as_str() {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            // Matrices serve skins and animations only, which are not read.
+            _ => 0,
+        };
+        let limit = document.limits().max_positions.saturating_mul(3);
+        if accessor.count > limit {
+            return Err(failed(AccessorProblem::TooMany { count: accessor.count, limit }));
+        }
+        Ok(Self { document, index, accessor, component, width })
+    }
+
+    /// Number of elements.
+    pub(super) fn count(&self) -> usize {
+        self.accessor.count
+    }
+
+    /// Numbers per element.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Elements of `N` numbers. Integers are divided by their largest value where the accessor says so, or where
+    /// `always_normalized` does.
+    pub(super) fn read_floats<const N: usize>(
+        &self,
+        used_for: &str,
+        expected: &'static str,
+        always_normalized: bool,
+    ) -> Result<Vec<[f32; N]>, GltfProblem> {
+        if self.width != N {
+            return Err(self.wrong_shape(used_for, expected));
+        }
+        let normalized = self.accessor.normalized || always_normalized;
+        match self.component {
+            Component::F32 => self.read(f32::from_le_bytes),
+            Component::I8 if normalized => self.read(|b| (f32::from(i8::from_le_bytes(b)) / 127.0).max(-1.0)),
+            Component::U8 if normalized => self.read(|b| f32::from(u8::from_le_bytes(b)) / 255.0),
+            Component::I16 if normalized => {
+                self.read(|b| (f32::from(i16::from_le_bytes(b)) / 32767.0).max(-1.0))
+            }
+            Component::U16 if normalized => self.read(|b| f32::from(u16::from_le_bytes(b)) / 65535.0),
+            Component::I8 => self.read(|b| f32::from(i8::from_le_bytes(b))),
+            Component::U8 => self.read(|b| f32::from(u8::from_le_bytes(b))),
+            Component::I16 => self.read(|b| f32::from(i16::from_le_bytes(b))),
+            Component::U16 => self.read(|b| f32::from(u16::from_le_bytes(b))),
+            Component::U32 => Err(self.wrong_shape(used_for, expected)),
+        }
+    }
+
+    /// Single unsigned integers.
+    pub(super) fn read_indices(&self, used_for: &str) -> Result<Vec<u32>, GltfProblem> {
+        if self.width != 1 || !self.component.is_index() {
+            return Err(self.wrong_shape(used_for, "single unsigned integers"));
+        }
+        let elements: Vec<[u32; 1]> = match self.component {
+            Component::U8 => self.read(|b: [u8; 1]| u32::from(b[0]))?,
+            Component::U16 => self.read(|b| u32::from(u16::from_le_bytes(b)))?,
+            _ => self.read(u32::from_le_bytes)?,
+        };
+        Ok(elements.into_iter().map(|[index]| index).collect())
+    }
+
+    fn wrong_shape(&self, used_for: &str, expected: &'static str) -> GltfProblem {
+        let found = format!("{} {}", self.accessor.shape, self.component.name());
+        self.failed(AccessorProblem::Shape { used_for: used_for.to_owned(), found, expected })
+    }
+
+    fn failed(&self, problem: AccessorProblem) -> GltfProblem {
+        GltfProblem::Accessor { accessor: self.index, problem }
+    }
+
+    /// Decodes all elements; `B` is the number's size in bytes.
+    fn read<const N: usize, const B: usize, T: Copy + Default>(
+        &self,
+        decode: impl Fn([u8; B]) -> T,
+    ) -> Result<Vec<[T; N]>, GltfProblem> {
+        let element = |bytes: &[u8]| -> [T; N] {
+            let (numbers, _) = bytes.as_chunks::<B>();
+            std::array::from_fn(|k| decode(numbers[k]))
+        };
+        let accessor = self.accessor;
+        let mut values = match accessor.buffer_view {
+            Some(view) => {
+                let stride =
+                    get(&self.document.root.buffer_views, view, "buffer view", || self.label())?.byte_stride;
+                self.elements(view, accessor.byte_offset, accessor.count, N * B, stride)?
+                    .iter()
+                    .map(element)
+                    .collect()
+            }
+            // Without a view all elements are zero, until sparse data replace some.
+            None => vec![[T::default(); N]; accessor.count],
+        };
+        if let Some(sparse) = &accessor.sparse {
+            self.replace(sparse, N * B, &mut values, element)?;
+        }
+        Ok(values)
+    }
+
+    /// Overwrites the elements that sparse data name.
+    fn replace<V>(
+        &self,
+        sparse: &Sparse,
+        element_bytes: usize,
+        values: &mut [V],
+        decode: impl Fn(&[u8]) -> V,
+    ) -> Result<(), GltfProblem> {
+        let component = Component::from_code(sparse.indices.component_type).map_err(|p| self.failed(p))?;
+        if !component.is_index() {
+            return Err(self.failed(AccessorProblem::ComponentType(sparse.indices.component_type)));
+        }
+        let (indices, new) = (&sparse.indices, &sparse.values);
+        let indices =
+            self.elements(indices.buffer_view, indices.byte_offset, sparse.count, component.size(), None)?;
+        let new = self.elements(new.buffer_view, new.byte_offset, sparse.count, element_bytes, None)?;
+        for (index, new) in indices.iter().zip(new.iter()) {
+            let index = index.iter().rev().fold(0u32, |index, &byte| index << 8 | u32::from(byte));
+            let count = values.len();
+            let slot = values.get_mut(index as usize);
+            *slot.ok_or_else(|| self.failed(AccessorProblem::SparseIndex { index, count }))? = decode(new);
+        }
+        Ok(())
+    }
+
+    /// The range of `count` elements in a buffer view.
+    fn elements(
+        &self,
+        view: usize,
+        offset: usize,
+        count: usize,
+        element: usize,
+        stride: Option<usize>,
+    ) -> Result<Elements<'_>, GltfProblem> {
+        let bytes = self.document.buffers.view(view, || self.label())?;
+        let stride = stride.unwrap_or(element);
+        if stride < element {
+            return Err(self.failed(AccessorProblem::Stride { view, stride, element }));
+        }
+        // The last element may end before the stride does.
+        let needed = match count {
+            0 => 0,
+            _ => (count as u128 - 1) * stride as u128 + element as u128,
+        };
+        let available = bytes.get(offset..).unwrap_or_default();
+        if needed > available.len() as u128 {
+            let available = available.len();
+            return Err(self.failed(AccessorProblem::Range { count, needed, view, available }));
+        }
+        Ok(Elements { bytes: &available[..needed as usize], stride, count })
+    }
+
+    fn label(&self) -> String {
+        format!("accessor {}", self.index)
+    }
+}

@@ -1,0 +1,218 @@
+//! Cutting polygons into triangles.
+//!
+//! Ear clipping after G. H. Meisters, "Polygons have ears" (1975), on the polygon's projection along its area normal
+//! (M. E. Newell's sum over the edges, so that slightly bent polygons work). Unlike the usual triangulation crates it
+//! never drops a corner, not even on a straight edge: a neighbour uses that corner too, and a dropped one would tear
+//! the surface. So an n-gon always becomes n - 2 triangles in the polygon's orientation; triangles that come out
+//! degenerate are the cleaning's business.
+
+use glam::{DVec2, DVec3};
+
+/// Cuts polygons; holds its buffers between calls.
+#[derive(Default)]
+pub(crate) struct Triangulator {
+    projected: Vec<DVec2>,
+    /// Corners not yet cut off, a circular list.
+    next: Vec<u32>,
+    previous: Vec<u32>,
+    /// Corners that may lie inside an ear: those that are not strictly convex.
+    blockers: Vec<u32>,
+}
+
+impl Triangulator {
+    /// Calls `emit` with corner numbers (`0..corners.len()`) of `corners.len() - 2` triangles.
+    pub(crate) fn triangulate(&mut self, corners: &[DVec3], mut emit: impl FnMut([usize; 3])) {
+        match corners {
+            [] | [_] | [_, _] => {}
+            [_, _, _] => emit([0, 1, 2]),
+            _ => self.cut(corners, emit),
+        }
+    }
+
+    fn cut(&mut self, corners: &[DVec3], mut emit: impl FnMut([usize; 3])) {
+        self.project(corners);
+        let count = corners.len();
+        let is_convex =
+            (0..count).all(|i| self.turn(self.at((i + count - 1) % count, i, (i + 1) % count)) > 0.0);
+        // A polygon that only turns left may still wind around several times, but its turns then exceed a full circle.
+        if is_convex && self.winds_once() {
+            (2..count).for_each(|i| emit([0, i - 1, i]));
+            return;
+        }
+        self.clip_ears(count, emit);
+    }
+
+    /// Projects along the area normal, relative to the first corner to keep precision far from the origin.
+    fn project(&mut self, corners: &[DVec3]) {
+        let origin = corners[0];
+        let edges = corners.iter().zip(corners.iter().cycle().skip(1));
+        let normal = edges.map(|(&a, &b)| (a - origin).cross(b - origin)).sum::<DVec3>();
+        let normal = normal.try_normalize().unwrap_or(DVec3::Z);
+        let (x_axis, y_axis) = normal.any_orthonormal_pair();
+        // The pair is right-handed with the normal, so the projection is counter-clockwise.
+        self.projected.clear();
+        self.projected.extend(corners.iter().map(|&p| {
+            let q = p - origin;
+            DVec2::new(q.dot(x_axis), q.dot(y_axis))
+        }));
+    }
+
+    fn at(&self, a: usize, b: usize, c: usize) -> [DVec2; 3] {
+        [self.projected[a], self.projected[b], self.projected[c]]
+    }
+
+    /// Positive for a left turn, zero for straight on.
+    fn turn(&self, [a, b, c]: [DVec2; 3]) -> f64 {
+        (b - a).perp_dot(c - b)
+    }
+
+    fn winds_once(&self) -> bool {
+        let count = self.projected.len();
+        let edge = |i: usize| self.projected[(i + 1) % count] - self.projected[i];
+        let turns: f64 = (0..count).map(|i| edge(i).angle_to(edge((i + 1) % count))).sum();
+        turns < 3.0 * std::f64::consts::PI
+    }
+
+    fn clip_ears(&mut self, count: usize, mut emit: impl FnMut([usize; 3])) {
+        self.next.clear();
+        self.next.extend((0..count as u32).map(|i| (i + 1) % count as u32));
+        self.previous.clear();
+        self.previous.extend((0..count as u32).map(|i| (i + count as u32 - 1) % count as u32));
+        let blockers = (0..count).filter(|&i| self.turn(self.ear(i)) <= 0.0).map(|i| i as u32).collect();
+        self.blockers = blockers;
+
+        let mut left = count;
+        let mut tip = 0;
+        let mut tried = 0;
+        while left > 3 {
+            // Where no ear is left (the outline crosses itself), anything that keeps the corner count right will do.
+            let give_up = tried >= left;
+            if !give_up && !self.is_ear(tip) {
+                tip = self.next[tip] as usize;
+                tried += 1;
+                continue;
+            }
+            let (before, after) = (self.previous[tip] as usize, self.next[tip] as usize);
+            emit([before, tip, after]);
+            self.next[before] = after as u32;
+            self.previous[after] = before as u32;
+            self.forget(tip, before, after);
+            left -= 1;
+            tried = 0;
+            // A cut makes new ears at its two ends only, or frees some that these ends blocked. Trying the ends first
+            // keeps long winding outlines (spirals) from being searched all around after every cut.
+            tip = before;
+        }
+        emit([self.previous[tip] as usize, tip, self.next[tip] as usize]);
+    }
+
+    /// Takes a cut corner, and neighbours that became convex, off the list of blockers.
+    fn forget(&mut self, tip: usize, before: usize, after: usize) {
+        let turned_convex = [before, after].map(|i| self.turn(self.ear(i)) > 0.0);
+        self.blockers.retain(|&b| {
+            let b = b as usize;
+            !(b == tip || (b == before && turned_convex[0]) || (b == after && turned_convex[1]))
+        });
+    }
+
+    fn ear(&self, tip: usize) -> [DVec2; 3] {
+        self.at(self.previous[tip] as usize, tip, self.next[tip] as usize)
+    }
+
+    /// A corner is an ear if it turns left and no other corner lies inside or on the cut.
+    fn is_ear(&self, tip: usize) -> bool {
+        let [a, b, c] = self.ear(tip);
+        if self.turn([a, b, c]) <= 0.0 {
+            return false;
+        }
+        let own = [self.previous[tip], tip as u32, self.next[tip]];
+        !self.blockers.iter().any(|i| {
+            let p = self.projected[*i as usize];
+            // A corner at the same place as the ear's own (a bridge to a hole) does not block it.
+            !own.contains(i)
+                && p != a
+                && p != b
+                && p != c
+                && (b - a).perp_dot(p - a) >= 0.0
+                && (c - b).perp_dot(p - b) >= 0.0
+                && (a - c).perp_dot(p - c) >= 0.0
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cut(corners: &[DVec3]) -> Vec<[usize; 3]> {
+        let mut triangles = Vec::new();
+        Triangulator::default().triangulate(corners, |t| triangles.push(t));
+        triangles
+    }
+
+    fn area_normal(corners: &[DVec3], t: [usize; 3]) -> DVec3 {
+        let [a, b, c] = t.map(|i| corners[i]);
+        (b - a).cross(c - a) * 0.5
+    }
+
+    /// Every triangle has the outline's orientation, and together they have its area: so nothing overlaps.
+    fn assert_exact(corners: &[DVec3]) {
+        let triangles = cut(corners);
+        assert_eq!(triangles.len(), corners.len() - 2);
+        let total: DVec3 = (1..corners.len() - 1).map(|i| area_normal(corners, [0, i, i + 1])).sum();
+        let normal = total.normalize();
+        let mut area = 0.0;
+        for &t in &triangles {
+            let a = area_normal(corners, t).dot(normal);
+            assert!(a >= -1e-12 * total.length(), "triangle {t:?} is turned over");
+            area += a.abs();
+        }
+        assert!((area - total.length()).abs() < 1e-9 * total.length(), "{area} of {}", total.length());
+    }
+
+    fn star(points: usize, offset: DVec3) -> Vec<DVec3> {
+        (0..2 * points)
+            .map(|i| {
+                let angle = std::f64::consts::PI * i as f64 / points as f64;
+                let radius = if i % 2 == 0 { 1.0 } else { 0.3 };
+                offset + radius * DVec3::new(angle.cos(), 0.4 * angle.sin(), angle.sin())
+            })
+            .collect()
+    }
+
+    #[test]
+    fn concave_outlines_are_cut_exactly() {
+        let arrow = [[0., 0., 0.], [2., 1., 0.], [0., 2., 0.], [0.5, 1., 0.]].map(DVec3::from);
+        for turned in 0..4 {
+            let mut corners = arrow;
+            corners.rotate_left(turned);
+            assert_exact(&corners);
+            corners.reverse();
+            assert_exact(&corners);
+        }
+        assert_exact(&star(5, DVec3::ZERO));
+        assert_exact(&star(40, DVec3::splat(1e7)));
+    }
+
+    #[test]
+    fn corners_on_straight_edges_are_kept() {
+        let square = [[0., 0., 0.], [1., 0., 0.], [2., 0., 0.], [2., 2., 0.], [1., 2., 0.], [0., 2., 0.]];
+        let corners = square.map(DVec3::from);
+        assert_exact(&corners);
+        let used: Vec<usize> = cut(&corners).into_iter().flatten().collect();
+        assert!((0..6).all(|i| used.contains(&i)));
+    }
+
+    #[test]
+    fn hopeless_outlines_still_give_the_right_count() {
+        assert_eq!(cut(&[DVec3::ZERO; 7]).len(), 5);
+        assert_eq!(cut(&[DVec3::NAN; 6]).len(), 4);
+        let bow = [[0., 0., 0.], [1., 1., 0.], [1., 0., 0.], [0., 1., 0.]].map(DVec3::from);
+        assert_eq!(cut(&bow).len(), 2);
+        let pentagram = std::array::from_fn::<_, 5, _>(|i| {
+            let angle = 4.0 * std::f64::consts::PI * i as f64 / 5.0;
+            DVec3::new(angle.cos(), angle.sin(), 0.0)
+        });
+        assert_eq!(cut(&pentagram).len(), 3);
+    }
+}

@@ -1,0 +1,244 @@
+//! STL, binary and ASCII (3D Systems, "StereoLithography Interface Specification", 1989).
+//!
+//! Facet normals are ignored: they say no more than the winding does, many exporters leave them zero, and where the
+//! two disagree every other program trusts the winding.
+
+use glam::DVec3;
+
+use super::{LoadError, SourceFile, builder};
+use crate::Model;
+
+const HEADER_BYTES: usize = 84;
+const FACET_BYTES: usize = 50;
+
+/// What is wrong with an STL file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StlProblem {
+    /// Shorter than a binary header and not ASCII.
+    #[error(
+        "it is neither ASCII STL (it lacks the words solid and facet) nor binary STL (it has {bytes} bytes, fewer than the header's 84)"
+    )]
+    TooShort {
+        /// Length of the file.
+        bytes: usize,
+    },
+    /// The file ends before the facets that its header announces.
+    #[error(
+        "its header announces {facets} facets, which take {needed} bytes, but the file has {bytes}; it is truncated or not STL"
+    )]
+    Truncated {
+        /// Facets announced.
+        facets: u32,
+        /// Bytes they take, the header included.
+        needed: u64,
+        /// Bytes there are.
+        bytes: usize,
+    },
+    /// An ASCII file says something else than the format prescribes.
+    #[error("line {line}: expected {expected}, found {found}")]
+    Syntax {
+        /// Line, from 1.
+        line: usize,
+        /// What the format prescribes here.
+        expected: &'static str,
+        /// What stands there.
+        found: String,
+    },
+}
+
+/// True for content that can only be STL: the ASCII words, or a length that fits the binary facet count exactly.
+pub(super) fn looks_like_stl(bytes: &[u8]) -> bool {
+    is_ascii(bytes) || (facet_count(bytes).is_some_and(|n| n > 0 && needed_bytes(n) == bytes.len() as u64))
+}
+
+/// Loads an STL file. Every facet has its own three positions; nothing is welded here.
+pub(super) fn load(file: &SourceFile) -> Result<Model, LoadError> {
+    let failed = |problem| LoadError::Stl { path: file.path.into(), problem };
+    let fits_binary =
+        facet_count(file.bytes).is_some_and(|n| n > 0 && needed_bytes(n) == file.bytes.len() as u64);
+    // Many binary files begin with the word solid too, so a length that fits comes first.
+    let mut model = match !fits_binary && is_ascii(file.bytes) {
+        true => Ascii::new(file.bytes).read(file)?,
+        false => read_binary(
+            file,
+            facet_count(file.bytes)
+                .ok_or(StlProblem::TooShort { bytes: file.bytes.len() })
+                .map_err(failed)?,
+        )?,
+    };
+    builder::finish(&mut model);
+    Ok(model)
+}
+
+/// ASCII STL begins with `solid`, and the words `facet` or `endsolid` follow in the text after it.
+fn is_ascii(bytes: &[u8]) -> bool {
+    let text = bytes.trim_ascii_start();
+    let head = &text[..text.len().min(4096)];
+    starts_with_word(head, b"solid")
+        && !head.contains(&0)
+        && [&b"facet"[..], b"endsolid"]
+            .iter()
+            .any(|word| head.windows(word.len()).any(|w| w.eq_ignore_ascii_case(word)))
+}
+
+fn starts_with_word(text: &[u8], word: &[u8]) -> bool {
+    text.len() > word.len()
+        && text[..word.len()].eq_ignore_ascii_case(word)
+        && text[word.len()].is_ascii_whitespace()
+}
+
+fn facet_count(bytes: &[u8]) -> Option<u32> {
+    let count = bytes.get(HEADER_BYTES - 4..HEADER_BYTES)?;
+    Some(u32::from_le_bytes(count.try_into().ok()?))
+}
+
+fn needed_bytes(facets: u32) -> u64 {
+    HEADER_BYTES as u64 + u64::from(facets) * FACET_BYTES as u64
+}
+
+fn read_binary(file: &SourceFile, facets: u32) -> Result<Model, LoadError> {
+    let needed = needed_bytes(facets);
+    let Some(body) = file.bytes.get(HEADER_BYTES..usize::try_from(needed).unwrap_or(usize::MAX)) else {
+        let problem = StlProblem::Truncated { facets, needed, bytes: file.bytes.len() };
+        return Err(LoadError::Stl { path: file.path.into(), problem });
+    };
+    file.check_triangles(facets as usize)?;
+    file.check_positions(3 * facets as usize)?;
+    let mut positions = Vec::with_capacity(3 * facets as usize);
+    for facet in body.chunks_exact(FACET_BYTES) {
+        // 12 bytes of normal, three corners of three floats, two bytes of attributes.
+        let corners: [f32; 9] = bytemuck::pod_read_unaligned(&facet[12..48]);
+        let corners = corners.map(|x| f64::from(f32::from_bits(u32::from_le(x.to_bits()))));
+        positions.extend(corners.chunks_exact(3).map(DVec3::from_slice));
+    }
+    let mut model = soup(positions);
+    let trailing = file.bytes.len() as u64 - needed;
+    if trailing > 0 {
+        model.notes.push(format!("{trailing} bytes after the last facet were ignored"));
+    }
+    Ok(model)
+}
+
+/// Triangles of consecutive positions.
+fn soup(positions: Vec<DVec3>) -> Model {
+    let triangles = (0..positions.len() as u32 / 3).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    Model { positions, triangles, ..Model::default() }
+}
+
+/// Reads `solid NAME facet normal X Y Z outer loop vertex X Y Z (3x) endloop endfacet ... endsolid NAME`, repeated.
+struct Ascii<'a> {
+    rest: &'a [u8],
+    line: usize,
+    /// The next word, if it was looked at but not taken.
+    peeked: Option<&'a [u8]>,
+}
+
+impl<'a> Ascii<'a> {
+    fn new(bytes: &'a [u8]) -> Self {
+        Self { rest: bytes, line: 1, peeked: None }
+    }
+
+    fn read(mut self, file: &SourceFile) -> Result<Model, LoadError> {
+        let mut positions = Vec::new();
+        let failed = |problem| LoadError::Stl { path: file.path.into(), problem };
+        while self.next_solid().map_err(failed)? {
+            while self.next_facet().map_err(failed)? {
+                file.check_triangles(positions.len() / 3 + 1)?;
+                file.check_positions(positions.len() + 3)?;
+                positions.extend(self.facet_corners().map_err(failed)?);
+            }
+        }
+        Ok(soup(positions))
+    }
+
+    /// Skips to the line after `solid NAME`. False at the end of the file.
+    fn next_solid(&mut self) -> Result<bool, StlProblem> {
+        match self.word() {
+            None => Ok(false),
+            Some(word) if word.eq_ignore_ascii_case(b"solid") => {
+                self.skip_line();
+                Ok(true)
+            }
+            Some(word) => Err(self.unexpected("solid", word)),
+        }
+    }
+
+    /// True if a facet follows, false after `endsolid NAME`.
+    fn next_facet(&mut self) -> Result<bool, StlProblem> {
+        match self.word() {
+            Some(word) if word.eq_ignore_ascii_case(b"facet") => Ok(true),
+            Some(word) if word.eq_ignore_ascii_case(b"endsolid") => {
+                self.skip_line();
+                Ok(false)
+            }
+            word => Err(self.unexpected("facet or endsolid", word.unwrap_or_default())),
+        }
+    }
+
+    fn facet_corners(&mut self) -> Result<[DVec3; 3], StlProblem> {
+        self.expect(b"normal", "normal")?;
+        // The three numbers of the normal, or none of them, in any spelling ("nan", "-nan(ind)").
+        while let Some(word) = self.peek()
+            && !word.eq_ignore_ascii_case(b"outer")
+            && !word.eq_ignore_ascii_case(b"vertex")
+            && !word.eq_ignore_ascii_case(b"endfacet")
+        {
+            self.word();
+        }
+        self.expect(b"outer", "outer loop")?;
+        self.expect(b"loop", "outer loop")?;
+        let corners = [self.vertex()?, self.vertex()?, self.vertex()?];
+        self.expect(b"endloop", "endloop after three vertices")?;
+        self.expect(b"endfacet", "endfacet")?;
+        Ok(corners)
+    }
+
+    fn vertex(&mut self) -> Result<DVec3, StlProblem> {
+        self.expect(b"vertex", "vertex")?;
+        Ok(DVec3::new(self.number()?, self.number()?, self.number()?))
+    }
+
+    fn number(&mut self) -> Result<f64, StlProblem> {
+        let word = self.word().unwrap_or_default();
+        let number = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
+        number.ok_or_else(|| self.unexpected("a coordinate", word))
+    }
+
+    fn expect(&mut self, word: &[u8], expected: &'static str) -> Result<(), StlProblem> {
+        match self.word() {
+            Some(found) if found.eq_ignore_ascii_case(word) => Ok(()),
+            found => Err(self.unexpected(expected, found.unwrap_or_default())),
+        }
+    }
+
+    fn unexpected(&self, expected: &'static str, found: &[u8]) -> StlProblem {
+        let shown = String::from_utf8_lossy(&found[..found.len().min(40)]).into_owned();
+        let found = if found.is_empty() { "the end of the file".to_owned() } else { format!("{shown:?}") };
+        StlProblem::Syntax { line: self.line, expected, found }
+    }
+
+    fn peek(&mut self) -> Option<&'a [u8]> {
+        if self.peeked.is_none() {
+            self.peeked = self.word();
+        }
+        self.peeked
+    }
+
+    /// The next run of bytes that are not white space.
+    fn word(&mut self) -> Option<&'a [u8]> {
+        if let Some(word) = self.peeked.take() {
+            return Some(word);
+        }
+        let start = self.rest.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(self.rest.len());
+        self.line += self.rest[..start].iter().filter(|&&b| b == b'\n').count();
+        let text = &self.rest[start..];
+        let end = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
+        self.rest = &text[end..];
+        (end > 0).then_some(&text[..end])
+    }
+
+    fn skip_line(&mut self) {
+        let end = self.rest.iter().position(|&b| b == b'\n').unwrap_or(self.rest.len());
+        self.rest = &self.rest[end..];
+    }
+}

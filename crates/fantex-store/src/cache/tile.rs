@@ -1,0 +1,223 @@
+//! Look-ups in one level of one tile.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use glam::Vec2;
+
+use super::PageCache;
+use crate::PageId;
+use crate::codec::StoredTexels;
+use crate::page::PAGE;
+use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
+
+/// A page, decoded, in the smallest form that keeps its values.
+#[derive(Debug)]
+pub(super) struct DecodedPage {
+    extent: [u32; 2],
+    texels: StoredTexels,
+    /// Meaning of red, green and blue of 8-bit RGBA.
+    linear_from_u8: &'static [f32; 256],
+}
+
+impl DecodedPage {
+    pub(super) fn new(extent: [u32; 2], mut texels: StoredTexels, srgb: bool) -> Self {
+        if let (StoredTexels::Rgba32F(texels), true) = (&mut texels, srgb) {
+            // Once here rather than at every look-up.
+            for [r, g, b, _] in texels {
+                (*r, *g, *b) = (linear_from_srgb(*r), linear_from_srgb(*g), linear_from_srgb(*b));
+            }
+        }
+        let linear_from_u8 = if srgb { &*LINEAR_FROM_SRGB8 } else { &UNIT_FROM_U8 };
+        Self { extent, texels, linear_from_u8 }
+    }
+
+    pub(super) fn memory_bytes(&self) -> usize {
+        size_of::<Self>() + self.texels.memory_bytes()
+    }
+
+    fn linear(&self, x: u32, y: u32) -> [f32; 4] {
+        self.at((y * self.extent[0] + x) as usize)
+    }
+
+    #[inline]
+    fn at(&self, index: usize) -> [f32; 4] {
+        match &self.texels {
+            StoredTexels::Rgba8(texels) => self.color(texels[index]),
+            texels => texels.stored(index),
+        }
+    }
+
+    #[inline]
+    fn color(&self, [r, g, b, a]: [u8; 4]) -> [f32; 4] {
+        let table = self.linear_from_u8;
+        [table[usize::from(r)], table[usize::from(g)], table[usize::from(b)], UNIT_FROM_U8[usize::from(a)]]
+    }
+}
+
+/// A tile's level, ready for look-ups from any thread. Holds its page alive (whatever the cache's budget); a tile of one
+/// page is sampled without a lock.
+#[derive(Clone, Debug)]
+pub struct Tile {
+    pub(super) channel: usize,
+    pub(super) group: u32,
+    pub(super) level: u32,
+    /// Columns and rows of the whole level.
+    pub(super) extent: [u32; 2],
+    pub(super) source: Source,
+}
+
+/// Where a tile's texels come from.
+#[derive(Clone, Debug)]
+pub(super) enum Source {
+    /// The level is one page.
+    Page(Arc<DecodedPage>),
+    /// The level is cut into pages, fetched through the cache.
+    Paged(PageCache, Arc<RecentPages>),
+    /// Nothing of the tile could be read.
+    Mean([f32; 4]),
+}
+
+/// The page used last for each parity of column and row: the up to four pages of one look-up never displace each other.
+pub(super) type RecentPages = [Mutex<Option<(PageId, Arc<DecodedPage>)>>; 4];
+
+/// The four texels around a point, and how far it lies between them.
+struct Footprint {
+    columns: [u32; 2],
+    rows: [u32; 2],
+    fraction: Vec2,
+}
+
+impl Footprint {
+    /// Texel centres lie at `(i + 0.5) / n`; the point is clamped to the rectangle that they span. NaN reads as 0.
+    fn new(uv: Vec2, extent: [u32; 2]) -> Self {
+        let axis = |u: f32, n: u32| {
+            let last = n - 1;
+            let x = (u * n as f32 - 0.5).max(0.0).min(last as f32);
+            let i = x as u32;
+            ([i, (i + 1).min(last)], x - i as f32)
+        };
+        let (columns, fx) = axis(uv.x, extent[0]);
+        let (rows, fy) = axis(uv.y, extent[1]);
+        Self { columns, rows, fraction: Vec2::new(fx, fy) }
+    }
+
+    fn blend(&self, texel: impl Fn(u32, u32) -> [f32; 4]) -> [f32; 4] {
+        let [x0, x1] = self.columns;
+        let [y0, y1] = self.rows;
+        let (a, b, c, d) = (texel(x0, y0), texel(x1, y0), texel(x0, y1), texel(x1, y1));
+        let Vec2 { x, y } = self.fraction;
+        std::array::from_fn(|k| {
+            let top = a[k] + x * (b[k] - a[k]);
+            let bottom = c[k] + x * (d[k] - c[k]);
+            top + y * (bottom - top)
+        })
+    }
+}
+
+impl Tile {
+    /// Columns and rows in texels (`[1, 1]` for the mean of a tile that cannot be read at all).
+    pub fn extent(&self) -> [u32; 2] {
+        self.extent
+    }
+
+    /// The level it really is (coarser than asked for where that is damaged).
+    pub fn level(&self) -> u32 {
+        self.level
+    }
+
+    /// True for the tile that [`PageCache::tile`] gives for these arguments, unless that is damaged.
+    pub(crate) fn is(&self, channel: usize, group: u32, level: u32) -> bool {
+        (self.channel, self.group, self.level) == (channel, group, level)
+    }
+
+    /// Bilinear look-up at tile coordinates, clamped half a texel inside the tile; **linear** RGBA.
+    #[inline]
+    pub fn bilinear(&self, uv: Vec2) -> [f32; 4] {
+        match &self.source {
+            Source::Page(page) => page_bilinear(page, &Footprint::new(uv, self.extent)),
+            Source::Paged(cache, recent) => self.paged_bilinear(cache, recent, uv),
+            Source::Mean(mean) => *mean,
+        }
+    }
+
+    /// Texel at column x, row y (clamped to the tile); **linear** RGBA.
+    pub fn texel(&self, x: u32, y: u32) -> [f32; 4] {
+        let (x, y) = (x.min(self.extent[0] - 1), y.min(self.extent[1] - 1));
+        match &self.source {
+            Source::Page(page) => page.linear(x, y),
+            Source::Paged(cache, recent) => self.paged_texel(cache, recent, x, y).unwrap_or_else(|| {
+                let centre = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                let uv = centre / Vec2::new(self.extent[0] as f32, self.extent[1] as f32);
+                self.coarser(cache).bilinear(uv)
+            }),
+            Source::Mean(mean) => *mean,
+        }
+    }
+
+    /// Across page borders. A look-up that touches a damaged page is made in the coarser level as a whole.
+    fn paged_bilinear(&self, cache: &PageCache, recent: &RecentPages, uv: Vec2) -> [f32; 4] {
+        let footprint = Footprint::new(uv, self.extent);
+        let [[x0, x1], [y0, y1]] = [footprint.columns, footprint.rows];
+        if x0 / PAGE == x1 / PAGE && y0 / PAGE == y1 / PAGE {
+            if let Some(page) = self.recent_page(cache, recent, x0, y0) {
+                let [columns, rows] = [footprint.columns, footprint.rows].map(|i| i.map(|n| n % PAGE));
+                return page_bilinear(&page, &Footprint { columns, rows, ..footprint });
+            }
+        } else if let (Some(a), Some(b), Some(c), Some(d)) = (
+            self.paged_texel(cache, recent, x0, y0),
+            self.paged_texel(cache, recent, x1, y0),
+            self.paged_texel(cache, recent, x0, y1),
+            self.paged_texel(cache, recent, x1, y1),
+        ) {
+            return footprint.blend(|x, y| match (x == x0, y == y0) {
+                (true, true) => a,
+                (false, true) => b,
+                (true, false) => c,
+                (false, false) => d,
+            });
+        }
+        self.coarser(cache).bilinear(uv)
+    }
+
+    fn paged_texel(&self, cache: &PageCache, recent: &RecentPages, x: u32, y: u32) -> Option<[f32; 4]> {
+        self.recent_page(cache, recent, x, y).map(|page| page.linear(x % PAGE, y % PAGE))
+    }
+
+    /// The page that holds a texel; none where it is damaged.
+    fn recent_page(
+        &self,
+        cache: &PageCache,
+        recent: &RecentPages,
+        x: u32,
+        y: u32,
+    ) -> Option<Arc<DecodedPage>> {
+        let page = [x / PAGE, y / PAGE];
+        let id = PageId { group: self.group, level: self.level, page };
+        let slot = &recent[(page[0] % 2 + 2 * (page[1] % 2)) as usize];
+        if let Some((held, page)) = &*slot.lock().unwrap_or_else(PoisonError::into_inner)
+            && *held == id
+        {
+            return Some(Arc::clone(page));
+        }
+        let page = cache.page(self.channel, id)?;
+        *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some((id, Arc::clone(&page)));
+        Some(page)
+    }
+
+    /// The next level. (A paged level is never the last.)
+    fn coarser(&self, cache: &PageCache) -> Tile {
+        cache.tile(self.channel, self.group, self.level + 1)
+    }
+}
+
+/// The common path: one page, its texels' form chosen once per look-up.
+#[inline]
+fn page_bilinear(page: &DecodedPage, footprint: &Footprint) -> [f32; 4] {
+    let width = page.extent[0];
+    let index = |x: u32, y: u32| (y * width + x) as usize;
+    match &page.texels {
+        StoredTexels::Rgba8(texels) => footprint.blend(|x, y| page.color(texels[index(x, y)])),
+        StoredTexels::Rgba32F(texels) => footprint.blend(|x, y| texels[index(x, y)]),
+        _ => footprint.blend(|x, y| page.at(index(x, y))),
+    }
+}

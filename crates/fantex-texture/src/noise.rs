@@ -1,0 +1,215 @@
+//! Gradient noise and its fractal sums.
+//!
+//! Perlin, "Improving noise", 2002: cubic cells, twelve gradients, quintic fade. Deviation: the gradient is chosen by an
+//! integer hash of the cell and a seed instead of a permutation table, so that the pattern does not repeat every 256 cells.
+//!
+//! The fractal sums take a footprint: the width, in the units of the point, over which the caller averages. Octaves whose
+//! cells approach it fade to their mean, so a distant surface becomes calm instead of noisy.
+
+use glam::{IVec3, Vec3};
+
+/// A seeded pattern of gradient noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Noise {
+    seed: u32,
+}
+
+/// The octaves of a fractal sum: octave `i` has frequency `lacunarity^i` and amplitude `gain^i`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fractal {
+    /// Number of octaves.
+    pub octaves: u32,
+    /// Ratio of the frequencies of successive octaves.
+    pub lacunarity: f32,
+    /// Ratio of their amplitudes.
+    pub gain: f32,
+}
+
+impl Fractal {
+    /// So many octaves, each with (about) twice the frequency and half the amplitude. The ratio is not quite 2, lest the
+    /// zeros of all octaves coincide on the lattice.
+    pub const fn octaves(octaves: u32) -> Self {
+        Self { octaves, lacunarity: 2.03, gain: 0.5 }
+    }
+}
+
+/// Mean of the absolute value of [`Noise::value`] over space (a test measures it).
+const MEAN_ABSOLUTE: f32 = 0.2101;
+/// Mean of the square of `1 - 2 |value|` over space (a test measures it).
+const MEAN_RIDGE: f32 = 0.4145;
+
+/// What is left of a detail whose period is one cell, when cells of `frequency` per unit are averaged over `footprint`:
+/// 1 below a quarter of a cell, 0 from three quarters on.
+pub fn band_limit(frequency: f32, footprint: f32) -> f32 {
+    1.0 - smoothstep(0.25, 0.75, frequency * footprint)
+}
+
+/// 0 below `low`, 1 above `high`, a cubic with level ends between.
+pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+impl Noise {
+    /// The pattern of a seed.
+    pub const fn new(seed: u32) -> Self {
+        Self { seed }
+    }
+
+    /// Smooth noise between about -1 and 1 with mean 0; it is 0 at every point with integer coordinates.
+    pub fn value(&self, p: Vec3) -> f32 {
+        self.value_and_gradient(p).0
+    }
+
+    /// [`Noise::value`] and its derivatives along x, y and z.
+    pub fn value_and_gradient(&self, p: Vec3) -> (f32, Vec3) {
+        let floor = p.floor();
+        let cell = floor.as_ivec3();
+        let t = p - floor;
+        let fade = t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+        let fade_slope = 30.0 * t * t * (t * (t - 2.0) + 1.0);
+        let (mut value, mut gradient) = (0.0, Vec3::ZERO);
+        for corner in 0..8 {
+            let offset = IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2);
+            let slope = self.lattice_gradient(cell.wrapping_add(offset));
+            let height = slope.dot(t - offset.as_vec3());
+            // Weight of the corner along each axis, and how it changes.
+            let sign = offset.as_vec3() * 2.0 - 1.0;
+            let w = Vec3::ONE - offset.as_vec3() + sign * fade;
+            let dw = sign * fade_slope;
+            let weight = w.x * w.y * w.z;
+            value += weight * height;
+            gradient +=
+                weight * slope + height * Vec3::new(dw.x * w.y * w.z, w.x * dw.y * w.z, w.x * w.y * dw.z);
+        }
+        (value, gradient)
+    }
+
+    /// One of the twelve vectors from the centre of a cube to the middles of its edges.
+    fn lattice_gradient(&self, cell: IVec3) -> Vec3 {
+        const EDGES: [Vec3; 12] = [
+            Vec3::new(1.0, 1.0, 0.0),
+            Vec3::new(-1.0, 1.0, 0.0),
+            Vec3::new(1.0, -1.0, 0.0),
+            Vec3::new(-1.0, -1.0, 0.0),
+            Vec3::new(1.0, 0.0, 1.0),
+            Vec3::new(-1.0, 0.0, 1.0),
+            Vec3::new(1.0, 0.0, -1.0),
+            Vec3::new(-1.0, 0.0, -1.0),
+            Vec3::new(0.0, 1.0, 1.0),
+            Vec3::new(0.0, -1.0, 1.0),
+            Vec3::new(0.0, 1.0, -1.0),
+            Vec3::new(0.0, -1.0, -1.0),
+        ];
+        // The high half of a product maps the hash to 0..12 evenly.
+        EDGES[((u64::from(self.hash(cell)) * 12) >> 32) as usize]
+    }
+
+    /// A random 32-bit number of a cell.
+    fn hash(&self, cell: IVec3) -> u32 {
+        let mut h = self.seed ^ 0x9e37_79b9;
+        for coordinate in [cell.x, cell.y, cell.z] {
+            h = (h ^ coordinate as u32).wrapping_mul(0x85eb_ca6b);
+            h = (h ^ (h >> 15)).wrapping_mul(0xc2b2_ae35);
+            h ^= h >> 13;
+        }
+        h
+    }
+
+    /// A random number in [0,1) of a cell.
+    pub fn cell_value(&self, cell: IVec3) -> f32 {
+        (self.hash(cell) >> 8) as f32 / (1 << 24) as f32
+    }
+
+    /// Fractional Brownian motion: the sum of the octaves, mean 0.
+    pub fn fbm(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
+        self.sum(p, fractal, footprint, 0.0, |noise| noise)
+    }
+
+    /// The sum of the octaves' absolute values, 0 or more.
+    pub fn turbulence(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
+        self.sum(p, fractal, footprint, MEAN_ABSOLUTE, f32::abs)
+    }
+
+    /// The sum of sharp crests, where the octaves pass through 0: `(1 - 2 |noise|)^2` each.
+    pub fn ridged(&self, p: Vec3, fractal: Fractal, footprint: f32) -> f32 {
+        self.sum(p, fractal, footprint, MEAN_RIDGE, |noise| (1.0 - 2.0 * noise.abs()).powi(2))
+    }
+
+    fn sum(&self, p: Vec3, fractal: Fractal, footprint: f32, mean: f32, shape: impl Fn(f32) -> f32) -> f32 {
+        let (mut sum, mut frequency, mut amplitude) = (0.0, 1.0, 1.0);
+        for octave in 0..fractal.octaves {
+            let left = band_limit(frequency, footprint);
+            let value = if left > 0.0 {
+                // Each octave has a pattern and an origin of its own.
+                let pattern = Self::new(self.seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab)));
+                let origin = Vec3::new(17.3, 5.9, 41.7) * octave as f32;
+                mean + left * (shape(pattern.value(p * frequency + origin)) - mean)
+            } else {
+                mean
+            };
+            sum += amplitude * value;
+            frequency *= fractal.lacunarity;
+            amplitude *= fractal.gain;
+        }
+        sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn points() -> impl Iterator<Item = Vec3> {
+        (0..200_000).map(|i| {
+            let i = i as f32;
+            Vec3::new(i * 0.754_877, i * 0.569_84, i * 0.430_159) % 97.0
+        })
+    }
+
+    #[test]
+    fn gradient_is_the_derivative() {
+        let noise = Noise::new(7);
+        for p in points().take(2000) {
+            let (_, gradient) = noise.value_and_gradient(p);
+            for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+                let step = 1e-2;
+                let slope = (noise.value(p + axis * step) - noise.value(p - axis * step)) / (2.0 * step);
+                assert!((slope - gradient.dot(axis)).abs() < 5e-3, "{slope} {gradient} at {p}");
+            }
+        }
+    }
+
+    #[test]
+    fn statistics_match_the_constants() {
+        let noise = Noise::new(3);
+        let (mut mean, mut absolute, mut ridge, mut largest) = (0.0, 0.0, 0.0, 0.0_f32);
+        for p in points() {
+            let value = noise.value(p);
+            mean += f64::from(value) / 200_000.0;
+            absolute += f64::from(value.abs()) / 200_000.0;
+            ridge += f64::from((1.0 - 2.0 * value.abs()).powi(2)) / 200_000.0;
+            largest = largest.max(value.abs());
+        }
+        assert!(mean.abs() < 0.004 && largest < 1.1, "mean {mean}, largest {largest}");
+        assert!((absolute - f64::from(MEAN_ABSOLUTE)).abs() < 0.004, "{absolute}");
+        assert!((ridge - f64::from(MEAN_RIDGE)).abs() < 0.006, "{ridge}");
+    }
+
+    #[test]
+    fn wide_footprints_leave_the_mean() {
+        let (noise, fractal) = (Noise::new(1), Fractal::octaves(3));
+        for p in points().take(100) {
+            assert_eq!(noise.fbm(p, fractal, 10.0), 0.0);
+            assert!((noise.turbulence(p, fractal, 10.0) - 1.75 * MEAN_ABSOLUTE).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn seeds_differ_and_lattice_points_are_zero() {
+        let p = Vec3::new(0.3, 4.7, -2.2);
+        assert_ne!(Noise::new(1).value(p), Noise::new(2).value(p));
+        assert_eq!(Noise::new(1).value(Vec3::new(3.0, -8.0, 5.0)), 0.0);
+        assert!(!Noise::new(1).value(Vec3::splat(f32::INFINITY)).is_finite());
+    }
+}

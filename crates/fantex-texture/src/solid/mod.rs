@@ -1,0 +1,91 @@
+//! Solid textures: functions of the point in space, so that an object looks carved from a block.
+//!
+//! Recipes are written for a model whose bounding sphere has radius 1 about the origin; [`Placed`] brings a point there.
+
+mod landscape;
+mod marble;
+mod rock;
+mod wood;
+
+use glam::Vec3;
+
+use crate::Bounds;
+
+pub use landscape::Landscape;
+pub use marble::Marble;
+pub use rock::Rock;
+pub use wood::Wood;
+
+/// Where a solid is asked for its colour.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SolidPoint {
+    /// The point.
+    pub p: Vec3,
+    /// The unit normal of the surface, for recipes that depend on its slope.
+    pub n: Vec3,
+    /// The width over which the caller averages, in the units of `p`; 0 for the exact value at the point.
+    pub footprint: f32,
+}
+
+/// A texture that is defined everywhere in space.
+pub trait Solid: Send + Sync {
+    /// Linear RGBA; details narrower than the footprint have faded to their mean.
+    fn color(&self, at: &SolidPoint) -> [f32; 4];
+}
+
+/// A recipe scaled to a model.
+#[derive(Clone, Copy, Debug)]
+pub struct Placed<S> {
+    /// The recipe in its own units.
+    pub solid: S,
+    /// The point that becomes the recipe's origin.
+    pub center: Vec3,
+    /// The length that becomes 1.
+    pub radius: f32,
+}
+
+impl<S: Solid> Solid for Placed<S> {
+    fn color(&self, at: &SolidPoint) -> [f32; 4] {
+        self.solid.color(&SolidPoint {
+            p: (at.p - self.center) / self.radius,
+            n: at.n,
+            footprint: at.footprint / self.radius,
+        })
+    }
+}
+
+/// A name that is no solid.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("'{name}' is no solid; use wood, marble, rock or landscape")]
+pub struct UnknownSolid {
+    /// What was asked for.
+    pub name: String,
+}
+
+/// The names that [`solid_by_name`] knows.
+pub const SOLID_NAMES: [&str; 4] = ["wood", "marble", "rock", "landscape"];
+
+/// The recipe `name`, scaled to a model with these bounds.
+pub fn solid_by_name(name: &str, bounds: Bounds, seed: u32) -> Result<Box<dyn Solid>, UnknownSolid> {
+    fn placed<S: Solid + 'static>(solid: S, center: Vec3, radius: f32) -> Box<dyn Solid> {
+        Box::new(Placed { solid, center, radius })
+    }
+    let center = bounds.center();
+    let radius = 0.5 * (bounds.max - bounds.min).length();
+    let radius = if radius > 0.0 { radius } else { 1.0 };
+    match name {
+        "wood" => Ok(placed(Wood::new(seed), center, radius)),
+        "marble" => Ok(placed(Marble::new(seed), center, radius)),
+        "rock" => Ok(placed(Rock::new(seed), center, radius)),
+        "landscape" => {
+            let half_height = (0.5 * (bounds.max.y - bounds.min.y) / radius).max(1e-6);
+            Ok(placed(Landscape::new(seed, half_height), center, radius))
+        }
+        _ => Err(UnknownSolid { name: name.to_owned() }),
+    }
+}
+
+/// Opaque linear RGBA.
+fn opaque(rgb: Vec3) -> [f32; 4] {
+    [rgb.x, rgb.y, rgb.z, 1.0]
+}

@@ -1,0 +1,118 @@
+//! Properties of the solids, and pictures of them.
+
+use fantex_texture::{Bounds, Image, SOLID_NAMES, Solid, SolidPoint, solid_by_name};
+use glam::{Vec2, Vec3};
+
+use crate::common::Random;
+
+const BOUNDS: Bounds = Bounds { min: Vec3::new(-3.0, -2.0, -3.0), max: Vec3::new(3.0, 2.0, 3.0) };
+
+fn random_point(random: &mut Random) -> Vec3 {
+    Vec3::new(random.unit() - 0.5, random.unit() - 0.5, random.unit() - 0.5) * 6.0
+}
+
+#[test]
+fn colors_are_plausible_everywhere() {
+    let mut random = Random(1);
+    for name in SOLID_NAMES {
+        let solid = solid_by_name(name, BOUNDS, 1).unwrap();
+        for i in 0..3000 {
+            let p = random_point(&mut random) * if i % 10 == 0 { 1000.0 } else { 1.0 };
+            let n = random_point(&mut random).normalize_or(Vec3::Y);
+            let [r, g, b, a] = solid.color(&SolidPoint { p, n, footprint: random.unit().powi(3) });
+            for value in [r, g, b] {
+                assert!((0.0..=1.3).contains(&value), "{name} at {p}: {r} {g} {b}");
+            }
+            assert_eq!(a, 1.0);
+        }
+    }
+    assert!(solid_by_name("cheese", BOUNDS, 1).is_err());
+}
+
+/// A wide footprint must give about the mean of the fine texture inside it, and vary little.
+#[test]
+fn footprints_fade_details_to_their_mean() {
+    let mut random = Random(2);
+    for name in SOLID_NAMES {
+        let solid = solid_by_name(name, BOUNDS, 1).unwrap();
+        let mut error = 0.0;
+        for _ in 0..30 {
+            let (p, n) = (random_point(&mut random), Vec3::Y);
+            let footprint = 0.5;
+            let mut mean = Vec3::ZERO;
+            for _ in 0..600 {
+                let offset = random_point(&mut random) / 6.0 * footprint;
+                let fine = solid.color(&SolidPoint { p: p + offset, n, footprint: 0.0 });
+                mean += Vec3::from_slice(&fine[..3]) / 600.0;
+            }
+            let wide = solid.color(&SolidPoint { p, n, footprint });
+            error += (Vec3::from_slice(&wide[..3]) - mean).abs().max_element() / 30.0;
+        }
+        assert!(error < 0.08, "{name}: mean error {error}");
+    }
+}
+
+#[test]
+fn seeds_and_scales_matter_as_they_should() {
+    for name in SOLID_NAMES {
+        let at = SolidPoint { p: Vec3::new(0.7, 0.4, -0.9), n: Vec3::Y, footprint: 0.0 };
+        let one = solid_by_name(name, BOUNDS, 1).unwrap().color(&at);
+        let two = solid_by_name(name, BOUNDS, 2).unwrap().color(&at);
+        assert_ne!(one, two, "{name}");
+        // Ten times the model, ten times the pattern.
+        let large = Bounds { min: BOUNDS.min * 8.0, max: BOUNDS.max * 8.0 };
+        let scaled = SolidPoint { p: at.p * 8.0, ..at };
+        let same = solid_by_name(name, large, 1).unwrap().color(&scaled);
+        crate::common::assert_close(same, one, 1e-3, name);
+    }
+}
+
+/// A cube with its front, right side and top, seen from a corner, and a ball beside it.
+fn swatch(solid: &dyn Solid, side: u32) -> Image {
+    let mut texels = Vec::new();
+    for y in 0..side {
+        for x in 0..2 * side {
+            let in_cube = x < side;
+            let local = Vec2::new((x % side) as f32 + 0.5, y as f32 + 0.5) / side as f32 * 2.0 - 1.0;
+            let hit = if in_cube { cube(local) } else { ball(local) };
+            texels.push(hit.map_or([0.03, 0.03, 0.03, 1.0], |(p, n)| {
+                let footprint = 4.0 / side as f32;
+                let light = 0.25 + 0.75 * n.dot(Vec3::new(0.35, 0.75, 0.56)).max(0.0);
+                solid.color(&SolidPoint { p: p * 2.0, n, footprint }).map(|c| c * light)
+            }));
+        }
+    }
+    Image::from_linear_rgb(2 * side, side, &texels)
+}
+
+fn ball(at: Vec2) -> Option<(Vec3, Vec3)> {
+    let at = at * 1.1;
+    let squared = at.length_squared();
+    let p = Vec3::new(at.x, -at.y, (1.0 - squared).max(0.0).sqrt());
+    (squared < 1.0).then_some((p, p))
+}
+
+/// Isometric view of the cube [-1,1]^3: the first of three faces that the pixel's ray meets.
+fn cube(at: Vec2) -> Option<(Vec3, Vec3)> {
+    let forward = -Vec3::ONE.normalize();
+    let right = Vec3::new(1.0, 0.0, -1.0).normalize();
+    let up = right.cross(forward);
+    let origin = (right * at.x - up * at.y) * 1.75;
+    [Vec3::X, Vec3::Y, Vec3::Z].into_iter().find_map(|n| {
+        let p = origin + forward * ((1.0 - origin.dot(n)) / forward.dot(n));
+        let others = p - n * p.dot(n);
+        (others.abs().max_element() <= 1.0).then_some((p, n))
+    })
+}
+
+#[test]
+#[ignore = "writes pictures to look at into the system's temporary folder"]
+fn swatches() {
+    for name in SOLID_NAMES {
+        let bounds = Bounds { min: Vec3::splat(-2.0), max: Vec3::splat(2.0) };
+        let solid = solid_by_name(name, bounds, 5).unwrap();
+        let path = std::env::temp_dir().join(format!("fantex-solid-{name}.png"));
+        swatch(solid.as_ref(), 512).save(&path).unwrap();
+        println!("{}", path.display());
+    }
+}
