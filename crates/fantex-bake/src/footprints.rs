@@ -79,7 +79,7 @@ pub(crate) struct Footprints {
     pub(crate) owner: Vec<u32>,
     /// True where the texture function reads the tile at the texel's centre with a positive weight.
     pub(crate) in_region: Vec<bool>,
-    border: Vec<(u32, u32)>,
+    pub(crate) border: Vec<(u32, u32)>,
 }
 
 /// Texels this far off the surface still get a value: what a bilinear look-up at the surface's edge and the fit read.

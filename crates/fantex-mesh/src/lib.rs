@@ -18,6 +18,7 @@ mod load;
 mod material;
 mod mesh;
 mod model;
+mod tangents;
 mod write;
 
 pub use adjacency::*;
@@ -28,4 +29,5 @@ pub use load::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
+pub use tangents::*;
 pub use write::*;

@@ -8,6 +8,7 @@ mod filter;
 mod image;
 mod image_file;
 mod image_texture;
+pub mod material;
 mod mapping;
 pub mod noise;
 mod solid;

@@ -1,7 +1,15 @@
 //! The sources that come with fantex.
 
+mod mapped_image;
 mod sine;
+mod solid;
+mod space;
+mod uv;
 mod vertex_color;
 
+pub use mapped_image::MappedImageSource;
 pub use sine::SineSource;
+pub use solid::SolidSource;
+pub use space::WorldSpace;
+pub use uv::UvSource;
 pub use vertex_color::{NoVertexColors, VertexColorSource};

@@ -1,0 +1,141 @@
+//! Tangents per corner, for normal maps in tangent space.
+
+use std::cmp::Ordering;
+
+use glam::{Vec2, Vec3, Vec4};
+
+use crate::Mesh;
+
+/// Tangents of a mesh, one per corner: the direction of growing u, and in `w` the side of the bitangent
+/// `w * (normal x tangent)`, which points to the top of the image.
+///
+/// Follows the definition of M. Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008: facet tangents are
+/// projected onto the plane of the corner's normal and averaged, weighted by angle, over the corners that share
+/// position, normal, texture coordinates and handedness.
+///
+/// `normals` has a unit normal per corner; `uv_of` gives the coordinates at a triangle's corners (origin top left), or
+/// `None` for triangles that need no tangents, which get an arbitrary one.
+pub fn corner_tangents(
+    mesh: &Mesh,
+    normals: &[Vec3],
+    uv_of: impl Fn(usize) -> Option<[Vec2; 3]>,
+) -> Vec<Vec4> {
+    let mut corners = Vec::new();
+    for t in 0..mesh.triangles.len() {
+        if let Some(uv) = uv_of(t) {
+            corners.extend(triangle_corners(mesh, normals, t, uv));
+        }
+    }
+    // Stable, so that sums are formed in the order of the mesh.
+    corners.sort_by(Corner::order);
+    let mut tangents = vec![Vec4::X; 3 * mesh.triangles.len()];
+    for shared in corners.chunk_by(|a, b| a.order(b) == Ordering::Equal) {
+        let sum: Vec3 = shared.iter().map(|c| c.weighted_tangent).sum();
+        let first = &shared[0];
+        let tangent = sum.try_normalize().unwrap_or_else(|| first.normal.any_orthonormal_vector());
+        for corner in shared {
+            tangents[corner.index] = tangent.extend(first.handedness);
+        }
+    }
+    tangents
+}
+
+struct Corner {
+    index: usize,
+    vertex: u32,
+    uv: Vec2,
+    normal: Vec3,
+    handedness: f32,
+    weighted_tangent: Vec3,
+}
+
+impl Corner {
+    /// Equal for corners that share a tangent.
+    fn order(&self, other: &Self) -> Ordering {
+        let key = |c: &Self| [c.uv.x, c.uv.y, c.normal.x, c.normal.y, c.normal.z, c.handedness];
+        let by_attributes = || {
+            let pairs = key(self).into_iter().zip(key(other));
+            pairs.map(|(a, b)| a.total_cmp(&b)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
+        };
+        self.vertex.cmp(&other.vertex).then_with(by_attributes)
+    }
+}
+
+fn triangle_corners(mesh: &Mesh, normals: &[Vec3], t: usize, uv: [Vec2; 3]) -> [Corner; 3] {
+    let positions = mesh.triangle_positions(t);
+    let (tangent, handedness) = facet_tangent(positions, uv);
+    let angles = corner_angles(positions);
+    [0, 1, 2].map(|k| {
+        let normal = normals[3 * t + k];
+        let projected = (tangent - normal * normal.dot(tangent)).normalize_or_zero();
+        Corner {
+            index: 3 * t + k,
+            vertex: mesh.triangles[t][k],
+            uv: uv[k],
+            normal,
+            handedness,
+            weighted_tangent: projected * angles[k],
+        }
+    })
+}
+
+/// Angles at the corners in radians.
+fn corner_angles(p: [Vec3; 3]) -> [f32; 3] {
+    [0, 1, 2].map(|k| {
+        let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+        a.cross(b).length().atan2(a.dot(b))
+    })
+}
+
+/// The direction in which u grows on a facet (zero where its texture coordinates are degenerate) and the handedness:
+/// +1 where the image, whose v points downwards, is not mirrored.
+fn facet_tangent([a, b, c]: [Vec3; 3], [ta, tb, tc]: [Vec2; 3]) -> (Vec3, f32) {
+    let (e1, e2) = (b - a, c - a);
+    let (d1, d2) = (tb - ta, tc - ta);
+    let doubled_area = d1.perp_dot(d2);
+    let mirrored = doubled_area > 0.0;
+    let along_u = (e1 * d2.y - e2 * d1.y) * doubled_area.signum();
+    (along_u.normalize_or_zero(), if mirrored { -1.0 } else { 1.0 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A unit square in the xy plane, seen from +z, and its texture coordinates.
+    fn square(uv: [[f32; 2]; 4]) -> (Mesh, Vec<[Vec2; 3]>) {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+        let triangles = vec![[0, 1, 2], [0, 2, 3]];
+        let uv = triangles.iter().map(|t: &[u32; 3]| t.map(|v| Vec2::from(uv[v as usize]))).collect();
+        (Mesh { positions, triangles, ..Mesh::default() }, uv)
+    }
+
+    fn tangents_of((mesh, uv): &(Mesh, Vec<[Vec2; 3]>)) -> Vec<Vec4> {
+        corner_tangents(mesh, &[Vec3::Z; 6], |t| Some(uv[t]))
+    }
+
+    #[test]
+    fn an_upright_image_has_its_bitangent_upwards() {
+        let upright = square([[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]]);
+        for t in tangents_of(&upright) {
+            assert!((t.truncate() - Vec3::X).length() < 1e-6);
+            assert!((Vec3::Z.cross(t.truncate()) * t.w - Vec3::Y).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn a_mirrored_image_keeps_its_bitangent_and_turns_its_tangent() {
+        let mirrored = square([[1.0, 1.0], [0.0, 1.0], [0.0, 0.0], [1.0, 0.0]]);
+        for t in tangents_of(&mirrored) {
+            assert!((t.truncate() - Vec3::NEG_X).length() < 1e-6);
+            assert!((Vec3::Z.cross(t.truncate()) * t.w - Vec3::Y).length() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn degenerate_coordinates_give_some_tangent() {
+        for t in tangents_of(&square([[0.5, 0.5]; 4])) {
+            assert!((t.truncate().length() - 1.0).abs() < 1e-6 && t.z.abs() < 1e-6);
+        }
+    }
+}
