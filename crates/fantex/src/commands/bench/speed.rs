@@ -62,11 +62,11 @@ pub(super) fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, Cl
         ((i * triangles / SAMPLES) as usize, lambda)
     };
     let fans = || {
-        (0..SAMPLES)
+        (0..SAMPLES as usize)
             .into_par_iter()
             .with_min_len(1 << 14)
             .map(|i| {
-                let (triangle, lambda) = points(i);
+                let (triangle, lambda) = points(i as u64);
                 sample_finest(&cache, 0, triangle, lambda).0.x
             })
             .sum::<f32>()
@@ -79,11 +79,11 @@ pub(super) fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, Cl
     let texture = ImageTexture::new(Arc::new(Image::from_linear_rgba(side, side, &texels)));
     let options = SampleOptions { filter: Filter::Bilinear, ..SampleOptions::default() };
     let plain = || {
-        (0..SAMPLES)
+        (0..SAMPLES as usize)
             .into_par_iter()
             .with_min_len(1 << 14)
             .map(|i| {
-                let uv = Vec2::new(unit(context.seed, 2 * i), i as f32 / SAMPLES as f32);
+                let uv = Vec2::new(unit(context.seed, 2 * i as u64), i as f32 / SAMPLES as f32);
                 texture.sample(uv, [Vec2::ZERO; 2], &options)[0]
             })
             .sum::<f32>()
