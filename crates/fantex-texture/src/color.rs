@@ -80,8 +80,7 @@ impl Srgb8Encoder {
 /// The sRGB byte nearest to a linear-light value; values outside [0,1] are clamped, NaN gives 0.
 pub fn srgb8_from_linear(linear: f32) -> u8 {
     static ENCODER: LazyLock<Srgb8Encoder> = LazyLock::new(Srgb8Encoder::new);
-    // Written so that NaN takes the first branch.
-    if !(linear > ENCODER_SMALLEST) {
+    if linear.is_nan() || linear <= ENCODER_SMALLEST {
         return 0;
     }
     let linear = linear.min(1.0);

@@ -206,8 +206,7 @@ impl ImageTexture {
     fn anisotropic(&self, uv: Vec2, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
         let width = axes.limited_minor(options.max_anisotropy.min(64.0)).max(1.0);
         let probes = (axes.major / width).ceil();
-        // Also when the footprint is not a number.
-        if !(probes > 1.0) {
+        if probes.is_nan() || probes <= 1.0 {
             return self.trilinear(uv, options.wrap, width);
         }
         let span = axes.direction * axes.major / Vec2::new(self.base.width as f32, self.base.height as f32);

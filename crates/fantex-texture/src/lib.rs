@@ -4,6 +4,7 @@
 //! row 0, column 0, `u` to the right and `v` downwards, both in [0,1] over the image.
 
 pub mod color;
+pub mod compare;
 mod filter;
 mod image;
 mod image_file;

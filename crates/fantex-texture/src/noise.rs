@@ -36,7 +36,7 @@ impl Fractal {
 /// Mean of the absolute value of [`Noise::value`] over space (a test measures it).
 const MEAN_ABSOLUTE: f32 = 0.2101;
 /// Mean of the square of `1 - 2 |value|` over space (a test measures it).
-const MEAN_RIDGE: f32 = 0.4145;
+const MEAN_RIDGE: f32 = 0.4294;
 
 /// What is left of a detail whose period is one cell, when cells of `frequency` per unit are averaged over `footprint`:
 /// 1 below a quarter of a cell, 0 from three quarters on.

@@ -36,7 +36,7 @@ impl TriplanarMap {
     /// The shares of the projections along x, y and z.
     pub fn weights(&self, n: Vec3) -> Vec3 {
         let largest = n.abs().max_element();
-        if !(largest > 0.0) {
+        if largest.is_nan() || largest <= 0.0 {
             return Vec3::splat(1.0 / 3.0);
         }
         let powers = (n.abs() / largest).powf(self.sharpness);

@@ -1,6 +1,6 @@
 //! Sedimentary rock: strata of varying thickness and colour, folded and weathered.
 
-use glam::Vec3;
+use glam::{IVec3, Vec3};
 
 use super::{Solid, SolidPoint, opaque};
 use crate::noise::{Fractal, Noise, band_limit, smoothstep};
@@ -31,18 +31,16 @@ impl Rock {
         Self { frequency: 7.0, folding: 0.12, noise: Noise::new(seed) }
     }
 
-    /// The colour of a sequence of layers at `level`, in layers.
-    fn layer(&self, level: f32) -> Vec3 {
-        let mut weights = Vec3::ZERO;
+    /// The colour of the sequence of layers at `level`, averaged over `width`, both in layers.
+    fn layer(&self, level: f32, width: f32) -> Vec3 {
         let index = level.floor();
         let color = |index: f32| {
-            let pick = self.noise.cell_value(glam::IVec3::new(index as i32, 91, 0));
+            let pick = self.noise.cell_value(IVec3::new(index as i32, 91, 0));
             LAYERS[(pick * LAYERS.len() as f32) as usize % LAYERS.len()]
         };
-        // Layers are even inside and change within a fifth of their thickness.
-        let share = smoothstep(0.8, 1.0, level - index);
-        weights += color(index).lerp(color(index + 1.0), share);
-        weights
+        // Layers are even inside and change within a fifth of their thickness, or within the footprint.
+        let change = (0.2 + width).min(1.0);
+        color(index).lerp(color(index + 1.0), smoothstep(1.0 - change, 1.0, level - index))
     }
 }
 
@@ -57,8 +55,9 @@ impl Solid for Rock {
         let beds = self.noise.fbm(beds_at, Fractal::octaves(3), 4.0 * self.frequency * footprint);
 
         let mean = LAYERS.iter().sum::<Vec3>() / LAYERS.len() as f32;
-        let left = band_limit(2.0 * self.frequency, footprint);
-        let layer = mean.lerp(self.layer(level + 0.35 * beds), left);
+        // Neighbouring layers are unlike, but some difference remains over several of them.
+        let left = band_limit(0.35 * self.frequency, footprint);
+        let layer = mean.lerp(self.layer(level + 0.35 * beds, self.frequency * footprint), left);
         let weathering = self.noise.fbm(p * 9.0, Fractal::octaves(5), 9.0 * footprint);
         let cracks = self.noise.ridged(p * Vec3::new(6.0, 2.5, 6.0), Fractal::octaves(3), 6.0 * footprint);
         let crack = smoothstep(1.25, 1.65, cracks);

@@ -1,6 +1,8 @@
 //! Tests of the texture crate from outside.
 
 mod common;
+mod comparisons;
+mod files;
 mod filters;
 mod mappings;
 mod solids;
