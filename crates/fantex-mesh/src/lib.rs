@@ -18,6 +18,7 @@ mod load;
 mod material;
 mod mesh;
 mod model;
+mod normals;
 mod tangents;
 mod write;
 
@@ -29,5 +30,6 @@ pub use load::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
+pub use normals::*;
 pub use tangents::*;
 pub use write::*;

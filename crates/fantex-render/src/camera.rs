@@ -65,7 +65,7 @@ impl Camera {
     /// A camera that looks at a box from `direction` (from the box to the camera) and shows it whole and as large as
     /// possible. `aspect` is width / height.
     pub fn framing(bounds: &Bounds, direction: DVec3, aspect: f64) -> Self {
-        Self::framing_points(bounds.corners(), direction, aspect)
+        Self::framing_points(bounds.corners().into_iter(), direction, aspect)
     }
 
     /// Like [`Camera::framing`], but tight around the mesh itself.
@@ -73,43 +73,38 @@ impl Camera {
         Self::framing_points(mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)), direction, aspect)
     }
 
-    /// The camera whose frustum, looking along `-direction`, touches the points from all sides.
+    /// The camera whose frustum, looking along `-direction`, touches the points from two sides or all.
     ///
     /// In a frame with z along `direction`, a point is left of the right frustum plane of an eye at `e` if
     /// `x - e.x <= t (e.z - z)`. Each of the four planes thus asks for the largest `+-x + t z` (or y); the two
     /// opposite ones together give the eye's distance and its centre.
-    fn framing_points(points: impl IntoIterator<Item = DVec3>, direction: DVec3, aspect: f64) -> Self {
+    fn framing_points(points: impl Iterator<Item = DVec3> + Clone, direction: DVec3, aspect: f64) -> Self {
         let direction = direction.try_normalize().unwrap_or(DVec3::Z);
         let world_from_view = view_axes(direction, DVec3::Y);
         let view_from_world = world_from_view.transpose();
+        let points = points.map(|p| view_from_world * p);
         let half = (FRAMING_FOV_DEGREES.to_radians() * 0.5).tan() * FRAMING_FILL;
         let tangents = DVec2::new(half * aspect, half);
         let mut high = DVec2::splat(f64::NEG_INFINITY);
         let mut low = high;
-        let mut front = f64::NEG_INFINITY;
-        for p in points {
-            let p = view_from_world * p;
+        let (mut back, mut front) = (f64::INFINITY, f64::NEG_INFINITY);
+        for p in points.clone() {
             high = high.max(p.truncate() + tangents * p.z);
             low = low.max(-p.truncate() + tangents * p.z);
-            front = front.max(p.z);
+            (back, front) = (back.min(p.z), front.max(p.z));
         }
-        if !front.is_finite() {
-            return Self {
-                eye: direction * 3.0,
-                target: DVec3::ZERO,
-                up: DVec3::Y,
-                fov_degrees: FRAMING_FOV_DEGREES,
-            };
-        }
-        let center = (high - low) * 0.5;
-        let distances = (high + low) / (2.0 * tangents);
-        let smallest_gap = front.abs().max(1e-3) * 1e-3;
-        let eye_z = distances.max_element().max(front + smallest_gap);
-        let eye = center.extend(eye_z);
-        let target = center.extend(front - (eye_z - front));
+        let (eye, middle_z) = if front.is_finite() {
+            let distances = (high + low) / (2.0 * tangents);
+            let smallest_gap = front.abs().max(1e-3) * 1e-3;
+            let eye_z = distances.max_element().max(front + smallest_gap);
+            let middle_z = 0.5 * (back + front);
+            (centred_eye(points, ((high - low) * 0.5).extend(eye_z), middle_z), middle_z)
+        } else {
+            (DVec3::Z * 3.0, 0.0)
+        };
         Self {
             eye: world_from_view * eye,
-            target: world_from_view * target,
+            target: world_from_view * eye.with_z(middle_z),
             up: world_from_view.y_axis,
             fov_degrees: FRAMING_FOV_DEGREES,
         }
@@ -143,6 +138,20 @@ impl Camera {
             None
         }
     }
+}
+
+/// Moves an eye (looking along -z) sideways until the points' picture has equal margins on opposite sides: where the
+/// points touch the frustum on both sides they have, elsewhere the depth of the points shifts it a little.
+fn centred_eye(points: impl Iterator<Item = DVec3> + Clone, mut eye: DVec3, middle_z: f64) -> DVec3 {
+    for _ in 0..3 {
+        let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
+        for p in points.clone() {
+            let seen = (p - eye).truncate() / (eye.z - p.z);
+            (low, high) = (low.min(seen), high.max(seen));
+        }
+        eye += ((low + high) * 0.5 * (eye.z - middle_z)).extend(0.0);
+    }
+    eye
 }
 
 /// Right, up and backward axes (as columns) of a camera that looks along `-backward`.
@@ -234,6 +243,9 @@ mod tests {
                 .collect();
             let reach = screen.iter().fold(DVec2::ZERO, |r, s| r.max(s.abs()));
             assert!(reach.max_element() < 0.5 && reach.max_element() > 0.45, "{direction}: {reach}");
+            let sum = |pick: fn(DVec2, DVec2) -> DVec2| screen.iter().copied().reduce(pick).unwrap();
+            let margins = sum(DVec2::min) + sum(DVec2::max);
+            assert!(margins.abs().max_element() < 0.01, "{direction}: {margins}");
         }
     }
 

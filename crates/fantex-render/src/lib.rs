@@ -15,6 +15,7 @@
 
 mod camera;
 mod clip;
+mod fan_surface;
 mod fixed;
 mod flat_surface;
 mod hit;
@@ -32,8 +33,11 @@ mod shading;
 mod split_sum;
 mod surface;
 mod tangents;
+mod tile_filter;
+mod tiles;
 
 pub use camera::{Bounds, Camera};
+pub use fan_surface::FanSurface;
 pub use flat_surface::{FlatShading, FlatSurface};
 pub use hit::{Hit, Interpolation};
 pub use light::{AmbientLight, DirectionalLight, Lights};
@@ -44,3 +48,4 @@ pub use picture::Picture;
 pub use render::{RenderStats, Rendering, render};
 pub use shading::Shading;
 pub use surface::{Coverage, MaterialSample, Surface};
+pub use tiles::{TileSource, TileTexels};

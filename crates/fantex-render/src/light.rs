@@ -31,7 +31,7 @@ impl AmbientLight {
     }
 
     /// Colour from a (unit) direction; also what a white surface with that normal reflects.
-    pub(crate) fn from_direction(&self, direction: Vec3) -> Vec3 {
+    pub(crate) fn radiance_from(&self, direction: Vec3) -> Vec3 {
         self.ground.lerp(self.sky, 0.5 + 0.5 * direction.dot(self.up))
     }
 }
@@ -53,11 +53,11 @@ impl Default for Lights {
 }
 
 impl Lights {
-    /// A white sun and a sky.
+    /// A white sun and a sky. Together they stay below one, so that a white model does not burn out.
     pub fn sun(to_light: Vec3) -> Self {
         Self {
-            ambient: AmbientLight { sky: Vec3::splat(0.4), ground: Vec3::splat(0.22), up: Vec3::Y },
-            directional: vec![DirectionalLight { to_light, color: Vec3::splat(0.8) }],
+            ambient: AmbientLight { sky: Vec3::splat(0.33), ground: Vec3::splat(0.2), up: Vec3::Y },
+            directional: vec![DirectionalLight { to_light, color: Vec3::splat(0.65) }],
         }
     }
 

@@ -143,13 +143,14 @@ impl Surface for MeshSurface<'_> {
         let emission = material.emission * sample(&layers.emission).truncate();
         let normal = self.normal(layers, hit, &mut lookups);
         MaterialSample {
-            base_color: base.truncate(),
+            // Bicubic filters overshoot.
+            base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
             normal: if hit.front { normal } else { -normal },
-            occlusion: 1.0 + material.occlusion_strength * (occlusion - 1.0),
+            occlusion: (1.0 + material.occlusion_strength * (occlusion - 1.0)).clamp(0.0, 1.0),
             roughness: (material.roughness * metallic_roughness.y).clamp(0.0, 1.0),
             metallic: (material.metallic * metallic_roughness.z).clamp(0.0, 1.0),
-            emission,
+            emission: emission.max(Vec3::ZERO),
             unlit: material.unlit,
             lookups,
         }

@@ -75,6 +75,9 @@ impl TileGrid {
     }
 }
 
+/// Primitives that touch more tiles than this are not entered into each of them.
+const MANY_TILES: usize = 64;
+
 /// Primitives of one run of the mesh's triangles and, per tile, which of them touch it.
 #[derive(Debug)]
 pub(crate) struct Chunk {
@@ -82,33 +85,45 @@ pub(crate) struct Chunk {
     /// Tile `t` owns `entries[starts[t]..starts[t + 1]]`.
     starts: Vec<u32>,
     entries: Vec<u32>,
+    /// Primitives that touch many tiles.
+    large: Vec<u32>,
 }
 
 impl Chunk {
-    /// The primitives that may touch a tile, in the order of the mesh.
-    pub(crate) fn in_tile(&self, tile: usize) -> impl Iterator<Item = &Primitive> {
+    /// The primitives that may touch a tile.
+    pub(crate) fn in_tile(&self, grid: &TileGrid, tile: usize) -> impl Iterator<Item = &Primitive> {
         let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
-        self.entries[range].iter().map(|&i| &self.primitives[i as usize])
+        let [origin, extent] = grid.rect(tile);
+        let overlaps = move |p: &&Primitive| {
+            let [low, high] = p.pixel_bounds();
+            (0..2).all(|i| high[i] >= origin[i] as i32 && low[i] < (origin[i] + extent[i]) as i32)
+        };
+        let large = self.large.iter().map(|&i| &self.primitives[i as usize]).filter(overlaps);
+        large.chain(self.entries[range].iter().map(|&i| &self.primitives[i as usize]))
     }
 
     fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
+        let is_large = |p: &Primitive| grid.touched(p.pixel_bounds()).nth(MANY_TILES).is_some();
+        let indices = 0..primitives.len() as u32;
+        let (large, small): (Vec<u32>, Vec<u32>) = indices.partition(|&i| is_large(&primitives[i as usize]));
+        let tiles_of = |i: u32| grid.touched(primitives[i as usize].pixel_bounds());
         // Counting sort by tile.
         let mut starts = vec![0; grid.len() + 1];
-        for p in &primitives {
-            grid.touched(p.pixel_bounds()).for_each(|tile| starts[tile as usize + 1] += 1);
+        for &i in &small {
+            tiles_of(i).for_each(|tile| starts[tile as usize + 1] += 1);
         }
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];
         }
         let mut next = starts.clone();
         let mut entries = vec![0; starts[grid.len()] as usize];
-        for (i, p) in primitives.iter().enumerate() {
-            for tile in grid.touched(p.pixel_bounds()) {
-                entries[next[tile as usize] as usize] = i as u32;
+        for &i in &small {
+            for tile in tiles_of(i) {
+                entries[next[tile as usize] as usize] = i;
                 next[tile as usize] += 1;
             }
         }
-        Self { primitives, starts, entries }
+        Self { primitives, starts, entries, large }
     }
 }
 

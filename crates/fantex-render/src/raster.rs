@@ -86,7 +86,7 @@ impl<'a> TileSamples<'a> {
         &self.triangles[pixel as usize * n..][..n]
     }
 
-    /// Enters an opaque triangle. Of equally near ones the first stays.
+    /// Enters an opaque triangle. Of equally near ones the first of the mesh is seen, whatever the order of entry.
     pub(crate) fn add_opaque(&mut self, primitive: &Primitive) {
         let (pattern, rect) = (self.pattern, self.rect);
         let plane = NearnessPlane::new(primitive);
@@ -94,9 +94,9 @@ impl<'a> TileSamples<'a> {
             let base = pixel as usize * pattern.len();
             for s in bits(mask) {
                 let nearness = plane.at(offset(corner, pattern.offsets()[s]));
-                if nearness > self.nearness[base + s] {
-                    self.nearness[base + s] = nearness;
-                    self.triangles[base + s] = primitive.triangle;
+                let (nearest, seen) = (&mut self.nearness[base + s], &mut self.triangles[base + s]);
+                if nearness > *nearest || (nearness == *nearest && primitive.triangle < *seen) {
+                    (*nearest, *seen) = (nearness, primitive.triangle);
                 }
             }
         });
@@ -117,10 +117,10 @@ impl<'a> TileSamples<'a> {
         });
     }
 
-    /// The fragments of layered triangles, ordered by pixel and then as they were entered.
+    /// The fragments of layered triangles, ordered by pixel and then as the mesh's triangles are.
     pub(crate) fn take_fragments(&mut self) -> Vec<Fragment> {
         let mut fragments = std::mem::take(&mut self.fragments);
-        fragments.sort_by_key(|f| f.pixel);
+        fragments.sort_by_key(|f| (f.pixel, f.triangle));
         fragments
     }
 }
@@ -241,8 +241,9 @@ mod tests {
     fn the_nearer_triangle_wins_whatever_the_order() {
         let pattern = SamplePattern::new(4);
         let big = [[0, 0], [20_000, 0], [0, 20_000]];
-        let (near, far) = (primitive(big, [2.0; 3], 1), primitive(big, [1.0; 3], 2));
-        for order in [[near, far], [far, near]] {
+        let (near, far) = (primitive(big, [2.0; 3], 1), primitive(big, [1.0; 3], 0));
+        let as_near = primitive(big, [2.0; 3], 2);
+        for order in [[near, far, as_near], [far, as_near, near], [as_near, near, far]] {
             let mut tile = TileSamples::new(&pattern, WHOLE_TILE);
             order.iter().for_each(|p| tile.add_opaque(p));
             assert!((0..TILE * TILE).all(|p| tile.visible(p) == [1; 4]));

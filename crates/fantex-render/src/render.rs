@@ -84,7 +84,7 @@ fn rasterise<'a>(
     pattern: &'a SamplePattern,
 ) -> TileSamples<'a> {
     let mut samples = TileSamples::new(pattern, grid.rect(tile));
-    let primitives = || chunks.iter().flat_map(|c| c.in_tile(tile));
+    let primitives = || chunks.iter().flat_map(|c| c.in_tile(grid, tile));
     primitives().filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
     primitives().filter(|p| p.layered).for_each(|p| samples.add_layered(p));
     samples

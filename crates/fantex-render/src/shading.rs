@@ -50,16 +50,18 @@ const DIELECTRIC: f32 = 0.04;
 const SMALLEST_ALPHA: f32 = 2e-3;
 
 /// `L = r_a L_a + sum_j (r_d (n.l_j) + r_s (n.h_j)^m) L_j`, with the reflectances taken from the metallic-roughness
-/// material: `r_d` the dielectric's colour, `r_s` the mirror colour, `m = 2 / alpha^2 - 2` the exponent of the
-/// Blinn-Phong lobe that is as wide as a Beckmann lobe of slope `alpha` (B. Walter et al., 2007).
+/// material: `r_d` the dielectric's colour, `m = 2 / alpha^2 - 2` the exponent of the Blinn-Phong lobe that is as wide as
+/// a Beckmann lobe of slope `alpha` (B. Walter et al., 2007), `r_s` the mirror colour times `(m + 8) / 8`, so that a
+/// sharper highlight is a brighter one (N. Hoffman, "Physically-Based Shading Models in Film and Game Production", 2010).
 fn blinn_phong(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
     let n = material.normal;
     let ambient_reflectance = material.base_color * material.occlusion;
     let diffuse = material.base_color * (1.0 - material.metallic);
-    let specular = Vec3::splat(DIELECTRIC).lerp(material.base_color, material.metallic);
+    let mirror = Vec3::splat(DIELECTRIC).lerp(material.base_color, material.metallic);
     let alpha = squared_roughness(material);
     let shininess = (2.0 / (alpha * alpha) - 2.0).max(0.0);
-    let ambient = ambient_reflectance * lights.ambient.from_direction(n);
+    let specular = mirror * ((shininess + 8.0) / 8.0);
+    let ambient = ambient_reflectance * lights.ambient.radiance_from(n);
     lights.directional.iter().fold(ambient, |sum, light| {
         let l = light.to_light.normalize_or(Vec3::Y);
         let n_l = n.dot(l);
@@ -142,7 +144,7 @@ impl Microfacets {
         let [scale, bias] = split_sum(self.perceptual_roughness, self.n_v);
         let specular = self.f0 * scale + Vec3::splat(bias);
         let diffuse = self.diffuse * (Vec3::ONE - specular);
-        diffuse * light.from_direction(self.n) + specular * light.from_direction(seen)
+        diffuse * light.radiance_from(self.n) + specular * light.radiance_from(seen)
     }
 }
 

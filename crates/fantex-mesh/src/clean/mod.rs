@@ -17,9 +17,6 @@ mod star;
 mod topology;
 mod weld;
 
-#[cfg(test)]
-mod tests;
-
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use glam::Vec3;
@@ -30,6 +27,7 @@ use crate::{CornerAttributes, Material, Mesh, Model, VertexCorners, WorldFromMes
 
 use first::Repeat;
 pub use report::CleanReport;
+pub(crate) use star::{Star, root};
 pub(crate) use topology::Components;
 pub use topology::Topology;
 

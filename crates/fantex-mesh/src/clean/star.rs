@@ -5,7 +5,7 @@
 
 /// The edges of one vertex. Refilled for every vertex to reuse its memory.
 #[derive(Default)]
-pub(super) struct Star {
+pub(crate) struct Star {
     vertex: u32,
     corner_count: usize,
     /// One entry per triangle and edge, sorted.
@@ -14,8 +14,8 @@ pub(super) struct Star {
     fans: Vec<u32>,
 }
 
-/// `(other end, incoming, index of the corner within the star)` from the high bits down, then the half-edge.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+/// An edge of the star as one of its triangles sees it.
+#[derive(Clone, Copy)]
 struct Entry {
     other: u32,
     /// Index of the corner within the star.
@@ -28,7 +28,7 @@ struct Entry {
 
 impl Star {
     /// Fills the star with the edges of `vertex`, whose corners are given.
-    pub(super) fn gather(&mut self, vertex: u32, corners: &[u32], triangles: &[[u32; 3]]) -> &mut Self {
+    pub(crate) fn gather(&mut self, vertex: u32, corners: &[u32], triangles: &[[u32; 3]]) -> &mut Self {
         self.vertex = vertex;
         self.corner_count = corners.len();
         self.entries.clear();
@@ -53,21 +53,21 @@ impl Star {
         self
     }
 
-    pub(super) fn vertex(&self) -> u32 {
+    pub(crate) fn vertex(&self) -> u32 {
         self.vertex
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.corner_count == 0
     }
 
     /// The edges by ascending other end.
-    pub(super) fn edges(&self) -> impl Iterator<Item = Edge<'_>> {
+    pub(crate) fn edges(&self) -> impl Iterator<Item = Edge<'_>> {
         self.entries.chunk_by(|a, b| a.other == b.other).map(Edge)
     }
 
     /// True where all triangles hang together through the edges of this vertex.
-    pub(super) fn is_single_fan(&mut self) -> bool {
+    pub(crate) fn is_single_fan(&mut self) -> bool {
         self.fans.clear();
         self.fans.extend(0..self.corner_count as u32);
         let mut fan_count = self.corner_count;
@@ -82,7 +82,8 @@ impl Star {
     }
 }
 
-fn root(parents: &mut [u32], mut element: u32) -> u32 {
+/// The root of an element's set, halving the path on the way.
+pub(crate) fn root(parents: &mut [u32], mut element: u32) -> u32 {
     while parents[element as usize] != element {
         parents[element as usize] = parents[parents[element as usize] as usize];
         element = parents[element as usize];
@@ -92,26 +93,31 @@ fn root(parents: &mut [u32], mut element: u32) -> u32 {
 
 /// One edge with all its triangles.
 #[derive(Clone, Copy)]
-pub(super) struct Edge<'a>(&'a [Entry]);
+pub(crate) struct Edge<'a>(&'a [Entry]);
 
 impl Edge<'_> {
     /// The end that is not the star's vertex.
-    pub(super) fn other(&self) -> u32 {
+    pub(crate) fn other(&self) -> u32 {
         self.0[0].other
     }
 
     /// Number of triangles, at least one.
-    pub(super) fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.0.len()
     }
 
     /// Half-edges `3 * t + k` (from corner `k` to the next), ascending.
-    pub(super) fn half_edges(&self) -> impl Iterator<Item = u32> + '_ {
+    pub(crate) fn half_edges(&self) -> impl Iterator<Item = u32> + '_ {
         self.0.iter().map(|e| e.half_edge)
     }
 
+    /// The corners (as indices into the star's) whose triangles have this edge, by ascending half-edge.
+    pub(crate) fn slots(&self) -> impl Iterator<Item = u32> + '_ {
+        self.0.iter().map(|e| e.slot)
+    }
+
     /// True for exactly two triangles that run along the edge in opposite directions.
-    pub(super) fn is_consistent(&self) -> bool {
+    pub(crate) fn is_consistent(&self) -> bool {
         self.len() == 2 && self.0[0].incoming != self.0[1].incoming
     }
 }

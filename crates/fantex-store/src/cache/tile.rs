@@ -125,11 +125,6 @@ impl Tile {
         self.level
     }
 
-    /// True for the tile that [`PageCache::tile`] gives for these arguments, unless that is damaged.
-    pub(crate) fn is(&self, channel: usize, group: u32, level: u32) -> bool {
-        (self.channel, self.group, self.level) == (channel, group, level)
-    }
-
     /// Bilinear look-up at tile coordinates, clamped half a texel inside the tile; **linear** RGBA.
     #[inline]
     pub fn bilinear(&self, uv: Vec2) -> [f32; 4] {

@@ -1,13 +1,17 @@
 //! Encoding.
 //!
 //! The block encoders work on several neighbouring blocks of a row at once (SIMD lanes), so small surfaces waste most of
-//! their time. Pages are therefore laid out as a strip of 4 rows, block after block, several pages in a row:
+//! their time. Pages are therefore laid out as a strip of 4 rows, one row of blocks after the other, several pages in a row:
 //!
 //! ```text
 //!  8x8 page   strip, 16x4      a lane's result depends on its own block only, so a page's bytes
 //!   A B        A B C D         do not depend on its neighbours in the strip
 //!   C D
 //! ```
+//!
+//! Measured with BC7 on one core: 4x4 pages one by one 3.5, together 37 million texels per second; from 16x16 on 45 either way.
+
+use std::borrow::Cow;
 
 use intel_tex_2::{RSurface, RgSurface, RgbaSurface, bc1, bc4, bc5, bc7};
 
@@ -39,16 +43,16 @@ pub fn encode_many(
     if !matches!(format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7) {
         return Ok(pages.iter().map(|(_, texels)| encode_uncompressed(format, texels)).collect());
     }
+    let pages: Vec<Page<'_>> = pages.iter().map(|&(extent, texels)| Page::new(extent, texels)).collect();
     // Opaque pages take another profile than those with alpha, hence another strip.
-    let has_alpha: Vec<bool> = pages.iter().map(|(_, texels)| uses_alpha(texels)).collect();
     let mut encoded = vec![Vec::new(); pages.len()];
     for alpha in [false, true] {
-        let chosen: Vec<usize> = (0..pages.len()).filter(|&i| has_alpha[i] == alpha).collect();
-        let blocks = blocks_of(chosen.iter().map(|&i| pages[i]));
-        let bytes = encode_blocks(format, quality, alpha, &blocks);
+        let chosen: Vec<usize> = (0..pages.len()).filter(|&i| pages[i].has_alpha == alpha).collect();
+        let rows: Vec<BlockRow<'_>> = chosen.iter().flat_map(|&i| pages[i].block_rows()).collect();
+        let bytes = encode_rows(format, quality, alpha, &rows);
         let mut rest = bytes.as_slice();
         for i in chosen {
-            let (page, after) = rest.split_at(format.bytes(pages[i].0));
+            let (page, after) = rest.split_at(format.bytes(pages[i].extent));
             encoded[i] = page.to_vec();
             rest = after;
         }
@@ -67,79 +71,99 @@ fn check(extent: [u32; 2], texels: TexelSlice<'_>) -> Result<(), EncodeError> {
     Ok(())
 }
 
-fn uses_alpha(texels: &TexelSlice<'_>) -> bool {
-    (0..texels.len()).any(|i| texels.unorm8(i)[3] < 255)
-}
-
 fn encode_uncompressed(format: TexelFormat, texels: &TexelSlice<'_>) -> Vec<u8> {
-    let indices = 0..texels.len();
-    match format {
-        TexelFormat::Rgba32F => indices.flat_map(|i| texels.float(i)).flat_map(f32::to_le_bytes).collect(),
-        _ => indices.flat_map(|i| texels.unorm8(i).into_iter().take(format.channel_count())).collect(),
+    match (format, texels) {
+        (TexelFormat::Rgba32F, TexelSlice::F32(texels)) => {
+            texels.iter().flatten().flat_map(|x| x.to_le_bytes()).collect()
+        }
+        (TexelFormat::Rgba32F, TexelSlice::U8(texels)) => {
+            texels.iter().flatten().flat_map(|&x| (f32::from(x) / 255.0).to_le_bytes()).collect()
+        }
+        _ => texels.unorm8().iter().flat_map(|texel| &texel[..format.channel_count()]).copied().collect(),
     }
 }
 
-/// Texels of one 4x4 block, row-major.
-pub(super) type Block = [[u8; 4]; 16];
-
-/// All blocks of the pages, page by page, row by row.
-fn blocks_of<'a>(pages: impl Iterator<Item = ([u32; 2], TexelSlice<'a>)>) -> Vec<Block> {
-    let mut blocks = Vec::new();
-    for (extent, texels) in pages {
-        let [width, height] = extent.map(|n| n as usize);
-        for y in (0..height).step_by(4) {
-            for x in (0..width).step_by(4) {
-                blocks.push(std::array::from_fn(|k| texels.unorm8((y + k / 4) * width + x + k % 4)));
-            }
-        }
-    }
-    blocks
+/// A page in 8 bits.
+struct Page<'a> {
+    extent: [u32; 2],
+    texels: Cow<'a, [[u8; 4]]>,
+    has_alpha: bool,
 }
 
-/// Longest strip in blocks: keeps the encoder's working set in the second-level cache.
-const STRIP_BLOCKS: usize = 1024;
+/// Four rows of texels of a page, one after the other.
+type BlockRow<'a> = &'a [[u8; 4]];
 
-fn encode_blocks(format: TexelFormat, quality: Quality, alpha: bool, blocks: &[Block]) -> Vec<u8> {
-    let mut bytes = Vec::with_capacity(blocks.len() * format.block_bytes());
-    for strip in blocks.chunks(STRIP_BLOCKS) {
-        let width = 4 * strip.len() as u32;
-        match format {
-            TexelFormat::Bc7 => {
-                let data = strip_rows::<4>(strip);
-                let surface = RgbaSurface { data: &data, width, height: 4, stride: 4 * width };
-                bytes.extend(bc7::compress_blocks(&bc7_settings(quality, alpha), &surface));
-            }
-            TexelFormat::Bc1 => {
-                let data = strip_rows::<4>(strip);
-                let surface = RgbaSurface { data: &data, width, height: 4, stride: 4 * width };
-                let mut encoded = bc1::compress_blocks(&surface);
-                if alpha {
-                    punch_through::replace_transparent(strip, &mut encoded);
-                }
-                bytes.extend(encoded);
-            }
-            TexelFormat::Bc5 => {
-                let data = strip_rows::<2>(strip);
-                let surface = RgSurface { data: &data, width, height: 4, stride: 2 * width };
-                bytes.extend(bc5::compress_blocks(&surface));
-            }
-            _ => {
-                let data = strip_rows::<1>(strip);
-                let surface = RSurface { data: &data, width, height: 4, stride: width };
-                bytes.extend(bc4::compress_blocks(&surface));
-            }
-        }
+impl<'a> Page<'a> {
+    fn new(extent: [u32; 2], texels: TexelSlice<'a>) -> Self {
+        let texels = texels.unorm8();
+        let has_alpha = texels.iter().any(|texel| texel[3] < 255);
+        Self { extent, texels, has_alpha }
+    }
+
+    fn block_rows(&self) -> impl Iterator<Item = BlockRow<'_>> {
+        self.texels.chunks_exact(4 * self.extent[0] as usize)
+    }
+}
+
+/// Texels of a strip: keeps the encoder's working set in the second-level cache.
+const STRIP_TEXELS: usize = 1 << 14;
+
+fn encode_rows(format: TexelFormat, quality: Quality, alpha: bool, rows: &[BlockRow<'_>]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let mut rest = rows;
+    while !rest.is_empty() {
+        let mut texels = 0;
+        let fitting = rest.iter().take_while(|row| {
+            texels += row.len();
+            texels <= STRIP_TEXELS
+        });
+        let (strip, after) = rest.split_at(fitting.count().max(1));
+        bytes.extend(encode_strip(format, quality, alpha, strip));
+        rest = after;
     }
     bytes
 }
 
-/// The blocks side by side as 4 rows of texels with the first `CHANNELS` channels.
-fn strip_rows<const CHANNELS: usize>(blocks: &[Block]) -> Vec<u8> {
-    let mut data = Vec::with_capacity(blocks.len() * 16 * CHANNELS);
-    for row in 0..4 {
-        for block in blocks {
-            for texel in &block[4 * row..4 * row + 4] {
-                data.extend_from_slice(&texel[..CHANNELS]);
+fn encode_strip(format: TexelFormat, quality: Quality, alpha: bool, rows: &[BlockRow<'_>]) -> Vec<u8> {
+    let width = rows.iter().map(|row| row.len() as u32 / 4).sum();
+    match format {
+        TexelFormat::Bc7 => {
+            let data = strip_of::<4>(rows);
+            let surface = RgbaSurface { data: &data, width, height: 4, stride: 4 * width };
+            bc7::compress_blocks(&bc7_settings(quality, alpha), &surface)
+        }
+        TexelFormat::Bc1 => {
+            let data = strip_of::<4>(rows);
+            let surface = RgbaSurface { data: &data, width, height: 4, stride: 4 * width };
+            let mut encoded = bc1::compress_blocks(&surface);
+            if alpha {
+                punch_through::replace_transparent(&data, &mut encoded);
+            }
+            encoded
+        }
+        TexelFormat::Bc5 => {
+            let data = strip_of::<2>(rows);
+            bc5::compress_blocks(&RgSurface { data: &data, width, height: 4, stride: 2 * width })
+        }
+        _ => {
+            let data = strip_of::<1>(rows);
+            bc4::compress_blocks(&RSurface { data: &data, width, height: 4, stride: width })
+        }
+    }
+}
+
+/// The rows of blocks side by side as 4 rows of texels with the first `CHANNELS` channels.
+fn strip_of<const CHANNELS: usize>(rows: &[BlockRow<'_>]) -> Vec<u8> {
+    let texels = rows.iter().map(|row| row.len()).sum::<usize>();
+    let mut data = Vec::with_capacity(texels * CHANNELS);
+    for k in 0..4 {
+        for row in rows {
+            let width = row.len() / 4;
+            let row = &row[k * width..(k + 1) * width];
+            if CHANNELS == 4 {
+                data.extend_from_slice(row.as_flattened());
+            } else {
+                data.extend(row.iter().flat_map(|texel| &texel[..CHANNELS]));
             }
         }
     }

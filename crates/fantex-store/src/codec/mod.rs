@@ -4,6 +4,8 @@ mod decode;
 mod encode;
 mod punch_through;
 
+use std::borrow::Cow;
+
 pub(crate) use decode::StoredTexels;
 pub use decode::decode;
 pub use encode::{encode, encode_many};
@@ -45,27 +47,22 @@ impl TexelSlice<'_> {
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+}
 
-    /// One texel in 8 bits.
-    fn unorm8(&self, index: usize) -> [u8; 4] {
+impl<'a> TexelSlice<'a> {
+    /// The texels in 8 bits.
+    fn unorm8(self) -> Cow<'a, [[u8; 4]]> {
         match self {
-            Self::U8(texels) => texels[index],
-            Self::F32(texels) => texels[index].map(unorm8_from_f32),
-        }
-    }
-
-    /// One texel as floats.
-    fn float(&self, index: usize) -> [f32; 4] {
-        match self {
-            Self::U8(texels) => texels[index].map(|x| f32::from(x) / 255.0),
-            Self::F32(texels) => texels[index],
+            Self::U8(texels) => Cow::Borrowed(texels),
+            Self::F32(texels) => texels.iter().map(|texel| texel.map(unorm8_from_f32)).collect(),
         }
     }
 }
 
 /// Nearest of the 256 steps of 0..1.
 fn unorm8_from_f32(x: f32) -> u8 {
-    (x * 255.0).round() as u8
+    // Truncation of a non-negative number plus one half rounds; the conversion clamps, and takes NaN to 0.
+    (x * 255.0 + 0.5) as u8
 }
 
 /// True for a rectangle of whole 4x4 blocks.

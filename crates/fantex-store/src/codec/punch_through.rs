@@ -1,16 +1,21 @@
 //! BC1 blocks with transparent texels ("punch-through": index 3 is transparent black), which the encoder for opaque
 //! blocks does not make.
 
-use super::encode::Block;
+/// Texels of one 4x4 block, row-major.
+type Block = [[u8; 4]; 16];
 
 /// Alpha below this is transparent.
 const OPAQUE_FROM: u8 = 128;
 
-/// Re-encodes the blocks of `strip` that have transparent texels; `encoded` holds 8 bytes per block.
-pub(super) fn replace_transparent(strip: &[Block], encoded: &mut [u8]) {
-    for (block, bytes) in strip.iter().zip(encoded.chunks_exact_mut(8)) {
+/// Re-encodes the blocks of a strip that have transparent texels. `strip`: 4 rows of RGBA texels; `encoded`: 8 bytes per
+/// block.
+pub(super) fn replace_transparent(strip: &[u8], encoded: &mut [u8]) {
+    let (texels, _) = strip.as_chunks::<4>();
+    let width = texels.len() / 4;
+    for (x, bytes) in encoded.chunks_exact_mut(8).enumerate() {
+        let block: Block = std::array::from_fn(|i| texels[i / 4 * width + 4 * x + i % 4]);
         if block.iter().any(|texel| texel[3] < OPAQUE_FROM) {
-            bytes.copy_from_slice(&encode(block));
+            bytes.copy_from_slice(&encode(&block));
         }
     }
 }

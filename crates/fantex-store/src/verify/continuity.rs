@@ -14,7 +14,6 @@
 //! Compared are the blended **linear** values of all channels, as the sampler returns them (for normals: the stored numbers,
 //! before they are turned into a common frame). Values beyond 1, in float channels, are compared relative to their size.
 
-use fantex_cover::Cover;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -79,7 +78,7 @@ pub struct WorstJump {
 const MIXTURES: u32 = 2;
 
 /// Fewest and most equally spaced points per edge, besides those of the blend band.
-const POINTS: [f32; 2] = [5.0, 33.0];
+const POINTS: [f32; 2] = [5.0, 17.0];
 
 /// An edge of two triangles that belong to the same groups at both ends.
 #[derive(Clone, Copy)]
@@ -155,20 +154,20 @@ fn slot_of(triangle: [u32; 3], vertex: u32) -> u8 {
     triangle.iter().position(|&v| v == vertex).unwrap_or(0) as u8
 }
 
-/// Tiles held at hand, so that most look-ups do without the cache's locks.
-const HELD_TILES: usize = 32;
-
 /// Compares edges one by one.
 struct Comparison<'a> {
     cache: &'a PageCache,
     asset: &'a Asset,
-    held: Vec<Option<Tile>>,
     result: Continuity,
 }
 
+/// What the texture function reads at one point, seen from one triangle: place in the edge's pair of tiles, weight and tile
+/// coordinates of each look-up.
+type LookUps = [Option<(usize, f32, Vec2)>; 3];
+
 impl<'a> Comparison<'a> {
     fn new(cache: &'a PageCache) -> Self {
-        Self { cache, asset: cache.asset(), held: vec![None; HELD_TILES], result: Continuity::default() }
+        Self { cache, asset: cache.asset(), result: Continuity::default() }
     }
 
     fn compare(&mut self, edge: &Edge) {
@@ -185,30 +184,34 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    fn extent(&self, group: u32) -> [u32; 2] {
-        self.asset.cover().groups[group as usize].extent
-    }
-
     fn compare_at(&mut self, edge: &Edge, corners: &[[[Vec2; 3]; 3]; 2], choice: LevelChoice) {
+        let tiles: Vec<[Tile; 2]> = (0..self.asset.channels().len())
+            .map(|channel| {
+                edge.groups.map(|group| self.cache.tile(channel, group, self.level(group, choice)))
+            })
+            .collect();
         for s in self.positions(edge, &corners[0], choice) {
             self.result.samples += 1;
-            for channel in 0..self.asset.channels().len() {
-                let [a, b] = [0, 1].map(|side| self.evaluate(edge, side, &corners[side], s, choice, channel));
+            let look_ups = [0, 1].map(|side| self.look_ups(edge, side, &corners[side], s));
+            for (channel, pair) in tiles.iter().enumerate() {
+                let [a, b] = look_ups.each_ref().map(|look_ups| blend(pair, look_ups));
                 let jump = (0..4).map(|k| jump(a[k], b[k])).fold(0.0, f32::max);
                 if jump > self.result.largest_jump {
                     self.result.largest_jump = jump;
-                    let slots = edge.slots[0].map(usize::from);
-                    let triangle = self.asset.mesh().triangles[edge.triangles[0] as usize];
-                    self.result.worst = Some(WorstJump {
-                        vertices: slots.map(|slot| triangle[slot]),
-                        triangles: edge.triangles,
-                        position: s,
-                        level: choice,
-                        channel,
-                    });
+                    self.result.worst = Some(self.place(edge, s, choice, channel));
                 }
             }
         }
+    }
+
+    fn place(&self, edge: &Edge, position: f32, level: LevelChoice, channel: usize) -> WorstJump {
+        let triangle = self.asset.mesh().triangles[edge.triangles[0] as usize];
+        let vertices = edge.slots[0].map(|slot| triangle[usize::from(slot)]);
+        WorstJump { vertices, triangles: edge.triangles, position, level, channel }
+    }
+
+    fn extent(&self, group: u32) -> [u32; 2] {
+        self.asset.cover().groups[group as usize].extent
     }
 
     /// Points along the edge: its ends, one per texel, and the blend band.
@@ -245,41 +248,36 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    /// The texture function on the edge, from one of its triangles.
-    fn evaluate(
-        &mut self,
-        edge: &Edge,
-        side: usize,
-        corners: &[[Vec2; 3]; 3],
-        s: f32,
-        choice: LevelChoice,
-        channel: usize,
-    ) -> [f32; 4] {
+    /// The look-ups of the texture function on the edge, from one of its triangles.
+    fn look_ups(&self, edge: &Edge, side: usize, corners: &[[Vec2; 3]; 3], s: f32) -> LookUps {
         let triangle = edge.triangles[side] as usize;
         let [from, to] = edge.slots[side].map(usize::from);
         let mut lambda = Vec3::ZERO;
         lambda[from] = 1.0 - s;
         lambda[to] = s;
-        let asset = self.asset;
-        let cover: &Cover = asset.cover();
-        let mut value = [0.0; 4];
-        for (slot, weight) in cover.weights(triangle, lambda).iter() {
+        let cover = self.asset.cover();
+        let mut look_ups = [None; 3];
+        for (look_up, (slot, weight)) in look_ups.iter_mut().zip(cover.weights(triangle, lambda).iter()) {
             let [a, b, c] = corners[slot];
             let uv = a * lambda.x + b * lambda.y + c * lambda.z;
+            // The third corner's weight is zero on the edge, whatever delta <= 1/3 is.
             let group = cover.corner_groups[triangle][slot];
-            let texel = self.tile(channel, group, self.level(group, choice)).bilinear(uv);
-            for k in 0..4 {
-                value[k] += weight * texel[k];
-            }
+            *look_up = Some((usize::from(group != edge.groups[0]), weight, uv));
         }
-        value
+        look_ups
     }
+}
 
-    fn tile(&mut self, channel: usize, group: u32, level: u32) -> &Tile {
-        let index = (group as usize * 7 + level as usize * 3 + channel) % HELD_TILES;
-        let held = self.held[index].take().filter(|tile| tile.is(channel, group, level));
-        self.held[index].insert(held.unwrap_or_else(|| self.cache.tile(channel, group, level)))
+/// The texture function of one channel.
+fn blend(tiles: &[Tile; 2], look_ups: &LookUps) -> [f32; 4] {
+    let mut value = [0.0; 4];
+    for &(tile, weight, uv) in look_ups.iter().flatten() {
+        let texel = tiles[tile].bilinear(uv);
+        for k in 0..4 {
+            value[k] += weight * texel[k];
+        }
     }
+    value
 }
 
 /// Difference, relative to the size of values beyond 1. A value that is no number on one side only is a jump of 1.

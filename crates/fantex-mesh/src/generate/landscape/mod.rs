@@ -12,6 +12,9 @@ mod terrain;
 mod tetrahedra;
 mod tubes;
 
+#[cfg(test)]
+mod tests;
+
 use glam::{UVec3, Vec3};
 
 use crate::clean::Components;
@@ -41,11 +44,14 @@ pub struct LandscapeOptions {
     pub tunnels: u32,
     /// Natural arches wanted; fewer are made where the ground offers no place.
     pub arches: u32,
+    /// 0 gives triangles as even as they come; up to 1 vertices are moved about along the surface, so that triangles
+    /// differ in size and shape.
+    pub irregularity: f32,
 }
 
 impl Default for LandscapeOptions {
     fn default() -> Self {
-        Self { triangles: 500_000, seed: 1, size: 1000.0, tunnels: 4, arches: 3 }
+        Self { triangles: 500_000, seed: 1, size: 1000.0, tunnels: 4, arches: 3, irregularity: 0.0 }
     }
 }
 
@@ -79,7 +85,7 @@ pub fn landscape(options: &LandscapeOptions) -> Landscape {
         let surface = world.surface();
         let count = surface.triangles.len() as f32;
         if pass == MAX_PASSES || (count / target - 1.0).abs() < 0.08 {
-            return world.finish(surface);
+            return world.finish(surface, options.irregularity.clamp(0.0, 1.0));
         }
         trials.push((world.lattice.step, count));
     }
@@ -137,9 +143,12 @@ impl World {
         largest_piece(polygonise(&self.lattice, |p| self.density.at(p)))
     }
 
-    fn finish(self, mut surface: Surface) -> Landscape {
-        relax::relax(&mut surface.positions, &surface.triangles, 0.5, 3);
+    fn finish(self, mut surface: Surface, irregularity: f32) -> Landscape {
         let corners = VertexCorners::of(&surface.triangles, surface.positions.len());
+        relax::relax(&mut surface.positions, &surface.triangles, &corners);
+        if irregularity > 0.0 {
+            relax::scatter(&mut surface.positions, &surface.triangles, &corners, irregularity);
+        }
         let topology = Topology::of(&surface.triangles, &corners);
         Landscape {
             positions: surface.positions,

@@ -21,6 +21,8 @@ const CHUNK: u32 = 16;
 const SIDE: u32 = CHUNK + 1;
 /// Every so many-th lattice point is sampled to find where the surface is.
 const SAMPLED: u32 = 4;
+/// A world of no more chunks than this is looked at whole.
+const FEW_CHUNKS: u32 = 64;
 /// Crossings keep this share of an edge's length away from its ends: no slivers, no coinciding vertices.
 const MARGIN: f32 = 0.08;
 
@@ -98,12 +100,13 @@ struct Marching<D> {
 }
 
 impl<D: Fn(Vec3) -> f32 + Sync> Marching<D> {
-    /// Chunks in which a sampling of every fourth point finds both signs.
+    /// Chunks in which a sampling of every fourth point finds both signs; all where there are few.
     fn seeds(&self) -> Vec<[u32; 3]> {
         let chunks = self.lattice.chunks();
         let all = (0..chunks.element_product())
             .into_par_iter()
             .map(|i| [i % chunks.x, i / chunks.x % chunks.y, i / (chunks.x * chunks.y)]);
+        let is_small = chunks.element_product() <= FEW_CHUNKS;
         all.filter(|&c| {
             let base = UVec3::from(c) * CHUNK;
             let side = CHUNK / SAMPLED + 1;
@@ -112,7 +115,7 @@ impl<D: Fn(Vec3) -> f32 + Sync> Marching<D> {
                 self.value(base + offset) > 0.0
             };
             let first = sample(0);
-            (1..side.pow(3)).any(|i| sample(i) != first)
+            is_small || (1..side.pow(3)).any(|i| sample(i) != first)
         })
         .collect()
     }
@@ -342,4 +345,81 @@ fn cases() -> Cases {
 fn is_odd(order: &[usize]) -> bool {
     let inversions = |i: usize| order[i + 1..].iter().filter(|&&later| later < order[i]).count();
     (0..order.len()).map(inversions).sum::<usize>() % 2 == 1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::noise::Noise;
+    use crate::{Topology, VertexCorners};
+
+    /// A ball of the given radius filled with holes as small as the lattice can show.
+    fn sponge(p: Vec3) -> f32 {
+        let noise = Noise::new(9, 0);
+        (14.0 - p.length()).min(3.0 * noise.at3(p / 2.3) + 0.6)
+    }
+
+    /// Every chunk, whether a sampling finds something in it or not.
+    fn everything(lattice: Lattice, density: impl Fn(Vec3) -> f32 + Sync) -> Surface {
+        let marching = Marching { lattice, density, cases: cases() };
+        let chunks = lattice.chunks();
+        let all = (0..chunks.element_product())
+            .map(|i| [i % chunks.x, i / chunks.x % chunks.y, i / (chunks.x * chunks.y)]);
+        stitch(&all.map(|c| (c, marching.chunk(c))).collect())
+    }
+
+    /// Euler characteristic of the tetrahedra's simplices with all corners inside: the solid's.
+    fn euler_of_solid(lattice: Lattice) -> i64 {
+        let marching = Marching { lattice, density: sponge, cases: cases() };
+        let points = lattice.cubes + 1;
+        let inside = |p: UVec3| p.cmplt(points).all() && marching.value(p) > 0.0;
+        let step = |bits: u32| UVec3::new(bits & 1, bits >> 1 & 1, bits >> 2);
+        // A simplex is a lattice point and a chain of growing bit sets: its corners' offsets.
+        let mut chains: Vec<Vec<u32>> = vec![vec![]];
+        for length in 1..4 {
+            let longer: Vec<Vec<u32>> = chains
+                .iter()
+                .filter(|c| c.len() + 1 == length)
+                .flat_map(|c| (1..8).map(move |b| [c.as_slice(), &[b]].concat()))
+                .filter(|c| c.windows(2).all(|w| w[0] & w[1] == w[0] && w[0] != w[1]))
+                .collect();
+            chains.extend(longer);
+        }
+        let all = (0..points.element_product())
+            .map(|i| UVec3::new(i % points.x, i / points.x % points.y, i / (points.x * points.y)));
+        all.filter(|&p| inside(p))
+            .flat_map(|p| chains.iter().filter(move |c| c.iter().all(|&b| inside(p + step(b)))))
+            .map(|c| if c.len() % 2 == 0 { 1 } else { -1 })
+            .sum()
+    }
+
+    #[test]
+    fn a_sponge_is_a_closed_manifold_with_twice_the_solids_euler_characteristic() {
+        let lattice = Lattice { origin: Vec3::splat(-16.2), step: 1.0, cubes: UVec3::splat(33) };
+        let surface = everything(lattice, sponge);
+        let topology =
+            Topology::of(&surface.triangles, &VertexCorners::of(&surface.triangles, surface.positions.len()));
+        assert!(topology.genus().is_some(), "{topology:?}");
+        assert_eq!(topology.euler_characteristic(), 2 * euler_of_solid(lattice));
+        assert!(topology.genus() > Some(50), "{topology:?}");
+    }
+
+    #[test]
+    fn triangles_of_a_ball_face_the_outside() {
+        let lattice = Lattice { origin: Vec3::splat(-5.3), step: 1.0, cubes: UVec3::splat(11) };
+        let ball = everything(lattice, |p| 4.1 - p.length());
+        assert!(ball.triangles.len() > 500);
+        for [a, b, c] in ball.triangles.iter().map(|t| t.map(|v| ball.positions[v as usize])) {
+            let normal = (b - a).cross(c - a).normalize();
+            assert!(normal.dot((a + b + c).normalize()) > 0.0, "at {a}");
+        }
+    }
+
+    #[test]
+    fn following_the_surface_finds_what_looking_everywhere_finds() {
+        let lattice = Lattice { origin: Vec3::splat(-16.2), step: 1.0, cubes: UVec3::splat(33) };
+        let followed = polygonise(&lattice, |p| 14.0 - p.length());
+        let looked = everything(lattice, |p| 14.0 - p.length());
+        assert_eq!((followed.positions, followed.triangles), (looked.positions, looked.triangles));
+    }
 }

@@ -1,0 +1,142 @@
+//! Smooth shading normals for meshes that come without.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use crate::clean::{Star, root};
+use crate::{Mesh, VertexCorners};
+
+/// Vertices per parallel task.
+const BLOCK: usize = 1 << 12;
+/// Among more triangles at one edge than this, none are smoothed across it.
+const MOST_AT_EDGE: usize = 16;
+
+/// Unit normals per corner, averaged over the triangles around each vertex and weighted by their angle there (G. Thürmer
+/// and C. Wüthrich, "Computing vertex normals from polygonal facets", 1998).
+///
+/// Only triangles that hang together around the vertex through soft edges are averaged: an edge is soft where the normals
+/// of its triangles differ by at most `crease_degrees` (0 gives flat shading, 180 smooths everything that is connected).
+/// Separate fans of a non-manifold vertex stay apart.
+pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
+    let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+    let faces: Vec<DVec3> =
+        (0..mesh.triangles.len()).into_par_iter().with_min_len(BLOCK).map(|t| face_normal(mesh, t)).collect();
+    let softest = f64::from(crease_degrees).to_radians().min(std::f64::consts::PI).cos() - 1e-6;
+    let blocks: Vec<Vec<Vec3>> = (0..corners.len().div_ceil(BLOCK))
+        .into_par_iter()
+        .map_init(Smoother::default, |smoother, block| {
+            let mut normals = Vec::new();
+            for v in block * BLOCK..corners.len().min((block + 1) * BLOCK) {
+                smoother.vertex(mesh, &faces, softest, v, corners.at(v), &mut normals);
+            }
+            normals
+        })
+        .collect();
+    let mut by_corner = vec![Vec3::ZERO; 3 * mesh.triangles.len()];
+    let in_row_order = (0..corners.len()).flat_map(|v| corners.at(v));
+    for (&corner, normal) in in_row_order.zip(blocks.into_iter().flatten()) {
+        by_corner[corner as usize] = normal;
+    }
+    by_corner
+}
+
+/// Unit normal of a triangle.
+fn face_normal(mesh: &Mesh, triangle: usize) -> DVec3 {
+    let [a, b, c] = mesh.triangle_positions(triangle).map(|p| p.as_dvec3());
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// Working memory for one vertex after the other.
+#[derive(Default)]
+struct Smoother {
+    star: Star,
+    /// Union-find over the vertex' corners.
+    groups: Vec<u32>,
+    sums: Vec<DVec3>,
+}
+
+impl Smoother {
+    /// Appends the normals of a vertex' corners.
+    fn vertex(
+        &mut self,
+        mesh: &Mesh,
+        faces: &[DVec3],
+        softest: f64,
+        vertex: usize,
+        corners: &[u32],
+        normals: &mut Vec<Vec3>,
+    ) {
+        let face = |slot: u32| faces[corners[slot as usize] as usize / 3];
+        self.groups.clear();
+        self.groups.extend(0..corners.len() as u32);
+        self.star.gather(vertex as u32, corners, &mesh.triangles);
+        for edge in self.star.edges().filter(|edge| edge.len() <= MOST_AT_EDGE) {
+            for (i, a) in edge.slots().enumerate() {
+                for b in edge.slots().skip(i + 1).filter(|&b| face(a).dot(face(b)) >= softest) {
+                    let (a, b) = (root(&mut self.groups, a), root(&mut self.groups, b));
+                    self.groups[a.max(b) as usize] = a.min(b);
+                }
+            }
+        }
+        self.sums.clear();
+        self.sums.resize(corners.len(), DVec3::ZERO);
+        for (slot, &corner) in corners.iter().enumerate() {
+            let group = root(&mut self.groups, slot as u32);
+            self.sums[group as usize] += face(slot as u32) * corner_angle(mesh, corner);
+        }
+        for slot in 0..corners.len() as u32 {
+            let group = root(&mut self.groups, slot);
+            let normal = self.sums[group as usize].try_normalize().unwrap_or(face(slot));
+            normals.push(normal.as_vec3());
+        }
+    }
+}
+
+/// Angle of a triangle at one of its corners, radians.
+fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
+    let positions = mesh.triangle_positions(corner as usize / 3).map(|p| p.as_dvec3());
+    let at = |k: u32| positions[((corner + k) % 3) as usize];
+    (at(1) - at(0)).angle_between(at(2) - at(0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{CleanOptions, book, clean, cube, icosphere};
+
+    fn cleaned(model: crate::Model) -> Mesh {
+        clean(model, &CleanOptions::default()).unwrap().0
+    }
+
+    #[test]
+    fn a_sphere_is_smooth_and_its_normals_point_away_from_the_centre() {
+        let mesh = cleaned(icosphere(3));
+        let normals = corner_normals(&mesh, 60.0);
+        for (corner, normal) in normals.iter().enumerate() {
+            let p = mesh.positions[mesh.triangles[corner / 3][corner % 3] as usize];
+            assert!(normal.dot(p.normalize()) > 0.999, "corner {corner}");
+        }
+    }
+
+    #[test]
+    fn a_cube_keeps_its_creases_and_loses_them_on_request() {
+        let mesh = cleaned(cube(2));
+        let sharp = corner_normals(&mesh, 30.0);
+        assert!(sharp.iter().all(|n| n.abs().max_element() > 0.9999));
+        let smooth = corner_normals(&mesh, 180.0);
+        let of_vertex = |v: u32| {
+            let corners = mesh.triangles.iter().flatten().zip(&smooth);
+            corners.filter(move |(c, _)| **c == v).map(|(_, n)| *n).collect::<Vec<_>>()
+        };
+        assert!(of_vertex(0).windows(2).all(|pair| pair[0].distance(pair[1]) < 1e-6));
+    }
+
+    #[test]
+    fn pages_of_a_book_and_separate_fans_do_not_mix() {
+        let mesh = cleaned(book(7));
+        let faces: Vec<DVec3> = (0..7).map(|t| face_normal(&mesh, t)).collect();
+        for (corner, normal) in corner_normals(&mesh, 40.0).iter().enumerate() {
+            assert!(normal.as_dvec3().distance(faces[corner / 3]) < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,5 @@
+//! Cleaning, seen from outside the crate.
+
+mod common;
+mod properties;
+mod worst_cases;

@@ -1,0 +1,214 @@
+//! Filtered look-ups in one tile: which levels, how many probes, how they combine.
+//!
+//! The same rules as for images (`fantex_texture::ImageTexture`), so that a baked surface looks as sharp as its source.
+//! Two things differ. A level of a tile is not exactly half the finer one (extents are rounded to multiples of four), so
+//! the footprint is measured in each level's own texels. And nothing lies outside a tile: look-ups end at its border.
+
+use fantex_cover::Group;
+use fantex_texture::Filter;
+use glam::{Vec2, Vec4};
+
+use crate::FilterOptions;
+use crate::tiles::{TileSource, TileTexels};
+
+/// Most probes of an anisotropic look-up, as for images.
+const MAX_PROBES: f32 = 64.0;
+
+/// Minor axis, in texels of a level, from which on that level is fine enough for the elliptical average.
+const EWA_MINOR_TEXELS: f32 = 3.0;
+
+/// A look-up in one tile, planned once for all channels.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TileLookup {
+    group: u32,
+    level_count: u32,
+    uv: Vec2,
+    footprint: [Vec2; 2],
+    filter: Filter,
+    /// The finer level; the one after it (after the last: the group's mean) has the share `coarse_share`.
+    fine: u32,
+    coarse_share: f32,
+    /// Probes and the way, in tile coordinates, that they are spread over.
+    probes: u32,
+    span: Vec2,
+}
+
+impl TileLookup {
+    /// Plans the look-up at `uv` with derivatives `footprint` per pixel, in tile coordinates.
+    pub(crate) fn new(
+        group_index: u32,
+        group: &Group,
+        uv: Vec2,
+        footprint: [Vec2; 2],
+        options: &FilterOptions,
+    ) -> Self {
+        let mut plan = Self {
+            group: group_index,
+            level_count: group.level_count(),
+            uv,
+            footprint,
+            filter: options.filter,
+            fine: 0,
+            coarse_share: 0.0,
+            probes: 1,
+            span: Vec2::ZERO,
+        };
+        let anisotropy = options.max_anisotropy.clamp(1.0, MAX_PROBES);
+        let axes_at = |level: u32| FootprintAxes::new(footprint, group.level_extent(level));
+        match options.filter {
+            Filter::Nearest | Filter::Bilinear | Filter::Bicubic => {}
+            Filter::Trilinear => plan.choose_levels(|level| axes_at(level).major),
+            Filter::Anisotropic => {
+                plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy));
+                let finest = axes_at(0);
+                let width = finest.limited_minor(anisotropy).max(1.0);
+                plan.probes = (finest.major / width).ceil().clamp(1.0, MAX_PROBES) as u32;
+                let [columns, rows] = group.extent.map(|n| n as f32);
+                plan.span = finest.direction * finest.major / Vec2::new(columns, rows);
+            }
+            Filter::Ewa => {
+                plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy) / EWA_MINOR_TEXELS);
+            }
+        }
+        plan
+    }
+
+    /// Chooses the levels between which the pixel is one texel wide. `width` is the pixel's width in texels of a level.
+    fn choose_levels(&mut self, width: impl Fn(u32) -> f32) {
+        let mut here = width(0);
+        while here > 1.0 {
+            let is_last = self.fine + 1 == self.level_count;
+            let next = if is_last { here * 0.25 } else { width(self.fine + 1) };
+            if next <= 1.0 || is_last {
+                self.coarse_share = (here.ln() / (here / next).ln()).clamp(0.0, 1.0);
+                return;
+            }
+            self.fine += 1;
+            here = next;
+        }
+    }
+
+    /// Linear RGBA of a channel.
+    pub(crate) fn sample<S: TileSource>(&self, tiles: &S, channel: usize) -> Vec4 {
+        let fine = tiles.tile(channel, self.group, self.fine);
+        let value = self.at_level(&fine);
+        if self.coarse_share == 0.0 {
+            return value;
+        }
+        let coarse = if self.fine + 1 == self.level_count {
+            Vec4::from_array(tiles.mean(channel, self.group))
+        } else {
+            self.at_level(&tiles.tile(channel, self.group, self.fine + 1))
+        };
+        value.lerp(coarse, self.coarse_share)
+    }
+
+    fn at_level<T: TileTexels>(&self, tile: &T) -> Vec4 {
+        match self.filter {
+            Filter::Nearest => nearest(tile, self.uv),
+            Filter::Bicubic => bicubic(tile, self.uv),
+            Filter::Ewa => ewa(tile, self.uv, self.footprint),
+            Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic => {
+                let probe = |i: u32| {
+                    let along = (i as f32 + 0.5) / self.probes as f32 - 0.5;
+                    Vec4::from_array(tile.bilinear(self.uv + self.span * along))
+                };
+                (0..self.probes).map(probe).sum::<Vec4>() / self.probes as f32
+            }
+        }
+    }
+}
+
+/// The ellipse onto which a footprint maps the pixel's circle, in texels.
+#[derive(Clone, Copy, Debug)]
+struct FootprintAxes {
+    /// Unit vector along the longer axis.
+    direction: Vec2,
+    /// Width of the pixel along the longer axis.
+    major: f32,
+    /// Width along the shorter axis.
+    minor: f32,
+}
+
+impl FootprintAxes {
+    /// Singular values and first left singular vector of the derivatives of the texel position.
+    fn new(footprint: [Vec2; 2], extent: [u32; 2]) -> Self {
+        let [dx, dy] = footprint.map(|d| d * Vec2::new(extent[0] as f32, extent[1] as f32));
+        let (xx, xy, yy) = (dx.x * dx.x + dy.x * dy.x, dx.x * dx.y + dy.x * dy.y, dx.y * dx.y + dy.y * dy.y);
+        let root = (0.5 * (xx - yy)).hypot(xy);
+        let major = (0.5 * (xx + yy) + root).sqrt();
+        // The squared matrix turned by half its angle; its angle is that of (xx - yy, 2 xy).
+        let direction = Vec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
+        let minor = if major > 0.0 { dx.perp_dot(dy).abs() / major } else { 0.0 };
+        Self { direction, major, minor }
+    }
+
+    /// The shorter axis, widened until the ratio is at most `anisotropy`.
+    fn limited_minor(&self, anisotropy: f32) -> f32 {
+        self.minor.max(self.major / anisotropy)
+    }
+}
+
+/// A texel, clamped to the tile.
+fn clamped<T: TileTexels>(tile: &T, x: i32, y: i32) -> Vec4 {
+    let [columns, rows] = tile.extent().map(|n| n as i32);
+    Vec4::from_array(tile.texel(x.clamp(0, columns - 1) as u32, y.clamp(0, rows - 1) as u32))
+}
+
+/// Position in texels, texel `i` having its centre at `i`; held near the tile.
+fn texel_position<T: TileTexels>(tile: &T, uv: Vec2) -> Vec2 {
+    let [columns, rows] = tile.extent().map(|n| n as f32);
+    let extent = Vec2::new(columns, rows);
+    (uv * extent - 0.5).clamp(Vec2::ZERO, extent - 1.0)
+}
+
+fn nearest<T: TileTexels>(tile: &T, uv: Vec2) -> Vec4 {
+    let p = texel_position(tile, uv).round();
+    clamped(tile, p.x as i32, p.y as i32)
+}
+
+/// E. Catmull and R. Rom, "A Class of Local Interpolating Splines", 1974.
+fn bicubic<T: TileTexels>(tile: &T, uv: Vec2) -> Vec4 {
+    let p = texel_position(tile, uv);
+    let first = p.floor();
+    let weights = |t: f32| {
+        let (t2, t3) = (t * t, t * t * t);
+        [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * (t3 - t2)]
+    };
+    let (wx, wy) = (weights(p.x - first.x), weights(p.y - first.y));
+    let mut sum = Vec4::ZERO;
+    for (j, wy) in wy.into_iter().enumerate() {
+        for (i, wx) in wx.into_iter().enumerate() {
+            let texel = clamped(tile, first.x as i32 + i as i32 - 1, first.y as i32 + j as i32 - 1);
+            sum += texel * (wx * wy);
+        }
+    }
+    sum
+}
+
+/// P. Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989: the texels under an ellipse, weighted by a
+/// Gaussian that falls to `exp(-2)` at its border. Axes are at least one texel.
+fn ewa<T: TileTexels>(tile: &T, uv: Vec2, footprint: [Vec2; 2]) -> Vec4 {
+    let extent = tile.extent();
+    let axes = FootprintAxes::new(footprint, extent);
+    // What lies farther away than the tile is long would only repeat its border.
+    let longest = extent[0].max(extent[1]) as f32;
+    let (major, minor) = (axes.major.clamp(1.0, longest), axes.minor.clamp(1.0, longest));
+    let center = texel_position(tile, uv);
+    let widths = Vec2::new(major, minor);
+    let reach = Vec2::new((axes.direction * widths).length(), (axes.direction.perp() * widths).length());
+    let (low, high) = ((center - reach).floor().as_ivec2(), (center + reach).ceil().as_ivec2());
+    let (mut sum, mut total) = (Vec4::ZERO, 0.0);
+    for y in low.y..=high.y {
+        for x in low.x..=high.x {
+            let d = Vec2::new(x as f32, y as f32) - center;
+            let r2 = (d.dot(axes.direction) / major).powi(2) + (d.perp_dot(axes.direction) / minor).powi(2);
+            if r2 < 1.0 {
+                let weight = (-2.0 * r2).exp() - (-2f32).exp();
+                sum += clamped(tile, x, y) * weight;
+                total += weight;
+            }
+        }
+    }
+    if total > 0.0 { sum / total } else { nearest(tile, uv) }
+}

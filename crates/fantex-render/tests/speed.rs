@@ -1,0 +1,61 @@
+//! How fast a picture of a million triangles is. Run with `--release -- --ignored --nocapture`.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::tiles::fan_cover;
+use common::{frontal, sheet, triangle_color};
+use fantex_mesh::{Material, Mesh};
+use fantex_render::{
+    Background, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, RenderOptions, Surface, render,
+};
+use fantex_store::{
+    Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, TexelFormat, group_pages,
+};
+use fantex_texture::Filter;
+
+fn measure(name: &str, mesh: &Mesh, surface: &dyn Surface, samples: u32) {
+    let options = RenderOptions { samples, background: Background::Transparent, ..RenderOptions::default() };
+    let seen = render(mesh, surface, &frontal(1.0, 50.0), &Lights::default(), &options).unwrap();
+    let seconds = seen.stats.elapsed.as_secs_f64();
+    eprintln!("{name}, {samples} samples: {seconds:.3} s, {:?}", seen.stats);
+    assert!(seconds < 10.0);
+}
+
+#[test]
+#[ignore = "measures; run it alone and with optimisation"]
+fn a_million_triangles() {
+    let mesh = sheet(707, 0.001, 1);
+    let surface = FlatSurface::new(&mesh, FlatShading::Faceted, triangle_color);
+    for samples in [1, 4, 8] {
+        measure("a million triangles", &mesh, &surface, samples);
+    }
+}
+
+#[test]
+#[ignore = "measures; run it alone and with optimisation"]
+fn an_asset() {
+    let mesh = Mesh { materials: vec![Material::default()], ..sheet(40, 0.01, 1) };
+    let cover = fan_cover(&mesh, [64, 64]);
+    let channel = |kind| Channel { kind, format: TexelFormat::Rgba8, srgb: false };
+    let channels = [channel(ChannelKind::BaseColor), channel(ChannelKind::OcclusionRoughnessMetallic)];
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sheet.fan");
+    let mut writer = AssetWriter::create(&path, &CreateOptions::default(), &mesh, &cover, &channels).unwrap();
+    for (g, group) in cover.groups.iter().enumerate() {
+        let bytes = |level| group.level_extent(level).iter().product::<u32>() as usize * 4;
+        let pages = group_pages(g as u32, group);
+        let pages = pages.map(|id| EncodedPage { id, channels: vec![vec![100; bytes(id.level)]; 2] });
+        writer.write_pages(pages.collect()).unwrap();
+    }
+    writer.finish(&vec![[0.4; 4]; 2 * cover.groups.len()]).unwrap();
+    let cache = PageCache::new(Arc::new(Asset::open(&path).unwrap()), 512 << 20);
+    for filter in [Filter::Bilinear, Filter::Trilinear, Filter::Anisotropic] {
+        let surface = FanSurface::of_asset(&cache, FilterOptions { filter, ..FilterOptions::default() });
+        measure(&format!("{filter:?}, cold"), &mesh, &surface, 4);
+        measure(&format!("{filter:?}, warm"), &mesh, &surface, 4);
+    }
+}
