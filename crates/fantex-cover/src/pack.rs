@@ -1,0 +1,134 @@
+//! Packing all tiles into one sheet: the virtual texture as a picture.
+//!
+//! Shelves: the tiles, sorted by height, fill one row after the other from the left; a row is as high as its first tile.
+//! With many tiles of similar heights little is lost. Several widths are tried and the fullest sheet is kept.
+//! (The algorithm is "next fit, decreasing height" of E. Coffman, M. Garey, D. Johnson and R. Tarjan, "Performance Bounds
+//! for Level-Oriented Two-Dimensional Packing Algorithms", 1980.)
+
+/// Widths that are tried, from the side of the square that the tiles would fill upwards.
+const TRIALS: u32 = 24;
+/// How much wider each trial is than the one before.
+const WIDER: f64 = 1.015;
+
+/// Where tiles lie on a sheet.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Packing {
+    /// Sheet width in texels, a multiple of 4.
+    pub width: u32,
+    /// Sheet height in texels, a multiple of 4.
+    pub height: u32,
+    /// Left and upper edge of every tile in texels, multiples of 4, in the order in which the tiles were given.
+    pub positions: Vec<[u32; 2]>,
+}
+
+impl Packing {
+    /// Share of the sheet that the given tiles cover, 0..=1.
+    pub fn fill(&self, extents: &[[u32; 2]]) -> f64 {
+        let sheet = f64::from(self.width) * f64::from(self.height);
+        if sheet > 0.0 { texels(extents) as f64 / sheet } else { 0.0 }
+    }
+}
+
+/// Packs rectangles (width, height in texels, multiples of 4) without overlaps into a sheet that is about square. The same
+/// extents give the same packing.
+pub fn pack(extents: &[[u32; 2]]) -> Packing {
+    let mut order: Vec<usize> = (0..extents.len()).collect();
+    order.sort_by_key(|&i| {
+        let [width, height] = extents[i];
+        (std::cmp::Reverse(height), std::cmp::Reverse(width), i)
+    });
+    let widest = extents.iter().map(|e| e[0]).max().unwrap_or(0);
+    let side = (texels(extents) as f64).sqrt();
+    let width_of = |trial: u32| {
+        let width = (side * WIDER.powi(trial as i32)).ceil() as u64;
+        (width.next_multiple_of(4) as u32).max(widest)
+    };
+    let area = |width: u32| u64::from(width) * shelves(extents, &order, width, |_, _| ());
+    let Some(width) = (0..TRIALS).map(width_of).min_by_key(|&width| (area(width), width)) else {
+        return Packing::default();
+    };
+    let mut positions = vec![[0; 2]; extents.len()];
+    let height = shelves(extents, &order, width, |i, position| positions[i] = position);
+    Packing { width, height: height as u32, positions }
+}
+
+/// Lays the tiles onto shelves of a width and returns the height of all shelves.
+fn shelves(extents: &[[u32; 2]], order: &[usize], width: u32, mut place: impl FnMut(usize, [u32; 2])) -> u64 {
+    let (mut left, mut top, mut bottom) = (0, 0_u64, 0_u64);
+    for &i in order {
+        let [tile_width, tile_height] = extents[i];
+        if left + tile_width > width {
+            (left, top) = (0, bottom);
+        }
+        if left == 0 {
+            bottom = top + u64::from(tile_height);
+        }
+        place(i, [left, top as u32]);
+        left += tile_width;
+    }
+    bottom
+}
+
+fn texels(extents: &[[u32; 2]]) -> u64 {
+    extents.iter().map(|&[width, height]| u64::from(width) * u64::from(height)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// The first two tiles that share a texel, found by marking blocks.
+    fn overlap(packing: &Packing, extents: &[[u32; 2]]) -> Option<(usize, usize)> {
+        let columns = packing.width as usize / 4;
+        let mut owner = vec![usize::MAX; columns * (packing.height as usize / 4)];
+        for (i, (&[x, y], &[width, height])) in packing.positions.iter().zip(extents).enumerate() {
+            for row in y / 4..(y + height) / 4 {
+                for column in x / 4..(x + width) / 4 {
+                    let block = &mut owner[row as usize * columns + column as usize];
+                    if *block != usize::MAX {
+                        return Some((*block, i));
+                    }
+                    *block = i;
+                }
+            }
+        }
+        None
+    }
+
+    fn extents(count: std::ops::Range<usize>, blocks: u32) -> impl Strategy<Value = Vec<[u32; 2]>> {
+        prop::collection::vec((1..blocks, 1..blocks).prop_map(|(w, h)| [4 * w, 4 * h]), count)
+    }
+
+    proptest! {
+        #[test]
+        fn tiles_lie_inside_apart_and_on_blocks(extents in extents(0..200, 40)) {
+            let packing = pack(&extents);
+            prop_assert_eq!(packing.positions.len(), extents.len());
+            prop_assert!(packing.width.is_multiple_of(4) && packing.height.is_multiple_of(4));
+            for (&[x, y], &[width, height]) in packing.positions.iter().zip(&extents) {
+                prop_assert!(x.is_multiple_of(4) && y.is_multiple_of(4));
+                prop_assert!(x + width <= packing.width && y + height <= packing.height);
+            }
+            prop_assert_eq!(overlap(&packing, &extents), None);
+        }
+
+        #[test]
+        fn many_tiles_waste_little(extents in extents(2000..2001, 32)) {
+            let packing = pack(&extents);
+            prop_assert!(packing.fill(&extents) > 0.93, "{}", packing.fill(&extents));
+            prop_assert_eq!(&packing, &pack(&extents));
+        }
+    }
+
+    #[test]
+    fn nothing_and_one_tile_fill_their_sheet() {
+        assert_eq!(pack(&[]), Packing::default());
+        assert_eq!(pack(&[]).fill(&[]), 0.0);
+        let one = [[512, 4]];
+        let packing = pack(&one);
+        assert_eq!((packing.width, packing.height), (512, 4));
+        assert_eq!(packing.fill(&one), 1.0);
+    }
+}

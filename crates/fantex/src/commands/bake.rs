@@ -1,0 +1,240 @@
+//! `fantex bake`: a model and a source of colour in, one seamless asset out.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::Args;
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit};
+use fantex::cover::{TexelBudget, build_cover};
+use fantex::store::Quality;
+use serde::Serialize;
+
+use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
+use crate::context::Context;
+use crate::error::CliError;
+use crate::input::CleanModel;
+use crate::memory;
+use crate::size::{grouped, megabytes};
+use crate::sources::{OpenSource, SourceArg};
+
+/// Bake a model and a source of colour into one seamless asset.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex bake bottle.gltf -o bottle.fan
+  fantex bake statue.ply -o statue.fan --source solid=marble --texels 64M
+  fantex bake globe.obj -o globe.fan --source image=earth.jpg,mapping=sphere --density 200
+
+Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
+density unless --texels or --density says otherwise; other sources get 4M texels.")]
+pub(crate) struct BakeArgs {
+    /// A model (.glb .gltf .obj .ply .stl)
+    model: PathBuf,
+    /// The asset to write
+    #[arg(short, long, value_name = "ASSET")]
+    output: PathBuf,
+    /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, or solid=wood|marble|rock|landscape
+    #[arg(long)]
+    source: Option<SourceArg>,
+    #[command(flatten)]
+    cover: CoverArgs,
+    /// Give every triangle the density of the texture that it has
+    #[arg(long = "match", conflicts_with_all = ["texels", "density"])]
+    match_source: bool,
+    #[command(flatten)]
+    encoding: EncodingArgs,
+}
+
+/// How texels are found and stored.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct EncodingArgs {
+    /// Storage of the texels
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) format: FormatArg,
+    /// How texels are found from the source
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) fit: FitArg,
+    /// Effort of the BC7 encoder
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) quality: QualityArg,
+}
+
+impl EncodingArgs {
+    /// The baker's options.
+    pub(crate) fn options(&self, context: &Context) -> BakeOptions {
+        BakeOptions {
+            fit: self.fit.into(),
+            format: self.format.into(),
+            quality: self.quality.into(),
+            force: context.force,
+            memory_bytes: context.memory_bytes,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum FormatArg {
+    /// One byte per texel; normals BC5
+    #[default]
+    Bc7,
+    /// Half a byte per texel; normals BC5
+    Bc1,
+    /// Four bytes per texel, uncompressed
+    Rgba8,
+    /// Sixteen bytes per texel, nothing rounded
+    Float,
+}
+
+impl From<FormatArg> for BakeFormat {
+    fn from(format: FormatArg) -> Self {
+        match format {
+            FormatArg::Bc7 => Self::Bc7,
+            FormatArg::Bc1 => Self::Bc1,
+            FormatArg::Rgba8 => Self::Rgba8,
+            FormatArg::Float => Self::Float,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum FitArg {
+    /// Fitted to the bilinear look-up, overshoot bounded
+    #[default]
+    Sharp,
+    /// The value at the texel's centre
+    Point,
+    /// The mean over the texel
+    Box,
+}
+
+impl From<FitArg> for Fit {
+    fn from(fit: FitArg) -> Self {
+        match fit {
+            FitArg::Sharp => Self::Sharp,
+            FitArg::Point => Self::Point,
+            FitArg::Box => Self::Box,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum QualityArg {
+    /// About 60 million texels per second and core
+    #[default]
+    UltraFast,
+    /// A tenth of that, 2 dB better
+    VeryFast,
+    /// Slower, slightly better
+    Fast,
+    /// About 1 million texels per second and core
+    Basic,
+}
+
+impl From<QualityArg> for Quality {
+    fn from(quality: QualityArg) -> Self {
+        match quality {
+            QualityArg::UltraFast => Self::UltraFast,
+            QualityArg::VeryFast => Self::VeryFast,
+            QualityArg::Fast => Self::Fast,
+            QualityArg::Basic => Self::Basic,
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct Seconds {
+    load: f64,
+    cover: f64,
+    bake: f64,
+    encode: f64,
+    write: f64,
+    total: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct BakeInfo {
+    output: PathBuf,
+    source: String,
+    triangles: u64,
+    groups: u64,
+    texels: u64,
+    bytes: u64,
+    channels: Vec<String>,
+    /// `bake` and `encode` are seconds of all threads together, the others wall clock.
+    seconds: Seconds,
+    peak_memory_bytes: Option<u64>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    let model = CleanModel::open(&args.model)?;
+    context.check_output(&args.output)?;
+    model.show_notes(&args.model, context);
+    let mesh = &model.mesh;
+    let source_arg = match &args.source {
+        Some(source) => source.clone(),
+        None => SourceArg::default_of(mesh, &args.model)?,
+    };
+    let source = OpenSource::open(&source_arg, mesh, &args.model, context.seed)?;
+    let budget = budget(args, &source_arg, &source, &model)?;
+    let cover_started = Instant::now();
+    let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
+    let cover_seconds = cover_started.elapsed().as_secs_f64();
+
+    let options = args.encoding.options(context);
+    let summary = {
+        let _deferral = context.defer_interrupt();
+        let progress = context.progress("baking");
+        baking::bake(mesh, &cover, source.as_source(), &args.output, &options, &progress)?
+    };
+    let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } = summary;
+    let info = BakeInfo {
+        output: args.output.clone(),
+        source: source_arg.to_string(),
+        triangles: mesh.triangles.len() as u64,
+        groups: stats.groups,
+        texels,
+        bytes,
+        channels,
+        seconds: Seconds {
+            load: model.load_seconds + model.clean_seconds,
+            cover: cover_seconds,
+            bake: bake_seconds,
+            encode: encode_seconds,
+            write: write_seconds,
+            total: started.elapsed().as_secs_f64(),
+        },
+        peak_memory_bytes: memory::peak_bytes(),
+    };
+    context.print(&info, text)
+}
+
+/// How many texels: what was asked for, else the source's own density, else a fixed number.
+fn budget(
+    args: &BakeArgs,
+    source_arg: &SourceArg,
+    source: &OpenSource,
+    model: &CleanModel,
+) -> Result<TexelBudget, CliError> {
+    if let Some(budget) = args.cover.budget(&model.mesh) {
+        return Ok(budget);
+    }
+    match source.own_density() {
+        Some(density) => Ok(TexelBudget::PerTriangle(density)),
+        None if args.match_source => Err(CliError::NothingToMatch { source_name: source_arg.to_string() }),
+        None => Ok(DEFAULT_BUDGET),
+    }
+}
+
+fn text(info: &BakeInfo) -> String {
+    format!(
+        "{}: {} texels in {} tiles, {}, {} in {:.1} s",
+        info.output.display(),
+        grouped(info.texels),
+        grouped(info.groups),
+        info.channels.join(", "),
+        megabytes(info.bytes),
+        info.seconds.total
+    )
+}

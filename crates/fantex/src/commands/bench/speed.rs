@@ -1,0 +1,231 @@
+//! How fast things are.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, sample_finest};
+use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{self, CleanOptions, Mesh};
+use fantex::render::{FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
+use fantex::store::{Asset, PageCache, Quality, TexelFormat, TexelSlice, encode_many};
+use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use tempfile::TempDir;
+
+use super::{ModelArgs, Row};
+use crate::context::Context;
+use crate::error::CliError;
+use crate::input::CleanModel;
+use crate::scene::{photograph, portrait};
+use crate::sources::{OpenSource, SourceArg};
+
+/// Repetitions of quick measurements; the fastest counts.
+const REPETITIONS: usize = 3;
+
+/// Covering: all steps from fans to tile extents.
+pub(super) fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let mesh = open(args, context)?;
+    let mut rows = Vec::new();
+    for (name, tile) in [("cover, grouped", CoverOptions::default().tile), ("cover, one fan per tile", 0)] {
+        let options = cover_options(args, tile);
+        let seconds = fastest(|| build_cover(&mesh, &options).map(|_| ()))?;
+        rows.push(Row::new(name, mesh.triangles.len() as f64 / seconds / 1e6, "M triangles/s"));
+    }
+    Ok(rows)
+}
+
+/// Baking from the model's textures, or from marble.
+pub(super) fn bake(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let bench = Bench::open(args, context)?;
+    let mut rows = Vec::new();
+    for (name, format) in [("bake, rgba8", BakeFormat::Rgba8), ("bake, bc7", BakeFormat::Bc7)] {
+        let baked = bench.bake(format, context)?;
+        let texels = baked.texels as f64 * baked.channels as f64;
+        rows.push(Row::new(name, texels / baked.seconds / 1e6, "M texels/s"));
+        rows.push(Row::new(format!("{name}, size"), baked.bytes as f64 / texels, "bytes/texel"));
+    }
+    Ok(rows)
+}
+
+/// Bilinear look-ups at random points, beside bilinear look-ups in one image of as many texels.
+pub(super) fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    const SAMPLES: u64 = 4_000_000;
+    let bench = Bench::open(args, context)?;
+    let baked = bench.bake(BakeFormat::Rgba8, context)?;
+    let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), context.memory_bytes as usize);
+    let triangles = bench.mesh.triangles.len() as u64;
+    let points = |i: u64| {
+        let [r, s] = [2 * i, 2 * i + 1].map(|n| unit(context.seed, n));
+        let lambda =
+            if r + s < 1.0 { Vec3::new(r, s, 1.0 - r - s) } else { Vec3::new(1.0 - r, 1.0 - s, r + s - 1.0) };
+        ((i * triangles / SAMPLES) as usize, lambda)
+    };
+    let fans = || {
+        (0..SAMPLES as usize)
+            .into_par_iter()
+            .with_min_len(1 << 14)
+            .map(|i| {
+                let (triangle, lambda) = points(i as u64);
+                sample_finest(&cache, 0, triangle, lambda).0.x
+            })
+            .sum::<f32>()
+    };
+    std::hint::black_box(fans());
+    let fan_seconds = fastest_of(|| std::hint::black_box(fans()));
+
+    let side = (baked.texels as f64).sqrt() as u32;
+    let texels = vec![[0.25_f32, 0.5, 0.75, 1.0]; side as usize * side as usize];
+    let texture = ImageTexture::new(Arc::new(Image::from_linear_rgba(side, side, &texels)));
+    let options = SampleOptions { filter: Filter::Bilinear, ..SampleOptions::default() };
+    let plain = || {
+        (0..SAMPLES as usize)
+            .into_par_iter()
+            .with_min_len(1 << 14)
+            .map(|i| {
+                let uv = Vec2::new(unit(context.seed, 2 * i as u64), i as f32 / SAMPLES as f32);
+                texture.sample(uv, [Vec2::ZERO; 2], &options)[0]
+            })
+            .sum::<f32>()
+    };
+    let plain_seconds = fastest_of(|| std::hint::black_box(plain()));
+    let rate = |seconds: f64| SAMPLES as f64 / seconds / 1e6;
+    Ok(vec![Row::new("sample, bilinear", rate(fan_seconds), "M samples/s").beside(rate(plain_seconds))])
+}
+
+/// Rendering an asset, beside rendering the model with its own textures.
+pub(super) fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let bench = Bench::open(args, context)?;
+    let baked = bench.bake(BakeFormat::Bc7, context)?;
+    let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), context.memory_bytes as usize);
+    let options = RenderOptions { samples: 4, ..RenderOptions::default() };
+    let camera = portrait(&bench.mesh, &options);
+    let mut rows = Vec::new();
+    for (name, filter) in [("trilinear", Filter::Trilinear), ("anisotropic", Filter::Anisotropic)] {
+        let filter = FilterOptions { filter, ..FilterOptions::default() };
+        let seconds = |surface: &dyn Surface| {
+            fastest(|| photograph(&bench.mesh, surface, &camera, &options).map(|_| ()))
+        };
+        let fans = seconds(&FanSurface::of_asset(&cache, filter))?;
+        let model = seconds(&MeshSurface::load(&bench.mesh, filter)?)?;
+        rows.push(Row::new(format!("render 1280x720, {name}"), 1e3 * fans, "ms").beside(1e3 * model));
+    }
+    Ok(rows)
+}
+
+/// Block encoders on a noisy gradient, all threads.
+pub(super) fn encode(_context: &Context) -> Result<Vec<Row>, CliError> {
+    const SIDE: u32 = 256;
+    const TILES: u64 = 64;
+    let tile: Vec<[u8; 4]> = (0..SIDE * SIDE)
+        .map(|i| {
+            let [x, y] = [i % SIDE, i / SIDE];
+            let noise = (unit(1, u64::from(i)) * 24.0) as u32;
+            [(x / 2 + noise) as u8, (y / 2 + noise) as u8, ((x + y) / 4 + noise) as u8, 255]
+        })
+        .collect();
+    let formats = [
+        ("encode bc1", TexelFormat::Bc1, Quality::UltraFast),
+        ("encode bc4", TexelFormat::Bc4, Quality::UltraFast),
+        ("encode bc5", TexelFormat::Bc5, Quality::UltraFast),
+        ("encode bc7, ultra-fast", TexelFormat::Bc7, Quality::UltraFast),
+        ("encode bc7, very-fast", TexelFormat::Bc7, Quality::VeryFast),
+        ("encode bc7, basic", TexelFormat::Bc7, Quality::Basic),
+    ];
+    let tiles: Vec<_> = (0..TILES).map(|_| ([SIDE; 2], TexelSlice::U8(&tile))).collect();
+    let texels = TILES as f64 * f64::from(SIDE * SIDE);
+    formats
+        .into_iter()
+        .map(|(name, format, quality)| {
+            let seconds = fastest(|| encode_many(format, quality, &tiles).map(|_| ()))?;
+            Ok(Row::new(name, texels / seconds / 1e6, "M texels/s"))
+        })
+        .collect()
+}
+
+/// A model with its cover, and a folder for assets.
+struct Bench {
+    mesh: Mesh,
+    cover: Cover,
+    source: SourceArg,
+    folder: TempDir,
+}
+
+struct Baked {
+    path: PathBuf,
+    texels: u64,
+    channels: usize,
+    bytes: u64,
+    seconds: f64,
+}
+
+impl Bench {
+    fn open(args: &ModelArgs, context: &Context) -> Result<Self, CliError> {
+        let mesh = open(args, context)?;
+        let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
+        let source =
+            SourceArg::default_of(&mesh, Path::new("")).unwrap_or(SourceArg::Solid("marble".to_owned()));
+        let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
+        Ok(Self { mesh, cover, source, folder })
+    }
+
+    fn bake(&self, format: BakeFormat, context: &Context) -> Result<Baked, CliError> {
+        let path = self.folder.path().join(format!("{format:?}.fan"));
+        let source = OpenSource::open(&self.source, &self.mesh, Path::new(""), context.seed)?;
+        let options = BakeOptions { format, memory_bytes: context.memory_bytes, ..BakeOptions::default() };
+        let _deferral = context.defer_interrupt();
+        let started = Instant::now();
+        let progress = context.progress("baking");
+        let summary = baking::bake(&self.mesh, &self.cover, source.as_source(), &path, &options, &progress)?;
+        Ok(Baked {
+            path,
+            texels: summary.texels,
+            channels: summary.channels.len(),
+            bytes: summary.bytes,
+            seconds: started.elapsed().as_secs_f64(),
+        })
+    }
+}
+
+fn open(args: &ModelArgs, context: &Context) -> Result<Mesh, CliError> {
+    if let Some(path) = &args.model {
+        return Ok(CleanModel::open(path)?.mesh);
+    }
+    let options =
+        LandscapeOptions { triangles: args.triangles.0, seed: context.seed, ..LandscapeOptions::default() };
+    Ok(mesh::clean(landscape(&options).into(), &CleanOptions::default())?.0)
+}
+
+fn cover_options(args: &ModelArgs, tile: u32) -> CoverOptions {
+    CoverOptions { budget: TexelBudget::Total(args.texels.0), tile, ..CoverOptions::default() }
+}
+
+/// Seconds of the fastest repetition.
+fn fastest<E: Into<CliError>>(mut work: impl FnMut() -> Result<(), E>) -> Result<f64, CliError> {
+    let mut best = f64::INFINITY;
+    for _ in 0..REPETITIONS {
+        let started = Instant::now();
+        work().map_err(Into::into)?;
+        best = best.min(started.elapsed().as_secs_f64());
+    }
+    Ok(best)
+}
+
+fn fastest_of<T>(mut work: impl FnMut() -> T) -> f64 {
+    let times = (0..REPETITIONS).map(|_| {
+        let started = Instant::now();
+        work();
+        started.elapsed().as_secs_f64()
+    });
+    times.fold(f64::INFINITY, f64::min)
+}
+
+/// A number in [0, 1) that depends on seed and index: the output mix of SplitMix64 (S. Vigna, 2015).
+fn unit(seed: u64, index: u64) -> f32 {
+    let mut z = seed.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ z >> 31) >> 40) as f32 / (1 << 24) as f32
+}

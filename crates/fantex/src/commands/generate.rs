@@ -1,0 +1,112 @@
+//! `fantex generate`: procedural models.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use clap::{Args, Subcommand};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{WriteGeometry, write_model};
+use glam::Vec3;
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::error::CliError;
+use crate::size::{Count, grouped};
+
+/// Generate a procedural model.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex generate landscape -o cave.ply --triangles 500k --seed 7")]
+pub(crate) struct GenerateArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    Landscape(LandscapeArgs),
+}
+
+/// A closed landscape with mountains, cliffs, overhangs, tunnels and arches; y is up, units are metres.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex generate landscape -o cave.ply --triangles 500k --seed 7")]
+struct LandscapeArgs {
+    /// The model to write: .ply, .obj or .glb
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Triangles aimed at; the result lies within a tenth of it
+    #[arg(long, value_name = "N", default_value = "500k")]
+    triangles: Count,
+    /// Side of the square in metres
+    #[arg(long, value_name = "METRES", default_value_t = 640.0)]
+    size: f32,
+    /// Tunnels wanted
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    tunnels: u32,
+    /// Natural arches wanted
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    arches: u32,
+}
+
+#[derive(Debug, Serialize)]
+struct LandscapeInfo {
+    output: PathBuf,
+    triangles: u64,
+    vertices: u64,
+    genus: u64,
+    components: u64,
+    tunnels: u32,
+    arches: u32,
+    seed: u64,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<(), CliError> {
+    match &args.what {
+        What::Landscape(args) => run_landscape(args, context),
+    }
+}
+
+fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    context.check_output(&args.output)?;
+    let made = landscape(&LandscapeOptions {
+        triangles: args.triangles.0,
+        seed: context.seed,
+        size: args.size,
+        tunnels: args.tunnels,
+        arches: args.arches,
+    });
+    let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
+    {
+        let _deferral = context.defer_interrupt();
+        let geometry = WriteGeometry { positions: &positions, triangles: &made.triangles, colors: None };
+        write_model(&args.output, &geometry, context.force)?;
+    }
+    let info = LandscapeInfo {
+        output: args.output.clone(),
+        triangles: made.triangles.len() as u64,
+        vertices: made.positions.len() as u64,
+        genus: made.genus,
+        components: made.components,
+        tunnels: made.tunnels,
+        arches: made.arches,
+        seed: context.seed,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| {
+        format!(
+            "{}: {} triangles, genus {} ({} tunnels, {} arches), {:.1} s",
+            info.output.display(),
+            grouped(info.triangles),
+            info.genus,
+            info.tunnels,
+            info.arches,
+            info.seconds
+        )
+    })
+}

@@ -1,0 +1,28 @@
+//! The commands, one file each.
+
+pub(crate) mod bake;
+pub(crate) mod bench;
+pub(crate) mod compare;
+pub(crate) mod demo;
+pub(crate) mod generate;
+pub(crate) mod info;
+pub(crate) mod render;
+pub(crate) mod verify;
+
+use crate::cli::Command;
+use crate::context::Context;
+use crate::error::CliError;
+
+/// Runs a command.
+pub(crate) fn run(command: &Command, context: &Context) -> Result<(), CliError> {
+    match command {
+        Command::Info(args) => info::run(args, context),
+        Command::Bake(args) => bake::run(args, context),
+        Command::Verify(args) => verify::run(args, context),
+        Command::Render(args) => render::run(args, context),
+        Command::Compare(args) => compare::run(args, context),
+        Command::Generate(args) => generate::run(args, context),
+        Command::Bench(args) => bench::run(args, context),
+        Command::Demo(args) => demo::run(args, context),
+    }
+}

@@ -1,0 +1,109 @@
+//! Why a command ended without its result. Each message is one sentence.
+
+use std::io;
+use std::path::PathBuf;
+
+use fantex::{bake, cover, mesh, render, store, texture};
+
+use crate::interrupt;
+
+/// A command's failure.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum CliError {
+    #[error(transparent)]
+    Load(#[from] mesh::LoadError),
+    #[error(transparent)]
+    Clean(#[from] mesh::CleanError),
+    #[error(transparent)]
+    WriteModel(#[from] mesh::WriteError),
+    #[error(transparent)]
+    Cover(#[from] cover::CoverError),
+    #[error(transparent)]
+    Bake(bake::BakeError),
+    #[error(transparent)]
+    Open(#[from] store::OpenError),
+    #[error(transparent)]
+    Encode(#[from] store::EncodeError),
+    #[error(transparent)]
+    Render(#[from] render::RenderError),
+    #[error(transparent)]
+    LoadImage(#[from] texture::LoadImageError),
+    #[error(transparent)]
+    SaveImage(#[from] texture::SaveImageError),
+    #[error(transparent)]
+    Compare(#[from] texture::compare::CompareError),
+    #[error(transparent)]
+    UnknownSolid(#[from] texture::UnknownSolid),
+    #[error(transparent)]
+    NoVertexColors(#[from] bake::NoVertexColors),
+    #[error("cannot start the threads that were asked for: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+    #[error("cannot listen to Ctrl-C: {0}")]
+    Signals(#[from] ctrlc::Error),
+    #[error("cannot write the result as JSON: {0}")]
+    Json(#[from] serde_json::Error),
+    #[error("cannot write to standard output: {0}")]
+    Print(io::Error),
+    /// Whoever read standard output has seen enough.
+    #[error("standard output was closed")]
+    OutputClosed,
+    #[error("cannot make a temporary folder: {0}")]
+    TemporaryFolder(io::Error),
+    #[error("cannot read {}: {source}", path.display())]
+    Read { path: PathBuf, source: io::Error },
+    #[error("{} exists already; use --force to overwrite it", path.display())]
+    Exists { path: PathBuf },
+    #[error("cannot write {}: it is a folder", path.display())]
+    OutputIsFolder { path: PathBuf },
+    #[error("cannot write {}: there is no folder {}", path.display(), folder.display())]
+    NoFolder { path: PathBuf, folder: PathBuf },
+    #[error("cannot make the folder {}: {source}", folder.display())]
+    MakeFolder { folder: PathBuf, source: io::Error },
+    #[error("cannot find {} in this folder or beside the program; run the demo in the project's folder", path.display())]
+    DemoModel { path: PathBuf },
+    #[error(
+        "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
+        path.display()
+    )]
+    AssetInsteadOfModel { path: PathBuf },
+    #[error("{} is not an asset; give a .fan file, for example one that 'fantex bake' has written", path.display())]
+    ModelInsteadOfAsset { path: PathBuf },
+    #[error(
+        "{} has neither textures nor vertex colours to bake; give --source image=PATH,mapping=box or --source solid=wood",
+        path.display()
+    )]
+    NothingToBake { path: PathBuf },
+    #[error("{} has no textures; leave --source uv out, or give --source vertex, image=... or solid=...", path.display())]
+    NoTextures { path: PathBuf },
+    #[error("{option} has no meaning for an asset: {} has its cover already", path.display())]
+    NotForAssets { option: &'static str, path: PathBuf },
+    #[error("--match takes the density of textures, and {source_name} has none; give --texels or --density")]
+    NothingToMatch { source_name: String },
+    #[error("{} did not pass: {reason}", path.display())]
+    NotVerified { path: PathBuf, reason: String },
+    #[error("{}", interrupt::MESSAGE)]
+    Interrupted,
+}
+
+impl CliError {
+    /// 1 where the input or the system is at fault, 2 where the command line is.
+    pub(crate) fn exit_code(&self) -> u8 {
+        match self {
+            Self::Interrupted => interrupt::EXIT_INTERRUPTED,
+            Self::NothingToBake { .. }
+            | Self::NoTextures { .. }
+            | Self::NotForAssets { .. }
+            | Self::NothingToMatch { .. } => 2,
+            _ => 1,
+        }
+    }
+}
+
+impl From<bake::BakeError> for CliError {
+    fn from(error: bake::BakeError) -> Self {
+        match error {
+            bake::BakeError::Cancelled => Self::Interrupted,
+            error => Self::Bake(error),
+        }
+    }
+}

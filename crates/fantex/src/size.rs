@@ -1,0 +1,152 @@
+//! Numbers as people type them: `64k`, `5.59M`, `16G`.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// A number of things (texels, triangles): `64k` is 64 000, `4M` four million, `16G` sixteen thousand million.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Count(pub(crate) u64);
+
+/// A number of bytes: `512M` is 512 MiB, `4G` 4 GiB.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Bytes(pub(crate) u64);
+
+/// Why a text is not a size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum SizeError {
+    /// Not digits with at most one point and one known letter.
+    #[error("expected a number such as 500, 64k, 5.59M or 16G")]
+    Syntax,
+    /// Zero is never meant.
+    #[error("expected a number above zero")]
+    Zero,
+    /// Beyond 64 bits.
+    #[error("the number is too large")]
+    TooLarge,
+}
+
+impl FromStr for Count {
+    type Err = SizeError;
+
+    fn from_str(text: &str) -> Result<Self, SizeError> {
+        parse(text, 1000).map(Self)
+    }
+}
+
+impl FromStr for Bytes {
+    type Err = SizeError;
+
+    fn from_str(text: &str) -> Result<Self, SizeError> {
+        parse(text, 1024).map(Self)
+    }
+}
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_shortest(self.0, 1000, f)
+    }
+}
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_shortest(self.0, 1024, f)
+    }
+}
+
+const LETTERS: [char; 4] = ['k', 'M', 'G', 'T'];
+
+fn parse(text: &str, kilo: u64) -> Result<u64, SizeError> {
+    let last = text.chars().last().ok_or(SizeError::Syntax)?;
+    let power = LETTERS.iter().position(|l| l.eq_ignore_ascii_case(&last)).map_or(0, |p| p as u32 + 1);
+    let number = if power > 0 { &text[..text.len() - 1] } else { text };
+    let unit = u128::from(kilo.pow(power));
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
+    let is_digits = |s: &str| s.bytes().all(|b| b.is_ascii_digit());
+    if whole.is_empty() && fraction.is_empty() || !is_digits(whole) || !is_digits(fraction) {
+        return Err(SizeError::Syntax);
+    }
+    if whole.len() > 20 || fraction.len() > 15 {
+        return Err(SizeError::TooLarge);
+    }
+    let digits = |s: &str| s.bytes().fold(0_u128, |n, b| n * 10 + u128::from(b - b'0'));
+    let value = digits(whole) * unit + digits(fraction) * unit / 10_u128.pow(fraction.len() as u32);
+    match u64::try_from(value) {
+        Ok(0) => Err(SizeError::Zero),
+        Ok(value) => Ok(value),
+        Err(_) => Err(SizeError::TooLarge),
+    }
+}
+
+fn write_shortest(value: u64, kilo: u64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let mut power = 0;
+    let mut rest = value;
+    while rest > 0 && rest.is_multiple_of(kilo) && power < LETTERS.len() {
+        rest /= kilo;
+        power += 1;
+    }
+    match power.checked_sub(1) {
+        Some(letter) => write!(f, "{rest}{}", LETTERS[letter]),
+        None => write!(f, "{rest}"),
+    }
+}
+
+/// Digits in groups of three: `69 451`.
+pub(crate) fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() + digits.len() / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(' ');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Megabytes (of a million bytes) with as many digits as matter.
+pub(crate) fn megabytes(bytes: u64) -> String {
+    let megabytes = bytes as f64 / 1e6;
+    match megabytes {
+        m if m >= 100.0 => format!("{m:.0} MB"),
+        m if m >= 1.0 => format!("{m:.1} MB"),
+        _ => format!("{:.1} kB", bytes as f64 / 1e3),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_multiply() {
+        assert_eq!("64k".parse(), Ok(Count(64_000)));
+        assert_eq!("5.59M".parse(), Ok(Count(5_590_000)));
+        assert_eq!("16g".parse(), Ok(Count(16_000_000_000)));
+        assert_eq!("0.5k".parse(), Ok(Count(500)));
+        assert_eq!("512M".parse(), Ok(Bytes(512 << 20)));
+        assert_eq!("1.5G".parse(), Ok(Bytes(3 << 29)));
+        assert_eq!("7".parse(), Ok(Bytes(7)));
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for text in ["", "k", ".", "-5", "1e6", "4 M", "4MB", "1.2.3", "\u{664}", "5\u{b5}"] {
+            assert_eq!(text.parse::<Count>(), Err(SizeError::Syntax), "{text}");
+        }
+        assert_eq!("0".parse::<Count>(), Err(SizeError::Zero));
+        assert_eq!("0.0001".parse::<Bytes>(), Err(SizeError::Zero));
+        assert_eq!("99999999T".parse::<Count>(), Err(SizeError::TooLarge));
+        assert_eq!("123456789012345678901234567890".parse::<Count>(), Err(SizeError::TooLarge));
+    }
+
+    #[test]
+    fn sizes_print_as_they_are_typed() {
+        for text in ["64k", "4M", "5590k", "7"] {
+            assert_eq!(text.parse::<Count>().unwrap().to_string(), text);
+        }
+        assert_eq!(Bytes(1 << 30).to_string(), "1G");
+        assert_eq!(grouped(1_234_567), "1 234 567");
+        assert_eq!(grouped(12), "12");
+        assert_eq!(megabytes(12_345_678), "12.3 MB");
+    }
+}

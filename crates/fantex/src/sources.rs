@@ -1,0 +1,180 @@
+//! What to bake, as the command line says it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use fantex::bake::{MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace};
+use fantex::mesh::Mesh;
+use fantex::texture::{
+    Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
+};
+
+use crate::error::CliError;
+
+/// The value of `--source`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum SourceArg {
+    /// The model's own textures.
+    Uv,
+    /// The model's vertex colours.
+    Vertex,
+    /// An image through a mapping.
+    Image {
+        /// The image file.
+        path: PathBuf,
+        /// How it is laid over the model.
+        mapping: MappingKind,
+    },
+    /// A solid recipe, one of [`SOLID_NAMES`].
+    Solid(String),
+}
+
+/// Why a text is no source.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum SourceArgError {
+    #[error("expected uv, vertex, image=PATH,mapping=NAME or solid=NAME")]
+    Syntax,
+    #[error("an image needs a path and a mapping: image=PATH,mapping=planar|box|cylinder|sphere|triplanar")]
+    ImageSyntax,
+    #[error(transparent)]
+    Mapping(#[from] UnknownMapping),
+    #[error(transparent)]
+    Solid(#[from] UnknownSolid),
+}
+
+impl FromStr for SourceArg {
+    type Err = SourceArgError;
+
+    fn from_str(text: &str) -> Result<Self, SourceArgError> {
+        match text.split_once('=') {
+            None if text == "uv" => Ok(Self::Uv),
+            None if text == "vertex" => Ok(Self::Vertex),
+            Some(("solid", name)) if SOLID_NAMES.contains(&name) => Ok(Self::Solid(name.to_owned())),
+            Some(("solid", name)) => Err(UnknownSolid { name: name.to_owned() }.into()),
+            Some(("image", rest)) => {
+                // A path may hold commas, the mapping's name does not.
+                let (path, mapping) = rest.rsplit_once(",mapping=").ok_or(SourceArgError::ImageSyntax)?;
+                if path.is_empty() {
+                    return Err(SourceArgError::ImageSyntax);
+                }
+                Ok(Self::Image { path: path.into(), mapping: mapping.parse()? })
+            }
+            _ => Err(SourceArgError::Syntax),
+        }
+    }
+}
+
+impl fmt::Display for SourceArg {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Uv => f.write_str("uv"),
+            Self::Vertex => f.write_str("vertex"),
+            Self::Image { path, mapping } => write!(f, "image={},mapping={}", path.display(), mapping.name()),
+            Self::Solid(name) => write!(f, "solid={name}"),
+        }
+    }
+}
+
+impl SourceArg {
+    /// What a model offers by itself: its textures, else its vertex colours.
+    pub(crate) fn default_of(mesh: &Mesh, path: &Path) -> Result<Self, CliError> {
+        if has_textures(mesh) {
+            Ok(Self::Uv)
+        } else if !mesh.corners.colors.is_empty() {
+            Ok(Self::Vertex)
+        } else {
+            Err(CliError::NothingToBake { path: path.into() })
+        }
+    }
+}
+
+/// A source ready to be baked.
+pub(crate) enum OpenSource<'a> {
+    Uv(UvSource<'a>),
+    Vertex(VertexColorSource<'a>),
+    Image(MappedImageSource),
+    Solid(SolidSource),
+}
+
+impl<'a> OpenSource<'a> {
+    /// Reads what the source needs. `path` is the model's, for messages.
+    pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
+        match arg {
+            SourceArg::Uv if !has_textures(mesh) => Err(CliError::NoTextures { path: path.into() }),
+            SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
+            SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
+            SourceArg::Image { path, mapping } => {
+                let texture = ImageTexture::new(Arc::new(Image::load(path)?));
+                let mapping = mapping.fit(WorldSpace::bounds(mesh));
+                Ok(Self::Image(MappedImageSource::new(mesh, texture, mapping, [Wrap::Repeat; 2])))
+            }
+            SourceArg::Solid(name) => Ok(Self::Solid(solid_source(name, mesh, seed)?)),
+        }
+    }
+
+    /// As what can be baked.
+    pub(crate) fn as_source(&self) -> &dyn Source {
+        match self {
+            Self::Uv(source) => source,
+            Self::Vertex(source) => source,
+            Self::Image(source) => source,
+            Self::Solid(source) => source,
+        }
+    }
+
+    /// Texels per mesh unit of the source's own texels, per triangle, where it has texels.
+    pub(crate) fn own_density(&self) -> Option<Vec<f32>> {
+        match self {
+            Self::Uv(source) => Some(source.density()),
+            _ => None,
+        }
+    }
+}
+
+/// A solid recipe fitted to a mesh.
+pub(crate) fn solid_source(name: &str, mesh: &Mesh, seed: u64) -> Result<SolidSource, CliError> {
+    // Both halves of the seed count.
+    let seed = (seed ^ seed >> 32) as u32;
+    Ok(SolidSource::new(mesh, solid_by_name(name, WorldSpace::bounds(mesh), seed)?))
+}
+
+/// True where a material uses an image and the mesh has the coordinates for it.
+pub(crate) fn has_textures(mesh: &Mesh) -> bool {
+    mesh.materials.iter().any(|m| {
+        let textures = [
+            &m.base_color_texture,
+            &m.metallic_roughness_texture,
+            &m.normal_texture,
+            &m.occlusion_texture,
+            &m.emission_texture,
+        ];
+        textures
+            .into_iter()
+            .flatten()
+            .any(|t| mesh.corners.uv_sets.get(t.uv_set).is_some_and(|s| !s.is_empty()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_parse_and_print_alike() {
+        for text in ["uv", "vertex", "image=a,b=c.png,mapping=sphere", "solid=wood"] {
+            assert_eq!(text.parse::<SourceArg>().unwrap().to_string(), text);
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let message = |text: &str| text.parse::<SourceArg>().unwrap_err().to_string();
+        assert!(message("solid=cheese").contains("'cheese' is no solid"));
+        assert!(message("image=a.png,mapping=fold").contains("'fold' is no mapping"));
+        assert!(message("image=a.png").contains("mapping="));
+        assert!(message("image=,mapping=box").contains("needs a path"));
+        assert!(message("uvs").contains("expected uv"));
+    }
+}
