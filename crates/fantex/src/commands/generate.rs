@@ -80,6 +80,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
         size: args.size,
         tunnels: args.tunnels,
         arches: args.arches,
+        ..LandscapeOptions::default()
     });
     let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
     {
