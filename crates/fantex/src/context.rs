@@ -99,6 +99,7 @@ impl Context {
 
     /// Makes a folder for output, and those above it.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<(), CliError> {
-        std::fs::create_dir_all(folder).map_err(|source| CliError::MakeFolder { folder: folder.into(), source })
+        std::fs::create_dir_all(folder)
+            .map_err(|source| CliError::MakeFolder { folder: folder.into(), source })
     }
 }

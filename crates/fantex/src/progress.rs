@@ -16,9 +16,11 @@ pub(crate) struct Bar<'a> {
 impl<'a> Bar<'a> {
     /// A bar on standard error, or one that is not drawn. Without a terminal nothing is drawn in any case.
     pub(crate) fn new(label: &str, is_shown: bool, interrupt: &'a Interrupt) -> Self {
-        let target = if is_shown { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() };
+        let target =
+            if is_shown { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target).with_message(label.to_owned());
-        let template = "{msg} {wide_bar} {percent:>3} %  {human_pos} of {human_len} texels  {per_sec}  {eta} left";
+        let template =
+            "{msg} {wide_bar} {percent:>3} %  {human_pos} of {human_len} texels  {per_sec}  {eta} left";
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }

@@ -150,7 +150,10 @@ pub(crate) fn has_textures(mesh: &Mesh) -> bool {
             &m.occlusion_texture,
             &m.emission_texture,
         ];
-        textures.into_iter().flatten().any(|t| mesh.corners.uv_sets.get(t.uv_set).is_some_and(|s| !s.is_empty()))
+        textures
+            .into_iter()
+            .flatten()
+            .any(|t| mesh.corners.uv_sets.get(t.uv_set).is_some_and(|s| !s.is_empty()))
     })
 }
 

@@ -112,7 +112,12 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<(), CliError>
         views: args.views,
         per_view: views
             .into_iter()
-            .map(|(c, pictures)| ViewInfo { psnr_db: finite(c.psnr_db), ssim: c.ssim, flip: c.flip, pictures })
+            .map(|(c, pictures)| ViewInfo {
+                psnr_db: finite(c.psnr_db),
+                ssim: c.ssim,
+                flip: c.flip,
+                pictures,
+            })
             .collect(),
     };
     context.print(&info, text)

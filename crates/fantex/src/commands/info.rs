@@ -13,7 +13,7 @@ use crate::context::Context;
 use crate::error::CliError;
 use crate::input::{CleanModel, Input};
 use crate::pictures;
-use crate::size::{Count, grouped, megabytes};
+use crate::size::{Count, grouped, megabytes, positive};
 use crate::table::Table;
 
 /// Show what is in a model or an asset, and the cover that a model would get.
@@ -68,13 +68,6 @@ impl CoverArgs {
 
 /// Texels where nothing else says how many.
 pub(crate) const DEFAULT_BUDGET: TexelBudget = TexelBudget::Total(4_000_000);
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("expected a number above zero".to_owned()),
-    }
-}
 
 #[derive(Debug, Serialize)]
 struct Stretch {
@@ -194,7 +187,9 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         clean: model.clean_seconds,
         cover: started.elapsed().as_secs_f64(),
     };
-    let CoverStats { fans, groups, texels, density_share, lookups_per_sample, stretch, density_spread, .. } = stats;
+    let CoverStats {
+        fans, groups, texels, density_share, lookups_per_sample, stretch, density_spread, ..
+    } = stats;
     let shape = &model.report.topology;
     Ok(ModelInfo {
         kind: "model",
@@ -227,7 +222,8 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
 
 fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetInfo, CliError> {
     let (mesh, cover) = (asset.mesh(), asset.cover());
-    let unfolded = cover.groups.iter().filter(|g| g.kind == fantex::cover::GroupKind::Unfolded).count() as u64;
+    let unfolded =
+        cover.groups.iter().filter(|g| g.kind == fantex::cover::GroupKind::Unfolded).count() as u64;
     let groups = cover.groups.len() as u64;
     let channel = |c: &fantex::store::Channel| ChannelInfo {
         kind: format!("{:?}", c.kind),

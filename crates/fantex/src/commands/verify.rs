@@ -75,7 +75,9 @@ pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
     let jump = report.continuity.largest_jump;
     let reason = match report.damaged_tiles {
         0 if jump <= JUMP_BOUND => "its structure breaks a rule of the format".to_owned(),
-        0 => format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}"),
+        0 => {
+            format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
+        }
         1 => "1 of its tiles is damaged".to_owned(),
         tiles => format!("{tiles} of its tiles are damaged"),
     };

@@ -43,7 +43,8 @@ fn color(index: u32) -> Vec3 {
     let hue = index as f32 / COLORS as f32 * std::f32::consts::TAU;
     let lightness = [0.58, 0.82, 0.7][index as usize % 3];
     let chroma = 0.15;
-    linear_from_oklab(Vec3::new(lightness, chroma * hue.cos(), chroma * hue.sin())).clamp(Vec3::ZERO, Vec3::ONE)
+    linear_from_oklab(Vec3::new(lightness, chroma * hue.cos(), chroma * hue.sin()))
+        .clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 /// Linear sRGB of an Oklab colour (B. Ottosson, "A perceptual color space for image processing", 2020).

@@ -58,7 +58,8 @@ pub(super) fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, Cl
     let triangles = bench.mesh.triangles.len() as u64;
     let points = |i: u64| {
         let [r, s] = [2 * i, 2 * i + 1].map(|n| unit(context.seed, n));
-        let lambda = if r + s < 1.0 { Vec3::new(r, s, 1.0 - r - s) } else { Vec3::new(1.0 - r, 1.0 - s, r + s - 1.0) };
+        let lambda =
+            if r + s < 1.0 { Vec3::new(r, s, 1.0 - r - s) } else { Vec3::new(1.0 - r, 1.0 - s, r + s - 1.0) };
         ((i * triangles / SAMPLES) as usize, lambda)
     };
     let fans = || {
@@ -163,7 +164,8 @@ impl Bench {
     fn open(args: &ModelArgs, context: &Context) -> Result<Self, CliError> {
         let mesh = open(args, context)?;
         let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
-        let source = SourceArg::default_of(&mesh, Path::new("")).unwrap_or(SourceArg::Solid("marble".to_owned()));
+        let source =
+            SourceArg::default_of(&mesh, Path::new("")).unwrap_or(SourceArg::Solid("marble".to_owned()));
         let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
         Ok(Self { mesh, cover, source, folder })
     }
