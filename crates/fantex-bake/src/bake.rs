@@ -4,14 +4,14 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use fantex_cover::Cover;
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, shading_normals};
 use fantex_store::{AssetWriter, CreateError, CreateOptions, EncodeError};
 use rayon::prelude::*;
 
 use crate::progress::Meter;
 use crate::stored::ChannelPlan;
 use crate::tile::{BakedTile, TileBaker};
-use crate::{BakeOptions, BakeSummary, Progress, Source, shading_normals};
+use crate::{BakeOptions, BakeSummary, Progress, Source};
 
 /// Why no asset was baked.
 #[derive(Debug, thiserror::Error)]

@@ -54,17 +54,33 @@ impl TexelTriangle {
 
     /// True where the triangle's bounding box meets a block or the texels that continue the surface beside it.
     pub(crate) fn touches(&self, block: Block) -> bool {
-        let margin = Vec2::splat(EXTENSION_TEXELS as f32 + 1.0);
-        let [a, b, c] = self.corners;
+        let margin = Vec2::splat(EXTENSION_TEXELS + 1.0);
+        let [own_low, own_high] = self.bounds();
         let low = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
         let high = low + Vec2::new(block.extent[0] as f32, block.extent[1] as f32);
-        (a.min(b).min(c) - margin).cmple(high).all() && (a.max(b).max(c) + margin).cmpge(low).all()
+        (own_low - margin).cmple(high).all() && (own_high + margin).cmpge(low).all()
+    }
+
+    /// Lower and upper corner of the bounding box, texels.
+    fn bounds(&self) -> [Vec2; 2] {
+        let [a, b, c] = self.corners;
+        [a.min(b).min(c), a.max(b).max(c)]
+    }
+
+    /// The smallest height of the triangle: a barycentric coordinate falls from 1 to 0 along it.
+    fn height_texels(&self) -> f32 {
+        let steepest = (0..3).map(|k| self.slope(k)).fold(0.0, f32::max);
+        1.0 / steepest.max(1e-12)
+    }
+
+    /// Change of a barycentric coordinate per texel along its gradient.
+    fn slope(&self, k: usize) -> f32 {
+        Vec2::new(self.steps[0][k], self.steps[1][k]).length()
     }
 
     /// Roughly how many texels a point with these barycentric coordinates lies outside; not positive inside.
     fn distance_texels(&self, lambda: Vec3) -> f32 {
-        let slope = |k: usize| Vec2::new(self.steps[0][k], self.steps[1][k]).length().max(1e-12);
-        (0..3).map(|k| -lambda[k] / slope(k)).fold(f32::NEG_INFINITY, f32::max)
+        (0..3).map(|k| -lambda[k] / self.slope(k).max(1e-12)).fold(f32::NEG_INFINITY, f32::max)
     }
 }
 
@@ -79,11 +95,12 @@ pub(crate) struct Footprints {
     pub(crate) owner: Vec<u32>,
     /// True where the texture function reads the tile at the texel's centre with a positive weight.
     pub(crate) in_region: Vec<bool>,
-    pub(crate) border: Vec<(u32, u32)>,
+    /// Texels between the centre and the owner; not positive on the surface.
+    pub(crate) distance: Vec<f32>,
 }
 
 /// Texels this far off the surface still get a value: what a bilinear look-up at the surface's edge and the fit read.
-const EXTENSION_TEXELS: usize = 2;
+const EXTENSION_TEXELS: f32 = 2.0;
 
 impl Footprints {
     /// Finds the owners of a block's texels; `self.triangles` holds the group's triangles.
@@ -92,13 +109,14 @@ impl Footprints {
         self.owner.resize(block.texel_count(), NOBODY);
         self.in_region.clear();
         self.in_region.resize(block.texel_count(), false);
+        self.distance.clear();
+        self.distance.resize(block.texel_count(), f32::INFINITY);
         for i in 0..self.triangles.len() {
             self.scan(i as u32, block, delta);
         }
-        for _ in 0..EXTENSION_TEXELS {
-            if !self.extend(block) {
-                break;
-            }
+        for i in 0..self.triangles.len() {
+            self.extend(i as u32, block);
+            self.mark_outline(i as u32, block, delta);
         }
     }
 
@@ -106,8 +124,7 @@ impl Footprints {
         let triangle = self.triangles[index as usize];
         let [x0, y0] = block.origin.map(|o| o as f32);
         let [width, height] = block.extent;
-        let low = triangle.corners[0].min(triangle.corners[1]).min(triangle.corners[2]);
-        let high = triangle.corners[0].max(triangle.corners[1]).max(triangle.corners[2]);
+        let [low, high] = triangle.bounds();
         let first_row = (low.y - y0 - 0.5).ceil().max(0.0) as u32;
         let end_row = ((high.y - y0 - 0.5).floor() + 1.0).clamp(0.0, height as f32) as u32;
         for row in first_row..end_row {
@@ -131,56 +148,88 @@ impl Footprints {
             let offset = row as usize * width as usize;
             for column in from as usize..=to as usize {
                 self.owner[offset + column] = index;
+                self.distance[offset + column] = 0.0;
                 let lambda = start + triangle.steps[0] * column as f32;
                 self.in_region[offset + column] |= is_in_region(lambda, triangle.inside, delta);
             }
         }
     }
 
-    /// Gives texels beside an owned one the nearest of their neighbours' triangles; false if there was none to give.
-    fn extend(&mut self, block: Block) -> bool {
-        let [width, height] = block.extent.map(|n| n as usize);
-        let mut border = std::mem::take(&mut self.border);
-        border.clear();
-        for y in 0..height {
-            for x in 0..width {
-                if self.owner[y * width + x] == NOBODY
-                    && let Some(owner) = self.nearest_neighbour(x, y, block)
-                {
-                    border.push(((y * width + x) as u32, owner));
-                }
-            }
-        }
-        for &(texel, owner) in &border {
-            self.owner[texel as usize] = owner;
-        }
-        self.border = border;
-        !self.border.is_empty()
-    }
-
-    fn nearest_neighbour(&self, x: usize, y: usize, block: Block) -> Option<u32> {
-        let [width, height] = block.extent.map(|n| n as usize);
-        let at = Vec2::new(
-            (block.origin[0] as usize + x) as f32 + 0.5,
-            (block.origin[1] as usize + y) as f32 + 0.5,
-        );
-        let mut best: Option<(f32, u32)> = None;
-        for ny in y.saturating_sub(1)..=(y + 1).min(height - 1) {
-            for nx in x.saturating_sub(1)..=(x + 1).min(width - 1) {
-                let owner = self.owner[ny * width + nx];
-                if owner == NOBODY {
+    /// Claims the texels just off the surface that are nearest to this triangle.
+    fn extend(&mut self, index: u32, block: Block) {
+        let triangle = self.triangles[index as usize];
+        let [low, high] = triangle.bounds();
+        let origin = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
+        let end = Vec2::new(block.extent[0] as f32, block.extent[1] as f32);
+        let margin = EXTENSION_TEXELS + 0.5;
+        let from = (low - origin - margin).ceil().clamp(Vec2::ZERO, end).as_uvec2();
+        let to = ((high - origin + margin).floor()).clamp(Vec2::ZERO, end).as_uvec2();
+        for row in from.y..to.y {
+            for column in from.x..to.x {
+                let texel = row as usize * block.extent[0] as usize + column as usize;
+                if self.distance[texel] <= 0.0 {
                     continue;
                 }
-                let triangle = &self.triangles[owner as usize];
-                let distance = triangle.distance_texels(triangle.lambda(at));
-                if best.is_none_or(|b| (distance, owner) < b) {
-                    best = Some((distance, owner));
+                let lambda = triangle.lambda(origin + Vec2::new(column as f32 + 0.5, row as f32 + 0.5));
+                let distance = triangle.distance_texels(lambda);
+                if distance < self.distance[texel] && distance <= EXTENSION_TEXELS {
+                    self.distance[texel] = distance;
+                    self.owner[texel] = index;
                 }
             }
         }
-        best.map(|b| b.1)
+    }
+
+    /// Marks the texels along the outline of the region in a triangle: tips and slivers pass between texel centres.
+    fn mark_outline(&mut self, index: u32, block: Block, delta: f32) {
+        let triangle = self.triangles[index as usize];
+        let inside = triangle.inside;
+        if inside == [true; 3] && triangle.height_texels() >= THIN_TEXELS {
+            return;
+        }
+        let origin = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
+        let [width, height] = block.extent;
+        let outline = region_outline(triangle.corners, inside, delta);
+        for (i, &from) in outline.iter().enumerate() {
+            let along = outline[(i + 1) % outline.len()] - from;
+            let steps = (along.length() * STEPS_PER_TEXEL).ceil().min(MAX_STEPS);
+            for step in 0..=steps as u32 {
+                let at = from + along * (step as f32 / steps.max(1.0)) - origin;
+                if at.x >= 0.0 && at.y >= 0.0 && (at.x as u32) < width && (at.y as u32) < height {
+                    self.in_region[at.y as usize * width as usize + at.x as usize] = true;
+                }
+            }
+        }
     }
 }
+
+/// The corners of the group's region in a triangle, in order around it (the drawing in `fantex_cover`'s `region`).
+fn region_outline(corners: [Vec2; 3], inside: [bool; 3], delta: f32) -> arrayvec::ArrayVec<Vec2, 4> {
+    let (near, far) = (0.5 - 0.5 * delta, 0.5 + 0.5 * delta);
+    let rotated = |k: usize| [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];
+    let count = inside.iter().filter(|&&i| i).count();
+    match (count, inside.iter().position(|&i| i == (count == 1))) {
+        (1, Some(k)) => {
+            let [own, next, previous] = rotated(k);
+            let middle = own * ((1.0 - 2.0 * delta) / 3.0) + (next + previous) * ((1.0 + delta) / 3.0);
+            [own, own * near + next * far, middle, own * near + previous * far].into()
+        }
+        (2, Some(k)) => {
+            let [other, next, previous] = rotated(k);
+            [next, previous, previous * near + other * far, next * near + other * far].into()
+        }
+        _ => corners.into_iter().collect(),
+    }
+}
+
+/// A step along an outline is shorter than this fraction of a texel, so that it skips corners of texels only.
+const STEPS_PER_TEXEL: f32 = 1.5;
+
+/// Longer outlines than any tile come from numerical accidents only.
+const MAX_STEPS: f32 = 1e6;
+
+/// Triangles lower than this many texels may have no texel centre in their part of the region.
+const THIN_TEXELS: f32 = 3.0;
 
 /// Columns whose centre lies on an edge belong to both triangles: a few ulp of a column index.
 const ROUNDING: f32 = 1e-3;

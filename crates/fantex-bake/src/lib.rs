@@ -9,7 +9,6 @@
 mod bake;
 mod fidelity;
 mod footprints;
-mod normals;
 mod options;
 mod progress;
 mod raster;
@@ -20,7 +19,6 @@ mod tile;
 
 pub use bake::*;
 pub use fidelity::*;
-pub use normals::*;
 pub use options::*;
 pub use progress::*;
 pub use source::*;

@@ -44,8 +44,8 @@ impl Default for CoverOptions {
             budget: TexelBudget::Total(4 << 20),
             tile: 128,
             delta: 1.0 / 16.0,
-            facing: 0.45,
-            patch_facing: 0.8,
+            facing: 0.6,
+            patch_facing: 0.85,
         }
     }
 }

@@ -30,6 +30,8 @@ pub(crate) struct Patch {
     pub(crate) flat: Flat,
     /// Nominal texels per mesh unit.
     pub(crate) density: f32,
+    /// Smallest facing cosine that one of its fans reaches alone.
+    pub(crate) steepest_fan: f32,
 }
 
 impl Patch {
@@ -272,12 +274,13 @@ impl Builder<'_> {
         let area: f32 = members.iter().map(|i| i.area).sum();
         let weighted: f32 = members.iter().map(|i| i.area * i.density).sum();
         let density = if area > 0.0 { weighted / area } else { members[0].density };
+        let steepest_fan = members.iter().map(|i| self.shapes[i.fan as usize].cone.cos).fold(1.0, f32::min);
         let membership = Membership {
             fan_groups: &self.fan_groups,
             group,
             delta: self.limits.delta,
             pad: 1.0 / density.max(f32::MIN_POSITIVE),
-            facing: self.limits.facing,
+            facing: facing_limit(self.limits.facing, steepest_fan),
             keep_outline: self.limits.extent_texels > 0.0,
         };
         let shape = &self.shapes[members[0].fan as usize];
@@ -288,7 +291,7 @@ impl Builder<'_> {
             scratch.fans.extend(members.iter().map(|i| i.fan));
             scratch.flattener.project(self.surface, &scratch.fans, &membership).ok()?
         };
-        Some(Patch { start, length, flat, density })
+        Some(Patch { start, length, flat, density, steepest_fan })
     }
 
     /// Cuts a piece in two, and each half into connected components.
@@ -341,6 +344,12 @@ impl Builder<'_> {
         kept.sort_unstable_by_key(|p| p.start);
         kept
     }
+}
+
+/// The facing cosine that a group must keep: the one asked for, or somewhat less than what its steepest fan reaches alone.
+/// Without the latter no two corners of a box could share a tile.
+pub(crate) fn facing_limit(asked: f32, steepest_fan: f32) -> f32 {
+    asked.min(0.8 * steepest_fan)
 }
 
 /// Buffers of one thread.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use crate::cone::Cone;
 use crate::extent::side_texels;
-use crate::grouping::Patch;
+use crate::grouping::{Patch, facing_limit};
 
 /// Groups with a tile smaller than this share of the target tile look for a partner.
 const SMALL: f32 = 0.6;
@@ -43,6 +43,7 @@ struct Summary {
     texels: f32,
     density: f32,
     fans: u32,
+    steepest_fan: f32,
     mergeable: bool,
 }
 
@@ -127,6 +128,7 @@ impl Summary {
             texels: tile_texels(texels),
             density: patch.density,
             fans: patch.length,
+            steepest_fan: patch.steepest_fan,
             mergeable: patch.flat.unfolded.is_empty(),
         }
     }
@@ -136,7 +138,8 @@ impl Summary {
             return None;
         }
         let cone = union_of_cones(self.cone, other.cone)?;
-        if cone.cos < limits.facing {
+        let steepest_fan = self.steepest_fan.min(other.steepest_fan);
+        if cone.cos < facing_limit(limits.facing, steepest_fan) {
             return None;
         }
         let fans = self.fans + other.fans;
@@ -157,7 +160,15 @@ impl Summary {
             return None;
         }
         let outline = extreme_points(self.outline.iter().chain(&other.outline), &points);
-        Some(Summary { cone, outline, texels: tile_texels(texels), density, fans, mergeable: true })
+        Some(Summary {
+            cone,
+            outline,
+            texels: tile_texels(texels),
+            density,
+            fans,
+            steepest_fan,
+            mergeable: true,
+        })
     }
 }
 

@@ -13,7 +13,7 @@
 mod adjacency;
 mod clean;
 mod fans;
-mod generate;
+pub mod generate;
 mod load;
 mod material;
 mod mesh;
@@ -25,7 +25,6 @@ mod write;
 pub use adjacency::*;
 pub use clean::*;
 pub use fans::*;
-pub use generate::*;
 pub use load::*;
 pub use material::*;
 pub use mesh::*;

@@ -19,7 +19,7 @@ pub enum ImageSource {
     },
 }
 
-/// How texture coordinates outside [0,1] are folded back, as glTF names it.
+/// How texture coordinates outside 0..1 are folded back, as glTF names it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum WrapMode {
     /// Coordinates are clamped to the edge texel.

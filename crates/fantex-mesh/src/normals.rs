@@ -11,6 +11,22 @@ const BLOCK: usize = 1 << 12;
 /// Among more triangles at one edge than this, none are smoothed across it.
 const MOST_AT_EDGE: usize = 16;
 
+/// Where a mesh has no normals of its own, edges that bend less than this are shown smooth.
+pub const CREASE_DEGREES: f32 = 60.0;
+
+/// The unit normals, one per corner, that everything shades with: the mesh's own (a facet's where one is no direction), or
+/// smooth ones with creases at [`CREASE_DEGREES`].
+pub fn shading_normals(mesh: &Mesh) -> Vec<Vec3> {
+    let own = &mesh.corners.normals;
+    if own.len() != 3 * mesh.triangles.len() {
+        return corner_normals(mesh, CREASE_DEGREES);
+    }
+    let checked = |(corner, &n): (usize, &Vec3)| {
+        if n.is_finite() && n.length_squared() > 0.25 { n } else { face_normal(mesh, corner / 3).as_vec3() }
+    };
+    own.par_iter().with_min_len(BLOCK).enumerate().map(checked).collect()
+}
+
 /// Unit normals per corner, averaged over the triangles around each vertex and weighted by their angle there (G. Thürmer
 /// and C. Wüthrich, "Computing vertex normals from polygonal facets", 1998).
 ///
@@ -102,7 +118,8 @@ fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{CleanOptions, book, clean, cube, icosphere};
+    use crate::generate::{book, cube, icosphere};
+    use crate::{CleanOptions, clean};
 
     fn cleaned(model: crate::Model) -> Mesh {
         clean(model, &CleanOptions::default()).unwrap().0

@@ -42,6 +42,7 @@ pub use flat_surface::{FlatShading, FlatSurface};
 pub use hit::{Hit, Interpolation};
 pub use light::{AmbientLight, DirectionalLight, Lights};
 pub use mesh_surface::{FilterOptions, MeshSurface};
+pub use normals::CREASE_DEGREES;
 pub use options::{Background, MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
 pub use pattern::MAX_SAMPLES;
 pub use picture::Picture;

@@ -1,9 +1,12 @@
 //! Shading normals per corner.
 
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, corner_normals};
 use glam::Vec3;
 
 use crate::Hit;
+
+/// Where a mesh has no normals of its own, edges that bend less than this are shown smooth.
+pub const CREASE_DEGREES: f32 = 60.0;
 
 /// Unit shading normals of a mesh, one per corner.
 #[derive(Clone, Debug)]
@@ -12,10 +15,16 @@ pub(crate) struct CornerNormals {
 }
 
 impl CornerNormals {
-    /// The mesh's own normals, or smooth ones where it has none.
+    /// The mesh's own normals, or smooth ones with creases where it has none.
     pub(crate) fn of_mesh(mesh: &Mesh) -> Self {
         let own = &mesh.corners.normals;
-        Self { normals: if own.len() == 3 * mesh.triangles.len() { own.clone() } else { smooth(mesh) } }
+        Self {
+            normals: if own.len() == 3 * mesh.triangles.len() {
+                own.clone()
+            } else {
+                corner_normals(mesh, CREASE_DEGREES)
+            },
+        }
     }
 
     /// The normals at a triangle's corners; the facet's own where a corner has none.
@@ -39,21 +48,6 @@ pub(crate) fn face_normal(mesh: &Mesh, triangle: usize) -> Vec3 {
     (b - a).cross(c - a).try_normalize().map_or(Vec3::Z, |n| n.as_vec3())
 }
 
-/// Normals of the welded vertices: facet normals weighted by the angle at the vertex (G. Thürmer and C. Wüthrich,
-/// "Computing Vertex Normals from Polygonal Facets", 1998).
-fn smooth(mesh: &Mesh) -> Vec<Vec3> {
-    let mut sums = vec![Vec3::ZERO; mesh.positions.len()];
-    for (t, vertices) in mesh.triangles.iter().enumerate() {
-        let normal = face_normal(mesh, t);
-        let angles = corner_angles(mesh.triangle_positions(t));
-        for (&v, angle) in vertices.iter().zip(angles) {
-            sums[v as usize] += normal * angle;
-        }
-    }
-    let of_vertex = |&v: &u32| sums[v as usize].normalize_or_zero();
-    mesh.triangles.iter().flatten().map(of_vertex).collect()
-}
-
 /// Angles at the corners in radians.
 pub(crate) fn corner_angles(p: [Vec3; 3]) -> [f32; 3] {
     [0, 1, 2].map(|k| {
@@ -66,14 +60,25 @@ pub(crate) fn corner_angles(p: [Vec3; 3]) -> [f32; 3] {
 mod tests {
     use super::*;
 
+    /// Two triangles that meet at an edge along x, the second one bent down by `degrees`.
+    fn roof(degrees: f32) -> Mesh {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::new(0.5, -cos, -sin)];
+        Mesh { positions, triangles: vec![[0, 1, 2], [1, 0, 3]], ..Mesh::default() }
+    }
+
     #[test]
-    fn a_cubes_corner_points_outwards_whatever_its_diagonals() {
-        // Three faces around a corner, one of them cut so that it has two triangles there.
-        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y, Vec3::Z, Vec3::new(1.0, 1.0, 0.0)];
-        let triangles = vec![[0, 4, 1], [0, 2, 4], [0, 1, 3], [0, 3, 2]];
-        let mesh = Mesh { positions, triangles, ..Mesh::default() };
-        let normals = CornerNormals::of_mesh(&mesh);
-        let expected = Vec3::splat(-1.0).normalize();
-        assert!((normals.corners(&mesh, 0)[0] - expected).length() < 1e-6);
+    fn soft_edges_are_smooth_and_sharp_ones_are_not() {
+        let at_edge = |mesh: &Mesh| CornerNormals::of_mesh(mesh).corners(mesh, 0)[0];
+        assert!((at_edge(&roof(90.0)) - Vec3::Z).length() < 1e-6);
+        let bent = at_edge(&roof(30.0));
+        assert!(bent.y < -0.1 && bent.z > 0.9, "{bent}");
+    }
+
+    #[test]
+    fn unusable_normals_are_replaced_by_the_facets() {
+        let mut mesh = roof(30.0);
+        mesh.corners.normals = vec![Vec3::ZERO, Vec3::NAN, Vec3::X, Vec3::Z, Vec3::Z, Vec3::Z];
+        assert_eq!(CornerNormals::of_mesh(&mesh).corners(&mesh, 0), [Vec3::Z, Vec3::Z, Vec3::X]);
     }
 }

@@ -1,5 +1,6 @@
 //! Rendered pictures.
 
+use fantex_texture::color::{srgb8_from_linear, unorm8};
 use fantex_texture::{ColorSpace, Image, Samples};
 
 /// A picture in linear light.
@@ -35,7 +36,7 @@ impl Picture {
     /// As 8-bit sRGB, values above one cut off, for PNG and JPEG files.
     pub fn to_srgb_image(&self) -> Image {
         self.image(ColorSpace::Srgb, |channels| {
-            let byte = |(c, &v): (usize, &f32)| to_byte(if c == 3 { v } else { srgb_from_linear(v) });
+            let byte = |(c, &v): (usize, &f32)| if c == 3 { unorm8(v) } else { srgb8_from_linear(v) };
             Samples::U8(self.rgba.iter().flat_map(|p| p[..channels].iter().enumerate().map(byte)).collect())
         })
     }
@@ -46,15 +47,6 @@ impl Picture {
         let samples = samples(usize::from(channels));
         Image { width: self.width, height: self.height, channels, space, samples }
     }
-}
-
-fn to_byte(v: f32) -> u8 {
-    (v.clamp(0.0, 1.0) * 255.0).round() as u8
-}
-
-/// IEC 61966-2-1.
-fn srgb_from_linear(v: f32) -> f32 {
-    if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! From visible samples to pixel colours.
 
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::fixed::SUBPIXELS;
 use crate::hit::HitFinder;
@@ -81,6 +81,9 @@ impl Resolve<'_> {
 
     /// Lays the fragments of layered triangles over the samples, the farthest first.
     fn layers(&self, pixel: [u32; 2], fragments: &[Fragment], state: &mut PixelState) {
+        if fragments.is_empty() {
+            return;
+        }
         let corner = pixel.map(|c| c as i32 * SUBPIXELS);
         let mut pieces: Vec<(&Fragment, u64, Vec4)> = Vec::new();
         for fragment in fragments {
@@ -120,6 +123,8 @@ impl Resolve<'_> {
         state.shaded += 1;
         state.lookups += u64::from(material.lookups);
         let light = self.options.shading.evaluate(&material, hit.to_eye, self.lights);
+        // One texel that is not a number must not spoil its pixel's other samples.
+        let light = if light.is_finite() { light } else { Vec3::ZERO };
         (light * self.options.exposure).extend(material.alpha.clamp(0.0, 1.0))
     }
 }

@@ -5,7 +5,7 @@
 
 use std::sync::LazyLock;
 
-/// Linear-light value of an sRGB-encoded one, both in [0,1]. Outside, the curve is continued (mirrored below 0).
+/// Linear-light value of an sRGB-encoded one, both in `[0,1]`. Outside, the curve is continued (mirrored below 0).
 pub fn linear_from_srgb(encoded: f32) -> f32 {
     let magnitude = encoded.abs();
     let linear =
@@ -13,7 +13,7 @@ pub fn linear_from_srgb(encoded: f32) -> f32 {
     linear.copysign(encoded)
 }
 
-/// sRGB-encoded value of a linear-light one, both in [0,1]. Outside, the curve is continued (mirrored below 0).
+/// sRGB-encoded value of a linear-light one, both in `[0,1]`. Outside, the curve is continued (mirrored below 0).
 pub fn srgb_from_linear(linear: f32) -> f32 {
     let magnitude = linear.abs();
     let encoded =
@@ -77,7 +77,7 @@ impl Srgb8Encoder {
     }
 }
 
-/// The sRGB byte nearest to a linear-light value; values outside [0,1] are clamped, NaN gives 0.
+/// The sRGB byte nearest to a linear-light value; values outside `[0,1]` are clamped, NaN gives 0.
 pub fn srgb8_from_linear(linear: f32) -> u8 {
     static ENCODER: LazyLock<Srgb8Encoder> = LazyLock::new(Srgb8Encoder::new);
     if linear.is_nan() || linear <= ENCODER_SMALLEST {
@@ -89,7 +89,7 @@ pub fn srgb8_from_linear(linear: f32) -> u8 {
     code + u8::from(linear >= ENCODER.threshold[usize::from(code) + 1])
 }
 
-/// The 16-bit sRGB value nearest to a linear-light value, clamped to [0,1]; NaN gives 0.
+/// The 16-bit sRGB value nearest to a linear-light value, clamped to `[0,1]`; NaN gives 0.
 pub fn srgb16_from_linear(linear: f32) -> u16 {
     unorm16(srgb_from_linear(linear))
 }

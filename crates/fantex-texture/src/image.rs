@@ -152,7 +152,7 @@ impl Image {
     }
 
     /// The same picture with samples of another width and encoding, through linear light; fixed-point samples are clamped
-    /// to [0,1] and rounded to nearest.
+    /// to `[0,1]` and rounded to nearest.
     pub fn converted(&self, depth: Depth, space: ColorSpace) -> Self {
         if self.samples.depth() == depth && self.space == space {
             return self.clone();

@@ -5,6 +5,7 @@
 //! OpenEXR files store colours multiplied with alpha; an [`Image`] holds straight alpha, so reading divides and writing
 //! multiplies.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::fs;
 use std::io::{self, BufWriter, Cursor, Write};
@@ -206,7 +207,8 @@ impl Image {
 
     /// Writes the image in the format of the path's extension, whole or not at all (a temporary file beside it is renamed
     /// at the end). What a format cannot hold is converted as [`Image::converted`] does: floats become 8-bit sRGB in PNG,
-    /// JPEG and WebP, 16-bit samples 8-bit in JPEG and WebP, fixed point linear floats in HDR and OpenEXR.
+    /// JPEG and WebP, 16-bit samples 8-bit in JPEG and WebP, fixed point linear floats in HDR and OpenEXR; grey
+    /// becomes RGB where a format knows no grey.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SaveImageError> {
         let path = path.as_ref();
         let bytes = self.encode_for(path)?;
@@ -224,7 +226,7 @@ impl Image {
         };
         let mut image = convert_for(self, format);
         if format == ImageFormat::Hdr && self.channels == 1 {
-            image = spread_grey(&image);
+            image = Cow::Owned(spread_grey(&image).into_owned());
         } else if !fits {
             let (format, channels) = (FormatName(format), self.channels);
             return Err(SaveImageError::Channels { path: path.to_owned(), format, channels });
@@ -311,21 +313,23 @@ fn divide_by_alpha(image: &mut Image) {
 }
 
 /// The image with samples that `format` can hold.
-fn convert_for(image: &Image, format: ImageFormat) -> Image {
+fn convert_for(image: &Image, format: ImageFormat) -> Cow<'_, Image> {
     let depth = image.samples.depth();
-    match format {
-        ImageFormat::Hdr | ImageFormat::OpenExr => image.converted(Depth::F32, ColorSpace::Linear),
-        ImageFormat::Jpeg | ImageFormat::WebP if depth == Depth::U16 => {
-            image.converted(Depth::U8, image.space)
-        }
-        ImageFormat::Tiff if depth == Depth::F32 => image.converted(Depth::F32, ColorSpace::Linear),
-        _ if depth == Depth::F32 => image.converted(Depth::U8, ColorSpace::Srgb),
-        _ => image.clone(),
+    let (depth, space) = match format {
+        ImageFormat::Hdr | ImageFormat::OpenExr => (Depth::F32, ColorSpace::Linear),
+        ImageFormat::Jpeg | ImageFormat::WebP if depth == Depth::U16 => (Depth::U8, image.space),
+        ImageFormat::Tiff if depth == Depth::F32 => (Depth::F32, ColorSpace::Linear),
+        _ if depth == Depth::F32 => (Depth::U8, ColorSpace::Srgb),
+        _ => (depth, image.space),
+    };
+    if (depth, space) == (image.samples.depth(), image.space) {
+        return Cow::Borrowed(image);
     }
+    Cow::Owned(image.converted(depth, space))
 }
 
 /// Grey as three equal channels, grey + alpha as four; others unchanged.
-fn spread_grey(image: &Image) -> Image {
+fn spread_grey(image: &Image) -> Cow<'_, Image> {
     fn spread<T: Copy>(values: &[T], channels: u8) -> Vec<T> {
         match channels {
             1 => values.iter().flat_map(|&grey| [grey; 3]).collect(),
@@ -333,14 +337,14 @@ fn spread_grey(image: &Image) -> Image {
         }
     }
     if image.channels > 2 {
-        return image.clone();
+        return Cow::Borrowed(image);
     }
     let samples = match &image.samples {
         Samples::U8(values) => Samples::U8(spread(values, image.channels)),
         Samples::U16(values) => Samples::U16(spread(values, image.channels)),
         Samples::F32(values) => Samples::F32(spread(values, image.channels)),
     };
-    Image { channels: image.channels + 2, samples, ..*image }
+    Cow::Owned(Image { channels: image.channels + 2, samples, ..*image })
 }
 
 fn encode(image: &Image, format: ImageFormat) -> Result<Vec<u8>, ImageError> {
@@ -410,8 +414,10 @@ fn write_samples(
 }
 
 fn write_exr(image: &Image, bytes: &mut Vec<u8>) -> Result<(), ImageError> {
-    let mut associated = image.clone();
-    if let (Samples::F32(values), 4) = (&mut associated.samples, image.channels) {
+    let mut associated = Cow::Borrowed(image);
+    if image.channels == 4
+        && let Samples::F32(values) = &mut associated.to_mut().samples
+    {
         for [r, g, b, a] in values.as_chunks_mut::<4>().0 {
             (*r, *g, *b) = (*r * *a, *g * *a, *b * *a);
         }

@@ -1,7 +1,7 @@
 //! Textures as functions: images and their filters, procedural solids, mappings of space to texture coordinates.
 //!
 //! Values are linear-light RGBA `[f32; 4]` with straight alpha. Image coordinates have their origin at the top left of
-//! row 0, column 0, `u` to the right and `v` downwards, both in [0,1] over the image.
+//! row 0, column 0, `u` to the right and `v` downwards, both in `[0,1]` over the image.
 
 pub mod color;
 pub mod compare;
@@ -9,8 +9,8 @@ mod filter;
 mod image;
 mod image_file;
 mod image_texture;
-pub mod material;
 mod mapping;
+pub mod material;
 pub mod noise;
 mod solid;
 

@@ -50,6 +50,54 @@ pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     t * t * (3.0 - 2.0 * t)
 }
 
+/// The corners of a unit cell, x fastest.
+const CORNERS: [Vec3; 8] = [
+    Vec3::new(0.0, 0.0, 0.0),
+    Vec3::new(1.0, 0.0, 0.0),
+    Vec3::new(0.0, 1.0, 0.0),
+    Vec3::new(1.0, 1.0, 0.0),
+    Vec3::new(0.0, 0.0, 1.0),
+    Vec3::new(1.0, 0.0, 1.0),
+    Vec3::new(0.0, 1.0, 1.0),
+    Vec3::new(1.0, 1.0, 1.0),
+];
+
+/// The twelve vectors from the centre of a cube to the middles of its edges.
+const EDGES: [Vec3; 12] = [
+    Vec3::new(1.0, 1.0, 0.0),
+    Vec3::new(-1.0, 1.0, 0.0),
+    Vec3::new(1.0, -1.0, 0.0),
+    Vec3::new(-1.0, -1.0, 0.0),
+    Vec3::new(1.0, 0.0, 1.0),
+    Vec3::new(-1.0, 0.0, 1.0),
+    Vec3::new(1.0, 0.0, -1.0),
+    Vec3::new(-1.0, 0.0, -1.0),
+    Vec3::new(0.0, 1.0, 1.0),
+    Vec3::new(0.0, -1.0, 1.0),
+    Vec3::new(0.0, 1.0, -1.0),
+    Vec3::new(0.0, -1.0, -1.0),
+];
+
+/// One round of an integer hash.
+fn absorb(hash: u32, coordinate: i32) -> u32 {
+    let mixed = (hash ^ coordinate as u32).wrapping_add(0x9e37_79b9).wrapping_mul(0x85eb_ca6b);
+    mixed ^ (mixed >> 15)
+}
+
+/// Spreads every bit of the hash over the upper bits.
+fn finish(hash: u32) -> u32 {
+    let mixed = hash.wrapping_mul(0xc2b2_ae35);
+    (mixed ^ (mixed >> 16)).wrapping_mul(0x27d4_eb2f)
+}
+
+/// The cell of a point and the point's offset inside, by truncation (a library call without SSE4.1).
+fn cell_and_offset(p: Vec3) -> (IVec3, Vec3) {
+    let truncated = p.as_ivec3();
+    let floor = |truncated: i32, p: f32| truncated.saturating_sub(i32::from(p < truncated as f32));
+    let cell = IVec3::new(floor(truncated.x, p.x), floor(truncated.y, p.y), floor(truncated.z, p.z));
+    (cell, p - cell.as_vec3())
+}
+
 impl Noise {
     /// The pattern of a seed.
     pub const fn new(seed: u32) -> Self {
@@ -58,24 +106,27 @@ impl Noise {
 
     /// Smooth noise between about -1 and 1 with mean 0; it is 0 at every point with integer coordinates.
     pub fn value(&self, p: Vec3) -> f32 {
-        self.value_and_gradient(p).0
+        let (cell, t) = cell_and_offset(p);
+        let fade = t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+        let slopes = self.corner_gradients(cell);
+        let height = |corner: usize| slopes[corner].dot(t - CORNERS[corner]);
+        let mix = |low: f32, high: f32, share: f32| low + share * (high - low);
+        let edge = |corner: usize| mix(height(corner), height(corner + 1), fade.x);
+        mix(mix(edge(0), edge(2), fade.y), mix(edge(4), edge(6), fade.y), fade.z)
     }
 
     /// [`Noise::value`] and its derivatives along x, y and z.
     pub fn value_and_gradient(&self, p: Vec3) -> (f32, Vec3) {
-        let floor = p.floor();
-        let cell = floor.as_ivec3();
-        let t = p - floor;
+        let (cell, t) = cell_and_offset(p);
         let fade = t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
         let fade_slope = 30.0 * t * t * (t * (t - 2.0) + 1.0);
+        let slopes = self.corner_gradients(cell);
         let (mut value, mut gradient) = (0.0, Vec3::ZERO);
-        for corner in 0..8 {
-            let offset = IVec3::new(corner & 1, (corner >> 1) & 1, corner >> 2);
-            let slope = self.lattice_gradient(cell.wrapping_add(offset));
-            let height = slope.dot(t - offset.as_vec3());
+        for (offset, slope) in CORNERS.into_iter().zip(slopes) {
+            let height = slope.dot(t - offset);
             // Weight of the corner along each axis, and how it changes.
-            let sign = offset.as_vec3() * 2.0 - 1.0;
-            let w = Vec3::ONE - offset.as_vec3() + sign * fade;
+            let sign = offset * 2.0 - 1.0;
+            let w = Vec3::ONE - offset + sign * fade;
             let dw = sign * fade_slope;
             let weight = w.x * w.y * w.z;
             value += weight * height;
@@ -85,40 +136,28 @@ impl Noise {
         (value, gradient)
     }
 
-    /// One of the twelve vectors from the centre of a cube to the middles of its edges.
-    fn lattice_gradient(&self, cell: IVec3) -> Vec3 {
-        const EDGES: [Vec3; 12] = [
-            Vec3::new(1.0, 1.0, 0.0),
-            Vec3::new(-1.0, 1.0, 0.0),
-            Vec3::new(1.0, -1.0, 0.0),
-            Vec3::new(-1.0, -1.0, 0.0),
-            Vec3::new(1.0, 0.0, 1.0),
-            Vec3::new(-1.0, 0.0, 1.0),
-            Vec3::new(1.0, 0.0, -1.0),
-            Vec3::new(-1.0, 0.0, -1.0),
-            Vec3::new(0.0, 1.0, 1.0),
-            Vec3::new(0.0, -1.0, 1.0),
-            Vec3::new(0.0, 1.0, -1.0),
-            Vec3::new(0.0, -1.0, -1.0),
-        ];
-        // The high half of a product maps the hash to 0..12 evenly.
-        EDGES[((u64::from(self.hash(cell)) * 12) >> 32) as usize]
-    }
-
-    /// A random 32-bit number of a cell.
-    fn hash(&self, cell: IVec3) -> u32 {
-        let mut h = self.seed ^ 0x9e37_79b9;
-        for coordinate in [cell.x, cell.y, cell.z] {
-            h = (h ^ coordinate as u32).wrapping_mul(0x85eb_ca6b);
-            h = (h ^ (h >> 15)).wrapping_mul(0xc2b2_ae35);
-            h ^= h >> 13;
-        }
-        h
+    /// The gradients at the corners of a cell, in the order of [`CORNERS`].
+    fn corner_gradients(&self, cell: IVec3) -> [Vec3; 8] {
+        let next = cell.wrapping_add(IVec3::ONE);
+        // The hash takes one coordinate after the other, so corners share its beginning.
+        let along_z = [cell.z, next.z].map(|z| absorb(self.seed, z));
+        std::array::from_fn(|corner| {
+            let y = if corner & 2 == 0 { cell.y } else { next.y };
+            let x = if corner & 1 == 0 { cell.x } else { next.x };
+            let hash = finish(absorb(absorb(along_z[corner >> 2], y), x));
+            // The high half of a product maps the hash to 0..12 evenly.
+            EDGES[((u64::from(hash) * 12) >> 32) as usize]
+        })
     }
 
     /// A random number in [0,1) of a cell.
     pub fn cell_value(&self, cell: IVec3) -> f32 {
         (self.hash(cell) >> 8) as f32 / (1 << 24) as f32
+    }
+
+    /// A random 32-bit number of a cell.
+    fn hash(&self, cell: IVec3) -> u32 {
+        finish(absorb(absorb(absorb(self.seed, cell.z), cell.y), cell.x))
     }
 
     /// Fractional Brownian motion: the sum of the octaves, mean 0.
@@ -210,6 +249,9 @@ mod tests {
         let p = Vec3::new(0.3, 4.7, -2.2);
         assert_ne!(Noise::new(1).value(p), Noise::new(2).value(p));
         assert_eq!(Noise::new(1).value(Vec3::new(3.0, -8.0, 5.0)), 0.0);
-        assert!(!Noise::new(1).value(Vec3::splat(f32::INFINITY)).is_finite());
+        // Far outside there is no precision left, but nothing breaks.
+        for far in [f32::INFINITY, f32::NEG_INFINITY, f32::NAN, 1e30] {
+            Noise::new(1).value_and_gradient(Vec3::splat(far));
+        }
     }
 }

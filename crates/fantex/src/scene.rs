@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::bake::{Source, SurfacePoint, shading_normals};
-use fantex::mesh::Mesh;
+use fantex::bake::{Source, SurfacePoint};
+use fantex::mesh::{Mesh, shading_normals};
 use fantex::render::{
     Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
     Rendering, Surface, render,

@@ -1,12 +1,12 @@
 //! The model's own textures, through its own texture coordinates: all material channels at once.
 
-use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents};
+use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
 use fantex_store::ChannelKind;
-use fantex_texture::material::{MaterialTextures, TextureLayer, load_material_textures};
 use fantex_texture::LoadImageError;
+use fantex_texture::material::{MaterialTextures, TextureLayer, load_material_textures};
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint, shading_normals};
+use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
 
 /// The materials of a mesh as a source.
 #[derive(Debug)]
@@ -43,7 +43,8 @@ impl<'a> UvSource<'a> {
     /// Texels of the finest texture per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without
     /// texture, or with degenerate coordinates, take the mean of the others.
     pub fn density(&self) -> Vec<f32> {
-        let mut densities: Vec<f32> = (0..self.mesh.triangles.len()).map(|t| self.triangle_density(t)).collect();
+        let mut densities: Vec<f32> =
+            (0..self.mesh.triangles.len()).map(|t| self.triangle_density(t)).collect();
         let (mut sum, mut count) = (0.0, 0.0);
         for &d in densities.iter().filter(|&&d| d > 0.0) {
             sum += f64::from(d);
@@ -51,7 +52,9 @@ impl<'a> UvSource<'a> {
         }
         let mean = if count > 0.0 { (sum / count) as f32 } else { 256.0 };
         // A sliver in the atlas can have any density; sixteen times the mean linear one is no intention.
-        densities.iter_mut().for_each(|d| *d = if *d > 0.0 { d.clamp(mean / 16.0, mean * 16.0) } else { mean });
+        densities
+            .iter_mut()
+            .for_each(|d| *d = if *d > 0.0 { d.clamp(mean / 16.0, mean * 16.0) } else { mean });
         densities
     }
 
@@ -130,7 +133,9 @@ impl Source for UvSource<'_> {
         for (kind, value) in self.kinds.iter().zip(values) {
             *value = match kind {
                 ChannelKind::BaseColor => {
-                    material.base_color * self.vertex_color(point) * self.area_mean(&textures.base_color, point)
+                    material.base_color
+                        * self.vertex_color(point)
+                        * self.area_mean(&textures.base_color, point)
                 }
                 ChannelKind::Normal => self.normal(material, textures, point).extend(0.0),
                 ChannelKind::OcclusionRoughnessMetallic => {
@@ -180,5 +185,7 @@ fn tangents(mesh: &Mesh, normals: &[Vec3], textures: &[MaterialTextures]) -> Vec
     if mesh.corners.tangents.len() == 3 * mesh.triangles.len() {
         return mesh.corners.tangents.clone();
     }
-    corner_tangents(mesh, normals, |t| Some(textures[mesh.material_of(t)].normal.as_ref()?.corner_uv(mesh, t)))
+    corner_tangents(mesh, normals, |t| {
+        Some(textures[mesh.material_of(t)].normal.as_ref()?.corner_uv(mesh, t))
+    })
 }

@@ -90,13 +90,12 @@ fn flood(
     let mut head = 0;
     while let Some(&t) = patch.get(head) {
         head += 1;
-        let mut across: Vec<(u32, bool)> = Vec::with_capacity(3);
-        for (k, &h) in neighbours[t as usize].iter().enumerate().filter(|&(_, &h)| h != NONE) {
-            let disagrees = origin(h) == triangles[t as usize][k];
-            across.push((h / 3, turn[t as usize] ^ disagrees));
-        }
+        let mut across: [(u32, bool); 3] = std::array::from_fn(|k| match neighbours[t as usize][k] {
+            NONE => (NONE, false),
+            h => (h / 3, turn[t as usize] ^ (origin(h) == triangles[t as usize][k])),
+        });
         across.sort_unstable();
-        for (n, should_turn) in across {
+        for (n, should_turn) in across.into_iter().filter(|&(n, _)| n != NONE) {
             if !visited[n as usize] {
                 visited[n as usize] = true;
                 turn[n as usize] = should_turn;

@@ -18,8 +18,8 @@ mod srgb;
 mod stl;
 
 use std::fs::File;
-use std::io::Read;
-use std::path::Path;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 
 use crate::Model;
 
@@ -70,14 +70,34 @@ pub struct LoadOptions {
 /// Buffers and material files that the model names are read too; images are not opened (see
 /// [`ImageSource`](crate::ImageSource)). What was skipped or assumed stands in [`Model::notes`].
 ///
+/// ```no_run
+/// use fantex_mesh::{LoadOptions, load};
+///
+/// let model = load("bottle.glb".as_ref(), &LoadOptions::default())?;
+/// println!("{}: {} triangles", model.name, model.triangles.len());
+/// for note in &model.notes {
+///     eprintln!("note: {note}");
+/// }
+/// # Ok::<(), fantex_mesh::LoadError>(())
+/// ```
+///
 /// # Errors
 ///
 /// A [`LoadError`] that names the file, the place in it and what was expected there. A model without a single triangle
 /// is an error too.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Model, LoadError> {
-    let bytes = read_file(path, &options.limits)?;
-    let detected = detect::detect(path, &bytes)?;
-    let file = SourceFile { path, bytes: &bytes, limits: options.limits };
+    load_bytes(path, &read_file(path, &options.limits)?, options)
+}
+
+/// Loads a model whose file is in memory already. `path` is where it lies or would lie: its extension and folder count
+/// as for [`load`], and messages name it.
+///
+/// # Errors
+///
+/// As [`load`].
+pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model, LoadError> {
+    let detected = detect::detect(path, bytes)?;
+    let file = SourceFile { path, bytes, limits: options.limits };
     let mut model = match detected.format {
         ModelFormat::Gltf | ModelFormat::Glb => gltf::load(&file, detected.format)?,
         ModelFormat::Obj => obj::load(&file)?,
@@ -151,4 +171,24 @@ fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
         return Err(too_large(bytes.len() as u64));
     }
     Ok(bytes)
+}
+
+/// Reads a file that a model names. Only regular files: a path from a file must not make us read a device.
+fn read_companion(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
+    match std::fs::metadata(path) {
+        Ok(metadata) if !metadata.is_file() => {
+            let source = io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file");
+            Err(LoadError::Read { path: path.into(), source })
+        }
+        _ => read_file(path, limits),
+    }
+}
+
+/// A path as written in a file from any system: backslashes separate too; of an absolute path only the name is kept,
+/// because it points into the author's computer.
+fn relative_path(written: &str) -> Option<PathBuf> {
+    let path = written.trim().trim_matches('"').replace('\\', "/");
+    let is_absolute = path.starts_with('/') || path.as_bytes().get(1) == Some(&b':');
+    let path = if is_absolute { path.rsplit('/').next().unwrap_or_default() } else { &path };
+    (!path.is_empty()).then(|| PathBuf::from(path))
 }

@@ -41,6 +41,12 @@ pub enum WriteError {
         /// The file.
         path: PathBuf,
     },
+    /// No triangle at all.
+    #[error("{} was not written: there are no triangles", path.display())]
+    NoTriangles {
+        /// The file.
+        path: PathBuf,
+    },
     /// A triangle refers to a position that is not there.
     #[error("{} was not written: triangle {triangle} refers to position {index}, but there are {count}", path.display())]
     Index {
@@ -118,6 +124,9 @@ pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result
 
 fn check(path: &Path, geometry: &WriteGeometry) -> Result<(), WriteError> {
     let count = geometry.positions.len();
+    if geometry.triangles.is_empty() {
+        return Err(WriteError::NoTriangles { path: path.into() });
+    }
     if let Some(index) = geometry.positions.iter().position(|p| !p.is_finite()) {
         return Err(WriteError::NotFinite { path: path.into(), index });
     }

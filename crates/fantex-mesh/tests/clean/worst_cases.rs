@@ -3,7 +3,8 @@
 use std::f64::consts::TAU;
 
 use crate::common::{check, cleaned, soup, try_clean};
-use fantex_mesh::{CleanError, CleanOptions, Model, Topology, clean, cube, grid, icosphere, torus};
+use fantex_mesh::generate::{book, cube, grid, icosphere, torus};
+use fantex_mesh::{CleanError, CleanOptions, Model, Topology, clean};
 use glam::{DVec3, Vec2};
 
 fn circle(n: u32) -> impl Iterator<Item = [f64; 3]> {
@@ -123,7 +124,7 @@ fn the_klein_bottle_is_closed_but_not_orientable() {
 #[test]
 fn books_have_one_edge_of_many_pages() {
     for pages in [3, 4, 17, 100] {
-        let book = topology(fantex_mesh::book(pages));
+        let book = topology(book(pages));
         assert_eq!((book.edges_non_manifold, book.edges_inconsistent), (1, 0));
         assert_eq!((book.vertices_non_manifold, book.components), (2, 1));
     }
@@ -185,6 +186,20 @@ fn positions_one_and_two_units_apart_stay_apart() {
     let (mesh, report) = clean(soup(positions, fans), &options).unwrap();
     check(&mesh, &report);
     assert_eq!((report.vertices_welded, report.triangles_duplicate), (2, 2));
+}
+
+#[test]
+fn absurd_weld_distances_do_no_harm() {
+    let with = |weld_distance| {
+        clean(icosphere(1), &CleanOptions { weld_distance, ..CleanOptions::default() }).map(|(mesh, _)| mesh)
+    };
+    let plain = cleaned(icosphere(1)).0;
+    for none in [f64::NAN, -1.0, 1e-320, 1e-30] {
+        assert_eq!(with(none).as_ref(), Ok(&plain), "distance {none}");
+    }
+    for all in [10.0, 1e300, f64::INFINITY] {
+        assert!(matches!(with(all), Err(CleanError::NothingLeft { .. })), "distance {all}");
+    }
 }
 
 #[test]

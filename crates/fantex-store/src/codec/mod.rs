@@ -11,16 +11,20 @@ pub use decode::decode;
 pub use encode::{encode, encode_many};
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
+///
+/// Measured on one core, million texels per second and dB for photographs of rock and of the Earth and for a normal map:
+/// `UltraFast` 45 (45.8, 44.9, 31.3), `VeryFast` 6 (46.1, 47.4, 35.6), `Fast` 3 (46.2, 47.6, 35.6). So the default is right
+/// for colours; channels whose components do not go together (occlusion, roughness, metallic) gain from `VeryFast`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Quality {
-    /// About 60 million texels per second and core.
+    /// One mode, one region per block.
     #[default]
     UltraFast,
-    /// About a tenth of that, 2 dB better.
+    /// Also two regions per block.
     VeryFast,
-    /// Slower, slightly better.
+    /// The same, with a longer search.
     Fast,
-    /// About 1 million texels per second and core.
+    /// All modes; about 1 million texels per second.
     Basic,
 }
 

@@ -135,6 +135,12 @@ fn bc4_values_are_exact_ratios() {
 }
 
 #[test]
+fn reserved_bc7_blocks_are_transparent_black() {
+    let block: Vec<u8> = (0..16).map(|i| if i == 0 { 0 } else { 0xa5 }).collect();
+    assert_eq!(decode(TexelFormat::Bc7, [4, 4], &block).unwrap(), vec![[0.0; 4]; 16]);
+}
+
+#[test]
 fn wrong_sizes_are_errors() {
     let texels = vec![[0u8; 4]; 16];
     let slice = TexelSlice::U8(&texels);

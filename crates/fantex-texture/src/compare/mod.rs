@@ -1,6 +1,6 @@
 //! How much two pictures of the same size differ, as numbers and as a picture.
 //!
-//! All measures look at what a display shows: sRGB-encoded colours, clamped to [0,1]; alpha is ignored.
+//! All measures look at what a display shows: sRGB-encoded colours, clamped to `[0,1]`; alpha is ignored.
 
 mod flip;
 mod ssim;
@@ -30,9 +30,9 @@ pub enum CompareError {
 pub struct Comparison {
     /// Peak signal-to-noise ratio in decibels; infinite for equal pictures. See [`psnr_db`].
     pub psnr_db: f64,
-    /// Mean structural similarity, at most 1. See [`ssim`].
+    /// Mean structural similarity, at most 1. See [`ssim()`].
     pub ssim: f64,
-    /// Mean FLIP error, 0 to 1. See [`flip`].
+    /// Mean FLIP error, 0 to 1. See [`flip()`].
     pub flip: f64,
 }
 
@@ -46,7 +46,7 @@ pub fn compare(reference: &Image, test: &Image) -> Result<Comparison, CompareErr
 }
 
 /// Peak signal-to-noise ratio, `10 log10(1 / mse)`, the mean squared error taken over the three colour channels of all
-/// texels, sRGB-encoded and scaled to [0,1] but not rounded to bytes. Infinite where nothing differs.
+/// texels, sRGB-encoded and scaled to `[0,1]` but not rounded to bytes. Infinite where nothing differs.
 pub fn psnr_db(reference: &Image, test: &Image) -> Result<f64, CompareError> {
     check_sizes(reference, test)?;
     let (reference, test) = (display_rgb(reference), display_rgb(test));
@@ -83,7 +83,7 @@ fn check_sizes(reference: &Image, test: &Image) -> Result<(), CompareError> {
     if a == b { Ok(()) } else { Err(CompareError::Size { reference: a, test: b }) }
 }
 
-/// The sRGB-encoded colours in [0,1], row by row.
+/// The sRGB-encoded colours in `[0,1]`, row by row.
 fn display_rgb(image: &Image) -> Vec<[f32; 3]> {
     let mut texels = Vec::with_capacity(image.width as usize * image.height as usize);
     for y in 0..image.height {

@@ -15,7 +15,7 @@ pub(super) fn floor(x: f32) -> i32 {
     truncated.saturating_sub(i32::from(x < truncated as f32))
 }
 
-/// The coordinate folded into [0,1] as far as the wrap mode repeats.
+/// The coordinate folded into `[0,1]` as far as the wrap mode repeats.
 #[inline(always)]
 fn fold(coordinate: f32, wrap: Wrap) -> f32 {
     match wrap {

@@ -40,9 +40,10 @@ impl Landscape {
         color * (1.0 + 0.75 * tufts).max(0.25)
     }
 
-    fn gravel(&self, color: Vec3, p: Vec3, footprint: f32) -> Vec3 {
+    /// Brightness of gravel.
+    fn stones(&self, p: Vec3, footprint: f32) -> f32 {
         let stones = self.noise.fbm(p * 90.0, Fractal::octaves(3), 90.0 * footprint);
-        color * (1.0 + 0.4 * stones).max(0.3)
+        (1.0 + 0.4 * stones).max(0.3)
     }
 }
 
@@ -54,19 +55,26 @@ impl Solid for Landscape {
         let altitude = 0.5 + 0.5 * p.y / self.half_height + 0.09 * ragged;
         let flatness = at.n.y + 0.16 * ragged;
 
-        let rock = Vec3::from_slice(&self.rock.color(at)[..3]);
-        let scree = self.gravel(SCREE, p, footprint);
-        let sand = self.gravel(SAND, p, footprint);
-        let snow = SNOW * (1.0 + 0.05 * ragged);
-
-        // From the ground up: grass thins out to scree, sand below, bare rock on slopes, snow on top.
-        let mut ground = self.grass(p, footprint).lerp(scree, smoothstep(0.5, 0.68, altitude));
-        ground = ground.lerp(sand, 1.0 - smoothstep(self.sand_line - 0.05, self.sand_line + 0.05, altitude));
+        // From the ground up: grass thins out to scree, sand below, bare rock on slopes, snow on top. Only what shows is
+        // worked out.
+        let scree = smoothstep(0.5, 0.68, altitude);
+        let sand = 1.0 - smoothstep(self.sand_line - 0.05, self.sand_line + 0.05, altitude);
         let soil = smoothstep(0.55, 0.75, flatness);
-        let mut color = rock.lerp(ground, soil);
-        let snowy = smoothstep(self.snow_line - 0.04, self.snow_line + 0.06, altitude)
+        let snow = smoothstep(self.snow_line - 0.04, self.snow_line + 0.06, altitude)
             * smoothstep(0.42, 0.6, flatness);
-        color = color.lerp(snow, snowy);
+        let mut color = Vec3::ZERO;
+        if soil < 1.0 {
+            color = Vec3::from_slice(&self.rock.color(at)[..3]);
+        }
+        if soil > 0.0 {
+            let mut ground = if scree < 1.0 { self.grass(p, footprint) } else { Vec3::ZERO };
+            if scree > 0.0 || sand > 0.0 {
+                let stones = self.stones(p, footprint);
+                ground = ground.lerp(SCREE * stones, scree).lerp(SAND * stones, sand);
+            }
+            color = color.lerp(ground, soil);
+        }
+        color = color.lerp(SNOW * (1.0 + 0.05 * ragged), snow);
         // Ceilings are damp.
         color *= 1.0 - 0.45 * smoothstep(0.1, 0.7, -at.n.y);
         opaque(color)

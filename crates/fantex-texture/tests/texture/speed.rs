@@ -5,8 +5,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::common::{FILTERS, Random};
-use fantex_texture::{ColorSpace, Image, ImageTexture, SampleOptions, Samples, Wrap};
-use glam::Vec2;
+use fantex_texture::{
+    Bounds, ColorSpace, Image, ImageTexture, SOLID_NAMES, SampleOptions, Samples, SolidPoint, Wrap,
+    solid_by_name,
+};
+use glam::{Vec2, Vec3};
 
 const SIDE: u32 = 2048;
 
@@ -68,6 +71,15 @@ fn speed() {
             let time = nanoseconds(|uv| texture.sample(uv, footprint, &options));
             println!("  sample {:21} {time:7.1} ns", format!("{filter:?}"));
         }
+    }
+    for name in SOLID_NAMES {
+        let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+        let solid = solid_by_name(name, bounds, 1).unwrap();
+        let n = Vec3::new(0.4, 0.75, 0.5).normalize();
+        let time = nanoseconds(|uv| {
+            solid.color(&SolidPoint { p: (uv * 2.0 - 1.0).extend(0.3), n, footprint: 1.0 / SIDE as f32 })
+        });
+        println!("solid {name:27} {time:7.1} ns");
     }
     let base = textures[0].1.level(0).clone();
     let start = Instant::now();

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::{Args, Subcommand};
-use fantex::mesh::{LandscapeOptions, WriteGeometry, landscape, write_model};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{WriteGeometry, write_model};
 use glam::Vec3;
 use serde::Serialize;
 

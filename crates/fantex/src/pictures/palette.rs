@@ -63,7 +63,8 @@ fn linear_from_oklab(lab: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use fantex::cover::{CoverOptions, TexelBudget, build_cover};
-    use fantex::mesh::{CleanOptions, clean, icosphere};
+    use fantex::mesh::generate::icosphere;
+    use fantex::mesh::{CleanOptions, clean};
 
     use super::*;
 

@@ -49,7 +49,7 @@ fn tunnels_and_arches_are_built_and_add_handles() {
     assert!(with.density.tunnels.len() >= 2 && !with.density.arches.is_empty());
     let genus = |world: World| {
         let surface = world.surface();
-        world.finish(surface, 0.0).genus
+        world.finish(surface, &small(1)).genus
     };
     let tubes = (with.density.tunnels.len() + with.density.arches.len()) as u64;
     let (with, without) = (genus(with), genus(without));
@@ -65,6 +65,22 @@ fn the_ground_overhangs() {
         normal.y < -0.2 && a.y > FLOOR + 15.0
     });
     assert!(facing_down.count() > 100);
+}
+
+#[test]
+fn odd_wishes_are_met_as_far_as_possible() {
+    let plain = LandscapeOptions { triangles: 3000, ..LandscapeOptions::default() };
+    for options in [
+        LandscapeOptions { triangles: 0, ..plain },
+        LandscapeOptions { size: 1e-3, irregularity: f32::INFINITY, ..plain },
+        LandscapeOptions { irregularity: f32::NAN, ..plain },
+        LandscapeOptions { size: 1e9, seed: u64::MAX, ..plain },
+        LandscapeOptions { tunnels: 1000, arches: 1000, ..plain },
+    ] {
+        let land = landscape(&options);
+        assert!((500..6000).contains(&land.triangles.len()), "{options:?}: {}", land.triangles.len());
+        assert_eq!(land.components, 1);
+    }
 }
 
 #[test]

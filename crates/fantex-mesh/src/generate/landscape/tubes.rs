@@ -9,6 +9,8 @@ use crate::generate::noise::Noise;
 
 /// Candidates tried per tube wanted.
 const CANDIDATES: u32 = 6000;
+/// Air left free where a tunnel ends and below an arch, metres.
+const CLEARANCE: f32 = 5.0;
 /// Distance of a curve's nodes while it is being laid out, metres.
 const NODE: f32 = 5.0;
 
@@ -47,7 +49,7 @@ impl Tube {
 
 /// Where tubes may lie.
 pub(super) struct Site<'a> {
-    /// The ground.
+    /// The ground, at a resolution that does not depend on the lattice's, so that every lattice gets the same tubes.
     pub(super) ground: &'a HeightMap,
     /// Side of the world's square, metres.
     pub(super) size: f32,
@@ -91,7 +93,7 @@ impl Site<'_> {
     fn tunnel(&self, random: &Noise, candidate: u32) -> Option<(f32, Tube)> {
         let number = |i| random.uniform(16 * candidate + i);
         let centre = self.place(number(0), number(1), 0.36);
-        let radius = (13.0 + 6.0 * number(2)).max(self.least_radius);
+        let radius = 13.0 + 6.0 * number(2);
         let top = self.ground.at(centre);
         let altitude = top - radius * (2.4 + 3.0 * number(3));
         let heading = TAU * number(4);
@@ -104,7 +106,7 @@ impl Site<'_> {
         };
         let clearance = |p: Vec3| p.y - self.ground.at(Vec2::new(p.x, p.z));
         let exit = |sign: f32| {
-            (4..40).map(|n| sign * NODE * n as f32).find(|&s| clearance(curve(s)) > radius + self.reach)
+            (4..40).map(|n| sign * NODE * n as f32).find(|&s| clearance(curve(s)) > radius + CLEARANCE)
         };
         let (start, end) = (exit(-1.0)? - 2.0 * NODE, exit(1.0)? + 2.0 * NODE);
         let nodes: Vec<(Vec3, f32)> = (0..=((end - start) / NODE) as u32)
@@ -116,7 +118,7 @@ impl Site<'_> {
         let is_sound = nodes.iter().all(inside) && rock > 2.0 * radius && altitude > radius + 8.0;
         // Long enough to be a tunnel, short enough to see light; mouths low on the mountain's front.
         let score = rock.min(110.0) + 30.0 * number(8) + 0.1 * centre.y;
-        is_sound.then(|| (score, Tube::new(nodes, self.reach)))
+        is_sound.then(|| (score, self.tube(nodes)))
     }
 
     /// A random parabola between two feet, if the ground between them is low enough to walk through.
@@ -124,7 +126,7 @@ impl Site<'_> {
         let number = |i| random.uniform(16 * candidate + i);
         let centre = self.place(number(0), number(1), 0.38);
         let half_span = 30.0 + 50.0 * number(2);
-        let radius = (8.0 + 4.0 * number(3)).max(0.75 * self.least_radius);
+        let radius = 8.0 + 4.0 * number(3);
         let across = Vec2::from_angle(PI * number(4)) * (half_span + radius);
         let feet = [centre - across, centre + across];
         let heights = feet.map(|p| self.ground.at(p));
@@ -146,10 +148,16 @@ impl Site<'_> {
         let middle = &nodes[nodes.len() / 3..nodes.len() - nodes.len() / 3];
         let height = middle.iter().map(clear).fold(f32::MAX, f32::min);
         let slant = (heights[0] - heights[1]).abs();
-        let is_sound = height > 1.2 * radius + self.reach && slant < 0.5 * half_span;
+        let is_sound = height > 1.2 * radius + CLEARANCE && slant < 0.5 * half_span;
         let score =
             1.5 * height.min(50.0) - 0.5 * slant - 0.25 * half_span + 10.0 * number(6) + 0.06 * centre.y;
-        is_sound.then(|| (score, Tube::new(nodes, self.reach)))
+        is_sound.then(|| (score, self.tube(nodes)))
+    }
+
+    /// The tube, as wide as the lattice needs it to be.
+    fn tube(&self, mut nodes: Vec<(Vec3, f32)>) -> Tube {
+        nodes.iter_mut().for_each(|(_, radius)| *radius = radius.max(self.least_radius));
+        Tube::new(nodes, self.reach)
     }
 
     /// A point of the square around the middle, `share` of the side to each direction.

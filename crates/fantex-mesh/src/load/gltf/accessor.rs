@@ -3,6 +3,10 @@
 use super::schema::{Accessor, Sparse};
 use super::{AccessorProblem, Document, GltfProblem, get};
 
+/// Elements of an accessor without a buffer view. They take no bytes in the file, so only this limits the memory that a
+/// few letters of JSON can claim.
+const MAX_ZEROED_ELEMENTS: usize = 1 << 24;
+
 /// Type of one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Component {
@@ -90,7 +94,11 @@ impl<'a> Reader<'a> {
             // Matrices serve skins and animations only, which are not read.
             _ => 0,
         };
-        let limit = document.limits().max_positions.saturating_mul(3);
+        let limits = document.limits();
+        let limit = match accessor.buffer_view {
+            Some(_) => limits.max_positions.max(limits.max_triangles.saturating_mul(3)),
+            None => MAX_ZEROED_ELEMENTS,
+        };
         if accessor.count > limit {
             return Err(failed(AccessorProblem::TooMany { count: accessor.count, limit }));
         }

@@ -2,10 +2,10 @@
 
 use std::borrow::Cow;
 
-use super::super::{LoadError, SourceFile, read_file};
 use super::schema::{Buffer, Root};
 use super::uri::{Target, resolve};
 use super::{BufferProblem, GltfProblem, get};
+use crate::load::{LoadError, SourceFile, read_companion};
 
 /// All buffers of a file.
 pub(super) struct Buffers<'a> {
@@ -21,9 +21,10 @@ impl<'a> Buffers<'a> {
         file: &SourceFile<'a>,
         binary: Option<&'a [u8]>,
     ) -> Result<Self, GltfProblem> {
+        let mut total_bytes = 0;
         let load = |(index, buffer): (usize, &Buffer)| {
             let bytes = match &buffer.uri {
-                Some(uri) => fetch(uri, file).map(|bytes| Some(Cow::Owned(bytes))),
+                Some(uri) => fetch(uri, file, &mut total_bytes).map(|bytes| Some(Cow::Owned(bytes))),
                 None => Ok(binary.filter(|_| index == 0).map(Cow::Borrowed)),
             };
             bytes
@@ -54,14 +55,19 @@ impl<'a> Buffers<'a> {
     }
 }
 
-/// The bytes behind a URI.
-fn fetch(uri: &str, file: &SourceFile) -> Result<Vec<u8>, BufferProblem> {
-    match resolve(uri, file.folder())? {
-        Target::Bytes(bytes) => Ok(bytes),
-        Target::File(path) => {
-            read_file(&path, &file.limits).map_err(|error: LoadError| BufferProblem::File(Box::new(error)))
-        }
+/// The bytes behind a URI. `total_bytes` adds up over all buffers, because many may name one large file.
+fn fetch(uri: &str, file: &SourceFile, total_bytes: &mut u64) -> Result<Vec<u8>, BufferProblem> {
+    let bytes = match resolve(uri, file.folder())? {
+        Target::Bytes(bytes) => bytes,
+        Target::File(path) => read_companion(&path, &file.limits)
+            .map_err(|error: LoadError| BufferProblem::File(Box::new(error)))?,
+    };
+    *total_bytes += bytes.len() as u64;
+    let limit = file.limits.max_file_bytes;
+    if *total_bytes > limit {
+        return Err(BufferProblem::TooLarge { limit });
     }
+    Ok(bytes)
 }
 
 /// Binary chunks are padded, so data may be longer than a buffer says, but never shorter.

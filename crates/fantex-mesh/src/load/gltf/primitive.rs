@@ -2,12 +2,12 @@
 
 use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 
-use super::super::builder::pad;
 use super::accessor::Reader;
 use super::scene::MeshInstance;
 use super::schema::Primitive;
 use super::{Document, Error, GltfProblem, get, material};
 use crate::Model;
+use crate::load::builder::pad;
 
 /// More sets than this are not read: nobody needs them, and a set's number must not decide how much is allocated.
 const MAX_UV_SETS: usize = 8;

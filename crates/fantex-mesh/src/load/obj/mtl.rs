@@ -4,19 +4,24 @@
 //! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. What metallic-roughness cannot express is
 //! left out with a note.
 
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::super::{LoadError, SourceFile, read_file, srgb};
 use super::{ObjProblem, number, shown};
+use crate::load::{LoadError, SourceFile, read_companion, relative_path, srgb};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
 /// The materials of all libraries of an OBJ file.
 #[derive(Default)]
 pub(super) struct Library {
     pub(super) materials: Vec<Material>,
+    /// Index into `materials`.
+    pub(super) of_name: HashMap<String, usize>,
     pub(super) images: Vec<ImageSource>,
+    /// Index into `images`.
+    of_path: HashMap<PathBuf, usize>,
     pub(super) notes: Vec<String>,
 }
 
@@ -27,32 +32,22 @@ pub(super) struct Library {
 /// A library that exists but is broken, with its own path and line.
 pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Library, LoadError> {
     let mut library = Library::default();
-    let mut done: Vec<PathBuf> = Vec::new();
+    let mut done = HashSet::new();
     for name in names {
         let Some(relative) = relative_path(name) else { continue };
         let path = file.folder().join(relative);
-        if done.contains(&path) {
+        if !done.insert(path.clone()) {
             continue;
         }
-        match read_file(&path, &file.limits) {
+        match read_companion(&path, &file.limits) {
             Ok(bytes) => Reader::new(&path, &mut library).read(&bytes)?,
             Err(LoadError::Read { source, .. }) => {
                 library.notes.push(format!("the material file {name} cannot be read: {source}"));
             }
             Err(other) => return Err(other),
         }
-        done.push(path);
     }
     Ok(library)
-}
-
-/// A path as written in a file from any system: backslashes separate too; of an absolute path only the name is kept,
-/// because it points into the author's computer.
-fn relative_path(written: &str) -> Option<PathBuf> {
-    let path = written.trim().trim_matches('"').replace('\\', "/");
-    let is_absolute = path.starts_with('/') || path.as_bytes().get(1) == Some(&b':');
-    let path = if is_absolute { path.rsplit('/').next().unwrap_or_default() } else { &path };
-    (!path.is_empty()).then(|| PathBuf::from(path))
 }
 
 struct Reader<'a> {
@@ -71,6 +66,8 @@ struct Pending {
     opacity_image: Option<usize>,
     roughness_texture: Option<TextureRef>,
     has_emission_factor: bool,
+    /// `Pr` says it directly, `Ns` only approximates.
+    has_roughness: bool,
     skipped: Vec<&'static str>,
 }
 
@@ -121,6 +118,10 @@ impl<'a> Reader<'a> {
     ) -> Result<(), ObjProblem> {
         let material = &mut pending.material;
         match keyword {
+            // Spectral curves and CIE XYZ: written by nobody, and not numbers that could be read as RGB.
+            b"kd" | b"ke" if arguments.starts_with(b"spectral") || arguments.starts_with(b"xyz") => {
+                pending.skipped.push("a spectral colour");
+            }
             b"kd" => {
                 let alpha = material.base_color.w;
                 material.base_color = color("Kd", arguments)?.extend(alpha);
@@ -131,10 +132,18 @@ impl<'a> Reader<'a> {
             }
             b"d" => material.base_color.w = scalar("d", arguments)?,
             b"tr" => material.base_color.w = 1.0 - scalar("Tr", arguments)?,
-            b"pr" => material.roughness = scalar("Pr", arguments)?.clamp(0.0, 1.0),
+            b"pr" => {
+                material.roughness = scalar("Pr", arguments)?.clamp(0.0, 1.0);
+                pending.has_roughness = true;
+            }
             b"pm" => material.metallic = scalar("Pm", arguments)?.clamp(0.0, 1.0),
-            // The exponent of Blinn-Phong, m = 2 / roughness^4 - 2 with perceptual roughness (Karis 2013).
-            b"ns" => material.roughness = (2.0 / (scalar("Ns", arguments)?.max(0.0) + 2.0)).powf(0.25),
+            b"ns" => {
+                let exponent = scalar("Ns", arguments)?.max(0.0);
+                if !pending.has_roughness {
+                    // m = 2 / roughness^4 - 2 for Blinn-Phong with perceptual roughness (B. Karis 2013).
+                    material.roughness = (2.0 / (exponent + 2.0)).powf(0.25);
+                }
+            }
             b"map_kd" => material.base_color_texture = self.texture(arguments).map(|t| t.texture),
             b"map_ke" => material.emission_texture = self.texture(arguments).map(|t| t.texture),
             b"norm" | b"map_norm" | b"map_bump" | b"bump" => {
@@ -196,11 +205,10 @@ impl<'a> Reader<'a> {
                 "material {name:?}: {list} has no place in metallic-roughness and was left out"
             ));
         }
-        let duplicate = self.library.materials.iter_mut().find(|m| m.name == pending.material.name);
-        match duplicate {
-            Some(earlier) => *earlier = pending.material,
-            None => self.library.materials.push(pending.material),
-        }
+        let materials = &mut self.library.materials;
+        // A later definition of the same name counts.
+        self.library.of_name.insert(pending.material.name.clone(), materials.len());
+        materials.push(pending.material);
     }
 
     /// Reads `-option values ... file name`; None without a file name.
@@ -210,7 +218,7 @@ impl<'a> Reader<'a> {
         let path = self.path.parent().unwrap_or(Path::new("")).join(relative_path(options.file_name)?);
         let wrap = if options.clamp { WrapMode::Clamp } else { WrapMode::Repeat };
         let texture = TextureRef {
-            image: self.image(ImageSource::File(path)),
+            image: self.image(path),
             uv_set: 0,
             uv_transform: options.uv_transform(),
             wrap: [wrap; 2],
@@ -219,10 +227,10 @@ impl<'a> Reader<'a> {
         Some(ParsedTexture { texture, bump_scale: options.bump_scale })
     }
 
-    fn image(&mut self, source: ImageSource) -> usize {
+    fn image(&mut self, path: PathBuf) -> usize {
         let images = &mut self.library.images;
-        images.iter().position(|known| *known == source).unwrap_or_else(|| {
-            images.push(source);
+        *self.library.of_path.entry(path).or_insert_with_key(|path| {
+            images.push(ImageSource::File(path.clone()));
             images.len() - 1
         })
     }

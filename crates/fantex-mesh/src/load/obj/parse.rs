@@ -1,11 +1,12 @@
 //! Reading the lines of an OBJ file.
 
 use std::borrow::Cow;
+use std::collections::HashMap;
 
 use glam::{DVec3, Vec2, Vec3};
 
-use super::super::{LoadError, SourceFile};
 use super::{ObjProblem, number, shown, words};
+use crate::load::{LoadError, SourceFile};
 
 /// Marks a corner without texture coordinate or normal.
 pub(super) const NONE: u32 = u32::MAX;
@@ -105,6 +106,7 @@ struct Parser<'a> {
     /// The line being read, from 1.
     line: usize,
     material: u32,
+    material_of_name: HashMap<String, u32>,
     /// Highest position, texture coordinate and normal (counted from 1) that a face refers to.
     highest: [Highest; 3],
     points_and_lines: usize,
@@ -124,6 +126,7 @@ impl<'a> Parser<'a> {
             text,
             line: 1,
             material: 0,
+            material_of_name: HashMap::from([(String::new(), 0)]),
             highest: [Highest::default(); 3],
             points_and_lines: 0,
             short_faces: 0,
@@ -177,7 +180,7 @@ impl<'a> Parser<'a> {
         self.text.positions.push(DVec3::new(x, y, z));
         if count >= 6 {
             let before = self.text.positions.len() - 1;
-            super::super::builder::pad(&mut self.text.colors_srgb, before, Vec3::ONE);
+            crate::load::builder::pad(&mut self.text.colors_srgb, before, Vec3::ONE);
             self.text.colors_srgb.push(DVec3::new(r, g, b).as_vec3());
         }
         Ok(())
@@ -198,13 +201,12 @@ impl<'a> Parser<'a> {
     }
 
     fn use_material(&mut self, name: &[u8]) {
-        let name = String::from_utf8_lossy(name);
+        let name = String::from_utf8_lossy(name).into_owned();
         let names = &mut self.text.material_names;
-        let known = names.iter().position(|n| *n == name);
-        self.material = known.unwrap_or_else(|| {
-            names.push(name.into_owned());
-            names.len() - 1
-        }) as u32;
+        self.material = *self.material_of_name.entry(name).or_insert_with_key(|name| {
+            names.push(name.clone());
+            names.len() as u32 - 1
+        });
     }
 
     fn read_face(&mut self, arguments: &[u8]) -> Result<(), ObjProblem> {

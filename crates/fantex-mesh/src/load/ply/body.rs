@@ -2,11 +2,11 @@
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use super::super::builder::pad;
-use super::super::{LoadError, SourceFile};
 use super::header::{Element, Encoding, Header, Scalar};
 use super::source::{Ascii, Binary, NumberSource, SourceError};
 use super::{PlyProblem, located};
+use crate::load::builder::pad;
+use crate::load::{LoadError, SourceFile};
 
 /// The tables that matter, as the file has them; all vertex indices are in range.
 #[derive(Default)]
@@ -100,7 +100,8 @@ fn read_elements(
         check_count(element, header.encoding, source.left()).map_err(|problem| located(file, problem))?;
         let mut rows = Rows { file, vertex_count, element, source: &mut source };
         match element.name.as_str() {
-            "vertex" => rows.read_vertices(&mut content)?,
+            // A second table of vertices would have nothing that refers to it.
+            "vertex" if content.positions.is_empty() => rows.read_vertices(&mut content)?,
             "face" => rows.read_faces(&mut content.faces)?,
             "tristrips" => rows.read_strips(&mut content.faces)?,
             name => {
@@ -284,7 +285,7 @@ impl<S: NumberSource> Rows<'_, S> {
     }
 
     fn read_face(&mut self, row: u64, columns: &[FaceColumn], faces: &mut Faces) -> Result<(), LoadError> {
-        let first = faces.corners.len();
+        let (face, first) = (faces.len(), faces.corners.len());
         let mut rgba: Option<Vec4> = None;
         let mut texture = None;
         let mut uvs = None;
@@ -305,7 +306,6 @@ impl<S: NumberSource> Rows<'_, S> {
                 (_, length) => self.skip(scalar, length).map_err(|e| self.failed(row, e))?,
             }
         }
-        let face = faces.len();
         if !faces.end_face(first) {
             return Ok(());
         }

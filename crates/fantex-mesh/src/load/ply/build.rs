@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use glam::{DVec3, Mat3, Vec2, Vec4};
+use rayon::prelude::*;
 
-use super::super::polygon::Triangulator;
-use super::super::{LoadError, SourceFile, builder, srgb};
 use super::body::{Content, Faces};
 use super::header::Header;
+use crate::load::polygon::Triangulator;
+use crate::load::{LoadError, SourceFile, builder, relative_path, srgb};
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
 /// Cuts the polygons and spreads attributes over the corners.
@@ -91,7 +92,7 @@ fn spread_attributes(model: &mut Model, content: &Content, cut: &Cut) {
         model.corners.uv_sets = vec![cut.per_corner(|c| flipped(content.uvs[vertex(c)]), count)];
     }
     if !content.colors_srgb.is_empty() {
-        let colors: Vec<Vec4> = content.colors_srgb.iter().map(|&c| linear(c)).collect();
+        let colors: Vec<Vec4> = content.colors_srgb.par_iter().map(|&c| linear(c)).collect();
         model.corners.colors = cut.per_corner(|c| colors[vertex(c)], count);
     } else if !faces.colors_srgb.is_empty() {
         let of_face = |face| linear(faces.colors_srgb.get(face).copied().unwrap_or(Vec4::ONE));
@@ -125,7 +126,8 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
         let material =
             Material { name: name.clone(), base_color_texture: Some(texture), ..Material::default() };
         model.materials.push(material);
-        model.images.push(ImageSource::File(file.folder().join(PathBuf::from(name.replace('\\', "/")))));
+        let path = relative_path(name).unwrap_or_else(|| PathBuf::from(name));
+        model.images.push(ImageSource::File(file.folder().join(path)));
     }
     if header.texture_files.len() > 1 {
         let last = header.texture_files.len() as i64 - 1;

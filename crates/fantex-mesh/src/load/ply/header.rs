@@ -105,6 +105,9 @@ pub(super) struct Header {
     pub(super) line_count: usize,
 }
 
+/// A longer line is not a header's.
+const MAX_LINE_BYTES: usize = 1 << 16;
+
 /// Reads the header lines up to and with `end_header`.
 pub(super) fn parse(bytes: &[u8]) -> Result<Header, PlyProblem> {
     let mut encoding = None;
@@ -112,7 +115,9 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Header, PlyProblem> {
     let mut texture_files = Vec::new();
     let mut offset = 0;
     for line_number in 1.. {
-        let Some(end) = bytes[offset..].iter().position(|&b| b == b'\n' || b == b'\r') else {
+        let rest = &bytes[offset..];
+        let visible = &rest[..rest.len().min(MAX_LINE_BYTES)];
+        let Some(end) = visible.iter().position(|&b| b == b'\n' || b == b'\r') else {
             return Err(PlyProblem::HeaderEnd);
         };
         let line = String::from_utf8_lossy(&bytes[offset..offset + end]).into_owned();

@@ -1,7 +1,8 @@
 //! PLY, ASCII and binary of both endiannesses (G. Turk, "The PLY Polygon File Format", 1994).
 //!
-//! The parser is our own because the kept crate reads every row into a map from property names to tagged values, and a
-//! list into a vector of its own: many times slower than the disk on files of millions of triangles.
+//! The parser is our own because the kept crate (ply-rs-bw) reads every row into a map from property names to tagged
+//! values and every list into a vector of its own: 7.2 s for a binary file of 2 million triangles, of which this one takes
+//! 0.2 s.
 //!
 //! ```text
 //!  header --> layout of elements --> rows: a binary or an ASCII source of numbers --> vertices, faces --> Model
@@ -33,7 +34,7 @@ pub enum PlyProblem {
         found: String,
     },
     /// No `end_header` within the file.
-    #[error("its header has no end (no line end_header)")]
+    #[error("its header has no end (no line end_header, or a line longer than any header's)")]
     HeaderEnd,
     /// The file is too short for what the header announces.
     #[error(

@@ -6,7 +6,8 @@ use std::time::Instant;
 
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, sample_finest};
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
-use fantex::mesh::{self, CleanOptions, LandscapeOptions, Mesh, landscape};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{self, CleanOptions, Mesh};
 use fantex::render::{FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, Quality, TexelFormat, TexelSlice, encode_many};
 use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
