@@ -41,7 +41,7 @@ struct LandscapeArgs {
     #[arg(long, value_name = "N", default_value = "500k")]
     triangles: Count,
     /// Side of the square in metres
-    #[arg(long, value_name = "METRES", default_value_t = f64::from(LandscapeOptions::default().size), value_parser = positive)]
+    #[arg(long, value_name = "METRES", default_value_t = f64::from(LandscapeOptions::default().size), value_parser = positive, allow_negative_numbers = true)]
     size: f64,
     /// Tunnels wanted
     #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().tunnels)]
@@ -50,7 +50,7 @@ struct LandscapeArgs {
     #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().arches)]
     arches: u32,
     /// How far triangles are from regular, 0 to 1
-    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     irregularity: f64,
 }
 

@@ -40,7 +40,7 @@ pub(crate) struct CoverArgs {
     #[arg(long, value_name = "N", conflicts_with = "density")]
     pub(crate) texels: Option<Count>,
     /// Texels per world unit of length, everywhere
-    #[arg(long, value_name = "D", value_parser = positive)]
+    #[arg(long, value_name = "D", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) density: Option<f64>,
     /// Target extent of a tile in texels; 0 gives every fan its own tile [default: 128]
     #[arg(long, value_name = "N")]
