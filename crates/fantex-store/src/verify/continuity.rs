@@ -179,15 +179,24 @@ impl<'a> Comparison<'a> {
         for level in 0..levels {
             self.compare_at(edge, &corners, LevelChoice::Same(level));
         }
-        for mixture in 0..MIXTURES {
-            self.compare_at(edge, &corners, LevelChoice::Mixed(mixture));
+        for choice in (0..MIXTURES).map(LevelChoice::Mixed) {
+            let mixed = edge.groups.map(|g| self.level(g, choice));
+            let same = LevelChoice::Same(mixed[0].max(mixed[1]));
+            // Otherwise it has been compared above.
+            if mixed != edge.groups.map(|g| self.level(g, same)) {
+                self.compare_at(edge, &corners, choice);
+            }
         }
     }
 
     fn compare_at(&mut self, edge: &Edge, corners: &[[[Vec2; 3]; 3]; 2], choice: LevelChoice) {
         let tiles: Vec<[Tile; 2]> = (0..self.asset.channels().len())
             .map(|channel| {
-                edge.groups.map(|group| self.cache.tile(channel, group, self.level(group, choice)))
+                let tile = |group| self.cache.tile(channel, group, self.level(group, choice));
+                let first = tile(edge.groups[0]);
+                let is_one_group = edge.groups[0] == edge.groups[1];
+                let second = if is_one_group { first.clone() } else { tile(edge.groups[1]) };
+                [first, second]
             })
             .collect();
         for s in self.positions(edge, &corners[0], choice) {

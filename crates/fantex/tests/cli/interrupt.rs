@@ -14,7 +14,7 @@ fn an_interrupted_bake_leaves_nothing() {
     let mut bake = fantex()
         .arg("bake")
         .arg(bottle())
-        .args(["--source", "solid=marble", "--texels", "2G", "-o"])
+        .args(["--source", "solid=marble", "--texels", "200M", "-o"])
         .arg(&asset)
         .stderr(Stdio::piped())
         .spawn()
