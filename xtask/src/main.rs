@@ -1,2 +1,42 @@
-//! Development chores.
-fn main() {}
+//! Development chores: `cargo xtask lint | test | bench | demo`.
+
+mod bench;
+mod crates;
+mod lint;
+mod shell;
+mod test;
+
+use std::process::ExitCode;
+
+use shell::Failure;
+
+const USAGE: &str = "\
+usage: cargo xtask CHORE
+
+  lint           formatting, clippy, direction of the crates, length of files, documentation
+  test [--slow]  all tests; --slow adds those that are ignored because they take long
+  bench          figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
+  demo           the tour of the README";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let result = match words[..] {
+        ["lint"] => lint::run(),
+        ["test"] => test::run(false),
+        ["test", "--slow"] => test::run(true),
+        ["bench"] => bench::run(),
+        ["demo", ref rest @ ..] => shell::cargo(&[&["run", "--release", "--", "demo"], rest].concat()),
+        _ => {
+            eprintln!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure(reason)) => {
+            eprintln!("xtask: {reason}");
+            ExitCode::FAILURE
+        }
+    }
+}

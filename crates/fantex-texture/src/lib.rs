@@ -9,8 +9,8 @@ mod filter;
 mod image;
 mod image_file;
 mod image_texture;
-pub mod material;
 mod mapping;
+pub mod material;
 pub mod noise;
 mod solid;
 

@@ -78,18 +78,19 @@ pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>, Load
 }
 
 fn of_material(mesh: &Mesh, material: &Material, textures: &Textures) -> MaterialTextures {
-    let [base_color, metallic_roughness, normal, occlusion, emission] = channels(material).map(|(texture, srgb)| {
-        let texture_ref = texture?;
-        let texture = textures.get(&image_use(material, texture_ref, srgb))?;
-        let set = mesh.corners.uv_sets.get(texture_ref.uv_set)?;
-        (set.len() == 3 * mesh.triangles.len()).then(|| TextureLayer {
-            uv_set: texture_ref.uv_set,
-            uv_transform: texture_ref.uv_transform,
-            wrap: texture_ref.wrap.map(wrap),
-            nearest: texture_ref.nearest,
-            texture: Arc::clone(texture),
-        })
-    });
+    let [base_color, metallic_roughness, normal, occlusion, emission] =
+        channels(material).map(|(texture, srgb)| {
+            let texture_ref = texture?;
+            let texture = textures.get(&image_use(material, texture_ref, srgb))?;
+            let set = mesh.corners.uv_sets.get(texture_ref.uv_set)?;
+            (set.len() == 3 * mesh.triangles.len()).then(|| TextureLayer {
+                uv_set: texture_ref.uv_set,
+                uv_transform: texture_ref.uv_transform,
+                wrap: texture_ref.wrap.map(wrap),
+                nearest: texture_ref.nearest,
+                texture: Arc::clone(texture),
+            })
+        });
     MaterialTextures { base_color, metallic_roughness, normal, occlusion, emission }
 }
 

@@ -87,6 +87,10 @@ impl Context {
         if path.is_dir() {
             return Err(CliError::OutputIsFolder { path: path.into() });
         }
+        // A device or a pipe would be replaced by a file of its name.
+        if path.metadata().is_ok_and(|m| !m.is_file()) {
+            return Err(CliError::OutputIsNoFile { path: path.into() });
+        }
         if !self.force && path.symlink_metadata().is_ok() {
             return Err(CliError::Exists { path: path.into() });
         }

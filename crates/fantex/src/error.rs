@@ -55,6 +55,8 @@ pub(crate) enum CliError {
     Exists { path: PathBuf },
     #[error("cannot write {}: it is a folder", path.display())]
     OutputIsFolder { path: PathBuf },
+    #[error("cannot write {}: it is no ordinary file; give another name", path.display())]
+    OutputIsNoFile { path: PathBuf },
     #[error("cannot write {}: there is no folder {}", path.display(), folder.display())]
     NoFolder { path: PathBuf, folder: PathBuf },
     #[error("cannot make the folder {}: {source}", folder.display())]

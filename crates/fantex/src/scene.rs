@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use fantex::bake::{Source, SurfacePoint};
-use fantex::mesh::Mesh;
-use fantex::mesh::shading_normals;
+use fantex::mesh::{Mesh, shading_normals};
 use fantex::render::{
     Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
-    RenderStats, Rendering, Surface, render,
+    Rendering, Surface, render,
 };
 use fantex::store::PageCache;
 use fantex::texture::Filter;
@@ -148,16 +147,6 @@ pub(crate) fn portrait(mesh: &Mesh, options: &RenderOptions) -> Camera {
 /// Width by height.
 pub(crate) fn aspect(options: &RenderOptions) -> f64 {
     f64::from(options.width) / f64::from(options.height)
-}
-
-/// What several renderings took together.
-pub(crate) fn total(stats: impl IntoIterator<Item = RenderStats>) -> RenderStats {
-    stats.into_iter().fold(RenderStats::default(), |sum, s| RenderStats {
-        triangles: s.triangles,
-        shaded: sum.shaded + s.shaded,
-        lookups: sum.lookups + s.lookups,
-        elapsed: sum.elapsed + s.elapsed,
-    })
 }
 
 /// A point or direction of the command line: `X,Y,Z`.

@@ -90,6 +90,20 @@ fn write_shortest(value: u64, kilo: u64, f: &mut fmt::Formatter<'_>) -> fmt::Res
     }
 }
 
+/// A number above zero, for argument parsing. Single precision holds it.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    within(text, "above zero", |value| value > f64::from(f32::MIN_POSITIVE) && value < f64::from(f32::MAX))
+}
+
+/// A number from 0 to 1, for argument parsing.
+pub(crate) fn share(text: &str) -> Result<f64, String> {
+    within(text, "from 0 to 1", |value| (0.0..=1.0).contains(&value))
+}
+
+fn within(text: &str, range: &str, is_inside: impl Fn(f64) -> bool) -> Result<f64, String> {
+    text.parse().ok().filter(|&value| is_inside(value)).ok_or_else(|| format!("expected a number {range}"))
+}
+
 /// Digits in groups of three: `69 451`.
 pub(crate) fn grouped(number: u64) -> String {
     let digits = number.to_string();

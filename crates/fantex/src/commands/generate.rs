@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::CliError;
-use crate::size::{Count, grouped};
+use crate::size::{Count, grouped, positive, share};
 
 /// Generate a procedural model.
 #[derive(Args, Debug)]
@@ -41,14 +41,17 @@ struct LandscapeArgs {
     #[arg(long, value_name = "N", default_value = "500k")]
     triangles: Count,
     /// Side of the square in metres
-    #[arg(long, value_name = "METRES", default_value_t = 640.0)]
-    size: f32,
+    #[arg(long, value_name = "METRES", default_value_t = f64::from(LandscapeOptions::default().size), value_parser = positive, allow_negative_numbers = true)]
+    size: f64,
     /// Tunnels wanted
-    #[arg(long, value_name = "N", default_value_t = 4)]
+    #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().tunnels)]
     tunnels: u32,
     /// Natural arches wanted
-    #[arg(long, value_name = "N", default_value_t = 3)]
+    #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().arches)]
     arches: u32,
+    /// How far triangles are from regular, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    irregularity: f64,
 }
 
 #[derive(Debug, Serialize)]
@@ -77,10 +80,10 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
     let made = landscape(&LandscapeOptions {
         triangles: args.triangles.0,
         seed: context.seed,
-        size: args.size,
+        size: args.size as f32,
         tunnels: args.tunnels,
         arches: args.arches,
-        ..LandscapeOptions::default()
+        irregularity: args.irregularity as f32,
     });
     let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
     {

@@ -13,7 +13,7 @@ use crate::context::Context;
 use crate::error::CliError;
 use crate::input::{CleanModel, Input};
 use crate::pictures;
-use crate::size::{Count, grouped, megabytes};
+use crate::size::{Count, grouped, megabytes, positive};
 use crate::table::Table;
 
 /// Show what is in a model or an asset, and the cover that a model would get.
@@ -40,7 +40,7 @@ pub(crate) struct CoverArgs {
     #[arg(long, value_name = "N", conflicts_with = "density")]
     pub(crate) texels: Option<Count>,
     /// Texels per world unit of length, everywhere
-    #[arg(long, value_name = "D", value_parser = positive)]
+    #[arg(long, value_name = "D", value_parser = positive, allow_negative_numbers = true)]
     pub(crate) density: Option<f64>,
     /// Target extent of a tile in texels; 0 gives every fan its own tile [default: 128]
     #[arg(long, value_name = "N")]
@@ -68,13 +68,6 @@ impl CoverArgs {
 
 /// Texels where nothing else says how many.
 pub(crate) const DEFAULT_BUDGET: TexelBudget = TexelBudget::Total(4_000_000);
-
-fn positive(text: &str) -> Result<f64, String> {
-    match text.parse::<f64>() {
-        Ok(value) if value > 0.0 && value.is_finite() => Ok(value),
-        _ => Err("expected a number above zero".to_owned()),
-    }
-}
 
 #[derive(Debug, Serialize)]
 struct Stretch {

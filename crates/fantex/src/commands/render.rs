@@ -36,7 +36,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     target: Option<VectorArg>,
     /// Vertical opening angle of the camera in degrees [default: 35]
-    #[arg(long, value_name = "DEG")]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     fov: Option<f64>,
     /// Samples per pixel, 1 to 64
     #[arg(long, value_name = "N", default_value_t = 8)]

@@ -38,6 +38,9 @@ struct ContinuityInfo {
 struct VerifyInfo {
     ok: bool,
     damaged_tiles: u64,
+    damaged_headers: u32,
+    damage: Vec<String>,
+    mesh_faults: Vec<String>,
     continuity: ContinuityInfo,
     levels: u32,
     bytes: u64,
@@ -54,6 +57,9 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> 
     let info = VerifyInfo {
         ok: report.ok,
         damaged_tiles: report.damaged_tiles,
+        damaged_headers: report.damaged_headers,
+        damage: report.first_damage.clone(),
+        mesh_faults: report.mesh_faults.iter().map(ToString::to_string).collect(),
         continuity: ContinuityInfo {
             largest_jump: continuity.largest_jump,
             bound: JUMP_BOUND,
@@ -73,13 +79,14 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> 
 /// The sentence that says why.
 pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
     let jump = report.continuity.largest_jump;
-    let reason = match report.damaged_tiles {
-        0 if jump <= JUMP_BOUND => "its structure breaks a rule of the format".to_owned(),
-        0 => {
-            format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
-        }
-        1 => "1 of its tiles is damaged".to_owned(),
-        tiles => format!("{tiles} of its tiles are damaged"),
+    let reason = if let Some(damage) = report.first_damage.first() {
+        format!("{} tiles are damaged; the first: {damage}", grouped(report.damaged_tiles))
+    } else if let Some(fault) = report.mesh_faults.first() {
+        format!("its mesh breaks a rule of the format: {fault}")
+    } else if report.damaged_headers > 0 {
+        "one of its two headers is damaged; the other one still opens it".to_owned()
+    } else {
+        format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
     };
     CliError::NotVerified { path: path.into(), reason }
 }

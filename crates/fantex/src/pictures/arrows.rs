@@ -41,7 +41,7 @@ pub(super) fn draw(
         Some(i) => colors[shown[i / TRIANGLES]] * 0.8,
     };
     let surface = FlatSurface::new(&scene, FlatShading::Faceted, color);
-    Ok(photograph(&scene, &surface, &portrait(mesh, options), options)?.picture)
+    Ok(photograph(&scene, &surface, &portrait(&scene, options), options)?.picture)
 }
 
 /// For each group the vertex nearest to its middle, mesh space.

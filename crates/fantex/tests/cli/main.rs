@@ -1,0 +1,8 @@
+//! The command line as scripts see it: exit codes, messages, JSON, files.
+
+mod bad_input;
+mod interrupt;
+mod real_models;
+mod round_trip;
+mod support;
+mod usage;

@@ -1,0 +1,260 @@
+//! The whole path: generate, bake, verify, render, compare; and the keys of the machine output.
+
+use std::ffi::OsStr;
+
+use serde_json::Value;
+
+use crate::support::{COLORED_PLY, bottle, files, json, succeeds, workspace, write};
+
+/// The value must hold all keys; `a.b` is key b within a.
+fn assert_keys(value: &Value, keys: &[&str]) {
+    for key in keys {
+        let found = key.split('.').try_fold(value, |value, part| value.get(part));
+        assert!(found.is_some(), "{key} is missing in {value:#}");
+    }
+}
+
+#[test]
+fn info_has_all_keys() {
+    let info = json(&[&"info", &bottle()]);
+    assert_keys(
+        &info,
+        &[
+            "triangles",
+            "vertices",
+            "fans",
+            "fans_projected",
+            "fans_unfolded",
+            "fans_split",
+            "groups",
+            "tiles",
+            "texels",
+            "density_share",
+            "lookups_per_sample",
+            "stretch.p1",
+            "stretch.median",
+            "stretch.p99",
+            "seconds.load",
+            "seconds.clean",
+            "seconds.cover",
+            "report",
+        ],
+    );
+    assert_eq!(info["triangles"], 4510);
+    assert_eq!(info["vertices"], 2385);
+    assert_eq!(info["fans"], 2385);
+    assert!(
+        info["report"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|line| line.as_str().unwrap().contains("164 vertices welded"))
+    );
+    let share = info["density_share"].as_f64().unwrap();
+    assert!(share > 0.3 && share < 1.0, "{share}");
+}
+
+#[test]
+fn one_fan_per_tile_gives_as_many_tiles_as_fans() {
+    let info = json(&[&"info", &bottle(), &"--tile", &"0", &"--texels", &"1M"]);
+    assert_eq!(info["tiles"], info["fans"]);
+    let wanted = json(&[&"info", &bottle(), &"--texels", &"1M"])["texels"].as_f64().unwrap();
+    assert!((wanted / 1e6 - 1.0).abs() < 0.02, "{wanted}");
+}
+
+#[test]
+fn density_is_per_world_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    // Two squares of side 10: 200 square units, at 20 texels per unit 80 000 texels and margins.
+    let square = "v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 0\nv 20 0 0\nv 20 10 0\nf 1 2 3 4\nf 2 5 6 3\n";
+    let model = write(folder.path(), "square.obj", square);
+    let info = json(&[&"info", &model, &"--density", &"20", &"--tile", &"1000"]);
+    let texels = info["texels"].as_f64().unwrap();
+    assert!((80_000.0..100_000.0).contains(&texels), "{texels}");
+}
+
+#[test]
+fn a_landscape_goes_all_the_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let made =
+        json(&[&"generate", &"landscape", &"-o", &path("land.ply"), &"--triangles", &"10k", &"--seed", &"3"]);
+    assert_keys(&made, &["triangles", "genus", "components"]);
+    let triangles = made["triangles"].as_f64().unwrap();
+    assert!((9e3..1.1e4).contains(&triangles), "{triangles}");
+
+    let baked = json(&[
+        &"bake",
+        &path("land.ply"),
+        &"-o",
+        &path("land.fan"),
+        &"--source",
+        &"solid=landscape",
+        &"--texels",
+        &"1M",
+    ]);
+    assert_keys(
+        &baked,
+        &[
+            "texels",
+            "bytes",
+            "seconds.cover",
+            "seconds.bake",
+            "seconds.encode",
+            "seconds.write",
+            "peak_memory_bytes",
+            "channels",
+        ],
+    );
+    assert_eq!(baked["bytes"].as_u64().unwrap(), std::fs::metadata(path("land.fan")).unwrap().len());
+
+    let verified = json(&[&"verify", &path("land.fan")]);
+    assert_eq!(verified["ok"], true);
+    assert_eq!(verified["damaged_tiles"], 0);
+    assert_keys(
+        &verified,
+        &["continuity.edges", "continuity.levels", "continuity.samples", "continuity.exempt_edges"],
+    );
+    assert!(verified["continuity"]["largest_jump"].as_f64().unwrap() < 1e-4);
+    assert!(verified["continuity"]["edges"].as_u64().unwrap() > 10_000);
+
+    let info = json(&[&"info", &path("land.fan")]);
+    assert_eq!(info["triangles"], made["triangles"]);
+    assert_eq!(info["bytes"], baked["bytes"]);
+
+    let rendered = json(&[&"render", &path("land.fan"), &"-o", &path("land.png"), &"--size", &"320x240"]);
+    assert_keys(&rendered, &["seconds", "triangles", "lookups"]);
+    assert!(rendered["lookups"].as_u64().unwrap() > 10_000);
+
+    // The same seed gives the same file.
+    succeeds(&[
+        &"generate",
+        &"landscape",
+        &"-o",
+        &path("again.ply"),
+        &"--triangles",
+        &"10k",
+        &"--seed",
+        &"3",
+    ]);
+    assert!(std::fs::read(path("land.ply")).unwrap() == std::fs::read(path("again.ply")).unwrap());
+}
+
+#[test]
+fn the_bottle_looks_like_its_original() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("bottle.fan");
+    let baked = json(&[&"bake", &bottle(), &"-o", &asset]);
+    let channels: Vec<_> =
+        baked["channels"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!(channels, ["BaseColor", "Normal", "OcclusionRoughnessMetallic", "Emission"]);
+    let pictures = folder.path().join("views");
+    let compared =
+        json(&[&"compare", &bottle(), &asset, &"--views", &"3", &"--size", &"320x240", &"-o", &pictures]);
+    assert_keys(&compared, &["psnr_db.mean", "psnr_db.min", "ssim", "flip", "views"]);
+    assert!(compared["psnr_db"]["mean"].as_f64().unwrap() > 38.0, "{compared:#}");
+    assert_eq!(files(&pictures).len(), 9);
+
+    // Equal pictures have no finite ratio.
+    let same = json(&[&"compare", &bottle(), &bottle(), &"--views", &"1", &"--size", &"64x64"]);
+    assert_eq!(same["psnr_db"]["mean"], Value::Null);
+    assert_eq!(same["flip"], 0.0);
+}
+
+#[test]
+fn any_number_of_threads_bakes_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let bake = |threads: &str| {
+        let asset = folder.path().join(format!("{threads}.fan"));
+        succeeds(&[
+            &"bake",
+            &bottle(),
+            &"-o",
+            &asset,
+            &"--source",
+            &"solid=wood",
+            &"--texels",
+            &"300k",
+            &"--threads",
+            &threads,
+        ]);
+        std::fs::read(asset).unwrap()
+    };
+    assert!(bake("1") == bake("3"));
+}
+
+#[test]
+fn every_source_bakes_and_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let image = workspace().join("assets/WaterBottle/WaterBottle_emissive.png");
+    let mut sources = vec!["vertex".to_owned()];
+    sources.extend(["wood", "marble", "rock", "landscape"].map(|name| format!("solid={name}")));
+    sources.extend(
+        ["planar", "box", "cylinder", "sphere", "triplanar"]
+            .map(|mapping| format!("image={},mapping={mapping}", image.display())),
+    );
+    let asset = folder.path().join("out.fan");
+    let formats = ["bc7", "bc1", "rgba8", "float"];
+    for (source, format) in sources.iter().zip(formats.iter().cycle()) {
+        let arguments: [&dyn AsRef<OsStr>; 11] = [
+            &"bake",
+            &model,
+            &"-o",
+            &asset,
+            &"--source",
+            source,
+            &"--texels",
+            &"16k",
+            &"--format",
+            format,
+            &"--force",
+        ];
+        succeeds(&arguments);
+        let verified = json(&[&"verify", &asset]);
+        assert_eq!(verified["ok"], true, "{source} as {format}: {verified:#}");
+    }
+}
+
+#[test]
+fn pictures_of_the_cover_are_drawn_for_models_and_assets() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("colored.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"16k"]);
+    let pictures = folder.path().join("pictures/");
+    let info = json(&[&"info", &model, &"--texels", &"16k", &"--picture", &pictures]);
+    assert_eq!(info["pictures"].as_array().unwrap().len(), 3);
+    json(&[&"info", &asset, &"--picture", &folder.path().join("pictures/asset")]);
+    assert_eq!(
+        files(&pictures),
+        [
+            "asset-cover.png",
+            "asset-directions.png",
+            "asset-tiles.png",
+            "cover.png",
+            "directions.png",
+            "tiles.png"
+        ]
+    );
+}
+
+#[test]
+fn fidelity_is_measured() {
+    let figures = json(&[&"bench", &"fidelity", &bottle(), &"--texels", &"1M", &"--wavelength", &"16"]);
+    assert_keys(&figures, &["psnr_db", "density_share", "lookups_per_sample", "texels"]);
+    assert!(figures["psnr_db"].as_f64().unwrap() > 40.0, "{figures:#}");
+    // Point samples of the same function are worse.
+    let point = json(&[&"bench", &"fidelity", &bottle(), &"--texels", &"1M", &"--fit", &"point"]);
+    assert!(point["psnr_db"].as_f64().unwrap() < figures["psnr_db"].as_f64().unwrap() - 3.0);
+}
+
+#[test]
+fn messages_and_results_do_not_mix() {
+    let noisy = succeeds(&[&"info", &bottle(), &"--json"]);
+    serde_json::from_slice::<Value>(&noisy.stdout).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("out.png");
+    let quiet = succeeds(&[&"render", &bottle(), &"-o", &picture, &"--size", &"32x32", &"--quiet"]);
+    assert!(quiet.stderr.is_empty());
+}

@@ -1,0 +1,111 @@
+//! Running the program and judging what it says.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// The program, quiet threads, in the workspace's folder.
+pub(crate) fn fantex() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_fantex"));
+    command.current_dir(workspace());
+    command
+}
+
+pub(crate) fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The model that comes with the repository.
+pub(crate) fn bottle() -> PathBuf {
+    workspace().join("assets/WaterBottle/WaterBottle.gltf")
+}
+
+/// Runs the program with arguments of any string type.
+pub(crate) fn run(arguments: &[&dyn AsRef<OsStr>]) -> Output {
+    let output = fantex().args(arguments.iter().map(|a| a.as_ref())).output().unwrap();
+    let errors = stderr(&output);
+    assert!(!errors.contains("panicked"), "{}: {errors}", shown(arguments));
+    output
+}
+
+/// Runs the program, which must succeed.
+pub(crate) fn succeeds(arguments: &[&dyn AsRef<OsStr>]) -> Output {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(0), "{}: {}", shown(arguments), stderr(&output));
+    output
+}
+
+/// Runs the program with `--json`, which must succeed, and parses what it prints.
+pub(crate) fn json(arguments: &[&dyn AsRef<OsStr>]) -> Value {
+    let output = succeeds(&[&[&"--json" as &dyn AsRef<OsStr>][..], arguments].concat());
+    serde_json::from_slice(&output.stdout).expect("one JSON object on standard output")
+}
+
+/// Runs the program, which must fail with an exit code and one sentence that holds some words; returns the sentence.
+pub(crate) fn fails(code: i32, words: &[&str], arguments: &[&dyn AsRef<OsStr>]) -> String {
+    let output = run(arguments);
+    let errors = stderr(&output);
+    assert_eq!(output.status.code(), Some(code), "{}: {errors}", shown(arguments));
+    assert!(output.stdout.is_empty(), "{} printed a result", shown(arguments));
+    let sentence = errors.lines().last().unwrap_or_default().to_owned();
+    if code == 1 {
+        assert!(sentence.starts_with("fantex: "), "{}: {errors}", shown(arguments));
+    }
+    for word in words {
+        assert!(errors.contains(word), "{}: '{word}' is missing in: {errors}", shown(arguments));
+    }
+    sentence
+}
+
+pub(crate) fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// Names of the files in a folder, hidden ones too.
+pub(crate) fn files(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// A cube without colours.
+pub(crate) const CUBE_OBJ: &str = "\
+v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1
+f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+/// A tetrahedron with vertex colours.
+pub(crate) const COLORED_PLY: &str = "\
+ply\nformat ascii 1.0\nelement vertex 4
+property float x\nproperty float y\nproperty float z
+property uchar red\nproperty uchar green\nproperty uchar blue
+element face 4\nproperty list uchar int vertex_indices\nend_header
+0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n0 0 1 255 255 255
+3 0 2 1\n3 0 1 3\n3 1 2 3\n3 0 3 2\n";
+
+/// Writes a file into a folder and returns its path.
+pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    let path = folder.join(name);
+    std::fs::write(&path, content).unwrap();
+    path
+}
+
+/// The folder of real models, if it is there.
+pub(crate) fn data() -> Option<PathBuf> {
+    let folder =
+        std::env::var_os("FANTEX_DATA").map_or_else(|| workspace().join("../shared/data"), PathBuf::from);
+    if folder.is_dir() {
+        return Some(folder);
+    }
+    eprintln!("SKIPPED: no real models at {} (set FANTEX_DATA)", folder.display());
+    None
+}
+
+fn shown(arguments: &[&dyn AsRef<OsStr>]) -> String {
+    let words: Vec<_> = arguments.iter().map(|a| a.as_ref().to_string_lossy()).collect();
+    format!("fantex {}", words.join(" "))
+}

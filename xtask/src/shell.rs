@@ -1,0 +1,59 @@
+//! Running other programs.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Why a chore failed, as one sentence.
+#[derive(Debug)]
+pub(crate) struct Failure(pub(crate) String);
+
+impl Failure {
+    pub(crate) fn new(reason: impl Into<String>) -> Self {
+        Self(reason.into())
+    }
+}
+
+/// The workspace's folder.
+pub(crate) fn root() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.parent().unwrap_or(manifest).to_owned()
+}
+
+/// The cargo that runs this program, in the workspace's folder.
+pub(crate) fn cargo_command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(arguments).current_dir(root());
+    command
+}
+
+/// Runs cargo and shows what it says.
+pub(crate) fn cargo(arguments: &[&str]) -> Result<(), Failure> {
+    eprintln!("> cargo {}", arguments.join(" "));
+    run(&mut cargo_command(arguments))
+}
+
+/// Runs a command and shows what it says.
+pub(crate) fn run(command: &mut Command) -> Result<(), Failure> {
+    let name = command.get_program().to_string_lossy().into_owned();
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(Failure(format!("'{name}' failed: {status}"))),
+        Err(error) => Err(Failure(format!("cannot run '{name}': {error}"))),
+    }
+}
+
+/// Runs a command and returns what it writes to standard output.
+pub(crate) fn capture(command: &mut Command) -> Result<String, Failure> {
+    let name = format!("{command:?}");
+    let output = command.stderr(Stdio::inherit()).output();
+    let output = output.map_err(|error| Failure(format!("cannot run {name}: {error}")))?;
+    if !output.status.success() {
+        return Err(Failure(format!("{name} failed: {}", output.status)));
+    }
+    String::from_utf8(output.stdout).map_err(|_| Failure(format!("{name} did not write text")))
+}
+
+/// True if a command runs and succeeds, whatever it says.
+pub(crate) fn succeeds(command: &mut Command) -> bool {
+    command.stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok_and(|status| status.success())
+}
