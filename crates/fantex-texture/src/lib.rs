@@ -5,12 +5,12 @@
 
 pub mod color;
 pub mod compare;
-mod filter;
+pub mod filter;
 mod image;
 mod image_file;
 mod image_texture;
-pub mod material;
 mod mapping;
+pub mod material;
 pub mod noise;
 mod solid;
 
