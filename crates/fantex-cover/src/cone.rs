@@ -5,7 +5,7 @@
 //! 1991, for the planar case): the cap is determined by two or three of the normals. We start with the farthest normal and
 //! keep adding the worst violator to the basis, which ends after a few rounds because the cap grows with each.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A cone of directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub(crate) fn narrowest_cone(normals: &[Vec3]) -> Cone {
     if cos > 1.0 - TOLERANCE {
         return Cone { axis: mean, cos };
     }
-    let mut basis = Basis { members: [normals[worst]; 3], count: 1, axis: normals[worst], cos: 1.0 };
+    let mut basis = Basis::of(normals[worst]);
     for _ in 0..MAX_ROUNDS {
         let (worst, cos) = farthest(normals, basis.axis);
         if cos >= basis.cos - TOLERANCE {
@@ -59,25 +59,32 @@ fn farthest(normals: &[Vec3], axis: Vec3) -> (usize, f32) {
     worst
 }
 
+/// In double precision, and its members normalised to it: the axis of two nearly opposite normals is the small
+/// difference of two long vectors.
 struct Basis {
-    members: [Vec3; 3],
+    members: [DVec3; 3],
     count: usize,
     axis: Vec3,
     cos: f32,
 }
 
 impl Basis {
+    fn of(n: Vec3) -> Self {
+        Self { members: [n.as_dvec3().normalize(); 3], count: 1, axis: n, cos: 1.0 }
+    }
+
     /// Replaces the basis by the one of the smallest cap that holds it and `n`; false if none smaller than a hemisphere.
     fn add(&mut self, n: Vec3) -> bool {
+        let n = n.as_dvec3().normalize();
         let old = self.members;
         let old = &old[..self.count];
-        let mut best: Option<Basis> = None;
-        let mut consider = |members: [Vec3; 3], count: usize, axis: Option<Vec3>| {
+        let mut best: Option<(f64, Basis)> = None;
+        let mut consider = |members: [DVec3; 3], count: usize, axis: Option<DVec3>| {
             let Some(axis) = axis else { return };
             let cos = n.dot(axis);
-            let holds = old.iter().all(|m| m.dot(axis) >= cos - TOLERANCE);
-            if cos > 0.0 && holds && best.as_ref().is_none_or(|b| cos > b.cos) {
-                best = Some(Basis { members, count, axis, cos });
+            let holds = old.iter().all(|m| m.dot(axis) >= cos - f64::from(TOLERANCE));
+            if cos > 0.0 && holds && best.as_ref().is_none_or(|b| cos > b.0) {
+                best = Some((cos, Basis { members, count, axis: axis.as_vec3(), cos: cos as f32 }));
             }
         };
         for &m in old {
@@ -90,7 +97,7 @@ impl Basis {
             }
         }
         match best {
-            Some(basis) => {
+            Some((_, basis)) => {
                 *self = basis;
                 true
             }
@@ -112,6 +119,18 @@ mod tests {
         assert_eq!(cone.axis, Vec3::Y);
         assert!(narrowest_cone(&[Vec3::Z, -Vec3::Z]).cos <= 0.0);
         assert!(narrowest_cone(&[Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z]).cos <= 0.0);
+    }
+
+    /// Two of the normals are nearly opposite; single precision found no hemisphere here.
+    #[test]
+    fn nearly_opposite_normals_have_a_cone() {
+        let normals = [
+            Vec3::new(-0.6407155, -0.74389756, 0.18999988),
+            Vec3::Z,
+            Vec3::new(0.99999994, 0.0, 0.0),
+            Vec3::new(0.6230162, 0.77880573, -0.072887816),
+        ];
+        assert!(narrowest_cone(&normals).cos > 0.0107);
     }
 
     fn unit() -> impl Strategy<Value = Vec3> {
