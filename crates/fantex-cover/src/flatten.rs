@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 
 use crate::Frame;
 use crate::cone::{Cone, narrowest_cone};
-use crate::injective::{Segment, any_crossing};
+use crate::injective::{Segment, Spoke, any_crossing, any_overlap_at_vertex};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::region::outline_points;
 use crate::surface::Surface;
@@ -54,6 +54,7 @@ pub(crate) struct Flattener {
     /// Planar coordinates and, in z, the depth along the direction.
     points: Vec<Vec3>,
     segments: Vec<Segment>,
+    spokes: Vec<Spoke>,
     rectangles: RectangleFinder,
 }
 
@@ -83,7 +84,7 @@ impl Flattener {
         self.collect_points(surface, fans, membership, flat);
         if fans.len() > 1 {
             self.collect_boundary(surface, fans, membership, flat);
-            if any_crossing(&mut self.segments) {
+            if any_crossing(&mut self.segments) || any_overlap_at_vertex(&self.segments, &mut self.spokes) {
                 return Err(Reject::Overlapping);
             }
         }
@@ -162,7 +163,8 @@ impl Flattener {
         }
     }
 
-    /// The edges that bound the union of the group's triangles: those opposite a lone corner, and the mesh's own.
+    /// The edges that bound the union of the group's triangles, which lies to their left: those opposite a lone corner, and
+    /// the mesh's own.
     fn collect_boundary(
         &mut self,
         surface: &Surface<'_>,
@@ -186,7 +188,7 @@ impl Flattener {
                 let [center, from, _] = first.slots();
                 self.segments.push(segment(surface, first, [center, from], &flat));
                 let [center, _, to] = last.slots();
-                self.segments.push(segment(surface, last, [center, to], &flat));
+                self.segments.push(segment(surface, last, [to, center], &flat));
             }
         }
     }

@@ -67,12 +67,14 @@ pub(crate) fn spike(n: u32, height: f64) -> Mesh {
     cleaned(model(positions, triangles.collect()))
 }
 
-/// An open umbrella whose ring goes up and down: its angles sum up to more than a full turn.
-pub(crate) fn saddle(n: u32, height: f64) -> Mesh {
+/// An open umbrella whose ring goes up and down: its angles sum up to more than a full turn. Where it also goes back and
+/// forth by more than `turn` times the mean step, no direction sees all of it from the front.
+pub(crate) fn saddle(n: u32, height: f64, turn: f64) -> Mesh {
     let mut positions = vec![DVec3::ZERO];
     positions.extend((0..n).map(|i| {
-        let (sin, cos) = (std::f64::consts::TAU * f64::from(i) / f64::from(n)).sin_cos();
-        DVec3::new(cos, sin, if i % 2 == 0 { height } else { -height })
+        let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+        let (sin, cos) = (std::f64::consts::TAU * (f64::from(i) + side * turn) / f64::from(n)).sin_cos();
+        DVec3::new(cos, sin, side * height)
     }));
     cleaned(model(positions, (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect()))
 }
@@ -91,7 +93,8 @@ pub(crate) fn generated() -> Vec<(&'static str, Mesh)> {
         ("uv sphere", cleaned(generate::uv_sphere(90, 12))),
         ("landscape", landscape(6_000)),
         ("spike", spike(12, 15.0)),
-        ("saddle", saddle(10, 1.2)),
+        ("saddle", saddle(10, 1.2, 0.0)),
+        ("folded saddle", saddle(10, 1.2, 1.4)),
         ("twins", cleaned(model(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2], [0, 2, 1]]))),
         ("triangle", cleaned(model(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2]]))),
     ]
