@@ -145,8 +145,10 @@ fn check(mesh: &Mesh, options: &CoverOptions) -> Result<(), CoverError> {
     if !(options.delta > 0.0 && options.delta <= 1.0 / 3.0) {
         return Err(CoverError::BadDelta { given: options.delta });
     }
+    // Densities are kept in single precision, where 1e-60 is zero and 1e60 infinite.
     let positive = |given: f64| {
-        if given.is_finite() && given > 0.0 { Ok(()) } else { Err(CoverError::BadBudget { given }) }
+        let kept = given as f32;
+        if kept.is_finite() && kept > 0.0 { Ok(()) } else { Err(CoverError::BadBudget { given }) }
     };
     match &options.budget {
         TexelBudget::Total(n) => positive(*n as f64),
@@ -282,7 +284,7 @@ fn assemble(
     let longest =
         grouping.patches.iter().map(|p| p.flat.size.max_element() * p.density * scale).fold(0.0, f32::max);
     if longest + 1.0 > MAX_EXTENT as f32 {
-        return Err(CoverError::TileTooLarge { wanted: longest as u64 + 1, limit: MAX_EXTENT });
+        return Err(CoverError::TileTooLarge { wanted: (longest + 1.0) as u64, limit: MAX_EXTENT });
     }
     let groups: Vec<Group> = grouping
         .patches

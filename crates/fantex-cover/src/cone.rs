@@ -59,7 +59,8 @@ fn farthest(normals: &[Vec3], axis: Vec3) -> (usize, f32) {
     worst
 }
 
-/// In double precision: nearly opposite normals leave few digits of a cross product.
+/// In double precision, and its members normalised to it: the axis of two nearly opposite normals is the small
+/// difference of two long vectors.
 struct Basis {
     members: [DVec3; 3],
     count: usize,
@@ -74,17 +75,16 @@ impl Basis {
 
     /// Replaces the basis by the one of the smallest cap that holds it and `n`; false if none smaller than a hemisphere.
     fn add(&mut self, n: Vec3) -> bool {
-        // Single-precision unit vectors are not unit enough for the bisector of nearly opposite ones.
         let n = n.as_dvec3().normalize();
         let old = self.members;
         let old = &old[..self.count];
-        let mut best: Option<([DVec3; 3], usize, DVec3, f64)> = None;
+        let mut best: Option<(f64, Basis)> = None;
         let mut consider = |members: [DVec3; 3], count: usize, axis: Option<DVec3>| {
             let Some(axis) = axis else { return };
             let cos = n.dot(axis);
             let holds = old.iter().all(|m| m.dot(axis) >= cos - f64::from(TOLERANCE));
-            if cos > 0.0 && holds && best.is_none_or(|b| cos > b.3) {
-                best = Some((members, count, axis, cos));
+            if cos > 0.0 && holds && best.as_ref().is_none_or(|b| cos > b.0) {
+                best = Some((cos, Basis { members, count, axis: axis.as_vec3(), cos: cos as f32 }));
             }
         };
         for &m in old {
@@ -96,9 +96,13 @@ impl Basis {
                 consider([n, a, b], 3, normal.map(|axis| if axis.dot(n) < 0.0 { -axis } else { axis }));
             }
         }
-        let Some((members, count, axis, cos)) = best else { return false };
-        *self = Self { members, count, axis: axis.as_vec3(), cos: cos as f32 };
-        true
+        match best {
+            Some((_, basis)) => {
+                *self = basis;
+                true
+            }
+            None => false,
+        }
     }
 }
 
@@ -115,6 +119,18 @@ mod tests {
         assert_eq!(cone.axis, Vec3::Y);
         assert!(narrowest_cone(&[Vec3::Z, -Vec3::Z]).cos <= 0.0);
         assert!(narrowest_cone(&[Vec3::X, Vec3::Y, Vec3::Z, -Vec3::X, -Vec3::Y, -Vec3::Z]).cos <= 0.0);
+    }
+
+    /// Two of the normals are nearly opposite; single precision found no hemisphere here.
+    #[test]
+    fn nearly_opposite_normals_have_a_cone() {
+        let normals = [
+            Vec3::new(-0.6407155, -0.74389756, 0.18999988),
+            Vec3::Z,
+            Vec3::new(0.99999994, 0.0, 0.0),
+            Vec3::new(0.6230162, 0.77880573, -0.072887816),
+        ];
+        assert!(narrowest_cone(&normals).cos > 0.0107);
     }
 
     fn unit() -> impl Strategy<Value = Vec3> {

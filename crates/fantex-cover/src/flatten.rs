@@ -5,7 +5,7 @@ use glam::{Vec2, Vec3};
 
 use crate::Frame;
 use crate::cone::{Cone, narrowest_cone};
-use crate::injective::{Segment, any_crossing};
+use crate::injective::{Segment, Spoke, any_crossing, any_overlap_at_vertex};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::region::outline_points;
 use crate::surface::Surface;
@@ -54,6 +54,7 @@ pub(crate) struct Flattener {
     /// Planar coordinates and, in z, the depth along the direction.
     points: Vec<Vec3>,
     segments: Vec<Segment>,
+    spokes: Vec<Spoke>,
     rectangles: RectangleFinder,
 }
 
@@ -80,7 +81,7 @@ impl Flattener {
         let projection = Projection::new(surface.fan_center(fans[fans.len() / 2] as usize), cone.axis);
         self.collect_points(surface, fans, membership, &projection);
         self.collect_boundary(surface, fans, membership, &projection);
-        if any_crossing(&mut self.segments) {
+        if any_crossing(&mut self.segments) || any_overlap_at_vertex(&self.segments, &mut self.spokes) {
             return Err(Reject::Overlapping);
         }
         Ok(self.enclose(&projection, cone.cos, membership))
@@ -182,7 +183,8 @@ impl Flattener {
         }
     }
 
-    /// The edges that bound the union of the group's triangles: those opposite a lone corner, and the mesh's own.
+    /// The edges that bound the union of the group's triangles, which lies to their left: those opposite a lone corner, and
+    /// the mesh's own.
     fn collect_boundary(
         &mut self,
         surface: &Surface<'_>,
@@ -206,10 +208,30 @@ impl Flattener {
                 let [center, from, _] = first.slots();
                 self.segments.push(segment(surface, first, [center, from], projection));
                 let [center, _, to] = last.slots();
-                self.segments.push(segment(surface, last, [center, to], projection));
+                self.segments.push(segment(surface, last, [to, center], projection));
             }
         }
+        keep_outer_segments(&mut self.segments);
     }
+}
+
+/// The mesh's boundary edges come from the fans at both ends: one of the two is kept. An edge opposite to lone corners on both
+/// sides comes in both directions and lies inside: neither is kept.
+fn keep_outer_segments(segments: &mut Vec<Segment>) {
+    let edge = |s: &Segment| (s.vertices[0].min(s.vertices[1]), s.vertices[0].max(s.vertices[1]));
+    segments.sort_unstable_by_key(|s| (edge(s), s.vertices));
+    segments.dedup_by_key(|s| s.vertices);
+    let mut kept = 0;
+    let mut i = 0;
+    while i < segments.len() {
+        let twin = segments.get(i + 1).is_some_and(|next| edge(next) == edge(&segments[i]));
+        if !twin {
+            segments[kept] = segments[i];
+            kept += 1;
+        }
+        i += if twin { 2 } else { 1 };
+    }
+    segments.truncate(kept);
 }
 
 fn segment(

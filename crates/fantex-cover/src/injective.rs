@@ -3,11 +3,12 @@
 //! All triangles of a connected region face the direction and no interior vertex is wound around twice, so the projection is
 //! an immersion. The turning numbers of its boundary curves sum up to the Euler characteristic; if no two boundary
 //! segments cross, every curve is simple, exactly one of them runs counter-clockwise and the immersion is an embedding.
-//! So it is enough to look for crossing segments.
+//! So it is enough to look for crossing segments, and for vertices that the boundary passes several times: there the region
+//! may cross itself in the vertex alone.
 
 use glam::Vec2;
 
-/// A boundary segment, named by its vertices so that neighbours are recognised.
+/// A boundary segment, named by its vertices so that neighbours are recognised. The region lies to its left.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Segment {
     pub(crate) vertices: [u32; 2],
@@ -52,6 +53,36 @@ pub(crate) fn any_crossing(segments: &mut [Segment]) -> bool {
     false
 }
 
+/// A boundary segment as one of its vertices sees it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spoke {
+    vertex: u32,
+    /// True where the segment begins at the vertex, and so does a wedge of the region, counter-clockwise.
+    begins: bool,
+    /// Towards the segment's other end.
+    direction: Vec2,
+}
+
+/// True where two wedges of the region overlap at a vertex that the boundary passes several times. `spokes` is a buffer.
+pub(crate) fn any_overlap_at_vertex(segments: &[Segment], spokes: &mut Vec<Spoke>) -> bool {
+    spokes.clear();
+    spokes.extend(segments.iter().flat_map(|s| {
+        let along = s.ends[1] - s.ends[0];
+        [
+            Spoke { vertex: s.vertices[0], begins: true, direction: along },
+            Spoke { vertex: s.vertices[1], begins: false, direction: -along },
+        ]
+    }));
+    spokes.sort_unstable_by_key(|s| s.vertex);
+    spokes.chunk_by_mut(|a, b| a.vertex == b.vertex).filter(|around| around.len() > 2).any(|around| {
+        // Around the vertex, ends and beginnings of wedges must take turns. Where a wedge begins where another ends, the
+        // end comes first.
+        let angle = |s: &Spoke| s.direction.y.atan2(s.direction.x);
+        around.sort_unstable_by(|a, b| angle(a).total_cmp(&angle(b)).then(a.begins.cmp(&b.begins)));
+        (0..around.len()).any(|i| around[i].begins == around[(i + 1) % around.len()].begins)
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -70,6 +101,29 @@ mod tests {
     fn a_square_is_simple_and_a_bow_tie_is_not() {
         assert!(!any_crossing(&mut path(&[[0., 0.], [1., 0.], [1., 1.], [0., 1.]])));
         assert!(any_crossing(&mut path(&[[0., 0.], [1., 1.], [1., 0.], [0., 1.]])));
+    }
+
+    /// Two triangles with a common vertex 0, between the given angles.
+    fn two_wedges(angles: [[f32; 2]; 2]) -> Vec<Segment> {
+        let triangle = |[from, to]: [f32; 2], first: u32| {
+            let corners = [(0, Vec2::ZERO), (first, Vec2::from_angle(from)), (first + 1, Vec2::from_angle(to))];
+            [0, 1, 2].map(|k| [corners[k], corners[(k + 1) % 3]]).map(|pair| Segment {
+                vertices: pair.map(|p| p.0),
+                ends: pair.map(|p| p.1),
+            })
+        };
+        angles.into_iter().zip([1, 3]).flat_map(|(wedge, first)| triangle(wedge, first)).collect()
+    }
+
+    #[test]
+    fn wedges_at_a_vertex_may_touch_but_not_overlap() {
+        let overlap = |angles| any_overlap_at_vertex(&two_wedges(angles), &mut Vec::new());
+        assert!(!overlap([[0.0, 1.0], [2.0, 3.0]]));
+        assert!(!overlap([[3.0, 4.0], [5.0, 6.0]]));
+        assert!(!overlap([[0.0, 1.0], [1.0, 2.0]]));
+        assert!(overlap([[0.0, 1.0], [0.5, 2.0]]));
+        assert!(overlap([[0.0, 3.0], [1.0, 2.0]]));
+        assert!(overlap([[3.0, 4.0], [3.5, 5.0]]));
     }
 
     #[test]

@@ -211,7 +211,7 @@ impl Summary {
 }
 
 fn tile_texels(size: Vec2) -> f32 {
-    (side_texels(size.x) * side_texels(size.y)) as f32
+    side_texels(size.x) as f32 * side_texels(size.y) as f32
 }
 
 /// The size of the smallest bounding rectangle among some rotations.

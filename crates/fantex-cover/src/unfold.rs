@@ -46,3 +46,88 @@ pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>
     }
     Some(unfolded)
 }
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::{Fans, Mesh, VertexCorners};
+    use glam::Vec3;
+    use proptest::prelude::*;
+
+    use super::*;
+
+    /// An umbrella around vertex 0; `closed` joins its end to its beginning.
+    fn umbrella(ring: &[Vec3], closed: bool) -> Mesh {
+        let n = ring.len() as u32;
+        let mut positions = vec![Vec3::ZERO];
+        positions.extend_from_slice(ring);
+        let triangles = (0..if closed { n } else { n - 1 }).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect();
+        Mesh { positions, triangles, ..Mesh::default() }
+    }
+
+    fn unfolded(mesh: &Mesh) -> Option<Vec<[Vec2; 3]>> {
+        let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+        let surface = Surface::new(mesh, Fans::of(&mesh.triangles, &corners));
+        let planar = unfold(&surface, 0)?;
+        assert_eq!(planar.len(), surface.fans.corners(0).len());
+        for (triangle, &corner) in planar.iter().zip(surface.fans.corners(0)) {
+            let [center, from, to] = surface.fan_triangle(corner);
+            assert_eq!(triangle[0], Vec2::ZERO);
+            for (flat, p) in [(triangle[1], from), (triangle[2], to)] {
+                let radius = (p - center).length();
+                assert!((flat.length() - radius).abs() < 1e-5 * radius, "{} for {radius}", flat.length());
+            }
+            assert!(triangle[1].perp_dot(triangle[2]) > 0.0, "{triangle:?} is folded over");
+        }
+        Some(planar)
+    }
+
+    fn turn(planar: &[[Vec2; 3]]) -> f32 {
+        planar.iter().map(|t| t[1].angle_to(t[2])).sum()
+    }
+
+    #[test]
+    fn a_flat_umbrella_stays_as_it_is() {
+        let ring: Vec<Vec3> = (0..7).map(|i| Vec2::from_angle(i as f32 * 0.8).extend(0.0)).collect();
+        let planar = unfolded(&umbrella(&ring, false)).unwrap();
+        assert!((turn(&planar) - 4.8).abs() < 1e-5);
+    }
+
+    #[test]
+    fn twins_and_wide_triangles_cannot_be_unfolded() {
+        let twins = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2], [0, 2, 1]],
+            ..Mesh::default()
+        };
+        assert!(unfolded(&twins).is_none());
+        assert!(unfolded(&umbrella(&[Vec3::X, Vec3::new(-1.0, 1e-3, 0.0)], false)).is_none());
+    }
+
+    proptest! {
+        #[test]
+        fn fans_close_share_their_spokes_and_keep_their_radii(
+            ring in prop::collection::vec((0.1f32..2.0, -3.0f32..3.0), 4..30),
+            closed in any::<bool>(),
+        ) {
+            let n = ring.len() as f32;
+            let ring: Vec<Vec3> = ring
+                .iter()
+                .enumerate()
+                .map(|(i, &(radius, height))| {
+                    (radius * Vec2::from_angle(std::f32::consts::TAU * i as f32 / n)).extend(height)
+                })
+                .collect();
+            if let Some(planar) = unfolded(&umbrella(&ring, closed)) {
+                for pair in planar.windows(2) {
+                    prop_assert_eq!(pair[0][2], pair[1][1]);
+                }
+                if closed {
+                    prop_assert_eq!(planar[planar.len() - 1][2], planar[0][1]);
+                    prop_assert!((turn(&planar) - std::f32::consts::TAU).abs() < 1e-4);
+                } else {
+                    prop_assert!(turn(&planar) < WIDEST_OPEN_FAN + 1e-4);
+                }
+            }
+        }
+    }
+}
