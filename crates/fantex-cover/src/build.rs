@@ -259,10 +259,12 @@ fn scale_to_total(patches: &[Patch], texels: u64) -> f32 {
         patches.par_iter().map(|p| extent(p, scale).map(u64::from)).map(|[w, h]| w * h).sum()
     };
     let (mut low, mut high) = (1.0 / 1024.0, 1.0f32);
-    while total(high) < texels && high < 1024.0 {
+    // Tiles have at least 4x4 texels; where these alone exceed the budget, they are at least used to the full.
+    let texels = texels.max(total(low));
+    while total(high) <= texels && high < 1024.0 {
         (low, high) = (high, 2.0 * high);
     }
-    for _ in 0..24 {
+    for _ in 0..20 {
         let middle = 0.5 * (low + high);
         if total(middle) <= texels { low = middle } else { high = middle }
     }
@@ -282,24 +284,25 @@ fn assemble(
     if longest + 1.0 > MAX_EXTENT as f32 {
         return Err(CoverError::TileTooLarge { wanted: longest as u64 + 1, limit: MAX_EXTENT });
     }
-    let mut unfolded = Vec::new();
-    let groups = grouping
+    let groups: Vec<Group> = grouping
         .patches
-        .iter()
+        .par_iter()
         .map(|patch| {
             let first = patch.fans(&grouping.order)[0] as usize;
             let kind = match shapes[first].layout {
                 Layout::Unfolded => GroupKind::Unfolded,
                 Layout::Projected | Layout::Split => GroupKind::Projected,
             };
-            let group = place(patch, kind, scale);
-            unfolded.extend(patch.flat.unfolded.iter().map(|&(corner, planar)| UnfoldedCorner {
-                corner,
-                uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
-            }));
-            group
+            place(patch, kind, scale)
         })
         .collect();
+    let mut unfolded = Vec::new();
+    for (patch, group) in grouping.patches.iter().zip(&groups) {
+        unfolded.extend(patch.flat.unfolded.iter().map(|&(corner, planar)| UnfoldedCorner {
+            corner,
+            uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
+        }));
+    }
     unfolded.sort_unstable_by_key(|u| u.corner);
     let corner_groups = (0..surface.mesh.triangles.len())
         .into_par_iter()

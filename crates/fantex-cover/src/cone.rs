@@ -5,7 +5,7 @@
 //! 1991, for the planar case): the cap is determined by two or three of the normals. We start with the farthest normal and
 //! keep adding the worst violator to the basis, which ends after a few rounds because the cap grows with each.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 /// A cone of directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -30,7 +30,7 @@ pub(crate) fn narrowest_cone(normals: &[Vec3]) -> Cone {
     if cos > 1.0 - TOLERANCE {
         return Cone { axis: mean, cos };
     }
-    let mut basis = Basis { members: [normals[worst]; 3], count: 1, axis: normals[worst], cos: 1.0 };
+    let mut basis = Basis::of(normals[worst]);
     for _ in 0..MAX_ROUNDS {
         let (worst, cos) = farthest(normals, basis.axis);
         if cos >= basis.cos - TOLERANCE {
@@ -59,25 +59,32 @@ fn farthest(normals: &[Vec3], axis: Vec3) -> (usize, f32) {
     worst
 }
 
+/// In double precision: nearly opposite normals leave few digits of a cross product.
 struct Basis {
-    members: [Vec3; 3],
+    members: [DVec3; 3],
     count: usize,
     axis: Vec3,
     cos: f32,
 }
 
 impl Basis {
+    fn of(n: Vec3) -> Self {
+        Self { members: [n.as_dvec3().normalize(); 3], count: 1, axis: n, cos: 1.0 }
+    }
+
     /// Replaces the basis by the one of the smallest cap that holds it and `n`; false if none smaller than a hemisphere.
     fn add(&mut self, n: Vec3) -> bool {
+        // Single-precision unit vectors are not unit enough for the bisector of nearly opposite ones.
+        let n = n.as_dvec3().normalize();
         let old = self.members;
         let old = &old[..self.count];
-        let mut best: Option<Basis> = None;
-        let mut consider = |members: [Vec3; 3], count: usize, axis: Option<Vec3>| {
+        let mut best: Option<([DVec3; 3], usize, DVec3, f64)> = None;
+        let mut consider = |members: [DVec3; 3], count: usize, axis: Option<DVec3>| {
             let Some(axis) = axis else { return };
             let cos = n.dot(axis);
-            let holds = old.iter().all(|m| m.dot(axis) >= cos - TOLERANCE);
-            if cos > 0.0 && holds && best.as_ref().is_none_or(|b| cos > b.cos) {
-                best = Some(Basis { members, count, axis, cos });
+            let holds = old.iter().all(|m| m.dot(axis) >= cos - f64::from(TOLERANCE));
+            if cos > 0.0 && holds && best.is_none_or(|b| cos > b.3) {
+                best = Some((members, count, axis, cos));
             }
         };
         for &m in old {
@@ -89,13 +96,9 @@ impl Basis {
                 consider([n, a, b], 3, normal.map(|axis| if axis.dot(n) < 0.0 { -axis } else { axis }));
             }
         }
-        match best {
-            Some(basis) => {
-                *self = basis;
-                true
-            }
-            None => false,
-        }
+        let Some((members, count, axis, cos)) = best else { return false };
+        *self = Self { members, count, axis: axis.as_vec3(), cos: cos as f32 };
+        true
     }
 }
 

@@ -25,6 +25,7 @@ pub struct Frame {
 
 impl Frame {
     /// The tile's v axis, mesh space.
+    #[inline]
     pub fn y_axis(&self) -> Vec3 {
         self.direction.cross(self.x_axis)
     }
@@ -73,6 +74,7 @@ pub struct Cover {
 impl Cover {
     /// Tile coordinates (in [0,1]^2 where the texture function looks them up) of the three corners of `triangle` in
     /// the tile of the group at its corner `slot` (0..3). They interpolate linearly over the triangle.
+    #[inline]
     pub fn tile_corners(&self, mesh: &Mesh, triangle: usize, slot: usize) -> [Vec2; 3] {
         let group = &self.groups[self.corner_groups[triangle][slot] as usize];
         match group.kind {
@@ -93,6 +95,7 @@ impl Cover {
     }
 
     /// The groups that the texture function reads at a point of a triangle, with their weights.
+    #[inline]
     pub fn weights(&self, triangle: usize, lambda: Vec3) -> GroupWeights {
         GroupWeights::new(self.corner_groups[triangle], lambda, self.delta)
     }
@@ -100,6 +103,7 @@ impl Cover {
 
 impl Group {
     /// The tile map of a projected group: mesh space to tile coordinates.
+    #[inline]
     pub fn tile_from_mesh(&self, p_mesh: Vec3) -> Vec2 {
         let q = p_mesh - self.frame.origin;
         self.uv_offset + self.uv_scale * Vec2::new(q.dot(self.frame.x_axis), q.dot(self.frame.y_axis()))
@@ -108,6 +112,7 @@ impl Group {
     /// The x and y axis of the shading frame in which a tile stores normals, at a point with the unit vertex normal
     /// `normal` (mesh space): the frame's `x_axis`, turned by the smallest rotation that takes the projection direction to
     /// `normal`, and `normal` cross it.
+    #[inline]
     pub fn shading_axes(&self, normal: Vec3) -> [Vec3; 2] {
         let (d, x) = (self.frame.direction, self.frame.x_axis);
         // Rodrigues' rotation of a vector orthogonal to d; the bound keeps the antipode finite.
@@ -144,6 +149,7 @@ pub struct GroupWeights {
 
 impl GroupWeights {
     /// `a_i = max(0, lambda_i - max(lambda_j, lambda_k) + delta)`, summed per group and normalised.
+    #[inline]
     pub fn new(groups: [u32; 3], lambda: Vec3, delta: f32) -> Self {
         let [l0, l1, l2] = lambda.to_array();
         let a =
@@ -172,11 +178,13 @@ impl GroupWeights {
     }
 
     /// `(slot, weight)` pairs, at least one; `slot` is the triangle corner whose group is meant. Weights sum to one.
+    #[inline]
     pub fn iter(&self) -> impl Iterator<Item = (usize, f32)> + '_ {
         (0..self.count as usize).map(|i| (self.slots[i] as usize, self.weights[i]))
     }
 
     /// Number of look-ups, 1..=3.
+    #[inline]
     pub fn len(&self) -> usize {
         self.count as usize
     }

@@ -18,10 +18,11 @@ pub(crate) fn side_texels(length: f32) -> u32 {
         // Three levels halve exactly, so that long tiles can be baked in pieces.
         return ((wanted / 32.0).round() as u32 * 32).min(MAX_EXTENT);
     }
-    let down = (wanted * 0.25).floor() * 4.0;
-    let good = down >= 4.0 && down - 1.0 >= (1.0 - TOLERATED_LOSS) * length;
-    let side = if good { down } else { (wanted * 0.25).ceil() * 4.0 };
-    (side as u32).clamp(4, MAX_EXTENT)
+    let blocks = (wanted * 0.25) as u32;
+    let down = (4 * blocks) as f32;
+    let good = blocks >= 1 && down - 1.0 >= (1.0 - TOLERATED_LOSS) * length;
+    let side = if good || down == wanted { 4 * blocks } else { 4 * blocks + 4 };
+    side.clamp(4, MAX_EXTENT)
 }
 
 #[cfg(test)]

@@ -17,12 +17,12 @@ pub(crate) struct Flat {
     pub(crate) frame: Frame,
     pub(crate) min: Vec2,
     pub(crate) size: Vec2,
-    /// Holds the normals of all triangles.
-    pub(crate) cone: Cone,
+    /// Smallest cosine between the direction and a triangle's normal.
+    pub(crate) cos: f32,
     /// Points on the convex outline of a projected group, mesh space.
-    pub(crate) outline: Vec<Vec3>,
+    pub(crate) outline: Box<[Vec3]>,
     /// For an unfolded fan: corner index of the centre and rotated planar coordinates of the triangle's corners.
-    pub(crate) unfolded: Vec<(u32, [Vec2; 3])>,
+    pub(crate) unfolded: Box<[(u32, [Vec2; 3])]>,
 }
 
 /// What the groups look like while the cover is built.
@@ -74,28 +74,47 @@ impl Flattener {
             }
         }
         let cone = narrowest_cone(&self.normals);
-        if fans.len() > 1 && cone.cos < membership.facing {
+        if cone.cos < membership.facing {
             return Err(Reject::TooSteep);
         }
-        let origin = surface.fan_center(fans[fans.len() / 2] as usize);
-        let (x, y) = cone.axis.any_orthonormal_pair();
-        let flat = |p: Vec3| Vec3::new((p - origin).dot(x), (p - origin).dot(y), (p - origin).dot(cone.axis));
-        self.collect_points(surface, fans, membership, flat);
-        if fans.len() > 1 {
-            self.collect_boundary(surface, fans, membership, flat);
-            if any_crossing(&mut self.segments) {
-                return Err(Reject::Overlapping);
-            }
+        let projection = Projection::new(surface.fan_center(fans[fans.len() / 2] as usize), cone.axis);
+        self.collect_points(surface, fans, membership, &projection);
+        self.collect_boundary(surface, fans, membership, &projection);
+        if any_crossing(&mut self.segments) {
+            return Err(Reject::Overlapping);
         }
+        Ok(self.enclose(&projection, cone.cos, membership))
+    }
+
+    /// Projects a single fan along its own direction.
+    pub(crate) fn project_fan(
+        &mut self,
+        surface: &Surface<'_>,
+        fan: usize,
+        cone: Cone,
+        membership: &Membership<'_>,
+    ) -> Flat {
+        let projection = Projection::new(surface.fan_center(fan), cone.axis);
+        let open = !surface.fans.is_closed(fan);
+        self.points.clear();
+        for &corner in surface.fans.corners(fan) {
+            let triangle = surface.fan_triangle(corner).map(|p| projection.flat(p));
+            let points = &mut self.points;
+            outline_points(triangle, [true, false, false], membership.delta, open, |p| points.push(p));
+        }
+        self.enclose(&projection, cone.cos, membership)
+    }
+
+    /// The group with the collected points in its best-rotated rectangle.
+    fn enclose(&mut self, projection: &Projection, cos: f32, membership: &Membership<'_>) -> Flat {
         let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
-        let frame = Frame { origin, direction: cone.axis, x_axis: (x * x_axis.x + y * x_axis.y).normalize() };
+        let x_axis = (projection.x * x_axis.x + projection.y * x_axis.y).normalize();
+        let frame = Frame { origin: projection.origin, direction: projection.direction, x_axis };
         let outline = match membership.keep_outline {
-            true => {
-                self.rectangles.hull().iter().map(|p| origin + x * p.x + y * p.y + cone.axis * p.z).collect()
-            }
-            false => Vec::new(),
+            true => self.rectangles.hull().iter().map(|&p| projection.spatial(p)).collect(),
+            false => Box::default(),
         };
-        Ok(Flat { frame, min, size, cone, outline, unfolded: Vec::new() })
+        Flat { frame, min, size, cos, outline, unfolded: Box::default() }
     }
 
     /// Unfolds a single fan; `None` where that is impossible.
@@ -109,7 +128,7 @@ impl Flattener {
         let planar = unfold(surface, fan as usize)?;
         self.points.clear();
         for triangle in &planar {
-            outline_points(*triangle, [true, false, false], membership.delta, |p| {
+            outline_points(*triangle, [true, false, false], membership.delta, true, |p| {
                 self.points.push(p.extend(0.0))
             });
         }
@@ -130,7 +149,7 @@ impl Flattener {
             .collect();
         let origin = surface.fan_center(fan as usize);
         let frame = Frame { origin, direction: cone.axis, x_axis: cone.axis.any_orthonormal_vector() };
-        Some(Flat { frame, min, size, cone, outline: Vec::new(), unfolded })
+        Some(Flat { frame, min, size, cos: cone.cos, outline: Box::default(), unfolded })
     }
 
     /// The outline points of the group's region. Triangles that lie wholly inside and away from boundaries cannot touch the
@@ -140,25 +159,26 @@ impl Flattener {
         surface: &Surface<'_>,
         fans: &[u32],
         membership: &Membership<'_>,
-        flat: impl Fn(Vec3) -> Vec3,
+        projection: &Projection,
     ) {
         self.points.clear();
         for &fan in fans {
             let open = !surface.fans.is_closed(fan as usize);
             for &corner in surface.fans.corners(fan as usize) {
                 let inside = inside_of(surface, corner.triangle(), membership);
-                if inside == [true; 3] && !open {
+                let all = open || corner.reversed();
+                if inside == [true; 3] && !all {
                     continue;
                 }
-                let triangle = surface.mesh.triangle_positions(corner.triangle()).map(&flat);
-                if inside == [true; 3] || is_first_of_group(surface, corner, membership) {
-                    outline_points(triangle, inside, membership.delta, |p| self.points.push(p));
+                if all || is_first(corner, inside) {
+                    let triangle = surface.mesh.triangle_positions(corner.triangle()).map(|p| projection.flat(p));
+                    outline_points(triangle, inside, membership.delta, all, |p| self.points.push(p));
                 }
             }
         }
         if self.points.is_empty() {
             // A closed surface in one group is steeper than any bound, so this is only ever reached by rounding.
-            self.points.extend(fans.iter().map(|&f| flat(surface.fan_center(f as usize))));
+            self.points.extend(fans.iter().map(|&f| projection.flat(surface.fan_center(f as usize))));
         }
     }
 
@@ -168,7 +188,7 @@ impl Flattener {
         surface: &Surface<'_>,
         fans: &[u32],
         membership: &Membership<'_>,
-        flat: impl Fn(Vec3) -> Vec3,
+        projection: &Projection,
     ) {
         self.segments.clear();
         for &fan in fans {
@@ -177,16 +197,16 @@ impl Flattener {
                 let inside = inside_of(surface, corner.triangle(), membership);
                 if inside.iter().filter(|&&i| i).count() == 1 {
                     let [_, from, to] = corner.slots();
-                    self.segments.push(segment(surface, corner, [from, to], &flat));
+                    self.segments.push(segment(surface, corner, [from, to], projection));
                 }
             }
             if !surface.fans.is_closed(fan as usize)
                 && let (Some(&first), Some(&last)) = (corners.first(), corners.last())
             {
                 let [center, from, _] = first.slots();
-                self.segments.push(segment(surface, first, [center, from], &flat));
+                self.segments.push(segment(surface, first, [center, from], projection));
                 let [center, _, to] = last.slots();
-                self.segments.push(segment(surface, last, [center, to], &flat));
+                self.segments.push(segment(surface, last, [center, to], projection));
             }
         }
     }
@@ -196,11 +216,11 @@ fn segment(
     surface: &Surface<'_>,
     corner: FanCorner,
     slots: [usize; 2],
-    flat: impl Fn(Vec3) -> Vec3,
+    projection: &Projection,
 ) -> Segment {
     let triangle = surface.mesh.triangles[corner.triangle()];
     let vertices = slots.map(|k| triangle[k]);
-    Segment { vertices, ends: vertices.map(|v| flat(surface.mesh.positions[v as usize]).truncate()) }
+    Segment { vertices, ends: vertices.map(|v| projection.flat(surface.mesh.positions[v as usize]).truncate()) }
 }
 
 /// Which corners of a triangle are in the group.
@@ -210,7 +230,33 @@ fn inside_of(surface: &Surface<'_>, triangle: usize, membership: &Membership<'_>
 
 /// True for one of a triangle's corners in the group, so that each triangle is visited once.
 fn is_first_of_group(surface: &Surface<'_>, corner: FanCorner, m: &Membership<'_>) -> bool {
-    let inside = inside_of(surface, corner.triangle(), m);
-    let k = corner.corner() as usize % 3;
-    !inside[..k].contains(&true)
+    is_first(corner, inside_of(surface, corner.triangle(), m))
+}
+
+fn is_first(corner: FanCorner, inside: [bool; 3]) -> bool {
+    !inside[..corner.corner() as usize % 3].contains(&true)
+}
+
+/// An orthogonal projection with some rotation: planar coordinates and the depth along the direction.
+struct Projection {
+    origin: Vec3,
+    direction: Vec3,
+    x: Vec3,
+    y: Vec3,
+}
+
+impl Projection {
+    fn new(origin: Vec3, direction: Vec3) -> Self {
+        let (x, y) = direction.any_orthonormal_pair();
+        Self { origin, direction, x, y }
+    }
+
+    fn flat(&self, p: Vec3) -> Vec3 {
+        let q = p - self.origin;
+        Vec3::new(q.dot(self.x), q.dot(self.y), q.dot(self.direction))
+    }
+
+    fn spatial(&self, p: Vec3) -> Vec3 {
+        self.origin + self.x * p.x + self.y * p.y + self.direction * p.z
+    }
 }

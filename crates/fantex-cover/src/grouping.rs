@@ -95,7 +95,7 @@ fn item(surface: &Surface<'_>, shapes: &[FanShape], fan: usize, density: f32) ->
 }
 
 /// Orders fans along a Morton curve through mesh space, 10 bits per axis.
-fn sort_along_curve(items: &mut [Item]) {
+fn sort_along_curve(items: &mut Vec<Item>) {
     let spread = |x: f32| {
         let mut bits = ((x + 1.0) * 511.5) as u32 & 1023;
         bits = (bits | bits << 16) & 0x0300_00ff;
@@ -103,10 +103,13 @@ fn sort_along_curve(items: &mut [Item]) {
         bits = (bits | bits << 4) & 0x030c_30c3;
         (bits | bits << 2) & 0x0924_9249
     };
-    items.par_sort_by_cached_key(|i| {
-        let [x, y, z] = i.position.to_array().map(spread);
-        (x | y << 1 | z << 2, i.fan)
-    });
+    let key = |(i, item): (usize, &Item)| {
+        let [x, y, z] = item.position.to_array().map(spread);
+        u64::from(x | y << 1 | z << 2) << 32 | i as u64
+    };
+    let mut keys: Vec<u64> = items.par_iter().enumerate().map(key).collect();
+    keys.par_sort_unstable();
+    *items = keys.par_iter().map(|&key| items[key as u32 as usize]).collect();
 }
 
 /// Reorders every patch by connected components (through triangles); unfolded fans become patches of their own.
@@ -239,7 +242,7 @@ struct Builder<'a> {
 impl Builder<'_> {
     /// Lays every piece flat, halving those that cannot share a projection until all can. Ascending by start.
     fn flatten(&mut self, pieces: Pieces) -> Vec<Patch> {
-        let mut patches: Vec<Patch> = Vec::with_capacity(pieces.0.len());
+        let mut patches: Vec<Patch> = Vec::new();
         let mut pending = pieces.0;
         while !pending.is_empty() {
             let first_label = self.unused_label;
@@ -262,7 +265,12 @@ impl Builder<'_> {
                 .filter(|(flat, _)| flat.is_none())
                 .map(|(_, &piece)| piece)
                 .collect();
-            patches.extend(flats.into_iter().flatten());
+            if patches.is_empty() {
+                // Collected in place.
+                patches = flats.into_iter().flatten().collect();
+            } else {
+                patches.extend(flats.into_iter().flatten());
+            }
             pending = rejected.into_iter().flat_map(|piece| self.halve(piece)).collect();
         }
         patches.sort_unstable_by_key(|p| p.start);
@@ -286,6 +294,8 @@ impl Builder<'_> {
         let shape = &self.shapes[members[0].fan as usize];
         let flat = if shape.layout == Layout::Unfolded {
             scratch.flattener.unfold(self.surface, members[0].fan, shape.cone, &membership)?
+        } else if let [lone] = members {
+            scratch.flattener.project_fan(self.surface, lone.fan as usize, shape.cone, &membership)
         } else {
             scratch.fans.clear();
             scratch.fans.extend(members.iter().map(|i| i.fan));

@@ -5,6 +5,8 @@
 //! of the texels they save, each group at most once, so the result does not depend on the number of threads. What was
 //! joined is laid flat exactly afterwards, and halved again where the summary promised too much.
 
+use std::sync::LazyLock;
+
 use fantex_mesh::Fans;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -24,9 +26,6 @@ const CANDIDATES: usize = 6;
 
 const ROUNDS: usize = 12;
 
-/// Rotations tried for the rectangle of a union.
-const ROTATIONS: usize = 12;
-
 /// When two groups may share a tile.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MergeLimits {
@@ -39,7 +38,7 @@ pub(crate) struct MergeLimits {
 struct Summary {
     cone: Cone,
     /// Points on the convex outline, mesh space.
-    outline: Vec<Vec3>,
+    outline: Box<[Vec3]>,
     texels: f32,
     density: f32,
     fans: u32,
@@ -47,83 +46,119 @@ struct Summary {
     mergeable: bool,
 }
 
+#[derive(Clone, Copy, Debug)]
 struct Proposal {
     saved_texels: f32,
     small: u32,
     partner: u32,
-    union: Summary,
 }
 
 /// For every patch the patch that it joins (itself, for those that stay): a forest of depth one.
-pub(crate) fn choose_unions(
-    fans: &Fans,
-    patches: &[Patch],
-    fan_groups: &[u32],
-    limits: &MergeLimits,
-) -> Vec<u32> {
-    let mut summaries: Vec<Option<Summary>> = patches.par_iter().map(|p| Some(Summary::of(p))).collect();
-    let mut borders = Borders::of(fans, fan_groups);
-    let mut joined: Vec<u32> = (0..patches.len() as u32).collect();
-    let mut active = joined.clone();
+pub(crate) fn choose_unions(fans: &Fans, patches: &[Patch], fan_groups: &[u32], limits: &MergeLimits) -> Vec<u32> {
+    let mut merger = Merger {
+        summaries: patches.par_iter().map(|p| Some(Summary::of(p))).collect(),
+        neighbours: neighbours(fans, fan_groups, patches.len()),
+        joined: (0..patches.len() as u32).collect(),
+        limits: *limits,
+    };
+    let mut proposals: Vec<Proposal> = Vec::new();
+    let mut changed = merger.joined.clone();
     for _ in 0..ROUNDS {
-        let mut proposals: Vec<Proposal> =
-            active.par_iter().filter_map(|&g| propose(g, &summaries, &borders, limits)).collect();
+        proposals.par_extend(changed.par_iter().filter_map(|&g| merger.propose(g)));
         if proposals.is_empty() {
             break;
         }
-        proposals.sort_by(|a, b| b.saved_texels.total_cmp(&a.saved_texels).then(a.small.cmp(&b.small)));
-        let mut taken = vec![false; patches.len()];
-        active.clear();
+        proposals.par_sort_unstable_by(|a, b| {
+            b.saved_texels.total_cmp(&a.saved_texels).then(a.small.cmp(&b.small))
+        });
+        let taken = merger.accept(&proposals);
+        let is_stale = |p: &Proposal| taken[p.small as usize] || taken[p.partner as usize];
+        changed = proposals.iter().filter(|p| is_stale(p)).map(|p| merger.joined[p.small as usize]).collect();
+        changed.sort_unstable();
+        changed.dedup();
+        proposals.retain(|p| !is_stale(p));
+    }
+    merger.joined
+}
+
+struct Merger {
+    /// `None` for groups that have joined another.
+    summaries: Vec<Option<Summary>>,
+    /// For every group `(neighbour, common triangles)`; names may be those of groups that have joined another since.
+    neighbours: Vec<Vec<(u32, u32)>>,
+    /// The group that each group has ended up in.
+    joined: Vec<u32>,
+    limits: MergeLimits,
+}
+
+impl Merger {
+    /// The union of a small group with a neighbour that saves most texels.
+    fn propose(&self, small: u32) -> Option<Proposal> {
+        let summary = self.summaries[small as usize].as_ref()?;
+        let target = self.limits.extent_texels * self.limits.extent_texels;
+        if summary.texels > SMALL * target || !summary.mergeable {
+            return None;
+        }
+        let mut best: Option<Proposal> = None;
+        for partner in self.longest_borders(small) {
+            let Some(other) = self.summaries[partner as usize].as_ref() else { continue };
+            let Some(texels) = summary.union_texels(other, &self.limits) else { continue };
+            let saved_texels = summary.texels + other.texels - texels;
+            if saved_texels > 0.0 && best.is_none_or(|b| saved_texels > b.saved_texels) {
+                best = Some(Proposal { saved_texels, small, partner });
+            }
+        }
+        best
+    }
+
+    fn longest_borders(&self, group: u32) -> impl Iterator<Item = u32> + use<> {
+        let mut borders: Vec<(u32, u32)> = self.neighbours[group as usize]
+            .iter()
+            .map(|&(g, triangles)| (self.joined[g as usize], triangles))
+            .filter(|&(g, _)| g != group)
+            .collect();
+        borders.sort_unstable();
+        let mut summed: Vec<(u32, u32)> =
+            borders.chunk_by(|a, b| a.0 == b.0).map(|run| (run.iter().map(|r| r.1).sum(), run[0].0)).collect();
+        summed.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
+        summed.into_iter().take(CANDIDATES).map(|(_, g)| g)
+    }
+
+    /// Takes proposals greedily, each group at most once; tells which groups were taken.
+    fn accept(&mut self, proposals: &[Proposal]) -> Vec<bool> {
+        let mut taken = vec![false; self.joined.len()];
+        let mut accepted = Vec::new();
         for p in proposals {
-            active.push(p.small);
-            active.push(p.partner);
             let pair = [p.small as usize, p.partner as usize];
             if !pair.iter().any(|&g| taken[g]) {
                 pair.iter().for_each(|&g| taken[g] = true);
-                joined[pair[0]] = p.partner;
-                summaries[pair[0]] = None;
-                summaries[pair[1]] = Some(p.union);
+                accepted.push(*p);
             }
         }
-        for g in 0..joined.len() {
-            joined[g] = joined[joined[g] as usize];
+        let summaries = &self.summaries;
+        let unions: Vec<Option<Summary>> = accepted
+            .par_iter()
+            .map(|p| summaries[p.partner as usize].as_ref()?.union(summaries[p.small as usize].as_ref()?))
+            .collect();
+        for (p, union) in accepted.into_iter().zip(unions) {
+            self.summaries[p.small as usize] = None;
+            self.summaries[p.partner as usize] = union;
+            let moved = std::mem::take(&mut self.neighbours[p.small as usize]);
+            self.neighbours[p.partner as usize].extend(moved);
+            self.joined[p.small as usize] = p.partner;
         }
-        borders.contract(&joined);
-        active.iter_mut().for_each(|g| *g = joined[*g as usize]);
-        active.sort_unstable();
-        active.dedup();
-    }
-    joined
-}
-
-fn propose(
-    small: u32,
-    summaries: &[Option<Summary>],
-    borders: &Borders,
-    limits: &MergeLimits,
-) -> Option<Proposal> {
-    let summary = summaries[small as usize].as_ref()?;
-    let target = limits.extent_texels * limits.extent_texels;
-    if summary.texels > SMALL * target || !summary.mergeable {
-        return None;
-    }
-    let mut best: Option<Proposal> = None;
-    for &(_, partner) in borders.longest(small) {
-        let Some(other) = summaries[partner as usize].as_ref() else { continue };
-        let Some(union) = summary.union(other, limits) else { continue };
-        let saved_texels = summary.texels + other.texels - union.texels;
-        if saved_texels > 0.0 && best.as_ref().is_none_or(|b| saved_texels > b.saved_texels) {
-            best = Some(Proposal { saved_texels, small, partner, union });
+        for g in 0..self.joined.len() {
+            self.joined[g] = self.joined[self.joined[g] as usize];
         }
+        taken
     }
-    best
 }
 
 impl Summary {
     fn of(patch: &Patch) -> Self {
         let texels = patch.flat.size * patch.density;
         Self {
-            cone: patch.flat.cone,
+            cone: Cone { axis: patch.flat.frame.direction, cos: patch.flat.cos },
             outline: patch.flat.outline.clone(),
             texels: tile_texels(texels),
             density: patch.density,
@@ -133,42 +168,45 @@ impl Summary {
         }
     }
 
-    fn union(&self, other: &Summary, limits: &MergeLimits) -> Option<Summary> {
+    /// Texels of the tile of a union, if it may be.
+    fn union_texels(&self, other: &Summary, limits: &MergeLimits) -> Option<f32> {
         if !other.mergeable {
             return None;
         }
         let cone = union_of_cones(self.cone, other.cone)?;
-        let steepest_fan = self.steepest_fan.min(other.steepest_fan);
-        if cone.cos < facing_limit(limits.facing, steepest_fan) {
+        if cone.cos < facing_limit(limits.facing, self.steepest_fan.min(other.steepest_fan)) {
             return None;
         }
-        let fans = self.fans + other.fans;
-        let density = (self.density * self.fans as f32 + other.density * other.fans as f32) / fans as f32;
-        let (x, y) = cone.axis.any_orthonormal_pair();
-        let flat = |p: &Vec3| Vec2::new(p.dot(x), p.dot(y));
-        let points: Vec<Vec2> = self.outline.iter().chain(&other.outline).map(flat).collect();
-        let size = (0..ROTATIONS)
-            .map(|i| {
-                bounding_size(
-                    &points,
-                    Vec2::from_angle(i as f32 * std::f32::consts::FRAC_PI_2 / ROTATIONS as f32),
-                )
-            })
-            .min_by(|a, b| (a.x * a.y).total_cmp(&(b.x * b.y)))?;
-        let texels = size * density;
-        if texels.max_element() > limits.extent_texels * STRETCHED_TARGET {
-            return None;
-        }
-        let outline = extreme_points(self.outline.iter().chain(&other.outline), &points);
+        let texels = bounding_size(&self.planar_outline(other, cone.axis)) * self.union_density(other);
+        let fits = texels.max_element() <= limits.extent_texels * STRETCHED_TARGET;
+        fits.then(|| tile_texels(texels))
+    }
+
+    fn union(&self, other: &Summary) -> Option<Summary> {
+        let cone = union_of_cones(self.cone, other.cone)?;
+        let density = self.union_density(other);
+        let planar = self.planar_outline(other, cone.axis);
+        let texels = tile_texels(bounding_size(&planar) * density);
+        let spatial: Vec<Vec3> = self.outline.iter().chain(&other.outline).copied().collect();
         Some(Summary {
             cone,
-            outline,
-            texels: tile_texels(texels),
+            outline: extreme_points(&planar).map(|i| spatial[i]).collect(),
+            texels,
             density,
-            fans,
-            steepest_fan,
+            fans: self.fans + other.fans,
+            steepest_fan: self.steepest_fan.min(other.steepest_fan),
             mergeable: true,
         })
+    }
+
+    fn union_density(&self, other: &Summary) -> f32 {
+        let (a, b) = (self.fans as f32, other.fans as f32);
+        (self.density * a + other.density * b) / (a + b)
+    }
+
+    fn planar_outline(&self, other: &Summary, direction: Vec3) -> Vec<Vec2> {
+        let (x, y) = direction.any_orthonormal_pair();
+        self.outline.iter().chain(&other.outline).map(|p| Vec2::new(p.dot(x), p.dot(y))).collect()
     }
 }
 
@@ -176,38 +214,51 @@ fn tile_texels(size: Vec2) -> f32 {
     (side_texels(size.x) * side_texels(size.y)) as f32
 }
 
-fn bounding_size(points: &[Vec2], x_axis: Vec2) -> Vec2 {
-    let (mut min, mut max) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-    for p in points {
-        let q = Vec2::new(p.dot(x_axis), x_axis.perp_dot(*p));
-        min = min.min(q);
-        max = max.max(q);
+/// The size of the smallest bounding rectangle among some rotations.
+fn bounding_size(points: &[Vec2]) -> Vec2 {
+    let mut best = Vec2::INFINITY;
+    for x_axis in &directions()[..DIRECTIONS / 4] {
+        let (mut min, mut max) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
+        for p in points {
+            let q = Vec2::new(p.dot(*x_axis), x_axis.perp_dot(*p));
+            min = min.min(q);
+            max = max.max(q);
+        }
+        let size = max - min;
+        if size.x * size.y < best.x * best.y {
+            best = size;
+        }
     }
-    max - min
+    best
 }
 
-/// Directions in which an outline keeps its farthest point, so that outlines do not grow with each union.
-const DIRECTIONS: usize = 24;
+/// Directions in which an outline keeps its farthest point, so that outlines do not grow with each union. A quarter of them
+/// are the rotations tried for a rectangle.
+const DIRECTIONS: usize = 32;
 
-/// The spatial points whose planar images lie farthest in any of `DIRECTIONS` directions.
-fn extreme_points<'a>(spatial: impl Iterator<Item = &'a Vec3> + Clone, planar: &[Vec2]) -> Vec<Vec3> {
-    let mut kept: Vec<usize> = (0..DIRECTIONS)
-        .map(|i| {
-            let d = Vec2::from_angle(i as f32 * std::f32::consts::TAU / DIRECTIONS as f32);
-            let mut best = (0, f32::NEG_INFINITY);
-            for (j, p) in planar.iter().enumerate() {
-                let x = p.dot(d);
-                if x > best.1 {
-                    best = (j, x);
-                }
+/// Unit vectors all around.
+fn directions() -> &'static [Vec2; DIRECTIONS] {
+    static TABLE: LazyLock<[Vec2; DIRECTIONS]> = LazyLock::new(|| {
+        std::array::from_fn(|i| Vec2::from_angle(i as f32 * std::f32::consts::TAU / DIRECTIONS as f32))
+    });
+    &TABLE
+}
+
+/// Indices of the points that lie farthest in any of the directions, ascending.
+fn extreme_points(points: &[Vec2]) -> impl Iterator<Item = usize> + use<> {
+    let mut kept = directions().map(|d| {
+        let mut best = (0, f32::NEG_INFINITY);
+        for (i, p) in points.iter().enumerate() {
+            let x = p.dot(d);
+            if x > best.1 {
+                best = (i, x);
             }
-            best.0
-        })
-        .collect();
+        }
+        best.0
+    });
     kept.sort_unstable();
-    kept.dedup();
-    let all: Vec<Vec3> = spatial.copied().collect();
-    kept.into_iter().map(|j| all[j]).collect()
+    let mut last = usize::MAX;
+    kept.into_iter().filter(move |&i| std::mem::replace(&mut last, i) != i)
 }
 
 /// The narrowest cone that holds two cones; `None` where it is wider than a hemisphere.
@@ -230,61 +281,26 @@ fn union_of_cones(a: Cone, b: Cone) -> Option<Cone> {
     Some(Cone { axis, cos: half.cos() })
 }
 
-/// Which groups touch, and in how many triangles.
-struct Borders {
-    /// `(group, neighbour, triangles)`, both directions, ascending.
-    pairs: Vec<(u32, u32, u32)>,
-    /// For every group its longest borders, `(triangles, neighbour)`.
-    longest: Vec<Vec<(u32, u32)>>,
-}
-
-impl Borders {
-    fn of(fans: &Fans, fan_groups: &[u32]) -> Self {
-        let triangles = fans.triangle_count();
-        let mut pairs: Vec<(u32, u32, u32)> = (0..triangles)
-            .into_par_iter()
-            .with_min_len(1 << 12)
-            .flat_map_iter(|t| {
-                let [a, b, c] = fans.of_triangle(t).map(|f| fan_groups[f as usize]);
-                [(a, b), (b, c), (c, a)].into_iter().filter(|(x, y)| x != y)
-            })
-            .flat_map_iter(|(x, y)| [(x, y, 1), (y, x, 1)])
-            .collect();
-        pairs.par_sort_unstable();
-        let mut borders = Self { pairs, longest: Vec::new() };
-        let groups = fan_groups.iter().max().map_or(0, |&g| g as usize + 1);
-        borders.aggregate(groups);
-        borders
+/// For every group its neighbours with the number of common triangles, ascending.
+fn neighbours(fans: &Fans, fan_groups: &[u32], group_count: usize) -> Vec<Vec<(u32, u32)>> {
+    let mut pairs: Vec<(u32, u32)> = (0..fans.triangle_count())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .flat_map_iter(|t| {
+            let [a, b, c] = fans.of_triangle(t).map(|f| fan_groups[f as usize]);
+            // With two groups in a triangle only one of the three pairs is kept.
+            let pairs = [(a, b, a != b), (b, c, b != c && c != a), (c, a, c != a && a != b && b != c)];
+            pairs.into_iter().filter(|p| p.2).map(|(x, y, _)| (x.min(y), x.max(y)))
+        })
+        .collect();
+    pairs.par_sort_unstable();
+    let mut neighbours = vec![Vec::new(); group_count];
+    for run in pairs.chunk_by(|a, b| a == b) {
+        let (a, b) = run[0];
+        neighbours[a as usize].push((b, run.len() as u32));
+        neighbours[b as usize].push((a, run.len() as u32));
     }
-
-    /// Renames groups after unions.
-    fn contract(&mut self, joined: &[u32]) {
-        for pair in &mut self.pairs {
-            (pair.0, pair.1) = (joined[pair.0 as usize], joined[pair.1 as usize]);
-        }
-        self.pairs.retain(|p| p.0 != p.1);
-        self.pairs.par_sort_unstable();
-        self.aggregate(joined.len());
-    }
-
-    fn aggregate(&mut self, groups: usize) {
-        self.pairs = self
-            .pairs
-            .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-            .map(|run| (run[0].0, run[0].1, run.iter().map(|r| r.2).sum()))
-            .collect();
-        self.longest = vec![Vec::new(); groups];
-        for run in self.pairs.chunk_by(|a, b| a.0 == b.0) {
-            let mut borders: Vec<(u32, u32)> = run.iter().map(|r| (r.2, r.1)).collect();
-            borders.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-            borders.truncate(CANDIDATES);
-            self.longest[run[0].0 as usize] = borders;
-        }
-    }
-
-    fn longest(&self, group: u32) -> &[(u32, u32)] {
-        &self.longest[group as usize]
-    }
+    neighbours
 }
 
 #[cfg(test)]

@@ -10,29 +10,29 @@
 
 use std::ops::{Add, Mul};
 
-/// Calls `emit` with the points on the region's outline in one triangle. `inside` tells which corners are in the group;
-/// points of a triangle that is wholly inside are its corners.
-pub(crate) fn outline_points<P>(corners: [P; 3], inside: [bool; 3], delta: f32, mut emit: impl FnMut(P))
+/// Calls `emit` with the points on the region's outline in one triangle. `inside` tells which corners are in the group.
+///
+/// A point on an edge is seen from both of its triangles; with `all` false it is given for one of them only, and centres,
+/// which lie inside a closed fan, are left out. Boundaries of the mesh need `all`.
+#[inline]
+pub(crate) fn outline_points<P>(corners: [P; 3], inside: [bool; 3], delta: f32, all: bool, mut emit: impl FnMut(P))
 where
     P: Copy + Add<Output = P> + Mul<f32, Output = P>,
 {
     let (near, far) = (0.5 - 0.5 * delta, 0.5 + 0.5 * delta);
-    let inside_count = inside.iter().filter(|&&i| i).count();
-    for k in 0..3 {
-        let (this, next, previous) = (corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]);
-        match (inside_count, inside[k]) {
-            (1, true) => {
-                emit(this);
-                emit(this * near + next * far);
-                emit(this * near + previous * far);
-                emit(this * ((1.0 - 2.0 * delta) / 3.0) + (next + previous) * ((1.0 + delta) / 3.0));
-            }
-            (2, false) => {
-                emit(next * near + this * far);
-                emit(previous * near + this * far);
-            }
-            (2 | 3, true) => emit(this),
-            _ => {}
+    for k in (0..3).filter(|&k| inside[k]) {
+        let (next, previous) = ((k + 1) % 3, (k + 2) % 3);
+        if all {
+            emit(corners[k]);
+        }
+        if !inside[next] {
+            emit(corners[k] * near + corners[next] * far);
+        }
+        if !inside[previous] && all {
+            emit(corners[k] * near + corners[previous] * far);
+        }
+        if !inside[next] && !inside[previous] {
+            emit(corners[k] * ((1.0 - 2.0 * delta) / 3.0) + (corners[next] + corners[previous]) * ((1.0 + delta) / 3.0));
         }
     }
 }

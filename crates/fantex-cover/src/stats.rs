@@ -90,11 +90,14 @@ impl Part {
             let a = f64::from(area);
             part.area += a;
             part.lookups += a * expected_lookups(cover.corner_groups[t], f64::from(cover.delta));
-            for slot in 0..3 {
+            let groups = cover.corner_groups[t];
+            let alike = groups[0] == groups[1] && groups[1] == groups[2];
+            let (slots, weight) = if alike { (1, a) } else { (3, a / 3.0) };
+            for slot in 0..slots {
                 let [large, small] = singular_values(mesh, cover, t, slot);
-                part.surface_texels += f64::from(large * small) * a / 3.0;
-                part.stretch.add(small / density, a / 3.0);
-                part.spread.add(large * small / (density * density), a / 3.0);
+                part.surface_texels += f64::from(large * small) * weight;
+                part.stretch.add(small / density, weight);
+                part.spread.add(large * small / (density * density), weight);
             }
         }
         part

@@ -44,6 +44,7 @@ impl VertexCorners {
     }
 
     /// The corners at a vertex, ascending; empty for an isolated vertex.
+    #[inline]
     pub fn at(&self, vertex: usize) -> &[u32] {
         &self.corners[self.starts[vertex] as usize..self.starts[vertex + 1] as usize]
     }

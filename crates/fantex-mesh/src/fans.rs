@@ -28,21 +28,25 @@ impl FanCorner {
     }
 
     /// Corner index `3 * triangle + k`; corner `k` lies at the fan's centre.
+    #[inline]
     pub fn corner(self) -> u32 {
         self.0 & !REVERSED
     }
 
     /// Triangle index.
+    #[inline]
     pub fn triangle(self) -> usize {
         self.corner() as usize / 3
     }
 
     /// True where the triangle is wound against the fan (on surfaces that cannot be oriented).
+    #[inline]
     pub fn reversed(self) -> bool {
         self.0 & REVERSED != 0
     }
 
     /// Positions within the triangle (0..3) of the centre, the earlier and the later ring vertex of the walk.
+    #[inline]
     pub fn slots(self) -> [usize; 3] {
         let k = self.corner() as usize % 3;
         let (next, previous) = ((k + 1) % 3, (k + 2) % 3);
@@ -77,10 +81,11 @@ impl Fans {
                 part
             })
             .collect();
-        Self::concatenate(parts, 3 * triangles.len())
+        Self::concatenate(parts, triangles, vertex_corners.len())
     }
 
-    fn concatenate(parts: Vec<Part>, corner_count: usize) -> Self {
+    fn concatenate(parts: Vec<Part>, triangles: &[[u32; 3]], vertex_count: usize) -> Self {
+        let corner_count = 3 * triangles.len();
         let fan_count: usize = parts.iter().map(|p| p.lengths.len()).sum();
         let mut first = Vec::with_capacity(fan_count + 1);
         let mut corners = Vec::with_capacity(corner_count);
@@ -95,12 +100,12 @@ impl Fans {
             corners.extend_from_slice(&part.corners);
             closed.extend_from_slice(&part.closed);
         }
-        let mut corner_fans = vec![0; corner_count];
-        for (f, range) in first.windows(2).enumerate() {
-            for c in &corners[range[0] as usize..range[1] as usize] {
-                corner_fans[c.corner() as usize] = f as u32;
-            }
-        }
+        // Where every vertex has one fan, fans are numbered as vertices are.
+        let one_each = fan_count == vertex_count && first.windows(2).all(|range| range[0] < range[1]);
+        let corner_fans = match one_each && first_vertices_ascend(&first, &corners, triangles) {
+            true => triangles.as_flattened().to_vec(),
+            false => invert(&first, &corners, corner_count),
+        };
         Self { corner_fans, first, corners, closed }
     }
 
@@ -117,7 +122,13 @@ impl Fans {
                 part.closed.push(self.closed[fan]);
             }
         }
-        Self::concatenate(vec![part], self.corner_fans.len())
+        let mut first = vec![0];
+        first.extend(part.lengths.iter().scan(0, |end, length| {
+            *end += length;
+            Some(*end)
+        }));
+        let corner_fans = invert(&first, &part.corners, part.corners.len());
+        Self { corner_fans, first, corners: part.corners, closed: part.closed }
     }
 
     /// Number of fans.
@@ -131,11 +142,13 @@ impl Fans {
     }
 
     /// The corners of a fan, in order around its centre.
+    #[inline]
     pub fn corners(&self, fan: usize) -> &[FanCorner] {
         &self.corners[self.first[fan] as usize..self.first[fan + 1] as usize]
     }
 
     /// True where the fan surrounds its centre.
+    #[inline]
     pub fn is_closed(&self, fan: usize) -> bool {
         self.closed[fan]
     }
@@ -146,15 +159,36 @@ impl Fans {
     }
 
     /// The fan that a corner `3 * t + k` belongs to.
+    #[inline]
     pub fn of_corner(&self, corner: usize) -> u32 {
         self.corner_fans[corner]
     }
 
     /// The fans at the three corners of a triangle.
+    #[inline]
     pub fn of_triangle(&self, triangle: usize) -> [u32; 3] {
         let c = 3 * triangle;
         [self.corner_fans[c], self.corner_fans[c + 1], self.corner_fans[c + 2]]
     }
+}
+
+/// True where fan `f` lies around vertex `f`, for all fans.
+fn first_vertices_ascend(first: &[u32], corners: &[FanCorner], triangles: &[[u32; 3]]) -> bool {
+    (0..first.len() - 1).into_par_iter().with_min_len(1 << 14).all(|f| {
+        let corner = corners[first[f] as usize].corner() as usize;
+        triangles[corner / 3][corner % 3] as usize == f
+    })
+}
+
+/// The fan of each corner.
+fn invert(first: &[u32], corners: &[FanCorner], corner_count: usize) -> Vec<u32> {
+    let mut corner_fans = vec![0; corner_count];
+    for (f, range) in first.windows(2).enumerate() {
+        for c in &corners[range[0] as usize..range[1] as usize] {
+            corner_fans[c.corner() as usize] = f as u32;
+        }
+    }
+    corner_fans
 }
 
 /// Fans of a run of vertices.

@@ -57,11 +57,13 @@ pub struct Mesh {
 
 impl Mesh {
     /// The three positions of a triangle.
+    #[inline]
     pub fn triangle_positions(&self, triangle: usize) -> [Vec3; 3] {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
     /// Index into `materials` for a triangle.
+    #[inline]
     pub fn material_of(&self, triangle: usize) -> usize {
         self.triangle_materials.get(triangle).copied().unwrap_or(0) as usize
     }
