@@ -136,6 +136,14 @@ mod tests {
     }
 
     #[test]
+    fn own_normals_go_first_and_unusable_ones_are_replaced_by_the_facets() {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+        let mut mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        mesh.corners.normals = vec![Vec3::ZERO, Vec3::NAN, Vec3::X];
+        assert_eq!(shading_normals(&mesh), [Vec3::Z, Vec3::Z, Vec3::X]);
+    }
+
+    #[test]
     fn a_cube_keeps_its_creases_and_loses_them_on_request() {
         let mesh = cleaned(cube(2));
         let sharp = corner_normals(&mesh, 30.0);

@@ -1,9 +1,9 @@
 //! A baked asset: fan tiles through the texture function.
 
-use fantex_cover::{Cover, Frame, Group};
+use fantex_cover::{Cover, Group};
 use fantex_mesh::{Material, Mesh};
 use fantex_store::{Channel, ChannelKind, PageCache};
-use glam::{Quat, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 
 use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
@@ -96,7 +96,7 @@ impl<'a, S: TileSource> FanSurface<'a, S> {
             add(&mut sum.occlusion_roughness_metallic, material, weight);
             add(&mut sum.emission, emission, weight);
             if let Some(stored) = normal {
-                sum.normal += mesh_normal(stored, &group.frame, vertex_normal) * weight;
+                sum.normal += mesh_normal(stored, group, vertex_normal) * weight;
             }
         }
         sum
@@ -119,11 +119,11 @@ fn add(sum: &mut Vec4, value: Option<Vec4>, weight: f32) {
 }
 
 /// Turns a stored normal (see [`ChannelKind::Normal`]) from its tile's shading frame into mesh space.
-fn mesh_normal(stored: Vec4, frame: &Frame, vertex_normal: Vec3) -> Vec3 {
+fn mesh_normal(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec3 {
     let [x, y] = [stored.x, stored.y].map(|c| c * 2.0 - 1.0);
     let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-    let x_axis = Quat::from_rotation_arc(frame.direction, vertex_normal) * frame.x_axis;
-    (x_axis * x + vertex_normal.cross(x_axis) * y + vertex_normal * z).normalize_or(vertex_normal)
+    let [x_axis, y_axis] = group.shading_axes(vertex_normal);
+    (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
 }
 
 impl<S: TileSource> Surface for FanSurface<'_, S> {

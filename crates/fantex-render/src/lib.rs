@@ -32,7 +32,6 @@ mod resolve;
 mod shading;
 mod split_sum;
 mod surface;
-mod tangents;
 mod tile_filter;
 mod tiles;
 
@@ -42,7 +41,6 @@ pub use flat_surface::{FlatShading, FlatSurface};
 pub use hit::{Hit, Interpolation};
 pub use light::{AmbientLight, DirectionalLight, Lights};
 pub use mesh_surface::{FilterOptions, MeshSurface};
-pub use normals::CREASE_DEGREES;
 pub use options::{Background, MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
 pub use pattern::MAX_SAMPLES;
 pub use picture::Picture;

@@ -220,9 +220,9 @@ mod tests {
     fn boxes_touch_the_tiles_they_overlap() {
         let grid = TileGrid { size: [100, 37] };
         let touched = |b| grid.touched(b).collect::<Vec<_>>();
-        assert_eq!(touched([[-5, -5], [-1, 10]]), Vec::<u32>::new());
+        assert!(touched([[-5, -5], [-1, 10]]).is_empty());
         assert_eq!(touched([[31, 0], [32, 31]]), [0, 1]);
         assert_eq!(touched([[-9, -9], [900, 900]]), (0..8).collect::<Vec<_>>());
-        assert_eq!(touched([[100, 0], [101, 5]]), Vec::<u32>::new());
+        assert!(touched([[100, 0], [101, 5]]).is_empty());
     }
 }

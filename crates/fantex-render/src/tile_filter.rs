@@ -6,16 +6,13 @@
 
 use fantex_cover::Group;
 use fantex_texture::Filter;
+use fantex_texture::filter::{
+    EWA_MINOR_TEXELS, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse, catmull_rom_weights,
+};
 use glam::{Vec2, Vec4};
 
 use crate::FilterOptions;
 use crate::tiles::{TileSource, TileTexels};
-
-/// Most probes of an anisotropic look-up, as for images.
-const MAX_PROBES: f32 = 64.0;
-
-/// Minor axis, in texels of a level, from which on that level is fine enough for the elliptical average.
-const EWA_MINOR_TEXELS: f32 = 3.0;
 
 /// A look-up in one tile, planned once for all channels.
 #[derive(Clone, Copy, Debug)]
@@ -53,8 +50,8 @@ impl TileLookup {
             probes: 1,
             span: Vec2::ZERO,
         };
-        let anisotropy = options.max_anisotropy.clamp(1.0, MAX_PROBES);
-        let axes_at = |level: u32| FootprintAxes::new(footprint, group.level_extent(level));
+        let anisotropy = options.max_anisotropy;
+        let axes_at = |level: u32| axes(footprint, group.level_extent(level));
         match options.filter {
             Filter::Nearest | Filter::Bilinear | Filter::Bicubic => {}
             Filter::Trilinear => plan.choose_levels(|level| axes_at(level).major),
@@ -62,12 +59,13 @@ impl TileLookup {
                 plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy));
                 let finest = axes_at(0);
                 let width = finest.limited_minor(anisotropy).max(1.0);
-                plan.probes = (finest.major / width).ceil().clamp(1.0, MAX_PROBES) as u32;
-                let [columns, rows] = group.extent.map(|n| n as f32);
-                plan.span = finest.direction * finest.major / Vec2::new(columns, rows);
+                plan.probes = (finest.major / width).ceil().clamp(1.0, MAX_ANISOTROPY) as u32;
+                plan.span = finest.direction * finest.major / texels(group.extent);
             }
             Filter::Ewa => {
                 plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy) / EWA_MINOR_TEXELS);
+                let finest = axes_at(0).limited(anisotropy);
+                plan.footprint = finest.vectors().map(|axis| axis / texels(group.extent));
             }
         }
         plan
@@ -119,34 +117,15 @@ impl TileLookup {
     }
 }
 
-/// The ellipse onto which a footprint maps the pixel's circle, in texels.
-#[derive(Clone, Copy, Debug)]
-struct FootprintAxes {
-    /// Unit vector along the longer axis.
-    direction: Vec2,
-    /// Width of the pixel along the longer axis.
-    major: f32,
-    /// Width along the shorter axis.
-    minor: f32,
+/// Columns and rows.
+fn texels(extent: [u32; 2]) -> Vec2 {
+    Vec2::from(extent.map(|n| n as f32))
 }
 
-impl FootprintAxes {
-    /// Singular values and first left singular vector of the derivatives of the texel position.
-    fn new(footprint: [Vec2; 2], extent: [u32; 2]) -> Self {
-        let [dx, dy] = footprint.map(|d| d * Vec2::new(extent[0] as f32, extent[1] as f32));
-        let (xx, xy, yy) = (dx.x * dx.x + dy.x * dy.x, dx.x * dx.y + dy.x * dy.y, dx.y * dx.y + dy.y * dy.y);
-        let root = (0.5 * (xx - yy)).hypot(xy);
-        let major = (0.5 * (xx + yy) + root).sqrt();
-        // The squared matrix turned by half its angle; its angle is that of (xx - yy, 2 xy).
-        let direction = Vec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy));
-        let minor = if major > 0.0 { dx.perp_dot(dy).abs() / major } else { 0.0 };
-        Self { direction, major, minor }
-    }
-
-    /// The shorter axis, widened until the ratio is at most `anisotropy`.
-    fn limited_minor(&self, anisotropy: f32) -> f32 {
-        self.minor.max(self.major / anisotropy)
-    }
+/// The axes, in texels, of a footprint in tile coordinates.
+fn axes(footprint: [Vec2; 2], extent: [u32; 2]) -> FootprintAxes {
+    let [dx, dy] = footprint.map(|d| d * texels(extent));
+    FootprintAxes::new(dx, dy)
 }
 
 /// A texel, clamped to the tile.
@@ -157,8 +136,7 @@ fn clamped<T: TileTexels>(tile: &T, x: i32, y: i32) -> Vec4 {
 
 /// Position in texels, texel `i` having its centre at `i`; held near the tile.
 fn texel_position<T: TileTexels>(tile: &T, uv: Vec2) -> Vec2 {
-    let [columns, rows] = tile.extent().map(|n| n as f32);
-    let extent = Vec2::new(columns, rows);
+    let extent = texels(tile.extent());
     (uv * extent - 0.5).clamp(Vec2::ZERO, extent - 1.0)
 }
 
@@ -167,15 +145,10 @@ fn nearest<T: TileTexels>(tile: &T, uv: Vec2) -> Vec4 {
     clamped(tile, p.x as i32, p.y as i32)
 }
 
-/// E. Catmull and R. Rom, "A Class of Local Interpolating Splines", 1974.
 fn bicubic<T: TileTexels>(tile: &T, uv: Vec2) -> Vec4 {
     let p = texel_position(tile, uv);
     let first = p.floor();
-    let weights = |t: f32| {
-        let (t2, t3) = (t * t, t * t * t);
-        [-0.5 * t + t2 - 0.5 * t3, 1.0 - 2.5 * t2 + 1.5 * t3, 0.5 * t + 2.0 * t2 - 1.5 * t3, 0.5 * (t3 - t2)]
-    };
-    let (wx, wy) = (weights(p.x - first.x), weights(p.y - first.y));
+    let (wx, wy) = (catmull_rom_weights(p.x - first.x), catmull_rom_weights(p.y - first.y));
     let mut sum = Vec4::ZERO;
     for (j, wy) in wy.into_iter().enumerate() {
         for (i, wx) in wx.into_iter().enumerate() {
@@ -186,28 +159,18 @@ fn bicubic<T: TileTexels>(tile: &T, uv: Vec2) -> Vec4 {
     sum
 }
 
-/// P. Heckbert, "Fundamentals of Texture Mapping and Image Warping", 1989: the texels under an ellipse, weighted by a
-/// Gaussian that falls to `exp(-2)` at its border. Axes are at least one texel.
+/// The elliptical weighted average of the texels under a footprint.
 fn ewa<T: TileTexels>(tile: &T, uv: Vec2, footprint: [Vec2; 2]) -> Vec4 {
     let extent = tile.extent();
-    let axes = FootprintAxes::new(footprint, extent);
+    let axes = axes(footprint, extent);
     // What lies farther away than the tile is long would only repeat its border.
     let longest = extent[0].max(extent[1]) as f32;
-    let (major, minor) = (axes.major.clamp(1.0, longest), axes.minor.clamp(1.0, longest));
-    let center = texel_position(tile, uv);
-    let widths = Vec2::new(major, minor);
-    let reach = Vec2::new((axes.direction * widths).length(), (axes.direction.perp() * widths).length());
-    let (low, high) = ((center - reach).floor().as_ivec2(), (center + reach).ceil().as_ivec2());
+    let axes = FootprintAxes { major: axes.major.min(longest), minor: axes.minor.min(longest), ..axes };
     let (mut sum, mut total) = (Vec4::ZERO, 0.0);
-    for y in low.y..=high.y {
-        for x in low.x..=high.x {
-            let d = Vec2::new(x as f32, y as f32) - center;
-            let r2 = (d.dot(axes.direction) / major).powi(2) + (d.perp_dot(axes.direction) / minor).powi(2);
-            if r2 < 1.0 {
-                let weight = (-2.0 * r2).exp() - (-2f32).exp();
-                sum += clamped(tile, x, y) * weight;
-                total += weight;
-            }
+    for row in WeightedEllipse::new(texel_position(tile, uv), &axes).rows() {
+        for (column, weight) in row.weights() {
+            sum += clamped(tile, column, row.row) * weight;
+            total += weight;
         }
     }
     if total > 0.0 { sum / total } else { nearest(tile, uv) }

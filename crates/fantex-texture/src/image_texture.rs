@@ -79,7 +79,8 @@ pub struct SampleOptions {
     pub wrap: [Wrap; 2],
     /// Reconstruction and anti-aliasing.
     pub filter: Filter,
-    /// Longest ratio of the footprint's axes that `Anisotropic` and `Ewa` honour, 1 to 64.
+    /// Longest ratio of the footprint's axes that `Anisotropic` and `Ewa` honour, 1 to
+    /// [`MAX_ANISOTROPY`](filter::MAX_ANISOTROPY).
     pub max_anisotropy: f32,
 }
 
@@ -226,7 +227,7 @@ impl ImageTexture {
 
     /// Probes as wide as the shorter axis, in a row along the longer one.
     fn anisotropic(&self, uv: Vec2, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
-        let width = axes.limited_minor(options.max_anisotropy.min(64.0)).max(1.0);
+        let width = axes.limited_minor(options.max_anisotropy).max(1.0);
         let probes = (axes.major / width).ceil();
         if probes.is_nan() || probes <= 1.0 {
             return self.trilinear(uv, options.wrap, width);
@@ -241,9 +242,8 @@ impl ImageTexture {
     }
 
     fn ewa(&self, uv: Vec2, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
-        let minor = axes.limited_minor(options.max_anisotropy.min(64.0));
-        let axes = FootprintAxes { minor, ..*axes };
-        let (fine, coarse, share) = self.levels_for(minor / filter::EWA_MINOR_TEXELS);
+        let axes = axes.limited(options.max_anisotropy);
+        let (fine, coarse, share) = self.levels_for(axes.minor / filter::EWA_MINOR_TEXELS);
         let value = self.ewa_at(fine, uv, &axes, options.wrap);
         if share == 0.0 {
             return value;
@@ -261,8 +261,7 @@ impl ImageTexture {
             level.width as f32 / self.base.width as f32,
             level.height as f32 / self.base.height as f32,
         );
-        let along = axes.direction * axes.major * scale;
-        let across = axes.direction.perp() * axes.minor * scale;
+        let [along, across] = axes.vectors().map(|axis| axis * scale);
         filter::ewa(level, self.alpha, uv, &FootprintAxes::new(along, across), wrap)
     }
 }

@@ -5,7 +5,7 @@
 
 pub mod color;
 pub mod compare;
-mod filter;
+pub mod filter;
 mod image;
 mod image_file;
 mod image_texture;

@@ -1,9 +1,12 @@
 //! The model's own textures, through its own texture coordinates: all material channels at once.
 
-use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
+use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::LoadImageError;
-use fantex_texture::material::{MaterialTextures, TextureLayer, load_material_textures};
+use fantex_texture::material::{
+    MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
+    normal_map_tangents, occlusion_roughness_metallic, vertex_color,
+};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
@@ -29,7 +32,7 @@ impl<'a> UvSource<'a> {
         let materials = load_material_textures(mesh)?;
         let has_normal_maps = materials.iter().any(|m| m.normal.is_some());
         let normals = if has_normal_maps { shading_normals(mesh) } else { Vec::new() };
-        let tangents = if has_normal_maps { tangents(mesh, &normals, &materials) } else { Vec::new() };
+        let tangents = normal_map_tangents(mesh, &normals, &materials);
         let kinds = channel_kinds(mesh, &materials);
         let has_alpha = mesh.materials.iter().any(|m| m.alpha != AlphaMode::Opaque);
         Ok(Self { mesh, materials, tangents, normals, kinds, has_alpha })
@@ -37,7 +40,7 @@ impl<'a> UvSource<'a> {
 
     /// True where at least one material has a texture.
     pub fn has_textures(&self) -> bool {
-        self.materials.iter().any(|m| layers(m).into_iter().any(|l| l.is_some()))
+        self.materials.iter().any(|m| m.layers().next().is_some())
     }
 
     /// Texels of the finest texture per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without
@@ -66,11 +69,8 @@ impl<'a> UvSource<'a> {
             let [width, height] = layer.texture.size().map(|n| n as f32);
             ((tb - ta).perp_dot(tc - ta) * width * height).abs()
         };
-        let finest = layers(&self.materials[self.mesh.material_of(triangle)])
-            .into_iter()
-            .flatten()
-            .map(texel_area)
-            .fold(0.0, f32::max);
+        let textures = &self.materials[self.mesh.material_of(triangle)];
+        let finest = textures.layers().map(texel_area).fold(0.0, f32::max);
         let density = (finest / area).sqrt();
         if density.is_finite() { density } else { 0.0 }
     }
@@ -88,33 +88,20 @@ impl<'a> UvSource<'a> {
         Vec4::from_array(mean)
     }
 
-    fn vertex_color(&self, point: &SurfacePoint) -> Vec4 {
-        match self.mesh.corners.colors.get(3 * point.triangle..3 * point.triangle + 3) {
-            Some(c) => {
-                let l = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-                c[0] * l.x + c[1] * l.y + c[2] * l.z
-            }
-            None => Vec4::ONE,
-        }
-    }
-
     /// The shading normal, mesh space.
     fn normal(&self, material: &Material, textures: &MaterialTextures, point: &SurfacePoint) -> Vec3 {
         if textures.normal.is_none() {
             return point.normal;
         }
-        let texel = self.area_mean(&textures.normal, point);
-        let scale = material.normal_scale;
-        let bent = (texel.truncate() * 2.0 - 1.0) * Vec3::new(scale, scale, 1.0);
-        // Mikkelsen: normal and tangent are interpolated and used without normalisation.
-        let l = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        let corner = 3 * point.triangle;
-        let blend = |v: [Vec3; 3]| v[0] * l.x + v[1] * l.y + v[2] * l.z;
-        let n = blend([0, 1, 2].map(|k| self.normals[corner + k]));
-        let t = blend([0, 1, 2].map(|k| self.tangents[corner + k].truncate()));
-        let b = n.cross(t) * self.tangents[corner].w;
-        (t * bent.x + b * bent.y + n * bent.z).try_normalize().unwrap_or(point.normal)
+        let frame =
+            TangentFrame::at(&self.normals, &self.tangents, point.triangle, lambda_on_triangle(point));
+        frame.bend(material, self.area_mean(&textures.normal, point)).unwrap_or(point.normal)
     }
+}
+
+/// Off the surface, what is interpolated between corners must not be extrapolated.
+fn lambda_on_triangle(point: &SurfacePoint) -> Vec3 {
+    point.lambda.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 impl Source for UvSource<'_> {
@@ -133,33 +120,23 @@ impl Source for UvSource<'_> {
         for (kind, value) in self.kinds.iter().zip(values) {
             *value = match kind {
                 ChannelKind::BaseColor => {
-                    material.base_color
-                        * self.vertex_color(point)
-                        * self.area_mean(&textures.base_color, point)
+                    let vertex_color = vertex_color(self.mesh, point.triangle, lambda_on_triangle(point));
+                    base_color(material, vertex_color, self.area_mean(&textures.base_color, point))
                 }
                 ChannelKind::Normal => self.normal(material, textures, point).extend(0.0),
-                ChannelKind::OcclusionRoughnessMetallic => {
-                    let occlusion = self.area_mean(&textures.occlusion, point).x;
-                    let metallic_roughness = self.area_mean(&textures.metallic_roughness, point);
-                    Vec4::new(
-                        1.0 + material.occlusion_strength * (occlusion - 1.0),
-                        material.roughness * metallic_roughness.y,
-                        material.metallic * metallic_roughness.z,
-                        1.0,
-                    )
-                }
+                ChannelKind::OcclusionRoughnessMetallic => occlusion_roughness_metallic(
+                    material,
+                    self.area_mean(&textures.occlusion, point),
+                    self.area_mean(&textures.metallic_roughness, point),
+                )
+                .extend(1.0),
                 ChannelKind::Emission => {
-                    (material.emission * self.area_mean(&textures.emission, point).truncate()).extend(1.0)
+                    emission(material, self.area_mean(&textures.emission, point)).extend(1.0)
                 }
                 ChannelKind::Displacement => Vec4::ZERO,
             };
         }
     }
-}
-
-fn layers(textures: &MaterialTextures) -> [&Option<TextureLayer>; 5] {
-    let MaterialTextures { base_color, metallic_roughness, normal, occlusion, emission } = textures;
-    [base_color, metallic_roughness, normal, occlusion, emission]
 }
 
 /// Base colour always; the others where a texture varies them or materials differ in them.
@@ -179,13 +156,4 @@ fn channel_kinds(mesh: &Mesh, textures: &[MaterialTextures]) -> Vec<ChannelKind>
         kinds.push(ChannelKind::Emission);
     }
     kinds
-}
-
-fn tangents(mesh: &Mesh, normals: &[Vec3], textures: &[MaterialTextures]) -> Vec<Vec4> {
-    if mesh.corners.tangents.len() == 3 * mesh.triangles.len() {
-        return mesh.corners.tangents.clone();
-    }
-    corner_tangents(mesh, normals, |t| {
-        Some(textures[mesh.material_of(t)].normal.as_ref()?.corner_uv(mesh, t))
-    })
 }

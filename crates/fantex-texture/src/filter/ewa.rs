@@ -19,7 +19,7 @@ use crate::{AlphaUse, Wrap};
 /// Exponent of the Gaussian: the pixel's filter is `exp(-2 r^2)`, standard deviation half a pixel, cut off at `r = 1`.
 const FALLOFF: f32 = 2.0;
 /// The minor axis, in texels of a level, from which on that level alone is fine enough.
-pub(crate) const EWA_MINOR_TEXELS: f32 = 3.0;
+pub const EWA_MINOR_TEXELS: f32 = 3.0;
 /// No axis is shorter, so that there is always a texel inside the ellipse.
 const SMALLEST_AXIS_TEXELS: f32 = 1.0;
 const TABLE_SIZE: usize = 1024;
@@ -34,59 +34,103 @@ fn weight_table() -> &'static [f32; TABLE_SIZE + 1] {
 
 /// The average at one level of the texels around `uv` under the footprint with `axes` (in texels of this level).
 pub(crate) fn ewa(level: &Image, alpha: AlphaUse, uv: Vec2, axes: &FootprintAxes, wrap: [Wrap; 2]) -> Vec4 {
-    let major2 = axes.major.max(SMALLEST_AXIS_TEXELS).powi(2);
-    let minor2 = axes.minor.max(SMALLEST_AXIS_TEXELS).powi(2);
-    let Vec2 { x: cos, y: sin } = axes.direction;
-    let quadric = Ellipse {
-        xx: major2 * cos * cos + minor2 * sin * sin,
-        xy: (major2 - minor2) * cos * sin,
-        yy: major2 * sin * sin + minor2 * cos * cos,
-    };
     let center =
         Vec2::new(recenter(uv.x, level.width, wrap[0]) - 0.5, recenter(uv.y, level.height, wrap[1]) - 0.5);
-    with_texels(level, alpha, EllipseSum { level, wrap, center, quadric })
+    with_texels(level, alpha, EllipseSum { level, wrap, ellipse: WeightedEllipse::new(center, axes) })
 }
 
-/// The matrix Q of the ellipse `p^T Q^-1 p = 1`.
-struct Ellipse {
-    xx: f32,
-    xy: f32,
-    yy: f32,
+/// The texels under a footprint with their weights, row by row. Texel `i` has its centre at `i`.
+#[derive(Clone, Copy, Debug)]
+pub struct WeightedEllipse {
+    center: Vec2,
+    /// The matrix Q of the ellipse `p^T Q^-1 p = 1`: `yy`, `xy / yy` and `determinant / yy`.
+    squared_half_height: f32,
+    slant: f32,
+    squared_half_width: f32,
+}
+
+impl WeightedEllipse {
+    /// The ellipse around `center` with these axes, each at least one texel long, so that there is always a texel inside.
+    pub fn new(center: Vec2, axes: &FootprintAxes) -> Self {
+        let major2 = axes.major.max(SMALLEST_AXIS_TEXELS).powi(2);
+        let minor2 = axes.minor.max(SMALLEST_AXIS_TEXELS).powi(2);
+        let Vec2 { x: cos, y: sin } = axes.direction;
+        let xx = major2 * cos * cos + minor2 * sin * sin;
+        let xy = (major2 - minor2) * cos * sin;
+        let yy = major2 * sin * sin + minor2 * cos * cos;
+        let determinant = xx * yy - xy * xy;
+        Self { center, squared_half_height: yy, slant: xy / yy, squared_half_width: determinant / yy }
+    }
+
+    /// The rows that the ellipse touches, from the top.
+    pub fn rows(self) -> impl Iterator<Item = EllipseRow> {
+        let half_height = self.squared_half_height.sqrt();
+        let first_row = (self.center.y - half_height).ceil() as i32;
+        let last_row = (self.center.y + half_height).floor() as i32;
+        (first_row..=last_row).map(move |row| self.row(row))
+    }
+
+    /// On a row, `r^2 = (x - m)^2 / s^2 + y^2 / yy` with the row's middle `m` and the half width `s` at the centre.
+    #[inline(always)]
+    fn row(&self, row: i32) -> EllipseRow {
+        let y = row as f32 - self.center.y;
+        let base = y * y / self.squared_half_height;
+        let half_width = (self.squared_half_width * (1.0 - base).max(0.0)).sqrt();
+        let middle = self.slant * y;
+        EllipseRow {
+            row,
+            first: (self.center.x + middle - half_width).ceil() as i32,
+            last: (self.center.x + middle + half_width).floor() as i32,
+            center: self.center.x,
+            middle,
+            base,
+            squared_half_width: self.squared_half_width,
+        }
+    }
+}
+
+/// One row of a [`WeightedEllipse`].
+#[derive(Clone, Copy, Debug)]
+pub struct EllipseRow {
+    /// The row's index; may lie outside the image.
+    pub row: i32,
+    first: i32,
+    last: i32,
+    center: f32,
+    middle: f32,
+    base: f32,
+    squared_half_width: f32,
+}
+
+impl EllipseRow {
+    /// The row's texels from the left, as columns (which may lie outside the image) with weights that are not negative.
+    /// The weights of all rows add up to more than zero.
+    #[inline(always)]
+    pub fn weights(self) -> impl Iterator<Item = (i32, f32)> {
+        let table = weight_table();
+        (self.first..=self.last).map(move |column| {
+            let x = column as f32 - self.center - self.middle;
+            let squared_radius = x * x / self.squared_half_width + self.base;
+            (column, table[((squared_radius * TABLE_SIZE as f32) as usize).min(TABLE_SIZE)])
+        })
+    }
 }
 
 struct EllipseSum<'a> {
     level: &'a Image,
     wrap: [Wrap; 2],
-    center: Vec2,
-    quadric: Ellipse,
+    ellipse: WeightedEllipse,
 }
 
 impl Kernel for EllipseSum<'_> {
     type Output = Vec4;
 
     fn run<T: TexelSource>(self, texels: T) -> Vec4 {
-        let Ellipse { xx, xy, yy } = self.quadric;
-        let determinant = xx * yy - xy * xy;
-        let table = weight_table();
-        let half_height = yy.sqrt();
-        let first_row = (self.center.y - half_height).ceil() as i32;
-        let last_row = (self.center.y + half_height).floor() as i32;
         let (mut sum, mut total) = (Vec4::ZERO, 0.0);
-        for row in first_row..=last_row {
-            let y = row as f32 - self.center.y;
-            // r^2 = ((x - m)^2 / s^2 + y^2 / yy) with the row's middle m and half width at the centre s.
-            let middle = xy / yy * y;
-            let squared_half_width = determinant / yy;
-            let base = y * y / yy;
-            let half_width = (squared_half_width * (1.0 - base).max(0.0)).sqrt();
-            let first = (self.center.x + middle - half_width).ceil() as i32;
-            let last = (self.center.x + middle + half_width).floor() as i32;
-            let row_offset = wrap_index(row, self.level.height, self.wrap[1])
+        for row in self.ellipse.rows() {
+            let row_offset = wrap_index(row.row, self.level.height, self.wrap[1])
                 .map(|wrapped| wrapped * self.level.width as usize);
-            for column in first..=last {
-                let x = column as f32 - self.center.x - middle;
-                let squared_radius = x * x / squared_half_width + base;
-                let weight = table[((squared_radius * TABLE_SIZE as f32) as usize).min(TABLE_SIZE)];
+            for (column, weight) in row.weights() {
                 total += weight;
                 let wrapped = wrap_index(column, self.level.width, self.wrap[0]);
                 if let (Some(row_offset), Some(column)) = (row_offset, wrapped) {

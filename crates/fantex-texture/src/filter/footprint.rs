@@ -2,21 +2,24 @@
 
 use glam::Vec2;
 
+/// The longest ratio of a footprint's axes that any filter honours; also the most probes of an anisotropic look-up.
+pub const MAX_ANISOTROPY: f32 = 64.0;
+
 /// The axes of the ellipse onto which the derivatives map the unit circle of the pixel's plane, in texels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct FootprintAxes {
+pub struct FootprintAxes {
     /// Unit vector along the longer axis.
-    pub(crate) direction: Vec2,
+    pub direction: Vec2,
     /// Half length of the longer axis: the width of the pixel along it.
-    pub(crate) major: f32,
+    pub major: f32,
     /// Half length of the shorter axis.
-    pub(crate) minor: f32,
+    pub minor: f32,
 }
 
 impl FootprintAxes {
     /// From the derivatives of the texel position along the pixel's x and y: the singular values and the first left
     /// singular vector of the matrix with these columns.
-    pub(crate) fn new(texels_dx: Vec2, texels_dy: Vec2) -> Self {
+    pub fn new(texels_dx: Vec2, texels_dy: Vec2) -> Self {
         let xx = texels_dx.x * texels_dx.x + texels_dy.x * texels_dy.x;
         let xy = texels_dx.x * texels_dx.y + texels_dy.x * texels_dy.y;
         let yy = texels_dx.y * texels_dx.y + texels_dy.y * texels_dy.y;
@@ -33,9 +36,20 @@ impl FootprintAxes {
         Self { direction: axis.normalize_or(Vec2::X), major, minor }
     }
 
-    /// The shorter axis widened until the ratio of both is at most `max_anisotropy`.
-    pub(crate) fn limited_minor(&self, max_anisotropy: f32) -> f32 {
-        self.minor.max(self.major / max_anisotropy.max(1.0))
+    /// The shorter axis widened until the ratio of both is at most `max_anisotropy`, which counts as 1 to
+    /// [`MAX_ANISOTROPY`].
+    pub fn limited_minor(&self, max_anisotropy: f32) -> f32 {
+        self.minor.max(self.major / max_anisotropy.clamp(1.0, MAX_ANISOTROPY))
+    }
+
+    /// With the shorter axis as [`FootprintAxes::limited_minor`] says.
+    pub fn limited(&self, max_anisotropy: f32) -> Self {
+        Self { minor: self.limited_minor(max_anisotropy), ..*self }
+    }
+
+    /// Both axes as vectors, the longer one first.
+    pub fn vectors(&self) -> [Vec2; 2] {
+        [self.direction * self.major, self.direction.perp() * self.minor]
     }
 }
 

@@ -5,6 +5,8 @@
 //!                                                                       |
 //!                            linear RGBA <-- resolve <-- weighted sum of decoded texels
 //! ```
+//!
+//! Public is what other kinds of texture (the tiles of a cover) need to filter by the same rules as images.
 
 mod area;
 mod ewa;
@@ -13,9 +15,12 @@ mod mipmap;
 mod taps;
 mod texel;
 
+pub use ewa::{EWA_MINOR_TEXELS, EllipseRow, WeightedEllipse};
+pub use footprint::{FootprintAxes, MAX_ANISOTROPY};
+pub use taps::catmull_rom_weights;
+
 pub(crate) use area::AreaPlan;
-pub(crate) use ewa::{EWA_MINOR_TEXELS, ewa};
-pub(crate) use footprint::FootprintAxes;
+pub(crate) use ewa::ewa;
 pub(crate) use mipmap::build_levels;
 pub(crate) use taps::{bicubic, bilinear, nearest};
 pub(crate) use texel::resolve;

@@ -135,19 +135,24 @@ impl Taps<2> {
     }
 }
 
+/// Weights of four neighbouring texels at the share `t` (0..1) of the way from the second to the third. Catmull and Rom,
+/// "A class of local interpolating splines", 1974: interpolates, reproduces quadratics.
+#[inline(always)]
+pub fn catmull_rom_weights(t: f32) -> [f32; 4] {
+    [
+        t * (-0.5 + t * (1.0 - 0.5 * t)),
+        1.0 + t * t * (-2.5 + 1.5 * t),
+        t * (0.5 + t * (2.0 - 1.5 * t)),
+        t * t * (-0.5 + 0.5 * t),
+    ]
+}
+
 impl Taps<4> {
-    /// Catmull and Rom, "A class of local interpolating splines", 1974: interpolates, reproduces quadratics.
     pub(super) fn cubic(coordinate: f32, size: u32, wrap: Wrap) -> Self {
         let position = fold(coordinate, wrap) * size as f32 - 0.5;
         let position = position.clamp(-4.0, size as f32 + 4.0);
         let first = floor(position);
-        let t = position - first as f32;
-        let mut weight = [
-            t * (-0.5 + t * (1.0 - 0.5 * t)),
-            1.0 + t * t * (-2.5 + 1.5 * t),
-            t * (0.5 + t * (2.0 - 1.5 * t)),
-            t * t * (-0.5 + 0.5 * t),
-        ];
+        let mut weight = catmull_rom_weights(position - first as f32);
         let mut index = [0; 4];
         for tap in 0..4 {
             match wrap_index(first - 1 + tap as i32, size, wrap) {

@@ -43,14 +43,16 @@ impl TriplanarMap {
         powers / powers.element_sum()
     }
 
-    /// The look-ups along x, y and z. Sides see y up; the top sees +x to the right and +z down.
+    /// The look-ups along x, y and z. From outside, nothing is mirrored: sides see y up, the top sees +x to the right and +z
+    /// down. Where the normal's coordinate changes its sign and the image flips, it has no weight.
     pub fn taps(&self, p: Vec3, n: Vec3, moves: [Vec3; 2]) -> [TriplanarTap; 3] {
         let weights = self.weights(n);
+        let front = n.signum();
         let project = |axis: usize, local: Vec3| {
             let uv = match axis {
-                0 => Vec2::new(local.z, -local.y),
-                1 => Vec2::new(local.x, local.z),
-                _ => Vec2::new(local.x, -local.y),
+                0 => Vec2::new(-local.z * front.x, -local.y),
+                1 => Vec2::new(local.x, local.z * front.y),
+                _ => Vec2::new(local.x * front.z, -local.y),
             };
             uv * self.scale
         };

@@ -102,8 +102,43 @@ fn box_faces_use_the_longer_edge_as_u() {
     // Edges 4, 1.5 and 2.5: x is the longest, z the second.
     let p = Vec3::new(1.0, 1.0, 3.0);
     assert_eq!(map.uv(p, Vec3::Y), Vec2::new(0.5, 0.25));
-    assert_eq!(map.uv(p, Vec3::Z), Vec2::new(0.5, 0.125));
-    assert_eq!(map.uv(p, Vec3::NEG_X), Vec2::new(0.25, 0.125));
+    assert_eq!(map.uv(p, Vec3::Z), Vec2::new(0.5, 0.25));
+    assert_eq!(map.uv(p, Vec3::NEG_X), Vec2::new(0.25, 0.25));
+}
+
+/// Right, down and the outward normal of what a map shows on a face.
+fn assert_readable(name: &str, gradients: [Vec3; 2], n: Vec3) {
+    let [right, down] = gradients;
+    assert!(right.cross(down).dot(n) < 0.0, "{name} mirrors the image on the face {n}");
+}
+
+#[test]
+fn boxes_and_triplanar_maps_show_images_unmirrored_from_outside() {
+    let gradients = |change: &dyn Fn(Vec3) -> Vec2| {
+        let columns = Vec3::AXES.map(change);
+        [0, 1].map(|k| Vec3::from_array(columns.map(|c| c[k])))
+    };
+    let faces = Vec3::AXES.into_iter().flat_map(|n| [n, -n]);
+    // Every order of the axes by length.
+    let boxes = [[3, 2, 1], [3, 1, 2], [2, 3, 1], [1, 3, 2], [2, 1, 3], [1, 2, 3]];
+    for (n, size) in faces.flat_map(|n| boxes.map(|size| (n, size))) {
+        let max = Vec3::from_array(size.map(|s| s as f32));
+        let bounds = Bounds { min: Vec3::ZERO, max };
+        let map = BoxMap::fit(bounds);
+        let [right, down] = gradients(&|d| map.uv_footprint(Vec3::ZERO, n, d, d)[0]);
+        assert_readable("a box", [right, down], n);
+        assert!(down.y <= 0.0 && right.y >= 0.0, "the image on the face {n} of {max} is upside down");
+        for corner in [bounds.min, bounds.max] {
+            let uv = map.uv(corner, n);
+            assert!(uv.min_element() >= 0.0 && uv.max_element() <= 1.0, "{uv}");
+        }
+
+        let triplanar = TriplanarMap::fit(bounds);
+        let axis = n.abs().max_position();
+        let [right, down] = gradients(&|d| triplanar.taps(Vec3::ZERO, n, [d; 2])[axis].footprint[0]);
+        assert_readable("triplanar", [right, down], n);
+        assert!(down.y <= 0.0);
+    }
 }
 
 #[test]

@@ -1,51 +1,13 @@
-//! The images of a model's materials, decoded and ready for look-ups, the glTF way.
+//! Decoding of the images that materials use.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode};
-use glam::{Mat3, Vec2};
 use rayon::prelude::*;
 
+use super::{MaterialTextures, TextureLayer};
 use crate::{AlphaUse, ColorSpace, Image, ImageTexture, LoadImageError, Samples, Wrap};
-
-/// A material's textures; those whose texture coordinates the mesh lacks are left out.
-#[derive(Clone, Debug, Default)]
-pub struct MaterialTextures {
-    /// sRGB colour, alpha.
-    pub base_color: Option<TextureLayer>,
-    /// Green = roughness, blue = metallic.
-    pub metallic_roughness: Option<TextureLayer>,
-    /// Tangent-space normal, 0..1.
-    pub normal: Option<TextureLayer>,
-    /// Red = occlusion.
-    pub occlusion: Option<TextureLayer>,
-    /// sRGB colour.
-    pub emission: Option<TextureLayer>,
-}
-
-/// One use of an image.
-#[derive(Clone, Debug)]
-pub struct TextureLayer {
-    /// Index into the mesh's `uv_sets`.
-    pub uv_set: usize,
-    /// From the corner's `(u, v, 1)` to the look-up.
-    pub uv_transform: Mat3,
-    /// Along u and v.
-    pub wrap: [Wrap; 2],
-    /// True where texels are to appear as squares when magnified.
-    pub nearest: bool,
-    /// The image with its levels; shared between materials.
-    pub texture: Arc<ImageTexture>,
-}
-
-impl TextureLayer {
-    /// The look-up coordinates at a triangle's corners.
-    pub fn corner_uv(&self, mesh: &Mesh, triangle: usize) -> [Vec2; 3] {
-        let set = &mesh.corners.uv_sets[self.uv_set];
-        [0, 1, 2].map(|k| self.uv_transform.transform_point2(set[3 * triangle + k]))
-    }
-}
 
 /// What distinguishes two ways of decoding an image: colours or data, alpha as coverage or as a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
