@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(crate) const EXIT_INTERRUPTED: u8 = 130;
 
 /// What the user is told.
-pub(crate) const MESSAGE: &str = "interrupted; nothing was left behind";
+pub(crate) const MESSAGE: &str = "interrupted; no unfinished file was left behind";
 
 /// Whether the user wants to stop, shared with the signal handler's thread.
 #[derive(Clone, Debug, Default)]

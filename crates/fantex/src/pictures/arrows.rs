@@ -17,6 +17,9 @@ const SIDES: usize = 5;
 /// Triangles of an arrow: two per side of the shaft, two per side of the head (cone and its base).
 const TRIANGLES: usize = 4 * SIDES;
 
+/// How far the shaft reaches behind the surface, in arrow lengths: on a model that is inside out it is what is seen.
+const TAIL: f32 = 0.4;
+
 /// Draws the directions, each in its group's colour.
 pub(super) fn draw(
     mesh: &Mesh,
@@ -80,7 +83,7 @@ fn add_arrow(scene: &mut Mesh, foot: Vec3, group: &Group, length: f32) {
             foot + length * (up * height + (x * angle.cos() + y * angle.sin()) * radius)
         })
     };
-    scene.positions.extend(ring(0.0, 0.025).chain(ring(0.7, 0.025)).chain(ring(0.7, 0.1)));
+    scene.positions.extend(ring(-TAIL, 0.025).chain(ring(0.7, 0.025)).chain(ring(0.7, 0.1)));
     scene.positions.push(foot + length * up);
     let sides = SIDES as u32;
     let [low, high, wide] = [first, first + sides, first + 2 * sides];

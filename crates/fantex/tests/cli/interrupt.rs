@@ -31,6 +31,6 @@ fn an_interrupted_bake_leaves_nothing() {
     let output = bake.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(130));
     let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(errors.contains("interrupted; nothing was left behind"), "{errors}");
+    assert!(errors.contains("interrupted; no unfinished file was left behind"), "{errors}");
     assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
 }

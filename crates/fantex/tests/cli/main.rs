@@ -1,5 +1,7 @@
 //! The command line as scripts see it: exit codes, messages, JSON, files.
 
+#![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
+
 mod bad_input;
 mod interrupt;
 mod real_models;

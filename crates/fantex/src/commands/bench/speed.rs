@@ -41,10 +41,11 @@ pub(super) fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, Cli
 pub(super) fn bake(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
     let bench = Bench::open(args, context)?;
     let mut rows = Vec::new();
-    for (name, format) in [("bake, rgba8", BakeFormat::Rgba8), ("bake, bc7", BakeFormat::Bc7)] {
+    for (format_name, format) in [("rgba8", BakeFormat::Rgba8), ("bc7", BakeFormat::Bc7)] {
+        let name = format!("bake {}, {format_name}", bench.source);
         let baked = bench.bake(format, context)?;
         let texels = baked.texels as f64 * baked.channels as f64;
-        rows.push(Row::new(name, texels / baked.seconds / 1e6, "M texels/s"));
+        rows.push(Row::new(&name, texels / baked.seconds / 1e6, "M texels/s"));
         rows.push(Row::new(format!("{name}, size"), baked.bytes as f64 / texels, "bytes/texel"));
     }
     Ok(rows)
