@@ -94,7 +94,7 @@ pub fn bake(
             .into_par_iter()
             .map(|group| match meter.is_cancelled() {
                 true => Err(BakeError::Cancelled),
-                false => Ok(baker.bake(group, triangles.of_group(group))?),
+                false => baker.bake(group, triangles.of_group(group)),
             })
             .collect::<Result<Vec<BakedTile>, BakeError>>()?;
         let started = Instant::now();

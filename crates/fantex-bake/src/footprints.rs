@@ -120,6 +120,31 @@ impl Footprints {
         }
     }
 
+    /// Every triangle that owns texels, with them, ascending.
+    pub(crate) fn texels_by_triangle(&self) -> impl Iterator<Item = (&TexelTriangle, impl Iterator<Item = u32>)> {
+        let mut ends = vec![0u32; self.triangles.len() + 1];
+        for &owner in self.owner.iter().filter(|&&o| o != NOBODY) {
+            ends[owner as usize + 1] += 1;
+        }
+        for i in 0..self.triangles.len() {
+            ends[i + 1] += ends[i];
+        }
+        let mut sorted = vec![0u32; ends[self.triangles.len()] as usize];
+        let mut next = ends.clone();
+        for (texel, &owner) in (0u32..).zip(&self.owner) {
+            if owner != NOBODY {
+                sorted[next[owner as usize] as usize] = texel;
+                next[owner as usize] += 1;
+            }
+        }
+        let sorted = std::rc::Rc::new(sorted);
+        self.triangles.iter().enumerate().filter_map(move |(i, triangle)| {
+            let (start, end) = (ends[i] as usize, ends[i + 1] as usize);
+            let sorted = sorted.clone();
+            (start < end).then(|| (triangle, (start..end).map(move |t| sorted[t])))
+        })
+    }
+
     fn scan(&mut self, index: u32, block: Block, delta: f32) {
         let triangle = self.triangles[index as usize];
         let [x0, y0] = block.origin.map(|o| o as f32);

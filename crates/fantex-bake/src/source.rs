@@ -38,6 +38,18 @@ pub enum Prefilter {
     Box,
 }
 
+/// What all texels of a tile that lie on one triangle have in common.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleFootprint {
+    /// Triangle index.
+    pub triangle: usize,
+    /// Change of the barycentric coordinates along a texel's width and height.
+    pub lambda_steps: [Vec3; 2],
+}
+
+/// A source over one triangle: writes one value per channel.
+pub type TriangleSource<'s> = Box<dyn Fn(&SurfacePoint, &mut [Vec4]) + 's>;
+
 /// A function on the surface that can be baked.
 pub trait Source: Sync {
     /// The channels it gives, in the order of `evaluate`'s output.
@@ -48,4 +60,9 @@ pub trait Source: Sync {
 
     /// Writes one value per channel.
     fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]);
+
+    /// The same function for many texels of one triangle. Sources that can prepare something for them override this.
+    fn on_triangle(&self, _footprint: &TriangleFootprint) -> TriangleSource<'_> {
+        Box::new(|point, values| self.evaluate(point, values))
+    }
 }

@@ -4,7 +4,6 @@ use fantex_store::{Channel, ChannelKind, EncodeError, Quality, TexelFormat, Texe
 use fantex_texture::color::{srgb8_from_linear, unorm8};
 use glam::Vec4;
 
-use crate::raster::Raster;
 use crate::{BakeFormat, SourceChannel};
 
 /// How one channel of the source is stored.
@@ -45,28 +44,58 @@ impl ChannelPlan {
     }
 }
 
+/// Final values of all channels, `values[texel * channels + channel]`, row-major.
+pub(crate) struct Texels {
+    pub(crate) extent: [u32; 2],
+    pub(crate) values: Vec<Vec4>,
+    pub(crate) channels: usize,
+}
+
+impl Texels {
+    pub(crate) fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Window<'_> {
+        Window { texels: self, origin, extent }
+    }
+}
+
+/// A rectangle of texels.
+pub(crate) struct Window<'a> {
+    texels: &'a Texels,
+    origin: [u32; 2],
+    extent: [u32; 2],
+}
+
+impl Window<'_> {
+    /// The values of one channel, stored as `store` says.
+    fn stored<T>(&self, channel: usize, store: impl Fn(Vec4) -> T) -> Vec<T> {
+        let [width, height] = self.extent.map(|n| n as usize);
+        let (stride, channels) = (self.texels.extent[0] as usize, self.texels.channels);
+        let mut stored = Vec::with_capacity(width * height);
+        for row in 0..height {
+            let first = (self.origin[1] as usize + row) * stride + self.origin[0] as usize;
+            let values = &self.texels.values[first * channels..(first + width) * channels];
+            stored.extend(values.iter().skip(channel).step_by(channels).map(|&v| store(v)));
+        }
+        stored
+    }
+}
+
 /// Encodes pages of all channels: `result[page][channel]`.
 pub(crate) fn encode_pages(
     plans: &[ChannelPlan],
     quality: Quality,
-    pages: &[Raster],
+    pages: &[Window<'_>],
 ) -> Result<Vec<Vec<Vec<u8>>>, EncodeError> {
     let mut encoded = vec![Vec::with_capacity(plans.len()); pages.len()];
     for (index, plan) in plans.iter().enumerate() {
-        let channel =
-            |page: &Raster| page.values.iter().skip(index).step_by(plans.len()).copied().collect::<Vec<_>>();
-        let bytes = if plan.channel.format == TexelFormat::Rgba32F {
-            let texels: Vec<Vec<[f32; 4]>> =
-                pages.iter().map(|p| channel(p).into_iter().map(|v| plan.float(v)).collect()).collect();
-            let slices: Vec<_> =
-                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
-            encode_many(plan.channel.format, quality, &slices)?
+        let format = plan.channel.format;
+        let bytes = if format == TexelFormat::Rgba32F {
+            let texels: Vec<Vec<[f32; 4]>> = pages.iter().map(|p| p.stored(index, |v| plan.float(v))).collect();
+            let slices: Vec<_> = pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
+            encode_many(format, quality, &slices)?
         } else {
-            let texels: Vec<Vec<[u8; 4]>> =
-                pages.iter().map(|p| channel(p).into_iter().map(|v| plan.bytes(v)).collect()).collect();
-            let slices: Vec<_> =
-                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
-            encode_many(plan.channel.format, quality, &slices)?
+            let texels: Vec<Vec<[u8; 4]>> = pages.iter().map(|p| p.stored(index, |v| plan.bytes(v))).collect();
+            let slices: Vec<_> = pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
+            encode_many(format, quality, &slices)?
         };
         for (page, bytes) in encoded.iter_mut().zip(bytes) {
             page.push(bytes);

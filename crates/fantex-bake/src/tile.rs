@@ -13,15 +13,15 @@ use std::time::{Duration, Instant};
 
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
-use fantex_store::{ChannelKind, EncodeError, EncodedPage, PageId, page_extent, page_grid, page_origin};
+use fantex_store::{ChannelKind, EncodedPage, PageId, page_extent, page_grid, page_origin};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::footprints::{Block, Footprints, NOBODY, TexelTriangle};
+use crate::footprints::{Block, Footprints, TexelTriangle};
 use crate::progress::Meter;
 use crate::raster::{Mean, Overshoot, Raster};
-use crate::stored::{ChannelPlan, encode_pages};
-use crate::{BakeOptions, Prefilter, Source, SurfacePoint};
+use crate::stored::{ChannelPlan, Texels, Window, encode_pages};
+use crate::{BakeError, BakeOptions, Prefilter, Source, SurfacePoint, TriangleFootprint};
 
 /// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
 /// to `SHARED_LEVEL`.
@@ -57,7 +57,7 @@ pub(crate) struct BakedTile {
 
 impl TileBaker<'_> {
     /// Bakes the tile of a group; `triangles` are those with a corner in the group.
-    pub(crate) fn bake(&self, group: u32, triangles: &[u32]) -> Result<BakedTile, EncodeError> {
+    pub(crate) fn bake(&self, group: u32, triangles: &[u32]) -> Result<BakedTile, BakeError> {
         let extent = self.cover.groups[group as usize].extent;
         let started = Instant::now();
         let triangles = self.texel_triangles(group, triangles);
@@ -65,10 +65,10 @@ impl TileBaker<'_> {
         if extent.iter().all(|&n| n <= BLOCK) {
             let raster = self.evaluate(group, triangles, Block { origin: [0, 0], extent }, &mut tile);
             self.finish_levels(group, 0, raster, &mut tile)?;
+            self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
         } else {
             self.bake_blocks(group, extent, &triangles, &mut tile)?;
         }
-        self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
         Ok(tile)
     }
 
@@ -90,14 +90,14 @@ impl TileBaker<'_> {
         extent: [u32; 2],
         triangles: &[TexelTriangle],
         tile: &mut BakedTile,
-    ) -> Result<(), EncodeError> {
+    ) -> Result<(), BakeError> {
         let shared_extent = self.cover.groups[group as usize].level_extent(SHARED_LEVEL);
         let grid = extent.map(|n| n.div_ceil(BLOCK));
         let blocks: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
         let baked = blocks
             .par_iter()
             .map(|&at| self.bake_block(group, extent, shared_extent, triangles, at))
-            .collect::<Result<Vec<_>, EncodeError>>()?;
+            .collect::<Result<Vec<_>, BakeError>>()?;
         let mut shared = Raster::empty(shared_extent, self.plans.len());
         for (block, part, origin) in baked {
             shared.paste(origin, &part);
@@ -117,7 +117,10 @@ impl TileBaker<'_> {
         shared_extent: [u32; 2],
         triangles: &[TexelTriangle],
         at: [u32; 2],
-    ) -> Result<(BakedTile, Raster, [u32; 2]), EncodeError> {
+    ) -> Result<(BakedTile, Raster, [u32; 2]), BakeError> {
+        if self.meter.is_cancelled() {
+            return Err(BakeError::Cancelled);
+        }
         // Along a short side the block is the whole tile and nothing is cut there.
         let low: [u32; 2] = std::array::from_fn(|k| at[k] * BLOCK);
         let high: [u32; 2] = std::array::from_fn(|k| (low[k] + BLOCK).min(extent[k]));
@@ -152,6 +155,7 @@ impl TileBaker<'_> {
                 (high[k] - low[k]) >> SHARED_LEVEL
             }
         });
+        self.meter.add(u64::from(high[0] - low[0]) * u64::from(high[1] - low[1]));
         Ok((tile, raster.window(start, size), first))
     }
 
@@ -167,19 +171,20 @@ impl TileBaker<'_> {
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
         let mut raster = Raster::empty(block.extent, self.plans.len());
-        for (texel, &owner) in footprints.owner.iter().enumerate() {
-            if owner == NOBODY {
-                continue;
+        let channels = self.plans.len();
+        let width = block.extent[0] as usize;
+        let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
+        for (triangle, texels) in footprints.texels_by_triangle() {
+            let on = TriangleFootprint { triangle: triangle.triangle as usize, lambda_steps: triangle.steps };
+            let source = self.source.on_triangle(&on);
+            for texel in texels.map(|t| t as usize) {
+                let lambda = triangle.lambda(corner + Vec2::new((texel % width) as f32, (texel / width) as f32));
+                let point = self.surface_point(triangle, lambda);
+                let values = &mut raster.values[texel * channels..(texel + 1) * channels];
+                source(&point, values);
+                self.turn_normals(group, point.normal, values);
+                raster.valid[texel] = true;
             }
-            let triangle = &footprints.triangles[owner as usize];
-            let column = block.origin[0] as usize + texel % block.extent[0] as usize;
-            let row = block.origin[1] as usize + texel / block.extent[0] as usize;
-            let lambda = triangle.lambda(Vec2::new(column as f32 + 0.5, row as f32 + 0.5));
-            let point = self.surface_point(triangle, lambda);
-            let values = &mut raster.values[texel * self.plans.len()..(texel + 1) * self.plans.len()];
-            self.source.evaluate(&point, values);
-            self.turn_normals(group, point.normal, values);
-            raster.valid[texel] = true;
         }
         raster.read = footprints.in_region;
         tile.bake_time += started.elapsed();
@@ -222,7 +227,7 @@ impl TileBaker<'_> {
         level: u32,
         mut raster: Raster,
         tile: &mut BakedTile,
-    ) -> Result<(), EncodeError> {
+    ) -> Result<(), BakeError> {
         let shape = &self.cover.groups[group as usize];
         tile.means = means(&raster);
         for l in level..shape.level_count() {
@@ -247,7 +252,7 @@ impl TileBaker<'_> {
         size: [u32; 2],
         first: [u32; 2],
         tile: &mut BakedTile,
-    ) -> Result<(), EncodeError> {
+    ) -> Result<(), BakeError> {
         let started = Instant::now();
         let mut values = if level == 0 {
             raster.fitted(self.options.fit, self.prefilter(), |channel| self.overshoot(channel))
@@ -255,19 +260,19 @@ impl TileBaker<'_> {
             raster.values.clone()
         };
         raster.fill_blocks(&mut values);
-        let filled = Raster { values, ..raster.clone() };
-        let window =
-            if start == [0, 0] && size == raster.extent { filled } else { filled.window(start, size) };
+        let filled = Texels { extent: raster.extent, values, channels: raster.channels };
         tile.bake_time += started.elapsed();
         let started = Instant::now();
         let grid = page_grid(size);
         let pages: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
-        let rasters: Vec<Raster> =
-            pages.iter().map(|&p| window.window(page_origin(p), page_extent(size, p))).collect();
+        let window = |&page: &[u32; 2]| {
+            let origin = page_origin(page);
+            filled.window([start[0] + origin[0], start[1] + origin[1]], page_extent(size, page))
+        };
+        let windows: Vec<Window<'_>> = pages.iter().map(window).collect();
+        let encoded = encode_pages(self.plans, self.options.quality, &windows)?;
         let offset = first.map(|f| f / fantex_store::PAGE);
-        for (page, channels) in
-            pages.into_iter().zip(encode_pages(self.plans, self.options.quality, &rasters)?)
-        {
+        for (page, channels) in pages.into_iter().zip(encoded) {
             let page = [offset[0] + page[0], offset[1] + page[1]];
             tile.pages.push(EncodedPage { id: PageId { group, level, page }, channels });
         }

@@ -1,15 +1,17 @@
 //! The model's own textures, through its own texture coordinates: all material channels at once.
 
+use std::sync::Arc;
+
 use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
 use fantex_store::ChannelKind;
-use fantex_texture::LoadImageError;
+use fantex_texture::{AreaSampler, LoadImageError};
 use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
+use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
 
 /// The materials of a mesh as a source.
 #[derive(Debug)]
@@ -75,28 +77,51 @@ impl<'a> UvSource<'a> {
         if density.is_finite() { density } else { 0.0 }
     }
 
-    /// The mean of a texture over the texel's footprint; white without texture.
-    fn area_mean(&self, layer: &Option<TextureLayer>, point: &SurfacePoint) -> Vec4 {
-        let Some(layer) = layer else { return Vec4::ONE };
-        let [a, b, c] = layer.corner_uv(self.mesh, point.triangle);
-        let blend = |l: Vec3| -> Vec2 { a * l.x + b * l.y + c * l.z };
-        let (uv, footprint) = (blend(point.lambda), point.lambda_steps.map(blend));
-        let mean = match layer.nearest {
-            true => layer.texture.sample_area_nearest(uv, footprint, layer.wrap),
-            false => layer.texture.sample_area(uv, footprint, layer.wrap),
-        };
-        Vec4::from_array(mean)
+    /// A layer's look-ups on a triangle; `None` without texture.
+    fn sampler<'s>(&self, layer: &'s Option<TextureLayer>, on: &TriangleFootprint) -> Option<LayerSampler<'s>> {
+        let layer = layer.as_ref()?;
+        let corners = layer.corner_uv(self.mesh, on.triangle);
+        let edges = on.lambda_steps.map(|step| blend(corners, step));
+        let smooth = (!layer.nearest).then(|| layer.texture.area_sampler(edges, layer.wrap));
+        Some(LayerSampler { layer, corners, edges, smooth })
     }
+}
 
-    /// The shading normal, mesh space.
-    fn normal(&self, material: &Material, textures: &MaterialTextures, point: &SurfacePoint) -> Vec3 {
-        if textures.normal.is_none() {
-            return point.normal;
-        }
-        let frame =
-            TangentFrame::at(&self.normals, &self.tangents, point.triangle, lambda_on_triangle(point));
-        frame.bend(material, self.area_mean(&textures.normal, point)).unwrap_or(point.normal)
+/// One layer on one triangle.
+struct LayerSampler<'s> {
+    layer: &'s TextureLayer,
+    corners: [Vec2; 3],
+    /// Change of the coordinates along a texel's width and height.
+    edges: [Vec2; 2],
+    /// `None` where texels are to appear as squares.
+    smooth: Option<AreaSampler<'s>>,
+}
+
+impl LayerSampler<'_> {
+    /// The mean of the texture over the texel.
+    fn mean(&self, lambda: Vec3) -> Vec4 {
+        let uv = blend(self.corners, lambda);
+        Vec4::from_array(match &self.smooth {
+            Some(sampler) => sampler.sample(uv),
+            None => self.layer.texture.sample_area_nearest(uv, self.edges, self.layer.wrap),
+        })
     }
+}
+
+/// White without texture.
+fn mean_or_white(sampler: &Option<LayerSampler<'_>>, lambda: Vec3) -> Vec4 {
+    sampler.as_ref().map_or(Vec4::ONE, |s| s.mean(lambda))
+}
+
+/// True where two layers read the same texels.
+fn is_same_look_up(a: &Option<TextureLayer>, b: &Option<TextureLayer>) -> bool {
+    let (Some(a), Some(b)) = (a, b) else { return false };
+    Arc::ptr_eq(&a.texture, &b.texture)
+        && (a.uv_set, a.uv_transform, a.wrap, a.nearest) == (b.uv_set, b.uv_transform, b.wrap, b.nearest)
+}
+
+fn blend([a, b, c]: [Vec2; 3], lambda: Vec3) -> Vec2 {
+    a * lambda.x + b * lambda.y + c * lambda.z
 }
 
 /// Off the surface, what is interpolated between corners must not be extrapolated.
@@ -115,27 +140,46 @@ impl Source for UvSource<'_> {
     }
 
     fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        let index = self.mesh.material_of(point.triangle);
+        let footprint = TriangleFootprint { triangle: point.triangle, lambda_steps: point.lambda_steps };
+        self.on_triangle(&footprint)(point, values);
+    }
+
+    fn on_triangle(&self, on: &TriangleFootprint) -> TriangleSource<'_> {
+        let index = self.mesh.material_of(on.triangle);
         let (material, textures) = (&self.mesh.materials[index], &self.materials[index]);
-        for (kind, value) in self.kinds.iter().zip(values) {
-            *value = match kind {
-                ChannelKind::BaseColor => {
-                    let vertex_color = vertex_color(self.mesh, point.triangle, lambda_on_triangle(point));
-                    base_color(material, vertex_color, self.area_mean(&textures.base_color, point))
-                }
-                ChannelKind::Normal => self.normal(material, textures, point).extend(0.0),
-                ChannelKind::OcclusionRoughnessMetallic => occlusion_roughness_metallic(
-                    material,
-                    self.area_mean(&textures.occlusion, point),
-                    self.area_mean(&textures.metallic_roughness, point),
-                )
-                .extend(1.0),
-                ChannelKind::Emission => {
-                    emission(material, self.area_mean(&textures.emission, point)).extend(1.0)
-                }
-                ChannelKind::Displacement => Vec4::ZERO,
-            };
-        }
+        let triangle = on.triangle;
+        let wanted = |kind| self.kinds.contains(&kind);
+        let colors = self.sampler(&textures.base_color, on);
+        let bends = self.sampler(&textures.normal, on);
+        let metallic_roughness = self.sampler(&textures.metallic_roughness, on);
+        let packed = is_same_look_up(&textures.metallic_roughness, &textures.occlusion);
+        let occlusions = if packed { None } else { self.sampler(&textures.occlusion, on) };
+        let glow = if wanted(ChannelKind::Emission) { self.sampler(&textures.emission, on) } else { None };
+        Box::new(move |point, values| {
+            for (kind, value) in self.kinds.iter().zip(values) {
+                *value = match kind {
+                    ChannelKind::BaseColor => {
+                        let vertex_color = vertex_color(self.mesh, triangle, lambda_on_triangle(point));
+                        base_color(material, vertex_color, mean_or_white(&colors, point.lambda))
+                    }
+                    ChannelKind::Normal => {
+                        let bent = bends.as_ref().and_then(|bends| {
+                            let lambda = lambda_on_triangle(point);
+                            let frame = TangentFrame::at(&self.normals, &self.tangents, triangle, lambda);
+                            frame.bend(material, bends.mean(point.lambda))
+                        });
+                        bent.unwrap_or(point.normal).extend(0.0)
+                    }
+                    ChannelKind::OcclusionRoughnessMetallic => {
+                        let surface = mean_or_white(&metallic_roughness, point.lambda);
+                        let occlusion = if packed { surface } else { mean_or_white(&occlusions, point.lambda) };
+                        occlusion_roughness_metallic(material, occlusion, surface).extend(1.0)
+                    }
+                    ChannelKind::Emission => emission(material, mean_or_white(&glow, point.lambda)).extend(1.0),
+                    ChannelKind::Displacement => Vec4::ZERO,
+                };
+            }
+        })
     }
 }
 
