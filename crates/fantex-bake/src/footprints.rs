@@ -121,7 +121,9 @@ impl Footprints {
     }
 
     /// Every triangle that owns texels, with them, ascending.
-    pub(crate) fn texels_by_triangle(&self) -> impl Iterator<Item = (&TexelTriangle, impl Iterator<Item = u32>)> {
+    pub(crate) fn texels_by_triangle(
+        &self,
+    ) -> impl Iterator<Item = (&TexelTriangle, impl Iterator<Item = u32>)> {
         let mut ends = vec![0u32; self.triangles.len() + 1];
         for &owner in self.owner.iter().filter(|&&o| o != NOBODY) {
             ends[owner as usize + 1] += 1;

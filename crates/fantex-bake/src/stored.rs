@@ -89,12 +89,16 @@ pub(crate) fn encode_pages(
     for (index, plan) in plans.iter().enumerate() {
         let format = plan.channel.format;
         let bytes = if format == TexelFormat::Rgba32F {
-            let texels: Vec<Vec<[f32; 4]>> = pages.iter().map(|p| p.stored(index, |v| plan.float(v))).collect();
-            let slices: Vec<_> = pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
+            let texels: Vec<Vec<[f32; 4]>> =
+                pages.iter().map(|p| p.stored(index, |v| plan.float(v))).collect();
+            let slices: Vec<_> =
+                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::F32(t))).collect();
             encode_many(format, quality, &slices)?
         } else {
-            let texels: Vec<Vec<[u8; 4]>> = pages.iter().map(|p| p.stored(index, |v| plan.bytes(v))).collect();
-            let slices: Vec<_> = pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
+            let texels: Vec<Vec<[u8; 4]>> =
+                pages.iter().map(|p| p.stored(index, |v| plan.bytes(v))).collect();
+            let slices: Vec<_> =
+                pages.iter().zip(&texels).map(|(p, t)| (p.extent, TexelSlice::U8(t))).collect();
             encode_many(format, quality, &slices)?
         };
         for (page, bytes) in encoded.iter_mut().zip(bytes) {

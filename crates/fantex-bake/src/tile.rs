@@ -178,7 +178,8 @@ impl TileBaker<'_> {
             let on = TriangleFootprint { triangle: triangle.triangle as usize, lambda_steps: triangle.steps };
             let source = self.source.on_triangle(&on);
             for texel in texels.map(|t| t as usize) {
-                let lambda = triangle.lambda(corner + Vec2::new((texel % width) as f32, (texel / width) as f32));
+                let lambda =
+                    triangle.lambda(corner + Vec2::new((texel % width) as f32, (texel / width) as f32));
                 let point = self.surface_point(triangle, lambda);
                 let values = &mut raster.values[texel * channels..(texel + 1) * channels];
                 source(&point, values);

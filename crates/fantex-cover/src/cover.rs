@@ -52,7 +52,7 @@ pub struct Group {
 pub struct UnfoldedCorner {
     /// Corner index `3 * triangle + k` of the fan's centre vertex.
     pub corner: u32,
-    /// Tile coordinates, [0,1]^2, of the triangle's corners 0, 1, 2.
+    /// Tile coordinates, 0..1, of the triangle's corners 0, 1, 2.
     pub uv: [Vec2; 3],
 }
 
@@ -72,7 +72,7 @@ pub struct Cover {
 }
 
 impl Cover {
-    /// Tile coordinates (in [0,1]^2 where the texture function looks them up) of the three corners of `triangle` in
+    /// Tile coordinates (in 0..1 where the texture function looks them up) of the three corners of `triangle` in
     /// the tile of the group at its corner `slot` (0..3). They interpolate linearly over the triangle.
     #[inline]
     pub fn tile_corners(&self, mesh: &Mesh, triangle: usize, slot: usize) -> [Vec2; 3] {
@@ -155,9 +155,9 @@ impl GroupWeights {
         let a =
             [l0 - l1.max(l2) + delta, l1 - l2.max(l0) + delta, l2 - l0.max(l1) + delta].map(|a| a.max(0.0));
         let mut merged = Self { count: 0, slots: [0; 3], weights: [0.0; 3] };
-        for slot in 0..3 {
-            if a[slot] > 0.0 {
-                merged.add(slot, groups, a[slot]);
+        for (slot, weight) in a.into_iter().enumerate() {
+            if weight > 0.0 {
+                merged.add(slot, groups, weight);
             }
         }
         let sum: f32 = merged.weights.iter().sum();

@@ -172,7 +172,8 @@ impl Flattener {
                     continue;
                 }
                 if all || is_first(corner, inside) {
-                    let triangle = surface.mesh.triangle_positions(corner.triangle()).map(|p| projection.flat(p));
+                    let triangle =
+                        surface.mesh.triangle_positions(corner.triangle()).map(|p| projection.flat(p));
                     outline_points(triangle, inside, membership.delta, all, |p| self.points.push(p));
                 }
             }
@@ -234,15 +235,13 @@ fn keep_outer_segments(segments: &mut Vec<Segment>) {
     segments.truncate(kept);
 }
 
-fn segment(
-    surface: &Surface<'_>,
-    corner: FanCorner,
-    slots: [usize; 2],
-    projection: &Projection,
-) -> Segment {
+fn segment(surface: &Surface<'_>, corner: FanCorner, slots: [usize; 2], projection: &Projection) -> Segment {
     let triangle = surface.mesh.triangles[corner.triangle()];
     let vertices = slots.map(|k| triangle[k]);
-    Segment { vertices, ends: vertices.map(|v| projection.flat(surface.mesh.positions[v as usize]).truncate()) }
+    Segment {
+        vertices,
+        ends: vertices.map(|v| projection.flat(surface.mesh.positions[v as usize]).truncate()),
+    }
 }
 
 /// Which corners of a triangle are in the group.

@@ -106,11 +106,11 @@ mod tests {
     /// Two triangles with a common vertex 0, between the given angles.
     fn two_wedges(angles: [[f32; 2]; 2]) -> Vec<Segment> {
         let triangle = |[from, to]: [f32; 2], first: u32| {
-            let corners = [(0, Vec2::ZERO), (first, Vec2::from_angle(from)), (first + 1, Vec2::from_angle(to))];
-            [0, 1, 2].map(|k| [corners[k], corners[(k + 1) % 3]]).map(|pair| Segment {
-                vertices: pair.map(|p| p.0),
-                ends: pair.map(|p| p.1),
-            })
+            let corners =
+                [(0, Vec2::ZERO), (first, Vec2::from_angle(from)), (first + 1, Vec2::from_angle(to))];
+            [0, 1, 2]
+                .map(|k| [corners[k], corners[(k + 1) % 3]])
+                .map(|pair| Segment { vertices: pair.map(|p| p.0), ends: pair.map(|p| p.1) })
         };
         angles.into_iter().zip([1, 3]).flat_map(|(wedge, first)| triangle(wedge, first)).collect()
     }

@@ -54,7 +54,12 @@ struct Proposal {
 }
 
 /// For every patch the patch that it joins (itself, for those that stay): a forest of depth one.
-pub(crate) fn choose_unions(fans: &Fans, patches: &[Patch], fan_groups: &[u32], limits: &MergeLimits) -> Vec<u32> {
+pub(crate) fn choose_unions(
+    fans: &Fans,
+    patches: &[Patch],
+    fan_groups: &[u32],
+    limits: &MergeLimits,
+) -> Vec<u32> {
     let mut merger = Merger {
         summaries: patches.par_iter().map(|p| Some(Summary::of(p))).collect(),
         neighbours: neighbours(fans, fan_groups, patches.len()),
@@ -118,8 +123,10 @@ impl Merger {
             .filter(|&(g, _)| g != group)
             .collect();
         borders.sort_unstable();
-        let mut summed: Vec<(u32, u32)> =
-            borders.chunk_by(|a, b| a.0 == b.0).map(|run| (run.iter().map(|r| r.1).sum(), run[0].0)).collect();
+        let mut summed: Vec<(u32, u32)> = borders
+            .chunk_by(|a, b| a.0 == b.0)
+            .map(|run| (run.iter().map(|r| r.1).sum(), run[0].0))
+            .collect();
         summed.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         summed.into_iter().take(CANDIDATES).map(|(_, g)| g)
     }

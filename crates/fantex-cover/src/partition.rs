@@ -223,7 +223,7 @@ fn principal_axis(m: Mat3) -> Vec3 {
         if scale <= 0.0 || !scale.is_finite() {
             return Vec3::X;
         }
-        power = power * (1.0 / scale);
+        power *= 1.0 / scale;
         power = power * power;
     }
     let columns = [power.x_axis, power.y_axis, power.z_axis];

@@ -15,8 +15,13 @@ use std::ops::{Add, Mul};
 /// A point on an edge is seen from both of its triangles; with `all` false it is given for one of them only, and centres,
 /// which lie inside a closed fan, are left out. Boundaries of the mesh need `all`.
 #[inline]
-pub(crate) fn outline_points<P>(corners: [P; 3], inside: [bool; 3], delta: f32, all: bool, mut emit: impl FnMut(P))
-where
+pub(crate) fn outline_points<P>(
+    corners: [P; 3],
+    inside: [bool; 3],
+    delta: f32,
+    all: bool,
+    mut emit: impl FnMut(P),
+) where
     P: Copy + Add<Output = P> + Mul<f32, Output = P>,
 {
     let (near, far) = (0.5 - 0.5 * delta, 0.5 + 0.5 * delta);
@@ -32,7 +37,10 @@ where
             emit(corners[k] * near + corners[previous] * far);
         }
         if !inside[next] && !inside[previous] {
-            emit(corners[k] * ((1.0 - 2.0 * delta) / 3.0) + (corners[next] + corners[previous]) * ((1.0 + delta) / 3.0));
+            emit(
+                corners[k] * ((1.0 - 2.0 * delta) / 3.0)
+                    + (corners[next] + corners[previous]) * ((1.0 + delta) / 3.0),
+            );
         }
     }
 }

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
 use fantex_store::ChannelKind;
-use fantex_texture::{AreaSampler, LoadImageError};
 use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
+use fantex_texture::{AreaSampler, LoadImageError};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
@@ -78,7 +78,11 @@ impl<'a> UvSource<'a> {
     }
 
     /// A layer's look-ups on a triangle; `None` without texture.
-    fn sampler<'s>(&self, layer: &'s Option<TextureLayer>, on: &TriangleFootprint) -> Option<LayerSampler<'s>> {
+    fn sampler<'s>(
+        &self,
+        layer: &'s Option<TextureLayer>,
+        on: &TriangleFootprint,
+    ) -> Option<LayerSampler<'s>> {
         let layer = layer.as_ref()?;
         let corners = layer.corner_uv(self.mesh, on.triangle);
         let edges = on.lambda_steps.map(|step| blend(corners, step));
@@ -172,10 +176,13 @@ impl Source for UvSource<'_> {
                     }
                     ChannelKind::OcclusionRoughnessMetallic => {
                         let surface = mean_or_white(&metallic_roughness, point.lambda);
-                        let occlusion = if packed { surface } else { mean_or_white(&occlusions, point.lambda) };
+                        let occlusion =
+                            if packed { surface } else { mean_or_white(&occlusions, point.lambda) };
                         occlusion_roughness_metallic(material, occlusion, surface).extend(1.0)
                     }
-                    ChannelKind::Emission => emission(material, mean_or_white(&glow, point.lambda)).extend(1.0),
+                    ChannelKind::Emission => {
+                        emission(material, mean_or_white(&glow, point.lambda)).extend(1.0)
+                    }
                     ChannelKind::Displacement => Vec4::ZERO,
                 };
             }
