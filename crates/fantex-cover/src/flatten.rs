@@ -84,7 +84,10 @@ impl Flattener {
         self.collect_points(surface, fans, membership, flat);
         if fans.len() > 1 {
             self.collect_boundary(surface, fans, membership, flat);
-            if any_crossing(&mut self.segments) || any_overlap_at_vertex(&self.segments, &mut self.spokes) {
+            let turn = |fan| turn_in_group(surface, fan, membership, flat);
+            if any_crossing(&mut self.segments)
+                || any_overlap_at_vertex(&self.segments, turn, &mut self.spokes)
+            {
                 return Err(Reject::Overlapping);
             }
         }
@@ -187,8 +190,18 @@ impl Flattener {
             {
                 let [center, from, _] = first.slots();
                 self.segments.push(segment(surface, first, [center, from], &flat));
+                // The fan at the other end begins with the same edge; if it is in the group, it gives it.
                 let [center, _, to] = last.slots();
-                self.segments.push(segment(surface, last, [to, center], &flat));
+                let at_end = surface.fans.of_triangle(last.triangle())[to];
+                let given = membership.fan_groups[at_end as usize] == membership.group
+                    && surface
+                        .fans
+                        .corners(at_end as usize)
+                        .first()
+                        .is_some_and(|c| c.triangle() == last.triangle() && c.slots()[1] == center);
+                if !given {
+                    self.segments.push(segment(surface, last, [to, center], &flat));
+                }
             }
         }
     }
@@ -202,7 +215,29 @@ fn segment(
 ) -> Segment {
     let triangle = surface.mesh.triangles[corner.triangle()];
     let vertices = slots.map(|k| triangle[k]);
-    Segment { vertices, ends: vertices.map(|v| flat(surface.mesh.positions[v as usize]).truncate()) }
+    let fans = surface.fans.of_triangle(corner.triangle());
+    Segment {
+        vertices,
+        fans: slots.map(|k| fans[k]),
+        ends: vertices.map(|v| flat(surface.mesh.positions[v as usize]).truncate()),
+    }
+}
+
+/// The angle in radians that the group's triangles in a fan span at its centre, projected.
+fn turn_in_group(
+    surface: &Surface<'_>,
+    fan: u32,
+    membership: &Membership<'_>,
+    flat: impl Fn(Vec3) -> Vec3,
+) -> f32 {
+    let corners = surface.fans.corners(fan as usize).iter();
+    corners
+        .filter(|c| inside_of(surface, c.triangle(), membership).contains(&true))
+        .map(|&c| {
+            let [center, from, to] = surface.fan_triangle(c).map(&flat);
+            (from - center).truncate().angle_to((to - center).truncate()).abs()
+        })
+        .sum()
 }
 
 /// Which corners of a triangle are in the group.
