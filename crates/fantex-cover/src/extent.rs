@@ -16,7 +16,7 @@ pub(crate) fn side_texels(length: f32) -> u32 {
     let wanted = length + 1.0;
     if wanted > LONG {
         // Three levels halve exactly, so that long tiles can be baked in pieces.
-        return ((wanted / 32.0).round() as u32 * 32).min(MAX_EXTENT);
+        return 32 * ((wanted / 32.0).round() as u32).min(MAX_EXTENT / 32);
     }
     let down = (wanted * 0.25).floor() * 4.0;
     let good = down >= 4.0 && down - 1.0 >= (1.0 - TOLERATED_LOSS) * length;

@@ -173,7 +173,7 @@ impl Summary {
 }
 
 fn tile_texels(size: Vec2) -> f32 {
-    (side_texels(size.x) * side_texels(size.y)) as f32
+    side_texels(size.x) as f32 * side_texels(size.y) as f32
 }
 
 fn bounding_size(points: &[Vec2], x_axis: Vec2) -> Vec2 {
