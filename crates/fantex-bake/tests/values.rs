@@ -7,8 +7,8 @@ mod common;
 use std::f32::consts::TAU;
 
 use common::{
-    Constant, OfPosition, baked, barycentric_points, cleaned, cover, data_folder, float_options, loaded, mesh_of,
-    needles, rectangle, sample,
+    Constant, OfPosition, baked, barycentric_points, cleaned, cover, data_folder, float_options, loaded,
+    mesh_of, needles, rectangle, sample,
 };
 use fantex_bake::{Fidelity, Fit, SineSource, fidelity};
 use fantex_cover::Cover;
@@ -54,7 +54,13 @@ fn constants_on_known_shapes() {
         ("book", cleaned(generate::book(9))),
         ("triangle", mesh_of(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2]])),
         ("twins", mesh_of(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2], [0, 2, 1]])),
-        ("acute", mesh_of(vec![DVec3::ZERO, DVec3::new(1.0, 0.02, 0.0), DVec3::new(1.0, -0.02, 0.0)], vec![[0, 1, 2]])),
+        (
+            "acute",
+            mesh_of(
+                vec![DVec3::ZERO, DVec3::new(1.0, 0.02, 0.0), DVec3::new(1.0, -0.02, 0.0)],
+                vec![[0, 1, 2]],
+            ),
+        ),
     ];
     for (name, mesh) in shapes {
         for (tile, texels) in [(0, 20_000), (64, 20_000), (256, 300_000)] {
@@ -73,8 +79,8 @@ fn constants_on_acute_tips() {
         DVec3::new(cos, sin, 0.01 * f64::from(i))
     }));
     let mesh = mesh_of(positions, (0..n as u32).map(|i| [0, 1 + 2 * i, 2 + 2 * i]).collect());
-    for (tile, texels) in [(0, 5_000), (128, 50_000), (512, 200_000)] {
-        assert_constant("star", &mesh, &cover(&mesh, tile, texels), 60);
+    for (tile, texels) in [(0, 5_000), (128, 50_000), (2048, 200_000), (2048, 1_000_000)] {
+        assert_constant("star", &mesh, &cover(&mesh, tile, texels), 40);
     }
 }
 
@@ -119,7 +125,10 @@ fn linear_functions_come_back_from_a_plane() {
                 for lambda in barycentric_points(9) {
                     let value = sample(&baked.cache, 0, 0, triangle, lambda);
                     let expected = linear(a * lambda.x + b * lambda.y + c * lambda.z);
-                    assert!((value - expected).abs().max_element() < 2e-5, "{value} for {expected}, tile {tile}");
+                    assert!(
+                        (value - expected).abs().max_element() < 2e-5,
+                        "{value} for {expected}, tile {tile}"
+                    );
                 }
             }
         }
@@ -144,8 +153,8 @@ fn the_sharp_fit_beats_point_samples_by_decibels() {
         let cover = cover(&mesh, 128, 1_400_000);
         let [sharp, point] = [Fit::Sharp, Fit::Point].map(|fit| wave_fidelity(&mesh, &cover, 16.0, fit));
         eprintln!("{name}: sharp {:.1} dB, point {:.1} dB", sharp.psnr_db, point.psnr_db);
-        assert!(sharp.psnr_db > 52.0, "{name}: {sharp:?}");
-        assert!(sharp.psnr_db > point.psnr_db + 4.0, "{name}: {sharp:?} {point:?}");
+        assert!(sharp.psnr_db > 55.0, "{name}: {sharp:?}");
+        assert!(sharp.psnr_db > point.psnr_db + 6.0, "{name}: {sharp:?} {point:?}");
     }
 }
 
@@ -191,7 +200,11 @@ fn assert_blocks_are_seamless(mesh: &Mesh, texels: u64) -> Vec<[u32; 2]> {
                 let sum: f32 = around.into_iter().map(|n| texel(&point, group, 0, n).x).sum();
                 let center = texel(&point, group, 0, at).x;
                 let fitted = center - (sum - 4.0 * center) / 12.0;
-                assert!((texel(&sharp, group, 0, at).x - fitted).abs() < 1e-5, "{at:?} of {:?}", shape.extent);
+                assert!(
+                    (texel(&sharp, group, 0, at).x - fitted).abs() < 1e-5,
+                    "{at:?} of {:?}",
+                    shape.extent
+                );
             }
         }
         for level in 1..shape.level_count() {
@@ -203,7 +216,9 @@ fn assert_blocks_are_seamless(mesh: &Mesh, texels: u64) -> Vec<[u32; 2]> {
                     (f64::from(c) * ratio, f64::from(c + 1) * ratio)
                 };
                 let ((x0, x1), (y0, y1)) = (range(0, x), range(1, y));
-                let weight = |i: u32, low: f64, high: f64| (high.min(f64::from(i) + 1.0) - low.max(f64::from(i))).max(0.0);
+                let weight = |i: u32, low: f64, high: f64| {
+                    (high.min(f64::from(i) + 1.0) - low.max(f64::from(i))).max(0.0)
+                };
                 for j in y0 as u32..(y1.ceil() as u32).min(fine[1]) {
                     for i in x0 as u32..(x1.ceil() as u32).min(fine[0]) {
                         let w = weight(i, x0, x1) * weight(j, y0, y1);
@@ -234,7 +249,8 @@ fn large_tiles_have_no_borders_between_blocks() {
 fn long_tiles_are_cut_along_their_length_only() {
     for (height, texels) in [(0.1, 600_000), (0.4, 2_000_000)] {
         let extents = assert_blocks_are_seamless(&rectangle(1.0, height), texels);
-        let [longer, shorter] = [extents[0].into_iter().max().unwrap(), extents[0].into_iter().min().unwrap()];
+        let [longer, shorter] =
+            [extents[0].into_iter().max().unwrap(), extents[0].into_iter().min().unwrap()];
         assert!(extents.len() == 1 && longer > 2048 && shorter <= 1024, "{extents:?}");
     }
 }
@@ -244,6 +260,10 @@ fn long_tiles_are_cut_along_their_length_only() {
 fn a_coarse_cube_under_a_large_texture() {
     let mesh = cleaned(generate::cube(1));
     let cover = cover(&mesh, 0, 16 << 20);
-    assert!(cover.groups.iter().any(|g| g.extent.into_iter().all(|n| n > 1024)), "{:?}", cover.groups[0].extent);
+    assert!(
+        cover.groups.iter().any(|g| g.extent.into_iter().all(|n| n > 1024)),
+        "{:?}",
+        cover.groups[0].extent
+    );
     assert_constant("cube", &mesh, &cover, 60);
 }
