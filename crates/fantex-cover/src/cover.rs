@@ -149,9 +149,9 @@ impl GroupWeights {
         let a =
             [l0 - l1.max(l2) + delta, l1 - l2.max(l0) + delta, l2 - l0.max(l1) + delta].map(|a| a.max(0.0));
         let mut merged = Self { count: 0, slots: [0; 3], weights: [0.0; 3] };
-        for slot in 0..3 {
-            if a[slot] > 0.0 {
-                merged.add(slot, groups, a[slot]);
+        for (slot, &weight) in a.iter().enumerate() {
+            if weight > 0.0 {
+                merged.add(slot, groups, weight);
             }
         }
         let sum: f32 = merged.weights.iter().sum();
