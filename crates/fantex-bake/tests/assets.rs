@@ -9,8 +9,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use common::{Constant, baked, cleaned, cover, data_folder, loaded, needles, rectangle};
 use fantex_bake::{BakeError, BakeFormat, BakeOptions, Fit, NoProgress, Progress, SineSource, bake};
-use fantex_cover::{Cover, GroupKind};
+use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate};
+use fantex_store::limits::MAX_TILE_SIDE;
 use fantex_store::{ChannelKind, CreateError, JUMP_BOUND, VerifyOptions, VerifyReport, verify};
 use glam::{DVec3, Vec4};
 
@@ -190,6 +191,21 @@ fn wrong_covers_sources_and_places_are_refused() {
     let nowhere = folder.path().join("no/such/folder/a.fan");
     let error = bake(&mesh, &cover, &WAVE, &nowhere, &options, &NoProgress).unwrap_err();
     assert!(matches!(error, BakeError::Create(CreateError::Io { .. })), "{error}");
+    assert!(is_empty(folder.path()));
+}
+
+/// A cover may ask for tiles that the format cannot hold; that is said before anything is baked.
+#[test]
+fn tiles_longer_than_the_format_allows_are_refused_at_once() {
+    let mesh = rectangle(1.0, 1e-4);
+    let budget = TexelBudget::Density(80_000.0);
+    let (cover, _) =
+        build_cover(&mesh, &CoverOptions { budget, tile: 0, ..CoverOptions::default() }).unwrap();
+    assert!(cover.groups.iter().flat_map(|g| g.extent).any(|n| n > MAX_TILE_SIDE));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.fan");
+    let error = bake(&mesh, &cover, &WAVE, &path, &BakeOptions::default(), &NoProgress).unwrap_err();
+    assert!(matches!(error, BakeError::Create(CreateError::Content { .. })), "{error}");
     assert!(is_empty(folder.path()));
 }
 
