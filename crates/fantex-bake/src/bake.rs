@@ -185,3 +185,61 @@ fn distinct([a, b, c]: [u32; 3], mut visit: impl FnMut(u32)) {
         visit(c);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+    use fantex_mesh::{CleanOptions, clean, generate};
+
+    use super::*;
+    use crate::BakeFormat;
+
+    fn cover() -> Cover {
+        let (mesh, _) = clean(generate::icosphere(4), &CleanOptions::default()).unwrap();
+        let budget = TexelBudget::Total(4 << 20);
+        build_cover(&mesh, &CoverOptions { budget, tile: 64, ..CoverOptions::default() }).unwrap().0
+    }
+
+    #[test]
+    fn batches_follow_the_memory_and_hold_every_group_once() {
+        let cover = cover();
+        for memory_bytes in [0, 1 << 20, 16 << 20, 1 << 40] {
+            for (format, channels) in [(BakeFormat::Bc7, 1), (BakeFormat::Bc7, 4), (BakeFormat::Float, 2)] {
+                let options = BakeOptions { memory_bytes, format, ..BakeOptions::default() };
+                let texels = batch_texels(&options, channels);
+                let smallest = *BATCH_TEXELS.start();
+                let per_texel = if format == BakeFormat::Float { 22 } else { 6 };
+                let bytes = texels * per_texel * channels as u64;
+                assert!(texels == smallest || bytes <= memory_bytes / 2, "{texels} for {memory_bytes}");
+                let batches = batches(&cover, texels);
+                assert_eq!(batches.first().map(|b| b.start), Some(0));
+                assert_eq!(batches.last().map(|b| b.end), Some(cover.groups.len() as u32));
+                assert!(batches.windows(2).all(|pair| pair[0].end == pair[1].start));
+                for batch in batches {
+                    // All but its last tile fit.
+                    let before: u64 = cover.groups[batch.start as usize..batch.end as usize - 1]
+                        .iter()
+                        .map(|g| u64::from(g.extent[0]) * u64::from(g.extent[1]))
+                        .sum();
+                    assert!(before < texels);
+                }
+            }
+        }
+        assert!(batches(&cover, 1 << 16).len() > 20);
+        assert_eq!(batches(&cover, 1 << 30).len(), 1);
+    }
+
+    #[test]
+    fn every_group_gets_the_triangles_that_name_it_once() {
+        let cover = cover();
+        let triangles = GroupTriangles::of(&cover);
+        for group in 0..cover.groups.len() as u32 {
+            let expected: Vec<u32> = (0u32..)
+                .zip(&cover.corner_groups)
+                .filter(|(_, groups)| groups.contains(&group))
+                .map(|(t, _)| t)
+                .collect();
+            assert_eq!(triangles.of_group(group), expected);
+        }
+    }
+}

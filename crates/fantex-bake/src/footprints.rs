@@ -67,12 +67,6 @@ impl TexelTriangle {
         [a.min(b).min(c), a.max(b).max(c)]
     }
 
-    /// The smallest height of the triangle: a barycentric coordinate falls from 1 to 0 along it.
-    fn height_texels(&self) -> f32 {
-        let steepest = (0..3).map(|k| self.slope(k)).fold(0.0, f32::max);
-        1.0 / steepest.max(1e-12)
-    }
-
     /// Change of a barycentric coordinate per texel along its gradient.
     fn slope(&self, k: usize) -> f32 {
         Vec2::new(self.steps[0][k], self.steps[1][k]).length()
@@ -207,13 +201,11 @@ impl Footprints {
         }
     }
 
-    /// Marks the texels along the outline of the region in a triangle: tips and slivers pass between texel centres.
+    /// Marks the texels along the outline of the region in a triangle: tips and slivers pass between texel centres, also
+    /// where the triangle is wholly inside.
     fn mark_outline(&mut self, index: u32, block: Block, delta: f32) {
         let triangle = self.triangles[index as usize];
         let inside = triangle.inside;
-        if inside == [true; 3] && triangle.height_texels() >= THIN_TEXELS {
-            return;
-        }
         let origin = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
         let [width, height] = block.extent;
         let outline = region_outline(triangle.corners, inside, delta);
@@ -254,9 +246,6 @@ const STEPS_PER_TEXEL: f32 = 1.5;
 
 /// Longer outlines than any tile come from numerical accidents only.
 const MAX_STEPS: f32 = 1e6;
-
-/// Triangles lower than this many texels may have no texel centre in their part of the region.
-const THIN_TEXELS: f32 = 3.0;
 
 /// Columns whose centre lies on an edge belong to both triangles: a few ulp of a column index.
 const ROUNDING: f32 = 1e-3;

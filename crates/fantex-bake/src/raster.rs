@@ -272,3 +272,185 @@ impl Overlaps {
         overlaps
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn raster(extent: [u32; 2], value: impl Fn(u32, u32) -> f32) -> Raster {
+        let mut raster = Raster::empty(extent, 1);
+        raster.valid.fill(true);
+        raster.read.fill(true);
+        for (i, texel) in raster.values.iter_mut().enumerate() {
+            *texel = Vec4::splat(value(i as u32 % extent[0], i as u32 / extent[0]));
+        }
+        raster
+    }
+
+    fn mean(raster: &Raster) -> f64 {
+        raster.values.iter().map(|v| f64::from(v.x)).sum::<f64>() / raster.values.len() as f64
+    }
+
+    /// Multiples of 4, and half of them rounded to a multiple of 4, up or down.
+    fn extents() -> impl Strategy<Value = ([u32; 2], [u32; 2])> {
+        let side = (1u32..20, any::<bool>()).prop_map(|(n, up)| {
+            let half = 2 * n;
+            (
+                4 * n,
+                if half % 4 == 0 {
+                    half
+                } else if up {
+                    half + 2
+                } else {
+                    (half - 2).max(4)
+                },
+            )
+        });
+        [side.clone(), side].prop_map(|[(w, w2), (h, h2)]| ([w, h], [w2, h2]))
+    }
+
+    fn texels(values: Vec<f32>, extent: [u32; 2]) -> Raster {
+        raster(extent, |x, y| values[((y * extent[0] + x) as usize * 7) % values.len()])
+    }
+
+    proptest! {
+        #[test]
+        fn halving_keeps_the_mean_and_the_range(
+            (fine, coarse) in extents(),
+            values in prop::collection::vec(0f32..1.0, 100..400),
+        ) {
+            let raster = texels(values, fine);
+            let halved = raster.halved(coarse);
+            prop_assert_eq!(halved.extent, coarse);
+            prop_assert!((mean(&halved) - mean(&raster)).abs() < 1e-5);
+            prop_assert!(halved.valid.iter().chain(&halved.read).all(|&b| b));
+            prop_assert!(halved.values.iter().all(|v| (0.0..=1.0 + 1e-6).contains(&v.x)));
+        }
+
+        /// Invalid texels count for nothing, however they are spread.
+        #[test]
+        fn halving_takes_the_mean_of_what_is_valid(
+            (fine, coarse) in extents(),
+            valid in prop::collection::vec(any::<bool>(), 64..65),
+        ) {
+            let mut raster = raster(fine, |_, _| 0.375);
+            for i in 0..raster.valid.len() {
+                if !valid[i * 13 % valid.len()] {
+                    raster.valid[i] = false;
+                    raster.values[i] = Vec4::splat(f32::NAN);
+                }
+            }
+            let halved = raster.halved(coarse);
+            for (value, valid) in halved.values.iter().zip(&halved.valid) {
+                let expected = if *valid { 0.375 } else { 0.0 };
+                prop_assert!((value.x - expected).abs() < 1e-6);
+            }
+            prop_assert_eq!(raster.valid.contains(&true), halved.valid.contains(&true));
+        }
+
+        #[test]
+        fn the_fit_overshoots_as_far_as_allowed_and_no_farther(
+            values in prop::collection::vec(0f32..1.0, 60..300),
+            signed in any::<bool>(),
+            point in any::<bool>(),
+        ) {
+            let raster = texels(values, [16, 12]);
+            let overshoot = if signed { Overshoot::SIGNED } else { Overshoot::COLOR };
+            let prefilter = if point { Prefilter::Point } else { Prefilter::Box };
+            let fitted = raster.fitted(Fit::Sharp, prefilter, |_| overshoot);
+            for y in 0..12usize {
+                for x in 0..16usize {
+                    let around = [
+                        Some((x, y)),
+                        (x > 0).then(|| (x - 1, y)),
+                        (x < 15).then_some((x + 1, y)),
+                        (y > 0).then(|| (x, y - 1)),
+                        (y < 11).then_some((x, y + 1)),
+                    ];
+                    let around = || around.iter().flatten().map(|&(x, y)| raster.values[16 * y + x].x);
+                    let low = around().fold(f32::INFINITY, f32::min);
+                    let high = around().fold(f32::NEG_INFINITY, f32::max);
+                    let below = if signed { 1.0 / 32.0 } else { (0.25 * low).min(1.0 / 32.0) };
+                    let found = fitted[16 * y + x].x;
+                    prop_assert!(found <= high + 1.0 / 32.0 + 1e-6 && found >= low - below - 1e-6);
+                    prop_assert!(signed || found >= 0.0);
+                }
+            }
+        }
+
+        /// Nothing curved, nothing to correct: constants and slopes stay, also where texels are missing.
+        #[test]
+        fn the_fit_keeps_slopes(a in -0.02f32..0.02, b in -0.02f32..0.02, hole in 0usize..256) {
+            let mut raster = raster([16, 16], |x, y| 0.5 + a * x as f32 + b * y as f32);
+            raster.valid[hole] = false;
+            for prefilter in [Prefilter::Point, Prefilter::Box] {
+                let fitted = raster.fitted(Fit::Sharp, prefilter, |_| Overshoot::COLOR);
+                for (i, (fitted, value)) in fitted.iter().zip(&raster.values).enumerate() {
+                    prop_assert!(i == hole || (*fitted - *value).abs().max_element() < 1e-6);
+                }
+            }
+        }
+
+        /// The fit of a wave comes nearer to what bilinear look-ups between the texels should give.
+        #[test]
+        fn the_fit_sharpens_waves(phase in 0f32..6.3, wavelength in 9f32..40.0) {
+            let wave = |x: f32| 0.5 + 0.3 * (std::f32::consts::TAU * x / wavelength + phase).sin();
+            let points = raster([64, 4], |x, _| wave(x as f32));
+            let fitted = points.fitted(Fit::Sharp, Prefilter::Point, |_| Overshoot::SIGNED);
+            let error = |values: &[Vec4]| -> f32 {
+                (8 * 4..8 * 56)
+                    .map(|i| {
+                        let x = i as f32 / 8.0;
+                        let t = x.fract();
+                        let [a, b] = [0, 1].map(|k| values[64 + x as usize + k].x);
+                        (a * (1.0 - t) + b * t - wave(x)).powi(2)
+                    })
+                    .sum()
+            };
+            prop_assert!(error(&fitted) < 0.5 * error(&points.values), "{} {}", error(&fitted), error(&points.values));
+        }
+    }
+
+    #[test]
+    fn other_fits_take_the_values_as_they_are() {
+        let raster = raster([8, 8], |x, y| (x * y % 5) as f32);
+        for fit in [Fit::Point, Fit::Box] {
+            assert_eq!(raster.fitted(fit, Prefilter::Box, |_| Overshoot::COLOR), raster.values);
+        }
+    }
+
+    #[test]
+    fn blocks_that_are_read_are_filled_and_others_are_zero() {
+        let mut raster = raster([12, 4], |_, _| 0.5);
+        raster.valid.fill(false);
+        raster.read.fill(false);
+        // One texel of the first block is read, beside the second block; the third is out of reach.
+        (raster.valid[3], raster.read[3]) = (true, true);
+        let mut fitted = raster.values.clone();
+        fitted[3] = Vec4::splat(0.25);
+        raster.fill_blocks(&mut fitted);
+        for (i, value) in fitted.iter().enumerate() {
+            let expected = match (i % 12, i / 12) {
+                (3, 0) => 0.25,
+                // Beside the valid texel its value goes on, as it was before it was fitted.
+                (2, 0) | (2..=4, 1) | (4, 0) => 0.5,
+                (0..4, _) => 0.25,
+                _ => 0.0,
+            };
+            assert_eq!(value.x, expected, "{} {}", i % 12, i / 12);
+        }
+    }
+
+    #[test]
+    fn windows_and_pastes_are_inverse() {
+        let whole = raster([16, 8], |x, y| (16 * y + x) as f32);
+        let mut copy = Raster::empty([16, 8], 1);
+        for origin in [[0, 0], [8, 0], [0, 4], [8, 4]] {
+            copy.paste(origin, &whole.window(origin, [8, 4]));
+        }
+        assert_eq!(copy.values, whole.values);
+        assert_eq!(copy.valid, whole.valid);
+    }
+}

@@ -40,7 +40,7 @@ mod tests {
             let length = i as f32 * 0.037;
             let side = side_texels(length);
             assert!(
-                side % 4 == 0
+                side.is_multiple_of(4)
                     && (side - 1) as f32 >= (1.0 - TOLERATED_LOSS) * length
                     && side as f32 <= length + 5.0
             );

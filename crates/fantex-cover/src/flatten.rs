@@ -81,7 +81,8 @@ impl Flattener {
         let projection = Projection::new(surface.fan_center(fans[fans.len() / 2] as usize), cone.axis);
         self.collect_points(surface, fans, membership, &projection);
         self.collect_boundary(surface, fans, membership, &projection);
-        if any_crossing(&mut self.segments) || any_overlap_at_vertex(&self.segments, &mut self.spokes) {
+        let turn = |fan| turn_in_group(surface, fan, membership, &projection);
+        if any_crossing(&mut self.segments) || any_overlap_at_vertex(&self.segments, turn, &mut self.spokes) {
             return Err(Reject::Overlapping);
         }
         Ok(self.enclose(&projection, cone.cos, membership))
@@ -208,40 +209,49 @@ impl Flattener {
             {
                 let [center, from, _] = first.slots();
                 self.segments.push(segment(surface, first, [center, from], projection));
+                // The fan at the other end begins with the same edge; if it is in the group, it gives it.
                 let [center, _, to] = last.slots();
-                self.segments.push(segment(surface, last, [to, center], projection));
+                let at_end = surface.fans.of_triangle(last.triangle())[to];
+                let given = membership.fan_groups[at_end as usize] == membership.group
+                    && surface
+                        .fans
+                        .corners(at_end as usize)
+                        .first()
+                        .is_some_and(|c| c.triangle() == last.triangle() && c.slots()[1] == center);
+                if !given {
+                    self.segments.push(segment(surface, last, [to, center], projection));
+                }
             }
         }
-        keep_outer_segments(&mut self.segments);
     }
-}
-
-/// The mesh's boundary edges come from the fans at both ends: one of the two is kept. An edge opposite to lone corners on both
-/// sides comes in both directions and lies inside: neither is kept.
-fn keep_outer_segments(segments: &mut Vec<Segment>) {
-    let edge = |s: &Segment| (s.vertices[0].min(s.vertices[1]), s.vertices[0].max(s.vertices[1]));
-    segments.sort_unstable_by_key(|s| (edge(s), s.vertices));
-    segments.dedup_by_key(|s| s.vertices);
-    let mut kept = 0;
-    let mut i = 0;
-    while i < segments.len() {
-        let twin = segments.get(i + 1).is_some_and(|next| edge(next) == edge(&segments[i]));
-        if !twin {
-            segments[kept] = segments[i];
-            kept += 1;
-        }
-        i += if twin { 2 } else { 1 };
-    }
-    segments.truncate(kept);
 }
 
 fn segment(surface: &Surface<'_>, corner: FanCorner, slots: [usize; 2], projection: &Projection) -> Segment {
     let triangle = surface.mesh.triangles[corner.triangle()];
     let vertices = slots.map(|k| triangle[k]);
+    let fans = surface.fans.of_triangle(corner.triangle());
     Segment {
         vertices,
+        fans: slots.map(|k| fans[k]),
         ends: vertices.map(|v| projection.flat(surface.mesh.positions[v as usize]).truncate()),
     }
+}
+
+/// The angle in radians that the group's triangles in a fan span at its centre, projected.
+fn turn_in_group(
+    surface: &Surface<'_>,
+    fan: u32,
+    membership: &Membership<'_>,
+    projection: &Projection,
+) -> f32 {
+    let corners = surface.fans.corners(fan as usize).iter();
+    corners
+        .filter(|c| inside_of(surface, c.triangle(), membership).contains(&true))
+        .map(|&c| {
+            let [center, from, to] = surface.fan_triangle(c).map(|p| projection.flat(p));
+            (from - center).truncate().angle_to((to - center).truncate()).abs()
+        })
+        .sum()
 }
 
 /// Which corners of a triangle are in the group.

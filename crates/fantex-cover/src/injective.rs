@@ -3,8 +3,8 @@
 //! All triangles of a connected region face the direction and no interior vertex is wound around twice, so the projection is
 //! an immersion. The turning numbers of its boundary curves sum up to the Euler characteristic; if no two boundary
 //! segments cross, every curve is simple, exactly one of them runs counter-clockwise and the immersion is an embedding.
-//! So it is enough to look for crossing segments, and for vertices that the boundary passes several times: there the region
-//! may cross itself in the vertex alone.
+//! So it is enough to look for crossing segments, and around the boundary's vertices: segments with a common vertex do not
+//! cross elsewhere, but the wedges that they bound may overlap.
 
 use glam::Vec2;
 
@@ -12,6 +12,8 @@ use glam::Vec2;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Segment {
     pub(crate) vertices: [u32; 2],
+    /// The fans around the vertices that the triangle beside the segment belongs to.
+    pub(crate) fans: [u32; 2],
     pub(crate) ends: [Vec2; 2],
 }
 
@@ -57,24 +59,37 @@ pub(crate) fn any_crossing(segments: &mut [Segment]) -> bool {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spoke {
     vertex: u32,
+    fan: u32,
     /// True where the segment begins at the vertex, and so does a wedge of the region, counter-clockwise.
     begins: bool,
     /// Towards the segment's other end.
     direction: Vec2,
 }
 
-/// True where two wedges of the region overlap at a vertex that the boundary passes several times. `spokes` is a buffer.
-pub(crate) fn any_overlap_at_vertex(segments: &[Segment], spokes: &mut Vec<Spoke>) -> bool {
+/// True where the region overlaps itself at a vertex of its boundary: it surrounds the vertex more than once, or two of its
+/// wedges there overlap. `turn` is the angle that the region's triangles in a fan span at its centre, in radians. `spokes`
+/// is a buffer.
+pub(crate) fn any_overlap_at_vertex(
+    segments: &[Segment],
+    turn: impl Fn(u32) -> f32,
+    spokes: &mut Vec<Spoke>,
+) -> bool {
     spokes.clear();
     spokes.extend(segments.iter().flat_map(|s| {
         let along = s.ends[1] - s.ends[0];
-        [
-            Spoke { vertex: s.vertices[0], begins: true, direction: along },
-            Spoke { vertex: s.vertices[1], begins: false, direction: -along },
-        ]
+        [(0, true, along), (1, false, -along)].map(|(end, begins, direction)| Spoke {
+            vertex: s.vertices[end],
+            fan: s.fans[end],
+            begins,
+            direction,
+        })
     }));
-    spokes.sort_unstable_by_key(|s| s.vertex);
-    spokes.chunk_by_mut(|a, b| a.vertex == b.vertex).filter(|around| around.len() > 2).any(|around| {
+    spokes.sort_unstable_by_key(|s| (s.vertex, s.fan));
+    spokes.chunk_by_mut(|a, b| a.vertex == b.vertex).any(|around| {
+        let total: f32 = around.chunk_by(|a, b| a.fan == b.fan).map(|spokes| turn(spokes[0].fan)).sum();
+        if total > FULL_TURN {
+            return true;
+        }
         // Around the vertex, ends and beginnings of wedges must take turns. Where a wedge begins where another ends, the
         // end comes first.
         let angle = |s: &Spoke| s.direction.y.atan2(s.direction.x);
@@ -82,6 +97,9 @@ pub(crate) fn any_overlap_at_vertex(segments: &[Segment], spokes: &mut Vec<Spoke
         (0..around.len()).any(|i| around[i].begins == around[(i + 1) % around.len()].begins)
     })
 }
+
+/// With some rounding.
+const FULL_TURN: f32 = std::f32::consts::TAU + 1e-3;
 
 #[cfg(test)]
 mod tests {
@@ -92,6 +110,7 @@ mod tests {
         (0..n)
             .map(|i| Segment {
                 vertices: [i as u32, ((i + 1) % n) as u32],
+                fans: [i as u32, ((i + 1) % n) as u32],
                 ends: [points[i].into(), points[(i + 1) % n].into()],
             })
             .collect()
@@ -108,22 +127,29 @@ mod tests {
         let triangle = |[from, to]: [f32; 2], first: u32| {
             let corners =
                 [(0, Vec2::ZERO), (first, Vec2::from_angle(from)), (first + 1, Vec2::from_angle(to))];
-            [0, 1, 2]
-                .map(|k| [corners[k], corners[(k + 1) % 3]])
-                .map(|pair| Segment { vertices: pair.map(|p| p.0), ends: pair.map(|p| p.1) })
+            [0, 1, 2].map(|k| [corners[k], corners[(k + 1) % 3]]).map(|pair| Segment {
+                vertices: pair.map(|p| p.0),
+                fans: pair.map(|p| p.0),
+                ends: pair.map(|p| p.1),
+            })
         };
         angles.into_iter().zip([1, 3]).flat_map(|(wedge, first)| triangle(wedge, first)).collect()
     }
 
     #[test]
     fn wedges_at_a_vertex_may_touch_but_not_overlap() {
-        let overlap = |angles| any_overlap_at_vertex(&two_wedges(angles), &mut Vec::new());
+        let overlap = |angles: [[f32; 2]; 2]| {
+            let turn = |_| angles.iter().map(|[from, to]| to - from).sum();
+            any_overlap_at_vertex(&two_wedges(angles), turn, &mut Vec::new())
+        };
         assert!(!overlap([[0.0, 1.0], [2.0, 3.0]]));
         assert!(!overlap([[3.0, 4.0], [5.0, 6.0]]));
         assert!(!overlap([[0.0, 1.0], [1.0, 2.0]]));
         assert!(overlap([[0.0, 1.0], [0.5, 2.0]]));
         assert!(overlap([[0.0, 3.0], [1.0, 2.0]]));
         assert!(overlap([[3.0, 4.0], [3.5, 5.0]]));
+        // Ends and beginnings take turns, but both wedges run almost all around.
+        assert!(any_overlap_at_vertex(&two_wedges([[0.0, 1.0], [2.0, 3.0]]), |_| 8.0, &mut Vec::new()));
     }
 
     #[test]

@@ -224,7 +224,7 @@ fn principal_axis(m: Mat3) -> Vec3 {
             return Vec3::X;
         }
         power *= 1.0 / scale;
-        power = power * power;
+        power *= power;
     }
     let columns = [power.x_axis, power.y_axis, power.z_axis];
     let longest = columns.into_iter().fold(Vec3::ZERO, |a, c| if c.length() > a.length() { c } else { a });

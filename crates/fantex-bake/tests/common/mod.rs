@@ -92,7 +92,7 @@ pub(crate) fn sample(cache: &PageCache, channel: usize, level: u32, triangle: us
 pub(crate) fn barycentric_points(n: u32) -> Vec<Vec3> {
     let grid = (0..=n)
         .flat_map(|i| (0..=n - i).map(move |j| Vec3::new(i as f32, j as f32, (n - i - j) as f32) / n as f32));
-    let near = [0.02f32, 0.11].into_iter().flat_map(|s| {
+    let near = [0.001f32, 0.004, 0.009, 0.02, 0.11].into_iter().flat_map(|s| {
         [0, 1, 2].map(|k| {
             let mut lambda = Vec3::splat(0.5 * s);
             lambda[k] = 1.0 - s;

@@ -215,9 +215,12 @@ fn check_maps(context: &str, mesh: &Mesh, cover: &Cover) {
     }
 }
 
-/// Edges with exactly two triangles: `[(triangle, slot of the lower vertex, slot of the higher)]`.
-pub(crate) fn manifold_edges(mesh: &Mesh) -> Vec<[(usize, usize, usize); 2]> {
-    let mut edges: BTreeMap<(u32, u32), Vec<(usize, usize, usize)>> = BTreeMap::new();
+/// A triangle at an edge, and the slots of the edge's lower and higher vertex in it.
+type Side = (usize, usize, usize);
+
+/// Edges with exactly two triangles.
+fn manifold_edges(mesh: &Mesh) -> Vec<[Side; 2]> {
+    let mut edges: BTreeMap<(u32, u32), Vec<Side>> = BTreeMap::new();
     for (t, triangle) in mesh.triangles.iter().enumerate() {
         for (i, j) in [(0, 1), (1, 2), (2, 0)] {
             let (i, j) = if triangle[i] < triangle[j] { (i, j) } else { (j, i) };
@@ -228,7 +231,7 @@ pub(crate) fn manifold_edges(mesh: &Mesh) -> Vec<[(usize, usize, usize); 2]> {
 }
 
 /// What the texture function reads at a point on an edge: group, weight and tile coordinates, ascending by group.
-fn read(mesh: &Mesh, cover: &Cover, (t, i, j): (usize, usize, usize), s: f32) -> Vec<(u32, f32, Vec2)> {
+fn read(mesh: &Mesh, cover: &Cover, (t, i, j): Side, s: f32) -> Vec<(u32, f32, Vec2)> {
     let mut lambda = Vec3::ZERO;
     (lambda[i], lambda[j]) = (1.0 - s, s);
     let weights = cover.weights(t, lambda);
@@ -252,8 +255,7 @@ fn check_edges(context: &str, mesh: &Mesh, cover: &Cover) -> u64 {
     let places = [0.0, 0.13, 0.31, 0.5 - 0.49 * delta, 0.5 - 0.2 * delta, 0.5, 0.5 + 0.4 * delta, 0.77, 1.0];
     let mut exempt = 0;
     for [p, q] in manifold_edges(mesh) {
-        let groups =
-            |(t, i, j): (usize, usize, usize)| [cover.corner_groups[t][i], cover.corner_groups[t][j]];
+        let groups = |(t, i, j): Side| [cover.corner_groups[t][i], cover.corner_groups[t][j]];
         if groups(p) != groups(q) {
             exempt += 1;
             continue;
