@@ -211,8 +211,8 @@ fn a_tile_is_as_sharp_as_the_image_it_was_made_from() {
             // Look-ups end at a tile's outermost texel centres, in an image half a texel later.
             let a = within(0.5 - 3.0 / 128.0, a, &mesh, camera);
             let difference = largest_difference(&a, &b);
-            // An image takes the weights of the elliptical average from a table.
-            assert!(difference < 2e-3, "camera {c}, {f:?}: {difference}");
+            // Rounding may take the next entry of the table of the elliptical average's weights.
+            assert!(difference < 1e-3, "camera {c}, {f:?}: {difference}");
         }
     }
 }
