@@ -260,15 +260,17 @@ fn scale_to_total(patches: &[Patch], texels: u64) -> f32 {
     let total = |scale: f32| -> u64 {
         patches.par_iter().map(|p| extent(p, scale).map(u64::from)).map(|[w, h]| w * h).sum()
     };
-    let (mut low, mut high) = (1.0 / 1024.0, 1.0f32);
+    let (mut low, mut high) = (1.0 / 1024.0, 1024.0f32);
     // Tiles have at least 4x4 texels; where these alone exceed the budget, they are at least used to the full.
     let texels = texels.max(total(low));
-    while total(high) <= texels && high < 1024.0 {
-        (low, high) = (high, 2.0 * high);
-    }
-    for _ in 0..20 {
+    // Texels grow nearly with the square of the scale: a few steps by that rule bracket the answer closely.
+    let mut scale = 1.0f32;
+    for step in 0..16 {
+        let reached = total(scale);
+        if reached <= texels { low = low.max(scale) } else { high = high.min(scale) }
+        let guess = scale * (texels as f64 / reached as f64).sqrt() as f32 * if step % 2 == 0 { 1.0005 } else { 0.9995 };
         let middle = 0.5 * (low + high);
-        if total(middle) <= texels { low = middle } else { high = middle }
+        scale = if step < 8 && guess > low && guess < high { guess } else { middle };
     }
     low
 }
