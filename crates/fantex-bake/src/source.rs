@@ -8,7 +8,7 @@ use glam::{Vec3, Vec4};
 pub struct SurfacePoint {
     /// Triangle index.
     pub triangle: usize,
-    /// Barycentric coordinates; slightly outside [0,1] for texels off the surface.
+    /// Barycentric coordinates; slightly outside 0..1 for texels off the surface.
     pub lambda: Vec3,
     /// Change of `lambda` along the texel's width and height.
     pub lambda_steps: [Vec3; 2],

@@ -267,8 +267,14 @@ fn scale_to_total(patches: &[Patch], texels: u64) -> f32 {
     let mut scale = 1.0f32;
     for step in 0..16 {
         let reached = total(scale);
-        if reached <= texels { low = low.max(scale) } else { high = high.min(scale) }
-        let guess = scale * (texels as f64 / reached as f64).sqrt() as f32 * if step % 2 == 0 { 1.0005 } else { 0.9995 };
+        if reached <= texels {
+            low = low.max(scale)
+        } else {
+            high = high.min(scale)
+        }
+        let guess = scale
+            * (texels as f64 / reached as f64).sqrt() as f32
+            * if step % 2 == 0 { 1.0005 } else { 0.9995 };
         let middle = 0.5 * (low + high);
         scale = if step < 8 && guess > low && guess < high { guess } else { middle };
     }
