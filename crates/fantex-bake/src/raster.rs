@@ -11,6 +11,8 @@ pub(crate) struct Raster {
     /// One value per channel and texel: `values[texel * channels + channel]`.
     pub(crate) values: Vec<Vec4>,
     pub(crate) channels: usize,
+    /// The channel whose alpha is coverage, if any.
+    pub(crate) coverage: Option<usize>,
     /// True where there is a value.
     pub(crate) valid: Vec<bool>,
     /// True where a look-up of the texture function falls into the texel.
@@ -99,6 +101,7 @@ impl Raster {
             extent,
             values: vec![Vec4::ZERO; texels * self.channels],
             channels: self.channels,
+            coverage: self.coverage,
             valid: vec![false; texels],
             read: vec![false; texels],
         };
@@ -120,8 +123,9 @@ impl Raster {
                 if self.valid[texel] {
                     let weight = row_weight * column_weight;
                     total += weight;
-                    for (value, &fine) in values.iter_mut().zip(&self.values[texel * self.channels..]) {
-                        *value += weight * fine;
+                    let fine = &self.values[texel * self.channels..(texel + 1) * self.channels];
+                    for (channel, (value, &fine)) in values.iter_mut().zip(fine).enumerate() {
+                        *value += weight * if self.coverage == Some(channel) { weighted(fine) } else { fine };
                     }
                 }
             }
@@ -129,6 +133,9 @@ impl Raster {
         coarse.valid[target] = total > 0.0;
         if total > 0.0 {
             values.iter_mut().for_each(|v| *v /= total);
+            if let Some(channel) = self.coverage {
+                values[channel] = unweighted(values[channel]);
+            }
         }
     }
 
@@ -188,7 +195,7 @@ impl Raster {
 
     /// Copies a rectangle out.
     pub(crate) fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Self {
-        let mut window = Self { extent, channels: self.channels, ..Self::default() };
+        let mut window = Self { extent, channels: self.channels, coverage: self.coverage, ..Self::default() };
         for row in origin[1]..origin[1] + extent[1] {
             let start = row as usize * self.extent[0] as usize + origin[0] as usize;
             let end = start + extent[0] as usize;
@@ -212,17 +219,30 @@ impl Raster {
         }
     }
 
-    pub(crate) fn empty(extent: [u32; 2], channels: usize) -> Self {
+    pub(crate) fn empty(extent: [u32; 2], channels: usize, coverage: Option<usize>) -> Self {
         let texels = extent[0] as usize * extent[1] as usize;
         Self {
             extent,
             values: vec![Vec4::ZERO; texels * channels],
             channels,
+            coverage,
             valid: vec![false; texels],
             read: vec![false; texels],
         }
     }
 }
+
+/// Colour times alpha, so that transparent texels do not bleed; the trace of weight that is left to them decides where
+/// everything is transparent.
+fn weighted(v: Vec4) -> Vec4 {
+    (v * (v.w + TRANSPARENT_WEIGHT)).with_w(v.w)
+}
+
+fn unweighted(v: Vec4) -> Vec4 {
+    (v / (v.w + TRANSPARENT_WEIGHT)).with_w(v.w)
+}
+
+const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
 
 /// A mean under construction.
 #[derive(Default)]
@@ -280,13 +300,30 @@ mod tests {
     use super::*;
 
     fn raster(extent: [u32; 2], value: impl Fn(u32, u32) -> f32) -> Raster {
-        let mut raster = Raster::empty(extent, 1);
+        let mut raster = Raster::empty(extent, 1, None);
         raster.valid.fill(true);
         raster.read.fill(true);
         for (i, texel) in raster.values.iter_mut().enumerate() {
             *texel = Vec4::splat(value(i as u32 % extent[0], i as u32 / extent[0]));
         }
         raster
+    }
+
+    #[test]
+    fn transparent_texels_do_not_bleed_into_coarser_levels() {
+        let mut cut_out = raster([8, 8], |_, _| 0.0);
+        cut_out.coverage = Some(0);
+        let (leaf, nothing) = (Vec4::new(0.2, 0.8, 0.1, 1.0), Vec4::new(1.0, 0.0, 1.0, 0.0));
+        for (i, texel) in cut_out.values.iter_mut().enumerate() {
+            *texel = if i % 2 == 0 { leaf } else { nothing };
+        }
+        for value in cut_out.halved([4, 4]).values {
+            assert!((value - leaf.with_w(0.5)).abs().max_element() < 1e-5, "{value}");
+        }
+        cut_out.values.fill(nothing);
+        for value in cut_out.halved([4, 4]).values {
+            assert!((value - nothing).abs().max_element() < 1e-5, "{value}");
+        }
     }
 
     fn mean(raster: &Raster) -> f64 {
@@ -446,7 +483,7 @@ mod tests {
     #[test]
     fn windows_and_pastes_are_inverse() {
         let whole = raster([16, 8], |x, y| (16 * y + x) as f32);
-        let mut copy = Raster::empty([16, 8], 1);
+        let mut copy = Raster::empty([16, 8], 1, None);
         for origin in [[0, 0], [8, 0], [0, 4], [8, 4]] {
             copy.paste(origin, &whole.window(origin, [8, 4]));
         }

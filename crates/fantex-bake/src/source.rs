@@ -25,8 +25,10 @@ pub struct SurfacePoint {
 pub struct SourceChannel {
     /// The channel. Normals are given as unit vectors in mesh space (xyz), all others as linear RGBA.
     pub kind: ChannelKind,
-    /// True where alpha carries information.
+    /// True where alpha carries information: it is coverage, and colours count in proportion to it when they are averaged.
     pub has_alpha: bool,
+    /// True where values exceed 1, which 8-bit formats cannot hold.
+    pub exceeds_one: bool,
 }
 
 /// How a value relates to the function at the texel's centre.

@@ -10,12 +10,14 @@ use crate::{BakeFormat, SourceChannel};
 #[derive(Clone, Debug)]
 pub(crate) struct ChannelPlan {
     pub(crate) channel: Channel,
-    has_alpha: bool,
+    pub(crate) has_alpha: bool,
 }
 
 impl ChannelPlan {
     pub(crate) fn new(source: &SourceChannel, format: BakeFormat) -> Self {
         use ChannelKind::{BaseColor, Displacement, Emission, Normal, OcclusionRoughnessMetallic};
+        // Values that 8 bits cannot hold are kept as they are, whatever the format.
+        let format = if source.exceeds_one { BakeFormat::Float } else { format };
         let texel_format = match (format, source.kind) {
             (BakeFormat::Float, _) => TexelFormat::Rgba32F,
             (BakeFormat::Rgba8, Normal) => TexelFormat::Rg8,

@@ -98,7 +98,7 @@ impl TileBaker<'_> {
             .par_iter()
             .map(|&at| self.bake_block(group, extent, shared_extent, triangles, at))
             .collect::<Result<Vec<_>, BakeError>>()?;
-        let mut shared = Raster::empty(shared_extent, self.plans.len());
+        let mut shared = self.empty_raster(shared_extent);
         for (block, part, origin) in baked {
             shared.paste(origin, &part);
             tile.pages.extend(block.pages);
@@ -170,7 +170,7 @@ impl TileBaker<'_> {
         let started = Instant::now();
         let mut footprints = Footprints { triangles, ..Footprints::default() };
         footprints.cover(block, self.cover.delta);
-        let mut raster = Raster::empty(block.extent, self.plans.len());
+        let mut raster = self.empty_raster(block.extent);
         let channels = self.plans.len();
         let width = block.extent[0] as usize;
         let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
@@ -279,6 +279,10 @@ impl TileBaker<'_> {
         }
         tile.encode_time += started.elapsed();
         Ok(())
+    }
+
+    fn empty_raster(&self, extent: [u32; 2]) -> Raster {
+        Raster::empty(extent, self.plans.len(), self.plans.iter().position(|p| p.has_alpha))
     }
 
     fn prefilter(&self) -> Prefilter {

@@ -26,7 +26,11 @@ impl MappedImageSource {
 
 impl Source for MappedImageSource {
     fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: self.texture.level(0).has_alpha() }]
+        vec![SourceChannel {
+            kind: ChannelKind::BaseColor,
+            has_alpha: self.texture.level(0).has_alpha(),
+            exceeds_one: false,
+        }]
     }
 
     fn prefilter(&self) -> Prefilter {

@@ -23,7 +23,7 @@ impl SineSource {
 
 impl Source for SineSource {
     fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false }]
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
     }
 
     fn prefilter(&self) -> Prefilter {

@@ -136,7 +136,13 @@ fn lambda_on_triangle(point: &SurfacePoint) -> Vec3 {
 impl Source for UvSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         let has_alpha = |kind| kind == ChannelKind::BaseColor && self.has_alpha;
-        self.kinds.iter().map(|&kind| SourceChannel { kind, has_alpha: has_alpha(kind) }).collect()
+        let glows = self.mesh.materials.iter().any(|m| m.emission.max_element() > 1.0);
+        let channel = |&kind| SourceChannel {
+            kind,
+            has_alpha: has_alpha(kind),
+            exceeds_one: kind == ChannelKind::Emission && glows,
+        };
+        self.kinds.iter().map(channel).collect()
     }
 
     fn prefilter(&self) -> Prefilter {

@@ -35,7 +35,7 @@ impl<'a> VertexColorSource<'a> {
 
 impl Source for VertexColorSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: self.has_alpha }]
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: self.has_alpha, exceeds_one: false }]
     }
 
     fn prefilter(&self) -> Prefilter {

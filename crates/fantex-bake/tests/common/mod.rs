@@ -107,7 +107,7 @@ pub(crate) struct Constant(pub(crate) Vec<(ChannelKind, Vec4)>);
 
 impl Source for Constant {
     fn channels(&self) -> Vec<SourceChannel> {
-        self.0.iter().map(|&(kind, _)| SourceChannel { kind, has_alpha: true }).collect()
+        self.0.iter().map(|&(kind, _)| SourceChannel { kind, has_alpha: true, exceeds_one: false }).collect()
     }
 
     fn prefilter(&self) -> Prefilter {
@@ -124,7 +124,7 @@ pub(crate) struct OfPosition<F>(pub(crate) F);
 
 impl<F: Fn(Vec3) -> Vec4 + Sync> Source for OfPosition<F> {
     fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: true }]
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: true, exceeds_one: false }]
     }
 
     fn prefilter(&self) -> Prefilter {
