@@ -124,7 +124,7 @@ pub(crate) struct OfPosition<F>(pub(crate) F);
 
 impl<F: Fn(Vec3) -> Vec4 + Sync> Source for OfPosition<F> {
     fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: true, exceeds_one: false }]
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
     }
 
     fn prefilter(&self) -> Prefilter {
