@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 use fantex_mesh::{Fans, Mesh, VertexCorners};
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::extent::{MAX_EXTENT, side_texels};
 use crate::fan_shape::{FanShape, Layout, ShapeFinder};
 use crate::grouping::{GroupLimits, Grouping, Patch, group_fans};
 use crate::surface::Surface;
-use crate::{Cover, CoverStats, Group, GroupKind, UnfoldedCorner};
+use crate::{Cover, CoverStats, Group, GroupKind, REPORTED_FANS, UnfoldedCorner};
 
 /// How many texels the surface gets.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,8 +112,8 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     let fans = Fans::of(&mesh.triangles, &vertex_corners);
     drop(vertex_corners);
     let mut surface = Surface::new(mesh, fans);
-    let (shapes, counts) = shape_fans(&mut surface);
-    let mut stats = CoverStats { fans: counts, ..CoverStats::default() };
+    let (shapes, counts, split_centers) = shape_fans(&mut surface);
+    let mut stats = CoverStats { fans: counts, split_centers, ..CoverStats::default() };
     stats.seconds_fans = started.elapsed().as_secs_f64();
 
     let density = NominalDensity::new(&surface, options);
@@ -176,7 +176,7 @@ pub struct FanCounts {
 }
 
 /// Decides about every fan; fans that must be split are replaced by one fan per triangle.
-fn shape_fans(surface: &mut Surface<'_>) -> (Vec<FanShape>, FanCounts) {
+fn shape_fans(surface: &mut Surface<'_>) -> (Vec<FanShape>, FanCounts, Vec<Vec3>) {
     let find = |surface: &Surface<'_>| -> Vec<FanShape> {
         (0..surface.fans.len())
             .into_par_iter()
@@ -193,11 +193,13 @@ fn shape_fans(surface: &mut Surface<'_>) -> (Vec<FanShape>, FanCounts) {
         split: count(Layout::Split),
         folding: shapes.iter().filter(|s| s.folds).count() as u64,
     };
+    let split = (0..shapes.len()).filter(|&fan| shapes[fan].layout == Layout::Split).take(REPORTED_FANS);
+    let split_centers = split.map(|fan| surface.fan_center(fan)).collect();
     if counts.split > 0 {
         surface.fans = surface.fans.with_split(|fan| shapes[fan].layout == Layout::Split);
         shapes = find(surface);
     }
-    (shapes, counts)
+    (shapes, counts, split_centers)
 }
 
 /// Texels per mesh unit before the total is met.

@@ -188,8 +188,27 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         cover: started.elapsed().as_secs_f64(),
     };
     let CoverStats {
-        fans, groups, texels, density_share, lookups_per_sample, stretch, density_spread, ..
+        fans,
+        split_centers,
+        groups,
+        texels,
+        density_share,
+        lookups_per_sample,
+        stretch,
+        density_spread,
+        ..
     } = stats;
+    let mut report = model.notes.clone();
+    report.extend(split_centers.iter().map(|&center| {
+        let [x, y, z] = mesh.world_from_mesh.point(center).to_array();
+        format!(
+            "the fan around ({x:.6}, {y:.6}, {z:.6}) can neither be projected nor unfolded (its triangles lie back to \
+             back): it is split, and the texture may jump across its edges."
+        )
+    }));
+    if fans.split > split_centers.len() as u64 {
+        report.push(format!("{} more fans are split.", fans.split - split_centers.len() as u64));
+    }
     let shape = &model.report.topology;
     Ok(ModelInfo {
         kind: "model",
@@ -215,7 +234,7 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         density_spread: density_spread.into(),
         sheet: Sheet::of(&cover),
         seconds,
-        report: model.notes.clone(),
+        report,
         pictures: draw(mesh, &cover, args, context)?,
     })
 }
