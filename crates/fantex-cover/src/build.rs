@@ -202,6 +202,25 @@ fn shape_fans(surface: &mut Surface<'_>) -> (Vec<FanShape>, FanCounts, Vec<Vec3>
     (shapes, counts, split_centers)
 }
 
+/// The centre vertices of the fans that can neither be projected nor unfolded, ascending: only there may a cover be split, so
+/// a verifier can tell a split that had to be from a fault.
+pub fn unflattenable_vertices(mesh: &Mesh) -> Vec<u32> {
+    let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+    let surface = Surface::new(mesh, Fans::of(&mesh.triangles, &vertex_corners));
+    let must_split = |finder: &mut ShapeFinder, fan: usize| {
+        let corner = surface.fans.corners(fan)[0].corner() as usize;
+        (finder.shape(&surface, fan).layout == Layout::Split).then(|| mesh.triangles[corner / 3][corner % 3])
+    };
+    let mut vertices: Vec<u32> = (0..surface.fans.len())
+        .into_par_iter()
+        .map_init(ShapeFinder::default, must_split)
+        .flatten()
+        .collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
+}
+
 /// Texels per mesh unit before the total is met.
 enum NominalDensity<'a> {
     Uniform(f32),

@@ -95,10 +95,20 @@ fn split_fans_and_non_manifold_edges_are_exempt_and_counted() {
     assert_eq!(cover.groups[4].kind, GroupKind::Projected);
     cover.corner_groups[0][slot] = cover.groups.len() as u32 - 1;
     let report = verified(&mesh, &cover);
+    // Both edges of triangle 0 at the middle vertex; the flat fan there had no need to be split.
+    assert!(!report.ok, "{report:?}");
+    assert_eq!((report.continuity.needless_splits, report.continuity.exempt_edges), (2, 0));
+
+    // Two triangles back to back can neither be projected nor unfolded: each goes alone, and all edges are exempt.
+    let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+    let twins = Mesh { positions, triangles: vec![[0, 1, 2], [0, 2, 1]], ..tetrahedron() };
+    let options = fantex_cover::CoverOptions { tile: 0, ..fantex_cover::CoverOptions::default() };
+    let (cover, stats) = fantex_cover::build_cover(&twins, &options).unwrap();
+    assert_eq!(stats.fans.split, 3);
+    let report = verified(&twins, &cover);
     assert!(report.ok, "{report:?}");
-    // Both edges of triangle 0 at the middle vertex.
-    assert_eq!(report.continuity.exempt, ExemptEdges { non_manifold: 0, split_fan: 2 });
-    assert_eq!(report.continuity.exempt_edges, 2);
+    assert_eq!(report.continuity.exempt, ExemptEdges { non_manifold: 0, split_fan: 3 });
+    assert_eq!((report.continuity.exempt_edges, report.continuity.needless_splits), (3, 0));
 
     let mut mesh = tetrahedron();
     mesh.positions.push(Vec3::new(0.5, -0.5, 0.9));

@@ -79,6 +79,7 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
     report.ok = report.damaged_tiles == 0
         && report.damaged_headers == 0
         && report.mesh_faults.is_empty()
+        && report.continuity.needless_splits == 0
         && report.continuity.largest_jump <= JUMP_BOUND;
     report
 }

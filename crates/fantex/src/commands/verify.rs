@@ -32,6 +32,7 @@ struct ContinuityInfo {
     levels: u32,
     samples: u64,
     exempt_edges: u64,
+    needless_splits: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -67,6 +68,7 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> 
             levels: continuity.levels,
             samples: continuity.samples,
             exempt_edges: continuity.exempt_edges,
+            needless_splits: continuity.needless_splits,
         },
         levels: report.levels,
         bytes: report.bytes,
@@ -85,6 +87,11 @@ pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
         format!("its mesh breaks a rule of the format: {fault}")
     } else if report.damaged_headers > 0 {
         "one of its two headers is damaged; the other one still opens it".to_owned()
+    } else if report.continuity.needless_splits > 0 {
+        let edges = grouped(report.continuity.needless_splits);
+        format!(
+            "at {edges} edges the two triangles name different groups, so the texture may jump there; bake it again"
+        )
     } else {
         format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
     };
