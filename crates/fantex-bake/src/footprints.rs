@@ -87,7 +87,7 @@ pub(crate) struct Footprints {
     pub(crate) triangles: Vec<TexelTriangle>,
     /// Index into `triangles`, or `NOBODY`. Row-major.
     pub(crate) owner: Vec<u32>,
-    /// True where the texture function reads the tile at the texel's centre with a positive weight.
+    /// True where the region that the texture function reads covers the texel's centre, or its outline passes the texel.
     pub(crate) in_region: Vec<bool>,
     /// Texels between the centre and the owner; not positive on the surface.
     pub(crate) distance: Vec<f32>,
@@ -114,31 +114,14 @@ impl Footprints {
         }
     }
 
-    /// Every triangle that owns texels, with them, ascending.
-    pub(crate) fn texels_by_triangle(
-        &self,
-    ) -> impl Iterator<Item = (&TexelTriangle, impl Iterator<Item = u32>)> {
-        let mut ends = vec![0u32; self.triangles.len() + 1];
-        for &owner in self.owner.iter().filter(|&&o| o != NOBODY) {
-            ends[owner as usize + 1] += 1;
+    /// Visits every triangle that owns texels with them, ascending.
+    pub(crate) fn for_each_owner(&self, mut visit: impl FnMut(&TexelTriangle, &[u32])) {
+        let mut owned: Vec<u32> = (0u32..).zip(&self.owner).filter(|o| *o.1 != NOBODY).map(|o| o.0).collect();
+        // Stable, so texels stay in rows.
+        owned.sort_by_key(|&texel| self.owner[texel as usize]);
+        for texels in owned.chunk_by(|&a, &b| self.owner[a as usize] == self.owner[b as usize]) {
+            visit(&self.triangles[self.owner[texels[0] as usize] as usize], texels);
         }
-        for i in 0..self.triangles.len() {
-            ends[i + 1] += ends[i];
-        }
-        let mut sorted = vec![0u32; ends[self.triangles.len()] as usize];
-        let mut next = ends.clone();
-        for (texel, &owner) in (0u32..).zip(&self.owner) {
-            if owner != NOBODY {
-                sorted[next[owner as usize] as usize] = texel;
-                next[owner as usize] += 1;
-            }
-        }
-        let sorted = std::rc::Rc::new(sorted);
-        self.triangles.iter().enumerate().filter_map(move |(i, triangle)| {
-            let (start, end) = (ends[i] as usize, ends[i + 1] as usize);
-            let sorted = sorted.clone();
-            (start < end).then(|| (triangle, (start..end).map(move |t| sorted[t])))
-        })
     }
 
     fn scan(&mut self, index: u32, block: Block, delta: f32) {
@@ -241,7 +224,8 @@ fn region_outline(corners: [Vec2; 3], inside: [bool; 3], delta: f32) -> arrayvec
     }
 }
 
-/// A step along an outline is shorter than this fraction of a texel, so that it skips corners of texels only.
+/// Steps along an outline are shorter than a texel, so that they miss the corners of texels at most; a look-up there is
+/// within the texel of margin that blocks are read with.
 const STEPS_PER_TEXEL: f32 = 1.5;
 
 /// Longer outlines than any tile come from numerical accidents only.

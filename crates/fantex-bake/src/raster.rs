@@ -34,6 +34,12 @@ impl Overshoot {
     pub(crate) const COLOR: Self = Self { above: 1.0 / 32.0, below: 1.0 / 32.0, share_below: 0.25 };
     /// Signed values have no dark end.
     pub(crate) const SIGNED: Self = Self { above: 1.0 / 32.0, below: 1.0 / 32.0, share_below: f32::INFINITY };
+
+    /// How far a value may fall below its smallest neighbour.
+    fn below(&self, low: Vec4) -> Vec4 {
+        let bound = Vec4::splat(self.below);
+        if self.share_below.is_finite() { (low * self.share_below).min(bound).max(Vec4::ZERO) } else { bound }
+    }
 }
 
 impl Raster {
@@ -80,10 +86,7 @@ impl Raster {
                     }
                     let low = neighbours.into_iter().fold(center, Vec4::min);
                     let high = neighbours.into_iter().fold(center, Vec4::max);
-                    let below =
-                        (low * overshoot.share_below).min(Vec4::splat(overshoot.below)).max(Vec4::ZERO);
-                    let below =
-                        if overshoot.share_below.is_finite() { below } else { Vec4::splat(overshoot.below) };
+                    let below = overshoot.below(low);
                     fitted[texel * self.channels + channel] =
                         (center - strength * curvature).clamp(low - below, high + overshoot.above);
                 }
@@ -96,15 +99,7 @@ impl Raster {
     pub(crate) fn halved(&self, extent: [u32; 2]) -> Self {
         let columns = Overlaps::new(self.extent[0], extent[0]);
         let rows = Overlaps::new(self.extent[1], extent[1]);
-        let texels = extent[0] as usize * extent[1] as usize;
-        let mut coarse = Self {
-            extent,
-            values: vec![Vec4::ZERO; texels * self.channels],
-            channels: self.channels,
-            coverage: self.coverage,
-            valid: vec![false; texels],
-            read: vec![false; texels],
-        };
+        let mut coarse = Self::empty(extent, self.channels, self.coverage);
         for y in 0..extent[1] as usize {
             for x in 0..extent[0] as usize {
                 self.gather(&columns.of(x), &rows.of(y), y * extent[0] as usize + x, &mut coarse);

@@ -174,10 +174,10 @@ impl TileBaker<'_> {
         let channels = self.plans.len();
         let width = block.extent[0] as usize;
         let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
-        for (triangle, texels) in footprints.texels_by_triangle() {
+        footprints.for_each_owner(|triangle, texels| {
             let on = TriangleFootprint { triangle: triangle.triangle as usize, lambda_steps: triangle.steps };
             let source = self.source.on_triangle(&on);
-            for texel in texels.map(|t| t as usize) {
+            for texel in texels.iter().map(|&t| t as usize) {
                 let lambda =
                     triangle.lambda(corner + Vec2::new((texel % width) as f32, (texel / width) as f32));
                 let point = self.surface_point(triangle, lambda);
@@ -186,7 +186,7 @@ impl TileBaker<'_> {
                 self.turn_normals(group, point.normal, values);
                 raster.valid[texel] = true;
             }
-        }
+        });
         raster.read = footprints.in_region;
         tile.bake_time += started.elapsed();
         raster

@@ -40,13 +40,6 @@ pub(crate) struct Membership<'a> {
     pub(crate) keep_outline: bool,
 }
 
-/// Why a set of fans cannot share a projection.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Reject {
-    TooSteep,
-    Overlapping,
-}
-
 /// Reused buffers.
 #[derive(Default)]
 pub(crate) struct Flattener {
@@ -59,13 +52,14 @@ pub(crate) struct Flattener {
 }
 
 impl Flattener {
-    /// Projects the fans of a group along their common best direction.
+    /// Projects the fans of a group along their common best direction; `None` where a triangle would be too steep or the
+    /// region overlap itself.
     pub(crate) fn project(
         &mut self,
         surface: &Surface<'_>,
         fans: &[u32],
         membership: &Membership<'_>,
-    ) -> Result<Flat, Reject> {
+    ) -> Option<Flat> {
         self.normals.clear();
         for &fan in fans {
             for &corner in surface.fans.corners(fan as usize) {
@@ -76,16 +70,16 @@ impl Flattener {
         }
         let cone = narrowest_cone(&self.normals);
         if cone.cos < membership.facing {
-            return Err(Reject::TooSteep);
+            return None;
         }
         let projection = Projection::new(surface.fan_center(fans[fans.len() / 2] as usize), cone.axis);
         self.collect_points(surface, fans, membership, &projection);
         self.collect_boundary(surface, fans, membership, &projection);
         let turn = |fan| turn_in_group(surface, fan, membership, &projection);
         if any_crossing(&mut self.segments) || any_overlap_at_vertex(&self.segments, turn, &mut self.spokes) {
-            return Err(Reject::Overlapping);
+            return None;
         }
-        Ok(self.enclose(&projection, cone.cos, membership))
+        Some(self.enclose(&projection, cone.cos, membership))
     }
 
     /// Projects a single fan along its own direction.

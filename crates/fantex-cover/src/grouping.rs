@@ -299,7 +299,7 @@ impl Builder<'_> {
         } else {
             scratch.fans.clear();
             scratch.fans.extend(members.iter().map(|i| i.fan));
-            scratch.flattener.project(self.surface, &scratch.fans, &membership).ok()?
+            scratch.flattener.project(self.surface, &scratch.fans, &membership)?
         };
         Some(Patch { start, length, flat, density, steepest_fan })
     }

@@ -69,19 +69,19 @@ impl Fans {
     /// Gathers the fans of a mesh with the given vertex-to-corner lists. Linear in the corners for bounded degree,
     /// `O(d log d)` for a vertex of degree `d`.
     pub fn of(triangles: &[[u32; 3]], vertex_corners: &VertexCorners) -> Self {
-        let vertices: Vec<u32> = (0..vertex_corners.len() as u32).collect();
-        let parts: Vec<Part> = vertices
-            .par_chunks(4096)
-            .map(|chunk| {
+        let vertex_count = vertex_corners.len();
+        let parts: Vec<Part> = (0..vertex_count.div_ceil(RUN))
+            .into_par_iter()
+            .map(|run| {
                 let mut part = Part::default();
                 let mut walker = Walker::default();
-                for &v in chunk {
-                    walker.walk(triangles, v, vertex_corners.at(v as usize), &mut part);
+                for v in run * RUN..vertex_count.min((run + 1) * RUN) {
+                    walker.walk(triangles, vertex_corners.at(v), &mut part);
                 }
                 part
             })
             .collect();
-        Self::concatenate(parts, triangles, vertex_corners.len())
+        Self::concatenate(parts, triangles, vertex_count)
     }
 
     fn concatenate(parts: Vec<Part>, triangles: &[[u32; 3]], vertex_count: usize) -> Self {
@@ -191,6 +191,9 @@ fn invert(first: &[u32], corners: &[FanCorner], corner_count: usize) -> Vec<u32>
     corner_fans
 }
 
+/// Vertices walked in one go.
+const RUN: usize = 4096;
+
 /// Fans of a run of vertices.
 #[derive(Default)]
 struct Part {
@@ -217,7 +220,7 @@ struct Walker {
 const SMALL_DEGREE: usize = 24;
 
 impl Walker {
-    fn walk(&mut self, triangles: &[[u32; 3]], _vertex: u32, corners: &[u32], part: &mut Part) {
+    fn walk(&mut self, triangles: &[[u32; 3]], corners: &[u32], part: &mut Part) {
         self.ring.clear();
         self.ring.extend(corners.iter().map(|&c| {
             let (t, k) = (&triangles[c as usize / 3], c as usize % 3);
