@@ -4,18 +4,23 @@
 //! row 0, column 0, `u` to the right and `v` downwards, both in `[0,1]` over the image.
 
 pub mod color;
+mod color_ramp;
 pub mod compare;
 pub mod filter;
 mod image;
 mod image_file;
 mod image_texture;
+pub mod look;
 mod mapping;
 pub mod material;
 pub mod noise;
 mod solid;
+mod texture;
 
+pub use color_ramp::*;
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;
 pub use mapping::*;
 pub use solid::*;
+pub use texture::*;
