@@ -6,6 +6,7 @@
 pub mod color;
 mod color_ramp;
 pub mod compare;
+mod coordinates;
 pub mod filter;
 mod image;
 mod image_file;
@@ -19,6 +20,7 @@ mod solid;
 mod texture;
 
 pub use color_ramp::*;
+pub use coordinates::*;
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;

@@ -4,6 +4,8 @@ use std::fmt;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::look::Slot;
+
 /// Where a texture is asked, and how far the asker averages.
 ///
 /// The footprint is a parallelogram around the point: for a picture one pixel (edges to the right and downwards), for a bake
@@ -109,6 +111,21 @@ impl fmt::Debug for dyn Texture {
 impl Texture for Vec4 {
     fn evaluate(&self, _at: &ShadingPoint<'_>) -> Vec4 {
         *self
+    }
+}
+
+/// A constant or a texture, as a texture again.
+impl Texture for Slot {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        Self::evaluate(self, at)
+    }
+
+    fn is_view_dependent(&self) -> bool {
+        matches!(self, Self::Texture(texture) if texture.is_view_dependent())
+    }
+
+    fn is_animated(&self) -> bool {
+        matches!(self, Self::Texture(texture) if texture.is_animated())
     }
 }
 

@@ -4,7 +4,8 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
-use super::{Bounds, Mapping, sphere::azimuth};
+use super::{Bounds, Mapping, SurfacePoint, sphere::azimuth};
+use crate::{Allowed, InvalidOption};
 
 /// `(u, v) = (a r (theta - theta_0), d (h - h_0))`, theta about the y axis through `center`, seen from outside: u grows to
 /// the right, v downwards (so `d` is negative). The seam is on the far side (-z) of a fitted cylinder.
@@ -22,6 +23,9 @@ pub struct CylinderMap {
     pub along: f32,
     /// `h_0`, the height where `v` is 0.
     pub height: f32,
+    /// The lowest and the highest point of the mantle. Coordinates go on beyond, but rays that leave through the top or the
+    /// bottom get those of the rim: that keeps the coordinates of a two-part mapping within bounds.
+    pub ends: [f32; 2],
 }
 
 impl CylinderMap {
@@ -36,6 +40,7 @@ impl CylinderMap {
             angle: -0.5 * TAU,
             along: -1.0 / extent.y,
             height: bounds.max.y,
+            ends: [bounds.max.y - extent.y, bounds.max.y],
         }
     }
 
@@ -48,6 +53,48 @@ impl CylinderMap {
             uv.y / self.along + self.height,
             self.center.z + self.radius * cos,
         )
+    }
+
+    /// Where the line leaves the mantle, or the rim nearest to where it leaves the top or bottom. For lines that pass by, the
+    /// point of the mantle that is nearest to the line's closest point.
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+        let local = origin - self.center;
+        let a = direction.x * direction.x + direction.z * direction.z;
+        let b = local.x * direction.x + local.z * direction.z;
+        let c = local.x * local.x + local.z * local.z - self.radius * self.radius;
+        let through_mantle = if a > 0.0 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { f32::INFINITY };
+        let through_end = match direction.y {
+            up if up > 0.0 => (self.ends[1] - origin.y) / up,
+            down if down < 0.0 => (self.ends[0] - origin.y) / down,
+            _ => f32::INFINITY,
+        };
+        let along = through_mantle.min(through_end);
+        along.is_finite().then(|| self.rim_or_mantle(origin + direction * along))
+    }
+
+    /// The point at the same azimuth, and at the same height within the ends.
+    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+        self.rim_or_mantle(p)
+    }
+
+    fn rim_or_mantle(&self, p: Vec3) -> SurfacePoint {
+        let (sin, cos) = azimuth(p - self.center).sin_cos();
+        let normal = Vec3::new(sin, 0.0, cos);
+        let height = p.y.max(self.ends[0]).min(self.ends[1]);
+        let axis = Vec3::new(self.center.x, height, self.center.z);
+        SurfacePoint { position: axis + normal * self.radius, normal }
+    }
+
+    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "a cylinder mapping";
+        Allowed::Finite.check(OWNER, "the centre", &self.center.to_array())?;
+        Allowed::Positive.check(OWNER, "the radius", &[self.radius])?;
+        Allowed::NotZero.check(OWNER, "'around' (images per unit of length)", &[self.around])?;
+        Allowed::Finite.check(OWNER, "the angle", &[self.angle])?;
+        Allowed::NotZero.check(OWNER, "'along' (images per unit of height)", &[self.along])?;
+        Allowed::Finite.check(OWNER, "the height", &[self.height])?;
+        Allowed::Finite.check(OWNER, "the ends", &self.ends)?;
+        Allowed::NotNegative.check(OWNER, "the height between the ends", &[self.ends[1] - self.ends[0]])
     }
 }
 

@@ -7,3 +7,4 @@ mod filters;
 mod mappings;
 mod solids;
 mod speed;
+mod two_part;
