@@ -5,8 +5,9 @@
 
 pub mod color;
 mod color_ramp;
+pub mod combine;
 pub mod compare;
-mod coordinates;
+pub mod coordinates;
 pub mod filter;
 mod image;
 mod image_file;
@@ -20,7 +21,6 @@ mod solid;
 mod texture;
 
 pub use color_ramp::*;
-pub use coordinates::*;
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;
