@@ -19,6 +19,7 @@ pub mod material;
 pub mod noise;
 mod solid;
 mod texture;
+pub mod warp;
 
 pub use color_ramp::*;
 pub use image::*;
