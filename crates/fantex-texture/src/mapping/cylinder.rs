@@ -23,8 +23,8 @@ pub struct CylinderMap {
     pub along: f32,
     /// `h_0`, the height where `v` is 0.
     pub height: f32,
-    /// The lowest and the highest point of the mantle. Coordinates go on beyond, but rays that leave through the top or the
-    /// bottom get those of the rim: that keeps the coordinates of a two-part mapping within bounds.
+    /// The lowest and the highest point of the mantle. Where rays leave through the top or the bottom, its disc counts as
+    /// folded up: the mantle's coordinates go on from the rim to the centre, and stay within bounds.
     pub ends: [f32; 2],
 }
 
@@ -55,33 +55,33 @@ impl CylinderMap {
         )
     }
 
-    /// Where the line leaves the mantle, or the rim nearest to where it leaves the top or bottom. For lines that pass by, the
-    /// point of the mantle that is nearest to the line's closest point.
+    /// Where the line leaves the mantle, or the top or bottom, folded up. For lines that pass by, the point of the mantle that
+    /// is nearest to the line's closest point.
     pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
         let local = origin - self.center;
         let a = direction.x * direction.x + direction.z * direction.z;
         let b = local.x * direction.x + local.z * direction.z;
         let c = local.x * local.x + local.z * local.z - self.radius * self.radius;
         let through_mantle = if a > 0.0 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { f32::INFINITY };
-        let through_end = match direction.y {
-            up if up > 0.0 => (self.ends[1] - origin.y) / up,
-            down if down < 0.0 => (self.ends[0] - origin.y) / down,
-            _ => f32::INFINITY,
-        };
+        let end = if direction.y >= 0.0 { self.ends[1] } else { self.ends[0] };
+        let through_end = if direction.y == 0.0 { f32::INFINITY } else { (end - origin.y) / direction.y };
         let along = through_mantle.min(through_end);
-        along.is_finite().then(|| self.rim_or_mantle(origin + direction * along))
+        if !along.is_finite() {
+            return None;
+        }
+        let mut leaves = origin + direction * along;
+        if through_end < through_mantle {
+            let to_rim = self.radius - (leaves.x - self.center.x).hypot(leaves.z - self.center.z);
+            leaves.y = end + to_rim.max(0.0).copysign(direction.y);
+        }
+        Some(self.foot(leaves))
     }
 
-    /// The point at the same azimuth, and at the same height within the ends.
+    /// The point of the endless mantle at the same azimuth and height.
     pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
-        self.rim_or_mantle(p)
-    }
-
-    fn rim_or_mantle(&self, p: Vec3) -> SurfacePoint {
         let (sin, cos) = azimuth(p - self.center).sin_cos();
         let normal = Vec3::new(sin, 0.0, cos);
-        let height = p.y.max(self.ends[0]).min(self.ends[1]);
-        let axis = Vec3::new(self.center.x, height, self.center.z);
+        let axis = Vec3::new(self.center.x, p.y, self.center.z);
         SurfacePoint { position: axis + normal * self.radius, normal }
     }
 

@@ -7,6 +7,7 @@ mod coordinates;
 mod files;
 mod filters;
 mod mappings;
+mod pictures;
 mod solids;
 mod speed;
 mod two_part;

@@ -156,7 +156,7 @@ fn rays_arrive_where_they_point() {
                     OMap::SurfaceNormal => continue,
                 };
                 let uv = TwoPartMapping { s_map, o_map }.coordinates(&at).uv;
-                // Rays through the ends of the cylinder have the coordinates of the rim; rays along a plane go far.
+                // Rays through the ends of the cylinder arrive at the mantle beyond; rays along a plane go far.
                 if (kind == ShapeKind::Cylinder && !(0.001..0.999).contains(&uv.y)) || uv.length() > 100.0 {
                     skipped += 1;
                     continue;
@@ -271,6 +271,19 @@ fn nothing_is_infinite_at_poles_centres_and_along_axes() {
             }
         }
     }
+}
+
+#[test]
+fn ends_of_cylinders_are_folded_up() {
+    // Radius 1 and height 2: a ray straight up, 0.75 from the axis, leaves a quarter from the rim.
+    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let shape = ShapeKind::Cylinder.fit(bounds);
+    let height = |origin: Vec3, direction: Vec3| shape.leave(origin, direction).unwrap().position.y;
+    assert!((height(Vec3::X * 0.75, Vec3::Y) - 1.25).abs() < 1e-6);
+    assert!((height(Vec3::X * 0.75, Vec3::NEG_Y) + 1.25).abs() < 1e-6);
+    // Nothing breaks at the rim.
+    let [below, above] = [0.999, 1.001].map(|slope| height(Vec3::ZERO, Vec3::new(1.0, slope, 0.0)));
+    assert!(below < 1.0 && above > 1.0 && above - below < 3e-3, "{below} {above}");
 }
 
 #[test]
