@@ -3,7 +3,7 @@
 use glam::Vec4;
 
 use crate::look::Slot;
-use crate::{ShadingPoint, Texture};
+use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
 
 /// What becomes of the fragment's colour `F` under a texel `T`, with a constant colour `C`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -43,6 +43,17 @@ pub struct Combine {
     pub fragment: Slot,
     /// `C`, linear RGBA; of importance for [`CombineMode::Blend`].
     pub constant: Vec4,
+}
+
+impl Combine {
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        Allowed::Finite.check("an environment mode", "the constant colour", &self.constant.to_array())
+    }
 }
 
 impl Texture for Combine {

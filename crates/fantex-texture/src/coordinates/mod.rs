@@ -57,7 +57,8 @@ impl Coordinates {
     pub fn check(&self) -> Result<(), InvalidOption> {
         match self {
             // A placed surface has been checked when it was made.
-            Self::Uv { .. } | Self::Surface(_) | Self::TwoPart(_) => Ok(()),
+            Self::Uv { .. } | Self::Surface(_) => Ok(()),
+            Self::TwoPart(mapping) => mapping.check(),
             Self::Triplanar(map) => map.check(),
             Self::Parameter(parameter) => parameter.check(),
         }

@@ -16,7 +16,7 @@
 use glam::{Vec2, Vec3};
 
 use super::{SMap, SurfacePoint};
-use crate::{ShadingPoint, UvPoint};
+use crate::{Allowed, InvalidOption, ShadingPoint, UvPoint};
 
 /// How a point of the object is joined to the intermediate surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,6 +52,20 @@ const STEP: f32 = 5e-3;
 const LONGEST: f32 = 1e4;
 
 impl TwoPartMapping {
+    /// Whether all numbers are in range (those of the S-map are).
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        match self.o_map {
+            OMap::Centroid { center } => {
+                Allowed::Finite.check("a two-part mapping", "the centroid", &center.to_array())
+            }
+            OMap::Reflection | OMap::ObjectNormal | OMap::SurfaceNormal => Ok(()),
+        }
+    }
+
     /// Whether the coordinates depend on the eye.
     pub fn is_view_dependent(&self) -> bool {
         self.o_map == OMap::Reflection

@@ -7,11 +7,14 @@ use fantex_mesh::{CleanOptions, LoadOptions, Mesh, Model, clean, generate, load,
 use fantex_texture::combine::{Channel, Contours, LineWidth, RampTexture};
 use fantex_texture::coordinates::{Coordinates, ImageLookup, Parameter};
 use fantex_texture::look::Slot;
+use fantex_texture::warp::{
+    AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
+};
 use fantex_texture::{
     Bounds, ColorRamp, ColorSpace, Depth, Filter, Image, ImageTexture, OMap, Placement, RampInterpolation,
-    SMap, SampleOptions, ShadingPoint, ShapeKind, Texture, TriplanarMap, TwoPartMapping,
+    SMap, SampleOptions, ShadingPoint, ShapeKind, Texture, TriplanarMap, TwoPartMapping, Wrap,
 };
-use glam::{Mat3, Quat, Vec2, Vec3, Vec4};
+use glam::{DVec2, Mat3, Quat, Vec2, Vec3, Vec4};
 
 use crate::common::{data_folder, shading_point};
 
@@ -182,6 +185,44 @@ fn earth() {
         view.picture(&lookup(&earth, Coordinates::Surface(s_map)))
     });
     save_sheet("fantex-mappings-earth.png", 400, &[pictures.to_vec()]);
+}
+
+/// Affine, projective and bilinear maps onto the same corners; below, a floor to the horizon and both forward scans.
+#[test]
+#[ignore = "writes pictures to look at"]
+fn warped_images() {
+    let Some(folder) = data_folder("images") else { return };
+    let image = Image::load(folder.join("uv_checker_bw.png")).unwrap();
+    let texture = ImageTexture::new(Arc::new(image.clone()));
+    let size = 300;
+    let quad = [(40.0, 60.0), (280.0, 20.0), (200.0, 280.0), (60.0, 200.0)].map(|(x, y)| DVec2::new(x, y));
+    let floor =
+        [(110.0, 120.0), (190.0, 120.0), (280.0, 290.0), (20.0, 290.0)].map(|(x, y)| DVec2::new(x, y));
+    let corners = [DVec2::ZERO, DVec2::X, DVec2::Y];
+    let affine = AffineMap::from_points(corners, [quad[0], quad[1], quad[3]]).unwrap();
+    let projective = ProjectiveMap::from_quad(quad).unwrap();
+    let bilinear = BilinearMap::from_quad(quad).unwrap();
+    let horizon = ProjectiveMap::from_quad(floor).unwrap();
+    let picture = |image: &Image| -> Vec<Vec4> {
+        (0..size * size).map(|i| Vec4::from_array(image.linear_texel(i % size, i / size))).collect()
+    };
+    let inverse = |map: &dyn PlaneMap, wrap: Wrap| {
+        let options = SampleOptions { wrap: [wrap; 2], filter: Filter::Ewa, ..SampleOptions::default() };
+        picture(&warp_inverse(&texture, map, [size; 2], &options).unwrap())
+    };
+    let forward = |spread| {
+        let small = ImageTexture::new(Arc::new(image.clone())).level(2).clone();
+        picture(&warp_forward(&small, &projective, [size; 2], spread).unwrap())
+    };
+    let rows = [
+        vec![
+            inverse(&affine, Wrap::Border),
+            inverse(&projective, Wrap::Border),
+            inverse(&bilinear, Wrap::Border),
+        ],
+        vec![inverse(&horizon, Wrap::Repeat), forward(Spread::Bilinear), forward(Spread::Area)],
+    ];
+    save_sheet("fantex-mappings-warps.png", size, &rows);
 }
 
 /// A ball seen along `turn`, `size` pixels wide, in closed form.
