@@ -13,7 +13,7 @@ mod parameter;
 mod space_matrix;
 mod texture_matrix;
 
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 pub use direction::{Direction, DirectionPoint};
 pub use image_lookup::ImageLookup;
@@ -37,6 +37,9 @@ pub enum Coordinates {
     TwoPart(TwoPartMapping),
     /// Three projections, blended by the normal.
     Triplanar(TriplanarMap),
+    /// The first two coordinates of the transformed position: with a projective matrix, what a slide projector at its eye
+    /// would show (on both sides of objects, and behind it mirrored).
+    Projected(SpaceMatrix),
     /// A number as `u`, and 1/2 as `v`: for images of one row.
     Parameter(Parameter),
 }
@@ -56,8 +59,8 @@ impl Coordinates {
     /// The first number that is not.
     pub fn check(&self) -> Result<(), InvalidOption> {
         match self {
-            // A placed surface has been checked when it was made.
-            Self::Uv { .. } | Self::Surface(_) => Ok(()),
+            // Placed surfaces and matrices have been checked when they were made.
+            Self::Uv { .. } | Self::Surface(_) | Self::Projected(_) => Ok(()),
             Self::TwoPart(mapping) => mapping.check(),
             Self::Triplanar(map) => map.check(),
             Self::Parameter(parameter) => parameter.check(),
@@ -67,7 +70,7 @@ impl Coordinates {
     /// Whether they depend on the eye.
     pub fn is_view_dependent(&self) -> bool {
         match self {
-            Self::Uv { .. } | Self::Surface(_) | Self::Triplanar(_) => false,
+            Self::Uv { .. } | Self::Surface(_) | Self::Triplanar(_) | Self::Projected(_) => false,
             Self::TwoPart(mapping) => mapping.is_view_dependent(),
             Self::Parameter(parameter) => parameter.is_view_dependent(),
         }
@@ -75,7 +78,11 @@ impl Coordinates {
 
     /// Whether they change with time.
     pub fn is_animated(&self) -> bool {
-        matches!(self, Self::Parameter(parameter) if parameter.is_animated())
+        match self {
+            Self::Uv { .. } | Self::Surface(_) | Self::TwoPart(_) | Self::Triplanar(_) => false,
+            Self::Projected(matrix) => matrix.is_animated(),
+            Self::Parameter(parameter) => parameter.is_animated(),
+        }
     }
 
     /// The value of `look_up` at the coordinates: the blend of three for triplanar ones.
@@ -89,6 +96,10 @@ impl Coordinates {
                     look_up(&UvPoint { uv, steps }).to_array()
                 });
                 Vec4::from_array(blend)
+            }
+            Self::Projected(matrix) => {
+                let SpacePoint { position, steps } = matrix.apply(at);
+                look_up(&UvPoint { uv: position.truncate(), steps: steps.map(Vec3::truncate) })
             }
             Self::Parameter(parameter) => {
                 let steps = parameter.steps(at).map(|step| Vec2::new(step, 0.0));

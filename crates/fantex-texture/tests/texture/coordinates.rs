@@ -11,7 +11,7 @@ use fantex_texture::{
     Bounds, Filter, Filtering, InvalidOption, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind,
     Texture, TriplanarMap, TwoPartMapping, UvPoint, Wrap,
 };
-use glam::{Mat3, Mat4, Vec2, Vec3};
+use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
 use crate::common::{Random, assert_close, shading_point, texture};
 
@@ -163,6 +163,25 @@ fn looked_up_images_keep_their_filters() {
 }
 
 #[test]
+fn projected_images_grow_with_distance() {
+    // An eye at the origin that looks along +z: u = x / z, v = y / z.
+    let matrix = Mat4::from_cols(Vec4::X, Vec4::Y, Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::Z);
+    let matrix = SpaceMatrix::new(SpaceMatrixOptions { matrix, ..SpaceMatrixOptions::default() }).unwrap();
+    for distance in [1.0, 2.0, 5.0] {
+        let at = ShadingPoint {
+            position_steps: [Vec3::X * 0.1, Vec3::Z],
+            ..shading_point(Vec3::new(0.3, 0.6, 1.0) * distance, Vec3::NEG_Z)
+        };
+        Coordinates::Projected(matrix).evaluate(&at, |point| {
+            assert!((point.uv - Vec2::new(0.3, 0.6)).length() < 1e-6);
+            assert!((point.steps[0] - Vec2::X * 0.1 / distance).length() < 1e-6);
+            assert!((point.steps[1] + Vec2::new(0.3, 0.6) / distance).length() < 1e-6);
+            Vec4::ONE
+        });
+    }
+}
+
+#[test]
 fn every_kind_of_coordinates_gives_a_value() {
     let gradient = Arc::new(texture(64, 64, 4, |x, y| [x as f32 / 64.0, y as f32 / 64.0, 0.5, 1.0]));
     let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
@@ -172,6 +191,7 @@ fn every_kind_of_coordinates_gives_a_value() {
         Coordinates::Surface(s_map),
         Coordinates::TwoPart(TwoPartMapping { s_map, o_map: OMap::Reflection }),
         Coordinates::Triplanar(TriplanarMap::fit(bounds)),
+        Coordinates::Projected(SpaceMatrix::default()),
         Coordinates::Parameter(Parameter::Slope { up: Vec3::Y }),
     ];
     let uv = [UvPoint { uv: Vec2::new(0.2, 0.6), steps: [Vec2::X * 0.01, Vec2::Y * 0.01] }];
