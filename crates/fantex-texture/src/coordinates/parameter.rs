@@ -1,6 +1,6 @@
 //! Single numbers of a surface point: the coordinates of one-dimensional textures.
 
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
 
@@ -85,10 +85,19 @@ impl Parameter {
         }
     }
 
-    /// The change along the footprint's edges, by central differences.
+    /// The change along the footprint's edges: for all that is not linear in the point, by central differences.
     pub fn steps(&self, at: &ShadingPoint<'_>) -> [f32; 2] {
-        let beside = |a: f32, b: f32| at.shifted(a, b, |point| self.value(point));
-        [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)]
+        let of_set = |set: usize| at.uv.get(set).map_or([Vec2::ZERO; 2], |point| point.steps);
+        match *self {
+            Self::Along { direction, .. } => at.position_steps.map(|step| direction.dot(step)),
+            Self::U { set } => of_set(set).map(|step| step.x),
+            Self::V { set } => of_set(set).map(|step| step.y),
+            Self::Time => [0.0; 2],
+            Self::Distance { .. } | Self::Slope { .. } | Self::Facing => {
+                let beside = |a: f32, b: f32| at.shifted(a, b, |point| self.value(point));
+                [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)]
+            }
+        }
     }
 }
 

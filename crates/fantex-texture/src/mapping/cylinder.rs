@@ -79,8 +79,8 @@ impl CylinderMap {
 
     /// The point of the endless mantle at the same azimuth and height.
     pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
-        let (sin, cos) = azimuth(p - self.center).sin_cos();
-        let normal = Vec3::new(sin, 0.0, cos);
+        let local = p - self.center;
+        let normal = Vec3::new(local.x, 0.0, local.z).normalize_or(Vec3::Z);
         let axis = Vec3::new(self.center.x, p.y, self.center.z);
         SurfacePoint { position: axis + normal * self.radius, normal }
     }

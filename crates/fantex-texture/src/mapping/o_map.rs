@@ -73,27 +73,34 @@ impl TwoPartMapping {
 
     /// The coordinates of a point, with their change along the footprint's edges.
     pub fn coordinates(&self, at: &ShadingPoint<'_>) -> UvPoint {
-        let hit = self.hit(at.position, at.normal, at.to_eye);
-        let step = |edge: usize| self.hit_step(at, edge);
-        let mapping = self.s_map.shape().mapping();
-        let uv = mapping.uv(hit.position, hit.normal);
-        let steps = mapping.uv_footprint(hit.position, hit.normal, step(0), step(1));
+        let shape = self.s_map.shape();
+        let (point, steps) = match self.o_map {
+            // Along its normal, a surface's coordinates stay the same: they are those of the point itself.
+            OMap::SurfaceNormal => {
+                let position = self.s_map.local_point(at.position);
+                let steps = at.position_steps.map(|step| self.s_map.local_direction(step));
+                (SurfacePoint { position, normal: shape.foot(position).normal }, steps)
+            }
+            _ => (self.hit(at.position, at.normal, at.to_eye), [0, 1].map(|edge| self.hit_step(at, edge))),
+        };
+        let mapping = shape.mapping();
+        let uv = mapping.uv(point.position, point.normal);
+        let steps = mapping.uv_footprint(point.position, point.normal, steps[0], steps[1]);
         UvPoint { uv, steps: steps.map(bounded) }
     }
 
-    /// The point of the intermediate surface, in its own space. Where no ray reaches it, the nearest point of the surface.
+    /// Where the ray reaches the intermediate surface, in its own space. If it does not, the nearest point of the surface.
     fn hit(&self, p: Vec3, n: Vec3, to_eye: Option<Vec3>) -> SurfacePoint {
+        let shape = self.s_map.shape();
         let local = self.s_map.local_point(p);
-        let ray = match self.o_map {
-            OMap::SurfaceNormal => None,
-            OMap::ObjectNormal => Some((local, n)),
-            OMap::Centroid { center } => Some((self.s_map.local_point(center), p - center)),
-            OMap::Reflection => Some((local, reflected(to_eye.unwrap_or(n), n))),
+        let (origin, direction) = match self.o_map {
+            OMap::SurfaceNormal => return shape.foot(local),
+            OMap::ObjectNormal => (local, n),
+            OMap::Centroid { center } => (self.s_map.local_point(center), p - center),
+            OMap::Reflection => (local, reflected(to_eye.unwrap_or(n), n)),
         };
-        ray.and_then(|(origin, direction)| {
-            self.s_map.shape().leave(origin, self.s_map.local_direction(direction))
-        })
-        .unwrap_or_else(|| self.s_map.shape().foot(local))
+        let ray_end = shape.leave(origin, self.s_map.local_direction(direction));
+        ray_end.unwrap_or_else(|| shape.foot(local))
     }
 
     /// The change of the hit point along an edge of the footprint: a central difference of positions, which (unlike

@@ -8,8 +8,8 @@ use fantex_texture::combine::{
 };
 use fantex_texture::coordinates::Parameter;
 use fantex_texture::look::Slot;
-use fantex_texture::{ColorRamp, RampInterpolation, ShadingPoint, Texture};
-use glam::{Vec3, Vec4};
+use fantex_texture::{ColorRamp, RampInterpolation, ShadingPoint, Texture, UvPoint};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::common::{assert_close, shading_point};
 
@@ -101,6 +101,33 @@ fn fields_say_what_the_surface_is() {
     assert_value(&Field::Uv { set: 3 }, Vec4::W, "no such set");
     assert!(Field::Position { min: Vec3::ZERO, max: Vec3::X }.check().is_err());
     assert!(Parameter::Slope { up: Vec3::ZERO }.check().is_err());
+}
+
+#[test]
+fn parameters_change_as_their_steps_say() {
+    let uv = [UvPoint { uv: Vec2::new(0.2, 0.6), steps: [Vec2::new(0.01, 0.02), Vec2::new(0.03, -0.01)] }];
+    let n = Vec3::new(0.5, 0.6, 0.62).normalize();
+    let (right, down) = n.any_orthonormal_pair();
+    let steps = [right * 0.01, down * 0.02];
+    let to_eye = Some(Vec3::new(0.1, 0.9, 0.3).normalize());
+    let at =
+        ShadingPoint { uv: &uv, position_steps: steps, normal_steps: steps, to_eye, ..shading_point(n, n) };
+    for parameter in [
+        Parameter::Along { origin: Vec3::ONE, direction: Vec3::new(1.0, 2.0, -0.5) },
+        Parameter::Distance { center: Vec3::X },
+        Parameter::Slope { up: Vec3::Y },
+        Parameter::Facing,
+        Parameter::U { set: 0 },
+        Parameter::V { set: 0 },
+        Parameter::U { set: 1 },
+        Parameter::Time,
+    ] {
+        let value = |a: f32, b: f32| at.shifted(a, b, |point| parameter.value(point));
+        let expected = [value(0.5, 0.0) - value(-0.5, 0.0), value(0.0, 0.5) - value(0.0, -0.5)];
+        for (got, expected) in parameter.steps(&at).into_iter().zip(expected) {
+            assert!((got - expected).abs() < 1e-5, "{parameter:?}: {got} against {expected}");
+        }
+    }
 }
 
 /// A point of a slope that rises by `rise` from pixel to pixel to the right.

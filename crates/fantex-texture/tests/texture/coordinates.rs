@@ -239,3 +239,40 @@ fn every_kind_of_coordinates_gives_a_value() {
         }
     }
 }
+
+/// Nanoseconds per point, the best of many runs.
+#[test]
+#[ignore = "measures, asserts nothing"]
+fn speed_of_coordinates() {
+    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let mut random = Random(24);
+    let points: Vec<_> = (0..1000)
+        .map(|_| {
+            let n = random.direction();
+            let (right, down) = n.any_orthonormal_pair();
+            let steps = [right * 0.01, down * 0.01];
+            ShadingPoint { position_steps: steps, normal_steps: steps, ..shading_point(0.7 * n, n) }
+        })
+        .collect();
+    let measure = |name: String, coordinates: Coordinates| {
+        let run = || {
+            let start = std::time::Instant::now();
+            let look_up = |point: &UvPoint| point.uv.extend(0.0).extend(point.steps[0].x);
+            let sum: Vec4 = points.iter().map(|at| coordinates.evaluate(at, look_up)).sum();
+            std::hint::black_box(sum);
+            start.elapsed().as_secs_f64() * 1e6
+        };
+        let best = (0..300).map(|_| run()).fold(f64::INFINITY, f64::min);
+        println!("{name:40} {best:7.1} ns");
+    };
+    for kind in ShapeKind::ALL {
+        let s_map = SMap::new(kind.fit(bounds), &Placement::default()).unwrap();
+        measure(format!("{kind:?}"), Coordinates::Surface(s_map));
+        for o_map in [OMap::Reflection, OMap::ObjectNormal, OMap::default()] {
+            measure(format!("{kind:?} {o_map:?}"), Coordinates::TwoPart(TwoPartMapping { s_map, o_map }));
+        }
+    }
+    measure("Triplanar".into(), Coordinates::Triplanar(TriplanarMap::fit(bounds)));
+    measure("Projected".into(), Coordinates::Projected(SpaceMatrix::default()));
+    measure("Parameter".into(), Coordinates::Parameter(Parameter::default()));
+}
