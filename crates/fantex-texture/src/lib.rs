@@ -6,6 +6,7 @@
 pub mod color;
 mod color_ramp;
 pub mod compare;
+pub mod environment;
 pub mod filter;
 mod image;
 mod image_file;

@@ -2,6 +2,7 @@
 
 mod common;
 mod comparisons;
+mod environments;
 mod files;
 mod filters;
 mod mappings;
