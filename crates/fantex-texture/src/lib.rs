@@ -8,6 +8,7 @@ mod color_ramp;
 pub mod combine;
 pub mod compare;
 pub mod coordinates;
+pub mod environment;
 pub mod filter;
 mod image;
 mod image_file;

@@ -4,6 +4,7 @@ mod combine;
 mod common;
 mod comparisons;
 mod coordinates;
+mod environments;
 mod files;
 mod filters;
 mod mappings;
