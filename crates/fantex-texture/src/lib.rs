@@ -18,7 +18,9 @@ pub mod look;
 mod mapping;
 pub mod material;
 pub mod noise;
+mod procedural;
 mod solid;
+mod tabulate;
 mod texture;
 pub mod warp;
 
@@ -28,5 +30,7 @@ pub use image_file::*;
 pub use image_texture::*;
 pub use invalid_option::*;
 pub use mapping::*;
+pub use procedural::*;
 pub use solid::*;
+pub use tabulate::*;
 pub use texture::*;
