@@ -1,5 +1,8 @@
 //! Textures as functions: images and their filters, procedural solids, mappings of space to texture coordinates.
 //!
+//! [`coordinates`] says where on a surface a texture is looked up, [`combine`] makes textures of textures, and [`warp`] maps
+//! between texture and image planes.
+//!
 //! Values are linear-light RGBA `[f32; 4]` with straight alpha. Image coordinates have their origin at the top left of
 //! row 0, column 0, `u` to the right and `v` downwards, both in `[0,1]` over the image.
 
