@@ -31,7 +31,11 @@ pub(super) fn mean_square_wave(x: f32, width: f32) -> f32 {
         phase.min(2.0 - phase)
     };
     let sign = if x.rem_euclid(2.0) < 1.0 { 1.0 } else { -1.0 };
-    if width < 1e-4 { sign } else { (triangle(x + 0.5 * width) - triangle(x - 0.5 * width)) / width }
+    if width < 1e-4 {
+        sign
+    } else {
+        ((triangle(x + 0.5 * width) - triangle(x - 0.5 * width)) / width).clamp(-1.0, 1.0)
+    }
 }
 
 impl Checker {

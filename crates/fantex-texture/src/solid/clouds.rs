@@ -34,7 +34,7 @@ impl Clouds {
         Self {
             size: 0.7,
             cover: 0.5,
-            softness: 0.35,
+            softness: 0.6,
             speed: 0.2,
             sky: Vec3::new(0.10, 0.28, 0.62),
             cloud: Vec3::new(0.92, 0.93, 0.95),
@@ -66,7 +66,8 @@ impl Clouds {
         let at_time = (p + 0.35 * swirl).extend(self.speed * at.time).to_array();
         // About 0.3 is the standard deviation of the sum.
         let threshold = 0.75 * (0.5 - self.cover);
-        let half = 0.5 * self.softness;
+        // What the footprint takes from the noise's contrast comes back as softer borders.
+        let half = 0.5 * self.softness + 0.5 * width.min(1.0);
         smoothstep(threshold - half, threshold + half, self.noise.value(at_time, width))
     }
 }
