@@ -2,7 +2,7 @@
 //!
 //! R. Ramamoorthi and P. Hanrahan, "An efficient representation for irradiance environment maps", 2001: the clamped cosine
 //! is so smooth that, of the spherical harmonics of its convolution with any light, those beyond order 2 hold little: of the
-//! largest irradiance, 1 % on average and 4 % at worst under an overcast forest, 2 % and 6 % with the sun in the sky
+//! largest irradiance, 1 % on average and 3 % at worst under an overcast forest, 3 % and 7 % with the sun in the sky
 //! (`tests/texture/environments.rs`).
 
 use std::f32::consts::PI;

@@ -10,7 +10,7 @@
 //!
 //! Error against the sum over all texels (root mean square over 60 directions, relative to that of the values;
 //! `tests/texture/environments.rs`): an overcast forest 1 % where the lobe is sampled, 0.4 % where it is summed; a beach
-//! with the sun in the sky 15 % (where in its texel the sun is matters) and 1 %.
+//! with the sun in the sky 15 % and 4 % (where in its texel the sun is matters).
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;

@@ -417,7 +417,7 @@ fn rough_levels_equal_brute_force() {
             }
             let error = (square / truth_square as f32).sqrt();
             println!("{name}: roughness {roughness}: relative rms error {error:.4}");
-            let most = if level < 3 { most } else { 0.02 };
+            let most = if level < 3 { most } else { 0.05 };
             assert!(error < most, "{name}: roughness {roughness}: {error}");
         }
     }
@@ -431,4 +431,18 @@ fn a_sky_can_be_seen_as_a_panorama() {
     assert!(matches!(image.samples, Samples::F32(_)));
     let [above, below] = [10, 120].map(|y| image.linear_texel(128, y));
     assert!(above[2] > above[0] && above[2] > below[2], "{above:?} {below:?}");
+}
+
+/// `cargo test --release -p fantex-texture --test texture prefiltering -- --ignored --nocapture`.
+#[test]
+#[ignore = "measures time"]
+fn speed_of_prefiltering() {
+    let map = Arc::new(EnvironmentMap::from_function(EnvironmentForm::Cube, 512, |d, _| noise(d)));
+    let best = (0..5).map(|_| {
+        let start = std::time::Instant::now();
+        let environment = PrefilteredEnvironment::new(Arc::clone(&map));
+        assert!(environment.reflected(Vec3::X, NO_FOOTPRINT, 0.5).is_finite());
+        start.elapsed().as_secs_f64()
+    });
+    println!("a cube of 512 is prefiltered in {:.2} s", best.fold(f64::INFINITY, f64::min));
 }
