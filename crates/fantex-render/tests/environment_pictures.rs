@@ -1,0 +1,134 @@
+//! Pictures of environments to look at: `cargo test -p fantex-render --test environment_pictures -- --ignored` writes them
+//! into `target/environment-pictures`.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod common;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use common::sphere;
+use fantex_mesh::{CleanOptions, LoadOptions, Mesh, clean, load};
+use fantex_render::{
+    Background, Camera, EnvironmentLight, Hit, Lights, MaterialSample, Picture, RenderOptions, Surface,
+    render,
+};
+use fantex_texture::environment::{
+    EnvironmentForm, EnvironmentLayout, EnvironmentMap, PrefilteredEnvironment, Sky,
+};
+use glam::{DVec3, Vec3};
+
+fn data(name: &str) -> Option<PathBuf> {
+    let root = std::env::var_os("FANTEX_DATA")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
+    let path = root.join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: no test data {}", path.display());
+    None
+}
+
+fn folder() -> PathBuf {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/environment-pictures");
+    std::fs::create_dir_all(&folder).unwrap();
+    folder
+}
+
+/// Metal of one roughness, with waves in the normal if asked for.
+struct Metal<'a> {
+    mesh: &'a Mesh,
+    normals: Vec<Vec3>,
+    roughness: f32,
+    waves: f32,
+}
+
+impl<'a> Metal<'a> {
+    fn new(mesh: &'a Mesh, roughness: f32, waves: f32) -> Self {
+        Self { mesh, normals: fantex_mesh::shading_normals(mesh), roughness, waves }
+    }
+}
+
+impl Surface for Metal<'_> {
+    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        let corners = [0, 1, 2].map(|k| self.normals[3 * hit.triangle + k]);
+        let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+        let p = hit.position(self.mesh);
+        let bump = Vec3::new((p.y * 25.0).sin(), (p.z * 25.0).sin(), (p.x * 25.0).sin()) * self.waves;
+        MaterialSample {
+            base_color: Vec3::new(0.95, 0.93, 0.9),
+            roughness: self.roughness,
+            metallic: 1.0,
+            normal_steps: [along(hit.dlambda_dx), along(hit.dlambda_dy)],
+            ..MaterialSample::with_normal((along(hit.lambda) + bump).normalize_or(Vec3::Z))
+        }
+    }
+}
+
+fn photograph(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    light: &EnvironmentLight,
+    camera: &Camera,
+    blur: f32,
+) -> Picture {
+    let background = Background::Environment { blur };
+    let options = RenderOptions { width: 360, height: 300, background, ..RenderOptions::default() };
+    render(mesh, surface, camera, &Lights::environment(light.clone()), &options).unwrap().picture
+}
+
+fn save(picture: &Picture, name: &str) {
+    picture.to_srgb_image().save(folder().join(name)).unwrap();
+}
+
+#[test]
+#[ignore = "writes pictures to look at"]
+fn metals_in_environments() {
+    let Some(bunny) = data("meshes/bunny/stanford_bunny.ply") else { return };
+    let (mesh, _) = clean(load(&bunny, &LoadOptions::default()).unwrap(), &CleanOptions::default()).unwrap();
+    let camera = Camera::framing_mesh(&mesh, DVec3::new(0.3, 0.1, 1.0), 1.2);
+    for name in ["forest.exr", "spiaggia_di_mondello_1k.hdr"] {
+        let Some(path) = data(&format!("images/{name}")) else { return };
+        let map = Arc::new(EnvironmentMap::load(path).unwrap());
+        let stem = name.split('.').next().unwrap();
+        map.unfolded().save(folder().join(format!("{stem}_unfolded.png"))).unwrap();
+        let light = EnvironmentLight::new(Arc::new(PrefilteredEnvironment::new(Arc::clone(&map))));
+        for step in 0..5 {
+            let metal = Metal::new(&mesh, step as f32 / 4.0, 0.0);
+            save(&photograph(&mesh, &metal, &light, &camera, 0.0), &format!("{stem}_bunny_{step}.png"));
+        }
+        let ball = sphere(64, 1.0);
+        let near =
+            Camera { eye: DVec3::new(0.0, 0.3, 3.4), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 40.0 };
+        for (kind, waves) in [("smooth", 0.0), ("waves", 0.12)] {
+            let metal = Metal::new(&ball, 0.05, waves);
+            save(&photograph(&ball, &metal, &light, &near, 0.3), &format!("{stem}_ball_{kind}.png"));
+        }
+        for (form, side) in [(EnvironmentForm::DualParaboloid, 256), (EnvironmentForm::MirrorBall, 384)] {
+            let converted = map.converted(form, side);
+            let layout = match form {
+                EnvironmentForm::DualParaboloid => EnvironmentLayout::DualParaboloid,
+                _ => EnvironmentLayout::MirrorBall,
+            };
+            converted.to_image(layout).save(folder().join(format!("{stem}_{form:?}.png"))).unwrap();
+            let light = EnvironmentLight::new(Arc::new(PrefilteredEnvironment::new(Arc::new(converted))));
+            let metal = Metal::new(&ball, 0.0, 0.0);
+            save(&photograph(&ball, &metal, &light, &near, 0.0), &format!("{stem}_by_{form:?}.png"));
+        }
+    }
+}
+
+#[test]
+#[ignore = "writes pictures to look at"]
+fn computed_skies() {
+    for (name, to_sun, turbidity) in [
+        ("noon", Vec3::new(-0.3, 1.0, -0.3), 2.5),
+        ("evening", Vec3::new(0.3, 0.08, -1.0), 4.0),
+        ("haze", Vec3::new(0.5, 0.5, -1.0), 8.0),
+    ] {
+        let sky = Sky { to_sun, turbidity, has_sun: true, ..Sky::default() }.to_map(128).unwrap();
+        let image = sky.to_image(EnvironmentLayout::Panorama);
+        image.save(folder().join(format!("sky_{name}.png"))).unwrap();
+    }
+}
