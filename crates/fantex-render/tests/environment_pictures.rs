@@ -54,14 +54,19 @@ impl Surface for Metal<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         let corners = [0, 1, 2].map(|k| self.normals[3 * hit.triangle + k]);
         let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
-        let p = hit.position(self.mesh);
-        let bump = Vec3::new((p.y * 25.0).sin(), (p.z * 25.0).sin(), (p.x * 25.0).sin()) * self.waves;
+        let positions = self.mesh.triangle_positions(hit.triangle);
+        let normal = |l: Vec3| {
+            let p = positions[0] * l.x + positions[1] * l.y + positions[2] * l.z;
+            let waves = Vec3::new((p.y * 25.0).sin(), (p.z * 25.0).sin(), (p.x * 25.0).sin());
+            (along(l) + waves * self.waves).normalize_or(Vec3::Z)
+        };
+        let bent = normal(hit.lambda);
         MaterialSample {
             base_color: Vec3::new(0.95, 0.93, 0.9),
             roughness: self.roughness,
             metallic: 1.0,
-            normal_steps: [along(hit.dlambda_dx), along(hit.dlambda_dy)],
-            ..MaterialSample::with_normal((along(hit.lambda) + bump).normalize_or(Vec3::Z))
+            normal_steps: [hit.dlambda_dx, hit.dlambda_dy].map(|d| normal(hit.lambda + d) - bent),
+            ..MaterialSample::with_normal(bent)
         }
     }
 }

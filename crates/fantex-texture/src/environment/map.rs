@@ -208,6 +208,6 @@ impl EnvironmentMap {
 }
 
 fn allowed(color: Vec3) -> Vec3A {
-    // `max` takes the other operand where one is NaN.
-    Vec3A::from(color.to_array().map(|c| c.max(0.0).min(BRIGHTEST)))
+    // Not `clamp`, which keeps NaN.
+    Vec3A::from(color.to_array().map(|c| if c > 0.0 { c.min(BRIGHTEST) } else { 0.0 }))
 }
