@@ -203,7 +203,8 @@ fn spheres_cubes_and_paraboloids_reflect_alike() {
     for (form, side, most) in [
         (EnvironmentForm::Sphere, 256, 0.03),
         (EnvironmentForm::DualParaboloid, 256, 0.03),
-        (EnvironmentForm::MirrorBall, 512, 0.12),
+        // The outermost texel of its disc spans 0.18 radian: around -z detail is lost.
+        (EnvironmentForm::MirrorBall, 512, 0.25),
     ] {
         let other = picture(source.converted(form, side));
         let error = worst(&cube, &other);
