@@ -11,8 +11,9 @@ use std::sync::Arc;
 use common::sphere;
 use fantex_mesh::{CleanOptions, LoadOptions, Mesh, clean, load};
 use fantex_render::{
-    Background, Camera, EnvironmentLight, Hit, Lights, MaterialSample, Picture, RenderOptions, Surface,
-    render,
+    AmbientLight, Background, Camera, CaptureOptions, EnvironmentLight, FlatShading, FlatSurface, Hit,
+    Lights, MaterialSample, ObjectReflection, Picture, ReflectingSurface, RenderOptions, Surface,
+    capture_environment, render,
 };
 use fantex_texture::environment::{
     EnvironmentForm, EnvironmentLayout, EnvironmentMap, PrefilteredEnvironment, Sky,
@@ -122,6 +123,73 @@ fn metals_in_environments() {
             save(&photograph(&ball, &metal, &light, &near, 0.0), &format!("{stem}_by_{form:?}.png"));
         }
     }
+}
+
+/// A checkered floor with four pillars around a ball; the ball's triangles come last.
+fn courtyard() -> (Mesh, usize) {
+    let mut mesh = Mesh::default();
+    let mut quad = |corners: [Vec3; 4]| {
+        let first = mesh.positions.len() as u32;
+        mesh.positions.extend(corners);
+        mesh.triangles.extend([[first, first + 1, first + 2], [first, first + 2, first + 3]]);
+    };
+    let at = Vec3::new;
+    quad([at(-6.0, -1.0, 6.0), at(6.0, -1.0, 6.0), at(6.0, -1.0, -6.0), at(-6.0, -1.0, -6.0)]);
+    for (x, z) in [(-2.0, -2.0), (2.0, -2.0), (2.0, 2.0), (-2.0, 2.0)] {
+        let corner = |i: usize| {
+            let (dx, dz) = [(-0.4, 0.4), (0.4, 0.4), (0.4, -0.4), (-0.4, -0.4)][i % 4];
+            Vec3::new(x + dx, 0.0, z + dz)
+        };
+        for side in 0..4 {
+            let [a, b] = [corner(side), corner(side + 1)];
+            quad([a.with_y(-1.0), b.with_y(-1.0), b.with_y(1.5), a.with_y(1.5)]);
+        }
+        quad([0, 1, 2, 3].map(|i| corner(i).with_y(1.5)));
+    }
+    let walls = mesh.triangles.len();
+    let ball = sphere(64, 1.0);
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend(ball.positions);
+    mesh.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+    (mesh, walls)
+}
+
+#[test]
+#[ignore = "writes pictures to look at"]
+fn a_ball_mirrors_its_courtyard() {
+    let (mesh, walls) = courtyard();
+    let color = |hit: &Hit| {
+        let p = hit.position(&mesh);
+        match hit.triangle {
+            0 | 1 => Vec3::splat(if (p.x.floor() + p.z.floor()) as i32 & 1 == 0 { 0.7 } else { 0.1 }),
+            t if t < walls => {
+                [Vec3::X, Vec3::Y, Vec3::new(0.1, 0.2, 1.0), Vec3::new(1.0, 0.8, 0.1)][(t - 2) / 10]
+            }
+            _ => Vec3::splat(0.02),
+        }
+    };
+    let faceted = FlatSurface::new(&mesh, FlatShading::Faceted, color);
+    let smooth = FlatSurface::new(&mesh, FlatShading::Smooth, color);
+    let sky = Sky::default();
+    let map = Arc::new(PrefilteredEnvironment::new(Arc::new(sky.to_map(256).unwrap())));
+    let mut lights = Lights::sun(sky.to_sun);
+    lights.ambient = AmbientLight::environment(EnvironmentLight::new(map));
+    let background = Background::Environment { blur: 0.0 };
+    let capture = CaptureOptions { background, ..CaptureOptions::default() };
+    let is_ball = |triangle: usize| triangle >= walls;
+    let seen = capture_environment(&mesh, &faceted, &lights, DVec3::ZERO, &capture, &is_ball).unwrap();
+    seen.unfolded().save(folder().join("courtyard_unfolded.png")).unwrap();
+    let reflection = ObjectReflection {
+        environment: EnvironmentLight::new(Arc::new(PrefilteredEnvironment::new(Arc::new(seen)))),
+        reflectance: Vec3::splat(0.9),
+        roughness: 0.0,
+        proxy: None,
+    };
+    let surface = ReflectingSurface::new(&mesh, &smooth, reflection, &is_ball);
+    let camera =
+        Camera { eye: DVec3::new(0.5, 1.6, 5.5), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 45.0 };
+    let options = RenderOptions { width: 480, height: 360, background, ..RenderOptions::default() };
+    save(&render(&mesh, &surface, &camera, &lights, &options).unwrap().picture, "courtyard.png");
 }
 
 #[test]

@@ -27,7 +27,7 @@ impl IrradianceHarmonics {
     pub fn of_map(map: &EnvironmentMap) -> Self {
         let last = map.level_count() - 1;
         let level = (0..=last).find(|&level| map.level_size(level)[1] <= ENOUGH_ROWS).unwrap_or(last);
-        let mut sums = map.integrate(level, |direction, steradians, color| {
+        let sums = map.integrate(level, |direction, steradians, color| {
             let light = color * steradians;
             let mut terms = [Vec3::ZERO; 10];
             basis(direction).iter().zip(&mut terms).for_each(|(value, term)| *term = light * *value);
@@ -46,8 +46,7 @@ impl IrradianceHarmonics {
             } else {
                 0.25
             };
-            sums[order] *= whole * cosine;
-            *coefficient = sums[order];
+            *coefficient = sums[order] * (whole * cosine);
         }
         Self { coefficients }
     }

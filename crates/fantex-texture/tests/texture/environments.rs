@@ -470,7 +470,7 @@ fn cube_textures_look_in_the_direction_they_are_told() {
     assert!(texture(DirectionSource::Reflection).is_view_dependent());
     assert!(!texture(DirectionSource::Normal).is_view_dependent());
     // Turned to the left by a right angle, what was on the right (+x) is ahead (-z).
-    let turned = CubeTexture { rotation: std::f32::consts::FRAC_PI_2, ..texture(DirectionSource::Normal) };
+    let turned = CubeTexture { rotation_degrees: 90.0, ..texture(DirectionSource::Normal) };
     near(shown(&turned, &ShadingPoint { normal: Vec3::NEG_Z, ..point }), Vec3::X);
     // In a room, what is seen depends on the place.
     let room = EnvironmentProxy::Box { min: Vec3::splat(-4.0), max: Vec3::splat(4.0) };

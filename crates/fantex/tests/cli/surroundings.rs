@@ -63,7 +63,7 @@ fn what_is_no_environment_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "cube.obj", CUBE_OBJ);
     let picture = folder.path().join("picture.png");
-    let odd = write(folder.path(), "odd.hdr", &radiance(9, 7, [1, 1, 1, 128]));
+    let odd = write(folder.path(), "odd.hdr", &radiance(9, 7, [9, 9, 9, 128]));
     let empty = write(folder.path(), "empty.hdr", &radiance(0, 0, [0; 4]));
     let missing = folder.path().join("missing.exr");
     for (path, words) in [
