@@ -14,7 +14,7 @@ fn a_panorama_lights_the_model_and_is_seen_behind_it() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "cube.obj", CUBE_OBJ);
     // A green world: 0.5 is 128 / 256 * 2^0.
-    let world = write(folder.path(), "world.hdr", &radiance(8, 4, [0, 128, 0, 128]));
+    let world = write(folder.path(), "world.hdr", radiance(8, 4, [0, 128, 0, 128]));
     let picture = folder.path().join("picture.png");
     json(&[&"render", &model, &"-o", &picture, &"--size", &"32x24", &"--environment", &world]);
     let image = fantex::texture::Image::load(&picture).unwrap();
@@ -63,8 +63,8 @@ fn what_is_no_environment_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let model = write(folder.path(), "cube.obj", CUBE_OBJ);
     let picture = folder.path().join("picture.png");
-    let odd = write(folder.path(), "odd.hdr", &radiance(9, 7, [9, 9, 9, 128]));
-    let empty = write(folder.path(), "empty.hdr", &radiance(0, 0, [0; 4]));
+    let odd = write(folder.path(), "odd.hdr", radiance(9, 7, [9, 9, 9, 128]));
+    let empty = write(folder.path(), "empty.hdr", radiance(0, 0, [0; 4]));
     let missing = folder.path().join("missing.exr");
     for (path, words) in [
         (&odd, vec!["odd.hdr", "9 x 7", "2:1"]),
