@@ -19,6 +19,7 @@ mod material;
 mod mesh;
 mod model;
 mod normals;
+mod ray;
 mod tangents;
 mod write;
 
@@ -30,5 +31,6 @@ pub use material::*;
 pub use mesh::*;
 pub use model::*;
 pub use normals::*;
+pub use ray::*;
 pub use tangents::*;
 pub use write::*;
