@@ -1,8 +1,7 @@
 //! The point of a mesh nearest to a given one: the tree of boxes, nearest box first.
 
 use glam::{DVec3, Vec3, Vec3A};
-use obvhs::bvh2::Bvh2;
-use obvhs::bvh2::node::Bvh2Node;
+use obvhs::cwbvh::CwBvh;
 
 /// A point of a mesh, and how far it is from the one that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,60 +16,71 @@ pub struct NearestPoint {
     pub distance: f32,
 }
 
-/// Goes down the tree, dropping boxes that lie farther away than what was found.
+/// Goes down the tree, nearest box first, dropping boxes that lie farther away than what was found.
 pub(super) fn nearest_point(
-    tree: &Bvh2,
+    tree: &CwBvh,
     corners: &[[Vec3; 3]],
     triangles: &[u32],
     p: Vec3,
     max_distance: f32,
 ) -> Option<NearestPoint> {
-    let root = tree.nodes.first()?;
-    if !p.is_finite() || max_distance.is_nan() || max_distance < 0.0 {
+    if tree.nodes.is_empty() || !p.is_finite() || max_distance.is_nan() || max_distance < 0.0 {
         return None;
     }
     let exact = p.as_dvec3();
-    // Squared; boxes are a little larger than their triangles, so nothing is lost to rounding.
-    let mut bound = f64::from(max_distance).powi(2);
-    let mut found = None;
-    let mut waiting: Vec<(f32, &Bvh2Node)> = vec![(squared_distance(root, p.into()), root)];
+    let mut best = Best { bound: f64::from(max_distance).powi(2), found: None };
+    // Squared distances of boxes; these are a little larger than their triangles, so nothing is lost to rounding.
+    let mut waiting: Vec<(f32, u32)> = vec![(0.0, 0)];
     while let Some((distance, node)) = waiting.pop() {
-        if f64::from(distance) > bound {
+        if f64::from(distance) > best.bound {
             continue;
         }
-        let first = node.first_index as usize;
-        if node.is_leaf() {
-            for slot in first..first + node.prim_count as usize {
-                let (lambda, position) = nearest_of_triangle(exact, corners[slot].map(|c| c.as_dvec3()));
-                let squared = position.distance_squared(exact);
-                if squared < bound || (found.is_none() && squared <= bound) {
-                    bound = squared;
-                    found = Some((slot, lambda, position));
+        let node = &tree.nodes[node as usize];
+        let first_waiting = waiting.len();
+        for child in (0..8).filter(|&child| !node.is_child_empty(child)) {
+            let aabb = node.child_aabb(child);
+            let p = Vec3A::from(p);
+            let distance = (p - p.clamp(aabb.min, aabb.max)).length_squared();
+            if f64::from(distance) > best.bound {
+                continue;
+            }
+            if node.is_leaf(child) {
+                let (first, count) = node.child_primitives(child);
+                for (slot, triangle) in corners.iter().enumerate().skip(first as usize).take(count as usize) {
+                    best.try_triangle(exact, slot, triangle.map(|c| c.as_dvec3()));
                 }
+            } else {
+                waiting.push((distance, node.child_node_index(child)));
             }
-        } else {
-            let mut children =
-                [first, first + 1].map(|n| (squared_distance(&tree.nodes[n], p.into()), &tree.nodes[n]));
-            if children[0].0 < children[1].0 {
-                children.swap(0, 1);
-            }
-            // The nearer one comes off first.
-            waiting.extend(children);
         }
+        waiting[first_waiting..].sort_by(|a, b| b.0.total_cmp(&a.0));
     }
-    let (slot, lambda, position) = found?;
+    let (slot, lambda, position) = best.found?;
     Some(NearestPoint {
         triangle: triangles[slot] as usize,
         lambda: lambda.as_vec3(),
         position: position.as_vec3(),
-        distance: bound.sqrt() as f32,
+        distance: best.bound.sqrt() as f32,
     })
 }
 
-/// From a point to a node's box, squared; zero inside.
-fn squared_distance(node: &Bvh2Node, p: Vec3A) -> f32 {
-    let aabb = node.aabb();
-    (p - p.clamp(aabb.min, aabb.max)).length_squared()
+/// The nearest point so far.
+struct Best {
+    /// Squared distance, at first the largest allowed.
+    bound: f64,
+    /// Slot in the tree's order, barycentric coordinates, position.
+    found: Option<(usize, DVec3, DVec3)>,
+}
+
+impl Best {
+    fn try_triangle(&mut self, p: DVec3, slot: usize, corners: [DVec3; 3]) {
+        let (lambda, position) = nearest_of_triangle(p, corners);
+        let squared = position.distance_squared(p);
+        if squared < self.bound || (self.found.is_none() && squared <= self.bound) {
+            self.bound = squared;
+            self.found = Some((slot, lambda, position));
+        }
+    }
 }
 
 /// Barycentric coordinates and position of the point of a triangle nearest to `p`: the Voronoi regions of corners, edges
