@@ -9,6 +9,7 @@
 mod bake;
 mod fidelity;
 mod footprints;
+mod light;
 mod options;
 mod progress;
 mod raster;
@@ -19,6 +20,7 @@ mod tile;
 
 pub use bake::*;
 pub use fidelity::*;
+pub use light::*;
 pub use options::*;
 pub use progress::*;
 pub use source::*;

@@ -1,5 +1,7 @@
 //! Rays and nearest points on real meshes, compared with asking every triangle.
 
+#![allow(clippy::unwrap_used, reason = "tests may unwrap")]
+
 mod common;
 
 use std::path::Path;
