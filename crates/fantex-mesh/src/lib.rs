@@ -12,6 +12,7 @@
 
 mod adjacency;
 mod clean;
+mod displace;
 mod fans;
 pub mod generate;
 mod load;
@@ -25,6 +26,7 @@ mod write;
 
 pub use adjacency::*;
 pub use clean::*;
+pub use displace::*;
 pub use fans::*;
 pub use load::*;
 pub use material::*;
