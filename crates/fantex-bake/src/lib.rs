@@ -17,6 +17,7 @@ mod source;
 mod sources;
 mod stored;
 mod tile;
+mod transfer;
 
 pub use bake::*;
 pub use fidelity::*;
@@ -25,3 +26,4 @@ pub use options::*;
 pub use progress::*;
 pub use source::*;
 pub use sources::*;
+pub use transfer::*;
