@@ -3,7 +3,7 @@
 //! A channel without texture has the texel [`Vec4::ONE`].
 
 use fantex_mesh::{Material, Mesh, corner_tangents};
-use glam::{Vec3, Vec4};
+use glam::{Mat3, Vec3, Vec4};
 
 use super::MaterialTextures;
 
@@ -70,6 +70,18 @@ impl TangentFrame {
         let normal = blend([0, 1, 2].map(|k| normals[corner + k]));
         let tangent = blend([0, 1, 2].map(|k| tangents[corner + k].truncate()));
         Self { tangent, bitangent: normal.cross(tangent) * tangents[corner].w, normal }
+    }
+
+    /// The coordinates of a unit normal relative to the axes, at unit length: `0.5 + 0.5 *` them is the texel that [`bend`]
+    /// takes back to it. `None` where the axes lie in a plane.
+    ///
+    /// [`bend`]: Self::bend
+    pub fn relative(&self, normal: Vec3) -> Option<Vec3> {
+        let axes = Mat3::from_cols(self.tangent, self.bitangent, self.normal);
+        if axes.determinant().abs() < 1e-6 {
+            return None;
+        }
+        (axes.inverse() * normal).try_normalize()
     }
 
     /// The unit normal that a normal map's texel (0..1) stands for; `None` where it is no direction.
