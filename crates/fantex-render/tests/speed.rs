@@ -4,13 +4,15 @@
 
 mod common;
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use common::tiles::fan_cover;
 use common::{frontal, sheet, triangle_color};
-use fantex_mesh::{Material, Mesh};
+use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, clean};
 use fantex_render::{
-    Background, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, RenderOptions, Surface, render,
+    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
+    Surface, render,
 };
 use fantex_store::{
     Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, TexelFormat, group_pages,
@@ -57,5 +59,26 @@ fn an_asset() {
         let surface = FanSurface::of_asset(&cache, FilterOptions { filter, ..FilterOptions::default() });
         measure(&format!("{filter:?}, cold"), &mesh, &surface, 4);
         measure(&format!("{filter:?}, warm"), &mesh, &surface, 4);
+    }
+}
+
+#[test]
+#[ignore = "measures; run it alone and with optimisation, counting instructions"]
+fn the_bottle() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let data = std::env::var_os("FANTEX_DATA").map_or(root, PathBuf::from);
+    let path = data.join("meshes/WaterBottle/WaterBottle.gltf");
+    if !path.exists() {
+        eprintln!("SKIPPED: {} is missing", path.display());
+        return;
+    }
+    let model = fantex_mesh::load(&path, &LoadOptions::default()).unwrap();
+    let (mesh, _) = clean(model, &CleanOptions::default()).unwrap();
+    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 16.0 / 9.0);
+    for _ in 0..20 {
+        let options = RenderOptions::default();
+        let seen = render(&mesh, &surface, &camera, &Lights::behind(&camera), &options).unwrap();
+        eprintln!("{:?}", seen.stats);
     }
 }
