@@ -10,7 +10,7 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::{Coverage, Hit, MaterialSample, Surface};
+use crate::{Coverage, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// How textures are filtered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,6 +103,10 @@ impl Surface for MeshSurface<'_> {
             unlit: material.unlit,
             lookups: textures.layers().count() as u32,
         }
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        Some(self.normals.smooth_point(self.mesh, hit))
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {
