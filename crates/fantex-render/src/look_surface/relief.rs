@@ -82,7 +82,7 @@ impl Bump<'_> {
     /// Change of the height along the footprint's edges, from differences over half of them.
     fn change(&self, at: &ShadingPoint) -> Vec2 {
         let height = |offset: Vec2| self.height * evaluate_beside(self.texture, at, offset, 1.0).x;
-        let steps = at.position_steps.map(|edge| 0.5 * self.widening(edge));
+        let steps = at.position_steps.map(|edge| self.least_share(edge).max(0.5));
         let here = match self.difference {
             Difference::Central => 0.0,
             Difference::Forward | Difference::Backward => height(Vec2::ZERO),
@@ -95,17 +95,17 @@ impl Bump<'_> {
         Vec2::new(along(Vec2::X, steps[0]), along(Vec2::Y, steps[1]))
     }
 
-    /// How many times an edge has to be taken so that a step along it has digits left.
-    fn widening(&self, edge: Vec3) -> f32 {
+    /// The share of an edge that still has enough digits for a difference along it; may be larger than one.
+    fn least_share(&self, edge: Vec3) -> f32 {
         let length = edge.length();
-        if length > 0.0 { (self.least_step / length).clamp(1.0, 1e6) } else { 1.0 }
+        if length > 0.0 { (self.least_step / length).min(1e6) } else { 1.0 }
     }
 
     /// Variance of the slopes along each axis, around the slope of the whole footprint. Where the footprint is smaller than
     /// the relief, the first points agree, and that was all.
     fn slope_variance(&self, at: &ShadingPoint, axes: &GradientAxes, mean: Vec3) -> f32 {
-        let widening = at.position_steps.map(|edge| self.widening(edge));
-        let share = (SLOPE_SHARE * widening[0]).max(SLOPE_SHARE * widening[1]);
+        let [along, across] = at.position_steps.map(|edge| self.least_share(edge));
+        let share = along.max(across).max(SLOPE_SHARE);
         if share > 0.5 {
             return 0.0;
         }
