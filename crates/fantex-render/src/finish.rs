@@ -33,6 +33,8 @@ pub struct Finish<'a> {
     pub modulate: Vec3,
     /// The diffuse light of each lamp by its `n.l`.
     pub toon: Option<&'a ColorRamp>,
+    /// By how much the normal turns within the pixel, radians: borders of the toon scale are averaged over it.
+    pub normal_width: f32,
     /// A highlight that depends on a direction in the surface.
     pub anisotropy: Option<AnisotropySample>,
 }
@@ -59,9 +61,22 @@ impl Default for Finish<'_> {
             light_map: None,
             modulate: Vec3::ONE,
             toon: None,
+            normal_width: 0.0,
             anisotropy: None,
         }
     }
+}
+
+/// Points at which a colour scale is asked to average it.
+const RAMP_POINTS: usize = 8;
+
+/// The mean colour of a scale over a stretch around `index`.
+fn mean_color(ramp: &ColorRamp, index: f32, width: f32) -> Vec3 {
+    if width < 1e-4 {
+        return ramp.color(index).truncate();
+    }
+    let at = |i: usize| ramp.color(index + width * ((i as f32 + 0.5) / RAMP_POINTS as f32 - 0.5)).truncate();
+    (0..RAMP_POINTS).map(at).sum::<Vec3>() / RAMP_POINTS as f32
 }
 
 impl Finish<'_> {
@@ -91,7 +106,10 @@ impl Finish<'_> {
     fn diffuse_response(&self, n_l: f32, visibility: f32) -> Vec3 {
         match self.toon {
             // A shadow lowers the index, so that its border is a border of the scale's, too.
-            Some(ramp) => ramp.color(if n_l > 0.0 { n_l * visibility } else { n_l }).truncate(),
+            Some(ramp) => {
+                let index = if n_l > 0.0 { n_l * visibility } else { n_l };
+                mean_color(ramp, index, self.normal_width * (1.0 - n_l * n_l).max(0.0).sqrt())
+            }
             None => Vec3::splat(n_l.max(0.0) * visibility),
         }
     }
@@ -121,7 +139,12 @@ impl Finish<'_> {
                 None => n.dot(half).max(0.0).powf(shininess),
             };
             let height = match self.toon {
-                Some(ramp) => (ramp.color(height) - ramp.color(0.0)).truncate().max(Vec3::ZERO),
+                Some(ramp) => {
+                    // The slope of the cosine's power, at the angle where it has this height.
+                    let sine = (1.0 - n.dot(half).powi(2)).max(0.0).sqrt();
+                    let width = self.normal_width * shininess * height * sine;
+                    (mean_color(ramp, height, width) - ramp.color(0.0).truncate()).max(Vec3::ZERO)
+                }
                 None => Vec3::splat(height),
             };
             sum.specular += specular * height * (lamp.color * lamp.visibility);
@@ -140,14 +163,10 @@ impl Finish<'_> {
         (mirror * ((shininess + 8.0) / 8.0), shininess)
     }
 
-    fn metallic_roughness(
-        &self,
-        material: &MaterialSample,
-        to_eye: Vec3,
-        light: &Illumination,
-    ) -> Reflected {
+    fn metallic_roughness(&self, material: &MaterialSample, to_eye: Vec3, light: &Illumination) -> Reflected {
         let lobe = Microfacets::new(material, to_eye, self.specular);
-        let axes = self.anisotropy.map(|a| HighlightAxes::new(material.normal, &a, squared_roughness(material)));
+        let axes =
+            self.anisotropy.map(|a| HighlightAxes::new(material.normal, &a, squared_roughness(material)));
         let mut sum = lobe.ambient(light.ambient).scaled(material.occlusion);
         for lamp in light.incoming(material.normal) {
             let n_l = material.normal.dot(lamp.to_light);
@@ -185,11 +204,7 @@ impl HighlightAxes {
         let bitangent = across.try_normalize().unwrap_or_else(|| normal.any_orthonormal_vector());
         let aspect = (1.0 - 0.9 * anisotropy.strength.abs().min(1.0)).sqrt();
         let wide_narrow = [alpha / aspect, alpha * aspect].map(|a| a.clamp(1e-3, 1.0));
-        let alpha = if anisotropy.strength >= 0.0 {
-            wide_narrow
-        } else {
-            [wide_narrow[1], wide_narrow[0]]
-        };
+        let alpha = if anisotropy.strength >= 0.0 { wide_narrow } else { [wide_narrow[1], wide_narrow[0]] };
         Self { tangent: bitangent.cross(normal), bitangent, normal, alpha }
     }
 

@@ -116,7 +116,11 @@ fn halo(source: &Picture, glow: &Glow) -> Vec<Vec3> {
 fn bright_part([r, g, b, alpha]: [f32; 4], threshold: f32) -> Vec3 {
     let color = Vec3::new(r, g, b).max(Vec3::ZERO) * alpha;
     let bright = luminance(color);
-    if bright > threshold && bright.is_finite() { color * (1.0 - threshold.max(0.0) / bright) } else { Vec3::ZERO }
+    if bright > threshold && bright.is_finite() {
+        color * (1.0 - threshold.max(0.0) / bright)
+    } else {
+        Vec3::ZERO
+    }
 }
 
 /// Pixels in rows.

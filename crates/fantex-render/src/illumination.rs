@@ -32,10 +32,22 @@ struct Lamp<'a> {
 #[derive(Debug)]
 enum Source<'a> {
     /// A unit vector.
-    Directional { to_light: Vec3 },
-    Point { position: Vec3, falloff: Falloff },
-    Spot { position: Vec3, light: &'a SpotLight, cosines: [f32; 2] },
-    Projector { view: LampView, projector: &'a Projector },
+    Directional {
+        to_light: Vec3,
+    },
+    Point {
+        position: Vec3,
+        falloff: Falloff,
+    },
+    Spot {
+        position: Vec3,
+        light: &'a SpotLight,
+        cosines: [f32; 2],
+    },
+    Projector {
+        view: LampView,
+        projector: &'a Projector,
+    },
 }
 
 /// A point that light falls on.
@@ -74,7 +86,8 @@ impl<'a> PreparedLights<'a> {
             shadow: ShadowMaps::draw(light, mesh, surface),
         };
         let lamps: Vec<Lamp> = lights.lamps.iter().map(lamp).collect();
-        let is_local = |lamp: &Lamp| lamp.shadow.is_some() || !matches!(lamp.source, Source::Directional { .. });
+        let is_local =
+            |lamp: &Lamp| lamp.shadow.is_some() || !matches!(lamp.source, Source::Directional { .. });
         Self {
             ambient: &lights.ambient,
             are_local: lamps.iter().any(is_local),

@@ -45,10 +45,10 @@ mod tone_map;
 
 pub use camera::{Bounds, Camera};
 pub use fan_surface::FanSurface;
+pub use finish::{AnisotropySample, Finish};
 pub use flat_surface::{FlatShading, FlatSurface};
 pub use glow::{Glow, render_with_glow};
 pub use hit::{Hit, Interpolation};
-pub use finish::{AnisotropySample, Finish};
 pub use light::{AmbientLight, Falloff, Lens, Light, LightKind, Lights, Projector, Slide, SpotLight};
 pub use look_surface::LookSurface;
 pub use mesh_surface::{FilterOptions, MeshSurface};

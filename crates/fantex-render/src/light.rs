@@ -274,9 +274,8 @@ impl Lights {
 
     /// Checks that every lamp can shine.
     pub(crate) fn check(&self) -> Result<(), RenderError> {
-        let defective = |(lamp, light): (usize, &Light)| {
-            light.defect().map(|defect| RenderError::Light { lamp, defect })
-        };
+        let defective =
+            |(lamp, light): (usize, &Light)| light.defect().map(|defect| RenderError::Light { lamp, defect });
         self.lamps.iter().enumerate().find_map(defective).map_or(Ok(()), Err)
     }
 

@@ -48,13 +48,18 @@ impl std::fmt::Debug for SceneObject<'_> {
 #[non_exhaustive]
 pub enum SceneError {
     /// The placement is not an invertible map.
-    #[error("object {object} cannot be placed: its placement is not finite or flattens it; scale by more than zero")]
+    #[error(
+        "object {object} cannot be placed: its placement is not finite or flattens it; scale by more than zero"
+    )]
     Placement {
         /// Which object, from 0.
         object: usize,
     },
     /// More than a mesh can hold.
-    #[error("the scene's objects have too many vertices or triangles together: {count}, at most {} are possible", u32::MAX)]
+    #[error(
+        "the scene's objects have too many vertices or triangles together: {count}, at most {} are possible",
+        u32::MAX
+    )]
     TooLarge {
         /// Vertices or triangles.
         count: u64,
@@ -149,10 +154,10 @@ fn check(objects: &[SceneObject]) -> Result<(), SceneError> {
 /// A mesh space around all objects: centred, scaled by a power of two.
 fn frame_around(objects: &[SceneObject]) -> WorldFromMesh {
     let empty = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
-    let bounds = objects.iter().flat_map(world_positions).fold(empty, |b, p| Bounds {
-        min: b.min.min(p),
-        max: b.max.max(p),
-    });
+    let bounds = objects
+        .iter()
+        .flat_map(world_positions)
+        .fold(empty, |b, p| Bounds { min: b.min.min(p), max: b.max.max(p) });
     let reach = ((bounds.max - bounds.min) * 0.5).max_element();
     if !reach.is_finite() {
         return WorldFromMesh::default();
@@ -185,9 +190,11 @@ impl<'a> Part<'a> {
         let (own, map) = (self.object.mesh, self.object.world_from_object);
         let first_vertex = mesh.positions.len() as u32;
         let frame = mesh.world_from_mesh;
-        mesh.positions.par_extend(own.positions.par_iter().map(|&p| {
-            frame.inverse_point(map.transform_point3(own.world_from_mesh.point(p)))
-        }));
+        mesh.positions.par_extend(
+            own.positions
+                .par_iter()
+                .map(|&p| frame.inverse_point(map.transform_point3(own.world_from_mesh.point(p)))),
+        );
         mesh.triangles.par_extend(own.triangles.par_iter().map(|t| {
             let [a, b, c] = t.map(|v| v + first_vertex);
             if self.mirrored { [a, c, b] } else { [a, b, c] }

@@ -45,9 +45,7 @@ impl ToneMap {
 impl Picture {
     /// The picture with all its light in 0..1.
     pub fn tone_mapped(&self, tone_map: ToneMap) -> Picture {
-        let map = |&[r, g, b, alpha]: &[f32; 4]| {
-            tone_map.map(Vec3::new(r, g, b)).extend(alpha).to_array()
-        };
+        let map = |&[r, g, b, alpha]: &[f32; 4]| tone_map.map(Vec3::new(r, g, b)).extend(alpha).to_array();
         Picture { rgba: self.rgba.iter().map(map).collect(), ..*self }
     }
 }

@@ -27,7 +27,10 @@ fn save(name: &str, mesh: &Mesh, surface: &dyn Surface, camera: &Camera, lights:
 
 /// A model on a floor.
 fn on_floor(name: &str, mesh: &Mesh, material: LookMaterial, camera: &Camera, lights: &Lights) {
-    let (floor, turn) = (ground(), if name.starts_with("teapot") { DQuat::from_rotation_x(-1.5708) } else { DQuat::IDENTITY });
+    let (floor, turn) = (
+        ground(),
+        if name.starts_with("teapot") { DQuat::from_rotation_x(-1.5708) } else { DQuat::IDENTITY },
+    );
     let plain = LookMaterial { base_color: Slot::color(Vec3::splat(0.6)), ..LookMaterial::default() };
     let below = LookSurface::new(&floor, look(plain));
     let surface = LookSurface::new(mesh, look(material));
@@ -79,7 +82,8 @@ fn lamps() {
     let spot = SpotLight { position, direction, inner_degrees: 18.0, outer_degrees: 24.0, falloff };
     let spot = lamp(LightKind::Spot(spot), 0.9, ShadowOptions::default());
     on_floor("suzanne-spot", &mesh, LookMaterial::default(), &in_front(6.0), &spot);
-    let (Some(slide), Some(bunny)) = (image("images/kodim03.png"), model("meshes/bunny/stanford_bunny.ply")) else {
+    let (Some(slide), Some(bunny)) = (image("images/kodim03.png"), model("meshes/bunny/stanford_bunny.ply"))
+    else {
         return;
     };
     let projector = Projector {

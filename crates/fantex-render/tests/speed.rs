@@ -11,8 +11,8 @@ use common::tiles::fan_cover;
 use common::{frontal, sheet, triangle_color};
 use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, clean};
 use fantex_render::{
-    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
-    Surface, render,
+    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface,
+    RenderOptions, Surface, render,
 };
 use fantex_store::{
     Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, TexelFormat, group_pages,

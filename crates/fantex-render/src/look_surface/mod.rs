@@ -99,10 +99,7 @@ impl<'a> LookSurface<'a> {
                     relief::bend_by_normal(bent.normal, vertex_normal, texel, *scale, frame.as_ref())
                 }
             };
-            bent = Bent {
-                normal: next.normal,
-                slope_variance: bent.slope_variance + next.slope_variance,
-            };
+            bent = Bent { normal: next.normal, slope_variance: bent.slope_variance + next.slope_variance };
         }
         bent
     }
@@ -187,6 +184,7 @@ impl Surface for LookSurface<'_> {
             light_map: material.light_map.as_ref().map(color),
             modulate: material.modulate.as_ref().map_or(Vec3::ONE, color),
             toon: material.toon.as_deref(),
+            normal_width: at.normal_steps[0].length().max(at.normal_steps[1].length()),
             anisotropy: None,
         };
         if let Some(anisotropy) = &material.anisotropy {

@@ -4,13 +4,13 @@ use fantex_texture::ShadingPoint;
 use fantex_texture::look::{LookMaterial, Opacity, Slot};
 use glam::Vec2;
 
-use super::point::{evaluate_beside, spread};
+use super::point::evaluate_beside;
 
-/// Points of the footprint at which a cut-out's alpha is compared with its threshold.
-const POINTS: usize = 16;
+/// Points along each axis of the footprint at which a cut-out's alpha is compared with its threshold.
+const POINTS: u32 = 4;
 
-/// Width of the points' own footprints, as a share of the pixel's.
-const POINT_SHARE: f32 = 1.0 / 16.0;
+/// Width of the points' own footprints, as a share of the pixel's: small, for what they average is lost to the comparison.
+const POINT_SHARE: f32 = 1.0 / 64.0;
 
 /// The opacity at a point. `base_alpha` is the base colour's alpha there.
 ///
@@ -21,17 +21,44 @@ pub(super) fn alpha(material: &LookMaterial, at: &ShadingPoint, base_alpha: f32)
         Opacity::Opaque => 1.0,
         Opacity::Blend => (base_alpha * material.alpha.evaluate_number(at)).clamp(0.0, 1.0),
         Opacity::Mask { threshold } => {
-            let is_constant = [&material.base_color, &material.alpha]
-                .iter()
-                .all(|slot| matches!(slot, Slot::Constant(_)));
+            let is_constant =
+                [&material.base_color, &material.alpha].iter().all(|slot| matches!(slot, Slot::Constant(_)));
             if is_constant {
                 let alpha = base_alpha * material.alpha.evaluate_number(at);
                 return f32::from(u8::from(alpha >= threshold));
             }
-            let is_there = |&i: &usize| alpha_beside(material, at, spread(i)) >= threshold;
-            (0..POINTS).filter(is_there).count() as f32 / POINTS as f32
+            let mut random = Random::of_point(at);
+            let is_there = |i: &u32| {
+                let offset = (random.cell(i % POINTS, i / POINTS)) - 0.5;
+                alpha_beside(material, at, offset) >= threshold
+            };
+            (0..POINTS * POINTS).filter(is_there).count() as f32 / (POINTS * POINTS) as f32
         }
     }
+}
+
+/// Random points that are the same wherever and whenever a point of the surface is asked. Regular ones would beat with the
+/// regular patterns that cut-outs often have.
+struct Random(u32);
+
+impl Random {
+    fn of_point(at: &ShadingPoint) -> Self {
+        Self(at.position.to_array().iter().fold(0x9E37_79B9, |hash, x| mixed(hash ^ x.to_bits())))
+    }
+
+    /// A point of a cell of the square that is divided into [`POINTS`] times as many.
+    fn cell(&mut self, x: u32, y: u32) -> Vec2 {
+        self.0 = mixed(self.0.wrapping_add(0x9E37_79B9));
+        let [low, high] = [self.0 & 0xFFFF, self.0 >> 16].map(|bits| bits as f32 / 65536.0);
+        Vec2::new(x as f32 + low, y as f32 + high) / POINTS as f32
+    }
+}
+
+/// The finaliser of MurmurHash3 (A. Appleby, 2011).
+fn mixed(mut x: u32) -> u32 {
+    x = (x ^ x >> 16).wrapping_mul(0x85EB_CA6B);
+    x = (x ^ x >> 13).wrapping_mul(0xC2B2_AE35);
+    x ^ x >> 16
 }
 
 fn alpha_beside(material: &LookMaterial, at: &ShadingPoint, offset: Vec2) -> f32 {

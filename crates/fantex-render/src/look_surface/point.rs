@@ -83,12 +83,7 @@ fn smooth_normal(mesh: &Mesh, normals: &CornerNormals, hit: &Hit) -> (Vec3, [Vec
 
 /// The value of a texture at the point moved by `offset` along the footprint's edges, over a footprint that is `share` times
 /// as wide.
-pub(super) fn evaluate_beside(
-    texture: &dyn Texture,
-    at: &ShadingPoint,
-    offset: Vec2,
-    share: f32,
-) -> Vec4 {
+pub(super) fn evaluate_beside(texture: &dyn Texture, at: &ShadingPoint, offset: Vec2, share: f32) -> Vec4 {
     let mut uv = [UvPoint::default(); MAX_UV_SETS];
     for (moved, own) in uv.iter_mut().zip(at.uv) {
         let [x, y] = own.steps;

@@ -162,11 +162,8 @@ pub(super) fn bend_by_normal(
         }
     };
     let Some(bent) = bent.try_normalize() else { return unbent };
-    let turned = if normal == vertex_normal {
-        bent
-    } else {
-        Quat::from_rotation_arc(vertex_normal, normal) * bent
-    };
+    let turned =
+        if normal == vertex_normal { bent } else { Quat::from_rotation_arc(vertex_normal, normal) * bent };
     Bent { normal: turned, slope_variance: scale * scale * mean_normal_variance(texel.length()) }
 }
 

@@ -124,7 +124,8 @@ impl Caster<'_> {
             let middle = [x, y].map(|c| c as i32 * SUBPIXELS + SUBPIXELS / 2);
             let own = fragment.nearness.at(middle);
             let nearest = &mut nearness[fragment.pixel as usize];
-            if own > *nearest && self.alpha(fragment, Vec2::new(x as f32 + 0.5, y as f32 + 0.5)) >= LEAST_ALPHA
+            if own > *nearest
+                && self.alpha(fragment, Vec2::new(x as f32 + 0.5, y as f32 + 0.5)) >= LEAST_ALPHA
             {
                 *nearest = own;
             }

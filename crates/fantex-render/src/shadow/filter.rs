@@ -65,12 +65,7 @@ struct Asked {
 
 impl Asked {
     /// `None` outside the map.
-    fn new(
-        face: &ShadowFace,
-        options: &ShadowOptions,
-        receiver: &Receiver,
-        to_light: Vec3,
-    ) -> Option<Self> {
+    fn new(face: &ShadowFace, options: &ShadowOptions, receiver: &Receiver, to_light: Vec3) -> Option<Self> {
         let side = f64::from(face.resolution);
         let straight = face.view.project(receiver.position);
         if straight.w <= 0.0 || straight.depth <= 0.0 {

@@ -80,8 +80,8 @@ fn parallel(forward: DVec3, mesh: &Mesh) -> Fitted {
         seen.uv.extend(seen.depth)
     };
     let bounds = mesh.positions.iter().map(in_view);
-    let (low, high) = bounds
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let (low, high) =
+        bounds.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
     if !(low.is_finite() && high.is_finite()) {
         return Fitted { view: probe, far: 1.0 };
     }

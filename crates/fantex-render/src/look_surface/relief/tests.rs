@@ -102,7 +102,8 @@ fn bumps_too_fine_to_see_are_variance() {
         / n as f32;
     assert!((mean / expected - 1.0).abs() < 0.15, "{mean} against {expected}");
     let smooth = Waves { amplitude: 0.1, frequency: 8.0 };
-    let seen = bump(&smooth, Difference::Central).bend(Vec3::Z, &point(Vec3::X, footprints(0.002)[2], &[]), true);
+    let seen =
+        bump(&smooth, Difference::Central).bend(Vec3::Z, &point(Vec3::X, footprints(0.002)[2], &[]), true);
     assert!(seen.slope_variance < 1e-4, "{}", seen.slope_variance);
 }
 

@@ -1,0 +1,482 @@
+//! Several objects in one picture, and what their lamps and shadows do.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod common;
+
+use std::sync::Arc;
+
+use common::looks::{Function, ground, look};
+use common::{frontal, ray, sphere, square, triangle_color};
+use fantex_mesh::Mesh;
+use fantex_render::{
+    AmbientLight, Background, Camera, Falloff, FilterOptions, FlatShading, FlatSurface, Interpolation, Lens,
+    Light, LightKind, Lights, LookSurface, MeshSurface, Penumbra, Picture, Projector, RenderError,
+    RenderOptions, Scene, SceneError, SceneObject, Shading, ShadowOptions, Slide, SpotLight, Surface, render,
+};
+use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Slot};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3, Vec4};
+
+fn options(shading: Shading) -> RenderOptions {
+    RenderOptions {
+        width: 120,
+        height: 90,
+        samples: 4,
+        shading,
+        background: Background::Color(Vec3::ZERO),
+        ..RenderOptions::default()
+    }
+}
+
+fn picture(scene: &Scene, camera: &Camera, lights: &Lights, options: &RenderOptions) -> Picture {
+    render(scene.mesh(), scene, camera, lights, options).unwrap().picture
+}
+
+/// White, diffuse, without any highlight: what is seen is the light that arrives.
+fn matte() -> LookMaterial {
+    LookMaterial {
+        lighting: LightingModel::BlinnPhong,
+        specular: Slot::number(0.0),
+        shininess: Some(Slot::number(1.0)),
+        ..LookMaterial::default()
+    }
+}
+
+fn lit_by(lamps: Vec<Light>) -> Lights {
+    Lights { ambient: AmbientLight::uniform(Vec3::ZERO), lamps }
+}
+
+/// The point of the plane `y = 0` under the middle of a pixel.
+fn on_ground(camera: &Camera, size: [u32; 2], x: u32, y: u32) -> Option<DVec3> {
+    let way = ray(camera, size, f64::from(x) + 0.5, f64::from(y) + 0.5);
+    (way.y < 0.0).then(|| camera.eye - way * (camera.eye.y / way.y))
+}
+
+fn above(height: f64) -> Camera {
+    Camera { eye: DVec3::new(0.3, height, 0.8), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 50.0 }
+}
+
+#[test]
+fn an_ellipsoid_has_its_own_normals() {
+    let ball = sphere(48, 0.5);
+    let surface = LookSurface::new(&ball, look(LookMaterial { double_sided: false, ..matte() }));
+    for mirror in [1.0, -1.0] {
+        let stretch = DMat3::from_quat(DQuat::from_rotation_z(0.6))
+            * DMat3::from_diagonal(DVec3::new(2.0 * mirror, 0.7, 1.0));
+        let place = DAffine3 { matrix3: stretch, translation: DVec3::new(100.0, -20.0, 5.0) };
+        let scene = Scene::new(vec![SceneObject::new(&ball, &surface).placed(place)]).unwrap();
+        let camera = Camera {
+            eye: place.translation + DVec3::Z * 4.0,
+            target: place.translation,
+            up: DVec3::Y,
+            fov_degrees: 40.0,
+        };
+        let seen = picture(&scene, &camera, &Lights::default(), &options(Shading::Normal));
+        let mut compared = 0;
+        for y in 0..90 {
+            for x in 0..120 {
+                // The ray in the ball's own space meets a sphere.
+                let inverse = place.inverse();
+                let way = inverse.transform_vector3(ray(
+                    &camera,
+                    [120, 90],
+                    f64::from(x) + 0.5,
+                    f64::from(y) + 0.5,
+                ));
+                let eye = inverse.transform_point3(camera.eye);
+                let (a, b, c) = (way.length_squared(), eye.dot(way), eye.length_squared() - 0.25);
+                let under_root = b * b - a * c;
+                if under_root < 0.1 * a * 0.25 {
+                    continue;
+                }
+                let p = eye + way * ((-b - under_root.sqrt()) / a);
+                let normal = (stretch.inverse().transpose() * p).normalize().as_vec3();
+                let [r, g, b, _] = seen.pixel(x, y);
+                let shown = Vec3::new(r, g, b) * 2.0 - 1.0;
+                assert!((shown - normal).length() < 0.03, "{mirror} {x},{y}: {shown} instead of {normal}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 500, "{compared}");
+    }
+}
+
+#[test]
+fn objects_hide_each_other_and_keep_their_triangles() {
+    let (near, far) = (square(), sphere(8, 0.5));
+    let [one, two] = [&near, &far].map(|mesh| FlatSurface::new(mesh, FlatShading::Unlit, triangle_color));
+    let scene = Scene::new(vec![
+        SceneObject::new(&far, &two),
+        SceneObject::new(&near, &one).placed(DAffine3::from_translation(DVec3::new(0.3, 0.0, 1.0))),
+    ])
+    .unwrap();
+    assert_eq!(scene.object_of(0), (0, 0));
+    assert_eq!(scene.object_of(far.triangles.len() + 1), (1, 1));
+    assert!((scene.bounds().max - DVec3::new(0.8, 0.5, 1.0)).length() < 1e-6, "{:?}", scene.bounds());
+    let options = RenderOptions { samples: 1, ..options(Shading::BaseColor) };
+    let both = picture(&scene, &frontal(3.0, 40.0), &Lights::default(), &options);
+    let alone = Scene::new(vec![SceneObject::new(&far, &two)]).unwrap();
+    let alone = picture(&alone, &frontal(3.0, 40.0), &Lights::default(), &options);
+    // Left of the square the ball is as if it were alone; only pixels at edges may differ.
+    let left = (0..90).flat_map(|y| (0..46).map(move |x| (x, y)));
+    let differ = left.filter(|&(x, y)| {
+        let [a, b] = [&both, &alone].map(|p| Vec4::from_array(p.pixel(x, y)));
+        (a - b).length() > 1e-4
+    });
+    let differ = differ.count();
+    assert!(differ < 20, "{differ} pixels");
+    let [r, g, b, _] = both.pixel(75, 45);
+    let colors = [0, 1].map(|t| {
+        triangle_color(&fantex_render::Hit {
+            triangle: t,
+            lambda: Vec3::X,
+            dlambda_dx: Vec3::ZERO,
+            dlambda_dy: Vec3::ZERO,
+            front: true,
+            to_eye: Vec3::Z,
+        })
+    });
+    assert!(colors.iter().any(|c| (*c - Vec3::new(r, g, b)).length() < 1e-5), "the square is in front");
+}
+
+#[test]
+fn affine_interpolation_works_on_scenes() {
+    let mesh = square();
+    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let flat = FlatSurface::new(&mesh, FlatShading::Unlit, |hit| hit.lambda);
+    let camera =
+        Camera { eye: DVec3::new(0.1, -0.75, 0.25), target: DVec3::ZERO, up: DVec3::Z, fov_degrees: 60.0 };
+    let away = DAffine3::from_translation(DVec3::X * 5.0);
+    let objects = || vec![SceneObject::new(&mesh, &flat), SceneObject::new(&mesh, &surface).placed(away)];
+    let scene = Scene::new(objects()).unwrap();
+    let mut pictures = Vec::new();
+    for interpolation in [Interpolation::Perspective, Interpolation::Affine] {
+        let options = RenderOptions { interpolation, ..options(Shading::BaseColor) };
+        let alone = render(&mesh, &flat, &camera, &Lights::default(), &options).unwrap().picture;
+        let within = picture(&scene, &camera, &Lights::default(), &options);
+        let off = alone
+            .rgba
+            .iter()
+            .zip(&within.rgba)
+            .filter(|(a, b)| (Vec4::from_array(**a) - Vec4::from_array(**b)).length() > 0.02);
+        assert!(off.count() < 80, "only pixels at edges may differ");
+        pictures.push(within);
+    }
+    assert_ne!(pictures[0], pictures[1]);
+}
+
+#[test]
+fn impossible_scenes_and_lamps_are_refused() {
+    let mesh = square();
+    let surface = LookSurface::new(&mesh, Vec::new());
+    let flattened = SceneObject::new(&mesh, &surface).placed(DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)));
+    let error = Scene::new(vec![SceneObject::new(&mesh, &surface), flattened]).unwrap_err();
+    assert_eq!(error, SceneError::Placement { object: 1 });
+    let spot = |inner_degrees, outer_degrees| {
+        LightKind::Spot(SpotLight {
+            position: DVec3::Y,
+            direction: Vec3::NEG_Y,
+            inner_degrees,
+            outer_degrees,
+            falloff: Falloff::None,
+        })
+    };
+    let huge = ShadowOptions { resolution: 1 << 20, ..ShadowOptions::default() };
+    for bad in [
+        Light::directional(Vec3::ZERO, Vec3::ONE),
+        Light::directional(Vec3::Y, Vec3::splat(f32::NAN)),
+        Light::new(spot(40.0, 30.0), Vec3::ONE),
+        Light::new(spot(10.0, 120.0), Vec3::ONE),
+        Light::directional(Vec3::Y, Vec3::ONE).with_shadow(huge),
+    ] {
+        let lights = lit_by(vec![Light::directional(Vec3::Y, Vec3::ONE), bad]);
+        let error = render(&mesh, &surface, &frontal(2.0, 40.0), &lights, &options(Shading::BaseColor));
+        assert!(matches!(error, Err(RenderError::Light { lamp: 1, .. })), "{error:?}");
+    }
+}
+
+#[test]
+fn projectors_land_where_the_inverse_projection_says() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let place = DAffine3::from_scale(DVec3::splat(6.0));
+    let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
+    let (position, target) = (DVec3::new(-0.5, 2.0, 0.7), DVec3::new(0.2, 0.0, -0.1));
+    let forward = (target - position).normalize();
+    let right = forward.cross(DVec3::Y).normalize();
+    let up = right.cross(forward);
+    let aspect = 1.5;
+    for lens in [Lens::Perspective { fov_degrees: 30.0 }, Lens::Orthographic { height: 1.1 }] {
+        let slide = Slide::Texture(Arc::new(Function(|at: &fantex_texture::ShadingPoint<'_>| {
+            at.uv[0].uv.extend(0.5).extend(1.0)
+        })));
+        let kind = LightKind::Projector(Projector {
+            position,
+            target,
+            up: DVec3::Y,
+            lens,
+            aspect,
+            slide,
+            falloff: Falloff::None,
+        });
+        let lights = lit_by(vec![Light::new(kind, Vec3::ONE)]);
+        let camera = above(2.5);
+        let seen =
+            picture(&scene, &camera, &lights, &RenderOptions { samples: 1, ..options(Shading::BlinnPhong) });
+        let (mut lit, mut dark) = (0, 0);
+        for y in 0..90 {
+            for x in 0..120 {
+                let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+                let d = p - position;
+                let (half, to_light) = match lens {
+                    Lens::Perspective { fov_degrees } => {
+                        ((fov_degrees / 2.0).to_radians().tan() * d.dot(forward), -d.normalize())
+                    }
+                    Lens::Orthographic { height } => (0.5 * height, -forward),
+                };
+                let u = 0.5 + 0.5 * d.dot(right) / (half * aspect);
+                let v = 0.5 - 0.5 * d.dot(up) / half;
+                let border = (u - 0.5).abs().max((v - 0.5).abs()) - 0.5;
+                let [r, g, b, _] = seen.pixel(x, y);
+                if border < -0.02 {
+                    let expected = DVec3::new(u, v, 0.5) * to_light.y;
+                    let off = (Vec3::new(r, g, b).as_dvec3() - expected).length();
+                    assert!(off < 4e-3, "{lens:?} {x},{y}: {r} {g} {b} instead of {expected}");
+                    lit += 1;
+                } else if border > 0.02 {
+                    assert_eq!([r, g, b], [0.0; 3], "{x},{y}");
+                    dark += 1;
+                }
+            }
+        }
+        assert!(lit > 500 && dark > 500, "{lens:?}: {lit} lit, {dark} dark");
+    }
+}
+
+#[test]
+fn spots_light_their_cone() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let place = DAffine3::from_scale(DVec3::splat(6.0));
+    let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
+    let spot = SpotLight {
+        position: DVec3::Y * 2.0,
+        direction: Vec3::NEG_Y,
+        inner_degrees: 15.0,
+        outer_degrees: 20.0,
+        falloff: Falloff::InverseSquare { reference: 2.0, range: None },
+    };
+    let camera = above(2.5);
+    for shadow in [None, Some(ShadowOptions { resolution: 512, ..ShadowOptions::default() })] {
+        let light = Light { shadow, ..Light::new(LightKind::Spot(spot), Vec3::ONE) };
+        let seen = picture(&scene, &camera, &lit_by(vec![light]), &options(Shading::BlinnPhong));
+        for y in 0..90 {
+            for x in 0..120 {
+                let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+                let angle = (p.length() / 2.0).atan().to_degrees();
+                let light = seen.pixel(x, y)[0];
+                if angle < 14.5 {
+                    let cosine = angle.to_radians().cos();
+                    // The cosine of incidence times the square of the distance's.
+                    assert!((f64::from(light) - cosine.powi(3)).abs() < 5e-3, "{x},{y} at {angle}: {light}");
+                } else if angle > 20.5 {
+                    assert_eq!(light, 0.0, "{x},{y} at {angle}");
+                }
+            }
+        }
+    }
+}
+
+/// A square of side one at height 0.5 above a floor of side 6.
+fn roof<'a>(floor: &'a Mesh, square: &'a Mesh, below: &'a dyn Surface, roof: &'a dyn Surface) -> Scene<'a> {
+    let raised = DAffine3::from_translation(DVec3::Y * 0.5);
+    Scene::new(vec![
+        SceneObject::new(floor, below).placed(DAffine3::from_scale(DVec3::splat(6.0))),
+        SceneObject::new(square, roof).placed(raised),
+    ])
+    .unwrap()
+}
+
+#[test]
+fn shadows_end_where_they_should() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let scene = roof(&floor, &floor, &surface, &surface);
+    let camera = above(3.0);
+    let to_light = Vec3::new(-1.0, 1.0, 0.3);
+    let lamp_at = DVec3::new(-2.0, 2.5, 0.6);
+    let point = LightKind::Point { position: lamp_at, falloff: Falloff::None };
+    for (light, is_point) in
+        [(Light::directional(to_light, Vec3::ONE), false), (Light::new(point, Vec3::ONE), true)]
+    {
+        let lights = |shadow| lit_by(vec![Light { shadow, ..light.clone() }]);
+        let options = RenderOptions { samples: 1, ..options(Shading::BlinnPhong) };
+        let free = picture(&scene, &camera, &lights(None), &options);
+        let seen = picture(&scene, &camera, &lights(Some(ShadowOptions::default())), &options);
+        let (mut dark, mut lit) = (0, 0);
+        for y in 0..90 {
+            for x in 0..120 {
+                let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+                // Not where the roof itself is seen.
+                let at_roof = camera.eye + (p - camera.eye) * ((camera.eye.y - 0.5) / camera.eye.y);
+                if at_roof.x.abs().max(at_roof.z.abs()) < 0.52 || p.x.abs().max(p.z.abs()) > 2.9 {
+                    continue;
+                }
+                let way = if is_point { lamp_at - p } else { to_light.as_dvec3() };
+                let through = p + way * (0.5 / way.y);
+                let border = through.x.abs().max(through.z.abs()) - 0.5;
+                let (with, without) = (seen.pixel(x, y)[0], free.pixel(x, y)[0]);
+                if border < -0.03 {
+                    assert_eq!(with, 0.0, "{x},{y} lies in the shadow");
+                    dark += 1;
+                } else if border > 0.03 {
+                    assert_eq!(with, without, "{x},{y} is lit");
+                    lit += 1;
+                }
+            }
+        }
+        assert!(dark > 200 && lit > 2000, "{dark} {lit}");
+    }
+}
+
+#[test]
+fn a_ball_casts_no_shadow_on_its_lit_side() {
+    let ball = sphere(40, 0.8);
+    let surface = MeshSurface::load(&ball, FilterOptions::default()).unwrap();
+    let camera = frontal(3.0, 40.0);
+    for penumbra in [Penumbra::Sharp, Penumbra::Even(0.02), Penumbra::Lamp(0.05)] {
+        for resolution in [256, 1024] {
+            let shadow = ShadowOptions { penumbra, resolution, ..ShadowOptions::default() };
+            let lights = |shadow| {
+                lit_by(vec![Light { shadow, ..Light::directional(Vec3::new(-0.6, 0.5, 0.4), Vec3::ONE) }])
+            };
+            let render = |lights| {
+                render(&ball, &surface, &camera, &lights, &options(Shading::MetallicRoughness))
+                    .unwrap()
+                    .picture
+            };
+            let (free, seen) = (render(lights(None)), render(lights(Some(shadow))));
+            let to_light = Vec3::new(-0.6, 0.5, 0.4).normalize();
+            let mut lost: f32 = 0.0;
+            for (a, b) in free.rgba.iter().zip(&seen.rgba) {
+                // Dimmed by more than the last few degrees before the terminator would explain.
+                lost = lost.max(a[0] - b[0]);
+            }
+            assert!(
+                lost < 0.12,
+                "{penumbra:?} at {resolution}: dimmed by {lost} somewhere, light {to_light}"
+            );
+            let dimmed = free.rgba.iter().zip(&seen.rgba).filter(|(a, b)| a[0] - b[0] > 0.02).count();
+            assert!(dimmed < 300, "{penumbra:?} at {resolution}: {dimmed} pixels");
+        }
+    }
+}
+
+#[test]
+fn a_lamp_in_a_room_lights_all_walls() {
+    // Across the edges of the six maps.
+    let room = sphere(24, 1.0);
+    let inside_out = Mesh { triangles: room.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..room };
+    let surface = LookSurface::new(&inside_out, look(matte()));
+    let camera =
+        Camera { eye: DVec3::ZERO, target: DVec3::new(1.0, 0.9, 1.0), up: DVec3::Y, fov_degrees: 120.0 };
+    let kind = LightKind::Point { position: DVec3::new(0.1, 0.05, -0.1), falloff: Falloff::None };
+    let lights = |shadow| lit_by(vec![Light { shadow, ..Light::new(kind.clone(), Vec3::ONE) }]);
+    let shadow = ShadowOptions { resolution: 256, ..ShadowOptions::default() };
+    let render = |lights| {
+        render(&inside_out, &surface, &camera, &lights, &options(Shading::BlinnPhong)).unwrap().picture
+    };
+    let (free, seen) = (render(lights(None)), render(lights(Some(shadow))));
+    let dimmed = free.rgba.iter().zip(&seen.rgba).filter(|(a, b)| a[0] - b[0] > 0.01).count();
+    assert!(free.rgba.iter().all(|p| p[0] > 0.5));
+    assert_eq!(dimmed, 0);
+}
+
+#[test]
+fn cut_outs_cast_the_shadow_of_what_is_there() {
+    let floor = ground();
+    let below = LookSurface::new(&floor, look(matte()));
+    // Left half open, right half closed.
+    let half = Function(|at: &fantex_texture::ShadingPoint<'_>| {
+        Vec4::new(1.0, 1.0, 1.0, if at.uv[0].uv.x > 0.5 { 1.0 } else { 0.0 })
+    });
+    let cut = LookMaterial {
+        base_color: Slot::Texture(Arc::new(half)),
+        opacity: Opacity::Mask { threshold: 0.5 },
+        ..matte()
+    };
+    let above_it = LookSurface::new(&floor, look(cut));
+    let scene = roof(&floor, &floor, &below, &above_it);
+    let camera =
+        Camera { eye: DVec3::new(0.0, 3.0, 2.5), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 40.0 };
+    let sun = Light::directional(Vec3::new(0.0, 1.0, 3.0), Vec3::ONE).with_shadow(ShadowOptions::default());
+    let seen = picture(&scene, &camera, &lit_by(vec![sun]), &options(Shading::BlinnPhong));
+    let light_at = |p: DVec3| {
+        let q = p - camera.eye;
+        let forward = (camera.target - camera.eye).normalize();
+        let right = forward.cross(DVec3::Y).normalize();
+        let up = right.cross(forward);
+        let focal = 45.0 / 20f64.to_radians().tan();
+        let x = 60.0 + q.dot(right) / q.dot(forward) * focal;
+        let y = 45.0 - q.dot(up) / q.dot(forward) * focal;
+        seen.pixel(x as u32, y as u32)[0]
+    };
+    // Light comes from +z: the shadow of the roof's middle falls one and a half units towards -z.
+    assert!(light_at(DVec3::new(0.25, 0.0, -1.5)) < 0.01);
+    assert!(light_at(DVec3::new(-0.25, 0.0, -1.5)) > 0.25);
+}
+
+#[test]
+fn far_fences_cover_as_much_as_near_ones() {
+    let panel = square();
+    let fence = common::looks::UvImage::new(common::looks::bars(128, 16, 4), 4.0);
+    let cut = LookMaterial {
+        base_color: Slot::Texture(fence),
+        opacity: Opacity::Mask { threshold: 0.5 },
+        lighting: LightingModel::Unlit,
+        ..LookMaterial::default()
+    };
+    let surface = LookSurface::new(&panel, look(cut));
+    let covered = |distance: f64| {
+        let options = RenderOptions { background: Background::Transparent, ..options(Shading::BaseColor) };
+        let fov = 2.0 * (0.4 / distance).atan().to_degrees();
+        let side = (90.0 * 2.0 / distance) as u32;
+        let options = RenderOptions { width: side, height: side, ..options };
+        let seen =
+            render(&panel, &surface, &frontal(distance, fov), &Lights::default(), &options).unwrap().picture;
+        seen.rgba.iter().map(|p| p[3]).sum::<f32>() / seen.rgba.len() as f32
+    };
+    let truth = 1.0 - (12.0_f32 / 16.0).powi(2);
+    for distance in [0.5, 2.0, 4.0, 9.0, 13.0, 16.0] {
+        let seen = covered(distance);
+        assert!((seen / truth - 1.0).abs() < 0.06, "from {distance}: {seen} instead of {truth}");
+    }
+}
+
+#[test]
+fn wide_pixels_see_filtered_shadows() {
+    // A grille of bars, far below the picture's resolution, dims the floor by its coverage.
+    let floor = ground();
+    let below = LookSurface::new(&floor, look(matte()));
+    let grille = LookMaterial {
+        base_color: Slot::Texture(common::looks::UvImage::new(common::looks::bars(128, 16, 4), 4.0)),
+        opacity: Opacity::Mask { threshold: 0.5 },
+        ..matte()
+    };
+    let above_it = LookSurface::new(&floor, look(grille));
+    let scene = roof(&floor, &floor, &below, &above_it);
+    let camera =
+        Camera { eye: DVec3::new(0.0, 30.0, 40.0), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 6.0 };
+    let sun = Light::directional(Vec3::new(0.0, 0.5, 2.0), Vec3::ONE)
+        .with_shadow(ShadowOptions { resolution: 4096, ..ShadowOptions::default() });
+    let seen = picture(&scene, &camera, &lit_by(vec![sun]), &options(Shading::BlinnPhong));
+    let full = seen.rgba.iter().map(|p| p[0]).fold(0.0, f32::max);
+    // In the middle of the shadow, two units behind the roof's middle.
+    let q = DVec3::new(0.0, 0.0, -2.0) - camera.eye;
+    let forward = (camera.target - camera.eye).normalize();
+    let up = DVec3::X.cross(forward);
+    let y = 45.0 - q.dot(up) / q.dot(forward) * 45.0 / 3f64.to_radians().tan();
+    let mean = (0..9).map(|i| seen.pixel(56 + i, y as u32)[0]).sum::<f32>() / 9.0;
+    let open = (12.0_f32 / 16.0).powi(2);
+    assert!((mean / full - open).abs() < 0.08, "{} instead of {open}", mean / full);
+}
