@@ -61,10 +61,9 @@ pub fn render_with_glow(
 ) -> Result<Rendering, RenderError> {
     let start = std::time::Instant::now();
     let seen = render(mesh, surface, camera, lights, options)?;
-    let dark = Lights { lamps: Vec::new(), ..lights.clone() };
     let emission =
         RenderOptions { shading: Shading::Emission, background: Background::Transparent, ..options.clone() };
-    let emitted = render(mesh, surface, camera, &dark, &emission)?;
+    let emitted = render(mesh, surface, camera, lights, &emission)?;
     let picture = seen.picture.with_glow(&emitted.picture, glow);
     let mut stats = seen.stats;
     stats.shaded += emitted.stats.shaded;

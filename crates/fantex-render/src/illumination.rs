@@ -8,7 +8,7 @@ use crate::lamp_view::LampView;
 use crate::light::{AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight};
 use crate::normals::face_normal;
 use crate::shadow::{Receiver, ShadowMaps, projector_view};
-use crate::{Hit, Surface};
+use crate::{Hit, Lens, RenderOptions, Surface};
 
 /// The lights of a scene, in mesh space and with their shadow maps.
 #[derive(Debug)]
@@ -78,14 +78,21 @@ pub(crate) struct Incoming {
 }
 
 impl<'a> PreparedLights<'a> {
-    /// Prepares lights without [`Lights::defect`] for a mesh and draws their shadow maps.
-    pub(crate) fn new(lights: &'a Lights, mesh: &Mesh, surface: &dyn Surface, time: f32) -> Self {
+    /// Prepares lights that passed [`Lights::check`] for a mesh and draws their shadow maps; prepares no lamps for pictures
+    /// that show no light.
+    pub(crate) fn new(
+        lights: &'a Lights,
+        mesh: &Mesh,
+        surface: &dyn Surface,
+        options: &RenderOptions,
+    ) -> Self {
         let lamp = |light: &'a Light| Lamp {
             source: Source::new(&light.kind, mesh),
             color: light.color,
             shadow: ShadowMaps::draw(light, mesh, surface),
         };
-        let lamps: Vec<Lamp> = lights.lamps.iter().map(lamp).collect();
+        let shining = if options.shading.is_lit() { &lights.lamps[..] } else { &[] };
+        let lamps: Vec<Lamp> = shining.iter().map(lamp).collect();
         let is_local =
             |lamp: &Lamp| lamp.shadow.is_some() || !matches!(lamp.source, Source::Directional { .. });
         Self {
@@ -93,7 +100,7 @@ impl<'a> PreparedLights<'a> {
             are_local: lamps.iter().any(is_local),
             lamps,
             world_per_mesh: mesh.world_from_mesh.scale as f32,
-            time,
+            time: options.time,
         }
     }
 
@@ -191,8 +198,8 @@ impl<'a> Source<'a> {
             Self::Projector { view, projector } => {
                 let slide = projected(view, &projector.slide, point, lights.time)?;
                 let (to_light, distance) = match projector.lens {
-                    crate::Lens::Perspective { .. } => towards(view.origin.as_vec3()),
-                    crate::Lens::Orthographic { .. } => {
+                    Lens::Perspective { .. } => towards(view.origin.as_vec3()),
+                    Lens::Orthographic { .. } => {
                         let depth = view.project(point.position).depth;
                         (-view.forward().as_vec3(), depth * f64::from(lights.world_per_mesh))
                     }

@@ -64,7 +64,7 @@ pub fn render(
         ShadingRate::PerSample => 1.0 / (options.samples as f32).sqrt(),
     };
     let hits = HitFinder { mesh, projection: &projection, interpolation: options.interpolation, spacing };
-    let lights = &PreparedLights::new(lights, mesh, surface, options.time);
+    let lights = &PreparedLights::new(lights, mesh, surface, options);
     let resolve = Resolve { surface, hits, lights, options, pattern: &pattern };
     let tiles: Vec<PixelColors> = (0..grid.len())
         .into_par_iter()

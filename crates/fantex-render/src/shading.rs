@@ -29,6 +29,11 @@ pub enum Shading {
 }
 
 impl Shading {
+    /// Whether lights make a difference.
+    pub(crate) fn is_lit(self) -> bool {
+        matches!(self, Self::MetallicRoughness | Self::BlinnPhong)
+    }
+
     /// Linear RGB towards the eye. `to_eye` is a unit vector.
     pub(crate) fn evaluate(
         self,
@@ -202,7 +207,7 @@ mod tests {
 
     use super::*;
     use crate::illumination::PreparedLights;
-    use crate::{FlatShading, FlatSurface, Hit, Light, Lights};
+    use crate::{FlatShading, FlatSurface, Hit, Light, Lights, RenderOptions};
 
     fn material(roughness: f32, metallic: f32) -> MaterialSample {
         MaterialSample { roughness, metallic, ..MaterialSample::with_normal(Vec3::Z) }
@@ -218,7 +223,7 @@ mod tests {
     fn evaluate(shading: Shading, material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
         let mesh = Mesh::default();
         let surface = FlatSurface::new(&mesh, FlatShading::Unlit, |_| Vec3::ONE);
-        let prepared = PreparedLights::new(lights, &mesh, &surface, 0.0);
+        let prepared = PreparedLights::new(lights, &mesh, &surface, &RenderOptions::default());
         let hit = Hit {
             triangle: 0,
             lambda: Vec3::X,

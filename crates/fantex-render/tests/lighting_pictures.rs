@@ -5,17 +5,22 @@
 
 mod common;
 
+use std::f64::consts::FRAC_PI_2;
 use std::sync::Arc;
 
-use common::looks::{UvImage, bars, ground, image, in_front, look, model, standing};
+use common::looks::{Function, UvImage, bars, ground, image, in_front, look, model, standing};
 use fantex_mesh::Mesh;
 use fantex_render::{
-    AmbientLight, Camera, Falloff, Lens, Light, LightKind, Lights, LookSurface, Penumbra, Projector,
-    RenderOptions, Scene, SceneObject, ShadowOptions, Slide, SpotLight, Surface, render,
+    AmbientLight, Background, Camera, Falloff, Glow, Lens, Light, LightKind, Lights, LookSurface, Penumbra,
+    Projector, RenderOptions, Scene, SceneObject, ShadowOptions, Slide, SpotLight, Surface, ToneMap, render,
+    render_with_glow,
 };
-use fantex_texture::look::{LookMaterial, Opacity, Slot};
-use fantex_texture::{ImageTexture, SampleOptions};
-use glam::{DAffine3, DQuat, DVec3, Vec3};
+use fantex_texture::look::{
+    Anisotropy, ColorUse, Difference, LightingModel, LookMaterial, Opacity, Relief, Slot,
+};
+use fantex_texture::noise::{Fractal, Noise};
+use fantex_texture::{ColorRamp, ImageTexture, RampInterpolation, SampleOptions, ShadingPoint, Texture};
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4};
 
 fn save(name: &str, mesh: &Mesh, surface: &dyn Surface, camera: &Camera, lights: &Lights) {
     let options = RenderOptions { width: 720, height: 480, ..RenderOptions::default() };
@@ -29,7 +34,7 @@ fn save(name: &str, mesh: &Mesh, surface: &dyn Surface, camera: &Camera, lights:
 fn on_floor(name: &str, mesh: &Mesh, material: LookMaterial, camera: &Camera, lights: &Lights) {
     let (floor, turn) = (
         ground(),
-        if name.starts_with("teapot") { DQuat::from_rotation_x(-1.5708) } else { DQuat::IDENTITY },
+        if name.starts_with("teapot") { DQuat::from_rotation_x(-FRAC_PI_2) } else { DQuat::IDENTITY },
     );
     let plain = LookMaterial { base_color: Slot::color(Vec3::splat(0.6)), ..LookMaterial::default() };
     let below = LookSurface::new(&floor, look(plain));
@@ -125,4 +130,167 @@ fn fence() {
     let shadow = ShadowOptions { resolution: 4096, ..ShadowOptions::default() };
     let lights = Lights::sun(Vec3::new(-0.6, 0.9, 0.5)).with_shadows(shadow);
     save("fence", scene.mesh(), &scene, &in_front(7.0), &lights);
+}
+
+/// fBm over the position, band-limited.
+fn rough(frequency: f32) -> Arc<dyn Texture> {
+    let noise = Noise::new(7);
+    Arc::new(Function(move |at: &ShadingPoint<'_>| {
+        let height = noise.fbm(at.position * frequency, Fractal::octaves(5), at.width() * frequency);
+        Vec4::splat(height)
+    }))
+}
+
+fn bump(texture: Arc<dyn Texture>, height: f32) -> Vec<Relief> {
+    vec![Relief::Bump { texture, height, difference: Difference::Central }]
+}
+
+fn glossy() -> LookMaterial {
+    LookMaterial {
+        lighting: LightingModel::BlinnPhong,
+        base_color: Slot::color(Vec3::new(0.5, 0.12, 0.06)),
+        specular: Slot::number(0.4),
+        shininess: Some(Slot::number(60.0)),
+        ..LookMaterial::default()
+    }
+}
+
+#[test]
+#[ignore = "makes pictures to look at"]
+fn relief() {
+    let lights = Lights::sun(Vec3::new(-0.9, 0.9, 0.8)).with_shadows(ShadowOptions::default());
+    let Some(teapot) = model("meshes/teapot.stl") else { return };
+    let size = teapot.world_from_mesh.scale as f32;
+    let bumpy = |frequency: f32, height: f32| LookMaterial {
+        relief: bump(rough(frequency / size), height * size),
+        ..glossy()
+    };
+    on_floor("teapot-plain", &teapot, glossy(), &in_front(5.0), &lights);
+    on_floor("teapot-bump", &teapot, bumpy(8.0, 0.02), &in_front(5.0), &lights);
+    on_floor("teapot-bump-fine", &teapot, bumpy(100.0, 0.002), &in_front(5.0), &lights);
+    on_floor("teapot-bump-far", &teapot, bumpy(100.0, 0.002), &in_front(40.0), &lights);
+    let Some(brick) = image("images/brick.png") else { return };
+    let floor = ground();
+    let bricks: Arc<dyn Texture> = UvImage::new(brick, 10.0);
+    let material = LookMaterial {
+        base_color: Slot::Texture(Arc::clone(&bricks)),
+        relief: bump(bricks, 0.01),
+        ..glossy()
+    };
+    let surface = LookSurface::new(&floor, look(material));
+    let place = DAffine3::from_scale(DVec3::splat(12.0));
+    let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
+    let sun = Lights::sun(Vec3::new(0.3, 0.5, -1.0));
+    save("brick-bump", scene.mesh(), &scene, &in_front(4.0), &sun);
+}
+
+#[test]
+#[ignore = "makes pictures to look at"]
+fn highlights() {
+    let Some(mesh) = model("meshes/spot/spot_triangulated.obj") else { return };
+    let lights = Lights::sun(Vec3::new(0.2, 0.9, 0.9)).with_shadows(ShadowOptions::default());
+    let brushed = |direction: Vec3| {
+        Some(Anisotropy { strength: Slot::number(0.9), direction: Slot::color(direction), uv_set: 0 })
+    };
+    let metal = LookMaterial {
+        base_color: Slot::color(Vec3::new(0.9, 0.7, 0.4)),
+        metallic: Slot::number(1.0),
+        roughness: Slot::number(0.4),
+        ..LookMaterial::default()
+    };
+    let Some(teapot) = model("meshes/teapot.stl") else { return };
+    on_floor("teapot-isotropic", &teapot, metal.clone(), &in_front(5.0), &lights);
+    let along = LookMaterial { anisotropy: brushed(Vec3::new(1.0, 0.5, 0.5)), ..metal.clone() };
+    on_floor("teapot-along", &teapot, along, &in_front(5.0), &lights);
+    let across = LookMaterial { anisotropy: brushed(Vec3::new(0.5, 1.0, 0.5)), ..metal };
+    on_floor("teapot-across", &teapot, across, &in_front(5.0), &lights);
+    let ward = LookMaterial { anisotropy: brushed(Vec3::new(0.5, 1.0, 0.5)), ..glossy() };
+    on_floor("teapot-ward", &teapot, ward, &in_front(5.0), &lights);
+    let Some(hide) = image("meshes/spot/spot_texture.png") else { return };
+    let hide = UvImage::new(hide, 1.0);
+    for (name, color_use) in
+        [("apriori", ColorUse::APriori), ("modulate", ColorUse::Modulate), ("replace", ColorUse::Replace)]
+    {
+        let material = LookMaterial { base_color: Slot::Texture(hide.clone()), color_use, ..glossy() };
+        on_floor(&format!("spot-{name}"), &mesh, material, &seen_from_behind(), &lights);
+    }
+    let image = hide.clone();
+    let gloss = Function(move |at: &ShadingPoint<'_>| Vec4::splat(image.evaluate(at).x.powi(3)));
+    let material = LookMaterial {
+        base_color: Slot::Texture(hide.clone()),
+        specular: Slot::Texture(Arc::new(gloss)),
+        ..glossy()
+    };
+    on_floor("spot-gloss", &mesh, material, &seen_from_behind(), &lights);
+    let ramp = [(-1.0, 0.25), (0.05, 0.6), (0.5, 1.0)].map(|(at, grey)| (at, Vec4::splat(grey)));
+    let ramp = ColorRamp::new(ramp.to_vec(), RampInterpolation::Constant).unwrap();
+    let toon = LookMaterial { base_color: Slot::Texture(hide), toon: Some(Arc::new(ramp)), ..glossy() };
+    on_floor("spot-toon", &mesh, toon, &seen_from_behind(), &lights);
+}
+
+/// The side that spot faces.
+fn seen_from_behind() -> Camera {
+    let camera = in_front(5.0);
+    let away = camera.eye - camera.target;
+    Camera { eye: camera.target + DVec3::new(-away.x, away.y, -away.z), ..camera }
+}
+
+#[test]
+#[ignore = "makes pictures to look at"]
+fn glow() {
+    let Some(mesh) = model("meshes/bunny/stanford_bunny.ply") else { return };
+    let size = mesh.world_from_mesh.scale as f32;
+    let noise = Noise::new(3);
+    let veins = Function(move |at: &ShadingPoint<'_>| {
+        let height = noise.fbm(at.position * (3.0 / size), Fractal::octaves(3), 0.0);
+        let glow = (1.0 - height.abs() * 14.0).max(0.0);
+        Vec4::new(3.0, 0.9, 0.2, 1.0) * glow
+    });
+    let lava = LookMaterial {
+        emission: Slot::Texture(Arc::new(veins)),
+        base_color: Slot::color(Vec3::splat(0.05)),
+        ..LookMaterial::default()
+    };
+    let surface = LookSurface::new(&mesh, look(lava));
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+    let options = RenderOptions {
+        width: 720,
+        height: 480,
+        background: Background::Color(Vec3::splat(0.01)),
+        ..RenderOptions::default()
+    };
+    let lights = Lights::behind(&camera);
+    for (name, tone_map) in [
+        ("glow-clip", ToneMap::Clip),
+        ("glow-filmic", ToneMap::Filmic),
+        ("glow-reinhard", ToneMap::Reinhard { white: 4.0 }),
+    ] {
+        let seen = render_with_glow(&mesh, &surface, &camera, &lights, &options, &Glow::default()).unwrap();
+        let path = std::env::temp_dir().join(format!("lighting-{name}.png"));
+        seen.picture.tone_mapped(tone_map).to_srgb_image().save(&path).unwrap();
+    }
+}
+
+#[test]
+#[ignore = "makes pictures to look at"]
+fn landscapes() {
+    let hills = |p: Vec3| {
+        let noise = Noise::new(5);
+        0.25 * noise.fbm(p * 2.0, Fractal::octaves(6), 0.0)
+    };
+    let flat = common::sheet(300, 0.0, 3);
+    let positions =
+        flat.positions.iter().map(|p| Vec3::new(p.x, hills(Vec3::new(p.x, 0.0, p.y)), -p.y)).collect();
+    let mesh = Mesh { positions, ..flat };
+    let surface = LookSurface::new(&mesh, Vec::new());
+    let camera = Camera {
+        eye: DVec3::new(0.9, 0.7, 1.4),
+        target: DVec3::new(0.0, 0.0, 0.1),
+        up: DVec3::Y,
+        fov_degrees: 45.0,
+    };
+    for (name, to_light) in [("high", Vec3::new(-0.6, 0.9, -0.3)), ("low", Vec3::new(-0.9, 0.25, -0.3))] {
+        let lights = Lights::sun(to_light).with_shadows(ShadowOptions::default());
+        save(&format!("landscape-{name}"), &mesh, &surface, &camera, &lights);
+    }
 }

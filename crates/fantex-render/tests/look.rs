@@ -6,12 +6,12 @@ mod common;
 
 use std::sync::Arc;
 
-use common::looks::{Function, look, uv};
+use common::looks::{Function, UvImage, image_as_numbers, look, model, uv};
 use common::{frontal, golden, ray, sphere, square};
 use fantex_mesh::Mesh;
 use fantex_render::{
-    AmbientLight, Background, Glow, Light, Lights, LookSurface, Picture, RenderOptions, Shading, render,
-    render_with_glow,
+    AmbientLight, Background, Camera, FilterOptions, Glow, Light, Lights, LookSurface, MeshSurface, Picture,
+    RenderOptions, Shading, Surface, render, render_with_glow,
 };
 use fantex_texture::look::{
     Anisotropy, ColorUse, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
@@ -294,6 +294,31 @@ fn with_uv(mesh: Mesh) -> Mesh {
     let mut mesh = mesh;
     mesh.corners.uv_sets = vec![corners];
     mesh
+}
+
+#[test]
+fn tangent_space_normal_maps_are_those_of_the_models() {
+    let Some(mesh) = model("meshes/WaterBottle/WaterBottle.gltf") else { return };
+    let Some(map) = image_as_numbers("meshes/WaterBottle/WaterBottle_normal.png") else { return };
+    let relief = Relief::Normal {
+        texture: UvImage::new(map, 1.0),
+        scale: 1.0,
+        space: NormalSpace::Tangent { uv_set: 0 },
+    };
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+    let options = RenderOptions { shading: Shading::Normal, ..options() };
+    let picture = |surface: &dyn Surface| {
+        render(&mesh, surface, &camera, &Lights::default(), &options).unwrap().picture
+    };
+    let by_look = picture(&LookSurface::new(&mesh, look(LookMaterial { relief: vec![relief], ..phong() })));
+    let by_model = picture(&MeshSurface::load(&mesh, FilterOptions::default()).unwrap());
+    let plain = picture(&LookSurface::new(&mesh, Vec::new()));
+    let difference = |a: &Picture, b: &Picture| {
+        let off = |i: usize| (Vec4::from_array(a.rgba[i]) - Vec4::from_array(b.rgba[i])).length();
+        (0..a.rgba.len()).map(off).sum::<f32>() / a.rgba.len() as f32
+    };
+    let (off, bent) = (difference(&by_look, &by_model), difference(&plain, &by_model));
+    assert!(off < 1e-4 && bent > 20.0 * off, "off by {off}, the map makes {bent}");
 }
 
 #[test]

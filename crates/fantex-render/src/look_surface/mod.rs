@@ -84,8 +84,9 @@ impl<'a> LookSurface<'a> {
                     bump.bend(bent.normal, at, shows_highlights)
                 }
                 Relief::Derivatives { texture, uv_set, height, range } => {
-                    let texel = texture.evaluate(at);
-                    relief::bend_by_derivatives(bent.normal, at, texel, *uv_set, height * range)
+                    let map =
+                        relief::DerivativeMap { texture: &**texture, uv_set: *uv_set, scale: height * range };
+                    map.bend(bent.normal, at, shows_highlights)
                 }
                 Relief::Normal { texture, scale, space } => {
                     let texel = texture.evaluate(at).truncate() * 2.0 - 1.0;
@@ -116,8 +117,8 @@ impl<'a> LookSurface<'a> {
         let direction = match self.tangent_frame(hit, anisotropy.uv_set) {
             Some(frame) => frame.mesh_vector(Vec3::new(along, across, 0.0)),
             None => {
-                let axis = Vec3::AXES[normal.abs().min_position()];
-                let tangent = (axis - normal * normal.dot(axis)).normalize_or(Vec3::X);
+                // Around the upright axis, as on a lathe: smooth but for the poles.
+                let tangent = Vec3::Y.cross(normal).try_normalize().unwrap_or(Vec3::X);
                 tangent * along + normal.cross(tangent) * across
             }
         };

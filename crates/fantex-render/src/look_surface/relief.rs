@@ -101,8 +101,7 @@ impl Bump<'_> {
         if length > 0.0 { (self.least_step / length).min(1e6) } else { 1.0 }
     }
 
-    /// Variance of the slopes along each axis, around the slope of the whole footprint. Where the footprint is smaller than
-    /// the relief, the first points agree, and that was all.
+    /// Variance of the slopes within the footprint.
     fn slope_variance(&self, at: &ShadingPoint, axes: &GradientAxes, mean: Vec3) -> f32 {
         let [along, across] = at.position_steps.map(|edge| self.least_share(edge));
         let share = along.max(across).max(SLOPE_SHARE);
@@ -110,38 +109,52 @@ impl Bump<'_> {
             return 0.0;
         }
         let height = |offset: Vec2| evaluate_beside(self.texture, at, offset, share).x;
-        let mut sum = 0.0;
-        for i in 0..SLOPES {
-            let p = spread(i);
+        variance(mean, |p| {
             let here = height(p);
             let there = Vec2::new(height(p + Vec2::X * share), height(p + Vec2::Y * share));
-            let change = (there - here) * (self.height / share);
-            sum += 0.5 * (axes.gradient(change) - mean).length_squared();
-            if i + 1 == SLOPES_TO_AGREE && sum < INVISIBLE_VARIANCE {
-                return 0.0;
-            }
-        }
-        if sum.is_finite() { sum / SLOPES as f32 } else { 0.0 }
+            axes.gradient((there - here) * (self.height / share))
+        })
     }
 }
 
-/// Bends a unit normal by a texel that holds height and derivatives; `scale` is the world height of a derivative's code of
-/// one, per unit of `u` or `v`.
-pub(super) fn bend_by_derivatives(
-    normal: Vec3,
-    at: &ShadingPoint,
-    texel: Vec4,
-    uv_set: usize,
-    scale: f32,
-) -> Bent {
-    let unbent = Bent { normal, slope_variance: 0.0 };
-    let (Some(uv), Some(axes)) = (at.uv.get(uv_set), GradientAxes::new(at.position_steps, normal)) else {
-        return unbent;
-    };
-    let by_uv = Vec2::new(texel.y * 2.0 - 1.0, texel.z * 2.0 - 1.0) * scale;
-    let change = Vec2::new(by_uv.dot(uv.steps[0]), by_uv.dot(uv.steps[1]));
-    let bent = (normal - axes.gradient(change)).try_normalize();
-    bent.map_or(unbent, |normal| Bent { normal, slope_variance: 0.0 })
+/// Bump mapping by a texture that holds derivatives in green and blue.
+pub(super) struct DerivativeMap<'a> {
+    pub(super) texture: &'a dyn Texture,
+    /// Whose `u` and `v` the derivatives belong to.
+    pub(super) uv_set: usize,
+    /// World height of the largest derivative that the encoding holds, per unit of `u` or `v`.
+    pub(super) scale: f32,
+}
+
+impl DerivativeMap<'_> {
+    /// Bends a unit normal.
+    pub(super) fn bend(&self, normal: Vec3, at: &ShadingPoint, with_variance: bool) -> Bent {
+        let unbent = Bent { normal, slope_variance: 0.0 };
+        let axes = GradientAxes::new(at.position_steps, normal);
+        let (Some(uv), Some(axes)) = (at.uv.get(self.uv_set), axes) else { return unbent };
+        let gradient = |texel: Vec4| {
+            let by_uv = Vec2::new(texel.y * 2.0 - 1.0, texel.z * 2.0 - 1.0) * self.scale;
+            axes.gradient(Vec2::new(by_uv.dot(uv.steps[0]), by_uv.dot(uv.steps[1])))
+        };
+        let mean = gradient(self.texture.evaluate(at));
+        let Some(normal) = (normal - mean).try_normalize() else { return unbent };
+        let slope = |p: Vec2| gradient(evaluate_beside(self.texture, at, p, SLOPE_SHARE));
+        let slope_variance = if with_variance { variance(mean, slope) } else { 0.0 };
+        Bent { normal, slope_variance }
+    }
+}
+
+/// Variance of the slopes along each axis, around the slope of the whole footprint. Where the footprint is smaller than the
+/// relief, the first points agree, and that was all.
+fn variance(mean: Vec3, slope: impl Fn(Vec2) -> Vec3) -> f32 {
+    let mut sum = 0.0;
+    for i in 0..SLOPES {
+        sum += 0.5 * (slope(spread(i)) - mean).length_squared();
+        if i + 1 == SLOPES_TO_AGREE && sum < INVISIBLE_VARIANCE {
+            return 0.0;
+        }
+    }
+    if sum.is_finite() { sum / SLOPES as f32 } else { 0.0 }
 }
 
 /// Bends a unit normal by a decoded texel of a normal map, in tangent space or (without a frame) in the model's axes. What

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fantex_mesh::{CleanOptions, LoadOptions, Mesh, clean, load};
 use fantex_render::{Bounds, Camera};
 use fantex_texture::look::LookMaterial;
-use fantex_texture::{Filter, Image, ImageTexture, SampleOptions, ShadingPoint, Texture};
+use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, ShadingPoint, Texture};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
 
 /// An image through the first texture coordinates.
@@ -59,6 +59,11 @@ pub(crate) fn model(name: &str) -> Option<Mesh> {
 
 pub(crate) fn image(name: &str) -> Option<Image> {
     Some(Image::load(&data(name)?).unwrap())
+}
+
+/// An image whose channels are numbers, not colours.
+pub(crate) fn image_as_numbers(name: &str) -> Option<Image> {
+    Some(Image { space: ColorSpace::Linear, ..image(name)? })
 }
 
 pub(crate) fn look(material: LookMaterial) -> Vec<Arc<LookMaterial>> {
