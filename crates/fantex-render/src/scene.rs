@@ -22,17 +22,24 @@ pub struct SceneObject<'a> {
     /// Where it stands: any invertible affine map from the world of its own file to the world of the scene. Mirroring keeps
     /// the outside out.
     pub world_from_object: DAffine3,
+    /// Whether it casts shadows. A floor need not; see [`Surface::casts_shadow`].
+    pub casts_shadow: bool,
 }
 
 impl<'a> SceneObject<'a> {
     /// An object where its file has it.
     pub fn new(mesh: &'a Mesh, surface: &'a dyn Surface) -> Self {
-        Self { mesh, surface, world_from_object: DAffine3::IDENTITY }
+        Self { mesh, surface, world_from_object: DAffine3::IDENTITY, casts_shadow: true }
     }
 
     /// The same object elsewhere; see the field.
     pub fn placed(self, world_from_object: DAffine3) -> Self {
         Self { world_from_object, ..self }
+    }
+
+    /// The same object without a shadow; see the field.
+    pub fn without_shadow(self) -> Self {
+        Self { casts_shadow: false, ..self }
     }
 }
 
@@ -239,6 +246,16 @@ impl Surface for Scene<'_> {
         };
         let finish = finish.map(|f| Finish { anisotropy: f.anisotropy.map(turned), ..f });
         (part.material(material), finish)
+    }
+
+    fn alpha(&self, hit: &Hit) -> f32 {
+        let (part, own) = self.locate(hit.triangle);
+        part.object.surface.alpha(&part.own_hit(own, hit))
+    }
+
+    fn casts_shadow(&self, triangle: usize) -> bool {
+        let (part, own) = self.locate(triangle);
+        part.object.casts_shadow && part.object.surface.casts_shadow(own)
     }
 
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {

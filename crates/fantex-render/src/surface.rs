@@ -90,6 +90,18 @@ pub trait Surface: Sync {
         (self.shade_inputs(hit), None)
     }
 
+    /// The opacity at a point: that of [`Surface::shade_inputs`].
+    fn alpha(&self, hit: &Hit) -> f32 {
+        self.shade_inputs(hit).alpha
+    }
+
+    /// Whether a triangle casts shadows. Where a floor casts none, the shadow map of a directional lamp is fitted to what
+    /// stands on it.
+    fn casts_shadow(&self, triangle: usize) -> bool {
+        let _ = triangle;
+        true
+    }
+
     /// Where shadows fall, so that smooth shading does not show its facets at the shadow's border; `None` for surfaces
     /// whose facets are meant.
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {

@@ -340,6 +340,46 @@ fn shadows_end_where_they_should() {
 }
 
 #[test]
+fn floors_without_shadow_leave_the_map_to_what_stands_on_them() {
+    let (floor, ball) = (ground(), sphere(24, 0.1));
+    let surface = LookSurface::new(&floor, look(matte()));
+    let on_it = LookSurface::new(&ball, look(matte()));
+    let below = SceneObject::new(&floor, &surface).placed(DAffine3::from_scale(DVec3::splat(200.0)));
+    let above_it = SceneObject::new(&ball, &on_it).placed(DAffine3::from_translation(DVec3::Y * 0.1));
+    let camera =
+        Camera { eye: DVec3::new(0.0, 1.5, 0.6), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 40.0 };
+    let shadow = ShadowOptions { resolution: 256, ..ShadowOptions::default() };
+    let to_light = Vec3::new(0.0, 1.0, 1.0);
+    let sun = lit_by(vec![Light::directional(to_light, Vec3::ONE).with_shadow(shadow)]);
+    let scene = Scene::new(vec![below.without_shadow(), above_it]).unwrap();
+    let seen = picture(&scene, &camera, &sun, &RenderOptions { samples: 1, ..options(Shading::BlinnPhong) });
+    let (mut dark, mut lit) = (0, 0);
+    for y in 0..90 {
+        for x in 0..120 {
+            let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+            let to_line = |way: DVec3| (p - DVec3::Y * 0.1).cross(way.normalize()).length();
+            let way = to_light.as_dvec3();
+            if to_line(p - camera.eye) < 0.103 {
+                continue;
+            }
+            let light = seen.pixel(x, y)[0];
+            match to_line(way) - 0.1 {
+                d if d < -0.01 => {
+                    assert!(light < 0.01, "{x},{y} lies in the ball's shadow: {light}");
+                    dark += 1;
+                }
+                d if d > 0.01 => {
+                    assert!(light > 0.69, "{x},{y} is lit: {light}");
+                    lit += 1;
+                }
+                _ => (),
+            }
+        }
+    }
+    assert!(dark > 30 && lit > 5000, "{dark} {lit}");
+}
+
+#[test]
 fn a_ball_casts_no_shadow_on_its_lit_side() {
     let ball = sphere(40, 0.8);
     let surface = MeshSurface::load(&ball, FilterOptions::default()).unwrap();

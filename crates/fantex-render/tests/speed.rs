@@ -4,20 +4,21 @@
 
 mod common;
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use common::looks::{UvImage, image, look, model};
 use common::tiles::fan_cover;
 use common::{frontal, sheet, triangle_color};
-use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, clean};
+use fantex_mesh::{Material, Mesh};
 use fantex_render::{
-    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface,
-    RenderOptions, Surface, render,
+    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, LookSurface,
+    MeshSurface, RenderOptions, ShadowOptions, Surface, render,
 };
 use fantex_store::{
     Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, TexelFormat, group_pages,
 };
 use fantex_texture::Filter;
+use fantex_texture::look::{LookMaterial, Slot};
 
 fn measure(name: &str, mesh: &Mesh, surface: &dyn Surface, samples: u32) {
     let options = RenderOptions { samples, background: Background::Transparent, ..RenderOptions::default() };
@@ -63,22 +64,24 @@ fn an_asset() {
 }
 
 #[test]
-#[ignore = "measures; run it alone and with optimisation, counting instructions"]
+#[ignore = "measures; run it alone and with optimisation"]
 fn the_bottle() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("FANTEX_DATA").map_or(root, PathBuf::from);
-    let path = data.join("meshes/WaterBottle/WaterBottle.gltf");
-    if !path.exists() {
-        eprintln!("SKIPPED: {} is missing", path.display());
-        return;
-    }
-    let model = fantex_mesh::load(&path, &LoadOptions::default()).unwrap();
-    let (mesh, _) = clean(model, &CleanOptions::default()).unwrap();
-    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let Some(mesh) = model("meshes/WaterBottle/WaterBottle.gltf") else { return };
+    let Some(color) = image("meshes/WaterBottle/WaterBottle_baseColor.png") else { return };
+    let own = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let material =
+        LookMaterial { base_color: Slot::Texture(UvImage::new(color, 1.0)), ..LookMaterial::default() };
+    let look = LookSurface::new(&mesh, look(material));
     let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 16.0 / 9.0);
-    for _ in 0..20 {
-        let options = RenderOptions::default();
-        let seen = render(&mesh, &surface, &camera, &Lights::behind(&camera), &options).unwrap();
-        eprintln!("{:?}", seen.stats);
+    let lights = Lights::behind(&camera);
+    let shadowed = lights.clone().with_shadows(ShadowOptions::default());
+    for (name, surface, lights) in [
+        ("the model's materials", &own as &dyn Surface, &lights),
+        ("with shadows", &own, &shadowed),
+        ("a look with one image", &look, &lights),
+    ] {
+        let picture = || render(&mesh, surface, &camera, lights, &RenderOptions::default()).unwrap();
+        let fastest = (0..20).map(|_| picture().stats.elapsed).min();
+        eprintln!("{name}: {fastest:?}, {:?}", picture().stats);
     }
 }

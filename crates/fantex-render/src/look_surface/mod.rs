@@ -197,6 +197,13 @@ impl Surface for LookSurface<'_> {
         (sample, Some(finish))
     }
 
+    fn alpha(&self, hit: &Hit) -> f32 {
+        let material = self.material_of(hit.triangle);
+        let own = SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
+        let at = own.shading_point();
+        opacity::alpha(material, &at, material.base_color.evaluate(&at).w)
+    }
+
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
         Some(self.normals.smooth_point(self.mesh, hit))
     }

@@ -17,7 +17,7 @@ use crate::{Coverage, Surface};
 /// What lets more light through than this casts no shadow.
 const LEAST_ALPHA: f32 = 0.5;
 
-/// Draws one map. Both sides of every triangle cast shadows; layered ones where their alpha is at least a half.
+/// Draws one map. Both sides of every triangle that casts shadows do; layered ones where their alpha is at least a half.
 pub(super) fn draw(fitted: Fitted, resolution: u32, mesh: &Mesh, surface: &dyn Surface) -> ShadowFace {
     let Fitted { view, far } = fitted;
     let mut face = ShadowFace { view, resolution, far, nearness: Vec::new() };
@@ -79,6 +79,9 @@ impl Caster<'_> {
     }
 
     fn add(&self, triangle: usize, out: &mut Vec<Primitive>) {
+        if !self.surface.casts_shadow(triangle) {
+            return;
+        }
         let positions = self.mesh.triangle_positions(triangle);
         let corners = positions.map(|p| self.projected(p));
         let side = f64::from(self.face.resolution);
@@ -150,7 +153,7 @@ impl Caster<'_> {
         };
         let front = (b - a).cross(c - a).dot(to_lamp) >= 0.0;
         let hit = Hit { triangle, lambda, dlambda_dx, dlambda_dy, front, to_eye: to_lamp };
-        self.surface.shade_inputs(&hit).alpha
+        self.surface.alpha(&hit)
     }
 }
 

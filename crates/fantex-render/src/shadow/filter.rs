@@ -144,7 +144,8 @@ impl Asked {
             let dy = f64::from(y) + 0.5 - self.at.y;
             for (x, weight_x) in columns.iter() {
                 let dx = f64::from(x) + 0.5 - self.at.x;
-                let own = self.nearness + self.slope.x * dx + self.slope.y * dy;
+                // Not below that of an empty texel, which hides nothing however far the receiver lies behind the map's end.
+                let own = (self.nearness + self.slope.x * dx + self.slope.y * dy).max(0.0);
                 visit(row[x as usize], own, weight_x * weight_y);
             }
         }

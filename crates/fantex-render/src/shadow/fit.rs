@@ -3,6 +3,7 @@
 use fantex_mesh::Mesh;
 use glam::{DVec2, DVec3};
 
+use crate::Surface;
 use crate::lamp_view::{LampView, Spread};
 use crate::light::{Lens, LightKind, Projector, SpotLight};
 
@@ -30,10 +31,10 @@ const CUBE_HALF: f64 = 1.04;
 const WIDEST_CONE_DEGREES: f32 = 70.0;
 
 /// The views of a lamp: one, or six for a lamp that shines to all sides.
-pub(super) fn views(kind: &LightKind, mesh: &Mesh) -> Vec<Fitted> {
+pub(super) fn views(kind: &LightKind, mesh: &Mesh, surface: &dyn Surface) -> Vec<Fitted> {
     let placed = |p: DVec3| (p - mesh.world_from_mesh.offset) / mesh.world_from_mesh.scale;
     match kind {
-        LightKind::Directional { to_light } => vec![parallel(-to_light.as_dvec3(), mesh)],
+        LightKind::Directional { to_light } => vec![parallel(-to_light.as_dvec3(), mesh, surface)],
         LightKind::Point { position, .. } => cube(placed(*position), mesh),
         LightKind::Spot(SpotLight { position, outer_degrees, .. })
             if *outer_degrees > WIDEST_CONE_DEGREES =>
@@ -72,16 +73,17 @@ fn with_far(view: LampView, mesh: &Mesh) -> Fitted {
     Fitted { view, far: mesh.positions.iter().map(depth).fold(1e-6, f64::max) }
 }
 
-/// Parallel light through the whole scene.
-fn parallel(forward: DVec3, mesh: &Mesh) -> Fitted {
+/// Parallel light through everything that casts shadows.
+fn parallel(forward: DVec3, mesh: &Mesh, surface: &dyn Surface) -> Fitted {
     let probe = LampView::new(DVec3::ZERO, forward, DVec3::Y, DVec2::ONE, Spread::Parallel);
     let in_view = |p: &glam::Vec3| {
         let seen = probe.project(*p);
         seen.uv.extend(seen.depth)
     };
-    let bounds = mesh.positions.iter().map(in_view);
+    let casters = (0..mesh.triangles.len()).filter(|&triangle| surface.casts_shadow(triangle));
+    let corners = casters.flat_map(|triangle| mesh.triangle_positions(triangle)).map(|p| in_view(&p));
     let (low, high) =
-        bounds.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
     if !(low.is_finite() && high.is_finite()) {
         return Fitted { view: probe, far: 1.0 };
     }
@@ -99,15 +101,18 @@ fn parallel(forward: DVec3, mesh: &Mesh) -> Fitted {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{FlatShading, FlatSurface};
 
     #[test]
     fn parallel_light_meets_the_whole_scene() {
         let positions: Vec<_> = [[0.9, 0.1, -0.3], [-0.2, 0.8, 0.4], [0.1, -0.5, 0.9], [-0.9, 0.0, 0.2]]
             .map(glam::Vec3::from_array)
             .to_vec();
-        let mesh = Mesh { positions, ..Mesh::default() };
+        let triangles = vec![[0, 1, 2], [1, 2, 3]];
+        let mesh = Mesh { positions, triangles, ..Mesh::default() };
+        let surface = FlatSurface::new(&mesh, FlatShading::Unlit, |_| glam::Vec3::ONE);
         for forward in [DVec3::NEG_Y, DVec3::new(0.3, -1.0, 0.5), DVec3::X] {
-            let Fitted { view, far } = parallel(forward, &mesh);
+            let Fitted { view, far } = parallel(forward, &mesh, &surface);
             let seen: Vec<_> = mesh.positions.iter().map(|&p| view.project(p)).collect();
             assert!(seen.iter().all(|s| s.depth > 0.0 && s.depth < far), "{seen:?}");
             assert!(seen.iter().all(|s| (s.uv - 0.5).abs().max_element() < 0.5), "{seen:?}");

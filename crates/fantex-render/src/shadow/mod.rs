@@ -117,7 +117,7 @@ impl ShadowMaps {
     /// Draws the maps of a lamp; none where it has no shadows.
     pub(crate) fn draw(light: &Light, mesh: &Mesh, surface: &dyn Surface) -> Option<Self> {
         let options = light.shadow?;
-        let faces = fit::views(&light.kind, mesh)
+        let faces = fit::views(&light.kind, mesh, surface)
             .into_iter()
             .map(|fitted| draw::draw(fitted, options.resolution, mesh, surface))
             .collect();
@@ -141,7 +141,7 @@ fn cube_face(direction: DVec3) -> usize {
 }
 
 impl ShadowFace {
-    /// The map's measure of a depth, larger for what is nearer: positive up to the far end.
+    /// The map's measure of a depth, larger for what is nearer: positive up to the far end and some way beyond.
     fn nearness_of(&self, depth: f64) -> f64 {
         match self.view.spread() {
             Spread::Perspective => 1.0 / depth,
