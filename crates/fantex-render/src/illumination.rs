@@ -1,8 +1,8 @@
 //! From the lamps of a scene to the light that arrives at a point.
 
 use fantex_mesh::Mesh;
-use fantex_texture::{Filtering, ShadingPoint, UvPoint};
-use glam::{DVec3, Vec3, Vec4};
+use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::lamp_view::LampView;
 use crate::light::{AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight};
@@ -213,13 +213,20 @@ impl<'a> Source<'a> {
 /// The slide's light at a point, filtered over the point's footprint.
 fn projected(view: &LampView, slide: &Slide, point: &LitPoint, time: f32) -> Option<Vec3> {
     let at = view.project(point.position);
-    let inside = at.uv.cmpge(glam::DVec2::ZERO).all() && at.uv.cmple(glam::DVec2::ONE).all();
-    if !inside || at.w <= 0.0 || at.depth <= 0.0 {
+    if at.w <= 0.0 || at.depth <= 0.0 {
         return None;
     }
     let (uv, steps) = (at.uv.as_vec2(), point.receiver.steps.map(|step| view.step(&at, step)));
+    let share = share_inside(uv, steps);
+    if share <= 0.0 {
+        return None;
+    }
+    let uv = uv.clamp(Vec2::ZERO, Vec2::ONE);
     let value = match slide {
-        Slide::Image { image, options } => Vec4::from_array(image.sample(uv, steps, options)),
+        Slide::Image { image, options } => {
+            let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
+            Vec4::from_array(image.sample(uv, steps, &options))
+        }
         Slide::Texture(texture) => texture.evaluate(&ShadingPoint {
             position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
             position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
@@ -232,5 +239,13 @@ fn projected(view: &LampView, slide: &Slide, point: &LitPoint, time: f32) -> Opt
             filtering: Filtering::Own,
         }),
     };
-    Some((value.truncate() * value.w).max(Vec3::ZERO))
+    Some((value.truncate() * (value.w * share)).max(Vec3::ZERO))
+}
+
+/// The share of the footprint's bounding box that lies in the unit square.
+fn share_inside(uv: Vec2, steps: [Vec2; 2]) -> f32 {
+    let half = (0.5 * (steps[0].abs() + steps[1].abs())).max(Vec2::splat(1e-6));
+    let (low, high) = ((uv - half).max(Vec2::ZERO), (uv + half).min(Vec2::ONE));
+    let inside = ((high - low) / (2.0 * half)).max(Vec2::ZERO);
+    inside.x * inside.y
 }

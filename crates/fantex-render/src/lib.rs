@@ -1,17 +1,20 @@
 //! The CPU renderer: the reference that other renderers are compared with.
 //!
 //! ```text
-//!  Mesh + Surface + Camera + Lights --render--> Picture (linear RGBA) --> Image --> PNG, EXR
-//!            |
-//!            +-- MeshSurface   the model's own UV textures
-//!            +-- FanSurface    an asset: fan tiles through the texture function
-//!            '-- FlatSurface   a colour per triangle and point, for pictures that explain
+//!  Mesh + Surface + Camera + Lights --render--> Picture (linear RGBA) --glow, tone map--> Image --> PNG, EXR
+//!   |        |                 |
+//!   |        |                 '-- Light: directional, point, spot, projector; each with its shadow maps
+//!   |        +-- MeshSurface   the model's own UV textures
+//!   |        +-- FanSurface    an asset: fan tiles through the texture function
+//!   |        +-- LookSurface   look materials: every property may be a texture
+//!   |        '-- FlatSurface   a colour per triangle and point, for pictures that explain
+//!   '-- Scene                  several meshes with their surfaces, as one of each
 //! ```
 //!
 //! Visibility is decided in fixed point with one (nearness, triangle) pair per sample; then each pixel's visible
-//! triangles are shaded once each, with barycentric coordinates and their analytic screen-space derivatives. Lighting
-//! happens in mesh space: it differs from the world by a uniform scale and an offset, so directions are the same.
-//! Pictures do not depend on the number of threads.
+//! triangles are shaded once each, with barycentric coordinates and their analytic screen-space derivatives. Shadow maps
+//! go through the same rasteriser. Lighting happens in mesh space: it differs from the world by a uniform scale and an
+//! offset, so directions are the same. Pictures do not depend on the number of threads.
 
 mod camera;
 mod clip;

@@ -7,7 +7,7 @@ mod common;
 use std::sync::Arc;
 
 use common::looks::{Function, ground, look};
-use common::{frontal, ray, sphere, square, triangle_color};
+use common::{frontal, golden, ray, sphere, square, triangle_color};
 use fantex_mesh::Mesh;
 use fantex_render::{
     AmbientLight, Background, Camera, Falloff, FilterOptions, FlatShading, FlatSurface, Interpolation, Lens,
@@ -519,4 +519,48 @@ fn wide_pixels_see_filtered_shadows() {
     let mean = (0..9).map(|i| seen.pixel(56 + i, y as u32)[0]).sum::<f32>() / 9.0;
     let open = (12.0_f32 / 16.0).powi(2);
     assert!((mean / full - open).abs() < 0.08, "{} instead of {open}", mean / full);
+}
+
+#[test]
+fn pictures() {
+    let (floor, ball) = (ground(), sphere(32, 0.5));
+    let plain = || LookMaterial { base_color: Slot::color(Vec3::splat(0.7)), ..LookMaterial::default() };
+    let [below, on_it] = [&floor, &ball].map(|mesh| LookSurface::new(mesh, look(plain())));
+    let scene = Scene::new(vec![
+        SceneObject::new(&floor, &below).placed(DAffine3::from_scale(DVec3::splat(4.0))),
+        SceneObject::new(&ball, &on_it).placed(DAffine3::from_translation(DVec3::Y * 0.5)),
+    ])
+    .unwrap();
+    let camera = Camera {
+        eye: DVec3::new(1.2, 1.6, 2.6),
+        target: DVec3::new(0.1, 0.3, 0.0),
+        up: DVec3::Y,
+        fov_degrees: 35.0,
+    };
+    let options = RenderOptions { width: 96, height: 64, ..RenderOptions::default() };
+    let sun = |penumbra| {
+        let shadow = ShadowOptions { resolution: 512, penumbra, ..ShadowOptions::default() };
+        Lights::sun(Vec3::new(-0.9, 0.8, 0.4)).with_shadows(shadow)
+    };
+    golden::check("scene_sharp_shadow", &picture(&scene, &camera, &sun(Penumbra::Sharp), &options));
+    golden::check("scene_soft_shadow", &picture(&scene, &camera, &sun(Penumbra::Lamp(0.15)), &options));
+    let stripes = Function(|at: &fantex_texture::ShadingPoint<'_>| {
+        let wave = (at.uv[0].uv * 25.0).to_array().map(|c| 0.5 + 0.5 * c.sin());
+        Vec4::new(wave[0], wave[1], 0.3, 1.0)
+    });
+    let projector = LightKind::Projector(Projector {
+        position: DVec3::new(-0.8, 1.8, 2.0),
+        target: DVec3::Y * 0.3,
+        up: DVec3::Y,
+        lens: Lens::Perspective { fov_degrees: 40.0 },
+        aspect: 1.5,
+        slide: Slide::Texture(Arc::new(stripes)),
+        falloff: Falloff::None,
+    });
+    let shadow = ShadowOptions { resolution: 512, ..ShadowOptions::default() };
+    let lights = Lights {
+        ambient: AmbientLight::uniform(Vec3::splat(0.1)),
+        lamps: vec![Light::new(projector, Vec3::ONE).with_shadow(shadow)],
+    };
+    golden::check("scene_projector", &picture(&scene, &camera, &lights, &options));
 }

@@ -12,6 +12,10 @@ const POINTS: u32 = 4;
 /// Width of the points' own footprints, as a share of the pixel's: small, for what they average is lost to the comparison.
 const POINT_SHARE: f32 = 1.0 / 64.0;
 
+/// Means of alpha below and above which it is zero or one on the whole footprint.
+const NOWHERE: f32 = 1e-3;
+const EVERYWHERE: f32 = 1.0 - 1e-3;
+
 /// The opacity at a point. `base_alpha` is the base colour's alpha there.
 ///
 /// A cut-out is as opaque as the share of the footprint whose alpha reaches the threshold. Comparing the filtered alpha would
@@ -21,11 +25,11 @@ pub(super) fn alpha(material: &LookMaterial, at: &ShadingPoint, base_alpha: f32)
         Opacity::Opaque => 1.0,
         Opacity::Blend => (base_alpha * material.alpha.evaluate_number(at)).clamp(0.0, 1.0),
         Opacity::Mask { threshold } => {
-            let is_constant =
-                [&material.base_color, &material.alpha].iter().all(|slot| matches!(slot, Slot::Constant(_)));
-            if is_constant {
-                let alpha = base_alpha * material.alpha.evaluate_number(at);
-                return f32::from(u8::from(alpha >= threshold));
+            let mean = base_alpha * material.alpha.evaluate_number(at);
+            let slots = [&material.base_color, &material.alpha];
+            let is_constant = slots.iter().all(|slot| matches!(slot, Slot::Constant(_)));
+            if is_constant || mean <= NOWHERE || mean >= EVERYWHERE {
+                return f32::from(u8::from(mean >= threshold));
             }
             let mut random = Random::of_point(at);
             let is_there = |i: &u32| {

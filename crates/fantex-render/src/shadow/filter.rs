@@ -119,7 +119,7 @@ impl Asked {
     fn widest_penumbra(&self, face: &ShadowFace, size: f64) -> f64 {
         match face.view.spread() {
             Spread::Perspective => size,
-            Spread::Parallel => size * 0.5 * self.depth.min(face.far),
+            Spread::Parallel => size * self.depth.min(face.far),
         }
     }
 

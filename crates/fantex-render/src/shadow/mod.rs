@@ -59,8 +59,8 @@ impl ShadowOptions {
     /// Least texels along a side.
     pub const MIN_RESOLUTION: u32 = 16;
 
-    /// Most texels along a side: 1 GiB per map.
-    pub const MAX_RESOLUTION: u32 = 16_384;
+    /// Most texels along a side: 256 MiB per map.
+    pub const MAX_RESOLUTION: u32 = 8_192;
 
     /// Why no shadow can be cast, or nothing.
     pub(crate) fn defect(&self) -> Option<&'static str> {
@@ -69,7 +69,7 @@ impl ShadowOptions {
             Penumbra::Even(width) | Penumbra::Lamp(width) => width,
         };
         if !(Self::MIN_RESOLUTION..=Self::MAX_RESOLUTION).contains(&self.resolution) {
-            Some("its shadow map must have between 16 and 16384 texels along a side")
+            Some("its shadow map must have between 16 and 8192 texels along a side")
         } else if !(self.bias.is_finite() && self.normal_offset.is_finite()) {
             Some("the bias of its shadows is not finite")
         } else if !(width.is_finite() && width >= 0.0) {
