@@ -3,6 +3,7 @@
 
 pub(crate) mod golden;
 pub(crate) mod looks;
+pub(crate) mod staging;
 pub(crate) mod tiles;
 
 use fantex_mesh::Mesh;
