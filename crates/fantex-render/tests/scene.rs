@@ -15,6 +15,7 @@ use fantex_render::{
     SceneError, SceneObject, Shading, ShadowOptions, Slide, SpotLight, render,
 };
 use fantex_texture::look::{LookMaterial, Slot};
+use fantex_texture::{Image, ImageTexture, SampleOptions, Texture};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3, Vec4};
 
 #[test]
@@ -212,6 +213,53 @@ fn projectors_land_where_the_inverse_projection_says() {
         }
         assert!(lit > 500 && dark > 500, "{lens:?}: {lit} lit, {dark} dark");
     }
+}
+
+#[test]
+fn slides_are_filtered_and_move_with_time() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let place = DAffine3::from_scale(DVec3::splat(6.0));
+    let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
+    let lit_by_slide = |slide| {
+        lit_by(vec![Light::new(
+            LightKind::Projector(Projector {
+                position: DVec3::Y * 2.0,
+                target: DVec3::ZERO,
+                up: DVec3::NEG_Z,
+                lens: Lens::Orthographic { height: 4.0 },
+                aspect: 1.0,
+                slide,
+                falloff: Falloff::None,
+            }),
+            Vec3::ONE,
+        )])
+    };
+    let camera = above(2.5);
+    let seen = |slide, seconds| {
+        let options = RenderOptions { samples: 1, time: seconds, ..options(Shading::BlinnPhong) };
+        picture(&scene, &camera, &lit_by_slide(slide), &options)
+    };
+    // Checks far smaller than pixels are grey.
+    let checks: Vec<_> = (0..1024 * 1024).map(|i| [((i ^ (i >> 10)) & 1) as f32; 4]).collect();
+    let image = Image::from_linear_rgb(1024, 1024, &checks);
+    let image = Arc::new(ImageTexture::new(Arc::new(image)));
+    let grey = seen(Slide::Image { image, options: SampleOptions::default() }, 0.0);
+    for (x, y) in [(60, 45), (40, 30), (80, 60)] {
+        assert!((grey.pixel(x, y)[0] - 0.5).abs() < 0.02, "{x},{y}: {}", grey.pixel(x, y)[0]);
+    }
+    // A spot that moves to the right.
+    let spot = Function(|at: &fantex_texture::ShadingPoint<'_>| {
+        let middle = 0.4 + 0.2 * at.time;
+        Vec4::splat(if (at.uv[0].uv.x - middle).abs() < 0.06 { 1.0 } else { 0.0 }).with_w(1.0)
+    });
+    let spot: Arc<dyn Texture> = Arc::new(spot);
+    let brightest = |seconds| {
+        let seen = seen(Slide::Texture(Arc::clone(&spot)), seconds);
+        (0..120).filter(|&x| seen.pixel(x, 45)[0] > 0.5).sum::<u32>() as f32
+            / (0..120).filter(|&x| seen.pixel(x, 45)[0] > 0.5).count() as f32
+    };
+    assert!(brightest(1.0) > brightest(0.0) + 15.0, "{} {}", brightest(0.0), brightest(1.0));
 }
 
 #[test]
