@@ -5,11 +5,28 @@ use glam::{Vec2, Vec3};
 
 use crate::Frame;
 use crate::cone::{Cone, narrowest_cone};
+use crate::fan_shape::Layout;
 use crate::injective::{Segment, Spoke, any_crossing, any_overlap_at_vertex};
 use crate::rectangle::{Rectangle, RectangleFinder};
 use crate::region::outline_points;
 use crate::surface::Surface;
 use crate::unfold::unfold;
+
+/// A finished group, before its tile is sized. `min` and `size` are mesh units along the frame's axes, relative to the
+/// frame's origin.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Laid {
+    pub(crate) frame: Frame,
+    pub(crate) min: Vec2,
+    pub(crate) size: Vec2,
+    /// Nominal texels per mesh unit.
+    pub(crate) density: f32,
+    /// The first of its fans; the only one unless it is projected.
+    pub(crate) fan: u32,
+    pub(crate) layout: Layout,
+    /// True for a single fan that no direction sees wholly from the front.
+    pub(crate) folds: bool,
+}
 
 /// A group laid flat. `min` and `size` are mesh units along the frame's axes, relative to the frame's origin.
 #[derive(Clone, Debug)]
@@ -21,8 +38,6 @@ pub(crate) struct Flat {
     pub(crate) cos: f32,
     /// Points on the convex outline of a projected group, mesh space.
     pub(crate) outline: Box<[Vec3]>,
-    /// For an unfolded fan: corner index of the centre and rotated planar coordinates of the triangle's corners.
-    pub(crate) unfolded: Box<[(u32, [Vec2; 3])]>,
 }
 
 /// What the groups look like while the cover is built.
@@ -36,8 +51,6 @@ pub(crate) struct Membership<'a> {
     pub(crate) pad: f32,
     /// A projected group of several fans must keep this cosine between its direction and every triangle's normal.
     pub(crate) facing: f32,
-    /// Whether `Flat::outline` is wanted.
-    pub(crate) keep_outline: bool,
 }
 
 /// Reused buffers.
@@ -64,7 +77,7 @@ impl Flattener {
         for &fan in fans {
             for &corner in surface.fans.corners(fan as usize) {
                 if is_first_of_group(surface, corner, membership) {
-                    self.normals.push(surface.fan_normal(corner));
+                    self.normals.push(surface.fan_facet(corner).0);
                 }
             }
         }
@@ -106,11 +119,8 @@ impl Flattener {
         let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
         let x_axis = (projection.x * x_axis.x + projection.y * x_axis.y).normalize();
         let frame = Frame { origin: projection.origin, direction: projection.direction, x_axis };
-        let outline = match membership.keep_outline {
-            true => self.rectangles.hull().iter().map(|&p| projection.spatial(p)).collect(),
-            false => Box::default(),
-        };
-        Flat { frame, min, size, cos, outline, unfolded: Box::default() }
+        let outline = self.rectangles.hull().iter().map(|&p| projection.spatial(p)).collect();
+        Flat { frame, min, size, cos, outline }
     }
 
     /// Unfolds a single fan; `None` where that is impossible.
@@ -121,31 +131,17 @@ impl Flattener {
         cone: Cone,
         membership: &Membership<'_>,
     ) -> Option<Flat> {
-        let planar = unfold(surface, fan as usize)?;
-        self.points.clear();
-        for triangle in &planar {
-            outline_points(*triangle, [true, false, false], membership.delta, true, |p| {
-                self.points.push(p.extend(0.0))
-            });
-        }
-        let Rectangle { x_axis, min, size } = self.rectangles.smallest(&mut self.points, membership.pad);
-        let turned = |p: Vec2| Vec2::new(p.dot(x_axis), x_axis.perp_dot(p));
-        let unfolded = surface
-            .fans
-            .corners(fan as usize)
-            .iter()
-            .zip(planar)
-            .map(|(&corner, p)| {
-                let mut by_slot = [Vec2::ZERO; 3];
-                for (slot, p) in corner.slots().into_iter().zip(p) {
-                    by_slot[slot] = turned(p);
-                }
-                (corner.corner(), by_slot)
-            })
-            .collect();
+        let (rectangle, _) = unfolded_rectangle(
+            surface,
+            fan as usize,
+            membership.delta,
+            membership.pad,
+            &mut self.rectangles,
+        )?;
         let origin = surface.fan_center(fan as usize);
         let frame = Frame { origin, direction: cone.axis, x_axis: cone.axis.any_orthonormal_vector() };
-        Some(Flat { frame, min, size, cos: cone.cos, outline: Box::default(), unfolded })
+        let Rectangle { min, size, .. } = rectangle;
+        Some(Flat { frame, min, size, cos: cone.cos, outline: Box::default() })
     }
 
     /// The outline points of the group's region. Triangles that lie wholly inside and away from boundaries cannot touch the
@@ -218,6 +214,47 @@ impl Flattener {
             }
         }
     }
+}
+
+/// Planar coordinates of an unfolded fan's triangles, see [`unfold`].
+type Unfolded = Vec<[Vec2; 3]>;
+
+/// An unfolded fan in its best-rotated rectangle; the coordinates are not rotated. `None` where it cannot be unfolded.
+pub(crate) fn unfolded_rectangle(
+    surface: &Surface<'_>,
+    fan: usize,
+    delta: f32,
+    pad: f32,
+    rectangles: &mut RectangleFinder,
+) -> Option<(Rectangle, Unfolded)> {
+    let planar = unfold(surface, fan)?;
+    let mut points = Vec::with_capacity(6 * planar.len());
+    for triangle in &planar {
+        outline_points(*triangle, [true, false, false], delta, true, |p| points.push(p.extend(0.0)));
+    }
+    Some((rectangles.smallest(&mut points, pad), planar))
+}
+
+/// The rotated coordinates of an unfolded fan: for every corner at its centre the corner's index and the planar coordinates
+/// of the triangle's corners.
+pub(crate) fn unfolded_corners(surface: &Surface<'_>, laid: &Laid, delta: f32) -> Vec<(u32, [Vec2; 3])> {
+    let (fan, pad) = (laid.fan as usize, 1.0 / laid.density.max(f32::MIN_POSITIVE));
+    let Some((Rectangle { x_axis, .. }, planar)) =
+        unfolded_rectangle(surface, fan, delta, pad, &mut RectangleFinder::default())
+    else {
+        return Vec::new();
+    };
+    let turned = |p: Vec2| Vec2::new(p.dot(x_axis), x_axis.perp_dot(p));
+    let corners = surface.fans.corners(fan).iter().zip(planar);
+    corners
+        .map(|(&corner, p)| {
+            let mut by_slot = [Vec2::ZERO; 3];
+            for (slot, p) in corner.slots().into_iter().zip(p) {
+                by_slot[slot] = turned(p);
+            }
+            (corner.corner(), by_slot)
+        })
+        .collect()
 }
 
 fn segment(surface: &Surface<'_>, corner: FanCorner, slots: [usize; 2], projection: &Projection) -> Segment {

@@ -4,7 +4,7 @@ use fantex_mesh::Fans;
 use rayon::prelude::*;
 
 use crate::fan_shape::{FanShape, Layout};
-use crate::flatten::{Flat, Flattener, Membership};
+use crate::flatten::{Flat, Flattener, Laid, Membership};
 use crate::merge::{MergeLimits, choose_unions};
 use crate::partition::{Item, PatchLimits, halve_by_length, partition};
 use crate::surface::Surface;
@@ -13,7 +13,7 @@ use crate::surface::Surface;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GroupLimits {
     pub(crate) delta: f32,
-    /// Target tile extent in texels; 0 = one fan per group.
+    /// Target tile extent in texels.
     pub(crate) extent_texels: f32,
     /// Smallest cosine between a group's direction and its triangles' normals.
     pub(crate) facing: f32,
@@ -24,10 +24,11 @@ pub(crate) struct GroupLimits {
 /// One group while the cover is built.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
-    /// The group's fans are `Grouping::order[start..start + length]`.
+    /// The group's fans are those of the items `start..start + length`.
     pub(crate) start: u32,
     pub(crate) length: u32,
     pub(crate) flat: Flat,
+    pub(crate) layout: Layout,
     /// Nominal texels per mesh unit.
     pub(crate) density: f32,
     /// Smallest facing cosine that one of its fans reaches alone.
@@ -35,81 +36,42 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    pub(crate) fn fans<'a>(&self, order: &'a [u32]) -> &'a [u32] {
-        &order[self.start as usize..(self.start + self.length) as usize]
+    fn laid(&self, items: &[Item]) -> Laid {
+        let Flat { frame, min, size, .. } = self.flat;
+        let fan = items[self.start as usize].fan;
+        Laid { frame, min, size, density: self.density, fan, layout: self.layout, folds: false }
     }
 }
 
 /// The groups of a mesh, before tiles are sized.
 pub(crate) struct Grouping {
-    /// Fans, group by group, along a space-filling curve.
-    pub(crate) order: Vec<u32>,
-    pub(crate) patches: Vec<Patch>,
+    /// Along a space-filling curve.
+    pub(crate) laid: Vec<Laid>,
     /// Group of each fan.
     pub(crate) fan_groups: Vec<u32>,
 }
 
-/// Groups the fans of a surface. `fan_density` is the nominal number of texels per mesh unit around each fan.
+/// Groups the fans of a surface, of which there is an item each.
 pub(crate) fn group_fans(
     surface: &Surface<'_>,
     shapes: &[FanShape],
-    fan_density: &(dyn Fn(usize) -> f32 + Sync),
+    mut items: Vec<Item>,
     limits: &GroupLimits,
 ) -> Grouping {
-    let mut items: Vec<Item> =
-        (0..shapes.len()).into_par_iter().map(|f| item(surface, shapes, f, fan_density(f))).collect();
-    let grouped = limits.extent_texels > 0.0;
     let patch_limits = PatchLimits { extent_texels: limits.extent_texels, facing: limits.patch_facing };
-    let lengths = if grouped {
-        let lengths = partition(&mut items, &patch_limits);
-        let mut labels = vec![ALONE; shapes.len()];
-        separate_components(surface, shapes, &mut items, &lengths, &mut labels, 0)
-    } else {
-        sort_along_curve(&mut items);
-        vec![1; items.len()]
-    };
-    let pieces = Pieces::consecutive(lengths);
+    let lengths = partition(&mut items, &patch_limits);
+    let mut labels = vec![ALONE; shapes.len()];
+    let lengths = separate_components(surface, shapes, &mut items, &lengths, &mut labels, 0);
     let mut builder =
         Builder { surface, shapes, limits, items, fan_groups: vec![0; shapes.len()], unused_label: 0 };
-    let mut patches = builder.flatten(pieces);
-    if grouped {
-        builder.number_groups(&patches);
-        let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
-        let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
-        patches = builder.join(patches, &joined);
-    }
+    let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
-    let order = builder.items.iter().map(|i| i.fan).collect();
-    Grouping { order, patches, fan_groups: builder.fan_groups }
-}
-
-fn item(surface: &Surface<'_>, shapes: &[FanShape], fan: usize, density: f32) -> Item {
-    let area: f32 = surface.fans.corners(fan).iter().map(|c| surface.areas[c.triangle()]).sum();
-    Item {
-        position: surface.fan_center(fan),
-        axis: shapes[fan].cone.axis,
-        area: area / 3.0,
-        density,
-        fan: fan as u32,
-    }
-}
-
-/// Orders fans along a Morton curve through mesh space, 10 bits per axis.
-fn sort_along_curve(items: &mut Vec<Item>) {
-    let spread = |x: f32| {
-        let mut bits = ((x + 1.0) * 511.5) as u32 & 1023;
-        bits = (bits | bits << 16) & 0x0300_00ff;
-        bits = (bits | bits << 8) & 0x0300_f00f;
-        bits = (bits | bits << 4) & 0x030c_30c3;
-        (bits | bits << 2) & 0x0924_9249
-    };
-    let key = |(i, item): (usize, &Item)| {
-        let [x, y, z] = item.position.to_array().map(spread);
-        u64::from(x | y << 1 | z << 2) << 32 | i as u64
-    };
-    let mut keys: Vec<u64> = items.par_iter().enumerate().map(key).collect();
-    keys.par_sort_unstable();
-    *items = keys.par_iter().map(|&key| items[key as u32 as usize]).collect();
+    let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
+    let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
+    patches = builder.join(patches, &joined);
+    builder.number_groups(&patches);
+    let laid = patches.iter().map(|patch| patch.laid(&builder.items)).collect();
+    Grouping { laid, fan_groups: builder.fan_groups }
 }
 
 /// Reorders every patch by connected components (through triangles); unfolded fans become patches of their own.
@@ -289,7 +251,6 @@ impl Builder<'_> {
             delta: self.limits.delta,
             pad: 1.0 / density.max(f32::MIN_POSITIVE),
             facing: facing_limit(self.limits.facing, steepest_fan),
-            keep_outline: self.limits.extent_texels > 0.0,
         };
         let shape = &self.shapes[members[0].fan as usize];
         let flat = if shape.layout == Layout::Unfolded {
@@ -301,7 +262,7 @@ impl Builder<'_> {
             scratch.fans.extend(members.iter().map(|i| i.fan));
             scratch.flattener.project(self.surface, &scratch.fans, &membership)?
         };
-        Some(Patch { start, length, flat, density, steepest_fan })
+        Some(Patch { start, length, flat, layout: shape.layout, density, steepest_fan })
     }
 
     /// Cuts a piece in two, and each half into connected components.

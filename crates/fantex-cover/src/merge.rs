@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::cone::Cone;
 use crate::extent::side_texels;
+use crate::fan_shape::Layout;
 use crate::grouping::{Patch, facing_limit};
 
 /// Groups with a tile smaller than this share of the target tile look for a partner.
@@ -171,7 +172,7 @@ impl Summary {
             density: patch.density,
             fans: patch.length,
             steepest_fan: patch.steepest_fan,
-            mergeable: patch.flat.unfolded.is_empty(),
+            mergeable: patch.layout == Layout::Projected,
         }
     }
 

@@ -1,9 +1,12 @@
 //! Figures that describe a cover.
 
+use std::ops::Range;
+
 use fantex_mesh::Mesh;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::surface::Surface;
 use crate::{Cover, FanCounts};
 
 /// First, fiftieth and ninety-ninth percentile, by surface area.
@@ -52,23 +55,23 @@ impl CoverStats {
     /// at `SAMPLED_CHUNKS` evenly spaced runs of triangles.
     pub(crate) fn measure(
         &mut self,
-        mesh: &Mesh,
-        areas: &[f32],
+        surface: &Surface<'_>,
         cover: &Cover,
         nominal: impl Fn(usize) -> f32 + Sync,
     ) {
         self.groups = cover.groups.len() as u64;
         self.texels = cover.texels();
-        let chunks: Vec<(usize, &[f32])> = areas.chunks(CHUNK).enumerate().collect();
-        let stride = chunks.len().div_ceil(SAMPLED_CHUNKS);
-        let parts: Vec<Part> = chunks
-            .par_iter()
-            .step_by(stride)
-            .map(|&(i, chunk)| Part::of(i * CHUNK, chunk, mesh, cover, &nominal))
+        let triangles = surface.mesh.triangles.len();
+        let chunks = triangles.div_ceil(CHUNK);
+        let parts: Vec<Part> = (0..chunks)
+            .into_par_iter()
+            .step_by(chunks.div_ceil(SAMPLED_CHUNKS))
+            .map(|i| i * CHUNK..triangles.min((i + 1) * CHUNK))
+            .map(|chunk| Part::of(chunk, surface, cover, &nominal))
             .collect();
         let mut sum = Part::default();
         parts.iter().for_each(|p| sum.add(p));
-        let whole_area: f64 = areas.iter().map(|&a| f64::from(a)).sum();
+        let whole_area = surface.total(|_| 1.0);
         self.density_share = sum.surface_texels / sum.area * whole_area / self.texels as f64;
         self.lookups_per_sample = sum.lookups / sum.area;
         self.stretch = sum.stretch.percentiles();
@@ -93,23 +96,22 @@ struct Part {
 
 impl Part {
     fn of(
-        first: usize,
-        areas: &[f32],
-        mesh: &Mesh,
+        triangles: Range<usize>,
+        surface: &Surface<'_>,
         cover: &Cover,
         nominal: &(impl Fn(usize) -> f32 + Sync),
     ) -> Self {
         let mut part = Self::default();
-        for (t, &area) in (first..).zip(areas) {
+        for t in triangles {
             let density = nominal(t);
-            let a = f64::from(area);
+            let a = f64::from(surface.area(t));
             part.area += a;
             part.lookups += a * expected_lookups(cover.corner_groups[t], f64::from(cover.delta));
             let groups = cover.corner_groups[t];
             let alike = groups[0] == groups[1] && groups[1] == groups[2];
             let (slots, weight) = if alike { (1, a) } else { (3, a / 3.0) };
             for slot in 0..slots {
-                let [large, small] = singular_values(mesh, cover, t, slot);
+                let [large, small] = singular_values(surface.mesh, cover, t, slot);
                 part.surface_texels += f64::from(large * small) * weight;
                 part.stretch.add(small / density, weight);
                 part.spread.add(large * small / (density * density), weight);
