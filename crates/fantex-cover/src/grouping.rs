@@ -3,8 +3,9 @@
 use fantex_mesh::Fans;
 use rayon::prelude::*;
 
+use crate::border::Membership;
 use crate::fan_shape::{FanShape, Layout};
-use crate::flatten::{Flat, Flattener, Laid, Membership};
+use crate::flatten::{Flat, FlatLimits, Flattener, Laid};
 use crate::merge::{MergeLimits, choose_unions};
 use crate::partition::{Item, PatchLimits, halve_by_length, partition};
 use crate::surface::Surface;
@@ -245,22 +246,21 @@ impl Builder<'_> {
         let weighted: f32 = members.iter().map(|i| i.area * i.density).sum();
         let density = if area > 0.0 { weighted / area } else { members[0].density };
         let steepest_fan = members.iter().map(|i| self.shapes[i.fan as usize].cone.cos).fold(1.0, f32::min);
-        let membership = Membership {
-            fan_groups: &self.fan_groups,
-            group,
+        let membership = Membership { fan_groups: &self.fan_groups, group };
+        let limits = FlatLimits {
             delta: self.limits.delta,
             pad: 1.0 / density.max(f32::MIN_POSITIVE),
             facing: facing_limit(self.limits.facing, steepest_fan),
         };
         let shape = &self.shapes[members[0].fan as usize];
         let flat = if shape.layout == Layout::Unfolded {
-            scratch.flattener.unfold(self.surface, members[0].fan, shape.cone, &membership)?
+            scratch.flattener.unfold(self.surface, members[0].fan, shape.cone, &limits)?
         } else if let [lone] = members {
-            scratch.flattener.project_fan(self.surface, lone.fan as usize, shape.cone, &membership)
+            scratch.flattener.project_fan(self.surface, lone.fan as usize, shape.cone, &limits)
         } else {
             scratch.fans.clear();
             scratch.fans.extend(members.iter().map(|i| i.fan));
-            scratch.flattener.project(self.surface, &scratch.fans, &membership)?
+            scratch.flattener.project(self.surface, &scratch.fans, membership, &limits)?
         };
         Some(Patch { start, length, flat, layout: shape.layout, density, steepest_fan })
     }

@@ -9,6 +9,7 @@
 //!
 //! [`Cover`] is the run-time data with the texture function's weights and tile coordinates; [`build_cover`] makes one.
 
+mod border;
 mod build;
 mod cone;
 mod cover;

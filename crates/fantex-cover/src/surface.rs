@@ -48,6 +48,13 @@ impl<'a> Surface<'a> {
         (if corner.reversed() { -normal } else { normal }, facet.w)
     }
 
+    /// The centre vertex and the earlier and later ring vertex.
+    #[inline]
+    pub(crate) fn fan_vertices(&self, corner: FanCorner) -> [u32; 3] {
+        let t = self.mesh.triangles[corner.triangle()];
+        corner.slots().map(|k| t[k])
+    }
+
     /// Positions of the centre and of the earlier and later ring vertex.
     #[inline]
     pub(crate) fn fan_triangle(&self, corner: FanCorner) -> [Vec3; 3] {
