@@ -1,9 +1,9 @@
 //! From fans to groups that are laid flat.
 
-use fantex_mesh::Fans;
 use rayon::prelude::*;
 
 use crate::border::Membership;
+use crate::connect::Connector;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid};
 use crate::merge::{MergeLimits, choose_unions};
@@ -61,10 +61,10 @@ pub(crate) fn group_fans(
 ) -> Grouping {
     let patch_limits = PatchLimits { extent_texels: limits.extent_texels, facing: limits.patch_facing };
     let lengths = partition(&mut items, &patch_limits);
-    let mut labels = vec![ALONE; shapes.len()];
-    let lengths = separate_components(surface, shapes, &mut items, &lengths, &mut labels, 0);
-    let mut builder =
-        Builder { surface, shapes, limits, items, fan_groups: vec![0; shapes.len()], unused_label: 0 };
+    let mut connector = Connector::new(&surface.fans, shapes);
+    let lengths = connector.connect(&mut items, &lengths, limits.facing);
+    let fan_groups = vec![0; shapes.len()];
+    let mut builder = Builder { surface, shapes, limits, connector, items, fan_groups, unused_label: 0 };
     let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
     let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
@@ -73,107 +73,6 @@ pub(crate) fn group_fans(
     builder.number_groups(&patches);
     let laid = patches.iter().map(|patch| patch.laid(&builder.items)).collect();
     Grouping { laid, fan_groups: builder.fan_groups }
-}
-
-/// Reorders every patch by connected components (through triangles); unfolded fans become patches of their own.
-/// `labels` has an entry per fan; fans of other patches must not be labelled with `first_label..first_label + lengths.len()`.
-fn separate_components(
-    surface: &Surface<'_>,
-    shapes: &[FanShape],
-    items: &mut [Item],
-    lengths: &[u32],
-    labels: &mut [u32],
-    first_label: u32,
-) -> Vec<u32> {
-    let mut slices = Vec::with_capacity(lengths.len());
-    let mut rest = items;
-    for (&length, label) in lengths.iter().zip(first_label..) {
-        let (slice, tail) = rest.split_at_mut(length as usize);
-        for item in slice.iter() {
-            let alone = shapes[item.fan as usize].layout != Layout::Projected;
-            labels[item.fan as usize] = if alone { ALONE } else { label };
-        }
-        slices.push(slice);
-        rest = tail;
-    }
-    let labels = &*labels;
-    let parts: Vec<Vec<u32>> = slices
-        .into_par_iter()
-        .map_init(ComponentFinder::default, |finder, slice| finder.split(&surface.fans, labels, slice))
-        .collect();
-    parts.into_iter().flatten().collect()
-}
-
-/// Label of fans that join no group.
-const ALONE: u32 = u32::MAX;
-
-/// Finds the connected components of one patch. Keeps its buffers.
-#[derive(Default)]
-struct ComponentFinder {
-    /// `(fan, index in the patch)`, ascending by fan.
-    index: Vec<(u32, u32)>,
-    component: Vec<u32>,
-    stack: Vec<u32>,
-}
-
-impl ComponentFinder {
-    /// Stable-sorts the slice by component; returns the components' lengths in order of their first fans.
-    fn split(&mut self, fans: &Fans, labels: &[u32], slice: &mut [Item]) -> Vec<u32> {
-        if slice.len() == 1 {
-            return vec![1];
-        }
-        self.index.clear();
-        self.index.extend(slice.iter().enumerate().map(|(i, item)| (item.fan, i as u32)));
-        self.index.sort_unstable();
-        self.component.clear();
-        self.component.resize(slice.len(), u32::MAX);
-        let mut count = 0;
-        for i in 0..slice.len() {
-            if self.component[i] == u32::MAX {
-                self.flood(fans, labels, slice, i, count);
-                count += 1;
-            }
-        }
-        if count == 1 {
-            return vec![slice.len() as u32];
-        }
-        let mut lengths = vec![0u32; count as usize];
-        for &c in &self.component {
-            lengths[c as usize] += 1;
-        }
-        let mut tagged: Vec<(u32, Item)> =
-            self.component.iter().copied().zip(slice.iter().copied()).collect();
-        tagged.sort_by_key(|t| t.0);
-        for (to, (_, item)) in slice.iter_mut().zip(tagged) {
-            *to = item;
-        }
-        lengths
-    }
-
-    fn flood(&mut self, fans: &Fans, labels: &[u32], slice: &[Item], seed: usize, component: u32) {
-        self.component[seed] = component;
-        let label = labels[slice[seed].fan as usize];
-        if label == ALONE {
-            return;
-        }
-        self.stack.push(seed as u32);
-        while let Some(i) = self.stack.pop() {
-            for corner in fans.corners(slice[i as usize].fan as usize) {
-                for neighbour in fans.of_triangle(corner.triangle()) {
-                    if labels[neighbour as usize] != label {
-                        continue;
-                    }
-                    if let Ok(at) = self.index.binary_search_by_key(&neighbour, |x| x.0) {
-                        let j = self.index[at].1;
-                        if self.component[j as usize] == u32::MAX {
-                            self.component[j as usize] = component;
-                            self.stack.push(j);
-                        }
-                    }
-                }
-            }
-        }
-    }
 }
 
 /// Runs of items, `(start, length)`.
@@ -195,6 +94,7 @@ struct Builder<'a> {
     surface: &'a Surface<'a>,
     shapes: &'a [FanShape],
     limits: &'a GroupLimits,
+    connector: Connector<'a>,
     items: Vec<Item>,
     /// A label per fan; equal in one patch, different in different patches.
     fan_groups: Vec<u32>,
@@ -267,12 +167,8 @@ impl Builder<'_> {
 
     /// Cuts a piece in two, and each half into connected components.
     fn halve(&mut self, (start, length): (u32, u32)) -> Vec<(u32, u32)> {
-        let slice = &mut self.items[start as usize..(start + length) as usize];
-        let halves = halve_by_length(slice);
-        let first_label = self.unused_label;
-        self.unused_label += 2;
-        let (surface, shapes) = (self.surface, self.shapes);
-        let parts = separate_components(surface, shapes, slice, &halves, &mut self.fan_groups, first_label);
+        let halves = halve_by_length(&mut self.items[start as usize..(start + length) as usize]);
+        let parts = self.connector.separate(&mut self.items, start as usize, &halves);
         Pieces::consecutive(parts).0.into_iter().map(|(at, n)| (start + at, n)).collect()
     }
 

@@ -12,6 +12,7 @@
 mod border;
 mod build;
 mod cone;
+mod connect;
 mod cover;
 mod density;
 mod extent;
