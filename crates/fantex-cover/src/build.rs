@@ -121,22 +121,24 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     let mut stats = CoverStats::default();
     let grouping = if options.tile == 0 {
         let lay = |surface: &Surface<'_>| lone::lay_fans(surface, &density, options.delta);
-        let laid = decide(&mut surface, &mut stats, lay, |laid| (laid.fan, laid.layout, laid.folds));
+        let laid = decide(&mut surface, &mut stats, lay, |laid, verdict| {
+            laid.iter().for_each(|l| verdict(l.fan, l.layout, l.folds));
+        });
         stats.seconds_fans = started.elapsed().as_secs_f64();
         Grouping { fan_groups: lone::fan_groups(&surface.fans, &laid), laid }
     } else {
         let find = |surface: &Surface<'_>| shape_fans(surface, &density);
-        let fans =
-            decide(&mut surface, &mut stats, find, |(shape, item)| (item.fan, shape.layout, shape.folds));
+        let (shapes, items) = decide(&mut surface, &mut stats, find, |(shapes, _), verdict| {
+            (0..).zip(shapes).for_each(|(fan, shape)| verdict(fan, shape.layout, shape.folds));
+        });
         stats.seconds_fans = started.elapsed().as_secs_f64();
-        let (shapes, items): (Vec<FanShape>, Vec<Item>) = fans.into_iter().unzip();
         let limits = GroupLimits {
             delta: options.delta,
             extent_texels: options.tile as f32,
             facing: options.facing,
             patch_facing: options.patch_facing,
         };
-        group_fans(&surface, &shapes, items, &limits)
+        group_fans(&surface, &shapes, items, &density, &limits)
     };
     let scale = match options.budget {
         TexelBudget::Total(texels) => scale_to_total(&grouping.laid, texels),
@@ -190,24 +192,24 @@ pub struct FanCounts {
 }
 
 /// Decides about every fan and counts the decisions; fans that must be split are replaced by one fan per triangle. `find`
-/// looks at all fans of a surface, and `verdict` tells a finding's fan, its layout, and whether it folds.
+/// looks at all fans of a surface; `tell` tells each fan's layout, and whether it folds.
 fn decide<T>(
     surface: &mut Surface<'_>,
     stats: &mut CoverStats,
-    find: impl Fn(&Surface<'_>) -> Vec<T>,
-    verdict: impl Fn(&T) -> (u32, Layout, bool),
-) -> Vec<T> {
+    find: impl Fn(&Surface<'_>) -> T,
+    tell: impl Fn(&T, &mut dyn FnMut(u32, Layout, bool)),
+) -> T {
     let found = find(surface);
     let mut split = Vec::new();
-    stats.fans.total = found.len() as u64;
-    for (fan, layout, folds) in found.iter().map(verdict) {
+    stats.fans.total = surface.fans.len() as u64;
+    tell(&found, &mut |fan, layout, folds| {
         stats.fans.folding += u64::from(folds);
         match layout {
             Layout::Projected => stats.fans.projected += 1,
             Layout::Unfolded => stats.fans.unfolded += 1,
             Layout::Split => split.push(fan),
         }
-    }
+    });
     stats.fans.split = split.len() as u64;
     if split.is_empty() {
         return found;
@@ -220,20 +222,26 @@ fn decide<T>(
 }
 
 /// How each fan is laid flat, and what the partition needs to know of it.
-fn shape_fans(surface: &Surface<'_>, density: &NominalDensity<'_>) -> Vec<(FanShape, Item)> {
+fn shape_fans(surface: &Surface<'_>, density: &NominalDensity<'_>) -> (Vec<FanShape>, Vec<Item>) {
     let shape = |ring: &mut Ring, fan: usize| {
         ring.gather(surface, fan);
         let shape = FanShape::of(ring, surface, fan);
         let item = Item {
             position: ring.center,
             axis: shape.cone.axis,
-            area: ring.area / 3.0,
+            area: shape.area,
             density: density.of_fan(surface, fan),
             fan: fan as u32,
         };
         (shape, item)
     };
-    (0..surface.fans.len()).into_par_iter().with_min_len(1024).map_init(Ring::default, shape).collect()
+    let (mut shapes, mut items) = (Vec::new(), Vec::new());
+    (0..surface.fans.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map_init(Ring::default, shape)
+        .unzip_into_vecs(&mut shapes, &mut items);
+    (shapes, items)
 }
 
 /// The centre vertices of the fans that can neither be projected nor unfolded, ascending: only there may a cover be split, so

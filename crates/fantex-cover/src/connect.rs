@@ -22,15 +22,15 @@ const ROUNDS: usize = 3;
 /// Place of fans that share no patch with others.
 const ALONE: u32 = u32::MAX;
 
-/// The seed of items that were not visited yet.
+/// The seed of fans that were not visited yet.
 const UNSEEN: u32 = u32::MAX;
 
 /// Separates patches into connected pieces, through triangles.
 pub(crate) struct Connector<'a> {
     fans: &'a Fans,
     shapes: &'a [FanShape],
-    /// Where each fan's item is; `ALONE` for fans that are not projected. May be out of date for items that are not looked
-    /// at, so a place counts only where the item names the fan.
+    /// Where in the order each fan is; `ALONE` for fans that are not projected. May be out of date for fans that are not
+    /// looked at, so a place counts only where the order names the fan.
     places: Vec<u32>,
 }
 
@@ -40,36 +40,38 @@ impl<'a> Connector<'a> {
         Self { fans, shapes, places: shapes.iter().map(place).collect() }
     }
 
-    /// Reorders each of the patches, which lie one after the other from item `start` on, by connected pieces; returns the
-    /// pieces' lengths.
-    pub(crate) fn separate(&mut self, items: &mut [Item], start: usize, lengths: &[u32]) -> Vec<u32> {
-        self.note_places(items, start, lengths);
+    /// Reorders each of the patches, which lie one after the other in `order` from `start` on, by connected pieces; returns
+    /// the pieces' lengths.
+    pub(crate) fn separate(&mut self, order: &mut [u32], start: usize, lengths: &[u32]) -> Vec<u32> {
         let end = start + lengths.iter().sum::<u32>() as usize;
-        let seeds = self.seeds(items, start, lengths);
-        reorder(&mut items[start..end], &seeds, start as u32)
+        self.note_places(&order[start..end], start);
+        let seeds = self.seeds(order, start, lengths);
+        let (sorted, lengths) = sorted_by_seed(&order[start..end], &seeds, start as u32);
+        order[start..end].copy_from_slice(&sorted);
+        lengths
     }
 
-    /// As [`separate`](Self::separate) for all items; fragments go to a neighbour whose triangles' normals they leave at a
-    /// cosine of at least `facing` to its direction.
-    pub(crate) fn connect(&mut self, items: &mut [Item], lengths: &[u32], facing: f32) -> Vec<u32> {
-        self.note_places(items, 0, lengths);
-        let mut seeds = self.seeds(items, 0, lengths);
+    /// All fans by connected pieces of the patches, which lie one after the other in `items`, with the pieces' lengths.
+    /// Fragments went to a neighbour whose direction their triangles' normals face with a cosine of at least `facing`.
+    pub(crate) fn connect(&mut self, items: &[Item], lengths: &[u32], facing: f32) -> (Vec<u32>, Vec<u32>) {
+        let order: Vec<u32> = items.iter().map(|i| i.fan).collect();
+        self.note_places(&order, 0);
+        let mut seeds = self.seeds(&order, 0, lengths);
         self.absorb(items, &mut seeds, facing);
-        reorder(items, &seeds, 0)
+        sorted_by_seed(&order, &seeds, 0)
     }
 
-    fn note_places(&mut self, items: &[Item], start: usize, lengths: &[u32]) {
-        let end = start + lengths.iter().sum::<u32>() as usize;
-        for (place, item) in (start as u32..).zip(&items[start..end]) {
-            let noted = &mut self.places[item.fan as usize];
+    fn note_places(&mut self, order: &[u32], start: usize) {
+        for (place, &fan) in (start as u32..).zip(order) {
+            let noted = &mut self.places[fan as usize];
             if *noted != ALONE {
                 *noted = place;
             }
         }
     }
 
-    /// For every item of the patches the index of the first item of its connected piece.
-    fn seeds(&self, items: &[Item], start: usize, lengths: &[u32]) -> Vec<u32> {
+    /// For every fan of the patches the place of the first fan of its connected piece.
+    fn seeds(&self, order: &[u32], start: usize, lengths: &[u32]) -> Vec<u32> {
         let mut seeds = vec![UNSEEN; lengths.iter().sum::<u32>() as usize];
         let mut patches = Vec::with_capacity(lengths.len());
         let (mut rest, mut first) = (seeds.as_mut_slice(), start as u32);
@@ -81,24 +83,24 @@ impl<'a> Connector<'a> {
         patches.into_par_iter().for_each_init(Vec::new, |stack, (first, seeds)| {
             for i in 0..seeds.len() {
                 if seeds[i] == UNSEEN {
-                    self.flood(items, first, first + i as u32, seeds, stack);
+                    self.flood(order, first, first + i as u32, seeds, stack);
                 }
             }
         });
         seeds
     }
 
-    /// Marks the piece of the item `seed` in a patch that begins with item `first`.
-    fn flood(&self, items: &[Item], first: u32, seed: u32, seeds: &mut [u32], stack: &mut Vec<u32>) {
+    /// Marks the piece of the fan at place `seed` in a patch that begins at place `first`.
+    fn flood(&self, order: &[u32], first: u32, seed: u32, seeds: &mut [u32], stack: &mut Vec<u32>) {
         seeds[(seed - first) as usize] = seed;
-        if self.places[items[seed as usize].fan as usize] == ALONE {
+        if self.places[order[seed as usize] as usize] == ALONE {
             return;
         }
         stack.push(seed);
         while let Some(at) = stack.pop() {
-            self.for_neighbours(items[at as usize].fan, |fan, place| {
+            self.for_neighbours(order[at as usize], |fan, place| {
                 let index = place.wrapping_sub(first) as usize;
-                if index < seeds.len() && seeds[index] == UNSEEN && items[place as usize].fan == fan {
+                if index < seeds.len() && seeds[index] == UNSEEN && order[place as usize] == fan {
                     seeds[index] = seed;
                     stack.push(place);
                 }
@@ -212,25 +214,22 @@ fn farthest_cosine(Cone { axis, cos }: Cone, direction: Vec3) -> f32 {
     between * cos - sines
 }
 
-/// Stable-sorts items by seed; returns the number of items of each seed, ascending. Seeds count from `first`.
-fn reorder(items: &mut [Item], seeds: &[u32], first: u32) -> Vec<u32> {
-    let mut ends = vec![0_u32; items.len()];
+/// Fans stable-sorted by seed, and the number of fans of each seed, ascending. Seeds count from `first`.
+fn sorted_by_seed(fans: &[u32], seeds: &[u32], first: u32) -> (Vec<u32>, Vec<u32>) {
+    let mut ends = vec![0_u32; fans.len()];
     for &seed in seeds {
         ends[(seed - first) as usize] += 1;
     }
     let lengths: Vec<u32> = ends.iter().copied().filter(|&n| n > 0).collect();
-    if lengths.len() == 1 {
-        return lengths;
-    }
     let mut sum = 0;
     for end in &mut ends {
         sum += std::mem::replace(end, sum);
     }
-    let source = items.to_vec();
-    for (item, &seed) in source.into_iter().zip(seeds) {
+    let mut sorted = vec![0; fans.len()];
+    for (&fan, &seed) in fans.iter().zip(seeds) {
         let end = &mut ends[(seed - first) as usize];
-        items[*end as usize] = item;
+        sorted[*end as usize] = fan;
         *end += 1;
     }
-    lengths
+    (sorted, lengths)
 }

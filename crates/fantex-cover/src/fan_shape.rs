@@ -29,6 +29,8 @@ pub(crate) struct FanShape {
     pub(crate) layout: Layout,
     /// Best direction and its smallest facing cosine.
     pub(crate) cone: Cone,
+    /// A third of the area of the fan's triangles.
+    pub(crate) area: f32,
     /// True where no direction sees the whole fan from the front.
     pub(crate) folds: bool,
 }
@@ -47,7 +49,7 @@ impl FanShape {
         } else {
             Layout::Split
         };
-        Self { layout, cone, folds: !projectable }
+        Self { layout, cone, area: ring.area / 3.0, folds: !projectable }
     }
 }
 

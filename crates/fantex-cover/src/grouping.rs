@@ -1,13 +1,15 @@
 //! From fans to groups that are laid flat.
 
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::border::Membership;
 use crate::connect::Connector;
+use crate::density::NominalDensity;
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Flat, FlatLimits, Flattener, Laid};
 use crate::merge::{MergeLimits, choose_unions};
-use crate::partition::{Item, PatchLimits, halve_by_length, partition};
+use crate::partition::{Item, PatchLimits, partition};
 use crate::surface::Surface;
 
 /// How groups may grow.
@@ -25,7 +27,7 @@ pub(crate) struct GroupLimits {
 /// One group while the cover is built.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
-    /// The group's fans are those of the items `start..start + length`.
+    /// The group's fans are `order[start..start + length]`.
     pub(crate) start: u32,
     pub(crate) length: u32,
     pub(crate) flat: Flat,
@@ -37,9 +39,13 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    fn laid(&self, items: &[Item]) -> Laid {
+    fn fans<'a>(&self, order: &'a [u32]) -> &'a [u32] {
+        &order[self.start as usize..(self.start + self.length) as usize]
+    }
+
+    fn laid(&self, order: &[u32]) -> Laid {
         let Flat { frame, min, size, .. } = self.flat;
-        let fan = items[self.start as usize].fan;
+        let fan = order[self.start as usize];
         Laid { frame, min, size, density: self.density, fan, layout: self.layout, folds: false }
     }
 }
@@ -57,25 +63,28 @@ pub(crate) fn group_fans(
     surface: &Surface<'_>,
     shapes: &[FanShape],
     mut items: Vec<Item>,
+    density: &NominalDensity<'_>,
     limits: &GroupLimits,
 ) -> Grouping {
     let patch_limits = PatchLimits { extent_texels: limits.extent_texels, facing: limits.patch_facing };
     let lengths = partition(&mut items, &patch_limits);
     let mut connector = Connector::new(&surface.fans, shapes);
-    let lengths = connector.connect(&mut items, &lengths, limits.facing);
+    let (order, lengths) = connector.connect(&items, &lengths, limits.facing);
+    drop(items);
     let fan_groups = vec![0; shapes.len()];
-    let mut builder = Builder { surface, shapes, limits, connector, items, fan_groups, unused_label: 0 };
+    let mut builder =
+        Builder { surface, shapes, density, limits, connector, order, fan_groups, unused_label: 0 };
     let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
     let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
     let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
     patches = builder.join(patches, &joined);
     builder.number_groups(&patches);
-    let laid = patches.iter().map(|patch| patch.laid(&builder.items)).collect();
+    let laid = patches.iter().map(|patch| patch.laid(&builder.order)).collect();
     Grouping { laid, fan_groups: builder.fan_groups }
 }
 
-/// Runs of items, `(start, length)`.
+/// Runs of the order, `(start, length)`.
 struct Pieces(Vec<(u32, u32)>);
 
 impl Pieces {
@@ -89,13 +98,15 @@ impl Pieces {
     }
 }
 
-/// The state while patches are laid flat, halved and joined. Every patch is a run of `items`.
+/// The state while patches are laid flat, halved and joined. Every patch is a run of `order`.
 struct Builder<'a> {
     surface: &'a Surface<'a>,
     shapes: &'a [FanShape],
+    density: &'a NominalDensity<'a>,
     limits: &'a GroupLimits,
     connector: Connector<'a>,
-    items: Vec<Item>,
+    /// All fans.
+    order: Vec<u32>,
     /// A label per fan; equal in one patch, different in different patches.
     fan_groups: Vec<u32>,
     /// Labels from here on are not in use.
@@ -110,15 +121,15 @@ impl Builder<'_> {
         while !pending.is_empty() {
             let first_label = self.unused_label;
             for (&(start, length), label) in pending.iter().zip(first_label..) {
-                for item in &self.items[start as usize..(start + length) as usize] {
-                    self.fan_groups[item.fan as usize] = label;
+                for &fan in &self.order[start as usize..(start + length) as usize] {
+                    self.fan_groups[fan as usize] = label;
                 }
             }
             let flats: Vec<Option<Patch>> = pending
                 .par_iter()
                 .enumerate()
-                .map_init(Default::default, |scratch, (i, &(start, length))| {
-                    self.flatten_piece(start, length, first_label + i as u32, scratch)
+                .map_init(Flattener::default, |flattener, (i, &(start, length))| {
+                    self.flatten_piece(start, length, first_label + i as u32, flattener)
                 })
                 .collect();
             self.unused_label += pending.len() as u32;
@@ -140,43 +151,47 @@ impl Builder<'_> {
         patches
     }
 
-    fn flatten_piece(&self, start: u32, length: u32, group: u32, scratch: &mut Scratch) -> Option<Patch> {
-        let members = &self.items[start as usize..(start + length) as usize];
-        let area: f32 = members.iter().map(|i| i.area).sum();
-        let weighted: f32 = members.iter().map(|i| i.area * i.density).sum();
-        let density = if area > 0.0 { weighted / area } else { members[0].density };
-        let steepest_fan = members.iter().map(|i| self.shapes[i.fan as usize].cone.cos).fold(1.0, f32::min);
+    fn flatten_piece(&self, start: u32, length: u32, group: u32, flattener: &mut Flattener) -> Option<Patch> {
+        let fans = &self.order[start as usize..(start + length) as usize];
+        let (mut area, mut weighted, mut steepest_fan) = (0.0, 0.0, 1.0f32);
+        for &fan in fans {
+            let shape = &self.shapes[fan as usize];
+            area += shape.area;
+            weighted += shape.area * self.density.of_fan(self.surface, fan as usize);
+            steepest_fan = steepest_fan.min(shape.cone.cos);
+        }
+        let first = fans[0] as usize;
+        let density = if area > 0.0 { weighted / area } else { self.density.of_fan(self.surface, first) };
         let membership = Membership { fan_groups: &self.fan_groups, group };
         let limits = FlatLimits {
             delta: self.limits.delta,
             pad: 1.0 / density.max(f32::MIN_POSITIVE),
             facing: facing_limit(self.limits.facing, steepest_fan),
         };
-        let shape = &self.shapes[members[0].fan as usize];
+        let shape = &self.shapes[first];
         let flat = if shape.layout == Layout::Unfolded {
-            scratch.flattener.unfold(self.surface, members[0].fan, shape.cone, &limits)?
-        } else if let [lone] = members {
-            scratch.flattener.project_fan(self.surface, lone.fan as usize, shape.cone, &limits)
+            flattener.unfold(self.surface, fans[0], shape.cone, &limits)?
+        } else if fans.len() == 1 {
+            flattener.project_fan(self.surface, first, shape.cone, &limits)
         } else {
-            scratch.fans.clear();
-            scratch.fans.extend(members.iter().map(|i| i.fan));
-            scratch.flattener.project(self.surface, &scratch.fans, membership, &limits)?
+            flattener.project(self.surface, fans, membership, &limits)?
         };
         Some(Patch { start, length, flat, layout: shape.layout, density, steepest_fan })
     }
 
     /// Cuts a piece in two, and each half into connected components.
     fn halve(&mut self, (start, length): (u32, u32)) -> Vec<(u32, u32)> {
-        let halves = halve_by_length(&mut self.items[start as usize..(start + length) as usize]);
-        let parts = self.connector.separate(&mut self.items, start as usize, &halves);
+        let fans = &mut self.order[start as usize..(start + length) as usize];
+        let halves = halve_by_length(self.surface, fans);
+        let parts = self.connector.separate(&mut self.order, start as usize, &halves);
         Pieces::consecutive(parts).0.into_iter().map(|(at, n)| (start + at, n)).collect()
     }
 
     /// Makes `fan_groups` agree with the order of the patches.
     fn number_groups(&mut self, patches: &[Patch]) {
         for (patch, group) in patches.iter().zip(0..) {
-            for item in &self.items[patch.start as usize..(patch.start + patch.length) as usize] {
-                self.fan_groups[item.fan as usize] = group;
+            for &fan in patch.fans(&self.order) {
+                self.fan_groups[fan as usize] = group;
             }
         }
         self.unused_label = patches.len() as u32;
@@ -189,24 +204,21 @@ impl Builder<'_> {
         members.sort_unstable();
         let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
         unions.sort_unstable_by_key(|union| union[0].1);
-        let mut items = Vec::with_capacity(self.items.len());
+        let mut order = Vec::with_capacity(self.order.len());
         let mut kept = Vec::new();
         let mut pieces = Vec::new();
         for union in unions {
-            let start = items.len() as u32;
+            let start = order.len() as u32;
             for &(_, p) in union {
-                let patch = &patches[p as usize];
-                items.extend_from_slice(
-                    &self.items[patch.start as usize..(patch.start + patch.length) as usize],
-                );
+                order.extend_from_slice(patches[p as usize].fans(&self.order));
             }
             if let &[(_, p)] = union {
                 kept.push(Patch { start, ..patches[p as usize].clone() });
             } else {
-                pieces.push((start, items.len() as u32 - start));
+                pieces.push((start, order.len() as u32 - start));
             }
         }
-        self.items = items;
+        self.order = order;
         kept.extend(self.flatten(Pieces(pieces)));
         kept.sort_unstable_by_key(|p| p.start);
         kept
@@ -219,9 +231,15 @@ pub(crate) fn facing_limit(asked: f32, steepest_fan: f32) -> f32 {
     asked.min(0.8 * steepest_fan)
 }
 
-/// Buffers of one thread.
-#[derive(Default)]
-struct Scratch {
-    flattener: Flattener,
-    fans: Vec<u32>,
+/// Cuts a patch that turned out invalid into two by rank along its longest extent; returns the halves' lengths.
+fn halve_by_length(surface: &Surface<'_>, fans: &mut [u32]) -> [u32; 2] {
+    let center = |fan: u32| surface.fan_center(fan as usize);
+    let (low, high) = fans
+        .iter()
+        .map(|&fan| center(fan))
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let axis = (high - low).max_position();
+    fans.sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
+    let middle = fans.len() / 2;
+    [middle as u32, (fans.len() - middle) as u32]
 }

@@ -67,7 +67,7 @@ struct Layer {
 impl Layer {
     fn lay(&mut self, surface: &Surface<'_>, fan: u32, density: f32, delta: f32) -> Laid {
         self.ring.gather(surface, fan as usize);
-        let FanShape { layout, cone, folds } = FanShape::of(&self.ring, surface, fan as usize);
+        let FanShape { layout, cone, folds, .. } = FanShape::of(&self.ring, surface, fan as usize);
         let pad = 1.0 / density.max(f32::MIN_POSITIVE);
         let (x, y) = cone.axis.any_orthonormal_pair();
         let (rectangle, x_axis) = match layout {

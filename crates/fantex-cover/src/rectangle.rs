@@ -114,8 +114,10 @@ fn smallest_along(axes: &[Vec2], points: &[Vec2], pad: f32) -> Rectangle {
     let mut best_area = f32::INFINITY;
     for four in axes.chunks(4) {
         let axis = |i: usize| four[i.min(four.len() - 1)];
-        let bounds = FourBounds::of([axis(0), axis(1), axis(2), axis(3)], points);
-        let areas = (bounds.max_x - bounds.min_x + pad) * (bounds.max_y - bounds.min_y + pad);
+        let mut bounds = FourBounds::along([axis(0), axis(1), axis(2), axis(3)]);
+        points.iter().for_each(|&p| bounds.add(p));
+        let [width, height] = bounds.sizes();
+        let areas = (width + pad) * (height + pad);
         for (i, area) in areas.to_array().into_iter().enumerate() {
             if area < best_area {
                 let (min, max) = bounds.at(i);
@@ -127,7 +129,11 @@ fn smallest_along(axes: &[Vec2], points: &[Vec2], pad: f32) -> Rectangle {
 }
 
 /// The bounds of a point set along four rotations at once, one in each lane.
-struct FourBounds {
+#[derive(Clone, Copy)]
+pub(crate) struct FourBounds {
+    /// Coordinates of the rotations' first axes.
+    x: Vec4,
+    y: Vec4,
     min_x: Vec4,
     min_y: Vec4,
     max_x: Vec4,
@@ -135,19 +141,26 @@ struct FourBounds {
 }
 
 impl FourBounds {
-    fn of(axes: [Vec2; 4], points: &[Vec2]) -> Self {
+    /// Bounds of nothing yet. The axes are unit vectors.
+    pub(crate) fn along(axes: [Vec2; 4]) -> Self {
         let (x, y) = (Vec4::from(axes.map(|a| a.x)), Vec4::from(axes.map(|a| a.y)));
         let (low, high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
-        let mut bounds = Self { min_x: low, min_y: low, max_x: high, max_y: high };
-        for p in points {
-            let along = x * p.x + y * p.y;
-            let across = x * p.y - y * p.x;
-            bounds.min_x = bounds.min_x.min(along);
-            bounds.max_x = bounds.max_x.max(along);
-            bounds.min_y = bounds.min_y.min(across);
-            bounds.max_y = bounds.max_y.max(across);
-        }
-        bounds
+        Self { x, y, min_x: low, min_y: low, max_x: high, max_y: high }
+    }
+
+    #[inline]
+    pub(crate) fn add(&mut self, p: Vec2) {
+        let along = self.x * p.x + self.y * p.y;
+        let across = self.x * p.y - self.y * p.x;
+        self.min_x = self.min_x.min(along);
+        self.max_x = self.max_x.max(along);
+        self.min_y = self.min_y.min(across);
+        self.max_y = self.max_y.max(across);
+    }
+
+    /// Widths and heights.
+    pub(crate) fn sizes(&self) -> [Vec4; 2] {
+        [self.max_x - self.min_x, self.max_y - self.min_y]
     }
 
     fn at(&self, lane: usize) -> (Vec2, Vec2) {
