@@ -12,6 +12,7 @@
 
 mod adjacency;
 mod clean;
+mod disc;
 mod fans;
 pub mod generate;
 mod load;
