@@ -7,7 +7,7 @@ use glam::Vec2;
 use rayon::prelude::*;
 
 use crate::density::NominalDensity;
-use crate::extent::{MAX_EXTENT, side_texels};
+use crate::extent::{LONGEST_IN_SMALLEST, MAX_EXTENT, SMALLEST_TILE, side_texels};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Laid, unfolded_corners};
 use crate::grouping::{GroupLimits, Grouping, group_fans};
@@ -270,6 +270,13 @@ fn extent(texels: Vec2, scale: f32) -> [u32; 2] {
 /// The factor of all densities with which the tiles hold `texels` together, as nearly as rounding allows and not more.
 fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
     let sizes: Vec<Vec2> = laid.par_iter().with_min_len(1 << 12).map(|l| l.size * l.density).collect();
+    let (mut low, mut high) = (1.0 / 1024.0, 1024.0f32);
+    if texels <= SMALLEST_TILE * sizes.len() as u64 {
+        // The smallest tiles alone exceed the budget; they are at least used to the full.
+        let longest =
+            sizes.par_iter().with_min_len(1 << 12).map(|s| s.max_element()).reduce(|| 0.0, f32::max);
+        return (LONGEST_IN_SMALLEST / longest).clamp(low, high);
+    }
     let total = |scale: f32| -> u64 {
         let area = |&size: &Vec2| {
             let [w, h] = extent(size, scale).map(u64::from);
@@ -277,9 +284,6 @@ fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
         };
         sizes.par_iter().with_min_len(1 << 12).map(area).sum()
     };
-    let (mut low, mut high) = (1.0 / 1024.0, 1024.0f32);
-    // Tiles have at least 4x4 texels; where these alone exceed the budget, they are at least used to the full.
-    let texels = texels.max(total(low));
     // Texels grow nearly with the square of the scale: a few steps by that rule bracket the answer closely.
     let mut scale = 1.0f32;
     for step in 0..16 {

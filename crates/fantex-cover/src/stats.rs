@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::surface::Surface;
-use crate::{Cover, FanCounts};
+use crate::{Cover, FanCounts, GroupKind};
 
 /// First, fiftieth and ninety-ninth percentile, by surface area.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -110,8 +110,10 @@ impl Part {
             let groups = cover.corner_groups[t];
             let alike = groups[0] == groups[1] && groups[1] == groups[2];
             let (slots, weight) = if alike { (1, a) } else { (3, a / 3.0) };
+            let plane = Plane::of(surface.mesh.triangle_positions(t));
             for slot in 0..slots {
-                let [large, small] = singular_values(surface.mesh, cover, t, slot);
+                let values = |plane: &Plane| singular_values(plane, surface.mesh, cover, t, slot);
+                let [large, small] = plane.as_ref().map_or([0.0; 2], values);
                 part.surface_texels += f64::from(large * small) * weight;
                 part.stretch.add(small / density, weight);
                 part.spread.add(large * small / (density * density), weight);
@@ -139,22 +141,50 @@ fn expected_lookups([a, b, c]: [u32; 3], delta: f64) -> f64 {
     }
 }
 
+/// A triangle's plane: an orthonormal basis whose first vector lies along the first edge, and the triangle in it.
+struct Plane {
+    x: Vec3,
+    y: Vec3,
+    /// Length of the first edge.
+    length: f32,
+    /// The third corner.
+    apex: Vec2,
+}
+
+impl Plane {
+    /// `None` for a triangle without area.
+    fn of([a, b, c]: [Vec3; 3]) -> Option<Self> {
+        let (e1, e2) = (b - a, c - a);
+        let length = e1.length();
+        let x = e1 / length;
+        let along = e2.dot(x);
+        let up = e2 - x * along;
+        let height = up.length();
+        (length > 0.0 && height > 0.0).then(|| Self {
+            x,
+            y: up / height,
+            length,
+            apex: Vec2::new(along, height),
+        })
+    }
+}
+
 /// Texels per mesh unit along the directions in which a triangle's texels lie densest and least dense.
-fn singular_values(mesh: &Mesh, cover: &Cover, triangle: usize, slot: usize) -> [f32; 2] {
+fn singular_values(plane: &Plane, mesh: &Mesh, cover: &Cover, triangle: usize, slot: usize) -> [f32; 2] {
     let group = &cover.groups[cover.corner_groups[triangle][slot] as usize];
     let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
-    let [a, b, c] = mesh.triangle_positions(triangle);
-    let [ta, tb, tc] = cover.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
-    // An orthonormal basis of the triangle's plane, then the Jacobian of the map from it to texels.
-    let (e1, e2) = (b - a, c - a);
-    let length = e1.length();
-    let x = e1 / length;
-    let (p, height) = (e2.dot(x), e1.cross(e2).length() / length);
-    if !(length > 0.0 && height > 0.0) {
-        return [0.0; 2];
-    }
-    let du = (tb - ta) / length;
-    let dv = ((tc - ta) - du * p) / height;
+    // The Jacobian of the map from the triangle's plane to texels.
+    let [du, dv] = match group.kind {
+        GroupKind::Projected => {
+            let (u, v) = (group.frame.x_axis, group.frame.y_axis());
+            [plane.x, plane.y].map(|axis| group.uv_scale * texels * Vec2::new(axis.dot(u), axis.dot(v)))
+        }
+        GroupKind::Unfolded => {
+            let [a, b, c] = cover.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
+            let du = (b - a) / plane.length;
+            [du, ((c - a) - du * plane.apex.x) / plane.apex.y]
+        }
+    };
     let (e, f, g) = (du.length_squared(), du.dot(dv), dv.length_squared());
     let root = ((e - g) * (e - g) + 4.0 * f * f).sqrt();
     [(0.5 * (e + g + root)).max(0.0).sqrt(), (0.5 * (e + g - root)).max(0.0).sqrt()]

@@ -14,13 +14,7 @@ pub(crate) struct Surface<'a> {
 
 impl<'a> Surface<'a> {
     pub(crate) fn new(mesh: &'a Mesh, fans: Fans) -> Self {
-        let facet = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| mesh.positions[v as usize].as_dvec3());
-            // Double precision: slivers of long meshes lose all digits of a single-precision cross product.
-            let cross = (b - a).cross(c - a);
-            let length = cross.length();
-            (cross * length.max(f64::MIN_POSITIVE).recip()).as_vec3().extend(0.5 * length as f32)
-        };
+        let facet = |t: &[u32; 3]| facet(t.map(|v| mesh.positions[v as usize]));
         Self { mesh, fans, facets: mesh.triangles.par_iter().with_min_len(1 << 12).map(facet).collect() }
     }
 
@@ -69,3 +63,27 @@ impl<'a> Surface<'a> {
         self.mesh.positions[self.mesh.triangles[corner / 3][corner % 3] as usize]
     }
 }
+
+/// The unit normal and area of a triangle.
+#[inline]
+fn facet([a, b, c]: [Vec3; 3]) -> Vec4 {
+    let (u, v) = (b - a, c - a);
+    let cross = u.cross(v);
+    let squared = cross.length_squared();
+    // The cross product is off by at most some ulp of |u| |v|: in single precision a normal to a ten-thousandth, unless the
+    // triangle is a sliver (or so small that squares underflow), which lose all their digits.
+    if squared > SLIVER * SLIVER * (u.length_squared() * v.length_squared()) && squared > SMALLEST {
+        let length = squared.sqrt();
+        return (cross / length).extend(0.5 * length);
+    }
+    let [a, b, c] = [a, b, c].map(|p| p.as_dvec3());
+    let cross = (b - a).cross(c - a);
+    let length = cross.length();
+    (cross / length.max(f64::MIN_POSITIVE)).as_vec3().extend(0.5 * length as f32)
+}
+
+/// The sine of the widest angle that needs double precision.
+const SLIVER: f32 = 0.02;
+
+/// Squares of cross products from here on are normal numbers, and so are the squares of the lengths.
+const SMALLEST: f32 = 1e-30;
