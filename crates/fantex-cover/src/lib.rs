@@ -9,19 +9,24 @@
 //!
 //! [`Cover`] is the run-time data with the texture function's weights and tile coordinates; [`build_cover`] makes one.
 
+mod border;
 mod build;
 mod cone;
+mod connect;
 mod cover;
+mod density;
 mod extent;
 mod fan_shape;
 mod flatten;
 mod grouping;
 mod injective;
+mod lone;
 mod merge;
 mod pack;
 mod partition;
 mod rectangle;
 mod region;
+mod ring;
 mod stats;
 mod surface;
 mod unfold;

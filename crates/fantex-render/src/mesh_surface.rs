@@ -1,16 +1,18 @@
 //! A mesh with its own materials: images through texture coordinates, vertex colours, factors.
 
-use fantex_mesh::{Material, Mesh};
+use std::sync::Arc;
+
+use fantex_mesh::{AlphaMode, Material, Mesh};
 use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
-use fantex_texture::{Filter, LoadImageError, SampleOptions};
+use fantex_texture::{Filter, ImageTexture, LoadImageError, SampleOptions};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::{Coverage, Hit, MaterialSample, Surface};
+use crate::{Coverage, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// How textures are filtered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +47,8 @@ impl<'a> MeshSurface<'a> {
     ///
     /// An image that is used cannot be read.
     pub fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, LoadImageError> {
-        let textures = load_material_textures(mesh)?;
+        let mut textures = load_material_textures(mesh)?;
+        preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = normal_map_tangents(mesh, normals.all(), &textures);
         Ok(Self { mesh, normals, tangents, textures, filter })
@@ -71,11 +74,56 @@ impl<'a> MeshSurface<'a> {
     }
 }
 
+/// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
+const SHINY: f32 = 0.3;
+
+/// Share of a triangle up to which its frame is continued beyond its border.
+const NEARBY: f32 = 0.5;
+
+impl MeshSurface<'_> {
+    /// The unit normal that a normal map gives the front side.
+    fn bent_normal(&self, material: &Material, layer: &TextureLayer, hit: &Hit) -> Option<Vec3> {
+        let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle, hit.lambda);
+        frame.bend(material, self.texel(layer, hit))
+    }
+
+    /// The change of the bent normal to the next pixels, on the side that the eye sees.
+    fn bent_steps(
+        &self,
+        material: &Material,
+        layer: &TextureLayer,
+        hit: &Hit,
+        normal: Vec3,
+    ) -> Option<[Vec3; 2]> {
+        let side = if hit.front { 1.0 } else { -1.0 };
+        let next = |change: Vec3| {
+            let nearby = change.abs().max_element() < NEARBY;
+            let moved = Hit { lambda: hit.lambda + change, ..*hit };
+            nearby.then(|| self.bent_normal(material, layer, &moved)).flatten()
+        };
+        Some([(next(hit.dlambda_dx)? - normal) * side, (next(hit.dlambda_dy)? - normal) * side])
+    }
+}
+
+/// Lets cut-outs cover the same share at every level of their textures.
+fn preserve_coverage(materials: &[Material], textures: &mut [MaterialTextures]) {
+    for (material, textures) in materials.iter().zip(textures) {
+        if let (AlphaMode::Mask(threshold), Some(layer)) = (material.alpha, &mut textures.base_color) {
+            // The alpha that is compared is the texel's times the factor's.
+            let threshold = threshold / material.base_color.w.max(1e-3);
+            let texture = ImageTexture::clone(&layer.texture).with_preserved_coverage(threshold);
+            layer.texture = Arc::new(texture);
+        }
+    }
+}
+
 impl Surface for MeshSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         let vertex_normal = self.normals.at(self.mesh, hit);
+        let normal_steps = self.normals.steps(hit);
         let Some((material, textures)) = self.material(hit.triangle) else {
-            return MaterialSample::with_normal(if hit.front { vertex_normal } else { -vertex_normal });
+            let normal = if hit.front { vertex_normal } else { -vertex_normal };
+            return MaterialSample { normal_steps, ..MaterialSample::with_normal(normal) };
         };
         let texel = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texel(layer, hit));
         let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
@@ -86,16 +134,19 @@ impl Surface for MeshSurface<'_> {
             or_white(&textures.occlusion),
             or_white(&textures.metallic_roughness),
         );
-        let bent = texel(&textures.normal).and_then(|texel| {
-            TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle, hit.lambda)
-                .bend(material, texel)
-        });
+        let bent = textures.normal.as_ref().and_then(|layer| self.bent_normal(material, layer, hit));
         let normal = bent.unwrap_or(vertex_normal);
+        let normal_steps = match &textures.normal {
+            Some(layer) if surface.y < SHINY => self.bent_steps(material, layer, hit, normal),
+            _ => None,
+        }
+        .unwrap_or(normal_steps);
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
             normal: if hit.front { normal } else { -normal },
+            normal_steps,
             occlusion: surface.x,
             roughness: surface.y,
             metallic: surface.z,
@@ -103,6 +154,10 @@ impl Surface for MeshSurface<'_> {
             unlit: material.unlit,
             lookups: textures.layers().count() as u32,
         }
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        Some(self.normals.smooth_point(self.mesh, hit))
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {

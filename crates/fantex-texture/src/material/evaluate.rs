@@ -3,7 +3,7 @@
 //! A channel without texture has the texel [`Vec4::ONE`].
 
 use fantex_mesh::{Material, Mesh, corner_tangents};
-use glam::{Vec3, Vec4};
+use glam::{Mat3, Vec3, Vec4};
 
 use super::MaterialTextures;
 
@@ -72,10 +72,27 @@ impl TangentFrame {
         Self { tangent, bitangent: normal.cross(tangent) * tangents[corner].w, normal }
     }
 
+    /// The coordinates of a unit normal relative to the axes, at unit length: `0.5 + 0.5 *` them is the texel that [`bend`]
+    /// takes back to it. `None` where the axes lie in a plane.
+    ///
+    /// [`bend`]: Self::bend
+    pub fn relative(&self, normal: Vec3) -> Option<Vec3> {
+        let axes = Mat3::from_cols(self.tangent, self.bitangent, self.normal);
+        if axes.determinant().abs() < 1e-6 {
+            return None;
+        }
+        (axes.inverse() * normal).try_normalize()
+    }
+
+    /// A vector of tangent space (along tangent, bitangent and normal) in mesh space, not normalised.
+    pub fn mesh_vector(&self, v_tangent: Vec3) -> Vec3 {
+        self.tangent * v_tangent.x + self.bitangent * v_tangent.y + self.normal * v_tangent.z
+    }
+
     /// The unit normal that a normal map's texel (0..1) stands for; `None` where it is no direction.
     pub fn bend(&self, material: &Material, texel: Vec4) -> Option<Vec3> {
         let scale = material.normal_scale;
         let bent = (texel.truncate() * 2.0 - 1.0) * Vec3::new(scale, scale, 1.0);
-        (self.tangent * bent.x + self.bitangent * bent.y + self.normal * bent.z).try_normalize()
+        self.mesh_vector(bent).try_normalize()
     }
 }

@@ -28,7 +28,7 @@ pub(crate) struct BenchArgs {
 #[derive(Debug, Subcommand)]
 enum What {
     Fidelity(FidelityArgs),
-    /// Speed of covering: grouped, and with one fan per tile
+    /// Speed of covering, from welding to tile extents: grouped, and with one fan per tile
     Cover(ModelArgs),
     /// Speed of baking: uncompressed and BC7
     Bake(ModelArgs),
