@@ -1,0 +1,3 @@
+//! Looks from files: what is read, and what is refused with which words.
+
+mod files;
