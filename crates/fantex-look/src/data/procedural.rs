@@ -83,9 +83,9 @@ table! {
         #[schemars(range(min = 0))]
         pub grain: f64 = 1.0,
         /// Colour of the wood grown in spring.
-        pub early: Color = Color([0.56, 0.31, 0.13, 1.0]),
+        pub early: Color = Color::rgb([0.56, 0.31, 0.13]),
         /// Colour of the wood grown in late summer.
-        pub late: Color = Color([0.20, 0.075, 0.022, 1.0]),
+        pub late: Color = Color::rgb([0.20, 0.075, 0.022]),
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
@@ -129,7 +129,7 @@ table! {
         /// One colour.
         pub a: Color = Color::WHITE,
         /// The other.
-        pub b: Color = Color([0.05, 0.05, 0.05, 1.0]),
+        pub b: Color = Color::rgb([0.05, 0.05, 0.05]),
         /// Edge of a cube.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub cell: f64 = 0.25,

@@ -1,9 +1,9 @@
-//! The text of a look.
+//! Looks from files: what is read, and what is refused with which words.
 
 use std::path::Path;
 
-use fantex_texture::look::LookFile;
-use fantex_texture::look::data::{Input, LightTable, TextureTable};
+use fantex_look::LookFile;
+use fantex_look::data::{Input, LightTable, TextureTable};
 
 fn parse(text: &str) -> Result<LookFile, String> {
     LookFile::parse(text, Path::new("scene.toml")).map_err(|e| e.to_string())

@@ -21,7 +21,7 @@ use toml::de::{DeTable, DeValue};
 use check::{Checker, Mistake};
 use key::Step;
 
-use super::data::{FileName, Look};
+use crate::data::{FileName, Look};
 
 pub use error::{LookError, LookProblem};
 pub use key::Key;

@@ -101,7 +101,7 @@ table! {
         /// What lies outside the image, along u and v.
         pub wrap: WrapTable = WrapTable::Both(WrapName::Repeat),
         /// Colour outside the image for `wrap = "border"`.
-        pub border: Color = Color([0.0; 4]),
+        pub border: Color = Color::Linear([0.0; 4]),
         /// How it is filtered; as `picture.filter` says where it is left out.
         pub filter: Option<FilterName> = None,
         /// Longest ratio of the footprint's axes that anisotropic filters honour.

@@ -12,7 +12,7 @@ use toml::de::{DeArray, DeInteger, DeTable, DeValue};
 use super::error::LookProblem;
 use super::key::Key;
 use super::suggest::nearest;
-use crate::look::data::{Color, split_channel};
+use crate::data::{Color, split_channel};
 
 /// No number of a look is farther from 0, and none but 0 itself closer: within this range single precision is safe.
 const MAGNITUDES: Range<f64> = 1e-30..1e30;

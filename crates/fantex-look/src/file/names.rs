@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::check::{Mistake, Reference, ReferenceKind};
 use super::error::LookProblem;
 use super::suggest::nearest;
-use crate::look::data::Look;
+use crate::data::Look;
 
 /// Textures that may need each other in a row: evaluation calls them one within the other.
 pub(super) const MAX_DEPTH: usize = 64;

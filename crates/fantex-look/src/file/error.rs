@@ -5,8 +5,6 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-use crate::{ColorRampError, LoadImageError};
-
 /// A mistake in a look, with its place.
 #[derive(Debug, thiserror::Error)]
 #[error("{}{}{}: {problem}", file.display(), LineSuffix(*line), KeySuffix(key))]
@@ -127,9 +125,6 @@ pub enum LookProblem {
         /// How many are allowed.
         limit: usize,
     },
-    /// An image cannot be read.
-    #[error(transparent)]
-    Image(#[from] LoadImageError),
     /// Something would take too much memory.
     #[error("this takes {needed} bytes, and the memory limit is {limit}; make it smaller or raise --memory")]
     Memory {
@@ -138,9 +133,6 @@ pub enum LookProblem {
         /// Bytes allowed.
         limit: u64,
     },
-    /// Stops that are no ramp.
-    #[error(transparent)]
-    Ramp(#[from] ColorRampError),
     /// Two keys that cannot both be there.
     #[error("the keys '{0}' and '{1}' exclude each other; leave one of them out")]
     Exclusive(&'static str, &'static str),

@@ -41,7 +41,7 @@ table! {
         #[schemars(range(min = 2, max = 10))]
         pub turbidity: f64 = 3.0,
         /// Colour of the ground.
-        pub ground: Color = Color([0.18, 0.17, 0.12, 1.0]),
+        pub ground: Color = Color::rgb([0.18, 0.17, 0.12]),
         /// Whether the sun's disc is drawn.
         pub sun: bool = false,
     }

@@ -139,7 +139,7 @@ table! {
         /// -1 to 1: how far the highlight is stretched along the direction.
         pub strength: Input = Input::Number(0.0),
         /// Direction in the tangent plane: red and green, [-1,1] encoded as [0,1].
-        pub direction: Input = Input::Color(Color([1.0, 0.5, 0.5, 1.0])),
+        pub direction: Input = Input::Color(Color::rgb([1.0, 0.5, 0.5])),
         /// Texture coordinates that give tangent and bitangent.
         #[schemars(range(max = 31))]
         pub set: u32 = 0,

@@ -7,7 +7,7 @@ use schemars::generate::SchemaSettings;
 use schemars::transform::RecursiveTransform;
 use serde_json::Value;
 
-use crate::look::data::Look;
+use crate::data::Look;
 
 /// The JSON schema (draft 2020-12) of a look, made from the types that hold it. Keys that may be left out have their default
 /// beside them.
@@ -26,7 +26,10 @@ fn without_null(schema: &mut Schema) {
         object.remove("default");
     }
     if object.get("format").is_some_and(is_number_format) {
-        object.remove("format");
+        let format = object.remove("format");
+        if format.is_some_and(|f| f == "uint32") {
+            object.entry("maximum").or_insert(Value::from(u32::MAX));
+        }
     }
     if let Some(Value::Array(types)) = object.get_mut("type") {
         types.retain(|t| t != "null");

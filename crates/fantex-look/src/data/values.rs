@@ -7,17 +7,25 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::color::linear_from_srgb;
-
-/// A colour: `"#rrggbb"` or `"#rrggbbaa"` in sRGB, or linear `[r, g, b]` or `[r, g, b, a]`.
+/// A colour, as it is written.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Color(pub [f64; 4]);
+pub enum Color {
+    /// `"#rrggbb"` or `"#rrggbbaa"`: sRGB with straight alpha, in 255ths.
+    Srgb([u8; 4]),
+    /// `[r, g, b]` or `[r, g, b, a]`: linear light.
+    Linear([f64; 4]),
+}
 
 impl Color {
     /// White, opaque.
-    pub const WHITE: Self = Self([1.0; 4]);
+    pub const WHITE: Self = Self::Linear([1.0; 4]);
     /// Black, opaque.
-    pub const BLACK: Self = Self([0.0, 0.0, 0.0, 1.0]);
+    pub const BLACK: Self = Self::rgb([0.0; 3]);
+
+    /// Opaque, linear.
+    pub const fn rgb([r, g, b]: [f64; 3]) -> Self {
+        Self::Linear([r, g, b, 1.0])
+    }
 
     /// The colour of a text such as `#ff8800`; `None` where it is none.
     pub fn from_hex(text: &str) -> Option<Self> {
@@ -26,25 +34,14 @@ impl Color {
             return None;
         }
         let byte = |channel: usize| u8::from_str_radix(digits.get(2 * channel..2 * channel + 2)?, 16).ok();
-        let light = |channel| byte(channel).map(|b| f64::from(linear_from_srgb(f32::from(b) / 255.0)));
-        let alpha = if digits.len() == 8 { f64::from(byte(3)?) / 255.0 } else { 1.0 };
-        Some(Self([light(0)?, light(1)?, light(2)?, alpha]))
-    }
-
-    /// Linear RGBA.
-    pub fn linear(self) -> glam::Vec4 {
-        glam::DVec4::from_array(self.0).as_vec4()
-    }
-
-    /// Linear RGB.
-    pub fn linear_rgb(self) -> glam::Vec3 {
-        self.linear().truncate()
+        let alpha = if digits.len() == 8 { byte(3)? } else { 255 };
+        Some(Self::Srgb([byte(0)?, byte(1)?, byte(2)?, alpha]))
     }
 
     fn from_numbers<E: de::Error>(numbers: &[f64]) -> Result<Self, E> {
         match *numbers {
-            [r, g, b] => Ok(Self([r, g, b, 1.0])),
-            [r, g, b, a] => Ok(Self([r, g, b, a])),
+            [r, g, b] => Ok(Self::rgb([r, g, b])),
+            [r, g, b, a] => Ok(Self::Linear([r, g, b, a])),
             _ => Err(E::invalid_length(numbers.len(), &"3 or 4 numbers")),
         }
     }
@@ -52,8 +49,14 @@ impl Color {
 
 impl Serialize for Color {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let count = if self.0[3] == 1.0 { 3 } else { 4 };
-        self.0[..count].serialize(serializer)
+        match *self {
+            Self::Srgb([r, g, b, 255]) => format!("#{r:02x}{g:02x}{b:02x}").serialize(serializer),
+            Self::Srgb([r, g, b, a]) => format!("#{r:02x}{g:02x}{b:02x}{a:02x}").serialize(serializer),
+            Self::Linear(numbers) => {
+                let count = if numbers[3] == 1.0 { 3 } else { 4 };
+                numbers[..count].serialize(serializer)
+            }
+        }
     }
 }
 
@@ -175,14 +178,6 @@ impl Factor {
 
     fn is_one(&self) -> bool {
         matches!(self, Self::Number(1.0))
-    }
-
-    /// Linear RGBA.
-    pub fn linear(self) -> glam::Vec4 {
-        match self {
-            Self::Number(n) => glam::Vec3::splat(n as f32).extend(1.0),
-            Self::Color(color) => color.linear(),
-        }
     }
 }
 
@@ -367,13 +362,12 @@ pub enum Scale {
 
 impl Scale {
     /// Along x, y and z; the third axis of two is left as it is.
-    pub fn axes(self) -> glam::Vec3 {
-        let [x, y, z] = match self {
+    pub fn axes(self) -> [f64; 3] {
+        match self {
             Self::Uniform(s) => [s; 3],
             Self::Two([x, y]) => [x, y, 1.0],
             Self::Three(axes) => axes,
-        };
-        glam::DVec3::new(x, y, z).as_vec3()
+        }
     }
 }
 

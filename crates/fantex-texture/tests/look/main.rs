@@ -1,3 +1,0 @@
-//! Looks from files: what is read, and what is refused with which words.
-
-mod files;
