@@ -18,7 +18,10 @@ pub(crate) type FixedPoint = [i32; 2];
 /// Rounds a screen position in pixels. Positions are within the guard band (plus rounding of the clipper).
 pub(crate) fn snap(screen: DVec2) -> FixedPoint {
     let limit = GUARD_BAND + 1.0;
-    [screen.x, screen.y].map(|c| (c.clamp(-limit, limit) * f64::from(SUBPIXELS)).round() as i32)
+    // Half up, by truncation of a number that is never negative (rounding is a library call without SSE4.1).
+    let origin = 1 << 25;
+    [screen.x, screen.y]
+        .map(|c| (c.clamp(-limit, limit) * f64::from(SUBPIXELS) + (f64::from(origin) + 0.5)) as i32 - origin)
 }
 
 /// Twice the signed area: positive where the corners run clockwise on the screen (y down).

@@ -2,7 +2,7 @@
 
 use glam::Vec2;
 
-use crate::fixed::SUBPIXELS;
+use crate::fixed::{FixedPoint, SUBPIXELS};
 
 /// Most samples per pixel: coverage is a 64-bit mask.
 pub const MAX_SAMPLES: u32 = 64;
@@ -65,6 +65,14 @@ impl SamplePattern {
         self.offsets.len()
     }
 
+    /// Whether a box (inclusive, fixed point) holds a sample of any pixel.
+    pub(crate) fn has_sample_in(&self, low: FixedPoint, high: FixedPoint) -> bool {
+        // One sample of every pixel makes a lattice; the box holds a point of it if it does so along both axes.
+        let holds =
+            |i: usize, o: i32| (high[i] - o).div_euclid(SUBPIXELS) > (low[i] - o - 1).div_euclid(SUBPIXELS);
+        self.offsets.iter().any(|o| holds(0, o[0]) && holds(1, o[1]))
+    }
+
     /// The mask with one bit per sample, all set.
     pub(crate) fn full_mask(&self) -> u64 {
         u64::MAX >> (64 - self.offsets.len())
@@ -114,6 +122,17 @@ mod tests {
             let off = pattern.centroid(pattern.full_mask()) - Vec2::splat(0.5);
             assert!(off.length() < 0.5 / (count as f32).sqrt(), "{count}: centroid off by {off}");
         }
+    }
+
+    #[test]
+    fn boxes_without_samples_are_known() {
+        let pattern = SamplePattern::new(1);
+        assert!(pattern.has_sample_in([128, 128], [128, 128]));
+        assert!(!pattern.has_sample_in([129, 0], [255, 255]));
+        assert!(!pattern.has_sample_in([-127, 0], [-1, 9000]), "between the centres of two columns");
+        assert!(pattern.has_sample_in([-129, 0], [-1, 9000]));
+        assert!(!pattern.has_sample_in([200, 200], [383, 383]), "over a pixel's corner");
+        assert!(SamplePattern::new(8).has_sample_in([200, 200], [383, 383]));
     }
 
     #[test]

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use crate::camera::Projection;
 use crate::clip::{clip, screen};
-use crate::fixed::{FixedPoint, SUBPIXELS, doubled_area, snap};
+use crate::fixed::{FixedPoint, GUARD_BAND, SUBPIXELS, doubled_area, snap};
+use crate::pattern::SamplePattern;
 use crate::surface::{Coverage, Surface};
 
 /// Side of a tile in pixels.
@@ -29,15 +30,15 @@ pub(crate) struct Primitive {
 }
 
 impl Primitive {
+    /// Least and greatest coordinates of the corners.
+    fn bounds(&self) -> [FixedPoint; 2] {
+        let [a, b, c] = self.corners;
+        [[0, 1].map(|i| a[i].min(b[i]).min(c[i])), [0, 1].map(|i| a[i].max(b[i]).max(c[i]))]
+    }
+
     /// First and last pixel column and row (inclusive) that the corners' bounding box touches.
     pub(crate) fn pixel_bounds(&self) -> [[i32; 2]; 2] {
-        let [a, b, c] = self.corners;
-        let axis = |i: usize| {
-            let (low, high) = (a[i].min(b[i]).min(c[i]), a[i].max(b[i]).max(c[i]));
-            [low.div_euclid(SUBPIXELS), high.div_euclid(SUBPIXELS)]
-        };
-        let ([x0, x1], [y0, y1]) = (axis(0), axis(1));
-        [[x0, y0], [x1, y1]]
+        self.bounds().map(|corner| corner.map(|c| c.div_euclid(SUBPIXELS)))
     }
 }
 
@@ -133,62 +134,75 @@ pub(crate) fn prepare(
     surface: &dyn Surface,
     projection: &Projection,
     grid: &TileGrid,
+    pattern: &SamplePattern,
 ) -> Vec<Chunk> {
-    let projected: Vec<DVec3> = mesh.positions.par_iter().map(|&p| projection.project(p)).collect();
-    let setup = Setup { surface, projection, grid };
+    let vertices: Vec<ScreenVertex> = mesh
+        .positions
+        .par_iter()
+        .map(|&p| ScreenVertex::new(projection.project(p), projection.near))
+        .collect();
+    let setup = Setup { mesh, vertices: &vertices, surface, projection, grid, pattern };
     (0..mesh.triangles.len().div_ceil(CHUNK))
         .into_par_iter()
         .map(|chunk| {
             let range = chunk * CHUNK..mesh.triangles.len().min((chunk + 1) * CHUNK);
             let mut primitives = Vec::with_capacity(range.len() / 2);
-            for triangle in range {
-                let corners = mesh.triangles[triangle].map(|v| projected[v as usize]);
-                setup.add(triangle, corners, &mut primitives);
-            }
+            range.for_each(|triangle| setup.add(triangle, &mut primitives));
             Chunk::new(primitives, grid)
         })
         .collect()
 }
 
+/// A projected point.
+#[derive(Clone, Copy, Debug)]
+struct ScreenVertex {
+    /// Its place on the screen; without meaning where `nearness` is 0.
+    at: FixedPoint,
+    /// `1 / w`; 0 for points behind the near plane or far outside, whose triangles must be clipped.
+    nearness: f32,
+}
+
+impl ScreenVertex {
+    fn new(h: DVec3, near: f64) -> Self {
+        if h.z >= near && h.x.abs().max(h.y.abs()) <= PLAIN * h.z {
+            Self { at: snap(screen(h)), nearness: (1.0 / h.z) as f32 }
+        } else {
+            Self { at: [0; 2], nearness: 0.0 }
+        }
+    }
+}
+
+/// Points up to here need no clipping, in pixels from the picture's corner: well inside the guard band.
+const PLAIN: f64 = 0.25 * GUARD_BAND;
+
 struct Setup<'a> {
+    mesh: &'a Mesh,
+    vertices: &'a [ScreenVertex],
     surface: &'a dyn Surface,
     projection: &'a Projection,
     grid: &'a TileGrid,
+    pattern: &'a SamplePattern,
 }
 
 impl Setup<'_> {
     /// Appends what is visible of a triangle, as a fan of its clipped polygon.
-    fn add(&self, triangle: usize, corners: [DVec3; 3], out: &mut Vec<Primitive>) {
-        let needs_clipping = !corners.iter().all(|h| self.is_plain(*h));
-        if !needs_clipping {
-            if !self.misses(&corners) {
-                self.add_piece(triangle, corners, out);
-            }
+    fn add(&self, triangle: usize, out: &mut Vec<Primitive>) {
+        let vertices = self.mesh.triangles[triangle].map(|v| self.vertices[v as usize]);
+        if vertices.iter().all(|v| v.nearness > 0.0) {
+            self.add_piece(triangle, vertices, out);
             return;
         }
+        let corners = self.mesh.triangle_positions(triangle).map(|p| self.projection.project(p));
         let polygon = clip(corners, self.projection.near);
+        let vertex = |h: DVec3| ScreenVertex { at: snap(screen(h)), nearness: (1.0 / h.z) as f32 };
         for pair in polygon.corners().get(1..).unwrap_or(&[]).windows(2) {
-            self.add_piece(triangle, [polygon.corners()[0], pair[0], pair[1]], out);
+            self.add_piece(triangle, [polygon.corners()[0], pair[0], pair[1]].map(vertex), out);
         }
     }
 
-    /// In front of the near plane and well inside the guard band.
-    fn is_plain(&self, h: DVec3) -> bool {
-        h.z >= self.projection.near && h.x.abs().max(h.y.abs()) <= 16384.0 * h.z
-    }
-
-    /// True where all corners lie beyond the same side of the picture.
-    fn misses(&self, corners: &[DVec3; 3]) -> bool {
-        let [width, height] = self.grid.size.map(f64::from);
-        corners.iter().all(|h| h.x < 0.0)
-            || corners.iter().all(|h| h.y < 0.0)
-            || corners.iter().all(|h| h.x > width * h.z)
-            || corners.iter().all(|h| h.y > height * h.z)
-    }
-
-    fn add_piece(&self, triangle: usize, h: [DVec3; 3], out: &mut Vec<Primitive>) {
-        let mut corners = h.map(|h| snap(screen(h)));
-        let mut nearness = h.map(|h| (1.0 / h.z) as f32);
+    fn add_piece(&self, triangle: usize, vertices: [ScreenVertex; 3], out: &mut Vec<Primitive>) {
+        let mut corners = vertices.map(|v| v.at);
+        let mut nearness = vertices.map(|v| v.nearness);
         let area = doubled_area(&corners);
         // Counter-clockwise in space is counter-clockwise to the eye, too: negative with y down.
         let front = area < 0;
@@ -200,7 +214,12 @@ impl Setup<'_> {
             nearness.swap(1, 2);
         }
         let layered = self.surface.coverage(triangle) == Coverage::Layered;
-        out.push(Primitive { corners, nearness, triangle: triangle as u32, layered });
+        let primitive = Primitive { corners, nearness, triangle: triangle as u32, layered };
+        let [low, high] = primitive.bounds();
+        let outside = (0..2).any(|i| high[i] < 0 || low[i] >= self.grid.size[i] as i32 * SUBPIXELS);
+        if !outside && self.pattern.has_sample_in(low, high) {
+            out.push(primitive);
+        }
     }
 }
 

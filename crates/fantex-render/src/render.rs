@@ -55,7 +55,7 @@ pub fn render(
     let projection = Projection::new(camera, size, mesh);
     let grid = TileGrid { size };
     let pattern = SamplePattern::new(options.samples);
-    let chunks = prepare(mesh, surface, &projection, &grid);
+    let chunks = prepare(mesh, surface, &projection, &grid, &pattern);
     let spacing = match options.shading_rate {
         ShadingRate::PerPixel => 1.0,
         ShadingRate::PerSample => 1.0 / (options.samples as f32).sqrt(),
