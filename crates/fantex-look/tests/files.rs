@@ -153,8 +153,8 @@ fn numbers_out_of_range_are_named() {
     );
     refused("[camera]\neye = [0, inf, 0]\n", &["camera.eye[2]: expected a number that is finite, found inf"]);
     refused("[camera]\neye = [0, 1e39, 0]\n", &["between -1e30 and 1e30"]);
-    refused("[textures.a]\nkind = \"checker\"\ncell = 1e-40\n", &["textures.a.cell", "no closer to 0"]);
-    refused("[textures.a]\nkind = \"checker\"\nplace = { scale = 0 }\n", &["other than 0"]);
+    refused("[textures.a]\nkind = \"noise\"\ncell = 1e-40\n", &["textures.a.cell", "no closer to 0"]);
+    refused("[textures.a]\nkind = \"wood\"\nplace = { scale = 0 }\n", &["other than 0"]);
     refused("[picture]\nsamples = 99999999999999999999\n", &["picture.samples"]);
     refused("[textures.a]\nkind = \"noise\"\nseed = 5000000000\n", &["textures.a.seed"]);
     refused("[picture]\nsamples = 2.5\n", &["picture.samples: expected a whole number"]);

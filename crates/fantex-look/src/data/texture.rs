@@ -4,9 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BrickTable, CheckerTable, CloudsTable, Color, CoordinatesTable, FileName, FilterName, GraniteTable,
-    Input, LandscapeTable, MarbleTable, MatrixTable, NoiseTable, PlaceTable, RampName, RockTable, SinesTable,
-    StopTable, WoodTable,
+    Color, CoordinatesTable, FileName, FilterName, GraniteTable, Input, LandscapeTable, MarbleTable,
+    MatrixTable, NoiseTable, PlaceTable, RampName, RockTable, StopTable, WoodTable,
 };
 
 /// A texture: its key `kind` says which.
@@ -15,36 +14,20 @@ use super::{
 pub enum TextureTable {
     /// An image.
     Image(ImageTable),
-    /// A stack of images, or a block of numbers, in space.
-    Volume(VolumeTable),
-    /// Images that follow each other in time.
-    Frames(FrameImagesTable),
     /// A cube map or any other environment, looked up by a direction.
     Cube(CubeTable),
     /// The same colour everywhere.
     Color(ColorTable),
     /// Gradient, cellular or white noise and its fractal sums.
     Noise(NoiseTable),
-    /// A sum of sine waves.
-    Sines(SinesTable),
     /// Wood: annual rings about a trunk.
     Wood(WoodTable),
     /// Marble: veins that wander.
     Marble(MarbleTable),
-    /// Clouds or smoke.
-    Clouds(CloudsTable),
-    /// Granite: grains of several minerals.
-    Granite(GraniteTable),
     /// Rock: strata and cracks.
     Rock(RockTable),
-    /// A chequerboard of cubes.
-    Checker(CheckerTable),
-    /// A wall of bricks.
-    Brick(BrickTable),
     /// Grass, rock and snow by height and slope.
     Landscape(LandscapeTable),
-    /// Any texture, tabulated: computed once on a grid in space, then interpolated.
-    Table(TabulationTable),
     /// A colour scale of a number.
     Ramp(RampTable),
     /// Lines where a number passes multiples of a step.

@@ -80,6 +80,26 @@ impl LookFile {
         Ok(Self { look, ..file })
     }
 
+    /// A look that was made by a program, as if it had been read from a file.
+    ///
+    /// # Errors
+    ///
+    /// It breaks a rule of looks, such as a range or an undefined name.
+    pub fn from_look(look: &Look, path: &Path) -> Result<Self, LookError> {
+        let text = look.to_toml().map_err(|problem| LookError {
+            file: path.into(),
+            line: 0,
+            key: String::new(),
+            problem: Box::new(problem),
+        })?;
+        Self::parse(&text, path)
+    }
+
+    /// The text.
+    pub fn text(&self) -> &str {
+        &self.text
+    }
+
     /// What the file says.
     pub fn look(&self) -> &Look {
         &self.look

@@ -7,5 +7,9 @@
 //! ```
 
 mod material;
+mod resolve;
+mod translate;
 
 pub use material::*;
+pub use resolve::{LookImages, ResolveOptions, Resolver, linear_color, linear_rgb};
+pub use translate::{TranslatedLook, look_of_model, materials_of_model};
