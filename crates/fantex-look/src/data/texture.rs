@@ -4,8 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Color, CoordinatesTable, FileName, FilterName, GraniteTable, Input, LandscapeTable, MarbleTable,
-    MatrixTable, NoiseTable, PlaceTable, RampName, RockTable, StopTable, WoodTable,
+    Color, CoordinatesTable, FileName, FilterName, Input, LandscapeTable, MarbleTable, MatrixTable,
+    NoiseTable, PlaceTable, RampName, RockTable, StopTable, WoodTable,
 };
 
 /// A texture: its key `kind` says which.

@@ -72,10 +72,15 @@ impl TangentFrame {
         Self { tangent, bitangent: normal.cross(tangent) * tangents[corner].w, normal }
     }
 
+    /// A vector of tangent space (along tangent, bitangent and normal) in mesh space, not normalised.
+    pub fn mesh_vector(&self, v_tangent: Vec3) -> Vec3 {
+        self.tangent * v_tangent.x + self.bitangent * v_tangent.y + self.normal * v_tangent.z
+    }
+
     /// The unit normal that a normal map's texel (0..1) stands for; `None` where it is no direction.
     pub fn bend(&self, material: &Material, texel: Vec4) -> Option<Vec3> {
         let scale = material.normal_scale;
         let bent = (texel.truncate() * 2.0 - 1.0) * Vec3::new(scale, scale, 1.0);
-        (self.tangent * bent.x + self.bitangent * bent.y + self.normal * bent.z).try_normalize()
+        self.mesh_vector(bent).try_normalize()
     }
 }

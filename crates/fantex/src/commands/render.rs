@@ -9,9 +9,9 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::CliError;
-use crate::surroundings::SurroundingsArgs;
 use crate::scene::{FilterArg, Scene, SizeArg, VectorArg, portrait};
 use crate::size::grouped;
+use crate::surroundings::SurroundingsArgs;
 
 /// Render a model or an asset.
 #[derive(Args, Debug)]

@@ -72,11 +72,7 @@ impl<'a> LookSource<'a> {
     /// # Errors
     ///
     /// It depends on the eye.
-    pub fn of_texture(
-        mesh: &'a Mesh,
-        texture: Arc<dyn Texture>,
-        time: f32,
-    ) -> Result<Self, LookSourceError> {
+    pub fn of_texture(mesh: &'a Mesh, texture: Arc<dyn Texture>, time: f32) -> Result<Self, LookSourceError> {
         let material = LookMaterial { base_color: Slot::Texture(texture), ..LookMaterial::default() };
         Self::new(mesh, vec![Arc::new(material)], time)
     }
