@@ -9,6 +9,7 @@
 mod bake;
 mod fidelity;
 mod footprints;
+mod light;
 mod options;
 mod progress;
 mod raster;
@@ -16,10 +17,13 @@ mod source;
 mod sources;
 mod stored;
 mod tile;
+mod transfer;
 
 pub use bake::*;
 pub use fidelity::*;
+pub use light::*;
 pub use options::*;
 pub use progress::*;
 pub use source::*;
 pub use sources::*;
+pub use transfer::*;

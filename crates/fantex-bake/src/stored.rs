@@ -15,7 +15,7 @@ pub(crate) struct ChannelPlan {
 
 impl ChannelPlan {
     pub(crate) fn new(source: &SourceChannel, format: BakeFormat) -> Self {
-        use ChannelKind::{BaseColor, Displacement, Emission, Normal, OcclusionRoughnessMetallic};
+        use ChannelKind::{BaseColor, Displacement, Emission, Light, Normal, OcclusionRoughnessMetallic};
         // Values that 8 bits cannot hold are kept as they are, whatever the format.
         let format = if source.exceeds_one { BakeFormat::Float } else { format };
         let texel_format = match (format, source.kind) {
@@ -25,10 +25,10 @@ impl ChannelPlan {
             (BakeFormat::Rgba8, _) => TexelFormat::Rgba8,
             (_, Normal) => TexelFormat::Bc5,
             (_, Displacement) => TexelFormat::Bc4,
-            (BakeFormat::Bc1, BaseColor | OcclusionRoughnessMetallic | Emission) => TexelFormat::Bc1,
-            (BakeFormat::Bc7, BaseColor | OcclusionRoughnessMetallic | Emission) => TexelFormat::Bc7,
+            (BakeFormat::Bc1, BaseColor | OcclusionRoughnessMetallic | Emission | Light) => TexelFormat::Bc1,
+            (BakeFormat::Bc7, BaseColor | OcclusionRoughnessMetallic | Emission | Light) => TexelFormat::Bc7,
         };
-        let srgb = format != BakeFormat::Float && matches!(source.kind, BaseColor | Emission);
+        let srgb = format != BakeFormat::Float && matches!(source.kind, BaseColor | Emission | Light);
         let channel = Channel { kind: source.kind, format: texel_format, srgb };
         Self { channel, has_alpha: source.has_alpha }
     }

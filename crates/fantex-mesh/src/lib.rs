@@ -12,6 +12,7 @@
 
 mod adjacency;
 mod clean;
+mod displace;
 mod fans;
 pub mod generate;
 mod load;
@@ -19,16 +20,19 @@ mod material;
 mod mesh;
 mod model;
 mod normals;
+mod ray;
 mod tangents;
 mod write;
 
 pub use adjacency::*;
 pub use clean::*;
+pub use displace::*;
 pub use fans::*;
 pub use load::*;
 pub use material::*;
 pub use mesh::*;
 pub use model::*;
 pub use normals::*;
+pub use ray::*;
 pub use tangents::*;
 pub use write::*;

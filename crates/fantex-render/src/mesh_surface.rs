@@ -71,6 +71,37 @@ impl<'a> MeshSurface<'a> {
     }
 }
 
+/// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
+const SHINY: f32 = 0.3;
+
+/// Share of a triangle up to which its frame is continued beyond its border.
+const NEARBY: f32 = 0.5;
+
+impl MeshSurface<'_> {
+    /// The unit normal that a normal map gives the front side.
+    fn bent_normal(&self, material: &Material, layer: &TextureLayer, hit: &Hit) -> Option<Vec3> {
+        let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle, hit.lambda);
+        frame.bend(material, self.texel(layer, hit))
+    }
+
+    /// The change of the bent normal to the next pixels, on the side that the eye sees.
+    fn bent_steps(
+        &self,
+        material: &Material,
+        layer: &TextureLayer,
+        hit: &Hit,
+        normal: Vec3,
+    ) -> Option<[Vec3; 2]> {
+        let side = if hit.front { 1.0 } else { -1.0 };
+        let next = |change: Vec3| {
+            let nearby = change.abs().max_element() < NEARBY;
+            let moved = Hit { lambda: hit.lambda + change, ..*hit };
+            nearby.then(|| self.bent_normal(material, layer, &moved)).flatten()
+        };
+        Some([(next(hit.dlambda_dx)? - normal) * side, (next(hit.dlambda_dy)? - normal) * side])
+    }
+}
+
 impl Surface for MeshSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         let vertex_normal = self.normals.at(self.mesh, hit);
@@ -88,11 +119,13 @@ impl Surface for MeshSurface<'_> {
             or_white(&textures.occlusion),
             or_white(&textures.metallic_roughness),
         );
-        let bent = texel(&textures.normal).and_then(|texel| {
-            TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle, hit.lambda)
-                .bend(material, texel)
-        });
+        let bent = textures.normal.as_ref().and_then(|layer| self.bent_normal(material, layer, hit));
         let normal = bent.unwrap_or(vertex_normal);
+        let normal_steps = match &textures.normal {
+            Some(layer) if surface.y < SHINY => self.bent_steps(material, layer, hit, normal),
+            _ => None,
+        }
+        .unwrap_or(normal_steps);
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),

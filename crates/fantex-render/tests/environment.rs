@@ -102,7 +102,7 @@ fn sky_boxes_show_every_pixel_its_direction() {
         (DVec3::new(5.0, 1.0, -9.0), DVec3::Y, 60.0),
         // From the ground upwards, at a wide angle.
         (DVec3::new(5.5, 9.0, -1.0), DVec3::Y, 120.0),
-        (DVec3::new(5.0, 9.0, -2.0), DVec3::Y, 90.0),
+        (DVec3::new(5.0, 9.0, -2.01), DVec3::Y, 90.0),
         (DVec3::new(9.0, 2.0, 3.0), DVec3::X, 150.0),
     ] {
         let camera = Camera { eye, target, up, fov_degrees };
@@ -112,12 +112,8 @@ fn sky_boxes_show_every_pixel_its_direction() {
             let picture = render(&mesh, &surface, &camera, &lights, &options).unwrap().picture;
             assert!(picture.is_opaque());
             for (x, y) in [(60, 40), (0, 0), (119, 79), (3, 60), (100, 11)] {
-                let expected = if target.x == 5.0 && target.z == -2.0 && (x, y) != (60, 40) {
-                    // Straight up there is no right or left to expect.
-                    continue;
-                } else {
-                    ray(&camera, SIZE, f64::from(x) + 0.5, f64::from(y) + 0.5).normalize().as_vec3()
-                };
+                let at = ray(&camera, SIZE, f64::from(x) + 0.5, f64::from(y) + 0.5);
+                let expected = at.normalize().as_vec3();
                 // Turned to the left, a map shows at the left what it had ahead.
                 let turned = if rotation_degrees == 0.0 {
                     expected
@@ -207,7 +203,8 @@ fn spheres_cubes_and_paraboloids_reflect_alike() {
     for (form, side, most) in [
         (EnvironmentForm::Sphere, 256, 0.03),
         (EnvironmentForm::DualParaboloid, 256, 0.03),
-        (EnvironmentForm::MirrorBall, 512, 0.12),
+        // The outermost texel of its disc spans 0.18 radian: around -z detail is lost.
+        (EnvironmentForm::MirrorBall, 512, 0.25),
     ] {
         let other = picture(source.converted(form, side));
         let error = worst(&cube, &other);

@@ -15,12 +15,21 @@ pub enum ChannelKind {
     Emission,
     /// A scalar height.
     Displacement,
+    /// RGB light that arrives: irradiance over pi, linear, which is what a white, perfectly diffuse surface reflects. May
+    /// exceed 1.
+    Light,
 }
 
 impl ChannelKind {
     /// All kinds, ordered by their code in files.
-    pub(crate) const ALL: [Self; 5] =
-        [Self::BaseColor, Self::Normal, Self::OcclusionRoughnessMetallic, Self::Emission, Self::Displacement];
+    pub(crate) const ALL: [Self; 6] = [
+        Self::BaseColor,
+        Self::Normal,
+        Self::OcclusionRoughnessMetallic,
+        Self::Emission,
+        Self::Displacement,
+        Self::Light,
+    ];
 }
 
 /// How the texels of a channel are stored. Rows of blocks from the top (v = 0), blocks from the left.

@@ -1,5 +1,8 @@
 //! Textures as functions: images and their filters, procedural solids, mappings of space to texture coordinates.
 //!
+//! [`coordinates`] says where on a surface a texture is looked up, [`combine`] makes textures of textures, and [`warp`] maps
+//! between texture and image planes.
+//!
 //! Values are linear-light RGBA `[f32; 4]` with straight alpha. Image coordinates have their origin at the top left of
 //! row 0, column 0, `u` to the right and `v` downwards, both in `[0,1]` over the image.
 
@@ -18,7 +21,9 @@ pub mod look;
 mod mapping;
 pub mod material;
 pub mod noise;
+mod procedural;
 mod solid;
+mod tabulate;
 mod texture;
 pub mod warp;
 
@@ -28,5 +33,7 @@ pub use image_file::*;
 pub use image_texture::*;
 pub use invalid_option::*;
 pub use mapping::*;
+pub use procedural::*;
 pub use solid::*;
+pub use tabulate::*;
 pub use texture::*;

@@ -34,7 +34,7 @@ impl Source for SolidSource {
     fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
         let steps = self.space.steps(point.position_steps);
         let footprint = (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt();
-        let at = SolidPoint { p: self.space.point(point.position), n: point.normal, footprint };
+        let at = SolidPoint { p: self.space.point(point.position), n: point.normal, footprint, time: 0.0 };
         values[0] = Vec4::from_array(self.solid.color(&at));
     }
 }

@@ -189,7 +189,7 @@ impl Source for UvSource<'_> {
                     ChannelKind::Emission => {
                         emission(material, mean_or_white(&glow, point.lambda)).extend(1.0)
                     }
-                    ChannelKind::Displacement => Vec4::ZERO,
+                    ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
                 };
             }
         })

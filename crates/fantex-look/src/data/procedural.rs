@@ -1,12 +1,14 @@
 //! Procedural textures: noise, waves and solids.
 
-use super::{Color, PlaceTable};
+use super::{Color, PlaceTable, PositiveLength};
 
 table! {
     /// Noise: a number, as grey.
     pub struct NoiseTable {
         /// The kind of noise.
         pub family: NoiseName = NoiseName::Perlin,
+        /// How distances of cellular noise are measured.
+        pub metric: MetricName = MetricName::Euclidean,
         /// How octaves are summed.
         pub fractal: FractalName = FractalName::Fbm,
         /// Number of octaves.
@@ -94,14 +96,43 @@ table! {
 
     /// Marble.
     pub struct MarbleTable {
+        /// Bands per unit of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub frequency: f64 = 2.6,
+        /// How far turbulence bends the bands, in units of the place.
+        pub warp: f64 = 0.55,
+        /// Colour of the stone.
+        pub stone: Color = Color::rgb([0.76, 0.74, 0.70]),
+        /// Colour of the clouds in it.
+        pub cloud: Color = Color::rgb([0.50, 0.50, 0.52]),
+        /// Colour of the veins.
+        pub vein: Color = Color::rgb([0.085, 0.085, 0.10]),
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
         pub place: PlaceTable = PlaceTable::default(),
     }
 
-    /// Clouds or smoke.
+    /// Clouds or smoke: colour and density, which is the alpha.
     pub struct CloudsTable {
+        /// Width of the largest clouds, in units of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub size: f64 = 0.6,
+        /// Share of the sky that clouds cover.
+        #[schemars(range(min = 0, max = 1))]
+        pub cover: f64 = 0.5,
+        /// Width of a cloud's border: 0 is sharp, 1 is haze.
+        #[schemars(range(min = 0, max = 1))]
+        pub softness: f64 = 0.3,
+        /// How fast clouds change shape, in their sizes per second.
+        pub speed: f64 = 0.0,
+        /// Colour between the clouds.
+        pub sky: Color = Color::rgb([0.10, 0.22, 0.52]),
+        /// Colour of the clouds.
+        pub cloud: Color = Color::rgb([0.9, 0.9, 0.92]),
+        /// Alpha between the clouds.
+        #[schemars(range(min = 0, max = 1))]
+        pub sky_alpha: f64 = 1.0,
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where they lie.
@@ -110,6 +141,15 @@ table! {
 
     /// Granite.
     pub struct GraniteTable {
+        /// Width of a grain, in units of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub grain: f64 = 0.05,
+        /// Colour of the feldspar.
+        pub feldspar: Color = Color::rgb([0.55, 0.38, 0.32]),
+        /// Colour of the quartz.
+        pub quartz: Color = Color::rgb([0.62, 0.61, 0.60]),
+        /// Colour of the mica.
+        pub mica: Color = Color::rgb([0.035, 0.033, 0.035]),
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
@@ -118,35 +158,63 @@ table! {
 
     /// Rock.
     pub struct RockTable {
+        /// Strata per unit of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub frequency: f64 = 5.0,
+        /// How far folds lift the strata, in units of the place.
+        #[schemars(range(min = 0))]
+        pub folding: f64 = 0.25,
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
         pub place: PlaceTable = PlaceTable::default(),
     }
 
-    /// A chequerboard of cubes.
+    /// Cubes of two colours in turn.
     pub struct CheckerTable {
-        /// One colour.
-        pub a: Color = Color::WHITE,
-        /// The other.
-        pub b: Color = Color::rgb([0.05, 0.05, 0.05]),
-        /// Edge of a cube.
+        /// Edge of a cube, in units of the place.
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub cell: f64 = 0.25,
+        pub cell: f64 = 0.125,
+        /// Colour of the cube that begins at the origin.
+        pub even: Color = Color::rgb([0.8; 3]),
+        /// Colour of its neighbours.
+        pub odd: Color = Color::rgb([0.06; 3]),
         /// Where it lies.
         pub place: PlaceTable = PlaceTable::default(),
     }
 
     /// Bricks.
     pub struct BrickTable {
-        /// The pattern of their colours; added to the seed of the command line.
+        /// Length, height and depth of a brick with its mortar, in units of the place.
+        pub size: [PositiveLength; 3] = [PositiveLength(0.3), PositiveLength(0.1), PositiveLength(0.15)],
+        /// Width of the mortar, in units of the place.
+        #[schemars(range(min = 0))]
+        pub mortar_width: f64 = 0.012,
+        /// How far each row is shifted against the one below, in bricks.
+        pub shift: f64 = 0.5,
+        /// Colour of the bricks.
+        pub brick: Color = Color::rgb([0.34, 0.085, 0.045]),
+        /// Colour of the mortar.
+        pub mortar: Color = Color::rgb([0.46, 0.43, 0.38]),
+        /// How much bricks differ in brightness.
+        #[schemars(range(min = 0, max = 1))]
+        pub variation: f64 = 0.6,
+        /// Whether the texture is the height of the wall's face, 1 on bricks and 0 in the mortar, instead of its colour.
+        pub relief: bool = false,
+        /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where they lie.
         pub place: PlaceTable = PlaceTable::default(),
     }
 
-    /// Grass, rock and snow.
+    /// Sand, grass, rock and snow.
     pub struct LandscapeTable {
+        /// Height up to which there is sand, as a share of half the model's height, from -1 to 1; the recipe's own where it is left out.
+        #[schemars(range(min = -2, max = 2))]
+        pub sand_line: Option<f64> = None,
+        /// Height from which there is snow, likewise.
+        #[schemars(range(min = -2, max = 2))]
+        pub snow_line: Option<f64> = None,
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
@@ -163,8 +231,22 @@ choice! {
         Simplex,
         /// Distance to the nearest of scattered points.
         Cellular,
-        /// A random number per cell.
+        /// How much farther the second nearest point is: 0 along the borders of cells.
+        CellularBorders,
+        /// A random number for every cell around a scattered point.
+        CellularIds,
+        /// A random number for every cubic cell.
         White,
+    }
+
+    /// How distances of cellular noise are measured.
+    pub enum MetricName {
+        /// The shortest way.
+        Euclidean,
+        /// Along the axes.
+        Manhattan,
+        /// The longest of the ways along the axes.
+        Chebyshev,
     }
 
     /// How octaves are summed.

@@ -4,8 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    Color, CoordinatesTable, FileName, FilterName, Input, LandscapeTable, MarbleTable, MatrixTable,
-    NoiseTable, PlaceTable, RampName, RockTable, StopTable, WoodTable,
+    BrickTable, CheckerTable, CloudsTable, Color, CoordinatesTable, FileName, FilterName, GraniteTable,
+    Input, LandscapeTable, MarbleTable, MatrixTable, NoiseTable, PlaceTable, RampName, RockTable, SinesTable,
+    StopTable, WoodTable,
 };
 
 /// A texture: its key `kind` says which.
@@ -20,12 +21,22 @@ pub enum TextureTable {
     Color(ColorTable),
     /// Gradient, cellular or white noise and its fractal sums.
     Noise(NoiseTable),
+    /// A sum of sine waves.
+    Sines(SinesTable),
     /// Wood: annual rings about a trunk.
     Wood(WoodTable),
     /// Marble: veins that wander.
     Marble(MarbleTable),
+    /// Clouds or smoke.
+    Clouds(CloudsTable),
+    /// Granite: grains of several minerals.
+    Granite(GraniteTable),
     /// Rock: strata and cracks.
     Rock(RockTable),
+    /// Cubes of two colours in turn.
+    Checker(CheckerTable),
+    /// A wall of bricks.
+    Brick(BrickTable),
     /// Grass, rock and snow by height and slope.
     Landscape(LandscapeTable),
     /// A colour scale of a number.

@@ -1,6 +1,6 @@
 //! Textures made of textures: environment modes, layers, arithmetic, colour scales and contour lines.
 //!
-//! Every node is plain data with [`Slot`](crate::look::Slot)s as inputs. Colours are linear with straight alpha; where two are
+//! Every node is plain data with [`Slot`]s as inputs. Colours are linear with straight alpha; where two are
 //! mixed, each counts by its alpha.
 
 /// A node depends on the eye and on the time if one of these inputs does.

@@ -58,10 +58,27 @@ impl ImageLookup {
     }
 }
 
+/// Edges of a footprint, in images, that are longer are cut: they occur near poles and horizons, show the mean of the whole
+/// image anyway, and would cost the exact mean many subsamples.
+const LONGEST_STEP: f32 = 32.0;
+
+fn shortened(step: Vec2) -> Vec2 {
+    // Infinite and NaN count as long.
+    let largest = step.abs().max_element();
+    if step.is_nan() || largest.is_infinite() {
+        Vec2::splat(LONGEST_STEP)
+    } else if largest > LONGEST_STEP {
+        step / largest * LONGEST_STEP
+    } else {
+        step
+    }
+}
+
 impl Texture for ImageLookup {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
         self.coordinates.evaluate(at, |point| {
-            let point = self.matrix.apply(point, at.time);
+            let UvPoint { uv, steps } = self.matrix.apply(point, at.time);
+            let point = UvPoint { uv, steps: steps.map(shortened) };
             Vec4::from_array(match at.filtering {
                 Filtering::Own => self.sample(point),
                 Filtering::Area => self.sample_area(point),

@@ -77,7 +77,8 @@ impl Parameter {
         match *self {
             Self::Along { origin, direction } => direction.dot(at.position - origin),
             Self::Distance { center } => at.position.distance(center),
-            Self::Slope { up } => at.normal.angle_between(up).to_degrees(),
+            // Unlike the arc cosine, precise on level ground, too.
+            Self::Slope { up } => at.normal.cross(up).length().atan2(at.normal.dot(up)).to_degrees(),
             Self::Facing => at.to_eye.map_or(1.0, |to_eye| at.normal.dot(to_eye).max(0.0)),
             Self::U { set } => at.uv.get(set).map_or(0.0, |point| point.uv.x),
             Self::V { set } => at.uv.get(set).map_or(0.0, |point| point.uv.y),

@@ -1,8 +1,13 @@
 //! From one form to another.
 //!
 //! Every texel of the new map is the mean of `SUBTEXELS²` filtered look-ups spread over it, each with its share of the
-//! texel as footprint. Round trips of the test suite, as the root mean square error of sRGB-encoded, clamped colours over
-//! all directions of a picture (`tests/texture/environments.rs` holds them to that): see the table there.
+//! texel as footprint. What a conversion to as many texels loses, measured on a forest that all forms resolve (root mean
+//! square of sRGB-encoded values over all directions; `tests/texture/environments.rs` asserts it):
+//!
+//! | between | there | there and back |
+//! |---|---|---|
+//! | sphere, cube, paraboloids | 0.009 to 0.011 (39 to 41 dB) | 0.014 to 0.016 (36 to 37 dB) |
+//! | to a mirror ball | 0.024 (32 dB) | 0.030 (30 dB) |
 
 use glam::{Vec2, Vec3};
 
@@ -21,6 +26,9 @@ impl EnvironmentMap {
     /// If `side` is zero.
     pub fn converted(&self, form: EnvironmentForm, side: u32) -> Self {
         let size = form.chart_size(side);
+        if form == self.form() && size == self.chart_size() {
+            return self.clone();
+        }
         let sub = Vec2::new(1.0 / (size[0] * SUBTEXELS) as f32, 1.0 / (size[1] * SUBTEXELS) as f32);
         Self::from_texels(form, size, |chart, x, y| {
             let first = Vec2::new((x * SUBTEXELS) as f32, (y * SUBTEXELS) as f32);

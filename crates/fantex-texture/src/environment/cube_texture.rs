@@ -32,8 +32,8 @@ pub struct CubeTexture {
     pub map: Arc<EnvironmentMap>,
     /// Which direction looks it up.
     pub source: DirectionSource,
-    /// Radians by which the map is turned to the left about `+y`.
-    pub rotation: f32,
+    /// Degrees by which the map is turned to the left (seen from above: counter-clockwise) about `+y`.
+    pub rotation_degrees: f32,
     /// A shape for the surroundings, object space, with the place where the map was taken; without, they are infinitely
     /// far away. For reflections and views.
     pub proxy: Option<(EnvironmentProxy, Vec3)>,
@@ -42,7 +42,7 @@ pub struct CubeTexture {
 impl CubeTexture {
     /// A map as it stands, infinitely far away.
     pub fn new(map: Arc<EnvironmentMap>, source: DirectionSource) -> Self {
-        Self { map, source, rotation: 0.0, proxy: None }
+        Self { map, source, rotation_degrees: 0.0, proxy: None }
     }
 
     /// Unit direction and its change along the footprint's edges.
@@ -74,7 +74,7 @@ impl Texture for CubeTexture {
             (direction, steps) =
                 proxy.corrected_footprint(at.position, at.position_steps, direction, steps, center);
         }
-        let map_from_object = glam::Quat::from_rotation_y(-self.rotation);
+        let map_from_object = glam::Quat::from_rotation_y(-self.rotation_degrees.to_radians());
         let color = self.map.sample(map_from_object * direction, steps.map(|step| map_from_object * step));
         color.extend(1.0)
     }

@@ -160,8 +160,7 @@ impl EnvironmentMap {
     /// [`CubeTexture`](super::CubeTexture)). Up to [`MAX_ENVIRONMENT_ANISOTROPY`] trilinear probes along the longer edge.
     pub fn sample(&self, direction: Vec3, steps: [Vec3; 2]) -> Vec3 {
         let d = direction.normalize_or(Vec3::NEG_Z);
-        let size = Vec2::new(self.levels[0].size[0] as f32, self.levels[0].size[1] as f32);
-        let texels = steps.map(|step| self.form().uv_step(d, step) * size);
+        let texels = steps.map(|step| self.in_texels(d, step));
         let lengths = texels.map(Vec2::length);
         let longer = usize::from(lengths[1] > lengths[0]);
         let major = lengths[longer];
@@ -178,6 +177,18 @@ impl EnvironmentMap {
             sum += self.sample_level(d + steps[longer] * along, level);
         }
         sum / probes
+    }
+
+    /// A change of a unit direction in texels of level 0.
+    fn in_texels(&self, d: Vec3, step: Vec3) -> Vec2 {
+        let [width, height] = self.levels[0].size.map(|n| n as f32);
+        if self.form() == EnvironmentForm::MirrorBall {
+            // Towards the rim the texels get ever longer and thinner, and first order means little; but each has the solid
+            // angle of a square of 4 / width.
+            let (right, down) = d.any_orthonormal_pair();
+            return Vec2::new(right.dot(step), down.dot(step)) * (width / 4.0);
+        }
+        self.form().uv_step(d, step) * Vec2::new(width, height)
     }
 
     /// Light from a direction, linear RGB, at a level between 0 and the last, linear between levels.
@@ -208,6 +219,6 @@ impl EnvironmentMap {
 }
 
 fn allowed(color: Vec3) -> Vec3A {
-    // `max` takes the other operand where one is NaN.
-    Vec3A::from(color.to_array().map(|c| c.max(0.0).min(BRIGHTEST)))
+    // Not `clamp`, which keeps NaN.
+    Vec3A::from(color.to_array().map(|c| if c > 0.0 { c.min(BRIGHTEST) } else { 0.0 }))
 }

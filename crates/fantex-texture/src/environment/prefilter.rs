@@ -10,7 +10,7 @@
 //!
 //! Error against the sum over all texels (root mean square over 60 directions, relative to that of the values;
 //! `tests/texture/environments.rs`): an overcast forest 1 % where the lobe is sampled, 0.4 % where it is summed; a beach
-//! with the sun in the sky 15 % (where in its texel the sun is matters) and 1 %.
+//! with the sun in the sky 15 % and 4 % (where in its texel the sun is matters).
 
 use std::f32::consts::{PI, TAU};
 use std::sync::Arc;
@@ -23,6 +23,9 @@ use super::{ChartPoint, EnvironmentForm, EnvironmentMap, IrradianceHarmonics};
 
 /// Blurred levels beside the environment itself.
 pub const PREFILTERED_LEVELS: usize = 8;
+
+/// Roughness of the first blurred level.
+const FIRST_ROUGHNESS: f32 = 1.0 / PREFILTERED_LEVELS as f32;
 
 /// An environment and its reflections in rough surfaces.
 #[derive(Clone, Debug)]
@@ -60,18 +63,23 @@ impl PrefilteredEnvironment {
     /// level of a mirror's look-up, and widen the lobe of a rough surface.
     pub fn reflected(&self, direction: Vec3, steps: [Vec3; 2], roughness: f32) -> Vec3 {
         let roughness = if roughness > 0.0 { roughness.min(1.0) } else { 0.0 };
-        let level = with_footprint(roughness, steps) * PREFILTERED_LEVELS as f32;
-        if level >= 1.0 {
-            let fine = (level as usize).min(PREFILTERED_LEVELS - 1);
-            let of = |level: usize| self.rough[level - 1].look_up(direction);
-            return of(fine).lerp(of(fine + 1), (level - fine as f32).min(1.0)).into();
+        if roughness >= FIRST_ROUGHNESS {
+            return self.blurred(direction, with_footprint(roughness, steps));
         }
         let sharp = self.sharp(direction, steps, roughness);
         if roughness == 0.0 {
             return sharp;
         }
-        let share = roughness * PREFILTERED_LEVELS as f32;
-        sharp.lerp(self.rough[0].look_up(direction).into(), share.min(1.0))
+        let blurred = self.blurred(direction, with_footprint(FIRST_ROUGHNESS, steps));
+        sharp.lerp(blurred, roughness / FIRST_ROUGHNESS)
+    }
+
+    /// Linear between the levels of a roughness that is at least the first one's.
+    fn blurred(&self, direction: Vec3, roughness: f32) -> Vec3 {
+        let level = roughness * PREFILTERED_LEVELS as f32;
+        let fine = (level as usize).clamp(1, PREFILTERED_LEVELS - 1);
+        let of = |level: usize| self.rough[level - 1].look_up(direction);
+        of(fine).lerp(of(fine + 1), (level - fine as f32).clamp(0.0, 1.0)).into()
     }
 
     /// A look-up of the map itself with a footprint at least about as wide as the lobe.
@@ -94,9 +102,7 @@ fn with_footprint(roughness: f32, steps: [Vec3; 2]) -> f32 {
     let width2 = 0.5 * (steps[0].length_squared() + steps[1].length_squared());
     let alpha2 = roughness.powi(4);
     let widened = alpha2 + width2.min(4.0) / 24.0;
-    // Mirrors stay on the map's own levels, which average a footprint better than a round lobe does.
-    let is_mirror = roughness < 1.0 / PREFILTERED_LEVELS as f32 && width2 < 1e-2;
-    if is_mirror || !widened.is_finite() { roughness } else { widened.sqrt().sqrt().min(1.0) }
+    if widened.is_finite() { widened.sqrt().sqrt().min(1.0) } else { roughness }
 }
 
 /// A direction of a lobe around `+z`.

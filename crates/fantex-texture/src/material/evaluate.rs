@@ -3,7 +3,7 @@
 //! A channel without texture has the texel [`Vec4::ONE`].
 
 use fantex_mesh::{Material, Mesh, corner_tangents};
-use glam::{Vec3, Vec4};
+use glam::{Mat3, Vec3, Vec4};
 
 use super::MaterialTextures;
 
@@ -75,6 +75,18 @@ impl TangentFrame {
     /// A vector of tangent space (along tangent, bitangent and normal) in mesh space, not normalised.
     pub fn mesh_vector(&self, v_tangent: Vec3) -> Vec3 {
         self.tangent * v_tangent.x + self.bitangent * v_tangent.y + self.normal * v_tangent.z
+    }
+
+    /// The coordinates of a unit normal relative to the axes, at unit length: `0.5 + 0.5 *` them is the texel that [`bend`]
+    /// takes back to it. `None` where the axes lie in a plane.
+    ///
+    /// [`bend`]: Self::bend
+    pub fn relative(&self, normal: Vec3) -> Option<Vec3> {
+        let axes = Mat3::from_cols(self.tangent, self.bitangent, self.normal);
+        if axes.determinant().abs() < 1e-6 {
+            return None;
+        }
+        (axes.inverse() * normal).try_normalize()
     }
 
     /// The unit normal that a normal map's texel (0..1) stands for; `None` where it is no direction.

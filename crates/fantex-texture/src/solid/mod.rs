@@ -2,15 +2,23 @@
 //!
 //! Recipes are written for a model whose bounding sphere has radius 1 about the origin; [`Placed`] brings a point there.
 
+mod brick;
+mod checker;
+mod clouds;
+mod granite;
 mod landscape;
 mod marble;
 mod rock;
 mod wood;
 
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
-use crate::Bounds;
+use crate::{Bounds, ShadingPoint, Texture};
 
+pub use brick::Brick;
+pub use checker::Checker;
+pub use clouds::Clouds;
+pub use granite::Granite;
 pub use landscape::Landscape;
 pub use marble::Marble;
 pub use rock::Rock;
@@ -25,6 +33,8 @@ pub struct SolidPoint {
     pub n: Vec3,
     /// The width over which the caller averages, in the units of `p`; 0 for the exact value at the point.
     pub footprint: f32,
+    /// Seconds since the start of an animation.
+    pub time: f32,
 }
 
 /// A texture that is defined everywhere in space.
@@ -50,20 +60,22 @@ impl<S: Solid> Solid for Placed<S> {
             p: (at.p - self.center) / self.radius,
             n: at.n,
             footprint: at.footprint / self.radius,
+            time: at.time,
         })
     }
 }
 
 /// A name that is no solid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{name}' is no solid; use wood, marble, rock or landscape")]
+#[error("'{name}' is no solid; use wood, marble, rock, granite, clouds, checker, brick or landscape")]
 pub struct UnknownSolid {
     /// What was asked for.
     pub name: String,
 }
 
 /// The names that [`solid_by_name`] knows.
-pub const SOLID_NAMES: [&str; 4] = ["wood", "marble", "rock", "landscape"];
+pub const SOLID_NAMES: [&str; 8] =
+    ["wood", "marble", "rock", "granite", "clouds", "checker", "brick", "landscape"];
 
 /// The recipe `name`, scaled to a model with these bounds.
 pub fn solid_by_name(name: &str, bounds: Bounds, seed: u32) -> Result<Box<dyn Solid>, UnknownSolid> {
@@ -77,11 +89,26 @@ pub fn solid_by_name(name: &str, bounds: Bounds, seed: u32) -> Result<Box<dyn So
         "wood" => Ok(placed(Wood::new(seed), center, radius)),
         "marble" => Ok(placed(Marble::new(seed), center, radius)),
         "rock" => Ok(placed(Rock::new(seed), center, radius)),
+        "granite" => Ok(placed(Granite::new(seed), center, radius)),
+        "clouds" => Ok(placed(Clouds::new(seed), center, radius)),
+        "checker" => Ok(placed(Checker::default(), center, radius)),
+        "brick" => Ok(placed(Brick::new(seed), center, radius)),
         "landscape" => {
             let half_height = (0.5 * (bounds.max.y - bounds.min.y) / radius).max(1e-6);
             Ok(placed(Landscape::new(seed, half_height), center, radius))
         }
         _ => Err(UnknownSolid { name: name.to_owned() }),
+    }
+}
+
+/// A solid as a texture of object space; [`Placed`] or a placed solid brings points into the recipe's units.
+#[derive(Clone, Copy, Debug)]
+pub struct SolidTexture<S>(pub S);
+
+impl<S: Solid> Texture for SolidTexture<S> {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        let point = SolidPoint { p: at.position, n: at.normal, footprint: at.width(), time: at.time };
+        Vec4::from_array(self.0.color(&point))
     }
 }
 

@@ -20,7 +20,7 @@ pub enum Spread {
 /// The texture carried through `map` into an image of `size` (columns, rows): linear RGBA, transparent where nothing
 /// arrives. With [`Spread::Area`], alpha is the covered share of a pixel.
 ///
-/// Texels that a projective map would bring behind the horizon must not occur: crop the texture before.
+/// Texels that reach beyond the horizon of a projective map are left out.
 ///
 /// # Errors
 ///
@@ -36,11 +36,15 @@ pub fn warp_forward(
     let scale = DVec2::new(f64::from(texture.width), f64::from(texture.height)).recip();
     for y in 0..texture.height {
         for x in 0..texture.width {
+            let at = |dx: f64, dy: f64| DVec2::new(f64::from(x) + dx, f64::from(y) + dy) * scale;
+            let corners = [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+            if !corners.iter().all(|&uv| map.is_seen(uv)) {
+                continue;
+            }
             let color = DVec4::from_array(texture.linear_texel(x, y).map(f64::from));
-            let at = |dx: f64, dy: f64| map.map(DVec2::new(f64::from(x) + dx, f64::from(y) + dy) * scale);
             match spread {
-                Spread::Bilinear => canvas.spread_bilinear(at(0.5, 0.5), color),
-                Spread::Area => canvas.spread_area([at(0., 0.), at(1., 0.), at(1., 1.), at(0., 1.)], color),
+                Spread::Bilinear => canvas.spread_bilinear(map.map(at(0.5, 0.5)), color),
+                Spread::Area => canvas.spread_area(corners.map(|uv| map.map(uv)), color),
             }
         }
     }

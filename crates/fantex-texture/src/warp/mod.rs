@@ -34,6 +34,11 @@ pub trait PlaneMap: Send + Sync {
     /// The texture coordinates that are seen at a position, or `None` where the texture is not seen.
     fn inverse(&self, position: DVec2) -> Option<DVec2>;
 
+    /// Whether the texture is seen at these coordinates; a projective map has a horizon beyond which it is not.
+    fn is_seen(&self, _uv: DVec2) -> bool {
+        true
+    }
+
     /// The derivatives of the position by `u` (first column) and `v`.
     fn jacobian(&self, uv: DVec2) -> DMat2;
 }

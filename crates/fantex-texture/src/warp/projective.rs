@@ -83,6 +83,10 @@ impl PlaneMap for ProjectiveMap {
         point.truncate() / point.z
     }
 
+    fn is_seen(&self, uv: DVec2) -> bool {
+        (self.matrix * uv.extend(1.0)).z > 0.0
+    }
+
     /// `None` beyond the horizon.
     fn inverse(&self, position: DVec2) -> Option<DVec2> {
         // The inverse's denominator is one over the map's: both have the same sign.

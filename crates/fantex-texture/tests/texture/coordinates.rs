@@ -240,6 +240,37 @@ fn every_kind_of_coordinates_gives_a_value() {
     }
 }
 
+#[test]
+fn no_number_stops_a_look_up() {
+    let gradient = Arc::new(texture(16, 8, 4, |x, y| [x as f32 / 16.0, y as f32 / 8.0, 0.5, 1.0]));
+    let mut random = Random(25);
+    let mut accepted = 0;
+    for _ in 0..20_000 {
+        // Any bits: huge, tiny, infinite and NaN among them.
+        let mut any = || match random.bits() % 4 {
+            0 => f32::from_bits(random.bits() as u32),
+            1 => 0.0,
+            _ => 2.0 * random.unit() - 1.0,
+        };
+        let mut any2 = || Vec2::new(any(), any());
+        let (uv, steps, scale, translation) = (any2(), [any2(), any2()], any2(), any2());
+        let matrix = Mat3::from_cols(any2().extend(1.0), any2().extend(-0.5), any2().extend(0.7));
+        let options = TextureMatrixOptions { matrix, scale, translation, ..TextureMatrixOptions::default() };
+        let Ok(matrix) = TextureMatrix::new(options) else { continue };
+        accepted += 1;
+        let set = [UvPoint { uv, steps }];
+        let at = ShadingPoint { uv: &set, ..shading_point(Vec3::ZERO, Vec3::Y) };
+        let filter = crate::common::FILTERS[accepted % 6];
+        let wrap = [[Wrap::Repeat, Wrap::Mirror], [Wrap::Clamp, Wrap::Border]][accepted % 2];
+        let options = SampleOptions { filter, wrap, ..SampleOptions::default() };
+        let lookup = ImageLookup { matrix, options, ..ImageLookup::new(Arc::clone(&gradient)) };
+        for filtering in [Filtering::Own, Filtering::Area] {
+            std::hint::black_box(lookup.evaluate(&ShadingPoint { filtering, ..at }));
+        }
+    }
+    assert!(accepted > 500, "only {accepted} matrices were accepted");
+}
+
 /// Nanoseconds per point, the best of many runs.
 #[test]
 #[ignore = "measures, asserts nothing"]

@@ -4,18 +4,20 @@ use std::sync::Arc;
 
 use fantex_texture::color::srgb_from_linear;
 use fantex_texture::environment::{
-    ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout, EnvironmentMap, IrradianceHarmonics,
-    LoadEnvironmentError, PREFILTERED_LEVELS, PrefilteredEnvironment, Sky,
+    ChartPoint, CubeFace, CubeTexture, DirectionSource, EnvironmentForm, EnvironmentLayout, EnvironmentMap,
+    EnvironmentProxy, IrradianceHarmonics, LoadEnvironmentError, PREFILTERED_LEVELS, PrefilteredEnvironment,
+    Sky,
 };
-use fantex_texture::{Image, Samples};
-use glam::{Vec2, Vec3};
+use fantex_texture::{Filtering, Image, Samples, ShadingPoint, Texture};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::common::data_folder;
 
 const NO_FOOTPRINT: [Vec3; 2] = [Vec3::ZERO; 2];
 
 fn test_image(name: &str) -> Option<Image> {
-    data_folder("images").map(|folder| Image::load(folder.join(name)).unwrap())
+    let path = data_folder("images")?.join(name);
+    Some(Image::load(path).unwrap_or_else(|error| panic!("{error}")))
 }
 
 /// `count` directions spread evenly over the sphere.
@@ -415,9 +417,9 @@ fn rough_levels_equal_brute_force() {
                 square += (environment.reflected(d, NO_FOOTPRINT, roughness) - truth).length_squared();
                 truth_square += truth.length_squared();
             }
-            let error = (square / truth_square as f32).sqrt();
+            let error = (square / truth_square).sqrt();
             println!("{name}: roughness {roughness}: relative rms error {error:.4}");
-            let most = if level < 3 { most } else { 0.02 };
+            let most = if level < 3 { most } else { 0.05 };
             assert!(error < most, "{name}: roughness {roughness}: {error}");
         }
     }
@@ -431,4 +433,66 @@ fn a_sky_can_be_seen_as_a_panorama() {
     assert!(matches!(image.samples, Samples::F32(_)));
     let [above, below] = [10, 120].map(|y| image.linear_texel(128, y));
     assert!(above[2] > above[0] && above[2] > below[2], "{above:?} {below:?}");
+}
+
+#[test]
+fn cube_textures_look_in_the_direction_they_are_told() {
+    let map = Arc::new(EnvironmentMap::from_function(EnvironmentForm::Cube, 64, |d, _| d * 0.5 + 0.5));
+    let normal = Vec3::new(0.2, 0.9, 0.4).normalize();
+    let to_eye = Vec3::new(-0.3, 0.5, 0.8).normalize();
+    let point = ShadingPoint {
+        position: Vec3::new(1.0, 2.0, 2.0),
+        position_steps: [Vec3::ZERO; 2],
+        normal,
+        normal_steps: [Vec3::ZERO; 2],
+        uv: &[],
+        vertex_color: Vec4::ONE,
+        to_eye: Some(to_eye),
+        time: 0.0,
+        filtering: Filtering::Own,
+    };
+    let shown = |texture: &CubeTexture, point: &ShadingPoint<'_>| {
+        let value = texture.evaluate(point);
+        assert_eq!(value.w, 1.0);
+        (value.truncate() * 2.0 - 1.0).normalize()
+    };
+    let near = |a: Vec3, b: Vec3| assert!((a - b.normalize()).length() < 0.01, "{a}, not {b}");
+    let texture = |source| CubeTexture::new(Arc::clone(&map), source);
+    let mirrored = normal * (2.0 * normal.dot(to_eye)) - to_eye;
+    near(shown(&texture(DirectionSource::Reflection), &point), mirrored);
+    near(shown(&texture(DirectionSource::Normal), &point), normal);
+    near(shown(&texture(DirectionSource::View), &point), -to_eye);
+    let center = Vec3::new(0.0, 2.0, 1.0);
+    near(shown(&texture(DirectionSource::Position { center }), &point), Vec3::new(1.0, 0.0, 1.0));
+    // A bake has no eye.
+    let baked = ShadingPoint { to_eye: None, ..point };
+    near(shown(&texture(DirectionSource::Reflection), &baked), normal);
+    assert!(texture(DirectionSource::Reflection).is_view_dependent());
+    assert!(!texture(DirectionSource::Normal).is_view_dependent());
+    // Turned to the left by a right angle, what was on the right (+x) is ahead (-z).
+    let turned = CubeTexture { rotation_degrees: 90.0, ..texture(DirectionSource::Normal) };
+    near(shown(&turned, &ShadingPoint { normal: Vec3::NEG_Z, ..point }), Vec3::X);
+    // In a room, what is seen depends on the place.
+    let room = EnvironmentProxy::Box { min: Vec3::splat(-4.0), max: Vec3::splat(4.0) };
+    let inside = CubeTexture { proxy: Some((room, Vec3::ZERO)), ..texture(DirectionSource::View) };
+    let upwards = ShadingPoint { to_eye: Some(Vec3::NEG_Y), ..point };
+    near(shown(&inside, &upwards), Vec3::new(1.0, 4.0, 2.0));
+    // Over a footprint that holds half the sphere, the mean.
+    let wide = ShadingPoint { normal_steps: [Vec3::X * 2.0, Vec3::Z * 2.0], normal: Vec3::Y, ..point };
+    let mean = texture(DirectionSource::Normal).evaluate(&wide).truncate();
+    assert!((mean.x - 0.5).abs() < 0.1 && (mean.z - 0.5).abs() < 0.1, "{mean}");
+}
+
+/// `cargo test --release -p fantex-texture --test texture prefiltering -- --ignored --nocapture`.
+#[test]
+#[ignore = "measures time"]
+fn speed_of_prefiltering() {
+    let map = Arc::new(EnvironmentMap::from_function(EnvironmentForm::Cube, 512, |d, _| noise(d)));
+    let best = (0..5).map(|_| {
+        let start = std::time::Instant::now();
+        let environment = PrefilteredEnvironment::new(Arc::clone(&map));
+        assert!(environment.reflected(Vec3::X, NO_FOOTPRINT, 0.5).is_finite());
+        start.elapsed().as_secs_f64()
+    });
+    println!("a cube of 512 is prefiltered in {:.2} s", best.fold(f64::INFINITY, f64::min));
 }

@@ -77,7 +77,12 @@ fn speed() {
         let solid = solid_by_name(name, bounds, 1).unwrap();
         let n = Vec3::new(0.4, 0.75, 0.5).normalize();
         let time = nanoseconds(|uv| {
-            solid.color(&SolidPoint { p: (uv * 2.0 - 1.0).extend(0.3), n, footprint: 1.0 / SIDE as f32 })
+            solid.color(&SolidPoint {
+                p: (uv * 2.0 - 1.0).extend(0.3),
+                n,
+                footprint: 1.0 / SIDE as f32,
+                time: 0.0,
+            })
         });
         println!("solid {name:27} {time:7.1} ns");
     }

@@ -287,6 +287,39 @@ fn ends_of_cylinders_are_folded_up() {
 }
 
 #[test]
+fn any_numbers_are_refused_or_mapped() {
+    let mut random = Random(18);
+    for round in 0..20_000 {
+        let mut any = || match random.bits() % 4 {
+            0 => f32::from_bits(random.bits() as u32),
+            1 => 0.0,
+            _ => 2.0 * random.unit() - 1.0,
+        };
+        let mut any3 = || Vec3::new(any(), any(), any());
+        let bounds = Bounds { min: any3(), max: any3() };
+        let placement = Placement {
+            pivot: any3(),
+            scale: any3(),
+            rotation: Quat::from_vec4(any3().extend(1.0)),
+            translation: any3(),
+        };
+        let at = ShadingPoint {
+            position_steps: [any3(), any3()],
+            normal_steps: [any3(), any3()],
+            to_eye: Some(any3()),
+            ..shading_point(any3(), any3())
+        };
+        let kind = ShapeKind::ALL[round % 5];
+        if let Ok(s_map) = SMap::new(kind.fit(bounds), &placement) {
+            for o_map in o_maps() {
+                let point = TwoPartMapping { s_map, o_map }.coordinates(&at);
+                assert!(point.steps.iter().all(|step| step.is_finite()), "{kind:?} {o_map:?}: {point:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn numbers_out_of_range_are_refused() {
     let sphere = SphereMap { center: Vec3::ZERO, radius: f32::NAN, repeat: Vec2::ONE };
     let error = SMap::new(Shape::Sphere(sphere), &Placement::default()).unwrap_err();

@@ -7,7 +7,7 @@ use fantex_texture::warp::{
     warp_inverse,
 };
 use fantex_texture::{Filter, Image, ImageTexture, SampleOptions, Wrap};
-use glam::{DMat2, DVec2};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 use proptest::prelude::*;
 
 fn point() -> impl Strategy<Value = DVec2> {
@@ -104,6 +104,19 @@ fn horizons_have_nothing_beyond() {
     assert!(near.length() > 1e3, "{near} lies far away");
     assert_eq!(map.inverse(DVec2::new(3.0, -1e-3)), None);
     assert_eq!(map.inverse(DVec2::new(3.0, -50.0)), None);
+
+    // A floor that goes on behind the eye: its horizon crosses the texture at v = 1/2.
+    let map = ProjectiveMap::new(DMat3::from_cols(
+        DVec3::new(30.0, 0.0, 0.0),
+        DVec3::new(0.0, 0.0, -2.0),
+        DVec3::new(0.0, 8.0, 1.0),
+    ))
+    .unwrap();
+    for spread in [Spread::Area, Spread::Bilinear] {
+        let warped = warp_forward(&smooth_image(32), &map, [40, 40], spread).unwrap();
+        let covered = |y: u32| (0..40).any(|x| warped.linear_texel(x, y)[3] > 0.0);
+        assert!(!covered(6) && covered(9), "{spread:?}: the floor lies below its nearest edge");
+    }
 }
 
 #[test]

@@ -7,4 +7,5 @@ mod interrupt;
 mod real_models;
 mod round_trip;
 mod support;
+mod surroundings;
 mod usage;

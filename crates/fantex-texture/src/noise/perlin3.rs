@@ -1,4 +1,4 @@
-//! Gradient noise and its fractal sums.
+//! Gradient noise in space and its fractal sums.
 //!
 //! Perlin, "Improving noise", 2002: cubic cells, twelve gradients, quintic fade. Deviation: the gradient is chosen by an
 //! integer hash of the cell and a seed instead of a permutation table, so that the pattern does not repeat every 256 cells.
@@ -7,6 +7,9 @@
 //! cells approach it fade to their mean, so a distant surface becomes calm instead of noisy.
 
 use glam::{IVec3, Vec3};
+
+use super::band_limit;
+use super::hash::{absorb, finish, unit};
 
 /// A seeded pattern of gradient noise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,18 +41,6 @@ const MEAN_ABSOLUTE: f32 = 0.2101;
 /// Mean of the square of `1 - 2 |value|` over space (a test measures it).
 const MEAN_RIDGE: f32 = 0.4294;
 
-/// What is left of a detail whose period is one cell, when cells of `frequency` per unit are averaged over `footprint`:
-/// 1 below a quarter of a cell, 0 from three quarters on.
-pub fn band_limit(frequency: f32, footprint: f32) -> f32 {
-    1.0 - smoothstep(0.25, 0.75, frequency * footprint)
-}
-
-/// 0 below `low`, 1 above `high`, a cubic with level ends between.
-pub fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
-    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
-    t * t * (3.0 - 2.0 * t)
-}
-
 /// The corners of a unit cell, x fastest.
 const CORNERS: [Vec3; 8] = [
     Vec3::new(0.0, 0.0, 0.0),
@@ -77,18 +68,6 @@ const EDGES: [Vec3; 12] = [
     Vec3::new(0.0, 1.0, -1.0),
     Vec3::new(0.0, -1.0, -1.0),
 ];
-
-/// One round of an integer hash.
-fn absorb(hash: u32, coordinate: i32) -> u32 {
-    let mixed = (hash ^ coordinate as u32).wrapping_add(0x9e37_79b9).wrapping_mul(0x85eb_ca6b);
-    mixed ^ (mixed >> 15)
-}
-
-/// Spreads every bit of the hash over the upper bits.
-fn finish(hash: u32) -> u32 {
-    let mixed = hash.wrapping_mul(0xc2b2_ae35);
-    (mixed ^ (mixed >> 16)).wrapping_mul(0x27d4_eb2f)
-}
 
 /// The cell of a point and the point's offset inside, by truncation (a library call without SSE4.1).
 fn cell_and_offset(p: Vec3) -> (IVec3, Vec3) {
@@ -152,7 +131,7 @@ impl Noise {
 
     /// A random number in [0,1) of a cell.
     pub fn cell_value(&self, cell: IVec3) -> f32 {
-        (self.hash(cell) >> 8) as f32 / (1 << 24) as f32
+        unit(self.hash(cell))
     }
 
     /// A random 32-bit number of a cell.
