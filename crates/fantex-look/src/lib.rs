@@ -10,5 +10,6 @@
 
 pub mod data;
 mod file;
+pub mod reference;
 
 pub use file::{Key, LookError, LookFile, LookProblem, look_schema};

@@ -96,17 +96,17 @@ table! {
 
     /// Marble.
     pub struct MarbleTable {
-        /// Bands per unit of the place.
+        /// Veins per unit of the place.
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub frequency: f64 = 2.6,
-        /// How far turbulence bends the bands, in units of the place.
-        pub warp: f64 = 0.55,
+        pub frequency: f64 = 1.1,
+        /// How far turbulence displaces the layers, in veins.
+        pub warp: f64 = 1.6,
         /// Colour of the stone.
-        pub stone: Color = Color::rgb([0.76, 0.74, 0.70]),
+        pub stone: Color = Color::rgb([0.82, 0.80, 0.76]),
         /// Colour of the clouds in it.
-        pub cloud: Color = Color::rgb([0.50, 0.50, 0.52]),
+        pub cloud: Color = Color::rgb([0.52, 0.54, 0.56]),
         /// Colour of the veins.
-        pub vein: Color = Color::rgb([0.085, 0.085, 0.10]),
+        pub vein: Color = Color::rgb([0.07, 0.075, 0.085]),
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
@@ -117,19 +117,19 @@ table! {
     pub struct CloudsTable {
         /// Width of the largest clouds, in units of the place.
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub size: f64 = 0.6,
+        pub size: f64 = 0.7,
         /// Share of the sky that clouds cover.
         #[schemars(range(min = 0, max = 1))]
         pub cover: f64 = 0.5,
-        /// Width of a cloud's border: 0 is sharp, 1 is haze.
-        #[schemars(range(min = 0, max = 1))]
-        pub softness: f64 = 0.3,
-        /// How fast clouds change shape, in their sizes per second.
-        pub speed: f64 = 0.0,
+        /// How soft the borders are.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub softness: f64 = 0.6,
+        /// Cells of change per second: clouds form and dissolve.
+        pub speed: f64 = 0.2,
         /// Colour between the clouds.
-        pub sky: Color = Color::rgb([0.10, 0.22, 0.52]),
+        pub sky: Color = Color::rgb([0.10, 0.28, 0.62]),
         /// Colour of the clouds.
-        pub cloud: Color = Color::rgb([0.9, 0.9, 0.92]),
+        pub cloud: Color = Color::rgb([0.92, 0.93, 0.95]),
         /// Alpha between the clouds.
         #[schemars(range(min = 0, max = 1))]
         pub sky_alpha: f64 = 1.0,
@@ -143,13 +143,13 @@ table! {
     pub struct GraniteTable {
         /// Width of a grain, in units of the place.
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub grain: f64 = 0.05,
+        pub grain: f64 = 0.055,
         /// Colour of the feldspar.
-        pub feldspar: Color = Color::rgb([0.55, 0.38, 0.32]),
+        pub feldspar: Color = Color::rgb([0.55, 0.40, 0.33]),
         /// Colour of the quartz.
-        pub quartz: Color = Color::rgb([0.62, 0.61, 0.60]),
+        pub quartz: Color = Color::rgb([0.50, 0.50, 0.49]),
         /// Colour of the mica.
-        pub mica: Color = Color::rgb([0.035, 0.033, 0.035]),
+        pub mica: Color = Color::rgb([0.035, 0.033, 0.032]),
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
@@ -160,10 +160,10 @@ table! {
     pub struct RockTable {
         /// Strata per unit of the place.
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub frequency: f64 = 5.0,
+        pub frequency: f64 = 7.0,
         /// How far folds lift the strata, in units of the place.
         #[schemars(range(min = 0))]
-        pub folding: f64 = 0.25,
+        pub folding: f64 = 0.12,
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.
@@ -209,12 +209,10 @@ table! {
 
     /// Sand, grass, rock and snow.
     pub struct LandscapeTable {
-        /// Height up to which there is sand, as a share of half the model's height, from -1 to 1; the recipe's own where it is left out.
-        #[schemars(range(min = -2, max = 2))]
-        pub sand_line: Option<f64> = None,
-        /// Height from which there is snow, likewise.
-        #[schemars(range(min = -2, max = 2))]
-        pub snow_line: Option<f64> = None,
+        /// Height up to which there is sand: 0 is the lowest point, 1 the highest.
+        pub sand_line: f64 = 0.14,
+        /// Height from which snow stays on flat ground: 0 is the lowest point, 1 the highest.
+        pub snow_line: f64 = 0.74,
         /// The pattern; added to the seed of the command line.
         pub seed: u32 = 0,
         /// Where it lies.

@@ -157,8 +157,8 @@ impl Resolver<'_> {
     pub(super) fn landscape(&self, table: &LandscapeTable, key: &Key) -> Made<Node> {
         let half_height = (0.5 * (self.bounds.max.y - self.bounds.min.y) / self.radius()).max(1e-6);
         let mut landscape = Landscape::new(self.seed(table.seed), half_height);
-        landscape.sand_line = table.sand_line.map_or(landscape.sand_line, |line| line as f32);
-        landscape.snow_line = table.snow_line.map_or(landscape.snow_line, |line| line as f32);
+        landscape.sand_line = table.sand_line as f32;
+        landscape.snow_line = table.snow_line as f32;
         self.in_place(SolidTexture(landscape), &table.place, key)
     }
 }
