@@ -9,7 +9,7 @@ use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
 use crate::tile_filter::TileLookup;
 use crate::tiles::TileSource;
-use crate::{Coverage, FilterOptions, Hit, MaterialSample, Surface};
+use crate::{Coverage, FilterOptions, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// A mesh with the tiles of its cover.
 ///
@@ -164,6 +164,10 @@ impl<S: TileSource> Surface for FanSurface<'_, S> {
             unlit: material.unlit,
             lookups: blended.lookups,
         }
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        Some(self.normals.smooth_point(self.mesh, hit))
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {

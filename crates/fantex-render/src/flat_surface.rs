@@ -4,7 +4,7 @@ use fantex_mesh::Mesh;
 use glam::Vec3;
 
 use crate::normals::{CornerNormals, face_normal};
-use crate::{Hit, MaterialSample, Surface};
+use crate::{Hit, MaterialSample, SmoothPoint, Surface};
 
 /// Which normals a [`FlatSurface`] has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,5 +47,9 @@ impl<F: Fn(&Hit) -> Vec3 + Sync> Surface for FlatSurface<'_, F> {
             normal_steps: self.normals.as_ref().map_or([Vec3::ZERO; 2], |normals| normals.steps(hit)),
             ..MaterialSample::with_normal(if hit.front { normal } else { -normal })
         }
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        self.normals.as_ref().map(|normals| normals.smooth_point(self.mesh, hit))
     }
 }

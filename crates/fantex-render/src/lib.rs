@@ -1,27 +1,35 @@
 //! The CPU renderer: the reference that other renderers are compared with.
 //!
 //! ```text
-//!  Mesh + Surface + Camera + Lights --render--> Picture (linear RGBA) --> Image --> PNG, EXR
-//!            |
-//!            +-- MeshSurface   the model's own UV textures
-//!            +-- FanSurface    an asset: fan tiles through the texture function
-//!            '-- FlatSurface   a colour per triangle and point, for pictures that explain
+//!  Mesh + Surface + Camera + Lights --render--> Picture (linear RGBA) --glow, tone map--> Image --> PNG, EXR
+//!   |        |                 |
+//!   |        |                 '-- Light: directional, point, spot, projector; each with its shadow maps
+//!   |        +-- MeshSurface   the model's own UV textures
+//!   |        +-- FanSurface    an asset: fan tiles through the texture function
+//!   |        +-- LookSurface   look materials: every property may be a texture
+//!   |        '-- FlatSurface   a colour per triangle and point, for pictures that explain
+//!   '-- Scene                  several meshes with their surfaces, as one of each
 //! ```
 //!
 //! Visibility is decided in fixed point with one (nearness, triangle) pair per sample; then each pixel's visible
-//! triangles are shaded once each, with barycentric coordinates and their analytic screen-space derivatives. Lighting
-//! happens in mesh space: it differs from the world by a uniform scale and an offset, so directions are the same.
-//! Pictures do not depend on the number of threads.
+//! triangles are shaded once each, with barycentric coordinates and their analytic screen-space derivatives. Shadow maps
+//! go through the same rasteriser. Lighting happens in mesh space: it differs from the world by a uniform scale and an
+//! offset, so directions are the same. Pictures do not depend on the number of threads.
 
 mod camera;
 mod capture;
 mod clip;
 mod environment_light;
 mod fan_surface;
+mod finish;
 mod fixed;
 mod flat_surface;
+mod glow;
 mod hit;
+mod illumination;
+mod lamp_view;
 mod light;
+mod look_surface;
 mod mesh_surface;
 mod normals;
 mod options;
@@ -32,26 +40,35 @@ mod raster;
 mod reflecting_surface;
 mod render;
 mod resolve;
+mod scene;
 mod shading;
+mod shadow;
 mod sky_box;
 mod split_sum;
 mod surface;
 mod tile_filter;
 mod tiles;
+mod tone_map;
 
 pub use camera::{Bounds, Camera};
 pub use capture::{CaptureOptions, capture_environment, capture_with, cube_cameras};
 pub use environment_light::EnvironmentLight;
 pub use fan_surface::FanSurface;
+pub use finish::{AnisotropySample, Finish};
 pub use flat_surface::{FlatShading, FlatSurface};
+pub use glow::{Glow, render_with_glow};
 pub use hit::{Hit, Interpolation};
-pub use light::{AmbientLight, DirectionalLight, Lights};
+pub use light::{AmbientLight, Falloff, Lens, Light, LightKind, Lights, Projector, Slide, SpotLight};
+pub use look_surface::LookSurface;
 pub use mesh_surface::{FilterOptions, MeshSurface};
 pub use options::{Background, MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
 pub use pattern::MAX_SAMPLES;
 pub use picture::Picture;
 pub use reflecting_surface::{ObjectReflection, ReflectingSurface};
 pub use render::{RenderStats, Rendering, render};
+pub use scene::{Scene, SceneError, SceneObject};
 pub use shading::Shading;
-pub use surface::{Coverage, MaterialSample, Surface};
+pub use shadow::{Penumbra, ShadowOptions};
+pub use surface::{Coverage, MaterialSample, SmoothPoint, Surface};
 pub use tiles::{TileSource, TileTexels};
+pub use tone_map::ToneMap;

@@ -1,16 +1,219 @@
-//! Lights.
+//! Lights, as a scene states them.
 
-use glam::Vec3;
+use std::sync::Arc;
 
-use crate::{Camera, EnvironmentLight};
+use fantex_texture::{ImageTexture, SampleOptions, Texture};
+use glam::{DVec3, Vec3};
 
-/// Light from one direction, as from the sun.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DirectionalLight {
-    /// From the surface to the light; any length but zero. World directions, which are mesh space's, too.
-    pub to_light: Vec3,
-    /// Linear RGB: what a white, perfectly diffuse surface that faces the light reflects to every side.
+use crate::{Camera, EnvironmentLight, RenderError, ShadowOptions};
+
+/// One lamp.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// Where its light comes from.
+    pub kind: LightKind,
+    /// Linear RGB: what a white, perfectly diffuse surface that faces the light reflects to every side (for lamps with a
+    /// falloff, at the distance where the falloff is one).
     pub color: Vec3,
+    /// How it casts shadows; without, it shines through everything.
+    pub shadow: Option<ShadowOptions>,
+}
+
+/// Where the light of a lamp comes from. World space.
+#[derive(Clone, Debug)]
+pub enum LightKind {
+    /// From one direction, as from the sun.
+    Directional {
+        /// From the surface to the light; any length but zero.
+        to_light: Vec3,
+    },
+    /// From a point, to all sides.
+    Point {
+        /// The point.
+        position: DVec3,
+        /// How it weakens with distance.
+        falloff: Falloff,
+    },
+    /// From a point, into a cone.
+    Spot(SpotLight),
+    /// From a slide projector.
+    Projector(Projector),
+}
+
+/// A lamp that shines into a cone, world space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpotLight {
+    /// The cone's apex.
+    pub position: DVec3,
+    /// Along the cone's axis, away from the lamp; any length but zero.
+    pub direction: Vec3,
+    /// Angle between the axis and the border of the full light, degrees, 0 to 90.
+    pub inner_degrees: f32,
+    /// Angle between the axis and the border of all light, degrees, 0 to 90.
+    pub outer_degrees: f32,
+    /// How it weakens with distance.
+    pub falloff: Falloff,
+}
+
+/// A lamp whose colour is a texture: `L'_i = C_tex(f^-1(l_i)) L_i`, where `f` projects the slide into the scene (M. Segal
+/// et al., "Fast Shadows and Lighting Effects Using Texture Mapping", 1992). Nothing outside the slide or behind the lamp
+/// is lit. World space.
+#[derive(Clone, Debug)]
+pub struct Projector {
+    /// The pinhole, or the middle of the slide of an orthographic projector.
+    pub position: DVec3,
+    /// A point on which the slide's middle falls.
+    pub target: DVec3,
+    /// Points to the top of the slide; need not be orthogonal to the axis.
+    pub up: DVec3,
+    /// How the light spreads.
+    pub lens: Lens,
+    /// Width of the slide over its height.
+    pub aspect: f64,
+    /// What is projected.
+    pub slide: Slide,
+    /// How the light weakens with distance.
+    pub falloff: Falloff,
+}
+
+/// How a projector's light spreads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lens {
+    /// From a point.
+    Perspective {
+        /// Vertical opening angle, between 0 and 180.
+        fov_degrees: f64,
+    },
+    /// In parallel.
+    Orthographic {
+        /// Height of the picture in world units, positive.
+        height: f64,
+    },
+}
+
+/// What a projector projects: linear RGB times alpha.
+#[derive(Clone, Debug)]
+pub enum Slide {
+    /// An image, filtered over the pixel's footprint; outside it there is no light, whatever its wrap mode.
+    Image {
+        /// The image, upright.
+        image: Arc<ImageTexture>,
+        /// How it is filtered.
+        options: SampleOptions,
+    },
+    /// Any texture: texture coordinates are `[0,1]` over the slide, the position is `(u - 0.5, 0.5 - v, 0)`.
+    Texture(Arc<dyn Texture>),
+}
+
+/// How light weakens with the distance from its lamp.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Falloff {
+    /// Not at all.
+    #[default]
+    None,
+    /// With the square of the distance, as physics has it.
+    InverseSquare {
+        /// World units at which the factor is one, positive.
+        reference: f64,
+        /// World units beyond which there is no light at all: the square law is brought smoothly to zero
+        /// (glTF's KHR_lights_punctual).
+        range: Option<f64>,
+    },
+}
+
+impl Falloff {
+    /// Factor of the light at a distance in world units.
+    pub fn factor(&self, distance: f64) -> f32 {
+        match *self {
+            Self::None => 1.0,
+            Self::InverseSquare { reference, range } => {
+                let window = range.map_or(1.0, |range| 1.0 - (distance / range).powi(4)).clamp(0.0, 1.0);
+                // A point at the lamp itself must not turn infinite.
+                let relative = (distance / reference).max(1e-3);
+                (window / (relative * relative)) as f32
+            }
+        }
+    }
+}
+
+impl Light {
+    /// A lamp without shadows.
+    pub fn new(kind: LightKind, color: Vec3) -> Self {
+        Self { kind, color, shadow: None }
+    }
+
+    /// Light from one direction; `to_light` has any length but zero.
+    pub fn directional(to_light: Vec3, color: Vec3) -> Self {
+        Self::new(LightKind::Directional { to_light }, color)
+    }
+
+    /// Why the lamp cannot shine, or nothing.
+    fn defect(&self) -> Option<&'static str> {
+        if !self.color.is_finite() {
+            return Some("its colour is not finite");
+        }
+        let kind = match &self.kind {
+            LightKind::Directional { to_light } => {
+                (!(to_light.is_finite() && *to_light != Vec3::ZERO)).then_some("it has no direction")
+            }
+            LightKind::Point { position, falloff } => place_defect(*position, falloff),
+            LightKind::Spot(spot) => spot.defect(),
+            LightKind::Projector(projector) => projector.defect(),
+        };
+        kind.or_else(|| self.shadow.and_then(|shadow| shadow.defect()))
+    }
+
+    /// The same lamp with shadows.
+    pub fn with_shadow(self, shadow: ShadowOptions) -> Self {
+        Self { shadow: Some(shadow), ..self }
+    }
+}
+
+fn place_defect(position: DVec3, falloff: &Falloff) -> Option<&'static str> {
+    let is_positive = |length: f64| length > 0.0 && length.is_finite();
+    match *falloff {
+        _ if !position.is_finite() => Some("its position is not finite"),
+        Falloff::InverseSquare { reference, range }
+            if !is_positive(reference) || range.is_some_and(|r| !is_positive(r)) =>
+        {
+            Some("the distances of its falloff must be positive")
+        }
+        _ => None,
+    }
+}
+
+impl SpotLight {
+    fn defect(&self) -> Option<&'static str> {
+        let Self { position, direction, inner_degrees, outer_degrees, falloff } = self;
+        if !(direction.is_finite() && *direction != Vec3::ZERO) {
+            Some("it has no direction")
+        } else if !(0.0..=90.0).contains(inner_degrees) || !(0.0..=90.0).contains(outer_degrees) {
+            Some("the angles of its cone must be between 0 and 90 degrees")
+        } else if inner_degrees > outer_degrees {
+            Some("the inner angle of its cone is larger than the outer one")
+        } else {
+            place_defect(*position, falloff)
+        }
+    }
+}
+
+impl Projector {
+    fn defect(&self) -> Option<&'static str> {
+        let direction = self.target - self.position;
+        let opening = match self.lens {
+            Lens::Perspective { fov_degrees } => fov_degrees > 0.0 && fov_degrees < 180.0,
+            Lens::Orthographic { height } => height > 0.0 && height.is_finite(),
+        };
+        if !(direction.is_finite() && direction != DVec3::ZERO && self.up.is_finite()) {
+            Some("its position and target are the same point, or not finite")
+        } else if !opening {
+            Some("its opening angle must be between 0 and 180 degrees, its height positive")
+        } else if !(self.aspect > 0.0 && self.aspect.is_finite()) {
+            Some("the aspect of its slide must be positive")
+        } else {
+            place_defect(self.position, &self.falloff)
+        }
+    }
 }
 
 /// Light from everywhere: an environment, or one colour from above, one from below, mixed by height in between.
@@ -39,12 +242,12 @@ impl AmbientLight {
 }
 
 /// All light of a scene.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Lights {
     /// Light from everywhere.
     pub ambient: AmbientLight,
-    /// Light from certain directions.
-    pub directional: Vec<DirectionalLight>,
+    /// Light from certain directions and places.
+    pub lamps: Vec<Light>,
 }
 
 impl Default for Lights {
@@ -59,13 +262,13 @@ impl Lights {
     pub fn sun(to_light: Vec3) -> Self {
         Self {
             ambient: AmbientLight { sky: Vec3::splat(0.33), ..AmbientLight::uniform(Vec3::splat(0.2)) },
-            directional: vec![DirectionalLight { to_light, color: Vec3::splat(0.65) }],
+            lamps: vec![Light::directional(to_light, Vec3::splat(0.65))],
         }
     }
 
     /// The light of an environment alone.
     pub fn environment(light: EnvironmentLight) -> Self {
-        Self { ambient: AmbientLight::environment(light), directional: Vec::new() }
+        Self { ambient: AmbientLight::environment(light), lamps: Vec::new() }
     }
 
     /// A sun over the photographer's left shoulder: every side of a model gets its picture in good light.
@@ -74,5 +277,35 @@ impl Lights {
         let right = camera.up.cross(back).normalize_or(glam::DVec3::X);
         let up = back.cross(right);
         Self::sun((back - right * 0.6 + up * 0.7).as_vec3())
+    }
+
+    /// Checks that every lamp can shine.
+    pub(crate) fn check(&self) -> Result<(), RenderError> {
+        let defective =
+            |(lamp, light): (usize, &Light)| light.defect().map(|defect| RenderError::Light { lamp, defect });
+        self.lamps.iter().enumerate().find_map(defective).map_or(Ok(()), Err)
+    }
+
+    /// All lamps with shadows.
+    pub fn with_shadows(mut self, shadow: ShadowOptions) -> Self {
+        self.lamps.iter_mut().for_each(|lamp| lamp.shadow = Some(shadow));
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn light_weakens_with_the_square_and_ends_at_its_range() {
+        let falloff = Falloff::InverseSquare { reference: 2.0, range: Some(20.0) };
+        let free = Falloff::InverseSquare { reference: 2.0, range: None };
+        assert_eq!(free.factor(2.0), 1.0);
+        assert!((free.factor(6.0) - 1.0 / 9.0).abs() < 1e-6);
+        assert!(falloff.factor(6.0) < free.factor(6.0) && falloff.factor(6.0) > 0.98 * free.factor(6.0));
+        assert_eq!(falloff.factor(20.0), 0.0);
+        assert_eq!(falloff.factor(30.0), 0.0);
+        assert!(free.factor(0.0).is_finite());
     }
 }

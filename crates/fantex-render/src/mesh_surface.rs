@@ -1,16 +1,18 @@
 //! A mesh with its own materials: images through texture coordinates, vertex colours, factors.
 
-use fantex_mesh::{Material, Mesh};
+use std::sync::Arc;
+
+use fantex_mesh::{AlphaMode, Material, Mesh};
 use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
-use fantex_texture::{Filter, LoadImageError, SampleOptions};
+use fantex_texture::{Filter, ImageTexture, LoadImageError, SampleOptions};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::{Coverage, Hit, MaterialSample, Surface};
+use crate::{Coverage, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// How textures are filtered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +47,8 @@ impl<'a> MeshSurface<'a> {
     ///
     /// An image that is used cannot be read.
     pub fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, LoadImageError> {
-        let textures = load_material_textures(mesh)?;
+        let mut textures = load_material_textures(mesh)?;
+        preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = normal_map_tangents(mesh, normals.all(), &textures);
         Ok(Self { mesh, normals, tangents, textures, filter })
@@ -102,6 +105,18 @@ impl MeshSurface<'_> {
     }
 }
 
+/// Lets cut-outs cover the same share at every level of their textures.
+fn preserve_coverage(materials: &[Material], textures: &mut [MaterialTextures]) {
+    for (material, textures) in materials.iter().zip(textures) {
+        if let (AlphaMode::Mask(threshold), Some(layer)) = (material.alpha, &mut textures.base_color) {
+            // The alpha that is compared is the texel's times the factor's.
+            let threshold = threshold / material.base_color.w.max(1e-3);
+            let texture = ImageTexture::clone(&layer.texture).with_preserved_coverage(threshold);
+            layer.texture = Arc::new(texture);
+        }
+    }
+}
+
 impl Surface for MeshSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         let vertex_normal = self.normals.at(self.mesh, hit);
@@ -139,6 +154,10 @@ impl Surface for MeshSurface<'_> {
             unlit: material.unlit,
             lookups: textures.layers().count() as u32,
         }
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        Some(self.normals.smooth_point(self.mesh, hit))
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {

@@ -3,7 +3,7 @@
 use fantex_mesh::{Mesh, shading_normals};
 use glam::Vec3;
 
-use crate::Hit;
+use crate::{Hit, SmoothPoint};
 
 /// Unit shading normals of a mesh, one per corner.
 #[derive(Clone, Debug)]
@@ -41,6 +41,21 @@ impl CornerNormals {
             let step = along(change) * scale;
             step - normal * normal.dot(step)
         })
+    }
+}
+
+impl CornerNormals {
+    /// The point lifted to the planes that stand on the normals at the facet's corners (J. Hanika, "Hacking the Shadow
+    /// Terminator", 2021), and the normal there, on the side that the eye sees.
+    pub(crate) fn smooth_point(&self, mesh: &Mesh, hit: &Hit) -> SmoothPoint {
+        let side = if hit.front { 1.0 } else { -1.0 };
+        let positions = mesh.triangle_positions(hit.triangle);
+        let point = hit.blend(positions);
+        let lift = [0, 1, 2].map(|k| {
+            let normal = self.0[3 * hit.triangle + k] * side;
+            normal * (positions[k] - point).dot(normal).max(0.0)
+        });
+        SmoothPoint { offset: hit.blend(lift), normal: self.at(mesh, hit) * side }
     }
 }
 

@@ -62,6 +62,8 @@ pub struct RenderOptions {
     pub background: Background,
     /// Factor of the light that reaches the eye.
     pub exposure: f32,
+    /// Seconds since the start of an animation, for what lamps project. (Surfaces have a time of their own.)
+    pub time: f32,
 }
 
 impl Default for RenderOptions {
@@ -76,6 +78,7 @@ impl Default for RenderOptions {
             shading: Shading::default(),
             background: Background::default(),
             exposure: 1.0,
+            time: 0.0,
         }
     }
 }
@@ -101,6 +104,14 @@ pub enum RenderError {
     /// Not a view.
     #[error("cannot render from this camera: {0}")]
     Camera(&'static str),
+    /// Not a lamp.
+    #[error("cannot render with lamp {lamp} of the scene: {defect}")]
+    Light {
+        /// Which lamp, from 0.
+        lamp: usize,
+        /// What is wrong with it.
+        defect: &'static str,
+    },
 }
 
 impl RenderOptions {

@@ -2,6 +2,7 @@
 
 use fantex_texture::color::{srgb8_from_linear, unorm8};
 use fantex_texture::{ColorSpace, Image, Samples};
+use glam::Vec3;
 
 /// A picture in linear light.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,6 +48,11 @@ impl Picture {
         let samples = samples(usize::from(channels));
         Image { width: self.width, height: self.height, channels, space, samples }
     }
+}
+
+/// Luminance of linear RGB with the primaries of sRGB (ITU-R BT.709).
+pub(crate) fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 #[cfg(test)]

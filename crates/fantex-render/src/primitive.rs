@@ -14,7 +14,7 @@ use crate::surface::{Coverage, Surface};
 pub(crate) const TILE: u32 = 32;
 
 /// Triangles per unit of parallel work. Fixed, so that the work is cut the same way on any number of threads.
-const CHUNK: usize = 16 * 1024;
+pub(crate) const CHUNK: usize = 16 * 1024;
 
 /// A triangle on the screen: corners run clockwise (y down), the area is not zero.
 #[derive(Clone, Copy, Debug)]
@@ -103,7 +103,8 @@ impl Chunk {
         large.chain(self.entries[range].iter().map(|&i| &self.primitives[i as usize]))
     }
 
-    fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
+    /// Bins primitives.
+    pub(crate) fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
         let is_large = |p: &Primitive| grid.touched(p.pixel_bounds()).nth(MANY_TILES).is_some();
         let indices = 0..primitives.len() as u32;
         let (large, small): (Vec<u32>, Vec<u32>) = indices.partition(|&i| is_large(&primitives[i as usize]));

@@ -117,6 +117,11 @@ impl<'a> TileSamples<'a> {
         });
     }
 
+    /// The nearness that each sample sees, zero for the background: per pixel with stride [`TILE`], then per sample.
+    pub(crate) fn into_nearness(self) -> Vec<f32> {
+        self.nearness
+    }
+
     /// The fragments of layered triangles, ordered by pixel and then as the mesh's triangles are.
     pub(crate) fn take_fragments(&mut self) -> Vec<Fragment> {
         let mut fragments = std::mem::take(&mut self.fragments);

@@ -1,6 +1,7 @@
 //! The renderer: mesh, surface, camera and lights in, picture out.
 //!
 //! ```text
+//!  PreparedLights: shadow maps             per lamp, parallel inside
 //!  prepare: project, clip, cull, bin       per chunk of triangles, parallel
 //!  TileSamples: coverage and visibility    per tile, parallel
 //!  Resolve: shade, composite, average      per pixel of the tile
@@ -13,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::camera::Projection;
 use crate::hit::HitFinder;
+use crate::illumination::PreparedLights;
 use crate::pattern::SamplePattern;
 use crate::primitive::{Chunk, TileGrid, prepare};
 use crate::raster::TileSamples;
@@ -50,6 +52,7 @@ pub fn render(
     options: &RenderOptions,
 ) -> Result<Rendering, RenderError> {
     options.check(camera)?;
+    lights.check()?;
     let start = Instant::now();
     let size = [options.width, options.height];
     let projection = Projection::new(camera, size, mesh);
@@ -61,6 +64,7 @@ pub fn render(
         ShadingRate::PerSample => 1.0 / (options.samples as f32).sqrt(),
     };
     let hits = HitFinder { mesh, projection: &projection, interpolation: options.interpolation, spacing };
+    let lights = &PreparedLights::new(lights, mesh, surface, options);
     let resolve = Resolve { surface, hits, lights, options, pattern: &pattern };
     let tiles: Vec<PixelColors> = (0..grid.len())
         .into_par_iter()

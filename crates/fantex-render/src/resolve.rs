@@ -4,10 +4,11 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::fixed::SUBPIXELS;
 use crate::hit::HitFinder;
+use crate::illumination::PreparedLights;
 use crate::pattern::{SamplePattern, bits};
 use crate::primitive::TILE;
 use crate::raster::{Fragment, NO_TRIANGLE, TileSamples};
-use crate::{Lights, RenderOptions, ShadingRate, Surface};
+use crate::{RenderOptions, ShadingRate, Surface};
 
 /// The finished pixels of a tile.
 #[derive(Debug)]
@@ -24,7 +25,7 @@ pub(crate) struct PixelColors {
 pub(crate) struct Resolve<'a> {
     pub(crate) surface: &'a dyn Surface,
     pub(crate) hits: HitFinder<'a>,
-    pub(crate) lights: &'a Lights,
+    pub(crate) lights: &'a PreparedLights<'a>,
     pub(crate) options: &'a RenderOptions,
     pub(crate) pattern: &'a SamplePattern,
 }
@@ -119,10 +120,11 @@ impl Resolve<'_> {
     fn shade(&self, pixel: [u32; 2], triangle: u32, mask: u64, state: &mut PixelState) -> Vec4 {
         let corner = Vec2::new(pixel[0] as f32, pixel[1] as f32);
         let hit = self.hits.find(triangle, corner + self.pattern.centroid(mask));
-        let material = self.surface.shade_inputs(&hit);
+        let (material, finish) = self.surface.shade(&hit);
         state.shaded += 1;
         state.lookups += u64::from(material.lookups);
-        let light = self.options.shading.evaluate(&material, hit.to_eye, self.lights);
+        let arriving = self.lights.at(self.hits.mesh, self.surface, &hit);
+        let light = self.options.shading.evaluate(&material, finish.as_ref(), hit.to_eye, &arriving);
         // One texel that is not a number must not spoil its pixel's other samples.
         let light = if light.is_finite() { light } else { Vec3::ZERO };
         (light * self.options.exposure).extend(material.alpha.clamp(0.0, 1.0))

@@ -4,8 +4,10 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use crate::Finish;
 use crate::environment_light::MirrorView;
-use crate::light::{AmbientLight, Lights};
+use crate::illumination::Illumination;
+use crate::light::AmbientLight;
 use crate::split_sum::{split_sum, visibility};
 use crate::surface::MaterialSample;
 
@@ -28,8 +30,19 @@ pub enum Shading {
 }
 
 impl Shading {
+    /// Whether lights make a difference.
+    pub(crate) fn is_lit(self) -> bool {
+        matches!(self, Self::MetallicRoughness | Self::BlinnPhong)
+    }
+
     /// Linear RGB towards the eye. `to_eye` is a unit vector.
-    pub(crate) fn evaluate(self, material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
+    pub(crate) fn evaluate(
+        self,
+        material: &MaterialSample,
+        finish: Option<&Finish>,
+        to_eye: Vec3,
+        light: &Illumination,
+    ) -> Vec3 {
         match self {
             Self::BaseColor => material.base_color,
             Self::Normal => material.normal * 0.5 + 0.5,
@@ -38,14 +51,17 @@ impl Shading {
             }
             Self::Emission => material.emission,
             Self::MetallicRoughness | Self::BlinnPhong if material.unlit => material.base_color,
-            Self::MetallicRoughness => material.emission + metallic_roughness(material, to_eye, lights),
-            Self::BlinnPhong => material.emission + blinn_phong(material, to_eye, lights),
+            Self::MetallicRoughness | Self::BlinnPhong if let Some(finish) = finish => {
+                finish.evaluate(material, to_eye, light)
+            }
+            Self::MetallicRoughness => material.emission + metallic_roughness(material, to_eye, light),
+            Self::BlinnPhong => material.emission + blinn_phong(material, to_eye, light),
         }
     }
 }
 
 /// Reflectance of dielectrics at normal incidence (refractive index 1.5).
-const DIELECTRIC: f32 = 0.04;
+pub(crate) const DIELECTRIC: f32 = 0.04;
 
 /// Roughness below which highlights of a directional light would be smaller than any pixel.
 const SMALLEST_ALPHA: f32 = 2e-3;
@@ -54,7 +70,7 @@ const SMALLEST_ALPHA: f32 = 2e-3;
 /// material: `r_d` the dielectric's colour, `m = 2 / alpha^2 - 2` the exponent of the Blinn-Phong lobe that is as wide as
 /// a Beckmann lobe of slope `alpha` (B. Walter et al., 2007), `r_s` the mirror colour times `(m + 8) / 8`, so that a
 /// sharper highlight is a brighter one (N. Hoffman, "Physically-Based Shading Models in Film and Game Production", 2010).
-fn blinn_phong(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
+fn blinn_phong(material: &MaterialSample, to_eye: Vec3, light: &Illumination) -> Vec3 {
     let n = material.normal;
     let ambient_reflectance = material.base_color * material.occlusion;
     let diffuse = material.base_color * (1.0 - material.metallic);
@@ -62,35 +78,53 @@ fn blinn_phong(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3
     let alpha = squared_roughness(material);
     let shininess = (2.0 / (alpha * alpha) - 2.0).max(0.0);
     let specular = mirror * ((shininess + 8.0) / 8.0);
-    let ambient = ambient_reflectance * lights.ambient.diffuse(n);
-    lights.directional.iter().fold(ambient, |sum, light| {
-        let l = light.to_light.normalize_or(Vec3::Y);
+    let ambient = ambient_reflectance * light.ambient.diffuse(n);
+    light.incoming(n).fold(ambient, |sum, lamp| {
+        let l = lamp.to_light;
         let n_l = n.dot(l);
         if n_l <= 0.0 {
             return sum;
         }
         let n_h = n.dot((l + to_eye).normalize_or(n)).max(0.0);
-        sum + (diffuse * n_l + specular * n_h.powf(shininess)) * light.color
+        sum + (diffuse * n_l + specular * n_h.powf(shininess)) * (lamp.color * lamp.visibility)
     })
 }
 
 /// glTF 2.0, appendix B: a dielectric (Lambert under a Fresnel coat) mixed with a metal by `metallic`; GGX
 /// microfacets (Walter et al. 2007), height-correlated Smith shadowing (E. Heitz 2014), Fresnel after C. Schlick (1994).
-fn metallic_roughness(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
-    let lobe = Microfacets::new(material, to_eye);
-    let ambient = lobe.ambient(&lights.ambient) * material.occlusion;
-    lights
-        .directional
-        .iter()
-        .fold(ambient, |sum, light| sum + lobe.reflected(light.to_light.normalize_or(Vec3::Y)) * light.color)
+fn metallic_roughness(material: &MaterialSample, to_eye: Vec3, light: &Illumination) -> Vec3 {
+    let lobe = Microfacets::new(material, to_eye, Vec3::ONE);
+    let ambient = lobe.ambient(light.ambient).sum() * material.occlusion;
+    light
+        .incoming(material.normal)
+        .fold(ambient, |sum, lamp| sum + lobe.reflected(lamp.to_light) * (lamp.color * lamp.visibility))
+}
+
+/// Light towards the eye, linear RGB, by the way it took.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Reflected {
+    pub(crate) diffuse: Vec3,
+    pub(crate) specular: Vec3,
+}
+
+impl Reflected {
+    /// Both parts together.
+    pub(crate) fn sum(&self) -> Vec3 {
+        self.diffuse + self.specular
+    }
+
+    /// Both parts dimmed.
+    pub(crate) fn scaled(&self, factor: f32) -> Self {
+        Self { diffuse: self.diffuse * factor, specular: self.specular * factor }
+    }
 }
 
 /// The reflection of one point towards the eye.
-struct Microfacets {
+pub(crate) struct Microfacets {
     n: Vec3,
     v: Vec3,
     n_v: f32,
-    diffuse: Vec3,
+    pub(crate) diffuse: Vec3,
     /// Mirror colour at normal incidence.
     f0: Vec3,
     /// Squared perceptual roughness.
@@ -100,7 +134,8 @@ struct Microfacets {
 }
 
 impl Microfacets {
-    fn new(material: &MaterialSample, to_eye: Vec3) -> Self {
+    /// `specular` is a factor of the dielectric's mirror colour.
+    pub(crate) fn new(material: &MaterialSample, to_eye: Vec3, specular: Vec3) -> Self {
         let n = material.normal;
         Self {
             n,
@@ -108,7 +143,7 @@ impl Microfacets {
             // A bent normal may turn away from the eye; such points are seen as if edge-on.
             n_v: n.dot(to_eye).max(1e-3),
             diffuse: material.base_color * (1.0 - material.metallic),
-            f0: Vec3::splat(DIELECTRIC).lerp(material.base_color, material.metallic),
+            f0: (specular * DIELECTRIC).lerp(material.base_color, material.metallic),
             alpha: squared_roughness(material),
             perceptual_roughness: material.roughness,
             normal_steps: material.normal_steps,
@@ -122,13 +157,23 @@ impl Microfacets {
         if n_l <= 0.0 {
             return Vec3::ZERO;
         }
-        let h = (self.v + l).normalize_or(self.n);
-        let (n_h, v_h) = (self.n.dot(h).clamp(0.0, 1.0), self.v.dot(h).clamp(0.0, 1.0));
-        let fresnel = self.f0 + (Vec3::ONE - self.f0) * (1.0 - v_h).powi(5);
-        let specular =
-            fresnel * (PI * self.distribution(n_h) * visibility(n_l, self.n_v, self.alpha * self.alpha));
+        let (h, fresnel) = self.fresnel(l);
+        let specular = fresnel * (PI * self.shape(h, n_l));
         let diffuse = self.diffuse * (Vec3::ONE - fresnel);
         (diffuse + specular) * n_l
+    }
+
+    /// The half vector towards the unit direction `l`, and the share of the light that facets across it mirror.
+    pub(crate) fn fresnel(&self, l: Vec3) -> (Vec3, Vec3) {
+        let h = (self.v + l).normalize_or(self.n);
+        let v_h = self.v.dot(h).clamp(0.0, 1.0);
+        (h, self.f0 + (Vec3::ONE - self.f0) * (1.0 - v_h).powi(5))
+    }
+
+    /// Density and shadowing of the facets across the half vector: `D G / (4 (n.l) (n.v))`.
+    pub(crate) fn shape(&self, half: Vec3, n_l: f32) -> f32 {
+        let n_h = self.n.dot(half).clamp(0.0, 1.0);
+        self.distribution(n_h) * visibility(n_l, self.n_v, self.alpha * self.alpha)
     }
 
     /// GGX density of facets along the half vector. `1 - c^2` is formed as `(1 - c)(1 + c)` to keep its digits.
@@ -141,23 +186,30 @@ impl Microfacets {
     /// Reflection of the surroundings: the mean colour around the normal for the diffuse part, around the mirror
     /// direction for the specular part, times the lobe's total reflectance (B. Karis, "Real Shading in Unreal
     /// Engine 4", 2013: the split sum).
-    fn ambient(&self, light: &AmbientLight) -> Vec3 {
+    pub(crate) fn ambient(&self, light: &AmbientLight) -> Reflected {
         let view = MirrorView::new(self.n, self.normal_steps, self.v);
         let [scale, bias] = split_sum(self.perceptual_roughness, self.n_v);
         let specular = self.f0 * scale + Vec3::splat(bias);
         let diffuse = self.diffuse * (Vec3::ONE - specular);
-        diffuse * light.diffuse(self.n) + specular * light.specular(&view, self.perceptual_roughness)
+        Reflected {
+            diffuse: diffuse * light.diffuse(self.n),
+            specular: specular * light.specular(&view, self.perceptual_roughness),
+        }
     }
 }
 
-fn squared_roughness(material: &MaterialSample) -> f32 {
+/// The slope of the facets, from the perceptual roughness.
+pub(crate) fn squared_roughness(material: &MaterialSample) -> f32 {
     (material.roughness * material.roughness).clamp(SMALLEST_ALPHA, 1.0)
 }
 
 #[cfg(test)]
 mod tests {
+    use fantex_mesh::Mesh;
+
     use super::*;
-    use crate::light::DirectionalLight;
+    use crate::illumination::PreparedLights;
+    use crate::{FlatShading, FlatSurface, Hit, Light, Lights, RenderOptions};
 
     fn material(roughness: f32, metallic: f32) -> MaterialSample {
         MaterialSample { roughness, metallic, ..MaterialSample::with_normal(Vec3::Z) }
@@ -166,8 +218,23 @@ mod tests {
     fn only(to_light: Vec3) -> Lights {
         Lights {
             ambient: AmbientLight::uniform(Vec3::ZERO),
-            directional: vec![DirectionalLight { to_light, color: Vec3::ONE }],
+            lamps: vec![Light::directional(to_light, Vec3::ONE)],
         }
+    }
+
+    fn evaluate(shading: Shading, material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
+        let mesh = Mesh::default();
+        let surface = FlatSurface::new(&mesh, FlatShading::Unlit, |_| Vec3::ONE);
+        let prepared = PreparedLights::new(lights, &mesh, &surface, &RenderOptions::default());
+        let hit = Hit {
+            triangle: 0,
+            lambda: Vec3::X,
+            dlambda_dx: Vec3::ZERO,
+            dlambda_dy: Vec3::ZERO,
+            front: true,
+            to_eye,
+        };
+        shading.evaluate(material, None, to_eye, &prepared.at(&mesh, &surface, &hit))
     }
 
     /// Directions spread evenly over the upper hemisphere.
@@ -189,7 +256,7 @@ mod tests {
                 let m = material(roughness, metallic);
                 let n = 20_000;
                 let sum: f32 =
-                    hemisphere(n).map(|l| Shading::MetallicRoughness.evaluate(&m, to_eye, &only(l)).x).sum();
+                    hemisphere(n).map(|l| evaluate(Shading::MetallicRoughness, &m, to_eye, &only(l)).x).sum();
                 let total = 2.0 * sum / n as f32;
                 assert!(total < 1.02 && total > 0.3, "roughness {roughness}, metallic {metallic}: {total}");
                 if metallic == 1.0 {
@@ -206,7 +273,7 @@ mod tests {
 
     #[test]
     fn a_facing_white_diffuser_reflects_the_lights_colour() {
-        let lit = Shading::BlinnPhong.evaluate(&material(1.0, 0.0), Vec3::X, &only(Vec3::Z));
+        let lit = evaluate(Shading::BlinnPhong, &material(1.0, 0.0), Vec3::X, &only(Vec3::Z));
         assert!((lit.x - 1.0 - DIELECTRIC).abs() < 1e-5, "{lit}");
     }
 
@@ -215,7 +282,7 @@ mod tests {
         let m = material(0.2, 1.0);
         let to_eye = Vec3::new(0.6, 0.0, 0.8);
         for shading in [Shading::MetallicRoughness, Shading::BlinnPhong] {
-            let at = |l: Vec3| shading.evaluate(&m, to_eye, &only(l)).x;
+            let at = |l: Vec3| evaluate(shading, &m, to_eye, &only(l)).x;
             let mirror = at(Vec3::new(-0.6, 0.0, 0.8));
             assert!(mirror > 4.0 * at(Vec3::new(0.0, 0.0, 1.0)), "{shading:?}");
             assert!(mirror > 4.0 * at(Vec3::new(0.6, 0.0, 0.8)), "{shading:?}");
@@ -229,7 +296,7 @@ mod tests {
                 for to_eye in [Vec3::Z, Vec3::X, Vec3::NEG_Z] {
                     for l in [Vec3::Z, Vec3::X, Vec3::NEG_Z, Vec3::ZERO] {
                         for shading in [Shading::MetallicRoughness, Shading::BlinnPhong] {
-                            let c = shading.evaluate(&material(roughness, metallic), to_eye, &only(l));
+                            let c = evaluate(shading, &material(roughness, metallic), to_eye, &only(l));
                             assert!(c.is_finite() && c.min_element() >= 0.0, "{shading:?} {to_eye} {l}: {c}");
                         }
                     }
@@ -241,7 +308,7 @@ mod tests {
     #[test]
     fn unlit_surfaces_show_their_colour() {
         let m = MaterialSample { unlit: true, base_color: Vec3::new(0.1, 0.2, 0.3), ..material(0.5, 0.5) };
-        let c = Shading::MetallicRoughness.evaluate(&m, Vec3::Z, &Lights::default());
+        let c = evaluate(Shading::MetallicRoughness, &m, Vec3::Z, &Lights::default());
         assert_eq!(c, m.base_color);
     }
 }

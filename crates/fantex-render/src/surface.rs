@@ -3,7 +3,7 @@
 use fantex_mesh::{AlphaMode, Material};
 use glam::Vec3;
 
-use crate::Hit;
+use crate::{Finish, Hit};
 
 /// Whether what lies behind a triangle may show through.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,10 +75,43 @@ impl MaterialSample {
     }
 }
 
+/// Where the surface would be if it were as smooth as its normals say.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SmoothPoint {
+    /// From the point of the facet to the smooth surface; zero or outwards, mesh space.
+    pub offset: Vec3,
+    /// Unit normal without relief on the side that the eye sees, mesh space.
+    pub normal: Vec3,
+}
+
 /// The appearance of a mesh.
 pub trait Surface: Sync {
     /// The material at a point.
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample;
+
+    /// The material at a point, and what it has beyond the core of glTF.
+    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+        (self.shade_inputs(hit), None)
+    }
+
+    /// The opacity at a point: that of [`Surface::shade_inputs`].
+    fn alpha(&self, hit: &Hit) -> f32 {
+        self.shade_inputs(hit).alpha
+    }
+
+    /// Whether a triangle casts shadows. Where a floor casts none, the shadow map of a directional lamp is fitted to what
+    /// stands on it.
+    fn casts_shadow(&self, triangle: usize) -> bool {
+        let _ = triangle;
+        true
+    }
+
+    /// Where shadows fall, so that smooth shading does not show its facets at the shadow's border; `None` for surfaces
+    /// whose facets are meant.
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        let _ = hit;
+        None
+    }
 
     /// Whether a triangle hides what lies behind it.
     fn coverage(&self, triangle: usize) -> Coverage {

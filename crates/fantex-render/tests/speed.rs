@@ -6,16 +6,19 @@ mod common;
 
 use std::sync::Arc;
 
+use common::looks::{UvImage, image, look, model};
 use common::tiles::fan_cover;
 use common::{frontal, sheet, triangle_color};
 use fantex_mesh::{Material, Mesh};
 use fantex_render::{
-    Background, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, RenderOptions, Surface, render,
+    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, LookSurface,
+    MeshSurface, RenderOptions, ShadowOptions, Surface, render,
 };
 use fantex_store::{
     Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, TexelFormat, group_pages,
 };
 use fantex_texture::Filter;
+use fantex_texture::look::{LookMaterial, Slot};
 
 fn measure(name: &str, mesh: &Mesh, surface: &dyn Surface, samples: u32) {
     let options = RenderOptions { samples, background: Background::Transparent, ..RenderOptions::default() };
@@ -57,5 +60,28 @@ fn an_asset() {
         let surface = FanSurface::of_asset(&cache, FilterOptions { filter, ..FilterOptions::default() });
         measure(&format!("{filter:?}, cold"), &mesh, &surface, 4);
         measure(&format!("{filter:?}, warm"), &mesh, &surface, 4);
+    }
+}
+
+#[test]
+#[ignore = "measures; run it alone and with optimisation"]
+fn the_bottle() {
+    let Some(mesh) = model("meshes/WaterBottle/WaterBottle.gltf") else { return };
+    let Some(color) = image("meshes/WaterBottle/WaterBottle_baseColor.png") else { return };
+    let own = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let material =
+        LookMaterial { base_color: Slot::Texture(UvImage::new(color, 1.0)), ..LookMaterial::default() };
+    let look = LookSurface::new(&mesh, look(material));
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 16.0 / 9.0);
+    let lights = Lights::behind(&camera);
+    let shadowed = lights.clone().with_shadows(ShadowOptions::default());
+    for (name, surface, lights) in [
+        ("the model's materials", &own as &dyn Surface, &lights),
+        ("with shadows", &own, &shadowed),
+        ("a look with one image", &look, &lights),
+    ] {
+        let picture = || render(&mesh, surface, &camera, lights, &RenderOptions::default()).unwrap();
+        let fastest = (0..20).map(|_| picture().stats.elapsed).min();
+        eprintln!("{name}: {fastest:?}, {:?}", picture().stats);
     }
 }

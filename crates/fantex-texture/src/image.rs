@@ -173,6 +173,22 @@ impl Image {
         Self { width: self.width, height: self.height, channels: self.channels, space, samples }
     }
 
+    /// Multiplies the last channel, clamped to `[0,1]`.
+    pub(crate) fn scale_alpha(&mut self, scale: f32) {
+        let channels = usize::from(self.channels);
+        match &mut self.samples {
+            Samples::U8(values) => values.iter_mut().skip(channels - 1).step_by(channels).for_each(|a| {
+                *a = unorm8(f32::from(*a) / 255.0 * scale);
+            }),
+            Samples::U16(values) => values.iter_mut().skip(channels - 1).step_by(channels).for_each(|a| {
+                *a = unorm16(f32::from(*a) / 65535.0 * scale);
+            }),
+            Samples::F32(values) => values.iter_mut().skip(channels - 1).step_by(channels).for_each(|a| {
+                *a = (*a * scale).clamp(0.0, 1.0);
+            }),
+        }
+    }
+
     fn map_linear<T>(&self, encode: impl Fn(f32, bool) -> T) -> Vec<T> {
         let channels = usize::from(self.channels);
         (0..self.samples.len())

@@ -140,6 +140,16 @@ impl ImageTexture {
         if level == 0 { &self.base } else { &self.coarser[level - 1] }
     }
 
+    /// With the alpha of every coarser level multiplied by its factor (`scales[0]` is not used), at most one.
+    pub(crate) fn with_scaled_alpha(mut self, scales: &[f32]) -> Self {
+        if self.base.has_alpha() {
+            for (level, &scale) in self.coarser.iter_mut().zip(&scales[1..]) {
+                level.scale_alpha(scale);
+            }
+        }
+        self
+    }
+
     /// Bytes of all levels.
     pub fn byte_len(&self) -> usize {
         self.base.byte_len() + self.coarser.iter().map(Image::byte_len).sum::<usize>()

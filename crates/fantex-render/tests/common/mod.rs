@@ -2,6 +2,8 @@
 #![allow(dead_code, reason = "every test binary uses some of it")]
 
 pub(crate) mod golden;
+pub(crate) mod looks;
+pub(crate) mod staging;
 pub(crate) mod tiles;
 
 use fantex_mesh::Mesh;

@@ -145,8 +145,8 @@ pub struct Anisotropy {
     pub strength: Slot,
     /// The direction in the tangent plane: red and green, `[-1,1]` encoded as `[0,1]`, by tangent and bitangent.
     pub direction: Slot,
-    /// Set of texture coordinates that gives tangent and bitangent; without that set, the frame is made from the axis
-    /// that is least parallel to the normal.
+    /// Set of texture coordinates that gives tangent and bitangent; without that set, the tangent runs around the model's
+    /// y axis, as on a lathe.
     pub uv_set: usize,
 }
 

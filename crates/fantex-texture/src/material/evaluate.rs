@@ -89,6 +89,11 @@ impl TangentFrame {
         (axes.inverse() * normal).try_normalize()
     }
 
+    /// A vector of tangent space (along tangent, bitangent and normal) in mesh space, not normalised.
+    pub fn mesh_vector(&self, v_tangent: Vec3) -> Vec3 {
+        self.tangent * v_tangent.x + self.bitangent * v_tangent.y + self.normal * v_tangent.z
+    }
+
     /// The unit normal that a normal map's texel (0..1) stands for; `None` where it is no direction.
     pub fn bend(&self, material: &Material, texel: Vec4) -> Option<Vec3> {
         let scale = material.normal_scale;

@@ -8,6 +8,7 @@
 //! Whoever evaluates a material chooses how its images are filtered (for a pixel, for the texel of a bake); what is made
 //! of the texels is the same for all and stands here.
 
+mod coverage;
 mod evaluate;
 mod load;
 
@@ -18,6 +19,7 @@ use glam::{Mat3, Vec2};
 
 use crate::{ImageTexture, Wrap};
 
+pub use coverage::AlphaCoverage;
 pub use evaluate::*;
 pub use load::load_material_textures;
 

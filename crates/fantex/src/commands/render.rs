@@ -78,7 +78,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
     if let Some(surroundings) = args.surroundings.load(sun)? {
         options.background = surroundings.background();
         lights.ambient = AmbientLight::environment(surroundings.light);
-        lights.directional.retain_mut(|lamp| match surroundings.sun {
+        lights.lamps.retain_mut(|lamp| match surroundings.sun {
             Some(color) => {
                 lamp.color = color;
                 true

@@ -1,0 +1,251 @@
+//! From the lamps of a scene to the light that arrives at a point.
+
+use fantex_mesh::Mesh;
+use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use crate::lamp_view::LampView;
+use crate::light::{AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight};
+use crate::normals::face_normal;
+use crate::shadow::{Receiver, ShadowMaps, projector_view};
+use crate::{Hit, Lens, RenderOptions, Surface};
+
+/// The lights of a scene, in mesh space and with their shadow maps.
+#[derive(Debug)]
+pub(crate) struct PreparedLights<'a> {
+    pub(crate) ambient: &'a AmbientLight,
+    lamps: Vec<Lamp<'a>>,
+    /// Whether any lamp asks where the lit point is.
+    are_local: bool,
+    world_per_mesh: f32,
+    time: f32,
+}
+
+#[derive(Debug)]
+struct Lamp<'a> {
+    source: Source<'a>,
+    color: Vec3,
+    shadow: Option<ShadowMaps>,
+}
+
+/// Mesh space.
+#[derive(Debug)]
+enum Source<'a> {
+    /// A unit vector.
+    Directional {
+        to_light: Vec3,
+    },
+    Point {
+        position: Vec3,
+        falloff: Falloff,
+    },
+    Spot {
+        position: Vec3,
+        light: &'a SpotLight,
+        cosines: [f32; 2],
+    },
+    Projector {
+        view: LampView,
+        projector: &'a Projector,
+    },
+}
+
+/// A point that light falls on.
+#[derive(Clone, Copy, Debug)]
+struct LitPoint {
+    /// Mesh space.
+    position: Vec3,
+    receiver: Receiver,
+}
+
+/// The light around a point of the surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Illumination<'a> {
+    pub(crate) ambient: &'a AmbientLight,
+    lights: &'a PreparedLights<'a>,
+    point: Option<LitPoint>,
+}
+
+/// Light of one lamp at a point.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Incoming {
+    /// Unit vector.
+    pub(crate) to_light: Vec3,
+    /// Linear RGB, without shadow.
+    pub(crate) color: Vec3,
+    /// Share that no shadow takes away, 0..1.
+    pub(crate) visibility: f32,
+}
+
+impl<'a> PreparedLights<'a> {
+    /// Prepares lights that passed [`Lights::check`] for a mesh and draws their shadow maps; prepares no lamps for pictures
+    /// that show no light.
+    pub(crate) fn new(
+        lights: &'a Lights,
+        mesh: &Mesh,
+        surface: &dyn Surface,
+        options: &RenderOptions,
+    ) -> Self {
+        let lamp = |light: &'a Light| Lamp {
+            source: Source::new(&light.kind, mesh),
+            color: light.color,
+            shadow: ShadowMaps::draw(light, mesh, surface),
+        };
+        let shining = if options.shading.is_lit() { &lights.lamps[..] } else { &[] };
+        let lamps: Vec<Lamp> = shining.iter().map(lamp).collect();
+        let is_local =
+            |lamp: &Lamp| lamp.shadow.is_some() || !matches!(lamp.source, Source::Directional { .. });
+        Self {
+            ambient: &lights.ambient,
+            are_local: lamps.iter().any(is_local),
+            lamps,
+            world_per_mesh: mesh.world_from_mesh.scale as f32,
+            time: options.time,
+        }
+    }
+
+    /// The light at a hit.
+    pub(crate) fn at(&'a self, mesh: &Mesh, surface: &dyn Surface, hit: &Hit) -> Illumination<'a> {
+        let point = self.are_local.then(|| LitPoint::new(mesh, surface, hit));
+        Illumination { ambient: self.ambient, lights: self, point }
+    }
+}
+
+impl LitPoint {
+    fn new(mesh: &Mesh, surface: &dyn Surface, hit: &Hit) -> Self {
+        let corners = mesh.triangle_positions(hit.triangle);
+        let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+        let side = if hit.front { 1.0 } else { -1.0 };
+        let facet_normal = face_normal(mesh, hit.triangle) * side;
+        let position = along(hit.lambda);
+        let smooth = surface.smooth_point(hit);
+        let receiver = Receiver {
+            position: position + smooth.map_or(Vec3::ZERO, |s| s.offset),
+            steps: [along(hit.dlambda_dx), along(hit.dlambda_dy)],
+            facet_normal,
+            normal: smooth.map_or(facet_normal, |s| s.normal),
+        };
+        Self { position, receiver }
+    }
+}
+
+impl Illumination<'_> {
+    /// What arrives from every lamp. `normal` is the unit shading normal: lamps below its horizon are listed, but no shadow
+    /// is looked up for them.
+    pub(crate) fn incoming(&self, normal: Vec3) -> impl Iterator<Item = Incoming> + '_ {
+        self.lights.lamps.iter().filter_map(move |lamp| {
+            let (to_light, color) = match (&lamp.source, &self.point) {
+                (Source::Directional { to_light }, _) => (*to_light, lamp.color),
+                (source, Some(point)) => {
+                    let (to_light, factor) = source.arriving(point, self.lights)?;
+                    (to_light, lamp.color * factor)
+                }
+                (_, None) => return None,
+            };
+            let visibility = match (&lamp.shadow, &self.point) {
+                (Some(maps), Some(point)) if normal.dot(to_light) > 0.0 && color != Vec3::ZERO => {
+                    maps.visibility(&point.receiver, to_light)
+                }
+                _ => 1.0,
+            };
+            Some(Incoming { to_light, color, visibility })
+        })
+    }
+}
+
+impl<'a> Source<'a> {
+    fn new(kind: &'a LightKind, mesh: &Mesh) -> Self {
+        let placed = |p: DVec3| mesh.world_from_mesh.inverse_point(p);
+        match kind {
+            LightKind::Directional { to_light } => {
+                Self::Directional { to_light: to_light.normalize_or(Vec3::Y) }
+            }
+            LightKind::Point { position, falloff } => {
+                Self::Point { position: placed(*position), falloff: *falloff }
+            }
+            LightKind::Spot(light) => Self::Spot {
+                position: placed(light.position),
+                light,
+                cosines: [light.inner_degrees, light.outer_degrees].map(|a| a.to_radians().cos()),
+            },
+            LightKind::Projector(projector) => {
+                Self::Projector { view: projector_view(projector, mesh), projector }
+            }
+        }
+    }
+
+    /// Unit vector to the lamp and the factor of its colour; nothing where no light goes.
+    fn arriving(&self, point: &LitPoint, lights: &PreparedLights) -> Option<(Vec3, Vec3)> {
+        let towards = |position: Vec3| {
+            let way = position - point.position;
+            let distance = f64::from(way.length() * lights.world_per_mesh);
+            (way.normalize_or(Vec3::Y), distance)
+        };
+        match self {
+            Self::Directional { to_light } => Some((*to_light, Vec3::ONE)),
+            Self::Point { position, falloff } => {
+                let (to_light, distance) = towards(*position);
+                Some((to_light, Vec3::splat(falloff.factor(distance))))
+            }
+            Self::Spot { position, light, cosines: [inner, outer] } => {
+                let (to_light, distance) = towards(*position);
+                let cosine = -to_light.dot(light.direction.normalize_or(Vec3::NEG_Y));
+                // As KHR_lights_punctual: the square of a linear ramp of the cosine.
+                let share = ((cosine - outer) / (inner - outer).max(1e-4)).clamp(0.0, 1.0);
+                let factor = share * share * light.falloff.factor(distance);
+                (factor > 0.0).then_some((to_light, Vec3::splat(factor)))
+            }
+            Self::Projector { view, projector } => {
+                let slide = projected(view, &projector.slide, point, lights.time)?;
+                let (to_light, distance) = match projector.lens {
+                    Lens::Perspective { .. } => towards(view.origin.as_vec3()),
+                    Lens::Orthographic { .. } => {
+                        let depth = view.project(point.position).depth;
+                        (-view.forward().as_vec3(), depth * f64::from(lights.world_per_mesh))
+                    }
+                };
+                Some((to_light, slide * projector.falloff.factor(distance)))
+            }
+        }
+    }
+}
+
+/// The slide's light at a point, filtered over the point's footprint.
+fn projected(view: &LampView, slide: &Slide, point: &LitPoint, time: f32) -> Option<Vec3> {
+    let at = view.project(point.position);
+    if at.w <= 0.0 || at.depth <= 0.0 {
+        return None;
+    }
+    let (uv, steps) = (at.uv.as_vec2(), point.receiver.steps.map(|step| view.step(&at, step)));
+    let share = share_inside(uv, steps);
+    if share <= 0.0 {
+        return None;
+    }
+    let uv = uv.clamp(Vec2::ZERO, Vec2::ONE);
+    let value = match slide {
+        Slide::Image { image, options } => {
+            let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
+            Vec4::from_array(image.sample(uv, steps, &options))
+        }
+        Slide::Texture(texture) => texture.evaluate(&ShadingPoint {
+            position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
+            position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
+            normal: Vec3::Z,
+            normal_steps: [Vec3::ZERO; 2],
+            uv: &[UvPoint { uv, steps }],
+            vertex_color: Vec4::ONE,
+            to_eye: None,
+            time,
+            filtering: Filtering::Own,
+        }),
+    };
+    Some((value.truncate() * (value.w * share)).max(Vec3::ZERO))
+}
+
+/// The share of the footprint's bounding box that lies in the unit square.
+fn share_inside(uv: Vec2, steps: [Vec2; 2]) -> f32 {
+    let half = (0.5 * (steps[0].abs() + steps[1].abs())).max(Vec2::splat(1e-6));
+    let (low, high) = ((uv - half).max(Vec2::ZERO), (uv + half).min(Vec2::ONE));
+    let inside = ((high - low) / (2.0 * half)).max(Vec2::ZERO);
+    inside.x * inside.y
+}

@@ -1,0 +1,151 @@
+//! The scene as a lamp sees it: the projection of slides and of shadow maps.
+
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+
+use crate::camera::view_axes;
+
+/// A projection of mesh space onto the unit square of a lamp's picture (origin top left, v downwards).
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LampView {
+    /// The pinhole; for a parallel projection a point of the plane of depth zero.
+    pub(crate) origin: DVec3,
+    /// Right, up and forward, unit vectors.
+    axes: [DVec3; 3],
+    /// Half the width and height of the picture: at depth one, or everywhere.
+    half: DVec2,
+    spread: Spread,
+    /// Screen-homogeneous coordinates are `linear * (p - origin) + constant`.
+    linear: DMat3,
+    constant: DVec3,
+}
+
+/// Whether light leaves a point or is parallel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Spread {
+    Perspective,
+    Parallel,
+}
+
+/// A point in a lamp's picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Projected {
+    /// Position, `[0,1]` inside the picture; has no meaning at depths that are not positive.
+    pub(crate) uv: DVec2,
+    /// Divisor of the screen-homogeneous coordinates.
+    pub(crate) w: f64,
+    /// Distance along the axis, mesh units.
+    pub(crate) depth: f64,
+}
+
+impl LampView {
+    /// A view along `forward`; `half` as the field.
+    pub(crate) fn new(origin: DVec3, forward: DVec3, up: DVec3, half: DVec2, spread: Spread) -> Self {
+        let forward = forward.normalize_or(DVec3::NEG_Z);
+        let to_eye = view_axes(-forward, up.normalize_or(DVec3::Y));
+        let (right, up) = (to_eye.x_axis, to_eye.y_axis);
+        let (x, y) = (right / (2.0 * half.x), -up / (2.0 * half.y));
+        let (rows, constant) = match spread {
+            Spread::Perspective => ([x + forward * 0.5, y + forward * 0.5, forward], DVec3::ZERO),
+            Spread::Parallel => ([x, y, DVec3::ZERO], DVec3::new(0.5, 0.5, 1.0)),
+        };
+        let [row_x, row_y, row_w] = rows;
+        let linear = DMat3::from_cols(row_x, row_y, row_w).transpose();
+        Self { origin, axes: [right, up, forward], half, spread, linear, constant }
+    }
+
+    /// Along the axis, a unit vector.
+    pub(crate) fn forward(&self) -> DVec3 {
+        self.axes[2]
+    }
+
+    /// To the right and upwards in the picture, unit vectors.
+    pub(crate) fn sides(&self) -> [DVec3; 2] {
+        [self.axes[0], self.axes[1]]
+    }
+
+    /// Whether light leaves a point.
+    pub(crate) fn spread(&self) -> Spread {
+        self.spread
+    }
+
+    /// Screen-homogeneous coordinates `(u w, v w, w)`.
+    pub(crate) fn homogeneous(&self, p_mesh: Vec3) -> DVec3 {
+        self.linear * (p_mesh.as_dvec3() - self.origin) + self.constant
+    }
+
+    /// Where a point appears.
+    pub(crate) fn project(&self, p_mesh: Vec3) -> Projected {
+        let h = self.homogeneous(p_mesh);
+        let depth = self.forward().dot(p_mesh.as_dvec3() - self.origin);
+        Projected { uv: h.truncate() / h.z, w: h.z, depth }
+    }
+
+    /// How a point's picture moves with the point.
+    pub(crate) fn step(&self, at: &Projected, step_mesh: Vec3) -> Vec2 {
+        let h = self.linear * step_mesh.as_dvec3();
+        ((h.truncate() - at.uv * h.z) / at.w).as_vec2()
+    }
+
+    /// Width and height of the picture at a depth, mesh units.
+    pub(crate) fn extent_at(&self, depth: f64) -> DVec2 {
+        match self.spread {
+            Spread::Perspective => self.half * (2.0 * depth),
+            Spread::Parallel => self.half * 2.0,
+        }
+    }
+
+    /// Change of `1 / depth` (of the depth, where light is parallel) over the width and the height of the picture on the
+    /// plane through `p` with the given normal. In these terms, depth is linear over the picture.
+    pub(crate) fn plane_slope(&self, p: DVec3, normal: DVec3) -> DVec2 {
+        let [right, up, forward] = self.axes;
+        let along = DVec2::new(normal.dot(right), -normal.dot(up)) * self.half * 2.0;
+        match self.spread {
+            Spread::Perspective => along / normal.dot(p - self.origin),
+            Spread::Parallel => -along / normal.dot(forward),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn views() -> [LampView; 2] {
+        let (origin, forward) = (DVec3::new(1.0, 2.0, 3.0), DVec3::new(-0.4, -0.5, -1.0));
+        [Spread::Perspective, Spread::Parallel]
+            .map(|spread| LampView::new(origin, forward, DVec3::Y, DVec2::new(0.8, 0.5), spread))
+    }
+
+    #[test]
+    fn the_axis_is_the_middle_and_up_is_up() {
+        for view in views() {
+            let on_axis = (view.origin + view.forward() * 2.0).as_vec3();
+            let seen = view.project(on_axis);
+            assert!((seen.uv - 0.5).length() < 1e-6 && (seen.depth - 2.0).abs() < 1e-6, "{seen:?}");
+            assert!(view.project(on_axis + Vec3::Y * 0.1).uv.y < 0.5);
+            let corner = view.extent_at(2.0) * 0.5;
+            let [right, up, _] = view.axes;
+            let seen = view.project(on_axis + (right * corner.x - up * corner.y).as_vec3());
+            assert!((seen.uv - 1.0).length() < 1e-6, "{seen:?}");
+        }
+    }
+
+    #[test]
+    fn steps_and_slopes_are_the_limits_of_differences() {
+        for view in views() {
+            let (p, normal) = (Vec3::new(0.2, 0.4, 0.1), DVec3::new(0.3, 1.0, 0.2).normalize());
+            let at = view.project(p);
+            let step = Vec3::new(1e-3, -2e-3, 5e-4);
+            let step = step - normal.as_vec3() * step.dot(normal.as_vec3());
+            let there = view.project(p + step);
+            let moved = (there.uv - at.uv).as_vec2();
+            assert!((moved - view.step(&at, step)).length() < 1e-5, "{moved}");
+            let slope = view.plane_slope(p.as_dvec3(), normal).dot(there.uv - at.uv);
+            let change = match view.spread() {
+                Spread::Perspective => 1.0 / there.depth - 1.0 / at.depth,
+                Spread::Parallel => there.depth - at.depth,
+            };
+            assert!((slope - change).abs() < 1e-6, "{slope} against {change}");
+        }
+    }
+}

@@ -1,0 +1,277 @@
+//! Several objects in one picture.
+//!
+//! ```text
+//!  mesh, surface, placement  --.
+//!  mesh, surface, placement  --+--> Scene: one mesh for visibility and shadows, a surface that asks the objects' own
+//!  mesh, surface, placement  --'
+//! ```
+
+use fantex_mesh::{Material, Mesh, WorldFromMesh};
+use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
+use rayon::prelude::*;
+
+use crate::{AnisotropySample, Bounds, Coverage, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+
+/// One object of a scene.
+#[derive(Clone, Copy)]
+pub struct SceneObject<'a> {
+    /// Its shape.
+    pub mesh: &'a Mesh,
+    /// Its appearance.
+    pub surface: &'a dyn Surface,
+    /// Where it stands: any invertible affine map from the world of its own file to the world of the scene. Mirroring keeps
+    /// the outside out.
+    pub world_from_object: DAffine3,
+    /// Whether it casts shadows. A floor need not; see [`Surface::casts_shadow`].
+    pub casts_shadow: bool,
+}
+
+impl<'a> SceneObject<'a> {
+    /// An object where its file has it.
+    pub fn new(mesh: &'a Mesh, surface: &'a dyn Surface) -> Self {
+        Self { mesh, surface, world_from_object: DAffine3::IDENTITY, casts_shadow: true }
+    }
+
+    /// The same object elsewhere; see the field.
+    pub fn placed(self, world_from_object: DAffine3) -> Self {
+        Self { world_from_object, ..self }
+    }
+
+    /// The same object without a shadow; see the field.
+    pub fn without_shadow(self) -> Self {
+        Self { casts_shadow: false, ..self }
+    }
+}
+
+impl std::fmt::Debug for SceneObject<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let triangles = self.mesh.triangles.len();
+        f.debug_struct("SceneObject").field("triangles", &triangles).finish_non_exhaustive()
+    }
+}
+
+/// Objects that cannot stand in one scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// The placement is not an invertible map.
+    #[error(
+        "object {object} cannot be placed: its placement is not finite or flattens it; scale by more than zero"
+    )]
+    Placement {
+        /// Which object, from 0.
+        object: usize,
+    },
+    /// More than a mesh can hold.
+    #[error(
+        "the scene's objects have too many vertices or triangles together: {count}, at most {} are possible",
+        u32::MAX
+    )]
+    TooLarge {
+        /// Vertices or triangles.
+        count: u64,
+    },
+}
+
+/// Several objects as one mesh and one surface, for [`render`](crate::render).
+///
+/// The mesh has the objects' triangles one after the other, in a mesh space that is centred on the scene. A surface that is
+/// asked sees its own mesh; directions and normals are carried over both ways, under scales that are not uniform, too.
+#[derive(Debug)]
+pub struct Scene<'a> {
+    mesh: Mesh,
+    parts: Vec<Part<'a>>,
+}
+
+/// An object in the merged mesh.
+#[derive(Debug)]
+struct Part<'a> {
+    object: SceneObject<'a>,
+    /// Triangle of the merged mesh that is its first.
+    first_triangle: usize,
+    /// Takes directions of the object's mesh space to the scene's.
+    scene_from_object: Mat3,
+    /// Takes directions back.
+    object_from_scene: Mat3,
+    /// Takes normals of the object to the scene's: the inverse transpose, with any length.
+    scene_normal_from_object: Mat3,
+    mirrored: bool,
+}
+
+impl<'a> Scene<'a> {
+    /// Puts objects together.
+    ///
+    /// # Errors
+    ///
+    /// A placement flattens its object, or there are more vertices than a mesh can number.
+    pub fn new(objects: Vec<SceneObject<'a>>) -> Result<Self, SceneError> {
+        check(&objects)?;
+        let world_from_mesh = frame_around(&objects);
+        let mut mesh = Mesh { world_from_mesh, materials: vec![Material::default()], ..Mesh::default() };
+        let mut parts = Vec::with_capacity(objects.len());
+        for object in objects {
+            let part = Part::new(object, mesh.triangles.len(), world_from_mesh.scale);
+            part.append_to(&mut mesh);
+            parts.push(part);
+        }
+        Ok(Self { mesh, parts })
+    }
+
+    /// All triangles, without attributes.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The scene's bounding box, world space.
+    pub fn bounds(&self) -> Bounds {
+        Bounds::of_mesh(&self.mesh)
+    }
+
+    /// Which object a triangle of the mesh belongs to, and which of the object's triangles it is.
+    ///
+    /// # Panics
+    /// If the mesh has no such triangle.
+    pub fn object_of(&self, triangle: usize) -> (usize, usize) {
+        let part = self.parts.partition_point(|part| part.first_triangle <= triangle) - 1;
+        (part, triangle - self.parts[part].first_triangle)
+    }
+
+    fn locate(&self, triangle: usize) -> (&Part<'a>, usize) {
+        let (part, own) = self.object_of(triangle);
+        (&self.parts[part], own)
+    }
+}
+
+fn check(objects: &[SceneObject]) -> Result<(), SceneError> {
+    let (mut vertices, mut triangles) = (0, 0);
+    for (index, object) in objects.iter().enumerate() {
+        let map = object.world_from_object;
+        let scale = map.matrix3.x_axis.length() * map.matrix3.y_axis.length() * map.matrix3.z_axis.length();
+        let determinant = map.matrix3.determinant().abs();
+        if !(map.is_finite() && determinant > 1e-12 * scale && scale > 0.0) {
+            return Err(SceneError::Placement { object: index });
+        }
+        vertices += object.mesh.positions.len() as u64;
+        triangles += object.mesh.triangles.len() as u64;
+    }
+    let count = vertices.max(triangles);
+    if count > u64::from(u32::MAX) { Err(SceneError::TooLarge { count }) } else { Ok(()) }
+}
+
+/// A mesh space around all objects: centred, scaled by a power of two.
+fn frame_around(objects: &[SceneObject]) -> WorldFromMesh {
+    let empty = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
+    let bounds = objects
+        .iter()
+        .flat_map(world_positions)
+        .fold(empty, |b, p| Bounds { min: b.min.min(p), max: b.max.max(p) });
+    let reach = ((bounds.max - bounds.min) * 0.5).max_element();
+    if !reach.is_finite() {
+        return WorldFromMesh::default();
+    }
+    let scale = if reach > 0.0 { reach.log2().ceil().exp2() } else { 1.0 };
+    WorldFromMesh { offset: bounds.center(), scale }
+}
+
+fn world_positions(object: &SceneObject) -> impl Iterator<Item = DVec3> {
+    let (mesh, map) = (object.mesh, object.world_from_object);
+    mesh.positions.iter().map(move |&p| map.transform_point3(mesh.world_from_mesh.point(p)))
+}
+
+impl<'a> Part<'a> {
+    fn new(object: SceneObject<'a>, first_triangle: usize, scene_scale: f64) -> Self {
+        let linear = object.world_from_object.matrix3 * (object.mesh.world_from_mesh.scale / scene_scale);
+        let inverse: DMat3 = linear.inverse();
+        let mirrored = linear.determinant() < 0.0;
+        Self {
+            object,
+            first_triangle,
+            scene_from_object: linear.as_mat3(),
+            object_from_scene: inverse.as_mat3(),
+            scene_normal_from_object: inverse.transpose().as_mat3(),
+            mirrored,
+        }
+    }
+
+    fn append_to(&self, mesh: &mut Mesh) {
+        let (own, map) = (self.object.mesh, self.object.world_from_object);
+        let first_vertex = mesh.positions.len() as u32;
+        let frame = mesh.world_from_mesh;
+        mesh.positions.par_extend(
+            own.positions
+                .par_iter()
+                .map(|&p| frame.inverse_point(map.transform_point3(own.world_from_mesh.point(p)))),
+        );
+        mesh.triangles.par_extend(own.triangles.par_iter().map(|t| {
+            let [a, b, c] = t.map(|v| v + first_vertex);
+            if self.mirrored { [a, c, b] } else { [a, b, c] }
+        }));
+    }
+
+    /// The hit as the object's own surface knows it.
+    fn own_hit(&self, triangle: usize, hit: &Hit) -> Hit {
+        let own = |l: Vec3| if self.mirrored { Vec3::new(l.x, l.z, l.y) } else { l };
+        Hit {
+            triangle,
+            lambda: own(hit.lambda),
+            dlambda_dx: own(hit.dlambda_dx),
+            dlambda_dy: own(hit.dlambda_dy),
+            front: hit.front,
+            to_eye: (self.object_from_scene * hit.to_eye).normalize_or(hit.to_eye),
+        }
+    }
+
+    /// The scene's unit normal of an object's.
+    fn normal(&self, own: Vec3) -> Vec3 {
+        (self.scene_normal_from_object * own).normalize_or(own)
+    }
+
+    fn material(&self, own: MaterialSample) -> MaterialSample {
+        MaterialSample { normal: self.normal(own.normal), ..own }
+    }
+}
+
+impl Surface for Scene<'_> {
+    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        let (part, own) = self.locate(hit.triangle);
+        part.material(part.object.surface.shade_inputs(&part.own_hit(own, hit)))
+    }
+
+    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+        let (part, own) = self.locate(hit.triangle);
+        let (material, finish) = part.object.surface.shade(&part.own_hit(own, hit));
+        let turned = |a: AnisotropySample| AnisotropySample {
+            direction: (part.scene_from_object * a.direction).normalize_or(a.direction),
+            ..a
+        };
+        let finish = finish.map(|f| Finish { anisotropy: f.anisotropy.map(turned), ..f });
+        (part.material(material), finish)
+    }
+
+    fn alpha(&self, hit: &Hit) -> f32 {
+        let (part, own) = self.locate(hit.triangle);
+        part.object.surface.alpha(&part.own_hit(own, hit))
+    }
+
+    fn casts_shadow(&self, triangle: usize) -> bool {
+        let (part, own) = self.locate(triangle);
+        part.object.casts_shadow && part.object.surface.casts_shadow(own)
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        let (part, own) = self.locate(hit.triangle);
+        let smooth = part.object.surface.smooth_point(&part.own_hit(own, hit))?;
+        let offset = part.scene_from_object * smooth.offset;
+        Some(SmoothPoint { offset, normal: part.normal(smooth.normal) })
+    }
+
+    fn coverage(&self, triangle: usize) -> Coverage {
+        let (part, own) = self.locate(triangle);
+        part.object.surface.coverage(own)
+    }
+
+    fn is_double_sided(&self, triangle: usize) -> bool {
+        let (part, own) = self.locate(triangle);
+        part.object.surface.is_double_sided(own)
+    }
+}
