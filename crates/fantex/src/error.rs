@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex::{bake, cover, mesh, render, store, texture};
+use fantex::{bake, cover, look, mesh, render, store, texture};
 
 use crate::interrupt;
 
@@ -39,6 +39,12 @@ pub(crate) enum CliError {
     #[error(transparent)]
     UnknownSolid(#[from] texture::UnknownSolid),
     #[error(transparent)]
+    Look(#[from] look::LookError),
+    #[error("{}: {problem}", path.display())]
+    LookContent { path: PathBuf, problem: look::LookProblem },
+    #[error(transparent)]
+    LookSource(#[from] bake::LookSourceError),
+    #[error(transparent)]
     NoVertexColors(#[from] bake::NoVertexColors),
     #[error("cannot start the threads that were asked for: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -72,6 +78,10 @@ pub(crate) enum CliError {
         path.display()
     )]
     AssetInsteadOfModel { path: PathBuf },
+    #[error("{} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)", path.display())]
+    LookInstead { path: PathBuf },
+    #[error("{} is no model, and only models have materials that are printed as a look", path.display())]
+    NoMaterials { path: PathBuf },
     #[error("{} is not an asset; give a .fan file, for example one that 'fantex bake' has written", path.display())]
     ModelInsteadOfAsset { path: PathBuf },
     #[error(

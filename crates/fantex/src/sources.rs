@@ -5,8 +5,13 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
-use fantex::bake::{MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace};
+use fantex::bake::{
+    LookSource, MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace,
+};
+use fantex::look::LookFile;
+use fantex::look_scene::{LookBake, Wardrobe};
 use fantex::mesh::Mesh;
+use fantex::texture::look::{LookImages, ResolveOptions};
 use fantex::texture::{
     Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
 };
@@ -29,12 +34,14 @@ pub(crate) enum SourceArg {
     },
     /// A solid recipe, one of [`SOLID_NAMES`].
     Solid(String),
+    /// A look's materials.
+    Look(PathBuf),
 }
 
 /// Why a text is no source.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum SourceArgError {
-    #[error("expected uv, vertex, image=PATH,mapping=NAME or solid=NAME")]
+    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME or look=PATH")]
     Syntax,
     #[error("an image needs a path and a mapping: image=PATH,mapping=planar|box|cylinder|sphere|triplanar")]
     ImageSyntax,
@@ -53,6 +60,7 @@ impl FromStr for SourceArg {
             None if text == "vertex" => Ok(Self::Vertex),
             Some(("solid", name)) if SOLID_NAMES.contains(&name) => Ok(Self::Solid(name.to_owned())),
             Some(("solid", name)) => Err(UnknownSolid { name: name.to_owned() }.into()),
+            Some(("look", path)) if !path.is_empty() => Ok(Self::Look(path.into())),
             Some(("image", rest)) => {
                 // A path may hold commas, the mapping's name does not.
                 let (path, mapping) = rest.rsplit_once(",mapping=").ok_or(SourceArgError::ImageSyntax)?;
@@ -73,6 +81,7 @@ impl fmt::Display for SourceArg {
             Self::Vertex => f.write_str("vertex"),
             Self::Image { path, mapping } => write!(f, "image={},mapping={}", path.display(), mapping.name()),
             Self::Solid(name) => write!(f, "solid={name}"),
+            Self::Look(path) => write!(f, "look={}", path.display()),
         }
     }
 }
@@ -96,12 +105,14 @@ pub(crate) enum OpenSource<'a> {
     Vertex(VertexColorSource<'a>),
     Image(MappedImageSource),
     Solid(SolidSource),
+    Look(LookSource<'a>),
 }
 
 impl<'a> OpenSource<'a> {
     /// Reads what the source needs. `path` is the model's, for messages.
     pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
         match arg {
+            SourceArg::Look(look) => Self::look(&LookFile::read(look)?, mesh, path, seed),
             SourceArg::Uv if !has_textures(mesh) => Err(CliError::NoTextures { path: path.into() }),
             SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
             SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
@@ -114,6 +125,14 @@ impl<'a> OpenSource<'a> {
         }
     }
 
+    /// A look for a mesh that keeps its materials: for measurements. (A bake dresses the model before.)
+    fn look(file: &LookFile, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
+        let options = ResolveOptions { seed: folded_seed(seed), ..ResolveOptions::default() };
+        let wardrobe = Wardrobe { file, images: &LookImages::default(), options };
+        let dressed = LookBake::new(&wardrobe, &mut mesh.clone(), path)?;
+        Ok(Self::Look(dressed.source(mesh)?))
+    }
+
     /// As what can be baked.
     pub(crate) fn as_source(&self) -> &dyn Source {
         match self {
@@ -121,6 +140,7 @@ impl<'a> OpenSource<'a> {
             Self::Vertex(source) => source,
             Self::Image(source) => source,
             Self::Solid(source) => source,
+            Self::Look(source) => source,
         }
     }
 
@@ -135,9 +155,12 @@ impl<'a> OpenSource<'a> {
 
 /// A solid recipe fitted to a mesh.
 pub(crate) fn solid_source(name: &str, mesh: &Mesh, seed: u64) -> Result<SolidSource, CliError> {
-    // Both halves of the seed count.
-    let seed = (seed ^ seed >> 32) as u32;
-    Ok(SolidSource::new(mesh, solid_by_name(name, WorldSpace::bounds(mesh), seed)?))
+    Ok(SolidSource::new(mesh, solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed))?))
+}
+
+/// Both halves of a seed count.
+pub(crate) fn folded_seed(seed: u64) -> u32 {
+    (seed ^ seed >> 32) as u32
 }
 
 /// True where a material uses an image and the mesh has the coordinates for it.
@@ -163,7 +186,7 @@ mod tests {
 
     #[test]
     fn sources_parse_and_print_alike() {
-        for text in ["uv", "vertex", "image=a,b=c.png,mapping=sphere", "solid=wood"] {
+        for text in ["uv", "vertex", "image=a,b=c.png,mapping=sphere", "solid=wood", "look=a/b.toml"] {
             assert_eq!(text.parse::<SourceArg>().unwrap().to_string(), text);
         }
     }

@@ -6,6 +6,7 @@ pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod generate;
 pub(crate) mod info;
+mod look;
 pub(crate) mod render;
 pub(crate) mod verify;
 
