@@ -13,6 +13,7 @@
 //! with the sun in the sky 15 % and 4 % (where in its texel the sun is matters).
 
 use std::f32::consts::{PI, TAU};
+use std::fmt;
 use std::sync::Arc;
 
 use glam::{Mat3, Vec2, Vec3, Vec3A};
@@ -28,12 +29,18 @@ pub const PREFILTERED_LEVELS: usize = 8;
 const FIRST_ROUGHNESS: f32 = 1.0 / PREFILTERED_LEVELS as f32;
 
 /// An environment and its reflections in rough surfaces.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct PrefilteredEnvironment {
     map: Arc<EnvironmentMap>,
     /// Roughness `1 / PREFILTERED_LEVELS` and up; cubes.
     rough: Vec<Level>,
     irradiance: IrradianceHarmonics,
+}
+
+impl fmt::Debug for PrefilteredEnvironment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "PrefilteredEnvironment({:?})", self.map)
+    }
 }
 
 impl PrefilteredEnvironment {
