@@ -18,7 +18,8 @@ use crate::surface::Surface;
 /// Lays every fan flat, in the order of a Morton curve. Fans that neither can be projected nor unfolded are marked
 /// [`Layout::Split`].
 pub(crate) fn lay_fans(surface: &Surface<'_>, density: &NominalDensity<'_>, delta: f32) -> Vec<Laid> {
-    curve(surface)
+    let curve = curve(surface);
+    curve
         .par_iter()
         .with_min_len(1 << 10)
         .map_init(Layer::default, |layer, &key| {
