@@ -57,8 +57,11 @@ pub fn key_table(name: &str) -> Option<String> {
         };
         let what = property.get("description").and_then(Value::as_str).unwrap_or_default();
         let value = value_text(property, schema);
-        let _written =
-            writeln!(text, "| `{key}` | {value} | {default} | {} |", what.replace('\n', " ").replace('|', "\\|"));
+        let _written = writeln!(
+            text,
+            "| `{key}` | {value} | {default} | {} |",
+            what.replace('\n', " ").replace('|', "\\|")
+        );
     }
     Some(text)
 }

@@ -45,7 +45,10 @@ fn every_kind_is_shown_on_the_page() {
         let kinds = look_schema()["$defs"][name]["oneOf"].as_array().unwrap();
         for kind in kinds {
             let text = kind["properties"][tag]["const"].as_str().unwrap();
-            assert!(page.contains(&format!("\"{text}\"")), "docs/look.md has no example of {tag} = \"{text}\"");
+            assert!(
+                page.contains(&format!("\"{text}\"")),
+                "docs/look.md has no example of {tag} = \"{text}\""
+            );
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex::{bake, cover, look, mesh, render, store, texture};
+use fantex::{bake, cover, look, look_scene, mesh, render, store, texture};
 
 use crate::interrupt;
 
@@ -43,7 +43,9 @@ pub(crate) enum CliError {
     #[error("{}: {problem}", path.display())]
     LookContent { path: PathBuf, problem: look::LookProblem },
     #[error(transparent)]
-    LookSource(#[from] bake::LookSourceError),
+    LookScene(#[from] look_scene::LookSceneError),
+    #[error(transparent)]
+    LookBake(#[from] look_scene::LookBakeError),
     #[error(transparent)]
     NoVertexColors(#[from] bake::NoVertexColors),
     #[error("cannot start the threads that were asked for: {0}")]
@@ -93,6 +95,10 @@ pub(crate) enum CliError {
     NoTextures { path: PathBuf },
     #[error("{option} has no meaning for an asset: {} has its cover already", path.display())]
     NotForAssets { option: &'static str, path: PathBuf },
+    #[error("{} is a look, which has its lamps and surroundings itself; leave {option} out", path.display())]
+    NotForLooks { option: &'static str, path: PathBuf },
+    #[error("a look is baked by 'fantex bake'; give another source here")]
+    LookAsSource,
     #[error("--match takes the density of textures, and {source_name} has none; give --texels or --density")]
     NothingToMatch { source_name: String },
     #[error("{} did not pass: {reason}", path.display())]
@@ -109,6 +115,8 @@ impl CliError {
             Self::NothingToBake { .. }
             | Self::NoTextures { .. }
             | Self::NotForAssets { .. }
+            | Self::NotForLooks { .. }
+            | Self::LookAsSource
             | Self::NothingToMatch { .. } => 2,
             _ => 1,
         }

@@ -90,7 +90,7 @@ pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>, CliError> {
 }
 
 /// True for files that are named `.toml`.
-fn is_look(path: &Path) -> bool {
+pub(crate) fn is_look(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 

@@ -8,10 +8,7 @@ use std::sync::Arc;
 use fantex::bake::{
     LookSource, MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace,
 };
-use fantex::look::LookFile;
-use fantex::look_scene::{LookBake, Wardrobe};
 use fantex::mesh::Mesh;
-use fantex::texture::look::{LookImages, ResolveOptions};
 use fantex::texture::{
     Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
 };
@@ -105,14 +102,13 @@ pub(crate) enum OpenSource<'a> {
     Vertex(VertexColorSource<'a>),
     Image(MappedImageSource),
     Solid(SolidSource),
-    Look(LookSource<'a>),
 }
 
 impl<'a> OpenSource<'a> {
     /// Reads what the source needs. `path` is the model's, for messages.
     pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
         match arg {
-            SourceArg::Look(look) => Self::look(&LookFile::read(look)?, mesh, path, seed),
+            SourceArg::Look(_) => Err(CliError::LookAsSource),
             SourceArg::Uv if !has_textures(mesh) => Err(CliError::NoTextures { path: path.into() }),
             SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
             SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
@@ -125,14 +121,6 @@ impl<'a> OpenSource<'a> {
         }
     }
 
-    /// A look for a mesh that keeps its materials: for measurements. (A bake dresses the model before.)
-    fn look(file: &LookFile, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
-        let options = ResolveOptions { seed: folded_seed(seed), ..ResolveOptions::default() };
-        let wardrobe = Wardrobe { file, images: &LookImages::default(), options };
-        let dressed = LookBake::new(&wardrobe, &mut mesh.clone(), path)?;
-        Ok(Self::Look(dressed.source(mesh)?))
-    }
-
     /// As what can be baked.
     pub(crate) fn as_source(&self) -> &dyn Source {
         match self {
@@ -140,7 +128,6 @@ impl<'a> OpenSource<'a> {
             Self::Vertex(source) => source,
             Self::Image(source) => source,
             Self::Solid(source) => source,
-            Self::Look(source) => source,
         }
     }
 

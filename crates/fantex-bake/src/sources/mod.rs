@@ -1,5 +1,6 @@
 //! The sources that come with fantex.
 
+mod lit;
 mod look;
 mod mapped_image;
 mod sine;
@@ -8,6 +9,7 @@ mod space;
 mod uv;
 mod vertex_color;
 
+pub use lit::LitSource;
 pub use look::{LookSource, LookSourceError, baked_materials};
 pub use mapped_image::MappedImageSource;
 pub use sine::SineSource;

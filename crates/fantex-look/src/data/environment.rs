@@ -29,8 +29,6 @@ table! {
         /// Texels along a face of the cube, a disc or the height of the sphere after conversion, and of a sky.
         #[schemars(range(min = 4, max = 8192))]
         pub size: u32 = 512,
-        /// Shape of near surroundings: reflections take the place of the surface into account.
-        pub room: Option<RoomTable> = None,
     }
 
     /// A clear sky over a plain.
@@ -61,19 +59,6 @@ table! {
         #[schemars(range(min = 1, max = 64))]
         pub samples: u32 = 4,
     }
-
-    /// An axis-aligned box, or a ball where `radius` is there. World units.
-    pub struct RoomTable {
-        /// Smallest coordinates of the box.
-        pub min: Option<[f64; 3]> = None,
-        /// Largest coordinates of the box.
-        pub max: Option<[f64; 3]> = None,
-        /// Centre of the ball.
-        pub center: [f64; 3] = [0.0; 3],
-        /// Radius of the ball.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        pub radius: Option<f64> = None,
-    }
 }
 
 choice! {
@@ -90,15 +75,15 @@ choice! {
     /// How a picture shows an environment.
     pub enum EnvironmentLayoutName {
         /// Latitude and longitude, twice as wide as high.
-        LatitudeLongitude,
+        Panorama,
         /// An unfolded cube, lying: 4 by 3 faces.
-        CubeCross,
+        HorizontalCross,
         /// An unfolded cube, standing: 3 by 4 faces.
-        CubeCrossUpright,
+        VerticalCross,
         /// Six faces side by side.
-        CubeRow,
+        HorizontalStrip,
         /// Six faces one below the other.
-        CubeColumn,
+        VerticalStrip,
         /// Two paraboloids side by side.
         Paraboloids,
         /// A mirror ball, photographed from afar.

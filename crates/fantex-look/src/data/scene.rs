@@ -63,9 +63,9 @@ table! {
         /// Radius in shares of the picture's height.
         #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
         pub radius: f64 = 0.05,
-        /// Factor of the light that is spread.
+        /// Share of the light that is spread.
         #[schemars(range(min = 0, max = 100))]
-        pub strength: f64 = 1.0,
+        pub strength: f64 = 0.5,
         /// Light above which a surface glows by itself; emission always does.
         #[schemars(range(min = 0))]
         pub threshold: Option<f64> = None,

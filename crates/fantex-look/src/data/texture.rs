@@ -165,6 +165,21 @@ table! {
         pub center: [f64; 3] = [0.0; 3],
         /// Turned about the vertical axis, in degrees.
         pub rotation: f64 = 0.0,
+        /// Shape of near surroundings, taken at `center`: reflections take the place of the surface into account.
+        pub room: Option<RoomTable> = None,
+    }
+
+    /// The shape of near surroundings: an axis-aligned box, or a ball where `radius` is there. World units, object space.
+    pub struct RoomTable {
+        /// Smallest coordinates of the box.
+        pub min: Option<[f64; 3]> = None,
+        /// Largest coordinates of the box.
+        pub max: Option<[f64; 3]> = None,
+        /// Centre of the ball.
+        pub center: [f64; 3] = [0.0; 3],
+        /// Radius of the ball.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub radius: Option<f64> = None,
     }
 
     /// A colour.

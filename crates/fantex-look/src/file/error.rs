@@ -139,6 +139,12 @@ pub enum LookProblem {
     /// Keys of which one must be there.
     #[error("one of the keys {} is needed", List(.0))]
     OneNeeded(Vec<String>),
+    /// A direction of length zero.
+    #[error("this is no direction: it has no length")]
+    NoDirection,
+    /// A material for what is baked already.
+    #[error("an asset is baked already and keeps its look; leave the key out, or name the model")]
+    BakedAsset,
     /// What belongs to a model, without one.
     #[error("{0} belongs to a model, and there is none here")]
     NoModel(&'static str),

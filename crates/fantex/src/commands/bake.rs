@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit};
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit, Source};
 use fantex::cover::{TexelBudget, build_cover};
 use fantex::look::LookFile;
 use fantex::look_scene::{LookBake, Wardrobe};
@@ -191,10 +191,10 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     };
     let mesh = &model.mesh;
     let source = match &look {
-        Some(look) => OpenSource::Look(look.source(mesh)?),
-        None => OpenSource::open(&source_arg, mesh, &args.model, context.seed)?,
+        Some(_) => None,
+        None => Some(OpenSource::open(&source_arg, mesh, &args.model, context.seed)?),
     };
-    let budget = budget(args, &source_arg, &source, &model)?;
+    let budget = budget(args, &source_arg, source.as_ref(), &model)?;
     let cover_started = Instant::now();
     let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
     let cover_seconds = cover_started.elapsed().as_secs_f64();
@@ -203,7 +203,13 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     let summary = {
         let _deferral = context.defer_interrupt();
         let progress = context.progress("baking");
-        baking::bake(mesh, &cover, source.as_source(), &args.output, &options, &progress)?
+        let bake =
+            |source: &dyn Source| baking::bake(mesh, &cover, source, &args.output, &options, &progress);
+        match (&look, &source) {
+            (Some(look), _) => look.with_source(mesh, bake)??,
+            (None, Some(source)) => bake(source.as_source())?,
+            (None, None) => return Err(CliError::NothingToBake { path: args.model.clone() }),
+        }
     };
     let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } = summary;
     let info = BakeInfo {
@@ -239,13 +245,13 @@ fn wear(path: &Path, mesh: &mut Mesh, model: &Path, context: &Context) -> Result
 fn budget(
     args: &BakeArgs,
     source_arg: &SourceArg,
-    source: &OpenSource,
+    source: Option<&OpenSource>,
     model: &CleanModel,
 ) -> Result<TexelBudget, CliError> {
     if let Some(budget) = args.cover.budget(&model.mesh) {
         return Ok(budget);
     }
-    match source.own_density() {
+    match source.and_then(OpenSource::own_density) {
         Some(density) => Ok(TexelBudget::PerTriangle(density)),
         None if args.match_source => Err(CliError::NothingToMatch { source_name: source_arg.to_string() }),
         None => Ok(DEFAULT_BUDGET),

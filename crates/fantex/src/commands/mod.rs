@@ -8,6 +8,7 @@ pub(crate) mod generate;
 pub(crate) mod info;
 mod look;
 pub(crate) mod render;
+mod render_look;
 pub(crate) mod verify;
 
 use crate::cli::Command;

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_look::data::{
-    AlphaName, ColorSpaceName, CubeTable, DirectionName, FileName, ImageTable, WrapTable,
+    AlphaName, ColorSpaceName, CubeTable, DirectionName, FileName, ImageTable, RoomTable, WrapTable,
 };
 use fantex_look::{Key, LookProblem};
 use fantex_mesh::ImageSource;
@@ -13,7 +13,7 @@ use fantex_mesh::ImageSource;
 use super::convert::{self, vec3};
 use super::{Made, Resolver};
 use crate::coordinates::ImageLookup;
-use crate::environment::{CubeTexture, DirectionSource, EnvironmentMap};
+use crate::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
 use crate::{AlphaUse, ColorSpace, Image, ImageTexture, LoadImageError, SampleOptions, Samples, Texture};
 
 /// What distinguishes two ways of reading a file.
@@ -156,6 +156,21 @@ impl Resolver<'_> {
             DirectionName::View => DirectionSource::View,
         };
         let rotation = (table.rotation as f32).to_radians();
-        Ok(Arc::new(CubeTexture { rotation, ..CubeTexture::new(Arc::new(map), source) }))
+        let proxy = table.room.as_ref().map(|room| self.room(room, &key.name("room"))).transpose()?;
+        let proxy = proxy.map(|proxy| (proxy, vec3(table.center)));
+        Ok(Arc::new(CubeTexture { rotation, proxy, ..CubeTexture::new(Arc::new(map), source) }))
+    }
+
+    fn room(&self, table: &RoomTable, key: &Key) -> Made<EnvironmentProxy> {
+        match (table.radius, table.min, table.max) {
+            (Some(radius), None, None) => {
+                Ok(EnvironmentProxy::Ball { center: vec3(table.center), radius: radius as f32 })
+            }
+            (None, Some(min), Some(max)) => Ok(EnvironmentProxy::Box { min: vec3(min), max: vec3(max) }),
+            (None, ..) => {
+                self.refuse(key, LookProblem::OneNeeded(vec!["radius".into(), "min and max".into()]))
+            }
+            (Some(_), ..) => self.refuse(key, LookProblem::Exclusive("radius", "min and max")),
+        }
     }
 }
