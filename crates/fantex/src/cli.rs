@@ -2,7 +2,7 @@
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::commands::{bake, bench, compare, demo, generate, info, render, verify};
+use crate::commands::{bake, bench, compare, demo, gallery, generate, info, render, verify};
 use crate::size::Bytes;
 
 /// Seamless textures without UV coordinates: cover a model by parts of its triangle fans, bake, verify, render.
@@ -54,6 +54,7 @@ pub(crate) enum Command {
     Verify(verify::VerifyArgs),
     Render(render::RenderArgs),
     Compare(compare::CompareArgs),
+    Gallery(gallery::GalleryArgs),
     Generate(generate::GenerateArgs),
     Bench(bench::BenchArgs),
     Demo(demo::DemoArgs),

@@ -50,6 +50,14 @@ pub(crate) enum CliError {
     NoVertexColors(#[from] bake::NoVertexColors),
     #[error("cannot start the threads that were asked for: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+    #[error(transparent)]
+    Gallery(#[from] crate::gallery::CatalogueError),
+    #[error(transparent)]
+    PlaneMap(#[from] texture::warp::PlaneMapError),
+    #[error(transparent)]
+    Warp(#[from] texture::warp::WarpError),
+    #[error(transparent)]
+    LightMap(#[from] bake::LightMapError),
     #[error("cannot listen to Ctrl-C: {0}")]
     Signals(#[from] ctrlc::Error),
     #[error("cannot write the result as JSON: {0}")]
@@ -63,6 +71,8 @@ pub(crate) enum CliError {
     TemporaryFolder(io::Error),
     #[error("cannot read {}: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
+    #[error("cannot write {}: {source}", path.display())]
+    Write { path: PathBuf, source: io::Error },
     #[error("{} exists already; use --force to overwrite it", path.display())]
     Exists { path: PathBuf },
     #[error("cannot write {}: it is a folder", path.display())]

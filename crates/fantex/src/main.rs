@@ -4,6 +4,7 @@ mod cli;
 mod commands;
 mod context;
 mod error;
+mod gallery;
 mod input;
 mod interrupt;
 mod memory;

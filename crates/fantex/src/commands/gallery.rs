@@ -39,8 +39,7 @@ struct GalleryInfo {
 /// Runs the command.
 pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
-    let pictures =
-        gallery::make(&args.output, &args.names, GalleryOptions { width: args.width }, context)?;
+    let pictures = gallery::make(&args.output, &args.names, GalleryOptions { width: args.width }, context)?;
     let info = GalleryInfo {
         page: args.output.join("index.html"),
         pictures,

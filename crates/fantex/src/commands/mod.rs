@@ -4,6 +4,7 @@ pub(crate) mod bake;
 pub(crate) mod bench;
 pub(crate) mod compare;
 pub(crate) mod demo;
+pub(crate) mod gallery;
 pub(crate) mod generate;
 pub(crate) mod info;
 mod look;
@@ -23,6 +24,7 @@ pub(crate) fn run(command: &Command, context: &Context) -> Result<(), CliError> 
         Command::Verify(args) => verify::run(args, context),
         Command::Render(args) => render::run(args, context),
         Command::Compare(args) => compare::run(args, context),
+        Command::Gallery(args) => gallery::run(args, context),
         Command::Generate(args) => generate::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),

@@ -4,18 +4,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::bake::{
-    BakeLight, BakeOptions, LightMapOptions, LightMapSource, LightQuantity, LightScene, Source, SourceReflector,
-    UvSource, bake,
+    BakeLight, BakeOptions, LightMapOptions, LightMapSource, LightQuantity, LightScene, Reflector, Sky,
+    Source, SourceReflector, UvSource, bake, sample_finest,
 };
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::Mesh;
 use fantex::render::{
-    Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions, Surface,
-    render,
+    Bounds, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
+    Shading, Surface, render,
 };
 use fantex::store::{Asset, PageCache};
 use fantex::texture::environment::{EnvironmentForm, EnvironmentLayout, EnvironmentMap};
-use fantex::texture::warp::{AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse};
+use fantex::texture::warp::{
+    AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
+};
 use fantex::texture::{ColorSpace, Depth, Image, ImageTexture, SampleOptions, Wrap};
 use glam::{DVec2, DVec3, Vec3};
 
@@ -70,13 +72,16 @@ impl Studio<'_> {
         let corners = [DVec2::ZERO, DVec2::new(w, 0.0), DVec2::new(w, h), DVec2::new(0.0, h)];
         let map = BilinearMap::from_quad(corners)?;
         let texture = ImageTexture::new(Arc::new(image));
-        Ok(warp_inverse(&texture, &map, size, &SampleOptions::default())?.converted(Depth::U8, ColorSpace::Srgb))
+        Ok(warp_inverse(&texture, &map, size, &SampleOptions::default())?
+            .converted(Depth::U8, ColorSpace::Srgb))
     }
 }
 
+/// The three figures that explain a cover.
 fn cover(studio: &Studio<'_>) -> Drawn {
     let CleanModel { mesh, .. } = CleanModel::open(&shipped("assets/models/spot.obj"))?;
-    let options = CoverOptions { budget: TexelBudget::Total(1_000_000), tile: 128, ..CoverOptions::default() };
+    let options =
+        CoverOptions { budget: TexelBudget::Total(1_000_000), tile: 128, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let pictures = cover_pictures(&mesh, &cover, &studio.options([960, 720]))?;
     let captions = ["the cover", "the directions of projection", "the packed texture"];
@@ -84,6 +89,7 @@ fn cover(studio: &Studio<'_>) -> Drawn {
     drawn.map(|(caption, picture)| Ok((caption.to_owned(), studio.reduced(image_of(&picture))?))).collect()
 }
 
+/// A model with its texture coordinates, and baked into fan tiles.
 fn seamless(studio: &Studio<'_>) -> Drawn {
     let CleanModel { mesh, .. } = CleanModel::open(&shipped("assets/WaterBottle/WaterBottle.gltf"))?;
     let (cover, _) = build_cover(
@@ -122,6 +128,7 @@ fn baked(
     Ok(Baked { cache, _folder: folder })
 }
 
+/// An image through maps of the plane.
 fn warps(studio: &Studio<'_>) -> Drawn {
     let photo = Image::load(shipped("assets/images/rocket.jpg"))?;
     let texture = ImageTexture::new(Arc::new(photo.clone()));
@@ -129,8 +136,10 @@ fn warps(studio: &Studio<'_>) -> Drawn {
     let size = [options.width, options.height];
     let [w, h] = size.map(f64::from);
     let at = |x: f64, y: f64| DVec2::new(x * w, y * h);
-    let affine =
-        AffineMap::from_points([DVec2::ZERO, DVec2::X, DVec2::Y], [at(0.2, 0.1), at(0.95, 0.25), at(0.05, 0.8)])?;
+    let affine = AffineMap::from_points(
+        [DVec2::ZERO, DVec2::X, DVec2::Y],
+        [at(0.2, 0.1), at(0.95, 0.25), at(0.05, 0.8)],
+    )?;
     let corners = [at(0.25, 0.15), at(0.75, 0.08), at(0.97, 0.92), at(0.05, 0.8)];
     let maps: [(&str, Box<dyn PlaneMap>); 3] = [
         ("affine", Box::new(affine)),
@@ -144,21 +153,74 @@ fn warps(studio: &Studio<'_>) -> Drawn {
         drawn.push((format!("{name}, by the inverse"), inverse.converted(Depth::U8, ColorSpace::Srgb)));
     }
     let forward = warp_forward(&photo, maps[1].1.as_ref(), size, Spread::Area)?;
-    drawn.push(("perspective, texels spread forward".to_owned(), forward.converted(Depth::U8, ColorSpace::Srgb)));
+    drawn.push((
+        "perspective, texels spread forward".to_owned(),
+        forward.converted(Depth::U8, ColorSpace::Srgb),
+    ));
     Ok(drawn)
 }
 
+/// Surroundings in several forms.
 fn environments(studio: &Studio<'_>) -> Drawn {
     let map = EnvironmentMap::load(shipped("assets/images/forest.exr"))?;
     let side = studio.width.unwrap_or(640) / 4;
     let forms = [
-        ("latitude and longitude", EnvironmentForm::Sphere, EnvironmentLayout::LatitudeLongitude, 2 * side),
-        ("the cube, unfolded", EnvironmentForm::Cube, EnvironmentLayout::CubeCross, side),
-        ("two paraboloids", EnvironmentForm::Paraboloid, EnvironmentLayout::Paraboloids, 2 * side),
+        ("latitude and longitude", EnvironmentForm::Sphere, EnvironmentLayout::Panorama, 2 * side),
+        ("the cube, unfolded", EnvironmentForm::Cube, EnvironmentLayout::HorizontalCross, side),
+        ("two paraboloids", EnvironmentForm::DualParaboloid, EnvironmentLayout::DualParaboloid, 2 * side),
     ];
     let draw = |(caption, form, layout, side): (&str, _, _, _)| {
         let image = map.converted(form, side).to_image(layout);
         Ok((caption.to_owned(), studio.reduced(image.converted(Depth::U8, ColorSpace::Srgb))?))
     };
     forms.into_iter().map(draw).collect()
+}
+
+/// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
+fn light_map(studio: &Studio<'_>) -> Drawn {
+    let CleanModel { mesh, .. } = CleanModel::open(&shipped("assets/models/CornellBox.glb"))?;
+    let options = CoverOptions { budget: TexelBudget::Total(60_000), ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options)?;
+    let colors = UvSource::new(&mesh)?;
+    let reflector = SourceReflector::new(&mesh, &colors);
+    let bounds = Bounds::of_mesh(&mesh);
+    let size = bounds.max - bounds.min;
+    let position = bounds.center() + DVec3::new(0.0, 0.38 * size.y, 0.0);
+    let strength = (0.55 * size.y).powi(2) as f32;
+    let lamp =
+        BakeLight::Point { position, color: Vec3::new(1.0, 0.85, 0.6) * strength, radius: 0.1 * size.x };
+    let night = |_: Vec3| Vec3::ZERO;
+    let day = |_: Vec3| Vec3::ONE;
+    let camera = Camera {
+        eye: bounds.center() + DVec3::new(0.0, 0.0, 1.75 * size.z),
+        target: bounds.center(),
+        up: DVec3::Y,
+        fov_degrees: 40.0,
+    };
+    let options = studio.options([400, 400]);
+    let kinds = [
+        ("direct light", LightQuantity::Direct, false),
+        ("ambient occlusion", LightQuantity::AmbientOcclusion, false),
+        ("direct and reflected light", LightQuantity::Full, false),
+        ("times the texture", LightQuantity::Full, true),
+    ];
+    let mut drawn = Vec::new();
+    for (caption, quantity, is_colored) in kinds {
+        let is_open = quantity == LightQuantity::AmbientOcclusion;
+        let lights = if is_open { Vec::new() } else { vec![lamp] };
+        let sky: &dyn Sky = if is_open { &day } else { &night };
+        let scene = LightScene { lights, sky, reflector: &reflector };
+        let light_options = LightMapOptions { quantity, samples: 128, ..LightMapOptions::default() };
+        let source = LightMapSource::new(&mesh, &scene, light_options)?;
+        let asset = baked(&mesh, &cover, &source, studio)?;
+        let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {
+            let (light, _) = sample_finest(&asset.cache, 0, hit.triangle, hit.lambda);
+            let color = if is_colored { reflector.albedo(hit.triangle, hit.lambda) } else { Vec3::ONE };
+            light.truncate() * color
+        });
+        let options = RenderOptions { shading: Shading::BaseColor, ..options.clone() };
+        let picture = render(&mesh, &surface, &camera, &Lights::behind(&camera), &options)?.picture;
+        drawn.push((caption.to_owned(), image_of(&picture)));
+    }
+    Ok(drawn)
 }

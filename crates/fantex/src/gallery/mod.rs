@@ -115,9 +115,12 @@ impl Artist<'_> {
             self.context.check_interrupt()?;
             frames.push(scene.render(time)?.picture.to_srgb_image());
         }
-        let frames_per_second = file.look().picture.frames.as_ref().map_or(1.0, |f| {
-            f64::from(f.count) / (f.to - f.from).max(1e-3)
-        });
+        let frames_per_second = file
+            .look()
+            .picture
+            .frames
+            .as_ref()
+            .map_or(1.0, |f| f64::from(f.count) / (f.to - f.from).max(1e-3));
         self.save(&frames, frames_per_second, target)
     }
 

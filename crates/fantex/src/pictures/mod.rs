@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use fantex::cover::Cover;
 use fantex::mesh::Mesh;
-use fantex::render::RenderOptions;
+use fantex::render::{Picture, RenderOptions};
 
 use crate::commands::render::save;
 use crate::context::Context;
@@ -29,11 +29,24 @@ pub(crate) fn draw(
         context.check_output(path)?;
     }
     let options = RenderOptions { width: 1280, height: 960, ..RenderOptions::default() };
-    let colors = group_colors(cover);
-    save(&cover_picture::draw(mesh, cover, &colors, &options)?, &paths[0], context)?;
-    save(&arrows::draw(mesh, cover, &colors, &options)?, &paths[1], context)?;
-    save(&sheet::draw(mesh, cover, &colors), &paths[2], context)?;
+    for (picture, path) in cover_pictures(mesh, cover, &options)?.iter().zip(&paths) {
+        save(picture, path, context)?;
+    }
     Ok(paths.to_vec())
+}
+
+/// The cover on the model, the projection directions, and the packed texture (which has its own size).
+pub(crate) fn cover_pictures(
+    mesh: &Mesh,
+    cover: &Cover,
+    options: &RenderOptions,
+) -> Result<[Picture; 3], CliError> {
+    let colors = group_colors(cover);
+    Ok([
+        cover_picture::draw(mesh, cover, &colors, options)?,
+        arrows::draw(mesh, cover, &colors, options)?,
+        sheet::draw(mesh, cover, &colors),
+    ])
 }
 
 fn paths(target: &Path, context: &Context) -> Result<[PathBuf; 3], CliError> {
