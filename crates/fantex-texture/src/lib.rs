@@ -13,9 +13,11 @@ mod mapping;
 pub mod material;
 pub mod noise;
 mod solid;
+mod surface_detail;
 
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;
 pub use mapping::*;
 pub use solid::*;
+pub use surface_detail::*;
