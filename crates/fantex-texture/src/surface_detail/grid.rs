@@ -62,9 +62,9 @@ impl Grid {
         let range = move |first: f64, last: f64, count: usize| {
             let most = count.saturating_sub(1);
             if outside || count == 0 {
-                return 1..=0;
+                return 0..0;
             }
-            (first.max(0.0) as usize).min(most)..=(last.max(0.0) as usize).min(most)
+            (first.max(0.0) as usize).min(most)..(last.max(0.0) as usize).min(most) + 1
         };
         let column_range = range(first.x, last.x, columns);
         range(first.y, last.y, rows).flat_map(move |row| column_range.clone().map(move |c| row * columns + c))

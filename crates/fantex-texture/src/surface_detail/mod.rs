@@ -174,6 +174,11 @@ impl SurfaceDetail {
         DetailCoverage { details: details.collect(), base: (1.0 - covered).max(0.0) as f32 }
     }
 
+    /// The material of each polygon, as given.
+    pub fn materials(&self) -> impl Iterator<Item = u32> + '_ {
+        self.materials.iter().copied()
+    }
+
     /// The topmost polygon at a point; borders belong to either side.
     pub fn topmost(&self, uv: Vec2) -> Option<u32> {
         let p = uv.as_dvec2();
