@@ -1,5 +1,6 @@
 //! The sources that come with fantex.
 
+mod detail;
 mod mapped_image;
 mod sine;
 mod solid;
@@ -7,6 +8,7 @@ mod space;
 mod uv;
 mod vertex_color;
 
+pub use detail::{DetailPlacement, DetailSource, DetailSourceError};
 pub use mapped_image::MappedImageSource;
 pub use sine::SineSource;
 pub use solid::SolidSource;
