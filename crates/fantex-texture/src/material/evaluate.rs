@@ -72,11 +72,6 @@ impl TangentFrame {
         Self { tangent, bitangent: normal.cross(tangent) * tangents[corner].w, normal }
     }
 
-    /// A vector of tangent space (along tangent, bitangent and normal) in mesh space, not normalised.
-    pub fn mesh_vector(&self, v_tangent: Vec3) -> Vec3 {
-        self.tangent * v_tangent.x + self.bitangent * v_tangent.y + self.normal * v_tangent.z
-    }
-
     /// The coordinates of a unit normal relative to the axes, at unit length: `0.5 + 0.5 *` them is the texel that [`bend`]
     /// takes back to it. `None` where the axes lie in a plane.
     ///

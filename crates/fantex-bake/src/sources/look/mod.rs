@@ -121,7 +121,7 @@ impl Source for LookSource<'_> {
                     ChannelKind::Emission => {
                         material.emission.evaluate(at).truncate().max(Vec3::ZERO).extend(1.0)
                     }
-                    ChannelKind::Displacement => Vec4::ZERO,
+                    ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
                 };
             }
         });

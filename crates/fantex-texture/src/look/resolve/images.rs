@@ -155,10 +155,10 @@ impl Resolver<'_> {
             DirectionName::Position => DirectionSource::Position { center: vec3(table.center) },
             DirectionName::View => DirectionSource::View,
         };
-        let rotation = (table.rotation as f32).to_radians();
+        let rotation_degrees = table.rotation as f32;
         let proxy = table.room.as_ref().map(|room| self.room(room, &key.name("room"))).transpose()?;
         let proxy = proxy.map(|proxy| (proxy, vec3(table.center)));
-        Ok(Arc::new(CubeTexture { rotation, proxy, ..CubeTexture::new(Arc::new(map), source) }))
+        Ok(Arc::new(CubeTexture { rotation_degrees, proxy, ..CubeTexture::new(Arc::new(map), source) }))
     }
 
     fn room(&self, table: &RoomTable, key: &Key) -> Made<EnvironmentProxy> {
