@@ -176,7 +176,9 @@ impl<'s> Checker<'s> {
                 (Some(property), _) => self.value(property, &at)?,
                 (None, Some(free)) => {
                     let text: &str = name.get_ref();
-                    if text.is_empty() || text.starts_with('#') || text.contains('.') {
+                    // Names within an object are the model's.
+                    let is_own_name = place.key.steps().len() == 1;
+                    if is_own_name && (text.is_empty() || text.starts_with('#') || text.contains('.')) {
                         return Err(Mistake { span: name.span(), ..at.mistake(LookProblem::Name) });
                     }
                     self.value(free, &at)?;

@@ -111,9 +111,12 @@ fn a_solid_of_a_look_is_the_solid_itself() {
     let text = "[textures.stone]\nkind = \"marble\"\n[bake]\ntexture = \"stone\"\n";
     let look = write(folder.path(), "stone.toml", text);
     let [a, b] = ["a.fan", "b.fan"].map(|name| folder.path().join(name));
-    let common: [&dyn AsRef<std::ffi::OsStr>; 4] = [&"--texels", &"64k", &"--format", &"float"];
-    succeeds(&[&[&"bake", &model, &"-o", &a, &"--look", &look], &common[..]].concat());
-    succeeds(&[&[&"bake", &model, &"-o", &b, &"--source", &"solid=marble"], &common[..]].concat());
+    let bake = |asset: &Path, option: &str, value: &Path| {
+        let size: [&str; 4] = ["--texels", "64k", "--format", "float"];
+        succeeds(&[&"bake", &model, &"-o", &asset, &option, &value, &size[0], &size[1], &size[2], &size[3]]);
+    };
+    bake(&a, "--look", &look);
+    bake(&b, "--source", Path::new("solid=marble"));
     let compared = json(&[&"compare", &a, &b, &"--views", &"1", &"--size", &"64x64"]);
     let psnr = compared["psnr_db"]["mean"].as_f64();
     assert!(psnr.is_none_or(|psnr| psnr > 50.0), "{compared:#}");
@@ -154,7 +157,8 @@ fn bad_looks_are_refused_with_file_line_and_key() {
     let folder = tempfile::tempdir().unwrap();
     let picture = folder.path().join("out.png");
     let image = |name: &str| format!("[textures.a]\nkind = \"image\"\nimage = \"{name}\"\n");
-    let object = "[materials.m]\nbase_color = \"a\"\n[[object]]\nshape = { kind = \"sphere\" }\nmaterial = \"m\"\n";
+    let object =
+        "[materials.m]\nbase_color = \"a\"\n[[object]]\nshape = { kind = \"sphere\" }\nmaterial = \"m\"\n";
     let cases: [(String, &[&str]); 8] = [
         ("[picture]\nsizes = [1, 1]\n".into(), &["look.toml:2", "picture", "did you mean 'size'?"]),
         ("[camera]\nfov = \"wide\"\n".into(), &["look.toml:2", "camera.fov", "expected a number"]),
@@ -179,13 +183,21 @@ fn bad_looks_are_refused_with_file_line_and_key() {
 #[test]
 fn what_has_no_sense_with_looks_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let look = write(folder.path(), "look.toml", "[materials.m]\nbase_color = \"rim\"\n[textures.rim]\nkind = \"facing\"\n");
+    let look = write(
+        folder.path(),
+        "look.toml",
+        "[materials.m]\nbase_color = \"rim\"\n[textures.rim]\nkind = \"facing\"\n",
+    );
     let model = write(folder.path(), "colored.ply", COLORED_PLY);
     let asset = folder.path().join("out.fan");
     fails(1, &["depends on the eye"], &[&"bake", &model, &"-o", &asset, &"--look", &look]);
     fails(1, &["is a look"], &[&"bake", &look, &"-o", &asset]);
     fails(1, &["is a look"], &[&"verify", &look]);
-    fails(2, &["leave --light"], &[&"render", &look, &"-o", &folder.path().join("a.png"), &"--light", &"1,1,1"]);
+    fails(
+        2,
+        &["leave --light"],
+        &[&"render", &look, &"-o", &folder.path().join("a.png"), &"--light", &"1,1,1"],
+    );
     fails(1, &["no model"], &[&"info", &look, &"--look"]);
     assert!(run(&[&"render", &"no.toml", &"-o", &folder.path().join("a.png")]).status.code() == Some(1));
     assert_eq!(files(folder.path()), ["colored.ply", "look.toml"]);
