@@ -3,12 +3,17 @@
 use std::time::Instant;
 
 use fantex_mesh::{Fans, Mesh, VertexCorners};
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::extent::{MAX_EXTENT, side_texels};
-use crate::fan_shape::{FanShape, Layout, ShapeFinder};
-use crate::grouping::{GroupLimits, Grouping, Patch, group_fans};
+use crate::density::NominalDensity;
+use crate::extent::{LONGEST_IN_SMALLEST, MAX_EXTENT, SMALLEST_TILE, side_texels};
+use crate::fan_shape::{FanShape, Layout};
+use crate::flatten::{Laid, unfolded_corners};
+use crate::grouping::{GroupLimits, Grouping, group_fans};
+use crate::lone;
+use crate::partition::Item;
+use crate::ring::Ring;
 use crate::surface::Surface;
 use crate::{Cover, CoverStats, Group, GroupKind, REPORTED_FANS, UnfoldedCorner};
 
@@ -112,25 +117,36 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     let fans = Fans::of(&mesh.triangles, &vertex_corners);
     drop(vertex_corners);
     let mut surface = Surface::new(mesh, fans);
-    let (shapes, counts, split_centers) = shape_fans(&mut surface);
-    let mut stats = CoverStats { fans: counts, split_centers, ..CoverStats::default() };
-    stats.seconds_fans = started.elapsed().as_secs_f64();
-
     let density = NominalDensity::new(&surface, options);
-    let limits = GroupLimits {
-        delta: options.delta,
-        extent_texels: options.tile as f32,
-        facing: options.facing,
-        patch_facing: options.patch_facing,
+    let mut stats = CoverStats::default();
+    let grouping = if options.tile == 0 {
+        let lay = |surface: &Surface<'_>| lone::lay_fans(surface, &density, options.delta);
+        let laid = decide(&mut surface, &mut stats, lay, |laid, verdict| {
+            laid.iter().for_each(|l| verdict(l.fan, l.layout, l.folds));
+        });
+        stats.seconds_fans = started.elapsed().as_secs_f64();
+        Grouping { fan_groups: lone::fan_groups(&surface.fans, &laid), laid }
+    } else {
+        let find = |surface: &Surface<'_>| shape_fans(surface, &density);
+        let (shapes, items) = decide(&mut surface, &mut stats, find, |(shapes, _), verdict| {
+            (0..).zip(shapes).for_each(|(fan, shape)| verdict(fan, shape.layout, shape.folds));
+        });
+        stats.seconds_fans = started.elapsed().as_secs_f64();
+        let limits = GroupLimits {
+            delta: options.delta,
+            extent_texels: options.tile as f32,
+            facing: options.facing,
+            patch_facing: options.patch_facing,
+        };
+        group_fans(&surface, &shapes, items, &density, &limits)
     };
-    let grouping = group_fans(&surface, &shapes, &|fan| density.of_fan(&surface, fan), &limits);
     let scale = match options.budget {
-        TexelBudget::Total(texels) => scale_to_total(&grouping.patches, texels),
+        TexelBudget::Total(texels) => scale_to_total(&grouping.laid, texels),
         _ => 1.0,
     };
-    let cover = assemble(&surface, &shapes, grouping, scale, density.mean(&surface) * scale, options.delta)?;
+    let cover = assemble(&surface, grouping, scale, density.mean(&surface) * scale, options.delta)?;
     stats.seconds_groups = started.elapsed().as_secs_f64() - stats.seconds_fans;
-    stats.measure(mesh, &surface.areas, &cover, |t| density.of_triangle(t) * scale);
+    stats.measure(&surface, &cover, |t| density.of_triangle(t) * scale);
     Ok((cover, stats))
 }
 
@@ -175,31 +191,57 @@ pub struct FanCounts {
     pub folding: u64,
 }
 
-/// Decides about every fan; fans that must be split are replaced by one fan per triangle.
-fn shape_fans(surface: &mut Surface<'_>) -> (Vec<FanShape>, FanCounts, Vec<Vec3>) {
-    let find = |surface: &Surface<'_>| -> Vec<FanShape> {
-        (0..surface.fans.len())
-            .into_par_iter()
-            .with_min_len(1024)
-            .map_init(ShapeFinder::default, |finder, fan| finder.shape(surface, fan))
-            .collect()
-    };
-    let mut shapes = find(surface);
-    let count = |layout| shapes.iter().filter(|s| s.layout == layout).count() as u64;
-    let counts = FanCounts {
-        total: shapes.len() as u64,
-        projected: count(Layout::Projected),
-        unfolded: count(Layout::Unfolded),
-        split: count(Layout::Split),
-        folding: shapes.iter().filter(|s| s.folds).count() as u64,
-    };
-    let split = (0..shapes.len()).filter(|&fan| shapes[fan].layout == Layout::Split).take(REPORTED_FANS);
-    let split_centers = split.map(|fan| surface.fan_center(fan)).collect();
-    if counts.split > 0 {
-        surface.fans = surface.fans.with_split(|fan| shapes[fan].layout == Layout::Split);
-        shapes = find(surface);
+/// Decides about every fan and counts the decisions; fans that must be split are replaced by one fan per triangle. `find`
+/// looks at all fans of a surface; `tell` tells each fan's layout, and whether it folds.
+fn decide<T>(
+    surface: &mut Surface<'_>,
+    stats: &mut CoverStats,
+    find: impl Fn(&Surface<'_>) -> T,
+    tell: impl Fn(&T, &mut dyn FnMut(u32, Layout, bool)),
+) -> T {
+    let found = find(surface);
+    let mut split = Vec::new();
+    stats.fans.total = surface.fans.len() as u64;
+    tell(&found, &mut |fan, layout, folds| {
+        stats.fans.folding += u64::from(folds);
+        match layout {
+            Layout::Projected => stats.fans.projected += 1,
+            Layout::Unfolded => stats.fans.unfolded += 1,
+            Layout::Split => split.push(fan),
+        }
+    });
+    stats.fans.split = split.len() as u64;
+    if split.is_empty() {
+        return found;
     }
-    (shapes, counts, split_centers)
+    split.sort_unstable();
+    stats.split_centers =
+        split.iter().take(REPORTED_FANS).map(|&fan| surface.fan_center(fan as usize)).collect();
+    surface.fans = surface.fans.with_split(|fan| split.binary_search(&(fan as u32)).is_ok());
+    find(surface)
+}
+
+/// How each fan is laid flat, and what the partition needs to know of it.
+fn shape_fans(surface: &Surface<'_>, density: &NominalDensity<'_>) -> (Vec<FanShape>, Vec<Item>) {
+    let shape = |ring: &mut Ring, fan: usize| {
+        ring.gather(surface, fan);
+        let shape = FanShape::of(ring, surface, fan);
+        let item = Item {
+            position: ring.center,
+            axis: shape.cone.axis,
+            area: shape.area,
+            density: density.of_fan(surface, fan),
+            fan: fan as u32,
+        };
+        (shape, item)
+    };
+    let (mut shapes, mut items) = (Vec::new(), Vec::new());
+    (0..surface.fans.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .map_init(Ring::default, shape)
+        .unzip_into_vecs(&mut shapes, &mut items);
+    (shapes, items)
 }
 
 /// The centre vertices of the fans that can neither be projected nor unfolded, ascending: only there may a cover be split, so
@@ -207,83 +249,41 @@ fn shape_fans(surface: &mut Surface<'_>) -> (Vec<FanShape>, FanCounts, Vec<Vec3>
 pub fn unflattenable_vertices(mesh: &Mesh) -> Vec<u32> {
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let surface = Surface::new(mesh, Fans::of(&mesh.triangles, &vertex_corners));
-    let must_split = |finder: &mut ShapeFinder, fan: usize| {
+    let must_split = |ring: &mut Ring, fan: usize| {
         let corner = surface.fans.corners(fan)[0].corner() as usize;
-        (finder.shape(&surface, fan).layout == Layout::Split).then(|| mesh.triangles[corner / 3][corner % 3])
+        ring.gather(&surface, fan);
+        (FanShape::of(ring, &surface, fan).layout == Layout::Split)
+            .then(|| mesh.triangles[corner / 3][corner % 3])
     };
-    let mut vertices: Vec<u32> = (0..surface.fans.len())
-        .into_par_iter()
-        .map_init(ShapeFinder::default, must_split)
-        .flatten()
-        .collect();
+    let mut vertices: Vec<u32> =
+        (0..surface.fans.len()).into_par_iter().map_init(Ring::default, must_split).flatten().collect();
     vertices.sort_unstable();
     vertices.dedup();
     vertices
 }
 
-/// Texels per mesh unit before the total is met.
-enum NominalDensity<'a> {
-    Uniform(f32),
-    PerTriangle(&'a [f32]),
-}
-
-/// A guess of the share of the ideal density that a grouped cover reaches; only decides how large groups grow.
-const EXPECTED_SHARE: f64 = 0.7;
-
-impl<'a> NominalDensity<'a> {
-    fn new(surface: &Surface<'_>, options: &'a CoverOptions) -> Self {
-        let area: f64 = surface.areas.iter().map(|&a| f64::from(a)).sum();
-        match &options.budget {
-            TexelBudget::Total(n) => {
-                Self::Uniform((EXPECTED_SHARE * *n as f64 / area.max(f64::MIN_POSITIVE)).sqrt() as f32)
-            }
-            TexelBudget::Density(d) => Self::Uniform(*d as f32),
-            TexelBudget::PerTriangle(field) => Self::PerTriangle(field),
-        }
-    }
-
-    fn of_triangle(&self, triangle: usize) -> f32 {
-        match self {
-            Self::Uniform(d) => *d,
-            Self::PerTriangle(field) => field[triangle],
-        }
-    }
-
-    /// The densest of a fan's triangles decides, so that no detail is lost where densities meet.
-    fn of_fan(&self, surface: &Surface<'_>, fan: usize) -> f32 {
-        match self {
-            Self::Uniform(d) => *d,
-            Self::PerTriangle(field) => {
-                surface.fans.corners(fan).iter().map(|c| field[c.triangle()]).fold(0.0, f32::max)
-            }
-        }
-    }
-
-    /// Root of the area-weighted mean square.
-    fn mean(&self, surface: &Surface<'_>) -> f32 {
-        let (mut texels, mut area) = (0.0, 0.0);
-        for (t, &a) in surface.areas.iter().enumerate() {
-            let d = f64::from(self.of_triangle(t));
-            texels += f64::from(a) * d * d;
-            area += f64::from(a);
-        }
-        (texels / area.max(f64::MIN_POSITIVE)).sqrt() as f32
-    }
-}
-
-fn extent(patch: &Patch, scale: f32) -> [u32; 2] {
-    let texels = patch.flat.size * patch.density * scale;
-    [side_texels(texels.x), side_texels(texels.y)]
+/// Tile extents for regions of a size in nominal texels.
+fn extent(texels: Vec2, scale: f32) -> [u32; 2] {
+    (texels * scale).to_array().map(side_texels)
 }
 
 /// The factor of all densities with which the tiles hold `texels` together, as nearly as rounding allows and not more.
-fn scale_to_total(patches: &[Patch], texels: u64) -> f32 {
-    let total = |scale: f32| -> u64 {
-        patches.par_iter().map(|p| extent(p, scale).map(u64::from)).map(|[w, h]| w * h).sum()
-    };
+fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
+    let sizes: Vec<Vec2> = laid.par_iter().with_min_len(1 << 12).map(|l| l.size * l.density).collect();
     let (mut low, mut high) = (1.0 / 1024.0, 1024.0f32);
-    // Tiles have at least 4x4 texels; where these alone exceed the budget, they are at least used to the full.
-    let texels = texels.max(total(low));
+    if texels <= SMALLEST_TILE * sizes.len() as u64 {
+        // The smallest tiles alone exceed the budget; they are at least used to the full.
+        let longest =
+            sizes.par_iter().with_min_len(1 << 12).map(|s| s.max_element()).reduce(|| 0.0, f32::max);
+        return (LONGEST_IN_SMALLEST / longest).clamp(low, high);
+    }
+    let total = |scale: f32| -> u64 {
+        let area = |&size: &Vec2| {
+            let [w, h] = extent(size, scale).map(u64::from);
+            w * h
+        };
+        sizes.par_iter().with_min_len(1 << 12).map(area).sum()
+    };
     // Texels grow nearly with the square of the scale: a few steps by that rule bracket the answer closely.
     let mut scale = 1.0f32;
     for step in 0..16 {
@@ -292,6 +292,9 @@ fn scale_to_total(patches: &[Patch], texels: u64) -> f32 {
             low = low.max(scale)
         } else {
             high = high.min(scale)
+        }
+        if high < low * NEAR_ENOUGH {
+            break;
         }
         let guess = scale
             * (texels as f64 / reached as f64).sqrt() as f32
@@ -302,34 +305,26 @@ fn scale_to_total(patches: &[Patch], texels: u64) -> f32 {
     low
 }
 
+/// A factor of density that nobody sees.
+const NEAR_ENOUGH: f32 = 1.0005;
+
 fn assemble(
     surface: &Surface<'_>,
-    shapes: &[FanShape],
     grouping: Grouping,
     scale: f32,
     density: f32,
     delta: f32,
 ) -> Result<Cover, CoverError> {
-    let longest =
-        grouping.patches.iter().map(|p| p.flat.size.max_element() * p.density * scale).fold(0.0, f32::max);
+    let laid = &grouping.laid;
+    let longest = laid.par_iter().map(|l| l.size.max_element() * l.density * scale).reduce(|| 0.0, f32::max);
     if longest + 1.0 > MAX_EXTENT as f32 {
         return Err(CoverError::TileTooLarge { wanted: (longest + 1.0) as u64, limit: MAX_EXTENT });
     }
-    let groups: Vec<Group> = grouping
-        .patches
-        .par_iter()
-        .map(|patch| {
-            let first = patch.fans(&grouping.order)[0] as usize;
-            let kind = match shapes[first].layout {
-                Layout::Unfolded => GroupKind::Unfolded,
-                Layout::Projected | Layout::Split => GroupKind::Projected,
-            };
-            place(patch, kind, scale)
-        })
-        .collect();
+    let groups: Vec<Group> = laid.par_iter().with_min_len(1 << 10).map(|laid| place(laid, scale)).collect();
     let mut unfolded = Vec::new();
-    for (patch, group) in grouping.patches.iter().zip(&groups) {
-        unfolded.extend(patch.flat.unfolded.iter().map(|&(corner, planar)| UnfoldedCorner {
+    for (laid, group) in laid.iter().zip(&groups).filter(|(laid, _)| laid.layout == Layout::Unfolded) {
+        let corners = unfolded_corners(surface, laid, delta);
+        unfolded.extend(corners.into_iter().map(|(corner, planar)| UnfoldedCorner {
             corner,
             uv: planar.map(|p| group.uv_offset + group.uv_scale * p),
         }));
@@ -337,19 +332,24 @@ fn assemble(
     unfolded.sort_unstable_by_key(|u| u.corner);
     let corner_groups = (0..surface.mesh.triangles.len())
         .into_par_iter()
+        .with_min_len(1 << 12)
         .map(|t| surface.fans.of_triangle(t).map(|fan| grouping.fan_groups[fan as usize]))
         .collect();
     Ok(Cover { delta, density, corner_groups, groups, unfolded })
 }
 
-/// The tile map that takes the patch's rectangle to the tile, half a texel inside.
-fn place(patch: &Patch, kind: GroupKind, scale: f32) -> Group {
-    let extent = extent(patch, scale);
+/// The tile map that takes the group's rectangle to the tile, half a texel inside.
+fn place(laid: &Laid, scale: f32) -> Group {
+    let extent = extent(laid.size * laid.density, scale);
     let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
     // A rectangle thinner than the nominal density can tell (a point, a line) is not blown up to the tile's size.
-    let thinnest = Vec2::splat(0.5 / (patch.density * scale));
-    let uv_scale = (texels - 1.0) / texels / patch.flat.size.max(thinnest);
-    let middle = patch.flat.min + 0.5 * patch.flat.size;
+    let thinnest = Vec2::splat(0.5 / (laid.density * scale));
+    let uv_scale = (texels - 1.0) / texels / laid.size.max(thinnest);
+    let middle = laid.min + 0.5 * laid.size;
     let uv_offset = Vec2::splat(0.5) - uv_scale * middle;
-    Group { kind, frame: patch.flat.frame, uv_scale, uv_offset, extent }
+    let kind = match laid.layout {
+        Layout::Unfolded => GroupKind::Unfolded,
+        Layout::Projected | Layout::Split => GroupKind::Projected,
+    };
+    Group { kind, frame: laid.frame, uv_scale, uv_offset, extent }
 }

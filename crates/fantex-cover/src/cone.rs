@@ -80,17 +80,21 @@ impl Basis {
         let old = &old[..self.count];
         let mut best: Option<(f64, Basis)> = None;
         let mut consider = |members: [DVec3; 3], count: usize, axis: Option<DVec3>| {
-            let Some(axis) = axis else { return };
+            let Some(axis) = axis else { return false };
             let cos = n.dot(axis);
             let holds = old.iter().all(|m| m.dot(axis) >= cos - f64::from(TOLERANCE));
-            if cos > 0.0 && holds && best.as_ref().is_none_or(|b| cos > b.0) {
+            let better = cos > 0.0 && holds && best.as_ref().is_none_or(|b| cos > b.0);
+            if better {
                 best = Some((cos, Basis { members, count, axis: axis.as_vec3(), cos: cos as f32 }));
             }
+            better
         };
+        // A cap between two members that holds all is the smallest.
+        let mut held_by_two = false;
         for &m in old {
-            consider([n, m, m], 2, (n + m).try_normalize());
+            held_by_two |= consider([n, m, m], 2, (n + m).try_normalize());
         }
-        for (i, &a) in old.iter().enumerate() {
+        for (i, &a) in old.iter().enumerate().filter(|_| !held_by_two) {
             for &b in &old[i + 1..] {
                 let normal = (a - n).cross(b - n).try_normalize();
                 consider([n, a, b], 3, normal.map(|axis| if axis.dot(n) < 0.0 { -axis } else { axis }));

@@ -6,6 +6,12 @@ pub const MAX_EXTENT: u32 = 1 << 18;
 /// Rounding a side down to a multiple of 4 may cost at most this share of the nominal density.
 const TOLERATED_LOSS: f32 = 0.06;
 
+/// Texels of the smallest tile.
+pub(crate) const SMALLEST_TILE: u64 = 4 * 4;
+
+/// The longest region in texels, rounded down a little, that gets a side of 4 texels.
+pub(crate) const LONGEST_IN_SMALLEST: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
+
 /// Sides longer than this are multiples of 32.
 const LONG: f32 = 1024.0;
 
@@ -34,6 +40,7 @@ mod tests {
         assert_eq!(side_texels(0.0), 4);
         assert_eq!(side_texels(3.0), 4);
         assert_eq!(side_texels(3.2), 8);
+        assert_eq!([1.0, 1.0001].map(|f| side_texels(f * LONGEST_IN_SMALLEST)), [4, 8]);
         assert_eq!(side_texels(64.0), 64);
         assert_eq!(side_texels(127.9), 128);
         for i in 0..10_000 {

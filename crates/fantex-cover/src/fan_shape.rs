@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use crate::cone::{Cone, narrowest_cone};
+use crate::ring::Ring;
 use crate::surface::Surface;
 use crate::unfold::unfold;
 
@@ -28,23 +29,17 @@ pub(crate) struct FanShape {
     pub(crate) layout: Layout,
     /// Best direction and its smallest facing cosine.
     pub(crate) cone: Cone,
+    /// A third of the area of the fan's triangles.
+    pub(crate) area: f32,
     /// True where no direction sees the whole fan from the front.
     pub(crate) folds: bool,
 }
 
-/// Reused buffers for `FanShape::of`.
-#[derive(Default)]
-pub(crate) struct ShapeFinder {
-    normals: Vec<Vec3>,
-}
-
-impl ShapeFinder {
-    pub(crate) fn shape(&mut self, surface: &Surface<'_>, fan: usize) -> FanShape {
-        let corners = surface.fans.corners(fan);
-        self.normals.clear();
-        self.normals.extend(corners.iter().map(|&c| surface.fan_normal(c)));
-        let cone = narrowest_cone(&self.normals);
-        let projectable = cone.cos > FOLDED_BELOW && winds_once(surface, fan, cone.axis);
+impl FanShape {
+    /// Decides about a fan whose geometry is in `ring`.
+    pub(crate) fn of(ring: &Ring, surface: &Surface<'_>, fan: usize) -> Self {
+        let cone = narrowest_cone(&ring.normals);
+        let projectable = cone.cos > FOLDED_BELOW && winds_once(ring, cone.axis);
         let layout = if projectable && cone.cos >= UNFOLD_BELOW {
             Layout::Projected
         } else if unfold(surface, fan).is_some() {
@@ -54,29 +49,25 @@ impl ShapeFinder {
         } else {
             Layout::Split
         };
-        FanShape { layout, cone, folds: !projectable }
+        Self { layout, cone, area: ring.area / 3.0, folds: !projectable }
     }
 }
 
 /// True where the projected fan surrounds its centre at most once. All its triangles face the direction.
-fn winds_once(surface: &Surface<'_>, fan: usize, direction: Vec3) -> bool {
+fn winds_once(ring: &Ring, direction: Vec3) -> bool {
     let (x_axis, y_axis) = direction.any_orthonormal_pair();
-    let flat = |v: Vec3| Vec2::new(v.dot(x_axis), v.dot(y_axis));
-    let corners = surface.fans.corners(fan);
-    if surface.fans.is_closed(fan) {
+    if ring.closed {
         // A counter-clockwise ring edge that passes the positive x axis begins below and ends on or above it.
-        let passes = corners.iter().filter(|&&c| {
-            let [center, from, to] = surface.fan_triangle(c);
-            flat(from - center).y < 0.0 && flat(to - center).y >= 0.0
-        });
-        return passes.count() <= 1;
+        let below = |spoke: &Vec3| spoke.dot(y_axis) < 0.0;
+        let mut was_below = below(&ring.spokes[0]);
+        let mut passes = 0;
+        for is_below in ring.spokes[1..].iter().map(below) {
+            passes += u32::from(was_below & !is_below);
+            was_below = is_below;
+        }
+        return passes <= 1;
     }
-    let total: f32 = corners
-        .iter()
-        .map(|&c| {
-            let [center, from, to] = surface.fan_triangle(c);
-            flat(from - center).angle_to(flat(to - center)).abs()
-        })
-        .sum();
+    let flat = |v: &Vec3| Vec2::new(v.dot(x_axis), v.dot(y_axis));
+    let total: f32 = ring.spokes.windows(2).map(|pair| flat(&pair[0]).angle_to(flat(&pair[1])).abs()).sum();
     total < std::f32::consts::TAU
 }

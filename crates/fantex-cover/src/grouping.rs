@@ -1,19 +1,22 @@
 //! From fans to groups that are laid flat.
 
-use fantex_mesh::Fans;
+use glam::Vec3;
 use rayon::prelude::*;
 
+use crate::border::Membership;
+use crate::connect::Connector;
+use crate::density::NominalDensity;
 use crate::fan_shape::{FanShape, Layout};
-use crate::flatten::{Flat, Flattener, Membership};
+use crate::flatten::{Flat, FlatLimits, Flattener, Laid};
 use crate::merge::{MergeLimits, choose_unions};
-use crate::partition::{Item, PatchLimits, halve_by_length, partition};
+use crate::partition::{Item, PatchLimits, partition};
 use crate::surface::Surface;
 
 /// How groups may grow.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GroupLimits {
     pub(crate) delta: f32,
-    /// Target tile extent in texels; 0 = one fan per group.
+    /// Target tile extent in texels.
     pub(crate) extent_texels: f32,
     /// Smallest cosine between a group's direction and its triangles' normals.
     pub(crate) facing: f32,
@@ -24,10 +27,11 @@ pub(crate) struct GroupLimits {
 /// One group while the cover is built.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
-    /// The group's fans are `Grouping::order[start..start + length]`.
+    /// The group's fans are `order[start..start + length]`.
     pub(crate) start: u32,
     pub(crate) length: u32,
     pub(crate) flat: Flat,
+    pub(crate) layout: Layout,
     /// Nominal texels per mesh unit.
     pub(crate) density: f32,
     /// Smallest facing cosine that one of its fans reaches alone.
@@ -35,185 +39,52 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    pub(crate) fn fans<'a>(&self, order: &'a [u32]) -> &'a [u32] {
+    fn fans<'a>(&self, order: &'a [u32]) -> &'a [u32] {
         &order[self.start as usize..(self.start + self.length) as usize]
+    }
+
+    fn laid(&self, order: &[u32]) -> Laid {
+        let Flat { frame, min, size, .. } = self.flat;
+        let fan = order[self.start as usize];
+        Laid { frame, min, size, density: self.density, fan, layout: self.layout, folds: false }
     }
 }
 
 /// The groups of a mesh, before tiles are sized.
 pub(crate) struct Grouping {
-    /// Fans, group by group, along a space-filling curve.
-    pub(crate) order: Vec<u32>,
-    pub(crate) patches: Vec<Patch>,
+    /// Along a space-filling curve.
+    pub(crate) laid: Vec<Laid>,
     /// Group of each fan.
     pub(crate) fan_groups: Vec<u32>,
 }
 
-/// Groups the fans of a surface. `fan_density` is the nominal number of texels per mesh unit around each fan.
+/// Groups the fans of a surface, of which there is an item each.
 pub(crate) fn group_fans(
     surface: &Surface<'_>,
     shapes: &[FanShape],
-    fan_density: &(dyn Fn(usize) -> f32 + Sync),
+    mut items: Vec<Item>,
+    density: &NominalDensity<'_>,
     limits: &GroupLimits,
 ) -> Grouping {
-    let mut items: Vec<Item> =
-        (0..shapes.len()).into_par_iter().map(|f| item(surface, shapes, f, fan_density(f))).collect();
-    let grouped = limits.extent_texels > 0.0;
     let patch_limits = PatchLimits { extent_texels: limits.extent_texels, facing: limits.patch_facing };
-    let lengths = if grouped {
-        let lengths = partition(&mut items, &patch_limits);
-        let mut labels = vec![ALONE; shapes.len()];
-        separate_components(surface, shapes, &mut items, &lengths, &mut labels, 0)
-    } else {
-        sort_along_curve(&mut items);
-        vec![1; items.len()]
-    };
-    let pieces = Pieces::consecutive(lengths);
+    let lengths = partition(&mut items, &patch_limits);
+    let mut connector = Connector::new(&surface.fans, shapes);
+    let (order, lengths) = connector.connect(&items, &lengths, limits.facing);
+    drop(items);
+    let fan_groups = vec![0; shapes.len()];
     let mut builder =
-        Builder { surface, shapes, limits, items, fan_groups: vec![0; shapes.len()], unused_label: 0 };
-    let mut patches = builder.flatten(pieces);
-    if grouped {
-        builder.number_groups(&patches);
-        let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
-        let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
-        patches = builder.join(patches, &joined);
-    }
+        Builder { surface, shapes, density, limits, connector, order, fan_groups, unused_label: 0 };
+    let mut patches = builder.flatten(Pieces::consecutive(lengths));
     builder.number_groups(&patches);
-    let order = builder.items.iter().map(|i| i.fan).collect();
-    Grouping { order, patches, fan_groups: builder.fan_groups }
+    let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
+    let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
+    patches = builder.join(patches, &joined);
+    builder.number_groups(&patches);
+    let laid = patches.iter().map(|patch| patch.laid(&builder.order)).collect();
+    Grouping { laid, fan_groups: builder.fan_groups }
 }
 
-fn item(surface: &Surface<'_>, shapes: &[FanShape], fan: usize, density: f32) -> Item {
-    let area: f32 = surface.fans.corners(fan).iter().map(|c| surface.areas[c.triangle()]).sum();
-    Item {
-        position: surface.fan_center(fan),
-        axis: shapes[fan].cone.axis,
-        area: area / 3.0,
-        density,
-        fan: fan as u32,
-    }
-}
-
-/// Orders fans along a Morton curve through mesh space, 10 bits per axis.
-fn sort_along_curve(items: &mut Vec<Item>) {
-    let spread = |x: f32| {
-        let mut bits = ((x + 1.0) * 511.5) as u32 & 1023;
-        bits = (bits | bits << 16) & 0x0300_00ff;
-        bits = (bits | bits << 8) & 0x0300_f00f;
-        bits = (bits | bits << 4) & 0x030c_30c3;
-        (bits | bits << 2) & 0x0924_9249
-    };
-    let key = |(i, item): (usize, &Item)| {
-        let [x, y, z] = item.position.to_array().map(spread);
-        u64::from(x | y << 1 | z << 2) << 32 | i as u64
-    };
-    let mut keys: Vec<u64> = items.par_iter().enumerate().map(key).collect();
-    keys.par_sort_unstable();
-    *items = keys.par_iter().map(|&key| items[key as u32 as usize]).collect();
-}
-
-/// Reorders every patch by connected components (through triangles); unfolded fans become patches of their own.
-/// `labels` has an entry per fan; fans of other patches must not be labelled with `first_label..first_label + lengths.len()`.
-fn separate_components(
-    surface: &Surface<'_>,
-    shapes: &[FanShape],
-    items: &mut [Item],
-    lengths: &[u32],
-    labels: &mut [u32],
-    first_label: u32,
-) -> Vec<u32> {
-    let mut slices = Vec::with_capacity(lengths.len());
-    let mut rest = items;
-    for (&length, label) in lengths.iter().zip(first_label..) {
-        let (slice, tail) = rest.split_at_mut(length as usize);
-        for item in slice.iter() {
-            let alone = shapes[item.fan as usize].layout != Layout::Projected;
-            labels[item.fan as usize] = if alone { ALONE } else { label };
-        }
-        slices.push(slice);
-        rest = tail;
-    }
-    let labels = &*labels;
-    let parts: Vec<Vec<u32>> = slices
-        .into_par_iter()
-        .map_init(ComponentFinder::default, |finder, slice| finder.split(&surface.fans, labels, slice))
-        .collect();
-    parts.into_iter().flatten().collect()
-}
-
-/// Label of fans that join no group.
-const ALONE: u32 = u32::MAX;
-
-/// Finds the connected components of one patch. Keeps its buffers.
-#[derive(Default)]
-struct ComponentFinder {
-    /// `(fan, index in the patch)`, ascending by fan.
-    index: Vec<(u32, u32)>,
-    component: Vec<u32>,
-    stack: Vec<u32>,
-}
-
-impl ComponentFinder {
-    /// Stable-sorts the slice by component; returns the components' lengths in order of their first fans.
-    fn split(&mut self, fans: &Fans, labels: &[u32], slice: &mut [Item]) -> Vec<u32> {
-        if slice.len() == 1 {
-            return vec![1];
-        }
-        self.index.clear();
-        self.index.extend(slice.iter().enumerate().map(|(i, item)| (item.fan, i as u32)));
-        self.index.sort_unstable();
-        self.component.clear();
-        self.component.resize(slice.len(), u32::MAX);
-        let mut count = 0;
-        for i in 0..slice.len() {
-            if self.component[i] == u32::MAX {
-                self.flood(fans, labels, slice, i, count);
-                count += 1;
-            }
-        }
-        if count == 1 {
-            return vec![slice.len() as u32];
-        }
-        let mut lengths = vec![0u32; count as usize];
-        for &c in &self.component {
-            lengths[c as usize] += 1;
-        }
-        let mut tagged: Vec<(u32, Item)> =
-            self.component.iter().copied().zip(slice.iter().copied()).collect();
-        tagged.sort_by_key(|t| t.0);
-        for (to, (_, item)) in slice.iter_mut().zip(tagged) {
-            *to = item;
-        }
-        lengths
-    }
-
-    fn flood(&mut self, fans: &Fans, labels: &[u32], slice: &[Item], seed: usize, component: u32) {
-        self.component[seed] = component;
-        let label = labels[slice[seed].fan as usize];
-        if label == ALONE {
-            return;
-        }
-        self.stack.push(seed as u32);
-        while let Some(i) = self.stack.pop() {
-            for corner in fans.corners(slice[i as usize].fan as usize) {
-                for neighbour in fans.of_triangle(corner.triangle()) {
-                    if labels[neighbour as usize] != label {
-                        continue;
-                    }
-                    if let Ok(at) = self.index.binary_search_by_key(&neighbour, |x| x.0) {
-                        let j = self.index[at].1;
-                        if self.component[j as usize] == u32::MAX {
-                            self.component[j as usize] = component;
-                            self.stack.push(j);
-                        }
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Runs of items, `(start, length)`.
+/// Runs of the order, `(start, length)`.
 struct Pieces(Vec<(u32, u32)>);
 
 impl Pieces {
@@ -227,12 +98,15 @@ impl Pieces {
     }
 }
 
-/// The state while patches are laid flat, halved and joined. Every patch is a run of `items`.
+/// The state while patches are laid flat, halved and joined. Every patch is a run of `order`.
 struct Builder<'a> {
     surface: &'a Surface<'a>,
     shapes: &'a [FanShape],
+    density: &'a NominalDensity<'a>,
     limits: &'a GroupLimits,
-    items: Vec<Item>,
+    connector: Connector<'a>,
+    /// All fans.
+    order: Vec<u32>,
     /// A label per fan; equal in one patch, different in different patches.
     fan_groups: Vec<u32>,
     /// Labels from here on are not in use.
@@ -247,15 +121,15 @@ impl Builder<'_> {
         while !pending.is_empty() {
             let first_label = self.unused_label;
             for (&(start, length), label) in pending.iter().zip(first_label..) {
-                for item in &self.items[start as usize..(start + length) as usize] {
-                    self.fan_groups[item.fan as usize] = label;
+                for &fan in &self.order[start as usize..(start + length) as usize] {
+                    self.fan_groups[fan as usize] = label;
                 }
             }
             let flats: Vec<Option<Patch>> = pending
                 .par_iter()
                 .enumerate()
-                .map_init(Default::default, |scratch, (i, &(start, length))| {
-                    self.flatten_piece(start, length, first_label + i as u32, scratch)
+                .map_init(Flattener::default, |flattener, (i, &(start, length))| {
+                    self.flatten_piece(start, length, first_label + i as u32, flattener)
                 })
                 .collect();
             self.unused_label += pending.len() as u32;
@@ -277,49 +151,47 @@ impl Builder<'_> {
         patches
     }
 
-    fn flatten_piece(&self, start: u32, length: u32, group: u32, scratch: &mut Scratch) -> Option<Patch> {
-        let members = &self.items[start as usize..(start + length) as usize];
-        let area: f32 = members.iter().map(|i| i.area).sum();
-        let weighted: f32 = members.iter().map(|i| i.area * i.density).sum();
-        let density = if area > 0.0 { weighted / area } else { members[0].density };
-        let steepest_fan = members.iter().map(|i| self.shapes[i.fan as usize].cone.cos).fold(1.0, f32::min);
-        let membership = Membership {
-            fan_groups: &self.fan_groups,
-            group,
+    fn flatten_piece(&self, start: u32, length: u32, group: u32, flattener: &mut Flattener) -> Option<Patch> {
+        let fans = &self.order[start as usize..(start + length) as usize];
+        let (mut area, mut weighted, mut steepest_fan) = (0.0, 0.0, 1.0f32);
+        for &fan in fans {
+            let shape = &self.shapes[fan as usize];
+            area += shape.area;
+            weighted += shape.area * self.density.of_fan(self.surface, fan as usize);
+            steepest_fan = steepest_fan.min(shape.cone.cos);
+        }
+        let first = fans[0] as usize;
+        let density = if area > 0.0 { weighted / area } else { self.density.of_fan(self.surface, first) };
+        let membership = Membership { fan_groups: &self.fan_groups, group };
+        let limits = FlatLimits {
             delta: self.limits.delta,
             pad: 1.0 / density.max(f32::MIN_POSITIVE),
             facing: facing_limit(self.limits.facing, steepest_fan),
-            keep_outline: self.limits.extent_texels > 0.0,
         };
-        let shape = &self.shapes[members[0].fan as usize];
+        let shape = &self.shapes[first];
         let flat = if shape.layout == Layout::Unfolded {
-            scratch.flattener.unfold(self.surface, members[0].fan, shape.cone, &membership)?
-        } else if let [lone] = members {
-            scratch.flattener.project_fan(self.surface, lone.fan as usize, shape.cone, &membership)
+            flattener.unfold(self.surface, fans[0], shape.cone, &limits)?
+        } else if fans.len() == 1 {
+            flattener.project_fan(self.surface, first, shape.cone, &limits)
         } else {
-            scratch.fans.clear();
-            scratch.fans.extend(members.iter().map(|i| i.fan));
-            scratch.flattener.project(self.surface, &scratch.fans, &membership)?
+            flattener.project(self.surface, fans, membership, &limits)?
         };
-        Some(Patch { start, length, flat, density, steepest_fan })
+        Some(Patch { start, length, flat, layout: shape.layout, density, steepest_fan })
     }
 
     /// Cuts a piece in two, and each half into connected components.
     fn halve(&mut self, (start, length): (u32, u32)) -> Vec<(u32, u32)> {
-        let slice = &mut self.items[start as usize..(start + length) as usize];
-        let halves = halve_by_length(slice);
-        let first_label = self.unused_label;
-        self.unused_label += 2;
-        let (surface, shapes) = (self.surface, self.shapes);
-        let parts = separate_components(surface, shapes, slice, &halves, &mut self.fan_groups, first_label);
+        let fans = &mut self.order[start as usize..(start + length) as usize];
+        let halves = halve_by_length(self.surface, fans);
+        let parts = self.connector.separate(&mut self.order, start as usize, &halves);
         Pieces::consecutive(parts).0.into_iter().map(|(at, n)| (start + at, n)).collect()
     }
 
     /// Makes `fan_groups` agree with the order of the patches.
     fn number_groups(&mut self, patches: &[Patch]) {
         for (patch, group) in patches.iter().zip(0..) {
-            for item in &self.items[patch.start as usize..(patch.start + patch.length) as usize] {
-                self.fan_groups[item.fan as usize] = group;
+            for &fan in patch.fans(&self.order) {
+                self.fan_groups[fan as usize] = group;
             }
         }
         self.unused_label = patches.len() as u32;
@@ -332,24 +204,21 @@ impl Builder<'_> {
         members.sort_unstable();
         let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
         unions.sort_unstable_by_key(|union| union[0].1);
-        let mut items = Vec::with_capacity(self.items.len());
+        let mut order = Vec::with_capacity(self.order.len());
         let mut kept = Vec::new();
         let mut pieces = Vec::new();
         for union in unions {
-            let start = items.len() as u32;
+            let start = order.len() as u32;
             for &(_, p) in union {
-                let patch = &patches[p as usize];
-                items.extend_from_slice(
-                    &self.items[patch.start as usize..(patch.start + patch.length) as usize],
-                );
+                order.extend_from_slice(patches[p as usize].fans(&self.order));
             }
             if let &[(_, p)] = union {
                 kept.push(Patch { start, ..patches[p as usize].clone() });
             } else {
-                pieces.push((start, items.len() as u32 - start));
+                pieces.push((start, order.len() as u32 - start));
             }
         }
-        self.items = items;
+        self.order = order;
         kept.extend(self.flatten(Pieces(pieces)));
         kept.sort_unstable_by_key(|p| p.start);
         kept
@@ -362,9 +231,15 @@ pub(crate) fn facing_limit(asked: f32, steepest_fan: f32) -> f32 {
     asked.min(0.8 * steepest_fan)
 }
 
-/// Buffers of one thread.
-#[derive(Default)]
-struct Scratch {
-    flattener: Flattener,
-    fans: Vec<u32>,
+/// Cuts a patch that turned out invalid into two by rank along its longest extent; returns the halves' lengths.
+fn halve_by_length(surface: &Surface<'_>, fans: &mut [u32]) -> [u32; 2] {
+    let center = |fan: u32| surface.fan_center(fan as usize);
+    let (low, high) = fans
+        .iter()
+        .map(|&fan| center(fan))
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let axis = (high - low).max_position();
+    fans.sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
+    let middle = fans.len() / 2;
+    [middle as u32, (fans.len() - middle) as u32]
 }

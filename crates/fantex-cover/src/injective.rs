@@ -11,13 +11,15 @@ use glam::Vec2;
 /// A boundary segment, named by its vertices so that neighbours are recognised. The region lies to its left.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Segment {
-    pub(crate) vertices: [u32; 2],
-    /// The fans around the vertices that the triangle beside the segment belongs to.
-    pub(crate) fans: [u32; 2],
-    pub(crate) ends: [Vec2; 2],
+    vertices: [u32; 2],
+    ends: [Vec2; 2],
 }
 
 impl Segment {
+    pub(crate) fn new(vertices: [u32; 2], ends: [Vec2; 2]) -> Self {
+        Self { vertices, ends }
+    }
+
     fn x_range(&self) -> (f32, f32) {
         (self.ends[0].x.min(self.ends[1].x), self.ends[0].x.max(self.ends[1].x))
     }
@@ -55,51 +57,124 @@ pub(crate) fn any_crossing(segments: &mut [Segment]) -> bool {
     false
 }
 
+/// What a triangle of the region spans around one of its vertices: the directions from `from` counter-clockwise to `to`, less
+/// than half a turn.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wedge {
+    vertex: u32,
+    from: Vec2,
+    to: Vec2,
+}
+
+impl Wedge {
+    /// For a triangle that is counter-clockwise in the order of the arguments.
+    pub(crate) fn new(vertex: u32, at: Vec2, next: Vec2, previous: Vec2) -> Self {
+        Self { vertex, from: next - at, to: previous - at }
+    }
+
+    /// Without the direction where the wedge ends.
+    fn contains(&self, direction: Vec2) -> bool {
+        self.from.perp_dot(direction) >= 0.0 && direction.perp_dot(self.to) > 0.0
+    }
+}
+
+/// What is known of a vertex of the boundary.
+#[derive(Clone, Copy, Debug)]
+struct BoundaryVertex {
+    vertex: u32,
+    /// Towards the end of the first segment that begins here.
+    direction: Vec2,
+    /// Segments that begin here.
+    begins: u32,
+    /// Triangles that contain `direction`.
+    layers: u32,
+}
+
+const NO_VERTEX: u32 = u32::MAX;
+
+/// Finds vertices around which a region overlaps itself. Keeps its buffers.
+#[derive(Default)]
+pub(crate) struct OverlapFinder {
+    /// Open addressing by vertex; at most half full.
+    table: Vec<BoundaryVertex>,
+    spokes: Vec<Spoke>,
+}
+
 /// A boundary segment as one of its vertices sees it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Spoke {
+struct Spoke {
     vertex: u32,
-    fan: u32,
-    /// True where the segment begins at the vertex, and so does a wedge of the region, counter-clockwise.
+    /// True where the segment begins at the vertex, and so does a run of the region's triangles, counter-clockwise.
     begins: bool,
-    /// Towards the segment's other end.
-    direction: Vec2,
+    angle: f32,
 }
 
-/// True where the region overlaps itself at a vertex of its boundary: it surrounds the vertex more than once, or two of its
-/// wedges there overlap. `turn` is the angle that the region's triangles in a fan span at its centre, in radians. `spokes`
-/// is a buffer.
-pub(crate) fn any_overlap_at_vertex(
-    segments: &[Segment],
-    turn: impl Fn(u32) -> f32,
-    spokes: &mut Vec<Spoke>,
-) -> bool {
-    spokes.clear();
-    spokes.extend(segments.iter().flat_map(|s| {
-        let along = s.ends[1] - s.ends[0];
-        [(0, true, along), (1, false, -along)].map(|(end, begins, direction)| Spoke {
-            vertex: s.vertices[end],
-            fan: s.fans[end],
-            begins,
-            direction,
-        })
-    }));
-    spokes.sort_unstable_by_key(|s| (s.vertex, s.fan));
-    spokes.chunk_by_mut(|a, b| a.vertex == b.vertex).any(|around| {
-        let total: f32 = around.chunk_by(|a, b| a.fan == b.fan).map(|spokes| turn(spokes[0].fan)).sum();
-        if total > FULL_TURN {
-            return true;
+impl OverlapFinder {
+    /// True where the region overlaps itself at a vertex of its boundary: where it lies in two layers on one side of a
+    /// segment that begins there, or where its beginnings and ends around the vertex do not take turns. (The number of
+    /// layers changes at segments only. If these take turns, it is one and zero by turns as soon as it is one anywhere.)
+    pub(crate) fn any_at_vertex(&mut self, segments: &[Segment], wedges: &[Wedge]) -> bool {
+        let empty = BoundaryVertex { vertex: NO_VERTEX, direction: Vec2::ZERO, begins: 0, layers: 0 };
+        self.table.clear();
+        self.table.resize((2 * segments.len()).next_power_of_two().max(4), empty);
+        let mut branches = false;
+        for segment in segments {
+            let entry = self.entry(segment.vertices[0]);
+            if entry.begins == 0 {
+                entry.vertex = segment.vertices[0];
+                entry.direction = segment.ends[1] - segment.ends[0];
+            }
+            entry.begins += 1;
+            branches |= entry.begins > 1;
         }
-        // Around the vertex, ends and beginnings of wedges must take turns. Where a wedge begins where another ends, the
-        // end comes first.
-        let angle = |s: &Spoke| s.direction.y.atan2(s.direction.x);
-        around.sort_unstable_by(|a, b| angle(a).total_cmp(&angle(b)).then(a.begins.cmp(&b.begins)));
-        (0..around.len()).any(|i| around[i].begins == around[(i + 1) % around.len()].begins)
-    })
-}
+        for wedge in wedges {
+            let entry = self.entry(wedge.vertex);
+            if entry.vertex == wedge.vertex && wedge.contains(entry.direction) {
+                entry.layers += 1;
+                if entry.layers > 1 {
+                    return true;
+                }
+            }
+        }
+        branches && self.any_out_of_turn(segments)
+    }
 
-/// With some rounding.
-const FULL_TURN: f32 = std::f32::consts::TAU + 1e-3;
+    /// The entry of a vertex, or the empty one where it would be.
+    fn entry(&mut self, vertex: u32) -> &mut BoundaryVertex {
+        let mask = self.table.len() - 1;
+        let mut place = (vertex.wrapping_mul(0x9e37_79b9) >> 16) as usize & mask;
+        while self.table[place].vertex != vertex && self.table[place].vertex != NO_VERTEX {
+            place = (place + 1) & mask;
+        }
+        &mut self.table[place]
+    }
+
+    /// True where at a vertex with several beginnings these and the ends do not take turns.
+    fn any_out_of_turn(&mut self, segments: &[Segment]) -> bool {
+        let mut spokes = std::mem::take(&mut self.spokes);
+        spokes.clear();
+        for segment in segments {
+            let along = segment.ends[1] - segment.ends[0];
+            for (vertex, begins, direction) in
+                [(segment.vertices[0], true, along), (segment.vertices[1], false, -along)]
+            {
+                if self.entry(vertex).begins > 1 {
+                    spokes.push(Spoke { vertex, begins, angle: direction.y.atan2(direction.x) });
+                }
+            }
+        }
+        // Where a run begins where another ends, the end comes first.
+        spokes.sort_unstable_by(|a, b| {
+            a.vertex.cmp(&b.vertex).then(a.angle.total_cmp(&b.angle)).then(a.begins.cmp(&b.begins))
+        });
+        let out_of_turn = |around: &[Spoke]| {
+            (0..around.len()).any(|i| around[i].begins == around[(i + 1) % around.len()].begins)
+        };
+        let found = spokes.chunk_by(|a, b| a.vertex == b.vertex).any(out_of_turn);
+        self.spokes = spokes;
+        found
+    }
+}
 
 #[cfg(test)]
 mod tests {
@@ -110,7 +185,6 @@ mod tests {
         (0..n)
             .map(|i| Segment {
                 vertices: [i as u32, ((i + 1) % n) as u32],
-                fans: [i as u32, ((i + 1) % n) as u32],
                 ends: [points[i].into(), points[(i + 1) % n].into()],
             })
             .collect()
@@ -122,34 +196,54 @@ mod tests {
         assert!(any_crossing(&mut path(&[[0., 0.], [1., 1.], [1., 0.], [0., 1.]])));
     }
 
-    /// Two triangles with a common vertex 0, between the given angles.
-    fn two_wedges(angles: [[f32; 2]; 2]) -> Vec<Segment> {
-        let triangle = |[from, to]: [f32; 2], first: u32| {
-            let corners =
-                [(0, Vec2::ZERO), (first, Vec2::from_angle(from)), (first + 1, Vec2::from_angle(to))];
-            [0, 1, 2].map(|k| [corners[k], corners[(k + 1) % 3]]).map(|pair| Segment {
-                vertices: pair.map(|p| p.0),
-                fans: pair.map(|p| p.0),
-                ends: pair.map(|p| p.1),
-            })
-        };
-        angles.into_iter().zip([1, 3]).flat_map(|(wedge, first)| triangle(wedge, first)).collect()
+    /// Whether triangles around vertex 0 between the given angles overlap there. Those that follow each other share an edge.
+    fn fan_overlaps(angles: &[[f32; 2]]) -> bool {
+        let at = |angle: f32| if angle == 0.0 { Vec2::X } else { Vec2::from_angle(angle) };
+        let mut wedges = Vec::new();
+        let mut segments = Vec::new();
+        for (i, &[from, to]) in (0..).zip(angles) {
+            let vertices = [0, 2 * i + 1, 2 * i + 2];
+            let corners = [Vec2::ZERO, at(from), at(to)];
+            wedges.push(Wedge::new(0, corners[0], corners[1], corners[2]));
+            for [a, b] in [[0, 1], [1, 2], [2, 0]] {
+                let joins = |other: &[f32; 2]| (a == 0 && other[1] == from) || (b == 0 && other[0] == to);
+                if !angles.iter().any(joins) {
+                    segments.push(Segment::new([vertices[a], vertices[b]], [corners[a], corners[b]]));
+                }
+            }
+        }
+        OverlapFinder::default().any_at_vertex(&segments, &wedges)
     }
 
     #[test]
     fn wedges_at_a_vertex_may_touch_but_not_overlap() {
-        let overlap = |angles: [[f32; 2]; 2]| {
-            let turn = |_| angles.iter().map(|[from, to]| to - from).sum();
-            any_overlap_at_vertex(&two_wedges(angles), turn, &mut Vec::new())
-        };
-        assert!(!overlap([[0.0, 1.0], [2.0, 3.0]]));
-        assert!(!overlap([[3.0, 4.0], [5.0, 6.0]]));
-        assert!(!overlap([[0.0, 1.0], [1.0, 2.0]]));
-        assert!(overlap([[0.0, 1.0], [0.5, 2.0]]));
-        assert!(overlap([[0.0, 3.0], [1.0, 2.0]]));
-        assert!(overlap([[3.0, 4.0], [3.5, 5.0]]));
-        // Ends and beginnings take turns, but both wedges run almost all around.
-        assert!(any_overlap_at_vertex(&two_wedges([[0.0, 1.0], [2.0, 3.0]]), |_| 8.0, &mut Vec::new()));
+        assert!(!fan_overlaps(&[[0.0, 1.0], [2.0, 3.0]]));
+        assert!(!fan_overlaps(&[[3.0, 4.0], [5.0, 6.0]]));
+        assert!(fan_overlaps(&[[0.0, 1.0], [0.5, 2.0]]));
+        assert!(fan_overlaps(&[[0.0, 3.0], [1.0, 2.0]]));
+        assert!(fan_overlaps(&[[3.0, 4.0], [3.5, 5.0]]));
+        // One run of triangles, and one that goes around more than once.
+        let run = |n: u32| -> Vec<[f32; 2]> { (0..n).map(|i| [i as f32, (i + 1) as f32]).collect() };
+        assert!(!fan_overlaps(&run(6)));
+        assert!(fan_overlaps(&run(7)));
+        // Beginnings and ends take turns, but in between the region lies in two layers.
+        let mut twice = run(7);
+        twice.extend([[7.0 + 0.2, 8.0], [8.0, 9.0]]);
+        assert!(fan_overlaps(&twice));
+    }
+
+    #[test]
+    fn runs_that_touch_at_an_edge_take_turns() {
+        let at = Vec2::from_angle;
+        let wedges =
+            [Wedge::new(0, Vec2::ZERO, at(0.0), at(1.0)), Wedge::new(0, Vec2::ZERO, at(1.0), at(2.0))];
+        let segments = [
+            Segment::new([0, 1], [Vec2::ZERO, at(0.0)]),
+            Segment::new([2, 0], [at(1.0), Vec2::ZERO]),
+            Segment::new([0, 3], [Vec2::ZERO, at(1.0)]),
+            Segment::new([4, 0], [at(2.0), Vec2::ZERO]),
+        ];
+        assert!(!OverlapFinder::default().any_at_vertex(&segments, &wedges));
     }
 
     #[test]

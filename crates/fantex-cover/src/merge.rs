@@ -11,9 +11,10 @@ use fantex_mesh::Fans;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::cone::Cone;
 use crate::extent::side_texels;
+use crate::fan_shape::Layout;
 use crate::grouping::{Patch, facing_limit};
+use crate::rectangle::FourBounds;
 
 /// Groups with a tile smaller than this share of the target tile look for a partner.
 const SMALL: f32 = 0.6;
@@ -36,7 +37,7 @@ pub(crate) struct MergeLimits {
 /// What a union is judged by.
 #[derive(Clone, Debug)]
 struct Summary {
-    cone: Cone,
+    cone: WideCone,
     /// Points on the convex outline, mesh space.
     outline: Box<[Vec3]>,
     texels: f32,
@@ -60,9 +61,10 @@ pub(crate) fn choose_unions(
     fan_groups: &[u32],
     limits: &MergeLimits,
 ) -> Vec<u32> {
+    let neighbours = neighbours(fans, fan_groups, patches.len());
     let mut merger = Merger {
         summaries: patches.par_iter().map(|p| Some(Summary::of(p))).collect(),
-        neighbours: neighbours(fans, fan_groups, patches.len()),
+        neighbours,
         joined: (0..patches.len() as u32).collect(),
         limits: *limits,
     };
@@ -116,19 +118,19 @@ impl Merger {
         best
     }
 
+    /// The neighbours of a group with the longest common borders.
     fn longest_borders(&self, group: u32) -> impl Iterator<Item = u32> + use<> {
-        let mut borders: Vec<(u32, u32)> = self.neighbours[group as usize]
-            .iter()
-            .map(|&(g, triangles)| (self.joined[g as usize], triangles))
-            .filter(|&(g, _)| g != group)
-            .collect();
-        borders.sort_unstable();
-        let mut summed: Vec<(u32, u32)> = borders
-            .chunk_by(|a, b| a.0 == b.0)
-            .map(|run| (run.iter().map(|r| r.1).sum(), run[0].0))
-            .collect();
-        summed.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-        summed.into_iter().take(CANDIDATES).map(|(_, g)| g)
+        let mut borders: Vec<(u32, u32)> = Vec::with_capacity(self.neighbours[group as usize].len());
+        for &(g, triangles) in &self.neighbours[group as usize] {
+            let g = self.joined[g as usize];
+            match borders.iter_mut().find(|b| b.0 == g) {
+                _ if g == group => {}
+                Some(border) => border.1 += triangles,
+                None => borders.push((g, triangles)),
+            }
+        }
+        borders.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
+        borders.into_iter().take(CANDIDATES).map(|(g, _)| g)
     }
 
     /// Takes proposals greedily, each group at most once; tells which groups were taken.
@@ -165,13 +167,16 @@ impl Summary {
     fn of(patch: &Patch) -> Self {
         let texels = patch.flat.size * patch.density;
         Self {
-            cone: Cone { axis: patch.flat.frame.direction, cos: patch.flat.cos },
+            cone: WideCone {
+                axis: patch.flat.frame.direction,
+                half_angle: patch.flat.cos.clamp(-1.0, 1.0).acos(),
+            },
             outline: patch.flat.outline.clone(),
             texels: tile_texels(texels),
             density: patch.density,
             fans: patch.length,
             steepest_fan: patch.steepest_fan,
-            mergeable: patch.flat.unfolded.is_empty(),
+            mergeable: patch.layout == Layout::Projected,
         }
     }
 
@@ -180,20 +185,20 @@ impl Summary {
         if !other.mergeable {
             return None;
         }
-        let cone = union_of_cones(self.cone, other.cone)?;
-        if cone.cos < facing_limit(limits.facing, self.steepest_fan.min(other.steepest_fan)) {
+        let cone = self.cone.union(other.cone)?;
+        if cone.half_angle.cos() < facing_limit(limits.facing, self.steepest_fan.min(other.steepest_fan)) {
             return None;
         }
-        let texels = bounding_size(&self.planar_outline(other, cone.axis)) * self.union_density(other);
+        let texels = bounding_size(self.planar_outline(other, cone.axis)) * self.union_density(other);
         let fits = texels.max_element() <= limits.extent_texels * STRETCHED_TARGET;
         fits.then(|| tile_texels(texels))
     }
 
     fn union(&self, other: &Summary) -> Option<Summary> {
-        let cone = union_of_cones(self.cone, other.cone)?;
+        let cone = self.cone.union(other.cone)?;
         let density = self.union_density(other);
-        let planar = self.planar_outline(other, cone.axis);
-        let texels = tile_texels(bounding_size(&planar) * density);
+        let planar: Vec<Vec2> = self.planar_outline(other, cone.axis).collect();
+        let texels = tile_texels(bounding_size(planar.iter().copied()) * density);
         let spatial: Vec<Vec3> = self.outline.iter().chain(&other.outline).copied().collect();
         Some(Summary {
             cone,
@@ -211,9 +216,13 @@ impl Summary {
         (self.density * a + other.density * b) / (a + b)
     }
 
-    fn planar_outline(&self, other: &Summary, direction: Vec3) -> Vec<Vec2> {
+    fn planar_outline<'a>(
+        &'a self,
+        other: &'a Summary,
+        direction: Vec3,
+    ) -> impl Iterator<Item = Vec2> + use<'a> {
         let (x, y) = direction.any_orthonormal_pair();
-        self.outline.iter().chain(&other.outline).map(|p| Vec2::new(p.dot(x), p.dot(y))).collect()
+        self.outline.iter().chain(&other.outline).map(move |p| Vec2::new(p.dot(x), p.dot(y)))
     }
 }
 
@@ -221,26 +230,26 @@ fn tile_texels(size: Vec2) -> f32 {
     side_texels(size.x) as f32 * side_texels(size.y) as f32
 }
 
-/// The size of the smallest bounding rectangle among some rotations.
-fn bounding_size(points: &[Vec2]) -> Vec2 {
+/// The size of the smallest bounding rectangle among eight rotations.
+fn bounding_size(points: impl Iterator<Item = Vec2>) -> Vec2 {
+    let axis = |i: usize| directions()[i];
+    let mut bounds = [0, 4].map(|i| FourBounds::along([axis(i), axis(i + 1), axis(i + 2), axis(i + 3)]));
+    for p in points {
+        bounds.iter_mut().for_each(|four| four.add(p));
+    }
     let mut best = Vec2::INFINITY;
-    for x_axis in &directions()[..DIRECTIONS / 4] {
-        let (mut min, mut max) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-        for p in points {
-            let q = Vec2::new(p.dot(*x_axis), x_axis.perp_dot(*p));
-            min = min.min(q);
-            max = max.max(q);
-        }
-        let size = max - min;
-        if size.x * size.y < best.x * best.y {
-            best = size;
+    for [widths, heights] in bounds.map(|four| four.sizes().map(|s| s.to_array())) {
+        for size in std::iter::zip(widths, heights).map(Vec2::from) {
+            if size.x * size.y < best.x * best.y {
+                best = size;
+            }
         }
     }
     best
 }
 
-/// Directions in which an outline keeps its farthest point, so that outlines do not grow with each union. A quarter of them
-/// are the rotations tried for a rectangle.
+/// Directions in which an outline keeps its farthest point, so that outlines do not grow with each union. The first
+/// quarter of them are the rotations tried for a rectangle.
 const DIRECTIONS: usize = 32;
 
 /// Unit vectors all around.
@@ -268,24 +277,35 @@ fn extreme_points(points: &[Vec2]) -> impl Iterator<Item = usize> + use<> {
     kept.into_iter().filter(move |&i| std::mem::replace(&mut last, i) != i)
 }
 
-/// The narrowest cone that holds two cones; `None` where it is wider than a hemisphere.
-fn union_of_cones(a: Cone, b: Cone) -> Option<Cone> {
-    let [half_a, half_b] = [a, b].map(|c| c.cos.clamp(-1.0, 1.0).acos());
-    let between = a.axis.angle_between(b.axis);
-    if between + half_b <= half_a {
-        return Some(a);
+/// A cone by its angle, which unions are computed with.
+#[derive(Clone, Copy, Debug)]
+struct WideCone {
+    /// Unit axis.
+    axis: Vec3,
+    /// In radians, at most half a turn.
+    half_angle: f32,
+}
+
+impl WideCone {
+    /// The narrowest cone that holds two cones; `None` where it is wider than a hemisphere.
+    fn union(self, other: Self) -> Option<Self> {
+        let between = self.axis.dot(other.axis).clamp(-1.0, 1.0).acos();
+        if between + other.half_angle <= self.half_angle {
+            return Some(self);
+        }
+        if between + self.half_angle <= other.half_angle {
+            return Some(other);
+        }
+        let half_angle = 0.5 * (self.half_angle + other.half_angle + between);
+        if half_angle >= std::f32::consts::FRAC_PI_2 || between < 1e-6 {
+            let wider = if self.half_angle > other.half_angle { self } else { other };
+            return (between < 1e-6).then_some(wider);
+        }
+        // The axis lies on the arc between the two, `turn` away from the first.
+        let turn = half_angle - self.half_angle;
+        let axis = self.axis * (between - turn).sin() + other.axis * turn.sin();
+        Some(Self { axis: axis.try_normalize()?, half_angle })
     }
-    if between + half_a <= half_b {
-        return Some(b);
-    }
-    let half = 0.5 * (half_a + half_b + between);
-    if half >= std::f32::consts::FRAC_PI_2 || between < 1e-6 {
-        return (between < 1e-6).then_some(if half_a > half_b { a } else { b });
-    }
-    // The axis lies on the arc from a to b, half - half_a away from a.
-    let t = (half - half_a) / between;
-    let axis = (a.axis * ((1.0 - t) * between).sin() + b.axis * (t * between).sin()).try_normalize()?;
-    Some(Cone { axis, cos: half.cos() })
 }
 
 /// For every group its neighbours with the number of common triangles, ascending.
@@ -319,13 +339,13 @@ mod tests {
         #[test]
         fn a_union_of_cones_holds_both(z in -1f32..1.0, angle in 0f32..6.3, half_a in 0f32..0.7, half_b in 0f32..0.7, turn in 0f32..6.3) {
             let r = (1.0 - z * z).sqrt();
-            let a = Cone { axis: Vec3::Z, cos: half_a.cos() };
-            let b = Cone { axis: Vec3::new(r * angle.cos(), r * angle.sin(), z), cos: half_b.cos() };
-            if let Some(union) = union_of_cones(a, b) {
+            let a = WideCone { axis: Vec3::Z, half_angle: half_a };
+            let b = WideCone { axis: Vec3::new(r * angle.cos(), r * angle.sin(), z), half_angle: half_b };
+            if let Some(union) = a.union(b) {
                 for (cone, half) in [(a, half_a), (b, half_b)] {
                     let (x, y) = cone.axis.any_orthonormal_pair();
                     let rim = cone.axis * half.cos() + (x * turn.cos() + y * turn.sin()) * half.sin();
-                    prop_assert!(rim.dot(union.axis) >= union.cos - 2e-3);
+                    prop_assert!(rim.dot(union.axis) >= union.half_angle.cos() - 2e-3);
                 }
             }
         }

@@ -230,14 +230,3 @@ fn principal_axis(m: Mat3) -> Vec3 {
     let longest = columns.into_iter().fold(Vec3::ZERO, |a, c| if c.length() > a.length() { c } else { a });
     longest.try_normalize().unwrap_or(Vec3::X)
 }
-
-/// Cuts a patch that turned out invalid into two by rank along its longest extent.
-pub(crate) fn halve_by_length(items: &mut [Item]) -> [u32; 2] {
-    let (low, high) = items.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), i| {
-        (low.min(i.position), high.max(i.position))
-    });
-    let mut direction = Vec3::ZERO;
-    direction[(high - low).max_position()] = 1.0;
-    let middle = halve(items, &Cut { direction, by_normal: false, threshold: 0.0 });
-    [middle as u32, (items.len() - middle) as u32]
-}

@@ -4,7 +4,7 @@
 //! Minimum-Area Encasing Rectangle for an Arbitrary Closed Curve", 1975). The hull is A. M. Andrew's monotone chain ("Another
 //! efficient algorithm for convex hulls in two dimensions", 1979).
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 /// A rectangle with its own axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,10 +17,18 @@ pub(crate) struct Rectangle {
     pub(crate) size: Vec2,
 }
 
+impl Rectangle {
+    /// Nothing but the origin.
+    pub(crate) const POINT: Self = Self { x_axis: Vec2::X, min: Vec2::ZERO, size: Vec2::ZERO };
+}
+
 /// Buffers that are reused between calls.
 #[derive(Default)]
 pub(crate) struct RectangleFinder {
     hull: Vec<Vec3>,
+    planar: Vec<Vec2>,
+    /// Unit vectors along the hull's edges.
+    axes: Vec<Vec2>,
 }
 
 impl RectangleFinder {
@@ -28,21 +36,31 @@ impl RectangleFinder {
     /// there is at least one.
     pub(crate) fn smallest(&mut self, points: &mut [Vec3], pad: f32) -> Rectangle {
         self.convex_hull(points);
-        let mut best = bounds(&self.hull, Vec2::X);
-        let mut best_area = padded_area(&best, pad);
-        for i in 0..self.hull.len() {
-            let edge = self.hull[(i + 1) % self.hull.len()] - self.hull[i];
-            let Some(axis) = edge.truncate().try_normalize() else { continue };
-            let candidate = bounds(&self.hull, axis);
-            let area = padded_area(&candidate, pad);
-            if area < best_area {
-                (best, best_area) = (candidate, area);
-            }
-        }
-        best
+        self.planar.clear();
+        self.planar.extend(self.hull.iter().map(|p| p.truncate()));
+        self.collect_axes();
+        smallest_along(&self.axes, &self.planar, pad)
     }
 
-    /// The convex hull of the points of the last call; z goes along.
+    /// As [`smallest`](Self::smallest), for a polygon that goes counter-clockwise around the origin once. Its hull needs no
+    /// sorting (R. L. Graham, "An Efficient Algorithm for Determining the Convex Hull of a Finite Planar Set", 1972).
+    pub(crate) fn smallest_around_star(&mut self, polygon: &[Vec2], pad: f32) -> Rectangle {
+        let leftmost = (1..polygon.len()).fold(0, |l, i| if polygon[i].x < polygon[l].x { i } else { l });
+        self.planar.clear();
+        for &p in polygon[leftmost..].iter().chain(&polygon[..=leftmost]) {
+            while let [.., a, b] = self.planar[..]
+                && (b - a).perp_dot(p - a) <= 0.0
+            {
+                self.planar.pop();
+            }
+            self.planar.push(p);
+        }
+        self.collect_axes();
+        // All points are enclosed, not the hull alone: where rounding spoils the order, axes are missed, but no point is.
+        smallest_along(&self.axes, polygon, pad)
+    }
+
+    /// The convex hull of the points of the last call of [`smallest`](Self::smallest); z goes along.
     pub(crate) fn hull(&self) -> &[Vec3] {
         &self.hull
     }
@@ -71,21 +89,84 @@ impl RectangleFinder {
         }
         self.hull.pop();
     }
-}
 
-fn padded_area(r: &Rectangle, pad: f32) -> f32 {
-    (r.size.x + pad) * (r.size.y + pad)
-}
-
-fn bounds(points: &[Vec3], x_axis: Vec2) -> Rectangle {
-    let (mut min, mut max) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
-    for p in points {
-        let p = p.truncate();
-        let q = Vec2::new(p.dot(x_axis), x_axis.perp_dot(p));
-        min = min.min(q);
-        max = max.max(q);
+    /// The directions of the edges of the polygon in `planar`, after that of the first axis.
+    fn collect_axes(&mut self) {
+        self.axes.clear();
+        self.axes.push(Vec2::X);
+        let Some(&last) = self.planar.last() else { return };
+        let mut from = last;
+        for &to in &self.planar {
+            let edge = to - from;
+            let length = edge.length();
+            // Too short or not finite: no direction.
+            if length > f32::MIN_POSITIVE && length < f32::INFINITY {
+                self.axes.push(edge / length);
+            }
+            from = to;
+        }
     }
-    Rectangle { x_axis, min, size: max - min }
+}
+
+/// The best of the rectangles around the points with a side along one of the unit vectors; among equals the first.
+fn smallest_along(axes: &[Vec2], points: &[Vec2], pad: f32) -> Rectangle {
+    let mut best = Rectangle::POINT;
+    let mut best_area = f32::INFINITY;
+    for four in axes.chunks(4) {
+        let axis = |i: usize| four[i.min(four.len() - 1)];
+        let mut bounds = FourBounds::along([axis(0), axis(1), axis(2), axis(3)]);
+        points.iter().for_each(|&p| bounds.add(p));
+        let [width, height] = bounds.sizes();
+        let areas = (width + pad) * (height + pad);
+        for (i, area) in areas.to_array().into_iter().enumerate() {
+            if area < best_area {
+                let (min, max) = bounds.at(i);
+                (best, best_area) = (Rectangle { x_axis: axis(i), min, size: max - min }, area);
+            }
+        }
+    }
+    best
+}
+
+/// The bounds of a point set along four rotations at once, one in each lane.
+#[derive(Clone, Copy)]
+pub(crate) struct FourBounds {
+    /// Coordinates of the rotations' first axes.
+    x: Vec4,
+    y: Vec4,
+    min_x: Vec4,
+    min_y: Vec4,
+    max_x: Vec4,
+    max_y: Vec4,
+}
+
+impl FourBounds {
+    /// Bounds of nothing yet. The axes are unit vectors.
+    pub(crate) fn along(axes: [Vec2; 4]) -> Self {
+        let (x, y) = (Vec4::from(axes.map(|a| a.x)), Vec4::from(axes.map(|a| a.y)));
+        let (low, high) = (Vec4::INFINITY, Vec4::NEG_INFINITY);
+        Self { x, y, min_x: low, min_y: low, max_x: high, max_y: high }
+    }
+
+    #[inline]
+    pub(crate) fn add(&mut self, p: Vec2) {
+        let along = self.x * p.x + self.y * p.y;
+        let across = self.x * p.y - self.y * p.x;
+        self.min_x = self.min_x.min(along);
+        self.max_x = self.max_x.max(along);
+        self.min_y = self.min_y.min(across);
+        self.max_y = self.max_y.max(across);
+    }
+
+    /// Widths and heights.
+    pub(crate) fn sizes(&self) -> [Vec4; 2] {
+        [self.max_x - self.min_x, self.max_y - self.min_y]
+    }
+
+    fn at(&self, lane: usize) -> (Vec2, Vec2) {
+        let at = |x: Vec4, y: Vec4| Vec2::new(x[lane], y[lane]);
+        (at(self.min_x, self.min_y), at(self.max_x, self.max_y))
+    }
 }
 
 #[cfg(test)]
@@ -108,7 +189,29 @@ mod tests {
         assert!(r.size.min_element() < 1e-6 && (r.size.max_element() - 2f32.sqrt()).abs() < 1e-6);
     }
 
+    fn padded_area(r: &Rectangle) -> f32 {
+        (r.size.x + 0.01) * (r.size.y + 0.01)
+    }
+
     proptest! {
+        #[test]
+        fn a_star_needs_no_sorting(
+            radii in prop::collection::vec(0.1f32..1.0, 3..30),
+            first in 0f32..6.3,
+            turn in prop::sample::select(vec![1.0, 2.0, 4.0, 6.1, std::f32::consts::TAU]),
+        ) {
+            let step = turn / radii.len() as f32;
+            let at = |(i, r): (usize, &f32)| *r * Vec2::from_angle(first + step * i as f32);
+            // An open fan begins with its centre.
+            let open = (turn < 6.2).then_some(Vec2::ZERO);
+            let polygon: Vec<Vec2> = open.into_iter().chain(radii.iter().enumerate().map(at)).collect();
+            let mut points: Vec<Vec3> = polygon.iter().map(|p| p.extend(0.0)).collect();
+            let sorted = RectangleFinder::default().smallest(&mut points, 0.01);
+            let mut finder = RectangleFinder::default();
+            let r = finder.smallest_around_star(&polygon, 0.01);
+            prop_assert!((padded_area(&r) - padded_area(&sorted)).abs() < 1e-5, "{r:?}, not {sorted:?}");
+        }
+
         #[test]
         fn holds_all_points_and_beats_the_axes(points in prop::collection::vec((-1f32..1.0, -1f32..1.0), 1..40)) {
             let points: Vec<Vec3> = points.into_iter().map(|(x, y)| Vec3::new(x, y, 0.0)).collect();
@@ -117,7 +220,9 @@ mod tests {
                 let q = Vec2::new(p.dot(r.x_axis), r.x_axis.perp_dot(p)) - r.min;
                 prop_assert!(q.min_element() > -1e-5 && (r.size - q).min_element() > -1e-5);
             }
-            prop_assert!(padded_area(&r, 0.01) <= padded_area(&bounds(&points, Vec2::X), 0.01) + 1e-5);
+            let planar: Vec<Vec2> = points.iter().map(|p| p.truncate()).collect();
+            let upright = smallest_along(&[Vec2::X], &planar, 0.01);
+            prop_assert!(padded_area(&r) <= padded_area(&upright) + 1e-5);
         }
     }
 }

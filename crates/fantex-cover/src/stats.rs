@@ -1,10 +1,13 @@
 //! Figures that describe a cover.
 
+use std::ops::Range;
+
 use fantex_mesh::Mesh;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::{Cover, FanCounts};
+use crate::surface::Surface;
+use crate::{Cover, FanCounts, GroupKind};
 
 /// First, fiftieth and ninety-ninth percentile, by surface area.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,23 +55,23 @@ impl CoverStats {
     /// at `SAMPLED_CHUNKS` evenly spaced runs of triangles.
     pub(crate) fn measure(
         &mut self,
-        mesh: &Mesh,
-        areas: &[f32],
+        surface: &Surface<'_>,
         cover: &Cover,
         nominal: impl Fn(usize) -> f32 + Sync,
     ) {
         self.groups = cover.groups.len() as u64;
         self.texels = cover.texels();
-        let chunks: Vec<(usize, &[f32])> = areas.chunks(CHUNK).enumerate().collect();
-        let stride = chunks.len().div_ceil(SAMPLED_CHUNKS);
-        let parts: Vec<Part> = chunks
-            .par_iter()
-            .step_by(stride)
-            .map(|&(i, chunk)| Part::of(i * CHUNK, chunk, mesh, cover, &nominal))
+        let triangles = surface.mesh.triangles.len();
+        let chunks = triangles.div_ceil(CHUNK);
+        let parts: Vec<Part> = (0..chunks)
+            .into_par_iter()
+            .step_by(chunks.div_ceil(SAMPLED_CHUNKS))
+            .map(|i| i * CHUNK..triangles.min((i + 1) * CHUNK))
+            .map(|chunk| Part::of(chunk, surface, cover, &nominal))
             .collect();
         let mut sum = Part::default();
         parts.iter().for_each(|p| sum.add(p));
-        let whole_area: f64 = areas.iter().map(|&a| f64::from(a)).sum();
+        let whole_area = surface.total(|_| 1.0);
         self.density_share = sum.surface_texels / sum.area * whole_area / self.texels as f64;
         self.lookups_per_sample = sum.lookups / sum.area;
         self.stretch = sum.stretch.percentiles();
@@ -93,23 +96,24 @@ struct Part {
 
 impl Part {
     fn of(
-        first: usize,
-        areas: &[f32],
-        mesh: &Mesh,
+        triangles: Range<usize>,
+        surface: &Surface<'_>,
         cover: &Cover,
         nominal: &(impl Fn(usize) -> f32 + Sync),
     ) -> Self {
         let mut part = Self::default();
-        for (t, &area) in (first..).zip(areas) {
+        for t in triangles {
             let density = nominal(t);
-            let a = f64::from(area);
+            let a = f64::from(surface.area(t));
             part.area += a;
             part.lookups += a * expected_lookups(cover.corner_groups[t], f64::from(cover.delta));
             let groups = cover.corner_groups[t];
             let alike = groups[0] == groups[1] && groups[1] == groups[2];
             let (slots, weight) = if alike { (1, a) } else { (3, a / 3.0) };
+            let plane = Plane::of(surface.mesh.triangle_positions(t));
             for slot in 0..slots {
-                let [large, small] = singular_values(mesh, cover, t, slot);
+                let values = |plane: &Plane| singular_values(plane, surface.mesh, cover, t, slot);
+                let [large, small] = plane.as_ref().map_or([0.0; 2], values);
                 part.surface_texels += f64::from(large * small) * weight;
                 part.stretch.add(small / density, weight);
                 part.spread.add(large * small / (density * density), weight);
@@ -137,22 +141,50 @@ fn expected_lookups([a, b, c]: [u32; 3], delta: f64) -> f64 {
     }
 }
 
+/// A triangle's plane: an orthonormal basis whose first vector lies along the first edge, and the triangle in it.
+struct Plane {
+    x: Vec3,
+    y: Vec3,
+    /// Length of the first edge.
+    length: f32,
+    /// The third corner.
+    apex: Vec2,
+}
+
+impl Plane {
+    /// `None` for a triangle without area.
+    fn of([a, b, c]: [Vec3; 3]) -> Option<Self> {
+        let (e1, e2) = (b - a, c - a);
+        let length = e1.length();
+        let x = e1 / length;
+        let along = e2.dot(x);
+        let up = e2 - x * along;
+        let height = up.length();
+        (length > 0.0 && height > 0.0).then(|| Self {
+            x,
+            y: up / height,
+            length,
+            apex: Vec2::new(along, height),
+        })
+    }
+}
+
 /// Texels per mesh unit along the directions in which a triangle's texels lie densest and least dense.
-fn singular_values(mesh: &Mesh, cover: &Cover, triangle: usize, slot: usize) -> [f32; 2] {
+fn singular_values(plane: &Plane, mesh: &Mesh, cover: &Cover, triangle: usize, slot: usize) -> [f32; 2] {
     let group = &cover.groups[cover.corner_groups[triangle][slot] as usize];
     let texels = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
-    let [a, b, c] = mesh.triangle_positions(triangle);
-    let [ta, tb, tc] = cover.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
-    // An orthonormal basis of the triangle's plane, then the Jacobian of the map from it to texels.
-    let (e1, e2) = (b - a, c - a);
-    let length = e1.length();
-    let x = e1 / length;
-    let (p, height) = (e2.dot(x), e1.cross(e2).length() / length);
-    if !(length > 0.0 && height > 0.0) {
-        return [0.0; 2];
-    }
-    let du = (tb - ta) / length;
-    let dv = ((tc - ta) - du * p) / height;
+    // The Jacobian of the map from the triangle's plane to texels.
+    let [du, dv] = match group.kind {
+        GroupKind::Projected => {
+            let (u, v) = (group.frame.x_axis, group.frame.y_axis());
+            [plane.x, plane.y].map(|axis| group.uv_scale * texels * Vec2::new(axis.dot(u), axis.dot(v)))
+        }
+        GroupKind::Unfolded => {
+            let [a, b, c] = cover.tile_corners(mesh, triangle, slot).map(|uv| uv * texels);
+            let du = (b - a) / plane.length;
+            [du, ((c - a) - du * plane.apex.x) / plane.apex.y]
+        }
+    };
     let (e, f, g) = (du.length_squared(), du.dot(dv), dv.length_squared());
     let root = ((e - g) * (e - g) + 4.0 * f * f).sqrt();
     [(0.5 * (e + g + root)).max(0.0).sqrt(), (0.5 * (e + g - root)).max(0.0).sqrt()]

@@ -1,49 +1,89 @@
 //! The mesh as the cover's construction sees it: normals, areas, fans.
 
 use fantex_mesh::{FanCorner, Fans, Mesh};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 /// A mesh with per-triangle geometry and its fans. Lengths are mesh units.
 pub(crate) struct Surface<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) fans: Fans,
-    /// Unit normal of each triangle, by its winding.
-    pub(crate) normals: Vec<Vec3>,
-    /// Area of each triangle.
-    pub(crate) areas: Vec<f32>,
+    /// Unit normal of each triangle, by its winding, and its area: whoever needs one mostly needs the other.
+    facets: Vec<Vec4>,
 }
 
 impl<'a> Surface<'a> {
     pub(crate) fn new(mesh: &'a Mesh, fans: Fans) -> Self {
-        let (normals, areas) = mesh
-            .triangles
-            .par_iter()
-            .map(|t| {
-                let [a, b, c] = t.map(|v| mesh.positions[v as usize].as_dvec3());
-                // Double precision: slivers of long meshes lose all digits of a single-precision cross product.
-                let cross = (b - a).cross(c - a);
-                let length = cross.length();
-                ((cross / length.max(f64::MIN_POSITIVE)).as_vec3(), 0.5 * length as f32)
-            })
-            .unzip();
-        Self { mesh, fans, normals, areas }
+        let facet = |t: &[u32; 3]| facet(t.map(|v| mesh.positions[v as usize]));
+        Self { mesh, fans, facets: mesh.triangles.par_iter().with_min_len(1 << 12).map(facet).collect() }
     }
 
-    /// The normal of a fan's triangle, on the fan's front side.
-    pub(crate) fn fan_normal(&self, corner: FanCorner) -> Vec3 {
-        let n = self.normals[corner.triangle()];
-        if corner.reversed() { -n } else { n }
+    /// Area of a triangle.
+    #[inline]
+    pub(crate) fn area(&self, triangle: usize) -> f32 {
+        self.facets[triangle].w
+    }
+
+    /// The integral of a value per triangle over the surface, the same on any number of threads.
+    pub(crate) fn total(&self, value: impl Fn(usize) -> f64 + Sync) -> f64 {
+        const CHUNK: usize = 1 << 14;
+        let chunk_sum = |(i, facets): (usize, &[Vec4])| -> f64 {
+            (i * CHUNK..).zip(facets).map(|(t, facet)| f64::from(facet.w) * value(t)).sum()
+        };
+        let sums: Vec<f64> = self.facets.par_chunks(CHUNK).enumerate().map(chunk_sum).collect();
+        sums.into_iter().sum()
+    }
+
+    /// The normal of a fan's triangle on the fan's front side, and the triangle's area.
+    #[inline]
+    pub(crate) fn fan_facet(&self, corner: FanCorner) -> (Vec3, f32) {
+        let facet = self.facets[corner.triangle()];
+        let normal = facet.truncate();
+        (if corner.reversed() { -normal } else { normal }, facet.w)
+    }
+
+    /// The centre vertex and the earlier and later ring vertex.
+    #[inline]
+    pub(crate) fn fan_vertices(&self, corner: FanCorner) -> [u32; 3] {
+        let t = self.mesh.triangles[corner.triangle()];
+        corner.slots().map(|k| t[k])
     }
 
     /// Positions of the centre and of the earlier and later ring vertex.
+    #[inline]
     pub(crate) fn fan_triangle(&self, corner: FanCorner) -> [Vec3; 3] {
         let t = self.mesh.triangle_positions(corner.triangle());
         corner.slots().map(|k| t[k])
     }
 
     /// The centre vertex' position.
+    #[inline]
     pub(crate) fn fan_center(&self, fan: usize) -> Vec3 {
-        self.fan_triangle(self.fans.corners(fan)[0])[0]
+        let corner = self.fans.corners(fan)[0].corner() as usize;
+        self.mesh.positions[self.mesh.triangles[corner / 3][corner % 3] as usize]
     }
 }
+
+/// The unit normal and area of a triangle.
+#[inline]
+fn facet([a, b, c]: [Vec3; 3]) -> Vec4 {
+    let (u, v) = (b - a, c - a);
+    let cross = u.cross(v);
+    let squared = cross.length_squared();
+    // The cross product is off by at most some ulp of |u| |v|: in single precision a normal to a ten-thousandth, unless the
+    // triangle is a sliver (or so small that squares underflow), which lose all their digits.
+    if squared > SLIVER * SLIVER * (u.length_squared() * v.length_squared()) && squared > SMALLEST {
+        let length = squared.sqrt();
+        return (cross / length).extend(0.5 * length);
+    }
+    let [a, b, c] = [a, b, c].map(|p| p.as_dvec3());
+    let cross = (b - a).cross(c - a);
+    let length = cross.length();
+    (cross / length.max(f64::MIN_POSITIVE)).as_vec3().extend(0.5 * length as f32)
+}
+
+/// The sine of the widest angle that needs double precision.
+const SLIVER: f32 = 0.02;
+
+/// Squares of cross products from here on are normal numbers, and so are the squares of the lengths.
+const SMALLEST: f32 = 1e-30;

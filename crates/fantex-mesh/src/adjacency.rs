@@ -38,6 +38,11 @@ impl VertexCorners {
         self.starts.len() - 1
     }
 
+    /// Number of corners of all vertices.
+    pub fn corner_count(&self) -> usize {
+        self.corners.len()
+    }
+
     /// True where there is no vertex at all.
     pub fn is_empty(&self) -> bool {
         self.len() == 0

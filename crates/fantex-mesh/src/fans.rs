@@ -15,6 +15,7 @@
 use rayon::prelude::*;
 
 use crate::VertexCorners;
+use crate::disc::Disc;
 
 /// A fan's corner as the walk around the centre passes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,49 +70,55 @@ impl Fans {
     /// Gathers the fans of a mesh with the given vertex-to-corner lists. Linear in the corners for bounded degree,
     /// `O(d log d)` for a vertex of degree `d`.
     pub fn of(triangles: &[[u32; 3]], vertex_corners: &VertexCorners) -> Self {
-        let vertex_count = vertex_corners.len();
-        let parts: Vec<Part> = (0..vertex_count.div_ceil(RUN))
+        // A fan's corners are some of its vertex' corners: every run of vertices sorts its own.
+        let mut corners: Vec<FanCorner> = vec![FanCorner(0); vertex_corners.corner_count()];
+        let mut runs = Vec::with_capacity(vertex_corners.len() / RUN + 1);
+        let mut rest = corners.as_mut_slice();
+        for begin in (0..vertex_corners.len()).step_by(RUN) {
+            let vertices = begin..vertex_corners.len().min(begin + RUN);
+            let (run, tail) = rest.split_at_mut(vertices.clone().map(|v| vertex_corners.at(v).len()).sum());
+            runs.push((vertices, run));
+            rest = tail;
+        }
+        let parts: Vec<Part> = runs
             .into_par_iter()
-            .map(|run| {
-                let mut part = Part::default();
+            .map(|(vertices, run)| {
+                let mut part = Part { lengths: Vec::with_capacity(RUN), closed: Vec::with_capacity(RUN) };
                 let mut walker = Walker::default();
-                for v in run * RUN..vertex_count.min((run + 1) * RUN) {
-                    walker.walk(triangles, vertex_corners.at(v), &mut part);
+                let mut rest = run;
+                for v in vertices {
+                    let (corners, tail) = rest.split_at_mut(vertex_corners.at(v).len());
+                    walker.walk(triangles, vertex_corners.at(v), corners, &mut part);
+                    rest = tail;
                 }
                 part
             })
             .collect();
-        Self::concatenate(parts, triangles, vertex_count)
-    }
-
-    fn concatenate(parts: Vec<Part>, triangles: &[[u32; 3]], vertex_count: usize) -> Self {
-        let corner_count = 3 * triangles.len();
-        let fan_count: usize = parts.iter().map(|p| p.lengths.len()).sum();
-        let mut first = Vec::with_capacity(fan_count + 1);
-        let mut corners = Vec::with_capacity(corner_count);
-        let mut closed = Vec::with_capacity(fan_count);
+        let mut first = Vec::with_capacity(vertex_corners.len() + 1);
+        let mut closed = Vec::with_capacity(vertex_corners.len());
         first.push(0);
         let mut end = 0;
-        for part in parts {
-            for length in part.lengths {
+        for part in &parts {
+            first.extend(part.lengths.iter().map(|length| {
                 end += length;
-                first.push(end);
-            }
-            corners.extend_from_slice(&part.corners);
+                end
+            }));
             closed.extend_from_slice(&part.closed);
         }
         // Where every vertex has one fan, fans are numbered as vertices are.
-        let one_each = fan_count == vertex_count && first.windows(2).all(|range| range[0] < range[1]);
-        let corner_fans = match one_each && first_vertices_ascend(&first, &corners, triangles) {
+        let one_each = first.len() == vertex_corners.len() + 1
+            && (0..vertex_corners.len())
+                .all(|v| vertex_corners.at(v).len() as u32 == first[v + 1] - first[v]);
+        let corner_fans = match one_each {
             true => triangles.as_flattened().to_vec(),
-            false => invert(&first, &corners, corner_count),
+            false => invert(&first, &corners, corners.len()),
         };
         Self { corner_fans, first, corners, closed }
     }
 
     /// The same fans, except that each one that `split` picks is replaced by one open fan per triangle.
     pub fn with_split(&self, split: impl Fn(usize) -> bool) -> Self {
-        let mut part = Part { corners: self.corners.clone(), ..Part::default() };
+        let mut part = Part::default();
         for fan in 0..self.len() {
             let length = self.corners(fan).len();
             if split(fan) {
@@ -127,8 +134,9 @@ impl Fans {
             *end += length;
             Some(*end)
         }));
-        let corner_fans = invert(&first, &part.corners, part.corners.len());
-        Self { corner_fans, first, corners: part.corners, closed: part.closed }
+        let corners = self.corners.clone();
+        let corner_fans = invert(&first, &corners, corners.len());
+        Self { corner_fans, first, corners, closed: part.closed }
     }
 
     /// Number of fans.
@@ -172,14 +180,6 @@ impl Fans {
     }
 }
 
-/// True where fan `f` lies around vertex `f`, for all fans.
-fn first_vertices_ascend(first: &[u32], corners: &[FanCorner], triangles: &[[u32; 3]]) -> bool {
-    (0..first.len() - 1).into_par_iter().with_min_len(1 << 14).all(|f| {
-        let corner = corners[first[f] as usize].corner() as usize;
-        triangles[corner / 3][corner % 3] as usize == f
-    })
-}
-
 /// The fan of each corner.
 fn invert(first: &[u32], corners: &[FanCorner], corner_count: usize) -> Vec<u32> {
     let mut corner_fans = vec![0; corner_count];
@@ -197,7 +197,6 @@ const RUN: usize = 4096;
 /// Fans of a run of vertices.
 #[derive(Default)]
 struct Part {
-    corners: Vec<FanCorner>,
     lengths: Vec<u32>,
     closed: Vec<bool>,
 }
@@ -220,15 +219,21 @@ struct Walker {
 const SMALL_DEGREE: usize = 24;
 
 impl Walker {
-    fn walk(&mut self, triangles: &[[u32; 3]], corners: &[u32], part: &mut Part) {
+    /// Writes the corners of a vertex to `out`, fan by fan.
+    fn walk(&mut self, triangles: &[[u32; 3]], corners: &[u32], out: &mut [FanCorner], part: &mut Part) {
+        if let Some(disc) = Disc::of(triangles, corners) {
+            for (to, &i) in out.iter_mut().zip(&disc.order) {
+                *to = FanCorner::new(corners[i as usize], false);
+            }
+            part.lengths.push(corners.len() as u32);
+            part.closed.push(true);
+            return;
+        }
         self.ring.clear();
         self.ring.extend(corners.iter().map(|&c| {
             let (t, k) = (&triangles[c as usize / 3], c as usize % 3);
             [t[(k + 1) % 3], t[(k + 2) % 3]]
         }));
-        if self.walk_oriented_disc(corners, part) {
-            return;
-        }
         self.link.clear();
         self.link.resize(corners.len(), [OPEN; 2]);
         if corners.len() <= SMALL_DEGREE {
@@ -238,51 +243,20 @@ impl Walker {
         }
         self.visited.clear();
         self.visited.resize(corners.len(), false);
+        let mut out = out.iter_mut();
         // Open fans first, each from the end where a counter-clockwise walk begins; then what is left is closed.
         for side in [0, 1] {
             for i in 0..corners.len() {
                 if !self.visited[i] && self.link[i][side] == OPEN {
-                    self.walk_from(i, side == 1, corners, part);
+                    self.walk_from(i, side == 1, corners, &mut out, part);
                 }
             }
         }
         for i in 0..corners.len() {
             if !self.visited[i] {
-                self.walk_from(i, false, corners, part);
+                self.walk_from(i, false, corners, &mut out, part);
             }
         }
-    }
-
-    /// The common case without links: a small, consistently wound, closed umbrella with distinct ring vertices.
-    fn walk_oriented_disc(&self, corners: &[u32], part: &mut Part) -> bool {
-        let n = corners.len();
-        if !(3..=SMALL_DEGREE).contains(&n) {
-            return false;
-        }
-        let begin = part.corners.len();
-        let (mut i, mut seen) = (0, 0u32);
-        for _ in 0..n {
-            let (mut following, mut matches) = (0, 0);
-            for (j, ring) in self.ring.iter().enumerate() {
-                if ring[0] == self.ring[i][1] {
-                    (following, matches) = (j, matches + 1);
-                }
-            }
-            if matches != 1 || seen & (1 << i) != 0 {
-                part.corners.truncate(begin);
-                return false;
-            }
-            seen |= 1 << i;
-            part.corners.push(FanCorner::new(corners[i], false));
-            i = following;
-        }
-        if i != 0 {
-            part.corners.truncate(begin);
-            return false;
-        }
-        part.lengths.push(n as u32);
-        part.closed.push(true);
-        true
     }
 
     fn link_by_search(&mut self) {
@@ -314,11 +288,21 @@ impl Walker {
     }
 
     /// Walks from local corner `i`, which is left over its `previous` vertex (or, `reversed`, over its `next`).
-    fn walk_from(&mut self, mut i: usize, mut reversed: bool, corners: &[u32], part: &mut Part) {
-        let begin = part.corners.len();
+    fn walk_from<'a>(
+        &mut self,
+        mut i: usize,
+        mut reversed: bool,
+        corners: &[u32],
+        out: &mut impl Iterator<Item = &'a mut FanCorner>,
+        part: &mut Part,
+    ) {
+        let mut length = 0;
         let closed = loop {
             self.visited[i] = true;
-            part.corners.push(FanCorner::new(corners[i], reversed));
+            length += 1;
+            if let Some(to) = out.next() {
+                *to = FanCorner::new(corners[i], reversed);
+            }
             let exit_side = if reversed { 0 } else { 1 };
             let j = self.link[i][exit_side];
             if j == OPEN {
@@ -331,7 +315,7 @@ impl Walker {
             }
             reversed = self.ring[i][0] != shared;
         };
-        part.lengths.push((part.corners.len() - begin) as u32);
+        part.lengths.push(length);
         part.closed.push(closed);
     }
 }

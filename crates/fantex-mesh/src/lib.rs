@@ -12,6 +12,7 @@
 
 mod adjacency;
 mod clean;
+mod disc;
 mod displace;
 mod fans;
 pub mod generate;

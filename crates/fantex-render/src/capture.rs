@@ -6,8 +6,8 @@ use fantex_texture::environment::{CubeFace, EnvironmentForm, EnvironmentMap};
 use glam::{DVec3, Vec3};
 
 use crate::{
-    Background, Camera, Coverage, Hit, Lights, MaterialSample, Picture, RenderError, RenderOptions, Surface,
-    render,
+    Background, Camera, Coverage, Finish, Hit, Lights, MaterialSample, Picture, RenderError, RenderOptions,
+    SmoothPoint, Surface, render,
 };
 
 /// How an environment is taken.
@@ -107,9 +107,31 @@ struct PartialSurface<'a> {
     kept: &'a [usize],
 }
 
+impl PartialSurface<'_> {
+    fn own_hit(&self, hit: &Hit) -> Hit {
+        Hit { triangle: self.kept[hit.triangle], ..*hit }
+    }
+}
+
 impl Surface for PartialSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        self.surface.shade_inputs(&Hit { triangle: self.kept[hit.triangle], ..*hit })
+        self.surface.shade_inputs(&self.own_hit(hit))
+    }
+
+    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+        self.surface.shade(&self.own_hit(hit))
+    }
+
+    fn alpha(&self, hit: &Hit) -> f32 {
+        self.surface.alpha(&self.own_hit(hit))
+    }
+
+    fn casts_shadow(&self, triangle: usize) -> bool {
+        self.surface.casts_shadow(self.kept[triangle])
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        self.surface.smooth_point(&self.own_hit(hit))
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {

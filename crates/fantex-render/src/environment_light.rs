@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fantex_texture::environment::{PrefilteredEnvironment, mirrored};
+use fantex_texture::environment::{PrefilteredEnvironment, mirrored, mirrored_steps};
 use glam::{Quat, Vec3};
 
 use crate::light::AmbientLight;
@@ -65,8 +65,7 @@ impl MirrorView {
     /// Neighbouring pixels look along nearly parallel rays: only the normal's change counts, which on anything but flat
     /// mirrors is far larger.
     pub(crate) fn new(normal: Vec3, normal_steps: [Vec3; 2], to_eye: Vec3) -> Self {
-        let steps =
-            fantex_texture::environment::mirrored_steps(normal, normal_steps, to_eye, [Vec3::ZERO; 2]);
+        let steps = mirrored_steps(normal, normal_steps, to_eye, [Vec3::ZERO; 2]);
         Self { normal, direction: mirrored(normal, to_eye), steps }
     }
 }

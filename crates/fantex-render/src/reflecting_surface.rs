@@ -8,7 +8,7 @@ use fantex_texture::environment::EnvironmentProxy;
 use glam::{DVec3, Vec3};
 
 use crate::environment_light::MirrorView;
-use crate::{Coverage, EnvironmentLight, Hit, MaterialSample, Surface};
+use crate::{Coverage, EnvironmentLight, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// A mirrored environment.
 #[derive(Clone, Debug)]
@@ -67,14 +67,36 @@ impl<'a> ReflectingSurface<'a> {
     }
 }
 
-impl Surface for ReflectingSurface<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        let material = self.surface.shade_inputs(hit);
+impl ReflectingSurface<'_> {
+    fn with_reflection(&self, hit: &Hit, material: MaterialSample) -> MaterialSample {
         if !(self.is_mirror)(hit.triangle) {
             return material;
         }
         let mirrored = self.mirrored(hit, &material);
         MaterialSample { emission: material.emission + mirrored, lookups: material.lookups + 1, ..material }
+    }
+}
+
+impl Surface for ReflectingSurface<'_> {
+    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        self.with_reflection(hit, self.surface.shade_inputs(hit))
+    }
+
+    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+        let (material, finish) = self.surface.shade(hit);
+        (self.with_reflection(hit, material), finish)
+    }
+
+    fn alpha(&self, hit: &Hit) -> f32 {
+        self.surface.alpha(hit)
+    }
+
+    fn casts_shadow(&self, triangle: usize) -> bool {
+        self.surface.casts_shadow(triangle)
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        self.surface.smooth_point(hit)
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {

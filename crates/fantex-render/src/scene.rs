@@ -227,7 +227,14 @@ impl<'a> Part<'a> {
     }
 
     fn material(&self, own: MaterialSample) -> MaterialSample {
-        MaterialSample { normal: self.normal(own.normal), ..own }
+        let normal = self.normal(own.normal);
+        // The derivative of a normalised vector.
+        let length = (self.scene_normal_from_object * own.normal).length().max(f32::MIN_POSITIVE);
+        let normal_steps = own.normal_steps.map(|step| {
+            let change = self.scene_normal_from_object * step / length;
+            change - normal * normal.dot(change)
+        });
+        MaterialSample { normal, normal_steps, ..own }
     }
 }
 

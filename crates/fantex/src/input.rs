@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use fantex::look::LookFile;
-use fantex::mesh::{self, CleanOptions, CleanReport, LoadOptions, Mesh};
+use fantex::mesh::{self, CleanOptions, CleanReport, LoadOptions, Mesh, Model};
 use fantex::store::Asset;
 
 use crate::context::Context;
@@ -48,10 +48,7 @@ impl Input {
 impl CleanModel {
     /// Loads and cleans a model; an asset is refused.
     pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
-        refuse_look(path)?;
-        if is_asset(path)? {
-            return Err(CliError::AssetInsteadOfModel { path: path.into() });
-        }
+        refuse_asset(path)?;
         Self::load(path)
     }
 
@@ -70,6 +67,17 @@ impl CleanModel {
     pub(crate) fn show_notes(&self, path: &Path, context: &Context) {
         self.notes.iter().for_each(|note| context.note(format!("{}: {note}", path.display())));
     }
+}
+
+/// Loads a model as its file says; an asset is refused.
+pub(crate) fn open_model(path: &Path) -> Result<Model, CliError> {
+    refuse_asset(path)?;
+    Ok(mesh::load(path, &LoadOptions::default())?)
+}
+
+fn refuse_asset(path: &Path) -> Result<(), CliError> {
+    refuse_look(path)?;
+    if is_asset(path)? { Err(CliError::AssetInsteadOfModel { path: path.into() }) } else { Ok(()) }
 }
 
 /// Opens an asset; a model is refused.

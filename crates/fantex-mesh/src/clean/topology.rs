@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::star::Star;
 use crate::VertexCorners;
+use crate::disc::Disc;
 
 /// Vertices per parallel task.
 const BLOCK: usize = 1 << 12;
@@ -40,6 +41,10 @@ impl Topology {
             .map_init(Star::default, |star, block| {
                 let mut counts = Self::default();
                 for v in block * BLOCK..corners.len().min((block + 1) * BLOCK) {
+                    if let Some(disc) = Disc::of(triangles, corners.at(v)) {
+                        counts.add_disc(v as u32, corners.at(v), &disc, &components);
+                        continue;
+                    }
                     counts.add_vertex(star.gather(v as u32, corners.at(v), triangles), &components);
                 }
                 counts
@@ -61,6 +66,21 @@ impl Topology {
         let is_manifold = self.edges_non_manifold == 0 && self.vertices_non_manifold == 0;
         let doubled = 2 * self.components as i64 - self.euler_characteristic();
         (is_closed && is_manifold).then_some((doubled / 2) as u64)
+    }
+
+    /// As `add_vertex`, for a vertex in the middle of a disc.
+    fn add_disc(&mut self, vertex: u32, corners: &[u32], disc: &Disc, components: &Components) {
+        self.vertices += 1;
+        let triangle = |i: u8| corners[i as usize] / 3;
+        let order = &disc.order[..corners.len()];
+        let mut before = order[corners.len() - 1];
+        for &i in order {
+            if disc.ends[i as usize] > vertex {
+                self.edges += 1;
+                components.join(triangle(before), triangle(i));
+            }
+            before = i;
+        }
     }
 
     /// Counts a vertex and those of its edges that lead to a higher index; joins the triangles at these edges.

@@ -15,7 +15,7 @@ use super::form::paraboloid_uv;
 use super::{ChartPoint, CubeFace, EnvironmentForm};
 
 /// The texels of one level.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub(super) struct Level {
     pub(super) form: EnvironmentForm,
     /// Columns and rows of a chart, without the apron.

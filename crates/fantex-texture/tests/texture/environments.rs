@@ -380,6 +380,38 @@ fn even_surroundings_are_reflected_evenly() {
     }
 }
 
+#[test]
+fn the_number_of_threads_makes_no_difference() {
+    let on_threads = |count: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(count).build().unwrap();
+        pool.install(|| {
+            let map = EnvironmentMap::from_function(EnvironmentForm::Sphere, 96, |d, _| noise(d));
+            let environment = PrefilteredEnvironment::new(Arc::new(map));
+            let rough = sphere(100).map(|d| environment.reflected(d, NO_FOOTPRINT, d.y.abs()).to_array());
+            (rough.collect::<Vec<_>>(), environment.irradiance().coefficients())
+        })
+    };
+    assert_eq!(on_threads(1), on_threads(3));
+}
+
+#[test]
+fn impossible_directions_give_numbers() {
+    let directions = [Vec3::ZERO, Vec3::NAN, Vec3::INFINITY, Vec3::NEG_Z, Vec3::NEG_Y, Vec3::splat(1e-30)];
+    for form in EnvironmentForm::ALL {
+        let map = Arc::new(EnvironmentMap::from_function(form, 8, |d, _| pattern(d)));
+        let environment = PrefilteredEnvironment::new(Arc::clone(&map));
+        for d in directions {
+            for steps in directions.map(|step| [step, Vec3::X]) {
+                for roughness in [0.0, 0.05, 0.5] {
+                    let value = environment.reflected(d, steps, roughness);
+                    let possible = d.is_finite() && steps[0].is_finite();
+                    assert!(value.is_finite() || !possible, "{form:?} {d} {steps:?} {roughness}: {value}");
+                }
+            }
+        }
+    }
+}
+
 /// What a GGX surface seen along its normal gathers, weighted by the cosine: a sum over all texels.
 fn rough_by_brute_force(map: &EnvironmentMap, level: usize, normal: Vec3, roughness: f32) -> Vec3 {
     let a2 = roughness.powi(4);

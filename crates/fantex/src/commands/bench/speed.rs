@@ -7,7 +7,7 @@ use std::time::Instant;
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, sample_finest};
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::generate::{LandscapeOptions, grid, landscape};
-use fantex::mesh::{self, CleanOptions, ImageSource, Mesh, TextureRef, WrapMode};
+use fantex::mesh::{self, CleanOptions, ImageSource, Mesh, Model, TextureRef, WrapMode};
 use fantex::render::{Camera, FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, Quality, TexelFormat, TexelSlice, encode_many};
 use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
@@ -18,21 +18,28 @@ use tempfile::TempDir;
 use super::{ModelArgs, Row};
 use crate::context::Context;
 use crate::error::CliError;
-use crate::input::CleanModel;
+use crate::input::{self, CleanModel};
 use crate::scene::{photograph, portrait};
 use crate::sources::{OpenSource, SourceArg};
 
 /// Repetitions of quick measurements; the fastest counts.
 const REPETITIONS: usize = 3;
 
-/// Covering: all steps from fans to tile extents.
+/// Covering: all steps from welding to tile extents, cleaning and its report included.
 pub(super) fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
-    let mesh = open(args, context)?;
+    let model = open_model(args, context)?;
     let mut rows = Vec::new();
     for (name, tile) in [("cover, grouped", CoverOptions::default().tile), ("cover, one fan per tile", 0)] {
         let options = cover_options(args, tile);
-        let seconds = fastest(|| build_cover(&mesh, &options).map(|_| ()))?;
-        rows.push(Row::new(name, mesh.triangles.len() as f64 / seconds / 1e6, "M triangles/s"));
+        let mut best_seconds = f64::INFINITY;
+        for _ in 0..REPETITIONS {
+            let model = model.clone();
+            let started = Instant::now();
+            let (mesh, _) = mesh::clean(model, &CleanOptions::default())?;
+            build_cover(&mesh, &options)?;
+            best_seconds = best_seconds.min(started.elapsed().as_secs_f64());
+        }
+        rows.push(Row::new(name, model.triangles.len() as f64 / best_seconds / 1e6, "M triangles/s"));
     }
     Ok(rows)
 }
@@ -250,9 +257,17 @@ fn open(args: &ModelArgs, context: &Context) -> Result<Mesh, CliError> {
     if let Some(path) = &args.model {
         return Ok(CleanModel::open(path)?.mesh);
     }
+    Ok(mesh::clean(open_model(args, context)?, &CleanOptions::default())?.0)
+}
+
+/// The model as its file says, or a landscape.
+fn open_model(args: &ModelArgs, context: &Context) -> Result<Model, CliError> {
+    if let Some(path) = &args.model {
+        return input::open_model(path);
+    }
     let options =
         LandscapeOptions { triangles: args.triangles.0, seed: context.seed, ..LandscapeOptions::default() };
-    Ok(mesh::clean(landscape(&options).into(), &CleanOptions::default())?.0)
+    Ok(landscape(&options).into())
 }
 
 fn cover_options(args: &ModelArgs, tile: u32) -> CoverOptions {
