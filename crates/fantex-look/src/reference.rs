@@ -19,7 +19,7 @@ pub fn fill_reference(page: &str) -> String {
     let mut rest = page;
     while let Some((before, name, after)) = next_mark(rest) {
         filled.push_str(before);
-        let _written = write!(filled, "{START}{name}{START_END}\n");
+        let _written = writeln!(filled, "{START}{name}{START_END}");
         match (key_table(name), after.find(END)) {
             (Some(table), Some(end)) => {
                 filled.push_str(&table);

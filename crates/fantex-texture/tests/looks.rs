@@ -1,5 +1,7 @@
 //! Looks resolved: values of textures and materials.
 
+#![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
+
 use std::path::Path;
 
 use fantex_look::LookFile;
