@@ -5,16 +5,25 @@ use serde_json::Value;
 use crate::shell::{Failure, capture, cargo_command};
 
 /// Every crate of the workspace with those that it may depend on. Test-only dependencies are free: siblings meet in tests.
-const ALLOWED: [(&str, &[&str]); 8] = [
+const ALLOWED: [(&str, &[&str]); 9] = [
     ("fantex-mesh", &[]),
-    ("fantex-texture", &["fantex-mesh"]),
+    ("fantex-look", &[]),
+    ("fantex-texture", &["fantex-mesh", "fantex-look"]),
     ("fantex-cover", &["fantex-mesh"]),
     ("fantex-store", &["fantex-mesh", "fantex-cover"]),
     ("fantex-bake", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
     ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
     (
         "fantex",
-        &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-bake", "fantex-render"],
+        &[
+            "fantex-mesh",
+            "fantex-look",
+            "fantex-texture",
+            "fantex-cover",
+            "fantex-store",
+            "fantex-bake",
+            "fantex-render",
+        ],
     ),
     ("xtask", &[]),
 ];

@@ -3,12 +3,14 @@
 use std::io::{self, Write};
 use std::path::Path;
 
+use fantex::texture::look::ResolveOptions;
 use serde::Serialize;
 
 use crate::cli::CommonArgs;
 use crate::error::CliError;
 use crate::interrupt::{Deferral, Interrupt};
 use crate::progress::Bar;
+use crate::sources::folded_seed;
 
 /// The common flags at work.
 #[derive(Debug)]
@@ -75,6 +77,15 @@ impl Context {
     /// Keeps Ctrl-C from ending the program while a file is written.
     pub(crate) fn defer_interrupt(&self) -> Deferral<'_> {
         self.interrupt.defer()
+    }
+
+    /// How the textures of a look are made.
+    pub(crate) fn resolve_options(&self) -> ResolveOptions {
+        ResolveOptions {
+            memory_bytes: self.memory_bytes,
+            seed: folded_seed(self.seed),
+            ..ResolveOptions::default()
+        }
     }
 
     /// Ends the command if Ctrl-C came meanwhile.

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex::{bake, cover, mesh, render, store, texture};
+use fantex::{bake, cover, look, look_scene, mesh, render, store, texture};
 
 use crate::interrupt;
 
@@ -39,6 +39,14 @@ pub(crate) enum CliError {
     #[error(transparent)]
     UnknownSolid(#[from] texture::UnknownSolid),
     #[error(transparent)]
+    Look(#[from] look::LookError),
+    #[error("{}: {problem}", path.display())]
+    LookContent { path: PathBuf, problem: look::LookProblem },
+    #[error(transparent)]
+    LookScene(#[from] look_scene::LookSceneError),
+    #[error(transparent)]
+    LookBake(#[from] look_scene::LookBakeError),
+    #[error(transparent)]
     NoVertexColors(#[from] bake::NoVertexColors),
     #[error("cannot start the threads that were asked for: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -72,6 +80,10 @@ pub(crate) enum CliError {
         path.display()
     )]
     AssetInsteadOfModel { path: PathBuf },
+    #[error("{} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)", path.display())]
+    LookInstead { path: PathBuf },
+    #[error("{} is no model, and only models have materials that are printed as a look", path.display())]
+    NoMaterials { path: PathBuf },
     #[error("{} is not an asset; give a .fan file, for example one that 'fantex bake' has written", path.display())]
     ModelInsteadOfAsset { path: PathBuf },
     #[error(
@@ -83,6 +95,10 @@ pub(crate) enum CliError {
     NoTextures { path: PathBuf },
     #[error("{option} has no meaning for an asset: {} has its cover already", path.display())]
     NotForAssets { option: &'static str, path: PathBuf },
+    #[error("{} is a look, which has its lamps and surroundings itself; leave {option} out", path.display())]
+    NotForLooks { option: &'static str, path: PathBuf },
+    #[error("a look is baked by 'fantex bake'; give another source here")]
+    LookAsSource,
     #[error("--match takes the density of textures, and {source_name} has none; give --texels or --density")]
     NothingToMatch { source_name: String },
     #[error("{} did not pass: {reason}", path.display())]
@@ -99,6 +115,8 @@ impl CliError {
             Self::NothingToBake { .. }
             | Self::NoTextures { .. }
             | Self::NotForAssets { .. }
+            | Self::NotForLooks { .. }
+            | Self::LookAsSource
             | Self::NothingToMatch { .. } => 2,
             _ => 1,
         }

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use fantex::look::LookFile;
 use fantex::mesh::{self, CleanOptions, CleanReport, LoadOptions, Mesh, Model};
 use fantex::store::Asset;
 
@@ -28,11 +29,15 @@ pub(crate) struct CleanModel {
 pub(crate) enum Input {
     Model(Box<CleanModel>),
     Asset(Arc<Asset>),
+    Look(Box<LookFile>),
 }
 
 impl Input {
-    /// Opens a model or an asset.
+    /// Opens a model, an asset or a look.
     pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
+        if is_look(path) {
+            return Ok(Self::Look(Box::new(LookFile::read(path)?)));
+        }
         if is_asset(path)? {
             return Ok(Self::Asset(Arc::new(Asset::open(path)?)));
         }
@@ -71,15 +76,26 @@ pub(crate) fn open_model(path: &Path) -> Result<Model, CliError> {
 }
 
 fn refuse_asset(path: &Path) -> Result<(), CliError> {
+    refuse_look(path)?;
     if is_asset(path)? { Err(CliError::AssetInsteadOfModel { path: path.into() }) } else { Ok(()) }
 }
 
 /// Opens an asset; a model is refused.
 pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>, CliError> {
+    refuse_look(path)?;
     if !is_asset(path)? {
         return Err(CliError::ModelInsteadOfAsset { path: path.into() });
     }
     Ok(Arc::new(Asset::open(path)?))
+}
+
+/// True for files that are named `.toml`.
+pub(crate) fn is_look(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+fn refuse_look(path: &Path) -> Result<(), CliError> {
+    if is_look(path) { Err(CliError::LookInstead { path: path.into() }) } else { Ok(()) }
 }
 
 /// True for files that are named `.fan` or start like an asset, whatever they are named.

@@ -45,6 +45,8 @@
 //! | module | what |
 //! |---|---|
 //! | [`mesh`] | loading, cleaning, fans, generators |
+//! | [`look`] | the look: its file, its tables, its schema |
+//! | [`look_scene`] | looks as scenes of dressed models |
 //! | [`texture`] | images, filters, mappings, solid recipes, comparison of pictures |
 //! | [`cover`] | partial fans, groups, tile maps, the texture function |
 //! | [`store`] | the `.fan` asset: writing, reading, caching, verifying |
@@ -55,7 +57,9 @@
 //! anything that gives a material at one. All work runs on the current rayon pool, and its results do not depend on the
 //! number of threads.
 
+pub mod look_scene;
+
 pub use {
-    fantex_bake as bake, fantex_cover as cover, fantex_mesh as mesh, fantex_render as render,
-    fantex_store as store, fantex_texture as texture,
+    fantex_bake as bake, fantex_cover as cover, fantex_look as look, fantex_mesh as mesh,
+    fantex_render as render, fantex_store as store, fantex_texture as texture,
 };

@@ -37,6 +37,7 @@ impl Scene {
                 model.show_notes(path, context);
                 Content::Model(model)
             }
+            Input::Look(_) => return Err(CliError::LookInstead { path: path.into() }),
             Input::Asset(asset) => Content::Asset(PageCache::new(asset, context.memory_bytes as usize)),
         };
         Ok(Self { path: path.into(), content })

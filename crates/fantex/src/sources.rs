@@ -29,12 +29,14 @@ pub(crate) enum SourceArg {
     },
     /// A solid recipe, one of [`SOLID_NAMES`].
     Solid(String),
+    /// A look's materials.
+    Look(PathBuf),
 }
 
 /// Why a text is no source.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum SourceArgError {
-    #[error("expected uv, vertex, image=PATH,mapping=NAME or solid=NAME")]
+    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME or look=PATH")]
     Syntax,
     #[error("an image needs a path and a mapping: image=PATH,mapping=planar|box|cylinder|sphere|triplanar")]
     ImageSyntax,
@@ -53,6 +55,7 @@ impl FromStr for SourceArg {
             None if text == "vertex" => Ok(Self::Vertex),
             Some(("solid", name)) if SOLID_NAMES.contains(&name) => Ok(Self::Solid(name.to_owned())),
             Some(("solid", name)) => Err(UnknownSolid { name: name.to_owned() }.into()),
+            Some(("look", path)) if !path.is_empty() => Ok(Self::Look(path.into())),
             Some(("image", rest)) => {
                 // A path may hold commas, the mapping's name does not.
                 let (path, mapping) = rest.rsplit_once(",mapping=").ok_or(SourceArgError::ImageSyntax)?;
@@ -73,6 +76,7 @@ impl fmt::Display for SourceArg {
             Self::Vertex => f.write_str("vertex"),
             Self::Image { path, mapping } => write!(f, "image={},mapping={}", path.display(), mapping.name()),
             Self::Solid(name) => write!(f, "solid={name}"),
+            Self::Look(path) => write!(f, "look={}", path.display()),
         }
     }
 }
@@ -102,6 +106,7 @@ impl<'a> OpenSource<'a> {
     /// Reads what the source needs. `path` is the model's, for messages.
     pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
         match arg {
+            SourceArg::Look(_) => Err(CliError::LookAsSource),
             SourceArg::Uv if !has_textures(mesh) => Err(CliError::NoTextures { path: path.into() }),
             SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
             SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
@@ -135,9 +140,12 @@ impl<'a> OpenSource<'a> {
 
 /// A solid recipe fitted to a mesh.
 pub(crate) fn solid_source(name: &str, mesh: &Mesh, seed: u64) -> Result<SolidSource, CliError> {
-    // Both halves of the seed count.
-    let seed = (seed ^ seed >> 32) as u32;
-    Ok(SolidSource::new(mesh, solid_by_name(name, WorldSpace::bounds(mesh), seed)?))
+    Ok(SolidSource::new(mesh, solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed))?))
+}
+
+/// Both halves of a seed count.
+pub(crate) fn folded_seed(seed: u64) -> u32 {
+    (seed ^ seed >> 32) as u32
 }
 
 /// True where a material uses an image and the mesh has the coordinates for it.
@@ -163,7 +171,7 @@ mod tests {
 
     #[test]
     fn sources_parse_and_print_alike() {
-        for text in ["uv", "vertex", "image=a,b=c.png,mapping=sphere", "solid=wood"] {
+        for text in ["uv", "vertex", "image=a,b=c.png,mapping=sphere", "solid=wood", "look=a/b.toml"] {
             assert_eq!(text.parse::<SourceArg>().unwrap().to_string(), text);
         }
     }

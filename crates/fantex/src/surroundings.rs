@@ -83,6 +83,11 @@ pub(crate) struct Surroundings {
 }
 
 impl SurroundingsArgs {
+    /// Whether an environment was asked for.
+    pub(crate) fn is_given(&self) -> bool {
+        self.environment.is_some()
+    }
+
     /// Reads or computes the environment that was asked for. `to_sun` is where a computed sky has its sun.
     pub(crate) fn load(&self, to_sun: Option<Vec3>) -> Result<Option<Surroundings>, CliError> {
         let Some(path) = &self.environment else { return Ok(None) };

@@ -1,6 +1,8 @@
 //! The sources that come with fantex.
 
 mod detail;
+mod lit;
+mod look;
 mod mapped_image;
 mod sine;
 mod solid;
@@ -9,6 +11,8 @@ mod uv;
 mod vertex_color;
 
 pub use detail::{DetailPlacement, DetailSource, DetailSourceError};
+pub use lit::LitSource;
+pub use look::{LookSource, LookSourceError, baked_materials};
 pub use mapped_image::MappedImageSource;
 pub use sine::SineSource;
 pub use solid::SolidSource;

@@ -1,12 +1,16 @@
 //! `fantex bake`: a model and a source of colour in, one seamless asset out.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit};
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit, Source};
 use fantex::cover::{TexelBudget, build_cover};
+use fantex::look::LookFile;
+use fantex::look_scene::{LookBake, Wardrobe};
+use fantex::mesh::Mesh;
 use fantex::store::Quality;
+use fantex::texture::look::LookImages;
 use serde::Serialize;
 
 use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
@@ -24,6 +28,7 @@ Example:
   fantex bake bottle.gltf -o bottle.fan
   fantex bake statue.ply -o statue.fan --source solid=marble --texels 64M
   fantex bake globe.obj -o globe.fan --source image=earth.jpg,mapping=sphere --density 200
+  fantex bake chair.glb -o chair.fan --look oak.toml
 
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
 density unless --texels or --density says otherwise; other sources get 4M texels.")]
@@ -33,9 +38,13 @@ pub(crate) struct BakeArgs {
     /// The asset to write
     #[arg(short, long, value_name = "ASSET")]
     output: PathBuf,
-    /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, or solid=wood|marble|rock|landscape
+    /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=wood|marble|rock|landscape, or
+    /// look=PATH
     #[arg(long)]
     source: Option<SourceArg>,
+    /// A look (.toml), whose materials are baked: short for --source look=PATH
+    #[arg(long, value_name = "LOOK", conflicts_with = "source")]
+    look: Option<PathBuf>,
     #[command(flatten)]
     cover: CoverArgs,
     /// Give every triangle the density of the texture that it has
@@ -168,16 +177,24 @@ struct BakeInfo {
 /// Runs the command.
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
-    let model = CleanModel::open(&args.model)?;
+    let mut model = CleanModel::open(&args.model)?;
     context.check_output(&args.output)?;
     model.show_notes(&args.model, context);
-    let mesh = &model.mesh;
-    let source_arg = match &args.source {
-        Some(source) => source.clone(),
-        None => SourceArg::default_of(mesh, &args.model)?,
+    let source_arg = match (&args.look, &args.source) {
+        (Some(look), _) => SourceArg::Look(look.clone()),
+        (None, Some(source)) => source.clone(),
+        (None, None) => SourceArg::default_of(&model.mesh, &args.model)?,
     };
-    let source = OpenSource::open(&source_arg, mesh, &args.model, context.seed)?;
-    let budget = budget(args, &source_arg, &source, &model)?;
+    let look = match &source_arg {
+        SourceArg::Look(path) => Some(wear(path, &mut model.mesh, &args.model, context)?),
+        _ => None,
+    };
+    let mesh = &model.mesh;
+    let source = match &look {
+        Some(_) => None,
+        None => Some(OpenSource::open(&source_arg, mesh, &args.model, context.seed)?),
+    };
+    let budget = budget(args, &source_arg, source.as_ref(), &model)?;
     let cover_started = Instant::now();
     let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
     let cover_seconds = cover_started.elapsed().as_secs_f64();
@@ -186,7 +203,13 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     let summary = {
         let _deferral = context.defer_interrupt();
         let progress = context.progress("baking");
-        baking::bake(mesh, &cover, source.as_source(), &args.output, &options, &progress)?
+        let bake =
+            |source: &dyn Source| baking::bake(mesh, &cover, source, &args.output, &options, &progress);
+        match (&look, &source) {
+            (Some(look), _) => look.with_source(mesh, bake)??,
+            (None, Some(source)) => bake(source.as_source())?,
+            (None, None) => return Err(CliError::NothingToBake { path: args.model.clone() }),
+        }
     };
     let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } = summary;
     let info = BakeInfo {
@@ -210,17 +233,25 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     context.print(&info, text)
 }
 
+/// Reads a look and dresses the model with it.
+fn wear(path: &Path, mesh: &mut Mesh, model: &Path, context: &Context) -> Result<LookBake, CliError> {
+    let file = LookFile::read(path)?;
+    let images = LookImages::default();
+    let wardrobe = Wardrobe { file: &file, images: &images, options: context.resolve_options() };
+    Ok(LookBake::new(&wardrobe, mesh, model)?)
+}
+
 /// How many texels: what was asked for, else the source's own density, else a fixed number.
 fn budget(
     args: &BakeArgs,
     source_arg: &SourceArg,
-    source: &OpenSource,
+    source: Option<&OpenSource>,
     model: &CleanModel,
 ) -> Result<TexelBudget, CliError> {
     if let Some(budget) = args.cover.budget(&model.mesh) {
         return Ok(budget);
     }
-    match source.own_density() {
+    match source.and_then(OpenSource::own_density) {
         Some(density) => Ok(TexelBudget::PerTriangle(density)),
         None if args.match_source => Err(CliError::NothingToMatch { source_name: source_arg.to_string() }),
         None => Ok(DEFAULT_BUDGET),

@@ -9,6 +9,7 @@ use fantex::mesh::Mesh;
 use fantex::store::Asset;
 use serde::Serialize;
 
+use crate::commands::look;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::{CleanModel, Input};
@@ -16,16 +17,23 @@ use crate::pictures;
 use crate::size::{Count, grouped, megabytes, positive};
 use crate::table::Table;
 
-/// Show what is in a model or an asset, and the cover that a model would get.
+/// Show what is in a model, an asset or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
   fantex info bunny.ply --texels 5.59M
   fantex info bunny.ply --json --picture out/bunny
-  fantex info bunny.fan")]
+  fantex info bunny.fan
+  fantex info scene.toml
+  fantex info bottle.gltf --look > bottle.toml
+
+With --look, the model's own materials are printed as a look, which 'fantex render' and 'fantex bake --look' take.")]
 pub(crate) struct InfoArgs {
-    /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a look (.toml)
     file: PathBuf,
+    /// Print the model's own materials as a look
+    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "picture"])]
+    look: bool,
     #[command(flatten)]
     cover: CoverArgs,
     /// Draw the cover, the projection directions and the packed texture: a folder, or the start of the files' names
@@ -163,6 +171,11 @@ struct AssetInfo {
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
     match Input::open(&args.file)? {
+        Input::Model(model) if args.look => look::print_of_model(&model, &args.file, context),
+        Input::Asset(_) | Input::Look(_) if args.look => {
+            Err(CliError::NoMaterials { path: args.file.clone() })
+        }
+        Input::Look(file) => look::print(&file, context),
         Input::Model(model) => {
             let info = of_model(&model, args, context)?;
             context.print(&info, |info| model_text(info, &args.file))

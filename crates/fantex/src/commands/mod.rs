@@ -6,7 +6,9 @@ pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod generate;
 pub(crate) mod info;
+mod look;
 pub(crate) mod render;
+mod render_look;
 pub(crate) mod verify;
 
 use crate::cli::Command;

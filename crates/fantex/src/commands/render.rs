@@ -3,49 +3,57 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use fantex::look::LookFile;
 use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, render};
 use glam::DVec3;
 use serde::Serialize;
 
+use crate::commands::render_look;
 use crate::context::Context;
 use crate::error::CliError;
+use crate::input::is_look;
 use crate::scene::{FilterArg, Scene, SizeArg, VectorArg, portrait};
 use crate::size::grouped;
 use crate::surroundings::SurroundingsArgs;
 
-/// Render a model or an asset.
+/// Render a model, an asset or a look.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
   fantex render bottle.fan -o bottle.png
+  fantex render scene.toml -o scene.png
+  fantex render chair.glb --look oak.toml -o chair.png
   fantex render cave.glb -o cave.exr --size 1920x1080 --eye 3,2,5 --target 0,1,0 --fov 60 --samples 16
   fantex render car.glb -o car.png --environment forest.exr --environment-rotation 90
 
 Without --eye and --target the camera shows the whole model from the front, the right and above.")]
 pub(crate) struct RenderArgs {
-    /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan)
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a look (.toml)
     file: PathBuf,
+    /// A look (.toml) for the model: materials, lamps, surroundings, camera
+    #[arg(long, value_name = "LOOK")]
+    look: Option<PathBuf>,
     /// The picture to write: .png, .jpg, .webp or .tif in sRGB, .exr or .hdr in linear light
     #[arg(short, long, value_name = "PICTURE")]
-    output: PathBuf,
-    /// Width and height in pixels
-    #[arg(long, value_name = "WxH", default_value = "1280x720")]
-    size: SizeArg,
+    pub(crate) output: PathBuf,
+    /// Width and height in pixels [default: the look's, or 1280x720]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<SizeArg>,
     /// Where the camera is, world units
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    eye: Option<VectorArg>,
+    pub(crate) eye: Option<VectorArg>,
     /// What the camera looks at, world units; the model's centre by default
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    target: Option<VectorArg>,
+    pub(crate) target: Option<VectorArg>,
     /// Vertical opening angle of the camera in degrees [default: 35]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
-    fov: Option<f64>,
-    /// Samples per pixel, 1 to 64
-    #[arg(long, value_name = "N", default_value_t = 8)]
-    samples: u32,
-    /// How textures are filtered
-    #[arg(long, value_enum, default_value_t)]
-    filter: FilterArg,
+    pub(crate) fov: Option<f64>,
+    /// Samples per pixel, 1 to 64 [default: the look's, or 8]
+    #[arg(long, value_name = "N")]
+    pub(crate) samples: Option<u32>,
+    /// How textures are filtered [default: the look's, or anisotropic]
+    #[arg(long, value_enum)]
+    pub(crate) filter: Option<FilterArg>,
     /// Direction to the sun, world axes; over the camera's left shoulder by default, none beside an environment
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     light: Option<VectorArg>,
@@ -68,10 +76,23 @@ struct RenderInfo {
 
 /// Runs the command.
 pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> {
+    if (args.look.is_some() || is_look(&args.file)) && (args.light.is_some() || args.surroundings.is_given())
+    {
+        let path = args.look.clone().unwrap_or_else(|| args.file.clone());
+        return Err(CliError::NotForLooks { option: "--light and --environment", path });
+    }
+    if let Some(path) = &args.look {
+        return render_look::run(args, &LookFile::read(path)?, Some(&args.file), context);
+    }
+    if is_look(&args.file) {
+        return render_look::run(args, &LookFile::read(&args.file)?, None, context);
+    }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
-    let [width, height] = args.size.0;
-    let mut options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
+    let mut options = RenderOptions::default();
+    [options.width, options.height] = args.size.map_or([options.width, options.height], |size| size.0);
+    options.samples = args.samples.unwrap_or(options.samples);
+    let [width, height] = [options.width, options.height];
     let camera = camera(args, &scene, &options);
     let sun = args.light.map(|VectorArg(to_light)| to_light.as_vec3());
     let mut lights = sun.map_or_else(|| Lights::behind(&camera), Lights::sun);
@@ -86,7 +107,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
             None => sun.is_some(),
         });
     }
-    let surface = scene.surface(args.filter.options())?;
+    let surface = scene.surface(args.filter.unwrap_or_default().options())?;
     let rendering = render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
     scene.show_damage(context);
     save(&rendering.picture, &args.output, context)?;

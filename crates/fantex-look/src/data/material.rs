@@ -1,0 +1,215 @@
+//! Materials.
+
+use super::{Color, Input};
+
+table! {
+    /// A material: every property may be a texture. What is left out has the default or, with `from = "model"`, comes from the
+    /// model.
+    pub struct MaterialTable {
+        /// What the material starts from.
+        pub from: MaterialBase = MaterialBase::Default,
+        /// How light is reflected [metallic_roughness].
+        pub lighting: Option<LightingName> = None,
+        /// What the base colour does to the lighting [a_priori].
+        pub color_use: Option<ColorUseName> = None,
+        /// Colour; a texture's alpha counts as opacity [1].
+        pub base_color: Option<Input> = None,
+        /// Factor of the alpha, 0 to 1 [1].
+        pub alpha: Option<Input> = None,
+        /// What alpha means [opaque].
+        pub opacity: Option<OpacityName> = None,
+        /// Least alpha that is seen in cut-outs.
+        #[schemars(range(min = 0, max = 1))]
+        pub threshold: f64 = 0.5,
+        /// 0 (dielectric) to 1 (metal) [0].
+        pub metallic: Option<Input> = None,
+        /// Perceptual roughness, 0 to 1 [0.9].
+        pub roughness: Option<Input> = None,
+        /// Share of the surroundings' light that arrives, 0 to 1 [1].
+        pub occlusion: Option<Input> = None,
+        /// Ambient reflectance (Blinn-Phong), a factor of the base colour [1].
+        pub ambient: Option<Input> = None,
+        /// Specular reflectance (Blinn-Phong), or factor of the dielectric's highlight (metallic-roughness) [1].
+        pub specular: Option<Input> = None,
+        /// Exponent of the highlight (Blinn-Phong); from the roughness where it is left out.
+        pub shininess: Option<Input> = None,
+        /// Emitted light [0].
+        pub emission: Option<Input> = None,
+        /// Share of the mirrored surroundings that is added (Blinn-Phong) [0].
+        pub reflection: Option<Input> = None,
+        /// Bumps by a height texture.
+        pub bump: Option<BumpTable> = None,
+        /// Bumps by a texture of height and derivatives.
+        pub derivatives: Option<DerivativesTable> = None,
+        /// Normals from a texture.
+        pub normal_map: Option<NormalMapTable> = None,
+        /// Real geometry from a height texture.
+        pub displacement: Option<DisplacementTable> = None,
+        /// Light that was computed before: replaces direct and ambient light.
+        pub light_map: Option<Input> = None,
+        /// Multiplied onto the lit colour at the end.
+        pub modulate: Option<Input> = None,
+        /// Colours of the diffuse light instead of its cosine.
+        pub toon: Option<ToonTable> = None,
+        /// A highlight that depends on a direction in the surface.
+        pub anisotropy: Option<AnisotropyTable> = None,
+        /// Whether it is seen from behind [true].
+        pub double_sided: Option<bool> = None,
+    }
+
+    /// Bump mapping.
+    #[schemars(extend("required" = ["texture", "height"]))]
+    pub struct BumpTable {
+        /// Heights.
+        pub texture: Input = Input::Number(0.0),
+        /// Height of 1, in world units.
+        pub height: f64 = 0.0,
+        /// Which differences stand for the derivatives.
+        pub difference: DifferenceName = DifferenceName::Central,
+    }
+
+    /// Bump mapping by a texture of height (red) and its derivatives (green, blue: `0.5 + 0.5 d / range`).
+    #[schemars(extend("required" = ["texture", "height"]))]
+    pub struct DerivativesTable {
+        /// The three numbers.
+        pub texture: Input = Input::Number(0.0),
+        /// Height of 1, in world units.
+        pub height: f64 = 0.0,
+        /// Largest derivative that the encoding holds.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub range: f64 = 1.0,
+        /// Texture coordinates whose u and v the derivatives belong to.
+        #[schemars(range(max = 31))]
+        pub set: u32 = 0,
+    }
+
+    /// A normal map.
+    #[schemars(extend("required" = ["texture"]))]
+    pub struct NormalMapTable {
+        /// Encoded normals; an image with `color_space = "linear"`.
+        pub texture: Input = Input::Number(0.0),
+        /// Factor of the tangential part.
+        pub scale: f64 = 1.0,
+        /// The frame in which the map is written.
+        pub space: NormalSpaceName = NormalSpaceName::Tangent,
+        /// Texture coordinates that the tangents belong to.
+        #[schemars(range(max = 31))]
+        pub set: u32 = 0,
+    }
+
+    /// Displacement mapping: triangles are divided and moved along the normal.
+    #[schemars(extend("required" = ["texture", "height"]))]
+    pub struct DisplacementTable {
+        /// Heights.
+        pub texture: Input = Input::Number(0.0),
+        /// Height of 1, in world units.
+        pub height: f64 = 0.0,
+        /// The height texture's value that leaves the surface where it is.
+        pub middle: f64 = 0.0,
+        /// Longest edge after dividing, in world units; a hundredth of the model's size where it is left out.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub edge: Option<f64> = None,
+        /// Triangles at most.
+        #[schemars(range(min = 1, max = 1_000_000_000))]
+        pub max_triangles: u64 = 4_000_000,
+    }
+
+    /// A colour scale of the cosine between normal and light.
+    #[schemars(extend("required" = ["stops"]))]
+    pub struct ToonTable {
+        /// Colours in ascending order of the cosine, 0 to 1.
+        #[schemars(length(min = 1, max = 1024))]
+        pub stops: Vec<StopTable> = Vec::new(),
+        /// How colours change between the stops.
+        pub interpolation: RampName = RampName::Constant,
+    }
+
+    /// A stop of a colour scale.
+    #[schemars(extend("required" = ["at", "color"]))]
+    pub struct StopTable {
+        /// Where it is.
+        pub at: f64 = 0.0,
+        /// Its colour.
+        pub color: Color = Color::WHITE,
+    }
+
+    /// An anisotropic highlight.
+    #[schemars(extend("required" = ["strength"]))]
+    pub struct AnisotropyTable {
+        /// -1 to 1: how far the highlight is stretched along the direction.
+        pub strength: Input = Input::Number(0.0),
+        /// Direction in the tangent plane: red and green, [-1,1] encoded as [0,1].
+        pub direction: Input = Input::Color(Color::rgb([1.0, 0.5, 0.5])),
+        /// Texture coordinates that give tangent and bitangent.
+        #[schemars(range(max = 31))]
+        pub set: u32 = 0,
+    }
+}
+
+choice! {
+    /// What a material starts from.
+    pub enum MaterialBase {
+        /// White, opaque, rough.
+        Default,
+        /// The material that the model has there.
+        Model,
+    }
+
+    /// How light is reflected.
+    pub enum LightingName {
+        /// glTF 2.0 metallic-roughness.
+        MetallicRoughness,
+        /// Blinn-Phong with ambient.
+        BlinnPhong,
+        /// No light: the base colour is the picture.
+        Unlit,
+    }
+
+    /// What the base colour does to the lighting.
+    pub enum ColorUseName {
+        /// Scales the reflectance before lighting; highlights keep their colour.
+        APriori,
+        /// Multiplies the lit colour, highlights included.
+        Modulate,
+        /// Replaces the lit colour.
+        Replace,
+    }
+
+    /// What alpha means.
+    pub enum OpacityName {
+        /// Nothing.
+        Opaque,
+        /// Cut-outs: below the threshold nothing is there.
+        Mask,
+        /// Blended back to front.
+        Blend,
+    }
+
+    /// Differences that stand for derivatives.
+    pub enum DifferenceName {
+        /// F(x + d) - F(x).
+        Forward,
+        /// F(x) - F(x - d).
+        Backward,
+        /// (F(x + d) - F(x - d)) / 2.
+        Central,
+    }
+
+    /// The frame of a normal map.
+    pub enum NormalSpaceName {
+        /// Tangent, bitangent and normal.
+        Tangent,
+        /// The model's own axes.
+        Object,
+    }
+
+    /// How colours change between the stops of a ramp.
+    pub enum RampName {
+        /// Proportionally, in linear light.
+        Linear,
+        /// By a cubic that is level at the stops.
+        Smooth,
+        /// Not at all: steps.
+        Constant,
+    }
+}

@@ -1,0 +1,240 @@
+//! A look as a scene, and its pictures.
+
+use fantex_look::data::{
+    CameraTable, CaptureTable, InterpolationName, PictureTable, ShadingName, ToneMappingName,
+};
+use fantex_look::{Key, LookProblem};
+use fantex_render::{
+    AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Glow, Interpolation, Lights,
+    RenderOptions, Rendering, Scene, SceneObject, ShadingRate, Surface, ToneMap, capture_environment, render,
+    render_with_glow,
+};
+use fantex_texture::Filter;
+use fantex_texture::look::{linear_color, linear_rgb};
+use glam::DVec3;
+
+use super::lights::{converted, environment_light};
+use super::objects::{GivenModel, Object};
+use super::{LookSceneError, Wardrobe};
+
+/// What the command line, or a program, says instead of the look.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PictureChanges {
+    /// Width and height in pixels.
+    pub size: Option<[u32; 2]>,
+    /// Samples per pixel.
+    pub samples: Option<u32>,
+    /// Filter of an asset's tiles. (That of images is a matter of the [`Wardrobe`].)
+    pub filter: Option<Filter>,
+    /// Where the camera is, world units.
+    pub eye: Option<DVec3>,
+    /// What it looks at, world units.
+    pub target: Option<DVec3>,
+    /// Vertical opening angle in degrees.
+    pub fov_degrees: Option<f64>,
+}
+
+/// A look with all that it shows.
+#[derive(Debug)]
+pub struct LookScene<'a> {
+    wardrobe: Wardrobe<'a>,
+    objects: Vec<Object>,
+    lights: Option<Lights>,
+    changes: PictureChanges,
+}
+
+impl<'a> LookScene<'a> {
+    /// Reads all models and images. `given` is the model of objects that name none.
+    ///
+    /// # Errors
+    ///
+    /// A model or an image cannot be read, a texture cannot be made, or the look names nothing to show.
+    pub fn new(
+        wardrobe: Wardrobe<'a>,
+        given: Option<&GivenModel>,
+        changes: PictureChanges,
+    ) -> Result<Self, LookSceneError> {
+        let objects = wardrobe.objects(given)?;
+        let mut lights = wardrobe.lights()?;
+        if let (Some(lights), Some(table)) = (&mut lights, &wardrobe.file.look().environment)
+            && let Some(map) = wardrobe.environment_map(table)?
+        {
+            lights.ambient = AmbientLight::environment(environment_light(map, table));
+        }
+        Ok(Self { wardrobe, objects, lights, changes })
+    }
+
+    /// The times of all pictures, in seconds: one, or those of the animation.
+    pub fn times(&self) -> Vec<f32> {
+        let picture = self.picture();
+        match &picture.frames {
+            None => vec![picture.time as f32],
+            Some(frames) => {
+                let step = (frames.to - frames.from) / f64::from(frames.count);
+                (0..frames.count).map(|i| (frames.from + step * f64::from(i)) as f32).collect()
+            }
+        }
+    }
+
+    /// The picture at a time in seconds.
+    ///
+    /// # Errors
+    ///
+    /// The renderer refuses: a camera without direction, objects that are flattened.
+    pub fn render(&self, time: f32) -> Result<Rendering, LookSceneError> {
+        let filter = FilterOptions {
+            filter: self.changes.filter.unwrap_or(Filter::Anisotropic),
+            ..FilterOptions::default()
+        };
+        let surfaces: Vec<Box<dyn Surface + '_>> =
+            self.objects.iter().map(|object| object.surface(time, filter)).collect();
+        let placed = self.objects.iter().zip(&surfaces).map(|(object, surface)| {
+            SceneObject::new(object.mesh(), surface.as_ref()).placed(object.world_from_object)
+        });
+        let scene = Scene::new(placed.collect())?;
+        let mut options = self.options(time);
+        let camera = self.camera(&scene, &options);
+        let lights = self.lights_of(&scene, &camera)?;
+        if options.background == Background::default() && self.shows_environment(&lights) {
+            options.background = Background::Environment { blur: 0.0 };
+        }
+        let picture = self.picture();
+        let glow = picture.glow.as_ref().map(|table| Glow {
+            threshold: table.threshold.unwrap_or(0.0) as f32,
+            strength: table.strength as f32,
+            radius: table.radius as f32,
+        });
+        let mut rendering = match (&glow, picture.glow.as_ref().and_then(|table| table.threshold)) {
+            (None, _) => render(scene.mesh(), &scene, &camera, &lights, &options)?,
+            (Some(glow), None) => render_with_glow(scene.mesh(), &scene, &camera, &lights, &options, glow)?,
+            (Some(glow), Some(_)) => {
+                let mut seen = render(scene.mesh(), &scene, &camera, &lights, &options)?;
+                seen.picture = seen.picture.with_glow(&seen.picture, glow);
+                seen
+            }
+        };
+        let tone_map = match picture.tone_mapping {
+            ToneMappingName::None => return Ok(rendering),
+            ToneMappingName::Reinhard => ToneMap::Reinhard { white: 4.0 },
+            ToneMappingName::Filmic => ToneMap::Filmic,
+        };
+        rendering.picture = rendering.picture.tone_mapped(tone_map);
+        Ok(rendering)
+    }
+
+    /// Tiles of assets that were damaged and replaced by coarser ones, so far.
+    pub fn damaged_tiles(&self) -> u64 {
+        self.objects.iter().map(Object::damaged_tiles).sum()
+    }
+
+    fn picture(&self) -> &PictureTable {
+        &self.wardrobe.file.look().picture
+    }
+
+    fn options(&self, time: f32) -> RenderOptions {
+        let picture = self.picture();
+        let [width, height] = self.changes.size.unwrap_or(picture.size.map(|side| side.0));
+        RenderOptions {
+            width,
+            height,
+            samples: self.changes.samples.unwrap_or(picture.samples),
+            shading_rate: match picture.shading {
+                ShadingName::PerPixel => ShadingRate::PerPixel,
+                ShadingName::PerSample => ShadingRate::PerSample,
+            },
+            interpolation: match picture.interpolation {
+                InterpolationName::Perspective => Interpolation::Perspective,
+                InterpolationName::Affine => Interpolation::Affine,
+            },
+            background: match picture.background {
+                None => Background::default(),
+                Some(color) if linear_color(color).w == 0.0 => Background::Transparent,
+                Some(color) => Background::Color(linear_rgb(color)),
+            },
+            exposure: picture.exposure.exp2() as f32,
+            time,
+            ..RenderOptions::default()
+        }
+    }
+
+    fn camera(&self, scene: &Scene<'_>, options: &RenderOptions) -> Camera {
+        let aspect = f64::from(options.width) / f64::from(options.height);
+        let framed = Camera::framing_mesh(scene.mesh(), Camera::THREE_QUARTER, aspect);
+        let table = self.wardrobe.file.look().camera.clone();
+        let CameraTable { eye, target, up, fov } = table.unwrap_or_default();
+        let point =
+            |given: Option<DVec3>, of_look: Option<[f64; 3]>| given.or(of_look.map(DVec3::from_array));
+        let eye = point(self.changes.eye, eye);
+        let target = point(self.changes.target, target);
+        let fov_degrees = self.changes.fov_degrees.unwrap_or(fov);
+        match (eye, target) {
+            (None, None) => Camera { fov_degrees, ..framed },
+            (eye, target) => Camera {
+                eye: eye.unwrap_or(framed.eye),
+                target: target.unwrap_or(scene.bounds().center()),
+                up: DVec3::from_array(up),
+                fov_degrees,
+            },
+        }
+    }
+
+    fn lights_of(&self, scene: &Scene<'_>, camera: &Camera) -> Result<Lights, LookSceneError> {
+        let Some(lights) = &self.lights else { return Ok(Lights::behind(camera)) };
+        let mut lights = lights.clone();
+        let environment = self.wardrobe.file.look().environment.as_ref();
+        if let Some((table, capture)) = environment.and_then(|table| Some((table, table.capture.as_ref()?))) {
+            let map = self.captured(scene, &lights, capture)?;
+            lights.ambient = AmbientLight::environment(environment_light(converted(map, table), table));
+        }
+        Ok(lights)
+    }
+
+    fn shows_environment(&self, lights: &Lights) -> bool {
+        let environment = self.wardrobe.file.look().environment.as_ref();
+        lights.ambient.environment.is_some() && environment.is_some_and(|table| table.visible)
+    }
+
+    /// What an object sees of the scene.
+    fn captured(
+        &self,
+        scene: &Scene<'_>,
+        lights: &Lights,
+        table: &CaptureTable,
+    ) -> Result<fantex_texture::environment::EnvironmentMap, LookSceneError> {
+        let key = Key::of(["environment", "capture"]);
+        let mut lights = lights.clone();
+        let mut background = Background::default();
+        if let Some(sky) = &table.sky {
+            let map = self.wardrobe.sky(sky, table.size, &key.name("sky"))?;
+            let sky = environment_light(map, &fantex_look::data::EnvironmentTable::default());
+            lights.ambient = AmbientLight::environment(sky);
+            background = Background::Environment { blur: 0.0 };
+        }
+        let object = match &table.object {
+            None => 0,
+            Some(name) => {
+                let named = |object: &Object| object.name.as_deref() == Some(&name.0);
+                let problem = || LookProblem::Undefined {
+                    what: "object",
+                    name: name.0.clone(),
+                    nearest: None,
+                    known: Vec::new(),
+                };
+                self.objects
+                    .iter()
+                    .position(named)
+                    .ok_or_else(|| self.wardrobe.file.error(&key.name("object"), problem()))?
+            }
+        };
+        let center = match table.position {
+            Some(position) => DVec3::from_array(position),
+            None => {
+                let shape = &self.objects[object];
+                shape.world_from_object.transform_point3(shape.mesh().world_from_mesh.offset)
+            }
+        };
+        let options = CaptureOptions { side: table.size, samples: table.samples, background };
+        let hidden = |triangle: usize| scene.object_of(triangle).0 == object;
+        Ok(capture_environment(scene.mesh(), scene, &lights, center, &options, &hidden)?)
+    }
+}
