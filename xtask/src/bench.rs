@@ -29,7 +29,7 @@ pub(crate) fn run() -> Result<(), Failure> {
     for what in ["bake", "render"] {
         rows.extend(named(fantex.json(&["bench", what, &bottle])?, "bottle, "));
     }
-    for what in ["sample", "encode"] {
+    for what in ["sample", "noise", "encode"] {
         rows.extend(named(fantex.json(&["bench", what])?, ""));
     }
     print(&rows);

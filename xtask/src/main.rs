@@ -1,4 +1,4 @@
-//! Development chores: `cargo xtask lint | test | bench | demo`.
+//! Development chores: `cargo xtask lint | test | bench | demo | schema`.
 
 mod bench;
 mod crates;
@@ -16,7 +16,8 @@ usage: cargo xtask CHORE
   lint           formatting, clippy, direction of the crates, length of files, documentation
   test [--slow]  all tests; --slow adds those that are ignored because they take long
   bench          figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
-  demo           the tour of the README";
+  demo           the tour of the README
+  schema         writes docs/look.schema.json and the tables of docs/look.md";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -26,6 +27,7 @@ fn main() -> ExitCode {
         ["test"] => test::run(false),
         ["test", "--slow"] => test::run(true),
         ["bench"] => bench::run(),
+        ["schema"] => shell::cargo(&["run", "-p", "fantex-look", "--example", "write_reference"]),
         ["demo", ref rest @ ..] => shell::cargo(&[&["run", "--release", "--", "demo"], rest].concat()),
         _ => {
             eprintln!("{USAGE}");

@@ -1,7 +1,7 @@
 //! The tables of keys in the reference page.
 //!
 //! The page is written by hand, except for what stands between `<!-- keys: NAME -->` and `<!-- end -->`: a table of the keys of
-//! the schema's `$defs/NAME` (or of the whole look, for `Look`), made from the schema.
+//! the schema's `$defs/NAME` (of the whole look, for `Look`; of a kind of `$defs/NAME`, for `NAME KIND`), made from the schema.
 
 use std::fmt::Write;
 
@@ -19,7 +19,7 @@ pub fn fill_reference(page: &str) -> String {
     let mut rest = page;
     while let Some((before, name, after)) = next_mark(rest) {
         filled.push_str(before);
-        let _written = write!(filled, "{START}{name}{START_END}\n");
+        let _written = writeln!(filled, "{START}{name}{START_END}");
         match (key_table(name), after.find(END)) {
             (Some(table), Some(end)) => {
                 filled.push_str(&table);
@@ -41,14 +41,26 @@ fn next_mark(text: &str) -> Option<(&str, &str, &str)> {
     Some((&text[..start], &inner[..end], after.strip_prefix('\n').unwrap_or(after)))
 }
 
+/// The fixed text that says of which kind a table is.
+fn kind_of(table: &Value) -> Option<&str> {
+    table.get("properties")?.as_object()?.values().find_map(|property| property.get("const")?.as_str())
+}
+
 /// The keys of a table as Markdown; `None` for names that are not in the schema.
 pub fn key_table(name: &str) -> Option<String> {
     let schema = look_schema();
-    let table = if name == "Look" { schema } else { schema.get("$defs")?.get(name)? };
+    let table = match name.split_once(' ') {
+        None if name == "Look" => schema,
+        None => schema.get("$defs")?.get(name)?,
+        Some((name, kind)) => {
+            let kinds = schema.get("$defs")?.get(name)?.get("oneOf")?.as_array()?;
+            kinds.iter().find(|table| kind_of(table) == Some(kind))?
+        }
+    };
     let properties = table.get("properties")?.as_object()?;
     let required = table.get("required").and_then(Value::as_array);
     let mut text = String::from("| key | value | default | what |\n|---|---|---|---|\n");
-    for (key, property) in properties {
+    for (key, property) in properties.iter().filter(|(_, property)| property.get("const").is_none()) {
         let is_required = required.is_some_and(|r| r.iter().any(|name| name == key));
         let default = match (is_required, property.get("default")) {
             (true, _) => "needed".to_owned(),

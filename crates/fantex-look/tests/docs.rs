@@ -1,5 +1,7 @@
 //! The reference page and the schema say what the code does.
 
+#![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

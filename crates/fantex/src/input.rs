@@ -48,7 +48,6 @@ impl Input {
 impl CleanModel {
     /// Loads and cleans a model; an asset is refused.
     pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
-        refuse_look(path)?;
         refuse_asset(path)?;
         Self::load(path)
     }
@@ -77,6 +76,7 @@ pub(crate) fn open_model(path: &Path) -> Result<Model, CliError> {
 }
 
 fn refuse_asset(path: &Path) -> Result<(), CliError> {
+    refuse_look(path)?;
     if is_asset(path)? { Err(CliError::AssetInsteadOfModel { path: path.into() }) } else { Ok(()) }
 }
 

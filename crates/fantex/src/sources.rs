@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
-use fantex::bake::{
-    LookSource, MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace,
-};
+use fantex::bake::{MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace};
 use fantex::mesh::Mesh;
 use fantex::texture::{
     Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,

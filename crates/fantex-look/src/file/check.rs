@@ -22,7 +22,7 @@ const MAGNITUDES: Range<f64> = 1e-30..1e30;
 pub(super) struct Mistake {
     pub(super) key: Key,
     pub(super) span: Range<usize>,
-    pub(super) problem: LookProblem,
+    pub(super) problem: Box<LookProblem>,
 }
 
 /// A name that stands for something else in the look.
@@ -61,7 +61,7 @@ struct Place<'v, 'i> {
 
 impl<'v, 'i> Place<'v, 'i> {
     fn mistake(&self, problem: LookProblem) -> Mistake {
-        Mistake { key: self.key.clone(), span: self.span.clone(), problem }
+        Mistake { key: self.key.clone(), span: self.span.clone(), problem: Box::new(problem) }
     }
 
     fn entry(&self, index: usize, entry: &'v Spanned<DeValue<'i>>) -> Self {
@@ -176,7 +176,9 @@ impl<'s> Checker<'s> {
                 (Some(property), _) => self.value(property, &at)?,
                 (None, Some(free)) => {
                     let text: &str = name.get_ref();
-                    if text.is_empty() || text.starts_with('#') || text.contains('.') {
+                    // Names within an object are the model's.
+                    let is_own_name = place.key.steps().len() == 1;
+                    if is_own_name && (text.is_empty() || text.starts_with('#') || text.contains('.')) {
                         return Err(Mistake { span: name.span(), ..at.mistake(LookProblem::Name) });
                     }
                     self.value(free, &at)?;
@@ -186,7 +188,7 @@ impl<'s> Checker<'s> {
                         properties.into_iter().flat_map(|p| p.keys().cloned()).collect();
                     let text = name.get_ref().to_string();
                     let nearest = nearest(&text, allowed.iter().map(String::as_str));
-                    let problem = LookProblem::UnknownKey { name: text, nearest, allowed };
+                    let problem = Box::new(LookProblem::UnknownKey { name: text, nearest, allowed });
                     return Err(Mistake { key: place.key.clone(), span: name.span(), problem });
                 }
             }

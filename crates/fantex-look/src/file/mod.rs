@@ -70,7 +70,7 @@ impl LookFile {
         let file = Self { look: Look::default(), path: path.into(), text: text.into() };
         let document = DeTable::parse(text).map_err(|error| {
             let span = error.span().unwrap_or(0..0);
-            file.mistake(Mistake { key: Key::default(), span, problem: syntax(&error) })
+            file.mistake(Mistake { key: Key::default(), span, problem: Box::new(syntax(&error)) })
         })?;
         let mut checker = Checker::new(look_schema());
         checker.document(&document).map_err(|m| file.mistake(m))?;
@@ -124,12 +124,7 @@ impl LookFile {
 
     fn mistake(&self, mistake: Mistake) -> LookError {
         let Mistake { key, span, problem } = mistake;
-        LookError {
-            file: self.path.clone(),
-            line: self.line(span.start),
-            key: key.to_string(),
-            problem: Box::new(problem),
-        }
+        LookError { file: self.path.clone(), line: self.line(span.start), key: key.to_string(), problem }
     }
 
     /// The line of a byte, from 1.

@@ -43,7 +43,7 @@ fn check_defined(look: &Look, reference: &Reference) -> Result<(), Mistake> {
 }
 
 fn mistake(reference: &Reference, problem: LookProblem) -> Mistake {
-    Mistake { key: reference.key.clone(), span: reference.span.clone(), problem }
+    Mistake { key: reference.key.clone(), span: reference.span.clone(), problem: Box::new(problem) }
 }
 
 /// A depth-first walk through the textures.

@@ -3,6 +3,7 @@
 //! | module | family |
 //! |---|---|
 //! | `perlin3` | gradient noise in space with its fractal sums: what the solids are made of |
+//! | `batch` | the same at many points, or for many octaves, in vectors |
 //! | `gradient` | gradient noise of 2, 3 and 4 dimensions with derivatives |
 //! | `simplex` | the same on simplices |
 //! | `cellular` | distances to scattered points |
@@ -12,6 +13,7 @@
 //! Patterns come from an integer hash of the cell and a seed, so that they have no period. Sums take a footprint: the width,
 //! in the units of the point, over which the caller averages. What is narrower fades to its mean.
 
+mod batch;
 mod cellular;
 mod family;
 mod gradient;

@@ -6,9 +6,11 @@
 //! The fractal sums take a footprint: the width, in the units of the point, over which the caller averages. Octaves whose
 //! cells approach it fade to their mean, so a distant surface becomes calm instead of noisy.
 
+use arrayvec::ArrayVec;
 use glam::{IVec3, Vec3};
 
 use super::band_limit;
+use super::batch::{self, MOST_OCTAVES};
 use super::hash::{absorb, finish, unit};
 
 /// A seeded pattern of gradient noise.
@@ -20,7 +22,7 @@ pub struct Noise {
 /// The octaves of a fractal sum: octave `i` has frequency `lacunarity^i` and amplitude `gain^i`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fractal {
-    /// Number of octaves.
+    /// Number of octaves; those beyond 16 stay at their mean.
     pub octaves: u32,
     /// Ratio of the frequencies of successive octaves.
     pub lacunarity: f32,
@@ -94,6 +96,15 @@ impl Noise {
         mix(mix(edge(0), edge(2), fade.y), mix(edge(4), edge(6), fade.y), fade.z)
     }
 
+    /// [`Noise::value`] at every point, in vectors: the same values, several times as fast. Equal bit by bit for
+    /// coordinates below 2^31 (but for the sign of a zero).
+    ///
+    /// # Panics
+    /// If `out` and `points` differ in length.
+    pub fn values(&self, points: &[Vec3], out: &mut [f32]) {
+        batch::values(self.seed, points, out);
+    }
+
     /// [`Noise::value`] and its derivatives along x, y and z.
     pub fn value_and_gradient(&self, p: Vec3) -> (f32, Vec3) {
         let (cell, t) = cell_and_offset(p);
@@ -155,23 +166,42 @@ impl Noise {
     }
 
     fn sum(&self, p: Vec3, fractal: Fractal, footprint: f32, mean: f32, shape: impl Fn(f32) -> f32) -> f32 {
-        let (mut sum, mut frequency, mut amplitude) = (0.0, 1.0, 1.0);
+        let octaves = octaves_at(self.seed, p, fractal, footprint);
+        let (mut sum, mut amplitude) = (0.0, 1.0);
         for octave in 0..fractal.octaves {
-            let left = band_limit(frequency, footprint);
-            let value = if left > 0.0 {
-                // Each octave has a pattern and an origin of its own.
-                let pattern = Self::new(self.seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab)));
-                let origin = Vec3::new(17.3, 5.9, 41.7) * octave as f32;
-                mean + left * (shape(pattern.value(p * frequency + origin)) - mean)
-            } else {
-                mean
-            };
+            let value = octaves.get(octave as usize).map_or(mean, |&(value, left)| {
+                if left > 0.0 { mean + left * (shape(value) - mean) } else { mean }
+            });
             sum += amplitude * value;
-            frequency *= fractal.lacunarity;
             amplitude *= fractal.gain;
         }
         sum
     }
+}
+
+/// Value and remaining share ([`band_limit`]) of each octave that the footprint leaves, all in one vector.
+fn octaves_at(seed: u32, p: Vec3, fractal: Fractal, footprint: f32) -> ArrayVec<(f32, f32), MOST_OCTAVES> {
+    let (mut seeds, mut at) = ([0; MOST_OCTAVES], [[0.0; MOST_OCTAVES]; 3]);
+    let mut result = ArrayVec::new();
+    let mut frequency = 1.0;
+    for octave in 0..fractal.octaves.min(MOST_OCTAVES as u32) {
+        let left = band_limit(frequency, footprint);
+        if left == 0.0 && fractal.lacunarity >= 1.0 {
+            break;
+        }
+        let index = octave as usize;
+        // Each octave has a pattern and an origin of its own.
+        seeds[index] = seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab));
+        let q = p * frequency + Vec3::new(17.3, 5.9, 41.7) * octave as f32;
+        (at[0][index], at[1][index], at[2][index]) = (q.x, q.y, q.z);
+        result.push((0.0, left));
+        frequency *= fractal.lacunarity;
+    }
+    if !result.is_empty() {
+        let values = batch::octaves(&seeds, &at, result.len());
+        result.iter_mut().zip(values).for_each(|(octave, value)| octave.0 = value);
+    }
+    result
 }
 
 #[cfg(test)]
@@ -194,6 +224,29 @@ mod tests {
                 let step = 1e-2;
                 let slope = (noise.value(p + axis * step) - noise.value(p - axis * step)) / (2.0 * step);
                 assert!((slope - gradient.dot(axis)).abs() < 5e-3, "{slope} {gradient} at {p}");
+            }
+        }
+    }
+
+    #[test]
+    fn many_points_and_octaves_in_vectors_equal_single_points() {
+        let noise = Noise::new(11);
+        let points: Vec<Vec3> = points().take(1003).map(|p| p - 48.0).collect();
+        let mut values = vec![0.0; points.len()];
+        noise.values(&points, &mut values);
+        for (&p, value) in points.iter().zip(values) {
+            assert_eq!(noise.value(p), value, "{p}");
+            // One octave after the other, by the scalar code.
+            for octaves in [1, 3, 8, 9, 16] {
+                let fractal = Fractal { octaves, lacunarity: 1.3, gain: 0.7 };
+                let one_by_one: f32 = (0..octaves)
+                    .fold((0.0, 1.0, 1.0), |(sum, frequency, amplitude), i| {
+                        let octave = Noise::new(11_u32.wrapping_add(i.wrapping_mul(0x632b_e5ab)));
+                        let q = p * frequency + Vec3::new(17.3, 5.9, 41.7) * i as f32;
+                        (sum + amplitude * octave.value(q), frequency * 1.3, amplitude * 0.7)
+                    })
+                    .0;
+                assert_eq!(noise.fbm(p, fractal, 0.0), one_by_one, "{octaves} octaves at {p}");
             }
         }
     }

@@ -182,7 +182,9 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
     let options = CoverOptions { budget: TexelBudget::Total(40_000), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = UvSource::new(&mesh)?;
-    let reflector = SourceReflector::new(&mesh, &colors);
+    let colors = SourceReflector::new(&mesh, &colors);
+    // The lamp of the model is replaced by one that is sampled on purpose.
+    let reflector = |triangle: usize, lambda: Vec3| colors.albedo(triangle, lambda);
     let bounds = Bounds::of_mesh(&mesh);
     let size = bounds.max - bounds.min;
     let position = bounds.center() + DVec3::new(0.0, 0.38 * size.y, 0.0);
@@ -215,7 +217,7 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
         let asset = baked(&mesh, &cover, &source, studio)?;
         let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {
             let (light, _) = sample_finest(&asset.cache, 0, hit.triangle, hit.lambda);
-            let color = if is_colored { reflector.albedo(hit.triangle, hit.lambda) } else { Vec3::ONE };
+            let color = if is_colored { reflector(hit.triangle, hit.lambda) } else { Vec3::ONE };
             light.truncate() * color
         });
         let options = RenderOptions { shading: Shading::BaseColor, ..options.clone() };

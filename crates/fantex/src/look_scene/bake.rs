@@ -67,7 +67,8 @@ impl LookBake {
         if let Some(name) = &bake.texture {
             let mut resolver = Resolver::new(wardrobe.file, mesh, wardrobe.images, wardrobe.options);
             let texture = resolver.texture(&name.0)?;
-            materials = vec![Arc::new(painted(texture)); mesh.materials.len()];
+            let painted = Arc::new(painted(texture));
+            materials.iter_mut().for_each(|material| *material = Arc::clone(&painted));
         }
         mesh.materials = baked_materials(&materials);
         let light = bake.light.as_ref().map(|table| wardrobe.baked_light(table)).transpose()?;

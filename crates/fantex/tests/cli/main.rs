@@ -4,6 +4,7 @@
 
 mod bad_input;
 mod interrupt;
+mod looks;
 mod real_models;
 mod round_trip;
 mod support;

@@ -1,6 +1,7 @@
 //! `fantex bench`: figures of fidelity and speed.
 
 mod fidelity;
+mod noise;
 mod speed;
 
 use std::path::PathBuf;
@@ -36,6 +37,8 @@ enum What {
     Sample(ModelArgs),
     /// Speed of rendering an asset, beside the model itself
     Render(ModelArgs),
+    /// Speed of gradient noise and of solids on one thread, beside the crate `noise`
+    Noise,
     /// Speed of the block encoders
     Encode,
 }
@@ -110,6 +113,7 @@ pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
         What::Bake(args) => speed::bake(args, context)?,
         What::Sample(args) => speed::sample(args, context)?,
         What::Render(args) => speed::render(args, context)?,
+        What::Noise => noise::run()?,
         What::Encode => speed::encode(context)?,
     };
     context.print(&Rows { rows }, |result| text(&result.rows))

@@ -1,0 +1,211 @@
+//! Looks through the binary: pictures, bakes, translations, and what is refused.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::support::{COLORED_PLY, bottle, fails, files, json, run, succeeds, workspace, write};
+
+const SCENE: &str = r##"
+[picture]
+size = [64, 48]
+samples = 2
+
+[camera]
+eye = [0, 1.5, 3]
+target = [0, 0, 0]
+
+[[light]]
+kind = "sun"
+to_light = [1, 2, 1]
+shadow = { size = 128 }
+
+[[light]]
+kind = "ambient"
+sky = "#8090a0"
+
+[textures.rings]
+kind = "wood"
+
+[textures.bumps]
+kind = "noise"
+cell = 0.1
+
+[materials.oak]
+base_color = "rings"
+roughness = { texture = "bumps", factor = 0.3, offset = 0.4 }
+bump = { texture = "bumps", height = 0.02 }
+
+[[object]]
+shape = { kind = "torus" }
+material = "oak"
+
+[[object]]
+shape = { kind = "plane", size = [4, 1, 4] }
+translate = [0, -0.25, 0]
+"##;
+
+fn pixels(path: &Path) -> (u32, u32, Vec<u8>) {
+    let image = fantex::texture::Image::load(path).unwrap();
+    let fantex::texture::Samples::U8(samples) = image.samples else { panic!("8 bits") };
+    (image.width, image.height, samples)
+}
+
+#[test]
+fn a_scene_becomes_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(folder.path(), "scene.toml", SCENE);
+    let picture = folder.path().join("scene.png");
+    let info = json(&[&"render", &look, &"-o", &picture]);
+    assert_eq!((info["width"].as_u64(), info["height"].as_u64()), (Some(64), Some(48)));
+    let (width, height, samples) = pixels(&picture);
+    assert_eq!((width, height), (64, 48));
+    let distinct: std::collections::BTreeSet<&[u8]> = samples.chunks(3).collect();
+    assert!(distinct.len() > 100, "{} colours", distinct.len());
+    // The command line overrides the look.
+    let small = folder.path().join("small.png");
+    succeeds(&[&"render", &look, &"-o", &small, &"--size", &"20x10"]);
+    assert_eq!((pixels(&small).0, pixels(&small).1), (20, 10));
+    let summary = json(&[&"info", &look]);
+    assert_eq!(summary["textures"]["rings"], "wood");
+    assert_eq!(summary["objects"], 2);
+}
+
+#[test]
+fn animations_are_numbered_pictures_that_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[picture]\nsize = [32, 32]\nframes = { count = 3, to = 1 }\n[textures.a]\nkind = \"checker\"\n\
+                place = { move = [0.3, 0, 0] }\n[materials.a]\nlighting = \"unlit\"\nbase_color = \"a\"\n\
+                [[object]]\nshape = { kind = \"box\" }\nmaterial = \"a\"\n";
+    let look = write(folder.path(), "moving.toml", text);
+    let info = json(&[&"render", &look, &"-o", &folder.path().join("out.png")]);
+    assert_eq!(info["pictures"].as_array().unwrap().len(), 3);
+    assert_eq!(files(folder.path()), ["moving.toml", "out-0001.png", "out-0002.png", "out-0003.png"]);
+    let [first, last] = ["out-0001.png", "out-0003.png"].map(|name| pixels(&folder.path().join(name)).2);
+    assert!(first != last);
+}
+
+#[test]
+fn looks_are_baked_and_pass() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let text = SCENE.split("[[object]]").next().unwrap();
+    let look = write(folder.path(), "oak.toml", text);
+    let asset = folder.path().join("oak.fan");
+    let baked = json(&[&"bake", &model, &"-o", &asset, &"--look", &look, &"--texels", &"32k"]);
+    let channels: Vec<&str> =
+        baked["channels"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!(channels, ["BaseColor", "Normal", "OcclusionRoughnessMetallic"]);
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    // The other way to say it.
+    let source = format!("look={}", look.display());
+    let again = folder.path().join("again.fan");
+    succeeds(&[&"bake", &model, &"-o", &again, &"--source", &source, &"--texels", &"32k"]);
+    assert!(std::fs::read(&asset).unwrap() == std::fs::read(&again).unwrap());
+}
+
+#[test]
+fn a_solid_of_a_look_is_the_solid_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let text = "[textures.stone]\nkind = \"marble\"\n[bake]\ntexture = \"stone\"\n";
+    let look = write(folder.path(), "stone.toml", text);
+    let [a, b] = ["a.fan", "b.fan"].map(|name| folder.path().join(name));
+    let bake = |asset: &Path, option: &str, value: &Path| {
+        let size: [&str; 4] = ["--texels", "64k", "--format", "float"];
+        succeeds(&[&"bake", &model, &"-o", &asset, &option, &value, &size[0], &size[1], &size[2], &size[3]]);
+    };
+    bake(&a, "--look", &look);
+    bake(&b, "--source", Path::new("solid=marble"));
+    let compared = json(&[&"compare", &a, &b, &"--views", &"1", &"--size", &"64x64"]);
+    let psnr = compared["psnr_db"]["mean"].as_f64();
+    assert!(psnr.is_none_or(|psnr| psnr > 50.0), "{compared:#}");
+}
+
+#[test]
+fn finished_light_is_baked() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let text = "[materials.white]\nbase_color = 0.8\n[bake]\nlight = { samples = 16, bounces = 1 }\n\
+                [[light]]\nkind = \"sun\"\nto_light = [1, 2, 3]\n[environment]\ncolor = [0.2, 0.3, 0.4]\n";
+    let look = write(folder.path(), "lit.toml", text);
+    let asset = folder.path().join("lit.fan");
+    let baked = json(&[&"bake", &model, &"-o", &asset, &"--look", &look, &"--texels", &"16k"]);
+    assert_eq!(baked["channels"].as_array().unwrap().len(), 1);
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+}
+
+#[test]
+fn a_translation_bakes_what_the_model_itself_bakes() {
+    let folder = tempfile::tempdir().unwrap();
+    let translated = succeeds(&[&"info", &bottle(), &"--look"]);
+    let text = String::from_utf8(translated.stdout).unwrap();
+    assert!(text.contains("model_image") && text.contains("normal_map"), "{text}");
+    let look = write(folder.path(), "bottle.toml", &text);
+    let [own, dressed] = ["own.fan", "dressed.fan"].map(|name| folder.path().join(name));
+    succeeds(&[&"bake", &bottle(), &"-o", &own, &"--texels", &"300k"]);
+    let baked = json(&[&"bake", &bottle(), &"-o", &dressed, &"--look", &look, &"--texels", &"300k"]);
+    assert_eq!(baked["channels"].as_array().unwrap().len(), 4);
+    let compared = json(&[&"compare", &own, &dressed, &"--views", &"2", &"--size", &"200x200"]);
+    assert!(compared["psnr_db"]["mean"].as_f64().is_none_or(|psnr| psnr > 40.0), "{compared:#}");
+    let machine = json(&[&"info", &bottle(), &"--look"]);
+    assert_eq!(machine["materials"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn bad_looks_are_refused_with_file_line_and_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("out.png");
+    let image = |name: &str| format!("[textures.a]\nkind = \"image\"\nimage = \"{name}\"\n");
+    let object =
+        "[materials.m]\nbase_color = \"a\"\n[[object]]\nshape = { kind = \"sphere\" }\nmaterial = \"m\"\n";
+    let cases: [(String, &[&str]); 8] = [
+        ("[picture]\nsizes = [1, 1]\n".into(), &["look.toml:2", "picture", "did you mean 'size'?"]),
+        ("[camera]\nfov = \"wide\"\n".into(), &["look.toml:2", "camera.fov", "expected a number"]),
+        ("[camera]\nfov = nan\n".into(), &["look.toml:2", "camera.fov", "finite"]),
+        (image("missing.png") + object, &["look.toml:3", "textures.a.image", "missing.png"]),
+        (image("empty.png") + object, &["look.toml:3", "textures.a.image", "empty.png"]),
+        ("[materials.m]\nbase_color = \"b\"\n".into(), &["look.toml:2", "there is no texture 'b'"]),
+        (
+            "[textures.a]\nkind = \"mix\"\na = \"a\"\nb = 1\nmask = 1\n".into(),
+            &["look.toml:3", "textures.a.a", "a -> a"],
+        ),
+        ("[picture]\n".into(), &["look.toml", "names no model"]),
+    ];
+    write(folder.path(), "empty.png", "");
+    for (text, parts) in cases {
+        let look = write(folder.path(), "look.toml", &text);
+        fails(1, parts, &[&"render", &look, &"-o", &picture]);
+        assert_eq!(files(folder.path()), ["empty.png", "look.toml"], "{text}");
+    }
+}
+
+#[test]
+fn what_has_no_sense_with_looks_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(
+        folder.path(),
+        "look.toml",
+        "[materials.m]\nbase_color = \"rim\"\n[textures.rim]\nkind = \"facing\"\n",
+    );
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("out.fan");
+    fails(1, &["depends on the eye"], &[&"bake", &model, &"-o", &asset, &"--look", &look]);
+    fails(1, &["is a look"], &[&"bake", &look, &"-o", &asset]);
+    fails(1, &["is a look"], &[&"verify", &look]);
+    fails(
+        2,
+        &["leave --light"],
+        &[&"render", &look, &"-o", &folder.path().join("a.png"), &"--light", &"1,1,1"],
+    );
+    fails(1, &["no model"], &[&"info", &look, &"--look"]);
+    assert!(run(&[&"render", &"no.toml", &"-o", &folder.path().join("a.png")]).status.code() == Some(1));
+    assert_eq!(files(folder.path()), ["colored.ply", "look.toml"]);
+}
+
+#[test]
+fn the_schema_is_json() {
+    let text = std::fs::read_to_string(workspace().join("docs/look.schema.json")).unwrap();
+    let schema: Value = serde_json::from_str(&text).unwrap();
+    assert!(schema["$defs"]["TextureTable"]["oneOf"].as_array().unwrap().len() > 20);
+}
