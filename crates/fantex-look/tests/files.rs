@@ -65,6 +65,14 @@ material = "board"
 "##;
 
 #[test]
+fn a_wrap_is_one_text_or_two() {
+    for wrap in ["\"mirror\"", "[\"clamp\", \"border\"]"] {
+        let text = format!("[textures.a]\nkind = \"image\"\nimage = \"a.png\"\nwrap = {wrap}\n");
+        assert!(parse(&text).is_ok(), "{wrap}");
+    }
+}
+
+#[test]
 fn a_whole_scene_is_read() {
     let file = parse(SCENE).unwrap();
     let look = file.look();

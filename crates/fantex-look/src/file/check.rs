@@ -258,11 +258,11 @@ fn has_type(schema: &Value, name: &str) -> bool {
 
 /// Whether a value is of a schema's type at all.
 fn fits(schema: &Value, value: &DeValue<'_>) -> bool {
+    if alternatives(schema).is_some_and(|a| a.iter().any(|a| fits(a, value))) {
+        return true;
+    }
     match value {
-        DeValue::Table(_) => {
-            has_type(schema, "object")
-                || alternatives(schema).is_some_and(|a| a.iter().any(|a| fits(a, value)))
-        }
+        DeValue::Table(_) => has_type(schema, "object"),
         DeValue::Array(_) => has_type(schema, "array"),
         DeValue::String(_) => has_type(schema, "string") || constants(schema).is_some(),
         DeValue::Boolean(_) => has_type(schema, "boolean"),
