@@ -1,7 +1,8 @@
-//! Development chores: `cargo xtask lint | test | bench | demo | schema`.
+//! Development chores: `cargo xtask lint | test | bench | demo | schema | goldens`.
 
 mod bench;
 mod crates;
+mod goldens;
 mod lint;
 mod shell;
 mod test;
@@ -17,7 +18,8 @@ usage: cargo xtask CHORE
   test [--slow]  all tests; --slow adds those that are ignored because they take long
   bench          figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
   demo           the tour of the README
-  schema         writes docs/look.schema.json and the tables of docs/look.md";
+  schema         writes docs/look.schema.json and the tables of docs/look.md
+  goldens        draws the gallery's small pictures anew; look at what changed before you commit it";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -28,6 +30,7 @@ fn main() -> ExitCode {
         ["test", "--slow"] => test::run(true),
         ["bench"] => bench::run(),
         ["schema"] => shell::cargo(&["run", "-p", "fantex-look", "--example", "write_reference"]),
+        ["goldens"] => goldens::run(),
         ["demo", ref rest @ ..] => shell::cargo(&[&["run", "--release", "--", "demo"], rest].concat()),
         _ => {
             eprintln!("{USAGE}");

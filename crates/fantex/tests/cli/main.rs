@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
 mod bad_input;
+mod gallery;
 mod interrupt;
 mod looks;
 mod real_models;
