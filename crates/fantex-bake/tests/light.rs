@@ -7,7 +7,7 @@ mod common;
 use common::{baked, cleaned, cover, data_folder, float_options, loaded, sample};
 use fantex_bake::{
     BakeLight, Fit, Illumination, LightMapError, LightMapOptions, LightMapSource, LightQuantity, LightScene,
-    Reflector,
+    Reflector, SourceReflector,
 };
 use fantex_mesh::{Mesh, Model, TriangleBvh, generate};
 use fantex_store::{ChannelKind, VerifyOptions, verify};
@@ -403,6 +403,43 @@ fn colours_bleed_and_cut_outs_let_light_through() {
         let source = LightMapSource::new(&mesh, &scene, direct(64)).unwrap();
         assert_eq!(light_at(&source, &mesh, DVec3::new(0.01, -1.0, 0.02)).value.x > 0.1, lit);
     }
+}
+
+/// What a source would bake is what reflects: a red ceiling over a white floor, with a hole where alpha is zero.
+#[test]
+fn sources_reflect_what_they_would_bake() {
+    let ceiling = inside_out(placed(generate::grid(8), 1.0, DVec3::Y));
+    let mesh = cleaned(joined(&[generate::grid(8), ceiling]));
+    let height = mesh.positions.iter().fold(0.0_f32, |m, p| m.max(p.y));
+    let color = move |p: Vec3| {
+        if p.y < 0.0 {
+            glam::Vec4::ONE
+        } else {
+            glam::Vec4::new(0.8, 0.0, 0.0, f32::from(p.x < 0.5 * height))
+        }
+    };
+    struct WithAlpha<F>(common::OfPosition<F>);
+    impl<F: Fn(Vec3) -> glam::Vec4 + Sync> fantex_bake::Source for WithAlpha<F> {
+        fn channels(&self) -> Vec<fantex_bake::SourceChannel> {
+            let opaque = self.0.channels();
+            opaque.into_iter().map(|c| fantex_bake::SourceChannel { has_alpha: true, ..c }).collect()
+        }
+        fn prefilter(&self) -> fantex_bake::Prefilter {
+            self.0.prefilter()
+        }
+        fn evaluate(&self, point: &fantex_bake::SurfacePoint, values: &mut [glam::Vec4]) {
+            self.0.evaluate(point, values);
+        }
+    }
+    let paint = WithAlpha(common::OfPosition(color));
+    let reflector = SourceReflector::new(&mesh, &paint);
+    let scene = LightScene { lights: Vec::new(), sky: &white, reflector: &reflector };
+    let source =
+        LightMapSource::new(&mesh, &scene, LightMapOptions { bounces: 1, ..Default::default() }).unwrap();
+    let under = light_at(&source, &mesh, DVec3::new(-0.5, 0.0, 0.0)).value;
+    let under_the_hole = light_at(&source, &mesh, DVec3::new(0.9, 0.0, 0.0)).value;
+    assert!(under.x > 1.1 * under.y && (under.y - under.z).abs() < 1e-5, "{under}");
+    assert!(under_the_hole.y > 1.2 * under.y, "{under} {under_the_hole}");
 }
 
 #[test]

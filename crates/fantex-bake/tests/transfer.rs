@@ -216,8 +216,7 @@ fn charts_are_continued_by_the_padding_and_no_farther() {
     let mut model = generate::grid(1);
     let corner = |c: usize| model.positions[model.triangles[c / 3][c % 3] as usize];
     // The square takes the middle of the image.
-    let uv: Vec<Vec2> =
-        (0..6).map(|c| corner(c)).map(|p| Vec2::new(p.x as f32, p.z as f32) * 0.25 + 0.5).collect();
+    let uv: Vec<Vec2> = (0..6).map(corner).map(|p| Vec2::new(p.x as f32, p.z as f32) * 0.25 + 0.5).collect();
     model.corners.uv_sets = vec![uv];
     let mesh = cleaned(model);
     for padding in [0, 5] {

@@ -64,7 +64,6 @@ impl Corner {
 fn triangle_corners(mesh: &Mesh, normals: &[Vec3], t: usize, uv: [Vec2; 3]) -> [Corner; 3] {
     let positions = mesh.triangle_positions(t);
     let (tangent, handedness) = facet_tangent(positions, uv);
-    let angles = corner_angles(positions);
     [0, 1, 2].map(|k| {
         let normal = normals[3 * t + k];
         let projected = (tangent - normal * normal.dot(tangent)).normalize_or_zero();
@@ -74,17 +73,18 @@ fn triangle_corners(mesh: &Mesh, normals: &[Vec3], t: usize, uv: [Vec2; 3]) -> [
             uv: uv[k],
             normal,
             handedness,
-            weighted_tangent: projected * angles[k],
+            weighted_tangent: projected * corner_angle(positions, k, normal),
         }
     })
 }
 
-/// Angles at the corners in radians.
-fn corner_angles(p: [Vec3; 3]) -> [f32; 3] {
-    [0, 1, 2].map(|k| {
-        let (a, b) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
-        a.cross(b).length().atan2(a.dot(b))
-    })
+/// Angle in radians at a corner, as it appears in the plane of the corner's normal.
+fn corner_angle(p: [Vec3; 3], k: usize, normal: Vec3) -> f32 {
+    let [a, b] = [1, 2].map(|next| {
+        let side = p[(k + next) % 3] - p[k];
+        side - normal * normal.dot(side)
+    });
+    a.cross(b).length().atan2(a.dot(b))
 }
 
 /// The direction in which u grows on a facet (zero where its texture coordinates are degenerate) and the handedness:

@@ -1,5 +1,6 @@
 //! The sources that come with fantex.
 
+mod detail;
 mod lit;
 mod look;
 mod mapped_image;
@@ -9,6 +10,7 @@ mod space;
 mod uv;
 mod vertex_color;
 
+pub use detail::{DetailPlacement, DetailSource, DetailSourceError};
 pub use lit::LitSource;
 pub use look::{LookSource, LookSourceError, baked_materials};
 pub use mapped_image::MappedImageSource;

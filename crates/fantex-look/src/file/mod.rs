@@ -124,12 +124,7 @@ impl LookFile {
 
     fn mistake(&self, mistake: Mistake) -> LookError {
         let Mistake { key, span, problem } = mistake;
-        LookError {
-            file: self.path.clone(),
-            line: self.line(span.start),
-            key: key.to_string(),
-            problem,
-        }
+        LookError { file: self.path.clone(), line: self.line(span.start), key: key.to_string(), problem }
     }
 
     /// The line of a byte, from 1.
