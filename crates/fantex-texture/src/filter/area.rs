@@ -63,8 +63,11 @@ impl AreaPlan {
     #[inline]
     pub(crate) fn bilinear_mean(&self, level: &Image, alpha: AlphaUse, uv: Vec2) -> Vec4 {
         match &self.window {
-            Some(window) => {
-                with_texels(level, alpha, Window::new(level, uv, self.wrap, self.subsamples, window))
+            Some(plan) if plan.is_narrow => {
+                with_texels(level, alpha, Window::<3>::new(level, uv, self.wrap, self.subsamples, plan))
+            }
+            Some(plan) => {
+                with_texels(level, alpha, Window::<WINDOW>::new(level, uv, self.wrap, self.subsamples, plan))
             }
             None => with_texels(level, alpha, Mean::<2> { level, uv, plan: self }),
         }
@@ -109,20 +112,18 @@ where
     }
 }
 
-/// Texels along a side of the window of a small footprint.
+/// Most texels along a side of the window of a small footprint.
 const WINDOW: usize = 4;
 
-/// The subsamples of a small footprint share their texels: their weights are gathered over a window of 4x4 texels, so that
-/// every texel is decoded once.
-struct Window<'a> {
+/// The subsamples of a small footprint share their texels: their weights are gathered over a window of `N` x `N` texels, so
+/// that every texel is decoded once.
+struct Window<'a, const N: usize> {
     level: &'a Image,
     wrap: [Wrap; 2],
     /// Column and row of the window's first texel, before wrapping.
     origin: [i32; 2],
-    /// Columns and rows that have weight, at most [`WINDOW`].
-    extent: [usize; 2],
-    /// By row, then column.
-    weights: [Vec4; WINDOW],
+    /// By row, then column; 0 from `N` on.
+    weights: [Vec4; N],
 }
 
 /// The part of a window that does not depend on the look-up's centre, in texels.
@@ -135,6 +136,8 @@ struct WindowPlan {
     reach: Vec2,
     /// One over the number of subsamples.
     share: f32,
+    /// Whether three texels along a side are enough.
+    is_narrow: bool,
 }
 
 impl WindowPlan {
@@ -143,39 +146,34 @@ impl WindowPlan {
         let to_last = [step[0] * (subsamples.columns - 1) as f32, step[1] * (subsamples.rows - 1) as f32];
         let reach = 0.5 * (to_last[0].abs() + to_last[1].abs());
         let share = 1.0 / (subsamples.columns * subsamples.rows) as f32;
-        // A span of two texels touches the hats of four at most.
-        (reach.max_element() <= 1.0).then_some(Self {
-            step,
-            first: -0.5 * (to_last[0] + to_last[1]),
-            reach,
-            share,
-        })
+        let first = -0.5 * (to_last[0] + to_last[1]);
+        // A span of one texel touches the hats of three at most, a span of two those of four. Rounding can make a span
+        // a little longer; the weight that is lost then is as small.
+        let is_narrow = reach.max_element() <= 0.5;
+        (reach.max_element() <= 1.0).then_some(Self { step, first, reach, share, is_narrow })
     }
 }
 
-impl<'a> Window<'a> {
+impl<'a, const N: usize> Window<'a, N> {
     #[inline(always)]
     fn new(level: &'a Image, uv: Vec2, wrap: [Wrap; 2], subsamples: Subsamples, plan: &WindowPlan) -> Self {
         let center = Vec2::new(
             recenter(uv.x, level.width, wrap[0]) - 0.5,
             recenter(uv.y, level.height, wrap[1]) - 0.5,
         );
-        let (low, high) = (center - plan.reach, center + plan.reach);
+        let low = center - plan.reach;
         let origin = [floor(low.x), floor(low.y)];
-        let extent = [floor(high.x) - origin[0] + 2, floor(high.y) - origin[1] + 2];
         let first = center - Vec2::new(origin[0] as f32, origin[1] as f32) + plan.first;
-        let weights = Self::gather(first, plan, subsamples);
-        let extent = extent.map(|texels| texels.clamp(1, WINDOW as i32) as usize);
-        Self { level, wrap, origin, extent, weights }
+        Self { level, wrap, origin, weights: Self::gather(first, plan, subsamples) }
     }
 
     /// Sums the hat functions of all subsamples; `first` is relative to the window's first texel.
     #[inline(always)]
-    fn gather(first: Vec2, plan: &WindowPlan, subsamples: Subsamples) -> [Vec4; WINDOW] {
+    fn gather(first: Vec2, plan: &WindowPlan, subsamples: Subsamples) -> [Vec4; N] {
         let step = plan.step;
         let texels = Vec4::new(0.0, 1.0, 2.0, 3.0);
         let hat = |position: f32| (1.0 - (texels - position).abs()).max(Vec4::ZERO);
-        let mut weights = [Vec4::ZERO; WINDOW];
+        let mut weights = [Vec4::ZERO; N];
         for row in 0..subsamples.rows {
             for column in 0..subsamples.columns {
                 let position = first + step[0] * column as f32 + step[1] * row as f32;
@@ -187,26 +185,47 @@ impl<'a> Window<'a> {
         }
         weights.map(|weight| weight * plan.share)
     }
+
+    /// The row-major offset of the first texel where no texel of the window wraps.
+    #[inline(always)]
+    fn inner_offset(&self) -> Option<usize> {
+        let [column, row] = self.origin;
+        let last = [self.level.width as i32 - N as i32, self.level.height as i32 - N as i32];
+        let is_inside = column >= 0 && row >= 0 && column <= last[0] && row <= last[1];
+        is_inside.then(|| row as usize * self.level.width as usize + column as usize)
+    }
+
+    /// The sum over a window that reaches over the image's border.
+    #[cold]
+    fn wrapped<T: TexelSource>(&self, texels: T) -> Vec4 {
+        let width = self.level.width as usize;
+        let mut sum = Vec4::ZERO;
+        for (row, weights) in self.weights.iter().enumerate() {
+            let wrapped = wrap_index(self.origin[1] + row as i32, self.level.height, self.wrap[1]);
+            let Some(first) = wrapped.map(|row| row * width) else { continue };
+            for (column, weight) in weights.to_array().into_iter().take(N).enumerate() {
+                let wrapped = wrap_index(self.origin[0] + column as i32, self.level.width, self.wrap[0]);
+                if let Some(column) = wrapped {
+                    sum += texels.fetch(first + column) * weight;
+                }
+            }
+        }
+        sum
+    }
 }
 
-impl Kernel for Window<'_> {
+impl<const N: usize> Kernel for Window<'_, N> {
     type Output = Vec4;
 
     #[inline(always)]
     fn run<T: TexelSource>(self, texels: T) -> Vec4 {
+        let Some(first) = self.inner_offset() else { return self.wrapped(texels) };
         let width = self.level.width as usize;
-        let columns: [Option<usize>; WINDOW] = std::array::from_fn(|column| {
-            wrap_index(self.origin[0] + column as i32, self.level.width, self.wrap[0])
-        });
         let mut sum = Vec4::ZERO;
-        for row in 0..self.extent[1] {
-            let wrapped = wrap_index(self.origin[1] + row as i32, self.level.height, self.wrap[1]);
-            let Some(first) = wrapped.map(|row| row * width) else { continue };
-            let weights = self.weights[row].to_array();
-            for (column, weight) in columns.into_iter().zip(weights).take(self.extent[0]) {
-                if let Some(column) = column {
-                    sum += texels.fetch(first + column) * weight;
-                }
+        for (row, weights) in self.weights.into_iter().enumerate() {
+            let weights = weights.to_array();
+            for (column, texel) in texels.fetch_run::<N>(first + row * width).into_iter().enumerate() {
+                sum += texel * weights[column];
             }
         }
         sum

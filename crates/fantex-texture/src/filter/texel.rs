@@ -29,6 +29,9 @@ pub(crate) fn resolve(sum: Vec4, alpha: AlphaUse) -> [f32; 4] {
 pub(crate) trait TexelSource: Copy + Sync {
     /// The texel at `offset` (row-major), linear, weighted by its alpha if that is coverage.
     fn fetch(self, offset: usize) -> Vec4;
+
+    /// `N` texels that follow one another in a row.
+    fn fetch_run<const N: usize>(self, offset: usize) -> [Vec4; N];
 }
 
 /// A computation over texels of any storage, compiled once for each.
@@ -86,7 +89,19 @@ struct Texels<'a, D: Decoder, const C: usize> {
 impl<D: Decoder, const C: usize> TexelSource for Texels<'_, D, C> {
     #[inline(always)]
     fn fetch(self, offset: usize) -> Vec4 {
-        let texel = &self.texels[offset];
+        self.decode(&self.texels[offset])
+    }
+
+    #[inline(always)]
+    fn fetch_run<const N: usize>(self, offset: usize) -> [Vec4; N] {
+        let run = &self.texels[offset..offset + N];
+        std::array::from_fn(|i| self.decode(&run[i]))
+    }
+}
+
+impl<D: Decoder, const C: usize> Texels<'_, D, C> {
+    #[inline(always)]
+    fn decode(&self, texel: &[D::Sample; C]) -> Vec4 {
         let color = |channel: usize| self.decoder.color(texel[channel]);
         let (rgb, alpha) = match C {
             1 => (Vec4::splat(color(0)), None),
