@@ -1,7 +1,7 @@
 //! Where the picture is taken from.
 
 use fantex_mesh::{Mesh, WorldFromMesh};
-use glam::{DMat3, DVec2, DVec3, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
 /// An axis-aligned box, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -172,6 +172,7 @@ pub(crate) struct Projection {
     /// The pinhole, mesh space.
     pub(crate) eye: Vec3,
     screen_from_view: DMat3,
+    view_from_screen: DMat3,
     eye_exact: DVec3,
     /// Depth of the near plane, mesh units.
     pub(crate) near: f64,
@@ -195,8 +196,14 @@ impl Projection {
             eye: eye_exact.as_vec3(),
             eye_exact,
             screen_from_view: rows.transpose(),
+            view_from_screen: rows.transpose().inverse(),
             near: near_depth(mesh, eye_exact, -backward),
         }
+    }
+
+    /// The unit direction, mesh space (and world), from the eye through a position in pixels.
+    pub(crate) fn direction(&self, position: Vec2) -> DVec3 {
+        (self.view_from_screen * position.as_dvec2().extend(1.0)).normalize()
     }
 
     /// Screen-homogeneous coordinates of a mesh-space point.

@@ -156,6 +156,7 @@ impl<S: TileSource> Surface for FanSurface<'_, S> {
             base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
             normal: if hit.front { normal } else { -normal },
+            normal_steps: self.normals.steps(hit),
             occlusion,
             roughness,
             metallic,

@@ -44,6 +44,7 @@ impl<F: Fn(&Hit) -> Vec3 + Sync> Surface for FlatSurface<'_, F> {
         MaterialSample {
             base_color: (self.color)(hit),
             unlit: self.unlit,
+            normal_steps: self.normals.as_ref().map_or([Vec3::ZERO; 2], |normals| normals.steps(hit)),
             ..MaterialSample::with_normal(if hit.front { normal } else { -normal })
         }
     }

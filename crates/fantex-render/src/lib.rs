@@ -14,7 +14,9 @@
 //! Pictures do not depend on the number of threads.
 
 mod camera;
+mod capture;
 mod clip;
+mod environment_light;
 mod fan_surface;
 mod fixed;
 mod flat_surface;
@@ -27,15 +29,19 @@ mod pattern;
 mod picture;
 mod primitive;
 mod raster;
+mod reflecting_surface;
 mod render;
 mod resolve;
 mod shading;
+mod sky_box;
 mod split_sum;
 mod surface;
 mod tile_filter;
 mod tiles;
 
 pub use camera::{Bounds, Camera};
+pub use capture::{CaptureOptions, capture_environment, capture_with, cube_cameras};
+pub use environment_light::EnvironmentLight;
 pub use fan_surface::FanSurface;
 pub use flat_surface::{FlatShading, FlatSurface};
 pub use hit::{Hit, Interpolation};
@@ -44,6 +50,7 @@ pub use mesh_surface::{FilterOptions, MeshSurface};
 pub use options::{Background, MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
 pub use pattern::MAX_SAMPLES;
 pub use picture::Picture;
+pub use reflecting_surface::{ObjectReflection, ReflectingSurface};
 pub use render::{RenderStats, Rendering, render};
 pub use shading::Shading;
 pub use surface::{Coverage, MaterialSample, Surface};

@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use crate::Camera;
+use crate::{Camera, EnvironmentLight};
 
 /// Light from one direction, as from the sun.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,8 +13,8 @@ pub struct DirectionalLight {
     pub color: Vec3,
 }
 
-/// Light from everywhere: one colour from above, one from below, mixed by height in between.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Light from everywhere: an environment, or one colour from above, one from below, mixed by height in between.
+#[derive(Clone, Debug, PartialEq)]
 pub struct AmbientLight {
     /// Linear RGB from straight above.
     pub sky: Vec3,
@@ -22,12 +22,14 @@ pub struct AmbientLight {
     pub ground: Vec3,
     /// Unit vector upwards.
     pub up: Vec3,
+    /// Takes the place of both colours.
+    pub environment: Option<EnvironmentLight>,
 }
 
 impl AmbientLight {
     /// The same colour from all sides.
     pub fn uniform(color: Vec3) -> Self {
-        Self { sky: color, ground: color, up: Vec3::Y }
+        Self { sky: color, ground: color, up: Vec3::Y, environment: None }
     }
 
     /// Colour from a (unit) direction; also what a white surface with that normal reflects.
@@ -56,9 +58,14 @@ impl Lights {
     /// A white sun and a sky. Together they stay below one, so that a white model does not burn out.
     pub fn sun(to_light: Vec3) -> Self {
         Self {
-            ambient: AmbientLight { sky: Vec3::splat(0.33), ground: Vec3::splat(0.2), up: Vec3::Y },
+            ambient: AmbientLight { sky: Vec3::splat(0.33), ..AmbientLight::uniform(Vec3::splat(0.2)) },
             directional: vec![DirectionalLight { to_light, color: Vec3::splat(0.65) }],
         }
+    }
+
+    /// The light of an environment alone.
+    pub fn environment(light: EnvironmentLight) -> Self {
+        Self { ambient: AmbientLight::environment(light), directional: Vec::new() }
     }
 
     /// A sun over the photographer's left shoulder: every side of a model gets its picture in good light.

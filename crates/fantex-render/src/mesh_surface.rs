@@ -74,8 +74,10 @@ impl<'a> MeshSurface<'a> {
 impl Surface for MeshSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         let vertex_normal = self.normals.at(self.mesh, hit);
+        let normal_steps = self.normals.steps(hit);
         let Some((material, textures)) = self.material(hit.triangle) else {
-            return MaterialSample::with_normal(if hit.front { vertex_normal } else { -vertex_normal });
+            let normal = if hit.front { vertex_normal } else { -vertex_normal };
+            return MaterialSample { normal_steps, ..MaterialSample::with_normal(normal) };
         };
         let texel = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texel(layer, hit));
         let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
@@ -96,6 +98,7 @@ impl Surface for MeshSurface<'_> {
             base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
             normal: if hit.front { normal } else { -normal },
+            normal_steps,
             occlusion: surface.x,
             roughness: surface.y,
             metallic: surface.z,

@@ -19,23 +19,17 @@ pub enum Background {
         /// Last row.
         bottom: Vec3,
     },
+    /// The surroundings that light the scene, as a sky box.
+    Environment {
+        /// Perceptual roughness, 0..1, by which they are blurred, as if seen in a rough mirror; 0 shows them sharp.
+        blur: f32,
+    },
 }
 
 impl Default for Background {
     /// A light grey gradient, darker below.
     fn default() -> Self {
         Self::Gradient { top: Vec3::splat(0.62), bottom: Vec3::splat(0.34) }
-    }
-}
-
-impl Background {
-    /// Premultiplied RGBA at a height, 0 = top, 1 = bottom.
-    pub(crate) fn at(&self, height: f32) -> glam::Vec4 {
-        match *self {
-            Self::Transparent => glam::Vec4::ZERO,
-            Self::Color(color) => color.extend(1.0),
-            Self::Gradient { top, bottom } => top.lerp(bottom, height).extend(1.0),
-        }
     }
 }
 
@@ -64,7 +58,7 @@ pub struct RenderOptions {
     pub interpolation: Interpolation,
     /// Lighting model.
     pub shading: Shading,
-    /// What is seen where no surface is. Not affected by exposure.
+    /// What is seen where no surface is. Of these, exposure affects environments only.
     pub background: Background,
     /// Factor of the light that reaches the eye.
     pub exposure: f32,

@@ -67,8 +67,8 @@ impl Resolve<'_> {
             let mask = bits(open).filter(|&s| visible[s] == triangle).fold(0, |m, s| m | 1 << s);
             open &= !mask;
             if triangle == NO_TRIANGLE {
-                let height = (pixel[1] as f32 + 0.5) / self.options.height as f32;
-                let color = self.options.background.at(height);
+                let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
+                let color = self.options.background.behind(pixel, self.options, projection, ambient);
                 bits(mask).for_each(|s| state.samples[s] = color);
                 continue;
             }

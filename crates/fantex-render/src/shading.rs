@@ -4,6 +4,7 @@ use std::f32::consts::PI;
 
 use glam::Vec3;
 
+use crate::environment_light::MirrorView;
 use crate::light::{AmbientLight, Lights};
 use crate::split_sum::{split_sum, visibility};
 use crate::surface::MaterialSample;
@@ -61,7 +62,7 @@ fn blinn_phong(material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3
     let alpha = squared_roughness(material);
     let shininess = (2.0 / (alpha * alpha) - 2.0).max(0.0);
     let specular = mirror * ((shininess + 8.0) / 8.0);
-    let ambient = ambient_reflectance * lights.ambient.radiance_from(n);
+    let ambient = ambient_reflectance * lights.ambient.diffuse(n);
     lights.directional.iter().fold(ambient, |sum, light| {
         let l = light.to_light.normalize_or(Vec3::Y);
         let n_l = n.dot(l);
@@ -95,6 +96,7 @@ struct Microfacets {
     /// Squared perceptual roughness.
     alpha: f32,
     perceptual_roughness: f32,
+    normal_steps: [Vec3; 2],
 }
 
 impl Microfacets {
@@ -109,6 +111,7 @@ impl Microfacets {
             f0: Vec3::splat(DIELECTRIC).lerp(material.base_color, material.metallic),
             alpha: squared_roughness(material),
             perceptual_roughness: material.roughness,
+            normal_steps: material.normal_steps,
         }
     }
 
@@ -139,12 +142,11 @@ impl Microfacets {
     /// direction for the specular part, times the lobe's total reflectance (B. Karis, "Real Shading in Unreal
     /// Engine 4", 2013: the split sum).
     fn ambient(&self, light: &AmbientLight) -> Vec3 {
-        let mirror = self.n * (2.0 * self.n.dot(self.v)) - self.v;
-        let seen = mirror.lerp(self.n, self.alpha).normalize_or(self.n);
+        let view = MirrorView::new(self.n, self.normal_steps, self.v);
         let [scale, bias] = split_sum(self.perceptual_roughness, self.n_v);
         let specular = self.f0 * scale + Vec3::splat(bias);
         let diffuse = self.diffuse * (Vec3::ONE - specular);
-        diffuse * light.radiance_from(self.n) + specular * light.radiance_from(seen)
+        diffuse * light.diffuse(self.n) + specular * light.specular(&view, self.perceptual_roughness)
     }
 }
 

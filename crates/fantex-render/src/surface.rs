@@ -40,6 +40,9 @@ pub struct MaterialSample {
     pub alpha: f32,
     /// Unit shading normal on the side that the eye sees, mesh space (whose directions are the world's).
     pub normal: Vec3,
+    /// Change of `normal` along the pixel's edges; zero where it is not known. It is the footprint of mirrored
+    /// surroundings.
+    pub normal_steps: [Vec3; 2],
     /// Share of the surroundings' light that reaches the point, 0..1.
     pub occlusion: f32,
     /// Perceptual roughness, 0..1.
@@ -61,6 +64,7 @@ impl MaterialSample {
             base_color: Vec3::ONE,
             alpha: 1.0,
             normal,
+            normal_steps: [Vec3::ZERO; 2],
             occlusion: 1.0,
             roughness: 0.9,
             metallic: 0.0,

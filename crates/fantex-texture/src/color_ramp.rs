@@ -71,6 +71,41 @@ impl ColorRamp {
             RampInterpolation::Constant => color,
         }
     }
+
+    /// The exact mean colour of the numbers between `from` and `to`, in either order; without an interval between them, the
+    /// colour of the number. The four channels are averaged independently.
+    pub fn mean(&self, from: f32, to: f32) -> Vec4 {
+        // Twice the largest is still a number.
+        let [from, to] = [from, to].map(|x| x.clamp(-0.25 * f32::MAX, 0.25 * f32::MAX));
+        let (low, high) = (from.min(to), from.max(to));
+        let width = high - low;
+        if width.is_nan() || width <= 0.0 {
+            return self.color(from);
+        }
+        let share = |start: f32, end: f32| (end.min(high) - start.max(low)).max(0.0) / width;
+        let (first, last) = (self.stops[0], self.stops[self.stops.len() - 1]);
+        let mut sum = first.1 * share(f32::NEG_INFINITY, first.0) + last.1 * share(last.0, f32::INFINITY);
+        for pair in self.stops.windows(2) {
+            let [(start, color), (end, next_color)] = [pair[0], pair[1]];
+            let share = share(start, end);
+            if share > 0.0 {
+                let position = |x: f32| ((x - start) / (end - start)).clamp(0.0, 1.0);
+                sum += color.lerp(next_color, self.mean_blend(position(low), position(high))) * share;
+            }
+        }
+        sum
+    }
+
+    /// The mean share of the next stop's colour between the positions `a` and `b` of a piece, both 0..1. Powers are averaged
+    /// as `(a + b) / 2` and so on, which loses no digits where the positions are close together.
+    fn mean_blend(&self, a: f32, b: f32) -> f32 {
+        let linear = 0.5 * (a + b);
+        match self.interpolation {
+            RampInterpolation::Linear => linear,
+            RampInterpolation::Smooth => a * a + a * b + b * b - linear * (a * a + b * b),
+            RampInterpolation::Constant => 0.0,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -86,6 +121,30 @@ mod tests {
         assert_eq!(ramp.color(1.0), Vec4::X);
         assert_eq!(ramp.color(9.0), Vec4::Y);
         assert_eq!(ramp.color(f32::NAN), Vec4::ZERO);
+    }
+
+    #[test]
+    fn means_equal_sums_of_many_colours() {
+        let stops =
+            vec![(-1.0, Vec4::ZERO), (1.0, Vec4::ONE), (1.0, Vec4::X), (3.0, Vec4::new(0.5, 2.0, -1.0, 0.2))];
+        for interpolation in
+            [RampInterpolation::Linear, RampInterpolation::Smooth, RampInterpolation::Constant]
+        {
+            let ramp = ColorRamp::new(stops.clone(), interpolation).unwrap();
+            for (from, to) in [(-3.0, 5.0), (-0.5, 0.25), (0.9, 1.1), (2.5, 0.0), (4.0, 5.0), (-9.0, -1.0)] {
+                let count = 20_000;
+                let sum: Vec4 = (0..count)
+                    .map(|i| ramp.color(from + (to - from) * (i as f32 + 0.5) / count as f32))
+                    .sum();
+                let error = (ramp.mean(from, to) - sum / count as f32).abs().max_element();
+                assert!(error < 2e-4, "{interpolation:?} from {from} to {to}: off by {error}");
+            }
+            let close = ramp.mean(0.3, 0.3 + 1e-6) - ramp.color(0.3);
+            assert!(close.abs().max_element() < 1e-5, "{interpolation:?}: {close}");
+            assert_eq!(ramp.mean(0.5, 0.5), ramp.color(0.5));
+            assert!(ramp.mean(f32::NEG_INFINITY, f32::INFINITY).is_finite());
+            assert!(ramp.mean(f32::NAN, 1.0).is_finite());
+        }
     }
 
     #[test]

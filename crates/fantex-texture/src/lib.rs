@@ -5,22 +5,28 @@
 
 pub mod color;
 mod color_ramp;
+pub mod combine;
 pub mod compare;
+pub mod coordinates;
+pub mod environment;
 pub mod filter;
 mod image;
 mod image_file;
 mod image_texture;
+mod invalid_option;
 pub mod look;
 mod mapping;
 pub mod material;
 pub mod noise;
 mod solid;
 mod texture;
+pub mod warp;
 
 pub use color_ramp::*;
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;
+pub use invalid_option::*;
 pub use mapping::*;
 pub use solid::*;
 pub use texture::*;

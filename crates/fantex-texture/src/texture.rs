@@ -4,6 +4,8 @@ use std::fmt;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::look::Slot;
+
 /// Where a texture is asked, and how far the asker averages.
 ///
 /// The footprint is a parallelogram around the point: for a picture one pixel (edges to the right and downwards), for a bake
@@ -50,7 +52,32 @@ pub enum Filtering {
     Area,
 }
 
+/// Sets of texture coordinates that are moved without allocation.
+const INLINE_UV_SETS: usize = 4;
+
 impl ShadingPoint<'_> {
+    /// Asks at the point moved by `a` and `b` times the footprint's edges: position, normal and texture coordinates change
+    /// to first order, everything else (the footprint's size too) stays.
+    pub fn shifted<R>(&self, a: f32, b: f32, ask: impl FnOnce(&ShadingPoint<'_>) -> R) -> R {
+        let move_uv = |set: &UvPoint| UvPoint { uv: set.uv + set.steps[0] * a + set.steps[1] * b, ..*set };
+        let (mut inline, heap);
+        let uv = if self.uv.len() <= INLINE_UV_SETS {
+            inline = [UvPoint::default(); INLINE_UV_SETS];
+            inline.iter_mut().zip(self.uv).for_each(|(moved, set)| *moved = move_uv(set));
+            &inline[..self.uv.len()]
+        } else {
+            heap = self.uv.iter().map(move_uv).collect::<Vec<_>>();
+            &heap
+        };
+        let normal = self.normal + self.normal_steps[0] * a + self.normal_steps[1] * b;
+        ask(&ShadingPoint {
+            position: self.position + self.position_steps[0] * a + self.position_steps[1] * b,
+            normal: normal.try_normalize().unwrap_or(self.normal),
+            uv,
+            ..*self
+        })
+    }
+
     /// The width over which the asker averages, in the units of `position`: the root mean square of the edges.
     pub fn width(&self) -> f32 {
         let [x, y] = self.position_steps;
@@ -84,5 +111,51 @@ impl fmt::Debug for dyn Texture {
 impl Texture for Vec4 {
     fn evaluate(&self, _at: &ShadingPoint<'_>) -> Vec4 {
         *self
+    }
+}
+
+/// A constant or a texture, as a texture again.
+impl Texture for Slot {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        Self::evaluate(self, at)
+    }
+
+    fn is_view_dependent(&self) -> bool {
+        matches!(self, Self::Texture(texture) if texture.is_view_dependent())
+    }
+
+    fn is_animated(&self) -> bool {
+        matches!(self, Self::Texture(texture) if texture.is_animated())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shifted_points_move_by_the_edges_of_the_footprint() {
+        let set = UvPoint { uv: Vec2::new(0.5, 0.25), steps: [Vec2::new(0.1, 0.0), Vec2::new(0.0, 0.2)] };
+        for count in [0, 1, INLINE_UV_SETS, INLINE_UV_SETS + 3] {
+            let uv = vec![set; count];
+            let point = ShadingPoint {
+                position: Vec3::new(1.0, 2.0, 3.0),
+                position_steps: [Vec3::X, Vec3::Z],
+                normal: Vec3::Y,
+                normal_steps: [Vec3::X, Vec3::ZERO],
+                uv: &uv,
+                vertex_color: Vec4::ONE,
+                to_eye: None,
+                time: 2.0,
+                filtering: Filtering::Own,
+            };
+            point.shifted(1.0, -0.5, |moved| {
+                assert_eq!(moved.position, Vec3::new(2.0, 2.0, 2.5));
+                assert!((moved.normal - Vec3::new(1.0, 1.0, 0.0).normalize()).length() < 1e-6);
+                assert_eq!(moved.uv.len(), count);
+                assert!(moved.uv.iter().all(|set| (set.uv - Vec2::new(0.6, 0.15)).length() < 1e-6));
+                assert_eq!(moved.time, 2.0);
+            });
+        }
     }
 }

@@ -29,6 +29,10 @@ pub(crate) enum CliError {
     #[error(transparent)]
     LoadImage(#[from] texture::LoadImageError),
     #[error(transparent)]
+    LoadEnvironment(#[from] texture::environment::LoadEnvironmentError),
+    #[error(transparent)]
+    Sky(#[from] texture::environment::SkyError),
+    #[error(transparent)]
     SaveImage(#[from] texture::SaveImageError),
     #[error(transparent)]
     Compare(#[from] texture::compare::CompareError),

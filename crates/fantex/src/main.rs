@@ -12,6 +12,7 @@ mod progress;
 mod scene;
 mod size;
 mod sources;
+mod surroundings;
 mod table;
 
 use std::process::ExitCode;

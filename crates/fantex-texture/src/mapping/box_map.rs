@@ -2,7 +2,8 @@
 
 use glam::{Vec2, Vec3};
 
-use super::{Bounds, Mapping};
+use super::{Bounds, Mapping, SurfacePoint};
+use crate::{Allowed, InvalidOption};
 
 /// Projection along the coordinate axis that is nearest to the normal.
 ///
@@ -41,6 +42,10 @@ impl BoxMap {
         Self { bounds, scale: repeat / extent.max_element(), order }
     }
 
+    pub(super) fn longest_edge(&self) -> f32 {
+        self.bounds.extent().max_element()
+    }
+
     /// The face across which `n` points.
     fn face(&self, n: Vec3) -> Face {
         let size = n.abs();
@@ -65,6 +70,63 @@ impl BoxMap {
             _ => Face { axes: [u, v], backwards: [false, is_mirrored] },
         }
     }
+
+    /// Where `u` and `v` are 0 on a face (its third coordinate is that of the smallest corner).
+    fn corner(&self, face: Face) -> Vec3 {
+        let mut corner = self.bounds.min;
+        for (axis, backwards) in face.axes.into_iter().zip(face.backwards) {
+            corner[axis] = if backwards { self.bounds.max[axis] } else { self.bounds.min[axis] };
+        }
+        corner
+    }
+
+    /// The point with these coordinates on the face across which `n` points.
+    pub fn point(&self, uv: Vec2, n: Vec3) -> Vec3 {
+        let face = self.face(n);
+        let mut point = self.corner(face);
+        for (k, axis) in face.axes.into_iter().enumerate() {
+            let sign = if face.backwards[k] { -1.0 } else { 1.0 };
+            point[axis] += sign * uv[k] / self.scale;
+        }
+        let across = 3 - face.axes[0] - face.axes[1];
+        point[across] = if n[across] >= 0.0 { self.bounds.max[across] } else { self.bounds.min[across] };
+        point
+    }
+
+    /// Where the line leaves the box (for lines that pass by: near where they pass), with the face's normal.
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+        let far = Vec3::select(direction.cmpgt(Vec3::ZERO), self.bounds.max, self.bounds.min);
+        let along = Vec3::select(direction.cmpeq(Vec3::ZERO), Vec3::INFINITY, (far - origin) / direction);
+        let axis = along.min_position();
+        if !along[axis].is_finite() {
+            return None;
+        }
+        let position = (origin + direction * along[axis]).max(self.bounds.min).min(self.bounds.max);
+        Some(self.on_face(position, axis, direction[axis] > 0.0))
+    }
+
+    /// The foot of the perpendicular onto the nearest face.
+    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+        let (above, below) = (self.bounds.max - p, p - self.bounds.min);
+        let axis = above.min(below).min_position();
+        let inside = p.max(self.bounds.min).min(self.bounds.max);
+        self.on_face(inside, axis, above[axis] <= below[axis])
+    }
+
+    fn on_face(&self, mut position: Vec3, axis: usize, is_upper: bool) -> SurfacePoint {
+        position[axis] = if is_upper { self.bounds.max[axis] } else { self.bounds.min[axis] };
+        let normal = if is_upper { Vec3::AXES[axis] } else { -Vec3::AXES[axis] };
+        SurfacePoint { position, normal }
+    }
+
+    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "a box mapping";
+        Allowed::Finite.check(OWNER, "the smallest corner", &self.bounds.min.to_array())?;
+        Allowed::Finite.check(OWNER, "the largest corner", &self.bounds.max.to_array())?;
+        let edges = self.bounds.max - self.bounds.min;
+        Allowed::NotNegative.check(OWNER, "an edge", &edges.to_array())?;
+        Allowed::NotZero.check(OWNER, "the repeat", &[self.scale])
+    }
 }
 
 impl Face {
@@ -81,11 +143,7 @@ impl Face {
 impl Mapping for BoxMap {
     fn uv(&self, p: Vec3, n: Vec3) -> Vec2 {
         let face = self.face(n);
-        let mut corner = self.bounds.min;
-        for (axis, backwards) in face.axes.into_iter().zip(face.backwards) {
-            corner[axis] = if backwards { self.bounds.max[axis] } else { self.bounds.min[axis] };
-        }
-        face.linear(p - corner) * self.scale
+        face.linear(p - self.corner(face)) * self.scale
     }
 
     fn uv_footprint(&self, _p: Vec3, n: Vec3, dp_dx: Vec3, dp_dy: Vec3) -> [Vec2; 2] {

@@ -4,7 +4,8 @@ use std::f32::consts::TAU;
 
 use glam::{Vec2, Vec3};
 
-use super::{Bounds, Mapping, sphere::azimuth};
+use super::{Bounds, Mapping, SurfacePoint, sphere::azimuth};
+use crate::{Allowed, InvalidOption};
 
 /// `(u, v) = (a r (theta - theta_0), d (h - h_0))`, theta about the y axis through `center`, seen from outside: u grows to
 /// the right, v downwards (so `d` is negative). The seam is on the far side (-z) of a fitted cylinder.
@@ -22,6 +23,9 @@ pub struct CylinderMap {
     pub along: f32,
     /// `h_0`, the height where `v` is 0.
     pub height: f32,
+    /// The lowest and the highest point of the mantle. Where rays leave through the top or the bottom, its disc counts as
+    /// folded up: the mantle's coordinates go on from the rim to the centre, and stay within bounds.
+    pub ends: [f32; 2],
 }
 
 impl CylinderMap {
@@ -36,6 +40,7 @@ impl CylinderMap {
             angle: -0.5 * TAU,
             along: -1.0 / extent.y,
             height: bounds.max.y,
+            ends: [bounds.max.y - extent.y, bounds.max.y],
         }
     }
 
@@ -48,6 +53,48 @@ impl CylinderMap {
             uv.y / self.along + self.height,
             self.center.z + self.radius * cos,
         )
+    }
+
+    /// Where the line leaves the mantle, or the top or bottom, folded up. For lines that pass by, the point of the mantle that
+    /// is nearest to the line's closest point.
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+        let local = origin - self.center;
+        let a = direction.x * direction.x + direction.z * direction.z;
+        let b = local.x * direction.x + local.z * direction.z;
+        let c = local.x * local.x + local.z * local.z - self.radius * self.radius;
+        let through_mantle = if a > 0.0 { (-b + (b * b - a * c).max(0.0).sqrt()) / a } else { f32::INFINITY };
+        let end = if direction.y >= 0.0 { self.ends[1] } else { self.ends[0] };
+        let through_end = if direction.y == 0.0 { f32::INFINITY } else { (end - origin.y) / direction.y };
+        let along = through_mantle.min(through_end);
+        if !along.is_finite() {
+            return None;
+        }
+        let mut leaves = origin + direction * along;
+        if through_end < through_mantle {
+            let to_rim = self.radius - (leaves.x - self.center.x).hypot(leaves.z - self.center.z);
+            leaves.y = end + to_rim.max(0.0).copysign(direction.y);
+        }
+        Some(self.foot(leaves))
+    }
+
+    /// The point of the endless mantle at the same azimuth and height.
+    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+        let local = p - self.center;
+        let normal = Vec3::new(local.x, 0.0, local.z).normalize_or(Vec3::Z);
+        let axis = Vec3::new(self.center.x, p.y, self.center.z);
+        SurfacePoint { position: axis + normal * self.radius, normal }
+    }
+
+    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "a cylinder mapping";
+        Allowed::Finite.check(OWNER, "the centre", &self.center.to_array())?;
+        Allowed::Positive.check(OWNER, "the radius", &[self.radius])?;
+        Allowed::NotZero.check(OWNER, "'around' (images per unit of length)", &[self.around])?;
+        Allowed::Finite.check(OWNER, "the angle", &[self.angle])?;
+        Allowed::NotZero.check(OWNER, "'along' (images per unit of height)", &[self.along])?;
+        Allowed::Finite.check(OWNER, "the height", &[self.height])?;
+        Allowed::Finite.check(OWNER, "the ends", &self.ends)?;
+        Allowed::NotNegative.check(OWNER, "the height between the ends", &[self.ends[1] - self.ends[0]])
     }
 }
 

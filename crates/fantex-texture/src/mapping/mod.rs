@@ -1,11 +1,19 @@
-//! Closed-form mappings of space to texture coordinates: the S-maps of Bier and Sloan, "Two-part texture mappings", 1986.
+//! Closed-form mappings of space to texture coordinates: the S-maps of Bier and Sloan, "Two-part texture mappings", 1986,
+//! and their O-maps.
+//!
+//! ```text
+//! point of the object --O-map--> point of the intermediate surface --S-map--> texture coordinates
+//! ```
 //!
 //! A mapping gives the coordinates of a point and their derivatives. The derivatives are analytic, so a footprint that lies
 //! across a seam (where the angle of a cylinder jumps) is as small as its neighbours', and at a pole it is merely long.
 
 mod box_map;
 mod cylinder;
+mod hemispheres;
+mod o_map;
 mod planar;
+mod s_map;
 mod sphere;
 mod triplanar;
 
@@ -15,7 +23,11 @@ use glam::{Vec2, Vec3};
 
 pub use box_map::BoxMap;
 pub use cylinder::CylinderMap;
+pub use hemispheres::{HemisphereLayout, HemisphereMap};
+pub(crate) use o_map::reflected;
+pub use o_map::{OMap, TwoPartMapping};
 pub use planar::PlanarMap;
+pub use s_map::{Placement, SMap, Shape, ShapeKind, SurfacePoint};
 pub use sphere::SphereMap;
 pub use triplanar::{TriplanarMap, TriplanarTap};
 

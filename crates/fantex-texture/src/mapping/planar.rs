@@ -2,7 +2,8 @@
 
 use glam::{Quat, Vec2, Vec3};
 
-use super::{Bounds, Mapping};
+use super::{Bounds, Mapping, SurfacePoint};
+use crate::{Allowed, InvalidOption};
 
 /// Orthogonal projection onto a plane: `u` and `v` are affine in the point.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -47,11 +48,48 @@ impl PlanarMap {
         Self { origin, u_gradient, v_gradient }
     }
 
-    /// The point of the plane through the origin with these coordinates (gradients at right angles).
+    /// The point of the plane through the origin with these coordinates.
     pub fn point(&self, uv: Vec2) -> Vec3 {
-        self.origin
-            + self.u_gradient * (uv.x / self.u_gradient.length_squared())
-            + self.v_gradient * (uv.y / self.v_gradient.length_squared())
+        // The dual basis: its first vector changes u by 1 and leaves v as it is.
+        let across = self.u_gradient.cross(self.v_gradient);
+        let dual_u = self.v_gradient.cross(across);
+        let dual_v = across.cross(self.u_gradient);
+        self.origin + (dual_u * uv.x + dual_v * uv.y) / across.length_squared()
+    }
+
+    /// The unit normal towards the viewer who sees the image unmirrored.
+    fn normal(&self) -> Vec3 {
+        self.v_gradient.cross(self.u_gradient).normalize_or_zero()
+    }
+
+    /// Where the line meets the plane; none for a line along it.
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+        let normal = self.normal();
+        let approach = normal.dot(direction);
+        if approach.abs() <= 1e-6 * direction.length() {
+            return None;
+        }
+        let position = origin + direction * (normal.dot(self.origin - origin) / approach);
+        Some(SurfacePoint { position, normal })
+    }
+
+    /// The foot of the perpendicular.
+    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+        let normal = self.normal();
+        SurfacePoint { position: p - normal * normal.dot(p - self.origin), normal }
+    }
+
+    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "a plane mapping";
+        Allowed::Finite.check(OWNER, "the origin", &self.origin.to_array())?;
+        for gradient in [self.u_gradient, self.v_gradient] {
+            Allowed::Finite.check(OWNER, "a gradient", &gradient.to_array())?;
+        }
+        let area = self.u_gradient.cross(self.v_gradient).length();
+        if area <= 1e-6 * self.u_gradient.length() * self.v_gradient.length() {
+            return Err(InvalidOption::Singular { owner: OWNER, field: "the pair of gradients" });
+        }
+        Ok(())
     }
 
     fn linear(&self, direction: Vec3) -> Vec2 {

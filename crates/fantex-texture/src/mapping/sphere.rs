@@ -4,7 +4,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::{Bounds, Mapping};
+use super::{Bounds, Mapping, SurfacePoint};
+use crate::{Allowed, InvalidOption};
 
 /// Angle about the y axis, 0 at +z, growing towards +x (to the right, seen from outside), in (-pi, pi].
 pub(super) fn azimuth(local: Vec3) -> f32 {
@@ -17,6 +18,8 @@ pub(super) fn azimuth(local: Vec3) -> f32 {
 pub struct SphereMap {
     /// Centre of the sphere.
     pub center: Vec3,
+    /// Radius of the sphere: of importance where rays meet it.
+    pub radius: f32,
     /// Images round the equator and from pole to pole.
     pub repeat: Vec2,
 }
@@ -24,7 +27,7 @@ pub struct SphereMap {
 impl SphereMap {
     /// The image once over the sphere around the centre of `bounds`; its middle faces +z.
     pub fn fit(bounds: Bounds) -> Self {
-        Self { center: bounds.center(), repeat: Vec2::ONE }
+        Self { center: bounds.center(), radius: 0.5 * bounds.extent().length(), repeat: Vec2::ONE }
     }
 
     /// The unit vector from the centre to the points with these coordinates.
@@ -33,6 +36,34 @@ impl SphereMap {
         let (sin_polar, cos_polar) = (PI * uv.y / self.repeat.y).sin_cos();
         Vec3::new(sin_polar * sin, cos_polar, sin_polar * cos)
     }
+
+    /// The point of the sphere with these coordinates.
+    pub fn point(&self, uv: Vec2) -> Vec3 {
+        self.center + self.direction(uv) * self.radius
+    }
+
+    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "a sphere mapping";
+        Allowed::Finite.check(OWNER, "the centre", &self.center.to_array())?;
+        Allowed::Positive.check(OWNER, "the radius", &[self.radius])?;
+        Allowed::NotZero.check(OWNER, "the repeat", &self.repeat.to_array())
+    }
+}
+
+/// Where the line leaves a sphere. For lines that pass by, the point that is nearest to the line.
+pub(super) fn leave_sphere(center: Vec3, radius: f32, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+    let direction = direction.try_normalize()?;
+    let local = origin - center;
+    let b = local.dot(direction);
+    let c = local.length_squared() - radius * radius;
+    let along = -b + (b * b - c).max(0.0).sqrt();
+    Some(foot_on_sphere(center, radius, origin + direction * along))
+}
+
+/// The nearest point of a sphere; the top for the centre.
+pub(super) fn foot_on_sphere(center: Vec3, radius: f32, p: Vec3) -> SurfacePoint {
+    let normal = (p - center).normalize_or(Vec3::Y);
+    SurfacePoint { position: center + normal * radius, normal }
 }
 
 impl Mapping for SphereMap {

@@ -3,6 +3,7 @@
 use glam::{Vec2, Vec3};
 
 use super::Bounds;
+use crate::{Allowed, InvalidOption};
 
 /// Projections along x, y and z with weights `|n|^sharpness`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +32,18 @@ impl TriplanarMap {
     pub fn fit(bounds: Bounds) -> Self {
         let origin = Vec3::new(bounds.min.x, bounds.max.y, bounds.min.z);
         Self { origin, scale: 1.0 / bounds.extent().max_element(), sharpness: 4.0 }
+    }
+
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "a triplanar mapping";
+        Allowed::Finite.check(OWNER, "the origin", &self.origin.to_array())?;
+        Allowed::NotZero.check(OWNER, "the scale", &[self.scale])?;
+        Allowed::Positive.check(OWNER, "the sharpness", &[self.sharpness])
     }
 
     /// The shares of the projections along x, y and z.

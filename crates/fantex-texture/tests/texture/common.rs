@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_texture::{Filter, Image, ImageTexture};
+use fantex_texture::{Filter, Filtering, Image, ImageTexture, ShadingPoint};
+use glam::{Vec3, Vec4};
 
 pub(crate) const FILTERS: [Filter; 6] =
     [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
@@ -37,6 +38,38 @@ impl Random {
     /// In [0,1).
     pub(crate) fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
+    }
+}
+
+impl Random {
+    /// In [-1,1) along each axis.
+    pub(crate) fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0
+    }
+
+    /// Of length 1.
+    pub(crate) fn direction(&mut self) -> Vec3 {
+        loop {
+            let v = self.vector();
+            if (0.01..1.0).contains(&v.length_squared()) {
+                return v.normalize();
+            }
+        }
+    }
+}
+
+/// A point without footprint and texture coordinates, seen along its normal.
+pub(crate) fn shading_point(position: Vec3, normal: Vec3) -> ShadingPoint<'static> {
+    ShadingPoint {
+        position,
+        position_steps: [Vec3::ZERO; 2],
+        normal,
+        normal_steps: [Vec3::ZERO; 2],
+        uv: &[],
+        vertex_color: Vec4::ONE,
+        to_eye: Some(normal),
+        time: 0.0,
+        filtering: Filtering::Own,
     }
 }
 

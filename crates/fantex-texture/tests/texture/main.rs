@@ -1,9 +1,15 @@
 //! Tests of the texture crate from outside.
 
+mod combine;
 mod common;
 mod comparisons;
+mod coordinates;
+mod environments;
 mod files;
 mod filters;
 mod mappings;
+mod pictures;
 mod solids;
 mod speed;
+mod two_part;
+mod warps;

@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use fantex::render::{Camera, Lights, Picture, RenderOptions, render};
+use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, render};
 use glam::DVec3;
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::CliError;
+use crate::surroundings::SurroundingsArgs;
 use crate::scene::{FilterArg, Scene, SizeArg, VectorArg, portrait};
 use crate::size::grouped;
 
@@ -18,6 +19,7 @@ use crate::size::grouped;
 Example:
   fantex render bottle.fan -o bottle.png
   fantex render cave.glb -o cave.exr --size 1920x1080 --eye 3,2,5 --target 0,1,0 --fov 60 --samples 16
+  fantex render car.glb -o car.png --environment forest.exr --environment-rotation 90
 
 Without --eye and --target the camera shows the whole model from the front, the right and above.")]
 pub(crate) struct RenderArgs {
@@ -44,9 +46,11 @@ pub(crate) struct RenderArgs {
     /// How textures are filtered
     #[arg(long, value_enum, default_value_t)]
     filter: FilterArg,
-    /// Direction to the sun, world axes; over the camera's left shoulder by default
+    /// Direction to the sun, world axes; over the camera's left shoulder by default, none beside an environment
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     light: Option<VectorArg>,
+    #[command(flatten)]
+    surroundings: SurroundingsArgs,
 }
 
 #[derive(Debug, Serialize)]
@@ -67,12 +71,21 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
     let [width, height] = args.size.0;
-    let options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
+    let mut options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
     let camera = camera(args, &scene, &options);
-    let lights = match args.light {
-        Some(VectorArg(to_light)) => Lights::sun(to_light.as_vec3()),
-        None => Lights::behind(&camera),
-    };
+    let sun = args.light.map(|VectorArg(to_light)| to_light.as_vec3());
+    let mut lights = sun.map_or_else(|| Lights::behind(&camera), Lights::sun);
+    if let Some(surroundings) = args.surroundings.load(sun)? {
+        options.background = surroundings.background();
+        lights.ambient = AmbientLight::environment(surroundings.light);
+        lights.directional.retain_mut(|lamp| match surroundings.sun {
+            Some(color) => {
+                lamp.color = color;
+                true
+            }
+            None => sun.is_some(),
+        });
+    }
     let surface = scene.surface(args.filter.options())?;
     let rendering = render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
     scene.show_damage(context);

@@ -1,0 +1,141 @@
+//! Contour lines.
+
+use glam::Vec4;
+
+use super::{Channel, interval, mix};
+use crate::look::Slot;
+use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
+
+/// How wide a contour line is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LineWidth {
+    /// In the units of the input: wide on level ground, narrow on slopes.
+    Input(f32),
+    /// In footprints (pixels of a picture, texels of a bake): the same everywhere.
+    Pixels(f32),
+}
+
+/// Lines where a number of a texture is a multiple of the spacing, drawn over another texture.
+///
+/// A line's share of the footprint is found in closed form from the input's change over it, so lines are smooth, and where
+/// they are too close to be told apart, they become an even tint.
+#[derive(Clone, Debug)]
+pub struct Contours {
+    /// Where the number comes from.
+    pub input: Slot,
+    /// Which number of it.
+    pub channel: Channel,
+    /// From line to line, in the units of the input; above 0.
+    pub spacing: f32,
+    /// One of the numbers that have a line.
+    pub offset: f32,
+    /// The width of the lines.
+    pub width: LineWidth,
+    /// Linear RGBA of the lines.
+    pub color: Slot,
+    /// What lies between the lines.
+    pub over: Slot,
+}
+
+impl Contours {
+    /// Lines at multiples of `spacing` of a texture's red, one and a half pixels wide, black on white.
+    pub fn new(input: Slot, spacing: f32) -> Self {
+        Self {
+            input,
+            channel: Channel::Red,
+            spacing,
+            offset: 0.0,
+            width: LineWidth::Pixels(1.5),
+            color: Slot::Constant(Vec4::W),
+            over: Slot::Constant(Vec4::ONE),
+        }
+    }
+
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "contour lines";
+        Allowed::Positive.check(OWNER, "the spacing", &[self.spacing])?;
+        Allowed::Finite.check(OWNER, "the offset", &[self.offset])?;
+        let (LineWidth::Input(width) | LineWidth::Pixels(width)) = self.width;
+        Allowed::NotNegative.check(OWNER, "the width", &[width])
+    }
+
+    /// The share of the footprint that is line.
+    fn coverage(&self, at: &ShadingPoint<'_>) -> f32 {
+        let (center, reach) = interval(&self.input, self.channel, at);
+        let line = match self.width {
+            LineWidth::Input(width) => width,
+            LineWidth::Pixels(count) => count * reach,
+        };
+        line_share((center - self.offset) / self.spacing, reach / self.spacing, line / self.spacing)
+    }
+}
+
+/// The share of the interval of length `reach` around `center` that lies in lines of the given width around the integers.
+fn line_share(center: f32, reach: f32, width: f32) -> f32 {
+    if width >= 1.0 {
+        return 1.0;
+    }
+    let center = center - center.round();
+    let half = 0.5 * width;
+    // Below this, a jump is a jump: the quotient would be rounding errors.
+    if reach.is_nan() || reach <= 1e-6 {
+        return f32::from(u8::from(center.abs() < half));
+    }
+    // The length of lines between 0 and x.
+    let lines = |x: f32| {
+        let nearest = x.round();
+        nearest * width + (x - nearest).clamp(-half, half)
+    };
+    ((lines(center + 0.5 * reach) - lines(center - 0.5 * reach)) / reach).clamp(0.0, 1.0)
+}
+
+impl Texture for Contours {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        let coverage = self.coverage(at);
+        let ground = self.over.evaluate(at);
+        if coverage == 0.0 {
+            return ground;
+        }
+        let line = self.color.evaluate(at);
+        let tint = mix(ground, line.truncate().extend(1.0), line.w.clamp(0.0, 1.0));
+        mix(ground, tint, coverage)
+    }
+
+    depends_on!(input, color, over);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::line_share;
+
+    #[test]
+    fn shares_equal_counted_ones() {
+        for (center, reach, width) in [
+            (0.1, 0.5, 0.2),
+            (3.45, 0.02, 0.1),
+            (-2.0, 7.3, 0.3),
+            (0.5, 1.0, 0.25),
+            (10.05, 0.3, 0.1),
+            (0.3, 0.1, 0.0),
+        ] {
+            let count = 100_000;
+            let inside = (0..count)
+                .filter(|i| {
+                    let x: f64 = center + reach * ((f64::from(*i) + 0.5) / f64::from(count) - 0.5);
+                    (x - x.round()).abs() < 0.5 * width
+                })
+                .count();
+            let expected = inside as f32 / count as f32;
+            let got = line_share(center as f32, reach as f32, width as f32);
+            assert!((got - expected).abs() < 1e-4, "{center} {reach} {width}: {got}, counted {expected}");
+        }
+        assert_eq!(line_share(4.0, 0.0, 0.1), 1.0);
+        assert_eq!(line_share(4.5, 0.0, 0.1), 0.0);
+        assert_eq!(line_share(4.5, 0.3, 1.5), 1.0);
+    }
+}

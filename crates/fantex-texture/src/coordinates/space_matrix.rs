@@ -1,0 +1,163 @@
+//! The texture matrix of three-dimensional textures.
+
+use glam::{Mat4, Quat, Vec3, Vec4};
+
+use super::texture_matrix::away_from_zero;
+use crate::look::Slot;
+use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
+
+/// Steps by which positions are transformed, in this order: `matrix`; scale and rotation about the pivot; translation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpaceMatrixOptions {
+    /// Any affine or projective map of `(x, y, z, 1)` as columns; with an inverse.
+    pub matrix: Mat4,
+    /// The point that scale and rotation leave in place.
+    pub pivot: Vec3,
+    /// Factors of x, y and z; not 0.
+    pub scale: Vec3,
+    /// About the pivot: the direction is the axis, the length the angle in degrees.
+    pub rotation: Vec3,
+    /// Added to the position.
+    pub translation: Vec3,
+    /// By which the scale is multiplied each second; above 0.
+    pub scale_per_second: Vec3,
+    /// Turned further each second, after `rotation`: the direction is the axis, the length the angle in degrees.
+    pub rotation_per_second: Vec3,
+    /// Added to the translation each second.
+    pub translation_per_second: Vec3,
+}
+
+impl Default for SpaceMatrixOptions {
+    /// Positions stay as they are.
+    fn default() -> Self {
+        Self {
+            matrix: Mat4::IDENTITY,
+            pivot: Vec3::ZERO,
+            scale: Vec3::ONE,
+            rotation: Vec3::ZERO,
+            translation: Vec3::ZERO,
+            scale_per_second: Vec3::ONE,
+            rotation_per_second: Vec3::ZERO,
+            translation_per_second: Vec3::ZERO,
+        }
+    }
+}
+
+impl SpaceMatrixOptions {
+    fn check(&self) -> Result<(), InvalidOption> {
+        const OWNER: &str = "a space matrix";
+        Allowed::Finite.check(OWNER, "the matrix", &self.matrix.to_cols_array())?;
+        if !self.matrix.inverse().is_finite() {
+            return Err(InvalidOption::Singular { owner: OWNER, field: "the matrix" });
+        }
+        Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
+        Allowed::NotZero.check(OWNER, "the scale", &self.scale.to_array())?;
+        Allowed::Finite.check(OWNER, "the rotation", &self.rotation.to_array())?;
+        Allowed::Finite.check(OWNER, "the translation", &self.translation.to_array())?;
+        Allowed::Positive.check(OWNER, "the scale per second", &self.scale_per_second.to_array())?;
+        Allowed::Finite.check(OWNER, "the rotation per second", &self.rotation_per_second.to_array())?;
+        Allowed::Finite.check(OWNER, "the translation per second", &self.translation_per_second.to_array())
+    }
+
+    fn is_animated(&self) -> bool {
+        self.scale_per_second != Vec3::ONE
+            || self.rotation_per_second != Vec3::ZERO
+            || self.translation_per_second != Vec3::ZERO
+    }
+
+    /// The matrix at a time in seconds.
+    fn at(&self, time: f32) -> Mat4 {
+        let turn = |degrees: Vec3| Quat::from_scaled_axis(degrees * f32::to_radians(1.0));
+        let placed = Mat4::from_scale_rotation_translation(
+            self.scale * self.scale_per_second.powf(time),
+            turn(self.rotation_per_second * time) * turn(self.rotation),
+            self.pivot + self.translation + self.translation_per_second * time,
+        );
+        placed * Mat4::from_translation(-self.pivot) * self.matrix
+    }
+}
+
+/// A map of space; see [`SpaceMatrixOptions`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpaceMatrix {
+    options: SpaceMatrixOptions,
+    /// At time 0.
+    start: Mat4,
+    is_animated: bool,
+}
+
+impl Default for SpaceMatrix {
+    /// Positions stay as they are.
+    fn default() -> Self {
+        Self { options: SpaceMatrixOptions::default(), start: Mat4::IDENTITY, is_animated: false }
+    }
+}
+
+/// A position with its change along the footprint's edges: where a solid or a volume is looked up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpacePoint {
+    /// The position.
+    pub position: Vec3,
+    /// Its change along the footprint's edges.
+    pub steps: [Vec3; 2],
+}
+
+impl SpaceMatrix {
+    /// The map that the options describe.
+    ///
+    /// # Errors
+    ///
+    /// A number is out of range, or the matrix has no inverse.
+    pub fn new(options: SpaceMatrixOptions) -> Result<Self, InvalidOption> {
+        options.check()?;
+        Ok(Self { options, start: options.at(0.0), is_animated: options.is_animated() })
+    }
+
+    /// Whether it changes with time.
+    pub fn is_animated(&self) -> bool {
+        self.is_animated
+    }
+
+    /// The matrix at a time in seconds.
+    pub fn at(&self, time: f32) -> Mat4 {
+        if self.is_animated { self.options.at(time) } else { self.start }
+    }
+
+    /// The transformed position of a shading point, with the footprint transformed by the map's derivative.
+    pub fn apply(&self, at: &ShadingPoint<'_>) -> SpacePoint {
+        let matrix = self.at(at.time);
+        let mapped = matrix * at.position.extend(1.0);
+        let w = away_from_zero(mapped.w);
+        let position = mapped.truncate() / w;
+        let steps = at.position_steps.map(|step| {
+            let change = matrix * step.extend(0.0);
+            (change.truncate() - position * change.w) / w
+        });
+        SpacePoint { position, steps }
+    }
+}
+
+/// A texture asked elsewhere: at the transformed position. Its normal, its texture coordinates and its eye stay, so that
+/// recipes that depend on the slope still follow the surface.
+#[derive(Clone, Debug)]
+pub struct InSpace {
+    /// The texture.
+    pub input: Slot,
+    /// From the object's space to the texture's.
+    pub matrix: SpaceMatrix,
+}
+
+impl Texture for InSpace {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        let SpacePoint { position, steps } = self.matrix.apply(at);
+        self.input.evaluate(&ShadingPoint { position, position_steps: steps, ..*at })
+    }
+
+    fn is_view_dependent(&self) -> bool {
+        self.input.is_view_dependent()
+    }
+
+    fn is_animated(&self) -> bool {
+        self.matrix.is_animated() || self.input.is_animated()
+    }
+}

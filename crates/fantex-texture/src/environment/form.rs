@@ -1,0 +1,294 @@
+//! The ways of flattening the sphere of directions, with their derivatives.
+//!
+//! * latitude-longitude: J. Blinn and M. Newell, "Texture and reflection in computer generated images", 1976;
+//! * cube: N. Greene, "Environment mapping and other applications of world projections", 1986;
+//! * two paraboloids: W. Heidrich and H.-P. Seidel, "View-independent environment maps", 1998. A ray that is reflected at
+//!   the paraboloid `z = (1 - x² - y²) / 2` comes from the direction whose stereographic projection is `(x, y)`, so the
+//!   chart's coordinates are `(x, y) / (1 + z)`, and texels beyond the rim have a direction, too;
+//! * mirror ball: what a far camera sees in a reflecting sphere; OpenGL's sphere map. All texels have the same solid angle,
+//!   but the whole rim is one direction.
+
+use std::f32::consts::{PI, TAU};
+
+use glam::{Vec2, Vec3};
+
+use super::CubeFace;
+
+/// How a map's directions are laid out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EnvironmentForm {
+    /// One chart: longitude to the right, polar angle downwards. The middle shows `-z`, its right `+x`, row 0 `+y`.
+    Sphere,
+    /// Six charts in the order of [`CubeFace::ALL`].
+    Cube,
+    /// Two charts with an inscribed disc each: the hemisphere around `-z`, seen from inside (`+x` on the right), then the
+    /// hemisphere around `+z` (`-x` on the right).
+    DualParaboloid,
+    /// One chart with an inscribed disc: a mirror ball seen from `+z`. Its middle shows `+z`, its rim `-z`.
+    MirrorBall,
+}
+
+/// A point of a chart.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChartPoint {
+    /// Which chart.
+    pub chart: usize,
+    /// `u` to the right and `v` downwards, `[0,1]` over the chart.
+    pub uv: Vec2,
+}
+
+impl EnvironmentForm {
+    /// All forms.
+    pub const ALL: [Self; 4] = [Self::Sphere, Self::Cube, Self::DualParaboloid, Self::MirrorBall];
+
+    /// Number of charts.
+    pub fn charts(self) -> usize {
+        match self {
+            Self::Sphere | Self::MirrorBall => 1,
+            Self::Cube => 6,
+            Self::DualParaboloid => 2,
+        }
+    }
+
+    /// Columns and rows of a chart with `side` rows: a sphere's chart is twice as wide, the others are square.
+    pub fn chart_size(self, side: u32) -> [u32; 2] {
+        match self {
+            Self::Sphere => [2 * side, side],
+            _ => [side, side],
+        }
+    }
+
+    /// Whether the chart is a disc in a square rather than the whole square.
+    pub(super) fn is_disc(self) -> bool {
+        matches!(self, Self::DualParaboloid | Self::MirrorBall)
+    }
+
+    /// Whether a point of a chart belongs to the map (the corners outside a disc repeat what is elsewhere).
+    pub fn is_inside(self, uv: Vec2) -> bool {
+        !self.is_disc() || (uv * 2.0 - 1.0).length_squared() <= 1.0
+    }
+
+    /// Where a direction (of any length but zero) lies.
+    #[inline]
+    pub fn locate(self, direction: Vec3) -> ChartPoint {
+        let (chart, uv) = match self {
+            Self::Sphere => {
+                let longitude = direction.x.atan2(-direction.z);
+                // atan2 is precise near the poles, where acos is not.
+                let polar = direction.x.hypot(direction.z).atan2(direction.y);
+                (0, Vec2::new(0.5 + longitude / TAU, polar / PI))
+            }
+            Self::Cube => {
+                let (face, [s, t], _) = CubeFace::meet(direction);
+                (face as usize, from_symmetric(Vec2::new(s, t)))
+            }
+            Self::DualParaboloid => {
+                let chart = usize::from(direction.z > 0.0);
+                (chart, paraboloid_uv(chart, direction.normalize_or(Vec3::NEG_Z)))
+            }
+            Self::MirrorBall => {
+                let d = direction.normalize_or(Vec3::Z);
+                (0, from_symmetric(Vec2::new(d.x, -d.y) / ball_divisor(d)))
+            }
+        };
+        ChartPoint { chart, uv }
+    }
+
+    /// The unit direction of a chart's point. Points outside a paraboloid's disc have the direction that continues the map;
+    /// points outside a ball's disc have the rim's.
+    #[inline]
+    pub fn direction(self, at: ChartPoint) -> Vec3 {
+        let Vec2 { x: s, y: t } = at.uv * 2.0 - 1.0;
+        match self {
+            Self::Sphere => {
+                let (sin, cos) = (PI * s).sin_cos();
+                let (sin_polar, cos_polar) = (PI * at.uv.y).sin_cos();
+                Vec3::new(sin_polar * sin, cos_polar, -sin_polar * cos)
+            }
+            Self::Cube => {
+                let face = CubeFace::ALL[at.chart];
+                (face.forward() + face.right() * s - face.up() * t).normalize()
+            }
+            Self::DualParaboloid => {
+                let r2 = s * s + t * t;
+                let side = if at.chart == 0 { 1.0 } else { -1.0 };
+                Vec3::new(2.0 * s * side, -2.0 * t, (r2 - 1.0) * side) / (1.0 + r2)
+            }
+            Self::MirrorBall => {
+                let r2 = (s * s + t * t).min(1.0);
+                let inwards = 2.0 * (1.0 - r2).sqrt();
+                Vec3::new(s * inwards, -t * inwards, 1.0 - 2.0 * r2).normalize_or(Vec3::NEG_Z)
+            }
+        }
+    }
+
+    /// The change of `uv` when a unit direction moves by `step`, to first order, in the chart that
+    /// [`EnvironmentForm::locate`] chooses. At a pole of the sphere and at the mirror ball's rim, where it has no bound,
+    /// it is held to the chart's extent.
+    pub fn uv_step(self, direction: Vec3, step: Vec3) -> Vec2 {
+        let step = step - direction * direction.dot(step);
+        let uv = match self {
+            Self::Sphere => {
+                let Vec3 { x, y, z } = direction;
+                let around2 = (x * x + z * z).max(1e-12);
+                let around = around2.sqrt();
+                let outward = (x * step.x + z * step.z) / around;
+                Vec2::new((x * step.z - z * step.x) / around2 / TAU, (outward * y - step.y * around) / PI)
+            }
+            Self::Cube => {
+                let (face, [s, t], length) = CubeFace::meet(direction);
+                let forward = face.forward().dot(step);
+                let along = Vec2::new(face.right().dot(step), -face.up().dot(step));
+                (along - Vec2::new(s, t) * forward) * (0.5 / length)
+            }
+            Self::DualParaboloid => {
+                let chart = usize::from(direction.z > 0.0);
+                let side = if chart == 0 { 1.0 } else { -1.0 };
+                let st = paraboloid_uv(chart, direction) * 2.0 - 1.0;
+                let along = Vec2::new(step.x * side, -step.y);
+                (along + st * (step.z * side)) * (0.5 / (1.0 - direction.z * side))
+            }
+            Self::MirrorBall => {
+                let divisor = ball_divisor(direction);
+                let st = Vec2::new(direction.x, -direction.y) / divisor;
+                (Vec2::new(step.x, -step.y) / divisor - st * (step.z / (divisor * divisor))) * 0.5
+            }
+        };
+        uv.clamp(Vec2::NEG_ONE, Vec2::ONE)
+    }
+
+    /// Steradians per unit of `uv` area: the Jacobian of [`EnvironmentForm::direction`]. Over all charts (over their discs)
+    /// it integrates to 4 pi.
+    pub fn steradians_per_uv(self, uv: Vec2) -> f32 {
+        let r2 = (uv * 2.0 - 1.0).length_squared();
+        match self {
+            Self::Sphere => TAU * PI * (PI * uv.y).sin().max(0.0),
+            Self::Cube => 4.0 / ((1.0 + r2) * (1.0 + r2).sqrt()),
+            Self::DualParaboloid => 16.0 / ((1.0 + r2) * (1.0 + r2)),
+            Self::MirrorBall => 16.0,
+        }
+    }
+}
+
+/// Sides up to which a cube's texels are measured exactly; beyond, the density at the middle is right to 1e-4.
+const COARSE_SIDE: u32 = 64;
+
+impl EnvironmentForm {
+    /// The solid angle of a texel, steradians: exact for spheres and for the coarse cubes where that matters, else the
+    /// density at the texel's middle times its area.
+    pub(super) fn texel_steradians(self, size: [u32; 2], x: i32, y: i32) -> f32 {
+        let [width, height] = size.map(|n| n as f32);
+        let (left, top) = (x as f32 / width, y as f32 / height);
+        let (right, bottom) = ((x + 1) as f32 / width, (y + 1) as f32 / height);
+        match self {
+            // cos a - cos b = 2 sin((a + b) / 2) sin((b - a) / 2), with its digits.
+            Self::Sphere => {
+                2.0 * TAU / width * (PI * 0.5 * (top + bottom)).sin() * (PI * 0.5 * (bottom - top)).sin()
+            }
+            Self::Cube if size[0] <= COARSE_SIDE => {
+                let quadrant = |u: f32, v: f32| {
+                    let (s, t) = (2.0 * u - 1.0, 2.0 * v - 1.0);
+                    (s * t).atan2((1.0 + s * s + t * t).sqrt())
+                };
+                quadrant(right, bottom) - quadrant(left, bottom) - quadrant(right, top) + quadrant(left, top)
+            }
+            _ => {
+                let middle = Vec2::new(0.5 * (left + right), 0.5 * (top + bottom));
+                self.steradians_per_uv(middle) / (width * height)
+            }
+        }
+    }
+}
+
+fn from_symmetric(st: Vec2) -> Vec2 {
+    st * 0.5 + 0.5
+}
+
+/// The coordinates of a unit direction in one paraboloid's chart, which need not be the one it belongs to.
+#[inline]
+pub(super) fn paraboloid_uv(chart: usize, d: Vec3) -> Vec2 {
+    let side = if chart == 0 { 1.0 } else { -1.0 };
+    from_symmetric(Vec2::new(d.x * side, -d.y) / (1.0 - d.z * side).max(1e-6))
+}
+
+/// Half of OpenGL's `m = 2 sqrt(x² + y² + (z + 1)²)`, for a unit vector.
+fn ball_divisor(d: Vec3) -> f32 {
+    // Behind the ball `1 + z` has lost its digits; the other two coordinates have kept theirs.
+    let one_plus_z = if d.z < 0.0 { (d.x * d.x + d.y * d.y) / (1.0 - d.z) } else { 1.0 + d.z };
+    (2.0 * one_plus_z).sqrt().max(1e-6)
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn unit_vectors() -> impl Strategy<Value = Vec3> {
+        (-1.0..1.0_f32, -1.0..1.0_f32, -1.0..1.0_f32)
+            .prop_map(|(x, y, z)| Vec3::new(x, y, z))
+            .prop_filter("too short", |v| v.length() > 0.1)
+            .prop_map(Vec3::normalize)
+    }
+
+    proptest! {
+        #[test]
+        fn directions_survive_location(d in unit_vectors(), scale in 0.01..100.0_f32) {
+            for form in EnvironmentForm::ALL {
+                let at = form.locate(d * scale);
+                prop_assert!(at.chart < form.charts());
+                prop_assert!(form.is_inside(at.uv * 0.9999 + 0.00005), "{form:?} {at:?}");
+                prop_assert!((form.direction(at) - d).length() < 2e-3, "{form:?} {d} {}", form.direction(at));
+            }
+        }
+
+        #[test]
+        fn steps_are_the_limits_of_differences(d in unit_vectors(), towards in unit_vectors()) {
+            let h = 2e-3;
+            let step = (towards - d * d.dot(towards)).normalize_or(Vec3::X) * h;
+            for form in EnvironmentForm::ALL {
+                let [a, b] = [d - step * 0.5, d + step * 0.5].map(|d| form.locate(d));
+                let mut seen = b.uv - a.uv;
+                // Beside a pole, the rim or a seam a difference is no derivative.
+                let singular = match form {
+                    EnvironmentForm::Sphere => d.y.abs() > 0.98 || seen.x.abs() > 0.5,
+                    EnvironmentForm::MirrorBall => d.z < -0.95,
+                    _ => a.chart != b.chart,
+                };
+                if !singular {
+                    seen /= h;
+                    let stated = form.uv_step(d, step) / h;
+                    prop_assert!((stated - seen).length() < 0.01 * (1.0 + seen.length()), "{form:?} {d}: {stated} {seen}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn solid_angles_cover_the_sphere() {
+        for form in EnvironmentForm::ALL {
+            let n = 512;
+            let mut sum = 0.0_f64;
+            for y in 0..n {
+                for x in 0..n {
+                    let uv = (Vec2::new(x as f32, y as f32) + 0.5) / n as f32;
+                    if form.is_inside(uv) {
+                        sum += f64::from(form.steradians_per_uv(uv));
+                    }
+                }
+            }
+            let total = sum / f64::from(n * n) * form.charts() as f64;
+            assert!((total / (4.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3, "{form:?}: {total}");
+        }
+    }
+
+    #[test]
+    fn the_middle_of_a_picture_is_ahead() {
+        for form in [EnvironmentForm::Sphere, EnvironmentForm::DualParaboloid] {
+            let ahead = form.direction(ChartPoint { chart: 0, uv: Vec2::splat(0.5) });
+            assert!((ahead - Vec3::NEG_Z).length() < 1e-6, "{form:?}: {ahead}");
+            let right = form.direction(ChartPoint { chart: 0, uv: Vec2::new(0.6, 0.5) });
+            assert!(right.x > 0.1, "{form:?}: {right}");
+        }
+    }
+}

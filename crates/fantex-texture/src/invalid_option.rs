@@ -1,0 +1,81 @@
+//! The error of all options that are plain numbers.
+
+use std::fmt;
+
+/// A number, or several, that an option cannot have.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum InvalidOption {
+    /// A number out of its range.
+    #[error("{field} of {owner} is {value}; it must be {allowed}")]
+    Number {
+        /// What the option belongs to, as in "a cylinder mapping".
+        owner: &'static str,
+        /// The option, as in "radius".
+        field: &'static str,
+        /// What it was (for vectors, the first entry that is wrong).
+        value: f32,
+        /// What it may be.
+        allowed: Allowed,
+    },
+    /// Numbers that are fine one by one, but not together: a matrix without inverse, axes on one line, an empty range.
+    #[error("{field} of {owner} collapses to nothing: it must have an inverse")]
+    Singular {
+        /// What the option belongs to.
+        owner: &'static str,
+        /// The option.
+        field: &'static str,
+    },
+}
+
+/// What a number may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Allowed {
+    /// Neither infinite nor NaN.
+    Finite,
+    /// Finite and not 0.
+    NotZero,
+    /// Finite and above 0.
+    Positive,
+    /// Finite and at least 0.
+    NotNegative,
+    /// From 0 to 1.
+    Share,
+}
+
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Finite => "finite",
+            Self::NotZero => "finite and not 0",
+            Self::Positive => "finite and above 0",
+            Self::NotNegative => "finite and at least 0",
+            Self::Share => "between 0 and 1",
+        })
+    }
+}
+
+impl Allowed {
+    fn holds(self, value: f32) -> bool {
+        value.is_finite()
+            && match self {
+                Self::Finite => true,
+                Self::NotZero => value != 0.0,
+                Self::Positive => value > 0.0,
+                Self::NotNegative => value >= 0.0,
+                Self::Share => (0.0..=1.0).contains(&value),
+            }
+    }
+
+    /// Checks the numbers of one option.
+    pub(crate) fn check(
+        self,
+        owner: &'static str,
+        field: &'static str,
+        values: &[f32],
+    ) -> Result<(), InvalidOption> {
+        match values.iter().find(|&&value| !self.holds(value)) {
+            Some(&value) => Err(InvalidOption::Number { owner, field, value, allowed: self }),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! S-maps: texture coordinates of a placed intermediate surface.
+
+use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
+
+use super::{Bounds, BoxMap, CylinderMap, HemisphereMap, Mapping, PlanarMap, SphereMap};
+use crate::{Allowed, InvalidOption};
+
+/// An intermediate surface with its coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// A plane.
+    Plane(PlanarMap),
+    /// The faces of a box.
+    Box(BoxMap),
+    /// The mantle of an upright cylinder.
+    Cylinder(CylinderMap),
+    /// Longitude and latitude.
+    Sphere(SphereMap),
+    /// Two hemispheres by stereographic projection.
+    Hemispheres(HemisphereMap),
+}
+
+/// The names of the intermediate surfaces.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum ShapeKind {
+    /// [`PlanarMap`].
+    Plane,
+    /// [`BoxMap`].
+    Box,
+    /// [`CylinderMap`].
+    Cylinder,
+    /// [`SphereMap`].
+    #[default]
+    Sphere,
+    /// [`HemisphereMap`].
+    Hemispheres,
+}
+
+impl ShapeKind {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Plane, Self::Box, Self::Cylinder, Self::Sphere, Self::Hemispheres];
+
+    /// The surface of this kind around `bounds`, y being up, with one image spread over it.
+    pub fn fit(self, bounds: Bounds) -> Shape {
+        match self {
+            Self::Plane => Shape::Plane(PlanarMap::fit(bounds)),
+            Self::Box => Shape::Box(BoxMap::fit(bounds)),
+            Self::Cylinder => Shape::Cylinder(CylinderMap::fit(bounds)),
+            Self::Sphere => Shape::Sphere(SphereMap::fit(bounds)),
+            Self::Hemispheres => Shape::Hemispheres(HemisphereMap::fit(bounds)),
+        }
+    }
+}
+
+/// A point of an intermediate surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Where it is.
+    pub position: Vec3,
+    /// The outward unit normal: on a box, it tells the faces apart.
+    pub normal: Vec3,
+}
+
+impl Shape {
+    /// The coordinates of the surface.
+    pub fn mapping(&self) -> &dyn Mapping {
+        match self {
+            Self::Plane(map) => map,
+            Self::Box(map) => map,
+            Self::Cylinder(map) => map,
+            Self::Sphere(map) => map,
+            Self::Hemispheres(map) => map,
+        }
+    }
+
+    /// The inverse: the point of the surface with these coordinates. Where several have them (the faces of a box, hemispheres
+    /// that share the image), it is the one on the side to which `n` points.
+    pub fn point(&self, uv: Vec2, n: Vec3) -> Vec3 {
+        match self {
+            Self::Plane(map) => map.point(uv),
+            Self::Box(map) => map.point(uv, n),
+            Self::Cylinder(map) => map.point(uv),
+            Self::Sphere(map) => map.point(uv),
+            Self::Hemispheres(map) => map.point(uv, n),
+        }
+    }
+
+    /// Where the line from `origin` along `direction` leaves the surface for good, or, if it passes by, the point near
+    /// which it does so: so the result is continuous in the ray (except for lines along a plane). `None` if there is no such
+    /// point: a line along a plane, or no direction.
+    pub fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+        match self {
+            Self::Plane(map) => map.leave(origin, direction),
+            Self::Box(map) => map.leave(origin, direction),
+            Self::Cylinder(map) => map.leave(origin, direction),
+            Self::Sphere(map) => super::sphere::leave_sphere(map.center, map.radius, origin, direction),
+            Self::Hemispheres(map) => map.leave(origin, direction),
+        }
+    }
+
+    /// The point of the surface on whose normal `p` lies: the nearest one.
+    pub fn foot(&self, p: Vec3) -> SurfacePoint {
+        match self {
+            Self::Plane(map) => map.foot(p),
+            Self::Box(map) => map.foot(p),
+            Self::Cylinder(map) => map.foot(p),
+            Self::Sphere(map) => super::sphere::foot_on_sphere(map.center, map.radius, p),
+            Self::Hemispheres(map) => map.foot(p),
+        }
+    }
+
+    /// A length that says how large the surface is.
+    pub(super) fn size(&self) -> f32 {
+        match self {
+            Self::Plane(map) => map.u_gradient.length().recip(),
+            Self::Box(map) => map.longest_edge(),
+            Self::Cylinder(map) => map.radius,
+            Self::Sphere(map) => map.radius,
+            Self::Hemispheres(map) => map.radius,
+        }
+    }
+
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        match self {
+            Self::Plane(map) => map.check(),
+            Self::Box(map) => map.check(),
+            Self::Cylinder(map) => map.check(),
+            Self::Sphere(map) => map.check(),
+            Self::Hemispheres(map) => map.check(),
+        }
+    }
+}
+
+/// How an intermediate surface is moved from where it was fitted: scaled and turned about the pivot, then shifted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// The point that scale and rotation leave in place.
+    pub pivot: Vec3,
+    /// Factors along the surface's own axes; not 0.
+    pub scale: Vec3,
+    /// Applied after the scale; of any length but 0.
+    pub rotation: Quat,
+    /// Applied last.
+    pub translation: Vec3,
+}
+
+impl Default for Placement {
+    /// Left where it is.
+    fn default() -> Self {
+        Self { pivot: Vec3::ZERO, scale: Vec3::ONE, rotation: Quat::IDENTITY, translation: Vec3::ZERO }
+    }
+}
+
+impl Placement {
+    /// The rotation by `degrees` about the x, then the y, then the z axis.
+    pub fn rotation_from_degrees(degrees: Vec3) -> Quat {
+        let [x, y, z] = degrees.to_array().map(f32::to_radians);
+        Quat::from_euler(EulerRot::ZYX, z, y, x)
+    }
+
+    /// From the fitted surface's space to the object's.
+    fn object_from_surface(&self) -> Result<Affine3A, InvalidOption> {
+        const OWNER: &str = "a mapping's placement";
+        Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
+        Allowed::NotZero.check(OWNER, "the scale", &self.scale.to_array())?;
+        Allowed::Finite.check(OWNER, "the rotation", &self.rotation.to_array())?;
+        Allowed::Positive.check(OWNER, "the length of the rotation", &[self.rotation.length()])?;
+        Allowed::Finite.check(OWNER, "the translation", &self.translation.to_array())?;
+        let turned = Affine3A::from_scale_rotation_translation(
+            self.scale,
+            self.rotation.normalize(),
+            self.pivot + self.translation,
+        );
+        Ok(turned * Affine3A::from_translation(-self.pivot))
+    }
+}
+
+/// A placed intermediate surface: a mapping of the object's space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SMap {
+    shape: Shape,
+    object_from_surface: Affine3A,
+    surface_from_object: Affine3A,
+}
+
+impl SMap {
+    /// The shape, moved as `placement` says.
+    ///
+    /// # Errors
+    ///
+    /// A number of the shape or the placement is out of range.
+    pub fn new(shape: Shape, placement: &Placement) -> Result<Self, InvalidOption> {
+        shape.check()?;
+        let object_from_surface = placement.object_from_surface()?;
+        let surface_from_object = object_from_surface.inverse();
+        if !surface_from_object.is_finite() {
+            return Err(InvalidOption::Singular { owner: "a mapping's placement", field: "the scale" });
+        }
+        Ok(Self { shape, object_from_surface, surface_from_object })
+    }
+
+    /// The surface in its own space.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
+    }
+
+    /// A point of the object in the surface's own space.
+    pub(super) fn local_point(&self, p: Vec3) -> Vec3 {
+        self.surface_from_object.transform_point3(p)
+    }
+
+    /// A direction of the object's space in the surface's own.
+    pub(super) fn local_direction(&self, direction: Vec3) -> Vec3 {
+        self.surface_from_object.transform_vector3(direction)
+    }
+
+    /// A normal of the object in the surface's own space, of any length.
+    fn local_normal(&self, n: Vec3) -> Vec3 {
+        Vec3::from(self.object_from_surface.matrix3.transpose() * glam::Vec3A::from(n))
+    }
+
+    /// The inverse: the point of the placed surface with these coordinates, on the side to which `n` points where several
+    /// have them; see [`Shape::point`].
+    pub fn point(&self, uv: Vec2, n: Vec3) -> Vec3 {
+        self.object_from_surface.transform_point3(self.shape.point(uv, self.local_normal(n)))
+    }
+}
+
+impl Mapping for SMap {
+    fn uv(&self, p: Vec3, n: Vec3) -> Vec2 {
+        self.shape.mapping().uv(self.local_point(p), self.local_normal(n))
+    }
+
+    fn uv_footprint(&self, p: Vec3, n: Vec3, dp_dx: Vec3, dp_dy: Vec3) -> [Vec2; 2] {
+        let [dx, dy] = [dp_dx, dp_dy].map(|step| self.local_direction(step));
+        self.shape.mapping().uv_footprint(self.local_point(p), self.local_normal(n), dx, dy)
+    }
+}

@@ -1,0 +1,278 @@
+//! Where textures are looked up.
+
+use std::sync::Arc;
+
+use fantex_texture::coordinates::{
+    Coordinates, Direction, ImageLookup, InSpace, Parameter, SpaceMatrix, SpaceMatrixOptions, TextureMatrix,
+    TextureMatrixOptions,
+};
+use fantex_texture::look::Slot;
+use fantex_texture::{
+    Bounds, Filter, Filtering, InvalidOption, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind,
+    Texture, TriplanarMap, TwoPartMapping, UvPoint, Wrap,
+};
+use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
+
+use crate::common::{Random, assert_close, shading_point, texture};
+
+fn matrices() -> Vec<TextureMatrix> {
+    let options = [
+        TextureMatrixOptions::default(),
+        TextureMatrixOptions {
+            pivot: Vec2::splat(0.5),
+            scale: Vec2::new(2.0, -3.0),
+            rotation: 30.0,
+            translation: Vec2::new(0.1, 0.7),
+            scale_per_second: Vec2::new(1.5, 0.5),
+            rotation_per_second: 90.0,
+            translation_per_second: Vec2::new(-0.2, 0.4),
+            ..TextureMatrixOptions::default()
+        },
+        TextureMatrixOptions {
+            matrix: Mat3::from_cols(
+                Vec3::new(1.0, 0.2, 0.3),
+                Vec3::new(-0.1, 1.0, -0.2),
+                Vec3::new(0.0, 0.3, 1.0),
+            ),
+            ..TextureMatrixOptions::default()
+        },
+    ];
+    options.map(|options| TextureMatrix::new(options).expect("the numbers are in range")).to_vec()
+}
+
+#[test]
+fn texture_matrices_transform_footprints_by_their_derivative() {
+    let mut random = Random(21);
+    for matrix in matrices() {
+        for _ in 0..200 {
+            let [u, v, du, dv] = std::array::from_fn(|_| random.unit());
+            let (uv, step, time) = (Vec2::new(u, v), Vec2::new(du, dv) * 1e-2, 2.0 * random.unit());
+            let map = |uv| matrix.apply(&UvPoint { uv, steps: [step, Vec2::ZERO] }, time);
+            let expected = map(uv + 0.5 * step).uv - map(uv - 0.5 * step).uv;
+            let got = map(uv).steps;
+            assert!((got[0] - expected).length() < 1e-5, "{} against {expected}", got[0]);
+            assert_eq!(got[1], Vec2::ZERO);
+        }
+    }
+}
+
+#[test]
+fn texture_matrices_move_with_time() {
+    let [_, moving, _] = matrices().try_into().unwrap();
+    assert!(moving.is_animated());
+    let at = |time| moving.apply(&UvPoint { uv: Vec2::splat(0.5), steps: [Vec2::X; 2] }, time);
+    // The pivot is only translated.
+    assert!((at(0.0).uv - Vec2::new(0.6, 1.2)).length() < 1e-6);
+    assert!((at(2.0).uv - Vec2::new(0.2, 2.0)).length() < 1e-6);
+    // A step along u is scaled by 2 * 1.5^2 and turned by 30 + 180 degrees.
+    let expected = 4.5 * Vec2::from_angle(210_f32.to_radians());
+    assert!((at(2.0).steps[0] - expected).length() < 1e-5, "{}", at(2.0).steps[0]);
+}
+
+#[test]
+fn space_matrices_transform_footprints_by_their_derivative() {
+    let options = SpaceMatrixOptions {
+        matrix: Mat4::from_cols_array(&[1., 0., 0., 0.1, 0., 1., 0.5, 0., 0., 0., 2., 0.2, 0.3, 0., 0., 1.]),
+        pivot: Vec3::ONE,
+        rotation: Vec3::new(20.0, 50.0, 0.0),
+        scale: Vec3::new(1.0, 2.0, 0.5),
+        rotation_per_second: Vec3::Y * 90.0,
+        ..SpaceMatrixOptions::default()
+    };
+    let matrix = SpaceMatrix::new(options).unwrap();
+    let mut random = Random(22);
+    for _ in 0..200 {
+        let at = ShadingPoint {
+            position_steps: [random.vector() * 1e-2, random.vector() * 1e-2],
+            time: random.unit(),
+            ..shading_point(random.vector(), Vec3::Y)
+        };
+        let beside = |a: f32| at.shifted(a, 0.0, |point| matrix.apply(point).position);
+        let expected = beside(0.5) - beside(-0.5);
+        assert!((matrix.apply(&at).steps[0] - expected).length() < 1e-5);
+    }
+    let height = InSpace { input: Slot::Texture(Arc::new(Parameter::default())), matrix };
+    assert!(height.is_animated() && !height.is_view_dependent());
+    let at = shading_point(Vec3::new(0.3, 0.4, 0.5), Vec3::Y);
+    assert_eq!(height.evaluate(&at).x, matrix.apply(&at).position.y);
+}
+
+#[test]
+fn matrices_without_inverse_are_refused() {
+    let default = TextureMatrixOptions::default();
+    let refused = |options| TextureMatrix::new(options).unwrap_err();
+    let squeezed = TextureMatrixOptions { matrix: Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)), ..default };
+    assert!(matches!(refused(squeezed), InvalidOption::Singular { .. }));
+    for options in [
+        TextureMatrixOptions { scale: Vec2::new(0.0, 1.0), ..default },
+        TextureMatrixOptions { rotation: f32::NAN, ..default },
+        TextureMatrixOptions { scale_per_second: Vec2::new(1.0, -1.0), ..default },
+    ] {
+        assert!(matches!(refused(options), InvalidOption::Number { .. }), "{options:?}");
+    }
+    let flat = SpaceMatrixOptions { scale: Vec3::new(1.0, 1.0, 0.0), ..SpaceMatrixOptions::default() };
+    assert!(SpaceMatrix::new(flat).is_err());
+}
+
+#[test]
+fn directions_turn_with_the_normal() {
+    let mut random = Random(23);
+    for _ in 0..200 {
+        let n = random.direction();
+        let (right, down) = n.any_orthonormal_pair();
+        let at = ShadingPoint {
+            position_steps: [right * 1e-2, down * 1e-2],
+            normal_steps: [right * 1e-2, down * 2e-2],
+            to_eye: Some((n + 0.5 * random.vector()).normalize()),
+            ..shading_point(2.0 * n, n)
+        };
+        for direction in
+            [Direction::Reflection, Direction::Normal, Direction::View, Direction::From { center: Vec3::X }]
+        {
+            let beside = |a: f32| at.shifted(a, 0.0, |point| direction.at(point).direction);
+            let expected = beside(0.5) - beside(-0.5);
+            let got = direction.at(&at);
+            assert!((got.steps[0] - expected).length() < 2e-5, "{direction:?}: {} {expected}", got.steps[0]);
+            assert!((got.direction.length() - 1.0).abs() < 1e-5);
+        }
+    }
+}
+
+#[test]
+fn looked_up_images_keep_their_filters() {
+    let checker = Arc::new(texture(8, 8, 4, |x, y| [((x + y) % 2) as f32, 0.0, 0.0, 1.0]));
+    let uv = [UvPoint { uv: Vec2::new(0.12, 0.3), steps: [Vec2::X * 0.01, Vec2::Y * 0.01] }];
+    let at = ShadingPoint { uv: &uv, ..shading_point(Vec3::ZERO, Vec3::Y) };
+    let smooth = ImageLookup::new(Arc::clone(&checker));
+    let squares = ImageLookup { square_texels: true, ..smooth.clone() };
+    let sampled = checker.sample(uv[0].uv, uv[0].steps, &SampleOptions::default());
+    assert_close(smooth.evaluate(&at).to_array(), sampled, 0.0, "smooth");
+    assert!((0.1..0.9).contains(&sampled[0]));
+    assert_close(squares.evaluate(&at).to_array(), [0.0, 0.0, 0.0, 1.0], 0.0, "squares");
+    // From afar both are the same.
+    let far = [UvPoint { steps: [Vec2::X, Vec2::Y], ..uv[0] }];
+    let from_afar = ShadingPoint { uv: &far, ..at };
+    assert_eq!(squares.evaluate(&from_afar), smooth.evaluate(&from_afar));
+    let area = ShadingPoint { filtering: Filtering::Area, ..at };
+    let exact = checker.sample_area(uv[0].uv, uv[0].steps, [Wrap::Repeat; 2]);
+    assert_close(smooth.evaluate(&area).to_array(), exact, 0.0, "area");
+    assert_close(squares.evaluate(&area).to_array(), [0.0, 0.0, 0.0, 1.0], 1e-6, "area of squares");
+    // Without texture coordinates the corner is looked up.
+    let none = ShadingPoint { uv: &[], ..at };
+    assert!(smooth.evaluate(&none).is_finite());
+}
+
+#[test]
+fn projected_images_grow_with_distance() {
+    // An eye at the origin that looks along +z: u = x / z, v = y / z.
+    let matrix = Mat4::from_cols(Vec4::X, Vec4::Y, Vec4::new(0.0, 0.0, 0.0, 1.0), Vec4::Z);
+    let matrix = SpaceMatrix::new(SpaceMatrixOptions { matrix, ..SpaceMatrixOptions::default() }).unwrap();
+    for distance in [1.0, 2.0, 5.0] {
+        let at = ShadingPoint {
+            position_steps: [Vec3::X * 0.1, Vec3::Z],
+            ..shading_point(Vec3::new(0.3, 0.6, 1.0) * distance, Vec3::NEG_Z)
+        };
+        Coordinates::Projected(matrix).evaluate(&at, |point| {
+            assert!((point.uv - Vec2::new(0.3, 0.6)).length() < 1e-6);
+            assert!((point.steps[0] - Vec2::X * 0.1 / distance).length() < 1e-6);
+            assert!((point.steps[1] + Vec2::new(0.3, 0.6) / distance).length() < 1e-6);
+            Vec4::ONE
+        });
+    }
+}
+
+#[test]
+fn every_kind_of_coordinates_gives_a_value() {
+    let gradient = Arc::new(texture(64, 64, 4, |x, y| [x as f32 / 64.0, y as f32 / 64.0, 0.5, 1.0]));
+    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let s_map = SMap::new(ShapeKind::Sphere.fit(bounds), &Placement::default()).unwrap();
+    let kinds = [
+        Coordinates::default(),
+        Coordinates::Surface(s_map),
+        Coordinates::TwoPart(TwoPartMapping { s_map, o_map: OMap::Reflection }),
+        Coordinates::Triplanar(TriplanarMap::fit(bounds)),
+        Coordinates::Projected(SpaceMatrix::default()),
+        Coordinates::Parameter(Parameter::Slope { up: Vec3::Y }),
+    ];
+    let uv = [UvPoint { uv: Vec2::new(0.2, 0.6), steps: [Vec2::X * 0.01, Vec2::Y * 0.01] }];
+    let n = Vec3::new(0.5, 0.6, 0.62).normalize();
+    let (right, down) = n.any_orthonormal_pair();
+    let at = ShadingPoint {
+        uv: &uv,
+        position_steps: [right * 0.01, down * 0.01],
+        normal_steps: [right * 0.01, down * 0.01],
+        ..shading_point(n, n)
+    };
+    for coordinates in kinds {
+        coordinates.check().unwrap();
+        for filter in crate::common::FILTERS {
+            let options = SampleOptions { filter, ..SampleOptions::default() };
+            let lookup = ImageLookup {
+                coordinates: coordinates.clone(),
+                options,
+                ..ImageLookup::new(Arc::clone(&gradient))
+            };
+            for filtering in [Filtering::Own, Filtering::Area] {
+                let value = lookup.evaluate(&ShadingPoint { filtering, ..at });
+                assert!(
+                    value.is_finite() && (value.z - 0.5).abs() < 0.1,
+                    "{coordinates:?} {filter:?}: {value}"
+                );
+            }
+            let is_reflection = matches!(coordinates, Coordinates::TwoPart(_));
+            assert_eq!(lookup.is_view_dependent(), is_reflection);
+        }
+    }
+    // A point on the horizon of a projective matrix is still a colour.
+    let matrix = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::new(0.0, 0.0, -0.2))
+        + Mat3::from_cols(Vec3::Z, Vec3::ZERO, Vec3::ZERO);
+    let matrix =
+        TextureMatrix::new(TextureMatrixOptions { matrix, ..TextureMatrixOptions::default() }).unwrap();
+    for filter in [Filter::Bicubic, Filter::Ewa, Filter::Anisotropic] {
+        let options = SampleOptions { filter, ..SampleOptions::default() };
+        let lookup = ImageLookup { matrix, options, ..ImageLookup::new(Arc::clone(&gradient)) };
+        for filtering in [Filtering::Own, Filtering::Area] {
+            assert!(
+                lookup.evaluate(&ShadingPoint { filtering, ..at }).is_finite(),
+                "{filter:?} on the horizon"
+            );
+        }
+    }
+}
+
+/// Nanoseconds per point, the best of many runs.
+#[test]
+#[ignore = "measures, asserts nothing"]
+fn speed_of_coordinates() {
+    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let mut random = Random(24);
+    let points: Vec<_> = (0..1000)
+        .map(|_| {
+            let n = random.direction();
+            let (right, down) = n.any_orthonormal_pair();
+            let steps = [right * 0.01, down * 0.01];
+            ShadingPoint { position_steps: steps, normal_steps: steps, ..shading_point(0.7 * n, n) }
+        })
+        .collect();
+    let measure = |name: String, coordinates: Coordinates| {
+        let run = || {
+            let start = std::time::Instant::now();
+            let look_up = |point: &UvPoint| point.uv.extend(0.0).extend(point.steps[0].x);
+            let sum: Vec4 = points.iter().map(|at| coordinates.evaluate(at, look_up)).sum();
+            std::hint::black_box(sum);
+            start.elapsed().as_secs_f64() * 1e6
+        };
+        let best = (0..300).map(|_| run()).fold(f64::INFINITY, f64::min);
+        println!("{name:40} {best:7.1} ns");
+    };
+    for kind in ShapeKind::ALL {
+        let s_map = SMap::new(kind.fit(bounds), &Placement::default()).unwrap();
+        measure(format!("{kind:?}"), Coordinates::Surface(s_map));
+        for o_map in [OMap::Reflection, OMap::ObjectNormal, OMap::default()] {
+            measure(format!("{kind:?} {o_map:?}"), Coordinates::TwoPart(TwoPartMapping { s_map, o_map }));
+        }
+    }
+    measure("Triplanar".into(), Coordinates::Triplanar(TriplanarMap::fit(bounds)));
+    measure("Projected".into(), Coordinates::Projected(SpaceMatrix::default()));
+    measure("Parameter".into(), Coordinates::Parameter(Parameter::default()));
+}
