@@ -10,6 +10,7 @@
 
 mod evaluate;
 mod load;
+mod variance;
 
 use std::sync::Arc;
 
@@ -20,6 +21,7 @@ use crate::{ImageTexture, Wrap};
 
 pub use evaluate::*;
 pub use load::load_material_textures;
+pub use variance::*;
 
 /// A material's textures; those whose texture coordinates the mesh lacks are left out.
 #[derive(Clone, Debug, Default)]
