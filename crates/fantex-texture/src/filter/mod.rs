@@ -21,6 +21,6 @@ pub use taps::catmull_rom_weights;
 
 pub(crate) use area::AreaPlan;
 pub(crate) use ewa::ewa;
-pub(crate) use mipmap::build_levels;
-pub(crate) use taps::{bicubic, bilinear, nearest};
-pub(crate) use texel::resolve;
+pub(crate) use mipmap::{Stretch, build_levels, stored_channels, stretches};
+pub(crate) use taps::{Reconstruction, Taps, bicubic, bilinear, nearest};
+pub(crate) use texel::{Kernel, TexelSource, resolve, with_samples, with_texels};

@@ -64,13 +64,21 @@ pub(super) fn wrap_index(index: i32, size: u32, wrap: Wrap) -> Option<usize> {
 
 /// `N` texels along one axis and their weights. Texels outside a border have weight 0 and some valid index.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Taps<const N: usize> {
+pub(crate) struct Taps<const N: usize> {
     pub(super) index: [usize; N],
     pub(super) weight: [f32; N],
 }
 
+impl<const N: usize> Taps<N> {
+    /// Indices and weights.
+    #[inline(always)]
+    pub(crate) fn pairs(self) -> impl Iterator<Item = (usize, f32)> {
+        self.index.into_iter().zip(self.weight)
+    }
+}
+
 /// The taps around a coordinate, for algorithms that are the same for several reconstructions.
-pub(super) trait Reconstruction {
+pub(crate) trait Reconstruction {
     fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self;
 }
 

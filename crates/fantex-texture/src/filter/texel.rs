@@ -41,19 +41,32 @@ pub(crate) trait Kernel {
 }
 
 /// Runs `kernel` on the texels of `image`.
+#[inline(always)]
 pub(crate) fn with_texels<K: Kernel>(image: &Image, alpha: AlphaUse, kernel: K) -> K::Output {
-    let is_srgb = image.space == ColorSpace::Srgb;
-    match &image.samples {
+    with_samples(&image.samples, image.channels, image.space, alpha, kernel)
+}
+
+/// Runs `kernel` on samples that form texels of so many channels.
+#[inline]
+pub(crate) fn with_samples<K: Kernel>(
+    samples: &Samples,
+    channels: u8,
+    space: ColorSpace,
+    alpha: AlphaUse,
+    kernel: K,
+) -> K::Output {
+    let is_srgb = space == ColorSpace::Srgb;
+    match samples {
         Samples::U8(values) => {
             let table = if is_srgb { linear_from_srgb8_table() } else { unit_from_u8_table() };
-            by_channels(values, image.channels, alpha, Table8(table), kernel)
+            by_channels(values, channels, alpha, Table8(table), kernel)
         }
         Samples::U16(values) if is_srgb => {
-            by_channels(values, image.channels, alpha, Table16(linear_from_srgb16_table()), kernel)
+            by_channels(values, channels, alpha, Table16(linear_from_srgb16_table()), kernel)
         }
-        Samples::U16(values) => by_channels(values, image.channels, alpha, Unit16, kernel),
-        Samples::F32(values) if is_srgb => by_channels(values, image.channels, alpha, SrgbFloat, kernel),
-        Samples::F32(values) => by_channels(values, image.channels, alpha, Float, kernel),
+        Samples::U16(values) => by_channels(values, channels, alpha, Unit16, kernel),
+        Samples::F32(values) if is_srgb => by_channels(values, channels, alpha, SrgbFloat, kernel),
+        Samples::F32(values) => by_channels(values, channels, alpha, Float, kernel),
     }
 }
 
