@@ -2,16 +2,22 @@
 
 use glam::{Vec2, Vec4};
 
-use super::taps::{Reconstruction, Taps, TensorProduct, floor, recenter, wrap_index};
-use super::texel::{Kernel, TexelSource, with_texels};
+use super::taps::{Reconstruction, Taps, TensorProduct, bilinear, floor, recenter, wrap_index};
+use super::texel::{Kernel, TexelSource, TexelUse, with_border};
+use crate::Wrap;
 use crate::image::Image;
-use crate::{AlphaUse, Wrap};
 
 /// Subsamples along both edges of the parallelogram.
 #[derive(Clone, Copy, Debug)]
 struct Subsamples {
     columns: u32,
     rows: u32,
+}
+
+impl Subsamples {
+    fn count(self) -> u32 {
+        self.columns * self.rows
+    }
 }
 
 /// Most subsamples along one edge; callers choose the level so that this is not reached by sensible footprints.
@@ -38,7 +44,7 @@ impl AreaPlan {
     /// average out.
     pub(crate) fn bilinear(level: &Image, edges: [Vec2; 2], wrap: [Wrap; 2]) -> Self {
         let mut plan = Self::new(level, edges, wrap, |length| length + 0.5);
-        if plan.subsamples.columns * plan.subsamples.rows > 1 {
+        if plan.subsamples.count() > 1 {
             plan.window = WindowPlan::new(level, plan.step, plan.subsamples);
         }
         plan
@@ -61,21 +67,23 @@ impl AreaPlan {
 
     /// The mean of the bilinear reconstruction around `uv`.
     #[inline]
-    pub(crate) fn bilinear_mean(&self, level: &Image, alpha: AlphaUse, uv: Vec2) -> Vec4 {
+    pub(crate) fn bilinear_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
+        let (wrap, subsamples) = (self.wrap, self.subsamples);
         match &self.window {
             Some(plan) if plan.is_narrow => {
-                with_texels(level, alpha, Window::<3>::new(level, uv, self.wrap, self.subsamples, plan))
+                with_border(level, texels, Window::<3>::new(level, uv, wrap, subsamples, plan))
             }
             Some(plan) => {
-                with_texels(level, alpha, Window::<WINDOW>::new(level, uv, self.wrap, self.subsamples, plan))
+                with_border(level, texels, Window::<WINDOW>::new(level, uv, wrap, subsamples, plan))
             }
-            None => with_texels(level, alpha, Mean::<2> { level, uv, plan: self }),
+            None if subsamples.count() == 1 => bilinear(level, texels, uv, wrap),
+            None => with_border(level, texels, Mean::<2> { level, uv, plan: self }),
         }
     }
 
     /// The mean of the nearest-texel reconstruction around `uv`.
-    pub(crate) fn nearest_mean(&self, level: &Image, alpha: AlphaUse, uv: Vec2) -> Vec4 {
-        with_texels(level, alpha, Mean::<1> { level, uv, plan: self })
+    pub(crate) fn nearest_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
+        with_border(level, texels, Mean::<1> { level, uv, plan: self })
     }
 }
 
@@ -83,6 +91,7 @@ fn level_size(level: &Image) -> Vec2 {
     Vec2::new(level.width as f32, level.height as f32)
 }
 
+#[derive(Clone, Copy)]
 struct Mean<'a, const N: usize> {
     level: &'a Image,
     uv: Vec2,
@@ -117,6 +126,7 @@ const WINDOW: usize = 4;
 
 /// The subsamples of a small footprint share their texels: their weights are gathered over a window of `N` x `N` texels, so
 /// that every texel is decoded once.
+#[derive(Clone, Copy)]
 struct Window<'a, const N: usize> {
     level: &'a Image,
     wrap: [Wrap; 2],
@@ -145,7 +155,7 @@ impl WindowPlan {
         let step = step_uv.map(|step| step * level_size(level));
         let to_last = [step[0] * (subsamples.columns - 1) as f32, step[1] * (subsamples.rows - 1) as f32];
         let reach = 0.5 * (to_last[0].abs() + to_last[1].abs());
-        let share = 1.0 / (subsamples.columns * subsamples.rows) as f32;
+        let share = 1.0 / subsamples.count() as f32;
         let first = -0.5 * (to_last[0] + to_last[1]);
         // A span of one texel touches the hats of three at most, a span of two those of four. Rounding can make a span
         // a little longer; the weight that is lost then is as small.

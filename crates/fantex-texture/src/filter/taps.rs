@@ -4,9 +4,10 @@
 
 use glam::{Vec2, Vec4};
 
-use super::texel::{Kernel, TexelSource, with_texels};
+use super::inner::{Quad, QuadRow};
+use super::texel::{Kernel, TexelSource, TexelUse, with_border, with_texels};
+use crate::Wrap;
 use crate::image::Image;
-use crate::{AlphaUse, Wrap};
 
 /// The largest integer not above `x` (a library call without SSE4.1); saturates, NaN gives 0.
 #[inline(always)]
@@ -17,7 +18,7 @@ pub(super) fn floor(x: f32) -> i32 {
 
 /// The coordinate folded into `[0,1]` as far as the wrap mode repeats.
 #[inline(always)]
-fn fold(coordinate: f32, wrap: Wrap) -> f32 {
+pub(super) fn fold(coordinate: f32, wrap: Wrap) -> f32 {
     match wrap {
         Wrap::Clamp | Wrap::Border => coordinate,
         Wrap::Repeat => coordinate - floor(coordinate) as f32,
@@ -173,6 +174,7 @@ impl Taps<4> {
 }
 
 /// The weighted sum over the tensor product of two axes' taps.
+#[derive(Clone, Copy)]
 pub(super) struct TensorProduct<const N: usize> {
     pub(super) width: u32,
     pub(super) u: Taps<N>,
@@ -197,23 +199,47 @@ impl<const N: usize> Kernel for TensorProduct<N> {
 }
 
 /// The texel whose square holds `uv`.
-pub(crate) fn nearest(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+pub(crate) fn nearest(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::nearest(uv.x, level.width, wrap[0]);
     let v = Taps::nearest(uv.y, level.height, wrap[1]);
-    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+    with_border(level, texels, TensorProduct { width: level.width, u, v })
 }
 
 /// Linear interpolation between the four nearest texels.
 #[inline]
-pub(crate) fn bilinear(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+pub(crate) fn bilinear(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+    match Quad::around(level, uv, wrap) {
+        Some(quad) => with_texels(level, texels.alpha, quad),
+        None => bilinear_reference(level, texels, uv, wrap),
+    }
+}
+
+/// As [`bilinear`], by the same steps at the edges and inside.
+#[inline(never)]
+pub(crate) fn bilinear_reference(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::linear(uv.x, level.width, wrap[0]);
     let v = Taps::linear(uv.y, level.height, wrap[1]);
-    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+    with_border(level, texels, TensorProduct { width: level.width, u, v })
+}
+
+/// The sum of [`bilinear`] over `count` points, at least two, from `first` on.
+pub(crate) fn bilinear_row(
+    level: &Image,
+    texels: TexelUse,
+    first: Vec2,
+    step: Vec2,
+    count: u32,
+    wrap: [Wrap; 2],
+) -> Vec4 {
+    match QuadRow::along(level, first, step, count, wrap) {
+        Some(row) => with_texels(level, texels.alpha, row),
+        None => (0..count).map(|index| bilinear(level, texels, first + step * index as f32, wrap)).sum(),
+    }
 }
 
 /// Cubic interpolation between the sixteen nearest texels.
-pub(crate) fn bicubic(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+pub(crate) fn bicubic(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::cubic(uv.x, level.width, wrap[0]);
     let v = Taps::cubic(uv.y, level.height, wrap[1]);
-    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+    with_border(level, texels, TensorProduct { width: level.width, u, v })
 }

@@ -25,6 +25,54 @@ pub(crate) fn resolve(sum: Vec4, alpha: AlphaUse) -> [f32; 4] {
     }
 }
 
+/// How texels are weighed, and what lies beyond them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct TexelUse {
+    pub(crate) alpha: AlphaUse,
+    /// A decoded, weighed texel that stands for all texels that a border leaves out; `None` is transparent black.
+    pub(crate) border: Option<Vec4>,
+}
+
+impl TexelUse {
+    /// A straight linear RGBA colour as texels are summed.
+    pub(crate) fn weighed(color: Vec4, alpha: AlphaUse) -> Vec4 {
+        match alpha {
+            AlphaUse::Independent => color,
+            AlphaUse::Coverage => (color * (color.w + TRANSPARENT_WEIGHT)).with_w(color.w),
+        }
+    }
+}
+
+/// Runs a weighted sum on the texels of `image`; weights that a border took away go to its colour.
+#[inline(always)]
+pub(crate) fn with_border<K: Kernel<Output = Vec4> + Copy>(
+    image: &Image,
+    texels: TexelUse,
+    kernel: K,
+) -> Vec4 {
+    let sum = with_texels(image, texels.alpha, kernel);
+    match texels.border {
+        Some(border) => sum + border * (1.0 - kernel.run(Ones).x),
+        None => sum,
+    }
+}
+
+/// Texels of which any weighted sum is the sum of its weights.
+#[derive(Clone, Copy)]
+struct Ones;
+
+impl TexelSource for Ones {
+    #[inline(always)]
+    fn fetch(self, _offset: usize) -> Vec4 {
+        Vec4::ONE
+    }
+
+    #[inline(always)]
+    fn fetch_run<const N: usize>(self, _offset: usize) -> [Vec4; N] {
+        [Vec4::ONE; N]
+    }
+}
+
 /// The texels of one level, decoded on access.
 pub(crate) trait TexelSource: Copy + Sync {
     /// The texel at `offset` (row-major), linear, weighted by its alpha if that is coverage.

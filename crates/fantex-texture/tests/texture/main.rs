@@ -5,6 +5,7 @@ mod common;
 mod comparisons;
 mod coordinates;
 mod environments;
+mod fast_paths;
 mod files;
 mod filters;
 mod mappings;
