@@ -97,6 +97,8 @@ pub struct ImageTexture {
     /// Level 1 and up.
     coarser: Arc<[Image]>,
     alpha: AlphaUse,
+    /// The same beside a border, which may be transparent where no texel is.
+    alpha_beside_border: AlphaUse,
     /// What lies outside for [`Wrap::Border`]; straight linear RGBA.
     border: Option<Vec4>,
 }
@@ -119,17 +121,17 @@ impl ImageTexture {
         let expected = base.width as usize * base.height as usize * usize::from(base.channels);
         assert!(expected > 0 && (1..=4).contains(&base.channels), "an image texture needs texels");
         assert_eq!(base.samples.len(), expected, "samples of {} x {} texels", base.width, base.height);
+        let alpha_beside_border = if base.has_alpha() { alpha } else { AlphaUse::Independent };
         // Where all texels count the same, nothing needs to be weighed.
         let alpha = if is_opaque(&base) { AlphaUse::Independent } else { alpha };
         let coarser = filter::build_levels(&base, alpha).into();
-        Self { base, coarser, alpha, border: None }
+        Self { base, coarser, alpha, alpha_beside_border, border: None }
     }
 
     /// The same texture (its texels are shared) with another colour outside for [`Wrap::Border`]: linear RGBA with straight
     /// alpha, which every filter blends in as if it were texels.
     #[must_use]
     pub fn with_border(&self, color: [f32; 4]) -> Self {
-        // Beside a transparent border, colours count by their alpha, even if the image has none.
         let color = Vec4::from_array(color);
         Self { border: (color != Vec4::ZERO).then_some(color), ..self.clone() }
     }
@@ -172,11 +174,11 @@ impl ImageTexture {
             Filter::Anisotropic => self.anisotropic(uv, texels, &self.axes(footprint), options),
             Filter::Ewa => self.ewa(uv, texels, &self.axes(footprint), options),
         };
-        resolve(sum, self.alpha)
+        resolve(sum, texels.alpha)
     }
 
     /// As [`ImageTexture::sample`] without any fast path: what it is tested against. Both differ by rounding only, at most
-    /// by 5e-4 of the texels' range.
+    /// by 1e-4 of the texels' range.
     pub fn sample_by_reference(&self, uv: Vec2, footprint: [Vec2; 2], options: &SampleOptions) -> [f32; 4] {
         let (wrap, texels) = (options.wrap, self.texels(options.wrap));
         let axes = self.axes(footprint);
@@ -195,13 +197,14 @@ impl ImageTexture {
             }
             Filter::Nearest | Filter::Bicubic | Filter::Ewa => return self.sample(uv, footprint, options),
         };
-        resolve(sum, self.alpha)
+        resolve(sum, texels.alpha)
     }
 
     /// Linear RGBA interpolated between the four nearest texels of level 0.
     #[inline]
     pub fn sample_level0_bilinear(&self, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
-        resolve(filter::bilinear(&self.base, self.texels(wrap), uv, wrap), self.alpha)
+        let texels = self.texels(wrap);
+        resolve(filter::bilinear(&self.base, texels, uv, wrap), texels.alpha)
     }
 
     /// The mean linear RGBA of the bilinear reconstruction over the parallelogram around `uv` whose edges are
@@ -217,7 +220,8 @@ impl ImageTexture {
     pub fn sample_area_nearest(&self, uv: Vec2, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> [f32; 4] {
         let level = self.level(self.area_level(footprint));
         let plan = AreaPlan::nearest(level, footprint, wrap);
-        resolve(plan.nearest_mean(level, self.texels(wrap), uv), self.alpha)
+        let texels = self.texels(wrap);
+        resolve(plan.nearest_mean(level, texels, uv), texels.alpha)
     }
 
     /// [`ImageTexture::sample_area`] prepared for many look-ups with the same footprint, such as the texels of a triangle.
@@ -240,8 +244,11 @@ impl ImageTexture {
     /// How texels count under these wrap modes.
     #[inline(always)]
     fn texels(&self, wrap: [Wrap; 2]) -> TexelUse {
-        let border = self.border.filter(|_| wrap.contains(&Wrap::Border));
-        TexelUse { alpha: self.alpha, border: border.map(|color| TexelUse::weighed(color, self.alpha)) }
+        if !wrap.contains(&Wrap::Border) {
+            return TexelUse { alpha: self.alpha, border: None };
+        }
+        let alpha = self.alpha_beside_border;
+        TexelUse { alpha, border: self.border.map(|color| TexelUse::weighed(color, alpha)) }
     }
 
     fn size_f32(&self) -> Vec2 {

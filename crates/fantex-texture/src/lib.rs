@@ -7,6 +7,7 @@ pub mod color;
 mod color_ramp;
 pub mod combine;
 pub mod compare;
+mod container;
 pub mod coordinates;
 pub mod environment;
 pub mod filter;
@@ -26,6 +27,7 @@ mod volume;
 pub mod warp;
 
 pub use color_ramp::*;
+pub use container::{ContainerFault, ContainerFormat};
 pub use frames::*;
 pub use image::*;
 pub use image_file::*;

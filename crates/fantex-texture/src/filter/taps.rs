@@ -21,7 +21,12 @@ pub(super) fn floor(x: f32) -> i32 {
 pub(super) fn fold(coordinate: f32, wrap: Wrap) -> f32 {
     match wrap {
         Wrap::Clamp | Wrap::Border => coordinate,
-        Wrap::Repeat => coordinate - floor(coordinate) as f32,
+        Wrap::Repeat => {
+            // Rounded to the nearest integer by adding what leaves no bit for fractions.
+            const NO_FRACTIONS: f32 = 12_582_912.0;
+            let rest = coordinate - ((coordinate + NO_FRACTIONS) - NO_FRACTIONS);
+            if rest < 0.0 { rest + 1.0 } else { rest }
+        }
         Wrap::Mirror => {
             let period = coordinate - 2.0 * floor(0.5 * coordinate) as f32;
             1.0 - (1.0 - period).abs()

@@ -12,7 +12,7 @@ use crate::common::{FILTERS, Random, texture};
 const WRAPS: [Wrap; 4] = [Wrap::Clamp, Wrap::Border, Wrap::Repeat, Wrap::Mirror];
 
 /// What a fast path may differ by from the reference, of texels in [0,1].
-const TOLERANCE: f32 = 5e-4;
+const TOLERANCE: f32 = 1e-4;
 
 fn noise(width: u32, height: u32, channels: u8, depth: Depth, space: ColorSpace) -> Image {
     let mut random = Random(u64::from(channels));

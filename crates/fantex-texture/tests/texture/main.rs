@@ -3,11 +3,13 @@
 mod combine;
 mod common;
 mod comparisons;
+mod conformance;
 mod coordinates;
 mod environments;
 mod fast_paths;
 mod files;
 mod filters;
+mod horizon;
 mod mappings;
 mod pictures;
 mod resizing;

@@ -28,7 +28,8 @@ fn volume(size: [u32; 3], channels: u8, mut value: impl FnMut(Vec3) -> [f32; 4])
             }
         }
     }
-    let volume = Volume::new(size, channels, ColorSpace::Linear, Samples::F32(samples)).unwrap();
+    let volume = Volume::new(size, channels, ColorSpace::Linear, Samples::F32(samples));
+    let volume = volume.unwrap_or_else(|error| panic!("{error}"));
     VolumeTexture::new(Arc::new(volume))
 }
 
@@ -192,9 +193,9 @@ const HEADER: &str = "NDims = 3\nDimSize = 2 3 4\nElementSpacing = 1 2 3.5\nElem
                       ElementDataFile = numbers.raw\n";
 
 fn write(folder: &Path, header: &str, numbers: &[u8]) -> std::path::PathBuf {
-    fs::write(folder.join("numbers.raw"), numbers).unwrap();
     let path = folder.join("volume.mhd");
-    fs::write(&path, header).unwrap();
+    let written = fs::write(folder.join("numbers.raw"), numbers).and_then(|()| fs::write(&path, header));
+    written.unwrap_or_else(|error| panic!("{error}"));
     path
 }
 
