@@ -278,16 +278,20 @@ fn dds_files_are_read() {
 #[test]
 fn shipped_light_maps_are_read() {
     let Some(folder) = data_folder("images/lightmap") else { return };
-    for name in ["CornellBox-Box", "CornellBox-Large", "CornellBox-Small"] {
+    // Medians of red, found with other tools.
+    for (name, median) in
+        [("CornellBox-Box", 0.6719), ("CornellBox-Large", 0.5156), ("CornellBox-Small", 0.09375)]
+    {
         let path = folder.join(format!("{name}.zstd.ktx2"));
         let image = Image::load(&path).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!((image.width, image.height, image.channels), (1024, 1024, 3));
         let Samples::F32(values) = &image.samples else { panic!("light maps are floats") };
-        // Light: never negative, lit somewhere, and more of it than paper white in few places.
+        // A few hundred texels that no surface uses are undefined in the files.
         assert!(values.iter().all(|value| *value >= 0.0 && value.is_finite()));
-        let mean = values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64;
-        eprintln!("{name}: mean {mean:.4}, largest {:.3}", values.iter().copied().fold(0.0, f32::max));
-        assert!(mean > 0.001 && mean < 10.0, "{name}: mean {mean}");
+        let mut reds: Vec<f32> = values.iter().step_by(3).copied().collect();
+        reds.sort_by(f32::total_cmp);
+        let got = reds[reds.len() / 2];
+        assert!((got - median).abs() < 0.01, "{name}: median of red {got}, expected {median}");
     }
 }
 
