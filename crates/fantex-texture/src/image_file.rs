@@ -16,6 +16,7 @@ use image::{
     ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader,
 };
 
+use crate::container::{self, ContainerFault, ContainerFormat};
 use crate::image::{ColorSpace, Depth, Image, Samples};
 
 /// What a reader may allocate.
@@ -46,7 +47,9 @@ pub enum LoadImageError {
         source: io::Error,
     },
     /// The content is none of the known formats.
-    #[error("'{label}' is no image that can be read here (known: PNG, JPEG, TIFF, WebP, HDR, OpenEXR)")]
+    #[error(
+        "'{label}' is no image that can be read here (known: PNG, JPEG, TIFF, WebP, HDR, OpenEXR, KTX2, DDS)"
+    )]
     UnknownFormat {
         /// File or other origin.
         label: String,
@@ -60,6 +63,16 @@ pub enum LoadImageError {
         format: FormatName,
         /// What the decoder found.
         cause: DecodeCause,
+    },
+    /// A KTX2 or DDS file is damaged, cut short, or uses a variant that is not supported.
+    #[error("'{label}' is not a readable {format} file: {fault}")]
+    Container {
+        /// File or other origin.
+        label: String,
+        /// The format that the content claims to be.
+        format: ContainerFormat,
+        /// What is wrong.
+        fault: ContainerFault,
     },
     /// A side is zero or too long.
     #[error("'{label}' has {width} x {height} texels; each side must be 1 to {limit}")]
@@ -161,8 +174,9 @@ pub enum SaveImageError {
 }
 
 impl Image {
-    /// Reads a PNG, JPEG, TIFF, WebP, Radiance HDR or OpenEXR file with the default limits. Fixed-point samples are taken
-    /// as sRGB-encoded colours; for other data use [`Image::load_as`].
+    /// Reads a PNG, JPEG, TIFF, WebP, Radiance HDR, OpenEXR, KTX2 or DDS file with the default limits. Fixed-point samples
+    /// are taken as sRGB-encoded colours, unless the file says otherwise (as KTX2 does); for other data use
+    /// [`Image::load_as`]. Of files with several images (faces, layers, slices), this is the first one.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, LoadImageError> {
         Self::load_as(path, ColorSpace::Srgb)
     }
@@ -188,6 +202,10 @@ impl Image {
         limits: ImageLimits,
     ) -> Result<Self, LoadImageError> {
         let unknown = || LoadImageError::UnknownFormat { label: label.to_owned() };
+        if let Some(container) = container::recognise(bytes) {
+            let images = container::decode(container, bytes, label, default_space, limits, 1)?;
+            return images.into_iter().next().ok_or_else(unknown);
+        }
         let format = image::guess_format(bytes).map_err(|_| unknown())?;
         if !READABLE.contains(&format) {
             return Err(unknown());
@@ -203,6 +221,36 @@ impl Image {
             divide_by_alpha(&mut image);
         }
         Ok(image)
+    }
+
+    /// All images of a KTX2 or DDS file, by layer, then face (right, left, up, down, front, back, as cube maps have them),
+    /// then slice; of other files the only one. All have the same size.
+    ///
+    /// # Errors
+    ///
+    /// As [`Image::decode_within`]; the limit of memory holds for all images together.
+    pub fn decode_all(
+        bytes: &[u8],
+        label: &str,
+        default_space: ColorSpace,
+        limits: ImageLimits,
+    ) -> Result<Vec<Self>, LoadImageError> {
+        match container::recognise(bytes) {
+            Some(format) => container::decode(format, bytes, label, default_space, limits, usize::MAX),
+            None => Ok(vec![Self::decode_within(bytes, label, default_space, limits)?]),
+        }
+    }
+
+    /// As [`Image::decode_all`], from a file with the default limits.
+    ///
+    /// # Errors
+    ///
+    /// As [`Image::load_as`].
+    pub fn load_all(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Vec<Self>, LoadImageError> {
+        let path = path.as_ref();
+        let bytes =
+            fs::read(path).map_err(|source| LoadImageError::Read { path: path.to_owned(), source })?;
+        Self::decode_all(&bytes, &path.display().to_string(), default_space, ImageLimits::default())
     }
 
     /// Writes the image in the format of the path's extension, whole or not at all (a temporary file beside it is renamed

@@ -28,8 +28,8 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec4};
 
-use crate::Image;
-use crate::filter::{self, AreaPlan, FootprintAxes, resolve};
+use crate::filter::{self, AreaPlan, FootprintAxes, LevelPair, TexelUse, resolve};
+use crate::{Image, Samples};
 
 /// What the alpha channel of an image means when texels are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -45,7 +45,7 @@ pub enum AlphaUse {
 pub enum Wrap {
     /// The edge texel.
     Clamp,
-    /// Transparent black.
+    /// Transparent black, or the colour of [`ImageTexture::with_border`].
     Border,
     /// The image again.
     #[default]
@@ -95,8 +95,12 @@ impl Default for SampleOptions {
 pub struct ImageTexture {
     base: Arc<Image>,
     /// Level 1 and up.
-    coarser: Vec<Image>,
+    coarser: Arc<[Image]>,
     alpha: AlphaUse,
+    /// The same beside a border, which may be transparent where no texel is.
+    alpha_beside_border: AlphaUse,
+    /// What lies outside for [`Wrap::Border`]; straight linear RGBA.
+    border: Option<Vec4>,
 }
 
 impl ImageTexture {
@@ -117,9 +121,19 @@ impl ImageTexture {
         let expected = base.width as usize * base.height as usize * usize::from(base.channels);
         assert!(expected > 0 && (1..=4).contains(&base.channels), "an image texture needs texels");
         assert_eq!(base.samples.len(), expected, "samples of {} x {} texels", base.width, base.height);
-        let alpha = if base.has_alpha() { alpha } else { AlphaUse::Independent };
-        let coarser = filter::build_levels(&base, alpha);
-        Self { base, coarser, alpha }
+        let alpha_beside_border = if base.has_alpha() { alpha } else { AlphaUse::Independent };
+        // Where all texels count the same, nothing needs to be weighed.
+        let alpha = if is_opaque(&base) { AlphaUse::Independent } else { alpha };
+        let coarser = filter::build_levels(&base, alpha).into();
+        Self { base, coarser, alpha, alpha_beside_border, border: None }
+    }
+
+    /// The same texture (its texels are shared) with another colour outside for [`Wrap::Border`]: linear RGBA with straight
+    /// alpha, which every filter blends in as if it were texels.
+    #[must_use]
+    pub fn with_border(&self, color: [f32; 4]) -> Self {
+        let color = Vec4::from_array(color);
+        Self { border: (color != Vec4::ZERO).then_some(color), ..self.clone() }
     }
 
     /// Width and height of level 0.
@@ -143,9 +157,11 @@ impl ImageTexture {
     /// With the alpha of every coarser level multiplied by its factor (`scales[0]` is not used), at most one.
     pub(crate) fn with_scaled_alpha(mut self, scales: &[f32]) -> Self {
         if self.base.has_alpha() {
-            for (level, &scale) in self.coarser.iter_mut().zip(&scales[1..]) {
+            let mut coarser = self.coarser.to_vec();
+            for (level, &scale) in coarser.iter_mut().zip(&scales[1..]) {
                 level.scale_alpha(scale);
             }
+            self.coarser = coarser.into();
         }
         self
     }
@@ -158,22 +174,49 @@ impl ImageTexture {
     /// Filtered linear RGBA (straight alpha; grey images give r = g = b, images without alpha give 1).
     /// `footprint` holds the derivatives of `uv` along the pixel's x and y, in the units of `uv`.
     pub fn sample(&self, uv: Vec2, footprint: [Vec2; 2], options: &SampleOptions) -> [f32; 4] {
-        let wrap = options.wrap;
+        let (wrap, texels) = (options.wrap, self.texels(options.wrap));
         let sum = match options.filter {
-            Filter::Nearest => filter::nearest(&self.base, self.alpha, uv, wrap),
-            Filter::Bilinear => filter::bilinear(&self.base, self.alpha, uv, wrap),
-            Filter::Bicubic => filter::bicubic(&self.base, self.alpha, uv, wrap),
-            Filter::Trilinear => self.trilinear(uv, wrap, self.axes(footprint).major),
-            Filter::Anisotropic => self.anisotropic(uv, &self.axes(footprint), options),
-            Filter::Ewa => self.ewa(uv, &self.axes(footprint), options),
+            Filter::Nearest => filter::nearest(&self.base, texels, uv, wrap),
+            Filter::Bilinear => filter::bilinear(&self.base, texels, uv, wrap),
+            Filter::Bicubic => filter::bicubic(&self.base, texels, uv, wrap),
+            Filter::Trilinear => {
+                let [dx, dy] = footprint.map(|step| self.in_texels(step));
+                self.trilinear(uv, texels, wrap, FootprintAxes::squared_major(dx, dy))
+            }
+            Filter::Anisotropic => self.anisotropic(uv, texels, &self.axes(footprint), options),
+            Filter::Ewa => self.ewa(uv, texels, &self.axes(footprint), options),
         };
-        resolve(sum, self.alpha)
+        resolve(sum, texels.alpha)
+    }
+
+    /// As [`ImageTexture::sample`] without any fast path: what it is tested against. Both differ by rounding only, at most
+    /// by 1e-4 of the texels' range.
+    pub fn sample_by_reference(&self, uv: Vec2, footprint: [Vec2; 2], options: &SampleOptions) -> [f32; 4] {
+        let (wrap, texels) = (options.wrap, self.texels(options.wrap));
+        let axes = self.axes(footprint);
+        let sum = match options.filter {
+            Filter::Bilinear => filter::bilinear_reference(&self.base, texels, uv, wrap),
+            Filter::Trilinear => self.trilinear_reference(uv, texels, wrap, axes.major),
+            Filter::Anisotropic => {
+                let width = axes.limited_minor(options.max_anisotropy).max(1.0);
+                let probes = (axes.major / width).ceil().max(1.0);
+                let span = self.in_uv(axes.direction * axes.major);
+                let offset = |probe: u32| (probe as f32 + 0.5) / probes - 0.5;
+                let points = (0..probes as u32).map(|probe| uv + span * offset(probe));
+                let sum: Vec4 =
+                    points.map(|point| self.trilinear_reference(point, texels, wrap, width)).sum();
+                sum / probes
+            }
+            Filter::Nearest | Filter::Bicubic | Filter::Ewa => return self.sample(uv, footprint, options),
+        };
+        resolve(sum, texels.alpha)
     }
 
     /// Linear RGBA interpolated between the four nearest texels of level 0.
     #[inline]
     pub fn sample_level0_bilinear(&self, uv: Vec2, wrap: [Wrap; 2]) -> [f32; 4] {
-        resolve(filter::bilinear(&self.base, self.alpha, uv, wrap), self.alpha)
+        let texels = self.texels(wrap);
+        resolve(filter::bilinear(&self.base, texels, uv, wrap), texels.alpha)
     }
 
     /// The mean linear RGBA of the bilinear reconstruction over the parallelogram around `uv` whose edges are
@@ -189,18 +232,19 @@ impl ImageTexture {
     pub fn sample_area_nearest(&self, uv: Vec2, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> [f32; 4] {
         let level = self.level(self.area_level(footprint));
         let plan = AreaPlan::nearest(level, footprint, wrap);
-        resolve(plan.nearest_mean(level, self.alpha, uv), self.alpha)
+        let texels = self.texels(wrap);
+        resolve(plan.nearest_mean(level, texels, uv), texels.alpha)
     }
 
     /// [`ImageTexture::sample_area`] prepared for many look-ups with the same footprint, such as the texels of a triangle.
     #[inline]
     pub fn area_sampler(&self, footprint: [Vec2; 2], wrap: [Wrap; 2]) -> AreaSampler<'_> {
         let level = self.level(self.area_level(footprint));
-        AreaSampler { level, alpha: self.alpha, plan: AreaPlan::bilinear(level, footprint, wrap) }
+        AreaSampler { level, texels: self.texels(wrap), plan: AreaPlan::bilinear(level, footprint, wrap) }
     }
 
     fn area_level(&self, footprint: [Vec2; 2]) -> usize {
-        let [first, second] = footprint.map(|edge| self.texels(edge).length_squared());
+        let [first, second] = footprint.map(|edge| self.in_texels(edge).length_squared());
         let (short2, long2) = (first.min(second), first.max(second));
         if short2 < 256.0 && long2 < 262_144.0 {
             return 0;
@@ -209,78 +253,126 @@ impl ImageTexture {
         (excess.log2().max(0.0) as usize).min(self.coarser.len())
     }
 
+    /// How texels count under these wrap modes.
+    #[inline(always)]
+    fn texels(&self, wrap: [Wrap; 2]) -> TexelUse {
+        if !wrap.contains(&Wrap::Border) {
+            return TexelUse { alpha: self.alpha, border: None };
+        }
+        let alpha = self.alpha_beside_border;
+        TexelUse { alpha, border: self.border.map(|color| TexelUse::weighed(color, alpha)) }
+    }
+
+    fn size_f32(&self) -> Vec2 {
+        Vec2::new(self.base.width as f32, self.base.height as f32)
+    }
+
     /// A vector of uv space in texels of level 0.
-    fn texels(&self, uv: Vec2) -> Vec2 {
-        uv * Vec2::new(self.base.width as f32, self.base.height as f32)
+    fn in_texels(&self, uv: Vec2) -> Vec2 {
+        uv * self.size_f32()
+    }
+
+    /// A vector in texels of level 0 in uv space.
+    fn in_uv(&self, texels: Vec2) -> Vec2 {
+        texels / self.size_f32()
     }
 
     fn axes(&self, footprint: [Vec2; 2]) -> FootprintAxes {
-        FootprintAxes::new(self.texels(footprint[0]), self.texels(footprint[1]))
+        FootprintAxes::new(self.in_texels(footprint[0]), self.in_texels(footprint[1]))
     }
 
-    /// The two levels between which a texel has the width `texels`, and the share of the coarser one.
-    fn levels_for(&self, texels: f32) -> (usize, usize, f32) {
-        let last = self.coarser.len();
-        let lod = if texels > 1.0 { texels.log2().min(last as f32) } else { 0.0 };
-        let fine = lod as usize;
-        (fine, (fine + 1).min(last), lod - fine as f32)
+    fn levels_for(&self, squared_texels: f32) -> LevelPair {
+        LevelPair::for_squared_width(squared_texels, self.coarser.len())
     }
 
-    fn trilinear(&self, uv: Vec2, wrap: [Wrap; 2], width_texels: f32) -> Vec4 {
-        let (fine, coarse, share) = self.levels_for(width_texels);
-        let value = filter::bilinear(self.level(fine), self.alpha, uv, wrap);
+    fn trilinear(&self, uv: Vec2, texels: TexelUse, wrap: [Wrap; 2], squared_width: f32) -> Vec4 {
+        let LevelPair { fine, coarse, share } = self.levels_for(squared_width);
+        let value = filter::bilinear(self.level(fine), texels, uv, wrap);
         if share == 0.0 {
             return value;
         }
-        value.lerp(filter::bilinear(self.level(coarse), self.alpha, uv, wrap), share)
+        value.lerp(filter::bilinear(self.level(coarse), texels, uv, wrap), share)
+    }
+
+    fn trilinear_reference(&self, uv: Vec2, texels: TexelUse, wrap: [Wrap; 2], width: f32) -> Vec4 {
+        let last = self.coarser.len();
+        let lod = if width > 1.0 { width.log2().min(last as f32) } else { 0.0 };
+        let (fine, share) = (lod as usize, lod.fract());
+        let value = filter::bilinear_reference(self.level(fine), texels, uv, wrap);
+        let coarse = self.level((fine + 1).min(last));
+        value.lerp(filter::bilinear_reference(coarse, texels, uv, wrap), share)
     }
 
     /// Probes as wide as the shorter axis, in a row along the longer one.
-    fn anisotropic(&self, uv: Vec2, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
+    fn anisotropic(&self, uv: Vec2, texels: TexelUse, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
         let width = axes.limited_minor(options.max_anisotropy).max(1.0);
         let probes = (axes.major / width).ceil();
         if probes.is_nan() || probes <= 1.0 {
-            return self.trilinear(uv, options.wrap, width);
+            return self.trilinear(uv, texels, options.wrap, width * width);
         }
-        let span = axes.direction * axes.major / Vec2::new(self.base.width as f32, self.base.height as f32);
-        let mut sum = Vec4::ZERO;
-        for probe in 0..probes as u32 {
-            let along = (probe as f32 + 0.5) / probes - 0.5;
-            sum += self.trilinear(uv + span * along, options.wrap, width);
-        }
+        let span = self.in_uv(axes.direction * axes.major);
+        let step = span / probes;
+        let first = uv + 0.5 * (step - span);
+        let row = |level: usize| {
+            filter::bilinear_row(self.level(level), texels, first, step, probes as u32, options.wrap)
+        };
+        let LevelPair { fine, coarse, share } = self.levels_for(width * width);
+        let sum = row(fine);
+        let sum = if share == 0.0 { sum } else { sum.lerp(row(coarse), share) };
         sum / probes
     }
 
-    fn ewa(&self, uv: Vec2, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
+    fn ewa(&self, uv: Vec2, texels: TexelUse, axes: &FootprintAxes, options: &SampleOptions) -> Vec4 {
         let axes = axes.limited(options.max_anisotropy);
-        let (fine, coarse, share) = self.levels_for(axes.minor / filter::EWA_MINOR_TEXELS);
-        let value = self.ewa_at(fine, uv, &axes, options.wrap);
+        let minor = axes.minor / filter::EWA_MINOR_TEXELS;
+        let LevelPair { fine, coarse, share } = self.levels_for(minor * minor);
+        let value = self.ewa_at(fine, uv, texels, &axes, options.wrap);
         if share == 0.0 {
             return value;
         }
-        value.lerp(self.ewa_at(coarse, uv, &axes, options.wrap), share)
+        value.lerp(self.ewa_at(coarse, uv, texels, &axes, options.wrap), share)
     }
 
-    fn ewa_at(&self, index: usize, uv: Vec2, axes: &FootprintAxes, wrap: [Wrap; 2]) -> Vec4 {
+    fn ewa_at(
+        &self,
+        index: usize,
+        uv: Vec2,
+        texels: TexelUse,
+        axes: &FootprintAxes,
+        wrap: [Wrap; 2],
+    ) -> Vec4 {
         let level = self.level(index);
         // On the single texel of the last level nothing is left to weigh, and the ellipse may be of any size.
         if index == self.coarser.len() {
-            return filter::bilinear(level, self.alpha, uv, wrap);
+            return filter::bilinear(level, texels, uv, wrap);
         }
         let scale = Vec2::new(
             level.width as f32 / self.base.width as f32,
             level.height as f32 / self.base.height as f32,
         );
         let [along, across] = axes.vectors().map(|axis| axis * scale);
-        filter::ewa(level, self.alpha, uv, &FootprintAxes::new(along, across), wrap)
+        filter::ewa(level, texels, uv, &FootprintAxes::new(along, across), wrap)
     }
+}
+
+/// Whether all texels have the same alpha, 1. (Floats are not searched: there, alpha seldom comes without a reason.)
+fn is_opaque(image: &Image) -> bool {
+    let channels = usize::from(image.channels);
+    !image.has_alpha()
+        || match &image.samples {
+            Samples::U8(values) => values.iter().skip(channels - 1).step_by(channels).all(|&a| a == u8::MAX),
+            Samples::U16(values) => {
+                values.iter().skip(channels - 1).step_by(channels).all(|&a| a == u16::MAX)
+            }
+            Samples::F32(_) => false,
+        }
 }
 
 /// Means over equal parallelograms of one texture; see [`ImageTexture::area_sampler`].
 #[derive(Clone, Copy, Debug)]
 pub struct AreaSampler<'a> {
     level: &'a Image,
-    alpha: AlphaUse,
+    texels: TexelUse,
     plan: AreaPlan,
 }
 
@@ -288,6 +380,6 @@ impl AreaSampler<'_> {
     /// The mean linear RGBA over the parallelogram around `uv`.
     #[inline]
     pub fn sample(&self, uv: Vec2) -> [f32; 4] {
-        resolve(self.plan.bilinear_mean(self.level, self.alpha, uv), self.alpha)
+        resolve(self.plan.bilinear_mean(self.level, self.texels, uv), self.texels.alpha)
     }
 }

@@ -36,7 +36,7 @@ use crate::ShadingPoint;
 use crate::look::Slot;
 
 /// From `a` to `b` by `share` (0..1); colours count by their alpha.
-fn mix(a: Vec4, b: Vec4, share: f32) -> Vec4 {
+pub(crate) fn mix(a: Vec4, b: Vec4, share: f32) -> Vec4 {
     let alpha = a.w + (b.w - a.w) * share;
     if alpha <= 0.0 {
         return a.lerp(b, share);

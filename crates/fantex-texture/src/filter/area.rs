@@ -2,16 +2,22 @@
 
 use glam::{Vec2, Vec4};
 
-use super::taps::{Reconstruction, Taps, TensorProduct, floor, recenter, wrap_index};
-use super::texel::{Kernel, TexelSource, with_texels};
+use super::taps::{Reconstruction, Taps, TensorProduct, bilinear, floor, recenter, wrap_index};
+use super::texel::{Kernel, TexelSource, TexelUse, with_border};
+use crate::Wrap;
 use crate::image::Image;
-use crate::{AlphaUse, Wrap};
 
 /// Subsamples along both edges of the parallelogram.
 #[derive(Clone, Copy, Debug)]
 struct Subsamples {
     columns: u32,
     rows: u32,
+}
+
+impl Subsamples {
+    fn count(self) -> u32 {
+        self.columns * self.rows
+    }
 }
 
 /// Most subsamples along one edge; callers choose the level so that this is not reached by sensible footprints.
@@ -38,7 +44,7 @@ impl AreaPlan {
     /// average out.
     pub(crate) fn bilinear(level: &Image, edges: [Vec2; 2], wrap: [Wrap; 2]) -> Self {
         let mut plan = Self::new(level, edges, wrap, |length| length + 0.5);
-        if plan.subsamples.columns * plan.subsamples.rows > 1 {
+        if plan.subsamples.count() > 1 {
             plan.window = WindowPlan::new(level, plan.step, plan.subsamples);
         }
         plan
@@ -61,18 +67,23 @@ impl AreaPlan {
 
     /// The mean of the bilinear reconstruction around `uv`.
     #[inline]
-    pub(crate) fn bilinear_mean(&self, level: &Image, alpha: AlphaUse, uv: Vec2) -> Vec4 {
+    pub(crate) fn bilinear_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
+        let (wrap, subsamples) = (self.wrap, self.subsamples);
         match &self.window {
-            Some(window) => {
-                with_texels(level, alpha, Window::new(level, uv, self.wrap, self.subsamples, window))
+            Some(plan) if plan.is_narrow => {
+                with_border(level, texels, Window::<3>::new(level, uv, wrap, subsamples, plan))
             }
-            None => with_texels(level, alpha, Mean::<2> { level, uv, plan: self }),
+            Some(plan) => {
+                with_border(level, texels, Window::<WINDOW>::new(level, uv, wrap, subsamples, plan))
+            }
+            None if subsamples.count() == 1 => bilinear(level, texels, uv, wrap),
+            None => with_border(level, texels, Mean::<2> { level, uv, plan: self }),
         }
     }
 
     /// The mean of the nearest-texel reconstruction around `uv`.
-    pub(crate) fn nearest_mean(&self, level: &Image, alpha: AlphaUse, uv: Vec2) -> Vec4 {
-        with_texels(level, alpha, Mean::<1> { level, uv, plan: self })
+    pub(crate) fn nearest_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
+        with_border(level, texels, Mean::<1> { level, uv, plan: self })
     }
 }
 
@@ -80,6 +91,7 @@ fn level_size(level: &Image) -> Vec2 {
     Vec2::new(level.width as f32, level.height as f32)
 }
 
+#[derive(Clone, Copy)]
 struct Mean<'a, const N: usize> {
     level: &'a Image,
     uv: Vec2,
@@ -109,20 +121,19 @@ where
     }
 }
 
-/// Texels along a side of the window of a small footprint.
+/// Most texels along a side of the window of a small footprint.
 const WINDOW: usize = 4;
 
-/// The subsamples of a small footprint share their texels: their weights are gathered over a window of 4x4 texels, so that
-/// every texel is decoded once.
-struct Window<'a> {
+/// The subsamples of a small footprint share their texels: their weights are gathered over a window of `N` x `N` texels, so
+/// that every texel is decoded once.
+#[derive(Clone, Copy)]
+struct Window<'a, const N: usize> {
     level: &'a Image,
     wrap: [Wrap; 2],
     /// Column and row of the window's first texel, before wrapping.
     origin: [i32; 2],
-    /// Columns and rows that have weight, at most [`WINDOW`].
-    extent: [usize; 2],
-    /// By row, then column.
-    weights: [Vec4; WINDOW],
+    /// By row, then column; 0 from `N` on.
+    weights: [Vec4; N],
 }
 
 /// The part of a window that does not depend on the look-up's centre, in texels.
@@ -135,6 +146,8 @@ struct WindowPlan {
     reach: Vec2,
     /// One over the number of subsamples.
     share: f32,
+    /// Whether three texels along a side are enough.
+    is_narrow: bool,
 }
 
 impl WindowPlan {
@@ -142,40 +155,35 @@ impl WindowPlan {
         let step = step_uv.map(|step| step * level_size(level));
         let to_last = [step[0] * (subsamples.columns - 1) as f32, step[1] * (subsamples.rows - 1) as f32];
         let reach = 0.5 * (to_last[0].abs() + to_last[1].abs());
-        let share = 1.0 / (subsamples.columns * subsamples.rows) as f32;
-        // A span of two texels touches the hats of four at most.
-        (reach.max_element() <= 1.0).then_some(Self {
-            step,
-            first: -0.5 * (to_last[0] + to_last[1]),
-            reach,
-            share,
-        })
+        let share = 1.0 / subsamples.count() as f32;
+        let first = -0.5 * (to_last[0] + to_last[1]);
+        // A span of one texel touches the hats of three at most, a span of two those of four. Rounding can make a span
+        // a little longer; the weight that is lost then is as small.
+        let is_narrow = reach.max_element() <= 0.5;
+        (reach.max_element() <= 1.0).then_some(Self { step, first, reach, share, is_narrow })
     }
 }
 
-impl<'a> Window<'a> {
+impl<'a, const N: usize> Window<'a, N> {
     #[inline(always)]
     fn new(level: &'a Image, uv: Vec2, wrap: [Wrap; 2], subsamples: Subsamples, plan: &WindowPlan) -> Self {
         let center = Vec2::new(
             recenter(uv.x, level.width, wrap[0]) - 0.5,
             recenter(uv.y, level.height, wrap[1]) - 0.5,
         );
-        let (low, high) = (center - plan.reach, center + plan.reach);
+        let low = center - plan.reach;
         let origin = [floor(low.x), floor(low.y)];
-        let extent = [floor(high.x) - origin[0] + 2, floor(high.y) - origin[1] + 2];
         let first = center - Vec2::new(origin[0] as f32, origin[1] as f32) + plan.first;
-        let weights = Self::gather(first, plan, subsamples);
-        let extent = extent.map(|texels| texels.clamp(1, WINDOW as i32) as usize);
-        Self { level, wrap, origin, extent, weights }
+        Self { level, wrap, origin, weights: Self::gather(first, plan, subsamples) }
     }
 
     /// Sums the hat functions of all subsamples; `first` is relative to the window's first texel.
     #[inline(always)]
-    fn gather(first: Vec2, plan: &WindowPlan, subsamples: Subsamples) -> [Vec4; WINDOW] {
+    fn gather(first: Vec2, plan: &WindowPlan, subsamples: Subsamples) -> [Vec4; N] {
         let step = plan.step;
         let texels = Vec4::new(0.0, 1.0, 2.0, 3.0);
         let hat = |position: f32| (1.0 - (texels - position).abs()).max(Vec4::ZERO);
-        let mut weights = [Vec4::ZERO; WINDOW];
+        let mut weights = [Vec4::ZERO; N];
         for row in 0..subsamples.rows {
             for column in 0..subsamples.columns {
                 let position = first + step[0] * column as f32 + step[1] * row as f32;
@@ -187,26 +195,47 @@ impl<'a> Window<'a> {
         }
         weights.map(|weight| weight * plan.share)
     }
+
+    /// The row-major offset of the first texel where no texel of the window wraps.
+    #[inline(always)]
+    fn inner_offset(&self) -> Option<usize> {
+        let [column, row] = self.origin;
+        let last = [self.level.width as i32 - N as i32, self.level.height as i32 - N as i32];
+        let is_inside = column >= 0 && row >= 0 && column <= last[0] && row <= last[1];
+        is_inside.then(|| row as usize * self.level.width as usize + column as usize)
+    }
+
+    /// The sum over a window that reaches over the image's border.
+    #[cold]
+    fn wrapped<T: TexelSource>(&self, texels: T) -> Vec4 {
+        let width = self.level.width as usize;
+        let mut sum = Vec4::ZERO;
+        for (row, weights) in self.weights.iter().enumerate() {
+            let wrapped = wrap_index(self.origin[1] + row as i32, self.level.height, self.wrap[1]);
+            let Some(first) = wrapped.map(|row| row * width) else { continue };
+            for (column, weight) in weights.to_array().into_iter().take(N).enumerate() {
+                let wrapped = wrap_index(self.origin[0] + column as i32, self.level.width, self.wrap[0]);
+                if let Some(column) = wrapped {
+                    sum += texels.fetch(first + column) * weight;
+                }
+            }
+        }
+        sum
+    }
 }
 
-impl Kernel for Window<'_> {
+impl<const N: usize> Kernel for Window<'_, N> {
     type Output = Vec4;
 
     #[inline(always)]
     fn run<T: TexelSource>(self, texels: T) -> Vec4 {
+        let Some(first) = self.inner_offset() else { return self.wrapped(texels) };
         let width = self.level.width as usize;
-        let columns: [Option<usize>; WINDOW] = std::array::from_fn(|column| {
-            wrap_index(self.origin[0] + column as i32, self.level.width, self.wrap[0])
-        });
         let mut sum = Vec4::ZERO;
-        for row in 0..self.extent[1] {
-            let wrapped = wrap_index(self.origin[1] + row as i32, self.level.height, self.wrap[1]);
-            let Some(first) = wrapped.map(|row| row * width) else { continue };
-            let weights = self.weights[row].to_array();
-            for (column, weight) in columns.into_iter().zip(weights).take(self.extent[0]) {
-                if let Some(column) = column {
-                    sum += texels.fetch(first + column) * weight;
-                }
+        for (row, weights) in self.weights.into_iter().enumerate() {
+            let weights = weights.to_array();
+            for (column, texel) in texels.fetch_run::<N>(first + row * width).into_iter().enumerate() {
+                sum += texel * weights[column];
             }
         }
         sum

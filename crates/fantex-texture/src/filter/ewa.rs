@@ -12,9 +12,9 @@ use glam::{Vec2, Vec4};
 
 use super::footprint::FootprintAxes;
 use super::taps::{recenter, wrap_index};
-use super::texel::{Kernel, TexelSource, with_texels};
+use super::texel::{Kernel, TexelSource, TexelUse, with_border};
+use crate::Wrap;
 use crate::image::Image;
-use crate::{AlphaUse, Wrap};
 
 /// Exponent of the Gaussian: the pixel's filter is `exp(-2 r^2)`, standard deviation half a pixel, cut off at `r = 1`.
 const FALLOFF: f32 = 2.0;
@@ -33,10 +33,10 @@ fn weight_table() -> &'static [f32; TABLE_SIZE + 1] {
 }
 
 /// The average at one level of the texels around `uv` under the footprint with `axes` (in texels of this level).
-pub(crate) fn ewa(level: &Image, alpha: AlphaUse, uv: Vec2, axes: &FootprintAxes, wrap: [Wrap; 2]) -> Vec4 {
+pub(crate) fn ewa(level: &Image, texels: TexelUse, uv: Vec2, axes: &FootprintAxes, wrap: [Wrap; 2]) -> Vec4 {
     let center =
         Vec2::new(recenter(uv.x, level.width, wrap[0]) - 0.5, recenter(uv.y, level.height, wrap[1]) - 0.5);
-    with_texels(level, alpha, EllipseSum { level, wrap, ellipse: WeightedEllipse::new(center, axes) })
+    with_border(level, texels, EllipseSum { level, wrap, ellipse: WeightedEllipse::new(center, axes) })
 }
 
 /// The texels under a footprint with their weights, row by row. Texel `i` has its centre at `i`.
@@ -116,6 +116,7 @@ impl EllipseRow {
     }
 }
 
+#[derive(Clone, Copy)]
 struct EllipseSum<'a> {
     level: &'a Image,
     wrap: [Wrap; 2],

@@ -24,7 +24,7 @@ impl FootprintAxes {
         let xy = texels_dx.x * texels_dx.y + texels_dy.x * texels_dy.y;
         let yy = texels_dx.y * texels_dx.y + texels_dy.y * texels_dy.y;
         let half_difference = 0.5 * (xx - yy);
-        let root = half_difference.hypot(xy);
+        let root = (half_difference * half_difference + xy * xy).sqrt();
         let axis = if half_difference >= 0.0 {
             Vec2::new(half_difference + root, xy)
         } else {
@@ -34,6 +34,14 @@ impl FootprintAxes {
         // The determinant is the product of the singular values; a difference of squares would cancel.
         let minor = if major > 0.0 { texels_dx.perp_dot(texels_dy).abs() / major } else { 0.0 };
         Self { direction: axis.normalize_or(Vec2::X), major, minor }
+    }
+
+    /// The square of the longer axis of [`FootprintAxes::new`] alone.
+    #[inline(always)]
+    pub(crate) fn squared_major(texels_dx: Vec2, texels_dy: Vec2) -> f32 {
+        let (xx, yy) = (texels_dx.length_squared(), texels_dy.length_squared());
+        let (half_difference, xy) = (0.5 * (xx - yy), texels_dx.dot(texels_dy));
+        0.5 * (xx + yy) + (half_difference * half_difference + xy * xy).sqrt()
     }
 
     /// The shorter axis widened until the ratio of both is at most `max_anisotropy`, which counts as 1 to
@@ -64,6 +72,15 @@ mod tests {
         let axes = FootprintAxes::new(long.perp() * 2.0, long * 5.0);
         assert!((axes.major - 5.0).abs() < 1e-5 && (axes.minor - 2.0).abs() < 1e-5);
         assert!(axes.direction.perp_dot(long).abs() < 1e-5);
+    }
+
+    #[test]
+    fn the_longer_axis_alone_is_the_same() {
+        for (dx, dy) in [((3.0, 1.0), (-2.0, 0.5)), ((0.0, 0.0), (1.0, 7.0)), ((1e4, 2.0), (1e-3, 1e4))] {
+            let (dx, dy) = (Vec2::from(dx), Vec2::from(dy));
+            let (squared, axes) = (FootprintAxes::squared_major(dx, dy), FootprintAxes::new(dx, dy));
+            assert!((squared.sqrt() - axes.major).abs() < 1e-6 * axes.major);
+        }
     }
 
     #[test]

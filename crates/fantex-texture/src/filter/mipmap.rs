@@ -29,14 +29,22 @@ pub(crate) fn build_levels(base: &Image, alpha: AlphaUse) -> Vec<Image> {
 }
 
 /// The parents of one texel along one axis.
-struct Stretch {
+pub(crate) struct Stretch {
     first: usize,
     count: usize,
     weight: [f32; 3],
 }
 
+impl Stretch {
+    /// Indices and weights.
+    #[inline(always)]
+    pub(crate) fn parents(&self) -> impl Iterator<Item = (usize, f32)> {
+        (self.first..self.first + self.count).zip(self.weight)
+    }
+}
+
 /// The parents of every texel of an axis that is halved from `parents` texels.
-fn stretches(parents: u32) -> Vec<Stretch> {
+pub(crate) fn stretches(parents: u32) -> Vec<Stretch> {
     let texels = (parents / 2).max(1);
     // In units of 1/texels of a parent, everything is an integer: a texel spans `parents` units, a parent `texels`.
     let (span, parent_span) = (u64::from(parents), u64::from(texels));
@@ -107,7 +115,7 @@ impl Kernel for Halve<'_> {
 }
 
 /// RGBA in the order in which an image of so many channels stores it.
-fn stored_channels([r, g, b, a]: [f32; 4], channels: usize) -> [f32; 4] {
+pub(crate) fn stored_channels([r, g, b, a]: [f32; 4], channels: usize) -> [f32; 4] {
     if channels == 2 { [r, a, 0.0, 0.0] } else { [r, g, b, a] }
 }
 

@@ -11,6 +11,8 @@
 mod area;
 mod ewa;
 mod footprint;
+mod inner;
+mod lod;
 mod mipmap;
 mod taps;
 mod texel;
@@ -21,6 +23,7 @@ pub use taps::catmull_rom_weights;
 
 pub(crate) use area::AreaPlan;
 pub(crate) use ewa::ewa;
-pub(crate) use mipmap::build_levels;
-pub(crate) use taps::{bicubic, bilinear, nearest};
-pub(crate) use texel::resolve;
+pub(crate) use lod::LevelPair;
+pub(crate) use mipmap::{Stretch, build_levels, stored_channels, stretches};
+pub(crate) use taps::{Reconstruction, Taps, bicubic, bilinear, bilinear_reference, bilinear_row, nearest};
+pub(crate) use texel::{Kernel, TexelSource, TexelUse, resolve, with_samples, with_texels};

@@ -4,9 +4,10 @@
 
 use glam::{Vec2, Vec4};
 
-use super::texel::{Kernel, TexelSource, with_texels};
+use super::inner::{Quad, QuadRow};
+use super::texel::{Kernel, TexelSource, TexelUse, with_border, with_texels};
+use crate::Wrap;
 use crate::image::Image;
-use crate::{AlphaUse, Wrap};
 
 /// The largest integer not above `x` (a library call without SSE4.1); saturates, NaN gives 0.
 #[inline(always)]
@@ -17,10 +18,15 @@ pub(super) fn floor(x: f32) -> i32 {
 
 /// The coordinate folded into `[0,1]` as far as the wrap mode repeats.
 #[inline(always)]
-fn fold(coordinate: f32, wrap: Wrap) -> f32 {
+pub(super) fn fold(coordinate: f32, wrap: Wrap) -> f32 {
     match wrap {
         Wrap::Clamp | Wrap::Border => coordinate,
-        Wrap::Repeat => coordinate - floor(coordinate) as f32,
+        Wrap::Repeat => {
+            // Rounded to the nearest integer by adding what leaves no bit for fractions.
+            const NO_FRACTIONS: f32 = 12_582_912.0;
+            let rest = coordinate - ((coordinate + NO_FRACTIONS) - NO_FRACTIONS);
+            if rest < 0.0 { rest + 1.0 } else { rest }
+        }
         Wrap::Mirror => {
             let period = coordinate - 2.0 * floor(0.5 * coordinate) as f32;
             1.0 - (1.0 - period).abs()
@@ -64,13 +70,21 @@ pub(super) fn wrap_index(index: i32, size: u32, wrap: Wrap) -> Option<usize> {
 
 /// `N` texels along one axis and their weights. Texels outside a border have weight 0 and some valid index.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Taps<const N: usize> {
+pub(crate) struct Taps<const N: usize> {
     pub(super) index: [usize; N],
     pub(super) weight: [f32; N],
 }
 
+impl<const N: usize> Taps<N> {
+    /// Indices and weights.
+    #[inline(always)]
+    pub(crate) fn pairs(self) -> impl Iterator<Item = (usize, f32)> {
+        self.index.into_iter().zip(self.weight)
+    }
+}
+
 /// The taps around a coordinate, for algorithms that are the same for several reconstructions.
-pub(super) trait Reconstruction {
+pub(crate) trait Reconstruction {
     fn at(coordinate: f32, size: u32, wrap: Wrap) -> Self;
 }
 
@@ -165,6 +179,7 @@ impl Taps<4> {
 }
 
 /// The weighted sum over the tensor product of two axes' taps.
+#[derive(Clone, Copy)]
 pub(super) struct TensorProduct<const N: usize> {
     pub(super) width: u32,
     pub(super) u: Taps<N>,
@@ -189,23 +204,47 @@ impl<const N: usize> Kernel for TensorProduct<N> {
 }
 
 /// The texel whose square holds `uv`.
-pub(crate) fn nearest(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+pub(crate) fn nearest(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::nearest(uv.x, level.width, wrap[0]);
     let v = Taps::nearest(uv.y, level.height, wrap[1]);
-    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+    with_border(level, texels, TensorProduct { width: level.width, u, v })
 }
 
 /// Linear interpolation between the four nearest texels.
 #[inline]
-pub(crate) fn bilinear(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+pub(crate) fn bilinear(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+    match Quad::around(level, uv, wrap) {
+        Some(quad) => with_texels(level, texels.alpha, quad),
+        None => bilinear_reference(level, texels, uv, wrap),
+    }
+}
+
+/// As [`bilinear`], by the same steps at the edges and inside.
+#[inline(never)]
+pub(crate) fn bilinear_reference(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::linear(uv.x, level.width, wrap[0]);
     let v = Taps::linear(uv.y, level.height, wrap[1]);
-    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+    with_border(level, texels, TensorProduct { width: level.width, u, v })
+}
+
+/// The sum of [`bilinear`] over `count` points, at least two, from `first` on.
+pub(crate) fn bilinear_row(
+    level: &Image,
+    texels: TexelUse,
+    first: Vec2,
+    step: Vec2,
+    count: u32,
+    wrap: [Wrap; 2],
+) -> Vec4 {
+    match QuadRow::along(level, first, step, count, wrap) {
+        Some(row) => with_texels(level, texels.alpha, row),
+        None => (0..count).map(|index| bilinear(level, texels, first + step * index as f32, wrap)).sum(),
+    }
 }
 
 /// Cubic interpolation between the sixteen nearest texels.
-pub(crate) fn bicubic(level: &Image, alpha: AlphaUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
+pub(crate) fn bicubic(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::cubic(uv.x, level.width, wrap[0]);
     let v = Taps::cubic(uv.y, level.height, wrap[1]);
-    with_texels(level, alpha, TensorProduct { width: level.width, u, v })
+    with_border(level, texels, TensorProduct { width: level.width, u, v })
 }

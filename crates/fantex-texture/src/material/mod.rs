@@ -11,6 +11,7 @@
 mod coverage;
 mod evaluate;
 mod load;
+mod variance;
 
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ use crate::{ImageTexture, Wrap};
 pub use coverage::AlphaCoverage;
 pub use evaluate::*;
 pub use load::load_material_textures;
+pub use variance::*;
 
 /// A material's textures; those whose texture coordinates the mesh lacks are left out.
 #[derive(Clone, Debug, Default)]

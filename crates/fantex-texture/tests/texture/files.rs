@@ -146,7 +146,149 @@ fn encoded_samples() -> Vec<(&'static str, Vec<u8>)> {
         sample_image(depth, channels).save(&path).unwrap_or_else(|error| panic!("{error}"));
         (name, fs::read(&path).unwrap_or_else(|error| panic!("{error}")))
     })
+    .chain(container_samples())
     .collect()
+}
+
+fn container_samples() -> Vec<(&'static str, Vec<u8>)> {
+    let texels: Vec<u8> = (0..96).collect();
+    let packed = zstd::bulk::compress(&texels[..24], 3).unwrap_or_default();
+    vec![
+        ("a.ktx2", ktx2(43, [2, 3], 1, 2, &packed)),
+        ("b.ktx2", ktx2(143, [6, 5], 1, 0, &texels)),
+        ("c.ktx2", ktx2(146, [5, 3], 1, 0, &texels)),
+        ("a.dds", dds([2, 2, 0, 2], MASKED_BGRA, 0, &texels)),
+        ("b.dds", dds([7, 5, 0, 1], coded(b"DXT5"), 0, &texels)),
+    ]
+}
+
+/// A KTX2 file of plain RGBA bytes.
+fn ktx2(format: u32, [width, height]: [u32; 2], faces: u32, packing: u32, level: &[u8]) -> Vec<u8> {
+    let mut bytes = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
+    for word in [format, 1, width, height, 0, 0, faces, 1, packing, 0, 0, 0, 0, 0, 0, 0, 0] {
+        bytes.extend_from_slice(&word.to_le_bytes());
+    }
+    for wide in [104, level.len() as u64, level.len() as u64] {
+        bytes.extend_from_slice(&wide.to_le_bytes());
+    }
+    bytes.extend_from_slice(level);
+    bytes
+}
+
+/// A DDS file; `pixels` are the flags, the code, the bits and four masks, `complexity` says cube or volume.
+fn dds(
+    [width, height, depth, levels]: [u32; 4],
+    pixels: [u32; 7],
+    complexity: u32,
+    texels: &[u8],
+) -> Vec<u8> {
+    let mut words = vec![124, 0x1007, height, width, 0, depth, levels];
+    words.extend([0; 11]);
+    words.push(32);
+    words.extend(pixels);
+    words.extend([0x1000, complexity, 0, 0, 0]);
+    let mut bytes = b"DDS ".to_vec();
+    words.into_iter().for_each(|word: u32| bytes.extend_from_slice(&word.to_le_bytes()));
+    assert_eq!(bytes.len(), 128);
+    bytes.extend_from_slice(texels);
+    bytes
+}
+
+const MASKED_BGRA: [u32; 7] = [0x41, 0, 32, 0xff_0000, 0xff00, 0xff, 0xff00_0000];
+
+fn coded(code: &[u8; 4]) -> [u32; 7] {
+    [4, u32::from_le_bytes(*code), 0, 0, 0, 0, 0]
+}
+
+fn decode_all(bytes: &[u8]) -> Result<Vec<Image>, LoadImageError> {
+    Image::decode_all(bytes, "file", ColorSpace::Srgb, ImageLimits { side: 4096, bytes: 1 << 20 })
+}
+
+#[test]
+fn ktx2_files_are_read() {
+    let texels: Vec<u8> = (0..6 * 2 * 3 * 4).collect();
+    let cube = decode_all(&ktx2(43, [2, 3], 6, 0, &texels)).unwrap();
+    assert_eq!(cube.len(), 6);
+    for (face, image) in cube.iter().enumerate() {
+        assert_eq!((image.width, image.height, image.space), (2, 3, ColorSpace::Srgb));
+        assert_eq!(image.samples, Samples::U8(texels[face * 24..face * 24 + 24].to_vec()));
+    }
+    // Packed; the file says linear, whatever is the default.
+    let packed = zstd::bulk::compress(&texels[..24], 3).unwrap();
+    let image = Image::decode(&ktx2(37, [2, 3], 1, 2, &packed), "a.ktx2", ColorSpace::Srgb).unwrap();
+    assert_eq!((image.space, image.samples), (ColorSpace::Linear, Samples::U8(texels[..24].to_vec())));
+    // Red and green stay red and green.
+    let image = &decode_all(&ktx2(16, [2, 1], 1, 0, &[1, 2, 3, 4])).unwrap()[0];
+    assert_eq!((image.channels, &image.samples), (3, &Samples::U8(vec![1, 2, 0, 3, 4, 0])));
+    // A block of BC1: red, all indices 0.
+    let image = &decode_all(&ktx2(132, [3, 2], 1, 0, &[0, 0xf8, 0, 0, 0, 0, 0, 0])).unwrap()[0];
+    assert_eq!(image.samples, Samples::U8([255, 0, 0, 255].repeat(6)));
+
+    for (bytes, part) in [
+        (ktx2(0, [2, 3], 1, 0, &texels), "Basis Universal"),
+        (ktx2(43, [2, 3], 1, 1, &texels), "Basis Universal"),
+        (ktx2(43, [2, 3], 1, 3, &texels), "packed by method 3"),
+        (ktx2(147, [2, 3], 1, 0, &texels), "format 147 (VkFormat)"),
+        (ktx2(43, [2, 3], 5, 0, &texels), "5 for the number of faces"),
+        (ktx2(43, [2, 3], 1, 2, &texels), "damaged"),
+        (ktx2(43, [4, 30], 1, 0, &texels), "480 are needed"),
+        (ktx2(43, [0, 3], 1, 0, &texels), "each side must be 1 to 4096"),
+        (ktx2(43, [4000, 4000], 1, 0, &texels), "more than 1048576 bytes"),
+    ] {
+        let error = decode_all(&bytes).unwrap_err().to_string();
+        assert!(error.contains(part) && error.contains("'file'"), "{part}: {error}");
+    }
+}
+
+#[test]
+fn dds_files_are_read() {
+    let texels: Vec<u8> = (0..200).collect();
+    let image = &decode_all(&dds([2, 1, 0, 0], MASKED_BGRA, 0, &texels)).unwrap()[0];
+    assert_eq!(image.samples, Samples::U8(vec![2, 1, 0, 3, 6, 5, 4, 7]));
+    assert_eq!(image.space, ColorSpace::Srgb);
+    // Six faces of 2 x 2 with a second level of one texel each.
+    let cube = decode_all(&dds([2, 2, 0, 2], MASKED_BGRA, 0xfe00, &texels)).unwrap();
+    assert_eq!(cube.len(), 6);
+    for (face, image) in cube.iter().enumerate() {
+        let Samples::U8(samples) = &image.samples else { panic!() };
+        assert_eq!(samples[2], 20 * face as u8);
+    }
+    // Three slices of a volume.
+    let volume = decode_all(&dds([2, 1, 3, 1], MASKED_BGRA, 0x20_0000, &texels)).unwrap();
+    assert_eq!(volume.len(), 3);
+    let bytes = dds([4, 4, 0, 1], coded(b"DXT1"), 0, &[0xe0, 0x07, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(decode_all(&bytes).unwrap()[0].samples, Samples::U8([0, 255, 0, 255].repeat(16)));
+    // The extension: BC7 in sRGB, of which there is too little.
+    let mut extended = Vec::new();
+    [99_u32, 3, 0, 1, 0].into_iter().for_each(|word| extended.extend_from_slice(&word.to_le_bytes()));
+    extended.extend_from_slice(&[0; 15]);
+    for (bytes, part) in [
+        (dds([4, 4, 0, 1], coded(b"DX10"), 0, &extended), "ends after 163 bytes; 164 are needed"),
+        (dds([4, 4, 0, 1], coded(b"WHAT"), 0, &texels), "format WHAT"),
+        (dds([4, 4, 0, 77], coded(b"DXT1"), 0, &texels), "77 for the number of levels"),
+        (dds([4, 4, 0, 1], [0x40, 0, 16, 0xf800, 0x7e0, 0x1f, 0], 0, &texels), "16 bits with masks f800"),
+        (dds([4, 4, 0, 1], MASKED_BGRA, 0x200, &texels), "0 for the number of faces"),
+    ] {
+        let error = decode_all(&bytes).unwrap_err().to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    assert!(decode_all(b"DDS ").is_err());
+}
+
+#[test]
+fn shipped_light_maps_are_read() {
+    let Some(folder) = data_folder("images/lightmap") else { return };
+    for name in ["CornellBox-Box", "CornellBox-Large", "CornellBox-Small"] {
+        let path = folder.join(format!("{name}.zstd.ktx2"));
+        let image = Image::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((image.width, image.height, image.channels), (1024, 1024, 3));
+        let Samples::F32(values) = &image.samples else { panic!("light maps are floats") };
+        // Light: never negative, lit somewhere, and more of it than paper white in few places.
+        assert!(values.iter().all(|value| *value >= 0.0 && value.is_finite()));
+        let mean = values.iter().map(|&value| f64::from(value)).sum::<f64>() / values.len() as f64;
+        eprintln!("{name}: mean {mean:.4}, largest {:.3}", values.iter().copied().fold(0.0, f32::max));
+        assert!(mean > 0.001 && mean < 10.0, "{name}: mean {mean}");
+    }
 }
 
 /// Decoding never panics and never gives an image whose samples do not fit its size.
@@ -160,6 +302,8 @@ fn survives(bytes: &[u8], what: &str) {
         }
         Err(error) => assert!(error.to_string().contains(what), "{error}"),
     }
+    let all = panic::catch_unwind(|| Image::decode_all(bytes, what, ColorSpace::Srgb, limits).is_ok());
+    assert!(all.is_ok(), "{what} panicked");
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 mod fidelity;
 mod noise;
+mod lookup;
 mod speed;
 
 use std::path::PathBuf;
@@ -33,7 +34,7 @@ enum What {
     Cover(ModelArgs),
     /// Speed of baking: uncompressed and BC7
     Bake(ModelArgs),
-    /// Speed of single look-ups through the texture function, beside plain image look-ups
+    /// Speed of single look-ups through the texture function, beside plain image look-ups, and of images by filter
     Sample(ModelArgs),
     /// Speed of rendering an asset, beside the model itself
     Render(ModelArgs),
@@ -111,7 +112,11 @@ pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
         What::Fidelity(args) => return fidelity::run(args, context),
         What::Cover(args) => speed::cover(args, context)?,
         What::Bake(args) => speed::bake(args, context)?,
-        What::Sample(args) => speed::sample(args, context)?,
+        What::Sample(args) => {
+            let mut rows = speed::sample(args, context)?;
+            rows.extend(lookup::rows(context.seed));
+            rows
+        }
         What::Render(args) => speed::render(args, context)?,
         What::Noise => noise::run()?,
         What::Encode => speed::encode(context)?,

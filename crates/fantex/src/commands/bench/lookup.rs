@@ -1,0 +1,127 @@
+//! How fast images are looked up: one thread, 4096 x 4096 texels of RGBA bytes.
+//!
+//! Coherent look-ups walk along slanted rows, a footprint at a time, as a picture does; random ones are spread over the
+//! image. What a look-up cannot beat when it is random is the time of a random cache line, which is measured in the same run.
+//! The peer's figures are those of OpenImageIO's `TextureSystem` (2.4, same kind of texture and filter, one thread) on a
+//! machine with 2 cores at about 2.5 GHz: fixed numbers for orientation, not measured in this run.
+
+use std::hint::black_box;
+use std::sync::Arc;
+use std::time::Instant;
+
+use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
+use glam::Vec2;
+
+use super::Row;
+
+const SIDE: u32 = 4096;
+/// Look-ups of one measurement, and measurements; the fastest counts.
+const LOOK_UPS: u32 = 20_000;
+const MEASUREMENTS: u32 = 60;
+
+/// The rows of a table: nanoseconds per look-up.
+pub(super) fn rows(seed: u64) -> Vec<Row> {
+    let texture = ImageTexture::new(Arc::new(noise(seed)));
+    let mut rows = vec![Row::new("random cache line of 128 MB", cache_line(seed), "ns")];
+    let wide = footprint(1.5, 1.5);
+    let long = footprint(12.0, 1.5);
+    let peers = [257.0, 1188.0, 2309.0];
+    for (name, filter, steps, is_random, peer) in [
+        ("nearest", Filter::Nearest, wide, false, None),
+        ("bilinear", Filter::Bilinear, wide, false, None),
+        ("bicubic", Filter::Bicubic, wide, false, None),
+        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0])),
+        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1])),
+        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2])),
+        ("EWA 8:1", Filter::Ewa, long, false, None),
+    ] {
+        let options = SampleOptions { filter, ..SampleOptions::default() };
+        let nanoseconds = fastest_look_up(seed, is_random, |uv| texture.sample(uv, steps, &options)[0]);
+        let peer_note = if peer.is_some() { " (peer: OpenImageIO elsewhere)" } else { "" };
+        let row = Row::new(format!("look-up, {name}{peer_note}"), nanoseconds, "ns");
+        rows.push(match peer {
+            Some(peer) => row.beside(peer),
+            None => row,
+        });
+    }
+    let options = SampleOptions { filter: Filter::Trilinear, ..SampleOptions::default() };
+    let scalar = fastest_look_up(seed, false, |uv| texture.sample_by_reference(uv, wide, &options)[0]);
+    rows.push(Row::new("look-up, trilinear, scalar reference", scalar, "ns"));
+    for texels in [0.4, 1.0, 2.0] {
+        let sampler = texture.area_sampler(footprint(texels, texels), options.wrap);
+        let nanoseconds = fastest_look_up(seed, false, |uv| sampler.sample(uv)[0]);
+        rows.push(Row::new(format!("look-up, mean over {texels} x {texels} texels"), nanoseconds, "ns"));
+    }
+    rows
+}
+
+/// The change of uv under a slanted footprint with these axes in texels.
+fn footprint(major: f32, minor: f32) -> [Vec2; 2] {
+    let axis = Vec2::from_angle(0.4) / SIDE as f32;
+    [axis * major, axis.perp() * minor]
+}
+
+fn noise(seed: u64) -> Image {
+    let texels = (0..u64::from(SIDE) * u64::from(SIDE) / 2).flat_map(|index| {
+        // Opaque, as pictures are.
+        let [a, b, c, _, d, e, f, _] = mixed(seed, index).to_le_bytes();
+        [a, b, c, 255, d, e, f, 255]
+    });
+    Image {
+        width: SIDE,
+        height: SIDE,
+        channels: 4,
+        space: ColorSpace::Srgb,
+        samples: Samples::U8(texels.collect()),
+    }
+}
+
+/// Nanoseconds of a look-up, the cost of making its coordinates included.
+fn fastest_look_up(seed: u64, is_random: bool, look_up: impl Fn(Vec2) -> f32) -> f64 {
+    let (along, down) = (Vec2::new(1.3, 0.5) / SIDE as f32, Vec2::new(-0.5, 1.3) / SIDE as f32);
+    fastest(|measurement| {
+        let start = down * (measurement * 20) as f32;
+        let mut sum = 0.0;
+        for index in 0..LOOK_UPS {
+            let uv = if is_random {
+                let bits = mixed(seed, u64::from(measurement * LOOK_UPS + index));
+                Vec2::new((bits >> 40) as f32, (bits & 0xff_ffff) as f32) / (1 << 24) as f32
+            } else {
+                start + along * (index % 1000) as f32 + down * (index / 1000) as f32
+            };
+            sum += look_up(uv);
+        }
+        sum
+    })
+}
+
+/// Nanoseconds per access to a random cache line, several being under way at once.
+fn cache_line(seed: u64) -> f64 {
+    const WORDS: usize = 1 << 24;
+    let words: Vec<u64> = (0..WORDS as u64).collect();
+    fastest(|measurement| {
+        let mut sum = 0.0;
+        for index in 0..LOOK_UPS {
+            let bits = mixed(seed, u64::from(measurement * LOOK_UPS + index));
+            sum += words[bits as usize % WORDS] as f32;
+        }
+        sum
+    })
+}
+
+fn fastest(mut look_ups: impl FnMut(u32) -> f32) -> f64 {
+    let times = (0..MEASUREMENTS).map(|measurement| {
+        let started = Instant::now();
+        black_box(look_ups(measurement));
+        started.elapsed().as_secs_f64() * 1e9 / f64::from(LOOK_UPS)
+    });
+    times.fold(f64::INFINITY, f64::min)
+}
+
+/// The output mix of SplitMix64 (S. Vigna, 2015).
+fn mixed(seed: u64, index: u64) -> u64 {
+    let mut z = seed.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^ z >> 31
+}
