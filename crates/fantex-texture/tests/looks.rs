@@ -142,3 +142,25 @@ fn what_cannot_be_made_is_named_with_its_line() {
     let matrix = "[textures.t]\nkind = \"remap\"\ninput = 1\nfrom = [2, 2]\n";
     refused(matrix, "look.toml:1: textures.t: ");
 }
+
+#[test]
+fn volumes_are_read_and_bounded_by_the_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("v.raw"), [0, 255, 0, 255, 0, 255, 0, 255]).unwrap();
+    let text = "[textures.t]\nkind = \"volume\"\nraw = \"v.raw\"\nsize = [2, 2, 2]\n\
+                [textures.n]\nkind = \"noise\"\n[textures.a]\nkind = \"table\"\ntexture = \"n\"\nsize = 64\n";
+    let file = LookFile::parse(text, &folder.path().join("look.toml")).unwrap();
+    let (mesh, images) = (cube(), LookImages::default());
+    let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+    // Two voxels along x, over two units of the model's radius.
+    let volume = resolver.texture("t").unwrap();
+    let [left, right] = [-0.9, 0.9].map(|x| volume.evaluate(&at(Vec3::new(x, 0.0, 0.0), 0.0, &[])).x);
+    assert!(left < 0.1 && right > 0.9, "{left} {right}");
+    let (noise, table) = (resolver.texture("n").unwrap(), resolver.texture("a").unwrap());
+    let p = at(Vec3::new(0.31, -0.2, 0.44), 0.0, &[]);
+    assert!((noise.evaluate(&p) - table.evaluate(&p)).abs().max_element() < 0.1);
+    let tight = ResolveOptions { memory_bytes: 1000, ..ResolveOptions::default() };
+    let mut resolver = Resolver::new(&file, &mesh, &images, tight);
+    let message = resolver.texture("a").unwrap_err().to_string();
+    assert!(message.contains("look.toml:10: textures.a.size: ") && message.contains("1000"), "{message}");
+}

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{
     BrickTable, CheckerTable, CloudsTable, Color, CoordinatesTable, FileName, FilterName, GraniteTable,
-    Input, LandscapeTable, MarbleTable, MatrixTable, NoiseTable, PlaceTable, RampName, RockTable, SinesTable,
-    StopTable, WoodTable,
+    Input, LandscapeTable, MarbleTable, MatrixTable, NoiseTable, PlaceTable, PositiveLength, RampName,
+    RockTable, SinesTable, StopTable, WoodTable,
 };
 
 /// A texture: its key `kind` says which.
@@ -15,6 +15,10 @@ use super::{
 pub enum TextureTable {
     /// An image.
     Image(ImageTable),
+    /// A volume in space.
+    Volume(VolumeTable),
+    /// Images that follow each other in time.
+    Frames(FrameImagesTable),
     /// A cube map or any other environment, looked up by a direction.
     Cube(CubeTable),
     /// The same colour everywhere.
@@ -39,6 +43,8 @@ pub enum TextureTable {
     Brick(BrickTable),
     /// Grass, rock and snow by height and slope.
     Landscape(LandscapeTable),
+    /// Any texture, tabulated: computed once on a grid in space, then interpolated.
+    Table(TabulationTable),
     /// A colour scale of a number.
     Ramp(RampTable),
     /// Lines where a number passes multiples of a step.
@@ -105,8 +111,10 @@ table! {
         pub square_texels: bool = false,
     }
 
-    /// A volume: a stack of images of one size, the first at the lowest z, or a block of raw numbers.
+    /// A volume: a MetaImage, a stack of images of one size, the first at the lowest z, or a block of raw numbers.
     pub struct VolumeTable {
+        /// A MetaImage file (.mhd, .mha).
+        pub meta_image: Option<FileName> = None,
         /// One image per slice.
         pub slices: Vec<FileName> = Vec::new(),
         /// A file of raw numbers, x fastest, then y, then z; needs `size`.
@@ -123,7 +131,7 @@ table! {
         /// Where the volume lies: its middle is the centre, its height 2 units, so that it surrounds the model.
         pub place: PlaceTable = PlaceTable::default(),
         /// Extents in units of the place; from the numbers of its voxels, the longest side being 2, where it is left out.
-        pub extent: Option<[f64; 3]> = None,
+        pub extent: Option<[PositiveLength; 3]> = None,
         /// What lies outside.
         pub wrap: WrapName = WrapName::Clamp,
     }

@@ -73,6 +73,12 @@ impl Resolver<'_> {
                 self.model_image(index, is_srgb, alpha_is_coverage, &key.name("model_image"))?
             }
         };
+        let border = super::linear_color(table.border);
+        let texture = if border == glam::Vec4::ZERO {
+            texture
+        } else {
+            Arc::new(texture.with_border(border.to_array()))
+        };
         let lookup = ImageLookup {
             texture,
             coordinates: self.coordinates(&table.coordinates, &key.name("coordinates"))?,

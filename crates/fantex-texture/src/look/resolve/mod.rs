@@ -11,6 +11,7 @@ mod coordinates;
 mod images;
 mod material;
 mod procedural;
+mod volumes;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -116,6 +117,9 @@ impl<'a> Resolver<'a> {
         use TextureTable as T;
         match table {
             T::Image(table) => self.image(table, key),
+            T::Volume(table) => self.volume(table, key),
+            T::Frames(table) => self.frames(table, key),
+            T::Table(table) => self.tabulation(table, key),
             T::Cube(table) => self.cube(table, key),
             T::Color(table) => Ok(Arc::new(linear_color(table.color))),
             T::Noise(table) => self.noise(table, key),
