@@ -122,8 +122,8 @@ impl Variant {
         for (key, value) in &self.set {
             let unknown = || CatalogueError::UnknownKey { entry: entry.to_owned(), key: key.clone() };
             let (parents, last) = key.rsplit_once('.').unwrap_or(("", key));
-            let steps = parents.split('.').filter(|step| !step.is_empty());
-            let place = steps.fold(Some(&mut root), |at, step| child(at?, step)).ok_or_else(unknown)?;
+            let mut steps = parents.split('.').filter(|step| !step.is_empty());
+            let place = steps.try_fold(&mut root, child).ok_or_else(unknown)?;
             match place {
                 toml::Value::Table(table) => {
                     table.insert(last.to_owned(), value.clone());

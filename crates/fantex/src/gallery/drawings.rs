@@ -179,7 +179,7 @@ fn environments(studio: &Studio<'_>) -> Drawn {
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
 fn light_map(studio: &Studio<'_>) -> Drawn {
     let CleanModel { mesh, .. } = CleanModel::open(&shipped("assets/models/CornellBox.glb"))?;
-    let options = CoverOptions { budget: TexelBudget::Total(24_000), ..CoverOptions::default() };
+    let options = CoverOptions { budget: TexelBudget::Total(50_000), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = UvSource::new(&mesh)?;
     let colors = SourceReflector::new(&mesh, &colors);
@@ -212,7 +212,7 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
         let lights = if is_open { Vec::new() } else { vec![lamp] };
         let sky: &dyn Sky = if is_open { &day } else { &night };
         let scene = LightScene { lights, sky, reflector: &reflector };
-        let light_options = LightMapOptions { quantity, samples: 192, ..LightMapOptions::default() };
+        let light_options = LightMapOptions { quantity, samples: 96, ..LightMapOptions::default() };
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
         let asset = baked(&mesh, &cover, &source, studio)?;
         let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {

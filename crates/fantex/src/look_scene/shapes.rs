@@ -30,7 +30,7 @@ pub(super) fn model_of(table: &ShapeTable) -> Model {
             }
         }
         ShapeName::Sphere => shape.patch([round, (round / 2).max(2)], &|uv| {
-            let (up, out) = ((PI * uv.y).cos(), (PI * uv.y).sin());
+            let (out, up) = sin_cos(PI * uv.y);
             let normal = (around(uv.x) * out).with_y(up);
             (normal * radius, normal)
         }),
@@ -47,8 +47,8 @@ pub(super) fn model_of(table: &ShapeTable) -> Model {
             }
         }
         ShapeName::Torus => shape.patch([round, (round / 2).max(3)], &|uv| {
-            let (out, turn) = (around(uv.x), TAU * uv.y);
-            let normal = out * turn.cos() - DVec3::Y * turn.sin();
+            let (out, (sin, cos)) = (around(uv.x), sin_cos(TAU * uv.y));
+            let normal = out * cos - DVec3::Y * sin;
             (out * radius + normal * table.tube, normal)
         }),
     }
@@ -67,8 +67,16 @@ const BOX_FACES: [(DVec3, DVec3); 6] = [
 
 /// The unit vector to the point of the equator with this `u`: the seam is at the back (-z), `u` grows to the right.
 fn around(u: f64) -> DVec3 {
-    let angle = TAU * (u - 0.5);
-    DVec3::new(angle.sin(), 0.0, angle.cos())
+    let (sin, cos) = sin_cos(TAU * (u - 0.5));
+    DVec3::new(sin, 0.0, cos)
+}
+
+/// Sine and cosine that are exactly 0 where only rounding keeps them from it, so that both sides of a seam and all points of a
+/// pole are at one place.
+fn sin_cos(angle: f64) -> (f64, f64) {
+    let (sin, cos) = angle.sin_cos();
+    let exact = |x: f64| if x.abs() < 1e-15 { 0.0 } else { x };
+    (exact(sin), exact(cos))
 }
 
 #[derive(Default)]
