@@ -97,11 +97,11 @@ pub(crate) enum CliError {
     #[error("{} is not an asset; give a .fan file, for example one that 'fantex bake' has written", path.display())]
     ModelInsteadOfAsset { path: PathBuf },
     #[error(
-        "{} has neither textures nor vertex colours to bake; give --source image=PATH,mapping=box or --source solid=wood",
+        "{} has neither textures nor colours to bake; give --source image=PATH,mapping=box or --source solid=wood",
         path.display()
     )]
     NothingToBake { path: PathBuf },
-    #[error("{} has no textures; leave --source uv out, or give --source vertex, image=... or solid=...", path.display())]
+    #[error("{} has no textures and no colours of its materials; leave --source uv out, or give --source vertex, image=... or solid=...", path.display())]
     NoTextures { path: PathBuf },
     #[error("{option} has no meaning for an asset: {} has its cover already", path.display())]
     NotForAssets { option: &'static str, path: PathBuf },

@@ -6,10 +6,12 @@ use std::str::FromStr;
 use std::sync::Arc;
 
 use fantex::bake::{MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace};
-use fantex::mesh::Mesh;
+use fantex::mesh::{Material, Mesh};
 use fantex::texture::{
     Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
 };
+
+use glam::{Vec3, Vec4};
 
 use crate::error::CliError;
 
@@ -82,9 +84,9 @@ impl fmt::Display for SourceArg {
 }
 
 impl SourceArg {
-    /// What a model offers by itself: its textures, else its vertex colours.
+    /// What a model offers by itself: its materials (which take its vertex colours in), else its vertex colours.
     pub(crate) fn default_of(mesh: &Mesh, path: &Path) -> Result<Self, CliError> {
-        if has_textures(mesh) {
+        if has_materials(mesh) {
             Ok(Self::Uv)
         } else if !mesh.corners.colors.is_empty() {
             Ok(Self::Vertex)
@@ -107,7 +109,7 @@ impl<'a> OpenSource<'a> {
     pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
         match arg {
             SourceArg::Look(_) => Err(CliError::LookAsSource),
-            SourceArg::Uv if !has_textures(mesh) => Err(CliError::NoTextures { path: path.into() }),
+            SourceArg::Uv if !has_materials(mesh) => Err(CliError::NoTextures { path: path.into() }),
             SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
             SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
             SourceArg::Image { path, mapping } => {
@@ -132,7 +134,7 @@ impl<'a> OpenSource<'a> {
     /// Texels per mesh unit of the source's own texels, per triangle, where it has texels.
     pub(crate) fn own_density(&self) -> Option<Vec<f32>> {
         match self {
-            Self::Uv(source) => Some(source.density()),
+            Self::Uv(source) if source.has_textures() => Some(source.density()),
             _ => None,
         }
     }
@@ -146,6 +148,12 @@ pub(crate) fn solid_source(name: &str, mesh: &Mesh, seed: u64) -> Result<SolidSo
 /// Both halves of a seed count.
 pub(crate) fn folded_seed(seed: u64) -> u32 {
     (seed ^ seed >> 32) as u32
+}
+
+/// True where the materials say more than "white": by textures, colours or light of their own.
+fn has_materials(mesh: &Mesh) -> bool {
+    let is_plain = |m: &Material| m.base_color == Vec4::ONE && m.emission == Vec3::ZERO;
+    has_textures(mesh) || !mesh.materials.iter().all(is_plain)
 }
 
 /// True where a material uses an image and the mesh has the coordinates for it.

@@ -8,34 +8,34 @@ table! {
     pub struct MaterialTable {
         /// What the material starts from.
         pub from: MaterialBase = MaterialBase::Default,
-        /// How light is reflected [metallic_roughness].
+        /// How light is reflected; metallic_roughness where it is left out.
         pub lighting: Option<LightingName> = None,
-        /// What the base colour does to the lighting [a_priori].
+        /// What the base colour does to the lighting; a_priori where it is left out.
         pub color_use: Option<ColorUseName> = None,
-        /// Colour; a texture's alpha counts as opacity [1].
+        /// Colour; a texture's alpha counts as opacity; 1 where it is left out.
         pub base_color: Option<Input> = None,
-        /// Factor of the alpha, 0 to 1 [1].
+        /// Factor of the alpha, 0 to 1; 1 where it is left out.
         pub alpha: Option<Input> = None,
-        /// What alpha means [opaque].
+        /// What alpha means; opaque where it is left out.
         pub opacity: Option<OpacityName> = None,
         /// Least alpha that is seen in cut-outs.
         #[schemars(range(min = 0, max = 1))]
         pub threshold: f64 = 0.5,
-        /// 0 (dielectric) to 1 (metal) [0].
+        /// 0 (dielectric) to 1 (metal); 0 where it is left out.
         pub metallic: Option<Input> = None,
-        /// Perceptual roughness, 0 to 1 [0.9].
+        /// Perceptual roughness, 0 to 1; 0.9 where it is left out.
         pub roughness: Option<Input> = None,
-        /// Share of the surroundings' light that arrives, 0 to 1 [1].
+        /// Share of the surroundings' light that arrives, 0 to 1; 1 where it is left out.
         pub occlusion: Option<Input> = None,
-        /// Ambient reflectance (Blinn-Phong), a factor of the base colour [1].
+        /// Ambient reflectance (Blinn-Phong), a factor of the base colour; 1 where it is left out.
         pub ambient: Option<Input> = None,
-        /// Specular reflectance (Blinn-Phong), or factor of the dielectric's highlight (metallic-roughness) [1].
+        /// Specular reflectance (Blinn-Phong), or factor of the dielectric's highlight (metallic-roughness); 1 where it is left out.
         pub specular: Option<Input> = None,
         /// Exponent of the highlight (Blinn-Phong); from the roughness where it is left out.
         pub shininess: Option<Input> = None,
-        /// Emitted light [0].
+        /// Emitted light; 0 where it is left out.
         pub emission: Option<Input> = None,
-        /// Share of the mirrored surroundings that is added (Blinn-Phong) [0].
+        /// Share of the mirrored surroundings that is added (Blinn-Phong); 0 where it is left out.
         pub reflection: Option<Input> = None,
         /// Bumps by a height texture.
         pub bump: Option<BumpTable> = None,
@@ -53,7 +53,7 @@ table! {
         pub toon: Option<ToonTable> = None,
         /// A highlight that depends on a direction in the surface.
         pub anisotropy: Option<AnisotropyTable> = None,
-        /// Whether it is seen from behind [true].
+        /// Whether it is seen from behind; true where it is left out.
         pub double_sided: Option<bool> = None,
     }
 
@@ -138,7 +138,7 @@ table! {
     pub struct AnisotropyTable {
         /// -1 to 1: how far the highlight is stretched along the direction.
         pub strength: Input = Input::Number(0.0),
-        /// Direction in the tangent plane: red and green, [-1,1] encoded as [0,1].
+        /// Direction in the tangent plane: red and green, -1 to 1 encoded as 0 to 1.
         pub direction: Input = Input::Color(Color::rgb([1.0, 0.5, 0.5])),
         /// Texture coordinates that give tangent and bitangent.
         #[schemars(range(max = 31))]

@@ -77,7 +77,7 @@ pub enum TextureTable {
     Uv(UvFieldTable),
     /// Position within the bounding box of the model, 0 to 1 along each axis.
     Position(NoKeys),
-    /// Normal in object space, [-1,1] as [0,1].
+    /// Normal in object space, -1 to 1 as 0 to 1.
     Normal(NoKeys),
     /// Vertex colours of the model.
     VertexColor(NoKeys),

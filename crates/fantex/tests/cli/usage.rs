@@ -35,7 +35,7 @@ fn a_source_that_the_model_lacks_is_a_usage_error() {
     let cube = write(folder.path(), "cube.obj", CUBE_OBJ);
     let colored = write(folder.path(), "colored.ply", COLORED_PLY);
     let asset = folder.path().join("x.fan");
-    fails(2, &["neither textures nor vertex colours", "--source"], &[&"bake", &cube, &"-o", &asset]);
+    fails(2, &["neither textures nor colours", "--source"], &[&"bake", &cube, &"-o", &asset]);
     fails(2, &["no textures"], &[&"bake", &colored, &"-o", &asset, &"--source", &"uv"]);
     fails(2, &["--match", "vertex"], &[&"bake", &colored, &"-o", &asset, &"--match"]);
     assert!(!asset.exists());
