@@ -55,6 +55,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     PlaneMap(#[from] texture::warp::PlaneMapError),
     #[error(transparent)]
+    SurfaceDetail(#[from] texture::DetailError),
+    #[error(transparent)]
     Warp(#[from] texture::warp::WarpError),
     #[error(transparent)]
     LightMap(#[from] bake::LightMapError),
