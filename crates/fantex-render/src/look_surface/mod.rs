@@ -15,7 +15,7 @@ use std::sync::Arc;
 use fantex_mesh::{Mesh, corner_tangents};
 use fantex_texture::ShadingPoint;
 use fantex_texture::look::{Anisotropy, LightingModel, LookMaterial, NormalSpace, Opacity, Relief};
-use fantex_texture::material::TangentFrame;
+use fantex_texture::material::{TangentFrame, roughness_with_variance};
 use glam::{Vec3, Vec4};
 
 use crate::normals::CornerNormals;
@@ -224,7 +224,7 @@ impl Surface for LookSurface<'_> {
 /// Turns relief that is too fine for the picture into roughness: slopes of variance `v` along each axis widen a lobe of slope
 /// `alpha` to `sqrt(alpha^2 + 2 v)` (M. Toksvig, "Mipmapping Normal Maps", 2005). Highlights keep their energy.
 fn widen(sample: &mut MaterialSample, finish: &mut Finish, slope_variance: f32) {
-    sample.roughness = (sample.roughness.powi(4) + 2.0 * slope_variance).powf(0.25).min(1.0);
+    sample.roughness = roughness_with_variance(sample.roughness, slope_variance);
     if let Some(exponent) = finish.shininess {
         let widened = exponent / (1.0 + exponent * slope_variance);
         finish.shininess = Some(widened);
