@@ -12,7 +12,13 @@ const ALLOWED: [(&str, &[&str]); 9] = [
     ("fantex-cover", &["fantex-mesh"]),
     ("fantex-store", &["fantex-mesh", "fantex-cover"]),
     ("fantex-bake", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
-    ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
+    ("fantex-scene", &["fantex-mesh", "fantex-texture"]),
+    ("fantex-stream", &["fantex-mesh", "fantex-cover", "fantex-store"]),
+    ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"]),
+    (
+        "fantex-gpu",
+        &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
+    ),
     (
         "fantex",
         &[

@@ -6,10 +6,10 @@ use fantex_texture::ColorRamp;
 use fantex_texture::look::{ColorUse, LightingModel};
 use glam::Vec3;
 
-use crate::environment_light::MirrorView;
 use crate::illumination::Illumination;
 use crate::shading::{DIELECTRIC, Microfacets, Reflected, squared_roughness};
 use crate::surface::MaterialSample;
+use fantex_scene::MirrorView;
 
 /// The properties of a point beyond [`MaterialSample`]. A surface whose points have them states its own lighting model,
 /// too, so that [`Shading::MetallicRoughness`](crate::Shading) and [`Shading::BlinnPhong`](crate::Shading) make no

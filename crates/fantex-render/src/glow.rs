@@ -14,11 +14,11 @@
 use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::picture::luminance;
 use crate::{
     Background, Camera, Lights, Picture, RenderError, RenderOptions, Rendering, Shading, Surface, render,
 };
 use fantex_mesh::Mesh;
+use fantex_scene::luminance;
 
 /// How things glow.
 #[derive(Clone, Copy, Debug, PartialEq)]

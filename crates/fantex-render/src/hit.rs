@@ -3,7 +3,7 @@
 use fantex_mesh::Mesh;
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::camera::Projection;
+use fantex_scene::Projection;
 
 /// A point of the surface that is being shaded, and how it moves with the pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]

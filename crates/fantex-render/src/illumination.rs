@@ -5,10 +5,10 @@ use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::lamp_view::LampView;
-use crate::light::{AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight};
 use crate::normals::face_normal;
 use crate::shadow::{Receiver, ShadowMaps, projector_view};
 use crate::{Hit, Lens, RenderOptions, Surface};
+use fantex_scene::{AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight};
 
 /// The lights of a scene, in mesh space and with their shadow maps.
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
-use crate::camera::view_axes;
+use fantex_scene::view_axes;
 
 /// A projection of mesh space onto the unit square of a lamp's picture (origin top left, v downwards).
 #[derive(Clone, Copy, Debug)]

@@ -16,10 +16,8 @@
 //! go through the same rasteriser. Lighting happens in mesh space: it differs from the world by a uniform scale and an
 //! offset, so directions are the same. Pictures do not depend on the number of threads.
 
-mod camera;
 mod capture;
 mod clip;
-mod environment_light;
 mod fan_surface;
 mod finish;
 mod fixed;
@@ -28,7 +26,6 @@ mod glow;
 mod hit;
 mod illumination;
 mod lamp_view;
-mod light;
 mod look_surface;
 mod mesh_surface;
 mod normals;
@@ -44,31 +41,28 @@ mod scene;
 mod shading;
 mod shadow;
 mod sky_box;
-mod split_sum;
 mod surface;
 mod tile_filter;
 mod tiles;
-mod tone_map;
 
-pub use camera::{Bounds, Camera};
 pub use capture::{CaptureOptions, capture_environment, capture_with, cube_cameras};
-pub use environment_light::EnvironmentLight;
 pub use fan_surface::FanSurface;
+pub use fantex_scene::{
+    AmbientLight, Background, Bounds, Camera, EnvironmentLight, Falloff, FilterOptions, Lens, Light,
+    LightKind, Lights, Penumbra, Projector, ShadowOptions, Slide, SpotLight, ToneMap,
+};
 pub use finish::{AnisotropySample, Finish};
 pub use flat_surface::{FlatShading, FlatSurface};
 pub use glow::{Glow, render_with_glow};
 pub use hit::{Hit, Interpolation};
-pub use light::{AmbientLight, Falloff, Lens, Light, LightKind, Lights, Projector, Slide, SpotLight};
 pub use look_surface::LookSurface;
-pub use mesh_surface::{FilterOptions, MeshSurface};
-pub use options::{Background, MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
+pub use mesh_surface::MeshSurface;
+pub use options::{MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
 pub use pattern::MAX_SAMPLES;
 pub use picture::Picture;
 pub use reflecting_surface::{ObjectReflection, ReflectingSurface};
 pub use render::{RenderStats, Rendering, render};
 pub use scene::{Scene, SceneError, SceneObject};
 pub use shading::Shading;
-pub use shadow::{Penumbra, ShadowOptions};
 pub use surface::{Coverage, MaterialSample, SmoothPoint, Surface};
 pub use tiles::{TileSource, TileTexels};
-pub use tone_map::ToneMap;

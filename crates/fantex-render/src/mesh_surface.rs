@@ -12,23 +12,7 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::{Coverage, Hit, MaterialSample, SmoothPoint, Surface};
-
-/// How textures are filtered.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FilterOptions {
-    /// Reconstruction and anti-aliasing.
-    pub filter: Filter,
-    /// Longest ratio of the footprint's axes that `Anisotropic` and `Ewa` honour.
-    pub max_anisotropy: f32,
-}
-
-impl Default for FilterOptions {
-    /// Anisotropic, up to 16.
-    fn default() -> Self {
-        Self { filter: Filter::Anisotropic, max_anisotropy: 16.0 }
-    }
-}
+use crate::{Coverage, FilterOptions, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// A mesh with its own materials, the glTF way. Textures whose texture coordinates the mesh lacks are left out.
 #[derive(Debug)]

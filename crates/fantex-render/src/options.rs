@@ -1,37 +1,7 @@
 //! How to render.
 
-use glam::Vec3;
-
 use crate::pattern::MAX_SAMPLES;
-use crate::{Camera, Interpolation, Shading};
-
-/// What is seen where no surface is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Background {
-    /// Nothing: the picture gets an alpha channel.
-    Transparent,
-    /// Linear RGB.
-    Color(Vec3),
-    /// Linear RGB from the first row to the last.
-    Gradient {
-        /// First row.
-        top: Vec3,
-        /// Last row.
-        bottom: Vec3,
-    },
-    /// The surroundings that light the scene, as a sky box.
-    Environment {
-        /// Perceptual roughness, 0..1, by which they are blurred, as if seen in a rough mirror; 0 shows them sharp.
-        blur: f32,
-    },
-}
-
-impl Default for Background {
-    /// A light grey gradient, darker below.
-    fn default() -> Self {
-        Self::Gradient { top: Vec3::splat(0.62), bottom: Vec3::splat(0.34) }
-    }
-}
+use crate::{Background, Camera, Interpolation, Shading};
 
 /// Where materials are evaluated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,5 +1,6 @@
 //! Rendered pictures.
 
+use fantex_scene::ToneMap;
 use fantex_texture::color::{srgb8_from_linear, unorm8};
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::Vec3;
@@ -42,17 +43,18 @@ impl Picture {
         })
     }
 
+    /// The picture with all its light in 0..1.
+    pub fn tone_mapped(&self, tone_map: ToneMap) -> Picture {
+        let map = |&[r, g, b, alpha]: &[f32; 4]| tone_map.map(Vec3::new(r, g, b)).extend(alpha).to_array();
+        Picture { rgba: self.rgba.iter().map(map).collect(), ..*self }
+    }
+
     /// Without an alpha channel where the picture is opaque.
     fn image(&self, space: ColorSpace, samples: impl FnOnce(usize) -> Samples) -> Image {
         let channels: u8 = if self.is_opaque() { 3 } else { 4 };
         let samples = samples(usize::from(channels));
         Image { width: self.width, height: self.height, channels, space, samples }
     }
-}
-
-/// Luminance of linear RGB with the primaries of sRGB (ITU-R BT.709).
-pub(crate) fn luminance(color: Vec3) -> f32 {
-    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 #[cfg(test)]

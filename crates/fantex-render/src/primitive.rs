@@ -4,11 +4,11 @@ use fantex_mesh::Mesh;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::camera::Projection;
 use crate::clip::{clip, screen};
 use crate::fixed::{FixedPoint, GUARD_BAND, SUBPIXELS, doubled_area, snap};
 use crate::pattern::SamplePattern;
 use crate::surface::{Coverage, Surface};
+use fantex_scene::Projection;
 
 /// Side of a tile in pixels.
 pub(crate) const TILE: u32 = 32;

@@ -7,8 +7,8 @@ use fantex_mesh::Mesh;
 use fantex_texture::environment::EnvironmentProxy;
 use glam::{DVec3, Vec3};
 
-use crate::environment_light::MirrorView;
 use crate::{Coverage, EnvironmentLight, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+use fantex_scene::MirrorView;
 
 /// A mirrored environment.
 #[derive(Clone, Debug)]

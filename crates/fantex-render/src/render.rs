@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 use fantex_mesh::Mesh;
 use rayon::prelude::*;
 
-use crate::camera::Projection;
 use crate::hit::HitFinder;
 use crate::illumination::PreparedLights;
 use crate::pattern::SamplePattern;
@@ -20,6 +19,7 @@ use crate::primitive::{Chunk, TileGrid, prepare};
 use crate::raster::TileSamples;
 use crate::resolve::{PixelColors, Resolve};
 use crate::{Camera, Lights, Picture, RenderError, RenderOptions, ShadingRate, Surface};
+use fantex_scene::Projection;
 
 /// What rendering took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,7 +52,9 @@ pub fn render(
     options: &RenderOptions,
 ) -> Result<Rendering, RenderError> {
     options.check(camera)?;
-    lights.check()?;
+    if let Some((lamp, defect)) = lights.defect() {
+        return Err(RenderError::Light { lamp, defect });
+    }
     let start = Instant::now();
     let size = [options.width, options.height];
     let projection = Projection::new(camera, size, mesh);

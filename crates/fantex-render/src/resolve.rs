@@ -8,6 +8,7 @@ use crate::illumination::PreparedLights;
 use crate::pattern::{SamplePattern, bits};
 use crate::primitive::TILE;
 use crate::raster::{Fragment, NO_TRIANGLE, TileSamples};
+use crate::sky_box;
 use crate::{RenderOptions, ShadingRate, Surface};
 
 /// The finished pixels of a tile.
@@ -69,7 +70,8 @@ impl Resolve<'_> {
             open &= !mask;
             if triangle == NO_TRIANGLE {
                 let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
-                let color = self.options.background.behind(pixel, self.options, projection, ambient);
+                let color =
+                    sky_box::behind(&self.options.background, pixel, self.options, projection, ambient);
                 bits(mask).for_each(|s| state.samples[s] = color);
                 continue;
             }

@@ -5,11 +5,9 @@ use std::f32::consts::PI;
 use glam::Vec3;
 
 use crate::Finish;
-use crate::environment_light::MirrorView;
 use crate::illumination::Illumination;
-use crate::light::AmbientLight;
-use crate::split_sum::{split_sum, visibility};
 use crate::surface::MaterialSample;
+use fantex_scene::{AmbientLight, MirrorView, smith_visibility, split_sum};
 
 /// A lighting model, or one of the inputs of lighting as the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -173,7 +171,7 @@ impl Microfacets {
     /// Density and shadowing of the facets across the half vector: `D G / (4 (n.l) (n.v))`.
     pub(crate) fn shape(&self, half: Vec3, n_l: f32) -> f32 {
         let n_h = self.n.dot(half).clamp(0.0, 1.0);
-        self.distribution(n_h) * visibility(n_l, self.n_v, self.alpha * self.alpha)
+        self.distribution(n_h) * smith_visibility(n_l, self.n_v, self.alpha * self.alpha)
     }
 
     /// GGX density of facets along the half vector. `1 - c^2` is formed as `(1 - c)(1 + c)` to keep its digits.

@@ -2,9 +2,9 @@
 
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::camera::Projection;
-use crate::light::AmbientLight;
 use crate::{Background, RenderOptions};
+use fantex_scene::AmbientLight;
+use fantex_scene::Projection;
 
 /// The light of the surroundings through a pixel, linear RGB: the mean over it, blurred by a perceptual roughness.
 fn seen(ambient: &AmbientLight, projection: &Projection, middle: Vec2, blur: f32) -> Vec3 {
@@ -19,24 +19,24 @@ fn seen(ambient: &AmbientLight, projection: &Projection, middle: Vec2, blur: f32
     }
 }
 
-impl Background {
-    /// Premultiplied RGBA behind a pixel. Surroundings are light and so scaled by the exposure, as their reflections are;
-    /// the other backgrounds are paint.
-    pub(crate) fn behind(
-        &self,
-        pixel: [u32; 2],
-        options: &RenderOptions,
-        projection: &Projection,
-        ambient: &AmbientLight,
-    ) -> Vec4 {
-        let middle = Vec2::new(pixel[0] as f32, pixel[1] as f32) + 0.5;
-        match *self {
-            Self::Transparent => Vec4::ZERO,
-            Self::Color(color) => color.extend(1.0),
-            Self::Gradient { top, bottom } => top.lerp(bottom, middle.y / options.height as f32).extend(1.0),
-            Self::Environment { blur } => {
-                (seen(ambient, projection, middle, blur) * options.exposure).extend(1.0)
-            }
+/// Premultiplied RGBA behind a pixel. Surroundings are light and so scaled by the exposure, as their reflections are; the
+/// other backgrounds are paint.
+pub(crate) fn behind(
+    background: &Background,
+    pixel: [u32; 2],
+    options: &RenderOptions,
+    projection: &Projection,
+    ambient: &AmbientLight,
+) -> Vec4 {
+    let middle = Vec2::new(pixel[0] as f32, pixel[1] as f32) + 0.5;
+    match *background {
+        Background::Transparent => Vec4::ZERO,
+        Background::Color(color) => color.extend(1.0),
+        Background::Gradient { top, bottom } => {
+            top.lerp(bottom, middle.y / options.height as f32).extend(1.0)
+        }
+        Background::Environment { blur } => {
+            (seen(ambient, projection, middle, blur) * options.exposure).extend(1.0)
         }
     }
 }

@@ -3,7 +3,9 @@
 
 use glam::{DVec2, Vec2, Vec3};
 
-use super::{Penumbra, Receiver, ShadowFace, ShadowOptions};
+use fantex_scene::{Penumbra, ShadowOptions};
+
+use super::{Receiver, ShadowFace};
 use crate::lamp_view::{Projected, Spread};
 
 /// Half the least width of the filter, in texels.

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 
 use crate::Surface;
 use crate::lamp_view::{LampView, Spread};
-use crate::light::{Lens, LightKind, Projector, SpotLight};
+use fantex_scene::{Lens, LightKind, Projector, SpotLight};
 
 /// A view and the largest depth that it meets, mesh units.
 #[derive(Clone, Copy, Debug)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_texture::{ImageTexture, SampleOptions, Texture};
 use glam::{DVec3, Vec3};
 
-use crate::{Camera, EnvironmentLight, RenderError, ShadowOptions};
+use crate::{Camera, EnvironmentLight, ShadowOptions};
 
 /// One lamp.
 #[derive(Clone, Debug)]
@@ -236,7 +236,7 @@ impl AmbientLight {
     }
 
     /// Colour from a (unit) direction; also what a white surface with that normal reflects.
-    pub(crate) fn radiance_from(&self, direction: Vec3) -> Vec3 {
+    pub fn radiance_from(&self, direction: Vec3) -> Vec3 {
         self.ground.lerp(self.sky, 0.5 + 0.5 * direction.dot(self.up))
     }
 }
@@ -279,11 +279,9 @@ impl Lights {
         Self::sun((back - right * 0.6 + up * 0.7).as_vec3())
     }
 
-    /// Checks that every lamp can shine.
-    pub(crate) fn check(&self) -> Result<(), RenderError> {
-        let defective =
-            |(lamp, light): (usize, &Light)| light.defect().map(|defect| RenderError::Light { lamp, defect });
-        self.lamps.iter().enumerate().find_map(defective).map_or(Ok(()), Err)
+    /// The first lamp that cannot shine, counted from 0, and why; or nothing.
+    pub fn defect(&self) -> Option<(usize, &'static str)> {
+        self.lamps.iter().enumerate().find_map(|(lamp, light)| Some((lamp, light.defect()?)))
     }
 
     /// All lamps with shadows.

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_texture::environment::{PrefilteredEnvironment, mirrored, mirrored_steps};
 use glam::{Quat, Vec3};
 
-use crate::light::AmbientLight;
+use crate::AmbientLight;
 
 /// Light from an environment map.
 #[derive(Clone, Debug)]
@@ -52,19 +52,19 @@ impl EnvironmentLight {
 
 /// The mirror direction of a point and how it changes over the pixel.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct MirrorView {
+pub struct MirrorView {
     /// Unit shading normal.
-    pub(crate) normal: Vec3,
+    pub normal: Vec3,
     /// Unit vector to where the eye looks in the mirror.
-    pub(crate) direction: Vec3,
+    pub direction: Vec3,
     /// Its change along the pixel's edges.
-    pub(crate) steps: [Vec3; 2],
+    pub steps: [Vec3; 2],
 }
 
 impl MirrorView {
     /// Neighbouring pixels look along nearly parallel rays: only the normal's change counts, which on anything but flat
     /// mirrors is far larger.
-    pub(crate) fn new(normal: Vec3, normal_steps: [Vec3; 2], to_eye: Vec3) -> Self {
+    pub fn new(normal: Vec3, normal_steps: [Vec3; 2], to_eye: Vec3) -> Self {
         let steps = mirrored_steps(normal, normal_steps, to_eye, [Vec3::ZERO; 2]);
         Self { normal, direction: mirrored(normal, to_eye), steps }
     }
@@ -77,7 +77,7 @@ impl AmbientLight {
     }
 
     /// What a white diffuse surface with a unit normal reflects.
-    pub(crate) fn diffuse(&self, normal: Vec3) -> Vec3 {
+    pub fn diffuse(&self, normal: Vec3) -> Vec3 {
         match &self.environment {
             Some(light) => light.diffuse(normal),
             None => self.radiance_from(normal),
@@ -87,7 +87,7 @@ impl AmbientLight {
     /// What a surface of a perceptual roughness gathers around the mirror direction. The lobe of a rough surface leans
     /// from there towards the normal (S. Lagarde and C. de Rousiers, "Moving Frostbite to physically based rendering",
     /// 2014, for GGX).
-    pub(crate) fn specular(&self, view: &MirrorView, roughness: f32) -> Vec3 {
+    pub fn specular(&self, view: &MirrorView, roughness: f32) -> Vec3 {
         let alpha = (roughness * roughness).clamp(0.0, 1.0);
         match &self.environment {
             Some(light) => {

@@ -20,7 +20,7 @@ static TABLE: LazyLock<Vec<[f32; 2]>> = LazyLock::new(|| {
 /// Scale and bias of the mirror colour in the light that a GGX lobe of a perceptual roughness reflects to the eye from
 /// surroundings of radiance one; `n_v` is the cosine at which it is seen. The second half of the split sum (B. Karis,
 /// "Real Shading in Unreal Engine 4", 2013).
-pub(crate) fn split_sum(roughness: f32, n_v: f32) -> [f32; 2] {
+pub fn split_sum(roughness: f32, n_v: f32) -> [f32; 2] {
     let [row, column] = [roughness, n_v].map(|v| v.clamp(0.0, 1.0) * (NODES - 1) as f32);
     let [y, x] = [row, column].map(|c| (c as usize).min(NODES - 2));
     let [fy, fx] = [row - y as f32, column - x as f32];
@@ -47,7 +47,7 @@ fn integrate(roughness: f32, n_v: f32) -> [f32; 2] {
         if n_l <= 0.0 || v_h <= 0.0 {
             continue;
         }
-        let weight = 4.0 * visibility(n_l, n_v, a2) * n_l * v_h / h.z;
+        let weight = 4.0 * smith_visibility(n_l, n_v, a2) * n_l * v_h / h.z;
         let fresnel = (1.0 - v_h).powi(5);
         scale += weight * (1.0 - fresnel);
         bias += weight * fresnel;
@@ -57,7 +57,7 @@ fn integrate(roughness: f32, n_v: f32) -> [f32; 2] {
 
 /// Height-correlated Smith shadowing of GGX: `G / (4 (n.l) (n.v))` (E. Heitz 2014). `a2` is the fourth power of the
 /// perceptual roughness.
-pub(crate) fn visibility(n_l: f32, n_v: f32, a2: f32) -> f32 {
+pub fn smith_visibility(n_l: f32, n_v: f32, a2: f32) -> f32 {
     let towards_light = n_v * (n_l * n_l * (1.0 - a2) + a2).sqrt();
     let towards_eye = n_l * (n_v * n_v * (1.0 - a2) + a2).sqrt();
     0.5 / (towards_light + towards_eye)

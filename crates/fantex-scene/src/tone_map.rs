@@ -2,9 +2,6 @@
 
 use glam::Vec3;
 
-use crate::Picture;
-use crate::picture::luminance;
-
 /// How light beyond one is brought into the range of a screen.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum ToneMap {
@@ -42,12 +39,9 @@ impl ToneMap {
     }
 }
 
-impl Picture {
-    /// The picture with all its light in 0..1.
-    pub fn tone_mapped(&self, tone_map: ToneMap) -> Picture {
-        let map = |&[r, g, b, alpha]: &[f32; 4]| tone_map.map(Vec3::new(r, g, b)).extend(alpha).to_array();
-        Picture { rgba: self.rgba.iter().map(map).collect(), ..*self }
-    }
+/// Luminance of linear RGB with the primaries of sRGB (ITU-R BT.709).
+pub fn luminance(color: Vec3) -> f32 {
+    color.dot(Vec3::new(0.2126, 0.7152, 0.0722))
 }
 
 #[cfg(test)]

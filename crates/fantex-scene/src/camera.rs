@@ -127,7 +127,7 @@ impl Camera {
     }
 
     /// Why the camera cannot take a picture, or nothing.
-    pub(crate) fn defect(&self) -> Option<&'static str> {
+    pub fn defect(&self) -> Option<&'static str> {
         if !(self.eye.is_finite() && self.target.is_finite() && self.up.is_finite()) {
             Some("its eye, target or up vector is not finite")
         } else if self.eye == self.target {
@@ -155,7 +155,7 @@ fn centred_eye(points: impl Iterator<Item = DVec3> + Clone, mut eye: DVec3, midd
 }
 
 /// Right, up and backward axes (as columns) of a camera that looks along `-backward`.
-pub(crate) fn view_axes(backward: DVec3, up: DVec3) -> DMat3 {
+pub fn view_axes(backward: DVec3, up: DVec3) -> DMat3 {
     let right = up.cross(backward).try_normalize().unwrap_or_else(|| {
         let side = if backward.y.abs() > 0.9 { DVec3::X } else { DVec3::Y.cross(backward) };
         (side - backward * side.dot(backward)).normalize_or(DVec3::X)
@@ -168,19 +168,19 @@ pub(crate) fn view_axes(backward: DVec3, up: DVec3) -> DMat3 {
 /// Screen-homogeneous coordinates `(x w, y w, w)`: `x` and `y` in pixels from the picture's top left corner, `w` the
 /// depth along the line of sight in mesh units.
 #[derive(Clone, Debug)]
-pub(crate) struct Projection {
+pub struct Projection {
     /// The pinhole, mesh space.
-    pub(crate) eye: Vec3,
+    pub eye: Vec3,
     screen_from_view: DMat3,
     view_from_screen: DMat3,
     eye_exact: DVec3,
     /// Depth of the near plane, mesh units.
-    pub(crate) near: f64,
+    pub near: f64,
 }
 
 impl Projection {
     /// The projection of a camera without [`Camera::defect`] onto `size` pixels.
-    pub(crate) fn new(camera: &Camera, size: [u32; 2], mesh: &Mesh) -> Self {
+    pub fn new(camera: &Camera, size: [u32; 2], mesh: &Mesh) -> Self {
         let WorldFromMesh { offset, scale } = mesh.world_from_mesh;
         let eye_exact = (camera.eye - offset) / scale;
         let backward = (camera.eye - camera.target).normalize_or(DVec3::Z);
@@ -202,12 +202,12 @@ impl Projection {
     }
 
     /// The unit direction, mesh space (and world), from the eye through a position in pixels.
-    pub(crate) fn direction(&self, position: Vec2) -> DVec3 {
+    pub fn direction(&self, position: Vec2) -> DVec3 {
         (self.view_from_screen * position.as_dvec2().extend(1.0)).normalize()
     }
 
     /// Screen-homogeneous coordinates of a mesh-space point.
-    pub(crate) fn project(&self, p_mesh: Vec3) -> DVec3 {
+    pub fn project(&self, p_mesh: Vec3) -> DVec3 {
         self.screen_from_view * (p_mesh.as_dvec3() - self.eye_exact)
     }
 }
