@@ -1,1 +1,26 @@
-//! Being built.
+//! Streaming of fan tiles from an asset into a small atlas, without a graphics type in it.
+//!
+//! ```text
+//!  StreamView --demand--> level and urgency per tile --residency--> wanted pages, places in the atlas
+//!                                                          |                ^
+//!                                                 request, cancel       LoadedPage
+//!                                                          v                |
+//!                                                        PageLoader (reads, checks, unpacks, decodes)
+//!                                                          |
+//!                                   FrameChanges: uploads and page-table entries for whoever owns the atlas
+//! ```
+//!
+//! Who decides what: *demand* knows geometry only, *residency* knows the atlas' space only, the *loader* knows files and
+//! threads only. Each is a module with a small interface, so that the whole is simulated and tested without a GPU.
+
+mod atlas;
+mod changes;
+mod loader;
+mod table;
+mod view;
+
+pub use atlas::*;
+pub use changes::*;
+pub use loader::*;
+pub use table::*;
+pub use view::*;
