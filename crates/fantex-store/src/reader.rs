@@ -11,15 +11,18 @@ use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::codec::StoredTexels;
+use crate::edit::lock;
 use crate::header::{
     HEADER_BYTES, SECTION_NAMES, SIGNATURE, SLOT_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION,
 };
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
+use crate::section::attachments::{self, Attachments};
 use crate::section::directory::{self, ClusterEntry, Directory};
 use crate::section::{channels, cover as cover_section, mesh as mesh_section};
 use crate::{
-    Channel, ChannelKind, ContentError, OpenError, PageError, PageId, TexelFormat, cover_level_count, packing,
+    AttachmentError, Channel, ChannelKind, ContentError, OpenError, PageError, PageId, TexelFormat,
+    cover_level_count, packing,
 };
 
 /// Decoded texels of one page and channel.
@@ -35,20 +38,31 @@ pub struct Texels {
 #[derive(Debug)]
 pub struct Asset {
     path: PathBuf,
-    file: File,
-    file_length: u64,
-    mesh: Mesh,
-    cover: Cover,
+    /// Shared with the later generations that an editor makes, which see the same file.
+    file: Arc<File>,
+    slot: Slot,
+    mesh: Arc<Mesh>,
+    cover: Arc<Cover>,
     channels: Vec<Channel>,
     formats: Vec<TexelFormat>,
-    directory: Directory,
+    directory: Arc<Directory>,
+    /// An error where their list is damaged; that does not keep anybody from reading texels.
+    attachments: Result<Attachments, AttachmentError>,
     damaged_headers: u32,
 }
 
 impl Asset {
-    /// Opens and checks an asset: header, mesh, cover, channels and directory.
+    /// Opens and checks an asset: header, mesh, cover, channels and directory. It stays as it is now, whatever is committed
+    /// later: see [`AssetEditor`](crate::AssetEditor).
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let file = File::open(path).map_err(|source| io_error(path, source))?;
+        Self::from_file(path, Arc::new(file))
+    }
+
+    /// The asset that an open file holds.
+    pub(crate) fn from_file(path: &Path, file: Arc<File>) -> Result<Self, OpenError> {
+        // Before the header is read: what it names must not be overwritten from here on.
+        lock::keep_generation(&file);
         let (slot, damaged_headers) = read_slot(path, &file)?;
         let [channel_record, cover_record, mesh_record, directory_record] = slot.sections;
         let read = |index: usize, record: SectionRecord| {
@@ -74,9 +88,86 @@ impl Asset {
             clusters: HEADER_BYTES..slot.file_length,
         };
         let directory = directory::decode(&read(3, directory_record)?, &expected).map_err(content(3))?;
-        let file_length = slot.file_length;
-        let path = path.to_owned();
-        Ok(Self { path, file, file_length, mesh, cover, channels, formats, directory, damaged_headers })
+        let attachments = read_attachments(path, &file, &slot);
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            slot,
+            mesh: Arc::new(mesh),
+            cover: Arc::new(cover),
+            channels,
+            formats,
+            directory: Arc::new(directory),
+            attachments,
+            damaged_headers,
+        })
+    }
+
+    /// The asset as a commit leaves it.
+    pub(crate) fn committed(&self, slot: Slot, directory: Arc<Directory>, attachments: Attachments) -> Self {
+        Self {
+            path: self.path.clone(),
+            file: Arc::clone(&self.file),
+            slot,
+            mesh: Arc::clone(&self.mesh),
+            cover: Arc::clone(&self.cover),
+            channels: self.channels.clone(),
+            formats: self.formats.clone(),
+            directory,
+            attachments: Ok(attachments),
+            damaged_headers: 0,
+        }
+    }
+
+    /// Number of the committed state, from 1 on; grows with every commit.
+    pub fn generation(&self) -> u64 {
+        self.slot.generation
+    }
+
+    /// Names of all attachments, ascending: data of other programs' parts (a painter's layers and history) that the
+    /// texture function does not need.
+    pub fn attachment_names(&self) -> Result<Vec<&str>, AttachmentError> {
+        Ok(self.attachments()?.keys().map(String::as_str).collect())
+    }
+
+    /// Reads and checks an attachment; none where there is none of that name.
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, AttachmentError> {
+        let record = self.attachments()?.get(name);
+        record.map(|record| self.read_attachment(name, record)).transpose()
+    }
+
+    pub(crate) fn attachments(&self) -> Result<&Attachments, AttachmentError> {
+        self.attachments.as_ref().map_err(Clone::clone)
+    }
+
+    pub(crate) fn read_attachment(
+        &self,
+        name: &str,
+        record: &SectionRecord,
+    ) -> Result<Vec<u8>, AttachmentError> {
+        read_section(&self.path, &self.file, "attachment", *record, record.range().end).map_err(|source| {
+            AttachmentError::Damaged {
+                path: self.path.clone(),
+                name: name.to_owned(),
+                source: Arc::new(source),
+            }
+        })
+    }
+
+    pub(crate) fn slot(&self) -> &Slot {
+        &self.slot
+    }
+
+    pub(crate) fn file(&self) -> &Arc<File> {
+        &self.file
+    }
+
+    pub(crate) fn directory(&self) -> &Arc<Directory> {
+        &self.directory
+    }
+
+    pub(crate) fn formats(&self) -> &[TexelFormat] {
+        &self.formats
     }
 
     /// The path it was opened from.
@@ -86,7 +177,7 @@ impl Asset {
 
     /// Length of the file in bytes.
     pub fn file_bytes(&self) -> u64 {
-        self.file_length
+        self.slot.file_length
     }
 
     /// The mesh; without images, and its materials without textures (they are baked).
@@ -121,9 +212,13 @@ impl Asset {
 
     /// Reads, checks and decodes one page. Not cached.
     pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
-        let bytes = self.read_page_raw(channel, page)?;
+        self.texels(channel, page, &self.read_page_raw(channel, page)?)
+    }
+
+    /// Decodes the bytes of a page.
+    pub(crate) fn texels(&self, channel: usize, page: PageId, bytes: &[u8]) -> Result<Texels, PageError> {
         let extent = self.page_extent(channel, page)?;
-        let texels = self.decode_page(channel, page, extent, &bytes)?;
+        let texels = self.decode_page(channel, page, extent, bytes)?;
         let srgb = self.channels[channel].srgb;
         let count = extent[0] as usize * extent[1] as usize;
         Ok(Texels { extent, rgba: (0..count).map(|i| texels.linear(i, srgb)).collect() })
@@ -139,7 +234,7 @@ impl Asset {
     /// The byte ranges of a level's clusters in the file, in page order. Empty beyond the last level.
     pub fn cluster_ranges(&self, level: u32) -> Vec<Range<u64>> {
         let clusters = self.directory.levels.get(level as usize).map_or(&[][..], Vec::as_slice);
-        clusters.iter().map(|c| c.offset..c.offset + u64::from(c.stored_length)).collect()
+        clusters.iter().map(ClusterEntry::range).collect()
     }
 
     pub(crate) fn damaged_headers(&self) -> u32 {
@@ -182,7 +277,11 @@ impl Asset {
 
     /// Reads, checks and unpacks a cluster, given by its index within its level.
     pub(crate) fn read_cluster(&self, level: u32, index: usize) -> Result<ClusterPages, PageError> {
-        let entry = &self.directory.levels[level as usize][index];
+        self.read_entry(level, &self.directory.levels[level as usize][index])
+    }
+
+    /// Reads, checks and unpacks the cluster of an entry, which may be of a later generation.
+    pub(crate) fn read_entry(&self, level: u32, entry: &ClusterEntry) -> Result<ClusterPages, PageError> {
         let stored = self.read_stored(entry)?;
         let packing_error = || PageError::Packing {
             path: self.path.clone(),
@@ -279,8 +378,34 @@ fn read_slot(path: &Path, file: &File) -> Result<(Slot, u32), OpenError> {
     Ok((slot, damaged))
 }
 
+/// The slot that does not count, where it is whole.
+pub(crate) fn read_other_slot(file: &File, current: &Slot) -> (usize, Option<Slot>) {
+    let mut slots = [[0; SLOT_BYTES]; 2];
+    for (bytes, offset) in slots.iter_mut().zip(SLOT_OFFSETS) {
+        // A slot that cannot be read is as good as none.
+        if read_exact_at(file, bytes, offset).is_err() {
+            bytes.fill(0);
+        }
+    }
+    let [first, second] = slots.each_ref().map(Slot::decode);
+    if first.as_ref() == Some(current) { (1, second) } else { (0, first) }
+}
+
+fn read_attachments(path: &Path, file: &File, slot: &Slot) -> Result<Attachments, AttachmentError> {
+    if slot.attachments == SectionRecord::default() {
+        return Ok(Attachments::new());
+    }
+    let section = "attachment";
+    let list =
+        read_section(path, file, section, slot.attachments, slot.file_length).and_then(|raw| {
+            attachments::decode(&raw, &(HEADER_BYTES..slot.file_length))
+                .map_err(|source| OpenError::Content { path: path.to_owned(), section, source })
+        });
+    list.map_err(|source| AttachmentError::List { path: path.to_owned(), source: Arc::new(source) })
+}
+
 /// Reads, checks and unpacks a section. Memory grows with what is really there, not with what is claimed.
-fn read_section(
+pub(crate) fn read_section(
     path: &Path,
     file: &File,
     section: &'static str,
@@ -288,7 +413,7 @@ fn read_section(
     file_length: u64,
 ) -> Result<Vec<u8>, OpenError> {
     let SectionRecord { offset, stored_length, raw_length, checksum } = record;
-    let end = offset.saturating_add(stored_length);
+    let end = record.range().end;
     if offset < HEADER_BYTES || end > file_length {
         return Err(OpenError::SectionPlace { path: path.to_owned(), section, offset, end });
     }
@@ -318,12 +443,12 @@ fn io_error(path: &Path, source: std::io::Error) -> OpenError {
 }
 
 #[cfg(unix)]
-fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> std::io::Result<()> {
+pub(crate) fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> std::io::Result<()> {
     std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
 }
 
 #[cfg(windows)]
-fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Result<()> {
+pub(crate) fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Result<()> {
     while !bytes.is_empty() {
         match std::os::windows::fs::FileExt::seek_read(file, bytes, offset)? {
             0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
