@@ -2,14 +2,14 @@
 //!
 //! A cluster is packed as a whole, so that one changed page costs all of its pages. A baked cluster holds 256 KiB before
 //! packing; where an edit touches one, it is cut into runs of at most [`RUN_BYTES`], so that the next edit nearby
-//! rewrites less. Bytes written per byte of changed pages (packed; BC7, tiles of 64x64, one page changed per commit at random
-//! places of a small region, directory included) are printed by the test `write_amplification`:
+//! rewrites less. Bytes written (directory and alignment included) per byte of changed pages, packed; BC7, tiles of 64x64
+//! texels, one page changed per commit (the test `write_amplification` prints these):
 //!
 //! | runs of | 16 KiB | 64 KiB | 256 KiB (never cut) |
 //! |---|---|---|---|
-//! | first edit of a cluster | 64 | 61 | 61 |
-//! | later edits | 7 | 18 | 61 |
-//! | growth of the cluster by cutting (alignment, worse packing) | 1.26 | 1.06 | 1 |
+//! | first edit of a cluster | 60 | 55 | 50 |
+//! | later edits | 6 | 16 | 50 |
+//! | bytes of the texels, padded to 4 KiB | 1.19 | 1.10 | 1 |
 //!
 //! 64 KiB is also one page of 256x256 texels in BC7.
 
