@@ -3,6 +3,9 @@
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::edit::lock::keep_generation;
 
 /// Bytes that can be read at any place: a file, or something far away. Shared by threads: reads are positional.
 pub trait ByteSource: std::fmt::Debug + Send + Sync {
@@ -28,13 +31,19 @@ pub trait ByteSource: std::fmt::Debug + Send + Sync {
 #[derive(Debug)]
 pub struct FileSource {
     path: PathBuf,
-    file: File,
+    file: Arc<File>,
 }
 
 impl FileSource {
     /// Opens a file for reading.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Ok(Self { path: path.to_owned(), file: File::open(path)? })
+        Ok(Self::of_file(path, Arc::new(File::open(path)?)))
+    }
+
+    /// A file that is open. From now on nobody overwrites what the asset in it names.
+    pub(crate) fn of_file(path: &Path, file: Arc<File>) -> Self {
+        keep_generation(&file);
+        Self { path: path.to_owned(), file }
     }
 }
 
