@@ -34,7 +34,12 @@ pub struct FileSource {
 impl FileSource {
     /// Opens a file for reading.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Ok(Self { path: path.to_owned(), file: File::open(path)? })
+        Ok(Self::from_file(path, File::open(path)?))
+    }
+
+    /// A file that has been opened for reading. `path` is for messages.
+    pub fn from_file(path: &Path, file: File) -> Self {
+        Self { path: path.to_owned(), file }
     }
 }
 
