@@ -37,11 +37,12 @@ pub struct FileSource {
 impl FileSource {
     /// Opens a file for reading.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Ok(Self::of_file(path, Arc::new(File::open(path)?)))
+        Ok(Self::from_file(path, Arc::new(File::open(path)?)))
     }
 
-    /// A file that is open. From now on nobody overwrites what the asset in it names.
-    pub(crate) fn of_file(path: &Path, file: Arc<File>) -> Self {
+    /// A file that has been opened for reading; `path` is for messages. From now on nobody overwrites what the asset in it
+    /// names.
+    pub fn from_file(path: &Path, file: Arc<File>) -> Self {
         keep_generation(&file);
         Self { path: path.to_owned(), file }
     }

@@ -15,12 +15,17 @@
 
 mod atlas;
 mod changes;
+mod cluster_loader;
 mod loader;
+mod location;
+pub mod read;
 mod table;
 mod view;
 
 pub use atlas::*;
 pub use changes::*;
+pub use cluster_loader::*;
 pub use loader::*;
+pub use location::*;
 pub use table::*;
 pub use view::*;

@@ -117,7 +117,7 @@ impl AssetEditor {
         file: Arc<File>,
         output: Box<dyn Output>,
     ) -> Result<Self, EditError> {
-        let source = FileSource::of_file(path, Arc::clone(&file));
+        let source = FileSource::from_file(path, Arc::clone(&file));
         let asset = Arc::new(Asset::open_source(Arc::new(source))?);
         let flushed = Flushed::none(&asset)?;
         let (space, header) = space_and_header(&asset);

@@ -24,6 +24,7 @@ mod direct_file;
 mod faulty;
 mod http;
 mod queue;
+pub(crate) mod random;
 mod retry;
 mod ring;
 mod threaded;

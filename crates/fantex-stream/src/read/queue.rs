@@ -1,7 +1,7 @@
 //! What the owner of a reader and its lanes share.
 
 use std::collections::VecDeque;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Poll, Waker};
 use std::time::{Duration, Instant};
@@ -38,8 +38,8 @@ impl ReadWaker {
 #[derive(Debug, Default)]
 struct Waiting {
     requests: VecDeque<ReadRequest>,
-    /// Of lanes that are tasks and have nothing to do.
-    idle_tasks: Vec<Waker>,
+    /// Lanes that are tasks and have nothing to do, each once.
+    idle_tasks: Vec<(usize, Waker)>,
     closed: bool,
 }
 
@@ -69,17 +69,18 @@ impl RequestQueue {
         }
     }
 
-    /// The next request, for a lane that is a task; none after closing.
-    pub(super) fn next_async(&self) -> impl Future<Output = Option<ReadRequest>> + '_ {
-        std::future::poll_fn(|context| {
+    /// The next request, for a lane that is a task and has this number; none after closing.
+    pub(super) fn next_async(&self, lane: usize) -> impl Future<Output = Option<ReadRequest>> + '_ {
+        std::future::poll_fn(move |context| {
             let mut waiting = self.lock();
+            waiting.idle_tasks.retain(|(idle, _)| *idle != lane);
             if waiting.closed {
                 return Poll::Ready(None);
             }
             if let Some(request) = waiting.requests.pop_front() {
                 return Poll::Ready(Some(request));
             }
-            waiting.idle_tasks.push(context.waker().clone());
+            waiting.idle_tasks.push((lane, context.waker().clone()));
             Poll::Pending
         })
     }
@@ -91,7 +92,7 @@ impl RequestQueue {
             waiting.idle_tasks.pop()
         };
         self.arrived.notify_one();
-        if let Some(task) = idle_task {
+        if let Some((_, task)) = idle_task {
             task.wake();
         }
     }
@@ -112,7 +113,7 @@ impl RequestQueue {
             std::mem::take(&mut waiting.idle_tasks)
         };
         self.arrived.notify_all();
-        idle_tasks.into_iter().for_each(Waker::wake);
+        idle_tasks.into_iter().for_each(|(_, task)| task.wake());
     }
 }
 
@@ -153,10 +154,7 @@ impl OwnerEnd {
         let event = match timeout {
             // A disconnected channel cannot be: this end holds a sender.
             None => self.events.recv().ok(),
-            Some(timeout) => match self.events.recv_timeout(timeout) {
-                Ok(event) => Some(event),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => None,
-            },
+            Some(timeout) => self.events.recv_timeout(timeout).ok(),
         };
         match event {
             Some(Event::Completed(completion)) => Some(completion),
