@@ -75,9 +75,8 @@ fn readings(geometry: &CoveredMesh, view: &StreamView, anisotropy: f32, steps: u
                 continue;
             }
             // The way on the surface from one pixel to the next, along the picture's axes.
-            let steps = [view.axes.x_axis, view.axes.y_axis].map(|axis| {
-                (axis - ray * (axis.dot(normal) / ray.dot(normal))) * depth / view.focal_pixels
-            });
+            let steps = [view.axes.x_axis, view.axes.y_axis]
+                .map(|axis| (axis - ray * (axis.dot(normal) / ray.dot(normal))) * depth / view.focal_pixels);
             for (slot, _) in cover.weights(t, lambda).iter() {
                 let group_index = cover.corner_groups[t][slot];
                 let group = &cover.groups[group_index as usize];
@@ -88,8 +87,7 @@ fn readings(geometry: &CoveredMesh, view: &StreamView, anisotropy: f32, steps: u
                 let footprint = steps.map(|d| {
                     let (r1, r2) = (d.dot(e1), d.dot(e2));
                     let determinant = d11 * d22 - d12 * d12;
-                    let (l1, l2) =
-                        ((d22 * r1 - d12 * r2) / determinant, (d11 * r2 - d12 * r1) / determinant);
+                    let (l1, l2) = ((d22 * r1 - d12 * r2) / determinant, (d11 * r2 - d12 * r1) / determinant);
                     (uv[1] - uv[0]) * l1 + (uv[2] - uv[0]) * l2
                 });
                 let (width, level) = finest_level_read(group, footprint, anisotropy);
@@ -224,8 +222,8 @@ fn bunny(tile: u32) -> Option<CoveredMesh> {
         eprintln!("SKIPPED: no bunny in {}", folder.display());
         return None;
     };
-    let model = fantex_mesh::load(&file).unwrap();
-    Some(covered(model.into(), 4 << 20, tile, false))
+    let model = fantex_mesh::load(&file, &fantex_mesh::LoadOptions::default()).unwrap();
+    Some(covered(model, 4 << 20, tile, false))
 }
 
 proptest! {

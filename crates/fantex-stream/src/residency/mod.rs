@@ -13,6 +13,8 @@ mod arrivals;
 mod packer;
 mod pool;
 mod pressure;
+#[cfg(test)]
+mod tests;
 mod wants;
 mod wishes;
 
