@@ -134,7 +134,7 @@ impl Streamer {
             self.residency.expect_nothing(&mut *self.loader);
             return;
         };
-        if self.residency.is_lacking() {
+        if self.residency.wishes() > 0 {
             return;
         }
         self.changed.clear();

@@ -155,11 +155,6 @@ impl Residency {
         self.pool.take_changes()
     }
 
-    /// Whether anything needed is missing.
-    pub(crate) fn is_lacking(&self) -> bool {
-        self.lacking_groups > 0
-    }
-
     /// Needed pages that are not resident.
     pub(crate) fn missing_pages_count(&self) -> u64 {
         self.missing_pages

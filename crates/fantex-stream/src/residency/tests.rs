@@ -1,7 +1,7 @@
 //! A streamer against a shadow of the atlas, along random paths, with disks that fail and atlases that are too small.
 
 use std::collections::HashMap;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, Mesh, Model, clean, generate};
@@ -25,7 +25,9 @@ fn covered(model: Model, texels: u64, tile: u32) -> Arc<CoveredMesh> {
 
 /// What a graphics card would hold, told by frame changes only.
 struct Shadow {
-    units: HashMap<(u16, u16, u16), PageId>,
+    /// Per unit of 4x4 texels the page, as its index in `pages`, that was uploaded last.
+    units: Vec<u32>,
+    indices: HashMap<PageId, u32>,
     table: Vec<TableEntry>,
     pages: Vec<PageId>,
 }
@@ -47,7 +49,8 @@ impl Shadow {
             }
         }
         assert_eq!(pages.len(), streamer.table().len());
-        Self { units: HashMap::new(), table: vec![TableEntry::ABSENT; pages.len()], pages }
+        let indices = pages.iter().copied().zip(0..).collect();
+        Self { units: vec![u32::MAX; 1 << 19], indices, table: vec![TableEntry::ABSENT; pages.len()], pages }
     }
 
     fn apply(&mut self, cover: &Cover, changes: &FrameChanges, atlas: AtlasShape) {
@@ -55,18 +58,21 @@ impl Shadow {
             assert_eq!(upload.texels.extent, extent(cover, upload.page));
             assert_eq!(upload.texels.channels[0][..2], ModelLoader::signature(upload.page));
             for unit in units(upload.place, upload.texels.extent, atlas) {
-                self.units.insert(unit, upload.page);
+                self.units[unit] = self.indices[&upload.page];
             }
         }
         assert!(changes.entries.windows(2).all(|w| w[0].index < w[1].index), "entries come in order, once");
         for change in &changes.entries {
             self.table[change.index as usize] = change.entry;
         }
+        if changes.uploads.is_empty() && changes.entries.is_empty() {
+            return;
+        }
         // Every entry names its page, whole; so no two pages overlap.
-        for (entry, &page) in self.table.iter().zip(&self.pages) {
+        for ((entry, &page), index) in self.table.iter().zip(&self.pages).zip(0..) {
             let Some(place) = entry.place() else { continue };
             for unit in units(place, extent(cover, page), atlas) {
-                assert_eq!(self.units.get(&unit), Some(&page), "an entry names another page's place");
+                assert_eq!(self.units[unit], index, "an entry names another page's place");
             }
         }
     }
@@ -76,11 +82,12 @@ fn extent(cover: &Cover, page: PageId) -> [u32; 2] {
     page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page)
 }
 
-fn units(place: AtlasPlace, extent: [u32; 2], atlas: AtlasShape) -> Vec<(u16, u16, u16)> {
-    let [w, h] = extent.map(|n| n as u16 / 4);
-    assert!(u32::from(place.layer) < atlas.layers);
-    assert!(u32::from(place.x) + extent[0] <= atlas.side && u32::from(place.y) + extent[1] <= atlas.side);
-    (0..h).flat_map(|y| (0..w).map(move |x| (place.layer, place.x / 4 + x, place.y / 4 + y))).collect()
+fn units(place: AtlasPlace, extent: [u32; 2], atlas: AtlasShape) -> impl Iterator<Item = usize> {
+    let [x, y, layer] = [place.x, place.y, place.layer].map(u32::from);
+    assert!(layer < atlas.layers && x + extent[0] <= atlas.side && y + extent[1] <= atlas.side);
+    let [w, h] = extent.map(|n| n / 4);
+    let unit = move |i: u32, j: u32| (layer * atlas.side / 4 + y / 4 + j) * (atlas.side / 4) + x / 4 + i;
+    (0..h).flat_map(move |j| (0..w).map(move |i| unit(i, j) as usize))
 }
 
 struct Stage {
@@ -148,13 +155,13 @@ fn atlas() -> impl Strategy<Value = AtlasShape> {
 }
 
 /// Covers of small, large and single-fan tiles; the last has tiles of many pages.
-fn geometries() -> Vec<Arc<CoveredMesh>> {
-    vec![
+static GEOMETRIES: LazyLock<[Arc<CoveredMesh>; 3]> = LazyLock::new(|| {
+    [
         covered(generate::torus(40, 20), 1 << 20, 64),
         covered(generate::icosphere(3), 1 << 17, 0),
         covered(generate::cube(3), 3 << 20, 1024),
     ]
-}
+});
 
 #[derive(Clone, Debug)]
 enum Act {
@@ -190,7 +197,7 @@ proptest! {
         bandwidth in prop::sample::select(vec![2e6, 1e8]),
     ) {
         let disk = DiskModel { damaged_share, latency_seconds, bandwidth, ..DiskModel::default() };
-        let mut stage = Stage::new(&geometries()[which], atlas, disk);
+        let mut stage = Stage::new(&GEOMETRIES[which], atlas, disk);
         let mut camera = CameraKeyframe::looking(0.0, DVec3::Z * 3.0, DVec3::ZERO);
         for act in acts {
             match act {
@@ -245,8 +252,8 @@ proptest! {
 
 #[test]
 fn a_pool_that_is_far_too_small_is_used_and_does_not_flicker() {
-    for geometry in geometries() {
-        let mut stage = Stage::new(&geometry, AtlasShape { side: 256, layers: 1 }, DiskModel::default());
+    for geometry in &*GEOMETRIES {
+        let mut stage = Stage::new(geometry, AtlasShape { side: 256, layers: 1 }, DiskModel::default());
         let camera = CameraKeyframe::looking(0.0, DVec3::new(0.5, 0.6, 1.5), DVec3::ZERO);
         stage.settle(Some(&camera));
         let figures = stage.streamer.statistics();
@@ -311,13 +318,13 @@ fn what_lies_ahead_is_fetched_before_it_is_needed() {
     for look_ahead_seconds in [0.0, 0.25] {
         let options = crate::simulate::SimulationOptions {
             streamer: StreamerOptions { look_ahead_seconds, ..StreamerOptions::default() },
-            disk: DiskModel { latency_seconds: 0.03, ..DiskModel::default() },
+            disk: DiskModel { latency_seconds: 0.03, queue_depth: 1024, ..DiskModel::default() },
             ..Default::default()
         };
         let report = crate::simulate::simulate(geometry.clone() as Arc<dyn Geometry>, &path, &options);
         println!("{}\n{report}", crate::simulate::SimulationReport::HEADING);
         assert!(report.is_settled);
-        lacking.push(1.0 - report.complete_share);
+        lacking.push(1.0 - report.complete_frames);
     }
     assert!(lacking[1] < 0.5 * lacking[0], "{lacking:?}");
 }

@@ -240,14 +240,15 @@ impl Residency {
         }
     }
 
-    /// Asks for pages that the predicted view needs, while nothing else is missing and there is room to spare.
+    /// Asks for pages that the predicted view needs, while all that is missing has been asked for and there is
+    /// room to spare.
     pub(crate) fn request_ahead(
         &mut self,
         predicted: &Demand,
         limits: &RequestLimits,
         loader: &mut dyn PageLoader,
     ) {
-        if self.wishes.len() > 0 || self.lacking_groups > 0 {
+        if self.wishes.len() > 0 {
             return;
         }
         let limits = RequestLimits { pages: limits.pages / 4, texels: limits.texels / 4 };

@@ -55,6 +55,8 @@ pub struct SimulationReport {
     pub hit_rate: f64,
     /// Share of the visible tiles that were at their level, mean over the frames.
     pub complete_share: f64,
+    /// Share of the frames in which every visible tile was at its level.
+    pub complete_frames: f64,
     /// Bytes of texels handed over for upload.
     pub bytes: u64,
     /// Pages asked for.
@@ -78,7 +80,7 @@ pub struct SimulationReport {
 
 impl SimulationReport {
     /// Names of the columns.
-    pub const HEADING: &'static str = "frames  hits %  sharp %     MB  requests  evictions  pool %  bias  to sharp ms  demand us p50/max  \
+    pub const HEADING: &'static str = "frames  hits %  sharp %  sharp frames %     MB  requests  evictions  pool %  bias  to sharp ms  demand us p50/max  \
          residency us p50/max";
 
     /// The longest time to sharp; `None` if some view never was.
@@ -96,10 +98,11 @@ impl fmt::Display for SimulationReport {
         let sharp = self.slowest_to_sharp().map_or("never".to_owned(), |s| format!("{:.0}", s * 1e3));
         write!(
             f,
-            "{:6} {:7.2} {:8.2} {:6.1} {:9} {:10} {:7.1} {:5.2} {:>12} {:>18} {:>21}",
+            "{:6} {:7.2} {:8.2} {:15.1} {:6.1} {:9} {:10} {:7.1} {:5.2} {:>12} {:>18} {:>21}",
             self.frames,
             100.0 * self.hit_rate,
             100.0 * self.complete_share,
+            100.0 * self.complete_frames,
             self.bytes as f64 / 1e6,
             self.requests,
             self.evictions,
@@ -146,6 +149,7 @@ pub fn simulate(
         let needed = figures.needed.pages.max(1);
         report.hit_rate += 1.0 - figures.missing_pages as f64 / needed as f64;
         report.complete_share += figures.complete_share();
+        report.complete_frames += f64::from(u8::from(figures.complete_groups == figures.visible_groups));
         report.peak_occupancy = report.peak_occupancy.max(figures.occupancy());
         report.peak_bias_levels = report.peak_bias_levels.max(figures.bias_levels);
         report.demand_times.push(figures.times.demand);
@@ -163,6 +167,7 @@ pub fn simulate(
     report.frames = frames + 1;
     report.hit_rate /= report.frames as f64;
     report.complete_share /= report.frames as f64;
+    report.complete_frames /= report.frames as f64;
     report.requests = figures.requests;
     report.evictions = figures.evictions;
     report.demand_times.sort_unstable();

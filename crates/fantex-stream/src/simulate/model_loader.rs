@@ -63,6 +63,9 @@ pub struct ModelLoader {
     queue: BTreeMap<Rank, PageId>,
     /// Being read, with the time of arrival, ascending.
     reading: VecDeque<(f64, PageId)>,
+    arrived: VecDeque<PageId>,
+    /// When something was asked for last.
+    asked_at: f64,
     /// When the disk has moved all bytes that it has begun to.
     idle_at: f64,
     requests: u64,
@@ -78,6 +81,8 @@ impl ModelLoader {
             ranks: BTreeMap::new(),
             queue: BTreeMap::new(),
             reading: VecDeque::new(),
+            arrived: VecDeque::new(),
+            asked_at: 0.0,
             idle_at: 0.0,
             requests: 0,
         }
@@ -97,16 +102,25 @@ impl ModelLoader {
         ((splitmix(&mut state) >> 11) as f64 / (1u64 << 53) as f64) < share
     }
 
-    /// Begins as many requests as the disk works on at a time.
-    fn begin(&mut self) {
+    /// Lets the disk work until now.
+    fn advance(&mut self) {
         let now = self.clock.seconds();
-        self.idle_at = self.idle_at.max(now - self.disk.latency_seconds);
-        while self.reading.len() < self.disk.queue_depth {
-            let Some((_, page)) = self.queue.pop_first() else { return };
-            self.ranks.remove(&page);
-            let bytes = self.bytes(page) as f64;
-            self.idle_at = (self.idle_at + bytes / self.disk.bandwidth).max(now);
-            self.reading.push_back((self.idle_at + self.disk.latency_seconds, page));
+        let mut free_at = self.asked_at;
+        loop {
+            while self.reading.len() < self.disk.queue_depth {
+                let Some((_, page)) = self.queue.pop_first() else { break };
+                self.ranks.remove(&page);
+                self.idle_at = self.idle_at.max(free_at) + self.bytes(page) as f64 / self.disk.bandwidth;
+                self.reading.push_back((self.idle_at + self.disk.latency_seconds, page));
+            }
+            match self.reading.front() {
+                Some(&(arrival, page)) if arrival <= now => {
+                    self.reading.pop_front();
+                    self.arrived.push_back(page);
+                    free_at = arrival.max(self.asked_at);
+                }
+                _ => return,
+            }
         }
     }
 
@@ -137,9 +151,10 @@ fn texels(cover: &Cover, page: PageId) -> u64 {
 
 impl PageLoader for ModelLoader {
     fn request(&mut self, page: PageId, urgency: f32) {
-        if self.reading.iter().any(|&(_, reading)| reading == page) {
+        if self.reading.iter().any(|&(_, reading)| reading == page) || self.arrived.contains(&page) {
             return;
         }
+        self.asked_at = self.clock.seconds();
         // Finite numbers in the order of their bits, negative ones turned round.
         let bits = urgency.to_bits();
         let ordered = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
@@ -156,25 +171,25 @@ impl PageLoader for ModelLoader {
             self.queue.remove(&rank);
         }
         self.reading.retain(|&(_, reading)| reading != page);
+        self.arrived.retain(|&arrived| arrived != page);
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
-        let (now, mut bytes) = (self.clock.seconds(), 0);
+        self.advance();
+        let mut bytes = 0;
         let mut loaded = Vec::new();
-        self.begin();
-        while let Some(&(arrival, page)) = self.reading.front() {
+        while let Some(&page) = self.arrived.front() {
             bytes += self.bytes(page);
-            if arrival > now || (bytes > max_bytes && !loaded.is_empty()) {
+            if bytes > max_bytes && !loaded.is_empty() {
                 break;
             }
-            self.reading.pop_front();
+            self.arrived.pop_front();
             loaded.push(self.load(page));
-            self.begin();
         }
         loaded
     }
 
     fn pending(&self) -> usize {
-        self.queue.len() + self.reading.len()
+        self.queue.len() + self.reading.len() + self.arrived.len()
     }
 }

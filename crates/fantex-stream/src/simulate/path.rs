@@ -187,7 +187,7 @@ mod tests {
 
     #[test]
     fn paths_are_recorded_as_text() {
-        let path = CameraPath::orbit(DVec3::ONE, 3.0, 1.0, 2.0);
+        let path = CameraPath::fly(DVec3::ONE, DVec3::new(1.0, 1.0, -3.0), 2.0);
         let text = serde_json::to_string(&path).unwrap();
         assert_eq!(serde_json::from_str::<CameraPath>(&text).unwrap(), path);
     }
