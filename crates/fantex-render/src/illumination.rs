@@ -171,7 +171,7 @@ impl<'a> Source<'a> {
                 cosines: [light.inner_degrees, light.outer_degrees].map(|a| a.to_radians().cos()),
             },
             LightKind::Projector(projector) => {
-                Self::Projector { view: projector_view(projector, mesh), projector }
+                Self::Projector { view: projector_view(projector, &mesh.world_from_mesh), projector }
             }
         }
     }

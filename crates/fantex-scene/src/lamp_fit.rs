@@ -1,6 +1,6 @@
 //! Where a lamp's shadow maps look.
 
-use fantex_mesh::Mesh;
+use fantex_mesh::WorldFromMesh;
 use glam::{DVec2, DVec3, Vec3};
 
 use crate::{LampView, Lens, LightKind, Projector, SpotLight, Spread};
@@ -31,47 +31,52 @@ const CUBE_HALF: f64 = 1.04;
 const WIDEST_CONE_DEGREES: f32 = 70.0;
 
 /// The views of a lamp: one, or six for a lamp that shines to all sides (in the order +x, -x, +y, -y, +z, -z). That of
-/// parallel light is fitted to `casters`, the corners of everything that casts shadows, mesh space.
-pub fn lamp_views(kind: &LightKind, mesh: &Mesh, casters: impl Iterator<Item = Vec3>) -> Vec<FittedView> {
-    let placed = |p: DVec3| (p - mesh.world_from_mesh.offset) / mesh.world_from_mesh.scale;
+/// parallel light is fitted to `casters`, the corners of everything that casts shadows; `points` are the whole mesh's. Mesh
+/// space.
+pub fn lamp_views(
+    kind: &LightKind,
+    space: &WorldFromMesh,
+    points: &[Vec3],
+    casters: impl Iterator<Item = Vec3>,
+) -> Vec<FittedView> {
+    let placed = |p: DVec3| (p - space.offset) / space.scale;
     match kind {
         LightKind::Directional { to_light } => vec![parallel(-to_light.as_dvec3(), casters)],
-        LightKind::Point { position, .. } => cube(placed(*position), mesh),
+        LightKind::Point { position, .. } => cube(placed(*position), points),
         LightKind::Spot(SpotLight { position, outer_degrees, .. })
             if *outer_degrees > WIDEST_CONE_DEGREES =>
         {
-            cube(placed(*position), mesh)
+            cube(placed(*position), points)
         }
         LightKind::Spot(SpotLight { position, direction, outer_degrees, .. }) => {
             let half = DVec2::splat(f64::from(outer_degrees.max(0.1)).to_radians().tan() * 1.02);
             let (origin, forward) = (placed(*position), direction.as_dvec3());
-            vec![with_far(LampView::new(origin, forward, DVec3::Y, half, Spread::Perspective), mesh)]
+            vec![with_far(LampView::new(origin, forward, DVec3::Y, half, Spread::Perspective), points)]
         }
-        LightKind::Projector(projector) => vec![with_far(projector_view(projector, mesh), mesh)],
+        LightKind::Projector(projector) => vec![with_far(projector_view(projector, space), points)],
     }
 }
 
 /// The view through a projector's slide.
-pub fn projector_view(projector: &Projector, mesh: &Mesh) -> LampView {
+pub fn projector_view(projector: &Projector, space: &WorldFromMesh) -> LampView {
     let Projector { position, target, up, lens, aspect, .. } = projector;
-    let frame = mesh.world_from_mesh;
     let (half_height, spread) = match lens {
         Lens::Perspective { fov_degrees } => ((fov_degrees * 0.5).to_radians().tan(), Spread::Perspective),
-        Lens::Orthographic { height } => (0.5 * height / frame.scale, Spread::Parallel),
+        Lens::Orthographic { height } => (0.5 * height / space.scale, Spread::Parallel),
     };
     let half = DVec2::new(half_height * aspect, half_height);
-    LampView::new((position - frame.offset) / frame.scale, target - position, *up, half, spread)
+    LampView::new((position - space.offset) / space.scale, target - position, *up, half, spread)
 }
 
-fn cube(origin: DVec3, mesh: &Mesh) -> Vec<FittedView> {
+fn cube(origin: DVec3, points: &[Vec3]) -> Vec<FittedView> {
     let half = DVec2::splat(CUBE_HALF);
     let view = |[forward, up]: [DVec3; 2]| LampView::new(origin, forward, up, half, Spread::Perspective);
-    CUBE.into_iter().map(|axes| with_far(view(axes), mesh)).collect()
+    CUBE.into_iter().map(|axes| with_far(view(axes), points)).collect()
 }
 
-fn with_far(view: LampView, mesh: &Mesh) -> FittedView {
+fn with_far(view: LampView, points: &[Vec3]) -> FittedView {
     let depth = |p: &Vec3| view.forward().dot(p.as_dvec3() - view.origin);
-    FittedView { view, far: mesh.positions.iter().map(depth).fold(1e-6, f64::max) }
+    FittedView { view, far: points.iter().map(depth).fold(1e-6, f64::max) }
 }
 
 /// Parallel light through everything that casts shadows.

@@ -1,6 +1,6 @@
 //! The scene as a lamp sees it: the projection of slides and of shadow maps. Mesh space.
 
-use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, Vec2, Vec3};
 
 use crate::view_axes;
 
@@ -63,6 +63,19 @@ impl LampView {
     /// To the right and upwards in the picture, unit vectors.
     pub fn sides(&self) -> [DVec3; 2] {
         [self.axes[0], self.axes[1]]
+    }
+
+    /// Half the width and height of the picture: at depth one, or where light is parallel everywhere. Mesh units.
+    pub fn half_extent(&self) -> DVec2 {
+        self.half
+    }
+
+    /// Takes `(p_mesh, 1)` to `(u w, v w, w, depth)`; see [`Projected`].
+    pub fn matrix(&self) -> DMat4 {
+        let forward = self.forward();
+        let column = |v: DVec3| (self.linear * v).extend(forward.dot(v));
+        let moved = (self.constant - self.linear * self.origin).extend(-forward.dot(self.origin));
+        DMat4::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z), moved)
     }
 
     /// Whether light leaves a point.
@@ -129,6 +142,16 @@ mod tests {
             let [right, up, _] = view.axes;
             let seen = view.project(on_axis + (right * corner.x - up * corner.y).as_vec3());
             assert!((seen.uv - 1.0).length() < 1e-6, "{seen:?}");
+        }
+    }
+
+    #[test]
+    fn the_matrix_projects() {
+        for view in views() {
+            let p = Vec3::new(0.2, 0.4, 0.1);
+            let (h, seen) = (view.matrix() * p.as_dvec3().extend(1.0), view.project(p));
+            assert!((h.truncate().truncate() / h.z - seen.uv).length() < 1e-12);
+            assert!((h.z - seen.w).abs() < 1e-12 && (h.w - seen.depth).abs() < 1e-12);
         }
     }
 

@@ -1,7 +1,7 @@
 //! What a picture shows of its surfaces.
 
 /// A lighting model, or one of the inputs of lighting as the picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Shading {
     /// glTF 2.0 metallic-roughness: Lambert and GGX.
     #[default]

@@ -58,7 +58,7 @@ impl ShadowMaps {
         let casters = (0..mesh.triangles.len())
             .filter(|&triangle| surface.casts_shadow(triangle))
             .flat_map(|triangle| mesh.triangle_positions(triangle));
-        let faces = lamp_views(&light.kind, mesh, casters)
+        let faces = lamp_views(&light.kind, &mesh.world_from_mesh, &mesh.positions, casters)
             .into_iter()
             .map(|fitted| draw::draw(fitted, options.resolution, mesh, surface))
             .collect();
