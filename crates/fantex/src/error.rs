@@ -65,6 +65,12 @@ pub(crate) enum CliError {
         path.display()
     )]
     TexelsOfModel { path: PathBuf },
+    #[error(transparent)]
+    Loader(#[from] fantex::stream::LoaderError),
+    #[error("{} is no camera path: {source}", path.display())]
+    CameraPath { path: PathBuf, source: serde_json::Error },
+    #[error("{} holds no keyframes; record at least one", path.display())]
+    EmptyCameraPath { path: PathBuf },
     #[error("cannot listen to Ctrl-C: {0}")]
     Signals(#[from] ctrlc::Error),
     #[error("cannot write the result as JSON: {0}")]

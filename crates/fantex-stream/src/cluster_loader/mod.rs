@@ -218,6 +218,30 @@ impl ClusterLoader {
     pub fn statistics(&self) -> LoaderStatistics {
         self.shared.board.lock().statistics()
     }
+
+    /// A window on the statistics, for when the loader itself has been given away.
+    pub fn monitor(&self) -> LoaderMonitor {
+        LoaderMonitor { shared: Arc::clone(&self.shared) }
+    }
+}
+
+/// Sees a [`ClusterLoader`]'s statistics, from any thread, also after its end.
+#[derive(Clone)]
+pub struct LoaderMonitor {
+    shared: Arc<Shared>,
+}
+
+impl LoaderMonitor {
+    /// As [`ClusterLoader::statistics`].
+    pub fn statistics(&self) -> LoaderStatistics {
+        self.shared.board.lock().statistics()
+    }
+}
+
+impl std::fmt::Debug for LoaderMonitor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LoaderMonitor").field("path", &self.shared.asset.path()).finish_non_exhaustive()
+    }
 }
 
 /// A queued reader of a file or URL.

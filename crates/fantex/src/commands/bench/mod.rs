@@ -4,6 +4,7 @@ mod fidelity;
 mod lookup;
 mod noise;
 mod speed;
+mod stream;
 
 use std::path::PathBuf;
 
@@ -42,6 +43,7 @@ enum What {
     Noise,
     /// Speed of the block encoders
     Encode,
+    Stream(stream::StreamArgs),
 }
 
 /// Bake a sum of sine waves into float tiles and compare it with the function at 400 000 points of the surface.
@@ -120,6 +122,7 @@ pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
         What::Render(args) => speed::render(args, context)?,
         What::Noise => noise::run()?,
         What::Encode => speed::encode(context)?,
+        What::Stream(args) => stream::stream(args, context)?,
     };
     context.print(&Rows { rows }, |result| text(&result.rows))
 }

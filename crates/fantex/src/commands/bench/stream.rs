@@ -1,0 +1,269 @@
+//! How well an asset streams: a camera flies a path, pages come from where the asset is.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use fantex::render::Bounds;
+use fantex::store::Asset;
+use fantex::stream::simulate::{
+    CameraKeyframe, CameraPath, DiskModel, SimulationOptions, SimulationReport, simulate,
+};
+use fantex::stream::{
+    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, DiskLoad, FrameOptions, LoaderStatistics,
+    Streamer, StreamerOptions, loaded_clusters, mean_cluster_bytes, open_asset, plain_reads, queued_reads,
+    unpacked_clusters, url_of,
+};
+use glam::DVec3;
+
+use super::Row;
+use crate::context::Context;
+use crate::error::CliError;
+use crate::memory;
+use crate::scene::SizeArg;
+use crate::size::{Bytes, positive};
+
+/// Fly through an asset: frame times, time until views are sharp, bytes read against bytes needed, the disk beside it.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex bench stream world.fan
+  fantex bench stream world.fan --pool 16M --path flight.json
+  fantex bench stream world.fan --simulate
+
+A path is a JSON file as 'fantex view' records it: {\"keyframes\": [{\"seconds\": 0, \"eye\": [0, 2, 5], \"target\": [0, 1, 0],
+\"up\": [0, 1, 0], \"fov_degrees\": 50, \"is_cut\": false}, ...]}. Without one the camera circles the model, flies through it
+and jumps around.")]
+pub(super) struct StreamArgs {
+    /// An asset (.fan) or its URL
+    asset: PathBuf,
+    /// A recorded camera path (.json)
+    #[arg(long, value_name = "PATH")]
+    path: Option<PathBuf>,
+    /// Graphics memory for texels
+    #[arg(long, value_name = "SIZE", default_value = "64M")]
+    pool: Bytes,
+    /// Width and height of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720")]
+    size: SizeArg,
+    /// Frames per second
+    #[arg(long, value_name = "RATE", default_value_t = 60.0, value_parser = positive)]
+    rate: f64,
+    /// Replay the path against a modelled disk, in simulated time: the same figures on every machine
+    #[arg(long)]
+    simulate: bool,
+}
+
+/// Seconds of each part of the path that is flown where none is given.
+const PART_SECONDS: f64 = 3.0;
+
+/// Seconds that the camera stands still at the end.
+const REST_SECONDS: f64 = 1.0;
+
+/// Runs the benchmark.
+pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let asset = Arc::new(open_asset(&args.asset)?);
+    let path = match &args.path {
+        Some(path) => read_path(path)?,
+        None => tour(&asset),
+    };
+    let stored = asset.channels().iter().map(|channel| channel.format);
+    let formats: Vec<AtlasFormat> = stored.map(|format| AtlasFormat::of(format, true)).collect();
+    let streamer =
+        StreamerOptions { atlas: AtlasShape::within(args.pool.0, &formats), ..StreamerOptions::default() };
+    if args.simulate {
+        let texel_bytes = formats.iter().map(|f| f.block_bytes()).sum::<usize>() as f64 / 16.0;
+        let disk = DiskModel { texel_bytes, ..DiskModel::default() };
+        let defaults = SimulationOptions::default();
+        let options =
+            SimulationOptions { streamer, disk, size: args.size.0, frame_rate: args.rate, ..defaults };
+        return Ok(simulated_rows(&simulate(asset, &path, &options)));
+    }
+    let mut rows = fly(&asset, &path, streamer, args, context)?;
+    rows.extend(disk_rows(&asset)?);
+    rows.extend(memory::peak_bytes().map(|bytes| Row::new("peak of main memory", bytes as f64 / 1e6, "MB")));
+    Ok(rows)
+}
+
+fn read_path(path: &Path) -> Result<CameraPath, CliError> {
+    let text =
+        std::fs::read_to_string(path).map_err(|source| CliError::Read { path: path.into(), source })?;
+    let parsed: CameraPath =
+        serde_json::from_str(&text).map_err(|source| CliError::CameraPath { path: path.into(), source })?;
+    if parsed.keyframes.is_empty() {
+        return Err(CliError::EmptyCameraPath { path: path.into() });
+    }
+    Ok(parsed)
+}
+
+/// Around the model, close over it, and jumps between far and near.
+fn tour(asset: &Asset) -> CameraPath {
+    let bounds = Bounds::of_mesh(asset.mesh());
+    let center = bounds.center();
+    let radius = 0.5 * (bounds.max - bounds.min).length();
+    let along = DVec3::new(0.7, 0.0, 0.7) * radius;
+    let above = DVec3::Y * (bounds.max.y - center.y + 0.05 * radius);
+    let parts = [
+        CameraPath::orbit(center, 1.2 * radius, 0.6 * radius, PART_SECONDS),
+        CameraPath::fly(center - along + above, center + along + above, PART_SECONDS),
+        CameraPath::cuts(center, &[2.0, 0.8, 1.2, 0.6, 1.0].map(|d| d * radius), 0.4 * PART_SECONDS),
+    ];
+    let mut tour = CameraPath::default();
+    for part in parts {
+        let begin = tour.duration_seconds();
+        let shifted = part.keyframes.into_iter().enumerate().map(|(i, keyframe)| CameraKeyframe {
+            seconds: begin + keyframe.seconds,
+            is_cut: keyframe.is_cut || i == 0,
+            ..keyframe
+        });
+        tour.keyframes.extend(shifted);
+    }
+    tour
+}
+
+/// What a flight in real time came to.
+#[derive(Debug, Default)]
+struct Flight {
+    update_times: Vec<Duration>,
+    seconds_to_sharp: Vec<f64>,
+    never_sharp: u64,
+    peak_occupancy: f64,
+    peak_bias: f32,
+    hit_rate: f64,
+    frames: u64,
+}
+
+/// Flies in real time. Pictures are not drawn: what is measured is deciding, reading, unpacking and handing over.
+fn fly(
+    asset: &Arc<Asset>,
+    path: &CameraPath,
+    options: StreamerOptions,
+    args: &StreamArgs,
+    context: &Context,
+) -> Result<Vec<Row>, CliError> {
+    let loader = ClusterLoader::open(Arc::clone(asset), &ClusterLoaderOptions::default())?;
+    let info = loader.reader_info();
+    let monitor = loader.monitor();
+    context.note(format!("{}: {info}", args.asset.display()));
+    let mut streamer = Streamer::new(Arc::clone(asset) as _, Box::new(loader), options);
+    let mut flight = Flight::default();
+    let mut cuts = path.cuts_seconds().into_iter().peekable();
+    let mut waiting_since: Option<f64> = None;
+    let frame_seconds = 1.0 / args.rate;
+    let end = path.duration_seconds() + REST_SECONDS;
+    let began = Instant::now();
+    loop {
+        let seconds = began.elapsed().as_secs_f64();
+        if seconds > end {
+            break;
+        }
+        while cuts.next_if(|&cut| cut <= seconds).is_some() {
+            flight.never_sharp += u64::from(waiting_since.replace(seconds).is_some());
+        }
+        let camera = path.at(seconds);
+        let view = camera.and_then(|c| c.view(&asset.mesh().world_from_mesh, args.size.0));
+        let frame = FrameOptions { elapsed_seconds: frame_seconds as f32, ..FrameOptions::default() };
+        let started = Instant::now();
+        drop(streamer.update(view.as_ref(), frame));
+        flight.update_times.push(started.elapsed());
+        flight.count(&streamer);
+        let figures = streamer.statistics();
+        if figures.complete_groups == figures.visible_groups
+            && let Some(since) = waiting_since.take()
+        {
+            flight.seconds_to_sharp.push(began.elapsed().as_secs_f64() - since);
+        }
+        std::thread::sleep(Duration::from_secs_f64(frame_seconds).saturating_sub(started.elapsed()));
+    }
+    flight.never_sharp += u64::from(waiting_since.is_some());
+    Ok(flight.rows(&monitor.statistics()))
+}
+
+impl Flight {
+    fn count(&mut self, streamer: &Streamer) {
+        let figures = streamer.statistics();
+        self.frames += 1;
+        self.hit_rate += 1.0 - figures.missing_pages as f64 / figures.needed.pages.max(1) as f64;
+        self.peak_occupancy = self.peak_occupancy.max(figures.occupancy());
+        self.peak_bias = self.peak_bias.max(figures.bias_levels);
+    }
+
+    fn rows(mut self, loader: &LoaderStatistics) -> Vec<Row> {
+        let mut rows = Vec::new();
+        percentiles(&mut rows, "deciding, per frame", &mut self.update_times);
+        rows.push(Row::new(
+            "pages resident when needed",
+            100.0 * self.hit_rate / self.frames.max(1) as f64,
+            "%",
+        ));
+        sharpness(&mut rows, &self.seconds_to_sharp, self.never_sharp);
+        rows.push(Row::new("pool in use, at most", 100.0 * self.peak_occupancy, "%"));
+        rows.push(Row::new("level bias, at most", f64::from(self.peak_bias), "levels"));
+        let megabytes = |bytes: u64| bytes as f64 / 1e6;
+        let needed = megabytes(loader.bytes_needed);
+        rows.push(
+            Row::new("read, beside what was needed", megabytes(loader.bytes_read), "MB").beside(needed),
+        );
+        rows.push(Row::new("reads", loader.reads as f64, ""));
+        rows.push(Row::new("pages that failed", loader.pages_failed as f64, ""));
+        rows
+    }
+}
+
+fn percentiles(rows: &mut Vec<Row>, name: &str, times: &mut [Duration]) {
+    times.sort_unstable();
+    let Some(last) = times.len().checked_sub(1) else { return };
+    for (label, index) in [("median", last / 2), ("p99", last * 99 / 100), ("longest", last)] {
+        rows.push(Row::new(format!("{name}, {label}"), 1e3 * times[index].as_secs_f64(), "ms"));
+    }
+}
+
+fn sharpness(rows: &mut Vec<Row>, seconds: &[f64], never: u64) {
+    let mut sorted = seconds.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    if let (Some(median), Some(longest)) = (sorted.get(sorted.len() / 2), sorted.last()) {
+        rows.push(Row::new("from a cut to sharp, median", 1e3 * median, "ms"));
+        rows.push(Row::new("from a cut to sharp, longest", 1e3 * longest, "ms"));
+    }
+    rows.push(Row::new("cuts that came before the view was sharp", never as f64, ""));
+}
+
+fn simulated_rows(report: &SimulationReport) -> Vec<Row> {
+    let mut rows = Vec::new();
+    percentiles(&mut rows, "demand, per frame", &mut report.demand_times.clone());
+    percentiles(&mut rows, "residency, per frame", &mut report.residency_times.clone());
+    let sharp: Vec<f64> = report.seconds_to_sharp.iter().flatten().copied().collect();
+    sharpness(&mut rows, &sharp, (report.seconds_to_sharp.len() - sharp.len()) as u64);
+    rows.extend([
+        Row::new("pages resident when needed", 100.0 * report.hit_rate, "%"),
+        Row::new("visible tiles at their level", 100.0 * report.complete_share, "%"),
+        Row::new("pool in use, at most", 100.0 * report.peak_occupancy, "%"),
+        Row::new("level bias, at most", f64::from(report.peak_bias_levels), "levels"),
+        Row::new("handed over", report.bytes as f64 / 1e6, "MB"),
+        Row::new("requests", report.requests as f64, ""),
+        Row::new("evictions", report.evictions as f64, ""),
+    ]);
+    rows
+}
+
+/// What the loader gets out of the disk, beside a plain loop of reads of the same size. None for URLs.
+fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>, CliError> {
+    if url_of(asset.path()).is_some() {
+        return Ok(Vec::new());
+    }
+    let load = DiskLoad::default();
+    let read_error = |source| CliError::Read { path: asset.path().into(), source };
+    let plain = plain_reads(asset.path(), mean_cluster_bytes(asset), &load).map_err(read_error)?;
+    let queued = queued_reads(asset, &load).map_err(read_error)?;
+    let (loaded, _) = loaded_clusters(asset, &ClusterLoaderOptions::default(), &load)?;
+    let unpacked = unpacked_clusters(asset, &load).map_err(read_error)?;
+    let disk = plain.megabytes_per_second();
+    Ok(vec![
+        Row::new("plain loop of direct reads", plain.reads_per_second(), "reads/s"),
+        Row::new("clusters read, beside the plain loop", queued.megabytes_per_second(), "MB/s").beside(disk),
+        Row::new("clusters read and unpacked, beside the plain loop", loaded.megabytes_per_second(), "MB/s")
+            .beside(disk),
+        Row::new("clusters unpacked from memory", unpacked.megabytes_per_second(), "MB/s"),
+    ])
+}
