@@ -16,6 +16,7 @@
 mod atlas;
 mod changes;
 mod cluster_loader;
+mod disk_speed;
 mod loader;
 mod location;
 pub mod read;
@@ -25,6 +26,7 @@ mod view;
 pub use atlas::*;
 pub use changes::*;
 pub use cluster_loader::*;
+pub use disk_speed::*;
 pub use loader::*;
 pub use location::*;
 pub use table::*;

@@ -1,7 +1,7 @@
 //! A small baked asset, and ways to load all of it.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -48,14 +48,17 @@ pub(crate) struct Baked {
 pub(crate) fn baked(format: BakeFormat) -> Baked {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("torus.fan");
-    let mesh = clean(generate::torus(40, 20), &CleanOptions::default()).unwrap().0;
-    let options =
-        CoverOptions { tile: 320, budget: TexelBudget::Total(1_000_000), ..CoverOptions::default() };
-    let cover = build_cover(&mesh, &options).unwrap().0;
-    bake(&mesh, &cover, &Rough, &path, &BakeOptions { format, ..BakeOptions::default() }, &NoProgress)
-        .unwrap();
+    bake_torus(&path, format, 1_000_000);
     let asset = Arc::new(Asset::open(&path).unwrap());
     Baked { path, asset, folder }
+}
+
+pub(crate) fn bake_torus(path: &Path, format: BakeFormat, texels: u64) {
+    let mesh = clean(generate::torus(40, 20), &CleanOptions::default()).unwrap().0;
+    let budget = TexelBudget::Total(texels);
+    let cover = build_cover(&mesh, &CoverOptions { tile: 320, budget, ..CoverOptions::default() }).unwrap().0;
+    let options = BakeOptions { format, ..BakeOptions::default() };
+    bake(&mesh, &cover, &Rough, path, &options, &NoProgress).unwrap();
 }
 
 pub(crate) fn all_pages(asset: &Asset) -> Vec<PageId> {

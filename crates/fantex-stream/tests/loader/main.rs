@@ -9,3 +9,4 @@ mod http_server;
 mod pages;
 mod readers;
 mod scheduling;
+mod speed;
