@@ -54,6 +54,13 @@ impl Asset {
         self.entry(cluster).range()
     }
 
+    /// The first page of a cluster. Panics where there is no such cluster.
+    pub fn first_page_of(&self, cluster: ClusterId) -> PageId {
+        let TilePlace { group, page } = self.entry(cluster).first;
+        let size = PageSize::new(self.cover().groups[group as usize].extent, cluster.level);
+        PageId { group, level: cluster.level, page: size.page(page) }
+    }
+
     /// Bytes of a cluster's pages in all channels: how long it is unpacked. Panics where there is no such cluster.
     pub fn cluster_page_bytes(&self, cluster: ClusterId) -> usize {
         self.entry(cluster).raw_length as usize

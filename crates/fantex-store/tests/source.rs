@@ -66,6 +66,7 @@ fn clusters_read_by_others_hold_the_same_pages() {
     let bytes = source.bytes.lock().unwrap().clone();
     let mut seen = 0;
     for cluster in asset.clusters() {
+        assert_eq!(asset.cluster_of(asset.first_page_of(cluster)).unwrap(), cluster);
         let range = asset.cluster_range(cluster);
         let stored = &bytes[range.start as usize..range.end as usize];
         let unpacked = asset.unpack_cluster(cluster, stored).unwrap();

@@ -35,7 +35,7 @@ pub(super) fn open(path: &Path, direct: bool) -> io::Result<File> {
 }
 
 /// Whether a file can be read by direct I/O: tries it. (Some file systems refuse to open, some only to read.)
-pub(super) fn takes_direct_io(path: &Path) -> bool {
+pub(crate) fn takes_direct_io(path: &Path) -> bool {
     if DIRECT_FLAG.is_none() {
         return false;
     }

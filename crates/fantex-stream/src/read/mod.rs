@@ -34,11 +34,13 @@ use std::path::Path;
 use std::time::Duration;
 
 pub use buffer::{BufferPool, ReadBuffer};
+pub(crate) use direct_file::takes_direct_io;
 pub use faulty::{FaultyReader, ReadFaults};
 pub use http::{HttpSource, http_reader};
 pub use queue::ReadWaker;
 pub use retry::{RetryPolicy, is_transient};
 pub use ring::RingReader;
+pub(crate) use ring::{open_in_runtime, ring_runtime};
 pub use threaded::ThreadedReader;
 
 /// A read to be made.
@@ -166,7 +168,7 @@ impl Default for FileReadOptions {
 /// A reader of a file: of all ways that `options` allow the first that works here.
 pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
     let options = FileReadOptions { depth: options.depth.clamp(1, 256), ..*options };
-    let direct = options.direct && direct_file::takes_direct_io(path);
+    let direct = options.direct && takes_direct_io(path);
     if options.ring
         && let Ok(reader) = RingReader::open(path, options.depth, direct)
     {
