@@ -167,7 +167,7 @@ impl Residency {
         assert_eq!(missing, self.missing_pages);
         assert_eq!(self.missing.iter().filter(|&&n| n > 0).count() as u64, self.lacking_groups);
         let waiting = self.waiting.values().map(|(page, _)| *page);
-        let new = self.pending.iter().map(|(_, p)| p.page);
+        let new = self.pending.values().map(|p| p.page);
         assert_eq!(waiting.chain(new).map(|p| self.texels(p)).sum::<u64>(), self.in_flight_texels);
     }
 

@@ -20,9 +20,9 @@ pub struct RequestLimits {
 }
 
 impl Default for RequestLimits {
-    /// Enough to keep a fast disk busy: 4096 pages, 8 Mi texels.
+    /// Enough to keep a fast disk busy: 16384 pages, 8 Mi texels.
     fn default() -> Self {
-        Self { pages: 4096, texels: 8 << 20 }
+        Self { pages: 1 << 14, texels: 8 << 20 }
     }
 }
 

@@ -1,7 +1,7 @@
 //! A loader that reads nothing: it models the time that reading takes.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -61,6 +61,8 @@ pub struct ModelLoader {
     clock: ModelClock,
     ranks: BTreeMap<PageId, Rank>,
     queue: BTreeMap<Rank, PageId>,
+    /// All that are being read or have arrived.
+    begun: BTreeSet<PageId>,
     /// Being read, with the time of arrival, ascending.
     reading: VecDeque<(f64, PageId)>,
     arrived: VecDeque<PageId>,
@@ -80,6 +82,7 @@ impl ModelLoader {
             clock,
             ranks: BTreeMap::new(),
             queue: BTreeMap::new(),
+            begun: BTreeSet::new(),
             reading: VecDeque::new(),
             arrived: VecDeque::new(),
             asked_at: 0.0,
@@ -110,6 +113,7 @@ impl ModelLoader {
             while self.reading.len() < self.disk.queue_depth {
                 let Some((_, page)) = self.queue.pop_first() else { break };
                 self.ranks.remove(&page);
+                self.begun.insert(page);
                 self.idle_at = self.idle_at.max(free_at) + self.bytes(page) as f64 / self.disk.bandwidth;
                 self.reading.push_back((self.idle_at + self.disk.latency_seconds, page));
             }
@@ -151,7 +155,7 @@ fn texels(cover: &Cover, page: PageId) -> u64 {
 
 impl PageLoader for ModelLoader {
     fn request(&mut self, page: PageId, urgency: f32) {
-        if self.reading.iter().any(|&(_, reading)| reading == page) || self.arrived.contains(&page) {
+        if self.begun.contains(&page) {
             return;
         }
         self.asked_at = self.clock.seconds();
@@ -170,8 +174,10 @@ impl PageLoader for ModelLoader {
         if let Some(rank) = self.ranks.remove(&page) {
             self.queue.remove(&rank);
         }
-        self.reading.retain(|&(_, reading)| reading != page);
-        self.arrived.retain(|&arrived| arrived != page);
+        if self.begun.remove(&page) {
+            self.reading.retain(|&(_, reading)| reading != page);
+            self.arrived.retain(|&arrived| arrived != page);
+        }
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
@@ -184,6 +190,7 @@ impl PageLoader for ModelLoader {
                 break;
             }
             self.arrived.pop_front();
+            self.begun.remove(&page);
             loaded.push(self.load(page));
         }
         loaded

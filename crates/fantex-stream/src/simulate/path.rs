@@ -56,7 +56,7 @@ impl CameraPath {
         let Some(to) = self.keyframes.get(next).filter(|k| !k.is_cut) else {
             return Some(CameraKeyframe { seconds, ..from });
         };
-        let before = (next >= 2 && !from.is_cut).then(|| self.keyframes[next - 2]).unwrap_or(from);
+        let before = if next >= 2 && !from.is_cut { self.keyframes[next - 2] } else { from };
         let after = self.keyframes.get(next + 1).filter(|k| !k.is_cut).unwrap_or(to);
         let span = to.seconds - from.seconds;
         let t = if span > 0.0 { (seconds - from.seconds) / span } else { 0.0 };
