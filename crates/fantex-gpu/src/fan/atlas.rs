@@ -16,7 +16,7 @@ pub(crate) const DRAWN_KINDS: [ChannelKind; 5] = [
 
 /// The formats in which an asset's channels are handed over, in their order: block-compressed as they are stored where the
 /// device samples that at full speed, else decoded.
-pub fn atlas_formats(channels: &[Channel], has_block_compression: bool) -> Vec<AtlasFormat> {
+pub(crate) fn atlas_formats(channels: &[Channel], has_block_compression: bool) -> Vec<AtlasFormat> {
     channels.iter().map(|channel| AtlasFormat::of(channel.format, has_block_compression)).collect()
 }
 
