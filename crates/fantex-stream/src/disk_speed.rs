@@ -182,11 +182,13 @@ pub fn loaded_clusters(
     options.file.depth = load.depth;
     let mut loader = ClusterLoader::open(Arc::clone(asset), &options)?;
     let clusters: Vec<ClusterId> = asset.clusters().collect();
+    // Enough to keep the reader busy, and not so many that all clusters are pending.
+    let most_pending = (3 * load.depth).min(clusters.len() / 2);
     let mut random = Random::new([load.seed, 0, 0]);
     let begin = Instant::now();
     let end = begin + Duration::from_secs_f64(load.seconds);
     while Instant::now() < end {
-        while loader.pending() < 3 * load.depth && !clusters.is_empty() {
+        while loader.pending() < most_pending {
             let cluster = clusters[random.below(clusters.len() as u64) as usize];
             loader.request(asset.first_page_of(cluster), random.below(1 << 20) as f32);
         }

@@ -10,7 +10,7 @@ use fantex_store::{ClusterId, ClusterPages, PageError, PageId};
 use super::by_urgency::{ByUrgency, Urgency};
 use super::cluster_cache::ClusterCache;
 use super::{ClusterLoaderOptions, LoaderStatistics};
-use crate::read::{ReadBuffer, RetryPolicy};
+use crate::read::{ReadBuffer, RetryPolicy, is_transient};
 use crate::{LoadedPage, PageTexels};
 
 /// Texels that a worker makes between two looks at the board.
@@ -71,8 +71,8 @@ pub(super) enum Order {
     Unpack(ClusterId, Arc<ReadBuffer>, Range<usize>),
     /// Decode pages of an unpacked cluster.
     Decode(ClusterId, Arc<ClusterPages>),
-    /// Tell the scheduler that a cluster has to be read (again).
-    Read,
+    /// Tell the scheduler: a cluster has to be read again, or there is room for reads.
+    TellScheduler,
     /// End.
     End,
 }
@@ -334,17 +334,19 @@ impl Board {
         true
     }
 
-    /// A read went wrong.
+    /// A read of one or more clusters went wrong. `alone`: of this one only; else each is read by itself before it counts as
+    /// unreadable.
     pub(super) fn read_fails(
         &mut self,
         cluster: ClusterId,
         stored_bytes: usize,
         error: PageError,
-        may_pass: bool,
+        alone: bool,
     ) {
         self.flight_bytes -= stored_bytes;
+        let may_pass = matches!(&error, PageError::Io { source, .. } if is_transient(source));
         let retries = if may_pass { self.retry.retries } else { 0 };
-        self.fail(cluster, error, retries);
+        self.fail(cluster, error, if alone { retries } else { retries.max(1) });
     }
 
     // What workers do.
@@ -363,27 +365,28 @@ impl Board {
         if self.closed {
             return Some(Order::End);
         }
-        while !self.ready_is_full() {
-            let clusters = &self.clusters;
-            let exact = |id: ClusterId| clusters.get(&id).map_or(Urgency(f32::NEG_INFINITY), Wanted::urgency);
-            let cluster = self.job_order.pop_exact(exact)?;
-            match self.jobs.remove(&cluster)? {
-                Job::Stored(_, part) if self.is_given_up(cluster) => {
-                    self.counts.clusters_dropped += 1;
-                    self.flight_bytes -= part.len();
-                    self.clusters.remove(&cluster);
-                }
-                Job::Stored(bytes, part) => return Some(Order::Unpack(cluster, bytes, part)),
-                Job::Cached => match self.cache.get(cluster) {
-                    Some(pages) => return Some(Order::Decode(cluster, pages)),
-                    None => {
-                        self.read_again(cluster);
-                        return Some(Order::Read);
-                    }
-                },
-            }
+        if self.ready_is_full() {
+            return None;
         }
-        None
+        let clusters = &self.clusters;
+        let exact = |id: ClusterId| clusters.get(&id).map_or(Urgency(f32::NEG_INFINITY), Wanted::urgency);
+        let cluster = self.job_order.pop_exact(exact)?;
+        Some(match self.jobs.remove(&cluster)? {
+            Job::Stored(_, part) if self.is_given_up(cluster) => {
+                self.counts.clusters_dropped += 1;
+                self.flight_bytes -= part.len();
+                self.clusters.remove(&cluster);
+                Order::TellScheduler
+            }
+            Job::Stored(bytes, part) => Order::Unpack(cluster, bytes, part),
+            Job::Cached => match self.cache.get(cluster) {
+                Some(pages) => Order::Decode(cluster, pages),
+                None => {
+                    self.read_again(cluster);
+                    Order::TellScheduler
+                }
+            },
+        })
     }
 
     /// A cluster that had been at hand is not any more.

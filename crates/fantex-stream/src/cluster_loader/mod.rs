@@ -274,9 +274,16 @@ impl PageLoader for ClusterLoader {
         let Ok(cluster) = self.shared.asset.cluster_of(page) else {
             return self.shared.board.lock().cancel_refused(page);
         };
-        let gives_up_read = self.shared.board.lock().cancel(page, cluster);
+        let mut board = self.shared.board.lock();
+        let was_full = board.ready_is_full();
+        let gives_up_read = board.cancel(page, cluster);
+        let has_room = was_full && !board.ready_is_full();
+        drop(board);
         if gives_up_read {
             self.shared.scheduler.kick();
+        }
+        if has_room {
+            self.shared.board.room_arrived();
         }
     }
 

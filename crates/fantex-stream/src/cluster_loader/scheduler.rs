@@ -9,7 +9,7 @@ use fantex_store::{ClusterId, PageError};
 
 use super::Shared;
 use super::file_order::{ClusterRead, FileOrder};
-use crate::read::{QueuedReader, ReadCompletion, ReadRequest, is_transient};
+use crate::read::{QueuedReader, ReadCompletion, ReadRequest};
 
 /// How long an idle scheduler lets requests gather before it reads, so that neighbours go together. A frame's requests come
 /// within this time.
@@ -141,6 +141,7 @@ impl Scheduler {
         counts.bytes_read += length;
         counts.read_seconds += submitted.elapsed().as_secs_f64();
         let result = result.map(Arc::new).map_err(Arc::new);
+        let alone = read.clusters.len() == 1;
         let mut jobs = 0;
         for (id, range) in read.clusters {
             self.tokens.remove(&id);
@@ -156,11 +157,10 @@ impl Scheduler {
                 Ok(_) => Arc::new(io::ErrorKind::UnexpectedEof.into()),
                 Err(error) => Arc::clone(error),
             };
-            let may_pass = is_transient(&error);
             let path = self.shared.asset.path().to_owned();
             let (offset, length) = (range.start, stored_bytes as u64);
             let error = PageError::Io { path, offset, length, source: error };
-            board.read_fails(id, stored_bytes, error, may_pass);
+            board.read_fails(id, stored_bytes, error, alone);
         }
         drop(board);
         (0..jobs).for_each(|_| self.shared.board.job_arrived());

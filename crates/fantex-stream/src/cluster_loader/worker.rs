@@ -27,7 +27,7 @@ impl Worker {
             match self.shared.board.wait_for_order() {
                 Order::Unpack(cluster, bytes, part) => self.unpack(cluster, bytes, part),
                 Order::Decode(cluster, pages) => self.decode(cluster, &pages, true),
-                Order::Read => {}
+                Order::TellScheduler => {}
                 Order::End => return,
             }
             // Flights may have ended, clusters may have to be read again.

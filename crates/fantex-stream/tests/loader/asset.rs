@@ -81,7 +81,7 @@ pub(crate) fn expected(asset: &Asset, page: PageId, block_compressed: bool) -> P
 
 /// Polls until nothing is pending.
 pub(crate) fn wait_for_all(loader: &mut ClusterLoader, max_bytes: usize) -> Vec<LoadedPage> {
-    let deadline = Instant::now() + Duration::from_secs(120);
+    let deadline = Instant::now() + Duration::from_secs(30);
     let mut pages = Vec::new();
     while loader.pending() > 0 {
         let arrived = loader.poll(max_bytes);

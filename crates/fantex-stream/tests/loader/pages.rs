@@ -146,7 +146,9 @@ fn no_sequence_of_requests_and_cancellations_loses_or_duplicates_a_page() {
     };
     let file = FileReadOptions { depth: 4, ..FileReadOptions::default() };
     let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig {
-        cases: 40,
+        cases: 100,
+        // Each failure waits for its deadline.
+        max_shrink_iters: 4,
         failure_persistence: None,
         ..ProptestConfig::default()
     });
