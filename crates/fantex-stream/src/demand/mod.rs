@@ -43,6 +43,10 @@ use surface::{BLOCK, FAN_OUT};
 const TRAVEL: f32 = 0.02;
 /// The camera may turn by so many radians.
 const TURN: f32 = 0.01;
+/// The same for blocks well inside the picture, whose level alone is at stake.
+const UNIFORM_TRAVEL: f32 = 0.03;
+/// Radians for such blocks.
+const UNIFORM_TURN: f32 = 0.03;
 /// A block whose farthest point is at most so many times as far as its nearest is bounded as a whole: a fifth of a level.
 const UNIFORM_DEPTH: f32 = 1.15;
 
@@ -262,24 +266,38 @@ impl Visit<'_> {
         self.demand.nodes[0][node].is_hidden = false;
         let gap = self.lens.gap(&bounds.sphere).max(0.25 * bounds.sphere.radius);
         let slack = Slack { travel: TRAVEL * gap, turn: TURN };
+        let may_be_uniform =
+            !self.surface.has_paged[node] && self.lens.depth_ratio(&bounds.sphere) < UNIFORM_DEPTH;
+        if may_be_uniform {
+            let wide = Slack { travel: UNIFORM_TRAVEL * gap, turn: UNIFORM_TURN };
+            for slack in [wide, slack] {
+                if self.lens.sight(bounds, slack) == Sight::Whole {
+                    self.uniform_block(node, bounds, slack);
+                    return self.demand.course.plus(slack);
+                }
+            }
+        }
         let groups = block(node, self.demand.details.len());
-        let is_uniform = !self.surface.has_paged[node]
-            && self.lens.depth_ratio(&bounds.sphere) < UNIFORM_DEPTH
-            && self.lens.sight(bounds, slack) == Sight::Whole;
-        if is_uniform {
-            self.demand.work.uniform_blocks += 1;
-            let log2_pixel = self.lens.log2_width(bounds, slack) - bounds.log2_density;
-            for group in groups {
-                let density = self.surface.groups[group].log2_density;
-                let seen = density < f32::INFINITY;
-                let detail = if seen { Detail::from_log2(log2_pixel + density) } else { Detail::HIDDEN };
+        self.demand.work.groups += groups.len() as u32;
+        groups.for_each(|group| self.group(group as u32, slack));
+        self.demand.course.plus(slack)
+    }
+
+    /// One bound for all groups of a block: they differ by their densities only.
+    fn uniform_block(&mut self, node: usize, bounds: &Bounds, slack: Slack) {
+        self.demand.work.uniform_blocks += 1;
+        let log2_pixel = self.lens.log2_width(bounds, slack) - bounds.log2_density;
+        let groups = block(node, self.demand.details.len());
+        let mut details = [Detail::HIDDEN; BLOCK];
+        for (detail, &density) in details.iter_mut().zip(&self.surface.log2_densities[groups.clone()]) {
+            let seen = Detail::from_log2(log2_pixel + density);
+            *detail = if density < f32::INFINITY { seen } else { Detail::HIDDEN };
+        }
+        if self.demand.details[groups.clone()] != details[..groups.len()] {
+            for (group, detail) in groups.zip(details) {
                 self.demand.set(group as u32, detail, self.changed);
             }
-        } else {
-            self.demand.work.groups += groups.len() as u32;
-            groups.for_each(|group| self.group(group as u32, slack));
         }
-        self.demand.course.plus(slack)
     }
 
     fn group(&mut self, group: u32, slack: Slack) {

@@ -46,11 +46,18 @@ impl Residency {
 
     fn want_with(&mut self, group: u32, demand: &Demand, reluctance: u8, loader: &mut dyn PageLoader) {
         let detail = demand.detail(group);
+        let is_paged = self.shapes.of(group).is_paged();
+        let level = self.level_for(group, detail, reluctance);
+        if !is_paged && level == u32::from(self.wanted[group as usize]) {
+            if self.missing[group as usize] > 0 {
+                self.wish(group, detail);
+            }
+            return;
+        }
         let was_visible = self.is_wanted(group);
-        if self.shapes.of(group).is_paged() {
+        if is_paged {
             self.want_pages(group, demand, loader);
         } else {
-            let level = self.level_for(group, detail, reluctance);
             self.want_level(group, level, loader);
         }
         match (was_visible, self.is_wanted(group)) {
