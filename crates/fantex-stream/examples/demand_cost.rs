@@ -9,7 +9,7 @@
 
 use std::error::Error;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::generate::{LandscapeOptions, landscape};
@@ -35,7 +35,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         look_ahead_seconds: 0.0,
         ..Default::default()
     };
+    let started = Instant::now();
     let mut streamer = Streamer::new(geometry, Box::new(loader), options);
+    println!("bounds taken in {:.2?}", started.elapsed());
     let fly = |metres_per_frame: f64| {
         let (from, way) = (DVec3::new(0.0, 150.0, 480.0), DVec3::new(0.0, 0.0, -metres_per_frame * 200.0));
         CameraPath::fly(offset + from, offset + from + way, 200.0 / 60.0)
