@@ -2,7 +2,7 @@
 //! processor time of demand where one fan has one tile.
 //!
 //! ```text
-//! cargo run --release -p fantex-stream --example simulate_streaming -- [TRIANGLES] [TEXELS] [TILE] [POOL_SIDE]
+//! cargo run --release -p fantex-stream --example simulate_streaming -- [TRIANGLES] [TEXELS] [TILE] [POOL_SIDE] [FIRST_PATH]
 //! ```
 
 use std::error::Error;
@@ -20,6 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut numbers = std::env::args().skip(1).map(|a| a.parse::<u64>());
     let mut next = |default: u64| numbers.next().unwrap_or(Ok(default));
     let (triangles, texels, tile, side) = (next(200_000)?, next(1 << 28)?, next(128)?, next(4096)?);
+    let first = next(0)? as usize;
     let started = Instant::now();
     let land = landscape(&LandscapeOptions { triangles, ..LandscapeOptions::default() });
     let (mesh, _) = clean(land.into(), &CleanOptions::default())?;
@@ -55,7 +56,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         ("random walk", CameraPath::random_walk(center, 500.0, 1, 10.0)),
     ];
     println!("{:16}{}", "", SimulationReport::HEADING);
-    for (name, path) in &paths {
+    for (name, path) in paths.iter().skip(first) {
         let options = SimulationOptions {
             streamer: StreamerOptions { atlas, ..StreamerOptions::default() },
             disk: DiskModel::default(),

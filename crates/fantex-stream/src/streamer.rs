@@ -107,9 +107,7 @@ impl Streamer {
         let is_moving = self.motion.advance(view, frame.elapsed_seconds);
         let loader = &mut *self.loader;
         self.residency.begin_frame();
-        for &group in &self.changed {
-            self.residency.want(group, &self.demand, loader);
-        }
+        self.residency.want(&self.changed, &self.demand, loader);
         self.residency.adapt(&self.demand, is_moving, loader);
         let mut changes = self.residency.arrive(frame.upload_bytes, loader);
         self.residency.request(&self.demand, &self.options.limits, loader);
@@ -260,7 +258,7 @@ pub struct StreamStatistics {
     pub requested_pages: usize,
     /// Arrived, not placed yet.
     pub waiting_pages: usize,
-    /// Groups whose missing pages have not been asked for.
+    /// Groups whose demand has not been taken over, or whose missing pages have not been asked for.
     pub lacking_groups_not_asked: usize,
     /// Pages asked for.
     pub requests: u64,

@@ -14,6 +14,16 @@
 //! way and the angle that the camera has covered so far, at which anything below it must be looked at again. Blocks that are
 //! small against their distance, inside the picture and turned to the camera are bounded once for all their groups.
 //!
+//! **What it costs.** A landscape of 950 k fans with a tile each, 600 k of them in the picture, 1920x1080, least and median
+//! frame (`examples/demand_cost.rs`, two cores shared with other work): still 0 us; 0.1 m per frame in a square of 1 km, 80 us;
+//! 0.5 m per frame 20 and 540 us; 3 m per frame 0.2 and 5 ms; a cut in every frame 24 ms, once per cut. Tiles of 128 texels
+//! are a hundred times fewer.
+//!
+//! **What it gives away.** Mean excess over the reference with anisotropic look-ups: 0.1 to 0.3 levels (bunny 0.26); with
+//! trilinear ones, whose level hangs on the pixel's longer axis, 0.5 to 1.3. Single groups at a silhouette, of which the
+//! reference sees a sliver at a grazing angle only, are demanded as if they were seen squarely. 10 to 16 % of the wanted
+//! groups of curved bodies are not seen: they lie within the slack, or turn their back at most points.
+//!
 //! **Occlusion is not computed.** A coarse answer is needed ahead of time here, while depth is known to the renderer only, and
 //! only for the last picture. What hidden surfaces cost is room in the pool, of which the bias takes account.
 
@@ -43,6 +53,10 @@ use surface::{BLOCK, FAN_OUT};
 const TRAVEL: f32 = 0.02;
 /// The camera may turn by so many radians.
 const TURN: f32 = 0.01;
+/// The same for blocks well inside the picture, whose level alone is at stake.
+const UNIFORM_TRAVEL: f32 = 0.03;
+/// Radians for such blocks.
+const UNIFORM_TURN: f32 = 0.03;
 /// A block whose farthest point is at most so many times as far as its nearest is bounded as a whole: a fifth of a level.
 const UNIFORM_DEPTH: f32 = 1.15;
 
@@ -262,24 +276,38 @@ impl Visit<'_> {
         self.demand.nodes[0][node].is_hidden = false;
         let gap = self.lens.gap(&bounds.sphere).max(0.25 * bounds.sphere.radius);
         let slack = Slack { travel: TRAVEL * gap, turn: TURN };
+        let may_be_uniform =
+            !self.surface.has_paged[node] && self.lens.depth_ratio(&bounds.sphere) < UNIFORM_DEPTH;
+        if may_be_uniform {
+            let wide = Slack { travel: UNIFORM_TRAVEL * gap, turn: UNIFORM_TURN };
+            for slack in [wide, slack] {
+                if self.lens.sight(bounds, slack) == Sight::Whole {
+                    self.uniform_block(node, bounds, slack);
+                    return self.demand.course.plus(slack);
+                }
+            }
+        }
         let groups = block(node, self.demand.details.len());
-        let is_uniform = !self.surface.has_paged[node]
-            && self.lens.depth_ratio(&bounds.sphere) < UNIFORM_DEPTH
-            && self.lens.sight(bounds, slack) == Sight::Whole;
-        if is_uniform {
-            self.demand.work.uniform_blocks += 1;
-            let log2_pixel = self.lens.log2_width(bounds, slack) - bounds.log2_density;
-            for group in groups {
-                let density = self.surface.groups[group].log2_density;
-                let seen = density < f32::INFINITY;
-                let detail = if seen { Detail::from_log2(log2_pixel + density) } else { Detail::HIDDEN };
+        self.demand.work.groups += groups.len() as u32;
+        groups.for_each(|group| self.group(group as u32, slack));
+        self.demand.course.plus(slack)
+    }
+
+    /// One bound for all groups of a block: they differ by their densities only.
+    fn uniform_block(&mut self, node: usize, bounds: &Bounds, slack: Slack) {
+        self.demand.work.uniform_blocks += 1;
+        let log2_pixel = self.lens.log2_width(bounds, slack) - bounds.log2_density;
+        let groups = block(node, self.demand.details.len());
+        let mut details = [Detail::HIDDEN; BLOCK];
+        for (detail, &density) in details.iter_mut().zip(&self.surface.log2_densities[groups.clone()]) {
+            let seen = Detail::from_log2(log2_pixel + density);
+            *detail = if density < f32::INFINITY { seen } else { Detail::HIDDEN };
+        }
+        if self.demand.details[groups.clone()] != details[..groups.len()] {
+            for (group, detail) in groups.zip(details) {
                 self.demand.set(group as u32, detail, self.changed);
             }
-        } else {
-            self.demand.work.groups += groups.len() as u32;
-            groups.for_each(|group| self.group(group as u32, slack));
         }
-        self.demand.course.plus(slack)
     }
 
     fn group(&mut self, group: u32, slack: Slack) {

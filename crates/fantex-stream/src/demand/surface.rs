@@ -1,7 +1,7 @@
 //! The surface as demand sees it: bounds of groups, of blocks of groups, of blocks of blocks.
 //!
 //! Groups are ordered along a space-filling curve over the surface, so consecutive ones are neighbours, and a tree needs no
-//! pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 40 bytes per group.
+//! pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 44 bytes per group.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -21,6 +21,8 @@ pub(crate) struct DemandSurface {
     pub(crate) geometry: Arc<dyn Geometry>,
     pub(crate) shapes: Arc<TileShapes>,
     pub(crate) groups: Vec<Bounds>,
+    /// The groups' `log2_density`, close together.
+    pub(crate) log2_densities: Vec<f32>,
     /// Blocks, then the nodes over them, up to a single one.
     pub(crate) nodes: Vec<Vec<Bounds>>,
     pub(crate) paged: HashMap<u32, PagedTile>,
@@ -57,6 +59,7 @@ impl DemandSurface {
             .chunks(BLOCK)
             .map(|block| block.iter().any(|g| paged.contains_key(g)))
             .collect();
-        Self { geometry, shapes, groups, nodes, paged, has_paged }
+        let log2_densities = groups.iter().map(|bounds| bounds.log2_density).collect();
+        Self { geometry, shapes, groups, log2_densities, nodes, paged, has_paged }
     }
 }

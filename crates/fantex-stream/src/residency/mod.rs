@@ -52,6 +52,9 @@ pub(crate) struct Residency {
     wanted_pages: HashMap<u32, Vec<u32>>,
     /// Per group the number of needed pages that are not resident.
     missing: Vec<u32>,
+    /// Groups whose demand has changed and is not taken over yet, each once.
+    backlog: VecDeque<u32>,
+    in_backlog: Vec<bool>,
     missing_pages: u64,
     visible_groups: u64,
     lacking_groups: u64,
@@ -79,6 +82,8 @@ impl Residency {
             wanted,
             wanted_pages: HashMap::new(),
             missing: vec![0; groups],
+            backlog: VecDeque::new(),
+            in_backlog: vec![false; groups],
             missing_pages: 0,
             visible_groups: 0,
             lacking_groups: 0,
@@ -107,9 +112,10 @@ impl Residency {
         &self.damaged
     }
 
-    /// Groups that need pages, and those of them that lack some.
+    /// Groups that need pages, and those of them that lack some or whose demand is not taken over yet.
     pub(crate) fn visible_and_lacking(&self) -> (u64, u64) {
-        (self.visible_groups, self.lacking_groups)
+        let unknown = self.backlog.len() as u64;
+        (self.visible_groups + unknown, self.lacking_groups + unknown)
     }
 
     /// Pages asked for that have not arrived, and those that have arrived and wait.
@@ -119,7 +125,7 @@ impl Residency {
 
     /// Groups whose missing pages have not been asked for.
     pub(crate) fn wishes(&self) -> usize {
-        self.wishes.len()
+        self.wishes.len() + self.backlog.len()
     }
 
     pub(crate) fn uploaded_bytes(&self) -> u64 {

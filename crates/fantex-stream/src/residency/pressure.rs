@@ -18,8 +18,10 @@ const AIM: f64 = 0.95;
 const SQUEEZE: f64 = 0.97;
 /// What a frame with a moving camera gives back.
 const RELAX: f64 = 0.0005;
-/// Groups looked at per frame while the bias waits to sink.
-const WALK: usize = 1 << 15;
+/// Frames that a walk takes while the bias waits to sink.
+const WALK_FRAMES: usize = 64;
+/// Groups looked at per frame in such a walk, at least.
+const LEAST_WALK: usize = 1 << 11;
 
 /// Texels by the bias from which on they are not needed.
 #[derive(Clone, Debug)]
@@ -124,7 +126,7 @@ impl Pressure {
         if self.bias == 0 {
             return false;
         }
-        let end = count.min(self.next + WALK);
+        let end = count.min(self.next + LEAST_WALK.max(count / WALK_FRAMES));
         (self.next as u32..end as u32).for_each(|group| self.walk.add_group(group, demand, shapes));
         self.next = end;
         if end < count {
