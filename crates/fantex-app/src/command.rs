@@ -156,7 +156,7 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(Panels, NONE, Key::I, Command::ToggleInspector, "Inspector"),
         row(Panels, NONE, Key::M, Command::ToggleAtlas, "Live atlas"),
         row(Panels, NONE, Key::G, Command::ToggleGraphs, "Graphs"),
-        row(Panels, NONE, Key::Tab, Command::ToggleAllPanels, "All panels"),
+        row(Panels, NONE, Key::H, Command::ToggleAllPanels, "Hide or show all panels"),
         row(Panels, NONE, Key::L, Command::ToggleStreaming, "Hold or go on loading tiles"),
         row(Panels, NONE, Key::F1, Command::ToggleHelp, "This sheet (also ?)"),
     ]);

@@ -27,5 +27,6 @@ pub mod panels;
 pub mod scene_view;
 pub mod session;
 pub mod settings;
+pub mod shell;
 pub mod theme;
 pub mod viewer;
