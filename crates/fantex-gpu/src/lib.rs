@@ -1,1 +1,39 @@
-//! Being built.
+//! The GPU renderer, on wgpu (Vulkan, Metal, DirectX 12): the CPU renderer's pictures, at frame rate.
+//!
+//! ```text
+//!  Gpu          device, queue, what they can do
+//!  Model        UvModel: a mesh with its own textures        anything else that implements the trait
+//!  Renderer     per frame:
+//!     FrameRecord, LampRecord, ...   camera and lights as shaders want them     (frame/)
+//!     shadow maps                    only when lamps or model have changed
+//!     surfaces, sky, layers, lines   half floats, linear light, 1 or 4 samples
+//!     tone map                       into the target, in its encoding
+//! ```
+//!
+//! Shaders are files that are joined (see [`shader`]): `frame.wgsl` states what every shader is given, `shading.wgsl` turns a
+//! material sample into light, and each kind of model adds where its material samples come from.
+
+mod error;
+mod frame;
+mod gpu;
+mod model;
+mod options;
+mod picture;
+mod renderer;
+mod screen;
+pub mod shader;
+mod surface_pipeline;
+mod timing;
+mod uv;
+mod wireframe;
+
+pub use error::GpuError;
+pub use frame::{FrameLayout, View};
+pub use gpu::{Gpu, GpuInfo, GpuOptions};
+pub use model::{FrameContext, Model, ModelSpace};
+pub use options::{DrawOptions, Overlay, WireframeOptions};
+pub use picture::{PictureRenderer, render_to_picture};
+pub use renderer::{Frame, Renderer};
+pub use surface_pipeline::{CasterPipeline, Coat, SurfaceKey, SurfacePipeline};
+pub use timing::{FrameTimes, frame_times};
+pub use uv::{UvModel, UvModelError};

@@ -4,11 +4,13 @@ use fantex_mesh::Mesh;
 use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::lamp_view::LampView;
 use crate::normals::face_normal;
-use crate::shadow::{Receiver, ShadowMaps, projector_view};
+use crate::shadow::{Receiver, ShadowMaps};
 use crate::{Hit, Lens, RenderOptions, Surface};
-use fantex_scene::{AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight};
+use fantex_scene::LampView;
+use fantex_scene::{
+    AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight, projector_view,
+};
 
 /// The lights of a scene, in mesh space and with their shadow maps.
 #[derive(Debug)]
@@ -169,7 +171,7 @@ impl<'a> Source<'a> {
                 cosines: [light.inner_degrees, light.outer_degrees].map(|a| a.to_radians().cos()),
             },
             LightKind::Projector(projector) => {
-                Self::Projector { view: projector_view(projector, mesh), projector }
+                Self::Projector { view: projector_view(projector, &mesh.world_from_mesh), projector }
             }
         }
     }

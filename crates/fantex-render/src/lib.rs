@@ -25,13 +25,11 @@ mod flat_surface;
 mod glow;
 mod hit;
 mod illumination;
-mod lamp_view;
 mod look_surface;
 mod mesh_surface;
 mod normals;
 mod options;
 mod pattern;
-mod picture;
 mod primitive;
 mod raster;
 mod reflecting_surface;
@@ -48,21 +46,19 @@ mod tiles;
 pub use capture::{CaptureOptions, capture_environment, capture_with, cube_cameras};
 pub use fan_surface::FanSurface;
 pub use fantex_scene::{
-    AmbientLight, Background, Bounds, Camera, EnvironmentLight, Falloff, FilterOptions, Lens, Light,
-    LightKind, Lights, Penumbra, Projector, ShadowOptions, Slide, SpotLight, ToneMap,
+    AmbientLight, Background, Bounds, Camera, EnvironmentLight, Falloff, FilterOptions, Glow, Lens, Light,
+    LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadowOptions, Slide, SpotLight, ToneMap,
 };
 pub use finish::{AnisotropySample, Finish};
 pub use flat_surface::{FlatShading, FlatSurface};
-pub use glow::{Glow, render_with_glow};
+pub use glow::render_with_glow;
 pub use hit::{Hit, Interpolation};
 pub use look_surface::LookSurface;
 pub use mesh_surface::MeshSurface;
 pub use options::{MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
 pub use pattern::MAX_SAMPLES;
-pub use picture::Picture;
 pub use reflecting_surface::{ObjectReflection, ReflectingSurface};
 pub use render::{RenderStats, Rendering, render};
 pub use scene::{Scene, SceneError, SceneObject};
-pub use shading::Shading;
 pub use surface::{Coverage, MaterialSample, SmoothPoint, Surface};
 pub use tiles::{TileSource, TileTexels};

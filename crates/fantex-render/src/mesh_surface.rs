@@ -1,13 +1,11 @@
 //! A mesh with its own materials: images through texture coordinates, vertex colours, factors.
 
-use std::sync::Arc;
-
-use fantex_mesh::{AlphaMode, Material, Mesh};
+use fantex_mesh::{Material, Mesh};
 use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
-    normal_map_tangents, occlusion_roughness_metallic, vertex_color,
+    normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
 };
-use fantex_texture::{Filter, ImageTexture, LoadImageError, SampleOptions};
+use fantex_texture::{Filter, LoadImageError, SampleOptions};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
@@ -86,18 +84,6 @@ impl MeshSurface<'_> {
             nearby.then(|| self.bent_normal(material, layer, &moved)).flatten()
         };
         Some([(next(hit.dlambda_dx)? - normal) * side, (next(hit.dlambda_dy)? - normal) * side])
-    }
-}
-
-/// Lets cut-outs cover the same share at every level of their textures.
-fn preserve_coverage(materials: &[Material], textures: &mut [MaterialTextures]) {
-    for (material, textures) in materials.iter().zip(textures) {
-        if let (AlphaMode::Mask(threshold), Some(layer)) = (material.alpha, &mut textures.base_color) {
-            // The alpha that is compared is the texel's times the factor's.
-            let threshold = threshold / material.base_color.w.max(1e-3);
-            let texture = ImageTexture::clone(&layer.texture).with_preserved_coverage(threshold);
-            layer.texture = Arc::new(texture);
-        }
     }
 }
 

@@ -8,6 +8,7 @@ use crate::illumination::PreparedLights;
 use crate::pattern::{SamplePattern, bits};
 use crate::primitive::TILE;
 use crate::raster::{Fragment, NO_TRIANGLE, TileSamples};
+use crate::shading::evaluate;
 use crate::sky_box;
 use crate::{RenderOptions, ShadingRate, Surface};
 
@@ -126,7 +127,7 @@ impl Resolve<'_> {
         state.shaded += 1;
         state.lookups += u64::from(material.lookups);
         let arriving = self.lights.at(self.hits.mesh, self.surface, &hit);
-        let light = self.options.shading.evaluate(&material, finish.as_ref(), hit.to_eye, &arriving);
+        let light = evaluate(self.options.shading, &material, finish.as_ref(), hit.to_eye, &arriving);
         // One texel that is not a number must not spoil its pixel's other samples.
         let light = if light.is_finite() { light } else { Vec3::ZERO };
         (light * self.options.exposure).extend(material.alpha.clamp(0.0, 1.0))

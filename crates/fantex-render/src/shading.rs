@@ -7,54 +7,29 @@ use glam::Vec3;
 use crate::Finish;
 use crate::illumination::Illumination;
 use crate::surface::MaterialSample;
-use fantex_scene::{AmbientLight, MirrorView, smith_visibility, split_sum};
+use fantex_scene::{AmbientLight, MirrorView, Shading, smith_visibility, split_sum};
 
-/// A lighting model, or one of the inputs of lighting as the picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Shading {
-    /// glTF 2.0 metallic-roughness: Lambert and GGX.
-    #[default]
-    MetallicRoughness,
-    /// Blinn-Phong with ambient.
-    BlinnPhong,
-    /// The base colour.
-    BaseColor,
-    /// The shading normal, -1..1 shown as 0..1.
-    Normal,
-    /// Occlusion, roughness and metallic as red, green and blue.
-    OcclusionRoughnessMetallic,
-    /// Emitted light.
-    Emission,
-}
-
-impl Shading {
-    /// Whether lights make a difference.
-    pub(crate) fn is_lit(self) -> bool {
-        matches!(self, Self::MetallicRoughness | Self::BlinnPhong)
-    }
-
-    /// Linear RGB towards the eye. `to_eye` is a unit vector.
-    pub(crate) fn evaluate(
-        self,
-        material: &MaterialSample,
-        finish: Option<&Finish>,
-        to_eye: Vec3,
-        light: &Illumination,
-    ) -> Vec3 {
-        match self {
-            Self::BaseColor => material.base_color,
-            Self::Normal => material.normal * 0.5 + 0.5,
-            Self::OcclusionRoughnessMetallic => {
-                Vec3::new(material.occlusion, material.roughness, material.metallic)
-            }
-            Self::Emission => material.emission,
-            Self::MetallicRoughness | Self::BlinnPhong if material.unlit => material.base_color,
-            Self::MetallicRoughness | Self::BlinnPhong if let Some(finish) = finish => {
-                finish.evaluate(material, to_eye, light)
-            }
-            Self::MetallicRoughness => material.emission + metallic_roughness(material, to_eye, light),
-            Self::BlinnPhong => material.emission + blinn_phong(material, to_eye, light),
+/// Linear RGB towards the eye. `to_eye` is a unit vector.
+pub(crate) fn evaluate(
+    shading: Shading,
+    material: &MaterialSample,
+    finish: Option<&Finish>,
+    to_eye: Vec3,
+    light: &Illumination,
+) -> Vec3 {
+    match shading {
+        Shading::BaseColor => material.base_color,
+        Shading::Normal => material.normal * 0.5 + 0.5,
+        Shading::OcclusionRoughnessMetallic => {
+            Vec3::new(material.occlusion, material.roughness, material.metallic)
         }
+        Shading::Emission => material.emission,
+        Shading::MetallicRoughness | Shading::BlinnPhong if material.unlit => material.base_color,
+        Shading::MetallicRoughness | Shading::BlinnPhong if let Some(finish) = finish => {
+            finish.evaluate(material, to_eye, light)
+        }
+        Shading::MetallicRoughness => material.emission + metallic_roughness(material, to_eye, light),
+        Shading::BlinnPhong => material.emission + blinn_phong(material, to_eye, light),
     }
 }
 
@@ -220,7 +195,7 @@ mod tests {
         }
     }
 
-    fn evaluate(shading: Shading, material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
+    fn lit(shading: Shading, material: &MaterialSample, to_eye: Vec3, lights: &Lights) -> Vec3 {
         let mesh = Mesh::default();
         let surface = FlatSurface::new(&mesh, FlatShading::Unlit, |_| Vec3::ONE);
         let prepared = PreparedLights::new(lights, &mesh, &surface, &RenderOptions::default());
@@ -232,7 +207,7 @@ mod tests {
             front: true,
             to_eye,
         };
-        shading.evaluate(material, None, to_eye, &prepared.at(&mesh, &surface, &hit))
+        evaluate(shading, material, None, to_eye, &prepared.at(&mesh, &surface, &hit))
     }
 
     /// Directions spread evenly over the upper hemisphere.
@@ -254,7 +229,7 @@ mod tests {
                 let m = material(roughness, metallic);
                 let n = 20_000;
                 let sum: f32 =
-                    hemisphere(n).map(|l| evaluate(Shading::MetallicRoughness, &m, to_eye, &only(l)).x).sum();
+                    hemisphere(n).map(|l| lit(Shading::MetallicRoughness, &m, to_eye, &only(l)).x).sum();
                 let total = 2.0 * sum / n as f32;
                 assert!(total < 1.02 && total > 0.3, "roughness {roughness}, metallic {metallic}: {total}");
                 if metallic == 1.0 {
@@ -271,7 +246,7 @@ mod tests {
 
     #[test]
     fn a_facing_white_diffuser_reflects_the_lights_colour() {
-        let lit = evaluate(Shading::BlinnPhong, &material(1.0, 0.0), Vec3::X, &only(Vec3::Z));
+        let lit = lit(Shading::BlinnPhong, &material(1.0, 0.0), Vec3::X, &only(Vec3::Z));
         assert!((lit.x - 1.0 - DIELECTRIC).abs() < 1e-5, "{lit}");
     }
 
@@ -280,7 +255,7 @@ mod tests {
         let m = material(0.2, 1.0);
         let to_eye = Vec3::new(0.6, 0.0, 0.8);
         for shading in [Shading::MetallicRoughness, Shading::BlinnPhong] {
-            let at = |l: Vec3| evaluate(shading, &m, to_eye, &only(l)).x;
+            let at = |l: Vec3| lit(shading, &m, to_eye, &only(l)).x;
             let mirror = at(Vec3::new(-0.6, 0.0, 0.8));
             assert!(mirror > 4.0 * at(Vec3::new(0.0, 0.0, 1.0)), "{shading:?}");
             assert!(mirror > 4.0 * at(Vec3::new(0.6, 0.0, 0.8)), "{shading:?}");
@@ -294,7 +269,7 @@ mod tests {
                 for to_eye in [Vec3::Z, Vec3::X, Vec3::NEG_Z] {
                     for l in [Vec3::Z, Vec3::X, Vec3::NEG_Z, Vec3::ZERO] {
                         for shading in [Shading::MetallicRoughness, Shading::BlinnPhong] {
-                            let c = evaluate(shading, &material(roughness, metallic), to_eye, &only(l));
+                            let c = lit(shading, &material(roughness, metallic), to_eye, &only(l));
                             assert!(c.is_finite() && c.min_element() >= 0.0, "{shading:?} {to_eye} {l}: {c}");
                         }
                     }
@@ -306,7 +281,7 @@ mod tests {
     #[test]
     fn unlit_surfaces_show_their_colour() {
         let m = MaterialSample { unlit: true, base_color: Vec3::new(0.1, 0.2, 0.3), ..material(0.5, 0.5) };
-        let c = evaluate(Shading::MetallicRoughness, &m, Vec3::Z, &Lights::default());
+        let c = lit(Shading::MetallicRoughness, &m, Vec3::Z, &Lights::default());
         assert_eq!(c, m.base_color);
     }
 }

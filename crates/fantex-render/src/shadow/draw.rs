@@ -4,22 +4,22 @@ use fantex_mesh::Mesh;
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::{ShadowFace, fit::Fitted};
+use super::ShadowFace;
 use crate::clip::{clip, screen};
 use crate::fixed::{SUBPIXELS, doubled_area, snap};
 use crate::hit::{Hit, Interpolation, ScreenBarycentrics};
-use crate::lamp_view::Spread;
 use crate::pattern::SamplePattern;
 use crate::primitive::{CHUNK, Chunk, Primitive, TILE, TileGrid};
 use crate::raster::{Fragment, TileSamples};
 use crate::{Coverage, Surface};
+use fantex_scene::{FittedView, Spread};
 
 /// What lets more light through than this casts no shadow.
 const LEAST_ALPHA: f32 = 0.5;
 
 /// Draws one map. Both sides of every triangle that casts shadows do; layered ones where their alpha is at least a half.
-pub(super) fn draw(fitted: Fitted, resolution: u32, mesh: &Mesh, surface: &dyn Surface) -> ShadowFace {
-    let Fitted { view, far } = fitted;
+pub(super) fn draw(fitted: FittedView, resolution: u32, mesh: &Mesh, surface: &dyn Surface) -> ShadowFace {
+    let FittedView { view, far } = fitted;
     let mut face = ShadowFace { view, resolution, far, nearness: Vec::new() };
     let grid = TileGrid { size: [resolution; 2] };
     let pattern = SamplePattern::new(1);

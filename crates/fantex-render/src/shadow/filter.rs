@@ -6,7 +6,7 @@ use glam::{DVec2, Vec2, Vec3};
 use fantex_scene::{Penumbra, ShadowOptions};
 
 use super::{Receiver, ShadowFace};
-use crate::lamp_view::{Projected, Spread};
+use fantex_scene::{Projected, Spread};
 
 /// Half the least width of the filter, in texels.
 const LEAST_RADIUS: f32 = 1.25;

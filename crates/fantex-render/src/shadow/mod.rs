@@ -1,7 +1,7 @@
 //! Shadow maps (L. Williams, "Casting Curved Shadows on Curved Surfaces", 1978).
 //!
 //! ```text
-//!  lamp, scene --fit--> LampView(s) --draw--> nearness per texel --filter--> share of the light that arrives
+//!  lamp, scene --lamp_views--> LampView(s) --draw--> nearness per texel --filter--> share of the light that arrives
 //! ```
 //!
 //! A map holds, for every texel, how near to the lamp the nearest surface is. Nearness is linear over the map on every plane
@@ -11,16 +11,12 @@
 
 mod draw;
 mod filter;
-mod fit;
-
-pub(crate) use fit::projector_view;
 
 use fantex_mesh::Mesh;
 use glam::{DVec3, Vec3};
 
-use crate::lamp_view::{LampView, Spread};
 use crate::{Light, Surface};
-use fantex_scene::ShadowOptions;
+use fantex_scene::{LampView, ShadowOptions, Spread, lamp_views};
 
 /// The maps of a lamp.
 #[derive(Debug)]
@@ -59,7 +55,10 @@ impl ShadowMaps {
     /// Draws the maps of a lamp; none where it has no shadows.
     pub(crate) fn draw(light: &Light, mesh: &Mesh, surface: &dyn Surface) -> Option<Self> {
         let options = light.shadow?;
-        let faces = fit::views(&light.kind, mesh, surface)
+        let casters = (0..mesh.triangles.len())
+            .filter(|&triangle| surface.casts_shadow(triangle))
+            .flat_map(|triangle| mesh.triangle_positions(triangle));
+        let faces = lamp_views(&light.kind, &mesh.world_from_mesh, &mesh.positions, casters)
             .into_iter()
             .map(|fitted| draw::draw(fitted, options.resolution, mesh, surface))
             .collect();
@@ -76,7 +75,7 @@ impl ShadowMaps {
     }
 }
 
-/// Index of the cube's face that a direction meets, in the order of [`fit::CUBE`].
+/// Index of the cube's face that a direction meets, in the order of [`lamp_views`].
 fn cube_face(direction: DVec3) -> usize {
     let axis = direction.abs().max_position();
     2 * axis + usize::from(direction[axis] < 0.0)

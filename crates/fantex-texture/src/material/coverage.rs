@@ -4,6 +4,11 @@
 //! thin out, or close up, with every level. So the alpha of each level is scaled until the same share of it passes the test as
 //! of level 0 (I. Castaño, "Computing Alpha Mipmaps", 2010).
 
+use std::sync::Arc;
+
+use fantex_mesh::{AlphaMode, Material};
+
+use super::MaterialTextures;
 use crate::{Image, ImageTexture};
 
 /// How the levels of an image have to be scaled so that a cut-out covers the same share at each.
@@ -63,6 +68,18 @@ impl ImageTexture {
     }
 }
 
+/// Lets the cut-outs of materials cover the same share at every level of their textures; `textures` has an entry per material.
+pub fn preserve_coverage(materials: &[Material], textures: &mut [MaterialTextures]) {
+    for (material, textures) in materials.iter().zip(textures) {
+        if let (AlphaMode::Mask(threshold), Some(layer)) = (material.alpha, &mut textures.base_color) {
+            // The alpha that is compared is the texel's times the factor's.
+            let threshold = threshold / material.base_color.w.max(1e-3);
+            let texture = ImageTexture::clone(&layer.texture).with_preserved_coverage(threshold);
+            layer.texture = Arc::new(texture);
+        }
+    }
+}
+
 /// The alpha over a level: of its texels, or of a level with few texels at points between them, too.
 fn alphas(level: &Image) -> Vec<f32> {
     let (width, height) = (level.width, level.height);
@@ -103,8 +120,6 @@ fn scale_to(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Arc;
-
     use glam::Vec2;
 
     use super::*;

@@ -20,7 +20,7 @@ use glam::{Mat3, Vec2};
 
 use crate::{ImageTexture, Wrap};
 
-pub use coverage::AlphaCoverage;
+pub use coverage::{AlphaCoverage, preserve_coverage};
 pub use evaluate::*;
 pub use load::load_material_textures;
 pub use variance::*;

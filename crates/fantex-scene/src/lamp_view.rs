@@ -1,14 +1,14 @@
-//! The scene as a lamp sees it: the projection of slides and of shadow maps.
+//! The scene as a lamp sees it: the projection of slides and of shadow maps. Mesh space.
 
-use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+use glam::{DMat3, DMat4, DVec2, DVec3, Vec2, Vec3};
 
-use fantex_scene::view_axes;
+use crate::view_axes;
 
 /// A projection of mesh space onto the unit square of a lamp's picture (origin top left, v downwards).
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LampView {
+pub struct LampView {
     /// The pinhole; for a parallel projection a point of the plane of depth zero.
-    pub(crate) origin: DVec3,
+    pub origin: DVec3,
     /// Right, up and forward, unit vectors.
     axes: [DVec3; 3],
     /// Half the width and height of the picture: at depth one, or everywhere.
@@ -21,25 +21,27 @@ pub(crate) struct LampView {
 
 /// Whether light leaves a point or is parallel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Spread {
+pub enum Spread {
+    /// It leaves a point.
     Perspective,
+    /// It is parallel.
     Parallel,
 }
 
 /// A point in a lamp's picture.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Projected {
+pub struct Projected {
     /// Position, `[0,1]` inside the picture; has no meaning at depths that are not positive.
-    pub(crate) uv: DVec2,
+    pub uv: DVec2,
     /// Divisor of the screen-homogeneous coordinates.
-    pub(crate) w: f64,
+    pub w: f64,
     /// Distance along the axis, mesh units.
-    pub(crate) depth: f64,
+    pub depth: f64,
 }
 
 impl LampView {
     /// A view along `forward`; `half` as the field.
-    pub(crate) fn new(origin: DVec3, forward: DVec3, up: DVec3, half: DVec2, spread: Spread) -> Self {
+    pub fn new(origin: DVec3, forward: DVec3, up: DVec3, half: DVec2, spread: Spread) -> Self {
         let forward = forward.normalize_or(DVec3::NEG_Z);
         let to_eye = view_axes(-forward, up.normalize_or(DVec3::Y));
         let (right, up) = (to_eye.x_axis, to_eye.y_axis);
@@ -54,40 +56,53 @@ impl LampView {
     }
 
     /// Along the axis, a unit vector.
-    pub(crate) fn forward(&self) -> DVec3 {
+    pub fn forward(&self) -> DVec3 {
         self.axes[2]
     }
 
     /// To the right and upwards in the picture, unit vectors.
-    pub(crate) fn sides(&self) -> [DVec3; 2] {
+    pub fn sides(&self) -> [DVec3; 2] {
         [self.axes[0], self.axes[1]]
     }
 
+    /// Half the width and height of the picture: at depth one, or where light is parallel everywhere. Mesh units.
+    pub fn half_extent(&self) -> DVec2 {
+        self.half
+    }
+
+    /// Takes `(p_mesh, 1)` to `(u w, v w, w, depth)`; see [`Projected`].
+    pub fn matrix(&self) -> DMat4 {
+        let forward = self.forward();
+        let column = |v: DVec3| (self.linear * v).extend(forward.dot(v));
+        let moved = (self.constant - self.linear * self.origin).extend(-forward.dot(self.origin));
+        DMat4::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z), moved)
+    }
+
     /// Whether light leaves a point.
-    pub(crate) fn spread(&self) -> Spread {
+    pub fn spread(&self) -> Spread {
         self.spread
     }
 
     /// Screen-homogeneous coordinates `(u w, v w, w)`.
-    pub(crate) fn homogeneous(&self, p_mesh: Vec3) -> DVec3 {
+    pub fn homogeneous(&self, p_mesh: Vec3) -> DVec3 {
         self.linear * (p_mesh.as_dvec3() - self.origin) + self.constant
     }
 
     /// Where a point appears.
-    pub(crate) fn project(&self, p_mesh: Vec3) -> Projected {
+    pub fn project(&self, p_mesh: Vec3) -> Projected {
         let h = self.homogeneous(p_mesh);
         let depth = self.forward().dot(p_mesh.as_dvec3() - self.origin);
         Projected { uv: h.truncate() / h.z, w: h.z, depth }
     }
 
     /// How a point's picture moves with the point.
-    pub(crate) fn step(&self, at: &Projected, step_mesh: Vec3) -> Vec2 {
+    pub fn step(&self, at: &Projected, step_mesh: Vec3) -> Vec2 {
         let h = self.linear * step_mesh.as_dvec3();
         ((h.truncate() - at.uv * h.z) / at.w).as_vec2()
     }
 
     /// Width and height of the picture at a depth, mesh units.
-    pub(crate) fn extent_at(&self, depth: f64) -> DVec2 {
+    pub fn extent_at(&self, depth: f64) -> DVec2 {
         match self.spread {
             Spread::Perspective => self.half * (2.0 * depth),
             Spread::Parallel => self.half * 2.0,
@@ -96,7 +111,7 @@ impl LampView {
 
     /// Change of `1 / depth` (of the depth, where light is parallel) over the width and the height of the picture on the
     /// plane through `p` with the given normal. In these terms, depth is linear over the picture.
-    pub(crate) fn plane_slope(&self, p: DVec3, normal: DVec3) -> DVec2 {
+    pub fn plane_slope(&self, p: DVec3, normal: DVec3) -> DVec2 {
         let [right, up, forward] = self.axes;
         let along = DVec2::new(normal.dot(right), -normal.dot(up)) * self.half * 2.0;
         match self.spread {
@@ -127,6 +142,16 @@ mod tests {
             let [right, up, _] = view.axes;
             let seen = view.project(on_axis + (right * corner.x - up * corner.y).as_vec3());
             assert!((seen.uv - 1.0).length() < 1e-6, "{seen:?}");
+        }
+    }
+
+    #[test]
+    fn the_matrix_projects() {
+        for view in views() {
+            let p = Vec3::new(0.2, 0.4, 0.1);
+            let (h, seen) = (view.matrix() * p.as_dvec3().extend(1.0), view.project(p));
+            assert!((h.truncate().truncate() / h.z - seen.uv).length() < 1e-12);
+            assert!((h.z - seen.w).abs() < 1e-12 && (h.w - seen.depth).abs() < 1e-12);
         }
     }
 

@@ -1,9 +1,10 @@
 //! Rendered pictures.
 
-use fantex_scene::ToneMap;
 use fantex_texture::color::{srgb8_from_linear, unorm8};
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::Vec3;
+
+use crate::ToneMap;
 
 /// A picture in linear light.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,0 +1,174 @@
+//! The device that pictures are drawn with.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use crate::GpuError;
+use crate::frame::FrameLayout;
+
+/// How to choose an adapter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GpuOptions {
+    /// Only software adapters, for pictures that do not depend on the machine.
+    pub software: bool,
+}
+
+/// What a GPU is called and how it is reached.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct GpuInfo {
+    /// The adapter's name, as its driver gives it.
+    pub name: String,
+    /// `Vulkan`, `Metal`, `Dx12`, ...
+    pub backend: String,
+    /// Whether the processor does the work.
+    pub is_software: bool,
+}
+
+/// An open GPU.
+#[derive(Debug)]
+pub struct Gpu {
+    /// The device.
+    pub device: wgpu::Device,
+    /// Its queue.
+    pub queue: wgpu::Queue,
+    info: GpuInfo,
+    state: Arc<Mutex<DeviceState>>,
+    frame_layout: FrameLayout,
+}
+
+/// What the driver has told since the device was opened.
+#[derive(Debug, Default)]
+struct DeviceState {
+    lost: Option<String>,
+    error: Option<GpuError>,
+}
+
+impl Gpu {
+    /// Opens the best adapter without a window; any will do, including software.
+    ///
+    /// # Errors
+    ///
+    /// No adapter, or none that can be opened.
+    pub fn headless(options: &GpuOptions) -> Result<Self, GpuError> {
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends: wgpu::Backends::PRIMARY,
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let request = wgpu::RequestAdapterOptions {
+            power_preference: wgpu::PowerPreference::HighPerformance,
+            force_fallback_adapter: options.software,
+            ..wgpu::RequestAdapterOptions::default()
+        };
+        let adapter = pollster::block_on(instance.request_adapter(&request))
+            .map_err(|error| GpuError::NoAdapter { reason: error.to_string() })?;
+        let opened = pollster::block_on(adapter.request_device(&Self::wanted_device_descriptor(&adapter)));
+        let (device, queue) = opened.map_err(|error| GpuError::NoDevice {
+            adapter: adapter.get_info().name,
+            reason: error.to_string(),
+        })?;
+        let gpu = Self::from_parts(&adapter, device, queue);
+        gpu.record_errors();
+        Ok(gpu)
+    }
+
+    /// A device that was opened elsewhere, with [`Gpu::wanted_device_descriptor`]. Errors that are not asked for stay with
+    /// its owner's handler.
+    pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let about = adapter.get_info();
+        let info = GpuInfo {
+            name: about.name,
+            backend: about.backend.to_string(),
+            is_software: about.device_type == wgpu::DeviceType::Cpu,
+        };
+        let state = Arc::new(Mutex::new(DeviceState::default()));
+        let told = Arc::clone(&state);
+        device.set_device_lost_callback(move |reason, message| {
+            let mut state = told.lock().unwrap_or_else(PoisonError::into_inner);
+            state.lost = Some(format!("{reason:?}: {message}"));
+        });
+        let frame_layout = FrameLayout::new(&device);
+        Self { device, queue, info, state, frame_layout }
+    }
+
+    /// What to ask an adapter for: the features that are used where they exist, and limits as large as it has.
+    pub fn wanted_device_descriptor(adapter: &wgpu::Adapter) -> wgpu::DeviceDescriptor<'static> {
+        let useful = wgpu::Features::TEXTURE_COMPRESSION_BC
+            | wgpu::Features::TIMESTAMP_QUERY
+            | wgpu::Features::FLOAT32_FILTERABLE;
+        wgpu::DeviceDescriptor {
+            label: Some("fantex"),
+            required_features: adapter.features() & useful,
+            required_limits: adapter.limits(),
+            ..wgpu::DeviceDescriptor::default()
+        }
+    }
+
+    /// What it is called and how it is reached.
+    pub fn info(&self) -> &GpuInfo {
+        &self.info
+    }
+
+    /// What the device allows.
+    pub fn limits(&self) -> wgpu::Limits {
+        self.device.limits()
+    }
+
+    /// Whether textures should be block-compressed: the device has the formats, and its sampling of them is not done by the
+    /// processor, which takes up to twenty times as long.
+    pub fn has_block_compression(&self) -> bool {
+        !self.info.is_software && self.device.features().contains(wgpu::Features::TEXTURE_COMPRESSION_BC)
+    }
+
+    /// What every shader that takes part in a frame is bound to in group 0.
+    pub fn frame_layout(&self) -> &FrameLayout {
+        &self.frame_layout
+    }
+
+    /// An error if the device is lost, or (on devices opened by [`Gpu::headless`]) has refused something since the last call.
+    ///
+    /// # Errors
+    ///
+    /// [`GpuError::DeviceLost`], for good; [`GpuError::OutOfMemory`] and [`GpuError::Refused`] once each.
+    pub fn check(&self) -> Result<(), GpuError> {
+        let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(reason) = &state.lost {
+            return Err(GpuError::DeviceLost { reason: reason.clone() });
+        }
+        state.error.take().map_or(Ok(()), Err)
+    }
+
+    /// Waits until all work that was submitted is done.
+    ///
+    /// # Errors
+    ///
+    /// As [`Gpu::check`].
+    pub fn wait(&self) -> Result<(), GpuError> {
+        let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
+        self.check()?;
+        waited.map(|_| ()).map_err(|error| GpuError::Refused { reason: error.to_string() })
+    }
+
+    /// [`GpuError::TooLarge`] about this device.
+    pub(crate) fn too_large(
+        &self,
+        what: &'static str,
+        needed: u64,
+        allowed: u64,
+        unit: &'static str,
+    ) -> GpuError {
+        GpuError::TooLarge { what, needed, allowed, unit, adapter: self.info.name.clone() }
+    }
+
+    /// Keeps the first error for [`Gpu::check`], instead of ending the program.
+    fn record_errors(&self) {
+        let told = Arc::clone(&self.state);
+        self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            let error = match error {
+                wgpu::Error::OutOfMemory { source } => GpuError::OutOfMemory { what: source.to_string() },
+                wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
+                    GpuError::Refused { reason: description }
+                }
+            };
+            told.lock().unwrap_or_else(PoisonError::into_inner).error.get_or_insert(error);
+        }));
+    }
+}

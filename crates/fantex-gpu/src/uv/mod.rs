@@ -1,0 +1,434 @@
+//! Meshes with texture coordinates and materials of their own, the glTF way.
+//!
+//! ```text
+//!  Mesh, MaterialTextures --Vertices--> buffers    (corners that agree are one vertex)
+//!                         --TexturePool, UvMaterial--> one bind group per material
+//!  per frame: opaque and cut-out materials one draw each, blended triangles sorted back to front
+//! ```
+
+mod materials;
+mod sorted;
+mod textures;
+mod vertices;
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use fantex_mesh::{AlphaMode, Material, Mesh};
+use fantex_scene::FilterOptions;
+use fantex_texture::LoadImageError;
+use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
+use wgpu::util::DeviceExt;
+
+use crate::shader::{CASTER, UV, UV_CASTER, UV_MATERIAL, compose, compose_surface, module};
+use crate::{
+    CasterPipeline, Coat, FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey, SurfacePipeline,
+};
+use materials::{UvMaterial, material_layout};
+use sorted::{Run, SortedTriangle, SortedTriangles};
+use textures::TexturePool;
+use vertices::{Attributes, MOST_UV_SETS, Vertices, used_uv_sets};
+
+/// A model cannot be brought to the device.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum UvModelError {
+    /// An image that is used cannot be read.
+    #[error(transparent)]
+    Image(#[from] LoadImageError),
+    /// The device cannot take it.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+    /// More sets of texture coordinates than vertices have room for.
+    #[error(
+        "the textures use {used} sets of texture coordinates, the GPU renderer takes {MOST_UV_SETS}; the CPU renderer takes \
+         any number"
+    )]
+    UvSets {
+        /// Sets that textures use.
+        used: usize,
+    },
+}
+
+/// A mesh with its own materials on the device.
+#[derive(Debug)]
+pub struct UvModel {
+    space: ModelSpace,
+    buffers: Buffers,
+    /// What hides everything behind it, then what is cut out.
+    solid: Vec<Part>,
+    sorted: SortedTriangles,
+    runs: Vec<Run>,
+    materials: Vec<UvMaterial>,
+    layout: wgpu::BindGroupLayout,
+    filter: FilterOptions,
+    pipelines: Pipelines,
+    /// Of the current frame.
+    key: Option<SurfaceKey>,
+}
+
+/// Triangles of one material.
+#[derive(Clone, Debug)]
+struct Part {
+    material: u32,
+    indices: Range<u32>,
+}
+
+/// Vertices and indices on the device.
+#[derive(Debug)]
+struct Buffers {
+    positions: wgpu::Buffer,
+    attributes: wgpu::Buffer,
+    uv: Option<wgpu::Buffer>,
+    uv_pairs: usize,
+    indices: wgpu::Buffer,
+    sorted: wgpu::Buffer,
+}
+
+/// What a surface pipeline of this model depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct PipelineKey {
+    frame: SurfaceKey,
+    layers: u32,
+    alpha: u8,
+    is_double_sided: bool,
+}
+
+/// Pipelines, made when they are first needed.
+#[derive(Debug)]
+struct Pipelines {
+    surface: wgpu::ShaderModule,
+    caster: wgpu::ShaderModule,
+    surfaces: HashMap<PipelineKey, wgpu::RenderPipeline>,
+    solid_caster: Option<wgpu::RenderPipeline>,
+    /// By layers and alpha mode.
+    casters: HashMap<(u32, u8), wgpu::RenderPipeline>,
+}
+
+impl UvModel {
+    /// Decodes the images that the materials use and uploads everything, as the CPU renderer's surface does.
+    ///
+    /// # Errors
+    ///
+    /// An image that is used cannot be read; the device cannot take the model.
+    pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self, UvModelError> {
+        let mut textures = load_material_textures(mesh)?;
+        preserve_coverage(&mesh.materials, &mut textures);
+        Self::new(gpu, mesh, &textures)
+    }
+
+    /// Uploads a mesh with decoded textures, an entry per material.
+    ///
+    /// # Errors
+    ///
+    /// The device cannot take the model.
+    pub fn new(gpu: &Gpu, mesh: &Mesh, textures: &[MaterialTextures]) -> Result<Self, UvModelError> {
+        let uv_sets = used_uv_sets(textures);
+        if uv_sets.len() > MOST_UV_SETS {
+            return Err(UvModelError::UvSets { used: uv_sets.len() });
+        }
+        let layout = material_layout(gpu);
+        let filter = FilterOptions::default();
+        let (default_material, no_textures) = ([Material::default()], [MaterialTextures::default()]);
+        let (all_materials, all_textures) = match mesh.materials.len() {
+            count if count > 0 && count == textures.len() => (&mesh.materials[..], textures),
+            _ => (&default_material[..], &no_textures[..]),
+        };
+        let mut pool = TexturePool::default();
+        let materials = all_materials
+            .iter()
+            .zip(all_textures)
+            .map(|(material, textures)| {
+                UvMaterial::new(gpu, &layout, &mut pool, material, textures, &uv_sets, &filter)
+            })
+            .collect::<Result<Vec<_>, GpuError>>()?;
+        let vertices = Vertices::of_mesh(mesh, textures, &uv_sets);
+        let (solid, indices, sorted) = arrange(mesh, &vertices, &materials);
+        Ok(Self {
+            space: ModelSpace::of_mesh(mesh),
+            buffers: Buffers::new(gpu, &vertices, &indices, &sorted)?,
+            solid,
+            sorted,
+            runs: Vec::new(),
+            materials,
+            layout,
+            filter,
+            pipelines: Pipelines::new(gpu),
+            key: None,
+        })
+    }
+
+    fn pipeline_key(material: &UvMaterial, frame: SurfaceKey) -> PipelineKey {
+        PipelineKey {
+            frame,
+            layers: material.layers,
+            alpha: alpha_code(material.alpha),
+            is_double_sided: material.is_double_sided,
+        }
+    }
+
+    fn draw_part(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
+        let Some(frame) = self.key else { return };
+        let material = &self.materials[material as usize];
+        if let Some(pipeline) = self.pipelines.surfaces.get(&Self::pipeline_key(material, frame)) {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(1, &material.group, &[]);
+            pass.draw_indexed(indices.clone(), 0, 0..1);
+        }
+    }
+
+    fn draw_caster(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
+        let material = &self.materials[material as usize];
+        let key = (material.layers, alpha_code(material.alpha));
+        let pipeline = match material.alpha {
+            AlphaMode::Opaque => self.pipelines.solid_caster.as_ref(),
+            AlphaMode::Mask(_) | AlphaMode::Blend => self.pipelines.casters.get(&key),
+        };
+        if let Some(pipeline) = pipeline {
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(1, &material.group, &[]);
+            pass.draw_indexed(indices.clone(), 0, 0..1);
+        }
+    }
+}
+
+impl Model for UvModel {
+    fn space(&self) -> &ModelSpace {
+        &self.space
+    }
+
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        frame: &FrameContext<'_>,
+    ) -> Result<(), GpuError> {
+        if self.filter != frame.options.filter {
+            self.filter = frame.options.filter;
+            let (layout, filter) = (&self.layout, &self.filter);
+            self.materials.iter_mut().for_each(|material| material.set_filter(gpu, layout, filter));
+        }
+        self.key = Some(frame.key);
+        for material in &self.materials {
+            let key = Self::pipeline_key(material, frame.key);
+            self.pipelines.make_surface(gpu, &self.layout, &self.buffers, key);
+            if frame.draws_shadows {
+                self.pipelines.make_caster(gpu, &self.layout, &self.buffers, material);
+            }
+        }
+        if let Some((corners, runs)) = self.sorted.sort(frame.view) {
+            let staged = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some("sorted triangles"),
+                contents: bytemuck::cast_slice(&corners),
+                usage: wgpu::BufferUsages::COPY_SRC,
+            });
+            encoder.copy_buffer_to_buffer(&staged, 0, &self.buffers.sorted, 0, staged.size());
+            self.runs = runs;
+        }
+        Ok(())
+    }
+
+    fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
+        self.buffers.set_vertices(pass);
+        pass.set_index_buffer(self.buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
+        self.solid.iter().for_each(|part| self.draw_caster(pass, part.material, &part.indices));
+        pass.set_index_buffer(self.buffers.sorted.slice(..), wgpu::IndexFormat::Uint32);
+        self.runs.iter().for_each(|run| self.draw_caster(pass, run.material, &run.indices));
+    }
+
+    fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
+        self.buffers.set_vertices(pass);
+        pass.set_index_buffer(self.buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
+        self.solid.iter().for_each(|part| self.draw_part(pass, part.material, &part.indices));
+    }
+
+    fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
+        self.buffers.set_vertices(pass);
+        pass.set_index_buffer(self.buffers.sorted.slice(..), wgpu::IndexFormat::Uint32);
+        self.runs.iter().for_each(|run| self.draw_part(pass, run.material, &run.indices));
+    }
+}
+
+/// Solid parts with their indices, one after the other, and the triangles that are blended.
+fn arrange(
+    mesh: &Mesh,
+    vertices: &Vertices,
+    materials: &[UvMaterial],
+) -> (Vec<Part>, Vec<[u32; 3]>, SortedTriangles) {
+    let mut of_material: Vec<Vec<[u32; 3]>> = vec![Vec::new(); materials.len()];
+    let mut blended = Vec::new();
+    for (t, corners) in vertices.triangles.iter().enumerate() {
+        let material = mesh.material_of(t).min(materials.len() - 1);
+        if materials[material].alpha == AlphaMode::Blend {
+            let [a, b, c] = mesh.triangle_positions(t);
+            let centre = (a + b + c) / 3.0;
+            blended.push(SortedTriangle { centre, corners: *corners, material: material as u32 });
+        } else {
+            of_material[material].push(*corners);
+        }
+    }
+    let mut order: Vec<usize> = (0..materials.len()).filter(|&m| !of_material[m].is_empty()).collect();
+    order.sort_by_key(|&m| {
+        (alpha_code(materials[m].alpha), materials[m].is_double_sided, materials[m].layers)
+    });
+    let mut next = 0;
+    let parts = order.iter().map(|&material| {
+        let count = 3 * of_material[material].len() as u32;
+        next += count;
+        Part { material: material as u32, indices: next - count..next }
+    });
+    let parts = parts.collect();
+    let indices = order.iter().flat_map(|&material| of_material[material].iter().copied()).collect();
+    (parts, indices, SortedTriangles::new(blended))
+}
+
+/// `ALPHA_MODE` of `uv_material.wgsl`.
+fn alpha_code(alpha: AlphaMode) -> u8 {
+    match alpha {
+        AlphaMode::Opaque => 0,
+        AlphaMode::Mask(_) => 1,
+        AlphaMode::Blend => 2,
+    }
+}
+
+impl Buffers {
+    fn new(
+        gpu: &Gpu,
+        vertices: &Vertices,
+        indices: &[[u32; 3]],
+        sorted: &SortedTriangles,
+    ) -> Result<Self, GpuError> {
+        let allowed = gpu.limits().max_buffer_size;
+        let buffer = |label: &str, contents: &[u8], usage| {
+            if contents.len() as u64 > allowed {
+                return Err(gpu.too_large("the mesh", contents.len() as u64, allowed, "bytes of a buffer"));
+            }
+            // An empty buffer cannot be bound.
+            let contents = if contents.is_empty() { &[0; 16] } else { contents };
+            let descriptor = wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage };
+            Ok(gpu.device.create_buffer_init(&descriptor))
+        };
+        let vertex = wgpu::BufferUsages::VERTEX;
+        let has_uv = vertices.uv_pairs > 0;
+        let uv = has_uv.then(|| buffer("texture coordinates", bytemuck::cast_slice(&vertices.uv), vertex));
+        Ok(Self {
+            positions: buffer("positions", bytemuck::cast_slice(&vertices.positions), vertex)?,
+            attributes: buffer("attributes", bytemuck::cast_slice(&vertices.attributes), vertex)?,
+            uv: uv.transpose()?,
+            uv_pairs: vertices.uv_pairs,
+            indices: buffer("triangles", bytemuck::cast_slice(indices), wgpu::BufferUsages::INDEX)?,
+            sorted: gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("sorted triangles"),
+                size: (4 * sorted.index_count() as u64).max(16),
+                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+        })
+    }
+
+    fn set_vertices(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_vertex_buffer(0, self.positions.slice(..));
+        pass.set_vertex_buffer(1, self.attributes.slice(..));
+        pass.set_vertex_buffer(2, self.uv.as_ref().unwrap_or(&self.attributes).slice(..));
+    }
+
+    /// Calls `with` with the layout of the vertex buffers. Without a second pair of texture coordinates the first is read
+    /// twice, and without any the attributes stand in for them: no texture asks.
+    fn with_layout<R>(&self, with: impl FnOnce(&[Option<wgpu::VertexBufferLayout<'_>>]) -> R) -> R {
+        use wgpu::VertexFormat::Float32x4;
+        let buffer = |array_stride: usize, attributes| wgpu::VertexBufferLayout {
+            array_stride: array_stride as u64,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes,
+        };
+        let position = wgpu::vertex_attr_array![0 => Float32x3];
+        let attributes = wgpu::vertex_attr_array![1 => Snorm16x4, 2 => Snorm16x4, 5 => Unorm16x4];
+        let (stride, second) = match self.uv_pairs {
+            0 => (size_of::<Attributes>(), 0),
+            1 => (16, 0),
+            _ => (32, 16),
+        };
+        let uv = [(3, 0), (4, second)].map(|(shader_location, offset)| wgpu::VertexAttribute {
+            format: Float32x4,
+            offset,
+            shader_location,
+        });
+        with(&[
+            Some(buffer(12, &position)),
+            Some(buffer(size_of::<Attributes>(), &attributes)),
+            Some(buffer(stride, &uv)),
+        ])
+    }
+}
+
+impl Pipelines {
+    fn new(gpu: &Gpu) -> Self {
+        Self {
+            surface: module(&gpu.device, "mesh", &compose_surface(&[UV_MATERIAL, UV])),
+            caster: module(&gpu.device, "mesh shadow", &compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
+            surfaces: HashMap::new(),
+            solid_caster: None,
+            casters: HashMap::new(),
+        }
+    }
+
+    fn make_surface(
+        &mut self,
+        gpu: &Gpu,
+        layout: &wgpu::BindGroupLayout,
+        buffers: &Buffers,
+        key: PipelineKey,
+    ) {
+        let Self { surface, surfaces, .. } = self;
+        surfaces.entry(key).or_insert_with(|| {
+            buffers.with_layout(|buffers| {
+                let pipeline = SurfacePipeline {
+                    label: "mesh",
+                    module: surface,
+                    vertex: "vs_uv",
+                    fragment: "fs_uv",
+                    buffers,
+                    groups: &[layout],
+                    constants: &[("UV_LAYERS", f64::from(key.layers)), ("ALPHA_MODE", f64::from(key.alpha))],
+                    coat: if key.alpha == 2 { Coat::Layered } else { Coat::Opaque },
+                    is_double_sided: key.is_double_sided,
+                    topology: wgpu::PrimitiveTopology::TriangleList,
+                };
+                pipeline.build(gpu, key.frame)
+            })
+        });
+    }
+
+    fn make_caster(
+        &mut self,
+        gpu: &Gpu,
+        layout: &wgpu::BindGroupLayout,
+        buffers: &Buffers,
+        material: &UvMaterial,
+    ) {
+        let Self { caster, solid_caster, casters, .. } = self;
+        let build = |vertex, fragment, constants: &[(&str, f64)]| {
+            buffers.with_layout(|buffers| {
+                let pipeline = CasterPipeline {
+                    label: "mesh shadow",
+                    module: caster,
+                    vertex,
+                    fragment,
+                    buffers,
+                    groups: &[layout],
+                    constants,
+                };
+                pipeline.build(gpu)
+            })
+        };
+        let alpha = alpha_code(material.alpha);
+        if material.alpha == AlphaMode::Opaque {
+            solid_caster.get_or_insert_with(|| build("vs_uv_solid", None, &[]));
+        } else {
+            casters.entry((material.layers, alpha)).or_insert_with(|| {
+                let constants = [("UV_LAYERS", f64::from(material.layers)), ("ALPHA_MODE", f64::from(alpha))];
+                build("vs_uv_caster", Some("fs_uv_caster"), &constants)
+            });
+        }
+    }
+}

@@ -1,0 +1,155 @@
+//! Lines along the edges of a mesh.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use glam::Vec3;
+use wgpu::util::DeviceExt;
+
+use crate::frame::LinesRecord;
+use crate::shader::{FRAME, LINES, compose, module};
+use crate::{Coat, Gpu, GpuError, ModelSpace, SurfaceKey, SurfacePipeline, WireframeOptions};
+
+/// The edges of one mesh on the device.
+#[derive(Debug)]
+pub(crate) struct Wireframe {
+    /// Whose edges.
+    points: Arc<[Vec3]>,
+    positions: wgpu::Buffer,
+    edges: wgpu::Buffer,
+    count: u32,
+    options: WireframeOptions,
+    uniforms: wgpu::Buffer,
+    group: wgpu::BindGroup,
+    layout: wgpu::BindGroupLayout,
+    module: wgpu::ShaderModule,
+    /// By the samples per pixel.
+    pipelines: HashMap<u32, wgpu::RenderPipeline>,
+}
+
+impl Wireframe {
+    /// Makes `lines` those of a mesh with these options, if they are not.
+    pub(crate) fn update(
+        lines: &mut Option<Self>,
+        gpu: &Gpu,
+        space: &ModelSpace,
+        options: &WireframeOptions,
+    ) -> Result<(), GpuError> {
+        match lines {
+            Some(lines) if Arc::ptr_eq(&lines.points, &space.points) => {
+                if lines.options != *options {
+                    gpu.queue.write_buffer(&lines.uniforms, 0, bytemuck::bytes_of(&record(options)));
+                    lines.options = *options;
+                }
+            }
+            _ => *lines = Some(Self::new(gpu, space, options)?),
+        }
+        Ok(())
+    }
+
+    fn new(gpu: &Gpu, space: &ModelSpace, options: &WireframeOptions) -> Result<Self, GpuError> {
+        let device = &gpu.device;
+        let edges = edges(&space.triangles);
+        let bytes = size_of_val(&edges[..]) as u64;
+        let allowed = gpu.limits().max_buffer_size;
+        if bytes > allowed {
+            return Err(gpu.too_large("the wireframe", bytes, allowed, "bytes of a buffer"));
+        }
+        let buffer = |label: &str, contents: &[u8], usage| {
+            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+                label: Some(label),
+                contents,
+                usage,
+            })
+        };
+        let uniforms = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let uniforms = buffer("lines", bytemuck::bytes_of(&record(options)), uniforms);
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("lines"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            }],
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("lines"),
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() }],
+        });
+        Ok(Self {
+            points: Arc::clone(&space.points),
+            positions: buffer("line ends", bytemuck::cast_slice(&space.points), wgpu::BufferUsages::VERTEX),
+            edges: buffer("lines", bytemuck::cast_slice(&edges), wgpu::BufferUsages::INDEX),
+            count: 2 * edges.len() as u32,
+            options: *options,
+            uniforms,
+            group,
+            layout,
+            module: module(device, "lines", &compose(&[FRAME, LINES])),
+            pipelines: HashMap::new(),
+        })
+    }
+
+    /// Group 0 is bound.
+    pub(crate) fn draw(&mut self, gpu: &Gpu, pass: &mut wgpu::RenderPass<'_>, key: SurfaceKey) {
+        if self.count == 0 {
+            return;
+        }
+        let Self { pipelines, module, layout, .. } = self;
+        let pipeline = pipelines.entry(key.samples).or_insert_with(|| {
+            let pipeline = SurfacePipeline {
+                label: "lines",
+                module,
+                vertex: "vs_lines",
+                fragment: "fs_lines",
+                buffers: &[Some(wgpu::VertexBufferLayout {
+                    array_stride: size_of::<Vec3>() as u64,
+                    step_mode: wgpu::VertexStepMode::Vertex,
+                    attributes: &wgpu::vertex_attr_array![0 => Float32x3],
+                })],
+                groups: &[layout],
+                constants: &[],
+                coat: Coat::Layered,
+                is_double_sided: true,
+                topology: wgpu::PrimitiveTopology::LineList,
+            };
+            pipeline.build_with(gpu, key.samples, &[])
+        });
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(1, &self.group, &[]);
+        pass.set_vertex_buffer(0, self.positions.slice(..));
+        pass.set_index_buffer(self.edges.slice(..), wgpu::IndexFormat::Uint32);
+        pass.draw_indexed(0..self.count, 0, 0..1);
+    }
+}
+
+fn record(options: &WireframeOptions) -> LinesRecord {
+    let opacity = options.opacity.clamp(0.0, 1.0);
+    LinesRecord { color: (options.color * opacity).extend(opacity) }
+}
+
+/// The pairs of vertices that an edge joins, each once.
+fn edges(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let sides = |&[a, b, c]: &[u32; 3]| [[a, b], [b, c], [c, a]].map(|[p, q]| [p.min(q), p.max(q)]);
+    let mut edges: Vec<_> = triangles.iter().flat_map(sides).collect();
+    edges.sort_unstable();
+    edges.dedup();
+    edges
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shared_edges_are_drawn_once() {
+        assert_eq!(edges(&[[0, 1, 2], [2, 1, 3]]), [[0, 1], [0, 2], [1, 2], [1, 3], [2, 3]]);
+        assert_eq!(edges(&[]), [[0; 2]; 0]);
+    }
+}
