@@ -15,12 +15,22 @@
 
 mod atlas;
 mod changes;
+mod demand;
+mod geometry;
 mod loader;
+mod residency;
+mod shape;
+pub mod simulate;
+mod streamer;
 mod table;
 mod view;
 
 pub use atlas::*;
 pub use changes::*;
+pub use demand::{DemandWork, Detail, PageDemand};
+pub use geometry::*;
 pub use loader::*;
+pub use residency::{PageCount, RequestLimits};
+pub use streamer::*;
 pub use table::*;
 pub use view::*;

@@ -1,0 +1,151 @@
+//! What a camera sees of bounded pieces of surface: whether they are in the picture, and how wide a pixel is on them.
+//!
+//! A pixel whose ray has the direction `w` (cosine `c` to the line of sight) and meets the surface at distance `r` spans
+//! there, on a plane that faces the ray, an ellipse with the axes `r c / f` and `r c^2 / f` (`f` = pixels per unit at depth
+//! one). On a plane with normal `n` the shorter axis is no shorter, and the longer one at least `r c / f max(1, c / |n.w|)`.
+//! Through the map to texels both grow at least by its smaller singular value. All bounds hold for every point in the
+//! sphere and every normal in the cone, so no look-up reads a finer level than the one that follows from them.
+
+use glam::Vec3;
+
+use super::bounds::{Bounds, Sphere};
+use crate::StreamView;
+
+/// How far the camera may move and turn until bounds are taken again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Slack {
+    /// Mesh units.
+    pub(crate) travel: f32,
+    /// Radians.
+    pub(crate) turn: f32,
+}
+
+/// Whether a piece is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Sight {
+    /// Not at all, until the camera has moved or turned so far.
+    Hidden(Slack),
+    /// Perhaps in part.
+    Partial,
+    /// All of it: inside the picture, and no back is turned to the camera that would not be drawn.
+    Whole,
+}
+
+/// A camera, prepared.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lens {
+    eye: Vec3,
+    forward: Vec3,
+    /// Unit normals of the frustum's sides, inwards; all pass through the eye. The last one is the line of sight.
+    planes: [Vec3; 5],
+    /// Cosine between the line of sight and the rays through the picture's corners.
+    corner_cos: f32,
+    /// Width of a pixel at depth one.
+    pixel: f32,
+    inverse_anisotropy: f32,
+}
+
+impl Lens {
+    pub(crate) fn new(view: &StreamView, max_anisotropy: f32) -> Self {
+        let [x, y] = view.half_extent;
+        let (right, up, forward) = (view.axes.x_axis, view.axes.y_axis, -view.axes.z_axis);
+        let side = |reach: f32, out: Vec3| (forward * reach - out).normalize_or(forward);
+        Self {
+            eye: view.eye,
+            forward,
+            planes: [side(x, right), side(x, -right), side(y, up), side(y, -up), forward],
+            corner_cos: (1.0 + x * x + y * y).sqrt().recip(),
+            pixel: view.focal_pixels.recip(),
+            inverse_anisotropy: max_anisotropy.max(1.0).recip(),
+        }
+    }
+
+    /// Distance of the nearest point of a sphere; negative inside.
+    #[inline]
+    pub(crate) fn gap(&self, sphere: &Sphere) -> f32 {
+        self.eye.distance(sphere.center) - sphere.radius
+    }
+
+    /// Distance of the farthest point of a sphere, per unit of the nearest one's.
+    #[inline]
+    pub(crate) fn depth_ratio(&self, sphere: &Sphere) -> f32 {
+        let distance = self.eye.distance(sphere.center);
+        if distance > sphere.radius {
+            (distance + sphere.radius) / (distance - sphere.radius)
+        } else {
+            f32::INFINITY
+        }
+    }
+
+    /// Whether a piece is seen by any camera within `slack` of this one.
+    #[inline]
+    pub(crate) fn sight(&self, bounds: &Bounds, slack: Slack) -> Sight {
+        let Bounds { sphere, cone, .. } = bounds;
+        if bounds.is_nothing() {
+            return Sight::Hidden(Slack { travel: f32::INFINITY, turn: f32::INFINITY });
+        }
+        let to_center = sphere.center - self.eye;
+        let distance = to_center.length();
+        let reach = sphere.radius + slack.travel + (distance + sphere.radius) * slack.turn;
+        let inside = self.planes.iter().map(|n| n.dot(to_center)).fold(f32::INFINITY, f32::min);
+        if inside < -reach {
+            let left = -inside - sphere.radius;
+            let turn = 0.5 * left / (distance + sphere.radius);
+            return Sight::Hidden(Slack { travel: 0.5 * left, turn });
+        }
+        if cone.is_culled && cone.cos > 0.0 {
+            let sin = (1.0 - cone.cos * cone.cos).max(0.0).sqrt();
+            let along = cone.axis.dot(to_center);
+            // Every normal n in the cone and point p in the sphere: n.(p - eye) > 0.
+            let behind = along - sin * distance - sphere.radius;
+            if behind > 2.0 * slack.travel {
+                return Sight::Hidden(Slack { travel: 0.5 * behind, turn: f32::INFINITY });
+            }
+            if along + sin * distance + sphere.radius > -2.0 * slack.travel {
+                return Sight::Partial;
+            }
+        } else if cone.is_culled {
+            return Sight::Partial;
+        }
+        if inside < reach { Sight::Partial } else { Sight::Whole }
+    }
+
+    /// A lower bound of the binary logarithm of the width, in mesh units times the density, that decides levels: that of
+    /// the pixel's shorter axis, or of the longer one divided by the greatest anisotropy, whichever is more. Holds for
+    /// every camera within `slack` of this one.
+    #[inline]
+    pub(crate) fn log2_width(&self, bounds: &Bounds, slack: Slack) -> f32 {
+        let Bounds { sphere, cone, log2_density } = bounds;
+        let to_center = sphere.center - self.eye;
+        let distance = to_center.length();
+        let nearest = distance - sphere.radius - slack.travel;
+        if nearest <= 0.0 {
+            return f32::NEG_INFINITY;
+        }
+        let ray = to_center / distance;
+        let spread = ((sphere.radius + slack.travel) / distance + slack.turn).min(1.0);
+        let least_cos = narrowed_cos(self.forward.dot(ray), spread).clamp(self.corner_cos, 1.0);
+        let shorter = nearest * self.pixel * least_cos * least_cos;
+        // How squarely the surface may be seen.
+        let cone_sin = (1.0 - cone.cos * cone.cos).max(0.0).sqrt();
+        let spread_cos = (1.0 - spread * spread).max(0.0).sqrt();
+        let (sin, cos) =
+            (cone_sin * spread_cos + cone.cos * spread, cone.cos * spread_cos - cone_sin * spread);
+        let facing = cone.axis.dot(ray).abs().min(1.0);
+        let most_facing = if cos <= 0.0 || facing >= cos {
+            1.0
+        } else {
+            facing * cos + (1.0 - facing * facing).sqrt() * sin.max(0.0)
+        };
+        let slant = (least_cos / most_facing.clamp(1e-3, 1.0)).max(1.0);
+        let longer = nearest * self.pixel * least_cos * slant;
+        shorter.max(longer * self.inverse_anisotropy).log2() + log2_density
+    }
+}
+
+/// The cosine of an angle that is wider by one whose sine is given.
+#[inline]
+fn narrowed_cos(cos: f32, sin_more: f32) -> f32 {
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    cos * (1.0 - sin_more * sin_more).max(0.0).sqrt() - sin * sin_more
+}

@@ -1,0 +1,333 @@
+//! Demand: how fine every tile is needed for a view, from geometry alone.
+//!
+//! ```text
+//!  mesh, cover --kites, bounds--> DemandSurface --lens--> Detail per group, pages of large tiles
+//!                                 groups, blocks, tree      (only what changed since the last view)
+//! ```
+//!
+//! **What is computed.** For every group that may be in the picture a lower bound of the width of a pixel in its texels,
+//! rounded down to an eighth of a level: never coarser than what a look-up reads, a little finer (`tests.rs` compares it
+//! with every triangle, point by point, and prints the mean excess).
+//!
+//! **What makes it cheap.** A result is valid until the camera has moved or turned so far that a bound could be crossed: the
+//! bounds are taken with that much slack ([`TRAVEL`], [`TURN`]). A node of the tree keeps the earliest time, measured in the
+//! way and the angle that the camera has covered so far, at which anything below it must be looked at again. Blocks that are
+//! small against their distance, inside the picture and turned to the camera are bounded once for all their groups.
+//!
+//! **Occlusion is not computed.** A coarse answer is needed ahead of time here, while depth is known to the renderer only, and
+//! only for the last picture. What hidden surfaces cost is room in the pool, of which the bias takes account.
+
+mod bounds;
+mod kites;
+mod lens;
+mod paged;
+mod surface;
+#[cfg(test)]
+mod tests;
+
+pub use crate::shape::Detail;
+pub use paged::PageDemand;
+pub(crate) use surface::DemandSurface;
+
+use std::collections::HashMap;
+use std::ops::Range;
+
+use glam::{Mat3, Vec3};
+
+use crate::StreamView;
+use bounds::Bounds;
+use lens::{Lens, Sight, Slack};
+use surface::{BLOCK, FAN_OUT};
+
+/// The camera may move by this share of its distance from a block before the block is looked at again.
+const TRAVEL: f32 = 0.02;
+/// The camera may turn by so many radians.
+const TURN: f32 = 0.01;
+/// A block whose farthest point is at most so many times as far as its nearest is bounded as a whole: a fifth of a level.
+const UNIFORM_DEPTH: f32 = 1.15;
+
+/// The way and the angle that a camera has covered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Course {
+    travel: f64,
+    turn: f64,
+}
+
+impl Course {
+    const START: Self = Self { travel: 0.0, turn: 0.0 };
+    const PAST: Self = Self { travel: f64::NEG_INFINITY, turn: f64::NEG_INFINITY };
+    const NEVER: Self = Self { travel: f64::INFINITY, turn: f64::INFINITY };
+
+    fn plus(self, slack: Slack) -> Self {
+        Self { travel: self.travel + f64::from(slack.travel), turn: self.turn + f64::from(slack.turn) }
+    }
+
+    fn min(self, other: Self) -> Self {
+        Self { travel: self.travel.min(other.travel), turn: self.turn.min(other.turn) }
+    }
+
+    fn is_before(self, due: Self) -> bool {
+        self.travel <= due.travel && self.turn <= due.turn
+    }
+}
+
+/// What is known of a node for the current view.
+#[derive(Clone, Copy, Debug)]
+struct NodeState {
+    /// Valid until then.
+    due: Course,
+    is_hidden: bool,
+}
+
+/// How much work an update was.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DemandWork {
+    /// Nodes of the tree that were looked at.
+    pub nodes: u32,
+    /// Blocks that were bounded as a whole.
+    pub uniform_blocks: u32,
+    /// Groups that were bounded one by one.
+    pub groups: u32,
+    /// Large tiles that were bounded page by page.
+    pub paged: u32,
+}
+
+/// The demand of one view that moves.
+pub(crate) struct Demand {
+    max_anisotropy: f32,
+    details: Vec<Detail>,
+    pages: HashMap<u32, Vec<PageDemand>>,
+    nodes: Vec<Vec<NodeState>>,
+    view: Option<StreamView>,
+    course: Course,
+    work: DemandWork,
+}
+
+impl Demand {
+    /// Nothing is visible yet. `max_anisotropy` is 1 for trilinear look-ups.
+    pub(crate) fn new(surface: &DemandSurface, max_anisotropy: f32) -> Self {
+        let hidden = NodeState { due: Course::PAST, is_hidden: true };
+        Self {
+            max_anisotropy,
+            details: vec![Detail::HIDDEN; surface.groups.len()],
+            pages: HashMap::new(),
+            nodes: surface.nodes.iter().map(|nodes| vec![hidden; nodes.len()]).collect(),
+            view: None,
+            course: Course::START,
+            work: DemandWork::default(),
+        }
+    }
+
+    /// What a group needs.
+    #[inline]
+    pub(crate) fn detail(&self, group: u32) -> Detail {
+        self.details[group as usize]
+    }
+
+    pub(crate) fn details(&self) -> &[Detail] {
+        &self.details
+    }
+
+    /// The pages that a large tile needs, ascending; none for a tile of one page per level.
+    pub(crate) fn pages(&self, group: u32) -> &[PageDemand] {
+        self.pages.get(&group).map_or(&[], Vec::as_slice)
+    }
+
+    /// Work of the last update.
+    pub(crate) fn work(&self) -> DemandWork {
+        self.work
+    }
+
+    /// Honours another greatest anisotropy from the next update on.
+    pub(crate) fn set_max_anisotropy(&mut self, max_anisotropy: f32) {
+        if max_anisotropy != self.max_anisotropy {
+            self.max_anisotropy = max_anisotropy;
+            self.forget();
+        }
+    }
+
+    /// Moves the view; `None` sees nothing. Groups whose demand is another one now are added to `changed`.
+    pub(crate) fn update(
+        &mut self,
+        surface: &mut DemandSurface,
+        view: Option<&StreamView>,
+        changed: &mut Vec<u32>,
+    ) {
+        self.work = DemandWork::default();
+        let root = self.nodes.len() - 1;
+        if self.details.is_empty() {
+            return;
+        }
+        let Some(view) = view.filter(|v| is_usable(v)) else {
+            self.hide(root, 0, changed);
+            self.forget();
+            self.view = None;
+            return;
+        };
+        self.advance(view);
+        let lens = Lens::new(view, self.max_anisotropy);
+        Visit { demand: self, surface, lens, changed }.node(root, 0);
+    }
+
+    /// Looks at everything again in the next update.
+    fn forget(&mut self) {
+        self.nodes.iter_mut().flatten().for_each(|state| state.due = Course::PAST);
+    }
+
+    /// Takes account of the way from the last view to this one.
+    fn advance(&mut self, view: &StreamView) {
+        match self.view.replace(*view) {
+            Some(last) if last.half_extent == view.half_extent && last.focal_pixels == view.focal_pixels => {
+                self.course.travel += f64::from(last.eye.distance(view.eye));
+                self.course.turn += angle_between(last.axes, view.axes);
+            }
+            _ => self.forget(),
+        }
+    }
+
+    /// Hides everything below a node.
+    fn hide(&mut self, height: usize, node: usize, changed: &mut Vec<u32>) {
+        let state = &mut self.nodes[height][node];
+        if std::mem::replace(&mut state.is_hidden, true) {
+            return;
+        }
+        if height == 0 {
+            for group in block(node, self.details.len()) {
+                self.set(group as u32, Detail::HIDDEN, changed);
+            }
+        } else {
+            for child in children(node, self.nodes[height - 1].len()) {
+                self.hide(height - 1, child, changed);
+            }
+        }
+    }
+
+    fn set(&mut self, group: u32, detail: Detail, changed: &mut Vec<u32>) {
+        let known = &mut self.details[group as usize];
+        if *known != detail {
+            *known = detail;
+            changed.push(group);
+            if !detail.is_visible() && !self.pages.is_empty() {
+                self.pages.remove(&group);
+            }
+        }
+    }
+}
+
+/// One walk down the tree.
+struct Visit<'a> {
+    demand: &'a mut Demand,
+    surface: &'a mut DemandSurface,
+    lens: Lens,
+    changed: &'a mut Vec<u32>,
+}
+
+impl Visit<'_> {
+    /// Brings a node up to date; returns until when it is.
+    fn node(&mut self, height: usize, node: usize) -> Course {
+        let course = self.demand.course;
+        let state = self.demand.nodes[height][node];
+        if course.is_before(state.due) {
+            return state.due;
+        }
+        self.demand.work.nodes += 1;
+        let bounds = self.surface.nodes[height][node];
+        // A node that is hidden for this very view waits until it may not be.
+        let due = match self.lens.sight(&bounds, Slack { travel: 0.0, turn: 0.0 }) {
+            Sight::Hidden(slack) => {
+                self.demand.hide(height, node, self.changed);
+                course.plus(slack)
+            }
+            _ if height == 0 => self.block(node, &bounds),
+            _ => {
+                if state.is_hidden {
+                    self.wake_children(height, node);
+                }
+                self.demand.nodes[height][node].is_hidden = false;
+                let children = children(node, self.demand.nodes[height - 1].len());
+                children.map(|child| self.node(height - 1, child)).fold(Course::NEVER, Course::min)
+            }
+        };
+        self.demand.nodes[height][node].due = due;
+        due
+    }
+
+    /// What was known of the children of a node that was hidden may be out of date.
+    fn wake_children(&mut self, height: usize, node: usize) {
+        let children = children(node, self.demand.nodes[height - 1].len());
+        self.demand.nodes[height - 1][children].iter_mut().for_each(|child| child.due = Course::PAST);
+    }
+
+    fn block(&mut self, node: usize, bounds: &Bounds) -> Course {
+        self.demand.nodes[0][node].is_hidden = false;
+        let gap = self.lens.gap(&bounds.sphere).max(0.25 * bounds.sphere.radius);
+        let slack = Slack { travel: TRAVEL * gap, turn: TURN };
+        let groups = block(node, self.demand.details.len());
+        let is_uniform = !self.surface.has_paged[node]
+            && self.lens.depth_ratio(&bounds.sphere) < UNIFORM_DEPTH
+            && self.lens.sight(bounds, slack) == Sight::Whole;
+        if is_uniform {
+            self.demand.work.uniform_blocks += 1;
+            let log2_pixel = self.lens.log2_width(bounds, slack) - bounds.log2_density;
+            for group in groups {
+                let density = self.surface.groups[group].log2_density;
+                let seen = density < f32::INFINITY;
+                let detail = if seen { Detail::from_log2(log2_pixel + density) } else { Detail::HIDDEN };
+                self.demand.set(group as u32, detail, self.changed);
+            }
+        } else {
+            self.demand.work.groups += groups.len() as u32;
+            groups.for_each(|group| self.group(group as u32, slack));
+        }
+        self.demand.course.plus(slack)
+    }
+
+    fn group(&mut self, group: u32, slack: Slack) {
+        let bounds = self.surface.groups[group as usize];
+        let detail = match self.lens.sight(&bounds, slack) {
+            Sight::Hidden(_) => Detail::HIDDEN,
+            _ => Detail::from_log2(self.lens.log2_width(&bounds, slack)),
+        };
+        self.demand.set(group, detail, self.changed);
+        if detail.is_visible()
+            && let Some(tile) = self.surface.paged.get_mut(&group)
+        {
+            self.demand.work.paged += 1;
+            let shape = self.surface.shapes.of(group);
+            let pages = tile.demand(&*self.surface.geometry, shape, &bounds, &self.lens, slack);
+            if self.demand.pages(group) != pages {
+                self.demand.pages.insert(group, pages);
+                if self.changed.last() != Some(&group) {
+                    self.changed.push(group);
+                }
+            }
+        }
+    }
+}
+
+fn block(node: usize, group_count: usize) -> Range<usize> {
+    node * BLOCK..group_count.min((node + 1) * BLOCK)
+}
+
+fn children(node: usize, count: usize) -> Range<usize> {
+    node * FAN_OUT..count.min((node + 1) * FAN_OUT)
+}
+
+/// The angle of the rotation from one frame to another, radians.
+fn angle_between(a: Mat3, b: Mat3) -> f64 {
+    // The Frobenius norm of the difference is 2 sqrt(2) sin(angle / 2).
+    let squared: f32 = [a.x_axis - b.x_axis, a.y_axis - b.y_axis, a.z_axis - b.z_axis]
+        .into_iter()
+        .map(Vec3::length_squared)
+        .sum();
+    2.0 * (f64::from(squared).sqrt() / 8f64.sqrt()).min(1.0).asin()
+}
+
+/// Whether a view has a picture: finite, not empty.
+fn is_usable(view: &StreamView) -> bool {
+    view.eye.is_finite()
+        && view.axes.is_finite()
+        && view.focal_pixels.is_finite()
+        && view.focal_pixels > 0.0
+        && view.half_extent.iter().all(|&n| n.is_finite() && n > 0.0)
+}

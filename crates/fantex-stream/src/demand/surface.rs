@@ -1,0 +1,62 @@
+//! The surface as demand sees it: bounds of groups, of blocks of groups, of blocks of blocks.
+//!
+//! Groups are ordered along a space-filling curve over the surface, so consecutive ones are neighbours, and a tree needs no
+//! pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 40 bytes per group.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use super::bounds::{Bounds, group_bounds};
+use super::paged::PagedTile;
+use crate::Geometry;
+use crate::shape::TileShapes;
+
+/// Groups of a block.
+pub(crate) const BLOCK: usize = 32;
+/// Children of a node.
+pub(crate) const FAN_OUT: usize = 8;
+
+/// What all views of a covered mesh share.
+pub(crate) struct DemandSurface {
+    pub(crate) geometry: Arc<dyn Geometry>,
+    pub(crate) shapes: Arc<TileShapes>,
+    pub(crate) groups: Vec<Bounds>,
+    /// Blocks, then the nodes over them, up to a single one.
+    pub(crate) nodes: Vec<Vec<Bounds>>,
+    pub(crate) paged: HashMap<u32, PagedTile>,
+    /// Per block whether a tile in it has several pages.
+    pub(crate) has_paged: Vec<bool>,
+}
+
+impl DemandSurface {
+    pub(crate) fn new(geometry: Arc<dyn Geometry>, shapes: Arc<TileShapes>) -> Self {
+        let (mesh, cover) = (geometry.mesh(), geometry.cover());
+        let groups = group_bounds(mesh, cover);
+        let mut nodes = vec![groups.chunks(BLOCK).map(Bounds::around).collect::<Vec<_>>()];
+        while nodes[nodes.len() - 1].len() > 1 {
+            let next = nodes[nodes.len() - 1].chunks(FAN_OUT).map(Bounds::around).collect();
+            nodes.push(next);
+        }
+        let mut paged: HashMap<u32, PagedTile> = (0..groups.len() as u32)
+            .filter(|&g| shapes.of(g).is_paged())
+            .map(|g| (g, PagedTile::new(g)))
+            .collect();
+        if !paged.is_empty() {
+            for (t, corners) in cover.corner_groups.iter().enumerate() {
+                for (i, group) in corners.iter().enumerate() {
+                    if !corners[..i].contains(group)
+                        && let Some(tile) = paged.get_mut(group)
+                    {
+                        tile.add_triangle(t as u32);
+                    }
+                }
+            }
+        }
+        let has_paged = (0..groups.len() as u32)
+            .collect::<Vec<_>>()
+            .chunks(BLOCK)
+            .map(|block| block.iter().any(|g| paged.contains_key(g)))
+            .collect();
+        Self { geometry, shapes, groups, nodes, paged, has_paged }
+    }
+}

@@ -1,0 +1,193 @@
+//! Residency: which pages are wanted, asked for, resident, and which leave.
+//!
+//! ```text
+//!  changed groups --want--> needed pages --Wishes--> requests --PageLoader--> arrivals --Pool--> entries
+//!                     ^                                                          |
+//!                     '--------------------- Pressure (bias) <-------------------'
+//! ```
+//!
+//! Costs follow what changes, not what is there: a group costs something when its demand changes, a page when it is asked
+//! for, arrives or leaves.
+
+mod arrivals;
+mod packer;
+mod pool;
+mod pressure;
+#[cfg(test)]
+mod tests;
+mod wants;
+mod wishes;
+
+pub(crate) use pool::COUNTED_LEVELS;
+pub use pool::PageCount;
+pub use wants::RequestLimits;
+
+use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::sync::Arc;
+
+use fantex_store::{PageError, PageId};
+
+use crate::shape::{Detail, TileShapes};
+use crate::{AtlasShape, PageTable, PageTexels, TableChange};
+use pool::Pool;
+use pressure::Pressure;
+use wishes::Wishes;
+
+/// A page that was asked for.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    page: PageId,
+    /// Nothing needs it yet.
+    is_ahead: bool,
+}
+
+/// What is wanted, on its way, and resident.
+pub(crate) struct Residency {
+    shapes: Arc<TileShapes>,
+    pool: Pool,
+    pressure: Pressure,
+    /// Per group the finest level that is needed.
+    wanted: Vec<u8>,
+    /// Per large tile that is visible the indices of the pages that are needed, ascending.
+    wanted_pages: HashMap<u32, Vec<u32>>,
+    /// Per group the number of needed pages that are not resident.
+    missing: Vec<u32>,
+    missing_pages: u64,
+    visible_groups: u64,
+    lacking_groups: u64,
+    wishes: Wishes,
+    /// Groups that may be needed soon.
+    ahead: VecDeque<u32>,
+    pending: BTreeMap<u32, Pending>,
+    /// Pages that have arrived and wait for coarser ones, or for room.
+    waiting: BTreeMap<u32, (PageId, PageTexels)>,
+    /// Those of them that need wait no longer.
+    ready: VecDeque<u32>,
+    in_flight_texels: u64,
+    damaged: BTreeMap<PageId, PageError>,
+    uploaded_bytes: u64,
+    requests: u64,
+}
+
+impl Residency {
+    pub(crate) fn new(shapes: Arc<TileShapes>, table: PageTable, atlas: AtlasShape) -> Self {
+        let groups = shapes.group_count();
+        let wanted = (0..groups as u32).map(|g| shapes.of(g).level_count() as u8).collect();
+        Self {
+            pool: Pool::new(shapes.clone(), table, atlas),
+            pressure: Pressure::new(),
+            wanted,
+            wanted_pages: HashMap::new(),
+            missing: vec![0; groups],
+            missing_pages: 0,
+            visible_groups: 0,
+            lacking_groups: 0,
+            wishes: Wishes::new(groups),
+            ahead: VecDeque::new(),
+            pending: BTreeMap::new(),
+            waiting: BTreeMap::new(),
+            ready: VecDeque::new(),
+            in_flight_texels: 0,
+            damaged: BTreeMap::new(),
+            uploaded_bytes: 0,
+            requests: 0,
+            shapes,
+        }
+    }
+
+    pub(crate) fn pool(&self) -> &Pool {
+        &self.pool
+    }
+
+    pub(crate) fn bias(&self) -> u8 {
+        self.pressure.bias()
+    }
+
+    pub(crate) fn damaged(&self) -> &BTreeMap<PageId, PageError> {
+        &self.damaged
+    }
+
+    /// Groups that need pages, and those of them that lack some.
+    pub(crate) fn visible_and_lacking(&self) -> (u64, u64) {
+        (self.visible_groups, self.lacking_groups)
+    }
+
+    /// Pages asked for that have not arrived, and those that have arrived and wait.
+    pub(crate) fn in_flight(&self) -> (usize, usize) {
+        (self.pending.len(), self.waiting.len())
+    }
+
+    /// Groups whose missing pages have not been asked for.
+    pub(crate) fn wishes(&self) -> usize {
+        self.wishes.len()
+    }
+
+    pub(crate) fn uploaded_bytes(&self) -> u64 {
+        self.uploaded_bytes
+    }
+
+    /// Pages asked for since the beginning.
+    pub(crate) fn requests(&self) -> u64 {
+        self.requests
+    }
+
+    /// The finest level that a group needs, with the bias; `None` where it needs none.
+    pub(crate) fn wanted_level(&self, group: u32) -> Option<u32> {
+        let shape = self.shapes.of(group);
+        let level = match self.wanted_pages.get(&group) {
+            Some(pages) => pages.first().map_or(shape.level_count(), |&i| self.pool.page(group, i).level),
+            None => u32::from(self.wanted[group as usize]),
+        };
+        (level < shape.level_count()).then_some(level)
+    }
+
+    /// The finest level of which a page is resident.
+    pub(crate) fn resident_level(&self, group: u32) -> Option<u32> {
+        let resident = self.pool.pages_of(group).find(|&index| self.pool.is_resident(index))?;
+        Some(self.pool.page(group, resident).level)
+    }
+
+    pub(crate) fn begin_frame(&mut self) {
+        self.pool.begin_frame();
+    }
+
+    pub(crate) fn take_changes(&mut self) -> Vec<TableChange> {
+        self.pool.take_changes()
+    }
+
+    /// Needed pages that are not resident.
+    pub(crate) fn missing_pages_count(&self) -> u64 {
+        self.missing_pages
+    }
+
+    #[cfg(test)]
+    pub(crate) fn check(&self) {
+        self.pool.check();
+        let missing: u64 = self.missing.iter().map(|&n| u64::from(n)).sum();
+        assert_eq!(missing, self.missing_pages);
+        assert_eq!(self.missing.iter().filter(|&&n| n > 0).count() as u64, self.lacking_groups);
+        let waiting = self.waiting.values().map(|(page, _)| *page);
+        let new = self.pending.iter().map(|(_, p)| p.page);
+        assert_eq!(waiting.chain(new).map(|p| self.texels(p)).sum::<u64>(), self.in_flight_texels);
+    }
+
+    /// Side of a tile on the screen, pixels, as a binary logarithm.
+    fn side_log2(&self, group: u32, detail: Detail) -> f32 {
+        let [w, h] = self.shapes.of(group).extent(0).map(|n| n.ilog2() as f32);
+        0.5 * (w + h) - f32::from(detail.0) / Detail::STEPS as f32
+    }
+
+    /// A needed page is missing from now on, or (`more` false) is not missing any more.
+    fn count_missing(&mut self, group: u32, more: bool) {
+        let missing = &mut self.missing[group as usize];
+        if more {
+            self.lacking_groups += u64::from(*missing == 0);
+            self.missing_pages += 1;
+            *missing += 1;
+        } else {
+            *missing -= 1;
+            self.missing_pages -= 1;
+            self.lacking_groups -= u64::from(*missing == 0);
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Rectangles in the atlas: exact, in any order of coming and going.
+//!
+//! Layers are cut into bins of 256x256 texels, the size of the largest page. A bin keeps one bit per 4x4 texels; a free
+//! rectangle is found with shifts over 64 words. Pages of like size share bins, so that bins become free as a whole.
+//!
+//! Why not a shelf packer: pages come in all combinations of sides, and leave one by one. Measured by `tests::against_shelves`
+//! (pages of a cover's tiles come and go at random in a full 1024x1024 layer), the share of the layer that is in use when a
+//! page finds no room is printed beside that of `etagere`.
+
+use fantex_store::PAGE;
+
+use crate::{AtlasPlace, AtlasShape};
+
+/// Texels along the side of a bit.
+const UNIT: u32 = 4;
+/// Bits along the side of a bin.
+const SIDE: u32 = PAGE / UNIT;
+
+/// The free and the used room of an atlas.
+#[derive(Clone, Debug)]
+pub(crate) struct Packer {
+    bins: Vec<Bin>,
+    /// Bins along a layer's side.
+    columns: u32,
+    /// Per size class the bin that had room last.
+    cursors: [u32; CLASSES],
+    /// Per size class whether nothing has become free since no bin had room.
+    exhausted: u64,
+}
+
+#[derive(Clone, Debug)]
+struct Bin {
+    /// Bit x of word y is set where the unit is used.
+    rows: [u64; SIDE as usize],
+    used: u16,
+    /// Longest side, as a class, of the first page that came when the bin was empty.
+    kind: u8,
+    /// Size classes for which no room was found since something became free.
+    full_for: u64,
+}
+
+const SIDE_CLASSES: u32 = 7;
+const CLASSES: usize = (SIDE_CLASSES * SIDE_CLASSES) as usize;
+
+/// Class of a side in units: its binary logarithm, rounded up.
+fn side_class(units: u32) -> u32 {
+    units.next_power_of_two().trailing_zeros()
+}
+
+impl Packer {
+    pub(crate) fn new(shape: AtlasShape) -> Self {
+        let columns = (shape.side / PAGE).max(1);
+        let bin = Bin { rows: [0; SIDE as usize], used: 0, kind: 0, full_for: 0 };
+        let count = columns * columns * shape.layers.clamp(1, 128);
+        Self { bins: vec![bin; count as usize], columns, cursors: [0; CLASSES], exhausted: 0 }
+    }
+
+    /// Room for a rectangle of texels with sides of at most 256, multiples of 4.
+    pub(crate) fn take(&mut self, extent: [u32; 2]) -> Option<AtlasPlace> {
+        let size = extent.map(|n| n.div_ceil(UNIT));
+        let [w, h] = size.map(side_class);
+        let class = (h * SIDE_CLASSES + w) as usize;
+        if self.exhausted >> class & 1 == 1 {
+            return None;
+        }
+        let kind = w.max(h) as u8;
+        let cursor = self.cursors[class] as usize;
+        if self.bins[cursor].is_of(kind)
+            && let Some(at) = self.bins[cursor].take(size, class, kind)
+        {
+            return Some(self.place(cursor, at));
+        }
+        // Bins of like pages first, then empty ones, then any.
+        let suits: [fn(&Bin, u8) -> bool; 3] = [
+            |bin, kind| bin.used > 0 && bin.kind == kind,
+            |bin, _| bin.used == 0,
+            |bin, kind| bin.used > 0 && bin.kind != kind,
+        ];
+        for suits in suits {
+            for i in 0..self.bins.len() {
+                if suits(&self.bins[i], kind)
+                    && let Some(at) = self.bins[i].take(size, class, kind)
+                {
+                    self.cursors[class] = i as u32;
+                    return Some(self.place(i, at));
+                }
+            }
+        }
+        self.exhausted |= 1 << class;
+        None
+    }
+
+    /// Gives the room of a rectangle back that [`Packer::take`] gave.
+    pub(crate) fn give_back(&mut self, place: AtlasPlace, extent: [u32; 2]) {
+        let [column, row] = [place.x, place.y].map(|n| u32::from(n) / PAGE);
+        let bin = (u32::from(place.layer) * self.columns + row) * self.columns + column;
+        let at = [place.x, place.y].map(|n| u32::from(n) % PAGE / UNIT);
+        self.bins[bin as usize].mark(at, extent.map(|n| n.div_ceil(UNIT)), false);
+        self.bins[bin as usize].full_for = 0;
+        self.exhausted = 0;
+    }
+
+    fn place(&self, bin: usize, [x, y]: [u32; 2]) -> AtlasPlace {
+        let bin = bin as u32;
+        let (column, row) = (bin % self.columns, bin / self.columns % self.columns);
+        AtlasPlace {
+            layer: (bin / (self.columns * self.columns)) as u16,
+            x: (column * PAGE + x * UNIT) as u16,
+            y: (row * PAGE + y * UNIT) as u16,
+        }
+    }
+}
+
+impl Bin {
+    fn is_of(&self, kind: u8) -> bool {
+        self.used > 0 && self.kind == kind
+    }
+
+    fn take(&mut self, size: [u32; 2], class: usize, kind: u8) -> Option<[u32; 2]> {
+        let free = SIDE * SIDE - u32::from(self.used);
+        if self.full_for >> class & 1 == 1 || size[0] * size[1] > free {
+            return None;
+        }
+        let Some(at) = self.find(size) else {
+            self.full_for |= 1 << class;
+            return None;
+        };
+        if self.used == 0 {
+            self.kind = kind;
+        }
+        self.mark(at, size, true);
+        Some(at)
+    }
+
+    /// The first free rectangle, row by row.
+    fn find(&self, [w, h]: [u32; 2]) -> Option<[u32; 2]> {
+        // Word y becomes the union of the rows y..y + h, by doubling.
+        let mut used = self.rows;
+        let mut span = 1;
+        while span < h {
+            let step = span.min(h - span) as usize;
+            for y in 0..used.len() - step {
+                used[y] |= used[y + step];
+            }
+            span += step as u32;
+        }
+        for y in 0..=SIDE - h {
+            // Bit x stays where the units x..x + w are free.
+            let mut free = !used[y as usize];
+            let mut span = 1;
+            while span < w && free != 0 {
+                let step = span.min(w - span);
+                free &= free >> step;
+                span += step;
+            }
+            if free != 0 {
+                return Some([free.trailing_zeros(), y]);
+            }
+        }
+        None
+    }
+
+    fn mark(&mut self, [x, y]: [u32; 2], [w, h]: [u32; 2], is_used: bool) {
+        let mask = (u64::MAX >> (SIDE - w)) << x;
+        for row in &mut self.rows[y as usize..(y + h) as usize] {
+            debug_assert_eq!(*row & mask, if is_used { 0 } else { mask });
+            *row = if is_used { *row | mask } else { *row & !mask };
+        }
+        let units = (w * h) as u16;
+        self.used = if is_used { self.used + units } else { self.used - units };
+    }
+}

@@ -1,0 +1,422 @@
+//! A streamer against a shadow of the atlas, along random paths, with disks that fail and atlases that are too small.
+
+use std::collections::HashMap;
+use std::sync::{Arc, LazyLock};
+
+use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
+use fantex_mesh::{CleanOptions, Mesh, Model, clean, generate};
+use fantex_store::{PageId, page_extent, page_grid};
+use glam::DVec3;
+use proptest::prelude::*;
+
+use super::packer::Packer;
+use crate::simulate::{CameraKeyframe, CameraPath, DiskModel, ModelClock, ModelLoader};
+use crate::{
+    AtlasPlace, AtlasShape, CoveredMesh, FrameChanges, FrameOptions, Geometry, Streamer, StreamerOptions,
+    TableEntry,
+};
+
+fn covered(model: Model, texels: u64, tile: u32) -> Arc<CoveredMesh> {
+    let (mesh, _) = clean(model, &CleanOptions::default()).unwrap();
+    let options = CoverOptions { budget: TexelBudget::Total(texels), tile, ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options).unwrap();
+    Arc::new(CoveredMesh { mesh, cover })
+}
+
+/// What a graphics card would hold, told by frame changes only.
+struct Shadow {
+    /// Per unit of 4x4 texels the page, as its index in `pages`, that was uploaded last.
+    units: Vec<u32>,
+    indices: HashMap<PageId, u32>,
+    table: Vec<TableEntry>,
+    pages: Vec<PageId>,
+}
+
+impl Shadow {
+    fn new(geometry: &CoveredMesh, streamer: &Streamer) -> Self {
+        let cover = &geometry.cover;
+        let mut pages = Vec::new();
+        for group in 0..cover.groups.len() as u32 {
+            for level in 0..cover.groups[group as usize].level_count() {
+                let [columns, rows] = page_grid(cover.groups[group as usize].level_extent(level));
+                for y in 0..rows {
+                    for x in 0..columns {
+                        let page = PageId { group, level, page: [x, y] };
+                        assert_eq!(streamer.table().index(cover, page) as usize, pages.len());
+                        pages.push(page);
+                    }
+                }
+            }
+        }
+        assert_eq!(pages.len(), streamer.table().len());
+        let indices = pages.iter().copied().zip(0..).collect();
+        Self { units: vec![u32::MAX; 1 << 19], indices, table: vec![TableEntry::ABSENT; pages.len()], pages }
+    }
+
+    fn apply(&mut self, cover: &Cover, changes: &FrameChanges, atlas: AtlasShape) {
+        for upload in &changes.uploads {
+            assert_eq!(upload.texels.extent, extent(cover, upload.page));
+            assert_eq!(upload.texels.channels[0][..2], ModelLoader::signature(upload.page));
+            for unit in units(upload.place, upload.texels.extent, atlas) {
+                self.units[unit] = self.indices[&upload.page];
+            }
+        }
+        assert!(changes.entries.windows(2).all(|w| w[0].index < w[1].index), "entries come in order, once");
+        for change in &changes.entries {
+            self.table[change.index as usize] = change.entry;
+        }
+        if changes.uploads.is_empty() && changes.entries.is_empty() {
+            return;
+        }
+        // Every entry names its page, whole; so no two pages overlap.
+        for ((entry, &page), index) in self.table.iter().zip(&self.pages).zip(0..) {
+            let Some(place) = entry.place() else { continue };
+            for unit in units(place, extent(cover, page), atlas) {
+                assert_eq!(self.units[unit], index, "an entry names another page's place");
+            }
+        }
+    }
+}
+
+fn extent(cover: &Cover, page: PageId) -> [u32; 2] {
+    page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page)
+}
+
+fn units(place: AtlasPlace, extent: [u32; 2], atlas: AtlasShape) -> impl Iterator<Item = usize> {
+    let [x, y, layer] = [place.x, place.y, place.layer].map(u32::from);
+    assert!(layer < atlas.layers && x + extent[0] <= atlas.side && y + extent[1] <= atlas.side);
+    let [w, h] = extent.map(|n| n / 4);
+    let unit = move |i: u32, j: u32| (layer * atlas.side / 4 + y / 4 + j) * (atlas.side / 4) + x / 4 + i;
+    (0..h).flat_map(move |j| (0..w).map(move |i| unit(i, j) as usize))
+}
+
+struct Stage {
+    geometry: Arc<CoveredMesh>,
+    streamer: Streamer,
+    shadow: Shadow,
+    clock: ModelClock,
+    atlas: AtlasShape,
+}
+
+const FRAME_SECONDS: f64 = 1.0 / 60.0;
+
+impl Stage {
+    fn new(geometry: &Arc<CoveredMesh>, atlas: AtlasShape, disk: DiskModel) -> Self {
+        let clock = ModelClock::default();
+        let loader = ModelLoader::new(geometry.clone(), disk, clock.clone());
+        let options = StreamerOptions { atlas, ..StreamerOptions::default() };
+        let streamer = Streamer::new(geometry.clone(), Box::new(loader), options);
+        let shadow = Shadow::new(geometry, &streamer);
+        Self { geometry: geometry.clone(), streamer, shadow, clock, atlas }
+    }
+
+    /// One frame; whether anything changed.
+    fn frame(&mut self, camera: Option<&CameraKeyframe>) -> bool {
+        self.clock.set(self.clock.seconds() + FRAME_SECONDS);
+        let view = camera.and_then(|c| c.view(&self.geometry.mesh.world_from_mesh, [640, 360]));
+        let requests = self.streamer.statistics().requests;
+        let frame = FrameOptions { upload_bytes: 1 << 18, elapsed_seconds: FRAME_SECONDS as f32 };
+        let changes = self.streamer.update(view.as_ref(), frame);
+        self.shadow.apply(&self.geometry.cover, &changes, self.atlas);
+        let bytes: usize = changes.uploads.iter().map(|u| u.texels.bytes()).sum();
+        assert!(bytes < frame.upload_bytes + (1 << 16), "{bytes} bytes in a frame");
+        let figures = self.streamer.statistics();
+        assert!(figures.resident.texels <= self.atlas.texels());
+        requests != figures.requests || !changes.uploads.is_empty() || !changes.entries.is_empty()
+    }
+
+    /// The camera stands still until nothing happens any more; then nothing happens for long.
+    fn settle(&mut self, camera: Option<&CameraKeyframe>) {
+        let mut frames = 0;
+        let mut quiet = 0;
+        while quiet < 5 {
+            let bias = self.streamer.statistics().bias_levels;
+            let changed = self.frame(camera) || bias != self.streamer.statistics().bias_levels;
+            quiet = if self.streamer.is_settled() && !changed { quiet + 1 } else { 0 };
+            frames += 1;
+            assert!(frames < 1500, "does not come to rest: {:?}", self.streamer.statistics());
+        }
+        self.streamer.check();
+        let bias = self.streamer.statistics().bias_levels;
+        for _ in 0..200 {
+            assert!(!self.frame(camera), "stirs though the camera stands still");
+            assert_eq!(self.streamer.statistics().bias_levels, bias);
+        }
+    }
+}
+
+fn atlas() -> impl Strategy<Value = AtlasShape> {
+    prop::sample::select(vec![
+        AtlasShape { side: 256, layers: 1 },
+        AtlasShape { side: 512, layers: 1 },
+        AtlasShape { side: 256, layers: 7 },
+        AtlasShape { side: 1024, layers: 2 },
+    ])
+}
+
+/// Covers of small, large and single-fan tiles; the last has tiles of many pages.
+static GEOMETRIES: LazyLock<[Arc<CoveredMesh>; 3]> = LazyLock::new(|| {
+    [
+        covered(generate::torus(40, 20), 1 << 20, 64),
+        covered(generate::icosphere(3), 1 << 17, 0),
+        covered(generate::cube(3), 3 << 20, 1024),
+    ]
+});
+
+#[derive(Clone, Debug)]
+enum Act {
+    Walk { seed: u64, seconds: f64 },
+    Cut { seed: u64 },
+    Minimise,
+    Edit { first: usize },
+    Resize(AtlasShape),
+    Retry,
+}
+
+fn act() -> impl Strategy<Value = Act> {
+    prop_oneof![
+        4 => (any::<u64>(), 0.2f64..1.0).prop_map(|(seed, seconds)| Act::Walk { seed, seconds }),
+        3 => any::<u64>().prop_map(|seed| Act::Cut { seed }),
+        1 => Just(Act::Minimise),
+        2 => (0usize..1000).prop_map(|first| Act::Edit { first }),
+        1 => atlas().prop_map(Act::Resize),
+        1 => Just(Act::Retry),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(32))]
+
+    #[test]
+    fn whatever_happens_the_atlas_is_right_and_comes_to_rest(
+        which in 0usize..3,
+        atlas in atlas(),
+        acts in prop::collection::vec(act(), 1..7),
+        damaged_share in prop::sample::select(vec![0.0, 0.0, 0.01, 1.0]),
+        latency_seconds in prop::sample::select(vec![0.0, 0.005, 0.08]),
+        bandwidth in prop::sample::select(vec![2e6, 1e8]),
+    ) {
+        let disk = DiskModel { damaged_share, latency_seconds, bandwidth, ..DiskModel::default() };
+        let mut stage = Stage::new(&GEOMETRIES[which], atlas, disk);
+        let mut camera = CameraKeyframe::looking(0.0, DVec3::Z * 3.0, DVec3::ZERO);
+        for act in acts {
+            match act {
+                Act::Walk { seed, seconds } => {
+                    let mut path = CameraPath::random_walk(DVec3::ZERO, 2.0, seed, seconds);
+                    path.keyframes[0] = camera;
+                    for frame in 0..(seconds / FRAME_SECONDS) as u32 {
+                        camera = path.at(f64::from(frame) * FRAME_SECONDS).unwrap();
+                        camera.seconds = 0.0;
+                        stage.frame(Some(&camera));
+                    }
+                }
+                Act::Cut { seed } => {
+                    camera = CameraPath::random_walk(DVec3::ZERO, 3.0, seed, 0.5).keyframes[0];
+                    stage.frame(Some(&camera));
+                }
+                Act::Minimise => {
+                    stage.frame(None);
+                }
+                Act::Edit { first } => {
+                    let count = stage.shadow.pages.len();
+                    let pages: Vec<PageId> = (first..first + 50).map(|i| stage.shadow.pages[i * 7 % count]).collect();
+                    stage.streamer.invalidate(&pages);
+                    stage.frame(Some(&camera));
+                }
+                Act::Resize(atlas) => {
+                    stage.atlas = atlas;
+                    stage.streamer.set_atlas(atlas);
+                    stage.frame(Some(&camera));
+                }
+                Act::Retry => {
+                    stage.streamer.retry_damaged();
+                    stage.frame(Some(&camera));
+                }
+            }
+            stage.streamer.check();
+        }
+        stage.settle(Some(&camera));
+        let figures = stage.streamer.statistics();
+        if damaged_share == 0.0 {
+            prop_assert_eq!(figures.complete_groups, figures.visible_groups);
+            prop_assert_eq!(figures.missing_pages, 0);
+            prop_assert_eq!(figures.damaged_pages, 0);
+        }
+        if damaged_share == 1.0 {
+            prop_assert_eq!(figures.resident.pages, 0);
+        }
+        stage.settle(None);
+        prop_assert_eq!(stage.streamer.statistics().needed.pages, 0);
+    }
+}
+
+#[test]
+fn a_pool_that_is_far_too_small_is_used_and_does_not_flicker() {
+    for geometry in &*GEOMETRIES {
+        let mut stage = Stage::new(geometry, AtlasShape { side: 256, layers: 1 }, DiskModel::default());
+        let camera = CameraKeyframe::looking(0.0, DVec3::new(0.5, 0.6, 1.5), DVec3::ZERO);
+        stage.settle(Some(&camera));
+        let figures = stage.streamer.statistics();
+        assert!(figures.bias_levels > 0.0 && figures.complete_groups == figures.visible_groups);
+        // A whole level at a time may be too much, but not more than that.
+        assert!(figures.occupancy() > 0.2, "{}", figures.occupancy());
+        println!("bias {:.2}, {:.0} % in use", figures.bias_levels, 100.0 * figures.occupancy());
+    }
+}
+
+#[test]
+fn the_bias_sinks_again() {
+    let geometry = covered(generate::torus(40, 20), 1 << 20, 64);
+    let mut stage = Stage::new(&geometry, AtlasShape { side: 512, layers: 1 }, DiskModel::default());
+    let near = CameraKeyframe::looking(0.0, DVec3::new(0.5, 0.6, 1.5), DVec3::ZERO);
+    stage.settle(Some(&near));
+    assert!(stage.streamer.statistics().bias_levels > 0.0);
+    let far = CameraKeyframe::looking(0.0, DVec3::new(2.0, 3.0, 16.0), DVec3::ZERO);
+    stage.settle(Some(&far));
+    assert_eq!(stage.streamer.statistics().bias_levels, 0.0);
+    assert_eq!(stage.streamer.statistics().complete_share(), 1.0);
+}
+
+#[test]
+fn edited_pages_are_uploaded_again_where_they_are() {
+    let geometry = covered(generate::icosphere(3), 1 << 17, 0);
+    let mut stage = Stage::new(&geometry, AtlasShape { side: 1024, layers: 1 }, DiskModel::default());
+    let camera = CameraKeyframe::looking(0.0, DVec3::Z * 3.0, DVec3::ZERO);
+    stage.settle(Some(&camera));
+    let resident = (0..stage.shadow.pages.len()).filter(|&i| stage.shadow.table[i] != TableEntry::ABSENT);
+    let edited: Vec<PageId> = resident.take(9).map(|i| stage.shadow.pages[i]).collect();
+    stage.streamer.invalidate(&edited);
+    let mut uploaded = Vec::new();
+    for _ in 0..20 {
+        stage.clock.set(stage.clock.seconds() + FRAME_SECONDS);
+        let view = camera.view(&geometry.mesh.world_from_mesh, [640, 360]);
+        let changes = stage.streamer.update(view.as_ref(), FrameOptions::default());
+        assert!(changes.entries.is_empty());
+        stage.shadow.apply(&geometry.cover, &changes, stage.atlas);
+        uploaded.extend(changes.uploads.iter().map(|u| u.page));
+    }
+    uploaded.sort();
+    assert_eq!(uploaded, edited);
+}
+
+#[test]
+fn no_mesh_streams_nothing() {
+    let geometry = covered(generate::cube(1), 1 << 12, 64);
+    let mut cover = geometry.cover.clone();
+    (cover.groups, cover.corner_groups, cover.unfolded) = (Vec::new(), Vec::new(), Vec::new());
+    let nothing = Arc::new(CoveredMesh { mesh: Mesh::default(), cover });
+    let mut stage = Stage::new(&nothing, AtlasShape { side: 256, layers: 1 }, DiskModel::default());
+    stage.settle(Some(&CameraKeyframe::looking(0.0, DVec3::Z, DVec3::ZERO)));
+    assert_eq!(stage.streamer.statistics().complete_share(), 1.0);
+}
+
+#[test]
+fn what_lies_ahead_is_fetched_before_it_is_needed() {
+    let geometry = covered(generate::torus(80, 40), 8 << 20, 64);
+    let path = CameraPath::orbit(DVec3::ZERO, 1.3, 0.4, 6.0);
+    let mut lacking = Vec::new();
+    for look_ahead_seconds in [0.0, 0.25] {
+        let options = crate::simulate::SimulationOptions {
+            streamer: StreamerOptions { look_ahead_seconds, ..StreamerOptions::default() },
+            disk: DiskModel { latency_seconds: 0.03, queue_depth: 1024, ..DiskModel::default() },
+            ..Default::default()
+        };
+        let report = crate::simulate::simulate(geometry.clone() as Arc<dyn Geometry>, &path, &options);
+        println!("{}\n{report}", crate::simulate::SimulationReport::HEADING);
+        assert!(report.is_settled);
+        lacking.push(1.0 - report.complete_frames);
+    }
+    assert!(lacking[1] < 0.5 * lacking[0], "{lacking:?}");
+}
+
+/// Page sizes as they occur: all levels of a cover's tiles.
+fn page_sizes() -> Vec<[u32; 2]> {
+    let geometry = covered(generate::torus(160, 80), 24 << 20, 128);
+    let levels = geometry.cover.groups.iter().flat_map(|g| (0..g.level_count()).map(|l| g.level_extent(l)));
+    levels.filter(|e| e.iter().all(|&n| n <= 256)).collect()
+}
+
+/// Random pages come; when one finds no room, random ones leave until it does.
+fn churn(
+    sizes: &[[u32; 2]],
+    steps: u32,
+    mut take: impl FnMut([u32; 2]) -> bool,
+    mut give_back: impl FnMut(usize) -> [u32; 2],
+) -> (f64, u32) {
+    let (mut state, mut used, mut resident, mut seen, mut fails) = (7u64, 0u64, 0usize, 0.0, 0);
+    let mut next = move |n: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 33) as usize % n
+    };
+    for _ in 0..steps {
+        let size = sizes[next(sizes.len())];
+        while !take(size) {
+            seen += used as f64;
+            fails += 1;
+            let left = give_back(next(resident));
+            used -= u64::from(left[0]) * u64::from(left[1]);
+            resident -= 1;
+        }
+        used += u64::from(size[0]) * u64::from(size[1]);
+        resident += 1;
+    }
+    (seen / f64::from(fails.max(1)) / f64::from(1024 * 1024), fails)
+}
+
+#[test]
+fn against_shelves() {
+    let sizes = page_sizes();
+    let steps = 20_000;
+    let started = std::time::Instant::now();
+    let (mut packer, resident) = (
+        std::cell::RefCell::new(Packer::new(AtlasShape { side: 1024, layers: 1 })),
+        std::cell::RefCell::new(Vec::new()),
+    );
+    let (bits_share, bits_fails) = churn(
+        &sizes,
+        steps,
+        |size| {
+            packer.borrow_mut().take(size).map(|place| resident.borrow_mut().push((place, size))).is_some()
+        },
+        |i| {
+            let (place, size) = resident.borrow_mut().swap_remove(i);
+            packer.borrow_mut().give_back(place, size);
+            size
+        },
+    );
+    let bits_time = started.elapsed();
+    for (place, size) in resident.take() {
+        packer.get_mut().give_back(place, size);
+    }
+    assert!((0..16).all(|_| packer.get_mut().take([256, 256]).is_some()), "all room comes back");
+    assert_eq!(packer.get_mut().take([4, 4]), None);
+
+    let started = std::time::Instant::now();
+    let shelves = std::cell::RefCell::new(etagere::AtlasAllocator::with_options(
+        etagere::size2(1024, 1024),
+        &etagere::AllocatorOptions { alignment: etagere::size2(4, 4), ..Default::default() },
+    ));
+    let resident = std::cell::RefCell::new(Vec::new());
+    let (shelf_share, shelf_fails) = churn(
+        &sizes,
+        steps,
+        |size| {
+            let size_i = etagere::size2(size[0] as i32, size[1] as i32);
+            let allocation = shelves.borrow_mut().allocate(size_i);
+            allocation.map(|a| resident.borrow_mut().push((a.id, size))).is_some()
+        },
+        |i| {
+            let (id, size) = resident.borrow_mut().swap_remove(i);
+            shelves.borrow_mut().deallocate(id);
+            size
+        },
+    );
+    let shelf_time = started.elapsed();
+    println!(
+        "in use when a page finds no room: bins of bits {:.1} % ({bits_fails} evictions, {bits_time:.1?}), shelves {:.1} % \
+         ({shelf_fails} evictions, {shelf_time:.1?})",
+        100.0 * bits_share,
+        100.0 * shelf_share
+    );
+    assert!(bits_share > shelf_share);
+}

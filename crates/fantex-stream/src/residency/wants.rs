@@ -1,0 +1,343 @@
+//! From what a view needs to pages that are needed, asked for, or cancelled.
+
+use fantex_store::PageId;
+
+use super::{Pending, Residency};
+use crate::demand::Demand;
+use crate::shape::{Detail, TileShape};
+use crate::{AtlasShape, PageLoader};
+
+/// Steps of [`Detail`] by which a demand must have become coarser before a finer level counts as unneeded.
+const RELUCTANCE: u8 = 2;
+
+/// How much may be on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RequestLimits {
+    /// Pages asked for or waiting for coarser ones.
+    pub pages: usize,
+    /// Their texels.
+    pub texels: u64,
+}
+
+impl Default for RequestLimits {
+    /// Enough to keep a fast disk busy: 4096 pages, 8 Mi texels.
+    fn default() -> Self {
+        Self { pages: 4096, texels: 8 << 20 }
+    }
+}
+
+/// Share of the atlas that needed pages and pages fetched ahead may fill together.
+const AHEAD_SHARE: f64 = 0.85;
+
+impl Residency {
+    /// Takes over the demand of a group, with the bias.
+    pub(crate) fn want(&mut self, group: u32, demand: &Demand, loader: &mut dyn PageLoader) {
+        self.want_with(group, demand, RELUCTANCE, loader);
+    }
+
+    /// Takes over the demand of all groups exactly.
+    fn want_all(&mut self, demand: &Demand, loader: &mut dyn PageLoader) {
+        for group in 0..demand.details().len() as u32 {
+            if demand.detail(group).is_visible() {
+                self.want_with(group, demand, 0, loader);
+            }
+        }
+    }
+
+    fn want_with(&mut self, group: u32, demand: &Demand, reluctance: u8, loader: &mut dyn PageLoader) {
+        let detail = demand.detail(group);
+        let was_visible = self.is_wanted(group);
+        if self.shapes.of(group).is_paged() {
+            self.want_pages(group, demand, loader);
+        } else {
+            let level = self.level_for(group, detail, reluctance);
+            self.want_level(group, level, loader);
+        }
+        match (was_visible, self.is_wanted(group)) {
+            (false, true) => self.visible_groups += 1,
+            (true, false) => self.visible_groups -= 1,
+            _ => {}
+        }
+        if self.missing[group as usize] > 0 {
+            self.wish(group, detail);
+        }
+    }
+
+    fn is_wanted(&self, group: u32) -> bool {
+        u32::from(self.wanted[group as usize]) < self.shapes.of(group).level_count()
+            || (!self.wanted_pages.is_empty() && self.wanted_pages.contains_key(&group))
+    }
+
+    fn wish(&mut self, group: u32, detail: Detail) {
+        let side = self.side_log2(group, detail);
+        self.wishes.put(group, self.missing[group as usize], side);
+    }
+
+    fn level_for(&self, group: u32, detail: Detail, reluctance: u8) -> u32 {
+        let shape = self.shapes.of(group);
+        let current = u32::from(self.wanted[group as usize]);
+        let level = shape.wanted_level(detail.biased(self.pressure.bias()));
+        if level <= current || !detail.is_visible() {
+            return level;
+        }
+        let reluctant = Detail(detail.0.saturating_sub(reluctance)).biased(self.pressure.bias());
+        shape.wanted_level(reluctant).max(current)
+    }
+
+    fn want_level(&mut self, group: u32, level: u32, loader: &mut dyn PageLoader) {
+        let current = u32::from(std::mem::replace(&mut self.wanted[group as usize], level as u8));
+        let first = self.pool.table().first(group);
+        let page = |level| PageId { group, level, page: [0, 0] };
+        for finer in current..level {
+            self.release(page(finer), first + finer, loader);
+        }
+        for needed in level..current {
+            self.need(page(needed), first + needed);
+        }
+    }
+
+    fn want_pages(&mut self, group: u32, demand: &Demand, loader: &mut dyn PageLoader) {
+        let first = self.pool.table().first(group);
+        let (bias, shape) = (self.pressure.bias(), self.shapes.of(group));
+        let next: Vec<u32> = demand
+            .pages(group)
+            .iter()
+            .filter(|p| p.detail.biased(bias).0 < shape.leaves(shape.page(group, p.index).level))
+            .map(|p| first + p.index)
+            .collect();
+        let last = self.wanted_pages.remove(&group).unwrap_or_default();
+        // Finest first, so that pages leave in this order.
+        for &index in last.iter().filter(|i| next.binary_search(i).is_err()) {
+            self.release(self.pool.page(group, index), index, loader);
+        }
+        for &index in next.iter().filter(|i| last.binary_search(i).is_err()) {
+            self.need(self.pool.page(group, index), index);
+        }
+        if !next.is_empty() {
+            self.wanted_pages.insert(group, next);
+        }
+    }
+
+    fn need(&mut self, page: PageId, index: u32) {
+        self.pool.need(page, index);
+        if !self.pool.is_resident(index) {
+            self.count_missing(page.group, true);
+        }
+    }
+
+    fn release(&mut self, page: PageId, index: u32, loader: &mut dyn PageLoader) {
+        self.pool.release(page, index);
+        if !self.pool.is_resident(index) {
+            self.count_missing(page.group, false);
+            self.forget(page, index, loader);
+        }
+    }
+
+    /// Cancels a page that is on its way, or drops it.
+    pub(super) fn forget(&mut self, page: PageId, index: u32, loader: &mut dyn PageLoader) {
+        if self.pending.remove(&index).is_some() {
+            loader.cancel(page);
+            self.in_flight_texels -= self.texels(page);
+        } else if self.waiting.remove(&index).is_some() {
+            self.in_flight_texels -= self.texels(page);
+        }
+    }
+
+    pub(super) fn texels(&self, page: PageId) -> u64 {
+        let [w, h] = self.shapes.of(page.group).page_extent(page.level, page.page).map(u64::from);
+        w * h
+    }
+
+    /// Lets the bias follow the demand.
+    pub(crate) fn adapt(&mut self, demand: &Demand, is_moving: bool, loader: &mut dyn PageLoader) {
+        if is_moving {
+            self.pressure.relax();
+        }
+        let (needed, atlas) = (self.pool.needed().texels, self.pool.shape().texels());
+        if self.pressure.update(needed, atlas, demand, &self.shapes) {
+            self.want_all(demand, loader);
+        }
+    }
+
+    /// Asks for what is missing, the most urgent first, within limits.
+    pub(crate) fn request(&mut self, demand: &Demand, limits: &RequestLimits, loader: &mut dyn PageLoader) {
+        while self.has_free_request(limits) {
+            let Some((group, urgency)) = self.wishes.take() else { return };
+            let finest = self.wanted_level(group).unwrap_or(0);
+            let side = self.side_log2(group, demand.detail(group));
+            for (page, index) in self.missing_pages(group) {
+                if !self.has_free_request(limits) {
+                    self.wishes.put_back(group, urgency);
+                    break;
+                }
+                let urgency = f32::from(super::wishes::urgency(page.level + 1 - finest, side));
+                self.ask(page, index, urgency, false, loader);
+            }
+        }
+    }
+
+    fn has_free_request(&self, limits: &RequestLimits) -> bool {
+        self.pending.len() + self.waiting.len() < limits.pages && self.in_flight_texels < limits.texels
+    }
+
+    /// The needed pages of a group that are neither resident, nor on their way, nor known to be damaged or to lie under a
+    /// damaged one; the coarsest first.
+    fn missing_pages(&self, group: u32) -> Vec<(PageId, u32)> {
+        let first = self.pool.table().first(group);
+        let shape = self.shapes.of(group);
+        let needed: Vec<u32> = match self.wanted_pages.get(&group) {
+            Some(pages) => pages.clone(),
+            None => {
+                (u32::from(self.wanted[group as usize])..shape.level_count()).map(|l| first + l).collect()
+            }
+        };
+        let is_asked = |index: &u32| {
+            self.pending.get(index).is_some_and(|p| !p.is_ahead) || self.waiting.contains_key(index)
+        };
+        needed
+            .into_iter()
+            .rev()
+            .filter(|&i| !self.pool.is_resident(i) && !is_asked(&i))
+            .map(|i| (self.pool.page(group, i), i))
+            .filter(|&(page, _)| !self.is_blocked(page))
+            .collect()
+    }
+
+    /// Whether a page, or one over it, is damaged.
+    pub(super) fn is_blocked(&self, page: PageId) -> bool {
+        !self.damaged.is_empty()
+            && (self.damaged.contains_key(&page) || self.pool.coarser(page).any(|p| self.is_blocked(p)))
+    }
+
+    fn ask(&mut self, page: PageId, index: u32, urgency: f32, is_ahead: bool, loader: &mut dyn PageLoader) {
+        loader.request(page, urgency);
+        if self.pending.insert(index, Pending { page, is_ahead }).is_none() {
+            self.requests += 1;
+            self.in_flight_texels += self.texels(page);
+        }
+    }
+
+    /// Groups whose demand in the predicted view has changed: what is no longer expected is cancelled, what is now expected
+    /// is asked for when there is nothing better to do.
+    pub(crate) fn expect(&mut self, changed: &[u32], predicted: &Demand, loader: &mut dyn PageLoader) {
+        for &group in changed {
+            let shape = self.shapes.of(group);
+            let first = self.pool.table().first(group);
+            let unexpected: Vec<(PageId, u32)> = self
+                .pending
+                .range(self.pool.pages_of(group))
+                .map(|(&index, pending)| (pending, index))
+                .filter(|(pending, _)| pending.is_ahead)
+                .map(|(pending, index)| (pending.page, index))
+                .filter(|&(page, index)| !is_expected(shape, page, index - first, predicted, self.bias()))
+                .collect();
+            for (page, index) in unexpected {
+                self.forget(page, index, loader);
+            }
+            if predicted.detail(group).is_visible() {
+                self.ahead.push_back(group);
+            }
+        }
+    }
+
+    /// Asks for pages that the predicted view needs, while all that is missing has been asked for and there is
+    /// room to spare.
+    pub(crate) fn request_ahead(
+        &mut self,
+        predicted: &Demand,
+        limits: &RequestLimits,
+        loader: &mut dyn PageLoader,
+    ) {
+        if self.wishes.len() > 0 {
+            return;
+        }
+        let limits = RequestLimits { pages: limits.pages / 4, texels: limits.texels / 4 };
+        let room = (self.pool.shape().texels() as f64 * AHEAD_SHARE) as u64;
+        while self.has_free_request(&limits) && self.pool.needed().texels + self.in_flight_texels < room {
+            let Some(group) = self.ahead.pop_front() else { return };
+            let shape = self.shapes.of(group);
+            let first = self.pool.table().first(group);
+            let pages: Vec<u32> = if shape.is_paged() {
+                predicted.pages(group).iter().rev().map(|p| p.index).collect()
+            } else {
+                (0..shape.level_count()).rev().collect()
+            };
+            for i in pages {
+                let page = self.shapes.of(group).page(group, i);
+                let index = first + i;
+                let known = self.pool.is_resident(index)
+                    || self.pending.contains_key(&index)
+                    || self.waiting.contains_key(&index);
+                let shape = self.shapes.of(group);
+                if !known && is_expected(shape, page, i, predicted, self.bias()) && !self.is_blocked(page) {
+                    self.ask(page, index, -1.0 + 0.01 * page.level as f32, true, loader);
+                }
+            }
+        }
+    }
+
+    /// Nothing is expected any more.
+    pub(crate) fn expect_nothing(&mut self, loader: &mut dyn PageLoader) {
+        self.ahead.clear();
+        let ahead: Vec<(PageId, u32)> =
+            self.pending.iter().filter(|(_, p)| p.is_ahead).map(|(&i, p)| (p.page, i)).collect();
+        for (page, index) in ahead {
+            self.forget(page, index, loader);
+        }
+    }
+
+    /// The texels of these pages are others now. What is resident stays until its new texels arrive.
+    pub(crate) fn invalidate(&mut self, pages: &[PageId], demand: &Demand, loader: &mut dyn PageLoader) {
+        for &page in pages {
+            let index = self.pool.index(page);
+            self.damaged.remove(&page);
+            self.forget(page, index, loader);
+            if self.pool.is_resident(index) {
+                self.ask(page, index, f32::from(u8::MAX), false, loader);
+            } else if self.missing[page.group as usize] > 0 {
+                self.wish(page.group, demand.detail(page.group));
+            }
+        }
+    }
+
+    /// Asks for damaged pages again.
+    pub(crate) fn retry_damaged(&mut self, demand: &Demand) {
+        for page in std::mem::take(&mut self.damaged).into_keys() {
+            if self.missing[page.group as usize] > 0 {
+                self.wish(page.group, demand.detail(page.group));
+            }
+        }
+    }
+
+    /// Begins anew in an empty atlas of another shape.
+    pub(crate) fn set_atlas(&mut self, atlas: AtlasShape, demand: &Demand) {
+        self.pressure = super::Pressure::new();
+        for group in 0..self.missing.len() as u32 {
+            for index in self.pool.pages_of(group) {
+                if self.pool.is_needed(index) && self.pool.is_resident(index) {
+                    self.count_missing(group, true);
+                }
+            }
+        }
+        self.pool.reset(atlas);
+        self.ready.extend(self.waiting.keys().copied());
+        for group in 0..self.missing.len() as u32 {
+            if self.missing[group as usize] > 0 {
+                self.wish(group, demand.detail(group));
+            }
+        }
+    }
+}
+
+/// Whether a predicted view needs a page.
+fn is_expected(shape: &TileShape, page: PageId, index_in_tile: u32, predicted: &Demand, bias: u8) -> bool {
+    if shape.is_paged() {
+        let pages = predicted.pages(page.group);
+        pages
+            .binary_search_by_key(&index_in_tile, |p| p.index)
+            .is_ok_and(|i| pages[i].detail.biased(bias).0 < shape.leaves(page.level))
+    } else {
+        let detail = predicted.detail(page.group).biased(bias);
+        shape.wanted_level(detail) <= page.level
+    }
+}

@@ -1,0 +1,354 @@
+//! Demand, residency and a loader, put together.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fantex_store::{PageError, PageId};
+use glam::{Mat3, Quat, Vec3};
+
+use crate::demand::{Demand, DemandSurface, DemandWork};
+use crate::residency::{COUNTED_LEVELS, PageCount, RequestLimits, Residency};
+use crate::shape::TileShapes;
+use crate::{AtlasShape, Detail, FrameChanges, Geometry, PageLoader, PageTable, StreamView};
+
+/// What a streamer is built with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamerOptions {
+    /// Room for texels.
+    pub atlas: AtlasShape,
+    /// The greatest ratio of a pixel's axes on the surface that the renderer's filter honours; 1 for trilinear look-ups.
+    pub max_anisotropy: f32,
+    /// How much is on its way at a time.
+    pub limits: RequestLimits,
+    /// How far ahead of a moving camera pages are fetched, seconds; 0 for not at all.
+    pub look_ahead_seconds: f32,
+}
+
+impl Default for StreamerOptions {
+    /// 64 Mi texels, anisotropy up to 16, a quarter of a second ahead.
+    fn default() -> Self {
+        Self {
+            atlas: AtlasShape { side: 4096, layers: 4 },
+            max_anisotropy: 16.0,
+            limits: RequestLimits::default(),
+            look_ahead_seconds: 0.25,
+        }
+    }
+}
+
+/// What holds for one frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameOptions {
+    /// Bytes of texels that may be uploaded; exceeded by less than a page.
+    pub upload_bytes: usize,
+    /// Seconds since the last frame.
+    pub elapsed_seconds: f32,
+}
+
+impl Default for FrameOptions {
+    /// 4 MiB, a sixtieth of a second.
+    fn default() -> Self {
+        Self { upload_bytes: 4 << 20, elapsed_seconds: 1.0 / 60.0 }
+    }
+}
+
+/// Decides what is in the atlas. Owned and called by whoever draws, once per frame; reading happens in the loader's threads.
+pub struct Streamer {
+    geometry: Arc<dyn Geometry>,
+    surface: DemandSurface,
+    demand: Demand,
+    predicted: Demand,
+    residency: Residency,
+    loader: Box<dyn PageLoader>,
+    options: StreamerOptions,
+    motion: Motion,
+    changed: Vec<u32>,
+    times: UpdateTimes,
+}
+
+/// Processor time of the last update.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct UpdateTimes {
+    /// Finding the groups whose demand has changed.
+    pub demand: Duration,
+    /// The same for the predicted view.
+    pub prediction: Duration,
+    /// Everything else: wanting, requesting, placing.
+    pub residency: Duration,
+}
+
+impl Streamer {
+    /// Nothing is resident. Takes time linear in the mesh.
+    pub fn new(geometry: Arc<dyn Geometry>, loader: Box<dyn PageLoader>, options: StreamerOptions) -> Self {
+        let shapes = Arc::new(TileShapes::new(geometry.cover()));
+        let table = PageTable::new(geometry.cover());
+        let surface = DemandSurface::new(geometry.clone(), shapes.clone());
+        Self {
+            demand: Demand::new(&surface, options.max_anisotropy),
+            predicted: Demand::new(&surface, options.max_anisotropy),
+            residency: Residency::new(shapes, table, options.atlas),
+            geometry,
+            surface,
+            loader,
+            options,
+            motion: Motion::default(),
+            changed: Vec::new(),
+            times: UpdateTimes::default(),
+        }
+    }
+
+    /// Brings everything up to date with a view; `None` (a picture without pixels) needs nothing, and what is resident
+    /// stays. Never waits.
+    pub fn update(&mut self, view: Option<&StreamView>, frame: FrameOptions) -> FrameChanges {
+        let started = Instant::now();
+        self.changed.clear();
+        self.demand.update(&mut self.surface, view, &mut self.changed);
+        let demanded = Instant::now();
+        let is_moving = self.motion.advance(view, frame.elapsed_seconds);
+        let loader = &mut *self.loader;
+        self.residency.begin_frame();
+        for &group in &self.changed {
+            self.residency.want(group, &self.demand, loader);
+        }
+        self.residency.adapt(&self.demand, is_moving, loader);
+        let mut changes = self.residency.arrive(frame.upload_bytes, loader);
+        self.residency.request(&self.demand, &self.options.limits, loader);
+        let requested = Instant::now();
+        self.look_ahead();
+        let predicted = Instant::now();
+        changes.entries = self.residency.take_changes();
+        self.times = UpdateTimes {
+            demand: demanded - started,
+            prediction: predicted - requested,
+            residency: (requested - demanded) + predicted.elapsed(),
+        };
+        changes
+    }
+
+    /// Fetches what the camera will see if it goes on like this.
+    fn look_ahead(&mut self) {
+        if self.options.look_ahead_seconds <= 0.0 {
+            return;
+        }
+        let Some(view) = self.motion.predict(self.options.look_ahead_seconds) else {
+            self.residency.expect_nothing(&mut *self.loader);
+            return;
+        };
+        if self.residency.wishes() > 0 {
+            return;
+        }
+        self.changed.clear();
+        self.predicted.update(&mut self.surface, Some(&view), &mut self.changed);
+        self.residency.expect(&self.changed, &self.predicted, &mut *self.loader);
+        self.residency.request_ahead(&self.predicted, &self.options.limits, &mut *self.loader);
+    }
+
+    /// The mesh and cover that are streamed.
+    pub fn geometry(&self) -> &Arc<dyn Geometry> {
+        &self.geometry
+    }
+
+    /// The numbering of the entries in [`FrameChanges`].
+    pub fn table(&self) -> &PageTable {
+        self.residency.pool().table()
+    }
+
+    /// The atlas that places refer to.
+    pub fn atlas(&self) -> AtlasShape {
+        self.residency.pool().shape()
+    }
+
+    /// Replaces the atlas by an empty one; the next update clears all entries.
+    pub fn set_atlas(&mut self, atlas: AtlasShape) {
+        self.options.atlas = atlas;
+        self.residency.set_atlas(atlas, &self.demand);
+    }
+
+    /// The renderer's filter honours another ratio of a pixel's axes.
+    pub fn set_max_anisotropy(&mut self, max_anisotropy: f32) {
+        self.options.max_anisotropy = max_anisotropy;
+        self.demand.set_max_anisotropy(max_anisotropy);
+        self.predicted.set_max_anisotropy(max_anisotropy);
+    }
+
+    /// The stored texels of these pages have changed: what is resident is read and uploaded again, in place, and what was
+    /// damaged gets another chance.
+    pub fn invalidate(&mut self, pages: &[PageId]) {
+        self.residency.invalidate(pages, &self.demand, &mut *self.loader);
+    }
+
+    /// Pages that could not be loaded, with the reason. They are not asked for again, and neither are those under them.
+    pub fn damaged(&self) -> impl Iterator<Item = (&PageId, &PageError)> {
+        self.residency.damaged().iter()
+    }
+
+    /// Asks for all damaged pages once more.
+    pub fn retry_damaged(&mut self) {
+        self.residency.retry_damaged(&self.demand);
+    }
+
+    /// What a group needs in the current view, without the bias.
+    pub fn detail(&self, group: u32) -> Detail {
+        self.demand.detail(group)
+    }
+
+    /// The finest level that a group is to have, with the bias; `None` for none, as when it is out of sight.
+    pub fn wanted_level(&self, group: u32) -> Option<u32> {
+        self.residency.wanted_level(group)
+    }
+
+    /// The finest level of which a group has a page; `None` if it has only its mean.
+    pub fn resident_level(&self, group: u32) -> Option<u32> {
+        self.residency.resident_level(group)
+    }
+
+    /// Whether nothing is on its way or waits to be asked for: the picture stays as it is until the view changes.
+    pub fn is_settled(&self) -> bool {
+        self.residency.in_flight() == (0, 0) && self.residency.wishes() == 0
+    }
+
+    /// Figures for graphs.
+    pub fn statistics(&self) -> StreamStatistics {
+        let (visible_groups, lacking_groups) = self.residency.visible_and_lacking();
+        let pool = self.residency.pool();
+        let (requested_pages, waiting_pages) = self.residency.in_flight();
+        let mut resident_by_level = [PageCount::default(); COUNTED_LEVELS];
+        resident_by_level.copy_from_slice(pool.resident_by_level());
+        StreamStatistics {
+            resident: pool.resident(),
+            resident_by_level,
+            needed: pool.needed(),
+            missing_pages: self.residency.missing_pages_count(),
+            atlas_texels: pool.shape().texels(),
+            evictions: pool.evictions(),
+            requested_pages,
+            waiting_pages,
+            lacking_groups_not_asked: self.residency.wishes(),
+            requests: self.residency.requests(),
+            uploaded_bytes: self.residency.uploaded_bytes(),
+            bias_levels: f32::from(self.residency.bias()) / Detail::STEPS as f32,
+            visible_groups,
+            complete_groups: visible_groups - lacking_groups,
+            damaged_pages: self.residency.damaged().len(),
+            work: self.demand.work(),
+            times: self.times,
+        }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn check(&self) {
+        self.residency.check();
+    }
+}
+
+/// Figures of a streamer. Counters begin with the streamer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamStatistics {
+    /// In the atlas.
+    pub resident: PageCount,
+    /// The same per level, finest first.
+    pub resident_by_level: [PageCount; COUNTED_LEVELS],
+    /// What the view needs, with the bias.
+    pub needed: PageCount,
+    /// Pages of that which are not resident.
+    pub missing_pages: u64,
+    /// Texels of the atlas.
+    pub atlas_texels: u64,
+    /// Pages that left.
+    pub evictions: u64,
+    /// Asked for and not arrived.
+    pub requested_pages: usize,
+    /// Arrived, not placed yet.
+    pub waiting_pages: usize,
+    /// Groups whose missing pages have not been asked for.
+    pub lacking_groups_not_asked: usize,
+    /// Pages asked for.
+    pub requests: u64,
+    /// Bytes of texels handed over for upload.
+    pub uploaded_bytes: u64,
+    /// Levels by which everything is coarser than its pixels ask for, so that it fits.
+    pub bias_levels: f32,
+    /// Groups that need pages.
+    pub visible_groups: u64,
+    /// Groups of these that have all that they need; they are sharp where the bias is zero.
+    pub complete_groups: u64,
+    /// Pages that could not be loaded.
+    pub damaged_pages: usize,
+    /// Work of the last update.
+    pub work: DemandWork,
+    /// Time of the last update.
+    pub times: UpdateTimes,
+}
+
+impl StreamStatistics {
+    /// Share of the atlas that is in use, 0 to 1.
+    pub fn occupancy(&self) -> f64 {
+        self.resident.texels as f64 / self.atlas_texels.max(1) as f64
+    }
+
+    /// Share of the visible tiles that are at their level, 0 to 1; 1 if none is visible.
+    pub fn complete_share(&self) -> f64 {
+        if self.visible_groups == 0 { 1.0 } else { self.complete_groups as f64 / self.visible_groups as f64 }
+    }
+}
+
+/// How the camera moves.
+#[derive(Debug, Default)]
+struct Motion {
+    view: Option<StreamView>,
+    seconds: f32,
+    step: Option<Step>,
+    is_steady: bool,
+}
+
+/// From one frame to the next.
+#[derive(Clone, Copy, Debug)]
+struct Step {
+    travel: Vec3,
+    turn: Quat,
+}
+
+/// A prediction turns the camera by no more than this, radians.
+const MOST_PREDICTED_TURN: f32 = 0.5;
+
+impl Motion {
+    /// The next view; whether it differs from the last one.
+    fn advance(&mut self, view: Option<&StreamView>, seconds: f32) -> bool {
+        let last = std::mem::replace(&mut self.view, view.copied());
+        let (Some(last), Some(view)) = (last, view) else {
+            (self.step, self.is_steady) = (None, false);
+            return true;
+        };
+        let step = Step {
+            travel: view.eye - last.eye,
+            turn: Quat::from_mat3(&(view.axes * last.axes.transpose())).normalize(),
+        };
+        let is_moving = last != *view;
+        // Steady is what goes on nearly as it did: neither a cut nor a hand that trembles.
+        self.is_steady = is_moving
+            && self.step.is_some_and(|before| {
+                let turned = before.turn.angle_between(step.turn);
+                before.travel.distance(step.travel) <= 0.5 * step.travel.length() + f32::EPSILON
+                    && turned <= 0.5 * step.turn.angle_between(Quat::IDENTITY) + 1e-3
+            });
+        self.step = Some(step);
+        self.seconds = seconds;
+        is_moving
+    }
+
+    fn predict(&self, ahead_seconds: f32) -> Option<StreamView> {
+        let (view, step) = (self.view?, self.step?);
+        if !self.is_steady || self.seconds <= 0.0 {
+            return None;
+        }
+        let steps = ahead_seconds / self.seconds;
+        let (axis, angle) = step.turn.to_axis_angle();
+        let angle = if angle > std::f32::consts::PI { angle - std::f32::consts::TAU } else { angle };
+        let turn = (angle * steps).clamp(-MOST_PREDICTED_TURN, MOST_PREDICTED_TURN);
+        Some(StreamView {
+            eye: view.eye + step.travel * steps,
+            axes: Mat3::from_axis_angle(axis, turn) * view.axes,
+            ..view
+        })
+    }
+}
