@@ -9,6 +9,7 @@ use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::{CleanError, CleanOptions, CleanReport, LoadError, LoadOptions, Mesh, clean, load};
 use fantex_scene::Bounds;
 use fantex_store::{Asset, ChannelKind, OpenError, cover_level_count};
+use fantex_stream::open_asset;
 
 use crate::camera::SceneScale;
 
@@ -207,7 +208,8 @@ impl Document {
     pub fn open(place: &Place, progress: &OpenProgress) -> Result<Self, OpenDocumentError> {
         progress.enter(Stage::Reading)?;
         match place {
-            Place::Url(url) => Err(OpenDocumentError::ModelUrl { url: url.clone() }),
+            Place::Url(url) if !is_asset_url(url) => Err(OpenDocumentError::ModelUrl { url: url.clone() }),
+            Place::Url(url) => Ok(Self::of_asset(place.clone(), Arc::new(open_asset(Path::new(url))?))),
             Place::File(path) if is_look(path) => Err(OpenDocumentError::Look { path: path.clone() }),
             Place::File(path) if is_asset(path)? => {
                 Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?)))
@@ -333,6 +335,12 @@ fn kind_label(kind: ChannelKind) -> &'static str {
 
 fn is_look(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// False for addresses of models; all others may be assets.
+fn is_asset_url(url: &str) -> bool {
+    let name = Place::Url(url.to_owned()).name().to_ascii_lowercase();
+    ![".glb", ".gltf", ".obj", ".ply", ".stl", ".toml"].iter().any(|extension| name.ends_with(extension))
 }
 
 /// True for files that are named `.fan` or start like an asset, whatever they are named.

@@ -301,10 +301,11 @@ impl Viewer {
         self.cancel_opening();
         let progress = Arc::new(OpenProgress::default());
         let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
+        let streaming = self.settings.streaming;
         let work = move || {
             let document = Document::open(&from, &for_thread)?;
             for_thread.enter(Stage::Preparing)?;
-            let model = prepare.map(|prepare| prepare(&document)).transpose();
+            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose();
             let model = model.map_err(|reason| OpenDocumentError::Graphics { reason })?;
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;

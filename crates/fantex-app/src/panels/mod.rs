@@ -35,24 +35,24 @@ pub struct SceneTexture {
     pub id: TextureId,
 }
 
-/// The pictures of the atlas' layers.
-#[derive(Clone, Debug, Default)]
-pub struct AtlasTextures {
-    /// One per layer, as egui knows them.
-    pub layers: Vec<TextureId>,
-    /// Texels along a layer's side.
-    pub side: u32,
+/// The picture of the atlas.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AtlasTexture {
+    /// How egui knows it; none where there is no atlas.
+    pub id: Option<TextureId>,
+    /// Width and height of the atlas in texels.
+    pub extent: [u32; 2],
     /// The channel that is shown, among those of the asset.
     pub channel: usize,
 }
 
 /// What the panels are given besides the viewer's state.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Textures {
     /// The scene, once it has been drawn.
     pub scene: Option<SceneTexture>,
     /// The atlas, where there is one.
-    pub atlas: AtlasTextures,
+    pub atlas: AtlasTexture,
 }
 
 /// What the user did with the panels, besides editing settings.

@@ -6,7 +6,9 @@
 //!         --capture--> picture in main memory, then a PNG file     (never waits)
 //! ```
 
+mod atlas_view;
 mod capture;
+mod fan;
 mod model;
 mod picture;
 
@@ -22,7 +24,9 @@ use crate::pacing::Draw;
 use crate::viewer::Viewer;
 use eframe::wgpu;
 
-pub use capture::{CaptureError, Capturing};
+pub use atlas_view::AtlasPicture;
+pub use capture::{CaptureError, Captured, Capturing};
+pub use fan::{FanScene, FanSceneError};
 pub use model::{PrepareScene, SceneModel, preparer};
 use picture::Picture;
 
@@ -67,7 +71,7 @@ impl SceneView {
         self.last_stream_seconds = None;
     }
 
-    /// Lets streaming go on, and draws a picture where one is due. Returns whether a new one is under way.
+    /// Lets streaming go on, and draws a picture where one is due. Returns whether one was begun.
     ///
     /// # Errors
     ///
@@ -79,9 +83,8 @@ impl SceneView {
         if viewer.scene_pixels.contains(&0) {
             return Ok(false);
         }
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let elapsed = seconds - self.last_stream_seconds.replace(seconds).unwrap_or(seconds);
-        let has_arrived = model.stream(&self.gpu, &mut encoder, viewer, elapsed as f32)?;
+        let has_arrived = model.stream(&self.gpu, viewer, elapsed as f32)?;
         if has_arrived {
             viewer.pacing.changed();
         }
@@ -91,23 +94,21 @@ impl SceneView {
         } else {
             viewer.figures = StreamFigures::default();
         }
-        let mut is_drawn = false;
-        if let Draw::Scaled(scale) = viewer.pacing.next(seconds, viewer.settings.display.is_adaptive) {
-            let size = scaled(viewer.scene_pixels, scale, self.gpu.limits().max_texture_dimension_2d);
-            let target = match self.picture.take() {
-                Some(picture) if picture.size() == size => picture,
-                _ => Picture::new(&self.gpu, size),
-            };
-            let target = self.picture.insert(target);
-            let seen = Seen::of(viewer);
-            self.renderer.draw(&self.gpu, &mut encoder, target.view(), &mut seen.frame(size, model))?;
-            is_drawn = true;
-        }
+        let Draw::Scaled(scale) = viewer.pacing.next(seconds, viewer.settings.display.is_adaptive) else {
+            return Ok(false);
+        };
+        let size = scaled(viewer.scene_pixels, scale, self.gpu.limits().max_texture_dimension_2d);
+        let picture = match self.picture.take() {
+            Some(picture) if picture.size() == size => picture,
+            _ => Picture::new(&self.gpu, size),
+        };
+        let picture = self.picture.insert(picture);
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let seen = Seen::of(viewer);
+        self.renderer.draw(&self.gpu, &mut encoder, picture.view(), &mut seen.frame(size, model))?;
         self.gpu.queue.submit([encoder.finish()]);
-        if is_drawn && let Some(picture) = &mut self.picture {
-            picture.submitted(&self.gpu);
-        }
-        Ok(is_drawn)
+        picture.submitted(&self.gpu);
+        Ok(true)
     }
 
     fn finish_picture(&mut self, viewer: &mut Viewer) {
@@ -130,9 +131,12 @@ impl SceneView {
         self.picture.as_mut().map(Picture::shown)
     }
 
-    /// Layers of the atlas as textures to show, where there is an atlas.
-    pub fn atlas(&mut self, channel: usize) -> Option<model::AtlasPictures<'_>> {
-        self.model.as_mut()?.atlas(&self.gpu, channel)
+    /// The atlas as a picture, where there is an atlas.
+    pub fn atlas(&mut self, channel: usize, seconds: f64) -> Option<AtlasPicture<'_>> {
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let picture = self.model.as_mut()?.atlas(&self.gpu, &mut encoder, channel, seconds);
+        self.gpu.queue.submit([encoder.finish()]);
+        picture
     }
 
     /// Begins a picture of `size` pixels for a file; see [`SceneView::poll_captures`].
@@ -152,7 +156,7 @@ impl SceneView {
     }
 
     /// Pictures that are ready, as soon as they are.
-    pub fn poll_captures(&mut self) -> Vec<capture::Captured> {
+    pub fn poll_captures(&mut self) -> Vec<Captured> {
         let (ready, pending) = std::mem::take(&mut self.captures).into_iter().partition(Capturing::is_ready);
         self.captures = pending;
         if self.captures.is_empty() {
@@ -168,14 +172,9 @@ impl SceneView {
         self.captures.len()
     }
 
-    /// Whether everything that is seen has its wanted level.
-    pub fn is_sharp(&self) -> bool {
-        self.model.as_ref().is_none_or(SceneModel::is_sharp)
-    }
-
-    /// Whether streaming wants another frame although nothing moves.
-    pub fn is_streaming(&self) -> bool {
-        self.model.as_ref().is_some_and(SceneModel::is_streaming)
+    /// Whether streaming has nothing to do until the view changes: everything that is seen has the level that it can have.
+    pub fn is_settled(&self) -> bool {
+        self.model.as_ref().is_none_or(SceneModel::is_settled)
     }
 }
 

@@ -1,6 +1,6 @@
 //! Carries out the steps of a session: as keys and mouse where a user would use these, else directly.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
 use fantex_scene::Camera;
@@ -18,7 +18,6 @@ const DRAG_FRAMES: u32 = 6;
 pub(super) struct Driver {
     runner: SessionRunner,
     frame: u64,
-    errors_before: u64,
     hands: Hands,
 }
 
@@ -29,12 +28,11 @@ struct Hands {
     coming: std::collections::VecDeque<Vec<Event>>,
     held: Vec<Key>,
     held_frames: u32,
-    modifiers: Modifiers,
 }
 
 impl Driver {
     pub(super) fn new(runner: SessionRunner) -> Self {
-        Self { runner, frame: 0, errors_before: 0, hands: Hands::default() }
+        Self { runner, frame: 0, hands: Hands::default() }
     }
 
     /// Does what is next. Returns whether there is more to do.
@@ -61,7 +59,6 @@ impl Driver {
             Act::Wait => Ok(true),
             Act::End => Ok(false),
             Act::Do(step) => {
-                self.errors_before = viewer.notices.error_count();
                 self.act(ctx, viewer, step, seconds);
                 Ok(true)
             }
@@ -118,13 +115,13 @@ impl Driver {
     }
 
     /// Adds what the hands do to what the window tells.
-    pub(super) fn inject(&mut self, raw_input: &mut RawInput, _viewer: &Viewer) {
+    pub(super) fn inject(&mut self, raw_input: &mut RawInput) {
         self.hands.inject(raw_input);
     }
 }
 
 /// A picture of an earlier session must not pass for this one's.
-fn remove_old(path: &PathBuf) {
+fn remove_old(path: &Path) {
     std::fs::remove_file(path).ok();
 }
 
@@ -149,32 +146,24 @@ impl Hands {
         let from = pos2(width * 0.5, ctx.content_rect().top() + 40.0 + height * 0.5);
         let by = vec2(by[0] as f32, by[1] as f32) * height;
         let parsed = with.iter().filter_map(|name| parse_keys(&format!("{name}+A")));
-        self.modifiers = parsed.fold(Modifiers::NONE, |all, (one, _)| all | one);
-        let button = |at: Pos2, pressed: bool, modifiers: Modifiers| Event::PointerButton {
+        let modifiers = parsed.fold(Modifiers::NONE, |all, (one, _)| all | one);
+        let button = |at: Pos2, pressed: bool| Event::PointerButton {
             pos: at,
             button: PointerButton::Primary,
             pressed,
             modifiers,
         };
-        self.coming.push_back(vec![Event::PointerMoved(from)]);
-        self.coming.push_back(vec![button(from, true, self.modifiers)]);
+        self.coming.push_back(vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(from)]);
+        self.coming.push_back(vec![button(from, true)]);
         for i in 1..=DRAG_FRAMES {
             self.coming.push_back(vec![Event::PointerMoved(from + by * (i as f32 / DRAG_FRAMES as f32))]);
         }
-        self.coming.push_back(vec![button(from + by, false, self.modifiers), Event::PointerGone]);
+        let released = [button(from + by, false), Event::PointerGone, Event::ModifiersChanged(Modifiers::NONE)];
+        self.coming.push_back(released.into());
     }
 
     fn inject(&mut self, raw_input: &mut RawInput) {
-        let events = self.coming.pop_front();
-        if self.coming.is_empty() && events.is_none() {
-            self.modifiers = Modifiers::NONE;
-        }
-        raw_input.modifiers |= self.modifiers;
-        if self.modifiers != Modifiers::NONE {
-            // The window says which modifiers are held by a user, who is not there.
-            raw_input.events.retain(|event| !matches!(event, Event::PointerMoved(_)));
-        }
-        raw_input.events.extend(events.into_iter().flatten());
+        raw_input.events.extend(self.coming.pop_front().into_iter().flatten());
         if self.held_frames > 0 {
             self.held_frames -= 1;
             if self.held_frames == 0 {

@@ -17,7 +17,7 @@ use fantex_gpu::Gpu;
 
 use crate::command::command_of;
 use crate::light::Surroundings;
-use crate::panels::{self, AtlasTextures, SceneTexture, Textures};
+use crate::panels::{self, AtlasTexture, SceneTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
 use crate::session::{SessionError, SessionRunner};
 use crate::settings::{Settings, SettingsError, WindowSettings};
@@ -29,7 +29,7 @@ use dialogs::{Answer, Dialogs};
 use driver::Driver;
 use pictures::PictureFiles;
 
-/// Texels that no atlas of a window exceeds.
+/// Width and height in points that the window does not fall below.
 const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
 
 /// How the session ended, told from the window to `main`.
@@ -115,7 +115,7 @@ struct Shell {
     scene: SceneView,
     render_state: egui_wgpu::RenderState,
     scene_texture: Option<TextureId>,
-    atlas_textures: AtlasTextures,
+    atlas: AtlasTexture,
     dialogs: Dialogs,
     pictures: PictureFiles,
     driver: Option<Driver>,
@@ -161,7 +161,7 @@ impl Shell {
             scene: SceneView::new(gpu),
             render_state,
             scene_texture: None,
-            atlas_textures: AtlasTextures::default(),
+            atlas: AtlasTexture::default(),
             dialogs: Dialogs::new(wake.clone()),
             pictures: PictureFiles::new(wake),
             driver: start.session.map(Driver::new),
@@ -258,11 +258,11 @@ impl Shell {
             let advice = if self.is_lost { " Start the viewer again to go on." } else { "" };
             self.viewer.notices.error(format!("{error}.{advice}"), seconds);
         }
-        self.register_textures();
+        self.register_textures(seconds);
     }
 
     /// Tells egui about the textures that it shows.
-    fn register_textures(&mut self) {
+    fn register_textures(&mut self, seconds: f64) {
         let device = &self.render_state.device;
         let mut renderer = self.render_state.renderer.write();
         match self.scene.shown() {
@@ -283,28 +283,31 @@ impl Shell {
             }
         }
         let is_shown = self.viewer.settings.panels.has_atlas;
-        let pictures = if is_shown { self.scene.atlas(self.atlas_textures.channel) } else { None };
-        let Some(pictures) = pictures else {
-            for id in self.atlas_textures.layers.drain(..) {
+        let picture = if is_shown { self.scene.atlas(self.atlas.channel, seconds) } else { None };
+        let Some(picture) = picture else {
+            if let Some(id) = self.atlas.id.take() {
                 renderer.free_texture(&id);
             }
             return;
         };
-        if pictures.are_new || self.atlas_textures.layers.len() != pictures.views.len() {
-            for id in self.atlas_textures.layers.drain(..) {
-                renderer.free_texture(&id);
+        self.atlas.extent = picture.extent;
+        match self.atlas.id {
+            Some(id) if picture.is_new => {
+                renderer.update_egui_texture_from_wgpu_texture(device, picture.view, wgpu::FilterMode::Linear, id);
             }
-            let register = |view| renderer.register_native_texture(device, view, wgpu::FilterMode::Linear);
-            self.atlas_textures.layers = pictures.views.iter().map(register).collect();
+            Some(_) => {}
+            None => {
+                let id = renderer.register_native_texture(device, picture.view, wgpu::FilterMode::Linear);
+                self.atlas.id = Some(id);
+            }
         }
-        self.atlas_textures.side = pictures.side;
     }
 
     /// Asks for the next frame where something goes on.
     fn wake(&self, ctx: &egui::Context, goes_on: bool, seconds: f64) {
         if goes_on || self.driver.is_some() {
             ctx.request_repaint();
-        } else if self.scene.is_streaming() || self.scene.captures_due() > 0 {
+        } else if !self.scene.is_settled() || self.scene.captures_due() > 0 {
             ctx.request_repaint_after_secs(0.016);
         } else if !self.viewer.pacing.is_settled() && self.viewer.document.is_some() && !self.is_lost {
             let wake = self.viewer.pacing.wake_in(seconds).unwrap_or(0.008).max(0.004);
@@ -354,7 +357,7 @@ impl Shell {
     /// Lets the session do its next step.
     fn drive(&mut self, ctx: &egui::Context, seconds: f64) {
         let Some(driver) = &mut self.driver else { return };
-        let is_sharp = self.scene.is_sharp() && self.viewer.pacing.is_settled();
+        let is_sharp = self.scene.is_settled() && self.viewer.pacing.is_settled();
         let pictures_due = self.scene.captures_due() + self.pictures.due();
         match driver.step(ctx, &mut self.viewer, seconds, is_sharp, pictures_due) {
             Ok(true) => {}
@@ -391,11 +394,11 @@ impl eframe::App for Shell {
         self.dropped_files(&ctx, seconds);
         let textures = Textures {
             scene: self.scene_texture.map(|id| SceneTexture { id }),
-            atlas: self.atlas_textures.clone(),
+            atlas: self.atlas,
         };
         let shown = panels::show(ui, &mut self.viewer, &textures, seconds);
         if let Some(channel) = shown.atlas_channel {
-            self.atlas_textures.channel = channel;
+            self.atlas.channel = channel;
         }
         let goes_on = self.viewer.navigate(&shown.input, seconds, step);
         self.draw(seconds);
@@ -407,7 +410,7 @@ impl eframe::App for Shell {
 
     fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
         if let Some(driver) = &mut self.driver {
-            driver.inject(raw_input, &self.viewer);
+            driver.inject(raw_input);
         }
     }
 
