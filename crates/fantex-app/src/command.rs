@@ -11,7 +11,7 @@ pub enum Command {
     OpenDialog,
     /// Open a file or address.
     Open(String),
-    /// Open the same file again.
+    /// Open it again.
     Reload,
     /// Show nothing.
     Close,
@@ -127,11 +127,11 @@ pub fn shortcuts() -> Vec<Shortcut> {
     let row = |section, modifiers, key, command, text| Shortcut { command, modifiers, key, text, section };
     let mut rows = vec![
         row(File, CONTROL, Key::O, Command::OpenDialog, "Open a file"),
-        row(File, NONE, Key::F5, Command::Reload, "Open the same file again"),
+        row(File, NONE, Key::F5, Command::Reload, "Open it again"),
         row(File, CONTROL, Key::W, Command::Close, "Close the file"),
-        row(File, CONTROL, Key::S, Command::Screenshot, "Save a picture of the scene"),
+        row(File, CONTROL, Key::S, Command::Screenshot, "Save a picture"),
         row(File, CONTROL | SHIFT, Key::S, Command::LargeScreenshot(4), "... four times as large"),
-        row(File, CONTROL, Key::P, Command::WindowScreenshot, "Save a picture of the window"),
+        row(File, CONTROL, Key::P, Command::WindowScreenshot, "... of the whole window"),
         row(File, NONE, Key::Escape, Command::Cancel, "Cancel, stop, close"),
         row(File, CONTROL, Key::Q, Command::Quit, "Quit"),
         row(Camera, NONE, Key::Num1, Command::Mode(CameraMode::Orbit), "Orbit around the model"),
@@ -147,8 +147,8 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(Camera, NONE, Key::P, Command::TogglePlayback, "Play the camera path"),
         row(Display, NONE, Key::O, Command::StepOverlay(1), "Next overlay"),
         row(Display, SHIFT, Key::O, Command::StepOverlay(-1), "Previous overlay"),
-        row(Display, NONE, Key::V, Command::StepShading(1), "Next view of the shading"),
-        row(Display, SHIFT, Key::V, Command::StepShading(-1), "Previous view of the shading"),
+        row(Display, NONE, Key::V, Command::StepShading(1), "Next shading"),
+        row(Display, SHIFT, Key::V, Command::StepShading(-1), "Previous shading"),
         row(Display, NONE, Key::Z, Command::ToggleWireframe, "Wireframe"),
         row(Display, NONE, Key::X, Command::ToggleShadows, "Shadows"),
         row(Display, NONE, Key::OpenBracket, Command::Exposure(-1), "Darker"),
@@ -169,8 +169,8 @@ pub const GESTURES: [(&str, &[(&str, &str)]); 4] = [
         "Orbit",
         &[
             ("Drag", "Turn"),
-            ("Middle or right drag", "Shift"),
-            ("Wheel", "Closer to what is under the cursor"),
+            ("Right drag", "Shift"),
+            ("Wheel", "Closer to the point under it"),
             ("Double click", "Turn around that point"),
         ],
     ),

@@ -92,7 +92,7 @@ pub(crate) fn page_bytes(formats: &[TexelFormat], extent: [u32; 2]) -> Vec<usize
 
 /// The pages of an unpacked cluster: channel after channel, in each the pages in order.
 #[derive(Debug)]
-pub(crate) struct ClusterPages {
+pub struct ClusterPages {
     pub(crate) bytes: Vec<u8>,
     /// First group.
     group: u32,
@@ -128,7 +128,7 @@ impl ClusterPages {
         Self { bytes, group, starts, blocks, level }
     }
 
-    /// The bytes of a page that lies in this cluster. `extent`: of its tile at level 0.
+    /// The bytes of a page, if it lies in this cluster. `extent`: of its tile at level 0.
     pub(crate) fn page(
         &self,
         formats: &[TexelFormat],
@@ -137,7 +137,7 @@ impl ClusterPages {
         extent: [u32; 2],
     ) -> Option<&[u8]> {
         let size = PageSize::new(extent, self.level);
-        let number = size.number(id.page)?;
+        let number = size.number(id.page).filter(|_| id.level == self.level)?;
         let start = *self.starts.get(id.group.checked_sub(self.group)? as usize)?;
         let block = start.wrapping_add(size.blocks_before(number) as u32) as usize;
         let extent = size.page_extent(number);
@@ -149,7 +149,8 @@ impl ClusterPages {
         self.bytes.get(from..from + formats[channel].bytes(extent))
     }
 
-    pub(crate) fn memory_bytes(&self) -> usize {
+    /// Bytes it takes in memory.
+    pub fn memory_bytes(&self) -> usize {
         self.bytes.len() + 4 * self.starts.len()
     }
 }

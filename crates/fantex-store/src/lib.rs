@@ -10,32 +10,41 @@
 //!                   Tile::bilinear(uv) -> linear RGBA
 //! ```
 //!
+//! An asset may also lie elsewhere ([`ByteSource`], [`Asset::open_source`]), and its clusters be read by somebody else
+//! ([`Asset::cluster_range`], [`Asset::unpack_cluster`]).
+//!
 //! The format is described byte by byte in `docs/format.md`. No function of this crate trusts a file: lengths, offsets,
 //! counts and extents are checked against the [`limits`] before anything is allocated.
 
 mod bytes;
 mod cache;
 mod channel;
+mod cluster;
 mod codec;
 mod content_error;
 mod error;
 mod header;
 mod layout;
 pub mod limits;
+mod open;
 mod packing;
 mod page;
 mod reader;
 mod section;
+mod source;
 mod srgb;
 mod verify;
 mod writer;
 
 pub use cache::*;
 pub use channel::*;
+pub use cluster::*;
 pub use codec::*;
 pub use content_error::*;
 pub use error::*;
+pub use layout::ClusterPages;
 pub use page::*;
 pub use reader::*;
+pub use source::*;
 pub use verify::*;
 pub use writer::*;

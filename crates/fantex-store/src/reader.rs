@@ -1,25 +1,20 @@
 //! Reading assets.
 
-use std::fs::File;
-use std::io::Read;
-use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
-use xxhash_rust::xxh3::xxh3_64;
 
 use crate::codec::StoredTexels;
-use crate::header::{
-    HEADER_BYTES, SECTION_NAMES, SIGNATURE, SLOT_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION,
-};
-use crate::layout::{ClusterPages, PageSize, TilePlace};
-use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
-use crate::section::directory::{self, ClusterEntry, Directory};
+use crate::header::{HEADER_BYTES, SECTION_NAMES};
+use crate::layout::PageSize;
+use crate::open::{Sections, io_error, read_slot};
+use crate::section::directory::{self, Directory};
 use crate::section::{channels, cover as cover_section, mesh as mesh_section};
 use crate::{
-    Channel, ChannelKind, ContentError, OpenError, PageError, PageId, TexelFormat, cover_level_count, packing,
+    ByteSource, Channel, ChannelKind, ContentError, FileSource, OpenError, PageError, PageId, TexelFormat,
+    cover_level_count,
 };
 
 /// Decoded texels of one page and channel.
@@ -34,37 +29,34 @@ pub struct Texels {
 /// An open asset. Shared by threads: all reads are positional.
 #[derive(Debug)]
 pub struct Asset {
-    path: PathBuf,
-    file: File,
+    pub(crate) source: Arc<dyn ByteSource>,
     file_length: u64,
     mesh: Mesh,
     cover: Cover,
     channels: Vec<Channel>,
-    formats: Vec<TexelFormat>,
-    directory: Directory,
+    pub(crate) formats: Vec<TexelFormat>,
+    pub(crate) directory: Directory,
     damaged_headers: u32,
 }
 
 impl Asset {
-    /// Opens and checks an asset: header, mesh, cover, channels and directory.
+    /// Opens and checks an asset in a file: header, mesh, cover, channels and directory.
     pub fn open(path: &Path) -> Result<Self, OpenError> {
-        let file = File::open(path).map_err(|source| io_error(path, source))?;
-        let (slot, damaged_headers) = read_slot(path, &file)?;
-        let [channel_record, cover_record, mesh_record, directory_record] = slot.sections;
-        let read = |index: usize, record: SectionRecord| {
-            read_section(path, &file, SECTION_NAMES[index], record, slot.file_length)
-        };
+        let file = FileSource::open(path).map_err(|source| io_error(path, source))?;
+        Self::open_source(Arc::new(file))
+    }
+
+    /// Opens and checks an asset, wherever its bytes are. Two reads, unless sections were appended to it.
+    pub fn open_source(source: Arc<dyn ByteSource>) -> Result<Self, OpenError> {
+        let (slot, damaged_headers) = read_slot(&*source)?;
+        let sections = Sections::read(&*source, &slot)?;
         let content = |section: usize| {
-            move |source: ContentError| OpenError::Content {
-                path: path.to_owned(),
-                section: SECTION_NAMES[section],
-                source,
-            }
+            let path = source.location().to_owned();
+            move |source: ContentError| OpenError::Content { path, section: SECTION_NAMES[section], source }
         };
-        let channels = channels::decode(&read(0, channel_record)?).map_err(content(0))?;
-        let mesh = mesh_section::decode(&read(2, mesh_record)?).map_err(content(2))?;
-        let cover =
-            cover_section::decode(&read(1, cover_record)?, mesh.triangles.len()).map_err(content(1))?;
+        let channels = channels::decode(&sections.unpack(0)?).map_err(content(0))?;
+        let mesh = mesh_section::decode(&sections.unpack(2)?).map_err(content(2))?;
+        let cover = cover_section::decode(&sections.unpack(1)?, mesh.triangles.len()).map_err(content(1))?;
         let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
         let expected = directory::Expected {
             extents: &|group| cover.groups[group].extent,
@@ -73,15 +65,20 @@ impl Asset {
             formats: &formats,
             clusters: HEADER_BYTES..slot.file_length,
         };
-        let directory = directory::decode(&read(3, directory_record)?, &expected).map_err(content(3))?;
+        let directory = directory::decode(&sections.unpack(3)?, &expected).map_err(content(3))?;
+        drop(sections);
         let file_length = slot.file_length;
-        let path = path.to_owned();
-        Ok(Self { path, file, file_length, mesh, cover, channels, formats, directory, damaged_headers })
+        Ok(Self { source, file_length, mesh, cover, channels, formats, directory, damaged_headers })
     }
 
-    /// The path it was opened from.
+    /// The path or URL it was opened from.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.source.location()
+    }
+
+    /// Where its bytes come from.
+    pub fn source(&self) -> &Arc<dyn ByteSource> {
+        &self.source
     }
 
     /// Length of the file in bytes.
@@ -132,108 +129,20 @@ impl Asset {
     /// Reads and checks one page and returns its bytes in the channel's format. Not cached.
     pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
         self.page_extent(channel, page)?;
-        let cluster = self.read_cluster(page.level, self.cluster_of(page)?)?;
+        let cluster = self.read_cluster(self.cluster_of(page)?)?;
         self.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
-    }
-
-    /// The byte ranges of a level's clusters in the file, in page order. Empty beyond the last level.
-    pub fn cluster_ranges(&self, level: u32) -> Vec<Range<u64>> {
-        let clusters = self.directory.levels.get(level as usize).map_or(&[][..], Vec::as_slice);
-        clusters.iter().map(|c| c.offset..c.offset + u64::from(c.stored_length)).collect()
     }
 
     pub(crate) fn damaged_headers(&self) -> u32 {
         self.damaged_headers
     }
 
-    /// Number of clusters of a level.
-    pub(crate) fn cluster_count(&self, level: u32) -> usize {
-        self.directory.levels[level as usize].len()
-    }
-
-    /// The groups whose tiles may have pages in a cluster, given by its index within its level.
-    pub(crate) fn groups_in_cluster(&self, level: u32, index: usize) -> Range<u32> {
-        let clusters = &self.directory.levels[level as usize];
-        let end = match clusters.get(index + 1) {
-            // The next one starts within the last group's tile, or with the tile after it.
-            Some(next) => next.first.group + u32::from(next.first.page > 0),
-            None => self.cover.groups.len() as u32,
-        };
-        clusters[index].first.group..end
-    }
-
-    /// Extent of a page in texels; an error where there is no such page or channel.
-    pub(crate) fn page_extent(&self, channel: usize, id: PageId) -> Result<[u32; 2], PageError> {
+    /// Columns and rows of a page in texels; an error where there is no such page or channel.
+    pub fn page_extent(&self, channel: usize, id: PageId) -> Result<[u32; 2], PageError> {
         let group = self.cover.groups.get(id.group as usize).filter(|_| channel < self.channels.len());
         let size = group.map(|group| PageSize::new(group.extent, id.level));
         let extent = size.and_then(|size| Some(size.page_extent(size.number(id.page)?)));
         extent.ok_or_else(|| self.no_such_page(channel, id))
-    }
-
-    /// Index, within its level, of the cluster that holds a page.
-    pub(crate) fn cluster_of(&self, id: PageId) -> Result<usize, PageError> {
-        let missing = || self.no_such_page(0, id);
-        let clusters = self.directory.levels.get(id.level as usize).ok_or_else(missing)?;
-        let group = self.cover.groups.get(id.group as usize).ok_or_else(missing)?;
-        let number = PageSize::new(group.extent, id.level).number(id.page).ok_or_else(missing)?;
-        let place = TilePlace { group: id.group, page: number };
-        clusters.partition_point(|cluster| cluster.first <= place).checked_sub(1).ok_or_else(missing)
-    }
-
-    /// Reads, checks and unpacks a cluster, given by its index within its level.
-    pub(crate) fn read_cluster(&self, level: u32, index: usize) -> Result<ClusterPages, PageError> {
-        let entry = &self.directory.levels[level as usize][index];
-        let stored = self.read_stored(entry)?;
-        let packing_error = || PageError::Packing {
-            path: self.path.clone(),
-            offset: entry.offset,
-            expected: u64::from(entry.raw_length),
-        };
-        let raw = zstd::bulk::decompress(&stored, entry.raw_length as usize).map_err(|_| packing_error())?;
-        if raw.len() != entry.raw_length as usize {
-            return Err(packing_error());
-        }
-        let extents = |group: usize| self.cover.groups[group].extent;
-        Ok(ClusterPages::new(self.unarranged(&raw), level, entry, &self.formats, extents))
-    }
-
-    /// Inverse of the writer's arrangement.
-    fn unarranged(&self, raw: &[u8]) -> Vec<u8> {
-        let block_bytes: usize = self.formats.iter().map(|f| f.block_bytes()).sum();
-        let blocks = raw.len() / block_bytes;
-        let mut natural = vec![0; raw.len()];
-        let mut from = 0;
-        for &format in &self.formats {
-            let to = from + blocks * format.block_bytes();
-            packing::unpack(format, &raw[from..to], &mut natural[from..to]);
-            from = to;
-        }
-        natural
-    }
-
-    fn read_stored(&self, entry: &ClusterEntry) -> Result<Vec<u8>, PageError> {
-        let mut stored = vec![0; entry.stored_length as usize];
-        read_exact_at(&self.file, &mut stored, entry.offset).map_err(|source| PageError::Io {
-            path: self.path.clone(),
-            offset: entry.offset,
-            length: u64::from(entry.stored_length),
-            source: Arc::new(source),
-        })?;
-        if xxh3_64(&stored) != entry.checksum {
-            return Err(PageError::Checksum { path: self.path.clone(), offset: entry.offset });
-        }
-        Ok(stored)
-    }
-
-    /// A page's bytes within its cluster.
-    pub(crate) fn page_in<'c>(
-        &self,
-        cluster: &'c ClusterPages,
-        channel: usize,
-        id: PageId,
-    ) -> Result<&'c [u8], PageError> {
-        let extent = self.cover.groups[id.group as usize].extent;
-        cluster.page(&self.formats, channel, id, extent).ok_or_else(|| self.no_such_page(channel, id))
     }
 
     /// Decodes a page's bytes.
@@ -247,91 +156,7 @@ impl Asset {
         StoredTexels::decode(self.formats[channel], extent, bytes).map_err(|_| self.no_such_page(channel, id))
     }
 
-    fn no_such_page(&self, channel: usize, page: PageId) -> PageError {
-        PageError::NoSuchPage { path: self.path.clone(), channel, page }
+    pub(crate) fn no_such_page(&self, channel: usize, page: PageId) -> PageError {
+        PageError::NoSuchPage { path: self.path().to_owned(), channel, page }
     }
-}
-
-/// The valid header slot with the greatest generation, and the number of damaged ones.
-fn read_slot(path: &Path, file: &File) -> Result<(Slot, u32), OpenError> {
-    let length = file.metadata().map_err(|source| io_error(path, source))?.len();
-    let mut slots = [[0; SLOT_BYTES]; 2];
-    for (bytes, offset) in slots.iter_mut().zip(SLOT_OFFSETS) {
-        if offset + SLOT_BYTES as u64 <= length {
-            read_exact_at(file, bytes, offset).map_err(|source| io_error(path, source))?;
-        }
-    }
-    let valid = slots.iter().filter_map(Slot::decode);
-    let damaged = 2 - valid.clone().count() as u32;
-    let Some(slot) = valid.max_by_key(|slot| slot.generation) else {
-        let path = path.to_owned();
-        let has_signature = slots.iter().any(|slot| slot[..8] == SIGNATURE);
-        return Err(if has_signature { OpenError::Header { path } } else { OpenError::NotAnAsset { path } });
-    };
-    let path = path.to_owned();
-    if slot.version != VERSION || slot.flags != 0 {
-        let (version, flags, supported) = (slot.version, slot.flags, VERSION);
-        return Err(OpenError::Version { path, version, flags, supported });
-    }
-    if length < slot.file_length {
-        return Err(OpenError::Truncated { path, length, expected: slot.file_length });
-    }
-    Ok((slot, damaged))
-}
-
-/// Reads, checks and unpacks a section. Memory grows with what is really there, not with what is claimed.
-fn read_section(
-    path: &Path,
-    file: &File,
-    section: &'static str,
-    record: SectionRecord,
-    file_length: u64,
-) -> Result<Vec<u8>, OpenError> {
-    let SectionRecord { offset, stored_length, raw_length, checksum } = record;
-    let end = offset.saturating_add(stored_length);
-    if offset < HEADER_BYTES || end > file_length {
-        return Err(OpenError::SectionPlace { path: path.to_owned(), section, offset, end });
-    }
-    let packing_error = || OpenError::SectionPacking { path: path.to_owned(), section, expected: raw_length };
-    if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO)) {
-        return Err(packing_error());
-    }
-    let mut stored = vec![0; stored_length as usize];
-    read_exact_at(file, &mut stored, offset).map_err(|source| io_error(path, source))?;
-    if xxh3_64(&stored) != checksum {
-        return Err(OpenError::SectionChecksum { path: path.to_owned(), section });
-    }
-    let unpacked = zstd::Decoder::new(stored.as_slice()).and_then(|mut decoder| {
-        decoder.window_log_max(MAX_WINDOW_LOG)?;
-        let mut raw = Vec::new();
-        decoder.take(raw_length + 1).read_to_end(&mut raw)?;
-        Ok(raw)
-    });
-    match unpacked {
-        Ok(raw) if raw.len() as u64 == raw_length => Ok(raw),
-        _ => Err(packing_error()),
-    }
-}
-
-fn io_error(path: &Path, source: std::io::Error) -> OpenError {
-    OpenError::Io { path: path.to_owned(), source }
-}
-
-#[cfg(unix)]
-fn read_exact_at(file: &File, bytes: &mut [u8], offset: u64) -> std::io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, bytes, offset)
-}
-
-#[cfg(windows)]
-fn read_exact_at(file: &File, mut bytes: &mut [u8], mut offset: u64) -> std::io::Result<()> {
-    while !bytes.is_empty() {
-        match std::os::windows::fs::FileExt::seek_read(file, bytes, offset)? {
-            0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
-            count => {
-                bytes = &mut bytes[count..];
-                offset += count as u64;
-            }
-        }
-    }
-    Ok(())
 }

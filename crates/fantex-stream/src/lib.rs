@@ -15,9 +15,12 @@
 
 mod atlas;
 mod changes;
+mod cluster_loader;
 mod demand;
 mod geometry;
 mod loader;
+mod location;
+pub mod read;
 mod residency;
 mod shape;
 pub mod simulate;
@@ -27,9 +30,11 @@ mod view;
 
 pub use atlas::*;
 pub use changes::*;
+pub use cluster_loader::*;
 pub use demand::{DemandWork, Detail, PageDemand};
 pub use geometry::*;
 pub use loader::*;
+pub use location::*;
 pub use residency::{PageCount, RequestLimits};
 pub use streamer::*;
 pub use table::*;

@@ -1,6 +1,6 @@
 //! The help sheet: keys and mouse.
 
-use eframe::egui::{self, Align2, Color32, Grid, RichText, Ui, Window, vec2};
+use eframe::egui::{Align2, Grid, Order, RichText, Ui, Window, vec2};
 
 use crate::command::{GESTURES, Section, shortcuts};
 use crate::theme;
@@ -12,30 +12,32 @@ pub(super) fn show(ui: &Ui, viewer: &mut Viewer) {
     let sheet = Window::new("Keys and mouse")
         .open(&mut is_open)
         .anchor(Align2::CENTER_CENTER, vec2(0.0, 0.0))
+        .order(Order::Foreground)
         .collapsible(false)
         .resizable(false)
         .max_height(screen.height() - 80.0);
     sheet.show(ui.ctx(), |ui| {
         ui.horizontal_top(|ui| {
-            column(ui, |ui| {
-                gestures(ui);
-                keys(ui, Section::File);
-            });
-            ui.add_space(24.0);
-            column(ui, |ui| keys(ui, Section::Camera));
-            ui.add_space(24.0);
-            column(ui, |ui| {
-                keys(ui, Section::Display);
+            ui.spacing_mut().interact_size.y = 16.0;
+            column(ui, 290.0, gestures);
+            ui.add_space(20.0);
+            column(ui, 240.0, |ui| {
+                keys(ui, Section::Camera);
                 keys(ui, Section::Panels);
+            });
+            ui.add_space(20.0);
+            column(ui, 290.0, |ui| {
+                keys(ui, Section::File);
+                keys(ui, Section::Display);
             });
         });
     });
     viewer.has_help &= is_open;
 }
 
-fn column(ui: &mut Ui, add: impl FnOnce(&mut Ui)) {
+fn column(ui: &mut Ui, width: f32, add: impl FnOnce(&mut Ui)) {
     ui.vertical(|ui| {
-        ui.set_width(264.0);
+        ui.set_width(width);
         add(ui);
     });
 }
@@ -53,12 +55,12 @@ fn keys(ui: &mut Ui, section: Section) {
 
 fn table(ui: &mut Ui, title: &str, rows: impl Iterator<Item = (String, &'static str)>) {
     ui.label(RichText::new(title).color(theme::STRONG));
-    Grid::new(("help", title)).num_columns(2).spacing([12.0, 2.0]).min_col_width(96.0).show(ui, |ui| {
+    Grid::new(("help", title)).num_columns(2).spacing([12.0, 3.0]).min_col_width(84.0).show(ui, |ui| {
         for (keys, text) in rows {
             ui.label(RichText::new(keys).monospace().size(11.5).color(theme::ACCENT));
-            ui.add(egui::Label::new(RichText::new(text).color(theme::TEXT)).wrap());
+            ui.label(text);
             ui.end_row();
         }
     });
-    ui.label(RichText::new(" ").size(4.0).color(Color32::TRANSPARENT));
+    ui.add_space(8.0);
 }

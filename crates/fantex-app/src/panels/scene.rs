@@ -59,17 +59,20 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
         let share = (at - rect.min) / rect.size();
         DVec2::new(f64::from(share.x), f64::from(share.y))
     });
+    let primary = drag(PointerButton::Primary);
+    let side_drag = drag(PointerButton::Secondary) + drag(PointerButton::Middle);
+    let is_double_click = response.double_clicked();
     // Keys that are typed into a field are not for the camera.
     let has_keys = !ui.ctx().egui_wants_keyboard_input();
     ui.input(|i| {
         let held = |key: Key| f64::from(u8::from(has_keys && i.key_down(key) && !i.modifiers.command));
         SceneInput {
-            drag: drag(PointerButton::Primary),
-            side_drag: drag(PointerButton::Secondary) + drag(PointerButton::Middle),
+            drag: primary,
+            side_drag,
             turns_sun: i.modifiers.command,
             wheel: if cursor.is_some() { f64::from(i.smooth_scroll_delta().y / NOTCH_POINTS) } else { 0.0 },
             cursor,
-            is_double_click: response.double_clicked(),
+            is_double_click,
             wish: Wish {
                 right: held(Key::D) - held(Key::A),
                 up: held(Key::E) - held(Key::Q),
@@ -205,7 +208,7 @@ fn notices(ui: &Ui, viewer: &mut Viewer, rect: Rect, seconds: f64) {
     }
     let at: Pos2 = rect.left_bottom() + vec2(12.0, -12.0);
     let mut dismissed = None;
-    Area::new(Id::unique("notices")).order(Order::Foreground).fixed_pos(at).pivot(Align2::LEFT_BOTTOM).show(
+    Area::new(Id::unique("notices")).order(Order::Middle).fixed_pos(at).pivot(Align2::LEFT_BOTTOM).show(
         ui.ctx(),
         |ui| {
             for (i, notice) in shown.iter().enumerate() {

@@ -136,10 +136,10 @@ impl PageCache {
 
     fn cluster(&self, id: PageId) -> Loaded<ClusterPages> {
         let shared = &self.shared;
-        let index = shared.asset.cluster_of(id)?;
-        let key = (u64::from(id.level) << 32) | index as u64;
+        let cluster_id = shared.asset.cluster_of(id)?;
+        let key = (u64::from(cluster_id.level) << 32) | u64::from(cluster_id.index);
         shared.clusters.get_or_load(key, || {
-            let cluster = shared.asset.read_cluster(id.level, index).map(Arc::new);
+            let cluster = shared.asset.read_cluster(cluster_id).map(Arc::new);
             let bytes = cluster.as_ref().map_or(64, |cluster| cluster.memory_bytes());
             (cluster, bytes)
         })

@@ -2,6 +2,7 @@
 
 mod decode;
 mod encode;
+mod plain;
 mod punch_through;
 
 use std::borrow::Cow;
@@ -9,6 +10,7 @@ use std::borrow::Cow;
 pub(crate) use decode::StoredTexels;
 pub use decode::decode;
 pub use encode::{encode, encode_many};
+pub use plain::decode_plain;
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
 ///

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub use continuity::{Continuity, ExemptEdges, LevelChoice, WorstJump};
 pub use mesh_faults::MeshFault;
 
-use crate::{Asset, OpenError, PageCache};
+use crate::{Asset, ClusterId, OpenError, PageCache};
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
 /// nothing of it can be seen, and far above what rounding makes (below 1e-6: both sides take the same tile coordinates up
@@ -93,13 +93,12 @@ struct ClusterDamage {
 /// Reads every cluster. A cluster that unpacks to its recorded length, which opening compared with the cover, holds pages
 /// of the right lengths, and every bit pattern of a page decodes.
 fn check_clusters(asset: &Asset) -> Vec<ClusterDamage> {
-    let all: Vec<(u32, usize)> = (0..asset.level_count())
-        .flat_map(|level| (0..asset.cluster_count(level)).map(move |index| (level, index)))
-        .collect();
-    let damage = all.par_iter().filter_map(|&(level, index)| {
-        let error = asset.read_cluster(level, index).err()?;
+    let all: Vec<ClusterId> = asset.clusters().collect();
+    let damage = all.par_iter().filter_map(|&cluster| {
+        let error = asset.read_cluster(cluster).err()?;
+        let level = cluster.level;
         let has_level = |&g: &u32| level < asset.cover().groups[g as usize].level_count();
-        let tiles = asset.groups_in_cluster(level, index).filter(has_level).map(|g| (g, level)).collect();
+        let tiles = asset.groups_in_cluster(cluster).filter(has_level).map(|g| (g, level)).collect();
         Some(ClusterDamage { what: error.to_string(), tiles })
     });
     damage.collect()

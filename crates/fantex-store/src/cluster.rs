@@ -1,0 +1,141 @@
+//! Clusters: the pieces in which pages are stored, for those that read them by themselves.
+//!
+//! A loader asks which cluster holds a page ([`Asset::cluster_of`]) and where it lies ([`Asset::cluster_range`]), reads those
+//! bytes in whichever way it likes, and has them checked and unpacked ([`Asset::unpack_cluster`]); then all pages of the
+//! cluster are at hand ([`Asset::page_in`]).
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use xxhash_rust::xxh3::xxh3_64;
+
+use crate::layout::{ClusterPages, PageSize, TilePlace};
+use crate::section::directory::ClusterEntry;
+use crate::{Asset, PageError, PageId, TexelFormat, packing};
+
+/// A cluster: a run of pages of one level that are packed and checksummed together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct ClusterId {
+    /// Detail level.
+    pub level: u32,
+    /// Number within the level, in page order.
+    pub index: u32,
+}
+
+impl Asset {
+    /// All clusters, level by level.
+    pub fn clusters(&self) -> impl Iterator<Item = ClusterId> + '_ {
+        (0..self.level_count()).flat_map(|level| {
+            let count = self.directory.levels[level as usize].len() as u32;
+            (0..count).map(move |index| ClusterId { level, index })
+        })
+    }
+
+    /// The byte ranges of a level's clusters in the file, in page order. Empty beyond the last level.
+    pub fn cluster_ranges(&self, level: u32) -> Vec<Range<u64>> {
+        let clusters = self.directory.levels.get(level as usize).map_or(&[][..], Vec::as_slice);
+        clusters.iter().map(stored_range).collect()
+    }
+
+    /// The cluster that holds a page.
+    pub fn cluster_of(&self, id: PageId) -> Result<ClusterId, PageError> {
+        let missing = || self.no_such_page(0, id);
+        let clusters = self.directory.levels.get(id.level as usize).ok_or_else(missing)?;
+        let group = self.cover().groups.get(id.group as usize).ok_or_else(missing)?;
+        let number = PageSize::new(group.extent, id.level).number(id.page).ok_or_else(missing)?;
+        let place = TilePlace { group: id.group, page: number };
+        let index = clusters.partition_point(|cluster| cluster.first <= place).checked_sub(1);
+        Ok(ClusterId { level: id.level, index: index.ok_or_else(missing)? as u32 })
+    }
+
+    /// Where a cluster's stored bytes lie in the file; the start is a multiple of 4096. Panics where there is no such
+    /// cluster.
+    pub fn cluster_range(&self, cluster: ClusterId) -> Range<u64> {
+        stored_range(self.entry(cluster))
+    }
+
+    /// Bytes of a cluster's pages in all channels: how long it is unpacked. Panics where there is no such cluster.
+    pub fn cluster_page_bytes(&self, cluster: ClusterId) -> usize {
+        self.entry(cluster).raw_length as usize
+    }
+
+    /// Checks and unpacks the stored bytes of a cluster: those of [`Asset::cluster_range`], wherever they were read. Panics
+    /// where there is no such cluster.
+    pub fn unpack_cluster(&self, cluster: ClusterId, stored: &[u8]) -> Result<ClusterPages, PageError> {
+        let entry = self.entry(cluster);
+        if stored.len() != entry.stored_length as usize || xxh3_64(stored) != entry.checksum {
+            return Err(PageError::Checksum { path: self.path().to_owned(), offset: entry.offset });
+        }
+        let packing_error = || PageError::Packing {
+            path: self.path().to_owned(),
+            offset: entry.offset,
+            expected: u64::from(entry.raw_length),
+        };
+        let raw = zstd::bulk::decompress(stored, entry.raw_length as usize).map_err(|_| packing_error())?;
+        if raw.len() != entry.raw_length as usize {
+            return Err(packing_error());
+        }
+        let extents = |group: usize| self.cover().groups[group].extent;
+        let natural = unarranged(&self.formats, &raw);
+        Ok(ClusterPages::new(natural, cluster.level, entry, &self.formats, extents))
+    }
+
+    /// A page's bytes in a channel's format, within the cluster that holds it.
+    pub fn page_in<'c>(
+        &self,
+        cluster: &'c ClusterPages,
+        channel: usize,
+        id: PageId,
+    ) -> Result<&'c [u8], PageError> {
+        self.page_extent(channel, id)?;
+        let extent = self.cover().groups[id.group as usize].extent;
+        cluster.page(&self.formats, channel, id, extent).ok_or_else(|| self.no_such_page(channel, id))
+    }
+
+    /// Reads, checks and unpacks a cluster.
+    pub(crate) fn read_cluster(&self, cluster: ClusterId) -> Result<ClusterPages, PageError> {
+        let range = self.cluster_range(cluster);
+        let length = range.end - range.start;
+        let mut stored = vec![0; length as usize];
+        self.source.read_exact_at(&mut stored, range.start).map_err(|source| PageError::Io {
+            path: self.path().to_owned(),
+            offset: range.start,
+            length,
+            source: Arc::new(source),
+        })?;
+        self.unpack_cluster(cluster, &stored)
+    }
+
+    /// The groups whose tiles may have pages in a cluster.
+    pub(crate) fn groups_in_cluster(&self, cluster: ClusterId) -> Range<u32> {
+        let clusters = &self.directory.levels[cluster.level as usize];
+        let end = match clusters.get(cluster.index as usize + 1) {
+            // The next one starts within the last group's tile, or with the tile after it.
+            Some(next) => next.first.group + u32::from(next.first.page > 0),
+            None => self.cover().groups.len() as u32,
+        };
+        clusters[cluster.index as usize].first.group..end
+    }
+
+    fn entry(&self, cluster: ClusterId) -> &ClusterEntry {
+        &self.directory.levels[cluster.level as usize][cluster.index as usize]
+    }
+}
+
+fn stored_range(entry: &ClusterEntry) -> Range<u64> {
+    entry.offset..entry.offset + u64::from(entry.stored_length)
+}
+
+/// Inverse of the writer's arrangement.
+fn unarranged(formats: &[TexelFormat], raw: &[u8]) -> Vec<u8> {
+    let block_bytes: usize = formats.iter().map(|f| f.block_bytes()).sum();
+    let blocks = raw.len() / block_bytes;
+    let mut natural = vec![0; raw.len()];
+    let mut from = 0;
+    for &format in formats {
+        let to = from + blocks * format.block_bytes();
+        packing::unpack(format, &raw[from..to], &mut natural[from..to]);
+        from = to;
+    }
+    natural
+}

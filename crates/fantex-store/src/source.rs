@@ -1,0 +1,77 @@
+//! Where an asset's bytes come from.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Bytes that can be read at any place: a file, or something far away. Shared by threads: reads are positional.
+pub trait ByteSource: std::fmt::Debug + Send + Sync {
+    /// Path or URL, for messages.
+    fn location(&self) -> &Path;
+
+    /// Number of bytes there are. (A remote source knows it without asking once it has read anything.)
+    fn length(&self) -> io::Result<u64>;
+
+    /// Reads the bytes from `offset` on and returns how many there were: fewer than asked for only at the end.
+    fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize>;
+
+    /// Fills `bytes` with those from `offset` on; [`UnexpectedEof`](io::ErrorKind::UnexpectedEof) where there are fewer.
+    fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<()> {
+        match self.read_at(bytes, offset)? {
+            count if count == bytes.len() => Ok(()),
+            _ => Err(io::ErrorKind::UnexpectedEof.into()),
+        }
+    }
+}
+
+/// A local file.
+#[derive(Debug)]
+pub struct FileSource {
+    path: PathBuf,
+    file: File,
+}
+
+impl FileSource {
+    /// Opens a file for reading.
+    pub fn open(path: &Path) -> io::Result<Self> {
+        Ok(Self::from_file(path, File::open(path)?))
+    }
+
+    /// A file that has been opened for reading. `path` is for messages.
+    pub fn from_file(path: &Path, file: File) -> Self {
+        Self { path: path.to_owned(), file }
+    }
+}
+
+impl ByteSource for FileSource {
+    fn location(&self) -> &Path {
+        &self.path
+    }
+
+    fn length(&self) -> io::Result<u64> {
+        Ok(self.file.metadata()?.len())
+    }
+
+    fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        let mut filled = 0;
+        while filled < bytes.len() {
+            match read_some_at(&self.file, &mut bytes[filled..], offset + filled as u64) {
+                Ok(0) => break,
+                Ok(count) => filled += count,
+                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(filled)
+    }
+}
+
+#[cfg(unix)]
+fn read_some_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+    std::os::unix::fs::FileExt::read_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn read_some_at(file: &File, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+    std::os::windows::fs::FileExt::seek_read(file, bytes, offset)
+}

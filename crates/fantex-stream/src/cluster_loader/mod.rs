@@ -1,0 +1,287 @@
+//! The page loader over clusters: from page requests to texels.
+//!
+//! ```text
+//!   caller's thread          scheduler                reader              workers
+//!  request, cancel --> Board --most urgent clusters--> reads --bytes--> check, unpack, decode
+//!   poll <----------- ready pages <------------------------------------------'
+//! ```
+//!
+//! Who owns what, on which thread:
+//! - The [`Board`](board::Board) holds all state, behind one lock that nobody keeps for long: no read, no unpacking, no decoding
+//!   happens under it. A page that was asked for stands in exactly one place of it: with its cluster, until its texels are
+//!   there, then among the ready ones, until [`poll`](PageLoader::poll) takes it. So none is lost and none comes twice.
+//! - The *scheduler* thread owns the [`QueuedReader`]. It turns the most urgent clusters into reads, neighbours in the file
+//!   joined, and completed reads into jobs.
+//! - *Workers* do the jobs: checksum, unpacking, then decoding of the pages that are still wanted. Unpacked clusters stay in
+//!   a small cache, because tiles that are neighbours on the surface lie together.
+//! - The caller's thread never waits for anything but the lock.
+//!
+//! Memory is bounded by the options, whatever the asset's size: bytes in flight (read or being read, not unpacked), the
+//! cache, and ready pages. When nobody takes ready pages, workers pause; when workers pause, reading does.
+//!
+//! What goes wrong: an error that may pass is met by reading the cluster again, alone, after a pause, a few times; a wrong
+//! checksum once (the bytes may have been damaged on their way). Then every wanted page of the cluster arrives as an error.
+
+mod board;
+mod by_urgency;
+mod cluster_cache;
+mod file_order;
+mod scheduler;
+mod statistics;
+mod worker;
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::JoinHandle;
+
+use board::{Board, SharedBoard};
+use fantex_store::{Asset, PageId};
+use file_order::FileOrder;
+use scheduler::Scheduler;
+pub use statistics::LoaderStatistics;
+use worker::Worker;
+
+use crate::location::url_of;
+use crate::read::{
+    FileReadOptions, HttpSource, QueuedReader, ReadWaker, ReaderInfo, ReaderKind, RetryPolicy, http_reader,
+    open_file_reader,
+};
+use crate::{AtlasFormat, LoadedPage, PageLoader};
+
+/// Connections to a server.
+const CONNECTIONS: usize = 6;
+
+/// How a [`ClusterLoader`] works and what it may use.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ClusterLoaderOptions {
+    /// Whether the atlas takes block-compressed texels; else they are decoded. See [`AtlasFormat::of`].
+    pub block_compressed: bool,
+    /// Threads that unpack and decode, at least 1.
+    pub worker_threads: usize,
+    /// Stored bytes that are being read or wait to be unpacked, at most (one read may exceed it).
+    pub flight_bytes: usize,
+    /// Unpacked clusters that are kept, at most so many bytes.
+    pub cache_bytes: usize,
+    /// Texels that wait to be taken, at most so many bytes (and one batch of 256 KiB per worker).
+    pub ready_bytes: usize,
+    /// Neighbouring clusters are read together up to so many bytes.
+    pub merge_bytes: u64,
+    /// Unwanted bytes between two clusters that are read along rather than two reads made.
+    pub merge_gap_bytes: u64,
+    /// What to do about errors that may pass. None: what suits the reader.
+    pub retry: Option<RetryPolicy>,
+    /// How files are read.
+    pub file: FileReadOptions,
+}
+
+impl Default for ClusterLoaderOptions {
+    /// Block-compressed; one worker per core, 1 to 4; 16 MiB in flight, 32 MiB of clusters, 16 MiB ready; reads of up to 1 MiB.
+    fn default() -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
+        Self {
+            block_compressed: true,
+            worker_threads: cores.clamp(1, 4),
+            flight_bytes: 16 << 20,
+            cache_bytes: 32 << 20,
+            ready_bytes: 16 << 20,
+            merge_bytes: 1 << 20,
+            merge_gap_bytes: 16 << 10,
+            retry: None,
+            file: FileReadOptions::default(),
+        }
+    }
+}
+
+/// A loader could not be set up.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoaderError {
+    /// The asset's file could not be opened for queued reads.
+    #[error("cannot open {} for streaming: {source}", path.display())]
+    Open {
+        /// Path or URL.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The system refused a thread.
+    #[error("cannot start a thread for streaming {}: {source}", path.display())]
+    Thread {
+        /// Path or URL.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+}
+
+/// What threads of a loader share.
+struct Shared {
+    asset: Arc<Asset>,
+    formats: Vec<AtlasFormat>,
+    options: ClusterLoaderOptions,
+    board: SharedBoard,
+    scheduler: Kick,
+}
+
+/// Wakes the scheduler, once however often it is asked before the scheduler looks.
+struct Kick {
+    waker: ReadWaker,
+    pending: AtomicBool,
+}
+
+impl Kick {
+    fn kick(&self) {
+        if !self.pending.swap(true, Ordering::AcqRel) {
+            self.waker.wake();
+        }
+    }
+
+    /// The scheduler looks now.
+    fn seen(&self) {
+        self.pending.store(false, Ordering::Release);
+    }
+}
+
+/// Loads pages of an asset through its clusters. Dropping it ends its threads, after the reads that are in flight.
+pub struct ClusterLoader {
+    shared: Arc<Shared>,
+    info: ReaderInfo,
+    scheduler: Option<JoinHandle<()>>,
+    workers: Vec<JoinHandle<()>>,
+}
+
+impl std::fmt::Debug for ClusterLoader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ClusterLoader").field("path", &self.shared.asset.path()).finish_non_exhaustive()
+    }
+}
+
+impl ClusterLoader {
+    /// A loader that reads the asset where it was opened: its file, or its URL.
+    pub fn open(asset: Arc<Asset>, options: &ClusterLoaderOptions) -> Result<Self, LoaderError> {
+        let reader = open_reader(asset.path(), &options.file)
+            .map_err(|source| LoaderError::Open { path: asset.path().to_owned(), source })?;
+        Self::with_reader(asset, reader, options)
+    }
+
+    /// A loader that reads the asset's bytes through `reader`.
+    pub fn with_reader(
+        asset: Arc<Asset>,
+        reader: Box<dyn QueuedReader>,
+        options: &ClusterLoaderOptions,
+    ) -> Result<Self, LoaderError> {
+        let info = reader.info();
+        let patience =
+            if info.kind == ReaderKind::Http { RetryPolicy::NETWORK } else { RetryPolicy::default() };
+        let retry = options.retry.unwrap_or(patience);
+        let stored_formats = asset.channels().iter().map(|channel| channel.format);
+        let formats =
+            stored_formats.map(|format| AtlasFormat::of(format, options.block_compressed)).collect();
+        let thread_error = |source| LoaderError::Thread { path: asset.path().to_owned(), source };
+        let shared = Arc::new(Shared {
+            formats,
+            options: options.clone(),
+            board: SharedBoard::new(Board::new(options, retry)),
+            scheduler: Kick { waker: reader.waker(), pending: AtomicBool::new(false) },
+            asset: Arc::clone(&asset),
+        });
+        let mut loader = Self { shared: Arc::clone(&shared), info, scheduler: None, workers: Vec::new() };
+        for index in 0..options.worker_threads.max(1) {
+            let worker = Worker::new(Arc::clone(&shared));
+            let thread = std::thread::Builder::new().name(format!("fan-unpack-{index}"));
+            loader.workers.push(thread.spawn(move || worker.run()).map_err(thread_error)?);
+        }
+        let scheduler = Scheduler::new(shared, reader, FileOrder::new(&asset));
+        let thread = std::thread::Builder::new().name("fan-schedule".into());
+        loader.scheduler = Some(thread.spawn(move || scheduler.run()).map_err(thread_error)?);
+        Ok(loader)
+    }
+
+    /// The asset.
+    pub fn asset(&self) -> &Arc<Asset> {
+        &self.shared.asset
+    }
+
+    /// Formats of the texels, per channel of the asset.
+    pub fn formats(&self) -> &[AtlasFormat] {
+        &self.shared.formats
+    }
+
+    /// How it reads.
+    pub fn reader_info(&self) -> ReaderInfo {
+        self.info
+    }
+
+    /// What has been done so far, and what is going on.
+    pub fn statistics(&self) -> LoaderStatistics {
+        self.shared.board.lock().statistics()
+    }
+}
+
+/// A queued reader of a file or URL.
+fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
+    match url_of(location) {
+        Some(url) => Ok(Box::new(http_reader(Arc::new(HttpSource::new(url, CONNECTIONS)), CONNECTIONS)?)),
+        None => open_file_reader(location, options),
+    }
+}
+
+impl PageLoader for ClusterLoader {
+    fn request(&mut self, page: PageId, urgency: f32) {
+        let cluster = self.shared.asset.cluster_of(page);
+        let mut board = self.shared.board.lock();
+        match cluster {
+            Ok(cluster) => {
+                let change = board.request(page, cluster, urgency);
+                drop(board);
+                match change {
+                    board::Change::None => {}
+                    board::Change::Read => self.shared.scheduler.kick(),
+                    board::Change::Job => self.shared.board.job_arrived(),
+                }
+            }
+            Err(error) => board.refuse(page, urgency, error),
+        }
+    }
+
+    fn cancel(&mut self, page: PageId) {
+        let Ok(cluster) = self.shared.asset.cluster_of(page) else {
+            return self.shared.board.lock().cancel_refused(page);
+        };
+        let gives_up_read = self.shared.board.lock().cancel(page, cluster);
+        if gives_up_read {
+            self.shared.scheduler.kick();
+        }
+    }
+
+    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
+        let mut board = self.shared.board.lock();
+        let was_full = board.ready_is_full();
+        let pages = board.take_ready(max_bytes);
+        if was_full && !board.ready_is_full() {
+            drop(board);
+            self.shared.board.room_arrived();
+        }
+        pages
+    }
+
+    fn pending(&self) -> usize {
+        self.shared.board.lock().pending()
+    }
+}
+
+impl Drop for ClusterLoader {
+    fn drop(&mut self) {
+        self.shared.board.close();
+        self.shared.scheduler.waker.wake();
+        // Threads that panicked have said so.
+        for worker in self.workers.drain(..) {
+            worker.join().unwrap_or_default();
+        }
+        if let Some(scheduler) = self.scheduler.take() {
+            scheduler.join().unwrap_or_default();
+        }
+    }
+}

@@ -1,0 +1,168 @@
+//! The thread that decides what is read next.
+
+use std::collections::HashMap;
+use std::io;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fantex_store::{ClusterId, PageError};
+
+use super::Shared;
+use super::file_order::{ClusterRead, FileOrder};
+use crate::read::{QueuedReader, ReadCompletion, ReadRequest, is_transient};
+
+/// How long an idle scheduler lets requests gather before it reads, so that neighbours go together. A frame's requests come
+/// within this time.
+const GATHER: Duration = Duration::from_micros(100);
+
+/// A read in flight.
+struct Flight {
+    read: ClusterRead,
+    submitted: Instant,
+}
+
+/// Owns the reader. See the [module](super).
+pub(super) struct Scheduler {
+    shared: Arc<Shared>,
+    reader: Box<dyn QueuedReader>,
+    order: FileOrder,
+    flights: HashMap<u64, Flight>,
+    /// Tokens of the clusters in flight.
+    tokens: HashMap<ClusterId, u64>,
+    next_token: u64,
+}
+
+impl Scheduler {
+    pub(super) fn new(shared: Arc<Shared>, reader: Box<dyn QueuedReader>, order: FileOrder) -> Self {
+        Self { shared, reader, order, flights: HashMap::new(), tokens: HashMap::new(), next_token: 0 }
+    }
+
+    /// Works until the board is closed.
+    pub(super) fn run(mut self) {
+        loop {
+            self.shared.scheduler.seen();
+            if self.shared.board.lock().is_closed() {
+                return;
+            }
+            self.give_up_reads();
+            let next_due = self.begin_reads();
+            let timeout = next_due.map(|due| due.saturating_duration_since(Instant::now()));
+            let was_idle = self.flights.is_empty();
+            match self.reader.wait(timeout) {
+                Some(completion) => self.complete_all(completion),
+                None if was_idle => std::thread::sleep(GATHER),
+                None => {}
+            }
+        }
+    }
+
+    /// Cancels reads that have not begun and of which no cluster is wanted.
+    fn give_up_reads(&mut self) {
+        let given_up = self.shared.board.lock().take_given_up();
+        for cluster in given_up {
+            let Some(&token) = self.tokens.get(&cluster) else { continue };
+            let Some(flight) = self.flights.get(&token) else { continue };
+            let mut board = self.shared.board.lock();
+            if flight.read.clusters.iter().all(|(id, _)| board.is_given_up(*id)) && self.reader.cancel(token)
+            {
+                for (id, range) in &flight.read.clusters {
+                    board.read_cancelled(*id, (range.end - range.start) as usize);
+                    self.tokens.remove(id);
+                }
+                board.counts().reads_in_flight -= 1;
+                self.flights.remove(&token);
+            }
+        }
+    }
+
+    /// Submits as many reads as may be in flight. Returns when a paused cluster is due.
+    fn begin_reads(&mut self) -> Option<Instant> {
+        // A few more than can be in flight, so that the reader does not wait for this thread.
+        let depth = self.reader.info().depth;
+        let most = depth + depth.div_ceil(4);
+        let mut reads = Vec::new();
+        let mut board = self.shared.board.lock();
+        let next_due = board.resume_paused(Instant::now());
+        let options = &self.shared.options;
+        while self.flights.len() + reads.len() < most
+            && board.has_room_for_reads()
+            && let Some((cluster, mergeable)) = board.next_to_read()
+        {
+            let read = if mergeable {
+                let wanted = |id| board.is_mergeable(id);
+                self.order.merged(cluster, options.merge_bytes, options.merge_gap_bytes, wanted)
+            } else {
+                self.order.alone(cluster)
+            };
+            for (id, range) in &read.clusters {
+                board.read_begins(*id, (range.end - range.start) as usize);
+            }
+            reads.push(read);
+        }
+        let counts = board.counts();
+        counts.reads_in_flight += reads.len();
+        counts.most_reads_in_flight = counts.most_reads_in_flight.max(counts.reads_in_flight);
+        drop(board);
+        reads.into_iter().for_each(|read| self.submit(read));
+        next_due
+    }
+
+    fn submit(&mut self, read: ClusterRead) {
+        let token = self.next_token;
+        self.next_token += 1;
+        let length = (read.range.end - read.range.start) as usize;
+        self.reader.submit(ReadRequest { token, offset: read.range.start, length });
+        for (id, _) in &read.clusters {
+            self.tokens.insert(*id, token);
+        }
+        self.flights.insert(token, Flight { read, submitted: Instant::now() });
+    }
+
+    /// Takes a completion, and those that have come along with it.
+    fn complete_all(&mut self, first: ReadCompletion) {
+        let mut next = Some(first);
+        while let Some(completion) = next {
+            self.complete(completion);
+            next = self.reader.wait(Some(Duration::ZERO));
+        }
+    }
+
+    fn complete(&mut self, completion: ReadCompletion) {
+        let ReadCompletion { token, result } = completion;
+        let Some(Flight { read, submitted }) = self.flights.remove(&token) else { return };
+        let mut length = read.range.end - read.range.start;
+        if self.reader.info().direct {
+            length = length.next_multiple_of(4096);
+        }
+        let mut board = self.shared.board.lock();
+        let counts = board.counts();
+        counts.reads += 1;
+        counts.reads_in_flight -= 1;
+        counts.bytes_read += length;
+        counts.read_seconds += submitted.elapsed().as_secs_f64();
+        let result = result.map(Arc::new).map_err(Arc::new);
+        let mut jobs = 0;
+        for (id, range) in read.clusters {
+            self.tokens.remove(&id);
+            let stored_bytes = (range.end - range.start) as usize;
+            let from = (range.start - read.range.start) as usize;
+            let error = match &result {
+                Ok(bytes) if from + stored_bytes <= bytes.len() => {
+                    let part = from..from + stored_bytes;
+                    jobs += usize::from(board.read_ends(id, Arc::clone(bytes), part));
+                    continue;
+                }
+                // Fewer bytes than were asked for.
+                Ok(_) => Arc::new(io::ErrorKind::UnexpectedEof.into()),
+                Err(error) => Arc::clone(error),
+            };
+            let may_pass = is_transient(&error);
+            let path = self.shared.asset.path().to_owned();
+            let (offset, length) = (range.start, stored_bytes as u64);
+            let error = PageError::Io { path, offset, length, source: error };
+            board.read_fails(id, stored_bytes, error, may_pass);
+        }
+        drop(board);
+        (0..jobs).for_each(|_| self.shared.board.job_arrived());
+    }
+}

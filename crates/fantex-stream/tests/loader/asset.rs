@@ -1,0 +1,122 @@
+//! A small baked asset, and ways to load all of it.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fantex_bake::{
+    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
+};
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_mesh::{CleanOptions, clean, generate};
+use fantex_store::{Asset, ChannelKind, PageId, decode_plain, group_pages};
+use fantex_stream::{AtlasFormat, ClusterLoader, LoadedPage, PageLoader, PageTexels};
+use glam::{Vec3, Vec4};
+
+/// Waves and noise, so that clusters do not pack to nothing.
+struct Rough;
+
+impl Source for Rough {
+    fn channels(&self) -> Vec<SourceChannel> {
+        let kinds = [ChannelKind::BaseColor, ChannelKind::Normal, ChannelKind::OcclusionRoughnessMetallic];
+        kinds.map(|kind| SourceChannel { kind, has_alpha: false, exceeds_one: false }).to_vec()
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let p = point.position;
+        let noise = (p.dot(Vec3::new(12.9, 78.2, 37.7)) * 43_758.547).sin().abs().fract();
+        let wave = (p * 40.0).to_array().map(|x| 0.5 + 0.4 * x.sin());
+        values[0] = Vec4::new(wave[0], wave[1], noise, 1.0);
+        values[1] = Vec4::new(0.5 + 0.1 * wave[2], 0.5 - 0.1 * noise, 1.0, 1.0);
+        values[2] = Vec4::new(1.0, noise, wave[0], 1.0);
+    }
+}
+
+/// An asset in a folder that lives as long.
+pub(crate) struct Baked {
+    pub(crate) path: PathBuf,
+    pub(crate) asset: Arc<Asset>,
+    pub(crate) folder: tempfile::TempDir,
+}
+
+/// A torus of about a million texels per channel; some tiles are larger than a page.
+pub(crate) fn baked(format: BakeFormat) -> Baked {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("torus.fan");
+    let mesh = clean(generate::torus(40, 20), &CleanOptions::default()).unwrap().0;
+    let options =
+        CoverOptions { tile: 320, budget: TexelBudget::Total(1_000_000), ..CoverOptions::default() };
+    let cover = build_cover(&mesh, &options).unwrap().0;
+    bake(&mesh, &cover, &Rough, &path, &BakeOptions { format, ..BakeOptions::default() }, &NoProgress)
+        .unwrap();
+    let asset = Arc::new(Asset::open(&path).unwrap());
+    Baked { path, asset, folder }
+}
+
+pub(crate) fn all_pages(asset: &Asset) -> Vec<PageId> {
+    let groups = asset.cover().groups.iter().enumerate();
+    groups.flat_map(|(index, group)| group_pages(index as u32, group)).collect()
+}
+
+/// A page as the loader should bring it, read in the plain way.
+pub(crate) fn expected(asset: &Asset, page: PageId, block_compressed: bool) -> PageTexels {
+    let extent = asset.page_extent(0, page).unwrap();
+    let channels = asset.channels().iter().enumerate().map(|(index, channel)| {
+        let raw = asset.read_page_raw(index, page).unwrap();
+        match AtlasFormat::of(channel.format, block_compressed).is_compressed() {
+            true => Arc::from(raw),
+            false => Arc::from(decode_plain(channel.format, channel.srgb, extent, &raw).unwrap()),
+        }
+    });
+    PageTexels { extent, channels: channels.collect() }
+}
+
+/// Polls until nothing is pending.
+pub(crate) fn wait_for_all(loader: &mut ClusterLoader, max_bytes: usize) -> Vec<LoadedPage> {
+    let deadline = Instant::now() + Duration::from_secs(120);
+    let mut pages = Vec::new();
+    while loader.pending() > 0 {
+        let arrived = loader.poll(max_bytes);
+        if arrived.is_empty() {
+            assert!(
+                Instant::now() < deadline,
+                "{} pages never came: {:?}",
+                loader.pending(),
+                loader.statistics()
+            );
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        pages.extend(arrived);
+    }
+    assert!(loader.poll(usize::MAX).is_empty());
+    pages
+}
+
+/// Asks for pages and waits for all. Each must arrive once.
+pub(crate) fn load(
+    loader: &mut ClusterLoader,
+    pages: &[PageId],
+) -> BTreeMap<PageId, Result<PageTexels, fantex_store::PageError>> {
+    for (i, &page) in pages.iter().enumerate() {
+        loader.request(page, (i % 17) as f32);
+    }
+    assert_eq!(loader.pending(), pages.len());
+    let arrived = wait_for_all(loader, 1 << 20);
+    assert_eq!(arrived.len(), pages.len());
+    let arrived: BTreeMap<_, _> = arrived.into_iter().map(|page| (page.page, page.texels)).collect();
+    assert_eq!(arrived.len(), pages.len(), "a page came twice");
+    arrived
+}
+
+/// Loads all pages and compares them with those that are read in the plain way.
+pub(crate) fn check_all(loader: &mut ClusterLoader, reference: &Asset, block_compressed: bool) {
+    let pages = all_pages(reference);
+    for (page, texels) in load(loader, &pages) {
+        assert!(texels.unwrap() == expected(reference, page, block_compressed), "{page}");
+    }
+}

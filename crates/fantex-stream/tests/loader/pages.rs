@@ -1,0 +1,174 @@
+//! Pages are what they should be, whoever asks in which order.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use fantex_bake::BakeFormat;
+use fantex_store::PageId;
+use fantex_stream::read::{FaultyReader, FileReadOptions, ReadFaults, open_file_reader};
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, PageLoader};
+use proptest::prelude::*;
+
+use crate::asset::{all_pages, baked, check_all, expected, wait_for_all};
+
+/// Budgets so small that every limit is met all the time.
+fn tight() -> ClusterLoaderOptions {
+    ClusterLoaderOptions {
+        flight_bytes: 1,
+        cache_bytes: 300 << 10,
+        ready_bytes: 1,
+        worker_threads: 2,
+        ..ClusterLoaderOptions::default()
+    }
+}
+
+#[test]
+fn every_page_is_that_of_the_asset() {
+    for format in [BakeFormat::Bc7, BakeFormat::Bc1, BakeFormat::Rgba8, BakeFormat::Float] {
+        let baked = baked(format);
+        for block_compressed in [true, false] {
+            let options = ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() };
+            let mut loader = ClusterLoader::open(baked.asset.clone(), &options).unwrap();
+            check_all(&mut loader, &baked.asset, block_compressed);
+        }
+    }
+}
+
+#[test]
+fn budgets_that_hold_nothing_bring_all_pages() {
+    let baked = baked(BakeFormat::Bc7);
+    for cache_bytes in [0, 300 << 10] {
+        let options = ClusterLoaderOptions { cache_bytes, block_compressed: false, ..tight() };
+        let mut loader = ClusterLoader::open(baked.asset.clone(), &options).unwrap();
+        // Without any cache, each batch reads its cluster anew: a few pages of each will do.
+        let pages: Vec<PageId> = all_pages(&baked.asset).into_iter().step_by(3).collect();
+        for (page, texels) in crate::asset::load(&mut loader, &pages) {
+            assert!(texels.unwrap() == expected(&baked.asset, page, false), "{page}");
+        }
+    }
+}
+
+#[test]
+fn pages_that_do_not_exist_arrive_as_errors_that_name_them() {
+    let baked = baked(BakeFormat::Bc7);
+    let mut loader = ClusterLoader::open(baked.asset.clone(), &ClusterLoaderOptions::default()).unwrap();
+    let absent = PageId { group: 1 << 30, level: 0, page: [0, 0] };
+    loader.request(absent, 1.0);
+    loader.request(PageId { group: 0, level: 40, page: [0, 0] }, 2.0);
+    loader.cancel(PageId { group: 0, level: 40, page: [0, 0] });
+    assert_eq!(loader.pending(), 1);
+    let arrived = loader.poll(0);
+    assert_eq!(arrived[0].page, absent);
+    let message = arrived[0].texels.as_ref().unwrap_err().to_string();
+    assert!(message.contains("torus.fan") && message.contains("group 1073741824"), "{message}");
+}
+
+/// One step of a caller.
+#[derive(Clone, Debug)]
+enum Step {
+    Request(prop::sample::Index, f32),
+    RequestMany(prop::sample::Index, usize),
+    Cancel(prop::sample::Index),
+    CancelMany(prop::sample::Index, usize),
+    Poll(usize),
+    Pause,
+}
+
+fn steps() -> impl Strategy<Value = Vec<Step>> {
+    let index = any::<prop::sample::Index>;
+    let step = prop_oneof![
+        3 => (index(), -10.0f32..10.0).prop_map(|(page, urgency)| Step::Request(page, urgency)),
+        1 => (index(), 1..200usize).prop_map(|(page, count)| Step::RequestMany(page, count)),
+        2 => index().prop_map(Step::Cancel),
+        1 => (index(), 1..200usize).prop_map(|(page, count)| Step::CancelMany(page, count)),
+        2 => (0..400_000usize).prop_map(Step::Poll),
+        1 => Just(Step::Pause),
+    ];
+    prop::collection::vec(step, 1..200)
+}
+
+/// Plays steps against a set of the pages that are due. Nothing else may come, and all of it must (where `may_fail`, maybe as
+/// an error: two bad reads in a row).
+fn play(loader: &mut ClusterLoader, pages: &[PageId], steps: &[Step], may_fail: bool) {
+    let mut due = BTreeSet::new();
+    let many = |index: &prop::sample::Index, count: usize| {
+        let from = index.index(pages.len());
+        from..(from + count).min(pages.len())
+    };
+    for step in steps {
+        match step {
+            Step::Request(index, urgency) => {
+                loader.request(pages[index.index(pages.len())], *urgency);
+                due.insert(pages[index.index(pages.len())]);
+            }
+            Step::RequestMany(index, count) => {
+                for &page in &pages[many(index, *count)] {
+                    loader.request(page, page.level as f32);
+                    due.insert(page);
+                }
+            }
+            Step::Cancel(index) => {
+                loader.cancel(pages[index.index(pages.len())]);
+                due.remove(&pages[index.index(pages.len())]);
+            }
+            Step::CancelMany(index, count) => {
+                for page in &pages[many(index, *count)] {
+                    loader.cancel(*page);
+                    due.remove(page);
+                }
+            }
+            Step::Poll(max_bytes) => {
+                for page in loader.poll(*max_bytes) {
+                    assert!(due.remove(&page.page), "({}) was not asked for", page.page);
+                    assert!(may_fail || page.texels.is_ok());
+                }
+            }
+            Step::Pause => std::thread::sleep(Duration::from_micros(300)),
+        }
+        assert_eq!(loader.pending(), due.len());
+    }
+    for page in wait_for_all(loader, 1 << 20) {
+        assert!(due.remove(&page.page), "({}) was not asked for", page.page);
+    }
+    assert!(due.is_empty(), "{} pages were lost", due.len());
+}
+
+#[test]
+fn no_sequence_of_requests_and_cancellations_loses_or_duplicates_a_page() {
+    let baked = baked(BakeFormat::Bc7);
+    let pages = all_pages(&baked.asset);
+    let faults = ReadFaults {
+        seed: 7,
+        error_probability: 0.05,
+        corruption_probability: 0.02,
+        delay: Duration::from_micros(200),
+        ..ReadFaults::default()
+    };
+    let file = FileReadOptions { depth: 4, ..FileReadOptions::default() };
+    let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig {
+        cases: 40,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    });
+    runner
+        .run(&(steps(), any::<bool>()), |(steps, is_tight)| {
+            let options = if is_tight { tight() } else { ClusterLoaderOptions::default() };
+            let reader = open_file_reader(&baked.path, &file).unwrap();
+            let reader = Box::new(FaultyReader::new(reader, faults));
+            let retry =
+                Some(fantex_stream::read::RetryPolicy { retries: 20, first_pause: Duration::from_nanos(1) });
+            let options = ClusterLoaderOptions { retry, ..options };
+            let mut loader = ClusterLoader::with_reader(baked.asset.clone(), reader, &options).unwrap();
+            play(&mut loader, &pages, &steps, true);
+            Ok(())
+        })
+        .unwrap();
+    let loader = ClusterLoader::open(baked.asset.clone(), &tight()).unwrap();
+    let loader = std::cell::RefCell::new(loader);
+    runner
+        .run(&steps(), |steps| {
+            play(&mut loader.borrow_mut(), &pages, &steps, false);
+            Ok(())
+        })
+        .unwrap();
+}
