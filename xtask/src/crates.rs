@@ -5,7 +5,7 @@ use serde_json::Value;
 use crate::shell::{Failure, capture, cargo_command};
 
 /// Every crate of the workspace with those that it may depend on. Test-only dependencies are free: siblings meet in tests.
-const ALLOWED: [(&str, &[&str]); 9] = [
+const ALLOWED: &[(&str, &[&str])] = &[
     ("fantex-mesh", &[]),
     ("fantex-look", &[]),
     ("fantex-texture", &["fantex-mesh", "fantex-look"]),
@@ -15,6 +15,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
     ("fantex-scene", &["fantex-mesh", "fantex-texture"]),
     ("fantex-stream", &["fantex-mesh", "fantex-cover", "fantex-store"]),
     ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"]),
+    ("fantex-paint", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
     (
         "fantex-gpu",
         &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
@@ -28,7 +29,25 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "fantex-cover",
             "fantex-store",
             "fantex-bake",
+            "fantex-scene",
+            "fantex-stream",
             "fantex-render",
+            "fantex-gpu",
+            "fantex-paint",
+        ],
+    ),
+    (
+        "fantex-app",
+        &[
+            "fantex",
+            "fantex-mesh",
+            "fantex-texture",
+            "fantex-cover",
+            "fantex-store",
+            "fantex-scene",
+            "fantex-stream",
+            "fantex-gpu",
+            "fantex-paint",
         ],
     ),
     ("xtask", &[]),

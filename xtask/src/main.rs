@@ -3,6 +3,7 @@
 mod bench;
 mod crates;
 mod goldens;
+mod graphics;
 mod lint;
 mod shell;
 mod test;

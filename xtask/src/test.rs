@@ -2,6 +2,7 @@
 
 use std::process::Command;
 
+use crate::graphics;
 use crate::shell::{self, Failure, cargo_command, root, succeeds};
 
 /// Runs unit, integration and documentation tests. `slow` adds those that are ignored because they take long.
@@ -17,6 +18,7 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
         (false, _) => {}
     }
     let mut skipped = Vec::new();
+    graphics::prepare(&mut skipped);
     if !slow {
         skipped.push("slow tests (run them with: cargo xtask test --slow)".to_owned());
     }

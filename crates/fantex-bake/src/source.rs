@@ -49,8 +49,9 @@ pub struct TriangleFootprint {
     pub lambda_steps: [Vec3; 2],
 }
 
-/// A source over one triangle: writes one value per channel.
-pub type TriangleSource<'s> = Box<dyn Fn(&SurfacePoint, &mut [Vec4]) + 's>;
+/// A source over one triangle: for many points of it at once, writes one value per channel and point, those of a point
+/// together.
+pub type TriangleSource<'s> = Box<dyn Fn(&[SurfacePoint], &mut [Vec4]) + 's>;
 
 /// A function on the surface that can be baked.
 pub trait Source: Sync {
@@ -65,6 +66,12 @@ pub trait Source: Sync {
 
     /// The same function for many texels of one triangle. Sources that can prepare something for them override this.
     fn on_triangle(&self, _footprint: &TriangleFootprint) -> TriangleSource<'_> {
-        Box::new(|point, values| self.evaluate(point, values))
+        let channels = self.channels().len();
+        Box::new(move |points, values| {
+            points
+                .iter()
+                .zip(values.chunks_mut(channels))
+                .for_each(|(point, values)| self.evaluate(point, values));
+        })
     }
 }

@@ -33,6 +33,9 @@ const SHARED_LEVEL: u32 = 3;
 /// One texel of `SHARED_LEVEL`, twice.
 const HALO: u32 = 16;
 
+/// Points of a triangle that a source is asked for at a time.
+const POINTS: usize = 256;
+
 /// What all tiles of a bake share.
 pub(crate) struct TileBaker<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -172,19 +175,26 @@ impl TileBaker<'_> {
         footprints.cover(block, self.cover.delta);
         let mut raster = self.empty_raster(block.extent);
         let channels = self.plans.len();
-        let width = block.extent[0] as usize;
+        let width = block.extent[0];
+        let (mut points, mut values) = (Vec::with_capacity(POINTS), Vec::with_capacity(POINTS * channels));
         let corner = Vec2::new(block.origin[0] as f32 + 0.5, block.origin[1] as f32 + 0.5);
         footprints.for_each_owner(|triangle, texels| {
             let on = TriangleFootprint { triangle: triangle.triangle as usize, lambda_steps: triangle.steps };
             let source = self.source.on_triangle(&on);
-            for texel in texels.iter().map(|&t| t as usize) {
-                let lambda =
-                    triangle.lambda(corner + Vec2::new((texel % width) as f32, (texel / width) as f32));
-                let point = self.surface_point(triangle, lambda);
-                let values = &mut raster.values[texel * channels..(texel + 1) * channels];
-                source(&point, values);
-                self.turn_normals(group, point.normal, values);
-                raster.valid[texel] = true;
+            for texels in texels.chunks(POINTS) {
+                points.clear();
+                points.extend(texels.iter().map(|&texel| {
+                    let (x, y) = (texel % width, texel / width);
+                    self.surface_point(triangle, triangle.lambda(corner + Vec2::new(x as f32, y as f32)))
+                }));
+                values.resize(points.len() * channels, Vec4::ZERO);
+                source(&points, &mut values);
+                for ((&texel, point), values) in texels.iter().zip(&points).zip(values.chunks_mut(channels)) {
+                    self.turn_normals(group, point.normal, values);
+                    let texel = texel as usize;
+                    raster.values[texel * channels..(texel + 1) * channels].copy_from_slice(values);
+                    raster.valid[texel] = true;
+                }
             }
         });
         raster.read = footprints.in_region;

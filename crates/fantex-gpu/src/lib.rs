@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  Gpu          device, queue, what they can do
-//!  Model        UvModel: a mesh with its own textures        anything else that implements the trait
+//!  Model        UvModel: a mesh with its own textures        FanModel: a mesh with the tiles of its cover
 //!  Renderer     per frame:
 //!     FrameRecord, LampRecord, ...   camera and lights as shaders want them     (frame/)
 //!     shadow maps                    only when lamps or model have changed
@@ -14,6 +14,7 @@
 //! material sample into light, and each kind of model adds where its material samples come from.
 
 mod error;
+mod fan;
 mod frame;
 mod gpu;
 mod model;
@@ -24,10 +25,12 @@ mod screen;
 pub mod shader;
 mod surface_pipeline;
 mod timing;
+mod sorted;
 mod uv;
 mod wireframe;
 
 pub use error::GpuError;
+pub use fan::{FanModel, FanModelSource};
 pub use frame::{FrameLayout, View};
 pub use gpu::{Gpu, GpuInfo, GpuOptions};
 pub use model::{FrameContext, Model, ModelSpace};

@@ -26,6 +26,11 @@ pub(crate) const TONE: &str = include_str!("shaders/tone.wgsl");
 pub(crate) const LINES: &str = include_str!("shaders/lines.wgsl");
 pub(crate) const UV_MATERIAL: &str = include_str!("shaders/uv_material.wgsl");
 pub(crate) const UV: &str = include_str!("shaders/uv.wgsl");
+pub(crate) const FAN_LOOKUP: &str = include_str!("shaders/fan_lookup.wgsl");
+pub(crate) const FAN_GEOMETRY: &str = include_str!("shaders/fan_geometry.wgsl");
+pub(crate) const FAN: &str = include_str!("shaders/fan.wgsl");
+pub(crate) const FAN_COLORS: &str = include_str!("shaders/fan_colors.wgsl");
+pub(crate) const FAN_CASTER: &str = include_str!("shaders/fan_caster.wgsl");
 pub(crate) const UV_CASTER: &str = include_str!("shaders/uv_caster.wgsl");
 
 /// The source of a module.
@@ -53,6 +58,9 @@ pub fn all() -> Vec<(&'static str, String)> {
         ("tone", compose(&[FRAME, TONE])),
         ("lines", compose(&[FRAME, LINES])),
         ("uv", compose_surface(&[UV_MATERIAL, UV])),
+        ("fan", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN])),
+        ("fan_colors", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS])),
+        ("fan_caster", compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER])),
         ("uv_caster", compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
     ]
 }

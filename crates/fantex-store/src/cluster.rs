@@ -34,7 +34,7 @@ impl Asset {
     /// The byte ranges of a level's clusters in the file, in page order. Empty beyond the last level.
     pub fn cluster_ranges(&self, level: u32) -> Vec<Range<u64>> {
         let clusters = self.directory.levels.get(level as usize).map_or(&[][..], Vec::as_slice);
-        clusters.iter().map(stored_range).collect()
+        clusters.iter().map(ClusterEntry::range).collect()
     }
 
     /// The cluster that holds a page.
@@ -51,7 +51,7 @@ impl Asset {
     /// Where a cluster's stored bytes lie in the file; the start is a multiple of 4096. Panics where there is no such
     /// cluster.
     pub fn cluster_range(&self, cluster: ClusterId) -> Range<u64> {
-        stored_range(self.entry(cluster))
+        self.entry(cluster).range()
     }
 
     /// Bytes of a cluster's pages in all channels: how long it is unpacked. Panics where there is no such cluster.
@@ -62,7 +62,15 @@ impl Asset {
     /// Checks and unpacks the stored bytes of a cluster: those of [`Asset::cluster_range`], wherever they were read. Panics
     /// where there is no such cluster.
     pub fn unpack_cluster(&self, cluster: ClusterId, stored: &[u8]) -> Result<ClusterPages, PageError> {
-        let entry = self.entry(cluster);
+        self.unpack_entry(cluster.level, self.entry(cluster), stored)
+    }
+
+    fn unpack_entry(
+        &self,
+        level: u32,
+        entry: &ClusterEntry,
+        stored: &[u8],
+    ) -> Result<ClusterPages, PageError> {
         if stored.len() != entry.stored_length as usize || xxh3_64(stored) != entry.checksum {
             return Err(PageError::Checksum { path: self.path().to_owned(), offset: entry.offset });
         }
@@ -77,7 +85,7 @@ impl Asset {
         }
         let extents = |group: usize| self.cover().groups[group].extent;
         let natural = unarranged(&self.formats, &raw);
-        Ok(ClusterPages::new(natural, cluster.level, entry, &self.formats, extents))
+        Ok(ClusterPages::new(natural, level, entry, &self.formats, extents))
     }
 
     /// A page's bytes in a channel's format, within the cluster that holds it.
@@ -94,16 +102,19 @@ impl Asset {
 
     /// Reads, checks and unpacks a cluster.
     pub(crate) fn read_cluster(&self, cluster: ClusterId) -> Result<ClusterPages, PageError> {
-        let range = self.cluster_range(cluster);
-        let length = range.end - range.start;
-        let mut stored = vec![0; length as usize];
-        self.source.read_exact_at(&mut stored, range.start).map_err(|source| PageError::Io {
+        self.read_entry(cluster.level, self.entry(cluster))
+    }
+
+    /// Reads, checks and unpacks the cluster of an entry, which may be of a later generation.
+    pub(crate) fn read_entry(&self, level: u32, entry: &ClusterEntry) -> Result<ClusterPages, PageError> {
+        let mut stored = vec![0; entry.stored_length as usize];
+        self.source.read_exact_at(&mut stored, entry.offset).map_err(|source| PageError::Io {
             path: self.path().to_owned(),
-            offset: range.start,
-            length,
+            offset: entry.offset,
+            length: u64::from(entry.stored_length),
             source: Arc::new(source),
         })?;
-        self.unpack_cluster(cluster, &stored)
+        self.unpack_entry(level, entry, &stored)
     }
 
     /// The groups whose tiles may have pages in a cluster.
@@ -120,10 +131,6 @@ impl Asset {
     fn entry(&self, cluster: ClusterId) -> &ClusterEntry {
         &self.directory.levels[cluster.level as usize][cluster.index as usize]
     }
-}
-
-fn stored_range(entry: &ClusterEntry) -> Range<u64> {
-    entry.offset..entry.offset + u64::from(entry.stored_length)
 }
 
 /// Inverse of the writer's arrangement.

@@ -210,6 +210,30 @@ pub enum OpenError {
     },
 }
 
+/// An attachment could not be read. Cloneable: an asset keeps what was wrong with the list.
+#[derive(Clone, Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AttachmentError {
+    /// The list of attachments is damaged.
+    #[error("the attachments of {} cannot be read; its texels can: {source}", path.display())]
+    List {
+        /// The asset's path.
+        path: PathBuf,
+        /// What is wrong with the list.
+        source: Arc<OpenError>,
+    },
+    /// One of them is damaged.
+    #[error("attachment {name:?} of {} cannot be read: {source}", path.display())]
+    Damaged {
+        /// The asset's path.
+        path: PathBuf,
+        /// Its name.
+        name: String,
+        /// What is wrong.
+        source: Arc<OpenError>,
+    },
+}
+
 /// A page could not be read. Cloneable, so that caches can keep it.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]

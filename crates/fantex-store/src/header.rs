@@ -31,6 +31,13 @@ pub(crate) struct SectionRecord {
     pub(crate) checksum: u64,
 }
 
+impl SectionRecord {
+    /// Bytes of the file; empty for one that overflows.
+    pub(crate) fn range(&self) -> std::ops::Range<u64> {
+        self.offset..self.offset.saturating_add(self.stored_length)
+    }
+}
+
 /// One slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Slot {
@@ -41,6 +48,8 @@ pub(crate) struct Slot {
     /// Bytes of the file that this slot refers to.
     pub(crate) file_length: u64,
     pub(crate) sections: [SectionRecord; 4],
+    /// The list of attachments; of stored length 0 where there are none. Readers of texels need not know it.
+    pub(crate) attachments: SectionRecord,
 }
 
 impl Slot {
@@ -51,7 +60,7 @@ impl Slot {
         out.u32(self.flags);
         out.u64(self.generation);
         out.u64(self.file_length);
-        for section in &self.sections {
+        for section in self.sections.iter().chain([&self.attachments]) {
             let SectionRecord { offset, stored_length, raw_length, checksum } = *section;
             [offset, stored_length, raw_length, checksum].into_iter().for_each(|x| out.u64(x));
         }
@@ -72,18 +81,20 @@ impl Slot {
         if bytes[..8] != SIGNATURE || u64_at(SLOT_BYTES - 8) != xxh3_64(&bytes[..SLOT_BYTES - 8]) {
             return None;
         }
+        let record = |i: usize| SectionRecord {
+            offset: u64_at(32 + 32 * i),
+            stored_length: u64_at(40 + 32 * i),
+            raw_length: u64_at(48 + 32 * i),
+            checksum: u64_at(56 + 32 * i),
+        };
         let words = u64_at(8);
         Some(Self {
             version: words as u32,
             flags: (words >> 32) as u32,
             generation: u64_at(16),
             file_length: u64_at(24),
-            sections: std::array::from_fn(|i| SectionRecord {
-                offset: u64_at(32 + 32 * i),
-                stored_length: u64_at(40 + 32 * i),
-                raw_length: u64_at(48 + 32 * i),
-                checksum: u64_at(56 + 32 * i),
-            }),
+            sections: std::array::from_fn(record),
+            attachments: record(4),
         })
     }
 }
@@ -95,7 +106,14 @@ mod tests {
     #[test]
     fn a_slot_comes_back_and_any_flipped_bit_is_noticed() {
         let record = SectionRecord { offset: 1, stored_length: 2, raw_length: 3, checksum: 4 };
-        let slot = Slot { version: 1, flags: 0, generation: 5, file_length: 6, sections: [record; 4] };
+        let slot = Slot {
+            version: 1,
+            flags: 0,
+            generation: 5,
+            file_length: 6,
+            sections: [record; 4],
+            attachments: record,
+        };
         let bytes = slot.encode();
         assert_eq!(Slot::decode(&bytes), Some(slot));
         for bit in 0..8 * SLOT_BYTES {

@@ -1,4 +1,4 @@
-//! The `.fan` asset: format, block codecs, writing, reading, caching, verifying.
+//! The `.fan` asset: format, block codecs, writing, reading, caching, editing, verifying.
 //!
 //! ```text
 //!  Mesh, Cover, Channels --create--> AssetWriter <--write_pages-- EncodedPage <--encode-- texels
@@ -8,6 +8,8 @@
 //!                     | tile(channel, group, level)
 //!                     v
 //!                   Tile::bilinear(uv) -> linear RGBA
+//!
+//!  AssetEditor::open(path) --replace pages--> commit (copy-on-write, atomic) --> Arc<Asset> of the next generation
 //! ```
 //!
 //! An asset may also lie elsewhere ([`ByteSource`], [`Asset::open_source`]), and its clusters be read by somebody else
@@ -16,12 +18,17 @@
 //! The format is described byte by byte in `docs/format.md`. No function of this crate trusts a file: lengths, offsets,
 //! counts and extents are checked against the [`limits`] before anything is allocated.
 
+// The tests inside this crate share helpers with those outside.
+#[cfg(test)]
+extern crate self as fantex_store;
+
 mod bytes;
 mod cache;
 mod channel;
 mod cluster;
 mod codec;
 mod content_error;
+mod edit;
 mod error;
 mod header;
 mod layout;
@@ -41,6 +48,7 @@ pub use channel::*;
 pub use cluster::*;
 pub use codec::*;
 pub use content_error::*;
+pub use edit::*;
 pub use error::*;
 pub use layout::ClusterPages;
 pub use page::*;

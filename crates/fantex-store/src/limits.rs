@@ -21,3 +21,9 @@ pub const SECTION_RATIO_FREE: u64 = 1 << 20;
 pub const MAX_WINDOW_LOG: u32 = 23;
 /// Bytes of a cluster before packing: a page of 16 channels of 16 bytes per texel, and some.
 pub const MAX_CLUSTER_BYTES: u64 = 1 << 25;
+/// Attachments of an asset.
+pub const MAX_ATTACHMENTS: usize = 1 << 24;
+/// Bytes of an attachment's name.
+pub const MAX_ATTACHMENT_NAME_BYTES: usize = 255;
+/// Bytes of an attachment before packing.
+pub const MAX_ATTACHMENT_BYTES: u64 = 1 << 30;

@@ -53,6 +53,19 @@ pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32), OpenErro
     Ok((slot, damaged))
 }
 
+/// The slot that does not count, and itself where it is whole.
+pub(crate) fn read_other_slot(source: &dyn ByteSource, current: &Slot) -> (usize, Option<Slot>) {
+    let mut slots = [[0; SLOT_BYTES]; 2];
+    for (bytes, offset) in slots.iter_mut().zip(SLOT_OFFSETS) {
+        // A slot that cannot be read is as good as none.
+        if source.read_exact_at(bytes, offset).is_err() {
+            bytes.fill(0);
+        }
+    }
+    let [first, second] = slots.each_ref().map(Slot::decode);
+    if first.as_ref() == Some(current) { (1, second) } else { (0, first) }
+}
+
 /// The stored bytes of the sections.
 pub(crate) struct Sections<'a> {
     path: &'a Path,
@@ -67,16 +80,8 @@ impl<'a> Sections<'a> {
         let path = source.location();
         let mut ranges = Vec::new();
         for (record, section) in slot.sections.iter().zip(SECTION_NAMES) {
-            let SectionRecord { offset, stored_length, raw_length, .. } = *record;
-            let end = offset.saturating_add(stored_length);
-            if offset < HEADER_BYTES || end > slot.file_length {
-                return Err(OpenError::SectionPlace { path: path.to_owned(), section, offset, end });
-            }
-            if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO))
-            {
-                return Err(packing_error(path, section, record));
-            }
-            ranges.push(offset..end);
+            check_record(path, section, record, slot.file_length)?;
+            ranges.push(record.range());
         }
         let mut spans = Vec::new();
         for range in merged(ranges) {
@@ -90,21 +95,7 @@ impl<'a> Sections<'a> {
     /// Checks and unpacks a section.
     pub(crate) fn unpack(&self, index: usize) -> Result<Vec<u8>, OpenError> {
         let record = &self.records[index];
-        let (path, section) = (self.path, SECTION_NAMES[index]);
-        let stored = self.stored(record);
-        if xxh3_64(stored) != record.checksum {
-            return Err(OpenError::SectionChecksum { path: path.to_owned(), section });
-        }
-        let unpacked = zstd::Decoder::new(stored).and_then(|mut decoder| {
-            decoder.window_log_max(MAX_WINDOW_LOG)?;
-            let mut raw = Vec::new();
-            decoder.take(record.raw_length + 1).read_to_end(&mut raw)?;
-            Ok(raw)
-        });
-        match unpacked {
-            Ok(raw) if raw.len() as u64 == record.raw_length => Ok(raw),
-            _ => Err(packing_error(path, section, record)),
-        }
+        unpack_section(self.path, SECTION_NAMES[index], record, self.stored(record))
     }
 
     fn stored(&self, record: &SectionRecord) -> &[u8] {
@@ -113,6 +104,59 @@ impl<'a> Sections<'a> {
         self.spans.iter().find(|(range, _)| holds(range)).map_or(&[], |(range, bytes)| {
             &bytes[(record.offset - range.start) as usize..(end - range.start) as usize]
         })
+    }
+}
+
+/// Reads, checks and unpacks one section by itself.
+pub(crate) fn read_section(
+    source: &dyn ByteSource,
+    section: &'static str,
+    record: &SectionRecord,
+    file_length: u64,
+) -> Result<Vec<u8>, OpenError> {
+    let path = source.location();
+    check_record(path, section, record, file_length)?;
+    let mut stored = vec![0; record.stored_length as usize];
+    source.read_exact_at(&mut stored, record.offset).map_err(|error| io_error(path, error))?;
+    unpack_section(path, section, record, &stored)
+}
+
+/// That a section lies in the file and does not claim too much memory.
+fn check_record(
+    path: &Path,
+    section: &'static str,
+    record: &SectionRecord,
+    file_length: u64,
+) -> Result<(), OpenError> {
+    let SectionRecord { offset, stored_length, raw_length, .. } = *record;
+    let end = record.range().end;
+    if offset < HEADER_BYTES || end > file_length {
+        return Err(OpenError::SectionPlace { path: path.to_owned(), section, offset, end });
+    }
+    if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO)) {
+        return Err(packing_error(path, section, record));
+    }
+    Ok(())
+}
+
+fn unpack_section(
+    path: &Path,
+    section: &'static str,
+    record: &SectionRecord,
+    stored: &[u8],
+) -> Result<Vec<u8>, OpenError> {
+    if xxh3_64(stored) != record.checksum {
+        return Err(OpenError::SectionChecksum { path: path.to_owned(), section });
+    }
+    let unpacked = zstd::Decoder::new(stored).and_then(|mut decoder| {
+        decoder.window_log_max(MAX_WINDOW_LOG)?;
+        let mut raw = Vec::new();
+        decoder.take(record.raw_length + 1).read_to_end(&mut raw)?;
+        Ok(raw)
+    });
+    match unpacked {
+        Ok(raw) if raw.len() as u64 == record.raw_length => Ok(raw),
+        _ => Err(packing_error(path, section, record)),
     }
 }
 

@@ -7,14 +7,15 @@ use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 
 use crate::codec::StoredTexels;
-use crate::header::{HEADER_BYTES, SECTION_NAMES};
+use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
 use crate::layout::PageSize;
-use crate::open::{Sections, io_error, read_slot};
+use crate::open::{Sections, io_error, read_section, read_slot};
+use crate::section::attachments::{self, Attachments};
 use crate::section::directory::{self, Directory};
 use crate::section::{channels, cover as cover_section, mesh as mesh_section};
 use crate::{
-    ByteSource, Channel, ChannelKind, ContentError, FileSource, OpenError, PageError, PageId, TexelFormat,
-    cover_level_count,
+    AttachmentError, ByteSource, Channel, ChannelKind, ContentError, FileSource, OpenError, PageError,
+    PageId, TexelFormat, cover_level_count,
 };
 
 /// Decoded texels of one page and channel.
@@ -30,17 +31,20 @@ pub struct Texels {
 #[derive(Debug)]
 pub struct Asset {
     pub(crate) source: Arc<dyn ByteSource>,
-    file_length: u64,
-    mesh: Mesh,
-    cover: Cover,
+    slot: Slot,
+    mesh: Arc<Mesh>,
+    cover: Arc<Cover>,
     channels: Vec<Channel>,
     pub(crate) formats: Vec<TexelFormat>,
-    pub(crate) directory: Directory,
+    pub(crate) directory: Arc<Directory>,
+    /// An error where their list is damaged; that does not keep anybody from reading texels.
+    attachments: Result<Attachments, AttachmentError>,
     damaged_headers: u32,
 }
 
 impl Asset {
-    /// Opens and checks an asset in a file: header, mesh, cover, channels and directory.
+    /// Opens and checks an asset in a file: header, mesh, cover, channels and directory. It stays as it is now, whatever is
+    /// committed later: see [`AssetEditor`](crate::AssetEditor).
     pub fn open(path: &Path) -> Result<Self, OpenError> {
         let file = FileSource::open(path).map_err(|source| io_error(path, source))?;
         Self::open_source(Arc::new(file))
@@ -67,8 +71,80 @@ impl Asset {
         };
         let directory = directory::decode(&sections.unpack(3)?, &expected).map_err(content(3))?;
         drop(sections);
-        let file_length = slot.file_length;
-        Ok(Self { source, file_length, mesh, cover, channels, formats, directory, damaged_headers })
+        let attachments = read_attachments(&*source, &slot);
+        Ok(Self {
+            source,
+            slot,
+            mesh: Arc::new(mesh),
+            cover: Arc::new(cover),
+            channels,
+            formats,
+            directory: Arc::new(directory),
+            attachments,
+            damaged_headers,
+        })
+    }
+
+    /// The asset as a commit leaves it.
+    pub(crate) fn committed(&self, slot: Slot, directory: Arc<Directory>, attachments: Attachments) -> Self {
+        Self {
+            source: Arc::clone(&self.source),
+            slot,
+            mesh: Arc::clone(&self.mesh),
+            cover: Arc::clone(&self.cover),
+            channels: self.channels.clone(),
+            formats: self.formats.clone(),
+            directory,
+            attachments: Ok(attachments),
+            damaged_headers: 0,
+        }
+    }
+
+    /// Number of the committed state, from 1 on; grows with every commit.
+    pub fn generation(&self) -> u64 {
+        self.slot.generation
+    }
+
+    /// Names of all attachments, ascending: data of other programs' parts (a painter's layers and history) that the
+    /// texture function does not need.
+    pub fn attachment_names(&self) -> Result<Vec<&str>, AttachmentError> {
+        Ok(self.attachments()?.keys().map(String::as_str).collect())
+    }
+
+    /// Reads and checks an attachment; none where there is none of that name.
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, AttachmentError> {
+        let record = self.attachments()?.get(name);
+        record.map(|record| self.read_attachment(name, record)).transpose()
+    }
+
+    pub(crate) fn attachments(&self) -> Result<&Attachments, AttachmentError> {
+        self.attachments.as_ref().map_err(Clone::clone)
+    }
+
+    pub(crate) fn read_attachment(
+        &self,
+        name: &str,
+        record: &SectionRecord,
+    ) -> Result<Vec<u8>, AttachmentError> {
+        read_section(&*self.source, "attachment", record, record.range().end).map_err(|source| {
+            AttachmentError::Damaged {
+                path: self.path().to_owned(),
+                name: name.to_owned(),
+                source: Arc::new(source),
+            }
+        })
+    }
+
+    pub(crate) fn slot(&self) -> &Slot {
+        &self.slot
+    }
+
+    pub(crate) fn directory(&self) -> &Arc<Directory> {
+        &self.directory
+    }
+
+    pub(crate) fn formats(&self) -> &[TexelFormat] {
+        &self.formats
     }
 
     /// The path or URL it was opened from.
@@ -83,7 +159,7 @@ impl Asset {
 
     /// Length of the file in bytes.
     pub fn file_bytes(&self) -> u64 {
-        self.file_length
+        self.slot.file_length
     }
 
     /// The mesh; without images, and its materials without textures (they are baked).
@@ -118,9 +194,13 @@ impl Asset {
 
     /// Reads, checks and decodes one page. Not cached.
     pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
-        let bytes = self.read_page_raw(channel, page)?;
+        self.texels(channel, page, &self.read_page_raw(channel, page)?)
+    }
+
+    /// Decodes the bytes of a page.
+    pub(crate) fn texels(&self, channel: usize, page: PageId, bytes: &[u8]) -> Result<Texels, PageError> {
         let extent = self.page_extent(channel, page)?;
-        let texels = self.decode_page(channel, page, extent, &bytes)?;
+        let texels = self.decode_page(channel, page, extent, bytes)?;
         let srgb = self.channels[channel].srgb;
         let count = extent[0] as usize * extent[1] as usize;
         Ok(Texels { extent, rgba: (0..count).map(|i| texels.linear(i, srgb)).collect() })
@@ -159,4 +239,22 @@ impl Asset {
     pub(crate) fn no_such_page(&self, channel: usize, page: PageId) -> PageError {
         PageError::NoSuchPage { path: self.path().to_owned(), channel, page }
     }
+}
+
+fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<Attachments, AttachmentError> {
+    if slot.attachments == SectionRecord::default() {
+        return Ok(Attachments::new());
+    }
+    let section = "attachment";
+    let list = read_section(source, section, &slot.attachments, slot.file_length).and_then(|raw| {
+        attachments::decode(&raw, &(HEADER_BYTES..slot.file_length)).map_err(|error| OpenError::Content {
+            path: source.location().to_owned(),
+            section,
+            source: error,
+        })
+    });
+    list.map_err(|error| AttachmentError::List {
+        path: source.location().to_owned(),
+        source: Arc::new(error),
+    })
 }

@@ -3,6 +3,9 @@
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::edit::lock::keep_generation;
 
 /// Bytes that can be read at any place: a file, or something far away. Shared by threads: reads are positional.
 pub trait ByteSource: std::fmt::Debug + Send + Sync {
@@ -28,17 +31,19 @@ pub trait ByteSource: std::fmt::Debug + Send + Sync {
 #[derive(Debug)]
 pub struct FileSource {
     path: PathBuf,
-    file: File,
+    file: Arc<File>,
 }
 
 impl FileSource {
     /// Opens a file for reading.
     pub fn open(path: &Path) -> io::Result<Self> {
-        Ok(Self::from_file(path, File::open(path)?))
+        Ok(Self::from_file(path, Arc::new(File::open(path)?)))
     }
 
-    /// A file that has been opened for reading. `path` is for messages.
-    pub fn from_file(path: &Path, file: File) -> Self {
+    /// A file that has been opened for reading; `path` is for messages. From now on nobody overwrites what the asset in it
+    /// names.
+    pub fn from_file(path: &Path, file: Arc<File>) -> Self {
+        keep_generation(&file);
         Self { path: path.to_owned(), file }
     }
 }

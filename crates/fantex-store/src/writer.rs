@@ -27,10 +27,10 @@ use crate::section::{channels, cover as cover_section, mesh as mesh_section};
 use crate::{Channel, CreateError, PageId, TexelFormat, packing};
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
-const CLUSTER_TARGET_BYTES: u64 = 256 << 10;
+pub(crate) const CLUSTER_TARGET_BYTES: u64 = 256 << 10;
 
 /// zstd level of the sections, which are written once.
-const SECTION_ZSTD_LEVEL: i32 = 3;
+pub(crate) const SECTION_ZSTD_LEVEL: i32 = 3;
 
 /// Magic number of a zstd frame that decoders skip.
 const SKIPPABLE_FRAME: u32 = 0x184d_2a50;
@@ -183,7 +183,14 @@ impl AssetWriter {
         self.write_full_clusters()?;
         let file_length = self.end;
         self.write_directory(means)?;
-        let slot = Slot { version: VERSION, flags: 0, generation: 1, file_length, sections: self.sections };
+        let slot = Slot {
+            version: VERSION,
+            flags: 0,
+            generation: 1,
+            file_length,
+            sections: self.sections,
+            attachments: SectionRecord::default(),
+        };
         for offset in SLOT_OFFSETS {
             self.write_at(offset, &slot.encode())?;
         }
@@ -257,7 +264,7 @@ impl AssetWriter {
         let packed: Vec<_> = full
             .into_par_iter()
             .map(|(level, cluster)| {
-                let raw = arrange(&cluster, formats);
+                let raw = arrange(&cluster.channels, formats);
                 zstd::bulk::compress(&raw, zstd_level).map(|stored| (level, cluster.first, raw.len(), stored))
             })
             .collect();
@@ -318,7 +325,7 @@ impl AssetWriter {
 }
 
 /// Number of clusters that pages will be cut into, per level.
-fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usize) -> Vec<usize> {
+pub(crate) fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usize) -> Vec<usize> {
     let block_bytes: u64 = formats.iter().map(|f| f.block_bytes() as u64).sum();
     let count = |level: usize| {
         let (mut clusters, mut length) = (0, 0);
@@ -340,10 +347,10 @@ fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usi
 }
 
 /// The cluster's channels one after the other, each rearranged to pack well.
-fn arrange(cluster: &OpenCluster, formats: &[TexelFormat]) -> Vec<u8> {
-    let mut raw = vec![0; cluster.length() as usize];
+pub(crate) fn arrange(channels: &[Vec<u8>], formats: &[TexelFormat]) -> Vec<u8> {
+    let mut raw = vec![0; channels.iter().map(Vec::len).sum()];
     let mut rest = raw.as_mut_slice();
-    for (stream, &format) in cluster.channels.iter().zip(formats) {
+    for (stream, &format) in channels.iter().zip(formats) {
         let (packed, after) = rest.split_at_mut(stream.len());
         packing::pack(format, stream, packed);
         rest = after;
@@ -352,7 +359,7 @@ fn arrange(cluster: &OpenCluster, formats: &[TexelFormat]) -> Vec<u8> {
 }
 
 /// Appends a skippable zstd frame where a section packs so well that readers would refuse it as a bomb.
-fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
+pub(crate) fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
     let due = raw_length.saturating_sub(SECTION_RATIO_FREE).div_ceil(MAX_SECTION_RATIO) as usize;
     if stored.len() < due {
         let skipped = due - stored.len();
@@ -363,14 +370,14 @@ fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
 }
 
 /// The folder that holds `path`.
-fn folder_of(path: &Path) -> &Path {
+pub(crate) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     }
 }
 
-fn temporary_file(path: &Path) -> std::io::Result<NamedTempFile> {
+pub(crate) fn temporary_file(path: &Path) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".fantex-").suffix(".tmp");
     #[cfg(unix)]

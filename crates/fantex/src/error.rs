@@ -60,6 +60,11 @@ pub(crate) enum CliError {
     Warp(#[from] texture::warp::WarpError),
     #[error(transparent)]
     LightMap(#[from] bake::LightMapError),
+    #[error(
+        "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
+        path.display()
+    )]
+    TexelsOfModel { path: PathBuf },
     #[error("cannot listen to Ctrl-C: {0}")]
     Signals(#[from] ctrlc::Error),
     #[error("cannot write the result as JSON: {0}")]
@@ -138,6 +143,7 @@ impl CliError {
             | Self::NotForAssets { .. }
             | Self::NotForLooks { .. }
             | Self::LookAsSource
+            | Self::TexelsOfModel { .. }
             | Self::NothingToMatch { .. } => 2,
             _ => 1,
         }

@@ -151,7 +151,7 @@ impl Source for UvSource<'_> {
 
     fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
         let footprint = TriangleFootprint { triangle: point.triangle, lambda_steps: point.lambda_steps };
-        self.on_triangle(&footprint)(point, values);
+        self.on_triangle(&footprint)(std::slice::from_ref(point), values);
     }
 
     fn on_triangle(&self, on: &TriangleFootprint) -> TriangleSource<'_> {
@@ -165,7 +165,7 @@ impl Source for UvSource<'_> {
         let packed = is_same_look_up(&textures.metallic_roughness, &textures.occlusion);
         let occlusions = if packed { None } else { self.sampler(&textures.occlusion, on) };
         let glow = if wanted(ChannelKind::Emission) { self.sampler(&textures.emission, on) } else { None };
-        Box::new(move |point, values| {
+        let at = move |point: &SurfacePoint, values: &mut [Vec4]| {
             for (kind, value) in self.kinds.iter().zip(values) {
                 *value = match kind {
                     ChannelKind::BaseColor => {
@@ -192,6 +192,10 @@ impl Source for UvSource<'_> {
                     ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
                 };
             }
+        };
+        let channels = self.kinds.len();
+        Box::new(move |points, values| {
+            points.iter().zip(values.chunks_mut(channels)).for_each(|(point, values)| at(point, values));
         })
     }
 }

@@ -7,7 +7,7 @@
 //! ```
 
 mod materials;
-mod sorted;
+
 mod textures;
 mod vertices;
 
@@ -25,7 +25,7 @@ use crate::{
     CasterPipeline, Coat, FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey, SurfacePipeline,
 };
 use materials::{UvMaterial, material_layout};
-use sorted::{Run, SortedTriangle, SortedTriangles};
+use crate::sorted::{Run, SortedTriangle, SortedTriangles};
 use textures::TexturePool;
 use vertices::{Attributes, MOST_UV_SETS, Vertices, used_uv_sets};
 

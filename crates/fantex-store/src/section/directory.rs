@@ -28,8 +28,15 @@ pub(crate) struct ClusterEntry {
     pub(crate) checksum: u64,
 }
 
+impl ClusterEntry {
+    /// Bytes of the file.
+    pub(crate) fn range(&self) -> std::ops::Range<u64> {
+        self.offset..self.offset + u64::from(self.stored_length)
+    }
+}
+
 /// All clusters, and the means.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Directory {
     /// Per level, in page order.
     pub(crate) levels: Vec<Vec<ClusterEntry>>,
@@ -38,7 +45,7 @@ pub(crate) struct Directory {
 }
 
 /// Means of all groups and channels, group after group: half floats, or floats for float channels.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Means {
     bytes: Vec<u8>,
     /// Offset of each channel's mean within a group's, and whether it is of half floats.
@@ -60,18 +67,20 @@ impl Means {
     /// From `values[group * channels + channel]`. Values beyond the half floats' range are clamped to it, NaN becomes 0.
     pub(crate) fn new(values: &[[f32; 4]], formats: &[TexelFormat]) -> Self {
         let mut means = Self::layout(formats);
-        let limit = f32::from(f16::MAX);
-        for (i, value) in values.iter().enumerate() {
+        for (i, &value) in values.iter().enumerate() {
             let (_, is_half) = means.channels[i % formats.len()];
-            for x in value.map(|x| if x.is_nan() { 0.0 } else { x }) {
-                if is_half {
-                    means.bytes.extend(f16::from_f32(x.clamp(-limit, limit)).to_le_bytes());
-                } else {
-                    means.bytes.extend(x.clamp(f32::MIN, f32::MAX).to_le_bytes());
-                }
-            }
+            means.bytes.extend(encoded_mean(value, is_half));
         }
         means
+    }
+
+    /// Replaces one mean, with the same rounding as [`new`](Self::new).
+    pub(crate) fn set(&mut self, channel: usize, group: u32, value: [f32; 4]) {
+        let (offset, is_half) = self.channels[channel];
+        let at = group as usize * self.group_bytes + offset;
+        for (byte, new) in self.bytes[at..].iter_mut().zip(encoded_mean(value, is_half)) {
+            *byte = new;
+        }
     }
 
     pub(crate) fn get(&self, channel: usize, group: u32) -> [f32; 4] {
@@ -86,6 +95,18 @@ impl Means {
             })
         })
     }
+}
+
+/// A mean as it is stored: values beyond the half floats' range are clamped to it, NaN becomes 0.
+fn encoded_mean(value: [f32; 4], is_half: bool) -> impl Iterator<Item = u8> {
+    let limit = if is_half { f32::from(f16::MAX) } else { f32::MAX };
+    let bounded = value.map(|x| if x.is_nan() { 0.0 } else { x.clamp(-limit, limit) });
+    let length = if is_half { 2 } else { 4 };
+    bounded.into_iter().flat_map(move |x| {
+        let [a, b] = f16::from_f32(x).to_le_bytes();
+        let bytes = if is_half { [a, b, 0, 0] } else { x.to_le_bytes() };
+        bytes.into_iter().take(length)
+    })
 }
 
 /// Length of an encoded directory.

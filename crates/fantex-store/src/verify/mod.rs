@@ -36,7 +36,7 @@ impl Default for VerifyOptions {
 /// What verification found.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct VerifyReport {
-    /// Nothing damaged, no fault of the mesh, no jump above [`JUMP_BOUND`].
+    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`].
     pub ok: bool,
     /// Tile levels with damage (all channels of a tile's level count as one).
     pub damaged_tiles: u64,
@@ -44,6 +44,8 @@ pub struct VerifyReport {
     pub first_damage: Vec<String>,
     /// Header slots that are damaged (0 or 1: without any the asset does not open).
     pub damaged_headers: u32,
+    /// Attachments (layers, history) that cannot be read; their damaged list counts as one.
+    pub damaged_attachments: u64,
     /// Guarantees of a clean mesh that do not hold; at most one of each kind.
     pub mesh_faults: Vec<MeshFault>,
     /// The certificate.
@@ -71,6 +73,7 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
         damaged_tiles: damaged_tiles.len() as u64,
         first_damage: damage.into_iter().map(|d| d.what).take(16).collect(),
         damaged_headers: asset.damaged_headers(),
+        damaged_attachments: count_damaged_attachments(asset),
         mesh_faults: mesh_faults::find(asset.mesh()),
         continuity,
         levels: asset.level_count(),
@@ -78,10 +81,17 @@ pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport
     };
     report.ok = report.damaged_tiles == 0
         && report.damaged_headers == 0
+        && report.damaged_attachments == 0
         && report.mesh_faults.is_empty()
         && report.continuity.needless_splits == 0
         && report.continuity.largest_jump <= JUMP_BOUND;
     report
+}
+
+fn count_damaged_attachments(asset: &Asset) -> u64 {
+    asset.attachments().map_or(1, |list| {
+        list.par_iter().filter(|(name, record)| asset.read_attachment(name, record).is_err()).count() as u64
+    })
 }
 
 struct ClusterDamage {

@@ -4,6 +4,7 @@ use std::fs::{File, OpenOptions};
 use std::io;
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use fantex_store::{ByteSource, FileSource};
 
@@ -41,7 +42,7 @@ pub(super) fn takes_direct_io(path: &Path) -> bool {
     let Ok(file) = open(path, true) else { return false };
     let mut memory = BufferPool::new(0).take(ALIGNMENT);
     let start = memory.start;
-    let source = FileSource::from_file(path, file);
+    let source = FileSource::from_file(path, Arc::new(file));
     source.read_at(&mut memory.bytes[start..start + ALIGNMENT], 0).is_ok()
 }
 

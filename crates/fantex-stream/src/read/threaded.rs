@@ -30,9 +30,9 @@ pub struct ThreadedReader {
 impl ThreadedReader {
     /// A reader of a file with `depth` threads.
     pub fn open(path: &Path, depth: usize, direct: bool) -> io::Result<Self> {
-        let buffered = FileSource::from_file(path, direct_file::open(path, false)?);
+        let buffered = FileSource::from_file(path, Arc::new(direct_file::open(path, false)?));
         let direct_source = match direct {
-            true => Some(FileSource::from_file(path, direct_file::open(path, true)?)),
+            true => Some(FileSource::from_file(path, Arc::new(direct_file::open(path, true)?))),
             false => None,
         };
         let info = ReaderInfo { kind: ReaderKind::Threads, direct, depth };

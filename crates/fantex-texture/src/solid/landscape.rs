@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::{Rock, Solid, SolidPoint, opaque};
-use crate::noise::{Fractal, Noise, smoothstep};
+use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, opaque};
+use crate::noise::{Noise, smoothstep};
 
 /// y is up; altitude runs from `-half_height` to `half_height`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,50 +33,103 @@ impl Landscape {
         Self { half_height, sand_line: 0.14, snow_line: 0.74, rock, noise: Noise::new(seed ^ 0x5bd1) }
     }
 
-    fn grass(&self, p: Vec3, footprint: f32) -> Vec3 {
-        let meadows = self.noise.fbm(p * 6.0, Fractal::octaves(4), 6.0 * footprint);
-        let tufts = self.noise.fbm(p * 60.0, Fractal::octaves(4), 60.0 * footprint);
-        let color = LUSH_GRASS.lerp(DRY_GRASS, smoothstep(-0.35, 0.5, meadows + 0.25 * tufts));
-        color * (1.0 + 0.75 * tufts).max(0.25)
+    /// Colours of grass at a block of points.
+    fn grass(&self, at: &[SolidPoint]) -> Notes<Vec3> {
+        let meadows = fbm(&self.noise, at, 4, 6.0, |_, p| p * 6.0);
+        let tufts = fbm(&self.noise, at, 4, 60.0, |_, p| p * 60.0);
+        let color = |(meadows, tufts): (f32, f32)| {
+            let color = LUSH_GRASS.lerp(DRY_GRASS, smoothstep(-0.35, 0.5, meadows + 0.25 * tufts));
+            color * (1.0 + 0.75 * tufts).max(0.25)
+        };
+        meadows.into_iter().zip(tufts).map(color).collect()
     }
 
-    /// Brightness of gravel.
-    fn stones(&self, p: Vec3, footprint: f32) -> f32 {
-        let stones = self.noise.fbm(p * 90.0, Fractal::octaves(3), 90.0 * footprint);
-        (1.0 + 0.4 * stones).max(0.3)
+    /// Brightness of gravel at a block of points.
+    fn stones(&self, at: &[SolidPoint]) -> Notes<f32> {
+        let stones = fbm(&self.noise, at, 3, 90.0, |_, p| p * 90.0);
+        stones.into_iter().map(|stones| (1.0 + 0.4 * stones).max(0.3)).collect()
+    }
+
+    /// What grows and lies where, at a point with a noise that makes borders ragged.
+    fn cover(&self, at: &SolidPoint, ragged: f32) -> GroundCover {
+        let altitude = 0.5 + 0.5 * at.p.y / self.half_height + 0.09 * ragged;
+        let flatness = at.n.y + 0.16 * ragged;
+        GroundCover {
+            scree: smoothstep(0.5, 0.68, altitude),
+            sand: 1.0 - smoothstep(self.sand_line - 0.05, self.sand_line + 0.05, altitude),
+            soil: smoothstep(0.55, 0.75, flatness),
+            snow: smoothstep(self.snow_line - 0.04, self.snow_line + 0.06, altitude)
+                * smoothstep(0.42, 0.6, flatness),
+        }
+    }
+
+    /// Colours of at most a block of points. Only what shows is worked out.
+    fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        let ragged = fbm(&self.noise, at, 5, 8.0, |_, p| p * 8.0 + 3.0);
+        let covers: Notes<GroundCover> =
+            at.iter().zip(&ragged).map(|(at, &ragged)| self.cover(at, ragged)).collect();
+        let mut bare = [[0.0; 4]; BLOCK];
+        for_some(
+            at,
+            |i| covers[i].soil < 1.0,
+            |some, at| {
+                let mut rock = [[0.0; 4]; BLOCK];
+                self.rock.colors(at, &mut rock[..at.len()]);
+                some.iter().zip(rock).for_each(|(&i, rock)| bare[i] = rock);
+            },
+        );
+        let mut grass = [Vec3::ZERO; BLOCK];
+        for_some(
+            at,
+            |i| covers[i].soil > 0.0 && covers[i].scree < 1.0,
+            |some, at| {
+                some.iter().zip(self.grass(at)).for_each(|(&i, color)| grass[i] = color);
+            },
+        );
+        let mut stones = [0.0; BLOCK];
+        let has_stones = |i: usize| covers[i].soil > 0.0 && (covers[i].scree > 0.0 || covers[i].sand > 0.0);
+        for_some(at, has_stones, |some, at| {
+            some.iter().zip(self.stones(at)).for_each(|(&i, brightness)| stones[i] = brightness);
+        });
+        for (i, (at, color)) in at.iter().zip(colors).enumerate() {
+            // From the ground up: grass thins out to scree, sand below, bare rock on slopes, snow on top.
+            let GroundCover { scree, sand, soil, snow } = covers[i];
+            let ground = grass[i].lerp(SCREE * stones[i], scree).lerp(SAND * stones[i], sand);
+            let mixed = Vec3::from_slice(&bare[i][..3])
+                .lerp(ground, soil)
+                .lerp(SNOW * (1.0 + 0.05 * ragged[i]), snow);
+            // Ceilings are damp.
+            *color = opaque(mixed * (1.0 - 0.45 * smoothstep(0.1, 0.7, -at.n.y)));
+        }
+    }
+}
+
+/// Shares of what covers the ground, 0 to 1.
+struct GroundCover {
+    scree: f32,
+    sand: f32,
+    soil: f32,
+    snow: f32,
+}
+
+/// Calls `then` with the numbers of the points that are `wanted` and with these points, if there are any.
+fn for_some(at: &[SolidPoint], wanted: impl Fn(usize) -> bool, then: impl FnOnce(&[usize], &[SolidPoint])) {
+    let some: Notes<usize> = (0..at.len()).filter(|&i| wanted(i)).collect();
+    if !some.is_empty() {
+        let points: Notes<SolidPoint> = some.iter().map(|&i| at[i]).collect();
+        then(&some, &points);
     }
 }
 
 impl Solid for Landscape {
     fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let (p, footprint) = (at.p, at.footprint);
-        // Borders between the kinds of ground are ragged.
-        let ragged = self.noise.fbm(p * 8.0 + 3.0, Fractal::octaves(5), 8.0 * footprint);
-        let altitude = 0.5 + 0.5 * p.y / self.half_height + 0.09 * ragged;
-        let flatness = at.n.y + 0.16 * ragged;
+        let mut color = [[0.0; 4]];
+        self.block(std::slice::from_ref(at), &mut color);
+        color[0]
+    }
 
-        // From the ground up: grass thins out to scree, sand below, bare rock on slopes, snow on top. Only what shows is
-        // worked out.
-        let scree = smoothstep(0.5, 0.68, altitude);
-        let sand = 1.0 - smoothstep(self.sand_line - 0.05, self.sand_line + 0.05, altitude);
-        let soil = smoothstep(0.55, 0.75, flatness);
-        let snow = smoothstep(self.snow_line - 0.04, self.snow_line + 0.06, altitude)
-            * smoothstep(0.42, 0.6, flatness);
-        let mut color = Vec3::ZERO;
-        if soil < 1.0 {
-            color = Vec3::from_slice(&self.rock.color(at)[..3]);
-        }
-        if soil > 0.0 {
-            let mut ground = if scree < 1.0 { self.grass(p, footprint) } else { Vec3::ZERO };
-            if scree > 0.0 || sand > 0.0 {
-                let stones = self.stones(p, footprint);
-                ground = ground.lerp(SCREE * stones, scree).lerp(SAND * stones, sand);
-            }
-            color = color.lerp(ground, soil);
-        }
-        color = color.lerp(SNOW * (1.0 + 0.05 * ragged), snow);
-        // Ceilings are damp.
-        color *= 1.0 - 0.45 * smoothstep(0.1, 0.7, -at.n.y);
-        opaque(color)
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        assert_eq!(at.len(), colors.len(), "one colour for every point");
+        at.chunks(BLOCK).zip(colors.chunks_mut(BLOCK)).for_each(|(at, colors)| self.block(at, colors));
     }
 }

@@ -11,7 +11,10 @@ mod marble;
 mod rock;
 mod wood;
 
+use arrayvec::ArrayVec;
 use glam::{Vec3, Vec4};
+
+use crate::noise::{Fractal, Noise};
 
 use crate::{Bounds, ShadingPoint, Texture};
 
@@ -41,7 +44,20 @@ pub struct SolidPoint {
 pub trait Solid: Send + Sync {
     /// Linear RGBA; details narrower than the footprint have faded to their mean.
     fn color(&self, at: &SolidPoint) -> [f32; 4];
+
+    /// The colours of many points: the same values, for some recipes several times as fast. Panics where the slices differ
+    /// in length.
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        assert_eq!(at.len(), colors.len(), "one colour for every point");
+        at.iter().zip(colors).for_each(|(at, color)| *color = self.color(at));
+    }
 }
+
+/// Points that recipes work on at a time.
+const BLOCK: usize = 64;
+
+/// What recipes note about a block of points.
+type Notes<T> = ArrayVec<T, BLOCK>;
 
 /// A recipe scaled to a model.
 #[derive(Clone, Copy, Debug)]
@@ -54,14 +70,27 @@ pub struct Placed<S> {
     pub radius: f32,
 }
 
-impl<S: Solid> Solid for Placed<S> {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        self.solid.color(&SolidPoint {
+impl<S> Placed<S> {
+    fn inside(&self, at: &SolidPoint) -> SolidPoint {
+        SolidPoint {
             p: (at.p - self.center) / self.radius,
             n: at.n,
             footprint: at.footprint / self.radius,
             time: at.time,
-        })
+        }
+    }
+}
+
+impl<S: Solid> Solid for Placed<S> {
+    fn color(&self, at: &SolidPoint) -> [f32; 4] {
+        self.solid.color(&self.inside(at))
+    }
+
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        for (at, colors) in at.chunks(BLOCK).zip(colors.chunks_mut(BLOCK)) {
+            let inside: Notes<SolidPoint> = at.iter().map(|at| self.inside(at)).collect();
+            self.solid.colors(&inside, colors);
+        }
     }
 }
 
@@ -110,6 +139,22 @@ impl<S: Solid> Texture for SolidTexture<S> {
         let point = SolidPoint { p: at.position, n: at.normal, footprint: at.width(), time: at.time };
         Vec4::from_array(self.0.color(&point))
     }
+}
+
+/// Fractal Brownian motion of a block of points, each scaled and shifted by `place`; `frequency` is how much that shortens
+/// lengths.
+fn fbm(
+    noise: &Noise,
+    at: &[SolidPoint],
+    octaves: u32,
+    frequency: f32,
+    place: impl Fn(usize, Vec3) -> Vec3,
+) -> Notes<f32> {
+    let points: Notes<Vec3> = at.iter().enumerate().map(|(i, at)| place(i, at.p)).collect();
+    let footprints: Notes<f32> = at.iter().map(|at| frequency * at.footprint).collect();
+    let mut sums: Notes<f32> = at.iter().map(|_| 0.0).collect();
+    noise.fbm_all(&points, Fractal::octaves(octaves), &footprints, &mut sums);
+    sums
 }
 
 /// Opaque linear RGBA.

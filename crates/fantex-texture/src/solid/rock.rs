@@ -2,7 +2,7 @@
 
 use glam::{IVec3, Vec3};
 
-use super::{Solid, SolidPoint, opaque};
+use super::{BLOCK, Notes, Solid, SolidPoint, fbm, opaque};
 use crate::noise::{Fractal, Noise, band_limit, smoothstep};
 
 /// Layers along y.
@@ -44,24 +44,46 @@ impl Rock {
     }
 }
 
-impl Solid for Rock {
-    fn color(&self, at: &SolidPoint) -> [f32; 4] {
-        let (p, footprint) = (at.p, at.footprint);
-        let folds =
-            self.noise.fbm(Vec3::new(p.x * 1.5, p.y * 0.8, p.z * 1.5), Fractal::octaves(4), 1.5 * footprint);
-        let level = (p.y + self.folding * folds) * self.frequency;
+impl Rock {
+    /// Colours of at most a block of points.
+    fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        let folds = fbm(&self.noise, at, 4, 1.5, |_, p| p * Vec3::new(1.5, 0.8, 1.5));
+        let levels: Notes<f32> = at
+            .iter()
+            .zip(&folds)
+            .map(|(at, folds)| (at.p.y + self.folding * folds) * self.frequency)
+            .collect();
         // Thin beds within the layers: noise along the level alone, a little irregular sideways.
-        let beds_at = Vec3::new(p.x * 2.0, level * 4.0, p.z * 2.0);
-        let beds = self.noise.fbm(beds_at, Fractal::octaves(3), 4.0 * self.frequency * footprint);
+        let beds = fbm(&self.noise, at, 3, 4.0 * self.frequency, |i, p| {
+            Vec3::new(p.x * 2.0, levels[i] * 4.0, p.z * 2.0)
+        });
+        let weathering = fbm(&self.noise, at, 5, 9.0, |_, p| p * 9.0);
+        let cracks_at: Notes<Vec3> = at.iter().map(|at| at.p * Vec3::new(6.0, 2.5, 6.0)).collect();
+        let footprints: Notes<f32> = at.iter().map(|at| 6.0 * at.footprint).collect();
+        let mut cracks: Notes<f32> = at.iter().map(|_| 0.0).collect();
+        self.noise.ridged_all(&cracks_at, Fractal::octaves(3), &footprints, &mut cracks);
 
         let mean = LAYERS.iter().sum::<Vec3>() / LAYERS.len() as f32;
-        // Neighbouring layers are unlike, but some difference remains over several of them.
-        let left = band_limit(0.35 * self.frequency, footprint);
-        let layer = mean.lerp(self.layer(level + 0.35 * beds, self.frequency * footprint), left);
-        let weathering = self.noise.fbm(p * 9.0, Fractal::octaves(5), 9.0 * footprint);
-        let cracks = self.noise.ridged(p * Vec3::new(6.0, 2.5, 6.0), Fractal::octaves(3), 6.0 * footprint);
-        let crack = smoothstep(1.25, 1.65, cracks);
-        let shade = (1.0 + 0.45 * beds + 0.4 * weathering).max(0.2) * (1.0 - 0.45 * crack);
-        opaque(layer * shade)
+        for (i, (at, color)) in at.iter().zip(colors).enumerate() {
+            // Neighbouring layers are unlike, but some difference remains over several of them.
+            let left = band_limit(0.35 * self.frequency, at.footprint);
+            let layer = self.layer(levels[i] + 0.35 * beds[i], self.frequency * at.footprint);
+            let crack = smoothstep(1.25, 1.65, cracks[i]);
+            let shade = (1.0 + 0.45 * beds[i] + 0.4 * weathering[i]).max(0.2) * (1.0 - 0.45 * crack);
+            *color = opaque(mean.lerp(layer, left) * shade);
+        }
+    }
+}
+
+impl Solid for Rock {
+    fn color(&self, at: &SolidPoint) -> [f32; 4] {
+        let mut color = [[0.0; 4]];
+        self.block(std::slice::from_ref(at), &mut color);
+        color[0]
+    }
+
+    fn colors(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
+        assert_eq!(at.len(), colors.len(), "one colour for every point");
+        at.chunks(BLOCK).zip(colors.chunks_mut(BLOCK)).for_each(|(at, colors)| self.block(at, colors));
     }
 }

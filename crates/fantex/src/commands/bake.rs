@@ -161,7 +161,7 @@ struct Seconds {
 }
 
 #[derive(Debug, Serialize)]
-struct BakeInfo {
+pub(crate) struct BakeInfo {
     output: PathBuf,
     source: String,
     triangles: u64,
@@ -195,42 +195,69 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
         None => Some(OpenSource::open(&source_arg, mesh, &args.model, context.seed)?),
     };
     let budget = budget(args, &source_arg, source.as_ref(), &model)?;
-    let cover_started = Instant::now();
-    let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
-    let cover_seconds = cover_started.elapsed().as_secs_f64();
-
-    let options = args.encoding.options(context);
-    let summary = {
-        let _deferral = context.defer_interrupt();
-        let progress = context.progress("baking");
-        let bake =
-            |source: &dyn Source| baking::bake(mesh, &cover, source, &args.output, &options, &progress);
-        match (&look, &source) {
-            (Some(look), _) => look.with_source(mesh, bake)??,
-            (None, Some(source)) => bake(source.as_source())?,
-            (None, None) => return Err(CliError::NothingToBake { path: args.model.clone() }),
-        }
+    let job = BakeJob {
+        mesh,
+        budget,
+        cover: &args.cover,
+        encoding: &args.encoding,
+        output: &args.output,
+        source_name: source_arg.to_string(),
+        started,
+        load_seconds: model.load_seconds + model.clean_seconds,
     };
-    let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } = summary;
-    let info = BakeInfo {
-        output: args.output.clone(),
-        source: source_arg.to_string(),
-        triangles: mesh.triangles.len() as u64,
-        groups: stats.groups,
-        texels,
-        bytes,
-        channels,
-        seconds: Seconds {
-            load: model.load_seconds + model.clean_seconds,
-            cover: cover_seconds,
-            bake: bake_seconds,
-            encode: encode_seconds,
-            write: write_seconds,
-            total: started.elapsed().as_secs_f64(),
-        },
-        peak_memory_bytes: memory::peak_bytes(),
+    let info = match (&look, &source) {
+        (Some(look), _) => look.with_source(mesh, |source: &dyn Source| job.run(source, context))??,
+        (None, Some(source)) => job.run(source.as_source(), context)?,
+        (None, None) => return Err(CliError::NothingToBake { path: args.model.clone() }),
     };
     context.print(&info, text)
+}
+
+/// A mesh, and how it becomes an asset.
+pub(crate) struct BakeJob<'a> {
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) budget: TexelBudget,
+    pub(crate) cover: &'a CoverArgs,
+    pub(crate) encoding: &'a EncodingArgs,
+    pub(crate) output: &'a Path,
+    pub(crate) source_name: String,
+    pub(crate) started: Instant,
+    /// What it took to get the mesh.
+    pub(crate) load_seconds: f64,
+}
+
+impl BakeJob<'_> {
+    /// Covers the mesh and bakes `source`, with progress.
+    pub(crate) fn run(self, source: &dyn Source, context: &Context) -> Result<BakeInfo, CliError> {
+        let Self { mesh, output, started, load_seconds, .. } = self;
+        let cover_started = Instant::now();
+        let (cover, stats) = build_cover(mesh, &self.cover.options(self.budget))?;
+        let cover_seconds = cover_started.elapsed().as_secs_f64();
+        let options = self.encoding.options(context);
+        let _deferral = context.defer_interrupt();
+        let progress = context.progress("baking");
+        let summary = baking::bake(mesh, &cover, source, output, &options, &progress)?;
+        let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } =
+            summary;
+        Ok(BakeInfo {
+            output: output.to_owned(),
+            source: self.source_name,
+            triangles: mesh.triangles.len() as u64,
+            groups: stats.groups,
+            texels,
+            bytes,
+            channels,
+            seconds: Seconds {
+                load: load_seconds,
+                cover: cover_seconds,
+                bake: bake_seconds,
+                encode: encode_seconds,
+                write: write_seconds,
+                total: started.elapsed().as_secs_f64(),
+            },
+            peak_memory_bytes: memory::peak_bytes(),
+        })
+    }
 }
 
 /// Reads a look and dresses the model with it.
@@ -258,7 +285,8 @@ fn budget(
     }
 }
 
-fn text(info: &BakeInfo) -> String {
+/// One line on a finished bake.
+pub(crate) fn text(info: &BakeInfo) -> String {
     format!(
         "{}: {} texels in {} tiles, {}, {} in {:.1} s",
         info.output.display(),

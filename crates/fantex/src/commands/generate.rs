@@ -5,13 +5,16 @@ use std::time::Instant;
 
 use clap::{Args, Subcommand};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
-use fantex::mesh::{WriteGeometry, write_model};
+use fantex::mesh::{CleanOptions, Model, WriteGeometry, clean, write_model};
 use glam::Vec3;
 use serde::Serialize;
 
+use crate::commands::bake::{self, BakeJob, EncodingArgs};
+use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
 use crate::context::Context;
 use crate::error::CliError;
 use crate::size::{Count, grouped, positive, share};
+use crate::sources::solid_source;
 
 /// Generate a procedural model.
 #[derive(Args, Debug)]
@@ -32,9 +35,12 @@ enum What {
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
-  fantex generate landscape -o cave.ply --triangles 500k --seed 7")]
+  fantex generate landscape -o cave.ply --triangles 500k --seed 7
+  fantex generate landscape -o world.fan --triangles 1M --texels 16G --format bc1 --memory 512M
+
+An asset (.fan) is baked at once from the solid 'landscape': sand, grass, rock and snow by altitude and slope.")]
 struct LandscapeArgs {
-    /// The model to write: .ply, .obj or .glb
+    /// The model to write: .ply, .obj or .glb; or an asset: .fan
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Triangles aimed at; the result lies within a tenth of it
@@ -52,6 +58,16 @@ struct LandscapeArgs {
     /// How far triangles are from regular, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
     irregularity: f64,
+    #[command(flatten, next_help_heading = "Assets only")]
+    cover: CoverArgs,
+    #[command(flatten, next_help_heading = "Assets only")]
+    encoding: EncodingArgs,
+}
+
+impl LandscapeArgs {
+    fn writes_asset(&self) -> bool {
+        self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan"))
+    }
 }
 
 #[derive(Debug, Serialize)]
@@ -85,6 +101,12 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
         arches: args.arches,
         irregularity: args.irregularity as f32,
     });
+    if args.writes_asset() {
+        return bake_landscape(args, made.into(), started, context);
+    }
+    if !args.cover.is_default() {
+        return Err(CliError::TexelsOfModel { path: args.output.clone() });
+    }
     let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
     {
         let _deferral = context.defer_interrupt();
@@ -113,4 +135,26 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
             info.seconds
         )
     })
+}
+
+fn bake_landscape(
+    args: &LandscapeArgs,
+    model: Model,
+    started: Instant,
+    context: &Context,
+) -> Result<(), CliError> {
+    let (mesh, _) = clean(model, &CleanOptions::default())?;
+    let source = solid_source("landscape", &mesh, context.seed)?;
+    let job = BakeJob {
+        mesh: &mesh,
+        budget: args.cover.budget(&mesh).unwrap_or(DEFAULT_BUDGET),
+        cover: &args.cover,
+        encoding: &args.encoding,
+        output: &args.output,
+        source_name: "solid=landscape".to_owned(),
+        started,
+        load_seconds: started.elapsed().as_secs_f64(),
+    };
+    let info = job.run(&source, context)?;
+    context.print(&info, bake::text)
 }

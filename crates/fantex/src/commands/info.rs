@@ -57,7 +57,7 @@ pub(crate) struct CoverArgs {
 
 impl CoverArgs {
     /// True where nothing was asked for.
-    fn is_default(&self) -> bool {
+    pub(crate) fn is_default(&self) -> bool {
         self.texels.is_none() && self.density.is_none() && self.tile.is_none()
     }
 

@@ -4,7 +4,7 @@ use std::ffi::OsStr;
 
 use serde_json::Value;
 
-use crate::support::{COLORED_PLY, bottle, files, json, succeeds, workspace, write};
+use crate::support::{COLORED_PLY, bottle, fails, files, json, succeeds, workspace, write};
 
 /// The value must hold all keys; `a.b` is key b within a.
 fn assert_keys(value: &Value, keys: &[&str]) {
@@ -138,6 +138,24 @@ fn a_landscape_goes_all_the_way() {
         &"3",
     ]);
     assert!(std::fs::read(path("land.ply")).unwrap() == std::fs::read(path("again.ply")).unwrap());
+}
+
+#[test]
+fn a_landscape_becomes_an_asset_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("land.fan");
+    let command: [&dyn AsRef<OsStr>; 7] =
+        [&"generate", &"landscape", &"-o", &asset, &"--triangles", &"5k", &"--texels"];
+    let baked = json(&[&command[..], &[&"300k", &"--format", &"bc1"]].concat());
+    assert_keys(&baked, &["texels", "bytes", "seconds.bake", "peak_memory_bytes", "channels"]);
+    let texels = baked["texels"].as_u64().unwrap();
+    assert!(texels.abs_diff(300_000) < 6_000, "{texels}");
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+
+    let model = folder.path().join("land.ply");
+    let command: [&dyn AsRef<OsStr>; 6] = [&"generate", &"landscape", &"-o", &model, &"--texels", &"1M"];
+    fails(2, &["--texels", ".fan"], &command);
+    assert_eq!(files(folder.path()), ["land.fan"]);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::View;
 /// They are sorted by the depth of their centres: about 60 ns per triangle whenever the camera has moved. Triangles that
 /// intersect, or overlap in a cycle, have no right order.
 #[derive(Debug)]
-pub(super) struct SortedTriangles {
+pub(crate) struct SortedTriangles {
     triangles: Vec<SortedTriangle>,
     /// Indices into `triangles`, the farthest first.
     order: Vec<u32>,
@@ -19,37 +19,37 @@ pub(super) struct SortedTriangles {
 
 /// A blended triangle.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SortedTriangle {
-    pub(super) centre: Vec3,
-    pub(super) corners: [u32; 3],
-    pub(super) material: u32,
+pub(crate) struct SortedTriangle {
+    pub(crate) centre: Vec3,
+    pub(crate) corners: [u32; 3],
+    pub(crate) material: u32,
 }
 
 /// Triangles of one material that follow each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Run {
-    pub(super) material: u32,
+pub(crate) struct Run {
+    pub(crate) material: u32,
     /// Of the sorted indices.
-    pub(super) indices: std::ops::Range<u32>,
+    pub(crate) indices: std::ops::Range<u32>,
 }
 
 impl SortedTriangles {
-    pub(super) fn new(triangles: Vec<SortedTriangle>) -> Self {
+    pub(crate) fn new(triangles: Vec<SortedTriangle>) -> Self {
         let order = (0..triangles.len() as u32).collect();
         Self { triangles, order, seen: None }
     }
 
-    pub(super) fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.triangles.is_empty()
     }
 
     /// Number of corners.
-    pub(super) fn index_count(&self) -> usize {
+    pub(crate) fn index_count(&self) -> usize {
         3 * self.triangles.len()
     }
 
     /// Sorts for a view; the corners in drawing order and their runs, or nothing where the order is already that.
-    pub(super) fn sort(&mut self, view: &View) -> Option<(Vec<[u32; 3]>, Vec<Run>)> {
+    pub(crate) fn sort(&mut self, view: &View) -> Option<(Vec<[u32; 3]>, Vec<Run>)> {
         let backward = view.axes.z_axis;
         if self.is_empty() || self.seen == Some((view.eye, backward)) {
             return None;

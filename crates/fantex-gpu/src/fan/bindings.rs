@@ -1,0 +1,180 @@
+//! Bind group 1 of fan shaders: texture function, atlas, materials.
+
+use bytemuck::{Pod, Zeroable};
+use fantex_cover::Cover;
+use fantex_mesh::{AlphaMode, Material};
+use fantex_scene::FilterOptions;
+use fantex_store::Channel;
+use fantex_stream::{AtlasFormat, PageTable};
+use wgpu::util::DeviceExt;
+use wgpu::{BindingResource, BindingType, BufferBindingType, ShaderStages};
+
+use super::atlas::{ChannelAtlas, DRAWN_KINDS, no_channel};
+use super::grid::AtlasGrid;
+use super::tables::{FanParams, FanTables};
+
+/// A material as `fan_geometry.wgsl` reads it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct MaterialRecord {
+    base_color: [f32; 4],
+    emission: [f32; 3],
+    metallic: f32,
+    roughness: f32,
+    alpha_threshold: f32,
+    unlit: u32,
+    pad: u32,
+}
+
+impl MaterialRecord {
+    pub(crate) fn new(material: &Material) -> Self {
+        let alpha_threshold = if let AlphaMode::Mask(threshold) = material.alpha { threshold } else { 0.0 };
+        Self {
+            base_color: material.base_color.to_array(),
+            emission: material.emission.to_array(),
+            metallic: material.metallic,
+            roughness: material.roughness,
+            alpha_threshold,
+            unlit: material.unlit.into(),
+            pad: 0,
+        }
+    }
+}
+
+/// What an asset's texture function is made of, as far as the GPU is concerned.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BindingSource<'a> {
+    pub(crate) cover: &'a Cover,
+    pub(crate) channels: &'a [Channel],
+    /// Per channel.
+    pub(crate) formats: &'a [AtlasFormat],
+    pub(crate) grid: AtlasGrid,
+    pub(crate) pages: &'a PageTable,
+    pub(crate) materials: &'a [Material],
+}
+
+/// Bind group 1 and what is in it.
+#[derive(Debug)]
+pub(crate) struct FanBindings {
+    pub(crate) layout: wgpu::BindGroupLayout,
+    pub(crate) group: wgpu::BindGroup,
+    /// Per channel of the asset; none where it is not drawn.
+    pub(crate) atlases: Vec<Option<ChannelAtlas>>,
+    pub(crate) tables: FanTables,
+    /// Which of [`DRAWN_KINDS`] there are.
+    pub(crate) has: [bool; 5],
+    params: FanParams,
+    params_buffer: wgpu::Buffer,
+}
+
+impl FanBindings {
+    pub(crate) fn new(
+        device: &wgpu::Device,
+        source: BindingSource<'_>,
+        mean: impl Fn(usize, u32) -> [f32; 4],
+    ) -> Self {
+        let BindingSource { cover, channels, formats, grid, pages, materials } = source;
+        let tables = FanTables::new(device, cover, channels, pages, mean);
+        let params = FanParams::new(cover, channels, grid, &FilterOptions::default());
+        let params_buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("fan parameters"),
+            contents: bytemuck::bytes_of(&params),
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        });
+        // Of several channels of a kind the first one counts.
+        let drawn = DRAWN_KINDS.map(|kind| channels.iter().position(|c| c.kind == kind));
+        let atlas = |index: usize| {
+            let is_drawn = drawn.contains(&Some(index));
+            is_drawn.then(|| ChannelAtlas::new(device, grid, &channels[index], formats[index]))
+        };
+        let atlases: Vec<_> = (0..channels.len()).map(atlas).collect();
+        let records: Vec<_> = match materials {
+            [] => vec![MaterialRecord::new(&Material::default())],
+            materials => materials.iter().map(MaterialRecord::new).collect(),
+        };
+        let records = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: Some("fan materials"),
+            contents: bytemuck::cast_slice(&records),
+            usage: wgpu::BufferUsages::STORAGE,
+        });
+        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("fan atlas"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        let nothing = no_channel(device);
+        let view = |kind: usize| {
+            let atlas = drawn[kind].and_then(|channel| atlases[channel].as_ref());
+            BindingResource::TextureView(atlas.map_or(&nothing, |atlas| &atlas.view))
+        };
+        let resources = [
+            params_buffer.as_entire_binding(),
+            tables.groups.as_entire_binding(),
+            tables.pages.as_entire_binding(),
+            tables.means.as_entire_binding(),
+            tables.frames.as_entire_binding(),
+            BindingResource::Sampler(&sampler),
+            view(0),
+            view(1),
+            view(2),
+            view(3),
+            view(4),
+            records.as_entire_binding(),
+        ];
+        let layout = layout(device);
+        let entries: Vec<_> =
+            resources.into_iter().zip(0..).map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("fan model"),
+            layout: &layout,
+            entries: &entries,
+        });
+        let has = drawn.map(|channel| channel.is_some());
+        Self { layout, group, atlases, tables, has, params, params_buffer }
+    }
+
+    /// Writes the filter's parameters if they have changed.
+    pub(crate) fn set_filter(&mut self, queue: &wgpu::Queue, filter: &FilterOptions) {
+        let params = self.params.with_filter(filter);
+        if params != self.params {
+            self.params = params;
+            queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+        }
+    }
+
+    /// Values of the overrides of `fan_lookup.wgsl` that say which channels there are.
+    pub(crate) fn channel_constants(&self) -> [(&'static str, f64); 5] {
+        let [base_color, normal, material, emission, light] = self.has.map(|has| f64::from(u8::from(has)));
+        [
+            ("FAN_BASE_COLOR", base_color),
+            ("FAN_NORMAL", normal),
+            ("FAN_MATERIAL", material),
+            ("FAN_EMISSION", emission),
+            ("FAN_LIGHT", light),
+        ]
+    }
+}
+
+fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
+    let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
+    let storage = buffer(BufferBindingType::Storage { read_only: true });
+    let texture = BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+    let uniform = buffer(BufferBindingType::Uniform);
+    let types = [
+        uniform, storage, storage, storage, storage, sampler, texture, texture, texture, texture, texture, storage,
+    ];
+    let entry = |(ty, binding)| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility: ShaderStages::VERTEX_FRAGMENT,
+        ty,
+        count: None,
+    };
+    let entries: Vec<_> = types.into_iter().zip(0..).map(entry).collect();
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("fan model"), entries: &entries })
+}

@@ -1,0 +1,381 @@
+//! A fan-textured model.
+
+use std::ops::Range;
+
+use fantex_cover::Cover;
+use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
+use fantex_store::{Asset, Channel};
+use fantex_stream::{AtlasFormat, AtlasShape, FrameChanges, PageTable};
+use glam::Vec3;
+use wgpu::util::DeviceExt;
+
+use super::atlas::atlas_formats;
+use super::bindings::{BindingSource, FanBindings};
+use super::fan_colors::FanColors;
+use super::geometry::{GeometryChunk, GeometrySource, MaterialRun};
+use super::grid::AtlasGrid;
+use super::pipelines::{FanPipelines, Shape, Surface};
+use super::tables::FanTables;
+use super::upload::Uploader;
+use crate::sorted::{Run, SortedTriangle, SortedTriangles};
+use crate::{FrameContext, Gpu, GpuError, Model, ModelSpace, Overlay, SurfaceKey};
+
+/// A mesh with the tiles of its cover on the device. Which pages are in its atlas is decided elsewhere and told to
+/// [`FanModel::update`]; until then groups show their mean colours.
+#[derive(Debug)]
+pub struct FanModel {
+    space: ModelSpace,
+    shape: AtlasShape,
+    formats: Vec<AtlasFormat>,
+    bindings: FanBindings,
+    chunks: Vec<Chunk>,
+    blended: Blended,
+    materials: Vec<Surface>,
+    uploader: Uploader,
+    pipelines: FanPipelines,
+    fan_colors: Option<FanColors>,
+    /// Of the current frame.
+    key: Option<SurfaceKey>,
+    shadow_revision: u64,
+}
+
+/// What a model is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct FanModelSource<'a> {
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// Its cover.
+    pub cover: &'a Cover,
+    /// The channels of the tiles.
+    pub channels: &'a [Channel],
+    /// Numbering of the pages.
+    pub pages: &'a PageTable,
+    /// The atlas, see [`FanModel::atlas_shape`].
+    pub shape: AtlasShape,
+}
+
+/// Buffers of one [`GeometryChunk`]; none where they would be empty.
+#[derive(Debug)]
+struct Chunk {
+    plain: Option<(wgpu::Buffer, wgpu::Buffer)>,
+    border: Option<wgpu::Buffer>,
+    runs: Vec<MaterialRun>,
+}
+
+/// Blended triangles: all as border triangles, the farthest first.
+#[derive(Debug)]
+struct Blended {
+    vertices: Option<wgpu::Buffer>,
+    indices: Option<wgpu::Buffer>,
+    sorted: SortedTriangles,
+    runs: Vec<Run>,
+}
+
+impl FanModel {
+    /// The formats in which [`FanModel::update`] takes the channels' texels.
+    pub fn atlas_formats(gpu: &Gpu, channels: &[Channel]) -> Vec<AtlasFormat> {
+        atlas_formats(channels, gpu.has_block_compression())
+    }
+
+    /// The largest atlas for these formats within a budget that the device's textures can hold.
+    pub fn atlas_shape(gpu: &Gpu, budget_bytes: u64, formats: &[AtlasFormat]) -> AtlasShape {
+        AtlasGrid::fitting(AtlasShape::within(budget_bytes, formats), gpu.limits().max_texture_dimension_2d)
+    }
+
+    /// A model of an open asset whose texels take at most `budget_bytes` of graphics memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`FanModel::new`].
+    pub fn of_asset(gpu: &Gpu, asset: &Asset, pages: &PageTable, budget_bytes: u64) -> Result<Self, GpuError> {
+        let formats = Self::atlas_formats(gpu, asset.channels());
+        let source = FanModelSource {
+            mesh: asset.mesh(),
+            cover: asset.cover(),
+            channels: asset.channels(),
+            pages,
+            shape: Self::atlas_shape(gpu, budget_bytes, &formats),
+        };
+        Self::new(gpu, &source, |channel, group| asset.mean(channel, group))
+    }
+
+    /// A model; `mean` gives the mean linear RGBA of a channel and group.
+    ///
+    /// # Errors
+    ///
+    /// The device cannot hold the cover's tables or the atlas.
+    pub fn new(
+        gpu: &Gpu,
+        source: &FanModelSource<'_>,
+        mean: impl Fn(usize, u32) -> [f32; 4],
+    ) -> Result<Self, GpuError> {
+        let FanModelSource { mesh, cover, channels, pages, shape } = *source;
+        let limits = gpu.limits();
+        let longest = FanTables::longest_bytes(cover, channels, pages);
+        let allowed = limits.max_storage_buffer_binding_size.into();
+        if longest > allowed {
+            return Err(gpu.too_large("the tables of a cover", longest, allowed, "bytes"));
+        }
+        let allowed = limits.max_texture_dimension_2d;
+        if AtlasGrid::fitting(shape, allowed) != shape {
+            return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
+        }
+        let formats = Self::atlas_formats(gpu, channels);
+        let materials = &mesh.materials;
+        let grid = AtlasGrid::new(shape, allowed);
+        let parts = BindingSource { cover, channels, formats: &formats, grid, pages, materials };
+        let bindings = FanBindings::new(&gpu.device, parts, mean);
+        let normals = shading_normals(mesh);
+        let geometry = GeometrySource { mesh, cover, normals: &normals };
+        let [solid, blended] = geometry.order();
+        let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(&gpu.device, chunk)).collect();
+        let blended = Blended::new(gpu, &geometry, &blended)?;
+        let default_material = [Material::default()];
+        let materials = if materials.is_empty() { &default_material[..] } else { materials };
+        Ok(Self {
+            space: ModelSpace::of_mesh(mesh),
+            shape,
+            uploader: Uploader::new(&gpu.device, grid),
+            pipelines: FanPipelines::new(&gpu.device),
+            materials: materials.iter().map(Surface::of).collect(),
+            formats,
+            bindings,
+            chunks,
+            blended,
+            fan_colors: None,
+            key: None,
+            shadow_revision: 0,
+        })
+    }
+
+    /// The atlas' shape.
+    pub fn shape(&self) -> AtlasShape {
+        self.shape
+    }
+
+    /// Bytes of graphics memory that texels take: those of the channels that are drawn.
+    pub fn texel_bytes(&self) -> u64 {
+        let drawn = self.bindings.atlases.iter().flatten().map(|atlas| atlas.format);
+        self.shape.bytes(&drawn.collect::<Vec<_>>())
+    }
+
+    /// The formats of the channels' texels in [`FanModel::update`].
+    pub fn formats(&self) -> &[AtlasFormat] {
+        &self.formats
+    }
+
+    /// Brings pages into the atlas and entries into the page table, before the next frame that is submitted.
+    pub fn update(&mut self, gpu: &Gpu, changes: &FrameChanges) {
+        if changes.uploads.is_empty() && changes.entries.is_empty() {
+            return;
+        }
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        self.uploader.record(&mut encoder, changes, &self.bindings.atlases, &self.bindings.tables.pages);
+        gpu.queue.submit([encoder.finish()]);
+        if self.materials.iter().any(|m| m.alpha_mode != 0) {
+            self.shadow_revision += 1;
+        }
+    }
+
+    pub(crate) fn bindings(&self) -> &FanBindings {
+        &self.bindings
+    }
+
+    /// Draws the chunks: `pipeline` says with which pipeline a surface is drawn, if at all.
+    fn draw_chunks<'a>(
+        &'a self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipeline: impl Fn(Shape, Surface, bool) -> Option<&'a wgpu::RenderPipeline>,
+    ) {
+        let mut current = None;
+        for chunk in &self.chunks {
+            for shape in [Shape::Plain, Shape::Border] {
+                if !chunk.bind(pass, shape) {
+                    continue;
+                }
+                for run in &chunk.runs {
+                    let Some(next) = pipeline(shape, self.materials[run.material as usize], run.is_paged) else {
+                        continue;
+                    };
+                    if current != Some(next) {
+                        pass.set_pipeline(next);
+                        current = Some(next);
+                    }
+                    let material = run.material..run.material + 1;
+                    match shape {
+                        Shape::Plain => pass.draw_indexed(run.plain.clone(), 0, material),
+                        Shape::Border => pass.draw(run.border.clone(), material),
+                    }
+                }
+            }
+        }
+    }
+
+    /// Draws blended triangles.
+    fn draw_blended<'a>(
+        &'a self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipeline: impl Fn(Surface) -> Option<&'a wgpu::RenderPipeline>,
+    ) {
+        let (Some(vertices), Some(indices)) = (&self.blended.vertices, &self.blended.indices) else { return };
+        pass.set_vertex_buffer(0, vertices.slice(..));
+        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+        for run in &self.blended.runs {
+            if let Some(pipeline) = pipeline(self.materials[run.material as usize]) {
+                pass.set_pipeline(pipeline);
+                pass.draw_indexed(run.indices.clone(), 0, run.material..run.material + 1);
+            }
+        }
+    }
+
+    /// What is drawn of each material: shape, surface, whether tiles are larger than a page.
+    fn parts(&self) -> impl Iterator<Item = (Shape, Surface, bool)> {
+        let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(|run| {
+            let surface = self.materials[run.material as usize];
+            let shapes = [(Shape::Plain, &run.plain), (Shape::Border, &run.border)];
+            let drawn = shapes.into_iter().filter(|(_, range): &(_, &Range<u32>)| !range.is_empty());
+            drawn.map(move |(shape, _)| (shape, surface, run.is_paged))
+        });
+        let runs = self.blended.runs.iter();
+        solid.chain(runs.map(|run| (Shape::Border, self.materials[run.material as usize], true)))
+    }
+}
+
+impl Model for FanModel {
+    fn space(&self) -> &ModelSpace {
+        &self.space
+    }
+
+    fn shadow_revision(&self) -> u64 {
+        self.shadow_revision
+    }
+
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        _encoder: &mut wgpu::CommandEncoder,
+        frame: &FrameContext<'_>,
+    ) -> Result<(), GpuError> {
+        self.bindings.set_filter(&gpu.queue, &frame.options.filter);
+        self.blended.sort(gpu, frame);
+        self.key = Some(frame.key);
+        if frame.key.overlay == Overlay::Fans {
+            let colors = self.fan_colors.get_or_insert_with(|| FanColors::new(gpu, &self.space));
+            colors.prepare(gpu, frame.key, &self.bindings);
+        }
+        let parts: Vec<_> = self.parts().collect();
+        for (shape, surface, is_paged) in parts {
+            self.pipelines.prepare_surface(gpu, &self.bindings, frame.key, shape, surface, is_paged);
+            if frame.draws_shadows {
+                self.pipelines.prepare_caster(gpu, &self.bindings, shape, surface);
+            }
+        }
+        Ok(())
+    }
+
+    fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_bind_group(1, &self.bindings.group, &[]);
+        self.draw_chunks(pass, |shape, surface, _| self.pipelines.caster(shape, surface));
+        self.draw_blended(pass, |surface| self.pipelines.caster(Shape::Border, surface));
+    }
+
+    fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let Some(key) = self.key else { return };
+        pass.set_bind_group(1, &self.bindings.group, &[]);
+        match &self.fan_colors {
+            Some(colors) if key.overlay == Overlay::Fans => colors.draw(pass, key),
+            _ => self.draw_chunks(pass, |shape, surface, is_paged| {
+                self.pipelines.surface(key, shape, surface, is_paged)
+            }),
+        }
+    }
+
+    fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let Some(key) = self.key else { return };
+        if key.overlay != Overlay::Fans {
+            pass.set_bind_group(1, &self.bindings.group, &[]);
+            self.draw_blended(pass, |surface| self.pipelines.surface(key, Shape::Border, surface, true));
+        }
+    }
+}
+
+impl Chunk {
+    fn new(device: &wgpu::Device, chunk: GeometryChunk) -> Self {
+        use wgpu::BufferUsages as U;
+        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX)
+            .zip(vertex_buffer(device, &chunk.plain_indices, U::INDEX));
+        Self { plain, border: vertex_buffer(device, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
+    }
+
+    /// Binds the buffers of a shape, if there is any of it.
+    fn bind(&self, pass: &mut wgpu::RenderPass<'_>, shape: Shape) -> bool {
+        match (shape, &self.plain, &self.border) {
+            (Shape::Plain, Some((vertices, indices)), _) => {
+                pass.set_vertex_buffer(0, vertices.slice(..));
+                pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+                true
+            }
+            (Shape::Border, _, Some(vertices)) => {
+                pass.set_vertex_buffer(0, vertices.slice(..));
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+impl Blended {
+    fn new(gpu: &Gpu, geometry: &GeometrySource<'_>, triangles: &[u32]) -> Result<Self, GpuError> {
+        let corners: Vec<_> = triangles.iter().flat_map(|&t| geometry.border_corners(t as usize)).collect();
+        let (bytes, allowed) = (size_of_val(corners.as_slice()) as u64, gpu.limits().max_buffer_size);
+        if bytes > allowed {
+            return Err(gpu.too_large("the blended part of a model", bytes, allowed, "bytes"));
+        }
+        let sorted = triangles.iter().zip(0u32..).map(|(&t, i)| SortedTriangle {
+            centre: geometry.mesh.triangle_positions(t as usize).iter().sum::<Vec3>() / 3.0,
+            corners: [3 * i, 3 * i + 1, 3 * i + 2],
+            material: geometry.material(t),
+        });
+        let sorted = SortedTriangles::new(sorted.collect());
+        let indices = (!sorted.is_empty()).then(|| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("blended fan triangles"),
+                size: 4 * sorted.index_count() as u64,
+                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        });
+        let vertices = vertex_buffer(&gpu.device, &corners, wgpu::BufferUsages::VERTEX);
+        Ok(Self { vertices, indices, sorted, runs: Vec::new() })
+    }
+
+    fn sort(&mut self, gpu: &Gpu, frame: &FrameContext<'_>) {
+        let Some(indices) = &self.indices else { return };
+        if let Some((corners, runs)) = self.sorted.sort(frame.view) {
+            gpu.queue.write_buffer(indices, 0, bytemuck::cast_slice(&corners));
+            self.runs = runs;
+        }
+    }
+}
+
+fn vertex_buffer<T: bytemuck::Pod>(
+    device: &wgpu::Device,
+    items: &[T],
+    usage: wgpu::BufferUsages,
+) -> Option<wgpu::Buffer> {
+    let descriptor = wgpu::util::BufferInitDescriptor {
+        label: Some("fan triangles"),
+        contents: bytemuck::cast_slice(items),
+        usage,
+    };
+    (!items.is_empty()).then(|| device.create_buffer_init(&descriptor))
+}
+
+/// What alpha means, as shaders know it.
+pub(crate) fn alpha_code(mode: AlphaMode) -> u32 {
+    match mode {
+        AlphaMode::Opaque => 0,
+        AlphaMode::Mask(_) => 1,
+        AlphaMode::Blend => 2,
+    }
+}

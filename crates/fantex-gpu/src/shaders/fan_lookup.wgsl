@@ -1,0 +1,431 @@
+// Filtered look-ups in one tile: which levels, how many probes, where they lie in the atlas.
+//
+// The rules are those of the CPU renderer (fantex-render, tile_filter.rs).
+
+// NEAREST, BILINEAR, TRILINEAR or ANISOTROPIC.
+override FAN_FILTER: u32 = 3u;
+
+// Whether tiles may be cut into several pages.
+override FAN_PAGED: bool = true;
+
+// Which channels the asset has.
+override FAN_BASE_COLOR: bool = false;
+override FAN_NORMAL: bool = false;
+override FAN_MATERIAL: bool = false;
+override FAN_EMISSION: bool = false;
+override FAN_LIGHT: bool = false;
+
+struct FanParams {
+    // One over the atlas' sides in texels.
+    atlas_scale: vec2<f32>,
+    // Width of the blend band.
+    delta: f32,
+    max_anisotropy: f32,
+    // Per kind of channel, its number in the means.
+    mean_of: vec4<u32>,
+    mean_of_light: u32,
+    // Channels of the means.
+    channels: u32,
+}
+
+@group(1) @binding(0) var<uniform> fan: FanParams;
+// Per group: number of its first page; quarters of its columns and (<< 16) rows at level 0.
+@group(1) @binding(1) var<storage, read> fan_groups: array<vec2<u32>>;
+// Zero where a page is not resident, else quarters of its place in the atlas: column, row << 12, and 1 << 31.
+@group(1) @binding(2) var<storage, read> fan_pages: array<u32>;
+// Per group and channel four halves.
+@group(1) @binding(3) var<storage, read> fan_means: array<vec2<u32>>;
+// Per group the projection direction and the x axis.
+@group(1) @binding(4) var<storage, read> fan_frames: array<array<f32, 6>>;
+@group(1) @binding(5) var fan_sampler: sampler;
+@group(1) @binding(6) var fan_base_color: texture_2d<f32>;
+@group(1) @binding(7) var fan_normal: texture_2d<f32>;
+@group(1) @binding(8) var fan_material: texture_2d<f32>;
+@group(1) @binding(9) var fan_emission: texture_2d<f32>;
+@group(1) @binding(10) var fan_light: texture_2d<f32>;
+
+const NEAREST = 0u;
+const BILINEAR = 1u;
+const TRILINEAR = 2u;
+const ANISOTROPIC = 3u;
+
+// Sides of a page in texels, log2.
+const PAGE_SHIFT = 8u;
+// Texels over which a page fades into the coarser level towards a neighbour that is not resident.
+const FADE_TEXELS = 8.0;
+
+// A group's pages and extent.
+struct FanGroup {
+    first_page: u32,
+    quarters: vec2<u32>,
+}
+
+// Values of all channels in one tile; linear, normals as stored.
+struct TileSample {
+    base_color: vec4<f32>,
+    material: vec4<f32>,
+    emission: vec4<f32>,
+    light: vec4<f32>,
+    normal: vec2<f32>,
+    // Detail level: the one asked for, and the mean of those that were there.
+    wanted_level: f32,
+    shown_level: f32,
+}
+
+fn fan_group(packed: vec2<u32>) -> FanGroup {
+    return FanGroup(packed.x, vec2<u32>(packed.y & 0xFFFFu, packed.y >> 16u));
+}
+
+// Group::level_count, less one: the last level is the first whose longer side is 4.
+fn last_level(group: FanGroup) -> u32 {
+    return firstLeadingBit(max(group.quarters.x, group.quarters.y) * 2u / 3u) + 1u;
+}
+
+// Group::level_extent: halved per level, rounded to the nearest multiple of 4 (halves up), at least 4.
+fn level_extent(group: FanGroup, level: u32) -> vec2<u32> {
+    let half_unit = (1u << level) >> 1u;
+    return max((group.quarters + half_unit) >> vec2<u32>(level), vec2<u32>(1u)) * 4u;
+}
+
+// The footprint of a pixel in tile coordinates, as far as its axes depend on it: the matrix J J^T of the derivatives, and the
+// determinant of J.
+struct Footprint {
+    xx: f32,
+    xy: f32,
+    yy: f32,
+    determinant: f32,
+}
+
+fn footprint(dx: vec2<f32>, dy: vec2<f32>) -> Footprint {
+    return Footprint(
+        dx.x * dx.x + dy.x * dy.x,
+        dx.x * dx.y + dy.x * dy.y,
+        dx.y * dx.y + dy.y * dy.y,
+        abs(dx.x * dy.y - dx.y * dy.x),
+    );
+}
+
+// Squares of the longer axis, of the shorter axis as the anisotropy limits it, and the direction of the longer one (not
+// normalised), in texels of an extent.
+struct Axes {
+    major2: f32,
+    minor2: f32,
+    direction: vec2<f32>,
+}
+
+fn axes(f: Footprint, extent: vec2<f32>) -> Axes {
+    let xx = f.xx * extent.x * extent.x;
+    let yy = f.yy * extent.y * extent.y;
+    let xy = f.xy * extent.x * extent.y;
+    let half_difference = 0.5 * (xx - yy);
+    let root = sqrt(half_difference * half_difference + xy * xy);
+    let major2 = 0.5 * (xx + yy) + root;
+    let determinant = f.determinant * extent.x * extent.y;
+    let minor2 = determinant * determinant / max(major2, 1e-30);
+    let limit = fan.max_anisotropy * fan.max_anisotropy;
+    let direction = select(
+        vec2<f32>(xy, root - half_difference),
+        vec2<f32>(half_difference + root, xy),
+        half_difference >= 0.0,
+    );
+    return Axes(major2, max(minor2, major2 / limit), direction);
+}
+
+// Square of the pixel's width in texels of an extent.
+fn squared_width(f: Footprint, extent: vec2<f32>) -> f32 {
+    let a = axes(f, extent);
+    return select(a.major2, a.minor2, FAN_FILTER == ANISOTROPIC);
+}
+
+struct Levels {
+    // The finer level; the one after it (after the last: the mean) has the share `coarse_share`.
+    fine: u32,
+    coarse_share: f32,
+}
+
+// The levels between which the pixel is one texel wide: the finer one is the last level in which it is wider than a texel.
+//
+// If every level had exactly half the texels of the one before, the finest one's width would tell. Rounding takes at most
+// two texels, a third of a level; so the walk starts that much earlier than the finest width says, and seldom takes a step.
+fn choose_levels(group: FanGroup, f: Footprint) -> Levels {
+    if FAN_FILTER < TRILINEAR {
+        return Levels(0u, 0.0);
+    }
+    let last = last_level(group);
+    let finest = squared_width(f, vec2<f32>(group.quarters * 4u));
+    let shortest = f32(min(group.quarters.x, group.quarters.y) * 4u);
+    let rounding = min(0.59, 3.52 * sqrt(finest) / shortest);
+    var fine = u32(clamp(i32(floor(0.5 * log2(max(finest, 1e-30)) - 0.002 - rounding)), 0, i32(last)));
+    var here = squared_width(f, vec2<f32>(level_extent(group, fine)));
+    var next = here;
+    loop {
+        next = squared_width(f, vec2<f32>(level_extent(group, fine + 1u)));
+        // After the last level comes the mean, as if it had a quarter of the texels along each side.
+        next = select(next, here * 0.0625, fine >= last);
+        let is_found = next <= 1.0 || here <= 1.0 || fine >= last;
+        fine = select(fine + 1u, fine, is_found);
+        here = select(next, here, is_found);
+        continuing {
+            break if is_found;
+        }
+    }
+    let share = clamp(log2(here) / log2(here / next), 0.0, 1.0);
+    return Levels(fine, select(share, 0.0, here <= 1.0));
+}
+
+struct Probes {
+    count: u32,
+    // The way, in tile coordinates, that they are spread over.
+    span: vec2<f32>,
+}
+
+fn choose_probes(group: FanGroup, f: Footprint) -> Probes {
+    if FAN_FILTER != ANISOTROPIC {
+        return Probes(1u, vec2<f32>(0.0));
+    }
+    let extent = vec2<f32>(group.quarters * 4u);
+    let finest = axes(f, extent);
+    let major = sqrt(finest.major2);
+    let count = clamp(ceil(major / max(sqrt(finest.minor2), 1.0)), 1.0, 64.0);
+    let length2 = dot(finest.direction, finest.direction);
+    let direction = select(vec2<f32>(1.0, 0.0), finest.direction * inverseSqrt(length2), length2 > 0.0);
+    return Probes(u32(count), direction * major / extent);
+}
+
+// A level of a tile: its texels, its pages.
+struct Level {
+    extent: vec2<u32>,
+    first_page: u32,
+    page_columns: u32,
+}
+
+fn tile_level(group: FanGroup, level: u32) -> Level {
+    // Most tiles have one page per level.
+    var first = group.first_page + level;
+    let extent = level_extent(group, level);
+    if max(group.quarters.x, group.quarters.y) > 64u {
+        for (var l = 0u; l < level; l += 1u) {
+            let pages = (level_extent(group, l) + 255u) >> vec2<u32>(PAGE_SHIFT);
+            first += pages.x * pages.y - 1u;
+        }
+    }
+    return Level(extent, first, (extent.x + 255u) >> PAGE_SHIFT);
+}
+
+fn page_entry(level: Level, page: vec2<u32>) -> u32 {
+    return fan_pages[level.first_page + page.y * level.page_columns + page.x];
+}
+
+// First texel of a resident page.
+fn page_place(entry: u32) -> vec2<u32> {
+    return vec2<u32>(entry & 0xFFFu, (entry >> 12u) & 0xFFFu) * 4u;
+}
+
+// Adds a bilinear look-up at a position in the atlas, in texels.
+fn tap(sum: ptr<function, TileSample>, place: vec2<f32>, weight: f32) {
+    let at = place * fan.atlas_scale;
+    if FAN_BASE_COLOR {
+        (*sum).base_color += weight * textureSampleLevel(fan_base_color, fan_sampler, at, 0.0);
+    }
+    if FAN_NORMAL {
+        (*sum).normal += weight * textureSampleLevel(fan_normal, fan_sampler, at, 0.0).xy;
+    }
+    if FAN_MATERIAL {
+        (*sum).material += weight * textureSampleLevel(fan_material, fan_sampler, at, 0.0);
+    }
+    if FAN_EMISSION {
+        (*sum).emission += weight * textureSampleLevel(fan_emission, fan_sampler, at, 0.0);
+    }
+    if FAN_LIGHT {
+        (*sum).light += weight * textureSampleLevel(fan_light, fan_sampler, at, 0.0);
+    }
+}
+
+fn mean(index: u32) -> vec4<f32> {
+    let halves = fan_means[index];
+    return vec4<f32>(unpack2x16float(halves.x), unpack2x16float(halves.y));
+}
+
+// The mean of a group, per channel.
+fn add_mean(sum: ptr<function, TileSample>, group_index: u32, weight: f32) {
+    let first = group_index * fan.channels;
+    if FAN_BASE_COLOR {
+        (*sum).base_color += weight * mean(first + fan.mean_of.x);
+    }
+    if FAN_NORMAL {
+        (*sum).normal += weight * mean(first + fan.mean_of.y).xy;
+    }
+    if FAN_MATERIAL {
+        (*sum).material += weight * mean(first + fan.mean_of.z);
+    }
+    if FAN_EMISSION {
+        (*sum).emission += weight * mean(first + fan.mean_of.w);
+    }
+    if FAN_LIGHT {
+        (*sum).light += weight * mean(first + fan.mean_of_light);
+    }
+}
+
+// The share of a level at a position in one of its pages, 1 where all that a look-up reads is resident. It falls to
+// nothing before a look-up touches a page that is not, so that the picture is continuous whatever is resident.
+fn residency(level: Level, page: vec2<u32>, local: vec2<f32>) -> f32 {
+    // Towards the nearer neighbours; at the tile's own border there is none.
+    let after = local > vec2<f32>(128.0);
+    let pages = (level.extent + 255u) >> vec2<u32>(PAGE_SHIFT);
+    let exists = select(page > vec2<u32>(0u), page + 1u < pages, after);
+    let near = select(vec2<f32>(1e9), select(local, 256.0 - local, after), exists);
+    let rise = clamp((near - 0.5) / FADE_TEXELS, vec2<f32>(0.0), vec2<f32>(1.0));
+    let neighbour = select(page - 1u, page + 1u, after);
+    var share = select(0.0, 1.0, page_entry(level, page) != 0u);
+    if rise.x < 1.0 {
+        if page_entry(level, vec2<u32>(neighbour.x, page.y)) == 0u {
+            share = min(share, rise.x);
+        }
+    }
+    if rise.y < 1.0 {
+        if page_entry(level, vec2<u32>(page.x, neighbour.y)) == 0u {
+            share = min(share, rise.y);
+        }
+    }
+    if max(rise.x, rise.y) < 1.0 {
+        if page_entry(level, neighbour) == 0u {
+            share = min(share, max(rise.x, rise.y));
+        }
+    }
+    return share;
+}
+
+// All channels of a tile at tile coordinates with their derivatives per pixel.
+//
+// Each of the two levels, the finer first, takes the share of its weight that is resident and hands on the rest to the next
+// coarser one; the mean takes what is left. So there is always a picture, and it is continuous.
+//
+// Software adapters execute both sides of a branch, and a loop's body once more than needed if its test comes first:
+// that is why loops test at their end, and why the common case is a function of its own.
+fn tile_sample(group_index: u32, packed_group: vec2<u32>, uv: vec2<f32>, dx: vec2<f32>, dy: vec2<f32>) -> TileSample {
+    let group = fan_group(packed_group);
+    let pixel = footprint(dx, dy);
+    let levels = choose_levels(group, pixel);
+    let probes = choose_probes(group, pixel);
+    var sum = TileSample();
+    var left = 0.0;
+    if FAN_PAGED {
+        left = add_paged_levels(&sum, group, levels, probes, uv);
+    } else {
+        left = add_levels(&sum, group, levels, probes, uv);
+    }
+    if left > 0.0 {
+        add_mean(&sum, group_index, left);
+        sum.shown_level += left * f32(last_level(group) + 1u);
+    }
+    sum.wanted_level = f32(levels.fine) + levels.coarse_share;
+    return sum;
+}
+
+// Half a texel inside a level, in its texels.
+fn held_inside(uv: vec2<f32>, extent: vec2<f32>) -> vec2<f32> {
+    let position = clamp(uv * extent, vec2<f32>(0.5), extent - 0.5);
+    return select(position, floor(position) + 0.5, FAN_FILTER == NEAREST);
+}
+
+// Of a tile whose levels have one page each. Returns the weight that nothing resident takes.
+fn add_levels(
+    sum: ptr<function, TileSample>,
+    group: FanGroup,
+    levels: Levels,
+    probes: Probes,
+    uv: vec2<f32>,
+) -> f32 {
+    let last = last_level(group);
+    let fine_entry = fan_pages[group.first_page + levels.fine];
+    // The finest resident level of the coarser ones.
+    var coarse_level = min(levels.fine + 1u, last);
+    var coarse_entry = 0u;
+    loop {
+        coarse_entry = fan_pages[group.first_page + coarse_level];
+        let is_found = coarse_entry != 0u || coarse_level >= last;
+        coarse_level = select(coarse_level + 1u, coarse_level, is_found);
+        continuing {
+            break if is_found;
+        }
+    }
+    let has_coarse = coarse_entry != 0u && levels.fine < last;
+    let fine_weight = select(0.0, 1.0 - levels.coarse_share, fine_entry != 0u);
+    let coarse_weight = select(0.0, 1.0 - fine_weight, has_coarse);
+    let fine_extent = vec2<f32>(level_extent(group, levels.fine));
+    let coarse_extent = vec2<f32>(level_extent(group, coarse_level));
+    let fine_place = vec2<f32>(page_place(fine_entry));
+    let coarse_place = vec2<f32>(page_place(coarse_entry));
+    let per_probe = 1.0 / f32(probes.count);
+    var i = 0u;
+    loop {
+        let at = uv + probes.span * ((f32(i) + 0.5) * per_probe - 0.5);
+        tap(sum, fine_place + held_inside(at, fine_extent), fine_weight * per_probe);
+        tap(sum, coarse_place + held_inside(at, coarse_extent), coarse_weight * per_probe);
+        i += 1u;
+        continuing {
+            break if i >= probes.count;
+        }
+    }
+    (*sum).shown_level = fine_weight * f32(levels.fine) + coarse_weight * f32(coarse_level);
+    return 1.0 - fine_weight - coarse_weight;
+}
+
+// The same for any tile. A look-up across the border of pages is made of single texels, each from its own page.
+fn add_paged_levels(
+    sum: ptr<function, TileSample>,
+    group: FanGroup,
+    levels: Levels,
+    probes: Probes,
+    uv: vec2<f32>,
+) -> f32 {
+    let last = last_level(group);
+    let per_probe = 1.0 / f32(probes.count);
+    var left = 1.0 - levels.coarse_share;
+    var coarse = levels.coarse_share;
+    var level_index = levels.fine;
+    loop {
+        let level = tile_level(group, level_index);
+        let extent = vec2<f32>(level.extent);
+        var taken = 0.0;
+        var probe = 0u;
+        var texel = 0u;
+        loop {
+            let at = uv + probes.span * ((f32(probe) + 0.5) * per_probe - 0.5);
+            let position = held_inside(at, extent);
+            let page = vec2<u32>(position) >> vec2<u32>(PAGE_SHIFT);
+            let local = position - vec2<f32>(page << vec2<u32>(PAGE_SHIFT));
+            let share = residency(level, page, local);
+            let is_crossing = any(local < vec2<f32>(0.5)) || any(local > vec2<f32>(255.5));
+            // Of four texels, the one of this step.
+            let corner = vec2<u32>(texel & 1u, texel >> 1u);
+            let first = floor(position - 0.5);
+            let fraction = position - 0.5 - first;
+            let portions = select(1.0 - fraction, fraction, corner == vec2<u32>(1u));
+            let single = vec2<u32>(first) + corner;
+            let tap_page = select(page, single >> vec2<u32>(PAGE_SHIFT), is_crossing);
+            let tap_local = select(local, vec2<f32>(single & vec2<u32>(255u)) + 0.5, is_crossing);
+            let weight = left * per_probe * share * select(1.0, portions.x * portions.y, is_crossing);
+            let entry = page_entry(level, tap_page);
+            tap(sum, vec2<f32>(page_place(entry)) + tap_local, weight);
+            taken += weight;
+            texel += 1u;
+            if !is_crossing || texel == 4u {
+                texel = 0u;
+                probe += 1u;
+            }
+            continuing {
+                break if probe >= probes.count;
+            }
+        }
+        (*sum).shown_level += taken * f32(level_index);
+        // What rounding leaves over is none.
+        left = select(left - taken, 0.0, left - taken < 1e-5) + coarse;
+        coarse = 0.0;
+        level_index += 1u;
+        continuing {
+            break if level_index > last || left <= 0.0;
+        }
+    }
+    return left;
+}

@@ -1,0 +1,236 @@
+//! Fan models against the CPU renderer's `FanSurface`: the same camera, lights and filter.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod fan_common;
+
+use fan_common::{Baked, Comparison, Residents, compare, gpu, rendered};
+use fantex_bake::{BakeFormat, BakeOptions, Source, SourceChannel, SurfacePoint, UvSource};
+use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
+use fantex_gpu::DrawOptions;
+use fantex_mesh::{Mesh, Model, clean, generate};
+use fantex_scene::{Background, Camera, FilterOptions, Lights, Shading};
+use fantex_store::{ChannelKind, PAGE};
+use fantex_texture::Filter;
+use glam::{DVec3, Vec3, Vec4};
+
+/// A colour with detail of a few texels.
+fn color(p: Vec3) -> Vec4 {
+    let wave = |k: Vec3| 0.5 + 0.45 * p.dot(k).sin();
+    Vec4::new(wave(Vec3::new(60.0, 13.0, 0.0)), wave(Vec3::new(-9.0, 70.0, 20.0)), wave(Vec3::splat(31.0)), 1.0)
+}
+
+struct Colors;
+
+impl Source for Colors {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> fantex_bake::Prefilter {
+        fantex_bake::Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        values[0] = color(point.position);
+    }
+}
+
+fn cover(mesh: &Mesh, tile: u32, texels: u64) -> Cover {
+    let budget = TexelBudget::Total(texels);
+    build_cover(mesh, &CoverOptions { tile, budget, ..CoverOptions::default() }).unwrap().0
+}
+
+fn cleaned(model: Model) -> Mesh {
+    clean(model, &Default::default()).unwrap().0
+}
+
+fn baked(mesh: &Mesh, cover: &Cover, format: BakeFormat) -> Baked {
+    Baked::new(mesh, cover, &Colors, &BakeOptions { format, ..BakeOptions::default() })
+}
+
+fn options(shading: Shading, filter: Filter) -> DrawOptions {
+    DrawOptions {
+        shading,
+        filter: FilterOptions { filter, max_anisotropy: 8.0 },
+        background: Background::Transparent,
+        tone_map: None,
+        samples: 1,
+        ..DrawOptions::default()
+    }
+}
+
+/// The same view of an asset by both renderers.
+fn both(name: &str, baked: &Baked, direction: DVec3, options: &DrawOptions) -> Option<Comparison> {
+    let gpu = gpu()?;
+    let mesh = baked.asset().mesh();
+    let camera = Camera::framing_mesh(mesh, direction, 1.5);
+    let lights = Lights::sun(Vec3::new(0.3, 0.8, 0.5));
+    Some(compare(name, &gpu, baked, &camera, &lights, options))
+}
+
+const FILTERS: [Filter; 4] = [Filter::Nearest, Filter::Bilinear, Filter::Trilinear, Filter::Anisotropic];
+
+/// Where the pictures of an asset may differ, and by how much.
+///
+/// The GPU reads the same texels at the same places. What differs: samplers weigh texels in steps of 1/256; derivatives are
+/// differences within a block of 2x2 pixels, so that the level is off by some hundredths where a surface curves, and by
+/// more in the blocks along a triangle's edge; normals have 16 bits; half floats round to 1/2048. The mean says whether
+/// the look-ups agree; single pixels may differ as much as neighbouring pixels do.
+fn assert_close(seen: &Comparison, mean: f32, most: f32) {
+    assert!(seen.mean < mean, "{}: mean difference {}", seen.name, seen.mean);
+    assert!(seen.quantile < most, "{}: 999 of 1000 differ by less than {}", seen.name, seen.quantile);
+}
+
+#[test]
+fn all_filters_on_a_curved_surface() {
+    let mesh = cleaned(generate::torus(96, 48));
+    let baked = baked(&mesh, &cover(&mesh, 96, 1 << 20), BakeFormat::Rgba8);
+    for filter in FILTERS {
+        let name = format!("torus {filter:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter)) else {
+            return;
+        };
+        // The nearest texel flips where rounding does.
+        let most = if filter == Filter::Nearest { 0.3 } else { 0.05 };
+        assert_close(&seen, 0.004, most);
+    }
+}
+
+#[test]
+fn a_scanned_model_under_a_lamp() {
+    let Some(mesh) = fan_common::loaded("meshes/bunny/stanford_bunny.ply") else { return };
+    let baked = baked(&mesh, &cover(&mesh, 128, 1 << 21), BakeFormat::Bc7);
+    for (shading, filter) in
+        [(Shading::MetallicRoughness, Filter::Anisotropic), (Shading::BlinnPhong, Filter::Trilinear)]
+    {
+        let name = format!("bunny {shading:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(shading, filter)) else { return };
+        assert_close(&seen, 0.006, 0.12);
+    }
+}
+
+#[test]
+fn all_channels_of_a_material() {
+    let Some(mesh) = fan_common::loaded("meshes/WaterBottle/WaterBottle.gltf") else { return };
+    let cover = cover(&mesh, 128, 1 << 20);
+    let source = UvSource::new(&mesh).unwrap();
+    let baked = Baked::new(&mesh, &cover, &source, &BakeOptions::default());
+    assert!(baked.asset().channels().len() >= 3);
+    for shading in [
+        Shading::BaseColor,
+        Shading::Normal,
+        Shading::OcclusionRoughnessMetallic,
+        Shading::Emission,
+        Shading::MetallicRoughness,
+    ] {
+        let name = format!("bottle {shading:?}");
+        let options = options(shading, Filter::Trilinear);
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options) else { return };
+        assert_close(&seen, 0.008, 0.2);
+    }
+}
+
+#[test]
+fn one_fan_per_tile() {
+    let mesh = cleaned(generate::icosphere(3));
+    let cover = cover(&mesh, 0, 1 << 19);
+    assert!(cover.groups.len() > 500);
+    let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
+    for filter in [Filter::Trilinear, Filter::Anisotropic] {
+        let name = format!("fans {filter:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter)) else {
+            return;
+        };
+        assert_close(&seen, 0.004, 0.06);
+    }
+}
+
+/// A cube whose tiles are cut into several pages.
+fn paged() -> Baked {
+    let mesh = cleaned(generate::cube(3));
+    let cover = cover(&mesh, 1024, 4 << 20);
+    assert!(cover.groups.iter().any(|g| g.extent[0] > 2 * PAGE && g.extent[1] > 2 * PAGE));
+    baked(&mesh, &cover, BakeFormat::Rgba8)
+}
+
+#[test]
+fn tiles_of_several_pages() {
+    let baked = paged();
+    for filter in FILTERS {
+        let name = format!("pages {filter:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter)) else {
+            return;
+        };
+        let most = if filter == Filter::Nearest { 0.3 } else { 0.05 };
+        assert_close(&seen, 0.004, most);
+    }
+}
+
+/// A many-pointed star: its points fold under any projection.
+fn star() -> Mesh {
+    let mut model = generate::icosphere(2);
+    for (i, p) in model.positions.iter_mut().enumerate() {
+        *p *= if i % 5 == 0 { 3.5 } else { 1.0 };
+    }
+    cleaned(model)
+}
+
+#[test]
+fn unfolded_fans() {
+    let mesh = star();
+    let cover = cover(&mesh, 96, 1 << 19);
+    let unfolded = cover.groups.iter().filter(|g| g.kind == GroupKind::Unfolded).count();
+    assert!(unfolded > 0, "the star has no fan that folds");
+    let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
+    let options = options(Shading::BaseColor, Filter::Trilinear);
+    let Some(seen) = both("unfolded", &baked, Camera::THREE_QUARTER, &options) else { return };
+    assert_close(&seen, 0.006, 0.1);
+}
+
+#[test]
+fn a_model_without_any_texture() {
+    let mesh = cleaned(generate::torus(48, 24));
+    let baked = Baked::without_channels(&mesh, &cover(&mesh, 96, 1 << 18));
+    let options = options(Shading::MetallicRoughness, Filter::Anisotropic);
+    let Some(seen) = both("untextured", &baked, Camera::THREE_QUARTER, &options) else { return };
+    assert_close(&seen, 0.002, 0.02);
+}
+
+/// Only what is at least as coarse as a level.
+#[test]
+fn coarse_levels_stand_in_for_missing_ones() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::torus(96, 48));
+    let baked = baked(&mesh, &cover(&mesh, 128, 1 << 20), BakeFormat::Rgba8);
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+    let options = options(Shading::BaseColor, Filter::Bilinear);
+    for level in [1, 2, 4, 99] {
+        let residents = Residents::of_level(level);
+        let seen = rendered(&gpu, &baked, &residents, &camera, &Lights::default(), &options);
+        let expected = fan_common::cpu_at_level(&baked, level, &camera, &options);
+        let seen = Comparison::of(&format!("level {level}"), &seen, &expected);
+        assert_close(&seen, 0.004, 0.05);
+    }
+}
+
+/// Whatever is resident, neighbouring pixels of a smooth colour differ no more than they should.
+#[test]
+fn any_residency_is_continuous() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::cube(3));
+    let cover = cover(&mesh, 1024, 4 << 20);
+    let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
+    // So close that a texel is larger than a pixel.
+    let camera = Camera { eye: DVec3::new(0.2, 0.1, 0.62), target: DVec3::new(0.0, 0.0, 0.5), up: DVec3::Y, fov_degrees: 40.0 };
+    let options = options(Shading::BaseColor, Filter::Trilinear);
+    let whole = rendered(&gpu, &baked, &Residents::all(), &camera, &Lights::default(), &options);
+    let limit = 1.5 * fan_common::largest_step(&whole) + 0.02;
+    for seed in 0..4 {
+        let residents = Residents::random(seed);
+        let seen = rendered(&gpu, &baked, &residents, &camera, &Lights::default(), &options);
+        fan_common::save(&format!("residency {seed}"), &seen);
+        let step = fan_common::largest_step(&seen);
+        assert!(step < limit, "seed {seed}: a step of {step}, {limit} where all is resident");
+    }
+}

@@ -1,0 +1,317 @@
+//! Writing changes: flushing them into free space, and the switch that commits them.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::EditError;
+use super::editor::{AssetEditor, Flushed};
+use super::lock::{is_same_file, is_unread};
+use super::runs::{LevelChanges, PackedRun, rewrite};
+use crate::Asset;
+use crate::header::{SLOT_OFFSETS, SectionRecord, Slot, VERSION};
+use crate::section::attachments;
+use crate::section::directory::{self, ClusterEntry};
+use crate::writer::{SECTION_ZSTD_LEVEL, lengthen};
+
+/// Clusters that are packed at a time: bounds the memory of a flush.
+const BATCH: usize = 32;
+
+/// What a commit did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CommitSummary {
+    /// The generation that counts now.
+    pub generation: u64,
+    /// Length of the file.
+    pub file_bytes: u64,
+    /// Bytes of the file that can be overwritten, or that wait for older readers to close it.
+    pub free_bytes: u64,
+}
+
+/// Where the parts of a generation that every commit writes anew went.
+struct Switch {
+    slot: Slot,
+    written: Vec<Range<u64>>,
+}
+
+impl AssetEditor {
+    /// Makes all changes durable, at once: after a crash either all of them are there or none. Returns the same generation
+    /// where there are none.
+    ///
+    /// On an error the file keeps its last committed state, and the changes stay pending.
+    pub fn commit(&mut self) -> Result<CommitSummary, EditError> {
+        if self.has_changes() {
+            self.flush()?;
+            let switch = self.write_directory()?;
+            self.switch_to(switch)?;
+        }
+        Ok(CommitSummary {
+            generation: self.asset.generation(),
+            file_bytes: self.asset.file_bytes(),
+            free_bytes: self.space.free_bytes(),
+        })
+    }
+
+    /// Writes pending pages and attachments to the file, uncommitted, and so frees their memory. What could not be written
+    /// stays pending.
+    pub fn flush(&mut self) -> Result<(), EditError> {
+        if !self.has_pending() {
+            return Ok(());
+        }
+        if !is_same_file(&self.file, self.asset.path()) {
+            return Err(EditError::Replaced { path: self.asset.path().to_owned() });
+        }
+        self.reclaim();
+        for level in 0..self.pending.pages.len() as u32 {
+            while !self.pending.pages[level as usize].is_empty() {
+                self.flush_batch(level)?;
+            }
+        }
+        while let Some((name, contents)) = self.pending.attachments.pop_first() {
+            if let Err(error) = self.flush_attachment(&name, contents.as_deref()) {
+                self.pending.attachments.insert(name, contents);
+                return Err(error);
+            }
+        }
+        Ok(())
+    }
+
+    /// Rewrites the first few clusters of a level that have changes.
+    fn flush_batch(&mut self, level: u32) -> Result<(), EditError> {
+        let (changes, indices) = self.take_batch(level);
+        let (asset, directory) = (&self.asset, &self.flushed.directory);
+        let packing = self.packing;
+        let packed: Result<Vec<_>, EditError> = indices
+            .par_iter()
+            .map(|&index| Ok((index, rewrite(asset, directory, level, index, &changes, packing)?)))
+            .collect();
+        let written = packed.and_then(|packed| self.write_clusters(packed));
+        match written {
+            Ok(entries) => {
+                let written = changes.values().flatten().flatten().map(Vec::len);
+                self.pending.page_bytes -= written.sum::<usize>();
+                self.replace_entries(level, entries);
+                Ok(())
+            }
+            Err(error) => {
+                self.pending.pages[level as usize].extend(changes);
+                Err(error)
+            }
+        }
+    }
+
+    /// The changes of the first few clusters of a level that have any, and the indices of these.
+    fn take_batch(&mut self, level: u32) -> (LevelChanges, Vec<usize>) {
+        let mut indices: Vec<usize> = Vec::new();
+        let mut rest = None;
+        for &place in self.pending.pages[level as usize].keys() {
+            let index = self.cluster_of(level, place);
+            if indices.last() == Some(&index) {
+                continue;
+            }
+            if indices.len() == BATCH {
+                rest = Some(place);
+                break;
+            }
+            indices.push(index);
+        }
+        let pending = &mut self.pending.pages[level as usize];
+        let rest = rest.map(|place| pending.split_off(&place)).unwrap_or_default();
+        (std::mem::replace(pending, rest), indices)
+    }
+
+    /// Writes rewritten clusters: all of them or, on an error, none.
+    fn write_clusters(
+        &mut self,
+        packed: Vec<(usize, Vec<PackedRun>)>,
+    ) -> Result<Vec<(usize, Vec<ClusterEntry>)>, EditError> {
+        let mut done: Vec<(usize, Vec<ClusterEntry>)> = Vec::new();
+        for (index, runs) in packed {
+            let mut entries = Vec::new();
+            for run in &runs {
+                match self.write_anywhere(&run.stored) {
+                    Ok(offset) => entries.push(run.entry(offset)),
+                    Err(error) => {
+                        for entry in done.iter().flat_map(|(_, entries)| entries).chain(&entries) {
+                            self.space.release(&entry.range());
+                        }
+                        return Err(error);
+                    }
+                }
+            }
+            done.push((index, entries));
+        }
+        Ok(done)
+    }
+
+    /// Puts new entries in the place of old ones, given by their index, ascending.
+    fn replace_entries(&mut self, level: u32, replacements: Vec<(usize, Vec<ClusterEntry>)>) {
+        if replacements.is_empty() {
+            return;
+        }
+        let clusters = &mut Arc::make_mut(&mut self.flushed.directory).levels[level as usize];
+        let old = std::mem::take(clusters);
+        let mut replacements = replacements.into_iter().peekable();
+        let mut dropped = Vec::new();
+        let mut fresh = Vec::new();
+        for (index, entry) in old.into_iter().enumerate() {
+            if let Some((_, entries)) = replacements.next_if(|(replaced, _)| *replaced == index) {
+                dropped.push(entry.range());
+                fresh.extend(entries.iter().map(|entry| entry.offset));
+                clusters.extend(entries);
+            } else {
+                clusters.push(entry);
+            }
+        }
+        dropped.into_iter().for_each(|range| self.drop_range(range));
+        self.flushed.uncommitted.extend(fresh);
+        self.flushed.changed = true;
+    }
+
+    fn flush_attachment(&mut self, name: &str, contents: Option<&[u8]>) -> Result<(), EditError> {
+        let record = contents.map(|contents| self.write_section(contents)).transpose()?;
+        let old = match record {
+            Some(record) => {
+                self.flushed.uncommitted.insert(record.offset);
+                self.flushed.attachments.insert(name.to_owned(), record)
+            }
+            None => self.flushed.attachments.remove(name),
+        };
+        if let Some(old) = old {
+            self.drop_range(old.range());
+        }
+        self.flushed.changed = true;
+        Ok(())
+    }
+
+    /// The working state no longer names a range.
+    fn drop_range(&mut self, range: Range<u64>) {
+        if self.flushed.uncommitted.remove(&range.start) {
+            self.space.release(&range);
+        } else {
+            self.flushed.superseded.push(range);
+        }
+    }
+
+    /// Steps 1 and 2: the directory and the list of attachments, and everything made durable.
+    fn write_directory(&mut self) -> Result<Switch, EditError> {
+        let mut written = Vec::new();
+        let slot = self.write_sections(&mut written);
+        let durable = slot.and_then(|slot| {
+            // The last part's padding is part of the file.
+            self.output
+                .set_len(slot.file_length)
+                .and_then(|()| self.output.sync())
+                .map_err(|e| self.failed(e))?;
+            Ok(slot)
+        });
+        match durable {
+            Ok(slot) => Ok(Switch { slot, written }),
+            Err(error) => {
+                written.iter().for_each(|range| self.space.release(range));
+                Err(error)
+            }
+        }
+    }
+
+    fn write_sections(&mut self, written: &mut Vec<Range<u64>>) -> Result<Slot, EditError> {
+        let mut sections = self.asset.slot().sections;
+        sections[3] = self.write_section(&directory::encode(&self.flushed.directory))?;
+        written.push(sections[3].range());
+        let mut list = SectionRecord::default();
+        if !self.flushed.attachments.is_empty() {
+            list = self.write_section(&attachments::encode(&self.flushed.attachments))?;
+            written.push(list.range());
+        }
+        Ok(Slot {
+            version: VERSION,
+            flags: 0,
+            generation: self.header.newest + 1,
+            file_length: self.space.end(),
+            sections,
+            attachments: list,
+        })
+    }
+
+    /// Steps 3 and 4.
+    fn switch_to(&mut self, switch: Switch) -> Result<(), EditError> {
+        let Switch { slot, written } = switch;
+        let target = SLOT_OFFSETS[self.header.target];
+        self.header.newest = slot.generation;
+        self.space.keep_length();
+        let done = self.output.write_at(target, &slot.encode()).and_then(|()| self.output.sync());
+        if let Err(source) = done {
+            // The slot may be on the disk or not, so what it names must stay until it is overwritten for sure.
+            self.flushed.uncommitted.clear();
+            self.flushed.superseded.extend(written);
+            return Err(self.failed(source));
+        }
+        let before = *self.asset.slot();
+        let attachments = self.flushed.attachments.clone();
+        let directory = Arc::clone(&self.flushed.directory);
+        self.asset = Arc::new(self.asset.committed(slot, directory, attachments));
+        self.snapshots.push((slot.generation, Arc::downgrade(&self.asset)));
+        self.header.target = 1 - self.header.target;
+        self.header.oldest = before.generation;
+        let superseded = std::mem::replace(&mut self.flushed, Flushed::none(&self.asset)?).superseded;
+        let sections = [before.sections[3].range(), before.attachments.range()];
+        for range in superseded.into_iter().chain(sections).filter(|range| !range.is_empty()) {
+            self.space.retire(range, slot.generation);
+        }
+        Ok(())
+    }
+
+    /// Makes superseded space free where nobody can read it any more.
+    fn reclaim(&mut self) {
+        self.snapshots.retain(|(_, asset)| asset.strong_count() > 0);
+        let oldest_read = self.snapshots.iter().map(|(generation, _)| *generation).min();
+        let oldest = oldest_read.unwrap_or(self.header.oldest).min(self.header.oldest);
+        if self.header.may_reuse && self.space.has_retired(oldest) && is_unread(&self.file) {
+            self.space.reclaim(oldest);
+        }
+    }
+
+    fn write_section(&mut self, raw: &[u8]) -> Result<SectionRecord, EditError> {
+        let packed = zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL);
+        let mut stored = packed.map_err(|source| self.failed(source))?;
+        lengthen(&mut stored, raw.len() as u64);
+        Ok(SectionRecord {
+            offset: self.write_anywhere(&stored)?,
+            stored_length: stored.len() as u64,
+            raw_length: raw.len() as u64,
+            checksum: xxh3_64(&stored),
+        })
+    }
+
+    /// Writes bytes where there is room and returns where.
+    fn write_anywhere(&mut self, bytes: &[u8]) -> Result<u64, EditError> {
+        let offset = self.space.allocate(bytes.len() as u64);
+        match self.output.write_at(offset, bytes) {
+            Ok(()) => Ok(offset),
+            Err(source) => {
+                self.space.release(&(offset..offset + bytes.len() as u64));
+                Err(self.failed(source))
+            }
+        }
+    }
+
+    /// The error of a failed write. Gives back what the file grew by, so that a full disk has room for others again.
+    fn failed(&mut self, source: std::io::Error) -> EditError {
+        let length = self.space.end().max(self.asset.file_bytes());
+        self.output.set_len(length).unwrap_or_default();
+        EditError::write(self.asset.path().to_owned(), source)
+    }
+}
+
+impl Asset {
+    /// Bytes of the file that texels, sections and attachments of this generation take.
+    pub fn used_bytes(&self) -> u64 {
+        let slot = self.slot();
+        let sections = slot.sections.iter().chain([&slot.attachments]).map(|section| section.stored_length);
+        let clusters = self.directory().levels.iter().flatten().map(|c| u64::from(c.stored_length));
+        let attachments = self.attachments().map_or(0, |a| a.values().map(|r| r.stored_length).sum());
+        sections.sum::<u64>() + clusters.sum::<u64>() + attachments
+    }
+}

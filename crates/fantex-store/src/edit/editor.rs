@@ -1,0 +1,343 @@
+//! The editor: changes that are not yet committed, and reading through them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs::{File, OpenOptions};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::{Arc, Weak};
+
+use super::EditError;
+use super::lock::WriterLock;
+use super::output::{FileOutput, Output};
+use super::runs::{LevelChanges, RUN_BYTES, RunPacking};
+use super::space::{Space, padded_in_order, without_fixed};
+use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
+use crate::layout::{PageSize, TilePlace};
+use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
+use crate::open::{read_other_slot, read_section};
+use crate::section::attachments::{self, Attachments};
+use crate::section::directory::{self, Directory};
+use crate::{Asset, FileSource, PageError, PageId, Texels, cover_level_count};
+
+/// How to edit an asset.
+#[derive(Clone, Debug)]
+pub struct EditOptions {
+    /// zstd level of rewritten clusters, 1..=19.
+    pub zstd_level: i32,
+}
+
+impl Default for EditOptions {
+    /// zstd level 1.
+    fn default() -> Self {
+        Self { zstd_level: 1 }
+    }
+}
+
+/// The one writer of an asset. Dropping it drops what is not committed.
+#[derive(Debug)]
+pub struct AssetEditor {
+    pub(super) packing: RunPacking,
+    pub(super) lock: Arc<WriterLock>,
+    /// The asset's, open for reading and writing.
+    pub(super) file: Arc<File>,
+    pub(super) output: Box<dyn Output>,
+    /// The newest committed generation.
+    pub(super) asset: Arc<Asset>,
+    /// All generations that were handed out.
+    pub(super) snapshots: Vec<(u64, Weak<Asset>)>,
+    pub(super) pending: Pending,
+    pub(super) flushed: Flushed,
+    pub(super) space: Space,
+    pub(super) header: HeaderState,
+}
+
+/// Changes in memory.
+#[derive(Debug, Default)]
+pub(super) struct Pending {
+    /// Per level.
+    pub(super) pages: Vec<LevelChanges>,
+    pub(super) page_bytes: usize,
+    /// None removes.
+    pub(super) attachments: BTreeMap<String, Option<Vec<u8>>>,
+}
+
+/// Changes that are in the file already, though nothing committed names them.
+#[derive(Debug)]
+pub(super) struct Flushed {
+    /// The directory that the next commit will write, where it differs.
+    pub(super) directory: Arc<Directory>,
+    pub(super) attachments: Attachments,
+    pub(super) changed: bool,
+    /// Where flushed clusters and attachments start that no slot can name.
+    pub(super) uncommitted: BTreeSet<u64>,
+    /// What the next commit supersedes.
+    pub(super) superseded: Vec<Range<u64>>,
+}
+
+impl Flushed {
+    pub(super) fn none(asset: &Asset) -> Result<Self, EditError> {
+        Ok(Self {
+            directory: Arc::clone(asset.directory()),
+            attachments: asset.attachments()?.clone(),
+            changed: false,
+            uncommitted: BTreeSet::new(),
+            superseded: Vec::new(),
+        })
+    }
+}
+
+/// What the two slots hold.
+#[derive(Debug)]
+pub(super) struct HeaderState {
+    /// Index of the slot that the next commit overwrites.
+    pub(super) target: usize,
+    /// The oldest generation that a slot names.
+    pub(super) oldest: u64,
+    /// The newest one that was ever written, whether or not that succeeded.
+    pub(super) newest: u64,
+    /// False for a file whose parts overlap: nothing in it is overwritten.
+    pub(super) may_reuse: bool,
+}
+
+impl AssetEditor {
+    /// Opens an asset for changing. Takes the lock that keeps other writers out; readers are welcome.
+    pub fn open(path: &Path, options: &EditOptions) -> Result<Self, EditError> {
+        let lock = Arc::new(WriterLock::acquire(path)?);
+        let file = OpenOptions::new().read(true).write(true).open(path);
+        let file = file.map_err(|source| EditError::Io { path: path.to_owned(), source })?;
+        let file = Arc::new(file);
+        let packing = RunPacking { run_bytes: RUN_BYTES, zstd_level: options.zstd_level };
+        Self::with_output(path, packing, lock, Arc::clone(&file), Box::new(FileOutput(file)))
+    }
+
+    pub(super) fn with_output(
+        path: &Path,
+        packing: RunPacking,
+        lock: Arc<WriterLock>,
+        file: Arc<File>,
+        output: Box<dyn Output>,
+    ) -> Result<Self, EditError> {
+        let source = FileSource::from_file(path, Arc::clone(&file));
+        let asset = Arc::new(Asset::open_source(Arc::new(source))?);
+        let flushed = Flushed::none(&asset)?;
+        let (space, header) = space_and_header(&asset);
+        let levels = asset.level_count() as usize;
+        Ok(Self {
+            packing,
+            lock,
+            file,
+            output,
+            snapshots: vec![(asset.generation(), Arc::downgrade(&asset))],
+            pending: Pending { pages: vec![LevelChanges::new(); levels], ..Pending::default() },
+            flushed,
+            space,
+            header,
+            asset,
+        })
+    }
+
+    /// The newest committed state. It stays readable as it is, also through later commits and after the editor is gone.
+    pub fn asset(&self) -> &Arc<Asset> {
+        &self.asset
+    }
+
+    /// Replaces a page's bytes in one channel, by [`encode`](crate::encode)'s. In memory until [`flush`](Self::flush) or
+    /// [`commit`](Self::commit).
+    pub fn replace(&mut self, page: PageId, channel: usize, bytes: Vec<u8>) -> Result<(), EditError> {
+        let extent = self.asset.page_extent(channel, page)?;
+        let expected = self.asset.formats()[channel].bytes(extent);
+        if bytes.len() != expected {
+            let (path, got) = (self.asset.path().to_owned(), bytes.len());
+            return Err(EditError::PageBytes { path, page, channel, expected, got });
+        }
+        let place = self.place(page)?;
+        let channels = self.asset.formats().len();
+        let change = self.pending.pages[page.level as usize].entry(place);
+        let slot = &mut change.or_insert_with(|| vec![None; channels])[channel];
+        self.pending.page_bytes += bytes.len();
+        self.pending.page_bytes -= slot.replace(bytes).map_or(0, |old| old.len());
+        Ok(())
+    }
+
+    /// Replaces the mean of a group: **linear** RGBA (normals as stored). Panics where `channel` or `group` is out of range.
+    pub fn set_mean(&mut self, channel: usize, group: u32, mean: [f32; 4]) {
+        Arc::make_mut(&mut self.flushed.directory).means.set(channel, group, mean);
+        self.flushed.changed = true;
+    }
+
+    /// Adds or replaces an attachment, up to 1 GiB under a name of up to 255 bytes.
+    pub fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<(), EditError> {
+        let bytes = contents.len() as u64;
+        if name.len() > MAX_ATTACHMENT_NAME_BYTES || bytes > MAX_ATTACHMENT_BYTES {
+            let (name, limit) = (name.to_owned(), MAX_ATTACHMENT_BYTES);
+            return Err(EditError::AttachmentSize { name, bytes, limit });
+        }
+        self.pending.attachments.insert(name.to_owned(), Some(contents));
+        Ok(())
+    }
+
+    /// Removes an attachment, if there is one of that name.
+    pub fn detach(&mut self, name: &str) {
+        if self.flushed.attachments.contains_key(name) {
+            self.pending.attachments.insert(name.to_owned(), None);
+        } else {
+            self.pending.attachments.remove(name);
+        }
+    }
+
+    /// Bytes of changed pages and attachments in memory.
+    pub fn pending_bytes(&self) -> usize {
+        let attachments = self.pending.attachments.values().flatten().map(Vec::len).sum::<usize>();
+        self.pending.page_bytes + attachments
+    }
+
+    /// True where a commit would change something.
+    pub fn has_changes(&self) -> bool {
+        self.flushed.changed || self.has_pending()
+    }
+
+    pub(super) fn has_pending(&self) -> bool {
+        !self.pending.attachments.is_empty() || self.pending.pages.iter().any(|pages| !pages.is_empty())
+    }
+
+    /// Reads a page's bytes with all changes, committed or not. Not cached.
+    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+        self.asset.page_extent(channel, page)?;
+        let place = self.place(page)?;
+        let change = self.pending.pages[page.level as usize].get(&place);
+        if let Some(bytes) = change.and_then(|change| change[channel].as_ref()) {
+            return Ok(bytes.clone());
+        }
+        let entry = &self.flushed.directory.levels[page.level as usize][self.cluster_of(page.level, place)];
+        let cluster = self.asset.read_entry(page.level, entry)?;
+        self.asset.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
+    }
+
+    /// Reads and decodes a page with all changes, committed or not. Not cached.
+    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
+        let bytes = self.read_page_raw(channel, page)?;
+        self.asset.texels(channel, page, &bytes)
+    }
+
+    /// The mean of a group with all changes. Panics where `channel` or `group` is out of range.
+    pub fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
+        self.flushed.directory.means.get(channel, group)
+    }
+
+    /// Reads an attachment with all changes, committed or not.
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, EditError> {
+        if let Some(change) = self.pending.attachments.get(name) {
+            return Ok(change.clone());
+        }
+        let record = self.flushed.attachments.get(name);
+        Ok(record.map(|record| self.asset.read_attachment(name, record)).transpose()?)
+    }
+
+    /// Names of all attachments with all changes, ascending.
+    pub fn attachment_names(&self) -> Vec<String> {
+        let mut names: BTreeSet<&String> = self.flushed.attachments.keys().collect();
+        for (name, change) in &self.pending.attachments {
+            if change.is_some() {
+                names.insert(name)
+            } else {
+                names.remove(name)
+            };
+        }
+        names.into_iter().cloned().collect()
+    }
+
+    /// Forgets all changes that are not committed.
+    pub fn discard(&mut self) -> Result<(), EditError> {
+        let flushed = Flushed::none(&self.asset)?;
+        let dropped = std::mem::replace(&mut self.flushed, flushed);
+        self.release_uncommitted(&dropped);
+        let levels = self.pending.pages.len();
+        self.pending = Pending { pages: vec![LevelChanges::new(); levels], ..Pending::default() };
+        Ok(())
+    }
+
+    fn release_uncommitted(&mut self, dropped: &Flushed) {
+        let clusters = dropped.directory.levels.iter().flatten().map(directory::ClusterEntry::range);
+        let attachments = dropped.attachments.values().map(SectionRecord::range);
+        for range in clusters.chain(attachments).filter(|r| dropped.uncommitted.contains(&r.start)) {
+            self.space.release(&range);
+        }
+    }
+
+    fn place(&self, page: PageId) -> Result<TilePlace, PageError> {
+        let extent = self.asset.cover().groups.get(page.group as usize).map_or([0, 0], |g| g.extent);
+        let number = PageSize::new(extent, page.level).number(page.page);
+        let path = || self.asset.path().to_owned();
+        let number = number.ok_or_else(|| PageError::NoSuchPage { path: path(), channel: 0, page })?;
+        Ok(TilePlace { group: page.group, page: number })
+    }
+
+    /// Index of the cluster that holds an existing page.
+    pub(super) fn cluster_of(&self, level: u32, place: TilePlace) -> usize {
+        let clusters = &self.flushed.directory.levels[level as usize];
+        clusters.partition_point(|cluster| cluster.first <= place).saturating_sub(1)
+    }
+}
+
+/// True where parts of a file share no block with each other, but with the fixed ones at most.
+fn are_apart(fixed: &[Range<u64>], changing: &[Range<u64>]) -> bool {
+    let fixed = padded_in_order(fixed);
+    let mut parts: Vec<_> = changing.iter().flat_map(|range| without_fixed(range, &fixed)).collect();
+    parts.sort_unstable_by_key(|range| range.start);
+    parts.windows(2).all(|pair| pair[0].end <= pair[1].start)
+}
+
+/// All bytes that a generation names: the fixed sections first.
+fn used_ranges(
+    slot: &Slot,
+    directory: &Directory,
+    attachments: &Attachments,
+) -> impl Iterator<Item = Range<u64>> {
+    let sections = slot.sections.iter().chain([&slot.attachments]).chain(attachments.values());
+    let ranges: Vec<_> = sections.map(SectionRecord::range).collect();
+    let clusters: Vec<_> = directory.levels.iter().flatten().map(directory::ClusterEntry::range).collect();
+    ranges.into_iter().chain(clusters)
+}
+
+/// Finds out what is free in a file. What cannot be read of the other generation is not worth keeping.
+fn space_and_header(asset: &Asset) -> (Space, HeaderState) {
+    let slot = *asset.slot();
+    let no_attachments = Attachments::new();
+    let attachments = asset.attachments().unwrap_or(&no_attachments);
+    let current: Vec<Range<u64>> = used_ranges(&slot, asset.directory(), attachments).collect();
+    let fixed: Vec<Range<u64>> = slot.sections[..3].iter().map(SectionRecord::range).collect();
+    let may_reuse = are_apart(&fixed, &current[3..]);
+    let (target, other_slot) = read_other_slot(&**asset.source(), &slot);
+    let other: Vec<Range<u64>> = other_slot.as_ref().and_then(|o| ranges_of(asset, o)).unwrap_or_default();
+    let oldest = other_slot.map_or(slot.generation, |other| other.generation.min(slot.generation));
+    let mut space = Space::new(slot.file_length, &fixed, current.iter().chain(&other).cloned(), oldest);
+    let starts: BTreeSet<u64> = current.iter().map(|range| range.start).collect();
+    for range in other.into_iter().filter(|range| !starts.contains(&range.start)) {
+        space.retire(range, slot.generation);
+    }
+    let newest = slot.generation;
+    (space, HeaderState { target, oldest, newest, may_reuse })
+}
+
+/// What the other slot names; none where it cannot be read.
+fn ranges_of(asset: &Asset, slot: &Slot) -> Option<Vec<Range<u64>>> {
+    let source = &**asset.source();
+    let groups = &asset.cover().groups;
+    let places = HEADER_BYTES..slot.file_length;
+    let raw = read_section(source, SECTION_NAMES[3], &slot.sections[3], slot.file_length).ok()?;
+    let expected = directory::Expected {
+        extents: &|group| groups[group].extent,
+        groups: groups.len(),
+        levels: cover_level_count(asset.cover()),
+        formats: asset.formats(),
+        clusters: places.clone(),
+    };
+    let directory = directory::decode(&raw, &expected).ok()?;
+    let list = if slot.attachments == SectionRecord::default() {
+        Attachments::new()
+    } else {
+        let raw = read_section(source, "attachment", &slot.attachments, slot.file_length).ok()?;
+        attachments::decode(&raw, &places).ok()?
+    };
+    Some(used_ranges(slot, &directory, &list).collect())
+}

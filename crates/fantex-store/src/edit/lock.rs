@@ -1,0 +1,92 @@
+//! Locks: one writer at a time, and no overwriting under a reader.
+//!
+//! - *Writers* exclude each other by a lock on a file beside the asset, `NAME.lock`. The system releases it when the process
+//!   ends, however it ends, so a file that a crash leaves behind locks nobody out.
+//! - *Readers* hold a shared lock on the asset itself as long as they have it open. A writer overwrites superseded parts of
+//!   the file only after it held that lock alone for a moment: then nobody has a generation open that names them. Where
+//!   the system cannot tell (Windows, where such a lock would forbid writing, and file systems without locks), superseded
+//!   parts are never overwritten; [`compact`](crate::AssetEditor::compact) returns their space.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::path::{Path, PathBuf};
+
+use super::EditError;
+
+/// The exclusive right to change an asset.
+#[derive(Debug)]
+pub(super) struct WriterLock {
+    path: PathBuf,
+    /// Locked as long as it is open.
+    _file: File,
+}
+
+impl WriterLock {
+    /// Locks the asset at `path` against other writers, or says that one is at work.
+    pub(super) fn acquire(path: &Path) -> Result<Self, EditError> {
+        let lock_path = lock_path(path);
+        let io = |source| EditError::Io { path: lock_path.clone(), source };
+        loop {
+            let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
+            let file = options.open(&lock_path).map_err(io)?;
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => return Err(EditError::Locked { path: path.to_owned() }),
+                // Without locks the file's owner takes care.
+                Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {}
+                Err(TryLockError::Error(source)) => return Err(io(source)),
+            }
+            // The writer before may have removed the file between our opening and locking it.
+            if is_same_file(&file, &lock_path) {
+                return Ok(Self { path: lock_path, _file: file });
+            }
+        }
+    }
+}
+
+impl Drop for WriterLock {
+    fn drop(&mut self) {
+        // A file that stays locks nobody out.
+        std::fs::remove_file(&self.path).unwrap_or_default();
+    }
+}
+
+fn lock_path(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".lock");
+    name.into()
+}
+
+/// True where `path` (still) names the open file.
+#[cfg(unix)]
+pub(super) fn is_same_file(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (file.metadata(), std::fs::metadata(path)) {
+        (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
+        _ => false,
+    }
+}
+
+/// True where `path` (still) names the open file: nobody can replace it while it is open.
+#[cfg(not(unix))]
+pub(super) fn is_same_file(_file: &File, _path: &Path) -> bool {
+    true
+}
+
+/// A reader's mark on a file that it has open.
+pub(crate) fn keep_generation(file: &File) {
+    // Without it a writer sees no reader only where it could not lock the file itself, either.
+    if cfg!(unix) {
+        file.lock_shared().unwrap_or_default();
+    }
+}
+
+/// True where no reader but those who share `file` (the open file, not the path) has the asset open now.
+pub(super) fn is_unread(file: &File) -> bool {
+    if !cfg!(unix) {
+        return false;
+    }
+    let alone = file.try_lock().is_ok();
+    // The attempt replaced or lost the shared lock.
+    keep_generation(file);
+    alone
+}

@@ -1,0 +1,53 @@
+//! Where an editor writes: the file, or, in tests, something that fails on purpose.
+
+use std::fs::File;
+use std::io;
+use std::sync::Arc;
+
+/// Positional writes, made durable on demand. Writes between two calls of `sync` may reach the disk in any order, in part
+/// or not at all.
+pub(crate) trait Output: Send + std::fmt::Debug {
+    /// Writes all bytes at an offset; the file grows as needed.
+    fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()>;
+    /// Cuts or extends the file.
+    fn set_len(&mut self, length: u64) -> io::Result<()>;
+    /// Makes everything written so far durable.
+    fn sync(&mut self) -> io::Result<()>;
+}
+
+/// The file itself.
+#[derive(Debug)]
+pub(super) struct FileOutput(pub(super) Arc<File>);
+
+impl Output for FileOutput {
+    fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
+        write_all_at(&self.0, bytes, offset)
+    }
+
+    fn set_len(&mut self, length: u64) -> io::Result<()> {
+        self.0.set_len(length)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        self.0.sync_all()
+    }
+}
+
+#[cfg(unix)]
+fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
+}
+
+#[cfg(windows)]
+fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match std::os::windows::fs::FileExt::seek_write(file, bytes, offset)? {
+            0 => return Err(io::ErrorKind::WriteZero.into()),
+            count => {
+                bytes = &bytes[count..];
+                offset += count as u64;
+            }
+        }
+    }
+    Ok(())
+}
