@@ -2,7 +2,7 @@
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::commands::{bake, bench, compare, demo, gallery, generate, info, render, verify};
+use crate::commands::{bake, bench, compare, demo, gallery, generate, info, render, verify, view};
 use crate::size::Bytes;
 
 /// Seamless textures without UV coordinates: cover a model by parts of its triangle fans, bake, verify, render.
@@ -58,6 +58,7 @@ pub(crate) enum Command {
     Generate(generate::GenerateArgs),
     Bench(bench::BenchArgs),
     Demo(demo::DemoArgs),
+    View(view::ViewArgs),
 }
 
 #[cfg(test)]

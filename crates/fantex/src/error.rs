@@ -124,6 +124,15 @@ pub(crate) enum CliError {
     LookAsSource,
     #[error("--match takes the density of textures, and {source_name} has none; give --texels or --density")]
     NothingToMatch { source_name: String },
+    #[error(
+        "the viewer fantex-app is neither beside this program nor on the search path; build it with \
+         'cargo build --release -p fantex-app'"
+    )]
+    NoViewer,
+    #[error("cannot start the viewer {}: {source}", path.display())]
+    StartViewer { path: PathBuf, source: io::Error },
+    #[error("the viewer ended with {status}; what was wrong stands above")]
+    Viewer { status: std::process::ExitStatus },
     #[error("{} did not pass: {reason}", path.display())]
     NotVerified { path: PathBuf, reason: String },
     #[error("{}", interrupt::MESSAGE)]

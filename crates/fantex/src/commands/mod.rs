@@ -11,6 +11,7 @@ mod look;
 pub(crate) mod render;
 mod render_look;
 pub(crate) mod verify;
+pub(crate) mod view;
 
 use crate::cli::Command;
 use crate::context::Context;
@@ -28,5 +29,6 @@ pub(crate) fn run(command: &Command, context: &Context) -> Result<(), CliError> 
         Command::Generate(args) => generate::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),
+        Command::View(args) => view::run(args),
     }
 }

@@ -1,0 +1,459 @@
+//! Models and assets that are open, and what is worth telling about them.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::Relaxed};
+
+use fantex_cover::{Cover, GroupKind};
+use fantex_mesh::{CleanError, CleanOptions, CleanReport, LoadError, LoadOptions, Mesh, clean, load};
+use fantex_scene::Bounds;
+use fantex_store::{Asset, ChannelKind, OpenError, cover_level_count};
+use fantex_stream::open_asset;
+
+use crate::camera::SceneScale;
+
+/// Where something is opened from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// A file.
+    File(PathBuf),
+    /// An address: `http://...` or `https://...`.
+    Url(String),
+}
+
+impl Place {
+    /// From what the user wrote.
+    pub fn parse(text: &str) -> Self {
+        let is_url = ["http://", "https://"]
+            .iter()
+            .any(|scheme| text.get(..scheme.len()).is_some_and(|start| start.eq_ignore_ascii_case(scheme)));
+        if is_url { Self::Url(text.to_owned()) } else { Self::File(text.into()) }
+    }
+
+    /// Its last part, for titles.
+    pub fn name(&self) -> String {
+        match self {
+            Self::File(path) => {
+                path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned())
+            }
+            Self::Url(url) => {
+                let path = url.split(['?', '#']).next().unwrap_or(url).trim_end_matches('/');
+                path.rsplit('/').next().unwrap_or(path).to_owned()
+            }
+        }
+    }
+}
+
+impl std::fmt::Display for Place {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::File(path) => path.display().fmt(f),
+            Self::Url(url) => f.write_str(url),
+        }
+    }
+}
+
+/// What is shown.
+#[derive(Clone, Debug)]
+pub enum Content {
+    /// A model with its own textures.
+    Model(Arc<Mesh>),
+    /// A baked asset.
+    Asset(Arc<Asset>),
+}
+
+/// A model or an asset, open.
+#[derive(Clone, Debug)]
+pub struct Document {
+    /// Where it is from.
+    pub place: Place,
+    /// What it is.
+    pub content: Content,
+    /// Its size in the world.
+    pub scale: SceneScale,
+    /// What was noticed when it was opened: one sentence each.
+    pub notes: Vec<String>,
+    /// Names and values for the model panel.
+    pub model_facts: Vec<Fact>,
+    /// Names and values for the cover panel; none for models.
+    pub cover_facts: Vec<Fact>,
+    /// The asset's channels, as the cover panel shows them.
+    pub channels: Vec<ChannelFact>,
+}
+
+/// A line of a panel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fact {
+    /// What.
+    pub name: &'static str,
+    /// How much.
+    pub value: String,
+}
+
+/// A channel in words.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ChannelFact {
+    /// What it means.
+    pub kind: &'static str,
+    /// How it is stored.
+    pub format: String,
+}
+
+/// Why nothing could be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum OpenDocumentError {
+    /// The model could not be read.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// The model has nothing to show.
+    #[error(transparent)]
+    Clean(#[from] CleanError),
+    /// The asset could not be opened.
+    #[error(transparent)]
+    Asset(#[from] OpenError),
+    /// The operating system refused.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
+    /// A look has no geometry of its own that is shown here.
+    #[error("{} is a look; open a model (.glb .gltf .obj .ply .stl) or an asset (.fan)", path.display())]
+    Look {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Addresses are streamed, and models cannot be.
+    #[error("{url} is no asset (.fan): models are opened from files; download it first")]
+    ModelUrl {
+        /// The address.
+        url: String,
+    },
+    /// What was read could not be brought to the graphics memory.
+    #[error("{reason}")]
+    Graphics {
+        /// One sentence.
+        reason: String,
+    },
+    /// The user changed their mind.
+    #[error("opening was cancelled")]
+    Cancelled,
+}
+
+/// How far opening is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Stage {
+    /// Bytes become a model or an asset's tables.
+    Reading,
+    /// Welding, dropping, orienting.
+    Cleaning,
+    /// Textures and buffers for drawing.
+    Preparing,
+}
+
+impl Stage {
+    /// In words.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Reading => "Reading",
+            Self::Cleaning => "Cleaning the mesh",
+            Self::Preparing => "Preparing textures",
+        }
+    }
+}
+
+/// The thread that opens and the one that shows talk through this.
+#[derive(Debug, Default)]
+pub struct OpenProgress {
+    stage: AtomicU8,
+    is_cancelled: AtomicBool,
+}
+
+impl OpenProgress {
+    /// How far it is.
+    pub fn stage(&self) -> Stage {
+        match self.stage.load(Relaxed) {
+            0 => Stage::Reading,
+            1 => Stage::Cleaning,
+            _ => Stage::Preparing,
+        }
+    }
+
+    /// Begins a stage.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenDocumentError::Cancelled`], where the user does not want it any more.
+    pub fn enter(&self, stage: Stage) -> Result<(), OpenDocumentError> {
+        self.stage.store(stage as u8, Relaxed);
+        if self.is_cancelled.load(Relaxed) { Err(OpenDocumentError::Cancelled) } else { Ok(()) }
+    }
+
+    /// The user does not want it any more: opening ends with its current stage.
+    pub fn cancel(&self) {
+        self.is_cancelled.store(true, Relaxed);
+    }
+}
+
+impl Document {
+    /// Opens a model or an asset.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenDocumentError`]: one sentence for the user.
+    pub fn open(place: &Place, progress: &OpenProgress) -> Result<Self, OpenDocumentError> {
+        progress.enter(Stage::Reading)?;
+        match place {
+            Place::Url(url) if !is_asset_url(url) => Err(OpenDocumentError::ModelUrl { url: url.clone() }),
+            Place::Url(url) => Ok(Self::of_asset(place.clone(), Arc::new(open_asset(Path::new(url))?))),
+            Place::File(path) if is_look(path) => Err(OpenDocumentError::Look { path: path.clone() }),
+            Place::File(path) if is_asset(path)? => {
+                Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?)))
+            }
+            Place::File(path) => {
+                let model = load(path, &LoadOptions::default())?;
+                progress.enter(Stage::Cleaning)?;
+                let mut notes = model.notes.clone();
+                let (mesh, report) = clean(model, &CleanOptions::default())?;
+                notes.extend(report.lines());
+                Ok(Self::of_model(place.clone(), Arc::new(mesh), &report, notes))
+            }
+        }
+    }
+
+    /// What is shown of a cleaned model.
+    pub fn of_model(place: Place, mesh: Arc<Mesh>, report: &CleanReport, notes: Vec<String>) -> Self {
+        let mut model_facts = mesh_facts(&mesh);
+        let textures = mesh.images.len();
+        model_facts.push(fact("Materials", grouped(mesh.materials.len() as u64)));
+        model_facts.push(fact("Textures", if textures == 0 { "none".into() } else { grouped(textures as u64) }));
+        model_facts.push(fact("UV sets", grouped(mesh.corners.uv_sets.len() as u64)));
+        model_facts.push(fact("Components", grouped(report.topology.components)));
+        Self {
+            place,
+            scale: SceneScale::of(&Bounds::of_mesh(&mesh)),
+            content: Content::Model(mesh),
+            notes,
+            model_facts,
+            cover_facts: Vec::new(),
+            channels: Vec::new(),
+        }
+    }
+
+    /// What is shown of an asset.
+    pub fn of_asset(place: Place, asset: Arc<Asset>) -> Self {
+        let mesh = asset.mesh();
+        let cover = asset.cover();
+        let channels = asset
+            .channels()
+            .iter()
+            .map(|channel| ChannelFact {
+                kind: kind_label(channel.kind),
+                format: format!("{:?}{}", channel.format, if channel.srgb { ", sRGB" } else { "" }).to_uppercase(),
+            })
+            .map(|fact| ChannelFact { format: fact.format.replace("SRGB", "sRGB"), ..fact })
+            .collect();
+        let mut model_facts = mesh_facts(mesh);
+        model_facts.push(fact("File", bytes_text(asset.file_bytes() as f64)));
+        Self {
+            scale: SceneScale::of(&Bounds::of_mesh(mesh)),
+            notes: Vec::new(),
+            model_facts,
+            cover_facts: cover_facts(cover),
+            channels,
+            place,
+            content: Content::Asset(asset),
+        }
+    }
+
+    /// Its geometry.
+    pub fn mesh(&self) -> &Mesh {
+        match &self.content {
+            Content::Model(mesh) => mesh,
+            Content::Asset(asset) => asset.mesh(),
+        }
+    }
+
+    /// The asset, if it is one.
+    pub fn asset(&self) -> Option<&Arc<Asset>> {
+        match &self.content {
+            Content::Asset(asset) => Some(asset),
+            Content::Model(_) => None,
+        }
+    }
+}
+
+fn fact(name: &'static str, value: String) -> Fact {
+    Fact { name, value }
+}
+
+fn mesh_facts(mesh: &Mesh) -> Vec<Fact> {
+    let bounds = Bounds::of_mesh(mesh);
+    let [x, y, z] = (bounds.max - bounds.min).to_array().map(short_number);
+    vec![
+        fact("Triangles", grouped(mesh.triangles.len() as u64)),
+        fact("Vertices", grouped(mesh.positions.len() as u64)),
+        fact("Extent", format!("{x} × {y} × {z}")),
+    ]
+}
+
+fn cover_facts(cover: &Cover) -> Vec<Fact> {
+    let unfolded = cover.groups.iter().filter(|group| group.kind == GroupKind::Unfolded).count();
+    let (mut least, mut most) = (u32::MAX, 0);
+    for group in &cover.groups {
+        least = least.min(group.extent[0].min(group.extent[1]));
+        most = most.max(group.extent[0].max(group.extent[1]));
+    }
+    let mut facts = vec![
+        fact("Groups (tiles)", grouped(cover.groups.len() as u64)),
+        fact("Unfolded fans", grouped(unfolded as u64)),
+        fact("Texels", grouped(cover.texels())),
+    ];
+    if !cover.groups.is_empty() {
+        facts.push(fact("Tile sides", format!("{least} to {most} texels")));
+    }
+    facts.push(fact("Levels", cover_level_count(cover).to_string()));
+    facts.push(fact("Density", format!("{} texels per mesh unit", short_number(f64::from(cover.density)))));
+    facts.push(fact("Blend band", format!("{:.3}", cover.delta)));
+    facts
+}
+
+fn kind_label(kind: ChannelKind) -> &'static str {
+    match kind {
+        ChannelKind::BaseColor => "Base colour",
+        ChannelKind::Normal => "Normal",
+        ChannelKind::OcclusionRoughnessMetallic => "Occl. / rough. / metal",
+        ChannelKind::Emission => "Emission",
+        ChannelKind::Displacement => "Displacement",
+        ChannelKind::Light => "Light",
+    }
+}
+
+fn is_look(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+/// False for addresses of models; all others may be assets.
+fn is_asset_url(url: &str) -> bool {
+    let name = Place::Url(url.to_owned()).name().to_ascii_lowercase();
+    ![".glb", ".gltf", ".obj", ".ply", ".stl", ".toml"].iter().any(|extension| name.ends_with(extension))
+}
+
+/// True for files that are named `.fan` or start like an asset, whatever they are named.
+fn is_asset(path: &Path) -> Result<bool, OpenDocumentError> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
+        return Ok(true);
+    }
+    if path.is_dir() {
+        // The loader has a sentence for folders.
+        return Ok(false);
+    }
+    let mut start = Vec::with_capacity(4);
+    std::fs::File::open(path)
+        .and_then(|file| file.take(4).read_to_end(&mut start))
+        .map_err(|source| OpenDocumentError::Read { path: path.into(), source })?;
+    Ok(start == *b"\x89FAN")
+}
+
+/// `1 234 567`: groups of three digits.
+pub fn grouped(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() * 4 / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push('\u{a0}');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// Bytes with a unit: `12.3 MiB`.
+pub fn bytes_text(bytes: f64) -> String {
+    let units = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let mut value = bytes.max(0.0);
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < units.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    let decimals = if unit == 0 || value >= 100.0 { 0 } else { 1 };
+    format!("{value:.decimals$} {}", units[unit])
+}
+
+/// Three significant digits, without exponents where that is readable.
+pub fn short_number(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e6).contains(&size) {
+        format!("{value:.2e}")
+    } else {
+        let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
+        format!("{value:.decimals$}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_files_or_addresses() {
+        assert_eq!(Place::parse("HTTPS://a.b/c.fan?x=1"), Place::Url("HTTPS://a.b/c.fan?x=1".into()));
+        assert_eq!(Place::parse("https://a.b/c.fan?x=1").name(), "c.fan");
+        assert_eq!(Place::parse("models/a.glb").name(), "a.glb");
+        assert_eq!(Place::parse("http.glb"), Place::File("http.glb".into()));
+    }
+
+    #[test]
+    fn numbers_are_readable() {
+        assert_eq!(grouped(1_234_567), "1\u{a0}234\u{a0}567");
+        assert_eq!(grouped(12), "12");
+        assert_eq!(bytes_text(64.0 * 1024.0 * 1024.0), "64.0 MiB");
+        assert_eq!(bytes_text(12.0), "12 B");
+        assert_eq!(short_number(0.012_345), "0.0123");
+        assert_eq!(short_number(12_345.6), "12346");
+        assert_eq!(short_number(1.5e9), "1.50e9");
+    }
+
+    #[test]
+    fn what_cannot_be_opened_says_why() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            Place::File(path)
+        };
+        let message = |place: &Place| Document::open(place, &OpenProgress::default()).unwrap_err().to_string();
+        assert!(message(&file("look.toml", b"")).contains("is a look"));
+        assert!(message(&file("a.fan", b"nonsense")).contains("not a .fan asset"));
+        assert!(message(&file("a.glb", b"nonsense")).contains("a.glb"));
+        assert!(message(&Place::File(folder.path().join("none.obj"))).contains("cannot read"));
+        assert!(message(&Place::File(folder.path().into())).contains("folder"));
+        assert!(message(&Place::parse("https://example.org/a.glb")).contains("download it first"));
+    }
+
+    #[test]
+    fn opening_can_be_cancelled() {
+        let progress = OpenProgress::default();
+        progress.cancel();
+        let error = Document::open(&Place::parse("none.obj"), &progress).unwrap_err();
+        assert!(matches!(error, OpenDocumentError::Cancelled));
+    }
+
+    #[test]
+    fn models_tell_their_facts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("triangle.obj");
+        std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        let document = Document::open(&Place::File(path), &OpenProgress::default()).unwrap();
+        assert_eq!(document.model_facts[0], fact("Triangles", "1".into()));
+        assert_eq!(document.model_facts[2].value, "2.00 × 1.00 × 0");
+        assert!(document.cover_facts.is_empty());
+    }
+}

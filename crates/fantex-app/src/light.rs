@@ -1,0 +1,276 @@
+//! The light of the scene, as the light panel states it.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fantex_scene::{AmbientLight, Background, EnvironmentLight, Light, Lights, ShadowOptions};
+use fantex_texture::environment::{
+    EnvironmentMap, LoadEnvironmentError, PrefilteredEnvironment, Sky, SkyError,
+};
+use glam::{DVec2, Vec3};
+use serde::{Deserialize, Serialize};
+
+/// Side of the faces of a computed sky in texels.
+const SKY_SIDE: u32 = 256;
+
+/// Degrees that the sun turns by a drag over the picture's height.
+const TURN_PER_HEIGHT: f32 = 180.0;
+
+/// Where light comes from besides the sun.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Surroundings {
+    /// A grey sky over a darker ground.
+    #[default]
+    Studio,
+    /// A computed sky with the sun where the lamp is.
+    Sky,
+    /// A picture of the surroundings.
+    File(PathBuf),
+}
+
+/// What is seen where no surface is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BackgroundChoice {
+    /// A dark gradient.
+    #[default]
+    Dark,
+    /// A light gradient, as in pictures of the command line.
+    Light,
+    /// The surroundings, where they are a map.
+    Surroundings,
+}
+
+impl BackgroundChoice {
+    /// All choices.
+    pub const ALL: [Self; 3] = [Self::Dark, Self::Light, Self::Surroundings];
+
+    /// Its name.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Dark => "Dark",
+            Self::Light => "Light",
+            Self::Surroundings => "Surroundings",
+        }
+    }
+}
+
+/// The light of the scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct LightSettings {
+    /// Whether the sun shines.
+    pub has_sun: bool,
+    /// Degrees to the right of +z (seen from above: counter-clockwise), 0..360.
+    pub sun_azimuth: f32,
+    /// Degrees above the horizon, -90..90.
+    pub sun_elevation: f32,
+    /// Factor of the sun's light.
+    pub sun_strength: f32,
+    /// Whether the sun casts shadows.
+    pub has_shadows: bool,
+    /// Light from everywhere else.
+    pub surroundings: Surroundings,
+    /// Factor of the surroundings' light.
+    pub surroundings_strength: f32,
+    /// Degrees by which the surroundings are turned to the left.
+    pub surroundings_rotation: f32,
+    /// What is seen behind the model.
+    pub background: BackgroundChoice,
+    /// How much surroundings are blurred behind the model, 0..1.
+    pub background_blur: f32,
+}
+
+impl Default for LightSettings {
+    /// The sun over the left shoulder of a photographer in front.
+    fn default() -> Self {
+        Self {
+            has_sun: true,
+            sun_azimuth: 324.0,
+            sun_elevation: 43.0,
+            sun_strength: 1.0,
+            has_shadows: true,
+            surroundings: Surroundings::Studio,
+            surroundings_strength: 1.0,
+            surroundings_rotation: 0.0,
+            background: BackgroundChoice::Dark,
+            background_blur: 0.25,
+        }
+    }
+}
+
+/// What has to be computed or read for some surroundings.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum MapKey {
+    /// A sky with the sun in this direction, thousandths.
+    Sky([i32; 3]),
+    /// A file.
+    File(PathBuf),
+}
+
+/// Surroundings ready for lighting.
+#[derive(Clone, Debug)]
+pub struct SurroundingsMap {
+    /// What it was made for.
+    pub key: MapKey,
+    /// Its light.
+    pub map: Arc<PrefilteredEnvironment>,
+    /// Colour of the sun that belongs to it.
+    pub sun_color: Option<Vec3>,
+}
+
+/// Why surroundings could not be had.
+#[derive(Debug, thiserror::Error)]
+pub enum SurroundingsError {
+    /// The picture.
+    #[error(transparent)]
+    Load(#[from] LoadEnvironmentError),
+    /// The sky.
+    #[error(transparent)]
+    Sky(#[from] SkyError),
+}
+
+impl MapKey {
+    /// Computes or reads the map; takes up to seconds, so in the background.
+    ///
+    /// # Errors
+    ///
+    /// [`SurroundingsError`], where the file is no picture of surroundings.
+    pub fn make(self) -> Result<SurroundingsMap, SurroundingsError> {
+        let (map, sun_color) = match &self {
+            Self::Sky(thousandths) => {
+                let to_sun = Vec3::from_array(thousandths.map(|n| n as f32 / 1000.0));
+                let sky = Sky { to_sun, ..Sky::default() };
+                (sky.to_map(SKY_SIDE)?, Some(sky.sun_color()))
+            }
+            Self::File(path) => (EnvironmentMap::load(path)?, None),
+        };
+        let map = Arc::new(PrefilteredEnvironment::new(Arc::new(map)));
+        Ok(SurroundingsMap { key: self, map, sun_color })
+    }
+}
+
+impl LightSettings {
+    /// Unit vector to the sun, world axes.
+    pub fn to_sun(&self) -> Vec3 {
+        let (sin_azimuth, cos_azimuth) = self.sun_azimuth.to_radians().sin_cos();
+        let (sin_elevation, cos_elevation) = self.sun_elevation.to_radians().sin_cos();
+        Vec3::new(sin_azimuth * cos_elevation, sin_elevation, cos_azimuth * cos_elevation)
+    }
+
+    /// Turns the sun by a drag, in units of the picture's height: to the right and down are those of the hand.
+    pub fn drag_sun(&mut self, drag: DVec2) {
+        let drag = drag.as_vec2() * TURN_PER_HEIGHT;
+        self.sun_azimuth = (self.sun_azimuth + drag.x).rem_euclid(360.0);
+        self.sun_elevation = (self.sun_elevation - drag.y).clamp(-90.0, 90.0);
+    }
+
+    /// The map that the surroundings need, if any.
+    pub fn map_key(&self) -> Option<MapKey> {
+        match &self.surroundings {
+            Surroundings::Studio => None,
+            Surroundings::Sky => {
+                let to_sun = self.to_sun().with_y(self.to_sun().y.max(0.0));
+                Some(MapKey::Sky(to_sun.to_array().map(|n| (n * 1000.0).round() as i32)))
+            }
+            Surroundings::File(path) => Some(MapKey::File(path.clone())),
+        }
+    }
+
+    /// The lights for renderers, with the map as far as it is there.
+    pub fn lights(&self, map: Option<&SurroundingsMap>) -> Lights {
+        let ambient = match map {
+            Some(found) => AmbientLight::environment(EnvironmentLight {
+                map: found.map.clone(),
+                strength: self.surroundings_strength,
+                rotation_degrees: self.surroundings_rotation,
+            }),
+            None => AmbientLight {
+                sky: Vec3::splat(0.36 * self.surroundings_strength),
+                ..AmbientLight::uniform(Vec3::splat(0.18 * self.surroundings_strength))
+            },
+        };
+        let color = map.and_then(|found| found.sun_color).unwrap_or(Vec3::splat(0.65));
+        let shadow = self.has_shadows.then(ShadowOptions::default);
+        let sun = Light { shadow, ..Light::directional(self.to_sun(), color * self.sun_strength) };
+        Lights { ambient, lamps: if self.has_sun { vec![sun] } else { Vec::new() } }
+    }
+
+    /// What is seen behind the model. Surroundings that are no map have the light gradient.
+    pub fn background(&self, map: Option<&SurroundingsMap>) -> Background {
+        match (self.background, map) {
+            (BackgroundChoice::Dark, _) => {
+                Background::Gradient { top: Vec3::splat(0.055), bottom: Vec3::splat(0.016) }
+            }
+            (BackgroundChoice::Surroundings, Some(_)) => {
+                Background::Environment { blur: self.background_blur }
+            }
+            (BackgroundChoice::Light | BackgroundChoice::Surroundings, _) => Background::default(),
+        }
+    }
+
+    /// Numbers brought into their ranges.
+    pub(crate) fn sanitized(mut self) -> Self {
+        let default = Self::default();
+        let within = |value: f32, low: f32, high: f32, default: f32| {
+            if value.is_finite() { value.clamp(low, high) } else { default }
+        };
+        self.sun_azimuth = within(self.sun_azimuth, 0.0, 360.0, default.sun_azimuth);
+        self.sun_elevation = within(self.sun_elevation, -90.0, 90.0, default.sun_elevation);
+        self.sun_strength = within(self.sun_strength, 0.0, 10.0, 1.0);
+        self.surroundings_strength = within(self.surroundings_strength, 0.0, 10.0, 1.0);
+        self.surroundings_rotation = within(self.surroundings_rotation, -360.0, 360.0, 0.0);
+        self.background_blur = within(self.background_blur, 0.0, 1.0, default.background_blur);
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_default_sun_is_over_the_left_shoulder() {
+        let to_sun = LightSettings::default().to_sun();
+        assert!(to_sun.x < -0.3 && to_sun.y > 0.5 && to_sun.z > 0.3, "{to_sun}");
+        assert!((to_sun.length() - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn dragging_turns_the_sun_the_way_of_the_hand() {
+        let mut light = LightSettings { sun_azimuth: 0.0, ..LightSettings::default() };
+        let before = light.to_sun();
+        light.drag_sun(DVec2::new(0.1, -0.1));
+        let after = light.to_sun();
+        assert!(after.x > before.x && after.y > before.y, "{before} {after}");
+        light.drag_sun(DVec2::new(55.0, 99.0));
+        assert!(light.sun_elevation == -90.0 && (0.0..360.0).contains(&light.sun_azimuth));
+    }
+
+    #[test]
+    fn the_sky_is_made_anew_where_the_sun_moves() {
+        let mut light = LightSettings { surroundings: Surroundings::Sky, ..LightSettings::default() };
+        let first = light.map_key().unwrap();
+        assert_eq!(light.map_key().unwrap(), first);
+        light.drag_sun(DVec2::new(0.05, 0.0));
+        assert_ne!(light.map_key().unwrap(), first);
+        light.sun_elevation = -40.0;
+        let map = light.map_key().unwrap().make().unwrap();
+        assert!(map.sun_color.is_some());
+        assert!(light.lights(Some(&map)).defect().is_none());
+    }
+
+    #[test]
+    fn missing_pictures_are_named() {
+        let error = MapKey::File("no/such/sky.hdr".into()).make().unwrap_err();
+        assert!(error.to_string().contains("sky.hdr"));
+    }
+
+    #[test]
+    fn nonsense_is_brought_into_range() {
+        let light = LightSettings { sun_strength: f32::NAN, background_blur: 7.0, ..LightSettings::default() };
+        let light = light.sanitized();
+        assert_eq!((light.sun_strength, light.background_blur), (1.0, 1.0));
+    }
+}

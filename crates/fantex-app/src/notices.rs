@@ -1,0 +1,138 @@
+//! Messages for the user.
+
+use std::collections::VecDeque;
+
+/// Most messages that are shown at a time.
+const SHOWN: usize = 4;
+
+/// Most messages that are kept for those who ask later.
+const KEPT: usize = 200;
+
+/// How serious a message is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// Something was done.
+    Info,
+    /// Something is not as it should be.
+    Warning,
+    /// Something failed. Stays until it is dismissed.
+    Error,
+}
+
+/// A message on the screen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Notice {
+    /// How serious.
+    pub severity: Severity,
+    /// One or two sentences.
+    pub text: String,
+    /// When it came, seconds.
+    pub since: f64,
+}
+
+/// The messages.
+#[derive(Clone, Debug, Default)]
+pub struct Notices {
+    shown: VecDeque<Notice>,
+    /// All texts, oldest first.
+    log: VecDeque<String>,
+    unseen_errors: u64,
+}
+
+impl Notices {
+    /// Shows a message. The same text twice is one message, with the time of the second.
+    pub fn add(&mut self, severity: Severity, text: impl Into<String>, seconds: f64) {
+        let text = text.into();
+        self.shown.retain(|notice| notice.text != text);
+        if self.log.back() != Some(&text) {
+            self.log.push_back(text.clone());
+        }
+        if self.log.len() > KEPT {
+            self.log.pop_front();
+        }
+        self.unseen_errors += u64::from(severity == Severity::Error);
+        self.shown.push_back(Notice { severity, text, since: seconds });
+        while self.shown.len() > SHOWN {
+            self.shown.pop_front();
+        }
+    }
+
+    /// Something was done.
+    pub fn info(&mut self, text: impl Into<String>, seconds: f64) {
+        self.add(Severity::Info, text, seconds);
+    }
+
+    /// Something is not as it should be.
+    pub fn warning(&mut self, text: impl Into<String>, seconds: f64) {
+        self.add(Severity::Warning, text, seconds);
+    }
+
+    /// Something failed.
+    pub fn error(&mut self, text: impl Into<String>, seconds: f64) {
+        self.add(Severity::Error, text, seconds);
+    }
+
+    /// The messages on the screen at a time, oldest first; old ones go.
+    pub fn shown(&mut self, seconds: f64) -> impl Iterator<Item = &Notice> {
+        self.shown.retain(|notice| lifetime(notice.severity).is_none_or(|l| seconds - notice.since < l));
+        self.shown.iter()
+    }
+
+    /// Seconds until the next message goes.
+    pub fn wake_in(&self, seconds: f64) -> Option<f64> {
+        let left = |n: &Notice| lifetime(n.severity).map(|l| (n.since + l - seconds).max(0.0));
+        self.shown.iter().filter_map(left).reduce(f64::min)
+    }
+
+    /// Takes a message from the screen, by its index among those shown.
+    pub fn dismiss(&mut self, index: usize) {
+        self.shown.remove(index);
+    }
+
+    /// The last texts, oldest first.
+    pub fn log(&self) -> impl Iterator<Item = &str> {
+        self.log.iter().map(String::as_str)
+    }
+
+    /// Number of errors so far.
+    pub fn error_count(&self) -> u64 {
+        self.unseen_errors
+    }
+}
+
+/// Seconds on the screen.
+fn lifetime(severity: Severity) -> Option<f64> {
+    match severity {
+        Severity::Info => Some(4.0),
+        Severity::Warning => Some(12.0),
+        Severity::Error => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_go_and_errors_stay() {
+        let mut notices = Notices::default();
+        notices.info("saved", 0.0);
+        notices.error("broken", 0.0);
+        assert_eq!(notices.shown(1.0).count(), 2);
+        assert_eq!(notices.wake_in(1.0), Some(3.0));
+        assert_eq!(notices.shown(60.0).map(|n| n.text.as_str()).collect::<Vec<_>>(), ["broken"]);
+        notices.dismiss(0);
+        assert_eq!(notices.shown(60.0).count(), 0);
+        assert_eq!(notices.log().collect::<Vec<_>>(), ["saved", "broken"]);
+    }
+
+    #[test]
+    fn repeated_messages_are_one() {
+        let mut notices = Notices::default();
+        (0..50).for_each(|i| notices.warning("slow", f64::from(i)));
+        assert_eq!(notices.shown(50.0).count(), 1);
+        assert_eq!(notices.log().count(), 1);
+        (0..50).for_each(|i| notices.error(format!("{i}"), 0.0));
+        assert_eq!(notices.shown(50.0).count(), SHOWN);
+    }
+}

@@ -1,0 +1,253 @@
+//! The scene itself, and what lies over it: messages, progress, the welcome, the overlay's legend.
+
+use eframe::egui::{
+    self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton, Pos2, Rect,
+    RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
+};
+use glam::DVec2;
+
+use super::SceneTexture;
+use super::bar::short_place;
+use super::widgets::dot;
+use crate::camera::Wish;
+use crate::command::{Command, keys_of};
+use crate::display::Overlay;
+use crate::notices::{Notice, Severity};
+use crate::theme;
+use crate::viewer::{SceneInput, Viewer};
+
+/// Points of scrolling that count as one notch of the wheel.
+const NOTCH_POINTS: f32 = 50.0;
+
+/// Returns what the user did in the scene.
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<SceneTexture>, seconds: f64) -> SceneInput {
+    let rect = ui.max_rect();
+    let response = ui.allocate_rect(rect, Sense::click_and_drag());
+    viewer.scene_pixels = pixels(rect.size(), ui.ctx().pixels_per_point());
+    ui.painter().rect_filled(rect, CornerRadius::ZERO, theme::WELL);
+    let mut input = SceneInput::default();
+    if viewer.document.is_some() {
+        if let Some(texture) = texture {
+            let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+            ui.painter().image(texture.id, rect, whole, Color32::WHITE);
+        }
+        input = scene_input(ui, &response, rect);
+        legend(ui, viewer, rect);
+    } else if viewer.opening.is_none() {
+        welcome(ui, viewer, rect, seconds);
+    }
+    opening(ui, viewer, rect);
+    drop_target(ui, rect);
+    notices(ui, viewer, rect, seconds);
+    input
+}
+
+/// Whole pixels of a size in points; zero where there is nothing to be seen.
+fn pixels(size: Vec2, pixels_per_point: f32) -> [u32; 2] {
+    let size = size * pixels_per_point;
+    let is_seen = size.x >= 1.0 && size.y >= 1.0 && size.is_finite();
+    if is_seen { [size.x, size.y].map(|n| n.round() as u32) } else { [0; 2] }
+}
+
+fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
+    let height = f64::from(rect.height().max(1.0));
+    let drag = |button: PointerButton| {
+        let by = if response.dragged_by(button) { response.drag_delta() } else { Vec2::ZERO };
+        DVec2::new(f64::from(by.x), f64::from(by.y)) / height
+    };
+    let cursor = response.hover_pos().map(|at| {
+        let share = (at - rect.min) / rect.size();
+        DVec2::new(f64::from(share.x), f64::from(share.y))
+    });
+    let primary = drag(PointerButton::Primary);
+    let side_drag = drag(PointerButton::Secondary) + drag(PointerButton::Middle);
+    let is_double_click = response.double_clicked();
+    // Keys that are typed into a field are not for the camera.
+    let has_keys = !ui.ctx().egui_wants_keyboard_input();
+    ui.input(|i| {
+        let held = |key: Key| f64::from(u8::from(has_keys && i.key_down(key) && !i.modifiers.command));
+        SceneInput {
+            drag: primary,
+            side_drag,
+            turns_sun: i.modifiers.command,
+            wheel: if cursor.is_some() { f64::from(i.smooth_scroll_delta().y / NOTCH_POINTS) } else { 0.0 },
+            cursor,
+            is_double_click,
+            wish: Wish {
+                right: held(Key::D) - held(Key::A),
+                up: held(Key::E) - held(Key::Q),
+                forward: (held(Key::W) - held(Key::S)) + held(Key::ArrowUp) - held(Key::ArrowDown),
+                fast: i.modifiers.shift,
+            },
+        }
+    })
+}
+
+/// What is seen before anything is open.
+fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, seconds: f64) {
+    let mut command = None;
+    let card = Rect::from_center_size(rect.center(), vec2(420.0f32.min(rect.width()), 320.0f32.min(rect.height())));
+    ui.scope_builder(UiBuilder::new().max_rect(card).layout(Layout::top_down(Align::Center)), |ui| {
+        ui.add_space(24.0);
+        ui.label(RichText::new("Drop a model or an asset here").size(20.0).color(theme::STRONG));
+        ui.label(RichText::new(".glb  .gltf  .obj  .ply  .stl  .fan").color(theme::FAINT));
+        ui.add_space(10.0);
+        let keys = keys_of(&Command::OpenDialog).unwrap_or_default();
+        let button = egui::Button::new("Open a file …").shortcut_text(RichText::new(keys).color(theme::FAINT));
+        if ui.add_sized([190.0, 32.0], button).clicked() {
+            command = Some(Command::OpenDialog);
+        }
+        if !viewer.settings.recent.is_empty() {
+            ui.add_space(14.0);
+            ui.label(RichText::new("Recent").color(theme::FAINT));
+            for place in viewer.settings.recent.iter().take(5) {
+                if ui.link(short_place(place)).on_hover_text(place).clicked() {
+                    command = Some(Command::Open(place.clone()));
+                }
+            }
+        }
+    });
+    if let Some(command) = command {
+        viewer.command(command, seconds);
+    }
+}
+
+/// How far opening is, and how to stop it.
+fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+    let Some(opening) = &viewer.opening else { return };
+    // What is there at once needs no card.
+    if opening.seconds() < 0.15 {
+        ui.ctx().request_repaint_after_secs(0.1);
+        return;
+    }
+    ui.ctx().request_repaint_after_secs(0.1);
+    let mut is_cancelled = false;
+    Area::new(Id::unique("opening")).order(Order::Middle).fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(
+        ui.ctx(),
+        |ui| {
+            card().show(ui, |ui| {
+                ui.set_width(320.0);
+                ui.horizontal(|ui| {
+                    ui.add(Spinner::new().size(18.0));
+                    ui.label(RichText::new(short_place(&opening.place.name())).color(theme::STRONG));
+                });
+                ui.horizontal(|ui| {
+                    let text = format!("{} … {:.0} s", opening.stage().label(), opening.seconds());
+                    ui.label(RichText::new(text).color(theme::FAINT));
+                    ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                        is_cancelled = ui.button("Cancel").clicked();
+                    });
+                });
+            });
+        },
+    );
+    if is_cancelled {
+        viewer.cancel_opening();
+    }
+}
+
+/// A frame that invites to let go of a file.
+fn drop_target(ui: &Ui, rect: Rect) {
+    if ui.input(|i| i.raw.hovered_files.is_empty()) {
+        return;
+    }
+    let painter = ui.painter();
+    painter.rect_filled(rect, CornerRadius::ZERO, Color32::from_black_alpha(120));
+    let inner = rect.shrink(16.0);
+    painter.rect_stroke(inner, CornerRadius::same(8), Stroke::new(2.0, theme::ACCENT), egui::StrokeKind::Inside);
+    painter.text(
+        rect.center(),
+        Align2::CENTER_CENTER,
+        "Let go to open",
+        egui::FontId::proportional(20.0),
+        theme::STRONG,
+    );
+}
+
+/// What the overlay's colours mean, in the upper left corner.
+fn legend(ui: &Ui, viewer: &Viewer, rect: Rect) {
+    let overlay = viewer.settings.display.overlay;
+    let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
+    if overlay == Overlay::None || !is_asset || rect.width() < 240.0 {
+        return;
+    }
+    let at = rect.min + vec2(12.0, 12.0);
+    Area::new(Id::unique("legend")).order(Order::Middle).fixed_pos(at).interactable(false).show(ui.ctx(), |ui| {
+        card().show(ui, |ui| {
+            ui.set_max_width((rect.width() - 60.0).clamp(160.0, 260.0));
+            ui.label(RichText::new(overlay.label()).color(theme::STRONG));
+            if overlay == Overlay::Levels {
+                swatches(ui, viewer);
+            }
+            ui.label(RichText::new(overlay.meaning()).small().color(theme::FAINT));
+        });
+    });
+}
+
+fn swatches(ui: &mut Ui, viewer: &Viewer) {
+    let count = viewer.figures.levels.len().clamp(1, theme::LEVELS.len());
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 3.0;
+        for level in 0..count {
+            let (rect, _) = ui.allocate_exact_size(vec2(22.0, 16.0), Sense::hover());
+            ui.painter().rect_filled(rect, CornerRadius::same(3), theme::level_color(level));
+            let font = egui::FontId::proportional(10.5);
+            ui.painter().text(rect.center(), Align2::CENTER_CENTER, level, font, Color32::BLACK);
+        }
+    });
+}
+
+/// Messages in the lower left corner, the newest at the bottom.
+fn notices(ui: &Ui, viewer: &mut Viewer, rect: Rect, seconds: f64) {
+    let shown: Vec<Notice> = viewer.notices.shown(seconds).cloned().collect();
+    if shown.is_empty() {
+        return;
+    }
+    if let Some(wake) = viewer.notices.wake_in(seconds) {
+        ui.ctx().request_repaint_after_secs(wake as f32 + 0.01);
+    }
+    let at: Pos2 = rect.left_bottom() + vec2(12.0, -12.0);
+    let mut dismissed = None;
+    Area::new(Id::unique("notices")).order(Order::Middle).fixed_pos(at).pivot(Align2::LEFT_BOTTOM).show(
+        ui.ctx(),
+        |ui| {
+            for (i, notice) in shown.iter().enumerate() {
+                if notice_card(ui, notice, rect.width()) {
+                    dismissed = Some(i);
+                }
+            }
+        },
+    );
+    if let Some(i) = dismissed {
+        viewer.notices.dismiss(i);
+    }
+}
+
+/// Returns whether it is to go.
+fn notice_card(ui: &mut Ui, notice: &Notice, width: f32) -> bool {
+    let color = match notice.severity {
+        Severity::Info => theme::ACCENT,
+        Severity::Warning => theme::WARNING,
+        Severity::Error => theme::ERROR,
+    };
+    let mut is_dismissed = false;
+    card().stroke(Stroke::new(1.0, color.gamma_multiply(0.6))).show(ui, |ui| {
+        ui.set_width((width - 60.0).clamp(180.0, 440.0));
+        ui.with_layout(Layout::right_to_left(Align::Min), |ui| {
+            is_dismissed = ui.small_button("×").on_hover_text("Dismiss").clicked();
+            ui.with_layout(Layout::left_to_right(Align::Min), |ui| {
+                dot(ui, color);
+                ui.add(egui::Label::new(RichText::new(&notice.text).color(theme::TEXT)).wrap());
+            });
+        });
+    });
+    is_dismissed
+}
+
+fn card() -> Frame {
+    Frame::new()
+        .fill(Color32::from_rgba_unmultiplied(0x1f, 0x22, 0x27, 0xe8))
+        .stroke(Stroke::new(1.0, theme::LINE))
+        .corner_radius(CornerRadius::same(6))
+        .inner_margin(Margin::symmetric(12, 8))
+}

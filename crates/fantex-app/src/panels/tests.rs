@@ -1,0 +1,167 @@
+//! Panels without a window: they show what is there, and clicks change what they promise.
+
+use std::sync::Arc;
+
+use eframe::egui::{Key, Modifiers, vec2};
+use egui_kittest::Harness;
+use egui_kittest::kittest::Queryable;
+
+use super::*;
+use crate::camera::CameraMode;
+use crate::display::Overlay;
+use crate::document::{ChannelFact, Content, Document, Fact, Place};
+use crate::figures::{DamagedPage, LevelFigures};
+use crate::settings::{PanelSettings, Settings, Tab};
+
+fn empty() -> Viewer {
+    Viewer::new(Settings::default(), None, Arc::new(|| {}))
+}
+
+fn with_model() -> Viewer {
+    let model = fantex_mesh::generate::torus(24, 12);
+    let (mesh, report) = fantex_mesh::clean(model, &fantex_mesh::CleanOptions::default()).unwrap();
+    let mut viewer = empty();
+    let notes = vec!["12 vertices welded to an earlier vertex at the same place.".to_owned()];
+    viewer.document = Some(Document::of_model(Place::parse("torus.ply"), Arc::new(mesh), &report, notes));
+    viewer
+}
+
+fn harness(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
+    let mut is_dressed = false;
+    Harness::builder().with_size(vec2(size[0], size[1])).build_ui_state(
+        move |ui, viewer: &mut Viewer| {
+            if !std::mem::replace(&mut is_dressed, true) {
+                theme::apply(ui.ctx());
+            }
+            show(ui, viewer, &Textures::default(), 1.0);
+        },
+        viewer,
+    )
+}
+
+#[test]
+fn the_welcome_asks_for_a_file() {
+    let mut viewer = empty();
+    viewer.settings.remember("/data/bunny.fan");
+    let mut harness = harness(viewer, [1280.0, 800.0]);
+    harness.get_by_label_contains("Open a file").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state_mut().take_requests(), [crate::viewer::Request::OpenDialog]);
+    harness.get_by_label_contains("/data/bunny.fan").click();
+    harness.run_steps(2);
+    assert!(harness.state().opening.is_some());
+}
+
+#[test]
+fn camera_modes_are_buttons() {
+    let mut harness = harness(with_model(), [1280.0, 800.0]);
+    harness.get_by_label("Fly").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().settings.camera.mode, CameraMode::Fly);
+}
+
+#[test]
+fn the_model_page_shows_facts_and_report() {
+    let harness = harness(with_model(), [1280.0, 800.0]);
+    harness.get_by_label("Triangles");
+    harness.get_by_label("576");
+    harness.get_by_label_contains("12 vertices welded");
+}
+
+#[test]
+fn every_page_is_shown_at_every_size() {
+    for size in [[1280.0, 800.0], [1920.0, 1080.0], [640.0, 400.0], [220.0, 160.0]] {
+        for tab in Tab::ALL {
+            for mut viewer in [empty(), with_model()] {
+                viewer.settings.panels = PanelSettings { has_inspector: true, tab, has_atlas: true, has_graphs: true };
+                viewer.has_help = true;
+                viewer.notices.error("Something went wrong, and this is a long sentence that says what it was.", 0.0);
+                let mut harness = harness(viewer, size);
+                harness.run_steps(3);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_light_page_turns_the_sun_off_and_on() {
+    let mut viewer = with_model();
+    viewer.settings.panels.tab = Tab::Light;
+    let mut harness = harness(viewer, [1280.0, 800.0]);
+    harness.get_by_label("As at first");
+    harness.state_mut().settings.light.sun_strength = 3.0;
+    harness.get_by_label("As at first").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().settings.light.sun_strength, 1.0);
+}
+
+#[test]
+fn help_opens_and_closes() {
+    let mut harness = harness(with_model(), [1280.0, 800.0]);
+    harness.get_by_label("?").click();
+    harness.run_steps(3);
+    assert!(harness.state().has_help);
+    harness.get_by_label_contains("four times").rect();
+}
+
+#[test]
+fn errors_stay_until_they_are_dismissed() {
+    let mut viewer = with_model();
+    viewer.notices.error("bunny.fan is damaged.", 0.0);
+    let mut harness = harness(viewer, [1280.0, 800.0]);
+    harness.get_by_label_contains("bunny.fan is damaged");
+    harness.get_by_label("×").click();
+    harness.run_steps(3);
+    assert!(harness.query_by_label_contains("bunny.fan is damaged").is_none());
+}
+
+#[test]
+fn keys_in_the_scene_become_wishes() {
+    let mut viewer = with_model();
+    viewer.scene_pixels = [800, 600];
+    let wishes = Arc::new(std::sync::Mutex::new(Vec::new()));
+    let seen = wishes.clone();
+    let mut harness = Harness::builder().with_size(vec2(1280.0, 800.0)).build_ui_state(
+        move |ui, viewer: &mut Viewer| {
+            seen.lock().unwrap().push(show(ui, viewer, &Textures::default(), 1.0).input.wish);
+        },
+        viewer,
+    );
+    harness.key_down_modifiers(Modifiers::NONE, Key::W);
+    harness.run_steps(2);
+    assert_eq!(wishes.lock().unwrap().last().unwrap().forward, 1.0);
+    harness.key_up_modifiers(Modifiers::NONE, Key::W);
+    harness.run_steps(2);
+    assert_eq!(wishes.lock().unwrap().last().unwrap().forward, 0.0);
+}
+
+#[test]
+fn damage_is_listed() {
+    let mut harness = Harness::builder().with_size(vec2(400.0, 900.0)).build_ui_state(
+        |ui, viewer: &mut Viewer| streaming::show_figures(ui, &viewer.figures),
+        empty(),
+    );
+    let figures = &mut harness.state_mut().figures;
+    figures.levels = vec![LevelFigures { resident: 3, pages: 9 }, LevelFigures { resident: 4, pages: 4 }];
+    figures.damaged =
+        vec![DamagedPage { page: "group 7, level 2, page 0,0".into(), reason: "its checksum is wrong".into() }];
+    figures.damaged_count = 1;
+    harness.run_steps(2);
+    harness.get_by_label_contains("group 7, level 2");
+    harness.get_by_label("3 of 9");
+}
+
+#[test]
+fn an_asset_offers_overlays_and_a_model_does_not() {
+    let document = with_model().document.unwrap();
+    assert!(matches!(document.content, Content::Model(_)));
+    assert_eq!(Overlay::ALL.len(), 6);
+    let facts = [Fact { name: "Levels", value: "9".into() }];
+    let channels = [ChannelFact { kind: "Normal", format: "BC5".into() }];
+    let mut harness = Harness::builder().with_size(vec2(400.0, 300.0)).build_ui(move |ui| {
+        widgets::document_facts(ui, "facts", &facts);
+        widgets::facts(ui, "channels", channels.iter().map(|c| (c.kind, c.format.clone())));
+    });
+    harness.run_steps(1);
+    harness.get_by_label("BC5");
+}

@@ -1,0 +1,237 @@
+//! Small parts that several panels share.
+
+use std::ops::RangeInclusive;
+
+use eframe::egui::emath::Numeric;
+use eframe::egui::epaint::{PathShape, PathStroke};
+use eframe::egui::{
+    self, Align, Align2, Color32, ComboBox, CornerRadius, DragValue, FontId, Grid, Layout, Pos2, Rect,
+    Response, RichText, Sense, Shape, Slider, Stroke, Ui, pos2, vec2,
+};
+
+use crate::document::Fact;
+use crate::history::History;
+use crate::theme;
+
+/// A heading within a page.
+pub(super) fn heading(ui: &mut Ui, text: &str) {
+    ui.add_space(6.0);
+    ui.label(RichText::new(text).color(theme::STRONG).strong());
+}
+
+/// An explanation in small, faint letters.
+pub(super) fn hint(ui: &mut Ui, text: &str) {
+    ui.label(RichText::new(text).small().color(theme::FAINT));
+}
+
+/// Names at the left, values at the right.
+pub(super) fn facts<'a>(ui: &mut Ui, id: &str, facts: impl IntoIterator<Item = (&'a str, String)>) {
+    Grid::new(id).num_columns(2).spacing([12.0, 4.0]).min_col_width(96.0).show(ui, |ui| {
+        for (name, value) in facts {
+            ui.label(RichText::new(name).color(theme::FAINT));
+            ui.label(value);
+            ui.end_row();
+        }
+    });
+}
+
+/// As [`facts`], of a document.
+pub(super) fn document_facts(ui: &mut Ui, id: &str, all: &[Fact]) {
+    facts(ui, id, all.iter().map(|fact| (fact.name, fact.value.clone())));
+}
+
+/// A row of an editor: its name at the left, the widget in a column of its own.
+pub(super) fn row(ui: &mut Ui, name: &str, add: impl FnOnce(&mut Ui) -> Response) -> Response {
+    ui.horizontal(|ui| {
+        let label = name_label(ui, name);
+        add(ui).labelled_by(label.id)
+    })
+    .inner
+}
+
+fn name_label(ui: &mut Ui, name: &str) -> Response {
+    let size = vec2(96.0, ui.spacing().interact_size.y);
+    let layout = Layout::left_to_right(Align::Center);
+    ui.allocate_ui_with_layout(size, layout, |ui| {
+        ui.set_min_width(size.x);
+        ui.label(RichText::new(name).color(theme::FAINT))
+    })
+    .inner
+}
+
+/// A row with a number, to slide or to type.
+pub(super) struct NumberRow<'a> {
+    pub(super) name: &'a str,
+    pub(super) suffix: &'a str,
+    pub(super) decimals: usize,
+    pub(super) is_logarithmic: bool,
+    pub(super) tip: &'a str,
+}
+
+impl<'a> NumberRow<'a> {
+    /// Two decimals, nothing else.
+    pub(super) const PLAIN: Self = Self { name: "", suffix: "", decimals: 2, is_logarithmic: false, tip: "" };
+
+    /// The same with a name.
+    pub(super) fn named(self, name: &'a str) -> Self {
+        Self { name, ..self }
+    }
+
+    /// Shows the row for a value within a range.
+    pub(super) fn show<N: Numeric>(&self, ui: &mut Ui, value: &mut N, range: RangeInclusive<N>) {
+        ui.horizontal(|ui| {
+            let label = name_label(ui, self.name);
+            let slider =
+                Slider::new(value, range.clone()).show_value(false).logarithmic(self.is_logarithmic);
+            let response = ui.add(slider).labelled_by(label.id);
+            if !self.tip.is_empty() {
+                response.on_hover_text(self.tip);
+            }
+            let [low, high] = [range.start().to_f64(), range.end().to_f64()];
+            let speed = if self.is_logarithmic { value.to_f64() * 0.02 } else { (high - low) / 400.0 };
+            let number = DragValue::new(value)
+                .range(range)
+                .speed(speed)
+                .suffix(self.suffix)
+                .fixed_decimals(self.decimals);
+            ui.add(number).labelled_by(label.id);
+        });
+    }
+}
+
+/// A choice among a few, as buttons side by side. Returns whether another was chosen.
+pub(super) fn segments<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    value: &mut T,
+    all: &[T],
+    label: impl Fn(T) -> &'static str,
+) -> bool {
+    let before = *value;
+    ui.spacing_mut().item_spacing.x = 2.0;
+    for &one in all {
+        ui.selectable_value(value, one, label(one));
+    }
+    *value != before
+}
+
+/// A choice among many, as a list that opens.
+pub(super) fn choice<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    id: &str,
+    value: &mut T,
+    all: &[T],
+    label: impl Fn(T) -> String,
+) -> Response {
+    let list = ComboBox::from_id_salt(id).selected_text(label(*value)).show_ui(ui, |ui| {
+        for &one in all {
+            ui.selectable_value(value, one, label(one));
+        }
+    });
+    list.response
+}
+
+/// A name and a choice in a bar.
+pub(super) fn named_choice<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    name: &str,
+    value: &mut T,
+    all: &[T],
+    label: impl Fn(T) -> String,
+) {
+    let name_id = ui.label(RichText::new(name).color(theme::FAINT)).id;
+    choice(ui, name, value, all, label).labelled_by(name_id);
+}
+
+/// A small disc in a line of text.
+pub(super) fn dot(ui: &mut Ui, color: Color32) {
+    let (rect, _) = ui.allocate_exact_size(vec2(10.0, ui.spacing().interact_size.y.min(18.0)), Sense::hover());
+    ui.painter().circle_filled(rect.center(), 4.0, color);
+}
+
+/// A bar that is filled to a share (0..1).
+pub(super) fn gauge(ui: &mut Ui, share: f32, color: Color32) -> Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 6.0), Sense::hover());
+    let radius = CornerRadius::same(3);
+    ui.painter().rect_filled(rect, radius, theme::WELL);
+    let filled = rect.with_max_x(rect.left() + rect.width() * share.clamp(0.0, 1.0));
+    if filled.width() > 0.5 {
+        ui.painter().rect_filled(filled, radius, color);
+    }
+    response
+}
+
+/// A graph of a history, the newest value at the right. `top` is the least upper end of its scale.
+pub(super) struct Chart<'a> {
+    pub(super) title: &'a str,
+    pub(super) history: &'a History,
+    pub(super) color: Color32,
+    pub(super) top: f32,
+    /// A line across, for a limit.
+    pub(super) limit: Option<f32>,
+    pub(super) text: &'a dyn Fn(f32) -> String,
+}
+
+impl Chart<'_> {
+    /// Draws the graph with its title into a rectangle.
+    pub(super) fn paint(&self, ui: &Ui, rect: Rect) {
+        let painter = ui.painter_at(rect);
+        painter.rect_filled(rect, CornerRadius::same(4), theme::WELL);
+        let font = |size: f32| FontId::proportional(size);
+        let inner = rect.shrink2(vec2(8.0, 6.0));
+        painter.text(inner.left_top(), Align2::LEFT_TOP, self.title, font(11.0), theme::FAINT);
+        let now = self.history.last().map_or("–".to_owned(), self.text);
+        painter.text(inner.right_top(), Align2::RIGHT_TOP, now, font(12.0), theme::STRONG);
+        let plot = Rect::from_min_max(inner.left_top() + vec2(0.0, 20.0), inner.right_bottom());
+        let top = self.scale();
+        painter.hline(plot.x_range(), plot.bottom(), Stroke::new(1.0, theme::LINE));
+        painter.hline(plot.x_range(), plot.top(), Stroke::new(1.0, theme::LINE.gamma_multiply(0.6)));
+        painter.text(plot.left_top() + vec2(0.0, 1.0), Align2::LEFT_TOP, (self.text)(top), font(9.5), theme::FAINT);
+        if let Some(limit) = self.limit.filter(|&limit| limit < top) {
+            let y = plot.bottom() - plot.height() * limit / top;
+            painter.add(Shape::dashed_line(
+                &[pos2(plot.left(), y), pos2(plot.right(), y)],
+                Stroke::new(1.0, theme::FAINT.gamma_multiply(0.5)),
+                3.0,
+                3.0,
+            ));
+        }
+        let points = self.points(plot, top);
+        if points.len() >= 2 {
+            for pair in points.windows(2) {
+                let below = |p: Pos2| pos2(p.x, plot.bottom());
+                let quad = vec![pair[0], pair[1], below(pair[1]), below(pair[0])];
+                painter.add(Shape::Path(PathShape::convex_polygon(
+                    quad,
+                    self.color.gamma_multiply(0.16),
+                    PathStroke::NONE,
+                )));
+            }
+            painter.add(Shape::line(points, Stroke::new(1.4, self.color)));
+        }
+    }
+
+    /// The upper end of the scale: one of 1, 2, 5 times a power of ten.
+    fn scale(&self) -> f32 {
+        let most = self.history.max().unwrap_or(0.0).max(self.top);
+        if most <= self.top {
+            return self.top;
+        }
+        let power = 10f32.powf(most.log10().floor());
+        [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|&end| end >= most).unwrap_or(most)
+    }
+
+    fn points(&self, plot: Rect, top: f32) -> Vec<Pos2> {
+        let step = plot.width() / (self.history.capacity() - 1).max(1) as f32;
+        let count = self.history.iter().len();
+        let at = |(i, value): (usize, f32)| {
+            let x = plot.right() - (count - 1 - i) as f32 * step;
+            pos2(x, plot.bottom() - plot.height() * (value / top).clamp(0.0, 1.0))
+        };
+        self.history.iter().enumerate().map(at).collect()
+    }
+}
+
+/// A button of a bar that is pressed while something is on.
+pub(super) fn switch(ui: &mut Ui, is_on: bool, text: &str, tip: &str) -> bool {
+    ui.add(egui::Button::selectable(is_on, text)).on_hover_text(tip).clicked()
+}

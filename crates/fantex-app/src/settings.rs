@@ -1,0 +1,325 @@
+//! What the viewer remembers from one start to the next.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use crate::camera::{CameraMode, FlyMotion};
+use crate::display::DisplaySettings;
+use crate::files::{WriteError, write_whole};
+use crate::light::LightSettings;
+
+/// How many recent files are remembered.
+const MAX_RECENT: usize = 12;
+
+/// Most bytes of a file that is read as settings.
+const MAX_FILE_BYTES: u64 = 1 << 20;
+
+/// Everything that is remembered.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Settings {
+    /// The window.
+    pub window: WindowSettings,
+    /// How the camera moves.
+    pub camera: CameraSettings,
+    /// Which panels are shown.
+    pub panels: PanelSettings,
+    /// The light.
+    pub light: LightSettings,
+    /// How the scene is shown.
+    pub display: DisplaySettings,
+    /// Memory and speed of streaming.
+    pub streaming: StreamingSettings,
+    /// Files that were opened, the last one first.
+    pub recent: Vec<String>,
+}
+
+/// The window's place.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct WindowSettings {
+    /// Width and height in points.
+    pub size: [f32; 2],
+    /// Left and top in points, where the system tells.
+    pub position: Option<[f32; 2]>,
+    /// Whether it fills the screen.
+    pub is_maximized: bool,
+}
+
+impl Default for WindowSettings {
+    fn default() -> Self {
+        Self { size: [1280.0, 800.0], position: None, is_maximized: false }
+    }
+}
+
+/// How the camera moves.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CameraSettings {
+    /// Orbit, fly or walk.
+    pub mode: CameraMode,
+    /// Vertical opening angle in degrees, 10 to 120.
+    pub fov_degrees: f64,
+    /// Factor of the speed of flight.
+    pub fly_speed: f64,
+    /// Factor of the speed of walking.
+    pub walk_speed: f64,
+    /// Height of a walker's eyes in world units; chosen by the model's size without.
+    pub eye_height: Option<f64>,
+}
+
+impl Default for CameraSettings {
+    fn default() -> Self {
+        Self { mode: CameraMode::Orbit, fov_degrees: 35.0, fly_speed: 1.0, walk_speed: 1.0, eye_height: None }
+    }
+}
+
+/// A page of the inspector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Tab {
+    /// What the model is.
+    #[default]
+    Model,
+    /// How it is covered by tiles.
+    Cover,
+    /// What is resident.
+    Streaming,
+    /// Sun and surroundings.
+    Light,
+    /// Camera and picture.
+    View,
+}
+
+impl Tab {
+    /// All pages from left to right.
+    pub const ALL: [Self; 5] = [Self::Model, Self::Cover, Self::Streaming, Self::Light, Self::View];
+
+    /// Its name.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Model => "Model",
+            Self::Cover => "Cover",
+            Self::Streaming => "Streaming",
+            Self::Light => "Light",
+            Self::View => "View",
+        }
+    }
+}
+
+/// Which panels are shown.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PanelSettings {
+    /// The inspector at the right.
+    pub has_inspector: bool,
+    /// Its page.
+    pub tab: Tab,
+    /// The live atlas beside the scene.
+    pub has_atlas: bool,
+    /// The graphs below the scene.
+    pub has_graphs: bool,
+}
+
+impl Default for PanelSettings {
+    fn default() -> Self {
+        Self { has_inspector: true, tab: Tab::Model, has_atlas: false, has_graphs: false }
+    }
+}
+
+/// Memory and speed of streaming.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct StreamingSettings {
+    /// Graphics memory for texels, mebibytes.
+    pub pool_mib: u32,
+    /// Texels that go to the graphics memory in one frame, kibibytes.
+    pub upload_kib: u32,
+    /// Whether pages are loaded; off, what is there stays.
+    pub is_running: bool,
+}
+
+impl Default for StreamingSettings {
+    fn default() -> Self {
+        Self { pool_mib: 64, upload_kib: 4096, is_running: true }
+    }
+}
+
+impl StreamingSettings {
+    /// Least and most memory, mebibytes.
+    pub const POOL_MIB: [u32; 2] = [1, 4096];
+    /// Least and most texels of a frame, kibibytes.
+    pub const UPLOAD_KIB: [u32; 2] = [64, 65536];
+
+    /// Graphics memory for texels in bytes.
+    pub fn pool_bytes(&self) -> u64 {
+        u64::from(self.pool_mib) << 20
+    }
+
+    /// Texels of a frame in bytes.
+    pub fn upload_bytes(&self) -> usize {
+        (self.upload_kib as usize) << 10
+    }
+}
+
+/// What was wrong with the settings' file.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsError {
+    /// It could not be read.
+    #[error("cannot read the settings {}: {source}; starting with the usual ones", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// It is damaged, and was set aside.
+    #[error("the settings {} are damaged ({source}); they were set aside as {}", path.display(), aside.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where it is now.
+        aside: PathBuf,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+}
+
+impl Settings {
+    /// Reads the settings. Without a file they are the usual ones; a damaged file is renamed, and the settings are the usual
+    /// ones, too.
+    pub fn load(path: &Path) -> (Self, Option<SettingsError>) {
+        match read_limited(path) {
+            Ok(bytes) => match serde_json::from_slice::<Self>(&bytes) {
+                Ok(settings) => (settings.sanitized(), None),
+                Err(source) => {
+                    let aside = path.with_extension("damaged.json");
+                    // Where it cannot be renamed it will be replaced when the program ends.
+                    std::fs::rename(path, &aside).ok();
+                    (Self::default(), Some(SettingsError::Damaged { path: path.into(), aside, source }))
+                }
+            },
+            Err(error) if error.kind() == io::ErrorKind::NotFound => (Self::default(), None),
+            Err(source) => (Self::default(), Some(SettingsError::Read { path: path.into(), source })),
+        }
+    }
+
+    /// Writes the settings, whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// [`WriteError`], where the file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<(), WriteError> {
+        let text = serde_json::to_vec_pretty(self)
+            .map_err(|source| WriteError { path: path.into(), source: source.into() })?;
+        write_whole(path, &text)
+    }
+
+    /// Puts a file at the top of the recent ones.
+    pub fn remember(&mut self, place: &str) {
+        self.recent.retain(|known| known != place);
+        self.recent.insert(0, place.to_owned());
+        self.recent.truncate(MAX_RECENT);
+    }
+
+    /// Numbers brought into their ranges, so that no file can make the viewer unusable.
+    fn sanitized(mut self) -> Self {
+        let within = |value: f64, [low, high]: [f64; 2], default: f64| {
+            if value.is_finite() { value.clamp(low, high) } else { default }
+        };
+        let usable = |size: f32, default: f32| {
+            if size.is_finite() && size >= 100.0 { size.min(16_384.0) } else { default }
+        };
+        let [width, height] = WindowSettings::default().size;
+        self.window.size = [usable(self.window.size[0], width), usable(self.window.size[1], height)];
+        self.window.position = self.window.position.filter(|p| p.iter().all(|n| n.abs() < 65_536.0));
+        self.camera.fov_degrees = within(self.camera.fov_degrees, [10.0, 120.0], 35.0);
+        self.camera.fly_speed = within(self.camera.fly_speed, FlyMotion::SPEEDS, 1.0);
+        self.camera.walk_speed = within(self.camera.walk_speed, [0.1, 20.0], 1.0);
+        self.camera.eye_height = self.camera.eye_height.filter(|h| h.is_finite() && *h > 0.0);
+        let [least, most] = StreamingSettings::POOL_MIB;
+        self.streaming.pool_mib = self.streaming.pool_mib.clamp(least, most);
+        let [least, most] = StreamingSettings::UPLOAD_KIB;
+        self.streaming.upload_kib = self.streaming.upload_kib.clamp(least, most);
+        self.light = self.light.sanitized();
+        self.display = self.display.sanitized();
+        self.recent.truncate(MAX_RECENT);
+        self
+    }
+}
+
+fn read_limited(path: &Path) -> io::Result<Vec<u8>> {
+    if std::fs::metadata(path)?.len() > MAX_FILE_BYTES {
+        return Err(io::ErrorKind::FileTooLarge.into());
+    }
+    std::fs::read(path)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(text: &str) -> (tempfile::TempDir, PathBuf) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("settings.json");
+        std::fs::write(&path, text).unwrap();
+        (folder, path)
+    }
+
+    #[test]
+    fn settings_come_back() {
+        let (_folder, path) = file("{}");
+        let mut settings = Settings::default();
+        settings.camera.mode = CameraMode::Walk;
+        settings.panels.tab = Tab::Light;
+        settings.remember("a.glb");
+        settings.save(&path).unwrap();
+        let (again, problem) = Settings::load(&path);
+        assert_eq!(again, settings);
+        assert!(problem.is_none());
+    }
+
+    #[test]
+    fn a_first_start_has_no_file_and_no_problem() {
+        let folder = tempfile::tempdir().unwrap();
+        let (settings, problem) = Settings::load(&folder.path().join("none.json"));
+        assert_eq!(settings, Settings::default());
+        assert!(problem.is_none());
+    }
+
+    #[test]
+    fn damaged_settings_are_set_aside_and_reported() {
+        for text in ["{\"camera\":", "[1]", "\0\0\0", "{\"camera\":{\"mode\":\"swim\"}}"] {
+            let (_folder, path) = file(text);
+            let (settings, problem) = Settings::load(&path);
+            assert_eq!(settings, Settings::default());
+            let Some(SettingsError::Damaged { aside, .. }) = problem else { panic!("{text}: {problem:?}") };
+            assert_eq!(std::fs::read_to_string(aside).unwrap(), text);
+            assert!(!path.exists());
+        }
+    }
+
+    #[test]
+    fn nonsense_numbers_are_brought_into_range() {
+        let (_folder, path) = file(
+            r#"{"window":{"size":[0,1e30]},"camera":{"fov_degrees":-4},"streaming":{"pool_mib":0},"display":{"anisotropy":5}}"#,
+        );
+        let (settings, problem) = Settings::load(&path);
+        assert!(problem.is_none());
+        assert_eq!(settings.window.size, [1280.0, 16_384.0]);
+        assert_eq!(settings.camera.fov_degrees, 10.0);
+        assert_eq!(settings.streaming.pool_mib, 1);
+        assert_eq!(settings.display.anisotropy, 8);
+    }
+
+    #[test]
+    fn the_last_file_is_the_first_of_the_recent_ones() {
+        let mut settings = Settings::default();
+        (0..20).for_each(|i| settings.remember(&format!("{i}.glb")));
+        settings.remember("15.glb");
+        assert_eq!(settings.recent[..3], ["15.glb", "19.glb", "18.glb"]);
+        assert_eq!(settings.recent.len(), MAX_RECENT);
+    }
+}

@@ -1,0 +1,179 @@
+//! Carries out the steps of a session: as keys and mouse where a user would use these, else directly.
+
+use std::path::Path;
+
+use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
+use fantex_scene::Camera;
+use glam::DVec3;
+
+use crate::command::{Command, parse_keys};
+use crate::light::Surroundings;
+use crate::session::{Act, SessionError, SessionRunner, Situation, Step};
+use crate::viewer::{PictureSize, Request, Tape, Viewer};
+
+/// Frames over which a drag is spread.
+const DRAG_FRAMES: u32 = 6;
+
+/// A session at work.
+pub(super) struct Driver {
+    runner: SessionRunner,
+    frame: u64,
+    hands: Hands,
+}
+
+/// What the session's hands do with keys and mouse.
+#[derive(Debug, Default)]
+struct Hands {
+    /// Events for the next frames, in this order, one list per frame.
+    coming: std::collections::VecDeque<Vec<Event>>,
+    held: Vec<Key>,
+    held_frames: u32,
+}
+
+impl Driver {
+    pub(super) fn new(runner: SessionRunner) -> Self {
+        Self { runner, frame: 0, hands: Hands::default() }
+    }
+
+    /// Does what is next. Returns whether there is more to do.
+    pub(super) fn step(
+        &mut self,
+        ctx: &egui::Context,
+        viewer: &mut Viewer,
+        seconds: f64,
+        is_sharp: bool,
+        pictures_due: usize,
+    ) -> Result<bool, SessionError> {
+        self.frame += 1;
+        let situation = Situation {
+            seconds,
+            frame: self.frame,
+            is_opening: viewer.opening.is_some() || viewer.is_making_surroundings(),
+            is_sharp,
+            is_playing: matches!(viewer.tape, Tape::Playing { .. }),
+            pictures_due: pictures_due + self.hands.coming.len(),
+            messages: viewer.notices.log().map(str::to_owned).collect(),
+            failure: None,
+        };
+        match self.runner.next(&situation)? {
+            Act::Wait => Ok(true),
+            Act::End => Ok(false),
+            Act::Do(step) => {
+                self.act(ctx, viewer, step, seconds);
+                Ok(true)
+            }
+        }
+    }
+
+    fn act(&mut self, ctx: &egui::Context, viewer: &mut Viewer, step: Step, seconds: f64) {
+        match step {
+            Step::Key(name) => self.hands.press(&name),
+            Step::Hold { keys, frames } => self.hands.hold(&keys, frames),
+            Step::Drag { x, y, with } => self.hands.drag(ctx, viewer, [x, y], &with),
+            Step::Camera { eye, target } => viewer.set_camera(&Camera {
+                eye: DVec3::from_array(eye),
+                target: DVec3::from_array(target),
+                up: DVec3::Y,
+                fov_degrees: viewer.settings.camera.fov_degrees,
+            }),
+            Step::View(preset) => viewer.command(Command::View(preset), seconds),
+            Step::Mode(mode) => viewer.command(Command::Mode(mode), seconds),
+            Step::Overlay(overlay) => viewer.settings.display.overlay = overlay,
+            Step::Shading(shading) => viewer.settings.display.shading = shading,
+            Step::Tab(tab) => viewer.settings.panels.tab = tab,
+            Step::Open(place) => viewer.open(&place, seconds),
+            Step::Surroundings(name) => {
+                viewer.settings.light.surroundings = match name.as_str() {
+                    "studio" => Surroundings::Studio,
+                    "sky" => Surroundings::Sky,
+                    file => Surroundings::File(file.into()),
+                };
+            }
+            Step::Pool(mebibytes) => viewer.settings.streaming.pool_mib = mebibytes.max(1),
+            Step::Play(file) => {
+                viewer.load_path(Path::new(&file), seconds);
+                viewer.command(Command::TogglePlayback, seconds);
+            }
+            Step::Screenshot { path, size } => {
+                remove_old(&path);
+                let size = size.map_or(PictureSize::Times(1), PictureSize::Pixels);
+                viewer.request(Request::Picture { path, size });
+            }
+            Step::WindowScreenshot { path } => {
+                remove_old(&path);
+                viewer.request(Request::WindowPicture(path));
+            }
+            Step::Resize(size) => ctx.send_viewport_cmd(ViewportCommand::InnerSize(size.into())),
+            Step::Minimize(is_minimized) => ctx.send_viewport_cmd(ViewportCommand::Minimized(is_minimized)),
+            // The runner itself waits, compares and ends.
+            Step::WaitFrames(_)
+            | Step::WaitLoaded(_)
+            | Step::WaitSharp(_)
+            | Step::ExpectMessage(_)
+            | Step::Quit => {}
+        }
+    }
+
+    /// Adds what the hands do to what the window tells.
+    pub(super) fn inject(&mut self, raw_input: &mut RawInput) {
+        self.hands.inject(raw_input);
+    }
+}
+
+/// A picture of an earlier session must not pass for this one's.
+fn remove_old(path: &Path) {
+    std::fs::remove_file(path).ok();
+}
+
+impl Hands {
+    fn press(&mut self, name: &str) {
+        let Some((modifiers, key)) = parse_keys(name) else { return };
+        self.coming.push_back(vec![key_event(key, true, modifiers)]);
+        self.coming.push_back(vec![key_event(key, false, modifiers)]);
+    }
+
+    fn hold(&mut self, names: &[String], frames: u32) {
+        let found = names.iter().filter_map(|name| parse_keys(name));
+        self.held = found.map(|(_, key)| key).collect();
+        self.held_frames = frames;
+        self.coming.push_back(self.held.iter().map(|&key| key_event(key, true, Modifiers::NONE)).collect());
+    }
+
+    fn drag(&mut self, ctx: &egui::Context, viewer: &Viewer, by: [f64; 2], with: &[String]) {
+        let scale = ctx.pixels_per_point();
+        let [width, height] = viewer.scene_pixels.map(|n| n as f32 / scale);
+        // The scene begins at the left border, below the bar.
+        let from = pos2(width * 0.5, ctx.content_rect().top() + 40.0 + height * 0.5);
+        let by = vec2(by[0] as f32, by[1] as f32) * height;
+        let parsed = with.iter().filter_map(|name| parse_keys(&format!("{name}+A")));
+        let modifiers = parsed.fold(Modifiers::NONE, |all, (one, _)| all | one);
+        let button = |at: Pos2, pressed: bool| Event::PointerButton {
+            pos: at,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers,
+        };
+        self.coming.push_back(vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(from)]);
+        self.coming.push_back(vec![button(from, true)]);
+        for i in 1..=DRAG_FRAMES {
+            self.coming.push_back(vec![Event::PointerMoved(from + by * (i as f32 / DRAG_FRAMES as f32))]);
+        }
+        let released = [button(from + by, false), Event::PointerGone, Event::ModifiersChanged(Modifiers::NONE)];
+        self.coming.push_back(released.into());
+    }
+
+    fn inject(&mut self, raw_input: &mut RawInput) {
+        raw_input.events.extend(self.coming.pop_front().into_iter().flatten());
+        if self.held_frames > 0 {
+            self.held_frames -= 1;
+            if self.held_frames == 0 {
+                let released = self.held.drain(..).map(|key| key_event(key, false, Modifiers::NONE));
+                raw_input.events.extend(released);
+            }
+        }
+    }
+}
+
+fn key_event(key: Key, pressed: bool, modifiers: Modifiers) -> Event {
+    Event::Key { key, physical_key: None, pressed, repeat: false, modifiers }
+}

@@ -1,0 +1,435 @@
+//! The window: brings together the viewer's state, the panels and the GPU, and does what only it can do.
+
+mod arguments;
+mod dialogs;
+mod driver;
+mod pictures;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use eframe::egui::{self, TextureId, ViewportCommand};
+use eframe::{egui_wgpu, wgpu};
+use fantex_gpu::Gpu;
+
+use crate::command::command_of;
+use crate::light::Surroundings;
+use crate::panels::{self, AtlasTexture, SceneTexture, Textures};
+use crate::scene_view::{SceneView, preparer};
+use crate::session::{SessionError, SessionRunner};
+use crate::settings::{Settings, SettingsError, WindowSettings};
+use crate::theme;
+use crate::viewer::{PictureSize, Request, Viewer, Wake};
+
+pub use arguments::Arguments;
+use dialogs::{Answer, Dialogs};
+use driver::Driver;
+use pictures::PictureFiles;
+
+/// Width and height in points that the window does not fall below.
+const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
+
+/// How the session ended, told from the window to `main`.
+type Outcome = Arc<Mutex<Option<SessionError>>>;
+
+/// Runs the viewer until its window is closed.
+pub fn run(arguments: Arguments) -> ExitCode {
+    let session = match arguments.session() {
+        Ok(session) => session,
+        Err(error) => return failed(&error),
+    };
+    let settings_file = arguments.settings_file();
+    let (settings, problem) = settings_file.as_deref().map_or((Settings::default(), None), Settings::load);
+    let options = native_options(&settings.window, &arguments, settings_file.as_ref());
+    let outcome = Outcome::default();
+    let for_shell = outcome.clone();
+    let start = Start { arguments, settings, settings_file, problem, session: session.map(SessionRunner::new) };
+    let ended = eframe::run_native(
+        "fantex",
+        options,
+        Box::new(move |context| {
+            Ok(Box::new(Shell::new(context, start, for_shell).ok_or("the window has no GPU")?))
+        }),
+    );
+    if let Err(error) = ended {
+        eprintln!(
+            "fantex-app: cannot open a window: {error}; a display and a Vulkan, Metal or DirectX 12 driver are needed \
+             ('fantex render' makes pictures without them)"
+        );
+        return ExitCode::FAILURE;
+    }
+    match outcome.lock().unwrap_or_else(PoisonError::into_inner).take() {
+        Some(error) => failed(&error),
+        None => ExitCode::SUCCESS,
+    }
+}
+
+fn failed(error: &dyn std::error::Error) -> ExitCode {
+    eprintln!("fantex-app: {error}");
+    ExitCode::FAILURE
+}
+
+fn native_options(
+    window: &WindowSettings,
+    arguments: &Arguments,
+    settings_file: Option<&PathBuf>,
+) -> eframe::NativeOptions {
+    let mut viewport = egui::ViewportBuilder::default()
+        .with_app_id("fantex")
+        .with_title("fantex")
+        .with_inner_size(arguments.window_size().unwrap_or(window.size))
+        .with_min_inner_size(SMALLEST_WINDOW)
+        .with_maximized(window.is_maximized && arguments.window_size().is_none())
+        .with_drag_and_drop(true);
+    if let Some(position) = window.position {
+        viewport = viewport.with_position(position);
+    }
+    let mut setup = egui_wgpu::WgpuSetupCreateNew::without_display_handle();
+    setup.instance_descriptor.backends = wgpu::Backends::PRIMARY;
+    setup.device_descriptor = Arc::new(Gpu::wanted_device_descriptor);
+    eframe::NativeOptions {
+        viewport,
+        wgpu_options: egui_wgpu::WgpuConfiguration { wgpu_setup: setup.into(), ..Default::default() },
+        // The viewer has a settings file of its own; without a place nothing else is kept either.
+        persist_window: false,
+        persistence_path: Some(settings_file.map_or_else(std::env::temp_dir, |file| file.with_extension("ron"))),
+        ..Default::default()
+    }
+}
+
+/// What the window begins with.
+struct Start {
+    arguments: Arguments,
+    settings: Settings,
+    settings_file: Option<PathBuf>,
+    problem: Option<SettingsError>,
+    session: Option<SessionRunner>,
+}
+
+/// The window.
+struct Shell {
+    viewer: Viewer,
+    scene: SceneView,
+    render_state: egui_wgpu::RenderState,
+    scene_texture: Option<TextureId>,
+    atlas: AtlasTexture,
+    dialogs: Dialogs,
+    pictures: PictureFiles,
+    driver: Option<Driver>,
+    outcome: Outcome,
+    settings_file: Option<PathBuf>,
+    /// Faults of the GPU that nobody asked for.
+    gpu_errors: Receiver<String>,
+    is_lost: bool,
+    started: Instant,
+    last_frame: f64,
+    title: String,
+}
+
+impl Shell {
+    /// Nothing where the window is not drawn by wgpu.
+    fn new(context: &eframe::CreationContext<'_>, start: Start, outcome: Outcome) -> Option<Self> {
+        let render_state = context.wgpu_render_state.clone()?;
+        theme::apply(&context.egui_ctx);
+        let for_wake = context.egui_ctx.clone();
+        let wake: Wake = Arc::new(move || for_wake.request_repaint());
+        let gpu = Arc::new(Gpu::from_parts(
+            &render_state.adapter,
+            render_state.device.clone(),
+            render_state.queue.clone(),
+        ));
+        let (sender, gpu_errors) = channel();
+        let sender = Mutex::new(sender);
+        render_state.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
+            // The window may be closing: then nobody wants to know.
+            sender.lock().unwrap_or_else(PoisonError::into_inner).send(error.to_string()).ok();
+        }));
+        let mut viewer = Viewer::new(start.settings, Some(preparer(gpu.clone())), wake.clone());
+        viewer.adapter = adapter_text(&gpu);
+        viewer.picture_folder = start.arguments.picture_folder();
+        if let Some(problem) = start.problem {
+            viewer.notices.warning(problem.to_string(), 0.0);
+        }
+        if let Some(place) = &start.arguments.file {
+            viewer.open(place, 0.0);
+        }
+        Some(Self {
+            viewer,
+            scene: SceneView::new(gpu),
+            render_state,
+            scene_texture: None,
+            atlas: AtlasTexture::default(),
+            dialogs: Dialogs::new(wake.clone()),
+            pictures: PictureFiles::new(wake),
+            driver: start.session.map(Driver::new),
+            outcome,
+            settings_file: start.settings_file,
+            gpu_errors,
+            is_lost: false,
+            started: Instant::now(),
+            last_frame: 0.0,
+            title: String::new(),
+        })
+    }
+
+    /// Seconds since the start. Not those of egui, whose time stands still while the window is hidden.
+    fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    fn keys(&mut self, ctx: &egui::Context, seconds: f64) {
+        let is_typing = ctx.egui_wants_keyboard_input();
+        let pressed: Vec<_> = ctx.input(|i| {
+            let key_of = |event: &egui::Event| match event {
+                egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } => Some((*modifiers, *key)),
+                _ => None,
+            };
+            i.events.iter().filter_map(key_of).collect()
+        });
+        for (modifiers, key) in pressed {
+            if let Some(command) = command_of(modifiers, key).filter(|_| !is_typing || modifiers.command) {
+                self.viewer.command(command, seconds);
+            }
+        }
+    }
+
+    fn dropped_files(&mut self, ctx: &egui::Context, seconds: f64) {
+        let dropped = ctx.input(|i| i.raw.dropped_files.first().map(|file| file.path().to_owned()));
+        if let Some(path) = dropped {
+            self.viewer.open(&path.to_string_lossy(), seconds);
+        }
+    }
+
+    fn requests(&mut self, ctx: &egui::Context, seconds: f64) {
+        for request in self.viewer.take_requests() {
+            match request {
+                Request::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
+                Request::Picture { path, size } => {
+                    let size = match size {
+                        PictureSize::Pixels(size) => size,
+                        PictureSize::Times(times) => self.viewer.scene_pixels.map(|n| n.saturating_mul(times)),
+                    };
+                    if let Err(error) = self.scene.capture(&self.viewer, size, path) {
+                        self.viewer.notices.error(error.to_string(), seconds);
+                    }
+                }
+                Request::WindowPicture(path) => self.pictures.take_window(ctx, path),
+                dialog => self.dialogs.ask(dialog, &self.viewer.stem()),
+            }
+        }
+    }
+
+    fn answers(&mut self, seconds: f64) {
+        for answer in self.dialogs.poll() {
+            match answer {
+                Answer::Open(path) => self.viewer.open(&path.to_string_lossy(), seconds),
+                Answer::Surroundings(path) => {
+                    self.viewer.settings.light.surroundings = Surroundings::File(path);
+                }
+                Answer::LoadPath(path) => self.viewer.load_path(&path, seconds),
+                Answer::SavePath(path) => self.viewer.save_path(&path, seconds),
+                Answer::Unavailable => self.viewer.notices.warning(
+                    "This system shows no file dialog: drop the file onto the window, or name it on the command line.",
+                    seconds,
+                ),
+            }
+        }
+    }
+
+    /// Streams and draws the scene.
+    fn draw(&mut self, seconds: f64) {
+        if let Some(model) = self.viewer.new_model.take() {
+            self.scene.set_model(model);
+            self.viewer.pacing.lost();
+        }
+        for error in self.gpu_errors.try_iter() {
+            self.viewer.notices.error(format!("The GPU refused an operation: {error}"), seconds);
+        }
+        if self.is_lost {
+            return;
+        }
+        self.viewer.notice_changes(seconds);
+        if let Err(error) = self.scene.update(&mut self.viewer, seconds) {
+            self.is_lost = matches!(error, fantex_gpu::GpuError::DeviceLost { .. });
+            self.scene.abandon_picture(&mut self.viewer);
+            let advice = if self.is_lost { " Start the viewer again to go on." } else { "" };
+            self.viewer.notices.error(format!("{error}.{advice}"), seconds);
+        }
+        self.register_textures(seconds);
+    }
+
+    /// Tells egui about the textures that it shows.
+    fn register_textures(&mut self, seconds: f64) {
+        let device = &self.render_state.device;
+        let mut renderer = self.render_state.renderer.write();
+        match self.scene.shown() {
+            Some((view, true)) => match self.scene_texture {
+                Some(id) => {
+                    renderer.update_egui_texture_from_wgpu_texture(device, view, wgpu::FilterMode::Linear, id);
+                }
+                None => {
+                    let id = renderer.register_native_texture(device, view, wgpu::FilterMode::Linear);
+                    self.scene_texture = Some(id);
+                }
+            },
+            Some((_, false)) => {}
+            None => {
+                if let Some(id) = self.scene_texture.take() {
+                    renderer.free_texture(&id);
+                }
+            }
+        }
+        let is_shown = self.viewer.settings.panels.has_atlas;
+        let picture = if is_shown { self.scene.atlas(self.atlas.channel, seconds) } else { None };
+        let Some(picture) = picture else {
+            if let Some(id) = self.atlas.id.take() {
+                renderer.free_texture(&id);
+            }
+            return;
+        };
+        self.atlas.extent = picture.extent;
+        match self.atlas.id {
+            Some(id) if picture.is_new => {
+                renderer.update_egui_texture_from_wgpu_texture(device, picture.view, wgpu::FilterMode::Linear, id);
+            }
+            Some(_) => {}
+            None => {
+                let id = renderer.register_native_texture(device, picture.view, wgpu::FilterMode::Linear);
+                self.atlas.id = Some(id);
+            }
+        }
+    }
+
+    /// Asks for the next frame where something goes on.
+    fn wake(&self, ctx: &egui::Context, goes_on: bool, seconds: f64) {
+        if goes_on || self.driver.is_some() {
+            ctx.request_repaint();
+        } else if !self.scene.is_settled() || self.scene.captures_due() > 0 {
+            ctx.request_repaint_after_secs(0.016);
+        } else if !self.viewer.pacing.is_settled() && self.viewer.document.is_some() && !self.is_lost {
+            let wake = self.viewer.pacing.wake_in(seconds).unwrap_or(0.008).max(0.004);
+            ctx.request_repaint_after_secs(wake as f32);
+        }
+    }
+
+    fn remember_window(&mut self, ctx: &egui::Context) {
+        let window = &mut self.viewer.settings.window;
+        ctx.input(|i| {
+            let info = i.viewport();
+            window.is_maximized = info.maximized.unwrap_or(false);
+            if window.is_maximized || info.minimized == Some(true) {
+                return;
+            }
+            if let Some(inner) = info.inner_rect.filter(|r| r.width() >= 100.0 && r.height() >= 100.0) {
+                window.size = inner.size().into();
+            }
+            window.position = info.outer_rect.map(|outer| outer.min.into()).or(window.position);
+        });
+    }
+
+    fn show_title(&mut self, ctx: &egui::Context) {
+        let title = match &self.viewer.document {
+            Some(document) => format!("{} – fantex", document.place.name()),
+            None => "fantex".to_owned(),
+        };
+        if title != self.title {
+            ctx.send_viewport_cmd(ViewportCommand::Title(title.clone()));
+            self.title = title;
+        }
+    }
+
+    /// Pictures that have become ready are written.
+    fn save_pictures(&mut self, seconds: f64) {
+        for captured in self.scene.poll_captures() {
+            self.pictures.save(captured.path, captured.image);
+        }
+        for (path, result) in self.pictures.poll() {
+            match result {
+                Ok(()) => self.viewer.notices.info(format!("Saved {}", path.display()), seconds),
+                Err(error) => self.viewer.notices.error(error.to_string(), seconds),
+            }
+        }
+    }
+
+    /// Lets the session do its next step.
+    fn drive(&mut self, ctx: &egui::Context, seconds: f64) {
+        let Some(driver) = &mut self.driver else { return };
+        let is_sharp = self.scene.is_settled() && self.viewer.pacing.is_settled();
+        let pictures_due = self.scene.captures_due() + self.pictures.due();
+        match driver.step(ctx, &mut self.viewer, seconds, is_sharp, pictures_due) {
+            Ok(true) => {}
+            Ok(false) => {
+                self.driver = None;
+                ctx.send_viewport_cmd(ViewportCommand::Close);
+            }
+            Err(error) => {
+                *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                self.driver = None;
+                ctx.send_viewport_cmd(ViewportCommand::Close);
+            }
+        }
+    }
+}
+
+impl eframe::App for Shell {
+    fn logic(&mut self, ctx: &egui::Context, _frame: &mut eframe::Frame) {
+        let seconds = self.seconds();
+        self.viewer.poll(seconds);
+        self.answers(seconds);
+        self.save_pictures(seconds);
+        self.drive(ctx, seconds);
+        if self.driver.is_some() {
+            ctx.request_repaint();
+        }
+    }
+
+    fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
+        let ctx = ui.ctx().clone();
+        let seconds = self.seconds();
+        let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
+        self.keys(&ctx, seconds);
+        self.dropped_files(&ctx, seconds);
+        let textures = Textures {
+            scene: self.scene_texture.map(|id| SceneTexture { id }),
+            atlas: self.atlas,
+        };
+        let shown = panels::show(ui, &mut self.viewer, &textures, seconds);
+        if let Some(channel) = shown.atlas_channel {
+            self.atlas.channel = channel;
+        }
+        let goes_on = self.viewer.navigate(&shown.input, seconds, step);
+        self.draw(seconds);
+        self.requests(&ctx, seconds);
+        self.remember_window(&ctx);
+        self.show_title(&ctx);
+        self.wake(&ctx, goes_on, seconds);
+    }
+
+    fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
+        if let Some(driver) = &mut self.driver {
+            driver.inject(raw_input);
+        }
+    }
+
+    fn persist_egui_memory(&self) -> bool {
+        false
+    }
+
+    fn on_exit(&mut self) {
+        if let Some(file) = &self.settings_file
+            && let Err(error) = self.viewer.settings.save(file)
+        {
+            eprintln!("fantex-app: {error}");
+        }
+    }
+}
+
+fn adapter_text(gpu: &Gpu) -> String {
+    let info = gpu.info();
+    // Drivers append their version in brackets.
+    let name = info.name.split(" (").next().unwrap_or(&info.name);
+    if info.is_software { format!("{name} (software)") } else { name.to_owned() }
+}

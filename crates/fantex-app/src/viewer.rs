@@ -1,0 +1,774 @@
+//! The viewer's whole state and what changes it, without a window: panels show and edit it, the shell carries out what only a
+//! window or a GPU can do.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fantex_scene::{Background, Camera, Lights};
+use glam::{DVec2, DVec3};
+
+use crate::camera::{
+    CameraMode, CameraPath, CameraRig, FlyMotion, Ground, MeshGround, PathRecorder, SceneScale, ViewPreset,
+    Walker, Wish,
+};
+use crate::command::Command;
+use crate::display::DisplaySettings;
+use crate::document::{Content, Document, OpenDocumentError, OpenProgress, Place, Stage};
+use crate::figures::{Graphs, StreamFigures};
+use crate::files::next_free;
+use crate::job::{Job, JobState};
+use crate::light::{MapKey, SurroundingsError, SurroundingsMap};
+use crate::notices::Notices;
+use crate::pacing::Pacing;
+use crate::scene_view::{PrepareScene, SceneModel};
+use crate::settings::{PanelSettings, Settings, StreamingSettings};
+
+/// Larger models get their tree of triangles only when somebody wants to walk.
+const TREE_AT_ONCE_TRIANGLES: usize = 4_000_000;
+
+/// A frame of the camera's motion is no longer than this, however long the last frame took.
+const LONGEST_STEP_SECONDS: f64 = 0.1;
+
+/// Calls for another frame from any thread.
+pub type Wake = Arc<dyn Fn() + Send + Sync>;
+
+/// What only the shell can do.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Request {
+    /// Ask for a file to open.
+    OpenDialog,
+    /// Ask for a picture of surroundings.
+    SurroundingsDialog,
+    /// Ask for a camera path to load.
+    LoadPathDialog,
+    /// Ask where to save the camera path.
+    SavePathDialog,
+    /// Save a picture of the scene.
+    Picture {
+        /// Where to.
+        path: PathBuf,
+        /// How large.
+        size: PictureSize,
+    },
+    /// Save a picture of the window.
+    WindowPicture(PathBuf),
+    /// End the program.
+    Quit,
+}
+
+/// How large a saved picture of the scene is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PictureSize {
+    /// So many times as wide and high as on the screen.
+    Times(u32),
+    /// Pixels.
+    Pixels([u32; 2]),
+}
+
+/// Something that is being opened.
+#[derive(Debug)]
+pub struct Opening {
+    /// From where.
+    pub place: Place,
+    progress: Arc<OpenProgress>,
+    job: Job<Result<Loaded, OpenDocumentError>>,
+    /// Whether the camera stays where it is.
+    keeps_camera: bool,
+}
+
+impl Opening {
+    /// How far it is.
+    pub fn stage(&self) -> Stage {
+        self.progress.stage()
+    }
+
+    /// Seconds since it began.
+    pub fn seconds(&self) -> f64 {
+        self.job.seconds()
+    }
+}
+
+/// What opening gives.
+#[derive(Debug)]
+struct Loaded {
+    document: Document,
+    model: Option<SceneModel>,
+}
+
+/// A camera path being played or recorded.
+#[derive(Clone, Debug)]
+pub enum Tape {
+    /// Neither.
+    Still,
+    /// Since a time in seconds.
+    Recording {
+        /// When it began.
+        since: f64,
+        /// What there is so far.
+        recorder: PathRecorder,
+    },
+    /// Since a time in seconds.
+    Playing {
+        /// When it began.
+        since: f64,
+    },
+}
+
+/// Everything that a picture of the scene depends on, besides what is resident.
+#[derive(Clone, Debug, PartialEq)]
+struct Looks {
+    rig: CameraRig,
+    size: [u32; 2],
+    light: crate::light::LightSettings,
+    map: Option<MapKey>,
+    display: DisplaySettings,
+    streaming: StreamingSettings,
+}
+
+/// What mouse and keys did in the scene in one frame. Lengths are in units of the scene's height.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SceneInput {
+    /// Drag with the first button.
+    pub drag: DVec2,
+    /// Drag with another button.
+    pub side_drag: DVec2,
+    /// Whether the modifier that turns the sun is held.
+    pub turns_sun: bool,
+    /// Notches of the wheel, away from the user positive.
+    pub wheel: f64,
+    /// Where the cursor is, 0..1 along the scene's sides.
+    pub cursor: Option<DVec2>,
+    /// Whether there was a double click at the cursor.
+    pub is_double_click: bool,
+    /// What held keys ask for.
+    pub wish: Wish,
+}
+
+/// The viewer's state.
+pub struct Viewer {
+    /// What is remembered.
+    pub settings: Settings,
+    /// What is shown.
+    pub document: Option<Document>,
+    /// What is being opened.
+    pub opening: Option<Opening>,
+    /// The camera.
+    pub rig: CameraRig,
+    /// The path that was recorded or loaded.
+    pub path: Option<CameraPath>,
+    /// Recording or playing.
+    pub tape: Tape,
+    /// Messages.
+    pub notices: Notices,
+    /// What streaming tells.
+    pub figures: StreamFigures,
+    /// Figures over time.
+    pub graphs: Graphs,
+    /// When the scene is drawn.
+    pub pacing: Pacing,
+    /// Whether the help sheet is shown.
+    pub has_help: bool,
+    /// The scene's size on the screen in pixels; zero while it is not shown.
+    pub scene_pixels: [u32; 2],
+    /// What draws.
+    pub adapter: String,
+    /// Where pictures go.
+    pub picture_folder: PathBuf,
+    /// The model in the graphics memory, until the shell takes it.
+    pub new_model: Option<Option<SceneModel>>,
+    requests: Vec<Request>,
+    fly: FlyMotion,
+    walker: Walker,
+    ground: Option<MeshGround>,
+    ground_job: Option<Job<MeshGround>>,
+    map: Option<SurroundingsMap>,
+    map_job: Option<(MapKey, Job<Result<SurroundingsMap, SurroundingsError>>)>,
+    /// Surroundings that could not be had, so that they are not tried in every frame.
+    map_failed: Option<MapKey>,
+    panels_before: Option<PanelSettings>,
+    looks: Option<Looks>,
+    prepare: Option<PrepareScene>,
+    wake: Wake,
+}
+
+impl std::fmt::Debug for Viewer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Viewer").field("document", &self.document).field("rig", &self.rig).finish_non_exhaustive()
+    }
+}
+
+impl Viewer {
+    /// A viewer without a document. `prepare` brings a document to the graphics memory, on the thread that opens it; without,
+    /// nothing is drawn.
+    pub fn new(settings: Settings, prepare: Option<PrepareScene>, wake: Wake) -> Self {
+        let rig = CameraRig { fov_degrees: settings.camera.fov_degrees, ..CameraRig::default() };
+        Self {
+            fly: FlyMotion::new(settings.camera.fly_speed),
+            settings,
+            document: None,
+            opening: None,
+            rig,
+            path: None,
+            tape: Tape::Still,
+            notices: Notices::default(),
+            figures: StreamFigures::default(),
+            graphs: Graphs::default(),
+            pacing: Pacing::default(),
+            has_help: false,
+            scene_pixels: [0; 2],
+            adapter: String::new(),
+            picture_folder: PathBuf::new(),
+            new_model: None,
+            requests: Vec::new(),
+            walker: Walker::new(SceneScale::default().eye_height()),
+            ground: None,
+            ground_job: None,
+            map: None,
+            map_job: None,
+            map_failed: None,
+            panels_before: None,
+            looks: None,
+            prepare,
+            wake,
+        }
+    }
+
+    /// What the shell has to do, once each.
+    pub fn take_requests(&mut self) -> Vec<Request> {
+        std::mem::take(&mut self.requests)
+    }
+
+    /// Asks the shell for something.
+    pub fn request(&mut self, request: Request) {
+        self.requests.push(request);
+    }
+
+    /// The model's size, or that of nothing.
+    pub fn scale(&self) -> SceneScale {
+        self.document.as_ref().map_or_else(SceneScale::default, |document| document.scale)
+    }
+
+    /// Width by height of the scene on the screen.
+    pub fn aspect(&self) -> f64 {
+        let [width, height] = self.scene_pixels.map(|n| f64::from(n.max(1)));
+        width / height
+    }
+
+    /// The camera for renderers.
+    pub fn camera(&self) -> Camera {
+        self.rig.camera()
+    }
+
+    /// The lights for renderers.
+    pub fn lights(&self) -> Lights {
+        self.settings.light.lights(self.map_in_use())
+    }
+
+    /// What is seen behind the model.
+    pub fn background(&self) -> Background {
+        self.settings.light.background(self.map_in_use())
+    }
+
+    /// Whether surroundings are being read or computed.
+    pub fn is_making_surroundings(&self) -> bool {
+        self.map_job.is_some()
+    }
+
+    /// Height of a walker's eyes in world units.
+    pub fn eye_height(&self) -> f64 {
+        self.settings.camera.eye_height.unwrap_or_else(|| self.scale().eye_height())
+    }
+
+    /// Whether somebody wants to walk and cannot yet.
+    pub fn is_waiting_for_ground(&self) -> bool {
+        self.settings.camera.mode == CameraMode::Walk && self.ground.is_none() && self.ground_job.is_some()
+    }
+
+    /// The map in use: that of the settings, or while the sun of a sky is moving the one before.
+    fn map_in_use(&self) -> Option<&SurroundingsMap> {
+        let wanted = self.settings.light.map_key()?;
+        self.map.as_ref().filter(|map| {
+            map.key == wanted || matches!((&map.key, &wanted), (MapKey::Sky(_), MapKey::Sky(_)))
+        })
+    }
+
+    /// Begins to open a file or address. What is being opened is given up.
+    pub fn open(&mut self, text: &str, seconds: f64) {
+        self.begin_opening(Place::parse(text), false, seconds);
+    }
+
+    fn begin_opening(&mut self, place: Place, keeps_camera: bool, seconds: f64) {
+        self.cancel_opening();
+        let progress = Arc::new(OpenProgress::default());
+        let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
+        let streaming = self.settings.streaming;
+        let work = move || {
+            let document = Document::open(&from, &for_thread)?;
+            for_thread.enter(Stage::Preparing)?;
+            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose();
+            let model = model.map_err(|reason| OpenDocumentError::Graphics { reason })?;
+            // Those who gave up meanwhile do not want it.
+            for_thread.enter(Stage::Preparing)?;
+            Ok(Loaded { document, model })
+        };
+        match Job::spawn("open", self.waker(), work) {
+            Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera }),
+            Err(error) => self.notices.error(format!("cannot start a thread to open {place}: {error}"), seconds),
+        }
+    }
+
+    fn waker(&self) -> impl FnOnce() + Send + 'static {
+        let wake = self.wake.clone();
+        move || wake()
+    }
+
+    /// Gives up what is being opened.
+    pub fn cancel_opening(&mut self) {
+        if let Some(opening) = self.opening.take() {
+            opening.progress.cancel();
+        }
+    }
+
+    /// Shows nothing.
+    pub fn close(&mut self) {
+        self.cancel_opening();
+        self.document = None;
+        self.new_model = Some(None);
+        self.forget_scene();
+    }
+
+    fn forget_scene(&mut self) {
+        self.ground = None;
+        self.ground_job = None;
+        self.tape = Tape::Still;
+        self.figures = StreamFigures::default();
+        self.graphs.clear();
+        self.walker.leave();
+        self.fly.stop();
+        self.pacing.changed();
+    }
+
+    /// Picks up what threads have done.
+    pub fn poll(&mut self, seconds: f64) {
+        self.poll_opening(seconds);
+        self.poll_ground(seconds);
+        self.poll_map(seconds);
+    }
+
+    fn poll_opening(&mut self, seconds: f64) {
+        let Some(opening) = &self.opening else { return };
+        let (place, keeps_camera) = (opening.place.clone(), opening.keeps_camera);
+        let result = match opening.job.poll() {
+            JobState::Running => return,
+            JobState::Done(result) => result,
+            JobState::Lost => {
+                self.opening = None;
+                let text = format!("{place} could not be opened: the program failed on it; please report the file");
+                return self.notices.error(text, seconds);
+            }
+        };
+        self.opening = None;
+        match result {
+            Ok(Loaded { document, model }) => {
+                self.settings.remember(&absolute(&place));
+                self.forget_scene();
+                self.walker = Walker::new(
+                    self.settings.camera.eye_height.unwrap_or_else(|| document.scale.eye_height()),
+                );
+                self.document = Some(document);
+                self.new_model = Some(model);
+                if !keeps_camera {
+                    self.show(ViewPreset::ThreeQuarter);
+                }
+                self.want_ground(seconds);
+            }
+            Err(OpenDocumentError::Cancelled) => {}
+            Err(error) => self.notices.error(error.to_string(), seconds),
+        }
+    }
+
+    /// Starts the tree of triangles where it is wanted and not there.
+    fn want_ground(&mut self, seconds: f64) {
+        let Some(document) = &self.document else { return };
+        let triangles = document.mesh().triangles.len();
+        let is_wanted =
+            triangles <= TREE_AT_ONCE_TRIANGLES || self.settings.camera.mode == CameraMode::Walk;
+        if !is_wanted || self.ground.is_some() || self.ground_job.is_some() {
+            return;
+        }
+        let content = document.content.clone();
+        let work = move || match content {
+            Content::Model(mesh) => MeshGround::of_model(mesh),
+            Content::Asset(asset) => MeshGround::of_asset(asset),
+        };
+        match Job::spawn("ground", self.waker(), work) {
+            Ok(job) => self.ground_job = Some(job),
+            Err(error) => self.notices.warning(format!("cannot start a thread for the ground: {error}"), seconds),
+        }
+    }
+
+    fn poll_ground(&mut self, seconds: f64) {
+        match self.ground_job.as_ref().map(Job::poll) {
+            None | Some(JobState::Running) => {}
+            Some(JobState::Done(ground)) => {
+                self.ground = Some(ground);
+                self.ground_job = None;
+            }
+            Some(JobState::Lost) => {
+                self.ground_job = None;
+                self.notices.warning("Nobody can walk here: the ground could not be prepared.", seconds);
+            }
+        }
+    }
+
+    fn poll_map(&mut self, seconds: f64) {
+        if let Some((key, job)) = &self.map_job {
+            match job.poll() {
+                JobState::Running => return,
+                JobState::Done(Ok(map)) => {
+                    self.map = Some(map);
+                    self.pacing.changed();
+                }
+                JobState::Done(Err(error)) => {
+                    self.map_failed = Some(key.clone());
+                    self.notices.error(error.to_string(), seconds);
+                }
+                JobState::Lost => {
+                    self.map_failed = Some(key.clone());
+                    self.notices.error("The surroundings could not be made: the program failed on them.", seconds);
+                }
+            }
+            self.map_job = None;
+        }
+        let Some(wanted) = self.settings.light.map_key() else { return };
+        let is_there = self.map.as_ref().is_some_and(|map| map.key == wanted);
+        if is_there || self.map_failed.as_ref() == Some(&wanted) {
+            return;
+        }
+        let key = wanted.clone();
+        match Job::spawn("surroundings", self.waker(), move || key.make()) {
+            Ok(job) => self.map_job = Some((wanted, job)),
+            Err(error) => {
+                self.map_failed = Some(wanted);
+                self.notices.warning(format!("cannot start a thread for the surroundings: {error}"), seconds);
+            }
+        }
+    }
+
+    /// Shows the whole model from a side.
+    pub fn show(&mut self, preset: ViewPreset) {
+        if let Some(document) = &self.document {
+            self.rig = preset.rig(document.mesh(), self.aspect());
+            self.after_jump();
+        }
+    }
+
+    /// Puts the camera somewhere.
+    pub fn set_camera(&mut self, camera: &Camera) {
+        let rig = CameraRig::of_camera(camera);
+        if rig.is_sound() {
+            self.rig = rig;
+            self.after_jump();
+        }
+    }
+
+    fn after_jump(&mut self) {
+        self.settings.camera.fov_degrees = self.rig.fov_degrees;
+        self.walker.leave();
+        self.fly.stop();
+    }
+
+    /// Does what the user asks for.
+    pub fn command(&mut self, command: Command, seconds: f64) {
+        match command {
+            Command::OpenDialog => self.request(Request::OpenDialog),
+            Command::Open(text) => self.open(&text, seconds),
+            Command::Reload => {
+                if let Some(place) = self.document.as_ref().map(|document| document.place.clone()) {
+                    self.begin_opening(place, true, seconds);
+                }
+            }
+            Command::Close => self.close(),
+            Command::Cancel => self.cancel(),
+            Command::Quit => self.request(Request::Quit),
+            Command::Screenshot => self.request_picture(1),
+            Command::LargeScreenshot(times) => self.request_picture(times),
+            Command::WindowScreenshot => {
+                let path = next_free(&self.picture_folder, &format!("{}-window", self.stem()), "png");
+                self.request(Request::WindowPicture(path));
+            }
+            Command::FrameAll => {
+                if let Some(document) = &self.document {
+                    self.rig.frame_all(document.mesh(), self.aspect());
+                    self.after_jump();
+                }
+            }
+            Command::View(preset) => self.show(preset),
+            Command::Mode(mode) => self.set_mode(mode, seconds),
+            Command::StepOverlay(by) => self.settings.display.step_overlay(by),
+            Command::StepShading(by) => self.settings.display.step_shading(by),
+            Command::ToggleWireframe => toggle(&mut self.settings.display.has_wireframe),
+            Command::ToggleShadows => toggle(&mut self.settings.light.has_shadows),
+            Command::Exposure(quarters) => self.settings.display.change_exposure(quarters as f32 * 0.25),
+            Command::ToggleInspector => toggle(&mut self.settings.panels.has_inspector),
+            Command::ToggleAtlas => toggle(&mut self.settings.panels.has_atlas),
+            Command::ToggleGraphs => toggle(&mut self.settings.panels.has_graphs),
+            Command::ToggleAllPanels => self.toggle_all_panels(),
+            Command::ToggleHelp => toggle(&mut self.has_help),
+            Command::ToggleStreaming => toggle(&mut self.settings.streaming.is_running),
+            Command::ToggleRecording => self.toggle_recording(seconds),
+            Command::TogglePlayback => self.toggle_playback(seconds),
+            Command::LoadPath => self.request(Request::LoadPathDialog),
+            Command::SavePath => match self.path.is_some() {
+                true => self.request(Request::SavePathDialog),
+                false => self.notices.info("There is no camera path yet: press R to record one.", seconds),
+            },
+            Command::ChooseSurroundings => self.request(Request::SurroundingsDialog),
+        }
+    }
+
+    /// The nearest thing that can be stopped.
+    fn cancel(&mut self) {
+        if self.has_help {
+            self.has_help = false;
+        } else if self.opening.is_some() {
+            self.cancel_opening();
+        } else if !matches!(self.tape, Tape::Still) {
+            self.tape = Tape::Still;
+        }
+    }
+
+    fn set_mode(&mut self, mode: CameraMode, seconds: f64) {
+        self.settings.camera.mode = mode;
+        self.walker.leave();
+        self.fly.stop();
+        self.want_ground(seconds);
+    }
+
+    fn toggle_all_panels(&mut self) {
+        let panels = &mut self.settings.panels;
+        match self.panels_before.take() {
+            Some(before) if !(panels.has_inspector || panels.has_atlas || panels.has_graphs) => *panels = before,
+            _ => {
+                self.panels_before = Some(*panels);
+                (panels.has_inspector, panels.has_atlas, panels.has_graphs) = (false, false, false);
+            }
+        }
+    }
+
+    fn request_picture(&mut self, times: u32) {
+        if self.document.is_some() {
+            let path = next_free(&self.picture_folder, &self.stem(), "png");
+            self.request(Request::Picture { path, size: PictureSize::Times(times) });
+        }
+    }
+
+    /// The document's name without extension, for names of pictures.
+    pub fn stem(&self) -> String {
+        let name = self.document.as_ref().map(|document| PathBuf::from(document.place.name()));
+        name.and_then(|n| n.file_stem().map(|s| s.to_string_lossy().into_owned())).unwrap_or("fantex".into())
+    }
+
+    fn toggle_recording(&mut self, seconds: f64) {
+        self.tape = match std::mem::replace(&mut self.tape, Tape::Still) {
+            Tape::Recording { since, recorder } => {
+                self.path = recorder.finish(seconds - since, &self.rig.camera());
+                self.notices.info("The camera path was recorded: P plays it, the View page saves it.", seconds);
+                Tape::Still
+            }
+            _ if self.document.is_some() => {
+                self.notices.info("Recording the camera's path; R ends it.", seconds);
+                Tape::Recording { since: seconds, recorder: PathRecorder::default() }
+            }
+            _ => Tape::Still,
+        };
+    }
+
+    fn toggle_playback(&mut self, seconds: f64) {
+        self.tape = match (&self.tape, &self.path) {
+            (Tape::Playing { .. }, _) => Tape::Still,
+            (_, Some(_)) => Tape::Playing { since: seconds },
+            (_, None) => {
+                self.notices.info("There is no camera path yet: press R to record one.", seconds);
+                Tape::Still
+            }
+        };
+    }
+
+    /// Loads a camera path.
+    pub fn load_path(&mut self, file: &std::path::Path, seconds: f64) {
+        match CameraPath::load(file) {
+            Ok(path) => {
+                let text = format!("{}: {:.1} s of camera path; P plays it.", file.display(), path.seconds());
+                self.path = Some(path);
+                self.notices.info(text, seconds);
+            }
+            Err(error) => self.notices.error(error.to_string(), seconds),
+        }
+    }
+
+    /// Saves the camera path.
+    pub fn save_path(&mut self, file: &std::path::Path, seconds: f64) {
+        let Some(path) = &self.path else { return };
+        match path.save(file) {
+            Ok(()) => self.notices.info(format!("Saved {}.", file.display()), seconds),
+            Err(error) => self.notices.error(error.to_string(), seconds),
+        }
+    }
+
+    /// Moves camera and light as mouse and keys want. Returns whether something goes on moving by itself.
+    pub fn navigate(&mut self, input: &SceneInput, seconds: f64, step: f64) -> bool {
+        let step = step.clamp(0.0, LONGEST_STEP_SECONDS);
+        if input.turns_sun && input.drag != DVec2::ZERO {
+            self.settings.light.has_sun = true;
+            self.settings.light.drag_sun(input.drag);
+        }
+        if let Tape::Playing { since } = self.tape {
+            return self.play(seconds - since);
+        }
+        let drag = if input.turns_sun { DVec2::ZERO } else { input.drag };
+        self.rig.fov_degrees = self.settings.camera.fov_degrees;
+        let goes_on = match self.settings.camera.mode {
+            CameraMode::Orbit => {
+                self.orbit(input, drag);
+                false
+            }
+            CameraMode::Fly => self.fly(input, drag, step),
+            CameraMode::Walk => self.walk(input, drag, step),
+        };
+        if let Tape::Recording { since, recorder } = &mut self.tape {
+            recorder.take(seconds - *since, &self.rig.camera());
+            return true;
+        }
+        goes_on
+    }
+
+    fn play(&mut self, at: f64) -> bool {
+        let Some(path) = &self.path else {
+            self.tape = Tape::Still;
+            return false;
+        };
+        let is_over = at >= path.seconds();
+        if let Some(camera) = path.camera_at(at) {
+            self.set_camera(&camera);
+        }
+        if is_over {
+            self.tape = Tape::Still;
+        }
+        !is_over
+    }
+
+    fn orbit(&mut self, input: &SceneInput, drag: DVec2) {
+        let before = self.rig;
+        if drag != DVec2::ZERO {
+            self.rig.orbit(drag);
+        }
+        if input.side_drag != DVec2::ZERO {
+            self.rig.pan(input.side_drag);
+        }
+        if let Some(cursor) = input.cursor {
+            if input.wheel != 0.0 {
+                let point = self.rig.point_under(cursor, self.aspect(), self.hit_under(cursor));
+                self.rig.zoom_to(point, 0.85f64.powf(input.wheel), &self.scale());
+            }
+            if input.is_double_click
+                && let Some(distance) = self.hit_under(cursor)
+            {
+                let point = self.rig.point_under(cursor, self.aspect(), Some(distance));
+                self.rig.look_at(point);
+            }
+        }
+        if !self.rig.is_sound() {
+            self.rig = before;
+        }
+    }
+
+    /// World units along the ray under the cursor to the model.
+    fn hit_under(&self, cursor: DVec2) -> Option<f64> {
+        let ray = self.rig.ray(cursor, self.aspect());
+        Some(self.ground.as_ref()?.first(self.rig.eye, ray, f64::INFINITY)?.distance)
+    }
+
+    fn look(&mut self, drag: DVec2) {
+        // A drag over the picture's height turns by its opening angle: what is under the cursor stays there.
+        let turn = drag * self.rig.fov_degrees.to_radians();
+        self.rig.look(turn.x, turn.y);
+    }
+
+    fn fly(&mut self, input: &SceneInput, drag: DVec2, step: f64) -> bool {
+        let before = self.rig;
+        self.look(drag + input.side_drag);
+        self.fly.speed = self.settings.camera.fly_speed;
+        self.fly.change_speed(input.wheel);
+        self.settings.camera.fly_speed = self.fly.speed;
+        let scale = self.scale();
+        let goes_on = self.fly.step(&mut self.rig, &input.wish, &scale, step);
+        let is_lost = (self.rig.eye - scale.center).length() > 1e3 * scale.diagonal;
+        if is_lost || !self.rig.is_sound() {
+            self.rig = before;
+            self.fly.stop();
+        }
+        goes_on
+    }
+
+    fn walk(&mut self, input: &SceneInput, drag: DVec2, step: f64) -> bool {
+        self.look(drag + input.side_drag);
+        let camera = &mut self.settings.camera;
+        camera.walk_speed = (camera.walk_speed * 1.2f64.powf(input.wheel)).clamp(0.1, 20.0);
+        self.walker.speed = camera.walk_speed;
+        let eye_height = self.eye_height();
+        self.walker.eye_height = eye_height;
+        let Some(ground) = &self.ground else { return self.ground_job.is_some() };
+        self.walker.step(&mut self.rig, &input.wish, ground, step)
+    }
+
+    /// Compares with the last frame and tells the pacing what has changed.
+    pub fn notice_changes(&mut self, seconds: f64) {
+        let looks = Looks {
+            rig: self.rig,
+            size: self.scene_pixels,
+            light: self.settings.light.clone(),
+            map: self.map_in_use().map(|map| map.key.clone()),
+            display: self.settings.display.clone(),
+            streaming: self.settings.streaming,
+        };
+        if let Some(before) = &self.looks {
+            let has_moved = before.rig != looks.rig
+                || before.light != looks.light
+                || before.display.exposure_stops != looks.display.exposure_stops;
+            if has_moved {
+                self.pacing.moved(seconds);
+            } else if *before != looks {
+                self.pacing.changed();
+            }
+        } else {
+            self.pacing.changed();
+        }
+        self.looks = Some(looks);
+    }
+}
+
+impl CameraRig {
+    /// Turns to a point and takes it as the pivot.
+    pub fn look_at(&mut self, point: DVec3) {
+        let camera = Camera { target: point, ..self.camera() };
+        if camera.defect().is_none() {
+            *self = Self::of_camera(&camera);
+        }
+    }
+}
+
+fn toggle(switch: &mut bool) {
+    *switch = !*switch;
+}
+
+/// A place that means the same from every folder.
+fn absolute(place: &Place) -> String {
+    match place {
+        Place::Url(url) => url.clone(),
+        Place::File(path) => std::path::absolute(path).unwrap_or_else(|_| path.clone()).to_string_lossy().into_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

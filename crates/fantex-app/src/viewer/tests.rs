@@ -1,0 +1,210 @@
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use super::*;
+use crate::light::Surroundings;
+
+fn viewer() -> Viewer {
+    let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
+    viewer.scene_pixels = [800, 600];
+    viewer
+}
+
+fn save_torus(folder: &Path) -> PathBuf {
+    let path = folder.join("torus.ply");
+    let model = fantex_mesh::generate::torus(48, 24);
+    let geometry =
+        fantex_mesh::WriteGeometry { positions: &model.positions, triangles: &model.triangles, colors: None };
+    fantex_mesh::write_model(&path, &geometry, false).unwrap();
+    path
+}
+
+/// Polls until nothing runs any more.
+fn wait(viewer: &mut Viewer) {
+    let started = Instant::now();
+    loop {
+        viewer.poll(0.0);
+        if viewer.opening.is_none() && viewer.ground_job.is_none() && viewer.map_job.is_none() {
+            return;
+        }
+        assert!(started.elapsed() < Duration::from_secs(60), "a job does not end");
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+fn opened() -> (tempfile::TempDir, Viewer) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut viewer = viewer();
+    viewer.open(&save_torus(folder.path()).to_string_lossy(), 0.0);
+    assert!(viewer.opening.is_some());
+    wait(&mut viewer);
+    (folder, viewer)
+}
+
+#[test]
+fn opening_shows_the_model_and_remembers_it() {
+    let (_folder, viewer) = opened();
+    let document = viewer.document.as_ref().unwrap();
+    assert!((viewer.rig.pivot() - document.scale.center).length() < document.scale.diagonal);
+    assert!(viewer.settings.recent[0].ends_with("torus.ply"));
+    assert!(viewer.ground.is_some());
+    assert_eq!(viewer.notices.error_count(), 0);
+}
+
+#[test]
+fn what_cannot_be_opened_is_a_message_and_leaves_the_rest() {
+    let (folder, mut viewer) = opened();
+    let broken = folder.path().join("broken.fan");
+    std::fs::write(&broken, b"\x89FAN and then nothing").unwrap();
+    viewer.open(&broken.to_string_lossy(), 1.0);
+    wait(&mut viewer);
+    assert!(viewer.document.is_some(), "what was shown stays");
+    assert!(viewer.notices.log().any(|text| text.contains("broken.fan")));
+    assert_eq!(viewer.settings.recent.len(), 1);
+}
+
+#[test]
+fn opening_can_be_cancelled() {
+    let (_folder, mut viewer) = opened();
+    let before = viewer.document.as_ref().unwrap().place.clone();
+    viewer.open("/no/such/file.glb", 1.0);
+    viewer.command(Command::Cancel, 1.0);
+    assert!(viewer.opening.is_none());
+    wait(&mut viewer);
+    assert_eq!(viewer.document.as_ref().unwrap().place, before);
+    assert_eq!(viewer.notices.error_count(), 0);
+}
+
+#[test]
+fn the_wheel_comes_closer_to_the_model_under_the_cursor() {
+    let (_folder, mut viewer) = opened();
+    let distance = |viewer: &Viewer| viewer.hit_under(DVec2::new(0.5, 0.7)).unwrap();
+    let before = distance(&viewer);
+    let input = SceneInput { wheel: 4.0, cursor: Some(DVec2::new(0.5, 0.7)), ..SceneInput::default() };
+    viewer.navigate(&input, 0.0, 0.016);
+    assert!((distance(&viewer) / before - 0.85f64.powi(4)).abs() < 1e-3);
+}
+
+#[test]
+fn a_double_click_makes_the_point_the_pivot() {
+    let (_folder, mut viewer) = opened();
+    let cursor = DVec2::new(0.5, 0.7);
+    let point = viewer.rig.point_under(cursor, viewer.aspect(), viewer.hit_under(cursor));
+    let input = SceneInput { is_double_click: true, cursor: Some(cursor), ..SceneInput::default() };
+    viewer.navigate(&input, 0.0, 0.016);
+    assert!((viewer.rig.pivot() - point).length() < 1e-6);
+}
+
+#[test]
+fn changing_the_mode_keeps_the_picture() {
+    let (_folder, mut viewer) = opened();
+    let before = viewer.rig;
+    viewer.command(Command::Mode(CameraMode::Fly), 0.0);
+    viewer.navigate(&SceneInput::default(), 0.0, 0.016);
+    assert_eq!(viewer.rig, before);
+}
+
+#[test]
+fn walkers_stand_on_the_model() {
+    let (_folder, mut viewer) = opened();
+    viewer.set_camera(&Camera {
+        eye: DVec3::new(1.0, 3.0, 0.0),
+        target: DVec3::new(0.0, 3.0, 0.0),
+        up: DVec3::Y,
+        fov_degrees: 60.0,
+    });
+    viewer.command(Command::Mode(CameraMode::Walk), 0.0);
+    for frame in 0..400 {
+        viewer.navigate(&SceneInput::default(), f64::from(frame) * 0.02, 0.02);
+    }
+    let below = viewer.ground.as_ref().unwrap().first(viewer.rig.eye, DVec3::NEG_Y, 10.0).unwrap();
+    assert!((below.distance - viewer.eye_height()).abs() < 0.05 * viewer.eye_height(), "{below:?}");
+}
+
+#[test]
+fn recorded_paths_play_back() {
+    let (folder, mut viewer) = opened();
+    viewer.command(Command::ToggleRecording, 0.0);
+    for frame in 0..60 {
+        let input = SceneInput { drag: DVec2::new(0.01, 0.0), ..SceneInput::default() };
+        viewer.navigate(&input, f64::from(frame) / 30.0, 0.033);
+    }
+    let end = viewer.rig;
+    viewer.command(Command::ToggleRecording, 2.0);
+    let file = folder.path().join("way.json");
+    viewer.save_path(&file, 2.0);
+    viewer.path = None;
+    viewer.load_path(&file, 2.0);
+    viewer.show(ViewPreset::Back);
+    viewer.command(Command::TogglePlayback, 10.0);
+    assert!(viewer.navigate(&SceneInput::default(), 10.5, 0.016));
+    assert!(!viewer.navigate(&SceneInput::default(), 15.0, 0.016));
+    assert!(matches!(viewer.tape, Tape::Still));
+    assert!((viewer.rig.eye - end.eye).length() < 1e-6);
+}
+
+#[test]
+fn dragging_with_the_modifier_turns_the_sun_alone() {
+    let (_folder, mut viewer) = opened();
+    let (rig, sun) = (viewer.rig, viewer.settings.light.to_sun());
+    let input = SceneInput { drag: DVec2::new(0.2, 0.1), turns_sun: true, ..SceneInput::default() };
+    viewer.navigate(&input, 0.0, 0.016);
+    assert_eq!(viewer.rig, rig);
+    assert_ne!(viewer.settings.light.to_sun(), sun);
+}
+
+#[test]
+fn surroundings_come_in_the_background_and_failures_once() {
+    let mut viewer = viewer();
+    viewer.settings.light.surroundings = Surroundings::Sky;
+    wait(&mut viewer);
+    assert!(viewer.lights().ambient.environment.is_some());
+    viewer.settings.light.surroundings = Surroundings::File("no/such.hdr".into());
+    for _ in 0..3 {
+        wait(&mut viewer);
+    }
+    assert_eq!(viewer.notices.error_count(), 1);
+    assert!(viewer.lights().ambient.environment.is_none());
+}
+
+#[test]
+fn pictures_are_drawn_where_something_changes() {
+    let (_folder, mut viewer) = opened();
+    let settle = |viewer: &mut Viewer| {
+        viewer.notice_changes(100.0);
+        viewer.pacing.next(100.0, true);
+        viewer.pacing.drawn(0.01);
+    };
+    settle(&mut viewer);
+    viewer.notice_changes(101.0);
+    assert!(viewer.pacing.is_settled());
+    viewer.command(Command::StepOverlay(1), 101.0);
+    viewer.notice_changes(101.0);
+    assert!(!viewer.pacing.is_settled() && !viewer.pacing.is_moving(101.0));
+    settle(&mut viewer);
+    viewer.rig.orbit(DVec2::new(0.1, 0.0));
+    viewer.notice_changes(102.0);
+    assert!(viewer.pacing.is_moving(102.0));
+}
+
+#[test]
+fn all_panels_come_back_as_they_were() {
+    let mut viewer = viewer();
+    viewer.settings.panels.has_atlas = true;
+    let before = viewer.settings.panels;
+    viewer.command(Command::ToggleAllPanels, 0.0);
+    assert!(!viewer.settings.panels.has_inspector && !viewer.settings.panels.has_atlas);
+    viewer.command(Command::ToggleAllPanels, 0.0);
+    assert_eq!(viewer.settings.panels, before);
+}
+
+#[test]
+fn commands_without_a_document_do_no_harm() {
+    let mut viewer = viewer();
+    for shortcut in crate::command::shortcuts() {
+        viewer.command(shortcut.command, 0.0);
+        viewer.navigate(&SceneInput::default(), 0.0, 0.016);
+        viewer.notice_changes(0.0);
+    }
+    assert!(viewer.document.is_none());
+}
