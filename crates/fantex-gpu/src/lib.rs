@@ -30,7 +30,9 @@ mod uv;
 mod wireframe;
 
 pub use error::GpuError;
-pub use fan::{FanModel, FanModelSource};
+pub use fan::{
+    AtlasViewer, FanModel, FanModelSource, StreamedModel, StreamedModelError, max_anisotropy, stream_view,
+};
 pub use frame::{FrameLayout, View};
 pub use gpu::{Gpu, GpuInfo, GpuOptions};
 pub use model::{FrameContext, Model, ModelSpace};

@@ -61,8 +61,8 @@ pub(crate) struct FanBindings {
     /// Per channel of the asset; none where it is not drawn.
     pub(crate) atlases: Vec<Option<ChannelAtlas>>,
     pub(crate) tables: FanTables,
-    /// Which of [`DRAWN_KINDS`] there are.
-    pub(crate) has: [bool; 5],
+    /// Per item of [`DRAWN_KINDS`] the channel, if there is one.
+    pub(crate) drawn: [Option<usize>; 5],
     params: FanParams,
     params_buffer: wgpu::Buffer,
 }
@@ -130,8 +130,7 @@ impl FanBindings {
             layout: &layout,
             entries: &entries,
         });
-        let has = drawn.map(|channel| channel.is_some());
-        Self { layout, group, atlases, tables, has, params, params_buffer }
+        Self { layout, group, atlases, tables, drawn, params, params_buffer }
     }
 
     /// Writes the filter's parameters if they have changed.
@@ -145,7 +144,7 @@ impl FanBindings {
 
     /// Values of the overrides of `fan_lookup.wgsl` that say which channels there are.
     pub(crate) fn channel_constants(&self) -> [(&'static str, f64); 5] {
-        let [base_color, normal, material, emission, light] = self.has.map(|has| f64::from(u8::from(has)));
+        let [base_color, normal, material, emission, light] = self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
         [
             ("FAN_BASE_COLOR", base_color),
             ("FAN_NORMAL", normal),

@@ -9,13 +9,17 @@
 //! ```
 
 mod atlas;
+mod atlas_view;
 mod bindings;
 mod fan_colors;
 mod geometry;
 mod grid;
+mod load;
 mod model;
 mod pipelines;
 mod tables;
 mod upload;
 
+pub use atlas_view::AtlasViewer;
+pub use load::{StreamedModel, StreamedModelError, max_anisotropy, stream_view};
 pub use model::{FanModel, FanModelSource};

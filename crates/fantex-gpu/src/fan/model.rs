@@ -4,12 +4,12 @@ use std::ops::Range;
 
 use fantex_cover::Cover;
 use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
-use fantex_store::{Asset, Channel};
+use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_stream::{AtlasFormat, AtlasShape, FrameChanges, PageTable};
 use glam::Vec3;
 use wgpu::util::DeviceExt;
 
-use super::atlas::atlas_formats;
+use super::atlas::{ChannelAtlas, DRAWN_KINDS, atlas_formats};
 use super::bindings::{BindingSource, FanBindings};
 use super::fan_colors::FanColors;
 use super::geometry::{GeometryChunk, GeometrySource, MaterialRun};
@@ -48,6 +48,8 @@ pub struct FanModelSource<'a> {
     pub cover: &'a Cover,
     /// The channels of the tiles.
     pub channels: &'a [Channel],
+    /// The formats of their texels, see [`FanModel::atlas_formats`].
+    pub formats: &'a [AtlasFormat],
     /// Numbering of the pages.
     pub pages: &'a PageTable,
     /// The atlas, see [`FanModel::atlas_shape`].
@@ -93,6 +95,7 @@ impl FanModel {
             mesh: asset.mesh(),
             cover: asset.cover(),
             channels: asset.channels(),
+            formats: &formats,
             pages,
             shape: Self::atlas_shape(gpu, budget_bytes, &formats),
         };
@@ -109,7 +112,7 @@ impl FanModel {
         source: &FanModelSource<'_>,
         mean: impl Fn(usize, u32) -> [f32; 4],
     ) -> Result<Self, GpuError> {
-        let FanModelSource { mesh, cover, channels, pages, shape } = *source;
+        let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
         let limits = gpu.limits();
         let longest = FanTables::longest_bytes(cover, channels, pages);
         let allowed = limits.max_storage_buffer_binding_size.into();
@@ -120,10 +123,9 @@ impl FanModel {
         if AtlasGrid::fitting(shape, allowed) != shape {
             return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
         }
-        let formats = Self::atlas_formats(gpu, channels);
         let materials = &mesh.materials;
         let grid = AtlasGrid::new(shape, allowed);
-        let parts = BindingSource { cover, channels, formats: &formats, grid, pages, materials };
+        let parts = BindingSource { cover, channels, formats, grid, pages, materials };
         let bindings = FanBindings::new(&gpu.device, parts, mean);
         let normals = shading_normals(mesh);
         let geometry = GeometrySource { mesh, cover, normals: &normals };
@@ -138,7 +140,7 @@ impl FanModel {
             uploader: Uploader::new(&gpu.device, grid),
             pipelines: FanPipelines::new(&gpu.device),
             materials: materials.iter().map(Surface::of).collect(),
-            formats,
+            formats: formats.to_vec(),
             bindings,
             chunks,
             blended,
@@ -177,8 +179,10 @@ impl FanModel {
         }
     }
 
-    pub(crate) fn bindings(&self) -> &FanBindings {
-        &self.bindings
+    /// The atlas of a channel, if it is drawn.
+    pub(crate) fn atlas(&self, kind: ChannelKind) -> Option<&ChannelAtlas> {
+        let kind = DRAWN_KINDS.iter().position(|&k| k == kind)?;
+        self.bindings.drawn[kind].and_then(|channel| self.bindings.atlases[channel].as_ref())
     }
 
     /// Draws the chunks: `pipeline` says with which pipeline a surface is drawn, if at all.

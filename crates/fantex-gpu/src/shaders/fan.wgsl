@@ -60,7 +60,7 @@ fn add_tile(sum: ptr<function, FanBlend>, tile: TileSample, group: u32, vertex_n
     }
 }
 
-fn fan_light(at: SurfacePoint, blend: FanBlend, material_index: u32, front: bool) -> vec4<f32> {
+fn fan_shade(at: SurfacePoint, blend: FanBlend, material_index: u32, front: bool) -> vec4<f32> {
     let factors = fan_materials[material_index];
     let side = select(-1.0, 1.0, front);
     var m: MaterialSample;
@@ -124,7 +124,7 @@ fn fs_fan_plain(in: FanPlainVarying, @builtin(front_facing) front: bool) -> @loc
     if FAN_OVERLAY == 5u {
         blend.overlay = vec3<f32>(0.35);
     }
-    return fan_light(at, blend, in.group.w, front);
+    return fan_shade(at, blend, in.group.w, front);
 }
 
 struct FanBorderVarying {
@@ -187,5 +187,5 @@ fn fs_fan_border(in: FanBorderVarying, @builtin(front_facing) front: bool) -> @l
             break if slots == 0u;
         }
     }
-    return fan_light(at, blend, in.groups.w, front);
+    return fan_shade(at, blend, in.groups.w, front);
 }

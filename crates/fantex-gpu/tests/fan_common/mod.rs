@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use fantex_bake::{BakeOptions, NoProgress, Source, bake};
 use fantex_cover::Cover;
-use fantex_gpu::{DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture};
+use fantex_gpu::{AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture};
 use fantex_mesh::{LoadOptions, Mesh, clean, load};
 use fantex_render::{
     FanSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render,
@@ -80,7 +80,7 @@ impl Baked {
         self.cache.asset()
     }
 
-    fn channels(&self) -> &[fantex_store::Channel] {
+    pub(crate) fn channels(&self) -> &[fantex_store::Channel] {
         if self.is_bare { &[] } else { self.asset().channels() }
     }
 
@@ -217,12 +217,19 @@ pub(crate) fn rendered(
 ) -> Picture {
     let asset = baked.asset();
     let table = PageTable::new(asset.cover());
-    let channels = baked.channels();
-    let shape = FanModel::atlas_shape(gpu, 128 << 20, &FanModel::atlas_formats(gpu, channels));
-    let source = FanModelSource { mesh: asset.mesh(), cover: asset.cover(), channels, pages: &table, shape };
-    let mut model = FanModel::new(gpu, &source, |channel, group| asset.mean(channel, group)).unwrap();
+    let formats = FanModel::atlas_formats(gpu, baked.channels());
+    let mut model = model(gpu, baked, &table, &formats);
     upload(gpu, &mut model, asset, &table, residents);
     draw(gpu, &mut model, camera, lights, options)
+}
+
+/// A model without any page.
+pub(crate) fn model(gpu: &Gpu, baked: &Baked, pages: &PageTable, formats: &[AtlasFormat]) -> FanModel {
+    let asset = baked.asset();
+    let shape = FanModel::atlas_shape(gpu, 128 << 20, formats);
+    let channels = baked.channels();
+    let source = FanModelSource { mesh: asset.mesh(), cover: asset.cover(), channels, formats, pages, shape };
+    FanModel::new(gpu, &source, |channel, group| asset.mean(channel, group)).unwrap()
 }
 
 /// The GPU's picture of a model.
@@ -384,4 +391,43 @@ pub(crate) fn save(name: &str, picture: &Picture) {
         let path = PathBuf::from(folder).join(format!("{}.png", name.replace(' ', "-")));
         picture.to_srgb_image().save(&path).unwrap();
     }
+}
+
+/// The live atlas, 256x256.
+pub(crate) fn live_atlas(gpu: &Gpu, model: &FanModel, kind: fantex_store::ChannelKind) -> Picture {
+    const SIDE: u32 = 256;
+    let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+    let size = wgpu::Extent3d { width: SIDE, height: SIDE, depth_or_array_layers: 1 };
+    let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(4 * SIDE * SIDE),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let view = target.create_view(&Default::default());
+    let viewer = AtlasViewer::new(gpu, format);
+    assert!(viewer.draw(gpu, &mut encoder, &view, [SIDE; 2], model, kind));
+    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIDE), rows_per_image: None };
+    encoder.copy_texture_to_buffer(
+        target.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        size,
+    );
+    gpu.queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
+    gpu.wait().unwrap();
+    let bytes = buffer.get_mapped_range(..).unwrap();
+    let unit = |&[r, g, b, a]: &[u8; 4]| [r, g, b, a].map(|v| f32::from(v) / 255.0);
+    Picture { width: SIDE, height: SIDE, rgba: bytes.as_chunks::<4>().0.iter().map(unit).collect() }
 }
