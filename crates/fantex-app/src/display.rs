@@ -78,9 +78,13 @@ impl Overlay {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::None => "",
-            Self::Fans => "Each partial fan has its own colour; the model's triangles are shared by three of them.",
+            Self::Fans => {
+                "Each partial fan has its own colour; the model's triangles are shared by three of them."
+            }
             Self::Groups => "Each group of partial fans shares one tile and has one colour.",
-            Self::Levels => "Red is the finest level (0), then orange, yellow, green, blue: each is half as fine.",
+            Self::Levels => {
+                "Red is the finest level (0), then orange, yellow, green, blue: each is half as fine."
+            }
             Self::Residency => {
                 "Green: the wanted level is there. Yellow to red: a coarser one stands in until it arrives."
             }

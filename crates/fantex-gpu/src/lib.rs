@@ -23,9 +23,9 @@ mod picture;
 mod renderer;
 mod screen;
 pub mod shader;
+mod sorted;
 mod surface_pipeline;
 mod timing;
-mod sorted;
 mod uv;
 mod wireframe;
 
@@ -40,5 +40,5 @@ pub use options::{DrawOptions, Overlay, WireframeOptions};
 pub use picture::{PictureRenderer, render_to_picture};
 pub use renderer::{Frame, Renderer};
 pub use surface_pipeline::{CasterPipeline, Coat, SurfaceKey, SurfacePipeline};
-pub use timing::{FrameTimes, frame_times};
+pub use timing::{FrameTimes, HiddenScreen, frame_times};
 pub use uv::{UvModel, UvModelError};

@@ -25,6 +25,44 @@ impl FrameTimes {
     }
 }
 
+/// A target that nobody sees, for frames that are timed.
+#[derive(Debug)]
+pub struct HiddenScreen {
+    renderer: Renderer,
+    target: wgpu::TextureView,
+}
+
+impl HiddenScreen {
+    /// A target of bytes, of `size` pixels (at least one).
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Self {
+        let [width, height] = size.map(|n| n.max(1));
+        let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("timed frames"),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba8Unorm,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            view_formats: &[],
+        });
+        let target = target.create_view(&Default::default());
+        Self { renderer: Renderer::new(gpu, wgpu::TextureFormat::Rgba8Unorm), target }
+    }
+
+    /// Draws a frame of the screen's size and waits for it.
+    ///
+    /// # Errors
+    ///
+    /// As [`Renderer::draw`].
+    pub fn draw(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<(), GpuError> {
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        self.renderer.draw(gpu, &mut encoder, &self.target, frame)?;
+        gpu.queue.submit([encoder.finish()]);
+        gpu.wait()
+    }
+}
+
 /// Draws the same frame `count` times into a target of bytes, waiting for the device after each, and times everything from the
 /// recording of commands to the end of their execution. One more frame goes before, in which pipelines are compiled, textures
 /// uploaded and shadow maps drawn.
@@ -33,29 +71,14 @@ impl FrameTimes {
 ///
 /// As [`Renderer::draw`].
 pub fn frame_times(gpu: &Gpu, frame: &mut Frame<'_>, count: usize) -> Result<FrameTimes, GpuError> {
-    let mut renderer = Renderer::new(gpu, wgpu::TextureFormat::Rgba8Unorm);
-    let [width, height] = frame.size.map(|n| n.max(1));
-    let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("timed frames"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba8Unorm,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    });
-    let view = target.create_view(&Default::default());
-    let mut draw = || {
+    let mut screen = HiddenScreen::new(gpu, frame.size);
+    screen.draw(gpu, frame)?;
+    let timed = |_| {
         let start = Instant::now();
-        let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        renderer.draw(gpu, &mut encoder, &view, frame)?;
-        gpu.queue.submit([encoder.finish()]);
-        gpu.wait()?;
+        screen.draw(gpu, frame)?;
         Ok(start.elapsed())
     };
-    draw()?;
-    let all = (0..count).map(|_| draw()).collect::<Result<_, GpuError>>()?;
+    let all = (0..count).map(timed).collect::<Result<_, GpuError>>()?;
     Ok(FrameTimes { all })
 }
 

@@ -52,7 +52,9 @@
 //! | [`store`] | the `.fan` asset: writing, reading, caching, verifying |
 //! | [`bake`] | sources to tiles |
 //! | [`stream`] | asynchronous reading, demand and residency of tiles, files and URLs alike |
+//! | [`scene`] | cameras, lights, surroundings, tone mapping: what renderers are given |
 //! | [`render`] | the CPU renderer |
+//! | [`gpu`] | the GPU renderer: models with UV textures, and assets through a small atlas |
 //!
 //! Implement [`bake::Source`] to bake anything that is a function of a surface point, [`render::Surface`] to render
 //! anything that gives a material at one. All work runs on the current rayon pool, and its results do not depend on the
@@ -61,6 +63,7 @@
 pub mod look_scene;
 
 pub use {
-    fantex_bake as bake, fantex_cover as cover, fantex_look as look, fantex_mesh as mesh,
-    fantex_render as render, fantex_store as store, fantex_stream as stream, fantex_texture as texture,
+    fantex_bake as bake, fantex_cover as cover, fantex_gpu as gpu, fantex_look as look, fantex_mesh as mesh,
+    fantex_render as render, fantex_scene as scene, fantex_store as store, fantex_stream as stream,
+    fantex_texture as texture,
 };

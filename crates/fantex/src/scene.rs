@@ -1,6 +1,7 @@
 //! Files as things that can be rendered.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use fantex::bake::{Source, SurfacePoint};
 use fantex::mesh::{Mesh, shading_normals};
@@ -8,7 +9,7 @@ use fantex::render::{
     Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
     Rendering, Surface, render,
 };
-use fantex::store::PageCache;
+use fantex::store::{Asset, PageCache};
 use fantex::texture::Filter;
 use glam::{DVec3, Vec3, Vec4};
 
@@ -48,6 +49,14 @@ impl Scene {
         match &self.content {
             Content::Model(model) => &model.mesh,
             Content::Asset(cache) => cache.asset().mesh(),
+        }
+    }
+
+    /// The asset, if it is one.
+    pub(crate) fn asset(&self) -> Option<&Arc<Asset>> {
+        match &self.content {
+            Content::Model(_) => None,
+            Content::Asset(cache) => Some(cache.asset()),
         }
     }
 

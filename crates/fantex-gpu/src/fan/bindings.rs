@@ -123,8 +123,11 @@ impl FanBindings {
             records.as_entire_binding(),
         ];
         let layout = layout(device);
-        let entries: Vec<_> =
-            resources.into_iter().zip(0..).map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let entries: Vec<_> = resources
+            .into_iter()
+            .zip(0..)
+            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("fan model"),
             layout: &layout,
@@ -144,7 +147,8 @@ impl FanBindings {
 
     /// Values of the overrides of `fan_lookup.wgsl` that say which channels there are.
     pub(crate) fn channel_constants(&self) -> [(&'static str, f64); 5] {
-        let [base_color, normal, material, emission, light] = self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
+        let [base_color, normal, material, emission, light] =
+            self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
         [
             ("FAN_BASE_COLOR", base_color),
             ("FAN_NORMAL", normal),
@@ -166,7 +170,8 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
     let uniform = buffer(BufferBindingType::Uniform);
     let types = [
-        uniform, storage, storage, storage, storage, sampler, texture, texture, texture, texture, texture, storage,
+        uniform, storage, storage, storage, storage, sampler, texture, texture, texture, texture, texture,
+        storage,
     ];
     let entry = |(ty, binding)| wgpu::BindGroupLayoutEntry {
         binding,
@@ -175,5 +180,8 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         count: None,
     };
     let entries: Vec<_> = types.into_iter().zip(0..).map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("fan model"), entries: &entries })
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("fan model"),
+        entries: &entries,
+    })
 }

@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
 use super::bindings::FanBindings;
-use crate::shader::{FAN_COLORS, FAN_LOOKUP, FAN_GEOMETRY, compose_surface, module};
+use crate::shader::{FAN_COLORS, FAN_GEOMETRY, FAN_LOOKUP, compose_surface, module};
 use crate::{Coat, Gpu, ModelSpace, SurfaceKey, SurfacePipeline};
 
 /// A corner of a triangle.

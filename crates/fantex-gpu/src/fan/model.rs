@@ -89,7 +89,12 @@ impl FanModel {
     /// # Errors
     ///
     /// As [`FanModel::new`].
-    pub fn of_asset(gpu: &Gpu, asset: &Asset, pages: &PageTable, budget_bytes: u64) -> Result<Self, GpuError> {
+    pub fn of_asset(
+        gpu: &Gpu,
+        asset: &Asset,
+        pages: &PageTable,
+        budget_bytes: u64,
+    ) -> Result<Self, GpuError> {
         let formats = Self::atlas_formats(gpu, asset.channels());
         let source = FanModelSource {
             mesh: asset.mesh(),
@@ -198,7 +203,8 @@ impl FanModel {
                     continue;
                 }
                 for run in &chunk.runs {
-                    let Some(next) = pipeline(shape, self.materials[run.material as usize], run.is_paged) else {
+                    let Some(next) = pipeline(shape, self.materials[run.material as usize], run.is_paged)
+                    else {
                         continue;
                     };
                     if current != Some(next) {
@@ -306,8 +312,11 @@ impl Model for FanModel {
 impl Chunk {
     fn new(device: &wgpu::Device, chunk: GeometryChunk) -> Self {
         use wgpu::BufferUsages as U;
-        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX)
-            .zip(vertex_buffer(device, &chunk.plain_indices, U::INDEX));
+        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX).zip(vertex_buffer(
+            device,
+            &chunk.plain_indices,
+            U::INDEX,
+        ));
         Self { plain, border: vertex_buffer(device, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
     }
 

@@ -130,7 +130,13 @@ impl FanPipelines {
         self.surfaces.get(&SurfacePipelineKey { frame, shape, surface, is_paged })
     }
 
-    pub(crate) fn prepare_caster(&mut self, gpu: &Gpu, bindings: &FanBindings, shape: Shape, surface: Surface) {
+    pub(crate) fn prepare_caster(
+        &mut self,
+        gpu: &Gpu,
+        bindings: &FanBindings,
+        shape: Shape,
+        surface: Surface,
+    ) {
         self.casters.entry((shape, surface.alpha_mode)).or_insert_with(|| {
             let mut constants = bindings.channel_constants().to_vec();
             constants.push(("FAN_FILTER", shader_filter(fantex_texture::Filter::Trilinear).into()));

@@ -9,6 +9,7 @@ pub(crate) mod generate;
 pub(crate) mod info;
 mod look;
 pub(crate) mod render;
+mod render_gpu;
 mod render_look;
 pub(crate) mod verify;
 pub(crate) mod view;

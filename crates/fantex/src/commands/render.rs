@@ -4,16 +4,16 @@ use std::path::PathBuf;
 
 use clap::Args;
 use fantex::look::LookFile;
-use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, render};
+use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::commands::render_look;
+use crate::commands::{render_gpu, render_look};
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::is_look;
 use crate::scene::{FilterArg, Scene, SizeArg, VectorArg, portrait};
-use crate::size::grouped;
+use crate::size::{Bytes, grouped};
 use crate::surroundings::SurroundingsArgs;
 
 /// Render a model, an asset or a look.
@@ -25,6 +25,7 @@ Example:
   fantex render chair.glb --look oak.toml -o chair.png
   fantex render cave.glb -o cave.exr --size 1920x1080 --eye 3,2,5 --target 0,1,0 --fov 60 --samples 16
   fantex render car.glb -o car.png --environment forest.exr --environment-rotation 90
+  fantex render world.fan -o world.png --gpu --pool 128M
 
 Without --eye and --target the camera shows the whole model from the front, the right and above.")]
 pub(crate) struct RenderArgs {
@@ -59,6 +60,12 @@ pub(crate) struct RenderArgs {
     light: Option<VectorArg>,
     #[command(flatten)]
     surroundings: SurroundingsArgs,
+    /// Draw on the graphics card (any Vulkan, Metal or DirectX 12 adapter; software too) with 1 or 4 samples
+    #[arg(long)]
+    gpu: bool,
+    /// Graphics memory for an asset's texels
+    #[arg(long, value_name = "SIZE", default_value = "64M", requires = "gpu")]
+    pool: Bytes,
 }
 
 #[derive(Debug, Serialize)]
@@ -68,10 +75,13 @@ struct RenderInfo {
     height: u32,
     seconds: f64,
     triangles: u64,
-    shaded: u64,
-    lookups: u64,
-    /// Filtered look-ups, of all channels, per shaded point.
-    lookups_per_shading: f64,
+    /// Points at which materials were evaluated; unknown on the graphics card.
+    shaded: Option<u64>,
+    /// Filtered look-ups of all channels; unknown on the graphics card.
+    lookups: Option<u64>,
+    lookups_per_shading: Option<f64>,
+    /// The graphics card, if one was used.
+    adapter: Option<String>,
 }
 
 /// Runs the command.
@@ -80,6 +90,10 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
     {
         let path = args.look.clone().unwrap_or_else(|| args.file.clone());
         return Err(CliError::NotForLooks { option: "--light and --environment", path });
+    }
+    if (args.look.is_some() || is_look(&args.file)) && args.gpu {
+        let path = args.look.clone().unwrap_or_else(|| args.file.clone());
+        return Err(CliError::NotForLooks { option: "--gpu", path });
     }
     if let Some(path) = &args.look {
         return render_look::run(args, &LookFile::read(path)?, Some(&args.file), context);
@@ -107,30 +121,49 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
             None => sun.is_some(),
         });
     }
-    let surface = scene.surface(args.filter.unwrap_or_default().options())?;
-    let rendering = render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
-    scene.show_damage(context);
-    save(&rendering.picture, &args.output, context)?;
-    let stats = rendering.stats;
-    let info = RenderInfo {
+    let filter = args.filter.unwrap_or_default().options();
+    let mut info = RenderInfo {
         output: args.output.clone(),
         width,
         height,
-        seconds: stats.elapsed.as_secs_f64(),
-        triangles: stats.triangles,
-        shaded: stats.shaded,
-        lookups: stats.lookups,
-        lookups_per_shading: stats.lookups as f64 / stats.shaded.max(1) as f64,
+        seconds: 0.0,
+        triangles: scene.mesh().triangles.len() as u64,
+        shaded: None,
+        lookups: None,
+        lookups_per_shading: None,
+        adapter: None,
     };
-    context.print(&info, |info| {
-        format!(
-            "{}: {width} x {height} pixels, {} triangles, {} look-ups, {:.2} s",
-            info.output.display(),
-            grouped(info.triangles),
-            grouped(info.lookups),
-            info.seconds
-        )
-    })
+    let picture = if args.gpu {
+        options.samples = args.samples.unwrap_or(4);
+        let drawn = render_gpu::render(&scene, &camera, &lights, &options, filter, args.pool.0, context)?;
+        info.seconds = drawn.elapsed.as_secs_f64();
+        info.adapter = Some(drawn.adapter);
+        drawn.picture
+    } else {
+        let surface = scene.surface(filter)?;
+        let Rendering { picture, stats } =
+            render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
+        scene.show_damage(context);
+        info.seconds = stats.elapsed.as_secs_f64();
+        info.triangles = stats.triangles;
+        info.shaded = Some(stats.shaded);
+        info.lookups = Some(stats.lookups);
+        info.lookups_per_shading = Some(stats.lookups as f64 / stats.shaded.max(1) as f64);
+        picture
+    };
+    save(&picture, &args.output, context)?;
+    context.print(&info, text)
+}
+
+fn text(info: &RenderInfo) -> String {
+    let RenderInfo { output, width, height, seconds, .. } = info;
+    let triangles = grouped(info.triangles);
+    let how = match (&info.lookups, &info.adapter) {
+        (Some(lookups), _) => format!("{} look-ups", grouped(*lookups)),
+        (None, Some(adapter)) => format!("on {adapter}"),
+        (None, None) => String::new(),
+    };
+    format!("{}: {width} x {height} pixels, {triangles} triangles, {how}, {seconds:.2} s", output.display())
 }
 
 /// The camera that was asked for; what was not is taken from the view that shows the whole model.

@@ -5,15 +5,16 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use fantex::render::Bounds;
+use fantex::gpu::{DrawOptions, FanModel, Frame, Gpu, GpuOptions, HiddenScreen};
+use fantex::scene::{Bounds, Camera, Lights};
 use fantex::store::Asset;
 use fantex::stream::simulate::{
     CameraKeyframe, CameraPath, DiskModel, SimulationOptions, SimulationReport, simulate,
 };
 use fantex::stream::{
-    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, DiskLoad, FrameOptions, LoaderStatistics,
-    Streamer, StreamerOptions, loaded_clusters, mean_cluster_bytes, open_asset, plain_reads, queued_reads,
-    unpacked_clusters, url_of,
+    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, DiskLoad, FrameChanges, FrameOptions,
+    LoaderStatistics, PageTable, Streamer, StreamerOptions, loaded_clusters, mean_cluster_bytes, open_asset,
+    plain_reads, queued_reads, unpacked_clusters, url_of,
 };
 use glam::DVec3;
 
@@ -30,6 +31,7 @@ use crate::size::{Bytes, positive};
 Example:
   fantex bench stream world.fan
   fantex bench stream world.fan --pool 16M --path flight.json
+  fantex bench stream world.fan --gpu --size 1920x1080
   fantex bench stream world.fan --simulate
 
 A path is a JSON file as 'fantex view' records it: {\"keyframes\": [{\"seconds\": 0, \"eye\": [0, 2, 5], \"target\": [0, 1, 0],
@@ -50,6 +52,9 @@ pub(super) struct StreamArgs {
     /// Frames per second
     #[arg(long, value_name = "RATE", default_value_t = 60.0, value_parser = positive)]
     rate: f64,
+    /// Draw every frame on the graphics card, as fast as it can
+    #[arg(long, conflicts_with = "simulate")]
+    gpu: bool,
     /// Replay the path against a modelled disk, in simulated time: the same figures on every machine
     #[arg(long)]
     simulate: bool,
@@ -68,22 +73,31 @@ pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, C
         Some(path) => read_path(path)?,
         None => tour(&asset),
     };
-    let stored = asset.channels().iter().map(|channel| channel.format);
-    let formats: Vec<AtlasFormat> = stored.map(|format| AtlasFormat::of(format, true)).collect();
-    let streamer =
-        StreamerOptions { atlas: AtlasShape::within(args.pool.0, &formats), ..StreamerOptions::default() };
     if args.simulate {
-        let texel_bytes = formats.iter().map(|f| f.block_bytes()).sum::<usize>() as f64 / 16.0;
-        let disk = DiskModel { texel_bytes, ..DiskModel::default() };
-        let defaults = SimulationOptions::default();
-        let options =
-            SimulationOptions { streamer, disk, size: args.size.0, frame_rate: args.rate, ..defaults };
-        return Ok(simulated_rows(&simulate(asset, &path, &options)));
+        return Ok(simulated_rows(&simulate(asset.clone(), &path, &simulation(&asset, args))));
     }
-    let mut rows = fly(&asset, &path, streamer, args, context)?;
+    let mut rows = fly(&asset, &path, args, context)?;
     rows.extend(disk_rows(&asset)?);
     rows.extend(memory::peak_bytes().map(|bytes| Row::new("peak of main memory", bytes as f64 / 1e6, "MB")));
     Ok(rows)
+}
+
+/// Formats of the texels in an atlas.
+fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
+    asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, block_compressed)).collect()
+}
+
+fn simulation(asset: &Asset, args: &StreamArgs) -> SimulationOptions {
+    let formats = formats(asset, true);
+    let texel_bytes = formats.iter().map(|f| f.block_bytes()).sum::<usize>() as f64 / 16.0;
+    let defaults = SimulationOptions::default();
+    SimulationOptions {
+        streamer: StreamerOptions { atlas: AtlasShape::within(args.pool.0, &formats), ..defaults.streamer },
+        disk: DiskModel { texel_bytes, ..DiskModel::default() },
+        size: args.size.0,
+        frame_rate: args.rate,
+        ..defaults
+    }
 }
 
 fn read_path(path: &Path) -> Result<CameraPath, CliError> {
@@ -126,6 +140,7 @@ fn tour(asset: &Asset) -> CameraPath {
 #[derive(Debug, Default)]
 struct Flight {
     update_times: Vec<Duration>,
+    frame_times: Vec<Duration>,
     seconds_to_sharp: Vec<f64>,
     never_sharp: u64,
     peak_occupancy: f64,
@@ -134,38 +149,50 @@ struct Flight {
     frames: u64,
 }
 
-/// Flies in real time. Pictures are not drawn: what is measured is deciding, reading, unpacking and handing over.
+/// Flies in real time. Unless pictures are drawn, what is measured is deciding, reading, unpacking and handing over.
 fn fly(
     asset: &Arc<Asset>,
     path: &CameraPath,
-    options: StreamerOptions,
     args: &StreamArgs,
     context: &Context,
 ) -> Result<Vec<Row>, CliError> {
-    let loader = ClusterLoader::open(Arc::clone(asset), &ClusterLoaderOptions::default())?;
-    let info = loader.reader_info();
+    let gpu = if args.gpu { Some(Gpu::headless(&GpuOptions::default())?) } else { None };
+    let block_compressed = gpu.as_ref().is_none_or(Gpu::has_block_compression);
+    let formats = formats(asset, block_compressed);
+    let atlas = match &gpu {
+        Some(gpu) => FanModel::atlas_shape(gpu, args.pool.0, &formats),
+        None => AtlasShape::within(args.pool.0, &formats),
+    };
+    let loader = ClusterLoader::open(
+        Arc::clone(asset),
+        &ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() },
+    )?;
     let monitor = loader.monitor();
-    context.note(format!("{}: {info}", args.asset.display()));
+    context.note(format!("{}: {}", args.asset.display(), loader.reader_info()));
+    let options = StreamerOptions { atlas, ..StreamerOptions::default() };
     let mut streamer = Streamer::new(Arc::clone(asset) as _, Box::new(loader), options);
+    let mut screen = match gpu {
+        Some(gpu) => Some(Screen::new(gpu, asset, streamer.table(), args)?),
+        None => None,
+    };
     let mut flight = Flight::default();
     let mut cuts = path.cuts_seconds().into_iter().peekable();
     let mut waiting_since: Option<f64> = None;
-    let frame_seconds = 1.0 / args.rate;
     let end = path.duration_seconds() + REST_SECONDS;
     let began = Instant::now();
-    loop {
-        let seconds = began.elapsed().as_secs_f64();
-        if seconds > end {
-            break;
-        }
+    let mut last = began;
+    while began.elapsed().as_secs_f64() <= end {
+        let started = Instant::now();
+        let seconds = (started - began).as_secs_f64();
         while cuts.next_if(|&cut| cut <= seconds).is_some() {
             flight.never_sharp += u64::from(waiting_since.replace(seconds).is_some());
         }
-        let camera = path.at(seconds);
-        let view = camera.and_then(|c| c.view(&asset.mesh().world_from_mesh, args.size.0));
-        let frame = FrameOptions { elapsed_seconds: frame_seconds as f32, ..FrameOptions::default() };
-        let started = Instant::now();
-        drop(streamer.update(view.as_ref(), frame));
+        let Some(camera) = path.at(seconds) else { break };
+        let view = camera.view(&asset.mesh().world_from_mesh, args.size.0);
+        let elapsed_seconds = (started - last).as_secs_f32().max(1e-6);
+        last = started;
+        let changes =
+            streamer.update(view.as_ref(), FrameOptions { elapsed_seconds, ..FrameOptions::default() });
         flight.update_times.push(started.elapsed());
         flight.count(&streamer);
         let figures = streamer.statistics();
@@ -174,10 +201,51 @@ fn fly(
         {
             flight.seconds_to_sharp.push(began.elapsed().as_secs_f64() - since);
         }
-        std::thread::sleep(Duration::from_secs_f64(frame_seconds).saturating_sub(started.elapsed()));
+        match &mut screen {
+            Some(screen) => {
+                screen.draw(&camera, &changes)?;
+                flight.frame_times.push(started.elapsed());
+            }
+            None => {
+                let rest = Duration::from_secs_f64(1.0 / args.rate).saturating_sub(started.elapsed());
+                std::thread::sleep(rest);
+            }
+        }
     }
     flight.never_sharp += u64::from(waiting_since.is_some());
     Ok(flight.rows(&monitor.statistics()))
+}
+
+/// A picture on the graphics card that nobody sees.
+struct Screen {
+    gpu: Gpu,
+    hidden: HiddenScreen,
+    model: FanModel,
+    size: [u32; 2],
+    lights: Lights,
+}
+
+impl Screen {
+    fn new(gpu: Gpu, asset: &Asset, pages: &PageTable, args: &StreamArgs) -> Result<Self, CliError> {
+        let size = args.size.0;
+        let model = FanModel::of_asset(&gpu, asset, pages, args.pool.0)?;
+        Ok(Self { hidden: HiddenScreen::new(&gpu, size), gpu, model, size, lights: Lights::default() })
+    }
+
+    fn draw(&mut self, camera: &CameraKeyframe, changes: &FrameChanges) -> Result<(), CliError> {
+        self.model.update(&self.gpu, changes);
+        let camera = Camera {
+            eye: camera.eye.into(),
+            target: camera.target.into(),
+            up: camera.up.into(),
+            fov_degrees: camera.fov_degrees,
+        };
+        let options = DrawOptions { samples: 1, ..DrawOptions::default() };
+        let model = &mut self.model;
+        let mut frame =
+            Frame { size: self.size, camera: &camera, lights: &self.lights, model, options: &options };
+        Ok(self.hidden.draw(&self.gpu, &mut frame)?)
+    }
 }
 
 impl Flight {
@@ -191,6 +259,7 @@ impl Flight {
 
     fn rows(mut self, loader: &LoaderStatistics) -> Vec<Row> {
         let mut rows = Vec::new();
+        percentiles(&mut rows, "frame", &mut self.frame_times);
         percentiles(&mut rows, "deciding, per frame", &mut self.update_times);
         rows.push(Row::new(
             "pages resident when needed",
