@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::time::Instant;
 
 use fantex_store::{ClusterId, ClusterPages, PageError, PageId};
@@ -238,6 +238,11 @@ impl Board {
             pending_pages: self.pending(),
             ..self.counts
         }
+    }
+
+    /// All that workers and scheduler do ends.
+    pub(super) fn close(&mut self) {
+        self.closed = true;
     }
 
     // What the scheduler does.
@@ -498,46 +503,4 @@ impl Board {
 /// What a ready page counts for: its texels, if any.
 fn ready_bytes(texels: &Result<PageTexels, PageError>) -> usize {
     texels.as_ref().map_or(0, PageTexels::bytes)
-}
-
-/// The board behind its lock.
-#[derive(Debug)]
-pub(super) struct SharedBoard {
-    board: Mutex<Board>,
-    /// For workers: there are jobs, or room for ready pages, or an end.
-    work: Condvar,
-}
-
-impl SharedBoard {
-    pub(super) fn new(board: Board) -> Self {
-        Self { board: Mutex::new(board), work: Condvar::new() }
-    }
-
-    pub(super) fn lock(&self) -> MutexGuard<'_, Board> {
-        self.board.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    pub(super) fn job_arrived(&self) {
-        self.work.notify_one();
-    }
-
-    pub(super) fn room_arrived(&self) {
-        self.work.notify_all();
-    }
-
-    /// Waits for something to do.
-    pub(super) fn wait_for_order(&self) -> Order {
-        let mut board = self.lock();
-        loop {
-            if let Some(order) = board.next_order() {
-                return order;
-            }
-            board = self.work.wait(board).unwrap_or_else(PoisonError::into_inner);
-        }
-    }
-
-    pub(super) fn close(&self) {
-        self.lock().closed = true;
-        self.work.notify_all();
-    }
 }

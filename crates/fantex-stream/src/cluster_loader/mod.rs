@@ -27,6 +27,7 @@ mod by_urgency;
 mod cluster_cache;
 mod file_order;
 mod scheduler;
+mod shared_board;
 mod statistics;
 mod worker;
 
@@ -36,10 +37,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use board::{Board, SharedBoard};
+use board::Board;
 use fantex_store::{Asset, PageId};
 use file_order::FileOrder;
 use scheduler::Scheduler;
+use shared_board::SharedBoard;
 pub use statistics::LoaderStatistics;
 use worker::Worker;
 
