@@ -4,8 +4,8 @@
 //! cargo run --release -p fantex-stream --example demand_cost -- [TRIANGLES]
 //! ```
 //!
-//! Prints for a still, a slow, a fast and a jumping camera the least, the lower quartile's and the median frame: on a machine
-//! that does other work, too, the least is what the work itself takes.
+//! Prints for a still, a slow, a fast and a jumping camera the least, the lower quartile's and the median frame. Frames differ
+//! in how many bounds run out, so the least is not typical; other work on the machine shows in the upper ones.
 
 use std::error::Error;
 use std::sync::Arc;

@@ -1,8 +1,11 @@
 //! Bounds of pieces of surface: spheres, cones of normals, densities.
 
+use std::ops::Range;
+
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use glam::Vec3;
+use rayon::prelude::*;
 
 use super::kites::{Facet, facets};
 
@@ -60,6 +63,11 @@ impl Gathering {
         self.normals += normal;
         self.density = self.density.min(least_density);
         self.is_culled &= is_culled;
+    }
+
+    fn join(&mut self, other: &Self) {
+        (self.low, self.high) = (self.low.min(other.low), self.high.max(other.high));
+        self.add_facet(other.normals, other.density, other.is_culled);
     }
 
     /// The bounds as far as they are known: radius zero, a closed cone.
@@ -124,26 +132,58 @@ impl Bounds {
     }
 }
 
-/// Bounds of every group.
+/// Bounds of every group. Facets are looked at in parallel, run by run, and added in order.
 pub(crate) fn group_bounds(mesh: &Mesh, cover: &Cover) -> Vec<Bounds> {
+    let count = mesh.triangles.len().min(cover.corner_groups.len());
     let mut gathered = vec![Gathering::EMPTY; cover.groups.len()];
-    let triangles = 0..mesh.triangles.len().min(cover.corner_groups.len());
-    for t in triangles.clone() {
-        for facet in facets(mesh, cover, t) {
-            let gathering = &mut gathered[facet.group as usize];
-            points(&facet).for_each(|p| gathering.add_point(p));
-            gathering.add_facet(facet.normal, facet.least_density, is_culled(mesh, t));
+    for begin in (0..count).step_by(RUN) {
+        let gather = |facet: Facet, t: usize| {
+            let mut one = Gathering::EMPTY;
+            points(&facet).for_each(|p| one.add_point(p));
+            one.add_facet(facet.normal, facet.least_density(mesh, cover, t), is_culled(mesh, t));
+            one
+        };
+        for (group, one) in in_order(mesh, cover, begin..count.min(begin + RUN), gather) {
+            gathered[group as usize].join(&one);
         }
     }
     let mut bounds: Vec<Bounds> = gathered.iter().map(Gathering::begin).collect();
-    for t in triangles {
-        for facet in facets(mesh, cover, t) {
-            let bounds = &mut bounds[facet.group as usize];
-            points(&facet).for_each(|p| bounds.widen_to_point(p));
-            bounds.widen_to_normal(facet.normal);
+    for begin in (0..count).step_by(RUN) {
+        let widen = |facet: Facet, _| {
+            let mut one = bounds[facet.group as usize];
+            points(&facet).for_each(|p| one.widen_to_point(p));
+            one.widen_to_normal(facet.normal);
+            (one.sphere.radius, one.cone.cos)
+        };
+        for (group, (radius, cos)) in in_order(mesh, cover, begin..count.min(begin + RUN), widen) {
+            let bounds = &mut bounds[group as usize];
+            bounds.sphere.radius = bounds.sphere.radius.max(radius);
+            bounds.cone.cos = bounds.cone.cos.min(cos);
         }
     }
     bounds
+}
+
+/// Triangles whose facets are kept at a time.
+const RUN: usize = 1 << 17;
+
+/// What `of` says of every facet of some triangles, with the facet's group.
+fn in_order<T: Send>(
+    mesh: &Mesh,
+    cover: &Cover,
+    triangles: Range<usize>,
+    of: impl Fn(Facet, usize) -> T + Sync,
+) -> Vec<(u32, T)> {
+    let of = &of;
+    let parts: Vec<Vec<(u32, T)>> = triangles
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .fold(Vec::new, |mut part, t| {
+            part.extend(facets(mesh, cover, t).map(|facet| (facet.group, of(facet, t))));
+            part
+        })
+        .collect();
+    parts.into_iter().flatten().collect()
 }
 
 /// Corners of a facet's kites.

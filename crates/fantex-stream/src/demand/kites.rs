@@ -44,10 +44,19 @@ pub(crate) struct Facet {
     pub(crate) group: u32,
     /// Unit normal.
     pub(crate) normal: Vec3,
-    /// Texels per mesh unit along the direction on the surface that has fewest.
-    pub(crate) least_density: f32,
     /// One per corner of the triangle that belongs to the group.
     pub(crate) kites: [Option<Kite>; 3],
+}
+
+impl Facet {
+    /// Texels of level 0 per mesh unit along the direction on the surface that has fewest. `triangle` is the facet's.
+    pub(crate) fn least_density(&self, mesh: &Mesh, cover: &Cover, triangle: usize) -> f32 {
+        let extent = Vec2::from(cover.groups[self.group as usize].extent.map(|n| n as f32));
+        let positions = mesh.triangle_positions(triangle);
+        // One projection serves all corners of a projected group; an unfolded fan has one corner in a triangle.
+        let slot = self.kites.iter().position(Option::is_some).unwrap_or(0);
+        least_density(positions, cover.tile_corners(mesh, triangle, slot), extent)
+    }
 }
 
 /// The facets of a triangle, one per group it is looked up in.
@@ -58,7 +67,7 @@ pub(crate) fn facets(mesh: &Mesh, cover: &Cover, triangle: usize) -> impl Iterat
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let first_slot = move |slot: usize| groups.iter().position(|&g| g == groups[slot]) == Some(slot);
     (0..3).filter(move |&slot| first_slot(slot)).map(move |slot| {
-        let mut facet = Facet { group: groups[slot], normal, least_density: f32::INFINITY, kites: [None; 3] };
+        let mut facet = Facet { group: groups[slot], normal, kites: [None; 3] };
         for other in (slot..3).filter(|&s| groups[s] == groups[slot]) {
             let uv = cover.tile_corners(mesh, triangle, other);
             let at = |lambda: Vec3| {
@@ -67,8 +76,6 @@ pub(crate) fn facets(mesh: &Mesh, cover: &Cover, triangle: usize) -> impl Iterat
             };
             let corners = kite(other, cover.delta).map(at);
             facet.kites[other] = Some(Kite { points: corners.map(|c| c.0), uv: corners.map(|c| c.1) });
-            let extent = cover.groups[facet.group as usize].extent.map(|n| n as f32);
-            facet.least_density = facet.least_density.min(least_density(positions, uv, extent.into()));
         }
         facet
     })

@@ -14,10 +14,10 @@
 //! way and the angle that the camera has covered so far, at which anything below it must be looked at again. Blocks that are
 //! small against their distance, inside the picture and turned to the camera are bounded once for all their groups.
 //!
-//! **What it costs.** A landscape of 950 k fans with a tile each, 600 k of them in the picture, 1920x1080, least and median
-//! frame (`examples/demand_cost.rs`, two cores shared with other work): still 0 us; 0.1 m per frame in a square of 1 km, 80 us;
-//! 0.5 m per frame 20 and 540 us; 3 m per frame 0.2 and 5 ms; a cut in every frame 24 ms, once per cut. Tiles of 128 texels
-//! are a hundred times fewer.
+//! **What it costs.** A landscape of 950 k fans with a tile each, most of them in the picture, 1920x1080
+//! (`examples/demand_cost.rs`), medians of a frame in three runs on two cores that did other work, too: still 0 us; 0.1 m per
+//! frame in a square of 1 km, 60 to 110 us; 0.5 m per frame, 0.5 to 1.6 ms; 3 m per frame, 3 to 5 ms; a cut in every frame, 24
+//! to 28 ms.
 //!
 //! **What it gives away.** Mean excess over the reference with anisotropic look-ups: 0.1 to 0.3 levels (bunny 0.26); with
 //! trilinear ones, whose level hangs on the pixel's longer axis, 0.5 to 1.3. Single groups at a silhouette, of which the
@@ -25,7 +25,7 @@
 //! groups of curved bodies are not seen: they lie within the slack, or turn their back at most points.
 //!
 //! **Occlusion is not computed.** A coarse answer is needed ahead of time here, while depth is known to the renderer only, and
-//! only for the last picture. What hidden surfaces cost is room in the pool, of which the bias takes account.
+//! only for the last picture. Whether it would pay was not measured. What hidden surfaces cost is room in the pool, of which the bias takes account.
 
 mod bounds;
 mod kites;

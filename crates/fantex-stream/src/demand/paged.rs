@@ -160,10 +160,11 @@ impl KiteGrid {
         for &t in triangles {
             for facet in facets(geometry.mesh(), geometry.cover(), t as usize) {
                 if facet.group == group {
+                    let least_density = facet.least_density(geometry.mesh(), geometry.cover(), t as usize);
                     kites.extend(facet.kites.into_iter().flatten().map(|kite| PlacedKite {
                         kite,
                         normal: facet.normal,
-                        least_density: facet.least_density,
+                        least_density,
                         is_culled: is_culled(geometry.mesh(), t as usize),
                     }));
                 }

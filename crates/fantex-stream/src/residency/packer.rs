@@ -5,7 +5,8 @@
 //!
 //! Why not a shelf packer: pages come in all combinations of sides, and leave one by one. Where the pages of a cover's tiles
 //! come and go at random in a full layer of 1024x1024 texels, 62 % of it are in use when a page finds no room, and 57 % with
-//! the shelves of `etagere`, at about the same cost of a microsecond per page (`tests::against_shelves`).
+//! the shelves of `etagere`; the time is the same to 2.5 times as much, a microsecond or two per page
+//! (`tests::against_shelves`, two runs on a busy machine).
 
 use fantex_store::PAGE;
 

@@ -2,7 +2,7 @@
 //!
 //! Urgency is the error on the screen: by how many levels a tile is too coarse, then how large it is. Within one urgency
 //! groups come in order, so that neighbours, which lie in one cluster, are asked for together. Weighing the picture's middle
-//! more was left out: the eye is wherever it is, and a cut is sharp only when the last tile is.
+//! more was left out, unmeasured: the eye is wherever it is, and a cut is sharp only when the last tile is.
 
 use std::collections::VecDeque;
 
