@@ -118,7 +118,7 @@ impl Scene {
     }
 }
 
-/// How two pictures differ, in steps of 8-bit sRGB (and alpha).
+/// How two pictures differ, in steps of 8-bit sRGB (premultiplied) and alpha.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Difference {
     name: String,
@@ -132,7 +132,8 @@ impl Difference {
     pub(crate) fn of(a: &Picture, b: &Picture, name: &str) -> Self {
         let [bytes_a, bytes_b] = [a, b].map(|picture| {
             let bytes = |p: &[f32; 4]| {
-                let byte = |v: f32| fantex_texture::color::srgb8_from_linear(v);
+                // The colour of what is hardly there means little.
+                let byte = |v: f32| fantex_texture::color::srgb8_from_linear(v * p[3]);
                 [byte(p[0]), byte(p[1]), byte(p[2]), fantex_texture::color::unorm8(p[3])]
             };
             picture.rgba.iter().map(bytes).collect::<Vec<[u8; 4]>>()
