@@ -222,6 +222,17 @@ fn shadows_of_all_lamps() {
 }
 
 #[test]
+fn shadows_on_curved_models() {
+    let Some(gpu) = gpu() else { return };
+    let shadow = ShadowOptions { resolution: 1024, ..ShadowOptions::default() };
+    for (samples, share) in [(1, 0.001), (4, 0.01)] {
+        let lights = Lights::sun(Vec3::new(-0.6, 0.9, 0.5)).with_shadows(shadow);
+        let scene = Scene { samples, lights, ..Scene::of(loaded("models/spot.obj")) };
+        scene.compare(&gpu, &format!("spot-shadow-{samples}")).assert_below(0.2, 8, share);
+    }
+}
+
+#[test]
 fn projectors() {
     let Some(gpu) = gpu() else { return };
     let image = Arc::new(ImageTexture::new(Arc::new(Image::load(asset("images/brick.png")).unwrap())));
