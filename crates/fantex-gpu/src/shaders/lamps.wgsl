@@ -25,30 +25,20 @@ struct SurfacePoint {
     vertex_normal: vec3<f32>,
 }
 
-// From the offset from the eye, interpolated within the triangle (centroid) and at the pixel's centre, and the interpolated
-// normal of the front side. Only the latter offset has meaningful differences along a triangle's edges, where they would
-// show as wrong shadows. To be called where all fragments of a quad are.
-fn surface_point_at(
-    offset: vec3<f32>,
-    center_offset: vec3<f32>,
-    front_normal: vec3<f32>,
-    front: bool,
-) -> SurfacePoint {
+// From the offset from the eye, interpolated at the pixel's centre (not centroid, whose differences mean nothing along a
+// triangle's edges: they would show as wrong shadows), and the interpolated normal of the front side. To be called where all
+// fragments of a quad are.
+fn surface_point(offset: vec3<f32>, front_normal: vec3<f32>, front: bool) -> SurfacePoint {
     var at: SurfacePoint;
     at.position = frame.eye + offset;
-    at.position_dx = dpdx(center_offset);
-    at.position_dy = dpdy(center_offset);
+    at.position_dx = dpdx(offset);
+    at.position_dy = dpdy(offset);
     at.to_eye = unit_or(-offset, vec3<f32>(0.0, 0.0, 1.0));
     let facet = unit_or(cross(at.position_dy, at.position_dx), at.to_eye);
     at.facet_normal = select(-facet, facet, dot(facet, at.to_eye) >= 0.0);
     let side = select(-1.0, 1.0, front);
     at.vertex_normal = unit_or(front_normal, at.facet_normal * side) * side;
     return at;
-}
-
-// The same from one offset, interpolated at the pixel's centre.
-fn surface_point(center_offset: vec3<f32>, front_normal: vec3<f32>, front: bool) -> SurfacePoint {
-    return surface_point_at(center_offset, center_offset, front_normal, front);
 }
 
 // Light of one lamp at a point.

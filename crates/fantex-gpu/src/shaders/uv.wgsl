@@ -15,13 +15,12 @@ struct UvVertex {
 // pixel's centre.
 struct UvVarying {
     @builtin(position) clip: vec4<f32>,
-    @location(0) @interpolate(perspective, centroid) offset: vec3<f32>,
+    @location(0) offset: vec3<f32>,
     @location(1) @interpolate(perspective, centroid) normal: vec3<f32>,
     @location(2) @interpolate(perspective, centroid) tangent: vec4<f32>,
     @location(3) uv01: vec4<f32>,
     @location(4) uv23: vec4<f32>,
     @location(5) @interpolate(perspective, centroid) color: vec4<f32>,
-    @location(6) center_offset: vec3<f32>,
 }
 
 // Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
@@ -31,7 +30,6 @@ const SHINY: f32 = 0.3;
 fn vs_uv(vertex: UvVertex) -> UvVarying {
     var out: UvVarying;
     out.offset = offset_from_eye(vertex.position);
-    out.center_offset = out.offset;
     out.clip = clip_position(out.offset);
     out.normal = vertex.normal.xyz;
     out.tangent = vertex.tangent;
@@ -94,7 +92,7 @@ fn uv_material(in: UvVarying, at: SurfacePoint, front: bool) -> MaterialSample {
 
 @fragment
 fn fs_uv(in: UvVarying, @builtin(front_facing) front: bool) -> @location(0) vec4<f32> {
-    let at = surface_point_at(in.offset, in.center_offset, in.normal, front);
+    let at = surface_point(in.offset, in.normal, front);
     var m = uv_material(in, at, front);
     if ALPHA_MODE == 1u {
         if m.alpha < material.alpha_threshold {
