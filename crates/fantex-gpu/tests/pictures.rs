@@ -12,7 +12,7 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{Scene, asset, embedded, gpu, loaded};
+use common::{Scene, asset, data, embedded, gpu, loaded, loaded_from};
 use fantex_gpu::{Frame, UvModel, frame_times};
 use fantex_mesh::{
     AlphaMode, CleanOptions, CornerAttributes, Material, Mesh, Model, TextureRef, WrapMode, clean, generate,
@@ -189,6 +189,22 @@ fn vertex_colors_and_single_sides() {
     // Into the open neck.
     scene.camera = Camera::framing_mesh(&scene.mesh, DVec3::new(0.1, -1.0, -0.3), 4.0 / 3.0);
     scene.compare(&gpu, "suzanne-from-below").assert_below(0.05, 4, 0.001);
+}
+
+#[test]
+fn conformance_models() {
+    let (Some(gpu), Some(folder)) = (gpu(), data("conformance/gltf")) else { return };
+    let mut names: Vec<_> =
+        std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    for name in names {
+        let name = name.to_str().unwrap();
+        let files = [format!("{name}.gltf"), format!("{name}.glb")].map(|file| folder.join(name).join(file));
+        let Some(path) = files.iter().find(|path| path.exists()) else { continue };
+        let mut scene = Scene::of(loaded_from(path));
+        scene.camera = Camera::framing_mesh(&scene.mesh, DVec3::new(0.1, 0.1, 1.0), 4.0 / 3.0);
+        scene.compare(&gpu, &format!("conformance-{name}")).assert_below(0.5, 8, 0.01);
+    }
 }
 
 #[test]

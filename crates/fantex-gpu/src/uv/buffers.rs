@@ -7,15 +7,18 @@ use crate::{Gpu, GpuError};
 /// Vertices and indices on the device.
 #[derive(Debug)]
 pub(super) struct Buffers {
-    pub(super) positions: wgpu::Buffer,
-    pub(super) attributes: wgpu::Buffer,
-    pub(super) uv: Option<wgpu::Buffer>,
-    pub(super) uv_pairs: usize,
+    positions: wgpu::Buffer,
+    attributes: wgpu::Buffer,
+    uv: Option<wgpu::Buffer>,
+    uv_pairs: usize,
+    /// Of what is not blended.
     pub(super) indices: wgpu::Buffer,
+    /// Of what is blended, in drawing order.
     pub(super) sorted: wgpu::Buffer,
 }
 
 impl Buffers {
+    /// Uploads vertices and the indices of what is not blended.
     pub(super) fn new(
         gpu: &Gpu,
         vertices: &Vertices,
@@ -47,6 +50,7 @@ impl Buffers {
         })
     }
 
+    /// Binds the vertex buffers.
     pub(super) fn set_vertices(&self, pass: &mut wgpu::RenderPass<'_>) {
         pass.set_vertex_buffer(0, self.positions.slice(..));
         pass.set_vertex_buffer(1, self.attributes.slice(..));

@@ -129,7 +129,7 @@ impl UvModel {
     fn draw_part(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
         let Some(frame) = self.key else { return };
         let material = &self.materials[material as usize];
-        if let Some(pipeline) = self.pipelines.surfaces.get(&PipelineKey::new(material, frame)) {
+        if let Some(pipeline) = self.pipelines.surface(PipelineKey::new(material, frame)) {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &material.group, &[]);
             pass.draw_indexed(indices.clone(), 0, 0..1);
@@ -138,12 +138,7 @@ impl UvModel {
 
     fn draw_caster(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
         let material = &self.materials[material as usize];
-        let key = (material.layers, alpha_code(material.alpha));
-        let pipeline = match material.alpha {
-            AlphaMode::Opaque => self.pipelines.solid_caster.as_ref(),
-            AlphaMode::Mask(_) | AlphaMode::Blend => self.pipelines.casters.get(&key),
-        };
-        if let Some(pipeline) = pipeline {
+        if let Some(pipeline) = self.pipelines.caster(material) {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &material.group, &[]);
             pass.draw_indexed(indices.clone(), 0, 0..1);

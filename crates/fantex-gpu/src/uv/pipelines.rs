@@ -12,21 +12,21 @@ use crate::{CasterPipeline, Coat, Gpu, SurfaceKey, SurfacePipeline};
 /// What a surface pipeline of this model depends on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct PipelineKey {
-    pub(super) frame: SurfaceKey,
-    pub(super) layers: u32,
-    pub(super) alpha: u8,
-    pub(super) is_double_sided: bool,
+    frame: SurfaceKey,
+    layers: u32,
+    alpha: u8,
+    is_double_sided: bool,
 }
 
 /// Pipelines, made when they are first needed.
 #[derive(Debug)]
 pub(super) struct Pipelines {
-    pub(super) surface: wgpu::ShaderModule,
-    pub(super) caster: wgpu::ShaderModule,
-    pub(super) surfaces: HashMap<PipelineKey, wgpu::RenderPipeline>,
-    pub(super) solid_caster: Option<wgpu::RenderPipeline>,
+    surface_module: wgpu::ShaderModule,
+    caster_module: wgpu::ShaderModule,
+    surfaces: HashMap<PipelineKey, wgpu::RenderPipeline>,
+    solid_caster: Option<wgpu::RenderPipeline>,
     /// By layers and alpha mode.
-    pub(super) casters: HashMap<(u32, u8), wgpu::RenderPipeline>,
+    casters: HashMap<(u32, u8), wgpu::RenderPipeline>,
 }
 
 impl PipelineKey {
@@ -43,14 +43,30 @@ impl PipelineKey {
 impl Pipelines {
     pub(super) fn new(gpu: &Gpu) -> Self {
         Self {
-            surface: module(&gpu.device, "mesh", &compose_surface(&[UV_MATERIAL, UV])),
-            caster: module(&gpu.device, "mesh shadow", &compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
+            surface_module: module(&gpu.device, "mesh", &compose_surface(&[UV_MATERIAL, UV])),
+            caster_module: module(&gpu.device, "mesh shadow", &compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
             surfaces: HashMap::new(),
             solid_caster: None,
             casters: HashMap::new(),
         }
     }
 
+    /// The pipeline that draws a surface, if it was made.
+    pub(super) fn surface(&self, key: PipelineKey) -> Option<&wgpu::RenderPipeline> {
+        self.surfaces.get(&key)
+    }
+
+    /// The pipeline that draws a material's shadow, if it was made.
+    pub(super) fn caster(&self, material: &UvMaterial) -> Option<&wgpu::RenderPipeline> {
+        match material.alpha {
+            AlphaMode::Opaque => self.solid_caster.as_ref(),
+            AlphaMode::Mask(_) | AlphaMode::Blend => {
+                self.casters.get(&(material.layers, alpha_code(material.alpha)))
+            }
+        }
+    }
+
+    /// Compiles the pipeline of a surface, if it was not.
     pub(super) fn make_surface(
         &mut self,
         gpu: &Gpu,
@@ -58,12 +74,12 @@ impl Pipelines {
         buffers: &Buffers,
         key: PipelineKey,
     ) {
-        let Self { surface, surfaces, .. } = self;
+        let Self { surface_module, surfaces, .. } = self;
         surfaces.entry(key).or_insert_with(|| {
             buffers.with_layout(|buffers| {
                 let pipeline = SurfacePipeline {
                     label: "mesh",
-                    module: surface,
+                    module: surface_module,
                     vertex: "vs_uv",
                     fragment: "fs_uv",
                     buffers,
@@ -78,6 +94,7 @@ impl Pipelines {
         });
     }
 
+    /// Compiles the pipeline of a material's shadow, if it was not.
     pub(super) fn make_caster(
         &mut self,
         gpu: &Gpu,
@@ -85,12 +102,12 @@ impl Pipelines {
         buffers: &Buffers,
         material: &UvMaterial,
     ) {
-        let Self { caster, solid_caster, casters, .. } = self;
+        let Self { caster_module, solid_caster, casters, .. } = self;
         let build = |vertex, fragment, constants: &[(&str, f64)]| {
             buffers.with_layout(|buffers| {
                 let pipeline = CasterPipeline {
                     label: "mesh shadow",
-                    module: caster,
+                    module: caster_module,
                     vertex,
                     fragment,
                     buffers,

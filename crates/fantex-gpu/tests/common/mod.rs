@@ -29,8 +29,22 @@ pub(crate) fn asset(name: &str) -> PathBuf {
 }
 
 pub(crate) fn loaded(name: &str) -> Mesh {
-    let model = load(&asset(name), &LoadOptions::default()).unwrap();
-    clean(model, &CleanOptions::default()).unwrap().0
+    loaded_from(&asset(name))
+}
+
+pub(crate) fn loaded_from(path: &Path) -> Mesh {
+    clean(load(path, &LoadOptions::default()).unwrap(), &CleanOptions::default()).unwrap().0
+}
+
+/// A folder of test data, `FANTEX_DATA` or `../shared/data` beside the workspace; or nothing and a line that says so.
+pub(crate) fn data(name: &str) -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let path = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from).join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", path.display());
+    None
 }
 
 /// An image as a material refers to it.
