@@ -70,8 +70,8 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// A device that was opened elsewhere, with [`Gpu::wanted_device_descriptor`]. Errors that are not asked for stay with
-    /// its owner's handler.
+    /// A device that was opened elsewhere, with [`Gpu::wanted_device_descriptor`]. Its owner decides what errors do that
+    /// nobody asks for (by default they end the program), and may call [`Gpu::record_errors`].
     pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let about = adapter.get_info();
         let info = GpuInfo {
@@ -123,7 +123,7 @@ impl Gpu {
         &self.frame_layout
     }
 
-    /// An error if the device is lost, or (on devices opened by [`Gpu::headless`]) has refused something since the last call.
+    /// An error if the device is lost, or (see [`Gpu::record_errors`]) has refused something since the last call.
     ///
     /// # Errors
     ///
@@ -177,8 +177,9 @@ impl Gpu {
         GpuError::TooLarge { what, needed, allowed, unit, adapter: self.info.name.clone() }
     }
 
-    /// Keeps the first error for [`Gpu::check`], instead of ending the program.
-    fn record_errors(&self) {
+    /// Has [`Gpu::check`] return errors that nobody asks for, such as a lack of memory; otherwise they end the program. Devices
+    /// opened by [`Gpu::headless`] do so already. A handler that was set before is replaced.
+    pub fn record_errors(&self) {
         let told = Arc::clone(&self.state);
         self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             let error = match error {

@@ -203,7 +203,7 @@ fn conformance_models() {
         let Some(path) = files.iter().find(|path| path.exists()) else { continue };
         let mut scene = Scene::of(loaded_from(path));
         scene.camera = Camera::framing_mesh(&scene.mesh, DVec3::new(0.1, 0.1, 1.0), 4.0 / 3.0);
-        scene.compare(&gpu, &format!("conformance-{name}")).assert_below(0.5, 8, 0.01);
+        scene.compare(&gpu, &format!("conformance-{name}")).assert_below(0.15, 8, 0.001);
     }
 }
 

@@ -62,6 +62,7 @@ pub struct UvModel {
     layout: wgpu::BindGroupLayout,
     filter: FilterOptions,
     pipelines: Pipelines,
+    texture_bytes: u64,
     /// Of the current frame.
     key: Option<SurfaceKey>,
 }
@@ -122,8 +123,14 @@ impl UvModel {
             layout,
             filter,
             pipelines: Pipelines::new(gpu),
+            texture_bytes: pool.bytes,
             key: None,
         })
+    }
+
+    /// Bytes of its textures with their levels in graphics memory.
+    pub fn texture_bytes(&self) -> u64 {
+        self.texture_bytes
     }
 
     fn draw_part(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
