@@ -70,8 +70,8 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// A device that was opened elsewhere, with [`Gpu::wanted_device_descriptor`]. Errors that are not asked for stay with
-    /// its owner's handler.
+    /// A device that was opened elsewhere, with [`Gpu::wanted_device_descriptor`]. Its owner decides what errors do that
+    /// nobody asks for (by default they end the program), and may call [`Gpu::record_errors`].
     pub fn from_parts(adapter: &wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Self {
         let about = adapter.get_info();
         let info = GpuInfo {
@@ -123,7 +123,7 @@ impl Gpu {
         &self.frame_layout
     }
 
-    /// An error if the device is lost, or (on devices opened by [`Gpu::headless`]) has refused something since the last call.
+    /// An error if the device is lost, or (see [`Gpu::record_errors`]) has refused something since the last call.
     ///
     /// # Errors
     ///
@@ -147,6 +147,25 @@ impl Gpu {
         waited.map(|_| ()).map_err(|error| GpuError::Refused { reason: error.to_string() })
     }
 
+    /// A buffer with contents, at least 16 bytes long. Unlike buffers that are mapped when they are made, it can be made on a
+    /// device that is already lost.
+    pub fn buffer(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let aligned = contents.len() / 4 * 4;
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: contents.len().next_multiple_of(4).max(16) as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, &contents[..aligned]);
+        if aligned < contents.len() {
+            let mut rest = [0; 4];
+            rest[..contents.len() - aligned].copy_from_slice(&contents[aligned..]);
+            self.queue.write_buffer(&buffer, aligned as u64, &rest);
+        }
+        buffer
+    }
+
     /// [`GpuError::TooLarge`] about this device.
     pub(crate) fn too_large(
         &self,
@@ -158,8 +177,9 @@ impl Gpu {
         GpuError::TooLarge { what, needed, allowed, unit, adapter: self.info.name.clone() }
     }
 
-    /// Keeps the first error for [`Gpu::check`], instead of ending the program.
-    fn record_errors(&self) {
+    /// Has [`Gpu::check`] return errors that nobody asks for, such as a lack of memory; otherwise they end the program. Devices
+    /// opened by [`Gpu::headless`] do so already. A handler that was set before is replaced.
+    pub fn record_errors(&self) {
         let told = Arc::clone(&self.state);
         self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             let error = match error {

@@ -13,6 +13,20 @@
 //! Shaders are files that are joined (see [`shader`]): `frame.wgsl` states what every shader is given, `shading.wgsl` turns a
 //! material sample into light, and each kind of model adds where its material samples come from.
 
+//!
+//! # What differs from the CPU renderer
+//!
+//! The formulas are the same, and so are pictures within the tolerances of `tests/pictures.rs`, but:
+//!
+//! * 1 or 4 samples per pixel; materials are evaluated once per pixel and triangle; interpolation is perspective-correct.
+//! * Bicubic filtering is bilinear, elliptical is anisotropic, and how probes are spread is the device's affair.
+//! * Blended triangles are sorted by their centres, not by what each sample sees.
+//! * Environments have at most 1024 texels along a cube's face, and mirrors see them through one trilinear look-up.
+//! * Slides are squares of 1024 texels, filtered trilinearly. An orthographic projector's shadows begin at its slide.
+//! * Shadows fall on facets, where the CPU renderer lifts them to the smooth surface: on coarse meshes the border between
+//!   light and shade can show them.
+//! * Materials of looks (toon scales, stretched highlights, light maps) are the CPU renderer's alone.
+
 mod error;
 mod fan;
 mod frame;

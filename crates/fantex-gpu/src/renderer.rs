@@ -43,7 +43,8 @@ impl Renderer {
         }
     }
 
-    /// Records the commands that draw a frame over the whole target.
+    /// Records the commands that draw a frame over the whole target. They must be submitted before the next frame is drawn:
+    /// shadow maps, once drawn, are taken to be there.
     ///
     /// # Errors
     ///

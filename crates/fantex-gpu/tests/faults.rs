@@ -6,7 +6,7 @@ mod common;
 
 use common::{Scene, gpu, loaded};
 use fantex_gpu::{
-    DrawOptions, Frame, Gpu, GpuError, PictureRenderer, UvModel, UvModelError, render_to_picture,
+    DrawOptions, Frame, Gpu, GpuError, GpuOptions, PictureRenderer, UvModel, UvModelError, render_to_picture,
 };
 use fantex_mesh::{CleanOptions, Mesh, clean, generate};
 use fantex_scene::{Camera, Light, Lights, Shading, ShadowOptions};
@@ -55,6 +55,27 @@ fn a_lost_device_is_an_error_and_a_new_one_works() {
     assert!(matches!(error, GpuError::DeviceLost { .. }), "{error}");
     let again = common::gpu().unwrap();
     assert_eq!(scene.on_gpu(&again), before);
+}
+
+#[test]
+fn software_can_be_asked_for() {
+    match Gpu::headless(&GpuOptions { software: true }) {
+        Ok(gpu) => {
+            assert!(gpu.info().is_software && !gpu.has_block_compression(), "{:?}", gpu.info());
+        }
+        Err(error @ GpuError::NoAdapter { .. }) => eprintln!("SKIPPED: {error}"),
+        Err(error) => panic!("{error}"),
+    }
+}
+
+#[test]
+fn textures_count_their_bytes() {
+    let Some(gpu) = gpu() else { return };
+    let bottle = UvModel::load(&gpu, &loaded("WaterBottle/WaterBottle.gltf")).unwrap();
+    // Four images of 2048 x 2048 and their levels; occlusion and roughness share one.
+    let texels: u64 = (0..12).map(|level| 1 << (2 * (11 - level))).sum();
+    assert_eq!(bottle.texture_bytes(), 4 * 4 * texels);
+    assert_eq!(UvModel::load(&gpu, &ball()).unwrap().texture_bytes(), 0);
 }
 
 #[test]

@@ -2,7 +2,9 @@
 //!
 //! With one sample per pixel both take it in the pixel's middle, so that even silhouettes agree but for points within 1/256 of
 //! a pixel of an edge. What remains: half floats in the GPU's frame (1/2000), its 8-bit weights of texture filters and
-//! approximate level of detail, its bytes where the CPU has 16-bit mip levels.
+//! approximate level of detail, its bytes where the CPU has 16-bit mip levels. So at most 1 pixel in 1000 may differ by more
+//! than 8 of 255 steps, and the mean by a tenth of a step; more where a test says why. (Mesa's software Vulkan needs half of
+//! that.) Shadows are the same but for the terminator, where the CPU lifts receivers off their facets.
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
@@ -10,7 +12,8 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{Scene, asset, embedded, gpu, loaded};
+use common::{Scene, asset, data, embedded, gpu, loaded, loaded_from};
+use fantex_gpu::{Frame, UvModel, frame_times};
 use fantex_mesh::{
     AlphaMode, CleanOptions, CornerAttributes, Material, Mesh, Model, TextureRef, WrapMode, clean, generate,
 };
@@ -46,9 +49,8 @@ fn ball_on_floor() -> Mesh {
 }
 
 fn lit_by(kind: LightKind, shadow: Option<ShadowOptions>) -> Lights {
-    let mut lights = Lights::default();
-    lights.lamps = vec![Light { kind, color: Vec3::new(0.9, 0.8, 0.6), shadow }];
-    lights
+    let lamps = vec![Light { kind, color: Vec3::new(0.9, 0.8, 0.6), shadow }];
+    Lights { lamps, ..Lights::default() }
 }
 
 /// A unit square in the xy plane with texture coordinates and a texture.
@@ -93,7 +95,7 @@ fn discs(side: u32) -> Image {
 #[test]
 fn a_textured_model_in_the_sun() {
     let Some(gpu) = gpu() else { return };
-    bottle().compare(&gpu, "bottle-sun").assert_below(0.2, 8, 0.01);
+    bottle().compare(&gpu, "bottle-sun").assert_below(0.1, 8, 0.001);
 }
 
 #[test]
@@ -103,9 +105,10 @@ fn a_textured_model_in_an_environment() {
     scene.lights = Lights::environment(EnvironmentLight { rotation_degrees: 70.0, ..forest() });
     scene.background = Background::Environment { blur: 0.0 };
     scene.exposure = 1.5;
-    scene.compare(&gpu, "bottle-forest").assert_below(1.0, 8, 0.02);
+    // The sky box is a cube here and a sphere there, and one trilinear look-up instead of up to 16.
+    scene.compare(&gpu, "bottle-forest").assert_below(0.7, 8, 0.01);
     scene.background = Background::Environment { blur: 0.4 };
-    scene.compare(&gpu, "bottle-forest-blurred").assert_below(0.5, 8, 0.02);
+    scene.compare(&gpu, "bottle-forest-blurred").assert_below(0.2, 8, 0.002);
 }
 
 #[test]
@@ -119,7 +122,7 @@ fn the_inputs_of_lighting() {
         Shading::Emission,
     ] {
         let scene = Scene { shading, ..bottle() };
-        scene.compare(&gpu, &format!("bottle-{shading:?}")).assert_below(0.2, 8, 0.01);
+        scene.compare(&gpu, &format!("bottle-{shading:?}")).assert_below(0.1, 8, 0.001);
     }
 }
 
@@ -127,11 +130,12 @@ fn the_inputs_of_lighting() {
 fn filters() {
     let Some(gpu) = gpu() else { return };
     let image = Image::load(asset("images/uv_checker_bw.png")).unwrap();
-    for (filter, share) in [
-        (Filter::Nearest, 0.02),
-        (Filter::Bilinear, 0.01),
-        (Filter::Trilinear, 0.02),
-        (Filter::Anisotropic, 0.2),
+    for (filter, mean, share) in [
+        (Filter::Nearest, 0.1, 0.001),
+        (Filter::Bilinear, 0.1, 0.001),
+        (Filter::Trilinear, 0.3, 0.002),
+        // Devices spread their probes as they like.
+        (Filter::Anisotropic, 2.5, 0.12),
     ] {
         let mesh = textured_square(&image, Material { unlit: true, ..Material::default() });
         let mut scene = Scene::of(mesh);
@@ -142,7 +146,7 @@ fn filters() {
             fov_degrees: 45.0,
         };
         scene.filter = FilterOptions { filter, max_anisotropy: 16.0 };
-        scene.compare(&gpu, &format!("filter-{filter:?}")).assert_below(4.0, 16, share);
+        scene.compare(&gpu, &format!("filter-{filter:?}")).assert_below(mean, 8, share);
     }
 }
 
@@ -155,7 +159,7 @@ fn alpha_modes() {
         for background in [Background::default(), Background::Transparent] {
             scene.background = background;
             let name = format!("alpha-{alpha:?}-{}", background == Background::Transparent);
-            scene.compare(&gpu, &name).assert_below(0.3, 8, 0.01);
+            scene.compare(&gpu, &name).assert_below(0.1, 8, 0.001);
         }
     }
 }
@@ -167,7 +171,7 @@ fn layers_behind_each_other() {
     model.materials[0].alpha = AlphaMode::Blend;
     model.materials[0].base_color = Vec4::new(0.9, 0.3, 0.2, 0.5);
     let mesh = clean(model, &CleanOptions::default()).unwrap().0;
-    Scene::of(mesh).compare(&gpu, "glass-ball").assert_below(0.2, 4, 0.01);
+    Scene::of(mesh).compare(&gpu, "glass-ball").assert_below(0.1, 8, 0.001);
 }
 
 #[test]
@@ -181,10 +185,26 @@ fn vertex_colors_and_single_sides() {
     mesh.materials[0].metallic = 0.4;
     mesh.materials[0].roughness = 0.35;
     let mut scene = Scene::of(mesh);
-    scene.compare(&gpu, "suzanne-colors").assert_below(0.1, 4, 0.005);
+    scene.compare(&gpu, "suzanne-colors").assert_below(0.05, 4, 0.001);
     // Into the open neck.
     scene.camera = Camera::framing_mesh(&scene.mesh, DVec3::new(0.1, -1.0, -0.3), 4.0 / 3.0);
-    scene.compare(&gpu, "suzanne-from-below").assert_below(0.1, 4, 0.005);
+    scene.compare(&gpu, "suzanne-from-below").assert_below(0.05, 4, 0.001);
+}
+
+#[test]
+fn conformance_models() {
+    let (Some(gpu), Some(folder)) = (gpu(), data("conformance/gltf")) else { return };
+    let mut names: Vec<_> =
+        std::fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    names.sort();
+    for name in names {
+        let name = name.to_str().unwrap();
+        let files = [format!("{name}.gltf"), format!("{name}.glb")].map(|file| folder.join(name).join(file));
+        let Some(path) = files.iter().find(|path| path.exists()) else { continue };
+        let mut scene = Scene::of(loaded_from(path));
+        scene.camera = Camera::framing_mesh(&scene.mesh, DVec3::new(0.1, 0.1, 1.0), 4.0 / 3.0);
+        scene.compare(&gpu, &format!("conformance-{name}")).assert_below(0.15, 8, 0.001);
+    }
 }
 
 #[test]
@@ -212,8 +232,19 @@ fn shadows_of_all_lamps() {
             let shadow = ShadowOptions { resolution: 512, penumbra, ..ShadowOptions::default() };
             let scene = Scene { lights: lit_by(kind.clone(), Some(shadow)), ..Scene::of(mesh.clone()) };
             let difference = scene.compare(&gpu, &format!("shadow-{name}-{kind_of_border}"));
-            difference.assert_below(0.3, 8, 0.015);
+            difference.assert_below(0.05, 8, 0.002);
         }
+    }
+}
+
+#[test]
+fn shadows_on_curved_models() {
+    let Some(gpu) = gpu() else { return };
+    let shadow = ShadowOptions { resolution: 1024, ..ShadowOptions::default() };
+    for (samples, share) in [(1, 0.001), (4, 0.002)] {
+        let lights = Lights::sun(Vec3::new(-0.6, 0.9, 0.5)).with_shadows(shadow);
+        let scene = Scene { samples, lights, ..Scene::of(loaded("models/spot.obj")) };
+        scene.compare(&gpu, &format!("spot-shadow-{samples}")).assert_below(0.2, 8, share);
     }
 }
 
@@ -236,7 +267,7 @@ fn projectors() {
         };
         let lights = lit_by(LightKind::Projector(projector), Some(ShadowOptions::default()));
         let scene = Scene { lights, ..Scene::of(ball_on_floor()) };
-        scene.compare(&gpu, &format!("projector-{name}")).assert_below(0.5, 12, 0.02);
+        scene.compare(&gpu, &format!("projector-{name}")).assert_below(0.1, 8, 0.002);
     }
 }
 
@@ -245,5 +276,19 @@ fn four_samples() {
     let Some(gpu) = gpu() else { return };
     // The samples lie elsewhere in the pixel, so edges differ by what they cover.
     let scene = Scene { samples: 4, ..bottle() };
-    scene.compare(&gpu, "bottle-four-samples").assert_below(0.5, 24, 0.02);
+    scene.compare(&gpu, "bottle-four-samples").assert_below(0.15, 24, 0.002);
+}
+
+#[test]
+fn frames_are_timed() {
+    let Some(gpu) = gpu() else { return };
+    let scene = bottle();
+    let mut model = UvModel::load(&gpu, &scene.mesh).unwrap();
+    let options = scene.options();
+    let (camera, lights) = (&scene.camera, &scene.lights);
+    let mut frame = Frame { size: [1280, 720], camera, lights, model: &mut model, options: &options };
+    let times = frame_times(&gpu, &mut frame, 5).unwrap();
+    assert_eq!(times.all.len(), 5);
+    assert!(!times.minimum().is_zero() && times.minimum() <= times.median());
+    println!("{}: {:?} per frame, median {:?}", gpu.info().name, times.minimum(), times.median());
 }

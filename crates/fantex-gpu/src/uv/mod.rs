@@ -6,28 +6,26 @@
 //!  per frame: opaque and cut-out materials one draw each, blended triangles sorted back to front
 //! ```
 
+mod buffers;
 mod materials;
-
+mod pipelines;
 mod textures;
 mod vertices;
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use fantex_mesh::{AlphaMode, Material, Mesh};
 use fantex_scene::FilterOptions;
 use fantex_texture::LoadImageError;
 use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
-use wgpu::util::DeviceExt;
 
-use crate::shader::{CASTER, UV, UV_CASTER, UV_MATERIAL, compose, compose_surface, module};
 use crate::sorted::{Run, SortedTriangle, SortedTriangles};
-use crate::{
-    CasterPipeline, Coat, FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey, SurfacePipeline,
-};
+use crate::{FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey};
+use buffers::Buffers;
 use materials::{UvMaterial, material_layout};
+use pipelines::{PipelineKey, Pipelines, alpha_code};
 use textures::TexturePool;
-use vertices::{Attributes, MOST_UV_SETS, Vertices, used_uv_sets};
+use vertices::{MOST_UV_SETS, Vertices, used_uv_sets};
 
 /// A model cannot be brought to the device.
 #[derive(Debug, thiserror::Error)]
@@ -63,6 +61,7 @@ pub struct UvModel {
     layout: wgpu::BindGroupLayout,
     filter: FilterOptions,
     pipelines: Pipelines,
+    texture_bytes: u64,
     /// Of the current frame.
     key: Option<SurfaceKey>,
 }
@@ -72,37 +71,6 @@ pub struct UvModel {
 struct Part {
     material: u32,
     indices: Range<u32>,
-}
-
-/// Vertices and indices on the device.
-#[derive(Debug)]
-struct Buffers {
-    positions: wgpu::Buffer,
-    attributes: wgpu::Buffer,
-    uv: Option<wgpu::Buffer>,
-    uv_pairs: usize,
-    indices: wgpu::Buffer,
-    sorted: wgpu::Buffer,
-}
-
-/// What a surface pipeline of this model depends on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct PipelineKey {
-    frame: SurfaceKey,
-    layers: u32,
-    alpha: u8,
-    is_double_sided: bool,
-}
-
-/// Pipelines, made when they are first needed.
-#[derive(Debug)]
-struct Pipelines {
-    surface: wgpu::ShaderModule,
-    caster: wgpu::ShaderModule,
-    surfaces: HashMap<PipelineKey, wgpu::RenderPipeline>,
-    solid_caster: Option<wgpu::RenderPipeline>,
-    /// By layers and alpha mode.
-    casters: HashMap<(u32, u8), wgpu::RenderPipeline>,
 }
 
 impl UvModel {
@@ -154,23 +122,20 @@ impl UvModel {
             layout,
             filter,
             pipelines: Pipelines::new(gpu),
+            texture_bytes: pool.bytes,
             key: None,
         })
     }
 
-    fn pipeline_key(material: &UvMaterial, frame: SurfaceKey) -> PipelineKey {
-        PipelineKey {
-            frame,
-            layers: material.layers,
-            alpha: alpha_code(material.alpha),
-            is_double_sided: material.is_double_sided,
-        }
+    /// Bytes of its textures with their levels in graphics memory.
+    pub fn texture_bytes(&self) -> u64 {
+        self.texture_bytes
     }
 
     fn draw_part(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
         let Some(frame) = self.key else { return };
         let material = &self.materials[material as usize];
-        if let Some(pipeline) = self.pipelines.surfaces.get(&Self::pipeline_key(material, frame)) {
+        if let Some(pipeline) = self.pipelines.surface(PipelineKey::new(material, frame)) {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &material.group, &[]);
             pass.draw_indexed(indices.clone(), 0, 0..1);
@@ -179,12 +144,7 @@ impl UvModel {
 
     fn draw_caster(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
         let material = &self.materials[material as usize];
-        let key = (material.layers, alpha_code(material.alpha));
-        let pipeline = match material.alpha {
-            AlphaMode::Opaque => self.pipelines.solid_caster.as_ref(),
-            AlphaMode::Mask(_) | AlphaMode::Blend => self.pipelines.casters.get(&key),
-        };
-        if let Some(pipeline) = pipeline {
+        if let Some(pipeline) = self.pipelines.caster(material) {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &material.group, &[]);
             pass.draw_indexed(indices.clone(), 0, 0..1);
@@ -210,19 +170,16 @@ impl Model for UvModel {
         }
         self.key = Some(frame.key);
         for material in &self.materials {
-            let key = Self::pipeline_key(material, frame.key);
+            let key = PipelineKey::new(material, frame.key);
             self.pipelines.make_surface(gpu, &self.layout, &self.buffers, key);
             if frame.draws_shadows {
                 self.pipelines.make_caster(gpu, &self.layout, &self.buffers, material);
             }
         }
         if let Some((corners, runs)) = self.sorted.sort(frame.view) {
-            let staged = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some("sorted triangles"),
-                contents: bytemuck::cast_slice(&corners),
-                usage: wgpu::BufferUsages::COPY_SRC,
-            });
-            encoder.copy_buffer_to_buffer(&staged, 0, &self.buffers.sorted, 0, staged.size());
+            let corners = bytemuck::cast_slice(&corners);
+            let staged = gpu.buffer("sorted triangles", corners, wgpu::BufferUsages::COPY_SRC);
+            encoder.copy_buffer_to_buffer(&staged, 0, &self.buffers.sorted, 0, corners.len() as u64);
             self.runs = runs;
         }
         Ok(())
@@ -280,155 +237,4 @@ fn arrange(
     let parts = parts.collect();
     let indices = order.iter().flat_map(|&material| of_material[material].iter().copied()).collect();
     (parts, indices, SortedTriangles::new(blended))
-}
-
-/// `ALPHA_MODE` of `uv_material.wgsl`.
-fn alpha_code(alpha: AlphaMode) -> u8 {
-    match alpha {
-        AlphaMode::Opaque => 0,
-        AlphaMode::Mask(_) => 1,
-        AlphaMode::Blend => 2,
-    }
-}
-
-impl Buffers {
-    fn new(
-        gpu: &Gpu,
-        vertices: &Vertices,
-        indices: &[[u32; 3]],
-        sorted: &SortedTriangles,
-    ) -> Result<Self, GpuError> {
-        let allowed = gpu.limits().max_buffer_size;
-        let buffer = |label: &str, contents: &[u8], usage| {
-            if contents.len() as u64 > allowed {
-                return Err(gpu.too_large("the mesh", contents.len() as u64, allowed, "bytes of a buffer"));
-            }
-            // An empty buffer cannot be bound.
-            let contents = if contents.is_empty() { &[0; 16] } else { contents };
-            let descriptor = wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage };
-            Ok(gpu.device.create_buffer_init(&descriptor))
-        };
-        let vertex = wgpu::BufferUsages::VERTEX;
-        let has_uv = vertices.uv_pairs > 0;
-        let uv = has_uv.then(|| buffer("texture coordinates", bytemuck::cast_slice(&vertices.uv), vertex));
-        Ok(Self {
-            positions: buffer("positions", bytemuck::cast_slice(&vertices.positions), vertex)?,
-            attributes: buffer("attributes", bytemuck::cast_slice(&vertices.attributes), vertex)?,
-            uv: uv.transpose()?,
-            uv_pairs: vertices.uv_pairs,
-            indices: buffer("triangles", bytemuck::cast_slice(indices), wgpu::BufferUsages::INDEX)?,
-            sorted: gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("sorted triangles"),
-                size: (4 * sorted.index_count() as u64).max(16),
-                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
-        })
-    }
-
-    fn set_vertices(&self, pass: &mut wgpu::RenderPass<'_>) {
-        pass.set_vertex_buffer(0, self.positions.slice(..));
-        pass.set_vertex_buffer(1, self.attributes.slice(..));
-        pass.set_vertex_buffer(2, self.uv.as_ref().unwrap_or(&self.attributes).slice(..));
-    }
-
-    /// Calls `with` with the layout of the vertex buffers. Without a second pair of texture coordinates the first is read
-    /// twice, and without any the attributes stand in for them: no texture asks.
-    fn with_layout<R>(&self, with: impl FnOnce(&[Option<wgpu::VertexBufferLayout<'_>>]) -> R) -> R {
-        use wgpu::VertexFormat::Float32x4;
-        let buffer = |array_stride: usize, attributes| wgpu::VertexBufferLayout {
-            array_stride: array_stride as u64,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes,
-        };
-        let position = wgpu::vertex_attr_array![0 => Float32x3];
-        let attributes = wgpu::vertex_attr_array![1 => Snorm16x4, 2 => Snorm16x4, 5 => Unorm16x4];
-        let (stride, second) = match self.uv_pairs {
-            0 => (size_of::<Attributes>(), 0),
-            1 => (16, 0),
-            _ => (32, 16),
-        };
-        let uv = [(3, 0), (4, second)].map(|(shader_location, offset)| wgpu::VertexAttribute {
-            format: Float32x4,
-            offset,
-            shader_location,
-        });
-        with(&[
-            Some(buffer(12, &position)),
-            Some(buffer(size_of::<Attributes>(), &attributes)),
-            Some(buffer(stride, &uv)),
-        ])
-    }
-}
-
-impl Pipelines {
-    fn new(gpu: &Gpu) -> Self {
-        Self {
-            surface: module(&gpu.device, "mesh", &compose_surface(&[UV_MATERIAL, UV])),
-            caster: module(&gpu.device, "mesh shadow", &compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
-            surfaces: HashMap::new(),
-            solid_caster: None,
-            casters: HashMap::new(),
-        }
-    }
-
-    fn make_surface(
-        &mut self,
-        gpu: &Gpu,
-        layout: &wgpu::BindGroupLayout,
-        buffers: &Buffers,
-        key: PipelineKey,
-    ) {
-        let Self { surface, surfaces, .. } = self;
-        surfaces.entry(key).or_insert_with(|| {
-            buffers.with_layout(|buffers| {
-                let pipeline = SurfacePipeline {
-                    label: "mesh",
-                    module: surface,
-                    vertex: "vs_uv",
-                    fragment: "fs_uv",
-                    buffers,
-                    groups: &[layout],
-                    constants: &[("UV_LAYERS", f64::from(key.layers)), ("ALPHA_MODE", f64::from(key.alpha))],
-                    coat: if key.alpha == 2 { Coat::Layered } else { Coat::Opaque },
-                    is_double_sided: key.is_double_sided,
-                    topology: wgpu::PrimitiveTopology::TriangleList,
-                };
-                pipeline.build(gpu, key.frame)
-            })
-        });
-    }
-
-    fn make_caster(
-        &mut self,
-        gpu: &Gpu,
-        layout: &wgpu::BindGroupLayout,
-        buffers: &Buffers,
-        material: &UvMaterial,
-    ) {
-        let Self { caster, solid_caster, casters, .. } = self;
-        let build = |vertex, fragment, constants: &[(&str, f64)]| {
-            buffers.with_layout(|buffers| {
-                let pipeline = CasterPipeline {
-                    label: "mesh shadow",
-                    module: caster,
-                    vertex,
-                    fragment,
-                    buffers,
-                    groups: &[layout],
-                    constants,
-                };
-                pipeline.build(gpu)
-            })
-        };
-        let alpha = alpha_code(material.alpha);
-        if material.alpha == AlphaMode::Opaque {
-            solid_caster.get_or_insert_with(|| build("vs_uv_solid", None, &[]));
-        } else {
-            casters.entry((material.layers, alpha)).or_insert_with(|| {
-                let constants = [("UV_LAYERS", f64::from(material.layers)), ("ALPHA_MODE", f64::from(alpha))];
-                build("vs_uv_caster", Some("fs_uv_caster"), &constants)
-            });
-        }
-    }
 }

@@ -16,6 +16,8 @@ pub(super) struct TexturePool {
     views: HashMap<(*const ImageTexture, bool), wgpu::TextureView>,
     /// Keeps the images alive, so that their addresses are theirs alone.
     images: Vec<Arc<ImageTexture>>,
+    /// Of all textures with their levels.
+    pub(super) bytes: u64,
 }
 
 impl TexturePool {
@@ -32,6 +34,7 @@ impl TexturePool {
             return Ok(view.clone());
         }
         let view = upload(gpu, image, is_premultiplied)?.create_view(&Default::default());
+        self.bytes += byte_len(image);
         self.views.insert(key, view.clone());
         self.images.push(Arc::clone(image));
         Ok(view)
@@ -84,6 +87,13 @@ impl Storage {
             }
         }
     }
+}
+
+/// Bytes of an image with its levels on the device.
+fn byte_len(image: &ImageTexture) -> u64 {
+    let texel_bytes = u64::from(Storage::of(image.level(0)).texel_bytes());
+    let texels = |level| u64::from(image.level(level).width) * u64::from(image.level(level).height);
+    (0..image.level_count()).map(texels).sum::<u64>() * texel_bytes
 }
 
 fn upload(gpu: &Gpu, image: &ImageTexture, is_premultiplied: bool) -> Result<wgpu::Texture, GpuError> {

@@ -48,8 +48,8 @@ impl Vertices {
         let tangents = normal_map_tangents(mesh, &normals, textures);
         let uv_pairs = uv_sets.len().div_ceil(2);
         let corner_uv = |corner: usize, pair: usize| {
-            [2 * pair, 2 * pair + 1]
-                .map(|i| uv_sets.get(i).map_or(Vec2::ZERO, |&set| mesh.corners.uv_sets[set][corner]))
+            let of_set = |i: usize| mesh.corners.uv_sets.get(*uv_sets.get(i)?)?.get(corner).copied();
+            [2 * pair, 2 * pair + 1].map(|i| of_set(i).unwrap_or_default())
         };
         let mut vertices = Self { uv_pairs, ..Self::default() };
         // Vertices that share a point of the mesh form a chain.

@@ -29,8 +29,22 @@ pub(crate) fn asset(name: &str) -> PathBuf {
 }
 
 pub(crate) fn loaded(name: &str) -> Mesh {
-    let model = load(&asset(name), &LoadOptions::default()).unwrap();
-    clean(model, &CleanOptions::default()).unwrap().0
+    loaded_from(&asset(name))
+}
+
+pub(crate) fn loaded_from(path: &Path) -> Mesh {
+    clean(load(path, &LoadOptions::default()).unwrap(), &CleanOptions::default()).unwrap().0
+}
+
+/// A folder of test data, `FANTEX_DATA` or `../shared/data` beside the workspace; or nothing and a line that says so.
+pub(crate) fn data(name: &str) -> Option<PathBuf> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let path = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from).join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", path.display());
+    None
 }
 
 /// An image as a material refers to it.
@@ -118,7 +132,7 @@ impl Scene {
     }
 }
 
-/// How two pictures differ, in steps of 8-bit sRGB (and alpha).
+/// How two pictures differ, in steps of 8-bit sRGB (premultiplied) and alpha.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Difference {
     name: String,
@@ -132,7 +146,8 @@ impl Difference {
     pub(crate) fn of(a: &Picture, b: &Picture, name: &str) -> Self {
         let [bytes_a, bytes_b] = [a, b].map(|picture| {
             let bytes = |p: &[f32; 4]| {
-                let byte = |v: f32| fantex_texture::color::srgb8_from_linear(v);
+                // The colour of what is hardly there means little.
+                let byte = |v: f32| fantex_texture::color::srgb8_from_linear(v * p[3]);
                 [byte(p[0]), byte(p[1]), byte(p[2]), fantex_texture::color::unorm8(p[3])]
             };
             picture.rgba.iter().map(bytes).collect::<Vec<[u8; 4]>>()
