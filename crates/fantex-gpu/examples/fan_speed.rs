@@ -11,11 +11,11 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake};
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_gpu::{
-    DrawOptions, Frame, Gpu, GpuOptions, Model, Renderer, StreamedModel, UvModel, stream_view,
+use fantex_bake::{
+    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
 };
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_gpu::{DrawOptions, Frame, Gpu, GpuOptions, Model, Renderer, StreamedModel, UvModel, stream_view};
 use fantex_mesh::{ImageSource, Mesh, TextureRef, WrapMode, clean, generate, load};
 use fantex_scene::{Camera, FilterOptions, Lights, Shading};
 use fantex_store::{Asset, ChannelKind};
@@ -192,13 +192,8 @@ impl<'a> Stage<'a> {
     fn draw(&mut self, model: &mut dyn Model, times: &mut Times) -> Result<(), Failure> {
         let (started, processor) = (Instant::now(), processor_seconds());
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        let mut frame = Frame {
-            size: SIZE,
-            camera: self.camera,
-            lights: &self.lights,
-            model,
-            options: &self.options,
-        };
+        let mut frame =
+            Frame { size: SIZE, camera: self.camera, lights: &self.lights, model, options: &self.options };
         self.renderer.draw(self.gpu, &mut encoder, &self.target, &mut frame)?;
         self.gpu.queue.submit([encoder.finish()]);
         self.gpu.wait()?;

@@ -23,9 +23,9 @@ mod picture;
 mod renderer;
 mod screen;
 pub mod shader;
+mod sorted;
 mod surface_pipeline;
 mod timing;
-mod sorted;
 mod uv;
 mod wireframe;
 

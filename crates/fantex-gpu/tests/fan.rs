@@ -18,7 +18,12 @@ use glam::{DVec3, Vec3, Vec4};
 /// A colour with detail of a few texels.
 fn color(p: Vec3) -> Vec4 {
     let wave = |k: Vec3| 0.5 + 0.45 * p.dot(k).sin();
-    Vec4::new(wave(Vec3::new(60.0, 13.0, 0.0)), wave(Vec3::new(-9.0, 70.0, 20.0)), wave(Vec3::splat(31.0)), 1.0)
+    Vec4::new(
+        wave(Vec3::new(60.0, 13.0, 0.0)),
+        wave(Vec3::new(-9.0, 70.0, 20.0)),
+        wave(Vec3::splat(31.0)),
+        1.0,
+    )
 }
 
 struct Colors;
@@ -89,7 +94,8 @@ fn all_filters_on_a_curved_surface() {
     let baked = baked(&mesh, &cover(&mesh, 96, 1 << 20), BakeFormat::Rgba8);
     for filter in FILTERS {
         let name = format!("torus {filter:?}");
-        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter)) else {
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter))
+        else {
             return;
         };
         // The nearest texel flips where rounding does.
@@ -106,7 +112,9 @@ fn a_scanned_model_under_a_lamp() {
         [(Shading::MetallicRoughness, Filter::Anisotropic), (Shading::BlinnPhong, Filter::Trilinear)]
     {
         let name = format!("bunny {shading:?}");
-        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(shading, filter)) else { return };
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(shading, filter)) else {
+            return;
+        };
         assert_close(&seen, 0.006, 0.12);
     }
 }
@@ -140,7 +148,8 @@ fn one_fan_per_tile() {
     let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
     for filter in [Filter::Trilinear, Filter::Anisotropic] {
         let name = format!("fans {filter:?}");
-        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter)) else {
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter))
+        else {
             return;
         };
         assert_close(&seen, 0.004, 0.06);
@@ -160,7 +169,8 @@ fn tiles_of_several_pages() {
     let baked = paged();
     for filter in FILTERS {
         let name = format!("pages {filter:?}");
-        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter)) else {
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter))
+        else {
             return;
         };
         let most = if filter == Filter::Nearest { 0.3 } else { 0.05 };
@@ -223,7 +233,12 @@ fn any_residency_is_continuous() {
     let cover = cover(&mesh, 1024, 4 << 20);
     let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
     // So close that a texel is larger than a pixel.
-    let camera = Camera { eye: DVec3::new(0.2, 0.1, 0.62), target: DVec3::new(0.0, 0.0, 0.5), up: DVec3::Y, fov_degrees: 40.0 };
+    let camera = Camera {
+        eye: DVec3::new(0.2, 0.1, 0.62),
+        target: DVec3::new(0.0, 0.0, 0.5),
+        up: DVec3::Y,
+        fov_degrees: 40.0,
+    };
     let options = options(Shading::BaseColor, Filter::Trilinear);
     let whole = rendered(&gpu, &baked, &Residents::all(), &camera, &Lights::default(), &options);
     let limit = 1.5 * fan_common::largest_step(&whole) + 0.02;
@@ -273,8 +288,7 @@ fn overlays_explain() {
     let plain = options(Shading::MetallicRoughness, Filter::Trilinear);
     let residents = Residents::random(7);
     let material = rendered(&gpu, &baked, &residents, &camera, &lights, &plain);
-    let overlays =
-        [Overlay::Groups, Overlay::Fans, Overlay::Levels, Overlay::Residency, Overlay::BlendBands];
+    let overlays = [Overlay::Groups, Overlay::Fans, Overlay::Levels, Overlay::Residency, Overlay::BlendBands];
     let mut pictures = vec![material];
     for overlay in overlays {
         let seen = rendered(&gpu, &baked, &residents, &camera, &lights, &DrawOptions { overlay, ..plain });

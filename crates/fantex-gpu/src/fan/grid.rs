@@ -66,7 +66,8 @@ mod tests {
             let grid = AtlasGrid::new(shape, 16384);
             assert_eq!(grid.cells[0] * grid.cells[1], layers, "nothing is wasted");
             assert!(grid.extent().iter().all(|&n| n <= 16384));
-            let mut places: Vec<_> = (0..layers as u16).map(|layer| grid.texel(AtlasPlace { layer, x: 0, y: 0 })).collect();
+            let mut places: Vec<_> =
+                (0..layers as u16).map(|layer| grid.texel(AtlasPlace { layer, x: 0, y: 0 })).collect();
             places.dedup();
             assert_eq!(places.len(), layers as usize);
         }

@@ -15,6 +15,7 @@ mod fan_colors;
 mod geometry;
 mod grid;
 mod load;
+mod materials;
 mod model;
 mod pipelines;
 mod tables;

@@ -14,6 +14,7 @@ use super::bindings::{BindingSource, FanBindings};
 use super::fan_colors::FanColors;
 use super::geometry::{GeometryChunk, GeometrySource, MaterialRun};
 use super::grid::AtlasGrid;
+use super::materials::FanMaterials;
 use super::pipelines::{FanPipelines, Shape, Surface};
 use super::tables::FanTables;
 use super::upload::Uploader;
@@ -30,7 +31,9 @@ pub struct FanModel {
     bindings: FanBindings,
     chunks: Vec<Chunk>,
     blended: Blended,
-    materials: Vec<Surface>,
+    materials: FanMaterials,
+    /// One per material.
+    surfaces: Vec<Surface>,
     uploader: Uploader,
     pipelines: FanPipelines,
     fan_colors: Option<FanColors>,
@@ -89,7 +92,12 @@ impl FanModel {
     /// # Errors
     ///
     /// As [`FanModel::new`].
-    pub fn of_asset(gpu: &Gpu, asset: &Asset, pages: &PageTable, budget_bytes: u64) -> Result<Self, GpuError> {
+    pub fn of_asset(
+        gpu: &Gpu,
+        asset: &Asset,
+        pages: &PageTable,
+        budget_bytes: u64,
+    ) -> Result<Self, GpuError> {
         let formats = Self::atlas_formats(gpu, asset.channels());
         let source = FanModelSource {
             mesh: asset.mesh(),
@@ -123,9 +131,8 @@ impl FanModel {
         if AtlasGrid::fitting(shape, allowed) != shape {
             return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
         }
-        let materials = &mesh.materials;
         let grid = AtlasGrid::new(shape, allowed);
-        let parts = BindingSource { cover, channels, formats, grid, pages, materials };
+        let parts = BindingSource { cover, channels, formats, grid, pages };
         let bindings = FanBindings::new(&gpu.device, parts, mean);
         let normals = shading_normals(mesh);
         let geometry = GeometrySource { mesh, cover, normals: &normals };
@@ -133,13 +140,15 @@ impl FanModel {
         let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(&gpu.device, chunk)).collect();
         let blended = Blended::new(gpu, &geometry, &blended)?;
         let default_material = [Material::default()];
-        let materials = if materials.is_empty() { &default_material[..] } else { materials };
+        let materials =
+            if mesh.materials.is_empty() { &default_material[..] } else { mesh.materials.as_slice() };
         Ok(Self {
             space: ModelSpace::of_mesh(mesh),
             shape,
             uploader: Uploader::new(&gpu.device, grid),
             pipelines: FanPipelines::new(&gpu.device),
-            materials: materials.iter().map(Surface::of).collect(),
+            surfaces: materials.iter().map(Surface::of).collect(),
+            materials: FanMaterials::new(gpu, materials)?,
             formats: formats.to_vec(),
             bindings,
             chunks,
@@ -174,7 +183,7 @@ impl FanModel {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         self.uploader.record(&mut encoder, changes, &self.bindings.atlases, &self.bindings.tables.pages);
         gpu.queue.submit([encoder.finish()]);
-        if self.materials.iter().any(|m| m.alpha_mode != 0) {
+        if self.surfaces.iter().any(|m| m.alpha_mode != 0) {
             self.shadow_revision += 1;
         }
     }
@@ -198,17 +207,18 @@ impl FanModel {
                     continue;
                 }
                 for run in &chunk.runs {
-                    let Some(next) = pipeline(shape, self.materials[run.material as usize], run.is_paged) else {
+                    let Some(next) = pipeline(shape, self.surfaces[run.material as usize], run.is_paged)
+                    else {
                         continue;
                     };
                     if current != Some(next) {
                         pass.set_pipeline(next);
                         current = Some(next);
                     }
-                    let material = run.material..run.material + 1;
+                    self.materials.bind(pass, run.material);
                     match shape {
-                        Shape::Plain => pass.draw_indexed(run.plain.clone(), 0, material),
-                        Shape::Border => pass.draw(run.border.clone(), material),
+                        Shape::Plain => pass.draw_indexed(run.plain.clone(), 0, 0..1),
+                        Shape::Border => pass.draw(run.border.clone(), 0..1),
                     }
                 }
             }
@@ -225,9 +235,10 @@ impl FanModel {
         pass.set_vertex_buffer(0, vertices.slice(..));
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
         for run in &self.blended.runs {
-            if let Some(pipeline) = pipeline(self.materials[run.material as usize]) {
+            if let Some(pipeline) = pipeline(self.surfaces[run.material as usize]) {
                 pass.set_pipeline(pipeline);
-                pass.draw_indexed(run.indices.clone(), 0, run.material..run.material + 1);
+                self.materials.bind(pass, run.material);
+                pass.draw_indexed(run.indices.clone(), 0, 0..1);
             }
         }
     }
@@ -235,13 +246,13 @@ impl FanModel {
     /// What is drawn of each material: shape, surface, whether tiles are larger than a page.
     fn parts(&self) -> impl Iterator<Item = (Shape, Surface, bool)> {
         let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(|run| {
-            let surface = self.materials[run.material as usize];
+            let surface = self.surfaces[run.material as usize];
             let shapes = [(Shape::Plain, &run.plain), (Shape::Border, &run.border)];
             let drawn = shapes.into_iter().filter(|(_, range): &(_, &Range<u32>)| !range.is_empty());
             drawn.map(move |(shape, _)| (shape, surface, run.is_paged))
         });
         let runs = self.blended.runs.iter();
-        solid.chain(runs.map(|run| (Shape::Border, self.materials[run.material as usize], true)))
+        solid.chain(runs.map(|run| (Shape::Border, self.surfaces[run.material as usize], true)))
     }
 }
 
@@ -265,13 +276,21 @@ impl Model for FanModel {
         self.key = Some(frame.key);
         if frame.key.overlay == Overlay::Fans {
             let colors = self.fan_colors.get_or_insert_with(|| FanColors::new(gpu, &self.space));
-            colors.prepare(gpu, frame.key, &self.bindings);
+            colors.prepare(gpu, frame.key, &self.bindings, &self.materials);
         }
         let parts: Vec<_> = self.parts().collect();
         for (shape, surface, is_paged) in parts {
-            self.pipelines.prepare_surface(gpu, &self.bindings, frame.key, shape, surface, is_paged);
+            self.pipelines.prepare_surface(
+                gpu,
+                &self.bindings,
+                &self.materials.layout,
+                frame.key,
+                shape,
+                surface,
+                is_paged,
+            );
             if frame.draws_shadows {
-                self.pipelines.prepare_caster(gpu, &self.bindings, shape, surface);
+                self.pipelines.prepare_caster(gpu, &self.bindings, &self.materials.layout, shape, surface);
             }
         }
         Ok(())
@@ -287,7 +306,10 @@ impl Model for FanModel {
         let Some(key) = self.key else { return };
         pass.set_bind_group(1, &self.bindings.group, &[]);
         match &self.fan_colors {
-            Some(colors) if key.overlay == Overlay::Fans => colors.draw(pass, key),
+            Some(colors) if key.overlay == Overlay::Fans => {
+                self.materials.bind(pass, 0);
+                colors.draw(pass, key);
+            }
             _ => self.draw_chunks(pass, |shape, surface, is_paged| {
                 self.pipelines.surface(key, shape, surface, is_paged)
             }),
@@ -306,8 +328,11 @@ impl Model for FanModel {
 impl Chunk {
     fn new(device: &wgpu::Device, chunk: GeometryChunk) -> Self {
         use wgpu::BufferUsages as U;
-        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX)
-            .zip(vertex_buffer(device, &chunk.plain_indices, U::INDEX));
+        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX).zip(vertex_buffer(
+            device,
+            &chunk.plain_indices,
+            U::INDEX,
+        ));
         Self { plain, border: vertex_buffer(device, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
     }
 

@@ -88,6 +88,7 @@ impl FanPipelines {
         &mut self,
         gpu: &Gpu,
         bindings: &FanBindings,
+        material: &wgpu::BindGroupLayout,
         frame: SurfaceKey,
         shape: Shape,
         surface: Surface,
@@ -110,7 +111,7 @@ impl FanPipelines {
                 vertex,
                 fragment,
                 buffers: &[Some(shape.layout())],
-                groups: &[&bindings.layout],
+                groups: &[&bindings.layout, material],
                 constants: &constants,
                 coat: if surface.alpha_mode == 2 { Coat::Layered } else { Coat::Opaque },
                 is_double_sided: surface.is_double_sided,
@@ -130,7 +131,14 @@ impl FanPipelines {
         self.surfaces.get(&SurfacePipelineKey { frame, shape, surface, is_paged })
     }
 
-    pub(crate) fn prepare_caster(&mut self, gpu: &Gpu, bindings: &FanBindings, shape: Shape, surface: Surface) {
+    pub(crate) fn prepare_caster(
+        &mut self,
+        gpu: &Gpu,
+        bindings: &FanBindings,
+        material: &wgpu::BindGroupLayout,
+        shape: Shape,
+        surface: Surface,
+    ) {
         self.casters.entry((shape, surface.alpha_mode)).or_insert_with(|| {
             let mut constants = bindings.channel_constants().to_vec();
             constants.push(("FAN_FILTER", shader_filter(fantex_texture::Filter::Trilinear).into()));
@@ -146,7 +154,7 @@ impl FanPipelines {
                 },
                 fragment: (!is_solid).then_some("fs_fan_caster"),
                 buffers: &[Some(shape.layout())],
-                groups: &[&bindings.layout],
+                groups: &[&bindings.layout, material],
                 constants: &constants,
             };
             pipeline.build(gpu)

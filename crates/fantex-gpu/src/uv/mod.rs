@@ -20,11 +20,11 @@ use fantex_texture::LoadImageError;
 use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
 
 use crate::shader::{CASTER, UV, UV_CASTER, UV_MATERIAL, compose, compose_surface, module};
+use crate::sorted::{Run, SortedTriangle, SortedTriangles};
 use crate::{
     CasterPipeline, Coat, FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey, SurfacePipeline,
 };
 use materials::{UvMaterial, material_layout};
-use crate::sorted::{Run, SortedTriangle, SortedTriangles};
 use textures::TexturePool;
 use vertices::{Attributes, MOST_UV_SETS, Vertices, used_uv_sets};
 

@@ -7,15 +7,13 @@ use std::sync::Arc;
 
 use fantex_bake::{BakeOptions, NoProgress, Source, bake};
 use fantex_cover::Cover;
-use fantex_gpu::{AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture};
+use fantex_gpu::{
+    AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture,
+};
 use fantex_mesh::{LoadOptions, Mesh, clean, load};
-use fantex_render::{
-    FanSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render,
-};
+use fantex_render::{FanSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render};
 use fantex_scene::{Camera, Lights, Picture};
-use fantex_store::{
-    Asset, PageCache, PageId, TexelFormat, Tile, decode, group_pages, page_extent,
-};
+use fantex_store::{Asset, PageCache, PageId, TexelFormat, Tile, decode, group_pages, page_extent};
 use fantex_stream::{
     AtlasFormat, AtlasPlace, FrameChanges, PageTable, PageTexels, PageUpload, TableChange, TableEntry,
 };
@@ -111,7 +109,9 @@ impl Residents {
         let hash = move |page: PageId| {
             let mixed = [page.group, page.level, page.page[0], page.page[1]]
                 .iter()
-                .fold(seed.wrapping_add(1), |h, &v| (h ^ u64::from(v)).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(23));
+                .fold(seed.wrapping_add(1), |h, &v| {
+                    (h ^ u64::from(v)).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(23)
+                });
             mixed >> 40 & 3 != 0
         };
         Self { allowed: Box::new(hash) }
@@ -168,10 +168,17 @@ fn texels(asset: &Asset, channel: usize, page: PageId, format: AtlasFormat) -> A
 }
 
 /// Brings pages to the device, packed shelf by shelf, in two updates.
-pub(crate) fn upload(gpu: &Gpu, model: &mut FanModel, asset: &Asset, table: &PageTable, residents: &Residents) {
+pub(crate) fn upload(
+    gpu: &Gpu,
+    model: &mut FanModel,
+    asset: &Asset,
+    table: &PageTable,
+    residents: &Residents,
+) {
     let cover = asset.cover();
     let pages = (0..cover.groups.len()).flat_map(|g| group_pages(g as u32, &cover.groups[g]));
-    let extent = |page: &PageId| page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page);
+    let extent =
+        |page: &PageId| page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page);
     let mut pages: Vec<PageId> = pages.filter(|&page| residents.has(cover, page)).collect();
     pages.sort_by_key(|page| std::cmp::Reverse(extent(page)[1]));
     let side = model.shape().side;
@@ -243,7 +250,13 @@ pub(crate) fn draw(
     render_to_picture(gpu, &mut Frame { size: SIZE, camera, lights, model, options }).unwrap()
 }
 
-fn cpu(mesh: &Mesh, surface: &dyn Surface, camera: &Camera, lights: &Lights, options: &DrawOptions) -> Picture {
+fn cpu(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    camera: &Camera,
+    lights: &Lights,
+    options: &DrawOptions,
+) -> Picture {
     let options = RenderOptions {
         width: SIZE[0],
         height: SIZE[1],
@@ -418,7 +431,8 @@ pub(crate) fn live_atlas(gpu: &Gpu, model: &FanModel, kind: fantex_store::Channe
     let view = target.create_view(&Default::default());
     let viewer = AtlasViewer::new(gpu, format);
     assert!(viewer.draw(gpu, &mut encoder, &view, [SIDE; 2], model, kind));
-    let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIDE), rows_per_image: None };
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIDE), rows_per_image: None };
     encoder.copy_texture_to_buffer(
         target.as_image_copy(),
         wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
