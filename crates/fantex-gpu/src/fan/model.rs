@@ -15,7 +15,7 @@ use super::fan_colors::FanColors;
 use super::geometry::{GeometryChunk, GeometrySource, MaterialRun};
 use super::grid::AtlasGrid;
 use super::materials::FanMaterials;
-use super::pipelines::{FanPipelines, Shape, Surface};
+use super::pipelines::{FanPipelines, Part, Shape, Surface};
 use super::tables::FanTables;
 use super::upload::Uploader;
 use crate::sorted::{Run, SortedTriangle, SortedTriangles};
@@ -123,7 +123,7 @@ impl FanModel {
         let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
         let limits = gpu.limits();
         let longest = FanTables::longest_bytes(cover, channels, pages);
-        let allowed = limits.max_storage_buffer_binding_size.into();
+        let allowed = limits.max_storage_buffer_binding_size;
         if longest > allowed {
             return Err(gpu.too_large("the tables of a cover", longest, allowed, "bytes"));
         }
@@ -198,7 +198,7 @@ impl FanModel {
     fn draw_chunks<'a>(
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
-        pipeline: impl Fn(Shape, Surface, bool) -> Option<&'a wgpu::RenderPipeline>,
+        pipeline: impl Fn(Part) -> Option<&'a wgpu::RenderPipeline>,
     ) {
         let mut current = None;
         for chunk in &self.chunks {
@@ -207,10 +207,7 @@ impl FanModel {
                     continue;
                 }
                 for run in &chunk.runs {
-                    let Some(next) = pipeline(shape, self.surfaces[run.material as usize], run.is_paged)
-                    else {
-                        continue;
-                    };
+                    let Some(next) = pipeline(self.part(shape, run)) else { continue };
                     if current != Some(next) {
                         pass.set_pipeline(next);
                         current = Some(next);
@@ -229,13 +226,13 @@ impl FanModel {
     fn draw_blended<'a>(
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
-        pipeline: impl Fn(Surface) -> Option<&'a wgpu::RenderPipeline>,
+        pipeline: impl Fn(Part) -> Option<&'a wgpu::RenderPipeline>,
     ) {
         let (Some(vertices), Some(indices)) = (&self.blended.vertices, &self.blended.indices) else { return };
         pass.set_vertex_buffer(0, vertices.slice(..));
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
         for run in &self.blended.runs {
-            if let Some(pipeline) = pipeline(self.surfaces[run.material as usize]) {
+            if let Some(pipeline) = pipeline(self.blended_part(run)) {
                 pass.set_pipeline(pipeline);
                 self.materials.bind(pass, run.material);
                 pass.draw_indexed(run.indices.clone(), 0, 0..1);
@@ -243,16 +240,22 @@ impl FanModel {
         }
     }
 
-    /// What is drawn of each material: shape, surface, whether tiles are larger than a page.
-    fn parts(&self) -> impl Iterator<Item = (Shape, Surface, bool)> {
-        let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(|run| {
-            let surface = self.surfaces[run.material as usize];
+    fn part(&self, shape: Shape, run: &MaterialRun) -> Part {
+        Part { shape, surface: self.surfaces[run.material as usize], is_paged: run.is_paged }
+    }
+
+    fn blended_part(&self, run: &Run) -> Part {
+        Part { shape: Shape::Border, surface: self.surfaces[run.material as usize], is_paged: true }
+    }
+
+    /// All that is drawn.
+    fn parts(&self) -> impl Iterator<Item = Part> {
+        let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(move |run| {
             let shapes = [(Shape::Plain, &run.plain), (Shape::Border, &run.border)];
             let drawn = shapes.into_iter().filter(|(_, range): &(_, &Range<u32>)| !range.is_empty());
-            drawn.map(move |(shape, _)| (shape, surface, run.is_paged))
+            drawn.map(move |(shape, _)| self.part(shape, run))
         });
-        let runs = self.blended.runs.iter();
-        solid.chain(runs.map(|run| (Shape::Border, self.surfaces[run.material as usize], true)))
+        solid.chain(self.blended.runs.iter().map(|run| self.blended_part(run)))
     }
 }
 
@@ -279,18 +282,11 @@ impl Model for FanModel {
             colors.prepare(gpu, frame.key, &self.bindings, &self.materials);
         }
         let parts: Vec<_> = self.parts().collect();
-        for (shape, surface, is_paged) in parts {
-            self.pipelines.prepare_surface(
-                gpu,
-                &self.bindings,
-                &self.materials.layout,
-                frame.key,
-                shape,
-                surface,
-                is_paged,
-            );
+        let material = &self.materials.layout;
+        for part in parts {
+            self.pipelines.prepare_surface(gpu, &self.bindings, material, frame.key, part);
             if frame.draws_shadows {
-                self.pipelines.prepare_caster(gpu, &self.bindings, &self.materials.layout, shape, surface);
+                self.pipelines.prepare_caster(gpu, &self.bindings, material, part.shape, part.surface);
             }
         }
         Ok(())
@@ -298,8 +294,8 @@ impl Model for FanModel {
 
     fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
         pass.set_bind_group(1, &self.bindings.group, &[]);
-        self.draw_chunks(pass, |shape, surface, _| self.pipelines.caster(shape, surface));
-        self.draw_blended(pass, |surface| self.pipelines.caster(Shape::Border, surface));
+        self.draw_chunks(pass, |part| self.pipelines.caster(part.shape, part.surface));
+        self.draw_blended(pass, |part| self.pipelines.caster(part.shape, part.surface));
     }
 
     fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
@@ -310,9 +306,7 @@ impl Model for FanModel {
                 self.materials.bind(pass, 0);
                 colors.draw(pass, key);
             }
-            _ => self.draw_chunks(pass, |shape, surface, is_paged| {
-                self.pipelines.surface(key, shape, surface, is_paged)
-            }),
+            _ => self.draw_chunks(pass, |part| self.pipelines.surface(key, part)),
         }
     }
 
@@ -320,7 +314,7 @@ impl Model for FanModel {
         let Some(key) = self.key else { return };
         if key.overlay != Overlay::Fans {
             pass.set_bind_group(1, &self.bindings.group, &[]);
-            self.draw_blended(pass, |surface| self.pipelines.surface(key, Shape::Border, surface, true));
+            self.draw_blended(pass, |part| self.pipelines.surface(key, part));
         }
     }
 }
