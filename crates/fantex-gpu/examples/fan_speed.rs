@@ -5,7 +5,7 @@
 //! ```
 //!
 //! MODEL is a model file; a number of triangles means a generated landscape. Frames are 1280x720, one sample per pixel; both
-//! models take turns, and the best of 30 frames counts (and, on Linux, the processor time of all). The ordinary texture is
+//! models take turns, and the best of 12 frames counts (and, on Linux, the processor time of all). The ordinary texture is
 //! 2048x2048 with hardware mip levels, laid onto the model from above.
 
 use std::sync::Arc;
@@ -25,7 +25,7 @@ use glam::{Mat3, Vec2, Vec4};
 type Failure = Box<dyn std::error::Error>;
 
 const SIZE: [u32; 2] = [1280, 720];
-const ROUNDS: usize = 30;
+const ROUNDS: usize = 12;
 
 fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
