@@ -312,6 +312,8 @@ impl Shell {
         } else if !self.viewer.pacing.is_settled() && self.viewer.document.is_some() && !self.is_lost {
             let wake = self.viewer.pacing.wake_in(seconds).unwrap_or(0.008).max(0.004);
             ctx.request_repaint_after_secs(wake as f32);
+        } else if self.viewer.settings.panels.has_atlas && self.scene.is_atlas_stale() {
+            ctx.request_repaint_after_secs(0.1);
         }
     }
 
