@@ -139,9 +139,13 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(Camera, NONE, Key::Num3, Command::Mode(CameraMode::Walk), "Walk on the ground"),
         row(Camera, NONE, Key::F, Command::FrameAll, "Show the whole model"),
     ];
-    rows.extend(views.into_iter().zip(ViewPreset::ALL).zip(view_texts).map(|((key, view), text)| {
-        row(Camera, NONE, key, Command::View(view), text)
-    }));
+    rows.extend(
+        views
+            .into_iter()
+            .zip(ViewPreset::ALL)
+            .zip(view_texts)
+            .map(|((key, view), text)| row(Camera, NONE, key, Command::View(view), text)),
+    );
     rows.extend([
         row(Camera, NONE, Key::R, Command::ToggleRecording, "Record a camera path"),
         row(Camera, NONE, Key::P, Command::TogglePlayback, "Play the camera path"),
@@ -184,15 +188,7 @@ pub const GESTURES: [(&str, &[(&str, &str)]); 4] = [
             ("Shift", "Much faster"),
         ],
     ),
-    (
-        "Walk",
-        &[
-            ("W A S D", "Walk"),
-            ("Drag", "Look around"),
-            ("Wheel", "Faster, slower"),
-            ("Shift", "Run"),
-        ],
-    ),
+    ("Walk", &[("W A S D", "Walk"), ("Drag", "Look around"), ("Wheel", "Faster, slower"), ("Shift", "Run")]),
     ("Light", &[("Ctrl + drag", "Turn the sun")]),
 ];
 
@@ -222,8 +218,9 @@ pub fn command_of(modifiers: Modifiers, key: Key) -> Option<Command> {
     if key == Key::Questionmark {
         return Some(Command::ToggleHelp);
     }
-    let is_same =
-        |s: &Shortcut| s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift;
+    let is_same = |s: &Shortcut| {
+        s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift
+    };
     (!modifiers.alt).then(|| shortcuts().into_iter().find(is_same)).flatten().map(|s| s.command)
 }
 

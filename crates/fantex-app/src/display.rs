@@ -49,7 +49,7 @@ pub enum Overlay {
     Fans,
     /// Each group of fans (each tile) in a colour.
     Groups,
-    /// The detail level that is wanted.
+    /// The detail level that is shown.
     Levels,
     /// How much coarser than wanted is what is there.
     Residency,
@@ -78,13 +78,17 @@ impl Overlay {
     pub fn meaning(self) -> &'static str {
         match self {
             Self::None => "",
-            Self::Fans => "Each partial fan has its own colour; the model's triangles are shared by three of them.",
+            Self::Fans => {
+                "Each partial fan has its own colour; the model's triangles are shared by three of them."
+            }
             Self::Groups => "Each group of partial fans shares one tile and has one colour.",
-            Self::Levels => "Red is the finest level (0), then orange, yellow, green, blue: each is half as fine.",
+            Self::Levels => {
+                "The detail level that is shown: 0 is the finest, each further one is half as fine."
+            }
             Self::Residency => {
                 "Green: the wanted level is there. Yellow to red: a coarser one stands in until it arrives."
             }
-            Self::BlendBands => "Bright where two or three tiles blend; dark where a single tile is read.",
+            Self::BlendBands => "Orange where two or three tiles blend, grey where a single one is read.",
         }
     }
 }

@@ -34,9 +34,9 @@ impl Place {
     /// Its last part, for titles.
     pub fn name(&self) -> String {
         match self {
-            Self::File(path) => {
-                path.file_name().map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned())
-            }
+            Self::File(path) => path
+                .file_name()
+                .map_or_else(|| path.display().to_string(), |n| n.to_string_lossy().into_owned()),
             Self::Url(url) => {
                 let path = url.split(['?', '#']).next().unwrap_or(url).trim_end_matches('/');
                 path.rsplit('/').next().unwrap_or(path).to_owned()
@@ -230,7 +230,8 @@ impl Document {
         let mut model_facts = mesh_facts(&mesh);
         let textures = mesh.images.len();
         model_facts.push(fact("Materials", grouped(mesh.materials.len() as u64)));
-        model_facts.push(fact("Textures", if textures == 0 { "none".into() } else { grouped(textures as u64) }));
+        model_facts
+            .push(fact("Textures", if textures == 0 { "none".into() } else { grouped(textures as u64) }));
         model_facts.push(fact("UV sets", grouped(mesh.corners.uv_sets.len() as u64)));
         model_facts.push(fact("Components", grouped(report.topology.components)));
         Self {
@@ -253,7 +254,8 @@ impl Document {
             .iter()
             .map(|channel| ChannelFact {
                 kind: kind_label(channel.kind),
-                format: format!("{:?}{}", channel.format, if channel.srgb { ", sRGB" } else { "" }).to_uppercase(),
+                format: format!("{:?}{}", channel.format, if channel.srgb { ", sRGB" } else { "" })
+                    .to_uppercase(),
             })
             .map(|fact| ChannelFact { format: fact.format.replace("SRGB", "sRGB"), ..fact })
             .collect();
@@ -429,7 +431,8 @@ mod tests {
             std::fs::write(&path, bytes).unwrap();
             Place::File(path)
         };
-        let message = |place: &Place| Document::open(place, &OpenProgress::default()).unwrap_err().to_string();
+        let message =
+            |place: &Place| Document::open(place, &OpenProgress::default()).unwrap_err().to_string();
         assert!(message(&file("look.toml", b"")).contains("is a look"));
         assert!(message(&file("a.fan", b"nonsense")).contains("not a .fan asset"));
         assert!(message(&file("a.glb", b"nonsense")).contains("a.glb"));

@@ -83,7 +83,8 @@ mod tests {
     #[test]
     fn a_job_that_panics_is_lost_and_wakes() {
         let (waker, woken) = mpsc::channel();
-        let job: Job<u32> = Job::spawn("test", move || waker.send(()).unwrap(), || panic!("on purpose")).unwrap();
+        let job: Job<u32> =
+            Job::spawn("test", move || waker.send(()).unwrap(), || panic!("on purpose")).unwrap();
         woken.recv().unwrap();
         assert!(matches!(job.poll(), JobState::Lost));
     }

@@ -269,7 +269,8 @@ mod tests {
 
     #[test]
     fn nonsense_is_brought_into_range() {
-        let light = LightSettings { sun_strength: f32::NAN, background_blur: 7.0, ..LightSettings::default() };
+        let light =
+            LightSettings { sun_strength: f32::NAN, background_blur: 7.0, ..LightSettings::default() };
         let light = light.sanitized();
         assert_eq!((light.sun_strength, light.background_blur), (1.0, 1.0));
     }

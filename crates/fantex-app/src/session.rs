@@ -135,7 +135,9 @@ pub enum SessionError {
         source: serde_json::Error,
     },
     /// There is no such key.
-    #[error("step {step}: there is no key '{name}'; keys are named as on the help sheet, such as F1 or Ctrl+S")]
+    #[error(
+        "step {step}: there is no key '{name}'; keys are named as on the help sheet, such as F1 or Ctrl+S"
+    )]
     Key {
         /// Step, from 1.
         step: usize,
@@ -274,9 +276,14 @@ struct Waiting {
 #[derive(Clone, Copy, Debug)]
 enum Until {
     Frame(u64),
-    Loaded { seconds: f64 },
+    Loaded {
+        seconds: f64,
+    },
     /// And the frame before which the picture cannot be the wanted one.
-    Sharp { seconds: f64, frame: u64 },
+    Sharp {
+        seconds: f64,
+        frame: u64,
+    },
     Picture,
     Played,
 }
@@ -345,9 +352,7 @@ impl SessionRunner {
                 let is_sharp = now.frame >= frame && !now.is_opening && now.is_sharp;
                 (is_sharp, seconds, "the picture was not sharp")
             }
-            Until::Picture => {
-                (now.pictures_due == 0, PICTURE_SECONDS, "the picture was not written")
-            }
+            Until::Picture => (now.pictures_due == 0, PICTURE_SECONDS, "the picture was not written"),
             Until::Played => (!now.is_playing, f64::INFINITY, ""),
         };
         if !is_over && now.seconds - wait.since > seconds {
@@ -396,14 +401,19 @@ mod tests {
 
     #[test]
     fn steps_wait_for_what_they_asked_for() {
-        let text = r#"{"steps":[{"wait_frames":2},{"screenshot":{"path":"a.png"}},{"wait_sharp":60},"quit"]}"#;
+        let text =
+            r#"{"steps":[{"wait_frames":2},{"screenshot":{"path":"a.png"}},{"wait_sharp":60},"quit"]}"#;
         let mut runner = SessionRunner::new(session(text).unwrap());
         assert_eq!(runner.next(&at(0)).unwrap(), Act::Wait);
         assert_eq!(runner.next(&at(1)).unwrap(), Act::Wait);
         assert!(matches!(runner.next(&at(2)).unwrap(), Act::Do(Step::Screenshot { .. })));
         assert_eq!(runner.next(&Situation { pictures_due: 1, ..at(3) }).unwrap(), Act::Wait);
         assert_eq!(runner.next(&at(4)).unwrap(), Act::Wait);
-        assert_eq!(runner.next(&Situation { is_sharp: true, ..at(5) }).unwrap(), Act::Wait, "of the frame before");
+        assert_eq!(
+            runner.next(&Situation { is_sharp: true, ..at(5) }).unwrap(),
+            Act::Wait,
+            "of the frame before"
+        );
         assert_eq!(runner.next(&Situation { is_sharp: true, ..at(8) }).unwrap(), Act::End);
     }
 

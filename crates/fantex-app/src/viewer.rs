@@ -193,7 +193,10 @@ pub struct Viewer {
 
 impl std::fmt::Debug for Viewer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Viewer").field("document", &self.document).field("rig", &self.rig).finish_non_exhaustive()
+        f.debug_struct("Viewer")
+            .field("document", &self.document)
+            .field("rig", &self.rig)
+            .finish_non_exhaustive()
     }
 }
 
@@ -313,7 +316,9 @@ impl Viewer {
         };
         match Job::spawn("open", self.waker(), work) {
             Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera }),
-            Err(error) => self.notices.error(format!("cannot start a thread to open {place}: {error}"), seconds),
+            Err(error) => {
+                self.notices.error(format!("cannot start a thread to open {place}: {error}"), seconds)
+            }
         }
     }
 
@@ -363,7 +368,8 @@ impl Viewer {
             JobState::Done(result) => result,
             JobState::Lost => {
                 self.opening = None;
-                let text = format!("{place} could not be opened: the program failed on it; please report the file");
+                let text =
+                    format!("{place} could not be opened: the program failed on it; please report the file");
                 return self.notices.error(text, seconds);
             }
         };
@@ -391,8 +397,7 @@ impl Viewer {
     fn want_ground(&mut self, seconds: f64) {
         let Some(document) = &self.document else { return };
         let triangles = document.mesh().triangles.len();
-        let is_wanted =
-            triangles <= TREE_AT_ONCE_TRIANGLES || self.settings.camera.mode == CameraMode::Walk;
+        let is_wanted = triangles <= TREE_AT_ONCE_TRIANGLES || self.settings.camera.mode == CameraMode::Walk;
         if !is_wanted || self.ground.is_some() || self.ground_job.is_some() {
             return;
         }
@@ -403,7 +408,9 @@ impl Viewer {
         };
         match Job::spawn("ground", self.waker(), work) {
             Ok(job) => self.ground_job = Some(job),
-            Err(error) => self.notices.warning(format!("cannot start a thread for the ground: {error}"), seconds),
+            Err(error) => {
+                self.notices.warning(format!("cannot start a thread for the ground: {error}"), seconds)
+            }
         }
     }
 
@@ -435,7 +442,8 @@ impl Viewer {
                 }
                 JobState::Lost => {
                     self.map_failed = Some(key.clone());
-                    self.notices.error("The surroundings could not be made: the program failed on them.", seconds);
+                    self.notices
+                        .error("The surroundings could not be made: the program failed on them.", seconds);
                 }
             }
             self.map_job = None;
@@ -548,7 +556,9 @@ impl Viewer {
     fn toggle_all_panels(&mut self) {
         let panels = &mut self.settings.panels;
         match self.panels_before.take() {
-            Some(before) if !(panels.has_inspector || panels.has_atlas || panels.has_graphs) => *panels = before,
+            Some(before) if !(panels.has_inspector || panels.has_atlas || panels.has_graphs) => {
+                *panels = before
+            }
             _ => {
                 self.panels_before = Some(*panels);
                 (panels.has_inspector, panels.has_atlas, panels.has_graphs) = (false, false, false);
@@ -573,7 +583,8 @@ impl Viewer {
         self.tape = match std::mem::replace(&mut self.tape, Tape::Still) {
             Tape::Recording { since, recorder } => {
                 self.path = recorder.finish(seconds - since, &self.rig.camera());
-                self.notices.info("The camera path was recorded: P plays it, the View page saves it.", seconds);
+                self.notices
+                    .info("The camera path was recorded: P plays it, the View page saves it.", seconds);
                 Tape::Still
             }
             _ if self.document.is_some() => {
@@ -690,9 +701,9 @@ impl Viewer {
     }
 
     fn look(&mut self, drag: DVec2) {
-        // A drag over the picture's height turns by its opening angle: what is under the cursor stays there.
-        let turn = drag * self.rig.fov_degrees.to_radians();
-        self.rig.look(turn.x, turn.y);
+        // As in games the line of sight follows the hand, faster through a wide lens.
+        let turn = drag * (1.5 * self.rig.fov_degrees.to_radians());
+        self.rig.look(-turn.x, -turn.y);
     }
 
     fn fly(&mut self, input: &SceneInput, drag: DVec2, step: f64) -> bool {
@@ -766,7 +777,9 @@ fn toggle(switch: &mut bool) {
 fn absolute(place: &Place) -> String {
     match place {
         Place::Url(url) => url.clone(),
-        Place::File(path) => std::path::absolute(path).unwrap_or_else(|_| path.clone()).to_string_lossy().into_owned(),
+        Place::File(path) => {
+            std::path::absolute(path).unwrap_or_else(|_| path.clone()).to_string_lossy().into_owned()
+        }
     }
 }
 

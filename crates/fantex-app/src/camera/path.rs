@@ -143,10 +143,8 @@ impl CameraPath {
     ///
     /// [`WriteError`], where the file cannot be written.
     pub fn save(&self, path: &Path) -> Result<(), WriteError> {
-        let mut text = serde_json::to_vec_pretty(self).map_err(|source| WriteError {
-            path: path.into(),
-            source: source.into(),
-        })?;
+        let mut text = serde_json::to_vec_pretty(self)
+            .map_err(|source| WriteError { path: path.into(), source: source.into() })?;
         text.push(b'\n');
         write_whole(path, &text)
     }
@@ -277,10 +275,14 @@ mod tests {
         assert!(message("{").contains("no camera path"));
         assert!(message("{\"keys\":[]}").contains("0 camera keys"));
         let key = |seconds: f64, eye: f64| {
-            format!("{{\"seconds\":{seconds},\"eye\":[{eye},0,0],\"target\":[0,0,0],\"up\":[0,1,0],\"fov_degrees\":40}}")
+            format!(
+                "{{\"seconds\":{seconds},\"eye\":[{eye},0,0],\"target\":[0,0,0],\"up\":[0,1,0],\"fov_degrees\":40}}"
+            )
         };
         assert!(message(&format!("{{\"keys\":[{},{}]}}", key(1.0, 1.0), key(0.5, 1.0))).contains("key 1"));
         assert!(message(&format!("{{\"keys\":[{}]}}", key(0.0, 0.0))).contains("same point"));
-        assert!(CameraPath::load(&folder.path().join("none")).unwrap_err().to_string().contains("cannot read"));
+        assert!(
+            CameraPath::load(&folder.path().join("none")).unwrap_err().to_string().contains("cannot read")
+        );
     }
 }

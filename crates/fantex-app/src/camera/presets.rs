@@ -29,15 +29,8 @@ pub enum ViewPreset {
 
 impl ViewPreset {
     /// All views in the order of their keys.
-    pub const ALL: [Self; 7] = [
-        Self::ThreeQuarter,
-        Self::Front,
-        Self::Back,
-        Self::Left,
-        Self::Right,
-        Self::Top,
-        Self::Bottom,
-    ];
+    pub const ALL: [Self; 7] =
+        [Self::ThreeQuarter, Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom];
 
     /// Its name in menus.
     pub fn label(self) -> &'static str {

@@ -205,7 +205,12 @@ mod tests {
         }
     }
 
-    fn walk(field: impl Fn(f64, f64) -> f64, wish: Wish, seconds: f64, frame: f64) -> (Vec<DVec3>, CameraRig) {
+    fn walk(
+        field: impl Fn(f64, f64) -> f64,
+        wish: Wish,
+        seconds: f64,
+        frame: f64,
+    ) -> (Vec<DVec3>, CameraRig) {
         let mut rig = CameraRig { eye: DVec3::new(0.0, 3.0, 0.0), ..CameraRig::default() };
         let ground = Field(field);
         let mut walker = Walker::new(1.7);

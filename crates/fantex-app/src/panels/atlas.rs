@@ -18,10 +18,13 @@ pub(super) fn show(ui: &mut Ui, viewer: &Viewer, atlas: &AtlasTexture) -> Option
     });
     ui.separator();
     let Some(id) = atlas.id else {
-        hint(ui, match viewer.document {
-            None => "Open an asset: its tiles appear here as they are streamed.",
-            Some(_) => "Only assets (.fan) are streamed through an atlas.",
-        });
+        hint(
+            ui,
+            match viewer.document {
+                None => "Open an asset: its tiles appear here as they are streamed.",
+                Some(_) => "Only assets (.fan) are streamed through an atlas.",
+            },
+        );
         return None;
     };
     let [width, height] = atlas.extent.map(|n| n.max(1) as f32);
@@ -30,7 +33,12 @@ pub(super) fn show(ui: &mut Ui, viewer: &Viewer, atlas: &AtlasTexture) -> Option
     let size = vec2(width, height) * scale;
     ui.add(Image::from_texture(SizedTexture::new(id, size)).bg_fill(Color32::BLACK));
     let figures = &viewer.figures;
-    let used = format!("{:.0} % in use, {} × {} texels", figures.occupancy() * 100.0, atlas.extent[0], atlas.extent[1]);
+    let used = format!(
+        "{:.0} % in use, {} × {} texels",
+        figures.occupancy() * 100.0,
+        atlas.extent[0],
+        atlas.extent[1]
+    );
     ui.label(RichText::new(used).color(theme::TEXT));
     hint(ui, "Tiles of all levels share it; those that are not needed make room.");
     chosen

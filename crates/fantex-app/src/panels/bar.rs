@@ -100,7 +100,12 @@ fn switches(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     ui.spacing_mut().item_spacing.x = 4.0;
     let rows: [(bool, &str, &str, Command); 4] = [
         (viewer.has_help, "?", "Keys and mouse (F1)", Command::ToggleHelp),
-        (panels.has_inspector, "Inspector", "What the model is and how it is shown (I)", Command::ToggleInspector),
+        (
+            panels.has_inspector,
+            "Inspector",
+            "What the model is and how it is shown (I)",
+            Command::ToggleInspector,
+        ),
         (panels.has_graphs, "Graphs", "Frame time, pool, queue, bandwidth (G)", Command::ToggleGraphs),
         (panels.has_atlas, "Atlas", "The live atlas beside the scene (M)", Command::ToggleAtlas),
     ];

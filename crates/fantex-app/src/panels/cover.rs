@@ -11,7 +11,10 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         return hint(ui, "Open an asset to see how partial fans cover it.");
     };
     if document.asset().is_none() {
-        return hint(ui, "A model has its own texture coordinates and no cover. 'fantex bake' makes an asset of it.");
+        return hint(
+            ui,
+            "A model has its own texture coordinates and no cover. 'fantex bake' makes an asset of it.",
+        );
     }
     heading(ui, "Cover");
     document_facts(ui, "cover facts", &document.cover_facts);

@@ -48,7 +48,8 @@ fn sun(ui: &mut Ui, light: &mut LightSettings) {
 
 fn surroundings(ui: &mut Ui, light: &mut LightSettings, is_making: bool, wants_file: &mut bool) {
     row(ui, "From", |ui| {
-        let list = ComboBox::from_id_salt("surroundings").width(150.0).selected_text(name(&light.surroundings));
+        let list =
+            ComboBox::from_id_salt("surroundings").width(150.0).selected_text(name(&light.surroundings));
         let list = list.show_ui(ui, |ui| {
             for one in [Surroundings::Studio, Surroundings::Sky] {
                 let text = name(&one);

@@ -16,10 +16,13 @@ pub(super) fn show(ui: &mut Ui, viewer: &Viewer) {
     document_facts(ui, "model facts", &document.model_facts);
     heading(ui, "Report");
     if document.notes.is_empty() {
-        hint(ui, match document.asset() {
-            Some(_) => "An asset holds a cleaned mesh: there is nothing to report.",
-            None => "The mesh is clean: nothing was dropped, welded or turned.",
-        });
+        hint(
+            ui,
+            match document.asset() {
+                Some(_) => "An asset holds a cleaned mesh: there is nothing to report.",
+                None => "The mesh is clean: nothing was dropped, welded or turned.",
+            },
+        );
     }
     for note in &document.notes {
         ui.horizontal_top(|ui| {

@@ -1,8 +1,8 @@
 //! The scene itself, and what lies over it: messages, progress, the welcome, the overlay's legend.
 
 use eframe::egui::{
-    self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton, Pos2, Rect,
-    RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
+    self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton,
+    Pos2, Rect, RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
 };
 use glam::DVec2;
 
@@ -20,7 +20,12 @@ use crate::viewer::{SceneInput, Viewer};
 const NOTCH_POINTS: f32 = 50.0;
 
 /// Returns what the user did in the scene.
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<SceneTexture>, seconds: f64) -> SceneInput {
+pub(super) fn show(
+    ui: &mut Ui,
+    viewer: &mut Viewer,
+    texture: Option<SceneTexture>,
+    seconds: f64,
+) -> SceneInput {
     let rect = ui.max_rect();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     viewer.scene_pixels = pixels(rect.size(), ui.ctx().pixels_per_point());
@@ -86,14 +91,16 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
 /// What is seen before anything is open.
 fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, seconds: f64) {
     let mut command = None;
-    let card = Rect::from_center_size(rect.center(), vec2(420.0f32.min(rect.width()), 320.0f32.min(rect.height())));
+    let card =
+        Rect::from_center_size(rect.center(), vec2(420.0f32.min(rect.width()), 320.0f32.min(rect.height())));
     ui.scope_builder(UiBuilder::new().max_rect(card).layout(Layout::top_down(Align::Center)), |ui| {
         ui.add_space(24.0);
         ui.label(RichText::new("Drop a model or an asset here").size(20.0).color(theme::STRONG));
         ui.label(RichText::new(".glb  .gltf  .obj  .ply  .stl  .fan").color(theme::FAINT));
         ui.add_space(10.0);
         let keys = keys_of(&Command::OpenDialog).unwrap_or_default();
-        let button = egui::Button::new("Open a file …").shortcut_text(RichText::new(keys).color(theme::FAINT));
+        let button =
+            egui::Button::new("Open a file …").shortcut_text(RichText::new(keys).color(theme::FAINT));
         if ui.add_sized([190.0, 32.0], button).clicked() {
             command = Some(Command::OpenDialog);
         }
@@ -122,9 +129,11 @@ fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     }
     ui.ctx().request_repaint_after_secs(0.1);
     let mut is_cancelled = false;
-    Area::new(Id::unique("opening")).order(Order::Middle).fixed_pos(rect.center()).pivot(Align2::CENTER_CENTER).show(
-        ui.ctx(),
-        |ui| {
+    Area::new(Id::unique("opening"))
+        .order(Order::Middle)
+        .fixed_pos(rect.center())
+        .pivot(Align2::CENTER_CENTER)
+        .show(ui.ctx(), |ui| {
             card().show(ui, |ui| {
                 ui.set_width(320.0);
                 ui.horizontal(|ui| {
@@ -139,8 +148,7 @@ fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
                     });
                 });
             });
-        },
-    );
+        });
     if is_cancelled {
         viewer.cancel_opening();
     }
@@ -154,7 +162,12 @@ fn drop_target(ui: &Ui, rect: Rect) {
     let painter = ui.painter();
     painter.rect_filled(rect, CornerRadius::ZERO, Color32::from_black_alpha(120));
     let inner = rect.shrink(16.0);
-    painter.rect_stroke(inner, CornerRadius::same(8), Stroke::new(2.0, theme::ACCENT), egui::StrokeKind::Inside);
+    painter.rect_stroke(
+        inner,
+        CornerRadius::same(8),
+        Stroke::new(2.0, theme::ACCENT),
+        egui::StrokeKind::Inside,
+    );
     painter.text(
         rect.center(),
         Align2::CENTER_CENTER,
@@ -172,20 +185,23 @@ fn legend(ui: &Ui, viewer: &Viewer, rect: Rect) {
         return;
     }
     let at = rect.min + vec2(12.0, 12.0);
-    Area::new(Id::unique("legend")).order(Order::Middle).fixed_pos(at).interactable(false).show(ui.ctx(), |ui| {
-        card().show(ui, |ui| {
-            ui.set_max_width((rect.width() - 60.0).clamp(160.0, 260.0));
-            ui.label(RichText::new(overlay.label()).color(theme::STRONG));
-            if overlay == Overlay::Levels {
-                swatches(ui, viewer);
-            }
-            ui.label(RichText::new(overlay.meaning()).small().color(theme::FAINT));
-        });
-    });
+    Area::new(Id::unique("legend")).order(Order::Middle).fixed_pos(at).interactable(false).show(
+        ui.ctx(),
+        |ui| {
+            card().show(ui, |ui| {
+                ui.set_max_width((rect.width() - 60.0).clamp(160.0, 260.0));
+                ui.label(RichText::new(overlay.label()).color(theme::STRONG));
+                if overlay == Overlay::Levels {
+                    swatches(ui, viewer);
+                }
+                ui.label(RichText::new(overlay.meaning()).small().color(theme::FAINT));
+            });
+        },
+    );
 }
 
 fn swatches(ui: &mut Ui, viewer: &Viewer) {
-    let count = viewer.figures.levels.len().clamp(1, theme::LEVELS.len());
+    let count = viewer.figures.levels.len().clamp(1, theme::COLORED_LEVELS);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         for level in 0..count {

@@ -9,7 +9,8 @@ use crate::viewer::{Tape, Viewer};
 
 pub(super) fn show(ui: &mut Ui, viewer: &Viewer, seconds: f64) {
     ui.horizontal(|ui| {
-        let name = viewer.document.as_ref().map_or("Nothing is open".into(), |document| document.place.name());
+        let name =
+            viewer.document.as_ref().map_or("Nothing is open".into(), |document| document.place.name());
         ui.label(RichText::new(name).color(theme::TEXT));
         ui.separator();
         ui.label(RichText::new(gesture(viewer)).color(theme::FAINT));

@@ -22,19 +22,41 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
 pub(super) fn show_figures(ui: &mut Ui, figures: &StreamFigures) {
     gauge(ui, figures.occupancy(), theme::ACCENT).on_hover_text("Share of the pool that holds tiles");
     let [width, height, layers] = figures.atlas;
-    facts(ui, "pool facts", [
-        ("In use", format!("{} of {}", bytes_text(figures.used_bytes as f64), bytes_text(figures.pool_bytes as f64))),
-        ("Atlas", format!("{width} × {height} texels, {layers} layers")),
-    ]);
+    facts(
+        ui,
+        "pool facts",
+        [
+            (
+                "In use",
+                format!(
+                    "{} of {}",
+                    bytes_text(figures.used_bytes as f64),
+                    bytes_text(figures.pool_bytes as f64)
+                ),
+            ),
+            ("Atlas", format!("{width} × {height} texels, {layers} layers")),
+        ],
+    );
     heading(ui, "Now");
-    facts(ui, "stream facts", [
-        ("Wanted tiles there", format!("{:.1} %", figures.hit_rate() * 100.0)),
-        ("To come", grouped(figures.missing)),
-        ("Being read", grouped(figures.queue)),
-        ("Level bias", format!("{:.2}", figures.bias)),
-        ("Uploaded", format!("{} pages, {}", grouped(figures.uploaded_pages), bytes_text(figures.uploaded_bytes as f64))),
-        ("Evicted", format!("{} pages", grouped(figures.evicted_pages))),
-    ]);
+    facts(
+        ui,
+        "stream facts",
+        [
+            ("Wanted tiles there", format!("{:.1} %", figures.hit_rate() * 100.0)),
+            ("To come", grouped(figures.missing)),
+            ("Being read", grouped(figures.queue)),
+            ("Level bias", format!("{:.2}", figures.bias)),
+            (
+                "Uploaded",
+                format!(
+                    "{} pages, {}",
+                    grouped(figures.uploaded_pages),
+                    bytes_text(figures.uploaded_bytes as f64)
+                ),
+            ),
+            ("Evicted", format!("{} pages", grouped(figures.evicted_pages))),
+        ],
+    );
     heading(ui, "Resident per level");
     levels(ui, figures);
     heading(ui, "Damaged pages");

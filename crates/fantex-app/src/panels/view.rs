@@ -76,7 +76,12 @@ fn path(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
             }
         };
         let has_document = viewer.document.is_some();
-        button(ui, has_document, if is_recording { "End recording" } else { "Record" }, Command::ToggleRecording);
+        button(
+            ui,
+            has_document,
+            if is_recording { "End recording" } else { "Record" },
+            Command::ToggleRecording,
+        );
         button(ui, viewer.path.is_some(), if is_playing { "Stop" } else { "Play" }, Command::TogglePlayback);
         button(ui, true, "Load…", Command::LoadPath);
         button(ui, viewer.path.is_some(), "Save…", Command::SavePath);

@@ -81,8 +81,7 @@ impl<'a> NumberRow<'a> {
     pub(super) fn show<N: Numeric>(&self, ui: &mut Ui, value: &mut N, range: RangeInclusive<N>) {
         ui.horizontal(|ui| {
             let label = name_label(ui, self.name);
-            let slider =
-                Slider::new(value, range.clone()).show_value(false).logarithmic(self.is_logarithmic);
+            let slider = Slider::new(value, range.clone()).show_value(false).logarithmic(self.is_logarithmic);
             let response = ui.add(slider).labelled_by(label.id);
             if !self.tip.is_empty() {
                 response.on_hover_text(self.tip);
@@ -144,7 +143,8 @@ pub(super) fn named_choice<T: Copy + PartialEq>(
 
 /// A small disc in a line of text.
 pub(super) fn dot(ui: &mut Ui, color: Color32) {
-    let (rect, _) = ui.allocate_exact_size(vec2(10.0, ui.spacing().interact_size.y.min(18.0)), Sense::hover());
+    let (rect, _) =
+        ui.allocate_exact_size(vec2(10.0, ui.spacing().interact_size.y.min(18.0)), Sense::hover());
     ui.painter().circle_filled(rect.center(), 4.0, color);
 }
 
@@ -185,7 +185,13 @@ impl Chart<'_> {
         let top = self.scale();
         painter.hline(plot.x_range(), plot.bottom(), Stroke::new(1.0, theme::LINE));
         painter.hline(plot.x_range(), plot.top(), Stroke::new(1.0, theme::LINE.gamma_multiply(0.6)));
-        painter.text(plot.left_top() + vec2(0.0, 1.0), Align2::LEFT_TOP, (self.text)(top), font(9.5), theme::FAINT);
+        painter.text(
+            plot.left_top() + vec2(0.0, 1.0),
+            Align2::LEFT_TOP,
+            (self.text)(top),
+            font(9.5),
+            theme::FAINT,
+        );
         if let Some(limit) = self.limit.filter(|&limit| limit < top) {
             let y = plot.bottom() - plot.height() * limit / top;
             painter.add(Shape::dashed_line(

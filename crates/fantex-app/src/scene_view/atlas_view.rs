@@ -143,11 +143,14 @@ fn draw(
 ) {
     let components = u32::from(atlas.format().components());
     let about = [components, u32::from(is_srgb), 0, 0];
-    let about = wgpu::util::DeviceExt::create_buffer_init(&gpu.device, &wgpu::util::BufferInitDescriptor {
-        label: Some("picture of the atlas"),
-        contents: bytemuck::bytes_of(&about),
-        usage: wgpu::BufferUsages::UNIFORM,
-    });
+    let about = wgpu::util::DeviceExt::create_buffer_init(
+        &gpu.device,
+        &wgpu::util::BufferInitDescriptor {
+            label: Some("picture of the atlas"),
+            contents: bytemuck::bytes_of(&about),
+            usage: wgpu::BufferUsages::UNIFORM,
+        },
+    );
     let source = atlas.create_view(&Default::default());
     let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("picture of the atlas"),
@@ -163,7 +166,10 @@ fn draw(
             view: target,
             depth_slice: None,
             resolve_target: None,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store },
+            ops: wgpu::Operations {
+                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                store: wgpu::StoreOp::Store,
+            },
         })],
         ..Default::default()
     });

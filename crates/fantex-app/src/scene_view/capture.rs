@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU8, Ordering::Relaxed};
 
 use eframe::wgpu;
 use fantex_gpu::{Gpu, GpuError};
-use fantex_texture::{ColorSpace, Image, SaveImageError, Samples};
+use fantex_texture::{ColorSpace, Image, Samples, SaveImageError};
 
 use super::FORMAT;
 

@@ -54,7 +54,11 @@ pub enum FanSceneError {
 
 impl FanScene {
     /// Everything but the texels, which come by and by.
-    pub(super) fn new(gpu: &Gpu, asset: Arc<Asset>, settings: StreamingSettings) -> Result<Self, FanSceneError> {
+    pub(super) fn new(
+        gpu: &Gpu,
+        asset: Arc<Asset>,
+        settings: StreamingSettings,
+    ) -> Result<Self, FanSceneError> {
         let formats = FanModel::atlas_formats(gpu, asset.channels());
         let atlas = FanModel::atlas_shape(gpu, settings.pool_bytes(), &formats);
         let loading =
@@ -83,7 +87,12 @@ impl FanScene {
     }
 
     /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
-    pub(super) fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool, GpuError> {
+    pub(super) fn stream(
+        &mut self,
+        gpu: &Gpu,
+        viewer: &Viewer,
+        elapsed_seconds: f32,
+    ) -> Result<bool, GpuError> {
         let settings = viewer.settings.streaming;
         let is_new = self.follow_settings(gpu, viewer, elapsed_seconds)?;
         if !settings.is_running {
@@ -104,7 +113,12 @@ impl FanScene {
     }
 
     /// Takes over another size of the pool once it is no longer being changed, and another filter.
-    fn follow_settings(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool, GpuError> {
+    fn follow_settings(
+        &mut self,
+        gpu: &Gpu,
+        viewer: &Viewer,
+        elapsed_seconds: f32,
+    ) -> Result<bool, GpuError> {
         let anisotropy = viewer.settings.display.anisotropy;
         if anisotropy != self.anisotropy {
             self.anisotropy = anisotropy;

@@ -13,8 +13,7 @@ use crate::settings::StreamingSettings;
 use crate::viewer::Viewer;
 
 /// Brings a document to the graphics memory; takes long, so on the thread that opens it. Fails with one sentence.
-pub type PrepareScene =
-    Arc<dyn Fn(&Document, StreamingSettings) -> Result<SceneModel, String> + Send + Sync>;
+pub type PrepareScene = Arc<dyn Fn(&Document, StreamingSettings) -> Result<SceneModel, String> + Send + Sync>;
 
 /// A document in the graphics memory.
 #[derive(Debug)]
@@ -49,7 +48,12 @@ impl SceneModel {
     }
 
     /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
-    pub(super) fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool, GpuError> {
+    pub(super) fn stream(
+        &mut self,
+        gpu: &Gpu,
+        viewer: &Viewer,
+        elapsed_seconds: f32,
+    ) -> Result<bool, GpuError> {
         match self {
             Self::Uv(_) => Ok(false),
             Self::Fan(scene) => scene.stream(gpu, viewer, elapsed_seconds),

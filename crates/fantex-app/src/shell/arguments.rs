@@ -8,12 +8,17 @@ use crate::session::{Session, SessionError};
 
 /// Shows models and fan-textured assets.
 #[derive(Clone, Debug, Parser)]
-#[command(name = "fantex-app", version, max_term_width = 110, after_help = "\
+#[command(
+    name = "fantex-app",
+    version,
+    max_term_width = 110,
+    after_help = "\
 Example:
   fantex-app bunny.fan
   fantex-app bottle.glb --size 1920x1080
 
-F1 shows keys and mouse.")]
+F1 shows keys and mouse."
+)]
 pub struct Arguments {
     /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan); an asset may be at an http:// or https:// address
     pub file: Option<String>,

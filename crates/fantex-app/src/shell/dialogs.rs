@@ -43,17 +43,20 @@ impl Dialogs {
         let path_name = format!("{stem}-path.json");
         let chosen: std::pin::Pin<Box<dyn Future<Output = Option<rfd::FileHandle>> + Send>> = match request {
             Request::OpenDialog => Box::pin(
-                dialog.set_title("Open a model or an asset").add_filter("Models and assets", models).pick_file(),
+                dialog
+                    .set_title("Open a model or an asset")
+                    .add_filter("Models and assets", models)
+                    .pick_file(),
             ),
-            Request::SurroundingsDialog => Box::pin(
-                dialog.set_title("Choose surroundings").add_filter("Pictures", pictures).pick_file(),
-            ),
+            Request::SurroundingsDialog => {
+                Box::pin(dialog.set_title("Choose surroundings").add_filter("Pictures", pictures).pick_file())
+            }
             Request::LoadPathDialog => Box::pin(
                 dialog.set_title("Load a camera path").add_filter("Camera paths", &["json"]).pick_file(),
             ),
-            Request::SavePathDialog => Box::pin(
-                dialog.set_title("Save the camera path").set_file_name(path_name).save_file(),
-            ),
+            Request::SavePathDialog => {
+                Box::pin(dialog.set_title("Save the camera path").set_file_name(path_name).save_file())
+            }
             _ => return,
         };
         let wake = self.wake.clone();

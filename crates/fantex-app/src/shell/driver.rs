@@ -158,7 +158,8 @@ impl Hands {
         for i in 1..=DRAG_FRAMES {
             self.coming.push_back(vec![Event::PointerMoved(from + by * (i as f32 / DRAG_FRAMES as f32))]);
         }
-        let released = [button(from + by, false), Event::PointerGone, Event::ModifiersChanged(Modifiers::NONE)];
+        let released =
+            [button(from + by, false), Event::PointerGone, Event::ModifiersChanged(Modifiers::NONE)];
         self.coming.push_back(released.into());
     }
 

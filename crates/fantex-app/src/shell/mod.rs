@@ -46,7 +46,8 @@ pub fn run(arguments: Arguments) -> ExitCode {
     let options = native_options(&settings.window, &arguments, settings_file.as_ref());
     let outcome = Outcome::default();
     let for_shell = outcome.clone();
-    let start = Start { arguments, settings, settings_file, problem, session: session.map(SessionRunner::new) };
+    let start =
+        Start { arguments, settings, settings_file, problem, session: session.map(SessionRunner::new) };
     let ended = eframe::run_native(
         "fantex",
         options,
@@ -95,7 +96,9 @@ fn native_options(
         wgpu_options: egui_wgpu::WgpuConfiguration { wgpu_setup: setup.into(), ..Default::default() },
         // The viewer has a settings file of its own; without a place nothing else is kept either.
         persist_window: false,
-        persistence_path: Some(settings_file.map_or_else(std::env::temp_dir, |file| file.with_extension("ron"))),
+        persistence_path: Some(
+            settings_file.map_or_else(std::env::temp_dir, |file| file.with_extension("ron")),
+        ),
         ..Default::default()
     }
 }
@@ -184,7 +187,9 @@ impl Shell {
         let is_typing = ctx.egui_wants_keyboard_input();
         let pressed: Vec<_> = ctx.input(|i| {
             let key_of = |event: &egui::Event| match event {
-                egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } => Some((*modifiers, *key)),
+                egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } => {
+                    Some((*modifiers, *key))
+                }
                 _ => None,
             };
             i.events.iter().filter_map(key_of).collect()
@@ -210,7 +215,9 @@ impl Shell {
                 Request::Picture { path, size } => {
                     let size = match size {
                         PictureSize::Pixels(size) => size,
-                        PictureSize::Times(times) => self.viewer.scene_pixels.map(|n| n.saturating_mul(times)),
+                        PictureSize::Times(times) => {
+                            self.viewer.scene_pixels.map(|n| n.saturating_mul(times))
+                        }
                     };
                     if let Err(error) = self.scene.capture(&self.viewer, size, path) {
                         self.viewer.notices.error(error.to_string(), seconds);
@@ -268,7 +275,12 @@ impl Shell {
         match self.scene.shown() {
             Some((view, true)) => match self.scene_texture {
                 Some(id) => {
-                    renderer.update_egui_texture_from_wgpu_texture(device, view, wgpu::FilterMode::Linear, id);
+                    renderer.update_egui_texture_from_wgpu_texture(
+                        device,
+                        view,
+                        wgpu::FilterMode::Linear,
+                        id,
+                    );
                 }
                 None => {
                     let id = renderer.register_native_texture(device, view, wgpu::FilterMode::Linear);
@@ -293,7 +305,12 @@ impl Shell {
         self.atlas.extent = picture.extent;
         match self.atlas.id {
             Some(id) if picture.is_new => {
-                renderer.update_egui_texture_from_wgpu_texture(device, picture.view, wgpu::FilterMode::Linear, id);
+                renderer.update_egui_texture_from_wgpu_texture(
+                    device,
+                    picture.view,
+                    wgpu::FilterMode::Linear,
+                    id,
+                );
             }
             Some(_) => {}
             None => {
@@ -394,10 +411,8 @@ impl eframe::App for Shell {
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
         self.keys(&ctx, seconds);
         self.dropped_files(&ctx, seconds);
-        let textures = Textures {
-            scene: self.scene_texture.map(|id| SceneTexture { id }),
-            atlas: self.atlas,
-        };
+        let textures =
+            Textures { scene: self.scene_texture.map(|id| SceneTexture { id }), atlas: self.atlas };
         let shown = panels::show(ui, &mut self.viewer, &textures, seconds);
         if let Some(channel) = shown.atlas_channel {
             self.atlas.channel = channel;

@@ -13,10 +13,11 @@ pub(crate) struct Display {
 impl Display {
     /// Starts a display of its own; nothing, and a visible line, where the system has none or no Vulkan.
     pub(crate) fn start() -> Option<Self> {
-        let has_vulkan = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|n| std::env::var_os(n).is_some())
-            || ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
-                .iter()
-                .any(|folder| Path::new(folder).read_dir().is_ok_and(|mut files| files.next().is_some()));
+        let has_vulkan =
+            ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|n| std::env::var_os(n).is_some())
+                || ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
+                    .iter()
+                    .any(|folder| Path::new(folder).read_dir().is_ok_and(|mut files| files.next().is_some()));
         if !has_vulkan {
             eprintln!("SKIPPED: the window is not tested (no Vulkan driver is installed)");
             return None;

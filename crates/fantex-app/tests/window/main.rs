@@ -119,9 +119,13 @@ fn models_without_texture_are_seen_from_all_cameras() {
     check_success(&output);
     let at = folder.path();
     assert!(colors(at, "a.png") > 100);
-    for (before, after) in
-        [("a.png", "orbit.png"), ("orbit.png", "sun.png"), ("sun.png", "fly.png"), ("fly.png", "front.png"), ("front.png", "wire.png")]
-    {
+    for (before, after) in [
+        ("a.png", "orbit.png"),
+        ("orbit.png", "sun.png"),
+        ("sun.png", "fly.png"),
+        ("fly.png", "front.png"),
+        ("front.png", "wire.png"),
+    ] {
         assert!(difference(at, before, after) > 0.01, "{before} and {after}");
     }
     let kept = std::fs::read_to_string(&settings).unwrap();
