@@ -252,8 +252,12 @@ impl Shell {
             self.scene.set_model(model);
             self.viewer.pacing.lost();
         }
-        for error in self.gpu_errors.try_iter() {
-            self.viewer.notices.error(format!("The GPU refused an operation: {error}"), seconds);
+        let mut refused = self.gpu_errors.try_iter();
+        if let Some(first) = refused.next() {
+            // The others mostly follow from it.
+            let words: Vec<&str> = first.split_whitespace().take(60).collect();
+            self.viewer.notices.error(format!("The GPU refused an operation: {}", words.join(" ")), seconds);
+            refused.chain([first]).for_each(|error| eprintln!("fantex-app: {error}"));
         }
         if self.is_lost {
             return;
