@@ -147,6 +147,25 @@ impl Gpu {
         waited.map(|_| ()).map_err(|error| GpuError::Refused { reason: error.to_string() })
     }
 
+    /// A buffer with contents, at least 16 bytes long. Unlike buffers that are mapped when they are made, it can be made on a
+    /// device that is already lost.
+    pub fn buffer(&self, label: &str, contents: &[u8], usage: wgpu::BufferUsages) -> wgpu::Buffer {
+        let aligned = contents.len() / 4 * 4;
+        let buffer = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some(label),
+            size: contents.len().next_multiple_of(4).max(16) as u64,
+            usage: usage | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        self.queue.write_buffer(&buffer, 0, &contents[..aligned]);
+        if aligned < contents.len() {
+            let mut rest = [0; 4];
+            rest[..contents.len() - aligned].copy_from_slice(&contents[aligned..]);
+            self.queue.write_buffer(&buffer, aligned as u64, &rest);
+        }
+        buffer
+    }
+
     /// [`GpuError::TooLarge`] about this device.
     pub(crate) fn too_large(
         &self,

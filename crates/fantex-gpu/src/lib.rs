@@ -23,14 +23,16 @@ mod picture;
 mod renderer;
 mod screen;
 pub mod shader;
+mod sorted;
 mod surface_pipeline;
 mod timing;
-mod sorted;
 mod uv;
 mod wireframe;
 
 pub use error::GpuError;
-pub use fan::{FanModel, FanModelSource};
+pub use fan::{
+    AtlasViewer, FanModel, FanModelSource, StreamedModel, StreamedModelError, max_anisotropy, stream_view,
+};
 pub use frame::{FrameLayout, View};
 pub use gpu::{Gpu, GpuInfo, GpuOptions};
 pub use model::{FrameContext, Model, ModelSpace};

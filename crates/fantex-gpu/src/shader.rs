@@ -30,6 +30,7 @@ pub(crate) const FAN_LOOKUP: &str = include_str!("shaders/fan_lookup.wgsl");
 pub(crate) const FAN_GEOMETRY: &str = include_str!("shaders/fan_geometry.wgsl");
 pub(crate) const FAN: &str = include_str!("shaders/fan.wgsl");
 pub(crate) const FAN_COLORS: &str = include_str!("shaders/fan_colors.wgsl");
+pub(crate) const FAN_ATLAS: &str = include_str!("shaders/fan_atlas.wgsl");
 pub(crate) const FAN_CASTER: &str = include_str!("shaders/fan_caster.wgsl");
 pub(crate) const UV_CASTER: &str = include_str!("shaders/uv_caster.wgsl");
 
@@ -60,6 +61,7 @@ pub fn all() -> Vec<(&'static str, String)> {
         ("uv", compose_surface(&[UV_MATERIAL, UV])),
         ("fan", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN])),
         ("fan_colors", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS])),
+        ("fan_atlas", FAN_ATLAS.to_owned()),
         ("fan_caster", compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER])),
         ("uv_caster", compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
     ]
@@ -103,7 +105,8 @@ mod tests {
         for (name, source) in all() {
             let module =
                 wgsl::parse_str(&source).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&source)));
-            let mut validator = Validator::new(ValidationFlags::all(), Capabilities::CUBE_ARRAY_TEXTURES);
+            let capabilities = Capabilities::CUBE_ARRAY_TEXTURES | Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+            let mut validator = Validator::new(ValidationFlags::all(), capabilities);
             validator.validate(&module).unwrap_or_else(|e| panic!("{name}: {}", e.emit_to_string(&source)));
         }
     }

@@ -4,7 +4,6 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::Vec3;
-use wgpu::util::DeviceExt;
 
 use crate::frame::LinesRecord;
 use crate::shader::{FRAME, LINES, compose, module};
@@ -55,15 +54,8 @@ impl Wireframe {
         if bytes > allowed {
             return Err(gpu.too_large("the wireframe", bytes, allowed, "bytes of a buffer"));
         }
-        let buffer = |label: &str, contents: &[u8], usage| {
-            device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some(label),
-                contents,
-                usage,
-            })
-        };
-        let uniforms = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-        let uniforms = buffer("lines", bytemuck::bytes_of(&record(options)), uniforms);
+        let record = record(options);
+        let uniforms = gpu.buffer("lines", bytemuck::bytes_of(&record), wgpu::BufferUsages::UNIFORM);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("lines"),
             entries: &[wgpu::BindGroupLayoutEntry {
@@ -84,8 +76,12 @@ impl Wireframe {
         });
         Ok(Self {
             points: Arc::clone(&space.points),
-            positions: buffer("line ends", bytemuck::cast_slice(&space.points), wgpu::BufferUsages::VERTEX),
-            edges: buffer("lines", bytemuck::cast_slice(&edges), wgpu::BufferUsages::INDEX),
+            positions: gpu.buffer(
+                "line ends",
+                bytemuck::cast_slice(&space.points),
+                wgpu::BufferUsages::VERTEX,
+            ),
+            edges: gpu.buffer("lines", bytemuck::cast_slice(&edges), wgpu::BufferUsages::INDEX),
             count: 2 * edges.len() as u32,
             options: *options,
             uniforms,

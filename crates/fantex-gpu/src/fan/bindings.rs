@@ -1,8 +1,6 @@
-//! Bind group 1 of fan shaders: texture function, atlas, materials.
+//! Bind group 1 of fan shaders: texture function and atlas.
 
-use bytemuck::{Pod, Zeroable};
 use fantex_cover::Cover;
-use fantex_mesh::{AlphaMode, Material};
 use fantex_scene::FilterOptions;
 use fantex_store::Channel;
 use fantex_stream::{AtlasFormat, PageTable};
@@ -13,34 +11,6 @@ use super::atlas::{ChannelAtlas, DRAWN_KINDS, no_channel};
 use super::grid::AtlasGrid;
 use super::tables::{FanParams, FanTables};
 
-/// A material as `fan_geometry.wgsl` reads it.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub(crate) struct MaterialRecord {
-    base_color: [f32; 4],
-    emission: [f32; 3],
-    metallic: f32,
-    roughness: f32,
-    alpha_threshold: f32,
-    unlit: u32,
-    pad: u32,
-}
-
-impl MaterialRecord {
-    pub(crate) fn new(material: &Material) -> Self {
-        let alpha_threshold = if let AlphaMode::Mask(threshold) = material.alpha { threshold } else { 0.0 };
-        Self {
-            base_color: material.base_color.to_array(),
-            emission: material.emission.to_array(),
-            metallic: material.metallic,
-            roughness: material.roughness,
-            alpha_threshold,
-            unlit: material.unlit.into(),
-            pad: 0,
-        }
-    }
-}
-
 /// What an asset's texture function is made of, as far as the GPU is concerned.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BindingSource<'a> {
@@ -50,7 +20,6 @@ pub(crate) struct BindingSource<'a> {
     pub(crate) formats: &'a [AtlasFormat],
     pub(crate) grid: AtlasGrid,
     pub(crate) pages: &'a PageTable,
-    pub(crate) materials: &'a [Material],
 }
 
 /// Bind group 1 and what is in it.
@@ -61,8 +30,8 @@ pub(crate) struct FanBindings {
     /// Per channel of the asset; none where it is not drawn.
     pub(crate) atlases: Vec<Option<ChannelAtlas>>,
     pub(crate) tables: FanTables,
-    /// Which of [`DRAWN_KINDS`] there are.
-    pub(crate) has: [bool; 5],
+    /// Per item of [`DRAWN_KINDS`] the channel, if there is one.
+    pub(crate) drawn: [Option<usize>; 5],
     params: FanParams,
     params_buffer: wgpu::Buffer,
 }
@@ -73,7 +42,7 @@ impl FanBindings {
         source: BindingSource<'_>,
         mean: impl Fn(usize, u32) -> [f32; 4],
     ) -> Self {
-        let BindingSource { cover, channels, formats, grid, pages, materials } = source;
+        let BindingSource { cover, channels, formats, grid, pages } = source;
         let tables = FanTables::new(device, cover, channels, pages, mean);
         let params = FanParams::new(cover, channels, grid, &FilterOptions::default());
         let params_buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
@@ -88,15 +57,6 @@ impl FanBindings {
             is_drawn.then(|| ChannelAtlas::new(device, grid, &channels[index], formats[index]))
         };
         let atlases: Vec<_> = (0..channels.len()).map(atlas).collect();
-        let records: Vec<_> = match materials {
-            [] => vec![MaterialRecord::new(&Material::default())],
-            materials => materials.iter().map(MaterialRecord::new).collect(),
-        };
-        let records = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("fan materials"),
-            contents: bytemuck::cast_slice(&records),
-            usage: wgpu::BufferUsages::STORAGE,
-        });
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
             label: Some("fan atlas"),
             mag_filter: wgpu::FilterMode::Linear,
@@ -120,18 +80,19 @@ impl FanBindings {
             view(2),
             view(3),
             view(4),
-            records.as_entire_binding(),
         ];
         let layout = layout(device);
-        let entries: Vec<_> =
-            resources.into_iter().zip(0..).map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource }).collect();
+        let entries: Vec<_> = resources
+            .into_iter()
+            .zip(0..)
+            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
+            .collect();
         let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("fan model"),
             layout: &layout,
             entries: &entries,
         });
-        let has = drawn.map(|channel| channel.is_some());
-        Self { layout, group, atlases, tables, has, params, params_buffer }
+        Self { layout, group, atlases, tables, drawn, params, params_buffer }
     }
 
     /// Writes the filter's parameters if they have changed.
@@ -145,7 +106,8 @@ impl FanBindings {
 
     /// Values of the overrides of `fan_lookup.wgsl` that say which channels there are.
     pub(crate) fn channel_constants(&self) -> [(&'static str, f64); 5] {
-        let [base_color, normal, material, emission, light] = self.has.map(|has| f64::from(u8::from(has)));
+        let [base_color, normal, material, emission, light] =
+            self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
         [
             ("FAN_BASE_COLOR", base_color),
             ("FAN_NORMAL", normal),
@@ -166,9 +128,8 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     };
     let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
     let uniform = buffer(BufferBindingType::Uniform);
-    let types = [
-        uniform, storage, storage, storage, storage, sampler, texture, texture, texture, texture, texture, storage,
-    ];
+    let types =
+        [uniform, storage, storage, storage, storage, sampler, texture, texture, texture, texture, texture];
     let entry = |(ty, binding)| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: ShaderStages::VERTEX_FRAGMENT,
@@ -176,5 +137,8 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         count: None,
     };
     let entries: Vec<_> = types.into_iter().zip(0..).map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("fan model"), entries: &entries })
+    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        label: Some("fan model"),
+        entries: &entries,
+    })
 }

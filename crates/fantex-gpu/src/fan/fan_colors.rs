@@ -4,7 +4,8 @@ use bytemuck::{Pod, Zeroable};
 use wgpu::util::DeviceExt;
 
 use super::bindings::FanBindings;
-use crate::shader::{FAN_COLORS, FAN_LOOKUP, FAN_GEOMETRY, compose_surface, module};
+use super::materials::FanMaterials;
+use crate::shader::{FAN_COLORS, FAN_GEOMETRY, FAN_LOOKUP, compose_surface, module};
 use crate::{Coat, Gpu, ModelSpace, SurfaceKey, SurfacePipeline};
 
 /// A corner of a triangle.
@@ -50,7 +51,13 @@ impl FanColors {
         }
     }
 
-    pub(crate) fn prepare(&mut self, gpu: &Gpu, key: SurfaceKey, bindings: &FanBindings) {
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        key: SurfaceKey,
+        bindings: &FanBindings,
+        materials: &FanMaterials,
+    ) {
         if self.pipeline.as_ref().is_some_and(|(of, _)| *of == key) {
             return;
         }
@@ -66,7 +73,7 @@ impl FanColors {
             vertex: "vs_fan_colors",
             fragment: "fs_fan_colors",
             buffers: &[Some(layout)],
-            groups: &[&bindings.layout],
+            groups: &[&bindings.layout, &materials.layout],
             constants: &[],
             coat: Coat::Opaque,
             is_double_sided: true,
@@ -75,7 +82,7 @@ impl FanColors {
         self.pipeline = Some((key, pipeline.build(gpu, key)));
     }
 
-    /// Group 1 is bound.
+    /// Groups 1 and 2 are bound.
     pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: SurfaceKey) {
         let Some((of, pipeline)) = &self.pipeline else { return };
         if *of == key {

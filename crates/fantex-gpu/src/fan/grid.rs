@@ -1,7 +1,7 @@
 //! Layers of an atlas beside each other in one texture.
 //!
-//! Software adapters sample a layer of an array much more slowly than a plain texture, and other adapters do not mind: so
-//! the atlas' layers are the cells of a grid in one texture per channel.
+//! The atlas' layers are the cells of a grid in one texture per channel: shaders then know of no layers, and look-ups are
+//! those of a plain texture, the kind that software adapters do best.
 
 use fantex_stream::{AtlasPlace, AtlasShape, TableEntry};
 
@@ -48,7 +48,7 @@ impl AtlasGrid {
     pub(crate) fn word(self, entry: TableEntry) -> u32 {
         entry.place().map_or(0, |place| {
             let [x, y] = self.texel(place);
-            1 << 31 | (y / 4) << 12 | x / 4
+            1 << 31 | (y / 4) << 12 | (x / 4)
         })
     }
 }
@@ -66,7 +66,8 @@ mod tests {
             let grid = AtlasGrid::new(shape, 16384);
             assert_eq!(grid.cells[0] * grid.cells[1], layers, "nothing is wasted");
             assert!(grid.extent().iter().all(|&n| n <= 16384));
-            let mut places: Vec<_> = (0..layers as u16).map(|layer| grid.texel(AtlasPlace { layer, x: 0, y: 0 })).collect();
+            let mut places: Vec<_> =
+                (0..layers as u16).map(|layer| grid.texel(AtlasPlace { layer, x: 0, y: 0 })).collect();
             places.dedup();
             assert_eq!(places.len(), layers as usize);
         }
@@ -89,6 +90,6 @@ mod tests {
         let grid = AtlasGrid::new(AtlasShape { side: 1024, layers: 4 }, 16384);
         assert_eq!(grid.word(TableEntry::ABSENT), 0);
         let word = grid.word(TableEntry::at(AtlasPlace { layer: 3, x: 8, y: 256 }));
-        assert_eq!(word, 1 << 31 | (1280 / 4) << 12 | 1032 / 4);
+        assert_eq!(word, 1 << 31 | (1280 / 4) << 12 | (1032 / 4));
     }
 }

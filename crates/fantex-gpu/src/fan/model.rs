@@ -4,17 +4,18 @@ use std::ops::Range;
 
 use fantex_cover::Cover;
 use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
-use fantex_store::{Asset, Channel};
+use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_stream::{AtlasFormat, AtlasShape, FrameChanges, PageTable};
 use glam::Vec3;
 use wgpu::util::DeviceExt;
 
-use super::atlas::atlas_formats;
+use super::atlas::{ChannelAtlas, DRAWN_KINDS, atlas_formats};
 use super::bindings::{BindingSource, FanBindings};
 use super::fan_colors::FanColors;
 use super::geometry::{GeometryChunk, GeometrySource, MaterialRun};
 use super::grid::AtlasGrid;
-use super::pipelines::{FanPipelines, Shape, Surface};
+use super::materials::FanMaterials;
+use super::pipelines::{FanPipelines, Part, Shape, Surface};
 use super::tables::FanTables;
 use super::upload::Uploader;
 use crate::sorted::{Run, SortedTriangle, SortedTriangles};
@@ -30,7 +31,9 @@ pub struct FanModel {
     bindings: FanBindings,
     chunks: Vec<Chunk>,
     blended: Blended,
-    materials: Vec<Surface>,
+    materials: FanMaterials,
+    /// One per material.
+    surfaces: Vec<Surface>,
     uploader: Uploader,
     pipelines: FanPipelines,
     fan_colors: Option<FanColors>,
@@ -48,6 +51,8 @@ pub struct FanModelSource<'a> {
     pub cover: &'a Cover,
     /// The channels of the tiles.
     pub channels: &'a [Channel],
+    /// The formats of their texels, see [`FanModel::atlas_formats`].
+    pub formats: &'a [AtlasFormat],
     /// Numbering of the pages.
     pub pages: &'a PageTable,
     /// The atlas, see [`FanModel::atlas_shape`].
@@ -87,12 +92,18 @@ impl FanModel {
     /// # Errors
     ///
     /// As [`FanModel::new`].
-    pub fn of_asset(gpu: &Gpu, asset: &Asset, pages: &PageTable, budget_bytes: u64) -> Result<Self, GpuError> {
+    pub fn of_asset(
+        gpu: &Gpu,
+        asset: &Asset,
+        pages: &PageTable,
+        budget_bytes: u64,
+    ) -> Result<Self, GpuError> {
         let formats = Self::atlas_formats(gpu, asset.channels());
         let source = FanModelSource {
             mesh: asset.mesh(),
             cover: asset.cover(),
             channels: asset.channels(),
+            formats: &formats,
             pages,
             shape: Self::atlas_shape(gpu, budget_bytes, &formats),
         };
@@ -109,10 +120,10 @@ impl FanModel {
         source: &FanModelSource<'_>,
         mean: impl Fn(usize, u32) -> [f32; 4],
     ) -> Result<Self, GpuError> {
-        let FanModelSource { mesh, cover, channels, pages, shape } = *source;
+        let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
         let limits = gpu.limits();
         let longest = FanTables::longest_bytes(cover, channels, pages);
-        let allowed = limits.max_storage_buffer_binding_size.into();
+        let allowed = limits.max_storage_buffer_binding_size;
         if longest > allowed {
             return Err(gpu.too_large("the tables of a cover", longest, allowed, "bytes"));
         }
@@ -120,10 +131,8 @@ impl FanModel {
         if AtlasGrid::fitting(shape, allowed) != shape {
             return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
         }
-        let formats = Self::atlas_formats(gpu, channels);
-        let materials = &mesh.materials;
         let grid = AtlasGrid::new(shape, allowed);
-        let parts = BindingSource { cover, channels, formats: &formats, grid, pages, materials };
+        let parts = BindingSource { cover, channels, formats, grid, pages };
         let bindings = FanBindings::new(&gpu.device, parts, mean);
         let normals = shading_normals(mesh);
         let geometry = GeometrySource { mesh, cover, normals: &normals };
@@ -131,14 +140,16 @@ impl FanModel {
         let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(&gpu.device, chunk)).collect();
         let blended = Blended::new(gpu, &geometry, &blended)?;
         let default_material = [Material::default()];
-        let materials = if materials.is_empty() { &default_material[..] } else { materials };
+        let materials =
+            if mesh.materials.is_empty() { &default_material[..] } else { mesh.materials.as_slice() };
         Ok(Self {
             space: ModelSpace::of_mesh(mesh),
             shape,
             uploader: Uploader::new(&gpu.device, grid),
             pipelines: FanPipelines::new(&gpu.device),
-            materials: materials.iter().map(Surface::of).collect(),
-            formats,
+            surfaces: materials.iter().map(Surface::of).collect(),
+            materials: FanMaterials::new(gpu, materials)?,
+            formats: formats.to_vec(),
             bindings,
             chunks,
             blended,
@@ -177,20 +188,22 @@ impl FanModel {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         self.uploader.record(&mut encoder, changes, &self.bindings.atlases, &self.bindings.tables.pages);
         gpu.queue.submit([encoder.finish()]);
-        if self.materials.iter().any(|m| m.alpha_mode != 0) {
+        if self.surfaces.iter().any(|m| m.alpha_mode != 0) {
             self.shadow_revision += 1;
         }
     }
 
-    pub(crate) fn bindings(&self) -> &FanBindings {
-        &self.bindings
+    /// The atlas of a channel, if it is drawn.
+    pub(crate) fn atlas(&self, kind: ChannelKind) -> Option<&ChannelAtlas> {
+        let kind = DRAWN_KINDS.iter().position(|&k| k == kind)?;
+        self.bindings.drawn[kind].and_then(|channel| self.bindings.atlases[channel].as_ref())
     }
 
     /// Draws the chunks: `pipeline` says with which pipeline a surface is drawn, if at all.
     fn draw_chunks<'a>(
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
-        pipeline: impl Fn(Shape, Surface, bool) -> Option<&'a wgpu::RenderPipeline>,
+        pipeline: impl Fn(Part) -> Option<&'a wgpu::RenderPipeline>,
     ) {
         let mut current = None;
         for chunk in &self.chunks {
@@ -199,17 +212,15 @@ impl FanModel {
                     continue;
                 }
                 for run in &chunk.runs {
-                    let Some(next) = pipeline(shape, self.materials[run.material as usize], run.is_paged) else {
-                        continue;
-                    };
+                    let Some(next) = pipeline(self.part(shape, run)) else { continue };
                     if current != Some(next) {
                         pass.set_pipeline(next);
                         current = Some(next);
                     }
-                    let material = run.material..run.material + 1;
+                    self.materials.bind(pass, run.material);
                     match shape {
-                        Shape::Plain => pass.draw_indexed(run.plain.clone(), 0, material),
-                        Shape::Border => pass.draw(run.border.clone(), material),
+                        Shape::Plain => pass.draw_indexed(run.plain.clone(), 0, 0..1),
+                        Shape::Border => pass.draw(run.border.clone(), 0..1),
                     }
                 }
             }
@@ -220,29 +231,36 @@ impl FanModel {
     fn draw_blended<'a>(
         &'a self,
         pass: &mut wgpu::RenderPass<'_>,
-        pipeline: impl Fn(Surface) -> Option<&'a wgpu::RenderPipeline>,
+        pipeline: impl Fn(Part) -> Option<&'a wgpu::RenderPipeline>,
     ) {
         let (Some(vertices), Some(indices)) = (&self.blended.vertices, &self.blended.indices) else { return };
         pass.set_vertex_buffer(0, vertices.slice(..));
         pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
         for run in &self.blended.runs {
-            if let Some(pipeline) = pipeline(self.materials[run.material as usize]) {
+            if let Some(pipeline) = pipeline(self.blended_part(run)) {
                 pass.set_pipeline(pipeline);
-                pass.draw_indexed(run.indices.clone(), 0, run.material..run.material + 1);
+                self.materials.bind(pass, run.material);
+                pass.draw_indexed(run.indices.clone(), 0, 0..1);
             }
         }
     }
 
-    /// What is drawn of each material: shape, surface, whether tiles are larger than a page.
-    fn parts(&self) -> impl Iterator<Item = (Shape, Surface, bool)> {
-        let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(|run| {
-            let surface = self.materials[run.material as usize];
+    fn part(&self, shape: Shape, run: &MaterialRun) -> Part {
+        Part { shape, surface: self.surfaces[run.material as usize], is_paged: run.is_paged }
+    }
+
+    fn blended_part(&self, run: &Run) -> Part {
+        Part { shape: Shape::Border, surface: self.surfaces[run.material as usize], is_paged: true }
+    }
+
+    /// All that is drawn.
+    fn parts(&self) -> impl Iterator<Item = Part> {
+        let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(move |run| {
             let shapes = [(Shape::Plain, &run.plain), (Shape::Border, &run.border)];
             let drawn = shapes.into_iter().filter(|(_, range): &(_, &Range<u32>)| !range.is_empty());
-            drawn.map(move |(shape, _)| (shape, surface, run.is_paged))
+            drawn.map(move |(shape, _)| self.part(shape, run))
         });
-        let runs = self.blended.runs.iter();
-        solid.chain(runs.map(|run| (Shape::Border, self.materials[run.material as usize], true)))
+        solid.chain(self.blended.runs.iter().map(|run| self.blended_part(run)))
     }
 }
 
@@ -266,13 +284,14 @@ impl Model for FanModel {
         self.key = Some(frame.key);
         if frame.key.overlay == Overlay::Fans {
             let colors = self.fan_colors.get_or_insert_with(|| FanColors::new(gpu, &self.space));
-            colors.prepare(gpu, frame.key, &self.bindings);
+            colors.prepare(gpu, frame.key, &self.bindings, &self.materials);
         }
         let parts: Vec<_> = self.parts().collect();
-        for (shape, surface, is_paged) in parts {
-            self.pipelines.prepare_surface(gpu, &self.bindings, frame.key, shape, surface, is_paged);
+        let material = &self.materials.layout;
+        for part in parts {
+            self.pipelines.prepare_surface(gpu, &self.bindings, material, frame.key, part);
             if frame.draws_shadows {
-                self.pipelines.prepare_caster(gpu, &self.bindings, shape, surface);
+                self.pipelines.prepare_caster(gpu, &self.bindings, material, part.shape, part.surface);
             }
         }
         Ok(())
@@ -280,18 +299,19 @@ impl Model for FanModel {
 
     fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
         pass.set_bind_group(1, &self.bindings.group, &[]);
-        self.draw_chunks(pass, |shape, surface, _| self.pipelines.caster(shape, surface));
-        self.draw_blended(pass, |surface| self.pipelines.caster(Shape::Border, surface));
+        self.draw_chunks(pass, |part| self.pipelines.caster(part.shape, part.surface));
+        self.draw_blended(pass, |part| self.pipelines.caster(part.shape, part.surface));
     }
 
     fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
         let Some(key) = self.key else { return };
         pass.set_bind_group(1, &self.bindings.group, &[]);
         match &self.fan_colors {
-            Some(colors) if key.overlay == Overlay::Fans => colors.draw(pass, key),
-            _ => self.draw_chunks(pass, |shape, surface, is_paged| {
-                self.pipelines.surface(key, shape, surface, is_paged)
-            }),
+            Some(colors) if key.overlay == Overlay::Fans => {
+                self.materials.bind(pass, 0);
+                colors.draw(pass, key);
+            }
+            _ => self.draw_chunks(pass, |part| self.pipelines.surface(key, part)),
         }
     }
 
@@ -299,7 +319,7 @@ impl Model for FanModel {
         let Some(key) = self.key else { return };
         if key.overlay != Overlay::Fans {
             pass.set_bind_group(1, &self.bindings.group, &[]);
-            self.draw_blended(pass, |surface| self.pipelines.surface(key, Shape::Border, surface, true));
+            self.draw_blended(pass, |part| self.pipelines.surface(key, part));
         }
     }
 }
@@ -307,8 +327,11 @@ impl Model for FanModel {
 impl Chunk {
     fn new(device: &wgpu::Device, chunk: GeometryChunk) -> Self {
         use wgpu::BufferUsages as U;
-        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX)
-            .zip(vertex_buffer(device, &chunk.plain_indices, U::INDEX));
+        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX).zip(vertex_buffer(
+            device,
+            &chunk.plain_indices,
+            U::INDEX,
+        ));
         Self { plain, border: vertex_buffer(device, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
     }
 

@@ -31,20 +31,21 @@ impl Surface {
     }
 }
 
-/// What a surface pipeline depends on.
+/// What is drawn with one pipeline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-struct SurfacePipelineKey {
-    frame: SurfaceKey,
-    shape: Shape,
-    surface: Surface,
-    is_paged: bool,
+pub(crate) struct Part {
+    pub(crate) shape: Shape,
+    pub(crate) surface: Surface,
+    /// Whether any tile is larger than a page.
+    pub(crate) is_paged: bool,
 }
 
+/// All pipelines that were needed so far.
 #[derive(Debug)]
 pub(crate) struct FanPipelines {
     surface: wgpu::ShaderModule,
     caster: wgpu::ShaderModule,
-    surfaces: HashMap<SurfacePipelineKey, wgpu::RenderPipeline>,
+    surfaces: HashMap<(SurfaceKey, Part), wgpu::RenderPipeline>,
     /// By shape and alpha mode.
     casters: HashMap<(Shape, u32), wgpu::RenderPipeline>,
 }
@@ -88,13 +89,12 @@ impl FanPipelines {
         &mut self,
         gpu: &Gpu,
         bindings: &FanBindings,
+        material: &wgpu::BindGroupLayout,
         frame: SurfaceKey,
-        shape: Shape,
-        surface: Surface,
-        is_paged: bool,
+        part: Part,
     ) {
-        let key = SurfacePipelineKey { frame, shape, surface, is_paged };
-        self.surfaces.entry(key).or_insert_with(|| {
+        let Part { shape, surface, is_paged } = part;
+        self.surfaces.entry((frame, part)).or_insert_with(|| {
             let mut constants = bindings.channel_constants().to_vec();
             constants.push(("FAN_FILTER", shader_filter(frame.filter).into()));
             constants.push(("FAN_PAGED", u8::from(is_paged).into()));
@@ -110,7 +110,7 @@ impl FanPipelines {
                 vertex,
                 fragment,
                 buffers: &[Some(shape.layout())],
-                groups: &[&bindings.layout],
+                groups: &[&bindings.layout, material],
                 constants: &constants,
                 coat: if surface.alpha_mode == 2 { Coat::Layered } else { Coat::Opaque },
                 is_double_sided: surface.is_double_sided,
@@ -120,17 +120,18 @@ impl FanPipelines {
         });
     }
 
-    pub(crate) fn surface(
-        &self,
-        frame: SurfaceKey,
-        shape: Shape,
-        surface: Surface,
-        is_paged: bool,
-    ) -> Option<&wgpu::RenderPipeline> {
-        self.surfaces.get(&SurfacePipelineKey { frame, shape, surface, is_paged })
+    pub(crate) fn surface(&self, frame: SurfaceKey, part: Part) -> Option<&wgpu::RenderPipeline> {
+        self.surfaces.get(&(frame, part))
     }
 
-    pub(crate) fn prepare_caster(&mut self, gpu: &Gpu, bindings: &FanBindings, shape: Shape, surface: Surface) {
+    pub(crate) fn prepare_caster(
+        &mut self,
+        gpu: &Gpu,
+        bindings: &FanBindings,
+        material: &wgpu::BindGroupLayout,
+        shape: Shape,
+        surface: Surface,
+    ) {
         self.casters.entry((shape, surface.alpha_mode)).or_insert_with(|| {
             let mut constants = bindings.channel_constants().to_vec();
             constants.push(("FAN_FILTER", shader_filter(fantex_texture::Filter::Trilinear).into()));
@@ -146,7 +147,7 @@ impl FanPipelines {
                 },
                 fragment: (!is_solid).then_some("fs_fan_caster"),
                 buffers: &[Some(shape.layout())],
-                groups: &[&bindings.layout],
+                groups: &[&bindings.layout, material],
                 constants: &constants,
             };
             pipeline.build(gpu)

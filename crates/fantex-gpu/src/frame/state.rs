@@ -28,8 +28,6 @@ pub(crate) struct FrameState {
     split_sum: wgpu::TextureView,
     sampler: wgpu::Sampler,
     groups: Option<[wgpu::BindGroup; 2]>,
-    /// Small uploads, ordered with the frame's commands.
-    belt: wgpu::util::StagingBelt,
 }
 
 /// Bytes of the uniforms of one caster: a matrix.
@@ -44,7 +42,6 @@ impl FrameState {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
             mipmap_filter: wgpu::MipmapFilterMode::Linear,
-            anisotropy_clamp: 16,
             ..Default::default()
         });
         Self {
@@ -59,7 +56,6 @@ impl FrameState {
             split_sum: split_sum_texture(gpu),
             sampler,
             groups: None,
-            belt: wgpu::util::StagingBelt::new(gpu.device.clone(), 1 << 14),
         }
     }
 
@@ -86,21 +82,17 @@ impl FrameState {
         let casters = self.caster_stride * self.shadows.faces.len() as u64;
         rebind |= make_room(gpu, &mut self.casters, casters, wgpu::BufferUsages::UNIFORM);
         let uniforms = frame.record(records.len() as u32);
-        let mut upload = |buffer: &wgpu::Buffer, offset: u64, bytes: &[u8]| {
-            if let Some(size) = NonZeroU64::new(bytes.len() as u64) {
-                self.belt.write_buffer(encoder, buffer, offset, size).copy_from_slice(bytes);
-            }
-        };
-        upload(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
-        upload(&self.lamps, 0, bytemuck::cast_slice(&records));
+        let mut uploads = Uploads::default();
+        uploads.add(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
+        uploads.add(&self.lamps, 0, bytemuck::cast_slice(&records));
         if shadows.stale {
-            upload(&self.faces, 0, bytemuck::cast_slice(&faces));
+            uploads.add(&self.faces, 0, bytemuck::cast_slice(&faces));
             for (i, face) in self.shadows.faces.iter().enumerate() {
                 let offset = self.caster_stride * i as u64;
-                upload(&self.casters, offset, bytemuck::bytes_of(&face.clip_from_mesh));
+                uploads.add(&self.casters, offset, bytemuck::bytes_of(&face.clip_from_mesh));
             }
         }
-        self.belt.finish_and_recall_on_submit(encoder);
+        uploads.record(gpu, encoder);
         if rebind || self.groups.is_none() {
             self.groups = Some(self.bind(gpu));
         }
@@ -161,6 +153,30 @@ impl FrameState {
             }],
         });
         [surfaces, casters]
+    }
+}
+
+/// Small uploads of a frame through one buffer, ordered with its commands.
+#[derive(Debug, Default)]
+struct Uploads<'a> {
+    bytes: Vec<u8>,
+    /// Offset here, target, offset there, number of bytes.
+    copies: Vec<(u64, &'a wgpu::Buffer, u64, u64)>,
+}
+
+impl<'a> Uploads<'a> {
+    fn add(&mut self, target: &'a wgpu::Buffer, offset: u64, bytes: &[u8]) {
+        if !bytes.is_empty() {
+            self.copies.push((self.bytes.len() as u64, target, offset, bytes.len() as u64));
+            self.bytes.extend_from_slice(bytes);
+        }
+    }
+
+    fn record(&self, gpu: &Gpu, encoder: &mut wgpu::CommandEncoder) {
+        let staged = gpu.buffer("frame", &self.bytes, wgpu::BufferUsages::COPY_SRC);
+        for &(from, target, to, size) in &self.copies {
+            encoder.copy_buffer_to_buffer(&staged, from, target, to, size);
+        }
     }
 }
 

@@ -60,31 +60,30 @@ fn add_tile(sum: ptr<function, FanBlend>, tile: TileSample, group: u32, vertex_n
     }
 }
 
-fn fan_light(at: SurfacePoint, blend: FanBlend, material_index: u32, front: bool) -> vec4<f32> {
-    let factors = fan_materials[material_index];
+fn fan_shade(at: SurfacePoint, blend: FanBlend, front: bool) -> vec4<f32> {
     let side = select(-1.0, 1.0, front);
     var m: MaterialSample;
-    let base = select(factors.base_color, blend.base_color, FAN_BASE_COLOR);
+    let base = select(fan_factors.base_color, blend.base_color, FAN_BASE_COLOR);
     m.base_color = max(base.rgb, vec3<f32>(0.0));
     m.alpha = 1.0;
-    if FAN_ALPHA_MODE == 1u && base.a < factors.alpha_threshold {
+    if FAN_ALPHA_MODE == 1u && base.a < fan_factors.alpha_threshold {
         discard;
     }
     if FAN_ALPHA_MODE == 2u {
         m.alpha = clamp(base.a, 0.0, 1.0);
     }
-    let made_of = select(vec3<f32>(1.0, factors.roughness, factors.metallic), blend.material.rgb, FAN_MATERIAL);
+    let made_of = select(vec3<f32>(1.0, fan_factors.roughness, fan_factors.metallic), blend.material.rgb, FAN_MATERIAL);
     m.occlusion = clamp(made_of.x, 0.0, 1.0);
     m.roughness = clamp(made_of.y, 0.0, 1.0);
     m.metallic = clamp(made_of.z, 0.0, 1.0);
-    m.emission = select(factors.emission, max(blend.emission.rgb, vec3<f32>(0.0)), FAN_EMISSION);
+    m.emission = select(fan_factors.emission, max(blend.emission.rgb, vec3<f32>(0.0)), FAN_EMISSION);
     m.normal = at.vertex_normal;
     if FAN_NORMAL {
         m.normal = unit_or(blend.normal, at.vertex_normal * side) * side;
     }
     m.normal_dx = dpdx(at.vertex_normal);
     m.normal_dy = dpdy(at.vertex_normal);
-    m.unlit = factors.unlit == 1u;
+    m.unlit = fan_factors.unlit == 1u;
     if FAN_OVERLAY != 0u {
         m.base_color = blend.overlay;
         m.occlusion = 1.0;
@@ -97,11 +96,11 @@ fn fan_light(at: SurfacePoint, blend: FanBlend, material_index: u32, front: bool
 
 struct FanPlainVarying {
     @builtin(position) clip: vec4<f32>,
-    @location(0) @interpolate(perspective, centroid) offset: vec3<f32>,
-    @location(1) @interpolate(perspective, centroid) normal: vec3<f32>,
-    @location(2) @interpolate(perspective, centroid) uv: vec2<f32>,
-    // Group, its record, material.
-    @location(3) @interpolate(flat) group: vec4<u32>,
+    @location(0) offset: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) uv: vec2<f32>,
+    // Group and its record.
+    @location(3) @interpolate(flat) group: vec3<u32>,
 }
 
 @vertex
@@ -111,7 +110,7 @@ fn vs_fan_plain(vertex: FanPlainVertex) -> FanPlainVarying {
     out.clip = clip_position(out.offset);
     out.normal = from_octahedral(vertex.normal);
     out.uv = vertex.uv;
-    out.group = vec4<u32>(vertex.group, fan_groups[vertex.group], vertex.material);
+    out.group = vec3<u32>(vertex.group, fan_groups[vertex.group]);
     return out;
 }
 
@@ -124,18 +123,18 @@ fn fs_fan_plain(in: FanPlainVarying, @builtin(front_facing) front: bool) -> @loc
     if FAN_OVERLAY == 5u {
         blend.overlay = vec3<f32>(0.35);
     }
-    return fan_light(at, blend, in.group.w, front);
+    return fan_shade(at, blend, front);
 }
 
 struct FanBorderVarying {
     @builtin(position) clip: vec4<f32>,
-    @location(0) @interpolate(perspective, centroid) offset: vec3<f32>,
-    @location(1) @interpolate(perspective, centroid) normal: vec3<f32>,
-    @location(2) @interpolate(perspective, centroid) uv01: vec4<f32>,
+    @location(0) offset: vec3<f32>,
+    @location(1) normal: vec3<f32>,
+    @location(2) uv01: vec4<f32>,
     // Coordinates in the third tile; barycentric coordinates of the first two corners.
-    @location(3) @interpolate(perspective, centroid) uv2_lambda: vec4<f32>,
-    // Groups and material, the groups' records.
-    @location(4) @interpolate(flat) groups: vec4<u32>,
+    @location(3) uv2_lambda: vec4<f32>,
+    // Groups and their records.
+    @location(4) @interpolate(flat) groups: vec3<u32>,
     @location(5) @interpolate(flat) records01: vec4<u32>,
     @location(6) @interpolate(flat) record2: vec2<u32>,
 }
@@ -149,7 +148,7 @@ fn vs_fan_border(vertex: FanBorderVertex) -> FanBorderVarying {
     out.normal = from_octahedral(vertex.normal);
     out.uv01 = vec4<f32>(vertex.uv0, vertex.uv1);
     out.uv2_lambda = vec4<f32>(vertex.uv2, f32(corner == 0u), f32(corner == 1u));
-    out.groups = vec4<u32>(vertex.groups, vertex.material);
+    out.groups = vertex.groups;
     out.records01 = vec4<u32>(fan_groups[vertex.groups.x], fan_groups[vertex.groups.y]);
     out.record2 = fan_groups[vertex.groups.z];
     return out;
@@ -160,7 +159,7 @@ fn fs_fan_border(in: FanBorderVarying, @builtin(front_facing) front: bool) -> @l
     let at = surface_point(in.offset, in.normal, front);
     let front_normal = at.vertex_normal * select(-1.0, 1.0, front);
     let lambda01 = in.uv2_lambda.zw;
-    let w = fan_weights(in.groups.xyz, max(vec3<f32>(lambda01, 1.0 - lambda01.x - lambda01.y), vec3<f32>(0.0)));
+    let w = fan_weights(in.groups, max(vec3<f32>(lambda01, 1.0 - lambda01.x - lambda01.y), vec3<f32>(0.0)));
     let dx01 = dpdx(in.uv01);
     let dy01 = dpdy(in.uv01);
     let dx2 = dpdx(in.uv2_lambda.xy);
@@ -187,5 +186,5 @@ fn fs_fan_border(in: FanBorderVarying, @builtin(front_facing) front: bool) -> @l
             break if slots == 0u;
         }
     }
-    return fan_light(at, blend, in.groups.w, front);
+    return fan_shade(at, blend, front);
 }

@@ -4,7 +4,7 @@ struct FanCasterVarying {
     @builtin(position) clip: vec4<f32>,
     @location(0) uv01: vec4<f32>,
     @location(1) uv2_lambda: vec4<f32>,
-    @location(2) @interpolate(flat) groups: vec4<u32>,
+    @location(2) @interpolate(flat) groups: vec3<u32>,
 }
 
 @vertex
@@ -18,7 +18,7 @@ fn vs_fan_plain_caster(vertex: FanPlainVertex) -> FanCasterVarying {
     out.clip = caster.clip_from_mesh * vec4<f32>(vertex.position, 1.0);
     out.uv01 = vec4<f32>(vertex.uv, vertex.uv);
     out.uv2_lambda = vec4<f32>(vertex.uv, 1.0, 0.0);
-    out.groups = vec4<u32>(vec3<u32>(vertex.group), vertex.material);
+    out.groups = vec3<u32>(vertex.group);
     return out;
 }
 
@@ -29,15 +29,14 @@ fn vs_fan_border_caster(vertex: FanBorderVertex) -> FanCasterVarying {
     out.clip = caster.clip_from_mesh * vec4<f32>(vertex.position, 1.0);
     out.uv01 = vec4<f32>(vertex.uv0, vertex.uv1);
     out.uv2_lambda = vec4<f32>(vertex.uv2, f32(corner == 0u), f32(corner == 1u));
-    out.groups = vec4<u32>(vertex.groups, vertex.material);
+    out.groups = vertex.groups;
     return out;
 }
 
 @fragment
 fn fs_fan_caster(in: FanCasterVarying) {
-    let factors = fan_materials[in.groups.w];
     let lambda01 = in.uv2_lambda.zw;
-    let w = fan_weights(in.groups.xyz, max(vec3<f32>(lambda01, 1.0 - lambda01.x - lambda01.y), vec3<f32>(0.0)));
+    let w = fan_weights(in.groups, max(vec3<f32>(lambda01, 1.0 - lambda01.x - lambda01.y), vec3<f32>(0.0)));
     let dx01 = dpdx(in.uv01);
     let dy01 = dpdy(in.uv01);
     let dx2 = dpdx(in.uv2_lambda.xy);
@@ -52,8 +51,8 @@ fn fs_fan_caster(in: FanCasterVarying) {
             alpha += w[slot] * tile_sample(group, fan_groups[group], uv, dx, dy).base_color.a;
         }
     }
-    alpha = select(factors.base_color.a, alpha, FAN_BASE_COLOR);
-    if alpha < select(factors.alpha_threshold, LEAST_SHADOW_ALPHA, FAN_ALPHA_MODE == 2u) {
+    alpha = select(fan_factors.base_color.a, alpha, FAN_BASE_COLOR);
+    if alpha < select(fan_factors.alpha_threshold, LEAST_SHADOW_ALPHA, FAN_ALPHA_MODE == 2u) {
         discard;
     }
 }

@@ -2,9 +2,9 @@
 
 struct FanColorVarying {
     @builtin(position) clip: vec4<f32>,
-    @location(0) @interpolate(perspective, centroid) offset: vec3<f32>,
+    @location(0) offset: vec3<f32>,
     // Barycentric coordinates of the first two corners.
-    @location(1) @interpolate(perspective, centroid) lambda: vec2<f32>,
+    @location(1) lambda: vec2<f32>,
     @location(2) @interpolate(flat) fans: vec3<u32>,
 }
 

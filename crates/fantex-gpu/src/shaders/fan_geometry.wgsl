@@ -15,7 +15,8 @@ struct FanMaterial {
     pad: u32,
 }
 
-@group(1) @binding(11) var<storage, read> fan_materials: array<FanMaterial>;
+// A uniform: software adapters read storage buffers lane by lane.
+@group(2) @binding(0) var<uniform> fan_factors: FanMaterial;
 
 // A unit vector from the unfolded octahedron.
 fn from_octahedral(p: vec2<f32>) -> vec3<f32> {
@@ -25,7 +26,6 @@ fn from_octahedral(p: vec2<f32>) -> vec3<f32> {
 }
 
 struct FanPlainVertex {
-    @builtin(instance_index) material: u32,
     @location(0) position: vec3<f32>,
     @location(1) normal: vec2<f32>,
     @location(2) uv: vec2<f32>,
@@ -34,7 +34,6 @@ struct FanPlainVertex {
 
 struct FanBorderVertex {
     @builtin(vertex_index) index: u32,
-    @builtin(instance_index) material: u32,
     @location(0) position: vec3<f32>,
     @location(1) normal: vec2<f32>,
     @location(2) uv0: vec2<f32>,

@@ -25,7 +25,9 @@ struct SurfacePoint {
     vertex_normal: vec3<f32>,
 }
 
-// From the offset from the eye and the interpolated normal of the front side. To be called where all fragments of a quad are.
+// From the offset from the eye, interpolated at the pixel's centre (not centroid, whose differences mean nothing along a
+// triangle's edges: they would show as wrong shadows), and the interpolated normal of the front side. To be called where all
+// fragments of a quad are.
 fn surface_point(offset: vec3<f32>, front_normal: vec3<f32>, front: bool) -> SurfacePoint {
     var at: SurfacePoint;
     at.position = frame.eye + offset;

@@ -11,13 +11,15 @@ struct UvVertex {
     @location(5) color: vec4<f32>,
 }
 
+// What could run wild beyond a triangle's border is interpolated within it (centroid); what differences are taken of, at the
+// pixel's centre.
 struct UvVarying {
     @builtin(position) clip: vec4<f32>,
-    @location(0) @interpolate(perspective, centroid) offset: vec3<f32>,
+    @location(0) offset: vec3<f32>,
     @location(1) @interpolate(perspective, centroid) normal: vec3<f32>,
     @location(2) @interpolate(perspective, centroid) tangent: vec4<f32>,
-    @location(3) @interpolate(perspective, centroid) uv01: vec4<f32>,
-    @location(4) @interpolate(perspective, centroid) uv23: vec4<f32>,
+    @location(3) uv01: vec4<f32>,
+    @location(4) uv23: vec4<f32>,
     @location(5) @interpolate(perspective, centroid) color: vec4<f32>,
 }
 

@@ -89,11 +89,7 @@ impl UvMaterial {
             pad: [0; 2],
             layers: all.map(|layer| layer_record(layer, uv_sets)),
         };
-        let record = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("material"),
-            contents: bytemuck::bytes_of(&record),
-            usage: wgpu::BufferUsages::UNIFORM,
-        });
+        let record = gpu.buffer("material", bytemuck::bytes_of(&record), wgpu::BufferUsages::UNIFORM);
         let textures: [wgpu::TextureView; LAYERS] = std::array::from_fn(|i| views[i].clone());
         let looks = all.map(|layer| layer.map_or(([Wrap::Clamp; 2], false), |l| (l.wrap, l.nearest)));
         let group = bind(gpu, layout, &record, &textures, &looks, filter);

@@ -18,14 +18,13 @@ use fantex_mesh::{AlphaMode, Material, Mesh};
 use fantex_scene::FilterOptions;
 use fantex_texture::LoadImageError;
 use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
-use wgpu::util::DeviceExt;
 
 use crate::shader::{CASTER, UV, UV_CASTER, UV_MATERIAL, compose, compose_surface, module};
+use crate::sorted::{Run, SortedTriangle, SortedTriangles};
 use crate::{
     CasterPipeline, Coat, FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey, SurfacePipeline,
 };
 use materials::{UvMaterial, material_layout};
-use crate::sorted::{Run, SortedTriangle, SortedTriangles};
 use textures::TexturePool;
 use vertices::{Attributes, MOST_UV_SETS, Vertices, used_uv_sets};
 
@@ -217,12 +216,9 @@ impl Model for UvModel {
             }
         }
         if let Some((corners, runs)) = self.sorted.sort(frame.view) {
-            let staged = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some("sorted triangles"),
-                contents: bytemuck::cast_slice(&corners),
-                usage: wgpu::BufferUsages::COPY_SRC,
-            });
-            encoder.copy_buffer_to_buffer(&staged, 0, &self.buffers.sorted, 0, staged.size());
+            let corners = bytemuck::cast_slice(&corners);
+            let staged = gpu.buffer("sorted triangles", corners, wgpu::BufferUsages::COPY_SRC);
+            encoder.copy_buffer_to_buffer(&staged, 0, &self.buffers.sorted, 0, corners.len() as u64);
             self.runs = runs;
         }
         Ok(())
@@ -303,10 +299,7 @@ impl Buffers {
             if contents.len() as u64 > allowed {
                 return Err(gpu.too_large("the mesh", contents.len() as u64, allowed, "bytes of a buffer"));
             }
-            // An empty buffer cannot be bound.
-            let contents = if contents.is_empty() { &[0; 16] } else { contents };
-            let descriptor = wgpu::util::BufferInitDescriptor { label: Some(label), contents, usage };
-            Ok(gpu.device.create_buffer_init(&descriptor))
+            Ok(gpu.buffer(label, contents, usage))
         };
         let vertex = wgpu::BufferUsages::VERTEX;
         let has_uv = vertices.uv_pairs > 0;

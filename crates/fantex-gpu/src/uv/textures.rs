@@ -174,7 +174,7 @@ mod tests {
             space: ColorSpace::Srgb,
             samples: Samples::U8(vec![255, 188, 0, 128]),
         };
-        // Half of white is 188 in sRGB, half of 188 (a half) is 137.
-        assert_eq!(encode(&image, Storage::Srgb8, true), [188, 137, 0, 128]);
+        // 128 of 255 is a little more than a half: of white 188 in sRGB, of 188 (a half) 138.
+        assert_eq!(encode(&image, Storage::Srgb8, true), [188, 138, 0, 128]);
     }
 }

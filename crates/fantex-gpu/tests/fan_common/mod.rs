@@ -7,15 +7,13 @@ use std::sync::Arc;
 
 use fantex_bake::{BakeOptions, NoProgress, Source, bake};
 use fantex_cover::Cover;
-use fantex_gpu::{DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture};
+use fantex_gpu::{
+    AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture,
+};
 use fantex_mesh::{LoadOptions, Mesh, clean, load};
-use fantex_render::{
-    FanSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render,
-};
+use fantex_render::{FanSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render};
 use fantex_scene::{Camera, Lights, Picture};
-use fantex_store::{
-    Asset, PageCache, PageId, TexelFormat, Tile, decode, group_pages, page_extent,
-};
+use fantex_store::{Asset, PageCache, PageId, TexelFormat, Tile, decode, group_pages, page_extent};
 use fantex_stream::{
     AtlasFormat, AtlasPlace, FrameChanges, PageTable, PageTexels, PageUpload, TableChange, TableEntry,
 };
@@ -80,7 +78,7 @@ impl Baked {
         self.cache.asset()
     }
 
-    fn channels(&self) -> &[fantex_store::Channel] {
+    pub(crate) fn channels(&self) -> &[fantex_store::Channel] {
         if self.is_bare { &[] } else { self.asset().channels() }
     }
 
@@ -111,7 +109,9 @@ impl Residents {
         let hash = move |page: PageId| {
             let mixed = [page.group, page.level, page.page[0], page.page[1]]
                 .iter()
-                .fold(seed.wrapping_add(1), |h, &v| (h ^ u64::from(v)).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(23));
+                .fold(seed.wrapping_add(1), |h, &v| {
+                    (h ^ u64::from(v)).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(23)
+                });
             mixed >> 40 & 3 != 0
         };
         Self { allowed: Box::new(hash) }
@@ -168,10 +168,17 @@ fn texels(asset: &Asset, channel: usize, page: PageId, format: AtlasFormat) -> A
 }
 
 /// Brings pages to the device, packed shelf by shelf, in two updates.
-pub(crate) fn upload(gpu: &Gpu, model: &mut FanModel, asset: &Asset, table: &PageTable, residents: &Residents) {
+pub(crate) fn upload(
+    gpu: &Gpu,
+    model: &mut FanModel,
+    asset: &Asset,
+    table: &PageTable,
+    residents: &Residents,
+) {
     let cover = asset.cover();
     let pages = (0..cover.groups.len()).flat_map(|g| group_pages(g as u32, &cover.groups[g]));
-    let extent = |page: &PageId| page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page);
+    let extent =
+        |page: &PageId| page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page);
     let mut pages: Vec<PageId> = pages.filter(|&page| residents.has(cover, page)).collect();
     pages.sort_by_key(|page| std::cmp::Reverse(extent(page)[1]));
     let side = model.shape().side;
@@ -217,12 +224,19 @@ pub(crate) fn rendered(
 ) -> Picture {
     let asset = baked.asset();
     let table = PageTable::new(asset.cover());
-    let channels = baked.channels();
-    let shape = FanModel::atlas_shape(gpu, 128 << 20, &FanModel::atlas_formats(gpu, channels));
-    let source = FanModelSource { mesh: asset.mesh(), cover: asset.cover(), channels, pages: &table, shape };
-    let mut model = FanModel::new(gpu, &source, |channel, group| asset.mean(channel, group)).unwrap();
+    let formats = FanModel::atlas_formats(gpu, baked.channels());
+    let mut model = model(gpu, baked, &table, &formats);
     upload(gpu, &mut model, asset, &table, residents);
     draw(gpu, &mut model, camera, lights, options)
+}
+
+/// A model without any page.
+pub(crate) fn model(gpu: &Gpu, baked: &Baked, pages: &PageTable, formats: &[AtlasFormat]) -> FanModel {
+    let asset = baked.asset();
+    let shape = FanModel::atlas_shape(gpu, 128 << 20, formats);
+    let channels = baked.channels();
+    let source = FanModelSource { mesh: asset.mesh(), cover: asset.cover(), channels, formats, pages, shape };
+    FanModel::new(gpu, &source, |channel, group| asset.mean(channel, group)).unwrap()
 }
 
 /// The GPU's picture of a model.
@@ -236,7 +250,13 @@ pub(crate) fn draw(
     render_to_picture(gpu, &mut Frame { size: SIZE, camera, lights, model, options }).unwrap()
 }
 
-fn cpu(mesh: &Mesh, surface: &dyn Surface, camera: &Camera, lights: &Lights, options: &DrawOptions) -> Picture {
+fn cpu(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    camera: &Camera,
+    lights: &Lights,
+    options: &DrawOptions,
+) -> Picture {
     let options = RenderOptions {
         width: SIZE[0],
         height: SIZE[1],
@@ -384,4 +404,44 @@ pub(crate) fn save(name: &str, picture: &Picture) {
         let path = PathBuf::from(folder).join(format!("{}.png", name.replace(' ', "-")));
         picture.to_srgb_image().save(&path).unwrap();
     }
+}
+
+/// The live atlas, 256x256.
+pub(crate) fn live_atlas(gpu: &Gpu, model: &FanModel, kind: fantex_store::ChannelKind) -> Picture {
+    const SIDE: u32 = 256;
+    let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+    let size = wgpu::Extent3d { width: SIDE, height: SIDE, depth_or_array_layers: 1 };
+    let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(4 * SIDE * SIDE),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let view = target.create_view(&Default::default());
+    let viewer = AtlasViewer::new(gpu, format);
+    assert!(viewer.draw(gpu, &mut encoder, &view, [SIDE; 2], model, kind));
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIDE), rows_per_image: None };
+    encoder.copy_texture_to_buffer(
+        target.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        size,
+    );
+    gpu.queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
+    gpu.wait().unwrap();
+    let bytes = buffer.get_mapped_range(..).unwrap();
+    let unit = |&[r, g, b, a]: &[u8; 4]| [r, g, b, a].map(|v| f32::from(v) / 255.0);
+    Picture { width: SIDE, height: SIDE, rgba: bytes.as_chunks::<4>().0.iter().map(unit).collect() }
 }

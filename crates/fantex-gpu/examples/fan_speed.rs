@@ -1,0 +1,216 @@
+//! Frames of a fan-textured model beside the same model with an ordinary texture, in one run.
+//!
+//! ```text
+//! cargo run --release -p fantex-gpu --example fan_speed -- [MODEL | TRIANGLES] [TEXELS] [TILE]
+//! ```
+//!
+//! MODEL is a model file; a number of triangles means a generated landscape. Frames are 1280x720, one sample per pixel; both
+//! models take turns, and the best of 12 frames counts (and, on Linux, the processor time of all). The ordinary texture is
+//! 2048x2048 with hardware mip levels, laid onto the model from above.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fantex_bake::{
+    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
+};
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_gpu::{DrawOptions, Frame, Gpu, GpuOptions, Model, Renderer, StreamedModel, UvModel, stream_view};
+use fantex_mesh::{ImageSource, Mesh, TextureRef, WrapMode, clean, generate, load};
+use fantex_scene::{Camera, FilterOptions, Lights, Shading};
+use fantex_store::{Asset, ChannelKind};
+use fantex_texture::{ColorSpace, Filter, Image, Samples};
+use glam::{Mat3, Vec2, Vec4};
+
+type Failure = Box<dyn std::error::Error>;
+
+const SIZE: [u32; 2] = [1280, 720];
+const ROUNDS: usize = 12;
+
+fn main() -> Result<(), Failure> {
+    let mut arguments = std::env::args().skip(1);
+    let model = arguments.next().unwrap_or_else(|| "100000".into());
+    let texels = arguments.next().map_or(Ok(4 << 20), |text| text.parse())?;
+    let tile = arguments.next().map_or(Ok(128), |text| text.parse())?;
+    let mesh = mesh(&model)?;
+    let options = CoverOptions { tile, budget: TexelBudget::Total(texels), ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options)?;
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("speed.fan");
+    let bake_options = BakeOptions { format: BakeFormat::Rgba8, ..BakeOptions::default() };
+    bake(&mesh, &cover, &Waves, &path, &bake_options, &NoProgress)?;
+    let asset = Arc::new(Asset::open(&path)?);
+
+    let gpu = Gpu::headless(&GpuOptions::default())?;
+    println!("{:?}", gpu.info());
+    println!("{} triangles, {} groups, {texels} texels", mesh.triangles.len(), cover.groups.len());
+    let started = Instant::now();
+    let mut fan = StreamedModel::open(&gpu, asset, 64 << 20)?;
+    println!("model made in {:?}", started.elapsed());
+    let mut uv = UvModel::load(&gpu, &with_texture(mesh)?)?;
+    let camera = Camera::framing_mesh(fan.streamer.geometry().mesh(), Camera::THREE_QUARTER, 16.0 / 9.0);
+    let view = stream_view(&camera, SIZE, fan.model.space());
+    for (shading, filter) in [
+        (Shading::BaseColor, Filter::Trilinear),
+        (Shading::BaseColor, Filter::Anisotropic),
+        (Shading::MetallicRoughness, Filter::Trilinear),
+        (Shading::MetallicRoughness, Filter::Anisotropic),
+    ] {
+        let filter = FilterOptions { filter, max_anisotropy: 8.0 };
+        let is_sharp = fan.wait_until_sharp(&gpu, &view, &filter, Duration::from_secs(60))?;
+        let options = DrawOptions { shading, filter, samples: 1, ..DrawOptions::default() };
+        let mut stage = Stage::new(&gpu, &camera, options);
+        let mut times = [Times::default(); 2];
+        for _ in 0..=ROUNDS {
+            let models: [&mut dyn Model; 2] = [&mut uv, &mut fan.model];
+            for (times, model) in times.iter_mut().zip(models) {
+                stage.draw(model, times)?;
+            }
+        }
+        let [uv, fan] = times;
+        println!(
+            "{shading:?} {:?}: uv {:.1} ms, fans {:.1} ms, ratio {:.2} (processor time {:.2}){}",
+            filter.filter,
+            uv.best_ms(),
+            fan.best_ms(),
+            fan.best_ms() / uv.best_ms(),
+            fan.processor_seconds / uv.processor_seconds,
+            if is_sharp { "" } else { ", not all pages resident" },
+        );
+    }
+    Ok(())
+}
+
+fn mesh(model: &str) -> Result<Mesh, Failure> {
+    let model = match model.parse() {
+        Ok(triangles) => {
+            let options = generate::LandscapeOptions { triangles, ..Default::default() };
+            let land = generate::landscape(&options);
+            fantex_mesh::Model {
+                positions: land.positions.iter().map(|p| p.as_dvec3()).collect(),
+                triangles: land.triangles,
+                materials: vec![Default::default()],
+                ..Default::default()
+            }
+        }
+        Err(_) => load(model.as_ref(), &Default::default())?,
+    };
+    Ok(clean(model, &Default::default())?.0)
+}
+
+/// Stripes in all directions.
+struct Waves;
+
+impl Source for Waves {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let wave = (point.position * 90.0).map(f32::sin) * 0.4 + 0.5;
+        values[0] = wave.extend(1.0);
+    }
+}
+
+/// The mesh with coordinates from above and a texture of stripes.
+fn with_texture(mut mesh: Mesh) -> Result<Mesh, Failure> {
+    let of_vertex = |&v: &u32| {
+        let p = mesh.positions[v as usize];
+        Vec2::new(p.x + 0.3 * p.y, p.z - 0.3 * p.y) * 0.5 + 0.5
+    };
+    mesh.corners.uv_sets = vec![mesh.triangles.iter().flatten().map(of_vertex).collect()];
+    let side = 2048;
+    let texel = |i: u32| {
+        let (x, y) = (i % side, i / side);
+        [x * 7, y * 5, (x + y) * 3].map(|v| (v % 256) as u8)
+    };
+    let samples = Samples::U8((0..side * side).flat_map(texel).collect());
+    let image = Image { width: side, height: side, channels: 3, space: ColorSpace::Srgb, samples };
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("texture.png");
+    image.save(&path)?;
+    let bytes = std::fs::read(&path)?.into();
+    mesh.images = vec![ImageSource::Embedded { label: "stripes".into(), bytes }];
+    for material in &mut mesh.materials {
+        material.base_color_texture = Some(TextureRef {
+            image: 0,
+            uv_set: 0,
+            uv_transform: Mat3::IDENTITY,
+            wrap: [WrapMode::Repeat; 2],
+            nearest: false,
+        });
+    }
+    Ok(mesh)
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Times {
+    best: Option<Duration>,
+    processor_seconds: f64,
+    frames: usize,
+}
+
+impl Times {
+    fn best_ms(&self) -> f64 {
+        self.best.unwrap_or_default().as_secs_f64() * 1e3
+    }
+}
+
+/// Where frames are drawn.
+struct Stage<'a> {
+    gpu: &'a Gpu,
+    renderer: Renderer,
+    target: wgpu::TextureView,
+    camera: &'a Camera,
+    lights: Lights,
+    options: DrawOptions,
+}
+
+impl<'a> Stage<'a> {
+    fn new(gpu: &'a Gpu, camera: &'a Camera, options: DrawOptions) -> Self {
+        let format = wgpu::TextureFormat::Rgba8Unorm;
+        let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("speed"),
+            size: wgpu::Extent3d { width: SIZE[0], height: SIZE[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
+            view_formats: &[],
+        });
+        let target = target.create_view(&Default::default());
+        let lights = Lights::behind(camera);
+        Self { gpu, renderer: Renderer::new(gpu, format), target, camera, lights, options }
+    }
+
+    /// Draws a frame and waits for it. The first one is not counted: it compiles pipelines.
+    fn draw(&mut self, model: &mut dyn Model, times: &mut Times) -> Result<(), Failure> {
+        let (started, processor) = (Instant::now(), processor_seconds());
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        let mut frame =
+            Frame { size: SIZE, camera: self.camera, lights: &self.lights, model, options: &self.options };
+        self.renderer.draw(self.gpu, &mut encoder, &self.target, &mut frame)?;
+        self.gpu.queue.submit([encoder.finish()]);
+        self.gpu.wait()?;
+        if times.frames > 0 {
+            let elapsed = started.elapsed();
+            times.best = Some(times.best.map_or(elapsed, |best| best.min(elapsed)));
+            times.processor_seconds += processor_seconds() - processor;
+        }
+        times.frames += 1;
+        Ok(())
+    }
+}
+
+/// Of all threads since the program's start, in steps of a hundredth; 0 where the system does not tell.
+fn processor_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields = stat.rsplit(')').next().unwrap_or_default().split_whitespace();
+    let ticks: f64 = fields.skip(11).take(2).filter_map(|ticks| ticks.parse::<f64>().ok()).sum();
+    ticks / 100.0
+}
