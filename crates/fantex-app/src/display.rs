@@ -49,7 +49,7 @@ pub enum Overlay {
     Fans,
     /// Each group of fans (each tile) in a colour.
     Groups,
-    /// The detail level that is wanted.
+    /// The detail level that is shown.
     Levels,
     /// How much coarser than wanted is what is there.
     Residency,
@@ -88,7 +88,7 @@ impl Overlay {
             Self::Residency => {
                 "Green: the wanted level is there. Yellow to red: a coarser one stands in until it arrives."
             }
-            Self::BlendBands => "Bright where two or three tiles blend; dark where a single tile is read.",
+            Self::BlendBands => "Orange where two or three tiles blend, grey where a single one is read.",
         }
     }
 }

@@ -28,21 +28,18 @@ pub const WARNING: Color32 = Color32::from_rgb(0xe6, 0xb4, 0x50);
 /// Something failed.
 pub const ERROR: Color32 = Color32::from_rgb(0xe8, 0x6c, 0x63);
 
-/// Colours of detail levels, the finest first; the overlay's and the panel's.
-pub const LEVELS: [Color32; 8] = [
-    Color32::from_rgb(0xe0, 0x5a, 0x4f),
-    Color32::from_rgb(0xe8, 0x95, 0x3e),
-    Color32::from_rgb(0xdc, 0xc8, 0x47),
-    Color32::from_rgb(0x7f, 0xbf, 0x5a),
-    Color32::from_rgb(0x4b, 0xb3, 0xa6),
-    Color32::from_rgb(0x4f, 0x8f, 0xd9),
-    Color32::from_rgb(0x7d, 0x6f, 0xd0),
-    Color32::from_rgb(0xb0, 0x6b, 0xb8),
-];
+/// A fourth colour for graphs.
+pub const VIOLET: Color32 = Color32::from_rgb(0x9d, 0x8f, 0xe0);
 
-/// The colour of a level.
+/// Levels that have a colour of their own; coarser ones share the last.
+pub const COLORED_LEVELS: usize = 9;
+
+/// The colour of a detail level, as the overlay of levels has it: from red (the finest) round the circle of hues.
 pub fn level_color(level: usize) -> Color32 {
-    LEVELS[level.min(LEVELS.len() - 1)]
+    let hue = (level as f32 * 0.6).min(5.0);
+    let linear = [(hue - 3.0).abs() - 1.0, 2.0 - (hue - 2.0).abs(), 2.0 - (hue - 4.0).abs()];
+    let [r, g, b] = linear.map(|c| c.clamp(0.05, 0.9));
+    egui::Rgba::from_rgb(r, g, b).into()
 }
 
 /// Puts the look on.

@@ -701,9 +701,9 @@ impl Viewer {
     }
 
     fn look(&mut self, drag: DVec2) {
-        // A drag over the picture's height turns by its opening angle: what is under the cursor stays there.
-        let turn = drag * self.rig.fov_degrees.to_radians();
-        self.rig.look(turn.x, turn.y);
+        // As in games the line of sight follows the hand, faster through a wide lens.
+        let turn = drag * (1.5 * self.rig.fov_degrees.to_radians());
+        self.rig.look(-turn.x, -turn.y);
     }
 
     fn fly(&mut self, input: &SceneInput, drag: DVec2, step: f64) -> bool {

@@ -44,7 +44,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &Viewer) {
         Chart {
             title: "Uploads",
             history: &graphs.bandwidth,
-            color: theme::LEVELS[6],
+            color: theme::VIOLET,
             top: 1e6,
             limit: None,
             text: &rate,

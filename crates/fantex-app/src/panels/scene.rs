@@ -201,7 +201,7 @@ fn legend(ui: &Ui, viewer: &Viewer, rect: Rect) {
 }
 
 fn swatches(ui: &mut Ui, viewer: &Viewer) {
-    let count = viewer.figures.levels.len().clamp(1, theme::LEVELS.len());
+    let count = viewer.figures.levels.len().clamp(1, theme::COLORED_LEVELS);
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 3.0;
         for level in 0..count {

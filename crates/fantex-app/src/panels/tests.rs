@@ -8,8 +8,7 @@ use egui_kittest::kittest::Queryable;
 
 use super::*;
 use crate::camera::CameraMode;
-use crate::display::Overlay;
-use crate::document::{ChannelFact, Content, Document, Fact, Place};
+use crate::document::{ChannelFact, Document, Fact, Place};
 use crate::figures::{DamagedPage, LevelFigures};
 use crate::settings::{PanelSettings, Settings, Tab};
 
@@ -156,10 +155,7 @@ fn damage_is_listed() {
 }
 
 #[test]
-fn an_asset_offers_overlays_and_a_model_does_not() {
-    let document = with_model().document.unwrap();
-    assert!(matches!(document.content, Content::Model(_)));
-    assert_eq!(Overlay::ALL.len(), 6);
+fn facts_stand_beside_their_names() {
     let facts = [Fact { name: "Levels", value: "9".into() }];
     let channels = [ChannelFact { kind: "Normal", format: "BC5".into() }];
     let mut harness = Harness::builder().with_size(vec2(400.0, 300.0)).build_ui(move |ui| {
@@ -167,5 +163,6 @@ fn an_asset_offers_overlays_and_a_model_does_not() {
         widgets::facts(ui, "channels", channels.iter().map(|c| (c.kind, c.format.clone())));
     });
     harness.run_steps(1);
+    harness.get_by_label("Levels");
     harness.get_by_label("BC5");
 }

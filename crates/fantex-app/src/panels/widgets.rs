@@ -3,9 +3,8 @@
 use std::ops::RangeInclusive;
 
 use eframe::egui::emath::Numeric;
-use eframe::egui::epaint::{PathShape, PathStroke};
 use eframe::egui::{
-    self, Align, Align2, Color32, ComboBox, CornerRadius, DragValue, FontId, Grid, Layout, Pos2, Rect,
+    self, Align, Align2, Color32, ComboBox, CornerRadius, DragValue, FontId, Grid, Layout, Mesh, Pos2, Rect,
     Response, RichText, Sense, Shape, Slider, Stroke, Ui, pos2, vec2,
 };
 
@@ -203,22 +202,15 @@ impl Chart<'_> {
         }
         let points = self.points(plot, top);
         if points.len() >= 2 {
-            for pair in points.windows(2) {
-                let below = |p: Pos2| pos2(p.x, plot.bottom());
-                let quad = vec![pair[0], pair[1], below(pair[1]), below(pair[0])];
-                painter.add(Shape::Path(PathShape::convex_polygon(
-                    quad,
-                    self.color.gamma_multiply(0.16),
-                    PathStroke::NONE,
-                )));
-            }
+            painter.add(filled_below(&points, plot.bottom(), self.color.gamma_multiply(0.16)));
             painter.add(Shape::line(points, Stroke::new(1.4, self.color)));
         }
     }
 
     /// The upper end of the scale: one of 1, 2, 5 times a power of ten.
     fn scale(&self) -> f32 {
-        let most = self.history.max().unwrap_or(0.0).max(self.top);
+        // A few outliers, such as the first frame, may leave the graph.
+        let most = self.history.percentile(0.97).unwrap_or(0.0).max(self.top);
         if most <= self.top {
             return self.top;
         }
@@ -235,6 +227,21 @@ impl Chart<'_> {
         };
         self.history.iter().enumerate().map(at).collect()
     }
+}
+
+/// The area between a line and the bottom of a graph, without seams.
+fn filled_below(points: &[Pos2], bottom: f32, color: Color32) -> Shape {
+    let mut mesh = Mesh::default();
+    for &point in points {
+        mesh.colored_vertex(point, color);
+        mesh.colored_vertex(pos2(point.x, bottom), color);
+    }
+    for i in 1..points.len() as u32 {
+        let [a, b, c, d] = [2 * i - 2, 2 * i - 1, 2 * i, 2 * i + 1];
+        mesh.add_triangle(a, b, c);
+        mesh.add_triangle(b, d, c);
+    }
+    Shape::mesh(mesh)
 }
 
 /// A button of a bar that is pressed while something is on.

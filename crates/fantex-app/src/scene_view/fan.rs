@@ -179,6 +179,11 @@ impl FanScene {
         self.streamer.is_settled() && self.pool_wait == 0.0
     }
 
+    /// Whether the atlas has changed since its picture was made.
+    pub(super) fn is_atlas_stale(&self) -> bool {
+        self.atlas_view.is_stale()
+    }
+
     pub(super) fn atlas(
         &mut self,
         gpu: &Gpu,

@@ -139,6 +139,11 @@ impl SceneView {
         picture
     }
 
+    /// Whether [`SceneView::atlas`] would give another picture a little later.
+    pub fn is_atlas_stale(&self) -> bool {
+        self.model.as_ref().is_some_and(SceneModel::is_atlas_stale)
+    }
+
     /// Begins a picture of `size` pixels for a file; see [`SceneView::poll_captures`].
     ///
     /// # Errors

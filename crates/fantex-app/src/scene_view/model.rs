@@ -76,6 +76,14 @@ impl SceneModel {
         }
     }
 
+    /// Whether the atlas has changed since its picture was made.
+    pub(super) fn is_atlas_stale(&self) -> bool {
+        match self {
+            Self::Uv(_) => false,
+            Self::Fan(scene) => scene.is_atlas_stale(),
+        }
+    }
+
     pub(super) fn atlas(
         &mut self,
         gpu: &Gpu,

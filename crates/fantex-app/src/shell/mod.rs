@@ -252,8 +252,12 @@ impl Shell {
             self.scene.set_model(model);
             self.viewer.pacing.lost();
         }
-        for error in self.gpu_errors.try_iter() {
-            self.viewer.notices.error(format!("The GPU refused an operation: {error}"), seconds);
+        let mut refused = self.gpu_errors.try_iter();
+        if let Some(first) = refused.next() {
+            // The others mostly follow from it.
+            let words: Vec<&str> = first.split_whitespace().take(60).collect();
+            self.viewer.notices.error(format!("The GPU refused an operation: {}", words.join(" ")), seconds);
+            refused.chain([first]).for_each(|error| eprintln!("fantex-app: {error}"));
         }
         if self.is_lost {
             return;
@@ -329,6 +333,8 @@ impl Shell {
         } else if !self.viewer.pacing.is_settled() && self.viewer.document.is_some() && !self.is_lost {
             let wake = self.viewer.pacing.wake_in(seconds).unwrap_or(0.008).max(0.004);
             ctx.request_repaint_after_secs(wake as f32);
+        } else if self.viewer.settings.panels.has_atlas && self.scene.is_atlas_stale() {
+            ctx.request_repaint_after_secs(0.1);
         }
     }
 

@@ -164,6 +164,11 @@ impl FanModel {
         self.shape
     }
 
+    /// The atlas of one of the asset's channels, to be looked at: layers beside each other. None for channels that are not drawn.
+    pub fn atlas_texture(&self, channel: usize) -> Option<&wgpu::Texture> {
+        self.bindings.atlases.get(channel)?.as_ref().map(|atlas| &atlas.texture)
+    }
+
     /// Bytes of graphics memory that texels take: those of the channels that are drawn.
     pub fn texel_bytes(&self) -> u64 {
         let drawn = self.bindings.atlases.iter().flatten().map(|atlas| atlas.format);

@@ -1,0 +1,64 @@
+//! A virtual display, and the viewer on it.
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+/// A running Xvfb; it ends with the value.
+pub(crate) struct Display {
+    server: Child,
+    number: u32,
+}
+
+impl Display {
+    /// Starts a display of its own; nothing, and a visible line, where the system has none or no Vulkan.
+    pub(crate) fn start() -> Option<Self> {
+        let has_vulkan =
+            ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|n| std::env::var_os(n).is_some())
+                || ["/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d"]
+                    .iter()
+                    .any(|folder| Path::new(folder).read_dir().is_ok_and(|mut files| files.next().is_some()));
+        if !has_vulkan {
+            eprintln!("SKIPPED: the window is not tested (no Vulkan driver is installed)");
+            return None;
+        }
+        let arguments = ["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"];
+        let started =
+            Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut server) = started else {
+            eprintln!("SKIPPED: the window is not tested (Xvfb is not installed)");
+            return None;
+        };
+        let mut line = String::new();
+        let stdout = server.stdout.take().unwrap();
+        BufReader::new(stdout).read_line(&mut line).unwrap();
+        let number = line.trim().parse().expect("Xvfb tells its number");
+        Some(Self { server, number })
+    }
+
+    /// Runs the viewer with a session until it ends. Files of the session and its pictures are in `folder`.
+    pub(crate) fn run(&self, folder: &Path, arguments: &[&str], steps: &str) -> Output {
+        let session = folder.join("session.json");
+        std::fs::write(&session, format!("{{\"steps\":[{steps}]}}")).unwrap();
+        Command::new(env!("CARGO_BIN_EXE_fantex-app"))
+            .args(arguments)
+            .args(["--size", "1000x700", "--session"])
+            .arg(&session)
+            .current_dir(folder)
+            .env("DISPLAY", format!(":{}", self.number))
+            .env("HOME", folder)
+            .env("XDG_RUNTIME_DIR", folder)
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("XDG_DATA_HOME")
+            .output()
+            .unwrap()
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        self.server.kill().ok();
+        self.server.wait().ok();
+    }
+}

@@ -1,0 +1,166 @@
+//! The viewer in a real window on a virtual display, driven by sessions: what is asked for is shown, whatever is opened, and the
+//! program always ends as it should.
+
+#![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
+
+mod display;
+
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use display::Display;
+use fantex_bake::{BakeOptions, NoProgress, SineSource, bake};
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_mesh::generate::torus;
+use fantex_mesh::{CleanOptions, WriteGeometry, clean, write_model};
+use fantex_store::Asset;
+use fantex_texture::{Image, Samples};
+
+/// A model without any texture.
+fn save_model(folder: &Path) -> PathBuf {
+    let path = folder.join("torus.ply");
+    let model = torus(64, 32);
+    let geometry = WriteGeometry { positions: &model.positions, triangles: &model.triangles, colors: None };
+    write_model(&path, &geometry, false).unwrap();
+    path
+}
+
+fn save_asset(folder: &Path) -> PathBuf {
+    let path = folder.join("torus.fan");
+    let (mesh, _) = clean(torus(64, 32), &CleanOptions::default()).unwrap();
+    let options = CoverOptions { budget: TexelBudget::Total(600_000), ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options).unwrap();
+    bake(&mesh, &cover, &SineSource { k: 20.0 }, &path, &BakeOptions::default(), &NoProgress).unwrap();
+    path
+}
+
+/// The asset with a wrong byte in every stored cluster.
+fn save_damaged(folder: &Path, whole: &Path) -> PathBuf {
+    let asset = Asset::open(whole).unwrap();
+    let mut bytes = std::fs::read(whole).unwrap();
+    for range in (0..asset.level_count()).flat_map(|level| asset.cluster_ranges(level)) {
+        bytes[(range.start + (range.end - range.start) / 2) as usize] ^= 0x55;
+    }
+    let path = folder.join("damaged.fan");
+    std::fs::write(&path, bytes).unwrap();
+    path
+}
+
+#[track_caller]
+fn check_success(output: &Output) {
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{}: {told}", output.status);
+    assert!(!told.contains("panicked"), "{told}");
+}
+
+/// RGB of a saved picture.
+fn picture(path: &Path) -> (u32, u32, Vec<u8>) {
+    let image = Image::load(path).unwrap();
+    let Samples::U8(samples) = image.samples else { panic!("not a picture of bytes") };
+    assert_eq!(image.channels, 3);
+    (image.width, image.height, samples)
+}
+
+/// Share of the pixels that are not alike in two pictures.
+fn difference(folder: &Path, a: &str, b: &str) -> f64 {
+    let [(width, height, a), (_, _, b)] = [a, b].map(|name| picture(&folder.join(name)));
+    assert_eq!(a.len(), b.len());
+    let differs = |(p, q): (&[u8], &[u8])| p.iter().zip(q).any(|(x, y)| x.abs_diff(*y) > 12);
+    let count = a.chunks(3).zip(b.chunks(3)).filter(|&pair| differs(pair)).count();
+    count as f64 / f64::from(width * height)
+}
+
+/// Number of different colours.
+fn colors(folder: &Path, name: &str) -> usize {
+    let (_, _, samples) = picture(&folder.join(name));
+    let mut all: Vec<&[u8]> = samples.chunks(3).collect();
+    all.sort_unstable();
+    all.dedup();
+    all.len()
+}
+
+#[test]
+fn assets_stream_and_overlays_show() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r#"{"wait_loaded":120},{"wait_sharp":120},
+        {"screenshot":{"path":"lit.png"}},{"screenshot":{"path":"large.png","size":[1600,900]}},
+        {"overlay":"groups"},{"wait_sharp":60},{"screenshot":{"path":"groups.png"}},
+        {"overlay":"levels"},{"wait_sharp":60},{"screenshot":{"path":"levels.png"}},
+        {"overlay":"none"},{"key":"M"},{"key":"G"},{"tab":"streaming"},{"wait_frames":5},{"wait_sharp":60},
+        {"window_screenshot":{"path":"window.png"}},
+        {"key":"F1"},{"wait_frames":3},{"window_screenshot":{"path":"help.png"}},"quit""#;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy()], steps));
+    let at = folder.path();
+    assert!(colors(at, "lit.png") > 200, "the picture is not blank");
+    assert!(difference(at, "lit.png", "groups.png") > 0.05);
+    assert!(difference(at, "groups.png", "levels.png") > 0.05);
+    assert_eq!(picture(&at.join("large.png")).0, 1600);
+    assert_eq!(picture(&at.join("window.png")).0, 1000);
+    assert!(difference(at, "window.png", "help.png") > 0.1, "the help sheet is shown");
+}
+
+#[test]
+fn models_without_texture_are_seen_from_all_cameras() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let model = save_model(folder.path());
+    let settings = folder.path().join("settings.json");
+    std::fs::write(&settings, "{ this is no JSON").unwrap();
+    let steps = r#"{"expect_message":"set aside"},{"wait_loaded":60},{"wait_sharp":60},{"screenshot":{"path":"a.png"}},
+        {"drag":{"x":0.3,"y":0.1}},{"wait_frames":20},{"wait_sharp":60},{"screenshot":{"path":"orbit.png"}},
+        {"drag":{"x":0.4,"y":-0.2,"with":["Ctrl"]}},{"wait_frames":20},{"wait_sharp":60},{"screenshot":{"path":"sun.png"}},
+        {"key":"2"},{"hold":{"keys":["W"],"frames":12}},{"wait_frames":20},{"wait_sharp":60},{"screenshot":{"path":"fly.png"}},
+        {"mode":"walk"},{"wait_frames":20},{"mode":"orbit"},{"view":"front"},{"wait_sharp":60},{"screenshot":{"path":"front.png"}},
+        {"key":"Z"},{"wait_sharp":60},{"screenshot":{"path":"wire.png"}},"quit""#;
+    let arguments = [model.to_string_lossy(), "--settings".into(), settings.to_string_lossy()];
+    let output = display.run(folder.path(), &arguments.each_ref().map(|a| a.as_ref()), steps);
+    check_success(&output);
+    let at = folder.path();
+    assert!(colors(at, "a.png") > 100);
+    for (before, after) in [
+        ("a.png", "orbit.png"),
+        ("orbit.png", "sun.png"),
+        ("sun.png", "fly.png"),
+        ("fly.png", "front.png"),
+        ("front.png", "wire.png"),
+    ] {
+        assert!(difference(at, before, after) > 0.01, "{before} and {after}");
+    }
+    let kept = std::fs::read_to_string(&settings).unwrap();
+    assert!(kept.contains("torus.ply") && kept.contains("\"has_wireframe\": true"), "{kept}");
+}
+
+#[test]
+fn damage_and_odd_windows_are_survived() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let whole = save_asset(folder.path());
+    let damaged = save_damaged(folder.path(), &whole);
+    let cut = folder.path().join("cut.fan");
+    std::fs::write(&cut, &std::fs::read(&whole).unwrap()[..5000]).unwrap();
+    let steps = r#"{"wait_loaded":60},{"wait_sharp":60},{"tab":"streaming"},{"wait_frames":3},
+        {"screenshot":{"path":"means.png"}},{"window_screenshot":{"path":"damage.png"}},
+        {"open":"cut.fan"},{"wait_loaded":60},{"expect_message":"cut.fan"},
+        {"open":"none.glb"},{"wait_loaded":60},{"expect_message":"none.glb"},
+        {"open":"torus.fan"},{"wait_loaded":60},{"pool":1},{"resize":[0,0]},{"wait_frames":10},{"resize":[700,500]},
+        {"minimize":true},{"wait_frames":10},{"minimize":false},{"wait_frames":10},
+        {"resize":[1000,700]},{"wait_frames":10},{"wait_sharp":60},{"screenshot":{"path":"after.png"}},"quit""#;
+    check_success(&display.run(folder.path(), &[&damaged.to_string_lossy()], steps));
+    assert!(colors(folder.path(), "means.png") > 50, "groups show their mean colours");
+    assert!(colors(folder.path(), "after.png") > 200);
+}
+
+#[test]
+fn failed_sessions_say_why() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let output = display.run(folder.path(), &[], r#"{"expect_message":"good morning"}"#);
+    assert_eq!(output.status.code(), Some(1));
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert!(told.contains("step 1") && told.contains("good morning"), "{told}");
+    let output = display.run(folder.path(), &[], r#"{"leap":1}"#);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("leap"));
+}
