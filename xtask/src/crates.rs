@@ -5,7 +5,7 @@ use serde_json::Value;
 use crate::shell::{Failure, capture, cargo_command};
 
 /// Every crate of the workspace with those that it may depend on. Test-only dependencies are free: siblings meet in tests.
-const ALLOWED: [(&str, &[&str]); 9] = [
+const ALLOWED: [(&str, &[&str]); 10] = [
     ("fantex-mesh", &[]),
     ("fantex-look", &[]),
     ("fantex-texture", &["fantex-mesh", "fantex-look"]),
@@ -19,6 +19,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
         "fantex-gpu",
         &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
     ),
+    ("fantex-paint", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
     (
         "fantex",
         &[
@@ -29,6 +30,7 @@ const ALLOWED: [(&str, &[&str]); 9] = [
             "fantex-store",
             "fantex-bake",
             "fantex-render",
+            "fantex-paint",
         ],
     ),
     ("xtask", &[]),

@@ -1,0 +1,21 @@
+//! From dabs to stored texels.
+//!
+//! ```text
+//!  dabs --cover--> coverage per texel --composite--> pages of level 0 --levels--> coarser pages, means
+//!          (kept for the whole stroke)  (from the bytes before the stroke)
+//! ```
+//!
+//! Every tile that shows a point takes the same function of the surface at its texels, so tiles agree where they overlap
+//! and the texture function stays as continuous as the stroke. Coverage is gathered over the stroke and applied to the texels as
+//! they were before it: that is what caps a stroke at its opacity, and repeated showing costs no quality.
+
+mod composite;
+mod cover;
+mod encode;
+mod levels;
+mod painter;
+mod rect;
+mod stroke_page;
+mod texel_page;
+
+pub use painter::{PaintOptions, Painter, StrokeSummary};
