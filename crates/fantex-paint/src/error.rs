@@ -30,6 +30,17 @@ pub enum PaintError {
         /// Channels of the asset.
         count: usize,
     },
+    /// A layer that does not exist.
+    #[error("there is no layer number {0} to paint on")]
+    NoLayer(u64),
+    /// The layers of an asset cannot be understood.
+    #[error("the layers of {} are damaged: {reason}; its texels are not affected", path.display())]
+    Layers {
+        /// The asset's path.
+        path: PathBuf,
+        /// What is wrong.
+        reason: &'static str,
+    },
     /// The history of an asset cannot be understood.
     #[error("the history of {} is damaged: {reason}; the texels are not affected", path.display())]
     History {

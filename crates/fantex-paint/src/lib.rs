@@ -12,6 +12,7 @@
 //! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
 //! | `dab` | which part of the surface a dab covers, by distance along it |
 //! | `tile_paint` | coverage, texels, coarser levels; the [`Painter`] |
+//! | `layers` | layers over the base, flattened into the asset's texels |
 //! | `history` | undo and redo, kept in the asset |
 //! | `replay` | strokes from a file |
 //!
@@ -22,6 +23,7 @@ mod dab;
 mod error;
 mod fill;
 mod history;
+mod layers;
 mod paint;
 mod replay;
 mod stamp;
@@ -34,6 +36,7 @@ pub use dab::{Dab, Region, RegionTriangle};
 pub use error::PaintError;
 pub use fill::{FillScope, fill_triangles};
 pub use history::{History, HistoryStep};
+pub use layers::{Layer, LayerContent, Target};
 pub use paint::{ChannelPaint, Paint, PaintColor, Tool};
 pub use replay::*;
 pub use stamp::Stamp;

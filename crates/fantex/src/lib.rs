@@ -51,6 +51,7 @@
 //! | [`cover`] | partial fans, groups, tile maps, the texture function |
 //! | [`store`] | the `.fan` asset: writing, reading, caching, verifying |
 //! | [`bake`] | sources to tiles |
+//! | [`paint`] | painting on assets |
 //! | [`render`] | the CPU renderer |
 //!
 //! Implement [`bake::Source`] to bake anything that is a function of a surface point, [`render::Surface`] to render
@@ -61,5 +62,5 @@ pub mod look_scene;
 
 pub use {
     fantex_bake as bake, fantex_cover as cover, fantex_look as look, fantex_mesh as mesh,
-    fantex_render as render, fantex_store as store, fantex_texture as texture,
+    fantex_paint as paint, fantex_render as render, fantex_store as store, fantex_texture as texture,
 };

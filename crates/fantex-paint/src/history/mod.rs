@@ -1,7 +1,7 @@
 //! Undo and redo, kept in the asset.
 //!
 //! A step is what a stroke changed: of every page and channel the bytes before, exclusive-or the bytes after, and of every
-//! mean both values. Blocks that did not change are zeros, which pack to nothing, and one record serves both directions, back to
+//! mean and attachment (of the layers) both values. Blocks that did not change are zeros, which pack to nothing, and one record serves both directions, back to
 //! the very bytes. Steps are attachments `history/STEP/PART` of the asset (a part has some megabytes, so that a long stroke needs
 //! no more memory than a short one); `history/index` names them. They are committed together with the texels, so a
 //! restart finds both in agreement.
@@ -107,6 +107,19 @@ impl History {
         }
     }
 
+    /// Contents of an attachment; of length 0 where there is none.
+    pub(crate) fn add_attachment(
+        &mut self,
+        name: &str,
+        before: Vec<u8>,
+        after: Vec<u8>,
+        editor: &mut AssetEditor,
+    ) -> Result<(), PaintError> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        Record::Attachment { name: name.to_owned(), contents: [before, after] }.encode(&mut open.bytes);
+        if open.bytes.len() >= PART_BYTES { open.write_part(editor) } else { Ok(()) }
+    }
+
     /// Ends the step; one without changes is dropped.
     pub(crate) fn finish(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
@@ -163,6 +176,16 @@ fn apply(step: &HistoryStep, direction: Direction, editor: &mut AssetEditor) -> 
                     let mut page = editor.read_page_raw(channel, id)?;
                     page.iter_mut().zip(change).for_each(|(byte, change)| *byte ^= change);
                     editor.replace(id, channel, page)?;
+                }
+                Record::Attachment { name, contents: [before, after] } => {
+                    let contents = match direction {
+                        Direction::Back => before,
+                        Direction::Forth => after,
+                    };
+                    if !name.starts_with("layers/") {
+                        return Err(damaged(editor, "a step changes what is no layer"));
+                    }
+                    if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
                 }
                 Record::Mean { channel, group, values: [before, after] } => {
                     let asset = editor.asset();

@@ -3,6 +3,7 @@
 //! | record | fields |
 //! |---|---|
 //! | page | u32 0; u32 group, level, column, row, channel, length; bytes before xor bytes after |
+//! | attachment | u32 2; u32 lengths of name, contents before, contents after; these (of length 0: none) |
 //! | mean | u32 1; u32 group, channel; f32[4] before; f32[4] after |
 
 use fantex_store::PageId;
@@ -12,10 +13,12 @@ use fantex_store::PageId;
 pub(super) enum Record {
     Page { id: PageId, channel: usize, change: Vec<u8> },
     Mean { channel: usize, group: u32, values: [[f32; 4]; 2] },
+    Attachment { name: String, contents: [Vec<u8>; 2] },
 }
 
 const PAGE: u32 = 0;
 const MEAN: u32 = 1;
+const ATTACHMENT: u32 = 2;
 
 impl Record {
     pub(super) fn encode(&self, out: &mut Vec<u8>) {
@@ -29,6 +32,11 @@ impl Record {
             Self::Mean { channel, group, values } => {
                 out.extend([MEAN, *group, *channel as u32].into_iter().flat_map(u32::to_le_bytes));
                 out.extend(values.iter().flatten().flat_map(|x| x.to_le_bytes()));
+            }
+            Self::Attachment { name, contents: [before, after] } => {
+                let lengths = [name.len(), before.len(), after.len()].map(|n| n as u32);
+                out.extend([ATTACHMENT].into_iter().chain(lengths).flat_map(u32::to_le_bytes));
+                [name.as_bytes(), before, after].into_iter().for_each(|part| out.extend(part));
             }
         }
     }
@@ -46,6 +54,13 @@ impl Record {
                 let [group, channel] = words(rest)?;
                 let values = [words::<4>(rest)?, words::<4>(rest)?].map(|v| v.map(f32::from_bits));
                 Some(Self::Mean { channel: channel as usize, group, values })
+            }
+            ATTACHMENT => {
+                let [name, before, after] = words(rest)?;
+                let name = std::str::from_utf8(rest.split_off(..name as usize)?).ok()?.to_owned();
+                let before = rest.split_off(..before as usize)?.to_vec();
+                let after = rest.split_off(..after as usize)?.to_vec();
+                Some(Self::Attachment { name, contents: [before, after] })
             }
             _ => None,
         }
@@ -75,12 +90,14 @@ mod tests {
         let records = [
             Record::Page { id, channel: 1, change: vec![1, 2, 3] },
             Record::Mean { channel: 0, group: 9, values: [[0.5; 4], [1.5; 4]] },
+            Record::Attachment { name: "a/b".into(), contents: [vec![], vec![4, 5]] },
         ];
         let mut bytes = Vec::new();
         records.iter().for_each(|record| record.encode(&mut bytes));
         let mut rest = bytes.as_slice();
         assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[0]));
         assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[1]));
+        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[2]));
         assert!(rest.is_empty());
         for end in 1..30 {
             assert_eq!(Record::decode(&mut &bytes[..end]), None);

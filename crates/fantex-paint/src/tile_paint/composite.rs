@@ -41,7 +41,8 @@ pub(crate) fn composite(
     Ok(changed)
 }
 
-fn color_at(surface: &Surface, map: &TexelPage, [x, y]: [u32; 2], color: &PaintColor) -> Vec4 {
+/// A colour at a texel that shows the surface, given by column and row.
+pub(crate) fn color_at(surface: &Surface, map: &TexelPage, [x, y]: [u32; 2], color: &PaintColor) -> Vec4 {
     let texture = match color {
         PaintColor::Constant(color) => return *color,
         PaintColor::Texture(texture) => texture,

@@ -15,7 +15,15 @@ mod encode;
 mod levels;
 mod painter;
 mod rect;
+mod step;
 mod stroke_page;
 mod texel_page;
 
+pub(crate) use composite::{color_at, composite};
+pub(crate) use encode::replace_blocks;
+pub(crate) use levels::PageChange;
 pub use painter::{PaintOptions, Painter, StrokeSummary};
+pub(crate) use rect::Rect;
+pub(crate) use step::Changes;
+pub(crate) use stroke_page::StrokePage;
+pub(crate) use texel_page::TexelPage;

@@ -4,17 +4,17 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageId, page_origin};
+use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageId};
 use rayon::prelude::*;
 
 use super::composite::composite;
 use super::cover::{cover_page, fill_page, for_each_page, touched_pages};
-use super::levels::{CoarserLevels, Dirty, LevelJob, PageChange, dirty_levels, pages_read};
 use super::stroke_page::{StrokePage, StrokePages};
-use super::texel_page::TexelPages;
+use super::texel_page::{TexelPage, TexelPages};
 use crate::dab::PlacedDab;
 use crate::history::{History, flush_if_possible};
-use crate::{Dab, Paint, PaintError, Surface};
+use crate::layers::{LayeredPage, Layers, ShownPage, target_name};
+use crate::{Dab, Paint, PaintError, Surface, Target};
 
 /// How to paint.
 #[derive(Clone, Debug)]
@@ -53,22 +53,26 @@ const DAB_BATCH: usize = 128;
 /// An asset that is being painted on. Nothing is durable before [`commit`](Self::commit).
 #[derive(Debug)]
 pub struct Painter {
-    surface: Arc<Surface>,
+    pub(super) surface: Arc<Surface>,
     pub(crate) editor: AssetEditor,
-    options: PaintOptions,
-    maps: TexelPages,
+    pub(super) options: PaintOptions,
+    pub(super) maps: TexelPages,
     pub(crate) history: History,
-    stroke: Option<OpenStroke>,
-    disk_full: bool,
+    pub(crate) layers: Layers,
+    pub(super) stroke: Option<OpenStroke>,
+    pub(super) disk_full: bool,
 }
 
 /// A stroke that has begun.
 #[derive(Debug)]
-struct OpenStroke {
-    label: String,
-    paint: Paint,
-    pages: StrokePages,
-    dabs: usize,
+pub(super) struct OpenStroke {
+    pub(super) label: String,
+    pub(super) target: Target,
+    pub(super) paint: Paint,
+    /// Channels of the asset that it can change, ascending or as painted.
+    pub(super) affected: Vec<usize>,
+    pub(super) pages: StrokePages,
+    pub(super) dabs: usize,
 }
 
 impl Painter {
@@ -76,6 +80,7 @@ impl Painter {
     pub fn open(path: &Path, options: &PaintOptions) -> Result<Self, PaintError> {
         let editor = AssetEditor::open(path, &EditOptions::default())?;
         let history = History::load(&editor)?;
+        let layers = Layers::load(&editor)?;
         let surface = Arc::new(Surface::of(editor.asset()));
         let options = options.clone();
         Ok(Self {
@@ -84,6 +89,7 @@ impl Painter {
             options,
             maps: TexelPages::default(),
             history,
+            layers,
             stroke: None,
             disk_full: false,
         })
@@ -99,15 +105,29 @@ impl Painter {
         &self.editor
     }
 
-    /// Begins a stroke; one that is open ends first. `label` names it in the history.
+    /// Begins a stroke under all layers; one that is open ends first. `label` names it in the history.
     pub fn begin(&mut self, label: &str, paint: Paint) -> Result<(), PaintError> {
+        self.begin_on(Target::Base, label, paint)
+    }
+
+    /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
+    pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<(), PaintError> {
         self.end()?;
+        if let Target::Layer(id) | Target::Mask(id) = target
+            && self.layers.find(id).is_none()
+        {
+            return Err(PaintError::NoLayer(id));
+        }
         let count = self.editor.asset().channels().len();
         if let Some(wrong) = paint.channels.iter().find(|painted| painted.channel >= count) {
             return Err(PaintError::NoChannel { channel: wrong.channel, count });
         }
+        let affected = match target {
+            Target::Mask(_) => (0..count).collect(),
+            _ => paint.channels.iter().map(|painted| painted.channel).collect(),
+        };
         let (label, pages) = (label.to_owned(), StrokePages::default());
-        self.stroke = Some(OpenStroke { label, paint, pages, dabs: 0 });
+        self.stroke = Some(OpenStroke { label, target, paint, affected, pages, dabs: 0 });
         Ok(())
     }
 
@@ -147,7 +167,7 @@ impl Painter {
     fn cover<T: Sync>(
         &mut self,
         touched: &[(PageId, T)],
-        add: impl Fn(&Surface, &super::texel_page::TexelPage, &T, &mut StrokePage) + Sync,
+        add: impl Fn(&Surface, &TexelPage, &T, &mut StrokePage) + Sync,
     ) -> Result<(), PaintError> {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         let budget = self.options.memory_bytes / 4;
@@ -185,21 +205,23 @@ impl Painter {
             for &id in ids {
                 let mut page = stroke.pages.take(id)?.unwrap_or_else(|| StrokePage::new(0));
                 if page.originals.is_empty() {
-                    let channels = stroke.paint.channels.iter();
-                    let bytes = channels.map(|painted| self.editor.read_page_raw(painted.channel, id));
-                    page.originals = bytes.collect::<Result<_, _>>()?;
+                    page.originals = stroke.originals(&self.editor, id)?;
                 }
                 pages.push((id, page));
             }
-            let (surface, asset, paint) = (&*self.surface, self.editor.asset(), &stroke.paint);
-            let shown: Vec<Vec<Vec<u8>>> = pages
+            let (surface, editor, layers) = (&*self.surface, &self.editor, &self.layers);
+            let stroke_now = &*stroke;
+            let shown: Vec<ShownPage> = pages
                 .par_iter()
                 .zip(&maps)
-                .map(|((id, page), map)| composite(surface, asset, map, *id, page, paint))
+                .map(|((id, page), map)| stroke_now.shown(surface, editor, layers, map, *id, page))
                 .collect::<Result<_, _>>()?;
-            for ((id, mut page), channels) in pages.into_iter().zip(shown) {
-                for (painted, bytes) in stroke.paint.channels.iter().zip(channels) {
-                    self.editor.replace(id, painted.channel, bytes)?;
+            for ((id, mut page), shown) in pages.into_iter().zip(shown) {
+                for (&channel, bytes) in stroke.affected.iter().zip(shown.channels) {
+                    self.editor.replace(id, channel, bytes)?;
+                }
+                for (name, contents) in shown.attachments {
+                    self.editor.attach(&name, contents)?;
                 }
                 page.is_stale = false;
                 stroke.pages.put(id, page, budget)?;
@@ -209,97 +231,6 @@ impl Painter {
             }
         }
         Ok(stale)
-    }
-
-    /// Ends the open stroke: shows it, computes coarser levels, and enters it into the history.
-    pub fn end(&mut self) -> Result<StrokeSummary, PaintError> {
-        self.show()?;
-        let Some(mut stroke) = self.stroke.take() else { return Ok(StrokeSummary::default()) };
-        let ids = stroke.pages.ids();
-        let mut summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
-        if self.options.history {
-            self.history.begin(&stroke.label, &mut self.editor);
-        }
-        let mut dirty: BTreeMap<u32, Dirty> = BTreeMap::new();
-        for &id in &ids {
-            let Some(page) = stroke.pages.take(id)? else { continue };
-            let rect = page.touched.moved(page_origin(id.page));
-            dirty.entry(id.group).or_default().insert(id.page, rect);
-            for (painted, before) in stroke.paint.channels.iter().zip(page.originals) {
-                let after = self.editor.read_page_raw(painted.channel, id)?;
-                self.remember(&PageChange { id, channel: painted.channel, before, after })?;
-            }
-        }
-        let channels: Vec<usize> = stroke.paint.channels.iter().map(|painted| painted.channel).collect();
-        let dirty: Vec<(u32, Dirty)> = dirty.into_iter().collect();
-        for groups in dirty.chunks(PAGE_BATCH) {
-            summary.coarser_pages += self.update_levels(groups, &channels)?;
-        }
-        if self.options.history {
-            self.history.finish(&mut self.editor)?;
-        }
-        Ok(summary)
-    }
-
-    fn update_levels(&mut self, groups: &[(u32, Dirty)], channels: &[usize]) -> Result<usize, PaintError> {
-        let surface = Arc::clone(&self.surface);
-        let budget = self.options.memory_bytes / 4;
-        let jobs: Vec<(u32, Vec<Dirty>)> = groups
-            .par_iter()
-            .map(|(group, dirty)| (*group, dirty_levels(&surface, *group, dirty.clone())))
-            .collect();
-        let ids: Vec<PageId> =
-            jobs.iter().flat_map(|(group, levels)| pages_read(&surface, *group, levels)).collect();
-        let maps = self.maps.get(&surface, &ids, budget);
-        let maps: BTreeMap<_, _> = ids.into_iter().zip(maps).collect();
-        let editor = &self.editor;
-        let results: Vec<CoarserLevels> = jobs
-            .par_iter()
-            .map(|(group, levels)| {
-                let mut result = CoarserLevels::default();
-                for &channel in channels {
-                    let job = LevelJob { surface: &surface, editor, group: *group, channel, maps: &maps };
-                    job.run(levels, &mut result)?;
-                }
-                Ok(result)
-            })
-            .collect::<Result<_, PaintError>>()?;
-        let mut count = 0;
-        for ((group, _), result) in jobs.iter().zip(results) {
-            count += result.pages.len();
-            for change in result.pages {
-                self.remember(&change)?;
-                self.editor.replace(change.id, change.channel, change.after)?;
-            }
-            for (channel, mean) in result.means {
-                if self.options.history {
-                    self.history.add_mean(channel, *group, self.editor.mean(channel, *group), mean);
-                }
-                self.editor.set_mean(channel, *group, mean);
-            }
-        }
-        Ok(count)
-    }
-
-    fn remember(&mut self, change: &PageChange) -> Result<(), PaintError> {
-        if self.options.history {
-            self.history.add_page(
-                change.id,
-                change.channel,
-                &change.before,
-                &change.after,
-                &mut self.editor,
-            )?;
-        }
-        self.relieve()
-    }
-
-    /// Moves changes from memory to the file where they exceed the budget.
-    fn relieve(&mut self) -> Result<(), PaintError> {
-        if self.editor.pending_bytes() > self.options.memory_bytes / 4 {
-            self.disk_full = flush_if_possible(&mut self.editor)?;
-        }
-        Ok(())
     }
 
     /// True where the disk had no room for changes when memory was last to be relieved: they stay in memory, nothing is
@@ -313,23 +244,47 @@ impl Painter {
         &self.history
     }
 
-    /// Takes the last stroke back; false where there is none. An open stroke ends first.
-    pub fn undo(&mut self) -> Result<bool, PaintError> {
-        self.end()?;
-        self.history.undo(&mut self.editor)
-    }
-
-    /// Does what was taken back last again; false where there is nothing.
-    pub fn redo(&mut self) -> Result<bool, PaintError> {
-        self.end()?;
-        self.history.redo(&mut self.editor)
-    }
-
     /// Makes everything durable, an open stroke (without its coarser levels) included.
     pub fn commit(&mut self) -> Result<CommitSummary, PaintError> {
         self.show()?;
         let summary = self.editor.commit()?;
         self.disk_full = false;
         Ok(summary)
+    }
+}
+
+impl OpenStroke {
+    /// The bytes of a page before the stroke, per affected channel; where layers lie over it, also (last) the contents of
+    /// the attachment that the stroke changes.
+    fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>, PaintError> {
+        let channels = self.affected.iter().map(|&channel| editor.read_page_raw(channel, id));
+        let mut originals = channels.collect::<Result<Vec<_>, _>>()?;
+        let contents = editor.attachment(&target_name(self.target, id))?;
+        if self.target != Target::Base || contents.is_some() {
+            originals.push(contents.unwrap_or_default());
+        }
+        Ok(originals)
+    }
+
+    /// True where the page has layers, and the stroke changes one of their attachments.
+    pub(super) fn is_layered(&self, page: &StrokePage) -> bool {
+        page.originals.len() > self.affected.len()
+    }
+
+    fn shown(
+        &self,
+        surface: &Surface,
+        editor: &AssetEditor,
+        layers: &Layers,
+        map: &TexelPage,
+        id: PageId,
+        page: &StrokePage,
+    ) -> Result<ShownPage, PaintError> {
+        let (paint, target, affected) = (&self.paint, self.target, self.affected.as_slice());
+        if self.is_layered(page) {
+            return LayeredPage { surface, editor, layers, map, id, page, paint, target, affected }.show();
+        }
+        let channels = composite(surface, editor.asset(), map, id, page, paint)?;
+        Ok(ShownPage { channels, attachments: Vec::new() })
     }
 }
