@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fantex_texture::Texture;
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
 use crate::BlendMode;
 
@@ -14,6 +14,25 @@ pub enum Tool {
     Paint(BlendMode),
     /// Alpha goes to zero.
     Erase,
+    /// What is seen around is averaged; the channels' colours do not matter.
+    Blur {
+        /// How far around, mesh units along the surface.
+        radius: f32,
+    },
+    /// What is seen elsewhere is copied; the channels' colours do not matter.
+    Clone {
+        /// Mesh space: added to a point, and from there to the nearest point of the surface.
+        offset: Vec3,
+        /// Mesh units from there to the surface at most; beyond it nothing is copied.
+        reach: f32,
+    },
+}
+
+impl Tool {
+    /// True where it asks for what was seen before the stroke.
+    pub(crate) fn reads_surface(&self) -> bool {
+        matches!(self, Self::Blur { .. } | Self::Clone { .. })
+    }
 }
 
 /// A colour on the surface: linear RGBA with straight alpha.
@@ -52,6 +71,13 @@ impl Paint {
         match self.tool {
             Tool::Paint(mode) => mode.compose(before, color, share),
             Tool::Erase => before.truncate().extend(before.w * (1.0 - share)),
+            Tool::Blur { .. } | Tool::Clone { .. } => mixed(before, color, share),
         }
     }
+}
+
+/// Between two straight colours, each weighted by its alpha.
+fn mixed(a: Vec4, b: Vec4, share: f32) -> Vec4 {
+    let (wa, wb) = (a.w * (1.0 - share), b.w * share);
+    if wa + wb > 0.0 { ((a.truncate() * wa + b.truncate() * wb) / (wa + wb)).extend(wa + wb) } else { a }
 }

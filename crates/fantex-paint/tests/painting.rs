@@ -12,7 +12,7 @@ use common::{
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
 use fantex_paint::{
-    FillScope, PaintOptions, Painter, Size, StrokeFile, Symmetry, dabs_of, fill_triangles, replay,
+    FillScope, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles, replay,
 };
 use fantex_store::{JUMP_BOUND, VerifyOptions, verify};
 use glam::{Vec3, Vec4};
@@ -253,6 +253,7 @@ const STROKES: &str = r#"{
       "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] }, "pressure": 0.4 },
                   { "at": { "position": [-1, 0.2, 0.3] } }] },
     { "label": "marble", "brush": { "size": { "world": 0.5 } }, "tool": { "paint": "multiply" },
+      "layer": { "name": "stones", "blend": "overlay", "opacity": 0.7 },
       "channels": [{ "kind": "base_color", "color": { "solid": { "name": "marble" } } }],
       "samples": [{ "at": { "ray": { "origin": [0, 0, 9], "direction": [0, 0, -1] } } }] },
     { "label": "cap", "fill": { "angle": 12 }, "tool": { "paint": "screen" },
@@ -323,5 +324,54 @@ fn a_painted_bunny_is_certified() {
     let line = stroke(painter.surface(), 50.0, &[Vec3::new(-0.5, 0.2, 1.0), Vec3::new(0.5, 0.1, 1.0)]);
     paint_stroke(&mut painter, red(0.9), &line);
     painter.commit().unwrap();
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}
+
+/// A red dot on grey; returns the mean of red, and its greatest difference between neighbouring points along a line.
+fn profile(baked: &Baked, line: impl Fn(f32) -> Vec3) -> (f32, f32) {
+    let cache = baked.cache();
+    let surface = fantex_paint::Surface::of(cache.asset());
+    let values: Vec<f32> = (0..=200)
+        .map(|i| {
+            let point = surface.nearest(line(i as f32 / 200.0), f32::INFINITY).unwrap();
+            sample(&cache, 0, 0, point.triangle as usize, point.lambda).0.x
+        })
+        .collect();
+    let steepest = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max);
+    (values.iter().sum::<f32>() / values.len() as f32, steepest)
+}
+
+#[test]
+fn blur_softens_and_clone_copies() {
+    let baked = ball(200_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let mut dot = stroke(painter.surface(), 40.0, &[Vec3::X]);
+    dot.brush.hardness = 1.0;
+    paint_stroke(&mut painter, red(1.0), &dot);
+    painter.commit().unwrap();
+    let through = |t: f32| Vec3::new(1.0, 0.0, 0.4 * (t - 0.5));
+    let copied = |t: f32| Vec3::new(0.4 * (t - 0.5), 0.0, 1.0);
+    let (mean, steepest) = profile(&baked, through);
+    let (bare, _) = profile(&baked, copied);
+    let texel = 1.0 / painter.surface().cover().density;
+
+    let mut blur = red(1.0);
+    blur.tool = Tool::Blur { radius: 8.0 * texel };
+    let wide = stroke(painter.surface(), 120.0, &[Vec3::X]);
+    paint_stroke(&mut painter, blur, &wide);
+    painter.commit().unwrap();
+    let (blurred_mean, blurred) = profile(&baked, through);
+    assert!(blurred < 0.5 * steepest && (blurred_mean - mean).abs() < 0.05, "{blurred} {steepest}");
+
+    let start = painter.surface().nearest(Vec3::Z, f32::INFINITY).unwrap();
+    let source = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
+    let [to, from] = [start, source].map(|p| painter.surface().position(p).as_vec3());
+    let mut clone = red(1.0);
+    clone.tool = Tool::Clone { offset: from - to, reach: 0.3 };
+    let place = stroke(painter.surface(), 80.0, &[Vec3::Z]);
+    paint_stroke(&mut painter, clone, &place);
+    let value = painter.pick(0, start).unwrap();
+    assert!(value.x > 0.8 && value.y < 0.15, "{value}");
+    assert!(profile(&baked, copied).0 > bare + 0.02);
     assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
 }

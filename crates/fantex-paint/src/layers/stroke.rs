@@ -1,15 +1,15 @@
 //! A stroke onto a layer, a mask, or what lies under the layers.
 
 use fantex_store::{AssetEditor, PageId};
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 use super::flatten::base_bytes;
 use super::{
     Layer, LayerStack, Layers, Target, base_name, decode_mask, decode_values, encode_mask, encode_values,
     flatten, layer_name, mask_name,
 };
-use crate::tile_paint::{StrokePage, TexelPage, color_at, composite};
-use crate::{Paint, PaintError, Surface};
+use crate::PaintError;
+use crate::tile_paint::{Ink, StrokePage, TexelPage, composite};
 
 /// What a page becomes.
 #[derive(Debug, Default)]
@@ -22,13 +22,12 @@ pub(crate) struct ShownPage {
 
 /// A stroke on a page with layers.
 pub(crate) struct LayeredPage<'a> {
-    pub(crate) surface: &'a Surface,
     pub(crate) editor: &'a AssetEditor,
     pub(crate) layers: &'a Layers,
     pub(crate) map: &'a TexelPage,
     pub(crate) id: PageId,
     pub(crate) page: &'a StrokePage,
-    pub(crate) paint: &'a Paint,
+    pub(crate) ink: &'a Ink<'a>,
     pub(crate) target: Target,
     /// The channels of the asset that the stroke can change.
     pub(crate) affected: &'a [usize],
@@ -71,10 +70,10 @@ impl LayeredPage<'_> {
     fn painted_base(&self, before: &[u8]) -> Result<Vec<u8>, PaintError> {
         let asset = self.editor.asset();
         let mut base = base_bytes(self.editor, self.id, Some(before.to_vec()))?;
-        let originals = self.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
+        let originals = self.ink.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
         let page = StrokePage { originals, ..self.page.clone() };
-        let painted = composite(self.surface, asset, self.map, self.id, &page, self.paint)?;
-        for (channel, bytes) in self.paint.channels.iter().zip(painted) {
+        let painted = composite(asset, self.map, self.id, &page, self.ink)?;
+        for (channel, bytes) in self.ink.paint.channels.iter().zip(painted) {
             base[channel.channel] = bytes;
         }
         Ok(base.concat())
@@ -84,10 +83,11 @@ impl LayeredPage<'_> {
         let channels = self.editor.asset().channels().len();
         let mut values = decode_values(before, channels, self.page.coverage.len());
         self.for_each_covered(|texel, place| {
-            for painted in &self.paint.channels {
-                let color = color_at(self.surface, self.map, place, &painted.color);
-                let value = &mut values[painted.channel][texel];
-                *value = self.paint.apply(*value, color, self.page.coverage[texel]);
+            for painted in &self.ink.paint.channels {
+                if let Some(color) = self.ink.at(self.map, place, painted) {
+                    let value = &mut values[painted.channel][texel];
+                    *value = self.ink.paint.apply(*value, color, self.page.coverage[texel]);
+                }
             }
         });
         encode_values(&values)
@@ -97,11 +97,11 @@ impl LayeredPage<'_> {
         let outside = layer.and_then(|layer| layer.mask).unwrap_or(1.0);
         let mut mask = decode_mask(before, self.page.coverage.len(), outside);
         self.for_each_covered(|texel, place| {
-            if let Some(painted) = self.paint.channels.first() {
-                let color: Vec4 = color_at(self.surface, self.map, place, &painted.color);
+            let painted = self.ink.paint.channels.first();
+            if let Some(color) = painted.and_then(|painted| self.ink.at(self.map, place, painted)) {
                 // Luminance (ITU-R BT.709).
                 let goal = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
-                let share = self.page.coverage[texel] * self.paint.opacity.clamp(0.0, 1.0);
+                let share = self.page.coverage[texel] * self.ink.paint.opacity.clamp(0.0, 1.0);
                 mask[texel] += (goal - mask[texel]) * share;
             }
         });

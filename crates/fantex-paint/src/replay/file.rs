@@ -43,6 +43,23 @@ pub struct StrokeSettings {
     /// Copies.
     #[serde(default)]
     pub symmetry: Symmetry,
+    /// The layer to paint on, by its name; made on top of the others where there is none. Without it: under all layers.
+    #[serde(default)]
+    pub layer: Option<LayerSettings>,
+}
+
+/// A layer to paint on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LayerSettings {
+    /// Its name.
+    pub name: String,
+    /// How it lies over what is below; where the layer is made.
+    #[serde(default)]
+    pub blend: BlendMode,
+    /// 0..1; where the layer is made.
+    #[serde(default = "full")]
+    pub opacity: f32,
 }
 
 fn default_label() -> String {
@@ -100,13 +117,23 @@ impl Default for BrushSettings {
 }
 
 /// What the stroke does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum ToolSettings {
     /// Lays colour over what is there.
     Paint(BlendMode),
     /// Takes alpha away.
     Erase,
+    /// Averages what is seen within a radius.
+    Blur {
+        /// Radius.
+        radius: Size,
+    },
+    /// Copies from elsewhere.
+    Clone {
+        /// What comes to lie under the first sample: a position in world space.
+        from: [f64; 3],
+    },
 }
 
 impl Default for ToolSettings {

@@ -20,7 +20,7 @@ mod file;
 mod run;
 
 pub use file::{
-    BrushSettings, ChannelKindName, ChannelSettings, ColorSettings, SampleSettings, StrokeFile,
-    StrokeSettings, ToolSettings, Where,
+    BrushSettings, ChannelKindName, ChannelSettings, ColorSettings, LayerSettings, SampleSettings,
+    StrokeFile, StrokeSettings, ToolSettings, Where,
 };
 pub use run::{ReplayError, ReplaySummary, replay};

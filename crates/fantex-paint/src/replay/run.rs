@@ -10,10 +10,13 @@ use fantex_texture::{
 };
 use glam::{DVec3, Vec3, Vec4};
 
-use super::file::{ColorSettings, SampleSettings, StrokeFile, StrokeSettings, ToolSettings, Where};
+use super::file::{
+    ColorSettings, LayerSettings, SampleSettings, StrokeFile, StrokeSettings, ToolSettings, Where,
+};
+use crate::stroke::mesh_length;
 use crate::{
-    Brush, ChannelPaint, Paint, PaintColor, PaintError, Painter, Sample, Stamp, Stroke, StrokeSummary,
-    Surface, SurfacePoint, Tool, dabs_of, fill_triangles,
+    Brush, ChannelPaint, Layer, Paint, PaintColor, PaintError, Painter, Sample, Size, Stamp, Stroke,
+    StrokeSummary, Surface, SurfacePoint, Target, Tool, dabs_of, fill_triangles,
 };
 
 /// A stroke file could not be applied.
@@ -127,7 +130,8 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
     let mut prepared = Vec::with_capacity(file.strokes.len());
     for (index, settings) in file.strokes.iter().enumerate() {
         let preparation = Preparation { painter, stroke: index, settings, folder };
-        prepared.push((settings, preparation.paint()?, preparation.stroke(&mut summary.missed_samples)?));
+        let stroke = preparation.stroke(&mut summary.missed_samples)?;
+        prepared.push((settings, preparation.paint(&stroke)?, stroke));
     }
     for (settings, paint, stroke) in prepared {
         let StrokeSummary { dabs, pages, .. } = apply(painter, settings, paint, &stroke)?;
@@ -144,13 +148,25 @@ fn apply(
     paint: Paint,
     stroke: &Stroke,
 ) -> Result<StrokeSummary, PaintError> {
-    painter.begin(&settings.label, paint)?;
+    let target = target_of(painter, settings)?;
+    painter.begin_on(target, &settings.label, paint)?;
     let surface = Arc::clone(painter.surface());
     match (settings.fill, stroke.samples.first()) {
         (Some(scope), Some(start)) => painter.fill(&fill_triangles(&surface, start.point, scope))?,
         _ => painter.dab(&dabs_of(&surface, stroke))?,
     }
     painter.end()
+}
+
+/// The layer that a stroke names; made where there is none.
+fn target_of(painter: &mut Painter, settings: &StrokeSettings) -> Result<Target, PaintError> {
+    let Some(LayerSettings { name, blend, opacity }) = &settings.layer else { return Ok(Target::Base) };
+    if let Some(layer) = painter.layers().iter().find(|layer| layer.name == *name) {
+        return Ok(Target::Layer(layer.id()));
+    }
+    let mut layer = Layer::painted(name);
+    (layer.blend, layer.opacity) = (*blend, *opacity);
+    Ok(Target::Layer(painter.add_layer(layer)?))
 }
 
 /// A stroke on its way from settings to what the painter takes.
@@ -162,7 +178,7 @@ struct Preparation<'a> {
 }
 
 impl Preparation<'_> {
-    fn paint(&self) -> Result<Paint, ReplayError> {
+    fn paint(&self, drawn: &Stroke) -> Result<Paint, ReplayError> {
         let stroke = self.stroke;
         let asset = self.painter.editor().asset();
         let mut channels: Vec<ChannelPaint> = Vec::new();
@@ -177,6 +193,14 @@ impl Preparation<'_> {
         let tool = match self.settings.tool {
             ToolSettings::Paint(mode) => Tool::Paint(mode),
             ToolSettings::Erase => Tool::Erase,
+            ToolSettings::Blur { radius } => Tool::Blur { radius: self.mesh_length(radius)? },
+            ToolSettings::Clone { from } => {
+                let surface = self.painter.surface();
+                let source = surface.mesh().world_from_mesh.inverse_point(DVec3::from(from));
+                let start = drawn.samples.first().map_or(source, |s| surface.position(s.point).as_vec3());
+                self.finite("the source of a clone", &source.to_array())?;
+                Tool::Clone { offset: source - start, reach: self.mesh_length(drawn.brush.size)? }
+            }
         };
         Ok(Paint { tool, opacity: self.settings.brush.opacity, channels })
     }
@@ -194,6 +218,11 @@ impl Preparation<'_> {
         };
         self.finite("a colour", &color.to_array())?;
         Ok(PaintColor::Constant(color))
+    }
+
+    fn mesh_length(&self, size: Size) -> Result<f32, ReplayError> {
+        let length = mesh_length(self.painter.surface(), size);
+        self.finite("a length", &[length]).map(|()| length.max(0.0))
     }
 
     fn finite(&self, what: &'static str, numbers: &[f32]) -> Result<(), ReplayError> {
@@ -223,7 +252,7 @@ impl Preparation<'_> {
     fn brush(&self) -> Result<Brush, ReplayError> {
         let settings = &self.settings.brush;
         let size = match settings.size {
-            crate::Size::Texels(size) | crate::Size::World(size) => size,
+            Size::Texels(size) | Size::World(size) => size,
         };
         let numbers = [
             settings.hardness,

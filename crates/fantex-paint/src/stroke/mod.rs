@@ -12,7 +12,8 @@ pub use brush::{Brush, Jitter, PressureResponse, Sample, Size};
 pub use symmetry::Symmetry;
 
 use glam::DVec3;
-use walk::{Path, path_between, walk_straight};
+pub(crate) use walk::walk_straight;
+use walk::{Path, path_between};
 
 use crate::{Dab, Surface};
 

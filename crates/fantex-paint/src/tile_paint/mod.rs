@@ -12,6 +12,7 @@
 mod composite;
 mod cover;
 mod encode;
+mod ink;
 mod levels;
 mod painter;
 mod rect;
@@ -19,8 +20,9 @@ mod step;
 mod stroke_page;
 mod texel_page;
 
-pub(crate) use composite::{color_at, composite};
+pub(crate) use composite::composite;
 pub(crate) use encode::replace_blocks;
+pub(crate) use ink::Ink;
 pub(crate) use levels::PageChange;
 pub use painter::{PaintOptions, Painter, StrokeSummary};
 pub(crate) use rect::Rect;

@@ -4,17 +4,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageId};
+use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId};
 use rayon::prelude::*;
 
 use super::composite::composite;
 use super::cover::{cover_page, fill_page, for_each_page, touched_pages};
+use super::ink::{Ink, look_up};
 use super::stroke_page::{StrokePage, StrokePages};
 use super::texel_page::{TexelPage, TexelPages};
 use crate::dab::PlacedDab;
 use crate::history::{History, flush_if_possible};
 use crate::layers::{LayeredPage, Layers, ShownPage, target_name};
-use crate::{Dab, Paint, PaintError, Surface, Target};
+use crate::{Dab, Paint, PaintError, Surface, SurfacePoint, Target};
+use glam::Vec4;
 
 /// How to paint.
 #[derive(Clone, Debug)]
@@ -69,6 +71,8 @@ pub(super) struct OpenStroke {
     pub(super) label: String,
     pub(super) target: Target,
     pub(super) paint: Paint,
+    /// What was seen before, for tools that ask for it.
+    before: Option<PageCache>,
     /// Channels of the asset that it can change, ascending or as painted.
     pub(super) affected: Vec<usize>,
     pub(super) pages: StrokePages,
@@ -126,8 +130,15 @@ impl Painter {
             Target::Mask(_) => (0..count).collect(),
             _ => paint.channels.iter().map(|painted| painted.channel).collect(),
         };
+        // What a tool reads must not change under it; a commit gives a state that stays.
+        let before = if paint.tool.reads_surface() {
+            self.commit()?;
+            Some(PageCache::new(Arc::clone(self.editor.asset()), self.options.memory_bytes / 8))
+        } else {
+            None
+        };
         let (label, pages) = (label.to_owned(), StrokePages::default());
-        self.stroke = Some(OpenStroke { label, target, paint, affected, pages, dabs: 0 });
+        self.stroke = Some(OpenStroke { label, target, paint, before, affected, pages, dabs: 0 });
         Ok(())
     }
 
@@ -244,6 +255,17 @@ impl Painter {
         &self.history
     }
 
+    /// The value of a channel at a point as it was last committed: **linear** RGBA. (An eyedropper; it commits first.)
+    pub fn pick(&mut self, channel: usize, point: SurfacePoint) -> Result<Vec4, PaintError> {
+        let count = self.editor.asset().channels().len();
+        if channel >= count {
+            return Err(PaintError::NoChannel { channel, count });
+        }
+        self.commit()?;
+        let cache = PageCache::new(Arc::clone(self.editor.asset()), 1 << 20);
+        Ok(look_up(&self.surface, &cache, channel, point))
+    }
+
     /// Makes everything durable, an open stroke (without its coarser levels) included.
     pub fn commit(&mut self) -> Result<CommitSummary, PaintError> {
         self.show()?;
@@ -280,11 +302,12 @@ impl OpenStroke {
         id: PageId,
         page: &StrokePage,
     ) -> Result<ShownPage, PaintError> {
-        let (paint, target, affected) = (&self.paint, self.target, self.affected.as_slice());
+        let ink = &Ink { surface, paint: &self.paint, before: self.before.as_ref() };
+        let (target, affected) = (self.target, self.affected.as_slice());
         if self.is_layered(page) {
-            return LayeredPage { surface, editor, layers, map, id, page, paint, target, affected }.show();
+            return LayeredPage { editor, layers, map, id, page, ink, target, affected }.show();
         }
-        let channels = composite(surface, editor.asset(), map, id, page, paint)?;
+        let channels = composite(editor.asset(), map, id, page, ink)?;
         Ok(ShownPage { channels, attachments: Vec::new() })
     }
 }
