@@ -60,6 +60,9 @@ const GAIN: f64 = 1.0 - 1e-9;
 /// Triangles that a region holds at most: a brush that covers more is cut off rather than freezing the stroke.
 const MAX_TRIANGLES: usize = 1 << 22;
 
+/// Triangles around a vertex that are visited at most; more change nothing but the time it takes.
+const MAX_VALENCE: usize = 64;
+
 /// An edge on the front, nearest first; ties by its number, so that the order is fixed.
 type Front = BinaryHeap<Reverse<(u64, u32)>>;
 
@@ -118,7 +121,9 @@ impl Grower<'_> {
                 return;
             }
             let is_nearer = self.reach(other);
-            if is_new || is_nearer {
+            if is_nearer {
+                self.push_around(3 * triangle + (other + 2) % 3);
+            } else if is_new {
                 (0..3).filter(|k| 3 * triangle + k != other).for_each(|k| self.push(3 * triangle + k));
             }
         }
@@ -151,6 +156,31 @@ impl Grower<'_> {
             *known = found;
         }
         is_nearer
+    }
+
+    /// A vertex has come nearer, and with it all edges there: pushes them, seen from the reached triangles around it. `corner`
+    /// is `3 * triangle + k` for one of these.
+    fn push_around(&mut self, corner: u32) {
+        let vertex = self.surface.mesh().triangles[corner as usize / 3][corner as usize % 3];
+        self.push(corner);
+        self.push(3 * (corner / 3) + (corner + 2) % 3);
+        // Both ways around, in case there is a boundary.
+        for first in [corner, 3 * (corner / 3) + (corner + 2) % 3] {
+            let mut edge = first;
+            for _ in 0..MAX_VALENCE {
+                let Some(other) = self.surface.opposite(edge) else { break };
+                let triangle = other / 3;
+                if triangle == corner / 3 || !self.reached.contains(&triangle) {
+                    break;
+                }
+                // The triangle's two edges at the vertex: the one that was crossed, and the one to go on through.
+                let vertices = self.surface.mesh().triangles[triangle as usize];
+                let Some(k) = vertices.iter().position(|&v| v == vertex) else { break };
+                let at_vertex = [3 * triangle + k as u32, 3 * triangle + (k as u32 + 2) % 3];
+                at_vertex.into_iter().for_each(|edge| self.push(edge));
+                edge = if at_vertex[0] == other { at_vertex[1] } else { at_vertex[0] };
+            }
+        }
     }
 
     /// Puts a half-edge of a reached triangle on the front if the brush reaches it.

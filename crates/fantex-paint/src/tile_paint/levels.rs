@@ -169,6 +169,7 @@ impl LevelJob<'_> {
                 changed[texel] = true;
             }
         }
+        continue_values(&mut values, &mut changed, extent, local);
         let mut after = before.clone();
         let channel = &asset.channels()[self.channel];
         replace_blocks(channel, extent, &mut after, &values, local, |texel| changed[texel])?;
@@ -215,6 +216,25 @@ impl LevelJob<'_> {
             }
         }
         Ok(window)
+    }
+}
+
+/// Gives texels beside the surface the mean of their neighbours on it: look-ups at its outline read them.
+fn continue_values(values: &mut [Vec4], changed: &mut [bool], extent: [u32; 2], rect: Rect) {
+    let known = changed.to_vec();
+    for (x, y) in rect.texels() {
+        let texel = (y * extent[0] + x) as usize;
+        if known[texel] {
+            continue;
+        }
+        let low = [x.saturating_sub(1), y.saturating_sub(1)];
+        let around = Rect { low, high: [(x + 2).min(extent[0]), (y + 2).min(extent[1])] };
+        let near = around.texels().map(|(x, y)| (y * extent[0] + x) as usize).filter(|&t| known[t]);
+        let (sum, count) = near.fold((Vec4::ZERO, 0), |(sum, count), t| (sum + values[t], count + 1));
+        if count > 0 {
+            values[texel] = sum / count as f32;
+            changed[texel] = true;
+        }
     }
 }
 
