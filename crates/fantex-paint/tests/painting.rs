@@ -140,6 +140,25 @@ fn only_pages_under_the_brush_change() {
     assert!(same > 0);
 }
 
+/// What the screen shows dab by dab is what a replay gives at once.
+#[test]
+fn showing_every_dab_changes_nothing() {
+    let [a, b] = [0, 1].map(|_| ball(100_000, BakeFormat::Bc7));
+    let [mut every, mut once] = [a.painter(), b.painter()];
+    let surface = Arc::clone(every.surface());
+    let mut line = stroke(&surface, 40.0, &arc());
+    line.brush.flow = 0.3;
+    let dabs = dabs_of(&surface, &line);
+    every.begin("stroke", red(0.8)).unwrap();
+    for dab in &dabs {
+        every.dab(std::slice::from_ref(dab)).unwrap();
+        every.show().unwrap();
+    }
+    every.end().unwrap();
+    paint_stroke(&mut once, red(0.8), &line);
+    assert!(contents(&every) == contents(&once));
+}
+
 #[test]
 fn paint_stays_on_its_side_of_a_plate() {
     let mesh = plate(12, 0.002);

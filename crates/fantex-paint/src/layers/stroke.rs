@@ -70,9 +70,10 @@ impl LayeredPage<'_> {
     fn painted_base(&self, before: &[u8]) -> Result<Vec<u8>, PaintError> {
         let asset = self.editor.asset();
         let mut base = base_bytes(self.editor, self.id, Some(before.to_vec()))?;
-        let originals = self.ink.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
-        let page = StrokePage { originals, ..self.page.clone() };
-        let painted = composite(asset, self.map, self.id, &page, self.ink)?;
+        let originals: Vec<Vec<u8>> =
+            self.ink.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
+        let page = StrokePage { originals: originals.clone(), stale: self.page.touched, ..self.page.clone() };
+        let painted = composite(asset, self.map, self.id, &page, originals, self.ink)?;
         for (channel, bytes) in self.ink.paint.channels.iter().zip(painted) {
             base[channel.channel] = bytes;
         }

@@ -10,20 +10,23 @@ use super::stroke_page::StrokePage;
 use super::texel_page::TexelPage;
 use crate::PaintError;
 
-/// The bytes of a page in all painted channels, from those before the stroke.
+/// The bytes of a page in all painted channels: `shown` with the blocks of stale texels replaced, from those before the
+/// stroke.
 pub(crate) fn composite(
     asset: &Asset,
     map: &TexelPage,
     id: PageId,
     page: &StrokePage,
+    shown: Vec<Vec<u8>>,
     ink: &Ink<'_>,
 ) -> Result<Vec<Vec<u8>>, PaintError> {
     let extent = map.block.extent;
     let mut changed = Vec::with_capacity(ink.paint.channels.len());
-    for (painted, original) in ink.paint.channels.iter().zip(&page.originals) {
+    let rect = page.stale.blocks();
+    for ((painted, original), mut bytes) in ink.paint.channels.iter().zip(&page.originals).zip(shown) {
         let texels = asset.decode_page_raw(painted.channel, id, original)?;
         let mut values: Vec<Vec4> = texels.rgba.into_iter().map(Vec4::from).collect();
-        for (x, y) in page.touched.texels() {
+        for (x, y) in rect.texels() {
             let texel = (y * extent[0] + x) as usize;
             let coverage = page.coverage[texel];
             if coverage > 0.0 && map.owner[texel] != NOBODY {
@@ -32,9 +35,8 @@ pub(crate) fn composite(
                 }
             }
         }
-        let mut bytes = original.clone();
         let channel = &asset.channels()[painted.channel];
-        replace_blocks(channel, extent, &mut bytes, &values, page.touched, |t| page.coverage[t] > 0.0)?;
+        replace_blocks(channel, extent, &mut bytes, &values, rect, |t| page.coverage[t] > 0.0)?;
         changed.push(bytes);
     }
     Ok(changed)

@@ -103,7 +103,7 @@ fn add_dab(
             let coverage = &mut page.coverage[texel];
             *coverage += added * (1.0 - *coverage);
             page.touched.add(x, y);
-            page.is_stale = true;
+            page.stale.add(x, y);
         }
     }
 }
@@ -115,8 +115,9 @@ pub(crate) fn fill_page(map: &TexelPage, is_chosen: impl Fn(u32) -> bool, page: 
     for (texel, &owner) in map.owner.iter().enumerate() {
         if owner != NOBODY && chosen[owner as usize] {
             page.coverage[texel] = 1.0;
-            page.touched.add(texel as u32 % width, texel as u32 / width);
-            page.is_stale = true;
+            let (x, y) = (texel as u32 % width, texel as u32 / width);
+            page.touched.add(x, y);
+            page.stale.add(x, y);
         }
     }
 }

@@ -67,5 +67,14 @@ fn stored_float(channel: &Channel, value: Vec4) -> [f32; 4] {
 fn stored_bytes(channel: &Channel, value: Vec4) -> [u8; 4] {
     let [r, g, b, a] = value.to_array();
     let color = if channel.srgb { [r, g, b].map(srgb8_from_linear) } else { [r, g, b].map(unorm8) };
-    [color[0], color[1], color[2], unorm8(a)]
+    [color[0], color[1], color[2], stored_alpha(channel.format, a)]
+}
+
+/// Opaque blocks of BC7 may decode to 254/255; taken as it is, that would cost opaque pages the better profile, and a
+/// little of their opacity with every stroke.
+fn stored_alpha(format: TexelFormat, alpha: f32) -> u8 {
+    match unorm8(alpha) {
+        254 if format == TexelFormat::Bc7 => 255,
+        alpha => alpha,
+    }
 }

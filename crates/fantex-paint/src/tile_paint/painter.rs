@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::composite::composite;
 use super::cover::{cover_page, fill_page, for_each_page, touched_pages};
 use super::ink::{Ink, look_up};
+use super::rect::Rect;
 use super::stroke_page::{StrokePage, StrokePages};
 use super::texel_page::{TexelPage, TexelPages};
 use crate::dab::PlacedDab;
@@ -234,7 +235,7 @@ impl Painter {
                 for (name, contents) in shown.attachments {
                     self.editor.attach(&name, contents)?;
                 }
-                page.is_stale = false;
+                page.stale = Rect::EMPTY;
                 stroke.pages.put(id, page, budget)?;
             }
             if self.editor.pending_bytes() > budget {
@@ -307,7 +308,8 @@ impl OpenStroke {
         if self.is_layered(page) {
             return LayeredPage { editor, layers, map, id, page, ink, target, affected }.show();
         }
-        let channels = composite(editor.asset(), map, id, page, ink)?;
+        let shown = affected.iter().map(|&channel| editor.read_page_raw(channel, id));
+        let channels = composite(editor.asset(), map, id, page, shown.collect::<Result<_, _>>()?, ink)?;
         Ok(ShownPage { channels, attachments: Vec::new() })
     }
 }

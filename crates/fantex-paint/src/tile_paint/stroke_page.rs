@@ -15,15 +15,15 @@ pub(crate) struct StrokePage {
     pub(crate) coverage: Vec<f32>,
     /// Texels whose coverage is not zero lie in here.
     pub(crate) touched: Rect,
-    /// True where coverage has grown since the page was last shown.
-    pub(crate) is_stale: bool,
+    /// Texels whose coverage has grown since the page was last shown.
+    pub(crate) stale: Rect,
     /// The bytes before the stroke, one per painted channel; empty until the page is first shown.
     pub(crate) originals: Vec<Vec<u8>>,
 }
 
 impl StrokePage {
     pub(crate) fn new(texels: usize) -> Self {
-        Self { coverage: vec![0.0; texels], touched: Rect::EMPTY, is_stale: false, originals: Vec::new() }
+        Self { coverage: vec![0.0; texels], touched: Rect::EMPTY, stale: Rect::EMPTY, originals: Vec::new() }
     }
 
     fn memory_bytes(&self) -> usize {
@@ -38,7 +38,7 @@ struct Spilled {
     texels: usize,
     originals: Vec<usize>,
     touched: Rect,
-    is_stale: bool,
+    stale: Rect,
 }
 
 /// All pages of a stroke.
@@ -87,8 +87,8 @@ impl StrokePages {
 
     /// Pages that have grown since they were last shown, ascending.
     pub(crate) fn stale(&self) -> Vec<PageId> {
-        let kept = self.pages.iter().filter(|(_, page)| page.is_stale).map(|(&id, _)| id);
-        let spilled = self.spilled.iter().filter(|(_, page)| page.is_stale).map(|(&id, _)| id);
+        let kept = self.pages.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
+        let spilled = self.spilled.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
         let mut ids: Vec<PageId> = kept.chain(spilled).collect();
         ids.sort_unstable();
         ids
@@ -108,7 +108,7 @@ impl StrokePages {
             texels: page.coverage.len(),
             originals: page.originals.iter().map(Vec::len).collect(),
             touched: page.touched,
-            is_stale: page.is_stale,
+            stale: page.stale,
         };
         self.end += page.memory_bytes() as u64;
         self.spilled.insert(id, spilled);
@@ -128,7 +128,7 @@ fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
         file.read_exact(&mut bytes)?;
         originals.push(bytes);
     }
-    Ok(StrokePage { coverage, touched: spilled.touched, is_stale: spilled.is_stale, originals })
+    Ok(StrokePage { coverage, touched: spilled.touched, stale: spilled.stale, originals })
 }
 
 #[cfg(test)]
@@ -143,7 +143,9 @@ mod tests {
             let mut page = StrokePage::new(16);
             page.coverage[3] = group as f32;
             page.touched.add(3, 0);
-            page.is_stale = group % 2 == 0;
+            if group % 2 == 0 {
+                page.stale.add(3, 0);
+            }
             page.originals = vec![vec![group as u8; 8], vec![7; 4]];
             pages.put(id(group), page, 200).unwrap();
         }
