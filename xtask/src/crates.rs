@@ -20,6 +20,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "fantex-gpu",
         &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
     ),
+    ("fantex-paint", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
     (
         "fantex",
         &[

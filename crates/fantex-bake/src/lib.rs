@@ -8,7 +8,6 @@
 
 mod bake;
 mod fidelity;
-mod footprints;
 mod light;
 mod options;
 mod progress;

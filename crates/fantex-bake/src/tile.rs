@@ -11,13 +11,12 @@
 
 use std::time::{Duration, Instant};
 
-use fantex_cover::Cover;
+use fantex_cover::{Cover, Footprints, TexelBlock, TexelTriangle};
 use fantex_mesh::Mesh;
 use fantex_store::{ChannelKind, EncodedPage, PageId, page_extent, page_grid, page_origin};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::footprints::{Block, Footprints, TexelTriangle};
 use crate::progress::Meter;
 use crate::raster::{Mean, Overshoot, Raster};
 use crate::stored::{ChannelPlan, Texels, Window, encode_pages};
@@ -66,7 +65,7 @@ impl TileBaker<'_> {
         let triangles = self.texel_triangles(group, triangles);
         let mut tile = BakedTile { bake_time: started.elapsed(), ..BakedTile::default() };
         if extent.iter().all(|&n| n <= BLOCK) {
-            let raster = self.evaluate(group, triangles, Block { origin: [0, 0], extent }, &mut tile);
+            let raster = self.evaluate(group, triangles, TexelBlock { origin: [0, 0], extent }, &mut tile);
             self.finish_levels(group, 0, raster, &mut tile)?;
             self.meter.add(u64::from(extent[0]) * u64::from(extent[1]));
         } else {
@@ -129,7 +128,7 @@ impl TileBaker<'_> {
         let high: [u32; 2] = std::array::from_fn(|k| (low[k] + BLOCK).min(extent[k]));
         let origin: [u32; 2] = std::array::from_fn(|k| low[k].saturating_sub(HALO));
         let end: [u32; 2] = std::array::from_fn(|k| (high[k] + HALO).min(extent[k]));
-        let block = Block { origin, extent: [end[0] - origin[0], end[1] - origin[1]] };
+        let block = TexelBlock { origin, extent: [end[0] - origin[0], end[1] - origin[1]] };
         let near: Vec<TexelTriangle> = triangles.iter().filter(|t| t.touches(block)).copied().collect();
         let mut tile = BakedTile::default();
         let mut raster = self.evaluate(group, near, block, &mut tile);
@@ -167,7 +166,7 @@ impl TileBaker<'_> {
         &self,
         group: u32,
         triangles: Vec<TexelTriangle>,
-        block: Block,
+        block: TexelBlock,
         tile: &mut BakedTile,
     ) -> Raster {
         let started = Instant::now();

@@ -172,6 +172,16 @@ impl Asset {
         &self.cover
     }
 
+    /// The mesh, to be kept without keeping this generation of the texels.
+    pub fn shared_mesh(&self) -> Arc<Mesh> {
+        Arc::clone(&self.mesh)
+    }
+
+    /// The cover, to be kept without keeping this generation of the texels.
+    pub fn shared_cover(&self) -> Arc<Cover> {
+        Arc::clone(&self.cover)
+    }
+
     /// The channels.
     pub fn channels(&self) -> &[Channel] {
         &self.channels
@@ -194,11 +204,11 @@ impl Asset {
 
     /// Reads, checks and decodes one page. Not cached.
     pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
-        self.texels(channel, page, &self.read_page_raw(channel, page)?)
+        self.decode_page_raw(channel, page, &self.read_page_raw(channel, page)?)
     }
 
-    /// Decodes the bytes of a page.
-    pub(crate) fn texels(&self, channel: usize, page: PageId, bytes: &[u8]) -> Result<Texels, PageError> {
+    /// Decodes bytes that [`read_page_raw`](Self::read_page_raw) gave for a page.
+    pub fn decode_page_raw(&self, channel: usize, page: PageId, bytes: &[u8]) -> Result<Texels, PageError> {
         let extent = self.page_extent(channel, page)?;
         let texels = self.decode_page(channel, page, extent, bytes)?;
         let srgb = self.channels[channel].srgb;

@@ -2,7 +2,7 @@
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::commands::{bake, bench, compare, demo, gallery, generate, info, render, verify, view};
+use crate::commands::{bake, bench, compare, demo, gallery, generate, info, paint, render, verify, view};
 use crate::size::Bytes;
 
 /// Seamless textures without UV coordinates: cover a model by parts of its triangle fans, bake, verify, render.
@@ -56,6 +56,7 @@ pub(crate) enum Command {
     Compare(compare::CompareArgs),
     Gallery(gallery::GalleryArgs),
     Generate(generate::GenerateArgs),
+    Paint(paint::PaintArgs),
     Bench(bench::BenchArgs),
     Demo(demo::DemoArgs),
     View(view::ViewArgs),

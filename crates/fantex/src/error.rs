@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex::{bake, cover, look, look_scene, mesh, render, store, texture};
+use fantex::{bake, cover, look, look_scene, mesh, paint, render, store, texture};
 
 use crate::interrupt;
 
@@ -58,6 +58,14 @@ pub(crate) enum CliError {
     SurfaceDetail(#[from] texture::DetailError),
     #[error(transparent)]
     Warp(#[from] texture::warp::WarpError),
+    #[error(transparent)]
+    Paint(#[from] paint::PaintError),
+    #[error(transparent)]
+    Replay(#[from] paint::ReplayError),
+    #[error(
+        "painting by hand needs the desktop application; give --replay STROKES.json to apply recorded strokes here"
+    )]
+    PaintNeedsApp,
     #[error(transparent)]
     LightMap(#[from] bake::LightMapError),
     #[error(
@@ -156,6 +164,7 @@ impl CliError {
             | Self::NotForLooks { .. }
             | Self::LookAsSource
             | Self::TexelsOfModel { .. }
+            | Self::PaintNeedsApp
             | Self::NothingToMatch { .. } => 2,
             _ => 1,
         }

@@ -53,6 +53,7 @@
 //! | [`bake`] | sources to tiles |
 //! | [`stream`] | asynchronous reading, demand and residency of tiles, files and URLs alike |
 //! | [`scene`] | cameras, lights, surroundings, tone mapping: what renderers are given |
+//! | [`paint`] | painting on assets |
 //! | [`render`] | the CPU renderer |
 //! | [`gpu`] | the GPU renderer: models with UV textures, and assets through a small atlas |
 //!
@@ -64,6 +65,6 @@ pub mod look_scene;
 
 pub use {
     fantex_bake as bake, fantex_cover as cover, fantex_gpu as gpu, fantex_look as look, fantex_mesh as mesh,
-    fantex_render as render, fantex_scene as scene, fantex_store as store, fantex_stream as stream,
-    fantex_texture as texture,
+    fantex_paint as paint, fantex_render as render, fantex_scene as scene, fantex_store as store,
+    fantex_stream as stream, fantex_texture as texture,
 };

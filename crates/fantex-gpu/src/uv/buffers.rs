@@ -1,7 +1,7 @@
 //! Vertices and indices on the device.
 
-use crate::sorted::SortedTriangles;
 use super::vertices::{Attributes, Vertices};
+use crate::sorted::SortedTriangles;
 use crate::{Gpu, GpuError};
 
 /// Vertices and indices on the device.

@@ -1,10 +1,10 @@
 //! The editor: changes that are not yet committed, and reading through them.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::{File, OpenOptions};
 use std::ops::Range;
 use std::path::Path;
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use super::EditError;
 use super::lock::WriterLock;
@@ -12,11 +12,11 @@ use super::output::{FileOutput, Output};
 use super::runs::{LevelChanges, RUN_BYTES, RunPacking};
 use super::space::{Space, padded_in_order, without_fixed};
 use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
-use crate::layout::{PageSize, TilePlace};
+use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
 use crate::open::{read_other_slot, read_section};
 use crate::section::attachments::{self, Attachments};
-use crate::section::directory::{self, Directory};
+use crate::section::directory::{self, ClusterEntry, Directory};
 use crate::{Asset, FileSource, PageError, PageId, Texels, cover_level_count};
 
 /// How to edit an asset.
@@ -49,7 +49,14 @@ pub struct AssetEditor {
     pub(super) flushed: Flushed,
     pub(super) space: Space,
     pub(super) header: HeaderState,
+    recent: Mutex<RecentClusters>,
 }
+
+/// Clusters that were unpacked last, by offset and checksum: neighbouring pages are mostly read together.
+type RecentClusters = VecDeque<([u64; 2], Arc<ClusterPages>)>;
+
+/// Clusters that are kept unpacked, of 64 to 256 KiB mostly.
+const RECENT_CLUSTERS: usize = 32;
 
 /// Changes in memory.
 #[derive(Debug, Default)]
@@ -133,6 +140,7 @@ impl AssetEditor {
             space,
             header,
             asset,
+            recent: Mutex::default(),
         })
     }
 
@@ -200,7 +208,8 @@ impl AssetEditor {
         !self.pending.attachments.is_empty() || self.pending.pages.iter().any(|pages| !pages.is_empty())
     }
 
-    /// Reads a page's bytes with all changes, committed or not. Not cached.
+    /// Reads a page's bytes with all changes, committed or not. Keeps the
+    /// last few clusters.
     pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
         self.asset.page_extent(channel, page)?;
         let place = self.place(page)?;
@@ -209,14 +218,29 @@ impl AssetEditor {
             return Ok(bytes.clone());
         }
         let entry = &self.flushed.directory.levels[page.level as usize][self.cluster_of(page.level, place)];
-        let cluster = self.asset.read_entry(page.level, entry)?;
+        let cluster = self.cluster(page.level, entry)?;
         self.asset.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
+    }
+
+    fn cluster(&self, level: u32, entry: &ClusterEntry) -> Result<Arc<ClusterPages>, PageError> {
+        let key = [entry.offset, entry.checksum];
+        let lock = || self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, cluster)) = lock().iter().find(|(known, _)| *known == key) {
+            return Ok(Arc::clone(cluster));
+        }
+        let cluster = Arc::new(self.asset.read_entry(level, entry)?);
+        let mut recent = lock();
+        if recent.len() >= RECENT_CLUSTERS {
+            recent.pop_front();
+        }
+        recent.push_back((key, Arc::clone(&cluster)));
+        Ok(cluster)
     }
 
     /// Reads and decodes a page with all changes, committed or not. Not cached.
     pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
         let bytes = self.read_page_raw(channel, page)?;
-        self.asset.texels(channel, page, &bytes)
+        self.asset.decode_page_raw(channel, page, &bytes)
     }
 
     /// The mean of a group with all changes. Panics where `channel` or `group` is out of range.
@@ -257,7 +281,7 @@ impl AssetEditor {
     }
 
     fn release_uncommitted(&mut self, dropped: &Flushed) {
-        let clusters = dropped.directory.levels.iter().flatten().map(directory::ClusterEntry::range);
+        let clusters = dropped.directory.levels.iter().flatten().map(ClusterEntry::range);
         let attachments = dropped.attachments.values().map(SectionRecord::range);
         for range in clusters.chain(attachments).filter(|r| dropped.uncommitted.contains(&r.start)) {
             self.space.release(&range);
@@ -295,7 +319,7 @@ fn used_ranges(
 ) -> impl Iterator<Item = Range<u64>> {
     let sections = slot.sections.iter().chain([&slot.attachments]).chain(attachments.values());
     let ranges: Vec<_> = sections.map(SectionRecord::range).collect();
-    let clusters: Vec<_> = directory.levels.iter().flatten().map(directory::ClusterEntry::range).collect();
+    let clusters: Vec<_> = directory.levels.iter().flatten().map(ClusterEntry::range).collect();
     ranges.into_iter().chain(clusters)
 }
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 /// Positional writes, made durable on demand. Writes between two calls of `sync` may reach the disk in any order, in part
 /// or not at all.
-pub(crate) trait Output: Send + std::fmt::Debug {
+pub(crate) trait Output: Send + Sync + std::fmt::Debug {
     /// Writes all bytes at an offset; the file grows as needed.
     fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()>;
     /// Cuts or extends the file.

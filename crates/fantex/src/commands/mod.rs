@@ -8,6 +8,7 @@ pub(crate) mod gallery;
 pub(crate) mod generate;
 pub(crate) mod info;
 mod look;
+pub(crate) mod paint;
 pub(crate) mod render;
 mod render_gpu;
 mod render_look;
@@ -28,6 +29,7 @@ pub(crate) fn run(command: &Command, context: &Context) -> Result<(), CliError> 
         Command::Compare(args) => compare::run(args, context),
         Command::Gallery(args) => gallery::run(args, context),
         Command::Generate(args) => generate::run(args, context),
+        Command::Paint(args) => paint::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),
         Command::View(args) => view::run(args),

@@ -40,6 +40,7 @@ struct VerifyInfo {
     ok: bool,
     damaged_tiles: u64,
     damaged_headers: u32,
+    damaged_attachments: u64,
     damage: Vec<String>,
     mesh_faults: Vec<String>,
     continuity: ContinuityInfo,
@@ -59,6 +60,7 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> 
         ok: report.ok,
         damaged_tiles: report.damaged_tiles,
         damaged_headers: report.damaged_headers,
+        damaged_attachments: report.damaged_attachments,
         damage: report.first_damage.clone(),
         mesh_faults: report.mesh_faults.iter().map(ToString::to_string).collect(),
         continuity: ContinuityInfo {
@@ -87,6 +89,9 @@ pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
         format!("its mesh breaks a rule of the format: {fault}")
     } else if report.damaged_headers > 0 {
         "one of its two headers is damaged; the other one still opens it".to_owned()
+    } else if report.damaged_attachments > 0 {
+        let count = grouped(report.damaged_attachments);
+        format!("{count} attachments (layers, history) are damaged; its texels are not")
     } else if report.continuity.needless_splits > 0 {
         let edges = grouped(report.continuity.needless_splits);
         format!(

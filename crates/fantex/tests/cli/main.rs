@@ -6,6 +6,7 @@ mod bad_input;
 mod gallery;
 mod interrupt;
 mod looks;
+mod paint;
 mod real_models;
 mod round_trip;
 mod support;

@@ -1,41 +1,42 @@
 //! Which triangle lies under which texel.
 //!
-//! A block is a rectangle of a tile's level 0. Every triangle of the tile's group is scan-converted into it; texels just off
+//! A block is a rectangle of a tile's level 0 (or, with corners scaled to it, of a coarser one). Every triangle of the tile's group is scan-converted into it; texels just off
 //! the surface (at boundaries of the mesh) take the nearest triangle within two texels, whose plane is continued there.
 
 use glam::{Vec2, Vec3};
 
 /// A rectangle of texels of level 0 of a tile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Block {
+pub struct TexelBlock {
     /// First column and row.
-    pub(crate) origin: [u32; 2],
+    pub origin: [u32; 2],
     /// Columns and rows.
-    pub(crate) extent: [u32; 2],
+    pub extent: [u32; 2],
 }
 
-impl Block {
-    pub(crate) fn texel_count(&self) -> usize {
+impl TexelBlock {
+    /// Texels of the block.
+    pub fn texel_count(&self) -> usize {
         self.extent[0] as usize * self.extent[1] as usize
     }
 }
 
 /// A triangle in the tile: barycentric coordinates as an affine function of texel coordinates.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct TexelTriangle {
+pub struct TexelTriangle {
     /// Index in the mesh.
-    pub(crate) triangle: u32,
+    pub triangle: u32,
     /// True for the corners whose fans are in the group.
-    pub(crate) inside: [bool; 3],
+    pub inside: [bool; 3],
     /// Corners in texels, texel centres at half integers.
     corners: [Vec2; 3],
     /// Barycentric coordinates at texel coordinates `corners[0]` (that is, 1 0 0), and their change per texel.
-    pub(crate) steps: [Vec3; 2],
+    pub steps: [Vec3; 2],
 }
 
 impl TexelTriangle {
     /// `None` for a triangle that is degenerate in the tile.
-    pub(crate) fn new(triangle: u32, inside: [bool; 3], corners: [Vec2; 3]) -> Option<Self> {
+    pub fn new(triangle: u32, inside: [bool; 3], corners: [Vec2; 3]) -> Option<Self> {
         let [a, b, c] = corners.map(Vec2::as_dvec2);
         let area = (b - a).perp_dot(c - a);
         if !(area.abs() > 1e-12 && area.is_finite()) {
@@ -47,13 +48,13 @@ impl TexelTriangle {
     }
 
     /// Barycentric coordinates at a position in texels.
-    pub(crate) fn lambda(&self, at: Vec2) -> Vec3 {
+    pub fn lambda(&self, at: Vec2) -> Vec3 {
         let d = at - self.corners[0];
         Vec3::X + self.steps[0] * d.x + self.steps[1] * d.y
     }
 
     /// True where the triangle's bounding box meets a block or the texels that continue the surface beside it.
-    pub(crate) fn touches(&self, block: Block) -> bool {
+    pub fn touches(&self, block: TexelBlock) -> bool {
         let margin = Vec2::splat(EXTENSION_TEXELS + 1.0);
         let [own_low, own_high] = self.bounds();
         let low = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
@@ -62,7 +63,7 @@ impl TexelTriangle {
     }
 
     /// Lower and upper corner of the bounding box, texels.
-    fn bounds(&self) -> [Vec2; 2] {
+    pub fn bounds(&self) -> [Vec2; 2] {
         let [a, b, c] = self.corners;
         [a.min(b).min(c), a.max(b).max(c)]
     }
@@ -79,26 +80,27 @@ impl TexelTriangle {
 }
 
 /// No triangle.
-pub(crate) const NOBODY: u32 = u32::MAX;
+pub const NOBODY: u32 = u32::MAX;
 
 /// For every texel of a block the triangle under it.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Footprints {
-    pub(crate) triangles: Vec<TexelTriangle>,
+pub struct Footprints {
+    /// What may lie under the texels; put in before [`cover`](Self::cover).
+    pub triangles: Vec<TexelTriangle>,
     /// Index into `triangles`, or `NOBODY`. Row-major.
-    pub(crate) owner: Vec<u32>,
+    pub owner: Vec<u32>,
     /// True where the region that the texture function reads covers the texel's centre, or its outline passes the texel.
-    pub(crate) in_region: Vec<bool>,
+    pub in_region: Vec<bool>,
     /// Texels between the centre and the owner; not positive on the surface.
-    pub(crate) distance: Vec<f32>,
+    pub distance: Vec<f32>,
 }
 
 /// Texels this far off the surface still get a value: what a bilinear look-up at the surface's edge and the fit read.
 const EXTENSION_TEXELS: f32 = 2.0;
 
 impl Footprints {
-    /// Finds the owners of a block's texels; `self.triangles` holds the group's triangles.
-    pub(crate) fn cover(&mut self, block: Block, delta: f32) {
+    /// Finds the owners of a block's texels, with the cover's `delta`; `self.triangles` holds the group's triangles.
+    pub fn cover(&mut self, block: TexelBlock, delta: f32) {
         self.owner.clear();
         self.owner.resize(block.texel_count(), NOBODY);
         self.in_region.clear();
@@ -115,7 +117,7 @@ impl Footprints {
     }
 
     /// Visits every triangle that owns texels with them, ascending.
-    pub(crate) fn for_each_owner(&self, mut visit: impl FnMut(&TexelTriangle, &[u32])) {
+    pub fn for_each_owner(&self, mut visit: impl FnMut(&TexelTriangle, &[u32])) {
         let mut owned: Vec<u32> = (0u32..).zip(&self.owner).filter(|o| *o.1 != NOBODY).map(|o| o.0).collect();
         // Stable, so texels stay in rows.
         owned.sort_by_key(|&texel| self.owner[texel as usize]);
@@ -124,7 +126,7 @@ impl Footprints {
         }
     }
 
-    fn scan(&mut self, index: u32, block: Block, delta: f32) {
+    fn scan(&mut self, index: u32, block: TexelBlock, delta: f32) {
         let triangle = self.triangles[index as usize];
         let [x0, y0] = block.origin.map(|o| o as f32);
         let [width, height] = block.extent;
@@ -160,7 +162,7 @@ impl Footprints {
     }
 
     /// Claims the texels just off the surface that are nearest to this triangle.
-    fn extend(&mut self, index: u32, block: Block) {
+    fn extend(&mut self, index: u32, block: TexelBlock) {
         let triangle = self.triangles[index as usize];
         let [low, high] = triangle.bounds();
         let origin = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);
@@ -186,7 +188,7 @@ impl Footprints {
 
     /// Marks the texels along the outline of the region in a triangle: tips and slivers pass between texel centres, also
     /// where the triangle is wholly inside.
-    fn mark_outline(&mut self, index: u32, block: Block, delta: f32) {
+    fn mark_outline(&mut self, index: u32, block: TexelBlock, delta: f32) {
         let triangle = self.triangles[index as usize];
         let inside = triangle.inside;
         let origin = Vec2::new(block.origin[0] as f32, block.origin[1] as f32);

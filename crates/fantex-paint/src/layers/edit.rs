@@ -1,0 +1,134 @@
+//! Adding, removing and changing layers.
+
+use std::collections::BTreeSet;
+
+use fantex_store::{PAGE, PageId, page_extent, page_grid};
+use rayon::prelude::*;
+
+use super::{
+    BASE_PREFIX, INDEX, Layer, LayerContent, LayerStack, base_name, flatten, mask_prefix, page_of_suffix,
+};
+use crate::layers::flatten::base_bytes;
+use crate::tile_paint::{Changes, PageChange, Rect};
+use crate::{PaintError, Painter};
+
+/// Pages that are flattened at a time.
+const BATCH: usize = 64;
+
+impl Painter {
+    /// All layers, from the bottom to the top.
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers.stack
+    }
+
+    /// Puts a layer on top; returns its number, by which strokes name it.
+    pub fn add_layer(&mut self, layer: Layer) -> Result<u64, PaintError> {
+        let mut number = 0;
+        self.change_layers("add layer", |layers| number = layers.add(layer))?;
+        Ok(number)
+    }
+
+    /// Changes layers in any way: order, names, visibility, opacity, blending, masks; or removes some. One step of the
+    /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer).
+    pub fn edit_layers(
+        &mut self,
+        label: &str,
+        change: impl FnOnce(&mut Vec<Layer>),
+    ) -> Result<(), PaintError> {
+        self.change_layers(label, |layers| {
+            let known: BTreeSet<u64> = layers.stack.iter().map(Layer::id).collect();
+            change(&mut layers.stack);
+            let mut seen = BTreeSet::new();
+            layers.stack.retain(|layer| known.contains(&layer.id()) && seen.insert(layer.id()));
+        })
+    }
+
+    fn change_layers(
+        &mut self,
+        label: &str,
+        change: impl FnOnce(&mut super::Layers),
+    ) -> Result<(), PaintError> {
+        self.end()?;
+        let before = self.layers.clone();
+        change(&mut self.layers);
+        if before == self.layers {
+            return Ok(());
+        }
+        self.begin_step(label);
+        let list = self.layers.encoded()?;
+        self.attach(INDEX, list)?;
+        let pages = self.pages_to_flatten(&before.stack);
+        let mut changes = Changes::default();
+        for ids in pages.chunks(BATCH) {
+            self.flatten_pages(ids, &mut changes)?;
+        }
+        let channels: Vec<usize> = (0..self.editor.asset().channels().len()).collect();
+        self.finish_step(changes, &channels)?;
+        Ok(())
+    }
+
+    fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<(), PaintError> {
+        for &id in ids {
+            if self.editor.attachment(&base_name(id))?.is_none() {
+                let base = base_bytes(&self.editor, id, None)?.concat();
+                self.attach(&base_name(id), base)?;
+            }
+        }
+        let (editor, layers) = (&self.editor, &self.layers);
+        let flat: Vec<Vec<Vec<u8>>> = ids
+            .par_iter()
+            .map(|&id| {
+                let group = &editor.asset().cover().groups[id.group as usize];
+                let extent = page_extent(group.level_extent(0), id.page);
+                flatten(&LayerStack { editor, layers, id, extent, replaced: None })
+            })
+            .collect::<Result<_, _>>()?;
+        for (&id, channels) in ids.iter().zip(flat) {
+            for (channel, after) in channels.into_iter().enumerate() {
+                let before = self.editor.read_page_raw(channel, id)?;
+                if before != after {
+                    let change = PageChange { id, channel, before, after };
+                    self.remember(&change)?;
+                    self.editor.replace(id, channel, change.after)?;
+                    let group = &self.editor.asset().cover().groups[id.group as usize];
+                    let extent = page_extent(group.level_extent(0), id.page);
+                    changes.add(id, Rect { low: [0; 2], high: extent });
+                }
+            }
+        }
+        self.relieve()
+    }
+
+    /// Pages on which some layer shows or has shown something, ascending.
+    fn pages_to_flatten(&self, before: &[Layer]) -> Vec<PageId> {
+        let everywhere = |layer: &Layer| {
+            matches!(layer.content, LayerContent::Fill(_)) && layer.mask.is_none_or(|outside| outside > 0.0)
+        };
+        if self.layers.stack.iter().chain(before).any(everywhere) {
+            return self.all_pages();
+        }
+        let names = self.editor.attachment_names();
+        let masks: Vec<String> = self.layers.stack.iter().map(|layer| mask_prefix(layer.id())).collect();
+        let prefixes = masks.iter().map(String::as_str).chain([BASE_PREFIX]);
+        let mut pages = BTreeSet::new();
+        for prefix in prefixes {
+            let suffixes = names.iter().filter_map(|name| name.strip_prefix(prefix));
+            pages.extend(suffixes.filter_map(page_of_suffix).filter(|id| self.has_page(*id)));
+        }
+        pages.into_iter().collect()
+    }
+
+    fn has_page(&self, id: PageId) -> bool {
+        let group = self.editor.asset().cover().groups.get(id.group as usize);
+        group.is_some_and(|group| group.extent.iter().zip(id.page).all(|(&n, page)| page < n.div_ceil(PAGE)))
+    }
+
+    fn all_pages(&self) -> Vec<PageId> {
+        let groups = (0u32..).zip(&self.editor.asset().cover().groups);
+        let pages = groups.flat_map(|(group, shape)| {
+            let [columns, rows] = page_grid(shape.extent);
+            (0..rows).flat_map(move |y| (0..columns).map(move |x| PageId { group, level: 0, page: [x, y] }))
+        });
+        pages.collect()
+    }
+}

@@ -1,0 +1,45 @@
+//! Painting on the surface of a model, into its asset.
+//!
+//! ```text
+//!  samples --stroke--> dabs --tile_paint--> pages of all tiles and levels --AssetEditor--> asset.fan
+//!            spaced along      the same function of the surface                copy-on-write, undo in the history
+//!            the surface       in every tile that shows it
+//! ```
+//!
+//! | module | what |
+//! |---|---|
+//! | `surface` | the mesh with the adjacency that painting needs |
+//! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
+//! | `dab` | which part of the surface a dab covers, by distance along it |
+//! | `tile_paint` | coverage, texels, coarser levels; the [`Painter`] |
+//! | `layers` | layers over the base, flattened into the asset's texels |
+//! | `history` | undo and redo, kept in the asset |
+//! | `replay` | strokes from a file |
+//!
+//! Everything is a function of its input only, on any number of threads. There is no window in this crate.
+
+mod blend;
+mod dab;
+mod error;
+mod fill;
+mod history;
+mod layers;
+mod paint;
+mod replay;
+mod stamp;
+mod stroke;
+mod surface;
+mod tile_paint;
+
+pub use blend::BlendMode;
+pub use dab::{Dab, Region, RegionTriangle};
+pub use error::PaintError;
+pub use fill::{FillScope, fill_triangles};
+pub use history::{History, HistoryStep};
+pub use layers::{Layer, LayerContent, Target};
+pub use paint::{ChannelPaint, Paint, PaintColor, Tool};
+pub use replay::*;
+pub use stamp::Stamp;
+pub use stroke::{Brush, Jitter, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
+pub use surface::{Surface, SurfacePoint};
+pub use tile_paint::{PaintOptions, Painter, StrokeSummary};

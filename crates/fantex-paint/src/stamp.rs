@@ -1,0 +1,42 @@
+//! Pictures that shape a dab.
+
+use fantex_texture::Image;
+
+/// A picture whose alpha (or, where it has none, whose brightness) shapes a dab.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stamp {
+    extent: [usize; 2],
+    coverage: Vec<f32>,
+}
+
+impl Stamp {
+    /// From a picture; its longer side spans the brush's diameter.
+    pub fn new(image: &Image) -> Self {
+        let coverage = |x, y| {
+            let [r, g, b, a] = image.linear_texel(x, y);
+            // Luminance (ITU-R BT.709).
+            if image.has_alpha() { a } else { 0.2126 * r + 0.7152 * g + 0.0722 * b }
+        };
+        let texels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| coverage(x, y)));
+        Self { extent: [image.width as usize, image.height as usize], coverage: texels.collect() }
+    }
+
+    /// Bilinear coverage at a place of the brush: x to the right and y upwards, -1..1 over the picture's longer side; 0
+    /// outside, with the picture's border fading over a texel.
+    pub(crate) fn coverage(&self, x: f32, y: f32) -> f32 {
+        let [width, height] = self.extent;
+        let scale = 0.5 * width.max(height) as f32;
+        let column = x * scale + 0.5 * width as f32 - 0.5;
+        let row = -y * scale + 0.5 * height as f32 - 0.5;
+        let (c, r) = (column.floor(), row.floor());
+        let (fx, fy) = (column - c, row - r);
+        let at = |dx: f32, dy: f32| {
+            let (c, r) = (c + dx, r + dy);
+            let inside = c >= 0.0 && r >= 0.0 && c < width as f32 && r < height as f32;
+            if inside { self.coverage[r as usize * width + c as usize] } else { 0.0 }
+        };
+        let top = at(0.0, 0.0) * (1.0 - fx) + at(1.0, 0.0) * fx;
+        let bottom = at(0.0, 1.0) * (1.0 - fx) + at(1.0, 1.0) * fx;
+        top * (1.0 - fy) + bottom * fy
+    }
+}

@@ -1,0 +1,166 @@
+//! The surface that is painted on: who is whose neighbour, and which triangles a tile shows.
+
+use std::sync::Arc;
+
+use fantex_cover::Cover;
+use fantex_mesh::{Mesh, TriangleBvh};
+use fantex_store::Asset;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+/// A point of the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfacePoint {
+    /// Triangle index.
+    pub triangle: u32,
+    /// Barycentric coordinates, not negative, of sum one.
+    pub lambda: Vec3,
+}
+
+/// No half-edge.
+const NONE: u32 = u32::MAX;
+
+/// A mesh and its cover with the adjacency that painting needs. Shared by threads; knows no texels.
+pub struct Surface {
+    mesh: Arc<Mesh>,
+    cover: Arc<Cover>,
+    bvh: TriangleBvh,
+    /// Per half-edge `3 * triangle + k` (from corner `k` to `k + 1`) the half-edge on the other side, or `NONE`.
+    opposite: Vec<u32>,
+    /// Row `g` of `group_triangles` starts here.
+    group_starts: Vec<u32>,
+    group_triangles: Vec<u32>,
+}
+
+impl std::fmt::Debug for Surface {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Surface").field("triangles", &self.mesh.triangles.len()).finish_non_exhaustive()
+    }
+}
+
+impl Surface {
+    /// Builds the adjacency of an asset's surface (about two seconds for a million triangles).
+    pub fn of(asset: &Asset) -> Self {
+        Self::new(asset.shared_mesh(), asset.shared_cover())
+    }
+
+    /// The same from its parts.
+    pub fn new(mesh: Arc<Mesh>, cover: Arc<Cover>) -> Self {
+        let opposite = opposite_edges(&mesh.triangles);
+        let (group_starts, group_triangles) = triangles_of_groups(&cover);
+        let bvh = TriangleBvh::new(&mesh);
+        Self { mesh, cover, bvh, opposite, group_starts, group_triangles }
+    }
+
+    /// The mesh.
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// The cover.
+    pub fn cover(&self) -> &Cover {
+        &self.cover
+    }
+
+    /// Rays and nearest points.
+    pub fn bvh(&self) -> &TriangleBvh {
+        &self.bvh
+    }
+
+    /// The point nearest to a mesh-space position, at most so many mesh units away.
+    pub fn nearest(&self, position: Vec3, max_distance: f32) -> Option<SurfacePoint> {
+        let found = self.bvh.nearest_point(position, max_distance)?;
+        Some(SurfacePoint { triangle: found.triangle as u32, lambda: found.lambda })
+    }
+
+    /// The first point on a ray in mesh space.
+    pub fn hit(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+        let hit = self.bvh.first_hit(origin, direction, f32::INFINITY)?;
+        Some(SurfacePoint { triangle: hit.triangle as u32, lambda: hit.lambda })
+    }
+
+    /// Mesh-space position of a point.
+    pub fn position(&self, point: SurfacePoint) -> DVec3 {
+        let [a, b, c] = self.corners(point.triangle);
+        let l = point.lambda.as_dvec3();
+        a * l.x + b * l.y + c * l.z
+    }
+
+    /// Unit normal of a triangle, by its winding; zero for one without area in double precision.
+    pub fn facet_normal(&self, triangle: u32) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// Corner positions of a triangle, mesh space.
+    pub(crate) fn corners(&self, triangle: u32) -> [DVec3; 3] {
+        self.mesh.triangle_positions(triangle as usize).map(|p| p.as_dvec3())
+    }
+
+    /// The half-edge on the other side of an edge with exactly two triangles.
+    pub(crate) fn opposite(&self, half_edge: u32) -> Option<u32> {
+        let other = self.opposite[half_edge as usize];
+        (other != NONE).then_some(other)
+    }
+
+    /// The triangles with a corner in a group, ascending.
+    pub(crate) fn triangles_of_group(&self, group: u32) -> &[u32] {
+        let [from, to] = [0, 1].map(|k| self.group_starts[group as usize + k] as usize);
+        &self.group_triangles[from..to]
+    }
+
+    /// The different groups of a triangle's corners.
+    pub(crate) fn groups_of(&self, triangle: u32) -> impl Iterator<Item = u32> + use<> {
+        let [a, b, c] = self.cover.corner_groups[triangle as usize];
+        let second = (b != a).then_some(b);
+        let third = (c != a && c != b).then_some(c);
+        [Some(a), second, third].into_iter().flatten()
+    }
+}
+
+/// Pairs the half-edges of edges that have exactly two triangles, however these are wound.
+fn opposite_edges(triangles: &[[u32; 3]]) -> Vec<u32> {
+    let mut edges: Vec<(u64, u32)> = triangles
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(t, triangle)| {
+            (0..3).map(move |k| {
+                let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+                ((u64::from(a.min(b)) << 32) | u64::from(a.max(b)), (3 * t + k) as u32)
+            })
+        })
+        .collect();
+    edges.par_sort_unstable();
+    let mut opposite = vec![NONE; 3 * triangles.len()];
+    for edge in edges.chunk_by(|x, y| x.0 == y.0) {
+        if let [(_, first), (_, second)] = edge {
+            opposite[*first as usize] = *second;
+            opposite[*second as usize] = *first;
+        }
+    }
+    opposite
+}
+
+/// The triangles of every group in compressed rows.
+fn triangles_of_groups(cover: &Cover) -> (Vec<u32>, Vec<u32>) {
+    let distinct = |groups: &[u32; 3]| {
+        let [a, b, c] = *groups;
+        [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
+    };
+    let mut starts = vec![0u32; cover.groups.len() + 1];
+    for group in cover.corner_groups.iter().flat_map(distinct) {
+        starts[group as usize + 1] += 1;
+    }
+    for g in 1..starts.len() {
+        starts[g] += starts[g - 1];
+    }
+    let mut next = starts.clone();
+    let mut rows = vec![0; starts[starts.len() - 1] as usize];
+    for (t, groups) in cover.corner_groups.iter().enumerate() {
+        for group in distinct(groups) {
+            rows[next[group as usize] as usize] = t as u32;
+            next[group as usize] += 1;
+        }
+    }
+    (starts, rows)
+}

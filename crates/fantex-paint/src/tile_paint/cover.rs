@@ -1,0 +1,138 @@
+//! Dabs to coverage: which pages a dab touches, and what it adds to their texels.
+
+use std::collections::BTreeMap;
+
+use fantex_cover::NOBODY;
+use fantex_store::{PAGE, PageId};
+use glam::{Vec2, Vec3};
+
+use super::rect::Rect;
+use super::stroke_page::StrokePage;
+use super::texel_page::{TexelPage, texel_triangle};
+use crate::Surface;
+use crate::dab::PlacedDab;
+
+/// Texels beside a triangle that may show it: those that continue the surface, and half a texel of rounding.
+const MARGIN_TEXELS: f32 = 2.5;
+
+/// The pages of level 0 that dabs touch, with the indices of these dabs, ascending.
+pub(crate) fn touched_pages(surface: &Surface, dabs: &[PlacedDab]) -> BTreeMap<PageId, Vec<u32>> {
+    let mut pages: BTreeMap<PageId, Vec<u32>> = BTreeMap::new();
+    for (index, dab) in (0u32..).zip(dabs) {
+        for triangle in &dab.region.triangles {
+            for_each_page(surface, triangle.triangle, |id| {
+                let touching = pages.entry(id).or_default();
+                if touching.last() != Some(&index) {
+                    touching.push(index);
+                }
+            });
+        }
+    }
+    pages
+}
+
+/// The pages of level 0 that show a triangle.
+pub(crate) fn for_each_page(surface: &Surface, triangle: u32, mut visit: impl FnMut(PageId)) {
+    for group in surface.groups_of(triangle) {
+        let extent = surface.cover().groups[group as usize].extent;
+        if extent.iter().all(|&n| n <= PAGE) {
+            visit(PageId { group, level: 0, page: [0, 0] });
+            continue;
+        }
+        let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
+        let Some(triangle) = texel_triangle(surface, group, triangle, texels) else { continue };
+        let [low, high] = triangle.bounds();
+        let last = texels - 1.0;
+        let page = |at: Vec2| (at.clamp(Vec2::ZERO, last) / PAGE as f32).as_uvec2();
+        let (from, to) = (page(low - MARGIN_TEXELS), page(high + MARGIN_TEXELS));
+        for y in from.y..=to.y {
+            (from.x..=to.x).for_each(|x| visit(PageId { group, level: 0, page: [x, y] }));
+        }
+    }
+}
+
+/// Adds dabs to a page, in order.
+pub(crate) fn cover_page<'a>(
+    surface: &Surface,
+    map: &TexelPage,
+    dabs: impl Iterator<Item = &'a PlacedDab>,
+    page: &mut StrokePage,
+) {
+    // Per triangle of the page its number in the dab's region.
+    let mut in_region = vec![NOBODY; map.triangles.len()];
+    for dab in dabs {
+        let mut rect = Rect::EMPTY;
+        let mut met = Vec::new();
+        for (number, triangle) in (0u32..).zip(&dab.region.triangles) {
+            let found = map.triangles.binary_search_by_key(&triangle.triangle, |t| t.triangle);
+            if let Ok(index) = found {
+                in_region[index] = number;
+                met.push(index);
+                rect = rect.union(texel_rect(map, map.triangles[index].bounds()));
+            }
+        }
+        add_dab(surface, map, dab, &in_region, rect, page);
+        met.into_iter().for_each(|index| in_region[index] = NOBODY);
+    }
+}
+
+fn add_dab(
+    surface: &Surface,
+    map: &TexelPage,
+    dab: &PlacedDab,
+    in_region: &[u32],
+    rect: Rect,
+    page: &mut StrokePage,
+) {
+    if rect.is_empty() {
+        return;
+    }
+    let width = map.block.extent[0];
+    for (x, y) in rect.texels() {
+        let texel = (y * width + x) as usize;
+        let owner = map.owner[texel];
+        if owner == NOBODY || in_region[owner as usize] == NOBODY {
+            continue;
+        }
+        let triangle = &map.triangles[owner as usize];
+        let lambda = map.lambda(triangle, x, y);
+        let position = blend(surface, triangle.triangle, lambda);
+        let entry = &dab.region.triangles[in_region[owner as usize] as usize];
+        let added = dab.coverage(entry, lambda, position);
+        if added > 0.0 {
+            let coverage = &mut page.coverage[texel];
+            *coverage += added * (1.0 - *coverage);
+            page.touched.add(x, y);
+            page.stale.add(x, y);
+        }
+    }
+}
+
+/// Covers all texels of chosen triangles fully.
+pub(crate) fn fill_page(map: &TexelPage, is_chosen: impl Fn(u32) -> bool, page: &mut StrokePage) {
+    let chosen: Vec<bool> = map.triangles.iter().map(|t| is_chosen(t.triangle)).collect();
+    let width = map.block.extent[0];
+    for (texel, &owner) in map.owner.iter().enumerate() {
+        if owner != NOBODY && chosen[owner as usize] {
+            page.coverage[texel] = 1.0;
+            let (x, y) = (texel as u32 % width, texel as u32 / width);
+            page.touched.add(x, y);
+            page.stale.add(x, y);
+        }
+    }
+}
+
+/// Mesh-space position of barycentric coordinates.
+pub(crate) fn blend(surface: &Surface, triangle: u32, lambda: Vec3) -> Vec3 {
+    let [a, b, c] = surface.mesh().triangle_positions(triangle as usize);
+    a * lambda.x + b * lambda.y + c * lambda.z
+}
+
+/// The texels of a page that a triangle with these bounds may own.
+fn texel_rect(map: &TexelPage, [low, high]: [Vec2; 2]) -> Rect {
+    let origin = Vec2::new(map.block.origin[0] as f32, map.block.origin[1] as f32);
+    let extent = Vec2::new(map.block.extent[0] as f32, map.block.extent[1] as f32);
+    let from = (low - origin - MARGIN_TEXELS).clamp(Vec2::ZERO, extent).floor().as_uvec2();
+    let to = (high - origin + MARGIN_TEXELS).clamp(Vec2::ZERO, extent).ceil().as_uvec2();
+    Rect { low: from.into(), high: to.into() }
+}

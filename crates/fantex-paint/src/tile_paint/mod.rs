@@ -1,0 +1,31 @@
+//! From dabs to stored texels.
+//!
+//! ```text
+//!  dabs --cover--> coverage per texel --composite--> pages of level 0 --levels--> coarser pages, means
+//!          (kept for the whole stroke)  (from the bytes before the stroke)
+//! ```
+//!
+//! Every tile that shows a point takes the same function of the surface at its texels, so tiles agree where they overlap
+//! and the texture function stays as continuous as the stroke. Coverage is gathered over the stroke and applied to the texels as
+//! they were before it: that is what caps a stroke at its opacity, and repeated showing costs no quality.
+
+mod composite;
+mod cover;
+mod encode;
+mod ink;
+mod levels;
+mod painter;
+mod rect;
+mod step;
+mod stroke_page;
+mod texel_page;
+
+pub(crate) use composite::composite;
+pub(crate) use encode::replace_blocks;
+pub(crate) use ink::Ink;
+pub(crate) use levels::PageChange;
+pub use painter::{PaintOptions, Painter, StrokeSummary};
+pub(crate) use rect::Rect;
+pub(crate) use step::Changes;
+pub(crate) use stroke_page::StrokePage;
+pub(crate) use texel_page::TexelPage;

@@ -1,0 +1,162 @@
+//! What a stroke has gathered on each page: in memory within a budget, beyond it in a temporary file.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+
+use fantex_store::PageId;
+
+use super::rect::Rect;
+
+/// One page of level 0 under a stroke.
+#[derive(Clone, Debug)]
+pub(crate) struct StrokePage {
+    /// Per texel, 0..1; row-major.
+    pub(crate) coverage: Vec<f32>,
+    /// Texels whose coverage is not zero lie in here.
+    pub(crate) touched: Rect,
+    /// Texels whose coverage has grown since the page was last shown.
+    pub(crate) stale: Rect,
+    /// The bytes before the stroke, one per painted channel; empty until the page is first shown.
+    pub(crate) originals: Vec<Vec<u8>>,
+}
+
+impl StrokePage {
+    pub(crate) fn new(texels: usize) -> Self {
+        Self { coverage: vec![0.0; texels], touched: Rect::EMPTY, stale: Rect::EMPTY, originals: Vec::new() }
+    }
+
+    fn memory_bytes(&self) -> usize {
+        4 * self.coverage.len() + self.originals.iter().map(Vec::len).sum::<usize>()
+    }
+}
+
+/// Where the parts of a page lie in the temporary file.
+#[derive(Debug)]
+struct Spilled {
+    offset: u64,
+    texels: usize,
+    originals: Vec<usize>,
+    touched: Rect,
+    stale: Rect,
+}
+
+/// All pages of a stroke.
+#[derive(Debug, Default)]
+pub(crate) struct StrokePages {
+    pages: BTreeMap<PageId, StrokePage>,
+    bytes: usize,
+    spilled: BTreeMap<PageId, Spilled>,
+    file: Option<File>,
+    end: u64,
+}
+
+impl StrokePages {
+    /// Takes a page out, to be given back by [`put`](Self::put).
+    pub(crate) fn take(&mut self, id: PageId) -> io::Result<Option<StrokePage>> {
+        if let Some(page) = self.pages.remove(&id) {
+            self.bytes -= page.memory_bytes();
+            return Ok(Some(page));
+        }
+        match (self.spilled.remove(&id), &mut self.file) {
+            (Some(spilled), Some(file)) => read_back(file, &spilled).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// Keeps a page; writes some to the temporary file where memory is short.
+    pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> io::Result<()> {
+        self.bytes += page.memory_bytes();
+        self.pages.insert(id, page);
+        while self.bytes > budget_bytes
+            && self.pages.len() > 1
+            && let Some((id, page)) = self.pages.pop_first()
+        {
+            self.bytes -= page.memory_bytes();
+            self.spill(id, &page)?;
+        }
+        Ok(())
+    }
+
+    /// All pages, ascending.
+    pub(crate) fn ids(&self) -> Vec<PageId> {
+        let mut ids: Vec<PageId> = self.pages.keys().chain(self.spilled.keys()).copied().collect();
+        ids.sort_unstable();
+        ids
+    }
+
+    /// Pages that have grown since they were last shown, ascending.
+    pub(crate) fn stale(&self) -> Vec<PageId> {
+        let kept = self.pages.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
+        let spilled = self.spilled.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
+        let mut ids: Vec<PageId> = kept.chain(spilled).collect();
+        ids.sort_unstable();
+        ids
+    }
+
+    fn spill(&mut self, id: PageId, page: &StrokePage) -> io::Result<()> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(tempfile::tempfile()?),
+        };
+        file.seek(SeekFrom::Start(self.end))?;
+        let coverage: Vec<u8> = page.coverage.iter().flat_map(|c| c.to_le_bytes()).collect();
+        file.write_all(&coverage)?;
+        page.originals.iter().try_for_each(|bytes| file.write_all(bytes))?;
+        let spilled = Spilled {
+            offset: self.end,
+            texels: page.coverage.len(),
+            originals: page.originals.iter().map(Vec::len).collect(),
+            touched: page.touched,
+            stale: page.stale,
+        };
+        self.end += page.memory_bytes() as u64;
+        self.spilled.insert(id, spilled);
+        Ok(())
+    }
+}
+
+fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
+    file.seek(SeekFrom::Start(spilled.offset))?;
+    let mut bytes = vec![0; 4 * spilled.texels];
+    file.read_exact(&mut bytes)?;
+    let mut coverage = Vec::with_capacity(spilled.texels);
+    coverage.extend(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+    let mut originals = Vec::with_capacity(spilled.originals.len());
+    for &length in &spilled.originals {
+        let mut bytes = vec![0; length];
+        file.read_exact(&mut bytes)?;
+        originals.push(bytes);
+    }
+    Ok(StrokePage { coverage, touched: spilled.touched, stale: spilled.stale, originals })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_come_back_from_the_file() {
+        let mut pages = StrokePages::default();
+        let id = |group| PageId { group, level: 0, page: [0, 0] };
+        for group in 0..5 {
+            let mut page = StrokePage::new(16);
+            page.coverage[3] = group as f32;
+            page.touched.add(3, 0);
+            if group % 2 == 0 {
+                page.stale.add(3, 0);
+            }
+            page.originals = vec![vec![group as u8; 8], vec![7; 4]];
+            pages.put(id(group), page, 200).unwrap();
+        }
+        assert_eq!(pages.ids().len(), 5);
+        assert_eq!(pages.stale(), [0, 2, 4].map(id));
+        for group in 0..5 {
+            let page = pages.take(id(group)).unwrap().unwrap();
+            assert_eq!((page.coverage[3], page.coverage[4]), (group as f32, 0.0));
+            assert_eq!(page.originals, [vec![group as u8; 8], vec![7; 4]]);
+            assert_eq!(page.touched, Rect { low: [3, 0], high: [4, 1] });
+        }
+        assert!(pages.take(id(0)).unwrap().is_none());
+    }
+}

@@ -1,0 +1,123 @@
+//! Which point of the surface lies under each texel of a page.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use fantex_cover::{Footprints, NOBODY, TexelBlock, TexelTriangle};
+use fantex_store::{PageId, page_extent, page_origin};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::Surface;
+
+/// The triangles under the texels of a page at some level.
+#[derive(Debug)]
+pub(crate) struct TexelPage {
+    pub(crate) block: TexelBlock,
+    /// Those that touch the page, ascending by their index in the mesh.
+    pub(crate) triangles: Vec<TexelTriangle>,
+    /// Per texel, row-major: index into `triangles`, or `NOBODY` off the surface.
+    pub(crate) owner: Vec<u32>,
+}
+
+impl TexelPage {
+    pub(crate) fn build(surface: &Surface, id: PageId) -> Self {
+        let cover = surface.cover();
+        let extent = cover.groups[id.group as usize].level_extent(id.level);
+        let block = TexelBlock { origin: page_origin(id.page), extent: page_extent(extent, id.page) };
+        let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
+        let in_page = |&t: &u32| {
+            let triangle = texel_triangle(surface, id.group, t, texels)?;
+            triangle.touches(block).then_some(triangle)
+        };
+        let triangles = surface.triangles_of_group(id.group).iter().filter_map(in_page).collect();
+        let mut footprints = Footprints { triangles, ..Footprints::default() };
+        footprints.cover(block, cover.delta);
+        // A texel of a coarser level counts if a texel of level 0 within it does.
+        let reach = if id.level == 0 { f32::INFINITY } else { 0.5 + 2.0 / (1u64 << id.level) as f32 };
+        let Footprints { triangles, mut owner, distance, .. } = footprints;
+        owner.iter_mut().zip(&distance).filter(|(_, d)| **d > reach).for_each(|(o, _)| *o = NOBODY);
+        Self { block, triangles, owner }
+    }
+
+    pub(crate) fn is_valid(&self, texel: usize) -> bool {
+        self.owner[texel] != NOBODY
+    }
+
+    /// Barycentric coordinates at the centre of a texel, given by column and row within the page.
+    #[inline]
+    pub(crate) fn lambda(&self, triangle: &TexelTriangle, column: u32, row: u32) -> Vec3 {
+        let [x, y] = [self.block.origin[0] + column, self.block.origin[1] + row].map(|n| n as f32 + 0.5);
+        triangle.lambda(Vec2::new(x, y))
+    }
+
+    fn memory_bytes(&self) -> usize {
+        size_of::<Self>() + 4 * self.owner.len() + size_of::<TexelTriangle>() * self.triangles.len()
+    }
+}
+
+/// A triangle of a group in the texels of a level of `extent`.
+pub(crate) fn texel_triangle(
+    surface: &Surface,
+    group: u32,
+    triangle: u32,
+    extent: Vec2,
+) -> Option<TexelTriangle> {
+    let cover = surface.cover();
+    let inside = cover.corner_groups[triangle as usize].map(|g| g == group);
+    let slot = inside.iter().position(|&i| i)?;
+    let corners = cover.tile_corners(surface.mesh(), triangle as usize, slot).map(|uv| uv * extent);
+    TexelTriangle::new(triangle, inside, corners)
+}
+
+/// Pages that were built, within a budget: those used longest ago go first.
+#[derive(Debug, Default)]
+pub(crate) struct TexelPages {
+    pages: BTreeMap<PageId, (u64, Arc<TexelPage>)>,
+    bytes: usize,
+    clock: u64,
+}
+
+impl TexelPages {
+    /// Builds what is missing, in parallel, and returns all that are asked for, in their order.
+    pub(crate) fn get(
+        &mut self,
+        surface: &Surface,
+        ids: &[PageId],
+        budget_bytes: usize,
+    ) -> Vec<Arc<TexelPage>> {
+        let missing: Vec<PageId> = ids.iter().filter(|id| !self.pages.contains_key(id)).copied().collect();
+        let built: Vec<_> =
+            missing.par_iter().map(|&id| (id, Arc::new(TexelPage::build(surface, id)))).collect();
+        for (id, page) in built {
+            self.bytes += page.memory_bytes();
+            self.pages.insert(id, (0, page));
+        }
+        self.clock += 1;
+        let mut found = Vec::with_capacity(ids.len());
+        for id in ids {
+            if let Some((used, page)) = self.pages.get_mut(id) {
+                *used = self.clock;
+                found.push(Arc::clone(page));
+            }
+        }
+        self.shrink(budget_bytes);
+        found
+    }
+
+    fn shrink(&mut self, budget_bytes: usize) {
+        if self.bytes <= budget_bytes {
+            return;
+        }
+        let mut by_age: Vec<(u64, PageId)> = self.pages.iter().map(|(&id, (used, _))| (*used, id)).collect();
+        by_age.sort_unstable();
+        for (_, id) in by_age {
+            if self.bytes <= budget_bytes / 2 {
+                break;
+            }
+            if let Some((_, page)) = self.pages.remove(&id) {
+                self.bytes -= page.memory_bytes();
+            }
+        }
+    }
+}
