@@ -4,6 +4,7 @@
 //! bytes in whichever way it likes, and has them checked and unpacked ([`Asset::unpack_cluster`]); then all pages of the
 //! cluster are at hand ([`Asset::page_in`]).
 
+use std::cell::RefCell;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -86,12 +87,10 @@ impl Asset {
             offset: entry.offset,
             expected: u64::from(entry.raw_length),
         };
-        let raw = zstd::bulk::decompress(stored, entry.raw_length as usize).map_err(|_| packing_error())?;
-        if raw.len() != entry.raw_length as usize {
-            return Err(packing_error());
-        }
+        let natural = UNPACKER
+            .with_borrow_mut(|unpacker| unpacker.unpack(&self.formats, stored, entry.raw_length as usize))
+            .ok_or_else(packing_error)?;
         let extents = |group: usize| self.cover().groups[group].extent;
-        let natural = unarranged(&self.formats, &raw);
         Ok(ClusterPages::new(natural, level, entry, &self.formats, extents))
     }
 
@@ -137,6 +136,34 @@ impl Asset {
 
     fn entry(&self, cluster: ClusterId) -> &ClusterEntry {
         &self.directory.levels[cluster.level as usize][cluster.index as usize]
+    }
+}
+
+thread_local! {
+    static UNPACKER: RefCell<Unpacker> = RefCell::default();
+}
+
+/// A longer buffer is not kept for the next cluster: few clusters are.
+const KEPT_BYTES: usize = 1 << 20;
+
+/// What a thread keeps between clusters, so that it needn't be set up for each.
+#[derive(Default)]
+struct Unpacker {
+    zstd: zstd::bulk::Decompressor<'static>,
+    raw: Vec<u8>,
+}
+
+impl Unpacker {
+    /// A cluster's bytes in their natural order, or none if they are not as many.
+    fn unpack(&mut self, formats: &[TexelFormat], stored: &[u8], length: usize) -> Option<Vec<u8>> {
+        // What is here already is overwritten.
+        self.raw.resize(length, 0);
+        let unpacked = self.zstd.decompress_to_buffer(stored, self.raw.as_mut_slice()).ok();
+        let natural = (unpacked == Some(length)).then(|| unarranged(formats, &self.raw));
+        if length > KEPT_BYTES {
+            self.raw = Vec::new();
+        }
+        natural
     }
 }
 

@@ -1,0 +1,175 @@
+//! Between records and the planes of their bytes, sixteen records at a time.
+
+use std::marker::PhantomData;
+
+use fearless_simd::{Simd, prelude::*, u8x16};
+
+use super::codes::Code;
+
+/// Records at a time: the lanes of a vector of bytes.
+const LANES: usize = 16;
+
+/// A group of fields, `PLANES` bytes from byte `AT` on of a record of `RECORD` bytes, that is packed by code `C`: as many
+/// planes, one after the other.
+pub(super) struct Packed<C, const PLANES: usize, const AT: usize, const RECORD: usize>(PhantomData<C>);
+
+impl<C, const PLANES: usize, const AT: usize, const RECORD: usize> Packed<C, PLANES, AT, RECORD> {
+    /// Bytes of a record's piece that is moved at a time.
+    const PIECE: usize = match PLANES {
+        1 => {
+            assert!(RECORD == 1, "single bytes are only moved where they are all of a record");
+            1
+        }
+        2 => 2,
+        _ => 4,
+    };
+
+    /// From records to the planes of this group.
+    #[inline(always)]
+    pub(super) fn pack<S: Simd>(simd: S, natural: &[u8], packed: &mut [u8])
+    where
+        C: Code<S, PLANES>,
+    {
+        let count = natural.len() / RECORD;
+        if count == 0 {
+            return;
+        }
+        let packed = &mut packed[AT * count..][..PLANES * count];
+        let mut code = C::new(simd);
+        let mut planes = [u8x16::splat(simd, 0); PLANES];
+        for (block, records) in natural.chunks(LANES * RECORD).enumerate() {
+            let records = records.as_chunks::<RECORD>().0;
+            Self::gather(simd, records, &mut planes);
+            code.encode(simd, &mut planes);
+            for (plane, values) in packed.chunks_exact_mut(count).zip(&planes) {
+                store(&mut plane[LANES * block..], *values);
+            }
+        }
+    }
+
+    /// Inverse of [`pack`](Self::pack).
+    #[inline(always)]
+    pub(super) fn unpack<S: Simd>(simd: S, packed: &[u8], natural: &mut [u8])
+    where
+        C: Code<S, PLANES>,
+    {
+        let count = natural.len() / RECORD;
+        if count == 0 {
+            return;
+        }
+        let packed = &packed[AT * count..][..PLANES * count];
+        let mut code = C::new(simd);
+        let mut planes = [u8x16::splat(simd, 0); PLANES];
+        for (block, records) in natural.chunks_mut(LANES * RECORD).enumerate() {
+            for (values, plane) in planes.iter_mut().zip(packed.chunks_exact(count)) {
+                *values = load(simd, &plane[LANES * block..]);
+            }
+            code.decode(simd, &mut planes);
+            Self::scatter(simd, &planes, records.as_chunks_mut::<RECORD>().0);
+        }
+    }
+
+    /// Planes from up to 16 records.
+    #[inline(always)]
+    fn gather<S: Simd>(simd: S, records: &[[u8; RECORD]], planes: &mut [u8x16<S>; PLANES]) {
+        for (index, planes) in planes.chunks_exact_mut(Self::PIECE).enumerate() {
+            let at = AT + index * Self::PIECE;
+            match planes {
+                [a, b, c, d] => {
+                    let mut pieces = [0; 64];
+                    for (piece, record) in pieces.as_chunks_mut::<4>().0.iter_mut().zip(records) {
+                        piece.copy_from_slice(&record[at..at + 4]);
+                    }
+                    [*a, *b, *c, *d] = simd.load_four_interleaved_u8x16(&pieces);
+                }
+                [a, b] => {
+                    let mut pieces = [[0; LANES]; 2];
+                    for (piece, record) in
+                        pieces.as_flattened_mut().as_chunks_mut::<2>().0.iter_mut().zip(records)
+                    {
+                        piece.copy_from_slice(&record[at..at + 2]);
+                    }
+                    let [first, second] = pieces.map(|half| u8x16::from_slice(simd, &half));
+                    (*a, *b) = simd.deinterleave_u8x16(first, second);
+                }
+                // A record of one byte.
+                _ => planes.fill(load(simd, records.as_flattened())),
+            }
+        }
+    }
+
+    /// Inverse of [`gather`](Self::gather).
+    #[inline(always)]
+    fn scatter<S: Simd>(simd: S, planes: &[u8x16<S>; PLANES], records: &mut [[u8; RECORD]]) {
+        for (index, planes) in planes.chunks_exact(Self::PIECE).enumerate() {
+            let at = AT + index * Self::PIECE;
+            match *planes {
+                [a, b, c, d] => {
+                    let mut pieces = [0; 64];
+                    simd.store_four_interleaved_u8x16([a, b, c, d], &mut pieces);
+                    for (piece, record) in pieces.as_chunks::<4>().0.iter().zip(&mut *records) {
+                        record[at..at + 4].copy_from_slice(piece);
+                    }
+                }
+                [a, b] => {
+                    let mut pieces = [[0; LANES]; 2];
+                    let (first, second) = simd.interleave_u8x16(a, b);
+                    first.store_slice(&mut pieces[0]);
+                    second.store_slice(&mut pieces[1]);
+                    for (piece, record) in pieces.as_flattened().as_chunks::<2>().0.iter().zip(&mut *records)
+                    {
+                        record[at..at + 2].copy_from_slice(piece);
+                    }
+                }
+                _ => store(records.as_flattened_mut(), planes[0]),
+            }
+        }
+    }
+}
+
+/// The first 16 bytes of a plane's rest, or all and zeros.
+#[inline(always)]
+fn load<S: Simd>(simd: S, rest: &[u8]) -> u8x16<S> {
+    match rest.first_chunk::<LANES>() {
+        Some(bytes) => u8x16::from_slice(simd, bytes),
+        None => {
+            let mut bytes = [0; LANES];
+            bytes[..rest.len()].copy_from_slice(rest);
+            u8x16::from_slice(simd, &bytes)
+        }
+    }
+}
+
+/// Inverse of [`load`].
+#[inline(always)]
+fn store<S: Simd>(rest: &mut [u8], values: u8x16<S>) {
+    match rest.first_chunk_mut::<LANES>() {
+        Some(bytes) => values.store_slice(bytes),
+        None => rest.copy_from_slice(&values.as_slice()[..rest.len()]),
+    }
+}
+
+/// A field of `LENGTH` bytes from byte `AT` on of a record of `RECORD` bytes, that is packed as it is, record after record.
+pub(super) struct Plain<const LENGTH: usize, const AT: usize, const RECORD: usize>;
+
+impl<const LENGTH: usize, const AT: usize, const RECORD: usize> Plain<LENGTH, AT, RECORD> {
+    /// Collects the field.
+    #[inline(always)]
+    pub(super) fn pack(natural: &[u8], packed: &mut [u8]) {
+        let records = natural.as_chunks::<RECORD>().0;
+        let plain = packed[AT * records.len()..].as_chunks_mut::<LENGTH>().0;
+        for (bytes, record) in plain.iter_mut().zip(records) {
+            bytes.copy_from_slice(&record[AT..AT + LENGTH]);
+        }
+    }
+
+    /// Inverse of [`pack`](Self::pack).
+    #[inline(always)]
+    pub(super) fn unpack(packed: &[u8], natural: &mut [u8]) {
+        let records = natural.as_chunks_mut::<RECORD>().0;
+        let plain = packed[AT * records.len()..].as_chunks::<LENGTH>().0;
+        for (bytes, record) in plain.iter().zip(records) {
+            record[AT..AT + LENGTH].copy_from_slice(bytes);
+        }
+    }
+}
