@@ -20,7 +20,6 @@ const ALLOWED: &[(&str, &[&str])] = &[
         "fantex-gpu",
         &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
     ),
-    ("fantex-paint", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
     (
         "fantex",
         &[
