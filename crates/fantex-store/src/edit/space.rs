@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn blocks_that_fixed_parts_share_stay() {
         let fixed = [5 * A..6 * A + 1, 2 * A..3 * A + 9];
-        let mut space = Space::new(9 * A, &fixed, [3 * A + 10..9 * A].into_iter(), 1);
+        let mut space = Space::new(9 * A, &fixed, std::iter::once(3 * A + 10..9 * A), 1);
         space.retire(3 * A + 10..9 * A, 2);
         space.reclaim(2);
         assert_eq!(space.free, BTreeMap::from([(4 * A, 5 * A), (7 * A, 9 * A)]));
