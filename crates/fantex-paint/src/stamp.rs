@@ -40,3 +40,21 @@ impl Stamp {
         top * (1.0 - fy) + bottom * fy
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stamp_covers_where_its_picture_is_opaque() {
+        let texels: Vec<[f32; 4]> =
+            (0..64).map(|i| [0.0, 0.0, 0.0, if i % 8 < 4 { 1.0 } else { 0.0 }]).collect();
+        let stamp = Stamp::new(&Image::from_linear_rgba(8, 8, &texels));
+        let found = [(-0.5, 0.3), (0.5, 0.3), (-1.3, 0.0), (-0.5, 1.2)].map(|(x, y)| stamp.coverage(x, y));
+        assert_eq!(found, [1.0, 0.0, 0.0, 0.0]);
+        // Without alpha brightness counts, and wide pictures keep their shape.
+        let grey = Stamp::new(&Image::from_linear_rgb(8, 4, &[[0.25, 0.25, 0.25, 1.0]; 32]));
+        assert!((grey.coverage(0.5, 0.2) - 0.25).abs() < 1e-6);
+        assert_eq!(grey.coverage(0.0, 0.8), 0.0);
+    }
+}

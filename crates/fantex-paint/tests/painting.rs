@@ -64,11 +64,8 @@ fn a_stroke_covers_at_most_its_opacity() {
     paint_stroke(&mut painter, red(0.5), &arc);
     let editor = painter.editor();
     let mut most = 0.0f32;
-    let mut i = 0;
-    for (id, old) in &before.0 {
-        let channel = i % 2;
-        i += 1;
-        if channel == 0 && id.level == 0 {
+    for (i, (id, old)) in before.0.iter().enumerate() {
+        if i % 2 == 0 && id.level == 0 {
             let old = editor.asset().decode_page_raw(0, *id, old).unwrap();
             let new = editor.read_page(0, *id).unwrap();
             for (old, new) in old.rgba.iter().zip(&new.rgba) {

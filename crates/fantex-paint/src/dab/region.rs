@@ -17,7 +17,8 @@
 //! neighbouring one, unless the way around is short.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeSet, BinaryHeap, HashMap};
+use std::collections::{BinaryHeap, HashMap, HashSet};
+use std::hash::{BuildHasherDefault, Hasher};
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -63,6 +64,27 @@ const MAX_TRIANGLES: usize = 1 << 22;
 /// Triangles around a vertex that are visited at most; more change nothing but the time it takes.
 const MAX_VALENCE: usize = 64;
 
+/// Spreads indices over a table by multiplication (D. Knuth, "The Art of Computer Programming", volume 3, 6.4): the tables
+/// here hold our own indices, whose order nobody chose to do harm, and are never iterated over unsorted.
+#[derive(Default)]
+struct IndexHasher(u64);
+
+impl Hasher for IndexHasher {
+    fn finish(&self) -> u64 {
+        self.0
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        bytes.iter().for_each(|&byte| self.write_u32(u32::from(byte)));
+    }
+
+    fn write_u32(&mut self, index: u32) {
+        self.0 = (self.0 ^ u64::from(index)).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29);
+    }
+}
+
+type IndexHash = BuildHasherDefault<IndexHasher>;
+
 /// An edge on the front, nearest first; ties by its number, so that the order is fixed.
 type Front = BinaryHeap<Reverse<(u64, u32)>>;
 
@@ -70,8 +92,10 @@ type Front = BinaryHeap<Reverse<(u64, u32)>>;
 struct Grower<'a> {
     surface: &'a Surface,
     radius: f64,
-    distances: HashMap<u32, f64>,
-    reached: BTreeSet<u32>,
+    distances: HashMap<u32, f64, IndexHash>,
+    /// In the order in which they were reached.
+    order: Vec<u32>,
+    reached: HashSet<u32, IndexHash>,
     front: Front,
 }
 
@@ -81,8 +105,9 @@ impl Region {
         let mut grower = Grower {
             surface,
             radius: f64::from(radius),
-            distances: HashMap::new(),
-            reached: BTreeSet::new(),
+            distances: HashMap::default(),
+            order: Vec::new(),
+            reached: HashSet::default(),
             front: Front::new(),
         };
         grower.start(center);
@@ -108,6 +133,7 @@ impl Grower<'_> {
             self.distances.insert(vertex, corner.distance(position));
         }
         self.reached.insert(center.triangle);
+        self.order.push(center.triangle);
         (0..3).for_each(|k| self.push(3 * center.triangle + k));
     }
 
@@ -116,6 +142,9 @@ impl Grower<'_> {
             let Some(other) = self.surface.opposite(half_edge) else { continue };
             let triangle = other / 3;
             let is_new = self.reached.insert(triangle);
+            if is_new {
+                self.order.push(triangle);
+            }
             if self.reached.len() >= MAX_TRIANGLES {
                 self.front.clear();
                 return;
@@ -135,7 +164,7 @@ impl Grower<'_> {
             return;
         }
         let outward: Vec<u32> = self
-            .reached
+            .order
             .iter()
             .flat_map(|t| (0..3).map(move |k| 3 * t + k))
             .filter(|&edge| self.surface.opposite(edge).is_some_and(|o| !self.reached.contains(&(o / 3))))
@@ -202,7 +231,8 @@ impl Grower<'_> {
         [0, 1, 2].map(|i| (vertices[(k + i) % 3], corners[(k + i) % 3]))
     }
 
-    fn region(self) -> Region {
+    fn region(mut self) -> Region {
+        self.order.sort_unstable();
         let entry = |&triangle: &u32| {
             let vertices = self.surface.mesh().triangles[triangle as usize];
             let [a, b, c] = self.surface.corners(triangle);
@@ -212,7 +242,7 @@ impl Grower<'_> {
                 edges: [a.distance_squared(b), b.distance_squared(c), c.distance_squared(a)],
             }
         };
-        Region { triangles: self.reached.iter().map(entry).collect() }
+        Region { triangles: self.order.iter().map(entry).collect() }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::Stamp;
+use crate::{Stamp, SurfacePoint};
 
 /// A length on the surface.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -99,8 +99,6 @@ pub struct Sample {
     /// Seconds since the stroke's start.
     pub time: f32,
 }
-
-use crate::SurfacePoint;
 
 impl Sample {
     /// Full pressure, upright.

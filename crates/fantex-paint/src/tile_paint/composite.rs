@@ -29,10 +29,11 @@ pub(crate) fn composite(
         for (x, y) in rect.texels() {
             let texel = (y * extent[0] + x) as usize;
             let coverage = page.coverage[texel];
-            if coverage > 0.0 && map.owner[texel] != NOBODY {
-                if let Some(color) = ink.at(map, [x, y], painted) {
-                    values[texel] = ink.paint.apply(values[texel], color, coverage);
-                }
+            if coverage > 0.0
+                && map.owner[texel] != NOBODY
+                && let Some(color) = ink.at(map, [x, y], painted)
+            {
+                values[texel] = ink.paint.apply(values[texel], color, coverage);
             }
         }
         let channel = &asset.channels()[painted.channel];

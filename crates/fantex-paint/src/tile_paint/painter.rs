@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId};
+use glam::Vec4;
 use rayon::prelude::*;
 
 use super::composite::composite;
@@ -17,7 +18,6 @@ use crate::dab::PlacedDab;
 use crate::history::{History, flush_if_possible};
 use crate::layers::{LayeredPage, Layers, ShownPage, target_name};
 use crate::{Dab, Paint, PaintError, Surface, SurfacePoint, Target};
-use glam::Vec4;
 
 /// How to paint.
 #[derive(Clone, Debug)]

@@ -147,8 +147,11 @@ pub(crate) fn paint_stroke(painter: &mut Painter, paint: Paint, stroke: &Stroke)
     painter.end().unwrap();
 }
 
+/// Pages with their bytes, and means.
+pub(crate) type Contents = (Vec<(PageId, Vec<u8>)>, Vec<[f32; 4]>);
+
 /// All pages' bytes, in all channels, as the painter sees them, and all means.
-pub(crate) fn contents(painter: &Painter) -> (Vec<(PageId, Vec<u8>)>, Vec<[f32; 4]>) {
+pub(crate) fn contents(painter: &Painter) -> Contents {
     let editor = painter.editor();
     let (cover, channels) = (editor.asset().cover(), editor.asset().channels().len());
     let mut pages = Vec::new();

@@ -9,8 +9,12 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use super::EditError;
+
+/// Attempts, a millisecond apart, to mark a file as being read.
+const PATIENCE: u32 = 500;
 
 /// The exclusive right to change an asset.
 #[derive(Debug)]
@@ -74,9 +78,16 @@ pub(super) fn is_same_file(_file: &File, _path: &Path) -> bool {
 
 /// A reader's mark on a file that it has open.
 pub(crate) fn keep_generation(file: &File) {
-    // Without it a writer sees no reader only where it could not lock the file itself, either.
-    if cfg!(unix) {
-        file.lock_shared().unwrap_or_default();
+    if !cfg!(unix) {
+        return;
+    }
+    // A writer holds the file alone for a moment only; whoever holds it longer is none of ours and does not keep us out.
+    for _ in 0..PATIENCE {
+        match file.try_lock_shared() {
+            Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(1)),
+            // Where the system has no locks writers never find the file unread.
+            Ok(()) | Err(TryLockError::Error(_)) => return,
+        }
     }
 }
 
