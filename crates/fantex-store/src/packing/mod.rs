@@ -34,6 +34,17 @@
 //! | BC7 | 0.64 | 0.08 | 0.79 | 0.11 |
 //! | RGBA8 | 0.45 | 0.04 | 0.27 | 0.16 |
 //! | RGBA32F | 0.41 | 0.29 | 0.45 | 0.28 |
+//!
+//! The whole way from stored bytes to pages, checksum and zstd included, on the same core, least of 10 times and of 5 runs by
+//! turns (`examples/unpack_cost.rs`; a photograph of rock, 4 million texels; the bottle has three BC7 channels and one BC5).
+//! Before, a zstd context was made for every cluster:
+//!
+//! | | ns per stored byte, by records | by sixteen | stored MB/s |
+//! |---|---|---|---|
+//! | BC1 | 3.1 | 1.4 | 710 |
+//! | BC7 | 3.1 | 1.0 | 1010 |
+//! | RGBA8 | 2.1 | 1.6 | 630 |
+//! | bottle | 3.3 | 1.7 | 610 |
 
 mod codes;
 mod planes;
