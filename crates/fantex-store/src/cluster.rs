@@ -180,3 +180,29 @@ fn unarranged(formats: &[TexelFormat], raw: &[u8]) -> Vec<u8> {
     }
     natural
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::writer::arrange;
+
+    #[test]
+    fn an_unpacker_survives_damaged_clusters_and_long_ones() {
+        let formats = [TexelFormat::Bc7, TexelFormat::Rgba8];
+        let mut unpacker = Unpacker::default();
+        for blocks in [3, 20_000, 7, 100] {
+            let channels = formats.map(|format| {
+                (0..blocks * format.block_bytes()).map(|i| (i / 16 * 3 + i % 5) as u8).collect::<Vec<u8>>()
+            });
+            let natural = channels.concat();
+            let stored = zstd::bulk::compress(&arrange(&channels, &formats), 1).unwrap();
+            assert_eq!(unpacker.unpack(&formats, &stored, natural.len()).as_ref(), Some(&natural));
+            assert_eq!(unpacker.unpack(&formats, &stored[..stored.len() - 1], natural.len()), None);
+            assert_eq!(unpacker.unpack(&formats, &stored, natural.len() - 80), None);
+            assert_eq!(unpacker.unpack(&formats, &stored, natural.len() + 80), None);
+            assert_eq!(unpacker.unpack(&formats, b"no zstd frame", natural.len()), None);
+            assert_eq!(unpacker.unpack(&formats, &stored, natural.len()), Some(natural));
+            assert!(unpacker.raw.capacity() <= KEPT_BYTES);
+        }
+    }
+}

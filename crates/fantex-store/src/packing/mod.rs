@@ -22,6 +22,29 @@
 //! | RGBA8 | 0.64, 0.38, 0.74 | 0.49, 0.28, 0.51 |
 //!
 //! (Higher levels gain at most 0.01 after this.)
+//!
+//! Records are taken sixteen at a time, as [planes](planes) of their bytes; what the format says record by record stands in
+//! `reference`, for the tests. Nanoseconds per byte of noise in 256 KiB, least of 400 calls, on a core of 2.6 GHz with AVX-512
+//! (the ignored test `costs`):
+//!
+//! | | packing by records | by sixteen | unpacking by records | by sixteen |
+//! |---|---|---|---|---|
+//! | BC1 | 0.61 | 0.07 | 0.49 | 0.15 |
+//! | BC5 | 0.45 | 0.08 | 0.37 | 0.09 |
+//! | BC7 | 0.64 | 0.08 | 0.79 | 0.11 |
+//! | RGBA8 | 0.45 | 0.04 | 0.27 | 0.16 |
+//! | RGBA32F | 0.41 | 0.29 | 0.45 | 0.28 |
+//!
+//! The whole way from stored bytes to pages, checksum and zstd included, on the same core, least of 10 times and of 5 runs by
+//! turns (`examples/unpack_cost.rs`; a photograph of rock, 4 million texels; the bottle has three BC7 channels and one BC5).
+//! Before, a zstd context was made for every cluster:
+//!
+//! | | ns per stored byte, by records | by sixteen | stored MB/s |
+//! |---|---|---|---|
+//! | BC1 | 3.1 | 1.4 | 710 |
+//! | BC7 | 3.1 | 1.0 | 1010 |
+//! | RGBA8 | 2.1 | 1.6 | 630 |
+//! | bottle | 3.3 | 1.7 | 610 |
 
 mod codes;
 mod planes;

@@ -30,19 +30,23 @@ impl<C, const PLANES: usize, const AT: usize, const RECORD: usize> Packed<C, PLA
     where
         C: Code<S, PLANES>,
     {
-        let count = natural.len() / RECORD;
+        let records = natural.as_chunks::<RECORD>().0;
+        let count = records.len();
         if count == 0 {
             return;
         }
         let packed = &mut packed[AT * count..][..PLANES * count];
+        let (blocks, rest) = records.as_chunks::<LANES>();
+        let mut last = [[0; RECORD]; LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        let last = (!rest.is_empty()).then_some(&last);
         let mut code = C::new(simd);
         let mut planes = [u8x16::splat(simd, 0); PLANES];
-        for (block, records) in natural.chunks(LANES * RECORD).enumerate() {
-            let records = records.as_chunks::<RECORD>().0;
-            Self::gather(simd, records, &mut planes);
+        for (index, block) in blocks.iter().chain(last).enumerate() {
+            Self::gather(simd, block, &mut planes);
             code.encode(simd, &mut planes);
             for (plane, values) in packed.chunks_exact_mut(count).zip(&planes) {
-                store(&mut plane[LANES * block..], *values);
+                store(&mut plane[LANES * index..], *values);
             }
         }
     }
@@ -53,43 +57,51 @@ impl<C, const PLANES: usize, const AT: usize, const RECORD: usize> Packed<C, PLA
     where
         C: Code<S, PLANES>,
     {
-        let count = natural.len() / RECORD;
+        let records = natural.as_chunks_mut::<RECORD>().0;
+        let count = records.len();
         if count == 0 {
             return;
         }
         let packed = &packed[AT * count..][..PLANES * count];
+        let (blocks, rest) = records.as_chunks_mut::<LANES>();
+        // What other fields have written there comes back with it.
+        let mut last = [[0; RECORD]; LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        let last_block = (!rest.is_empty()).then_some(&mut last);
         let mut code = C::new(simd);
         let mut planes = [u8x16::splat(simd, 0); PLANES];
-        for (block, records) in natural.chunks_mut(LANES * RECORD).enumerate() {
+        for (index, block) in blocks.iter_mut().chain(last_block).enumerate() {
             for (values, plane) in planes.iter_mut().zip(packed.chunks_exact(count)) {
-                *values = load(simd, &plane[LANES * block..]);
+                *values = load(simd, &plane[LANES * index..]);
             }
             code.decode(simd, &mut planes);
-            Self::scatter(simd, &planes, records.as_chunks_mut::<RECORD>().0);
+            Self::scatter(simd, &planes, block);
         }
+        rest.copy_from_slice(&last[..rest.len()]);
     }
 
-    /// Planes from up to 16 records.
+    /// Planes from 16 records.
     #[inline(always)]
-    fn gather<S: Simd>(simd: S, records: &[[u8; RECORD]], planes: &mut [u8x16<S>; PLANES]) {
+    fn gather<S: Simd>(simd: S, records: &[[u8; RECORD]; LANES], planes: &mut [u8x16<S>; PLANES]) {
         for (index, planes) in planes.chunks_exact_mut(Self::PIECE).enumerate() {
             let at = AT + index * Self::PIECE;
             match planes {
                 [a, b, c, d] => {
-                    let mut pieces = [0; 64];
-                    for (piece, record) in pieces.as_chunks_mut::<4>().0.iter_mut().zip(records) {
+                    let mut pieces = [[0; 4]; LANES];
+                    for (piece, record) in pieces.iter_mut().zip(records) {
                         piece.copy_from_slice(&record[at..at + 4]);
                     }
-                    [*a, *b, *c, *d] = simd.load_four_interleaved_u8x16(&pieces);
+                    let mut bytes = [0; 4 * LANES];
+                    bytes.copy_from_slice(pieces.as_flattened());
+                    [*a, *b, *c, *d] = simd.load_four_interleaved_u8x16(&bytes);
                 }
                 [a, b] => {
-                    let mut pieces = [[0; LANES]; 2];
-                    for (piece, record) in
-                        pieces.as_flattened_mut().as_chunks_mut::<2>().0.iter_mut().zip(records)
-                    {
+                    let mut pieces = [[0; 2]; LANES];
+                    for (piece, record) in pieces.iter_mut().zip(records) {
                         piece.copy_from_slice(&record[at..at + 2]);
                     }
-                    let [first, second] = pieces.map(|half| u8x16::from_slice(simd, &half));
+                    let (first, second) = pieces.as_flattened().split_at(LANES);
+                    let (first, second) = (u8x16::from_slice(simd, first), u8x16::from_slice(simd, second));
                     (*a, *b) = simd.deinterleave_u8x16(first, second);
                 }
                 // A record of one byte.
@@ -100,27 +112,27 @@ impl<C, const PLANES: usize, const AT: usize, const RECORD: usize> Packed<C, PLA
 
     /// Inverse of [`gather`](Self::gather).
     #[inline(always)]
-    fn scatter<S: Simd>(simd: S, planes: &[u8x16<S>; PLANES], records: &mut [[u8; RECORD]]) {
+    fn scatter<S: Simd>(simd: S, planes: &[u8x16<S>; PLANES], records: &mut [[u8; RECORD]; LANES]) {
         for (index, planes) in planes.chunks_exact(Self::PIECE).enumerate() {
             let at = AT + index * Self::PIECE;
             match *planes {
                 [a, b, c, d] => {
-                    let mut pieces = [0; 64];
-                    simd.store_four_interleaved_u8x16([a, b, c, d], &mut pieces);
-                    for (piece, record) in pieces.as_chunks::<4>().0.iter().zip(&mut *records) {
+                    let mut bytes = [0; 4 * LANES];
+                    simd.store_four_interleaved_u8x16([a, b, c, d], &mut bytes);
+                    for (piece, record) in bytes.as_chunks::<4>().0.iter().zip(&mut *records) {
                         record[at..at + 4].copy_from_slice(piece);
                     }
                 }
                 [a, b] => {
-                    let mut pieces = [[0; LANES]; 2];
+                    let mut bytes = [0; 2 * LANES];
                     let (first, second) = simd.interleave_u8x16(a, b);
-                    first.store_slice(&mut pieces[0]);
-                    second.store_slice(&mut pieces[1]);
-                    for (piece, record) in pieces.as_flattened().as_chunks::<2>().0.iter().zip(&mut *records)
-                    {
+                    first.store_slice(&mut bytes[..LANES]);
+                    second.store_slice(&mut bytes[LANES..]);
+                    for (piece, record) in bytes.as_chunks::<2>().0.iter().zip(&mut *records) {
                         record[at..at + 2].copy_from_slice(piece);
                     }
                 }
+                // A record of one byte.
                 _ => store(records.as_flattened_mut(), planes[0]),
             }
         }
