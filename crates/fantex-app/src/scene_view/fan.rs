@@ -18,6 +18,12 @@ use crate::viewer::Viewer;
 /// Seconds for which another size of the pool must have been asked for before it is made.
 const POOL_SECONDS: f32 = 0.4;
 
+/// The pace for which the upload budget of a frame is meant.
+const QUICK_FRAMES_PER_SECOND: f32 = 60.0;
+
+/// A slow frame takes no more than so many quick ones would.
+const MOST_QUICK_FRAMES: f32 = 16.0;
+
 /// An asset, streamed.
 pub struct FanScene {
     asset: Arc<Asset>,
@@ -100,7 +106,10 @@ impl FanScene {
         }
         let view = View::new(&viewer.camera(), viewer.scene_pixels, fantex_gpu::Model::space(&self.model));
         let view = StreamView::new(view.eye.as_vec3(), view.axes, view.fov_radians, viewer.scene_pixels);
-        let frame = FrameOptions { upload_bytes: settings.upload_bytes(), elapsed_seconds };
+        // The budget is meant for quick frames; slow ones take as much per second.
+        let frames = (elapsed_seconds * QUICK_FRAMES_PER_SECOND).clamp(1.0, MOST_QUICK_FRAMES);
+        let upload_bytes = (settings.upload_bytes() as f32 * frames) as usize;
+        let frame = FrameOptions { upload_bytes, elapsed_seconds };
         let changes = self.streamer.update(Some(&view), frame);
         self.model.update(gpu, &changes);
         self.uploaded_pages += changes.uploads.len() as u64;

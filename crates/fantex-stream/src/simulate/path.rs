@@ -29,7 +29,8 @@ pub struct CameraKeyframe {
 /// A camera's way through the world.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct CameraPath {
-    /// In order of time.
+    /// In order of time; `keys` in files.
+    #[serde(rename = "keys", alias = "keyframes")]
     pub keyframes: Vec<CameraKeyframe>,
 }
 
