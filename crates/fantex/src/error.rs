@@ -63,9 +63,9 @@ pub(crate) enum CliError {
     #[error(transparent)]
     Replay(#[from] paint::ReplayError),
     #[error(
-        "painting by hand needs the desktop application; give --replay STROKES.json to apply recorded strokes here"
+        "painting by hand is not possible yet; give --replay STROKES.json to apply recorded strokes (see docs/painting.md)"
     )]
-    PaintNeedsApp,
+    PaintByHand,
     #[error(transparent)]
     LightMap(#[from] bake::LightMapError),
     #[error(
@@ -164,7 +164,7 @@ impl CliError {
             | Self::NotForLooks { .. }
             | Self::LookAsSource
             | Self::TexelsOfModel { .. }
-            | Self::PaintNeedsApp
+            | Self::PaintByHand
             | Self::NothingToMatch { .. } => 2,
             _ => 1,
         }

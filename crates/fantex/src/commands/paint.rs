@@ -50,7 +50,7 @@ struct PaintInfo {
 /// Runs the command.
 pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
-    let strokes = args.replay.as_ref().ok_or(CliError::PaintNeedsApp)?;
+    let strokes = args.replay.as_ref().ok_or(CliError::PaintByHand)?;
     // Opening says what is wrong with files of other kinds.
     drop(open_asset(&args.asset)?);
     let file = StrokeFile::load(strokes)?;
