@@ -186,6 +186,8 @@ impl TileBaker<'_> {
                     let (x, y) = (texel % width, texel / width);
                     self.surface_point(triangle, triangle.lambda(corner + Vec2::new(x as f32, y as f32)))
                 }));
+                // Sources that have nothing to say about a point leave zeros, not what was there before.
+                values.clear();
                 values.resize(points.len() * channels, Vec4::ZERO);
                 source(&points, &mut values);
                 for ((&texel, point), values) in texels.iter().zip(&points).zip(values.chunks_mut(channels)) {
