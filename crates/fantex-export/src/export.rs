@@ -7,8 +7,9 @@ use std::sync::Arc;
 
 use fantex_bake::Progress;
 use fantex_mesh::{corner_tangents, shading_normals};
-use fantex_store::{Asset, ChannelKind, PageCache, PageId, TexelFormat};
+use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat};
 use glam::{Vec3, Vec4};
+use rayon::prelude::*;
 
 use crate::error::ExportError;
 use crate::files::{
@@ -75,7 +76,7 @@ pub fn export_model(
     let maps: Vec<Map> = MODEL_MAPS
         .into_iter()
         .filter_map(|kind| Map::of(asset, kind))
-        .map(|map| map.scaled(scale_of(asset, &map)))
+        .map(|map| map.scaled(scale_of(&job.cache, &map)))
         .collect();
     let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
     let mut outputs = Outputs::new(options.force);
@@ -92,8 +93,9 @@ pub fn export_model(
         }
         pages.push(sinks);
     }
-    let mut summary = job.run(&maps, pages, progress)?;
-    let geometry = Geometry::new(asset.mesh(), &job.layout, &job.normals, &job.tangents(&maps));
+    let tangents = job.tangents(&maps);
+    let mut summary = job.run(&maps, &tangents, pages, progress)?;
+    let geometry = Geometry::new(asset.mesh(), &job.layout, &job.normals, &tangents);
     let document = Document {
         name: &stem,
         geometry: &geometry,
@@ -166,7 +168,7 @@ pub fn export_channel(
         "ktx2" => Box::new(Ktx2Sink::new(file, output, page.side, &map)?),
         _ => Box::new(FloatSink::new(temporary, page.side, &map)),
     };
-    let mut summary = job.run(&[map], vec![vec![sink]], progress)?;
+    let mut summary = job.run(&[map], &job.tangents(&[map]), vec![vec![sink]], progress)?;
     summary.files = outputs.commit()?;
     Ok(summary)
 }
@@ -239,17 +241,17 @@ impl<'a> Job<'a> {
     fn run(
         &self,
         maps: &[Map],
+        tangents: &[Vec4],
         pages: Vec<Vec<Box<dyn RowSink>>>,
         progress: &dyn Progress,
     ) -> Result<ExportSummary, ExportError> {
         let asset = self.cache.asset();
-        let tangents = self.tangents(maps);
         let sampler = Sampler {
             cache: &self.cache,
             mesh: asset.mesh(),
             cover: asset.cover(),
             normals: &self.normals,
-            tangents: &tangents,
+            tangents,
         };
         let total: u64 = self.layout.pages.iter().map(|p| u64::from(p.side).pow(2)).sum();
         let (mut done, mut covered, mut contested) = (0, 0, 0);
@@ -291,22 +293,20 @@ impl<A: RowSink, B: RowSink> RowSink for Both<A, B> {
 }
 
 /// What values must be divided by to lie in 0..1: the largest number of a channel that holds floats of emitted light.
-fn scale_of(asset: &Asset, map: &Map) -> f32 {
+fn scale_of(cache: &PageCache, map: &Map) -> f32 {
+    let asset = cache.asset();
     let channel = &asset.channels()[map.channel];
     if map.kind != ChannelMap::Emission || channel.format != TexelFormat::Rgba32F {
         return 1.0;
     }
-    let pages = asset.cover().groups.iter().enumerate().flat_map(|(group, tile)| {
-        let [columns, rows] = tile.extent.map(|n| n.div_ceil(fantex_store::PAGE));
-        (0..rows).flat_map(move |y| {
-            (0..columns).map(move |x| PageId { group: group as u32, level: 0, page: [x, y] })
-        })
-    });
-    let brightest = |id: PageId| {
-        let texels = asset.read_page(map.channel, id).map(|page| page.rgba).unwrap_or_default();
-        texels.iter().flat_map(|t| &t[..3]).copied().filter(|x| x.is_finite()).fold(1.0, f32::max)
+    let brightest = |group: usize| {
+        let tile = cache.tile(map.channel, group as u32, 0);
+        let [columns, rows] = tile.extent();
+        let texels = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
+        let numbers = texels.flat_map(|[x, y]| tile.texel(x, y).into_iter().take(3));
+        numbers.filter(|x| x.is_finite()).fold(1.0, f32::max)
     };
-    pages.map(brightest).fold(1.0, f32::max)
+    (0..asset.cover().groups.len()).into_par_iter().map(brightest).reduce(|| 1.0, f32::max)
 }
 
 fn no_channel(asset: &Asset, kind: ChannelMap) -> ExportError {

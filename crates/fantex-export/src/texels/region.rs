@@ -61,9 +61,9 @@ impl Region {
             (0..width).contains(&x) && (0..height).contains(&y)
         };
         let mut stats = PageStats::default();
-        for (texel, best) in search.best.iter().enumerate().filter(|(t, _)| inner(*t)) {
+        for (_, best) in search.best.iter().enumerate().filter(|(texel, _)| inner(*texel)) {
             stats.covered += u64::from(best.kind == Kind::Inside);
-            stats.contested += u64::from(best.is_contested && inner(texel));
+            stats.contested += u64::from(best.is_contested);
         }
         let sources = search.spread();
         let mut points = Vec::with_capacity(width as usize * height as usize);
@@ -222,6 +222,16 @@ impl<'a> Search<'a> {
         for y in (0..height).rev() {
             (0..width).rev().for_each(|x| pass(x, y, &[[1, 0], [1, 1], [0, 1], [-1, 1]]));
             (0..width).for_each(|x| pass(x, y, &[[-1, 0]]));
+        }
+        if self.frame.page.owners.is_empty() {
+            // What lies farther away would depend on where the region ends.
+            let is_far = |texel: usize, source: u32| {
+                let (x, y) = (texel as i32 % width, texel as i32 / width);
+                let (sx, sy) = (source as i32 % width, source as i32 / width);
+                (sx - x).pow(2) + (sy - y).pow(2) > (UNOWNED_REACH as i32).pow(2)
+            };
+            let far = sources.iter_mut().enumerate().filter(|(t, s)| **s != NOBODY && is_far(*t, **s));
+            far.for_each(|(_, source)| *source = NOBODY);
         }
         sources
     }
