@@ -38,7 +38,7 @@ const LEAST_LEVEL_SIDE: u32 = 128;
 const MOST_PADDING: u32 = 16;
 
 /// A share of the wanted density that nobody misses.
-const NEARLY: f32 = 0.99;
+const NEARLY: f32 = 0.95;
 
 /// Cuts the mesh into charts and packs them.
 ///

@@ -20,7 +20,7 @@ fn round_trip(baked: &Baked) -> f64 {
     let options = ExportOptions { force: true, ..ExportOptions::default() };
     let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
     eprintln!("{summary:?}");
-    assert!(summary.density_share > 0.97, "{}", summary.density_share);
+    assert!(summary.density_share >= 0.95, "{}", summary.density_share);
     assert_eq!(summary.overlapping_share, 0.0);
     check_glb(&path);
     worst_psnr_db(&baked.asset, &path)
@@ -69,7 +69,7 @@ fn check_glb(path: &std::path::Path) {
         let gltf::image::Source::View { view, mime_type } = image.source() else { panic!("not inside") };
         assert_eq!(mime_type, "image/png");
         let png = &blob[view.offset()..view.offset() + view.length()];
-        Image::decode_as(png, "image", ColorSpace::Srgb).unwrap();
+        Image::decode(png, "image", ColorSpace::Srgb).unwrap();
     }
 }
 

@@ -18,7 +18,7 @@ fn a_bottle_becomes_a_model_that_looks_the_same() {
     let model = folder.path().join("out.glb");
     let info = json(&[&"export", &asset, &"-o", &model]);
     assert_eq!(info["channels"], serde_json::json!(["base-color", "orm", "normal", "emission"]));
-    assert!(info["charts"].as_u64().unwrap() > 1 && info["density_share"].as_f64().unwrap() > 0.97);
+    assert!(info["charts"].as_u64().unwrap() > 1 && info["density_share"].as_f64().unwrap() >= 0.95);
     let compared = json(&[&"compare", &asset, &model, &"--views", &"3", &"--size", &"320x240"]);
     assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 38.0, "{compared}");
     fails(1, &["exists already"], &[&"export", &asset, &"-o", &model]);

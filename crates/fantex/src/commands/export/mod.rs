@@ -256,7 +256,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> 
 /// What the user should know about the result.
 fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Context) {
     let output = args.output.display();
-    if summary.density_share < 0.98 {
+    if summary.density_share < 0.9 {
         let percent = 100.0 * summary.density_share;
         let side = summary.sides.iter().max().copied().unwrap_or(0);
         context.note(format!(
