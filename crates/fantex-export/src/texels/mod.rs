@@ -1,11 +1,12 @@
 //! From the layout of a picture to its texels: the texture function of the asset at every texel's point of the surface.
 //!
 //! ```text
-//!  Page --regions--> Region (which point under which texel) --Sampler--> linear values --rows--> files
+//!  Page --regions--> Region (which point under which texel) --Sampler--> linear values --fit--> rows --> files
 //! ```
 //!
 //! A picture is made in bands of rows, a band in square regions in parallel; nothing but one band of all maps is in memory.
 
+mod fit;
 mod region;
 mod sampler;
 
@@ -73,7 +74,9 @@ pub(crate) fn make_page(
             let extent = [REGION.min(page.side - origin[0]), height];
             let members = bins.members((band * columns + column) as usize);
             let region = Region::find(page, members, origin, extent);
-            (sampler.values(page, &region, maps), region.stats)
+            let values = sampler.values(page, &region, maps);
+            let fitted = maps.iter().zip(&values).map(|(map, values)| fit::fitted(values, &region, map));
+            (fitted.collect(), region.stats)
         };
         let regions: Vec<(Vec<Values>, PageStats)> = (0..columns).into_par_iter().map(make).collect();
         if watch.is_cancelled() {
@@ -116,7 +119,7 @@ struct Bins {
 impl Bins {
     fn new(page: &Page, rows: u32) -> Self {
         let (columns, bands) = (page.side.div_ceil(REGION), page.side.div_ceil(rows));
-        let margin = region::margin(page) as f32 + 2.0;
+        let margin = (region::margin(page) + region::BORDER) as f32 + 2.0;
         let each = |mut visit: Box<dyn FnMut(u32, usize) + '_>| {
             for (i, placed) in (0u32..).zip(&page.placed) {
                 let [low, high] = bounds(placed);

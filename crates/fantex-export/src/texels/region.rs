@@ -21,10 +21,18 @@ pub(super) struct Point {
 
 const NOTHING: Point = Point { placed: NOBODY, lambda: Vec3::ZERO };
 
-/// The points under a rectangle of texels.
+/// Texels around a region that are found as well.
+pub(super) const BORDER: u32 = 1;
+
+/// The points under a rectangle of texels and `BORDER` texels around it.
 pub(super) struct Region {
-    /// One per texel, row-major; equal points of padding are those of the texel that they were taken from.
+    /// Columns and rows, without the border.
+    pub(super) extent: [u32; 2],
+    /// One per texel, row-major, with the border; equal points of padding are those of the texel that they were taken from.
     pub(super) points: Vec<Point>,
+    /// The chart of each texel whose centre lies on the surface or on its continuation, else `NOBODY`.
+    pub(super) chart_on_surface: Vec<u32>,
+    /// Without the border.
     pub(super) stats: PageStats,
 }
 
@@ -42,7 +50,8 @@ pub(super) fn margin(page: &Page) -> u32 {
 impl Region {
     /// Finds the points; `members` are the placed triangles that reach the rectangle or its margin.
     pub(super) fn find(page: &Page, members: &[u32], origin: [u32; 2], extent: [u32; 2]) -> Self {
-        let margin = margin(page) as i32;
+        let border = BORDER as i32;
+        let margin = margin(page) as i32 + border;
         let frame = Frame {
             page,
             origin: origin.map(|n| n as i32 - margin),
@@ -66,15 +75,18 @@ impl Region {
             stats.contested += u64::from(best.is_contested);
         }
         let sources = search.spread();
-        let mut points = Vec::with_capacity(width as usize * height as usize);
-        for y in 0..height {
-            for x in 0..width {
+        let count = (width + 2 * border) as usize * (height + 2 * border) as usize;
+        let (mut points, mut chart_on_surface) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for y in -border..height + border {
+            for x in -border..width + border {
                 let texel = ((y + margin) * frame.extent[0] + x + margin) as usize;
                 let source = sources[texel];
                 points.push(if source == NOBODY { NOTHING } else { search.best[source as usize].point });
+                let is_sure = matches!(search.best[texel].kind, Kind::Inside | Kind::Beyond);
+                chart_on_surface.push(if is_sure { search.owners[texel] } else { NOBODY });
             }
         }
-        Self { points, stats }
+        Self { extent, points, chart_on_surface, stats }
     }
 }
 
@@ -292,6 +304,13 @@ impl Shape {
 mod tests {
     use super::*;
 
+    /// The points without the border.
+    fn inner(region: &Region) -> Vec<Point> {
+        let stride = region.extent[0] as usize + 2;
+        let rows = region.points.chunks(stride).skip(1).take(region.extent[1] as usize);
+        rows.flat_map(|row| &row[1..stride - 1]).copied().collect()
+    }
+
     fn page(side: u32, block: u32, corners: [[f32; 2]; 3], owners: Vec<u32>) -> Page {
         let placed = Placed { triangle: 0, chart: 0, corners: corners.map(Vec2::from), is_beyond: false };
         Page { side, placed: vec![placed], block, owners }
@@ -301,11 +320,12 @@ mod tests {
     fn every_texel_of_a_charts_blocks_has_a_point_of_it() {
         let page = page(16, 4, [[6.0, 6.0], [10.0, 6.0], [6.0, 10.0]], vec![0; 16]);
         let region = Region::find(&page, &[0], [0, 0], [16, 16]);
-        assert!(region.points.iter().all(|p| p.placed == 0 && (p.lambda.element_sum() - 1.0).abs() < 1e-5));
-        assert!(region.points.iter().all(|p| p.lambda.min_element() >= 0.0));
+        let points = inner(&region);
+        assert!(points.iter().all(|p| p.placed == 0 && (p.lambda.element_sum() - 1.0).abs() < 1e-5));
+        assert!(points.iter().all(|p| p.lambda.min_element() >= 0.0));
         assert_eq!(region.stats.covered, 10);
         // Far to the upper left the nearest point is the corner.
-        assert!(region.points[0].lambda.x > 0.7);
+        assert!(points[0].lambda.x > 0.7);
     }
 
     #[test]
@@ -314,7 +334,7 @@ mod tests {
         owners[5] = 0;
         let page = page(16, 4, [[4.0, 4.0], [8.0, 4.0], [4.0, 8.0]], owners);
         let region = Region::find(&page, &[0], [0, 0], [16, 16]);
-        assert_eq!(region.points.iter().filter(|p| p.placed == 0).count(), 16);
+        assert_eq!(inner(&region).iter().filter(|p| p.placed == 0).count(), 16);
     }
 
     #[test]
@@ -322,6 +342,6 @@ mod tests {
         let page = page(16, 16, [[2.0, 8.0], [14.0, 8.0], [14.0, 8.05]], Vec::new());
         let region = Region::find(&page, &[0], [0, 0], [16, 16]);
         assert_eq!(region.stats.covered, 0);
-        assert_eq!(region.points[8 * 16 + 8].placed, 0);
+        assert_eq!(inner(&region)[8 * 16 + 8].placed, 0);
     }
 }

@@ -1,10 +1,14 @@
-//! Model coordinates that do not fit.
+//! Texture coordinates: the model's, also those that do not fit, and what lies at the own ones.
 
-use fantex_bake::{BakeFormat, NoProgress};
-use fantex_export::{ExportError, ExportOptions, UvChoice, export_model};
+use std::sync::Arc;
+
+use fantex_bake::{BakeFormat, NoProgress, sample_finest};
+use fantex_export::{ChannelMap, Depth, ExportError, ExportOptions, UvChoice, export_channel, export_model};
 use fantex_mesh::generate::{cube, icosphere};
 use fantex_mesh::{Mesh, Model};
-use glam::{DVec3, Vec2};
+use fantex_store::PageCache;
+use fantex_texture::{ColorSpace, Image, Samples};
+use glam::{DVec3, Vec2, Vec3};
 
 use crate::support::{Waves, baked, cleaned, loaded, worst_psnr_db};
 
@@ -73,4 +77,53 @@ fn another_models_coordinates_are_taken_where_its_triangles_are_the_same() {
     let options = ExportOptions { uv: UvChoice::OfModel(&wrong), force: true, ..ExportOptions::default() };
     let refused = export_model(&baked.asset, &path, &options, &NoProgress);
     assert!(matches!(refused, Err(ExportError::OtherModel { triangle: 0 })));
+}
+
+/// Samples of the surface through the exported picture against the asset's texture function: no renderer between, no
+/// coarser levels, the same density, and detail near what the density holds.
+#[test]
+fn pictures_hold_the_texture_function_at_equal_density() {
+    let mesh = cleaned(icosphere(4));
+    let texels = 190_000u64;
+    let density = (texels as f64 / mesh.area()).sqrt() as f32;
+    for (wavelength, least_db) in [(16.0, 50.0), (8.0, 38.0)] {
+        let baked = baked(
+            &mesh,
+            &Waves::color(std::f32::consts::TAU * density / wavelength),
+            texels,
+            BakeFormat::Float,
+        );
+        let (model, picture) = (baked.path("x.glb"), baked.path("x.exr"));
+        let options = ExportOptions { side: Some(512), padding: Some(4), ..ExportOptions::default() };
+        let summary = export_model(&baked.asset, &model, &options, &NoProgress).unwrap();
+        assert!((0.8..1.1).contains(&summary.density_share), "{summary:?}");
+        export_channel(&baked.asset, ChannelMap::BaseColor, Depth::Eight, &picture, &options, &NoProgress)
+            .unwrap();
+        let image = Image::load_as(&picture, ColorSpace::Linear).unwrap();
+        let Samples::F32(samples) = &image.samples else { panic!("floats") };
+        let texel = |x: u32, y: u32| samples[3 * (y.min(511) * 512 + x.min(511)) as usize];
+        let back = loaded(&model);
+        let cache = PageCache::new(Arc::clone(&baked.asset), 64 << 20);
+        let (mut squares, mut count) = (0.0, 0.0);
+        for t in 0..mesh.triangles.len() {
+            assert!(back.triangle_positions(t)[0].distance(mesh.triangle_positions(t)[0]) < 1e-6);
+            for lambda in [[0.8, 0.1, 0.1], [0.05, 0.9, 0.05], [0.02, 0.49, 0.49], [0.33, 0.33, 0.34]] {
+                let lambda = Vec3::from(lambda);
+                let uv = &back.corners.uv_sets[0][3 * t..3 * t + 3];
+                let at = (uv[0] * lambda.x + uv[1] * lambda.y + uv[2] * lambda.z) * 512.0 - 0.5;
+                let (x, y, f) = (at.x as u32, at.y as u32, at.fract());
+                let row = |y| texel(x, y) * (1.0 - f.x) + texel(x + 1, y) * f.x;
+                let read = row(y) * (1.0 - f.y) + row(y + 1) * f.y;
+                let truth = sample_finest(&cache, 0, t, lambda).0.x;
+                squares += f64::from(read - truth).powi(2);
+                count += 1.0;
+            }
+        }
+        let db = -10.0 * (squares / count).log10();
+        eprintln!(
+            "wavelength of {wavelength} texels, {:.2} of the density: {db:.1} dB",
+            summary.density_share
+        );
+        assert!(db > least_db, "{db} dB at a wavelength of {wavelength} texels");
+    }
 }
