@@ -15,7 +15,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("fantex-scene", &["fantex-mesh", "fantex-texture"]),
     ("fantex-stream", &["fantex-mesh", "fantex-cover", "fantex-store"]),
     ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"]),
-    ("fantex-paint", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
+    ("fantex-paint", &["fantex-mesh", "fantex-look", "fantex-texture", "fantex-cover", "fantex-store"]),
     ("fantex-export", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-bake"]),
     (
         "fantex-gpu",
