@@ -19,7 +19,7 @@ impl Residency {
                 break;
             }
             for page in loaded {
-                self.take_in(page, &mut frame, loader);
+                self.take_in(page, &mut frame);
             }
             self.settle(&mut frame);
         }
@@ -31,7 +31,7 @@ impl Residency {
         frame.changes
     }
 
-    fn take_in(&mut self, loaded: LoadedPage, frame: &mut Arrivals, loader: &mut dyn PageLoader) {
+    fn take_in(&mut self, loaded: LoadedPage, frame: &mut Arrivals) {
         let LoadedPage { page, texels } = loaded;
         let index = self.pool.index(page);
         // What was cancelled in the meantime is not wanted any more.
@@ -42,7 +42,7 @@ impl Residency {
             Err(error) => {
                 self.in_flight_texels -= self.texels(page);
                 self.damaged.insert(page, error);
-                self.drop_under(page, loader);
+                self.drop_under(page);
             }
             Ok(texels) => match self.pool.entry(index).place() {
                 Some(place) => {
@@ -58,14 +58,14 @@ impl Residency {
     }
 
     /// Pages under a damaged one have no use.
-    fn drop_under(&mut self, damaged: PageId, loader: &mut dyn PageLoader) {
+    fn drop_under(&mut self, damaged: PageId) {
         let pages = self.pool.pages_of(damaged.group);
         let on_their_way = self.pending.range(pages.clone()).map(|(&index, pending)| (pending.page, index));
         let arrived = self.waiting.range(pages).map(|(&index, (page, _))| (*page, index));
         let useless: Vec<(PageId, u32)> =
             on_their_way.chain(arrived).filter(|&(page, _)| self.is_blocked(page)).collect();
         for (page, index) in useless {
-            self.forget(page, index, loader);
+            self.forget(page, index);
         }
     }
 

@@ -31,6 +31,7 @@ use crate::shape::{Detail, TileShapes};
 use crate::{AtlasShape, PageTable, PageTexels, TableChange};
 use pool::Pool;
 use pressure::Pressure;
+use wants::Backlog;
 use wishes::Wishes;
 
 /// A page that was asked for.
@@ -54,7 +55,9 @@ pub(crate) struct Residency {
     missing: Vec<u32>,
     /// Groups whose demand has changed and is not taken over yet, each once.
     backlog: VecDeque<u32>,
-    in_backlog: Vec<bool>,
+    in_backlog: Vec<Backlog>,
+    /// Groups in the backlog that wait for another bias.
+    exact_backlog: usize,
     missing_pages: u64,
     visible_groups: u64,
     lacking_groups: u64,
@@ -62,6 +65,9 @@ pub(crate) struct Residency {
     /// Groups that may be needed soon.
     ahead: VecDeque<u32>,
     pending: BTreeMap<u32, Pending>,
+    /// What the loader has not been told yet; cancels come before requests.
+    cancels: Vec<PageId>,
+    asks: Vec<(PageId, f32)>,
     /// Pages that have arrived and wait for coarser ones, or for room.
     waiting: BTreeMap<u32, (PageId, PageTexels)>,
     /// Those of them that need wait no longer.
@@ -78,18 +84,21 @@ impl Residency {
         let wanted = (0..groups as u32).map(|g| shapes.of(g).level_count() as u8).collect();
         Self {
             pool: Pool::new(shapes.clone(), table, atlas),
-            pressure: Pressure::new(),
+            pressure: Pressure::new(groups),
             wanted,
             wanted_pages: HashMap::new(),
             missing: vec![0; groups],
             backlog: VecDeque::new(),
-            in_backlog: vec![false; groups],
+            in_backlog: vec![Backlog::Done; groups],
+            exact_backlog: 0,
             missing_pages: 0,
             visible_groups: 0,
             lacking_groups: 0,
             wishes: Wishes::new(groups),
             ahead: VecDeque::new(),
             pending: BTreeMap::new(),
+            cancels: Vec::new(),
+            asks: Vec::new(),
             waiting: BTreeMap::new(),
             ready: VecDeque::new(),
             in_flight_texels: 0,
@@ -126,6 +135,24 @@ impl Residency {
     /// Groups whose missing pages have not been asked for.
     pub(crate) fn wishes(&self) -> usize {
         self.wishes.len() + self.backlog.len()
+    }
+
+    pub(crate) fn has_backlog(&self) -> bool {
+        !self.backlog.is_empty()
+    }
+
+    /// Whether a page is needed and not resident, and may become so.
+    pub(crate) fn is_missing(&self, page: PageId) -> bool {
+        let index = self.pool.index(page);
+        self.pool.is_needed(index) && !self.pool.is_resident(index) && !self.is_blocked(page)
+    }
+
+    pub(crate) fn all_missing_pages(&self) -> Vec<PageId> {
+        let lacking = (0..).zip(&self.missing).filter(|(_, missing)| **missing > 0).map(|(group, _)| group);
+        lacking
+            .flat_map(|group| self.pool.pages_of(group).map(move |index| self.pool.page(group, index)))
+            .filter(|&page| self.is_missing(page))
+            .collect()
     }
 
     pub(crate) fn uploaded_bytes(&self) -> u64 {
