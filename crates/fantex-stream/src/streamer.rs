@@ -106,7 +106,7 @@ impl Streamer {
         let demanded = Instant::now();
         let is_moving = self.motion.advance(view, frame.elapsed_seconds);
         let loader = &mut *self.loader;
-        self.residency.begin_frame();
+        self.residency.begin_frame(frame.elapsed_seconds);
         self.residency.want(&self.changed, &self.demand);
         self.residency.adapt(&self.demand, is_moving);
         self.residency.tell(loader);

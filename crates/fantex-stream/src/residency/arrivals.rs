@@ -2,19 +2,32 @@
 
 use fantex_store::PageId;
 
-use super::Residency;
+use super::{Flight, Residency};
 use crate::{FrameChanges, LoadedPage, PageLoader, PageTexels, PageUpload};
 
-/// Frames after which a page that is not needed makes room for one that is fetched ahead.
-const AHEAD_AGE: u32 = 60;
+/// Frames after which a page that is not needed makes room for one that is fetched ahead: about as many as it is fetched
+/// ahead. (With four times as many, a camera that flew on after a cut found no room for what it foresaw.)
+const AHEAD_AGE: u32 = 15;
+
+/// Pages that are placed in a sixtieth of a second, at most. Each takes about a microsecond, however small it is.
+const PAGES_PER_FRAME: usize = 1 << 12;
+
+/// The loader is asked for so large a part of a frame's bytes at a time: pages may be tiny, and then are many.
+const POLLS_PER_FRAME: usize = 16;
 
 impl Residency {
     /// Takes what has arrived and gives it places, until `max_bytes` are uploaded (at least one page, if there is any).
     pub(crate) fn arrive(&mut self, max_bytes: usize, loader: &mut dyn PageLoader) -> FrameChanges {
-        let mut frame = Arrivals { changes: FrameChanges::default(), bytes: 0, max_bytes, stuck: Vec::new() };
+        let mut frame = Arrivals {
+            changes: FrameChanges::default(),
+            bytes: 0,
+            max_bytes,
+            max_pages: self.pace.times(PAGES_PER_FRAME),
+            stuck: Vec::new(),
+        };
         self.settle(&mut frame);
-        while frame.bytes < max_bytes {
-            let loaded = loader.poll(max_bytes - frame.bytes);
+        while !frame.is_full() {
+            let loaded = loader.poll((max_bytes / POLLS_PER_FRAME).clamp(1, max_bytes - frame.bytes));
             if loaded.is_empty() {
                 break;
             }
@@ -24,7 +37,10 @@ impl Residency {
             self.settle(&mut frame);
         }
         if !frame.stuck.is_empty() {
-            self.pressure.squeeze();
+            // With another bias on its way less is needed soon.
+            if self.exact_backlog == 0 {
+                self.pressure.squeeze();
+            }
             self.ready.extend(frame.stuck);
         }
         self.uploaded_bytes += frame.bytes as u64;
@@ -35,21 +51,22 @@ impl Residency {
         let LoadedPage { page, texels } = loaded;
         let index = self.pool.index(page);
         // What was cancelled in the meantime is not wanted any more.
-        if self.pending.remove(&index).is_none() {
+        if !matches!(self.flight(index), Flight::Asked | Flight::Ahead) {
             return;
         }
         match texels {
             Err(error) => {
-                self.in_flight_texels -= self.texels(page);
+                self.set_flight(page, index, Flight::None);
                 self.damaged.insert(page, error);
                 self.drop_under(page);
             }
             Ok(texels) => match self.pool.entry(index).place() {
                 Some(place) => {
-                    self.in_flight_texels -= self.texels(page);
+                    self.set_flight(page, index, Flight::None);
                     frame.upload(PageUpload { page, place, texels });
                 }
                 None => {
+                    self.set_flight(page, index, Flight::Waiting);
                     self.waiting.insert(index, (page, texels));
                     self.ready.push_back(index);
                 }
@@ -59,11 +76,13 @@ impl Residency {
 
     /// Pages under a damaged one have no use.
     fn drop_under(&mut self, damaged: PageId) {
-        let pages = self.pool.pages_of(damaged.group);
-        let on_their_way = self.pending.range(pages.clone()).map(|(&index, pending)| (pending.page, index));
-        let arrived = self.waiting.range(pages).map(|(&index, (page, _))| (*page, index));
-        let useless: Vec<(PageId, u32)> =
-            on_their_way.chain(arrived).filter(|&(page, _)| self.is_blocked(page)).collect();
+        let useless: Vec<(PageId, u32)> = self
+            .pool
+            .pages_of(damaged.group)
+            .filter(|&index| self.flight(index) != Flight::None)
+            .map(|index| (self.pool.page(damaged.group, index), index))
+            .filter(|&(page, _)| self.is_blocked(page))
+            .collect();
         for (page, index) in useless {
             self.forget(page, index);
         }
@@ -71,9 +90,11 @@ impl Residency {
 
     /// Gives places to pages whose coarser ones are resident.
     fn settle(&mut self, frame: &mut Arrivals) {
-        while frame.bytes < frame.max_bytes {
+        while !frame.is_full() {
             let Some(index) = self.ready.pop_front() else { return };
-            if let Some(&(page, _)) = self.waiting.get(&index) {
+            if self.flight(index) == Flight::Waiting
+                && let Some(&(page, _)) = self.waiting.get(&index)
+            {
                 self.settle_page(page, index, frame);
             }
         }
@@ -84,8 +105,7 @@ impl Residency {
         let mut coarser = self.pool.coarser(page).map(|p| self.pool.index(p));
         if let Some(missing) = coarser.find(|&i| !self.pool.is_resident(i)) {
             // It becomes ready when that one is placed.
-            let comes = self.pending.contains_key(&missing) || self.waiting.contains_key(&missing);
-            if !comes && !is_needed {
+            if self.flight(missing) == Flight::None && !is_needed {
                 self.drop_waiting(page, index);
             }
             return;
@@ -99,7 +119,7 @@ impl Residency {
                     self.count_missing(page.group, false);
                 }
                 let finer = self.pool.finer(page).map(|p| self.pool.index(p));
-                self.ready.extend(finer.filter(|i| self.waiting.contains_key(i)));
+                self.ready.extend(finer.filter(|&i| self.flights[i as usize] == Flight::Waiting));
             }
             None if is_needed => frame.stuck.push(index),
             None => {
@@ -109,9 +129,8 @@ impl Residency {
     }
 
     fn drop_waiting(&mut self, page: PageId, index: u32) -> Option<PageTexels> {
-        let (_, texels) = self.waiting.remove(&index)?;
-        self.in_flight_texels -= self.texels(page);
-        Some(texels)
+        self.set_flight(page, index, Flight::None);
+        self.waiting.remove(&index).map(|(_, texels)| texels)
     }
 }
 
@@ -121,11 +140,16 @@ struct Arrivals {
     /// Of the uploads.
     bytes: usize,
     max_bytes: usize,
+    max_pages: usize,
     /// Needed pages without room.
     stuck: Vec<u32>,
 }
 
 impl Arrivals {
+    fn is_full(&self) -> bool {
+        self.bytes >= self.max_bytes || self.changes.uploads.len() >= self.max_pages
+    }
+
     fn upload(&mut self, upload: PageUpload) {
         self.bytes += upload.texels.bytes();
         self.changes.uploads.push(upload);

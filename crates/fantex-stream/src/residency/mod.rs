@@ -34,12 +34,17 @@ use pressure::Pressure;
 use wants::Backlog;
 use wishes::Wishes;
 
-/// A page that was asked for.
-#[derive(Clone, Copy, Debug)]
-struct Pending {
-    page: PageId,
-    /// Nothing needs it yet.
-    is_ahead: bool,
+/// Where a page is that is not resident (or is read again).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Flight {
+    /// Nobody has asked for it.
+    None,
+    /// It is asked for because it is needed.
+    Asked,
+    /// It is asked for, and nothing needs it yet.
+    Ahead,
+    /// It has arrived and waits for coarser ones, or for room.
+    Waiting,
 }
 
 /// What is wanted, on its way, and resident.
@@ -64,7 +69,12 @@ pub(crate) struct Residency {
     wishes: Wishes,
     /// Groups that may be needed soon.
     ahead: VecDeque<u32>,
-    pending: BTreeMap<u32, Pending>,
+    /// Per page.
+    flights: Vec<Flight>,
+    /// Pages that are asked for.
+    pending_pages: usize,
+    /// Those of them that nothing needs yet.
+    asked_ahead: BTreeMap<u32, PageId>,
     /// What the loader has not been told yet; cancels come before requests.
     cancels: Vec<PageId>,
     asks: Vec<(PageId, f32)>,
@@ -76,6 +86,21 @@ pub(crate) struct Residency {
     damaged: BTreeMap<PageId, PageError>,
     uploaded_bytes: u64,
     requests: u64,
+    pace: Pace,
+}
+
+/// How much more than in a sixtieth of a second is done in a frame: slow frames, of which there are few, may take longer.
+#[derive(Clone, Copy, Debug)]
+struct Pace(f32);
+
+impl Pace {
+    fn of(elapsed_seconds: f32) -> Self {
+        Self((elapsed_seconds * 60.0).clamp(1.0, 4.0))
+    }
+
+    fn times(self, count: usize) -> usize {
+        (count as f32 * self.0) as usize
+    }
 }
 
 impl Residency {
@@ -83,7 +108,6 @@ impl Residency {
         let groups = shapes.group_count();
         let wanted = (0..groups as u32).map(|g| shapes.of(g).level_count() as u8).collect();
         Self {
-            pool: Pool::new(shapes.clone(), table, atlas),
             pressure: Pressure::new(groups),
             wanted,
             wanted_pages: HashMap::new(),
@@ -96,7 +120,9 @@ impl Residency {
             lacking_groups: 0,
             wishes: Wishes::new(groups),
             ahead: VecDeque::new(),
-            pending: BTreeMap::new(),
+            flights: vec![Flight::None; table.len()],
+            pending_pages: 0,
+            asked_ahead: BTreeMap::new(),
             cancels: Vec::new(),
             asks: Vec::new(),
             waiting: BTreeMap::new(),
@@ -105,6 +131,8 @@ impl Residency {
             damaged: BTreeMap::new(),
             uploaded_bytes: 0,
             requests: 0,
+            pace: Pace::of(0.0),
+            pool: Pool::new(shapes.clone(), table, atlas),
             shapes,
         }
     }
@@ -129,7 +157,7 @@ impl Residency {
 
     /// Pages asked for that have not arrived, and those that have arrived and wait.
     pub(crate) fn in_flight(&self) -> (usize, usize) {
-        (self.pending.len(), self.waiting.len())
+        (self.pending_pages, self.waiting.len())
     }
 
     /// Groups whose missing pages have not been asked for.
@@ -180,7 +208,9 @@ impl Residency {
         Some(self.pool.page(group, resident).level)
     }
 
-    pub(crate) fn begin_frame(&mut self) {
+    /// A frame begins, so long after the last one.
+    pub(crate) fn begin_frame(&mut self, elapsed_seconds: f32) {
+        self.pace = Pace::of(elapsed_seconds);
         self.pool.begin_frame();
     }
 
@@ -199,9 +229,46 @@ impl Residency {
         let missing: u64 = self.missing.iter().map(|&n| u64::from(n)).sum();
         assert_eq!(missing, self.missing_pages);
         assert_eq!(self.missing.iter().filter(|&&n| n > 0).count() as u64, self.lacking_groups);
-        let waiting = self.waiting.values().map(|(page, _)| *page);
-        let new = self.pending.values().map(|p| p.page);
-        assert_eq!(waiting.chain(new).map(|p| self.texels(p)).sum::<u64>(), self.in_flight_texels);
+        let (mut pages, mut texels, mut ahead) = ([0; 4], 0, BTreeMap::new());
+        for group in 0..self.missing.len() as u32 {
+            for index in self.pool.pages_of(group) {
+                let (flight, page) = (self.flight(index), self.pool.page(group, index));
+                pages[flight as usize] += 1;
+                texels += if flight == Flight::None { 0 } else { self.texels(page) };
+                if flight == Flight::Ahead {
+                    ahead.insert(index, page);
+                }
+                assert_eq!(flight == Flight::Waiting, self.waiting.contains_key(&index));
+            }
+        }
+        assert_eq!(texels, self.in_flight_texels);
+        assert_eq!(pages[1] + pages[2], self.pending_pages);
+        assert_eq!(ahead, self.asked_ahead);
+    }
+
+    fn flight(&self, index: u32) -> Flight {
+        self.flights[index as usize]
+    }
+
+    /// A page is elsewhere from now on; returns where it was.
+    fn set_flight(&mut self, page: PageId, index: u32, flight: Flight) -> Flight {
+        let last = std::mem::replace(&mut self.flights[index as usize], flight);
+        let is_pending = |flight| matches!(flight, Flight::Asked | Flight::Ahead);
+        self.pending_pages -= usize::from(is_pending(last));
+        self.pending_pages += usize::from(is_pending(flight));
+        if last == Flight::Ahead {
+            self.asked_ahead.remove(&index);
+        }
+        if flight == Flight::Ahead {
+            self.asked_ahead.insert(index, page);
+        }
+        match (last, flight) {
+            (Flight::None, Flight::None) => {}
+            (Flight::None, _) => self.in_flight_texels += self.texels(page),
+            (_, Flight::None) => self.in_flight_texels -= self.texels(page),
+            _ => {}
+        }
+        last
     }
 
     /// Side of a tile on the screen, pixels, as a binary logarithm.

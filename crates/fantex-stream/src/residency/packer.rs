@@ -52,6 +52,8 @@ const PREFERENCES: [fn(&BinState, u8) -> bool; 3] = [
 ];
 
 const SIDE_CLASSES: u32 = 7;
+/// Kinds of pages: the classes of the longest side.
+pub(crate) const KINDS: usize = SIDE_CLASSES as usize;
 const CLASSES: usize = (SIDE_CLASSES * SIDE_CLASSES) as usize;
 
 /// Class of a side in units: its binary logarithm, rounded up.
@@ -69,6 +71,11 @@ impl Packer {
             columns,
             firsts: [[0; CLASSES]; PREFERENCES.len()],
         }
+    }
+
+    /// The kind of a rectangle of texels: those of one kind share bins.
+    pub(crate) fn kind_of([w, h]: [u32; 2]) -> usize {
+        side_class(w.max(h).div_ceil(UNIT)) as usize
     }
 
     /// Room for a rectangle of texels with sides of at most 256, multiples of 4.
@@ -96,6 +103,16 @@ impl Packer {
         None
     }
 
+    /// Room in the bin where a rectangle has been given back, the only one in which there may be any since
+    /// [`Packer::take`] found none.
+    pub(crate) fn take_where_freed(&mut self, extent: [u32; 2], freed: AtlasPlace) -> Option<AtlasPlace> {
+        let size = extent.map(|n| n.div_ceil(UNIT));
+        let [w, h] = size.map(side_class);
+        let bin = self.bin_of(freed);
+        let at = self.take_in(bin, size, (h * SIDE_CLASSES + w) as usize, w.max(h) as u8)?;
+        Some(self.place(bin, at))
+    }
+
     /// Room in a bin.
     fn take_in(&mut self, bin: usize, size: [u32; 2], class: usize, kind: u8) -> Option<[u32; 2]> {
         let state = &mut self.states[bin];
@@ -119,8 +136,7 @@ impl Packer {
 
     /// Gives the room of a rectangle back that [`Packer::take`] gave.
     pub(crate) fn give_back(&mut self, place: AtlasPlace, extent: [u32; 2]) {
-        let [column, row] = [place.x, place.y].map(|n| u32::from(n) / PAGE);
-        let bin = ((u32::from(place.layer) * self.columns + row) * self.columns + column) as usize;
+        let bin = self.bin_of(place);
         let at = [place.x, place.y].map(|n| u32::from(n) % PAGE / UNIT);
         let size = extent.map(|n| n.div_ceil(UNIT));
         self.bins[bin].mark(at, size, false);
@@ -132,6 +148,11 @@ impl Packer {
     /// A bin may have room that it had not, or suits what it did not suit.
     fn reopen(&mut self, bin: usize) {
         self.firsts.as_flattened_mut().iter_mut().for_each(|first| *first = (*first).min(bin as u32));
+    }
+
+    fn bin_of(&self, place: AtlasPlace) -> usize {
+        let [column, row] = [place.x, place.y].map(|n| u32::from(n) / PAGE);
+        ((u32::from(place.layer) * self.columns + row) * self.columns + column) as usize
     }
 
     fn place(&self, bin: usize, [x, y]: [u32; 2]) -> AtlasPlace {

@@ -4,12 +4,12 @@
 //! needed or in the queue of those that may leave, in the order in which they were last needed. A needed page never leaves.
 
 use std::collections::VecDeque;
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 use fantex_store::PageId;
 
-use super::packer::Packer;
+use super::packer::{KINDS, Packer};
 use crate::shape::{TileShapes, cells};
 use crate::{AtlasPlace, AtlasShape, PageTable, TableChange, TableEntry};
 
@@ -55,12 +55,15 @@ pub(crate) struct Pool {
     packer: Packer,
     entries: Vec<TableEntry>,
     stamps: Vec<u32>,
-    leavers: VecDeque<Leaver>,
+    /// By kind (of [`Packer::kind_of`]): a page that leaves makes room for pages of its own kind.
+    leavers: [VecDeque<Leaver>; KINDS],
     /// Entries that changed since they were taken, in any order, some of them twice.
     touched: Vec<u32>,
     resident: [PageCount; COUNTED_LEVELS],
     needed: PageCount,
     evictions: u64,
+    /// Where the pages lay that left last.
+    freed: Vec<AtlasPlace>,
     frame: u32,
 }
 
@@ -74,20 +77,23 @@ impl Pool {
             packer: Packer::new(shape),
             entries: vec![TableEntry::ABSENT; pages],
             stamps: vec![0; pages],
-            leavers: VecDeque::new(),
+            leavers: [const { VecDeque::new() }; KINDS],
             touched: Vec::new(),
             resident: [PageCount::default(); COUNTED_LEVELS],
             needed: PageCount::default(),
             evictions: 0,
+            freed: Vec::new(),
             frame: 1,
         }
     }
 
     pub(crate) fn begin_frame(&mut self) {
         self.frame += 1;
-        if self.leavers.len() > 1024 + 2 * self.resident().pages as usize {
+        let waiting: usize = self.leavers.iter().map(VecDeque::len).sum();
+        if waiting > 1024 + 2 * self.resident().pages as usize {
             let (entries, stamps) = (&self.entries, &self.stamps);
-            self.leavers.retain(|leaver| may_leave(leaver, entries, stamps));
+            let may_leave = |leaver: &Leaver| may_leave(leaver, entries, stamps);
+            self.leavers.iter_mut().for_each(|leavers| leavers.retain(may_leave));
         }
     }
 
@@ -146,7 +152,7 @@ impl Pool {
     }
 
     fn texels(&self, page: PageId) -> u64 {
-        let [w, h] = self.shapes.of(page.group).page_extent(page.level, page.page).map(u64::from);
+        let [w, h] = self.extent(page).map(u64::from);
         w * h
     }
 
@@ -161,14 +167,19 @@ impl Pool {
     pub(crate) fn release(&mut self, page: PageId, index: u32) {
         debug_assert!(self.is_needed(index));
         self.needed.remove(self.texels(page));
-        self.let_leave(page.group, index);
+        self.let_leave(page, index);
     }
 
-    fn let_leave(&mut self, group: u32, index: u32) {
+    fn let_leave(&mut self, page: PageId, index: u32) {
         self.stamps[index as usize] = self.frame;
         if self.is_resident(index) {
-            self.leavers.push_back(Leaver { index, group, stamp: self.frame });
+            let kind = Packer::kind_of(self.extent(page));
+            self.leavers[kind].push_back(Leaver { index, group: page.group, stamp: self.frame });
         }
+    }
+
+    fn extent(&self, page: PageId) -> [u32; 2] {
+        self.shapes.of(page.group).page_extent(page.level, page.page)
     }
 
     /// The pages of the next coarser level that lie over a page.
@@ -197,21 +208,23 @@ impl Pool {
         if !self.is_needed(index) {
             self.stay_below(page);
         }
-        let extent = self.shapes.of(page.group).page_extent(page.level, page.page);
-        let place = loop {
-            if let Some(place) = self.packer.take(extent) {
-                break place;
-            }
-            if !self.evict_oldest(min_age) {
+        let extent = self.extent(page);
+        let mut place = self.packer.take(extent);
+        while place.is_none() {
+            self.freed.clear();
+            if !self.evict_oldest(min_age, Packer::kind_of(extent)) {
                 return None;
             }
-        };
+            let Self { packer, freed, .. } = self;
+            place = freed.iter().find_map(|&freed| packer.take_where_freed(extent, freed));
+        }
+        let place = place?;
         self.entries[index as usize] = TableEntry::at(place);
         self.touched.push(index);
         let texels = self.texels(page);
         self.resident[page.level as usize].add(texels);
         if !self.is_needed(index) {
-            self.let_leave(page.group, index);
+            self.let_leave(page, index);
         }
         Some(place)
     }
@@ -222,27 +235,30 @@ impl Pool {
             let index = self.index(coarser);
             if !self.is_needed(index) {
                 self.stay_below(coarser);
-                self.let_leave(coarser.group, index);
+                self.let_leave(coarser, index);
             }
         }
     }
 
-    /// Evicts the page that was needed longest ago.
-    fn evict_oldest(&mut self, min_age: u32) -> bool {
-        while let Some(&leaver) = self.leavers.front() {
-            if !may_leave(&leaver, &self.entries, &self.stamps) {
-                self.leavers.pop_front();
-                continue;
-            }
-            if self.frame - leaver.stamp < min_age {
-                return false;
-            }
-            self.leavers.pop_front();
-            let page = self.page(leaver.group, leaver.index);
-            self.remove(page, leaver.index);
-            return true;
+    /// Evicts the page that was needed longest ago, of those that leave room for a page of a kind; of the smaller ones where
+    /// there is no other. (By age alone, room became free all over the atlas and nowhere enough: a page took tens of others.)
+    fn evict_oldest(&mut self, min_age: u32, kind: usize) -> bool {
+        let leaver = self.take_leaver(min_age, kind..KINDS).or_else(|| self.take_leaver(min_age, 0..kind));
+        let Some(leaver) = leaver else { return false };
+        let page = self.page(leaver.group, leaver.index);
+        self.remove(page, leaver.index);
+        true
+    }
+
+    /// The oldest page of some kinds that may leave.
+    fn take_leaver(&mut self, min_age: u32, kinds: Range<usize>) -> Option<Leaver> {
+        let (entries, stamps, now) = (&self.entries, &self.stamps, self.frame);
+        let queues = &mut self.leavers[kinds];
+        for leavers in queues.iter_mut() {
+            while leavers.pop_front_if(|leaver| !may_leave(leaver, entries, stamps)).is_some() {}
         }
-        false
+        let oldest = queues.iter_mut().filter(|l| !l.is_empty()).min_by_key(|l| l.front().map(|l| l.stamp))?;
+        oldest.pop_front_if(|leaver| now - leaver.stamp >= min_age)
     }
 
     /// Removes a page and what lies under it.
@@ -256,7 +272,8 @@ impl Pool {
         debug_assert!(!self.is_needed(index), "{page} is needed");
         let entry = std::mem::take(&mut self.entries[index as usize]);
         if let Some(place) = entry.place() {
-            self.packer.give_back(place, self.shapes.of(page.group).page_extent(page.level, page.page));
+            self.packer.give_back(place, self.extent(page));
+            self.freed.push(place);
         }
         self.touched.push(index);
         let texels = self.texels(page);
@@ -268,7 +285,7 @@ impl Pool {
     pub(crate) fn reset(&mut self, shape: AtlasShape) {
         self.shape = shape;
         self.packer = Packer::new(shape);
-        self.leavers.clear();
+        self.leavers.iter_mut().for_each(VecDeque::clear);
         self.resident = [PageCount::default(); COUNTED_LEVELS];
         for (index, entry) in (0..).zip(&mut self.entries) {
             if std::mem::take(entry) != TableEntry::ABSENT {
@@ -295,6 +312,7 @@ impl Pool {
         let leavers: std::collections::HashSet<u32> = self
             .leavers
             .iter()
+            .flatten()
             .filter(|l| may_leave(l, &self.entries, &self.stamps))
             .map(|l| l.index)
             .collect();

@@ -20,7 +20,7 @@ const SQUEEZE: f64 = 0.97;
 /// What a frame with a moving camera gives back.
 const RELAX: f64 = 0.0005;
 /// Frames between two changes of the bias of which the second lowers it.
-const PATIENCE: u32 = 64;
+const PATIENCE: u32 = 4;
 
 /// Texels by the bias from which on they are not needed.
 #[derive(Clone, Debug)]

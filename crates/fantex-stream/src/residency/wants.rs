@@ -2,7 +2,7 @@
 
 use fantex_store::PageId;
 
-use super::{Pending, Residency};
+use super::{Flight, Residency};
 use crate::demand::Demand;
 use crate::shape::{Detail, TileShape};
 use crate::{AtlasShape, PageLoader};
@@ -13,7 +13,7 @@ const RELUCTANCE: u8 = 2;
 /// Groups whose demand is taken over in one frame. Each takes about 0.2 us where pages become needed or unneeded.
 const WANTS_PER_FRAME: usize = 1 << 15;
 
-/// Pages that are asked for in one frame. Each takes about 0.5 us, mostly the loader's.
+/// Pages that are asked for in a sixtieth of a second. Each takes about 0.5 us, mostly the loader's.
 const ASKS_PER_FRAME: usize = 1 << 12;
 
 /// Whether and how the demand of a group waits to be taken over.
@@ -178,11 +178,12 @@ impl Residency {
 
     /// Cancels a page that is on its way, or drops it.
     pub(super) fn forget(&mut self, page: PageId, index: u32) {
-        if self.pending.remove(&index).is_some() {
-            self.cancels.push(page);
-            self.in_flight_texels -= self.texels(page);
-        } else if self.waiting.remove(&index).is_some() {
-            self.in_flight_texels -= self.texels(page);
+        match self.set_flight(page, index, Flight::None) {
+            Flight::Asked | Flight::Ahead => self.cancels.push(page),
+            Flight::Waiting => {
+                self.waiting.remove(&index);
+            }
+            Flight::None => {}
         }
     }
 
@@ -220,8 +221,8 @@ impl Residency {
 
     /// Asks for what is missing, the most urgent first, within limits.
     pub(crate) fn request(&mut self, demand: &Demand, limits: &RequestLimits) {
-        let asked = self.asks.len();
-        while self.has_free_request(limits) && self.asks.len() - asked < ASKS_PER_FRAME {
+        let most = self.asks.len() + self.pace.times(ASKS_PER_FRAME);
+        while self.has_free_request(limits) && self.asks.len() < most {
             let Some((group, urgency)) = self.wishes.take() else { return };
             let finest = self.wanted_level(group).unwrap_or(0);
             let side = self.side_log2(group, demand.detail(group));
@@ -237,7 +238,7 @@ impl Residency {
     }
 
     fn has_free_request(&self, limits: &RequestLimits) -> bool {
-        self.pending.len() + self.waiting.len() < limits.pages && self.in_flight_texels < limits.texels
+        self.pending_pages + self.waiting.len() < limits.pages && self.in_flight_texels < limits.texels
     }
 
     /// The needed pages of a group that are neither resident, nor on their way, nor known to be damaged or to lie under a
@@ -251,9 +252,7 @@ impl Residency {
                 (u32::from(self.wanted[group as usize])..shape.level_count()).map(|l| first + l).collect()
             }
         };
-        let is_asked = |index: &u32| {
-            self.pending.get(index).is_some_and(|p| !p.is_ahead) || self.waiting.contains_key(index)
-        };
+        let is_asked = |index: &u32| matches!(self.flight(*index), Flight::Asked | Flight::Waiting);
         needed
             .into_iter()
             .rev()
@@ -271,9 +270,9 @@ impl Residency {
 
     fn ask(&mut self, page: PageId, index: u32, urgency: f32, is_ahead: bool) {
         self.asks.push((page, urgency));
-        if self.pending.insert(index, Pending { page, is_ahead }).is_none() {
+        let flight = if is_ahead { Flight::Ahead } else { Flight::Asked };
+        if self.set_flight(page, index, flight) == Flight::None {
             self.requests += 1;
-            self.in_flight_texels += self.texels(page);
         }
     }
 
@@ -284,11 +283,10 @@ impl Residency {
             let shape = self.shapes.of(group);
             let first = self.pool.table().first(group);
             let unexpected: Vec<(PageId, u32)> = self
-                .pending
-                .range(self.pool.pages_of(group))
-                .map(|(&index, pending)| (pending, index))
-                .filter(|(pending, _)| pending.is_ahead)
-                .map(|(pending, index)| (pending.page, index))
+                .pool
+                .pages_of(group)
+                .filter(|&index| self.flight(index) == Flight::Ahead)
+                .map(|index| (self.pool.page(group, index), index))
                 .filter(|&(page, index)| !is_expected(shape, page, index - first, predicted, self.bias()))
                 .collect();
             for (page, index) in unexpected {
@@ -324,9 +322,7 @@ impl Residency {
             for i in pages {
                 let page = self.shapes.of(group).page(group, i);
                 let index = first + i;
-                let known = self.pool.is_resident(index)
-                    || self.pending.contains_key(&index)
-                    || self.waiting.contains_key(&index);
+                let known = self.pool.is_resident(index) || self.flight(index) != Flight::None;
                 let shape = self.shapes.of(group);
                 if !known && is_expected(shape, page, i, predicted, self.bias()) && !self.is_blocked(page) {
                     self.ask(page, index, -1.0 + 0.01 * page.level as f32, true);
@@ -338,8 +334,7 @@ impl Residency {
     /// Nothing is expected any more.
     pub(crate) fn expect_nothing(&mut self) {
         self.ahead.clear();
-        let ahead: Vec<(PageId, u32)> =
-            self.pending.iter().filter(|(_, p)| p.is_ahead).map(|(&i, p)| (p.page, i)).collect();
+        let ahead: Vec<(PageId, u32)> = self.asked_ahead.iter().map(|(&index, &page)| (page, index)).collect();
         for (page, index) in ahead {
             self.forget(page, index);
         }
