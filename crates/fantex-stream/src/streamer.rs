@@ -177,7 +177,8 @@ impl Streamer {
         self.residency.invalidate(pages, &self.demand);
     }
 
-    /// Pages that could not be loaded, with the reason. They are not asked for again, and neither are those under them.
+    /// Pages that could not be loaded, with the reason. They are not asked for again; a coarser level stands in for them, and
+    /// finer ones are resident without them.
     pub fn damaged(&self) -> impl Iterator<Item = (&PageId, &PageError)> {
         self.residency.damaged().iter()
     }
@@ -342,8 +343,7 @@ impl Motion {
         // Of the two ways to turn the shorter one.
         let angle = turn.length();
         let shorter = if angle > std::f32::consts::PI { 1.0 - std::f32::consts::TAU / angle } else { 1.0 };
-        let velocity =
-            Velocity { travel: (view.eye - last.eye) / seconds, turn: turn * shorter / seconds };
+        let velocity = Velocity { travel: (view.eye - last.eye) / seconds, turn: turn * shorter / seconds };
         let is_moving = last != *view;
         // Steady is what goes on nearly as it did: neither a cut nor a hand that trembles.
         self.is_steady = is_moving

@@ -1,6 +1,6 @@
 //! From texels that have arrived to uploads.
 
-use fantex_store::PageId;
+use fantex_store::{PageError, PageId};
 
 use super::{Flight, Residency};
 use crate::{FrameChanges, LoadedPage, PageLoader, PageTexels, PageUpload};
@@ -57,8 +57,7 @@ impl Residency {
         match texels {
             Err(error) => {
                 self.set_flight(page, index, Flight::None);
-                self.damaged.insert(page, error);
-                self.drop_under(page);
+                self.give_up(page, index, error);
             }
             Ok(texels) => match self.pool.entry(index).place() {
                 Some(place) => {
@@ -74,18 +73,28 @@ impl Residency {
         }
     }
 
-    /// Pages under a damaged one have no use.
-    fn drop_under(&mut self, damaged: PageId) {
-        let useless: Vec<(PageId, u32)> = self
-            .pool
-            .pages_of(damaged.group)
-            .filter(|&index| self.flight(index) != Flight::None)
-            .map(|index| (self.pool.page(damaged.group, index), index))
-            .filter(|&(page, _)| self.is_blocked(page))
-            .collect();
-        for (page, index) in useless {
-            self.forget(page, index);
+    /// A page cannot be read: nobody waits for it any longer.
+    fn give_up(&mut self, page: PageId, index: u32, error: PageError) {
+        let is_new = self.damaged.insert(page, error).is_none();
+        // What is resident has the texels from before it was to be read again.
+        if self.pool.is_resident(index) {
+            return;
         }
+        if is_new && self.pool.is_needed(index) {
+            self.count_missing(page.group, false);
+        }
+        self.pool.add_hole(index);
+        self.wake_under(page);
+    }
+
+    /// Pages that have waited for one over them look again.
+    fn wake_under(&mut self, page: PageId) {
+        let Self { pool, ready, flights, .. } = self;
+        pool.for_each_under(page, &mut |index| {
+            if flights[index as usize] == Flight::Waiting {
+                ready.push_back(index);
+            }
+        });
     }
 
     /// Gives places to pages whose coarser ones are resident.
@@ -102,8 +111,7 @@ impl Residency {
 
     fn settle_page(&mut self, page: PageId, index: u32, frame: &mut Arrivals) {
         let is_needed = self.pool.is_needed(index);
-        let mut coarser = self.pool.coarser(page).map(|p| self.pool.index(p));
-        if let Some(missing) = coarser.find(|&i| !self.pool.is_resident(i)) {
+        if let Some(missing) = self.pool.blocker(page) {
             // It becomes ready when that one is placed.
             if self.flight(missing) == Flight::None && !is_needed {
                 self.drop_waiting(page, index);
@@ -118,8 +126,7 @@ impl Residency {
                 if is_needed {
                     self.count_missing(page.group, false);
                 }
-                let finer = self.pool.finer(page).map(|p| self.pool.index(p));
-                self.ready.extend(finer.filter(|&i| self.flights[i as usize] == Flight::Waiting));
+                self.wake_under(page);
             }
             None if is_needed => frame.stuck.push(index),
             None => {

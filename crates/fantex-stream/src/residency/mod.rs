@@ -95,7 +95,7 @@ struct Pace(f32);
 
 impl Pace {
     fn of(elapsed_seconds: f32) -> Self {
-        Self((elapsed_seconds * 60.0).clamp(1.0, 4.0))
+        Self((elapsed_seconds * 60.0).clamp(1.0, 2.0))
     }
 
     fn times(self, count: usize) -> usize {
@@ -172,7 +172,7 @@ impl Residency {
     /// Whether a page is needed and not resident, and may become so.
     pub(crate) fn is_missing(&self, page: PageId) -> bool {
         let index = self.pool.index(page);
-        self.pool.is_needed(index) && !self.pool.is_resident(index) && !self.is_blocked(page)
+        self.pool.is_needed(index) && !self.pool.is_resident(index) && !self.is_damaged(page)
     }
 
     pub(crate) fn all_missing_pages(&self) -> Vec<PageId> {
@@ -240,6 +240,10 @@ impl Residency {
                 }
                 assert_eq!(flight == Flight::Waiting, self.waiting.contains_key(&index));
             }
+        }
+        for (group, &missing) in (0..).zip(&self.missing) {
+            let pages = self.pool.pages_of(group).map(|index| self.pool.page(group, index));
+            assert_eq!(pages.filter(|&page| self.is_missing(page)).count() as u32, missing);
         }
         assert_eq!(texels, self.in_flight_texels);
         assert_eq!(pages[1] + pages[2], self.pending_pages);

@@ -1,9 +1,10 @@
 //! The pool: which pages are resident, where, and which of them may leave.
 //!
-//! Invariants. A page is resident only if the pages of the next coarser level over it are. Every resident page is either
+//! Invariants. A page is resident only if the pages of the next coarser level over it are, or cannot be read (a *hole*, through
+//! which the rule goes on to the level after it). Every resident page is either
 //! needed or in the queue of those that may leave, in the order in which they were last needed. A needed page never leaves.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
@@ -55,6 +56,8 @@ pub(crate) struct Pool {
     packer: Packer,
     entries: Vec<TableEntry>,
     stamps: Vec<u32>,
+    /// Pages that could not be read, and have not been since: what lies under them needs them no longer.
+    holes: BTreeSet<u32>,
     /// By kind (of [`Packer::kind_of`]): a page that leaves makes room for pages of its own kind.
     leavers: [VecDeque<Leaver>; KINDS],
     /// Entries that changed since they were taken, in any order, some of them twice.
@@ -77,6 +80,7 @@ impl Pool {
             packer: Packer::new(shape),
             entries: vec![TableEntry::ABSENT; pages],
             stamps: vec![0; pages],
+            holes: BTreeSet::new(),
             leavers: [const { VecDeque::new() }; KINDS],
             touched: Vec::new(),
             resident: [PageCount::default(); COUNTED_LEVELS],
@@ -130,6 +134,42 @@ impl Pool {
 
     pub(crate) fn is_needed(&self, index: u32) -> bool {
         self.stamps[index as usize] == NEEDED
+    }
+
+    /// A page cannot be read: those under it may be resident without it.
+    pub(crate) fn add_hole(&mut self, index: u32) {
+        if !self.is_resident(index) {
+            self.holes.insert(index);
+        }
+    }
+
+    fn is_hole(&self, index: u32) -> bool {
+        !self.holes.is_empty() && self.holes.contains(&index)
+    }
+
+    /// A page that must be resident before a page may be, and is not.
+    pub(crate) fn blocker(&self, page: PageId) -> Option<u32> {
+        self.coarser(page).find_map(|coarser| {
+            let index = self.index(coarser);
+            if self.is_resident(index) {
+                None
+            } else if self.is_hole(index) {
+                self.blocker(coarser)
+            } else {
+                Some(index)
+            }
+        })
+    }
+
+    /// Calls `visit` with the pages for which a page may have been the [blocker](Self::blocker).
+    pub(crate) fn for_each_under(&self, page: PageId, visit: &mut impl FnMut(u32)) {
+        for finer in self.finer(page) {
+            let index = self.index(finer);
+            visit(index);
+            if self.is_hole(index) {
+                self.for_each_under(finer, visit);
+            }
+        }
     }
 
     pub(crate) fn needed(&self) -> PageCount {
@@ -202,9 +242,7 @@ impl Pool {
     /// Gives a page a place, evicting pages that were last needed at least `min_age` (at least 1 for a page that is not
     /// needed) frames ago, the longest ago first. `None` where that does not make room.
     pub(crate) fn insert(&mut self, page: PageId, index: u32, min_age: u32) -> Option<AtlasPlace> {
-        debug_assert!(
-            !self.is_resident(index) && self.coarser(page).all(|p| self.is_resident(self.index(p)))
-        );
+        debug_assert!(!self.is_resident(index) && self.blocker(page).is_none());
         if !self.is_needed(index) {
             self.stay_below(page);
         }
@@ -220,6 +258,7 @@ impl Pool {
         }
         let place = place?;
         self.entries[index as usize] = TableEntry::at(place);
+        self.holes.remove(&index);
         self.touched.push(index);
         let texels = self.texels(page);
         self.resident[page.level as usize].add(texels);
@@ -257,18 +296,14 @@ impl Pool {
         for leavers in queues.iter_mut() {
             while leavers.pop_front_if(|leaver| !may_leave(leaver, entries, stamps)).is_some() {}
         }
-        let oldest = queues.iter_mut().filter(|l| !l.is_empty()).min_by_key(|l| l.front().map(|l| l.stamp))?;
+        let oldest =
+            queues.iter_mut().filter(|l| !l.is_empty()).min_by_key(|l| l.front().map(|l| l.stamp))?;
         oldest.pop_front_if(|leaver| now - leaver.stamp >= min_age)
     }
 
     /// Removes a page and what lies under it.
     fn remove(&mut self, page: PageId, index: u32) {
-        for finer in self.finer(page) {
-            let index = self.index(finer);
-            if self.is_resident(index) {
-                self.remove(finer, index);
-            }
-        }
+        self.remove_under(page);
         debug_assert!(!self.is_needed(index), "{page} is needed");
         let entry = std::mem::take(&mut self.entries[index as usize]);
         if let Some(place) = entry.place() {
@@ -279,6 +314,17 @@ impl Pool {
         let texels = self.texels(page);
         self.resident[page.level as usize].remove(texels);
         self.evictions += 1;
+    }
+
+    fn remove_under(&mut self, page: PageId) {
+        for finer in self.finer(page) {
+            let index = self.index(finer);
+            if self.is_resident(index) {
+                self.remove(finer, index);
+            } else if self.is_hole(index) {
+                self.remove_under(finer);
+            }
+        }
     }
 
     /// Empties the pool and gives it another shape.
@@ -321,8 +367,9 @@ impl Pool {
                 let Some(place) = self.entry(index).place() else { continue };
                 let page = self.page(group, index);
                 assert_eq!(self.index(page), index);
+                assert_eq!(self.blocker(page), None, "{page} is resident without what lies over it");
+                assert!(!self.is_hole(index));
                 for above in self.coarser(page) {
-                    assert!(self.is_resident(self.index(above)), "{page} without {above}");
                     assert!(!self.is_needed(index) || self.is_needed(self.index(above)));
                 }
                 assert_ne!(

@@ -163,14 +163,16 @@ impl Residency {
 
     fn need(&mut self, page: PageId, index: u32) {
         self.pool.need(page, index);
-        if !self.pool.is_resident(index) {
+        if self.is_damaged(page) {
+            self.pool.add_hole(index);
+        } else if !self.pool.is_resident(index) {
             self.count_missing(page.group, true);
         }
     }
 
     fn release(&mut self, page: PageId, index: u32) {
         self.pool.release(page, index);
-        if !self.pool.is_resident(index) {
+        if !self.pool.is_resident(index) && !self.is_damaged(page) {
             self.count_missing(page.group, false);
             self.forget(page, index);
         }
@@ -241,8 +243,7 @@ impl Residency {
         self.pending_pages + self.waiting.len() < limits.pages && self.in_flight_texels < limits.texels
     }
 
-    /// The needed pages of a group that are neither resident, nor on their way, nor known to be damaged or to lie under a
-    /// damaged one; the coarsest first.
+    /// The needed pages of a group that are neither resident, nor on their way, nor known to be damaged; the coarsest first.
     fn missing_pages(&self, group: u32) -> Vec<(PageId, u32)> {
         let first = self.pool.table().first(group);
         let shape = self.shapes.of(group);
@@ -258,14 +259,12 @@ impl Residency {
             .rev()
             .filter(|&i| !self.pool.is_resident(i) && !is_asked(&i))
             .map(|i| (self.pool.page(group, i), i))
-            .filter(|&(page, _)| !self.is_blocked(page))
+            .filter(|&(page, _)| !self.is_damaged(page))
             .collect()
     }
 
-    /// Whether a page, or one over it, is damaged.
-    pub(super) fn is_blocked(&self, page: PageId) -> bool {
-        !self.damaged.is_empty()
-            && (self.damaged.contains_key(&page) || self.pool.coarser(page).any(|p| self.is_blocked(p)))
+    pub(super) fn is_damaged(&self, page: PageId) -> bool {
+        !self.damaged.is_empty() && self.damaged.contains_key(&page)
     }
 
     fn ask(&mut self, page: PageId, index: u32, urgency: f32, is_ahead: bool) {
@@ -300,11 +299,7 @@ impl Residency {
 
     /// Asks for pages that the predicted view needs, while all that is missing has been asked for and there is
     /// room to spare.
-    pub(crate) fn request_ahead(
-        &mut self,
-        predicted: &Demand,
-        limits: &RequestLimits,
-    ) {
+    pub(crate) fn request_ahead(&mut self, predicted: &Demand, limits: &RequestLimits) {
         if self.wishes() > 0 {
             return;
         }
@@ -324,7 +319,7 @@ impl Residency {
                 let index = first + i;
                 let known = self.pool.is_resident(index) || self.flight(index) != Flight::None;
                 let shape = self.shapes.of(group);
-                if !known && is_expected(shape, page, i, predicted, self.bias()) && !self.is_blocked(page) {
+                if !known && is_expected(shape, page, i, predicted, self.bias()) && !self.is_damaged(page) {
                     self.ask(page, index, -1.0 + 0.01 * page.level as f32, true);
                 }
             }
@@ -334,7 +329,8 @@ impl Residency {
     /// Nothing is expected any more.
     pub(crate) fn expect_nothing(&mut self) {
         self.ahead.clear();
-        let ahead: Vec<(PageId, u32)> = self.asked_ahead.iter().map(|(&index, &page)| (page, index)).collect();
+        let ahead: Vec<(PageId, u32)> =
+            self.asked_ahead.iter().map(|(&index, &page)| (page, index)).collect();
         for (page, index) in ahead {
             self.forget(page, index);
         }
@@ -344,7 +340,7 @@ impl Residency {
     pub(crate) fn invalidate(&mut self, pages: &[PageId], demand: &Demand) {
         for &page in pages {
             let index = self.pool.index(page);
-            self.damaged.remove(&page);
+            self.hope_for(page, index);
             self.forget(page, index);
             if self.pool.is_resident(index) {
                 self.ask(page, index, f32::from(u8::MAX), false);
@@ -356,10 +352,19 @@ impl Residency {
 
     /// Asks for damaged pages again.
     pub(crate) fn retry_damaged(&mut self, demand: &Demand) {
-        for page in std::mem::take(&mut self.damaged).into_keys() {
+        for page in self.damaged.keys().copied().collect::<Vec<_>>() {
+            self.hope_for(page, self.pool.index(page));
             if self.missing[page.group as usize] > 0 {
                 self.wish(page.group, demand.detail(page.group));
             }
+        }
+    }
+
+    /// A page may be readable again. (It stays a hole until it has been read: what lies under it keeps its place.)
+    fn hope_for(&mut self, page: PageId, index: u32) {
+        let was_damaged = self.damaged.remove(&page).is_some();
+        if was_damaged && self.pool.is_needed(index) && !self.pool.is_resident(index) {
+            self.count_missing(page.group, true);
         }
     }
 
@@ -368,12 +373,16 @@ impl Residency {
         self.pressure.reset();
         for group in 0..self.missing.len() as u32 {
             for index in self.pool.pages_of(group) {
-                if self.pool.is_needed(index) && self.pool.is_resident(index) {
+                let is_readable = !self.is_damaged(self.pool.page(group, index));
+                if self.pool.is_needed(index) && self.pool.is_resident(index) && is_readable {
                     self.count_missing(group, true);
                 }
             }
         }
         self.pool.reset(atlas);
+        for &page in self.damaged.keys() {
+            self.pool.add_hole(self.pool.index(page));
+        }
         self.ready.extend(self.waiting.keys().copied());
         for group in 0..self.missing.len() as u32 {
             if self.missing[group as usize] > 0 {
