@@ -54,7 +54,7 @@ pub trait PageLoader: Send {
     }
 
     /// Pages that have arrived or failed since the last call, the most urgent first, at least one if there is any, no more
-    /// than make up `max_bytes`. Does not wait.
+    /// than make up `max_bytes`. Does not wait, and may bring nothing now and then although there is something.
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage>;
 
     /// Pages that were asked for and have neither arrived (in [`PageLoader::poll`]) nor been cancelled.

@@ -215,12 +215,12 @@ impl Streamer {
 
     /// Whether the view's demand, or another bias, has not been taken over for all groups yet.
     pub fn has_backlog(&self) -> bool {
-        self.residency.has_backlog()
+        self.demand.is_behind() || self.residency.has_backlog()
     }
 
     /// Whether nothing is on its way or waits to be asked for: the picture stays as it is until the view changes.
     pub fn is_settled(&self) -> bool {
-        self.residency.in_flight() == (0, 0) && self.residency.wishes() == 0
+        !self.demand.is_behind() && self.residency.in_flight() == (0, 0) && self.residency.wishes() == 0
     }
 
     /// Figures for graphs.

@@ -92,16 +92,18 @@ impl Baked {
 pub(crate) struct Residents {
     /// Whether a page may be resident.
     allowed: Box<dyn Fn(PageId) -> bool>,
+    /// A level that cannot be read.
+    hole: Option<u32>,
 }
 
 impl Residents {
     pub(crate) fn all() -> Self {
-        Self { allowed: Box::new(|_| true) }
+        Self { allowed: Box::new(|_| true), hole: None }
     }
 
     /// Nothing finer than a level.
     pub(crate) fn of_level(level: u32) -> Self {
-        Self { allowed: Box::new(move |page| page.level >= level) }
+        Self { allowed: Box::new(move |page| page.level >= level), hole: None }
     }
 
     /// Three quarters of what is possible.
@@ -114,15 +116,24 @@ impl Residents {
                 });
             mixed >> 40 & 3 != 0
         };
-        Self { allowed: Box::new(hash) }
+        Self { allowed: Box::new(hash), hole: None }
+    }
+
+    /// Everything but a level: finer pages come without it.
+    pub(crate) fn without_level(level: u32) -> Self {
+        Self { hole: Some(level), ..Self::all() }
     }
 
     fn has(&self, cover: &Cover, page: PageId) -> bool {
+        self.hole != Some(page.level) && self.is_possible(cover, page)
+    }
+
+    fn is_possible(&self, cover: &Cover, page: PageId) -> bool {
         let group = &cover.groups[page.group as usize];
         (self.allowed)(page)
             && (page.level + 1 == group.level_count() || {
                 let coarser = coarser_pages(cover, page);
-                coarser.into_iter().all(|page| self.has(cover, page))
+                coarser.into_iter().all(|page| self.is_possible(cover, page))
             })
     }
 }
@@ -284,10 +295,11 @@ pub(crate) fn compare(
     Comparison::of(name, &seen, &expected)
 }
 
-/// Tiles that have nothing finer than a level, and their mean beyond the last.
-struct FromLevel<'a> {
+/// Tiles in which a coarser level stands in for some, and the mean beyond the last.
+struct StandIns<'a, F> {
     cache: &'a PageCache,
-    level: u32,
+    /// The level that is shown for one that is asked for.
+    shown: F,
 }
 
 enum TileOrMean {
@@ -295,12 +307,12 @@ enum TileOrMean {
     Mean([f32; 4]),
 }
 
-impl TileSource for FromLevel<'_> {
+impl<F: Fn(u32) -> u32 + Sync> TileSource for StandIns<'_, F> {
     type Tile = TileOrMean;
 
     fn tile(&self, channel: usize, group: u32, level: u32) -> TileOrMean {
         let asset = self.cache.asset();
-        let wanted = level.max(self.level);
+        let wanted = (self.shown)(level);
         if wanted < asset.cover().groups[group as usize].level_count() {
             TileOrMean::Tile(self.cache.tile(channel, group, wanted))
         } else {
@@ -336,9 +348,14 @@ impl TileTexels for TileOrMean {
     }
 }
 
-/// The CPU's picture with nothing finer than a level.
-pub(crate) fn cpu_at_level(baked: &Baked, level: u32, camera: &Camera, options: &DrawOptions) -> Picture {
-    let surface = baked.surface(FromLevel { cache: &baked.cache, level }, options);
+/// The CPU's picture with a coarser level `shown` for each that is asked for.
+pub(crate) fn cpu_with_stand_ins(
+    baked: &Baked,
+    shown: impl Fn(u32) -> u32 + Sync,
+    camera: &Camera,
+    options: &DrawOptions,
+) -> Picture {
+    let surface = baked.surface(StandIns { cache: &baked.cache, shown }, options);
     cpu(baked.asset().mesh(), &surface, camera, &Lights::default(), options)
 }
 

@@ -53,9 +53,9 @@ mod reference;
 
 use std::sync::LazyLock;
 
-use codes::{Difference8, Difference16, Difference32, EndPoints};
+use codes::{Code, Difference8, Difference16, Difference32, EndPoints};
 use fearless_simd::{Level, Simd, dispatch};
-use planes::{Packed, Plain};
+use planes::{Packed, Plain, runs};
 
 use crate::TexelFormat;
 
@@ -109,27 +109,53 @@ fn pack_in<S: Simd>(simd: S, format: TexelFormat, natural: &[u8], packed: &mut [
 fn unpack_in<S: Simd>(simd: S, format: TexelFormat, packed: &[u8], natural: &mut [u8]) {
     match format {
         TexelFormat::Bc1 => {
-            Packed::<Difference16<S>, 4, 0, 8>::unpack(simd, packed, natural);
-            Plain::<4, 4, 8>::unpack(packed, natural);
+            let mut colors = Packed::<Difference16<S>, 4, 0, 8>::unpacker(simd);
+            for (run, natural) in runs::<8>(natural) {
+                colors.unpack(simd, packed, run, natural);
+                Plain::<4, 4, 8>::unpack(packed, run, natural);
+            }
         }
         TexelFormat::Bc4 => {
-            Packed::<Difference8<S, 2>, 2, 0, 8>::unpack(simd, packed, natural);
-            Plain::<6, 2, 8>::unpack(packed, natural);
+            let mut ends = Packed::<Difference8<S, 2>, 2, 0, 8>::unpacker(simd);
+            for (run, natural) in runs::<8>(natural) {
+                ends.unpack(simd, packed, run, natural);
+                Plain::<6, 2, 8>::unpack(packed, run, natural);
+            }
         }
         TexelFormat::Bc5 => {
-            Packed::<Difference8<S, 2>, 2, 0, 16>::unpack(simd, packed, natural);
-            Plain::<6, 2, 16>::unpack(packed, natural);
-            Packed::<Difference8<S, 2>, 2, 8, 16>::unpack(simd, packed, natural);
-            Plain::<6, 10, 16>::unpack(packed, natural);
+            let mut first = Packed::<Difference8<S, 2>, 2, 0, 16>::unpacker(simd);
+            let mut second = Packed::<Difference8<S, 2>, 2, 8, 16>::unpacker(simd);
+            for (run, natural) in runs::<16>(natural) {
+                first.unpack(simd, packed, run, natural);
+                Plain::<6, 2, 16>::unpack(packed, run, natural);
+                second.unpack(simd, packed, run, natural);
+                Plain::<6, 10, 16>::unpack(packed, run, natural);
+            }
         }
         TexelFormat::Bc7 => {
-            Packed::<EndPoints<S>, 8, 0, 16>::unpack(simd, packed, natural);
-            Plain::<8, 8, 16>::unpack(packed, natural);
+            let mut ends = Packed::<EndPoints<S>, 8, 0, 16>::unpacker(simd);
+            for (run, natural) in runs::<16>(natural) {
+                ends.unpack(simd, packed, run, natural);
+                Plain::<8, 8, 16>::unpack(packed, run, natural);
+            }
         }
-        TexelFormat::R8 => Packed::<Difference8<S, 1>, 1, 0, 1>::unpack(simd, packed, natural),
-        TexelFormat::Rg8 => Packed::<Difference8<S, 2>, 2, 0, 2>::unpack(simd, packed, natural),
-        TexelFormat::Rgba8 => Packed::<Difference8<S, 4>, 4, 0, 4>::unpack(simd, packed, natural),
-        TexelFormat::Rgba32F => Packed::<Difference32, 16, 0, 16>::unpack(simd, packed, natural),
+        TexelFormat::R8 => unpack_all::<S, Difference8<S, 1>, 1, 1>(simd, packed, natural),
+        TexelFormat::Rg8 => unpack_all::<S, Difference8<S, 2>, 2, 2>(simd, packed, natural),
+        TexelFormat::Rgba8 => unpack_all::<S, Difference8<S, 4>, 4, 4>(simd, packed, natural),
+        TexelFormat::Rgba32F => unpack_all::<S, Difference32, 16, 16>(simd, packed, natural),
+    }
+}
+
+/// Unpacks records of one group of fields.
+#[inline(always)]
+fn unpack_all<S: Simd, C: Code<S, PLANES>, const PLANES: usize, const RECORD: usize>(
+    simd: S,
+    packed: &[u8],
+    natural: &mut [u8],
+) {
+    let mut records = Packed::<C, PLANES, 0, RECORD>::unpacker(simd);
+    for (run, natural) in runs::<RECORD>(natural) {
+        records.unpack(simd, packed, run, natural);
     }
 }
 

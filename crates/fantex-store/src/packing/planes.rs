@@ -1,7 +1,5 @@
 //! Between records and the planes of their bytes, sixteen records at a time.
 
-use std::marker::PhantomData;
-
 use fearless_simd::{Simd, prelude::*, u8x16};
 
 use super::codes::Code;
@@ -11,7 +9,27 @@ const LANES: usize = 16;
 
 /// A group of fields, `PLANES` bytes from byte `AT` on of a record of `RECORD` bytes, that is packed by code `C`: as many
 /// planes, one after the other.
-pub(super) struct Packed<C, const PLANES: usize, const AT: usize, const RECORD: usize>(PhantomData<C>);
+pub(super) struct Packed<C, const PLANES: usize, const AT: usize, const RECORD: usize>(C);
+
+/// Which of all records are unpacked.
+#[derive(Clone, Copy)]
+pub(super) struct Run {
+    /// The first of them, a multiple of 16.
+    first: usize,
+    /// All records.
+    count: usize,
+}
+
+/// Records of a run: few enough to stay in the nearest cache until all of their fields are there.
+const RUN: usize = 32 * LANES;
+
+/// The records of `natural` in runs, one after the other.
+#[inline(always)]
+pub(super) fn runs<const RECORD: usize>(natural: &mut [u8]) -> impl Iterator<Item = (Run, &mut [u8])> {
+    let count = natural.len() / RECORD;
+    let runs = natural[..count * RECORD].chunks_mut(RUN * RECORD).enumerate();
+    runs.map(move |(index, records)| (Run { first: index * RUN, count }, records))
+}
 
 impl<C, const PLANES: usize, const AT: usize, const RECORD: usize> Packed<C, PLANES, AT, RECORD> {
     /// Bytes of a record's piece that is moved at a time.
@@ -51,30 +69,34 @@ impl<C, const PLANES: usize, const AT: usize, const RECORD: usize> Packed<C, PLA
         }
     }
 
-    /// Inverse of [`pack`](Self::pack).
+    /// Before the first run is unpacked.
     #[inline(always)]
-    pub(super) fn unpack<S: Simd>(simd: S, packed: &[u8], natural: &mut [u8])
+    pub(super) fn unpacker<S: Simd>(simd: S) -> Self
+    where
+        C: Code<S, PLANES>,
+    {
+        Self(C::new(simd))
+    }
+
+    /// Inverse of [`pack`](Self::pack), for the [runs](runs) one after the other; `natural` holds this one's records.
+    #[inline(always)]
+    pub(super) fn unpack<S: Simd>(&mut self, simd: S, packed: &[u8], run: Run, natural: &mut [u8])
     where
         C: Code<S, PLANES>,
     {
         let records = natural.as_chunks_mut::<RECORD>().0;
-        let count = records.len();
-        if count == 0 {
-            return;
-        }
-        let packed = &packed[AT * count..][..PLANES * count];
+        let packed = &packed[AT * run.count..][..PLANES * run.count];
         let (blocks, rest) = records.as_chunks_mut::<LANES>();
         // What other fields have written there comes back with it.
         let mut last = [[0; RECORD]; LANES];
         last[..rest.len()].copy_from_slice(rest);
         let last_block = (!rest.is_empty()).then_some(&mut last);
-        let mut code = C::new(simd);
         let mut planes = [u8x16::splat(simd, 0); PLANES];
         for (index, block) in blocks.iter_mut().chain(last_block).enumerate() {
-            for (values, plane) in planes.iter_mut().zip(packed.chunks_exact(count)) {
-                *values = load(simd, &plane[LANES * index..]);
+            for (values, plane) in planes.iter_mut().zip(packed.chunks_exact(run.count)) {
+                *values = load(simd, &plane[run.first + LANES * index..]);
             }
-            code.decode(simd, &mut planes);
+            self.0.decode(simd, &mut planes);
             Self::scatter(simd, &planes, block);
         }
         rest.copy_from_slice(&last[..rest.len()]);
@@ -175,11 +197,11 @@ impl<const LENGTH: usize, const AT: usize, const RECORD: usize> Plain<LENGTH, AT
         }
     }
 
-    /// Inverse of [`pack`](Self::pack).
+    /// Inverse of [`pack`](Self::pack), for one of the [runs](runs).
     #[inline(always)]
-    pub(super) fn unpack(packed: &[u8], natural: &mut [u8]) {
+    pub(super) fn unpack(packed: &[u8], run: Run, natural: &mut [u8]) {
         let records = natural.as_chunks_mut::<RECORD>().0;
-        let plain = packed[AT * records.len()..].as_chunks::<LENGTH>().0;
+        let plain = packed[AT * run.count + LENGTH * run.first..].as_chunks::<LENGTH>().0;
         for (bytes, record) in plain.iter().zip(records) {
             record[AT..AT + LENGTH].copy_from_slice(bytes);
         }

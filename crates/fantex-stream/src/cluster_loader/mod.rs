@@ -1,9 +1,9 @@
 //! The page loader over clusters: from page requests to texels.
 //!
 //! ```text
-//!   caller's thread          scheduler                reader              workers
-//!  request, cancel --> Board --most urgent clusters--> reads --bytes--> check, unpack, decode
-//!   poll <----------- ready pages <------------------------------------------'
+//!   caller's thread                    scheduler                reader              workers
+//!  request, cancel --> Inbox --> Board --most urgent clusters--> reads --bytes--> check, unpack, decode
+//!   poll <--------------------- ready pages <------------------------------------------'
 //! ```
 //!
 //! Who owns what, on which thread:
@@ -14,7 +14,8 @@
 //!   joined, and completed reads into jobs.
 //! - *Workers* do the jobs: checksum, unpacking, then decoding of the pages that are still wanted. Unpacked clusters stay in
 //!   a small cache, because tiles that are neighbours on the surface lie together.
-//! - The caller's thread never waits for anything but the lock.
+//! - The caller's thread waits for nobody: its messages lie in an [`Inbox`] until the board is free, and where
+//!   the board is not free it takes ready pages in the next frame.
 //!
 //! Memory is bounded by the options, whatever the asset's size: bytes in flight (read or being read, not unpacked), the
 //! cache, and ready pages. When nobody takes ready pages, workers pause; when workers pause, reading does.
@@ -26,6 +27,7 @@ mod board;
 mod by_urgency;
 mod cluster_cache;
 mod file_order;
+mod inbox;
 mod scheduler;
 mod shared_board;
 mod statistics;
@@ -37,9 +39,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use board::{Board, Change};
+use board::Board;
 use fantex_store::{Asset, PageId};
 use file_order::FileOrder;
+use inbox::{Effects, Inbox, Message};
 use scheduler::Scheduler;
 use shared_board::SharedBoard;
 pub use statistics::LoaderStatistics;
@@ -124,7 +127,31 @@ struct Shared {
     formats: Vec<AtlasFormat>,
     options: ClusterLoaderOptions,
     board: SharedBoard,
+    inbox: Inbox,
     scheduler: Kick,
+}
+
+impl Shared {
+    /// Wakes whom messages that were taken over concern.
+    fn tell(&self, effects: Effects) {
+        if effects.for_scheduler || effects.has_more {
+            self.scheduler.kick();
+        }
+        if effects.has_room {
+            self.board.room_arrived();
+        } else {
+            self.board.jobs_arrived(effects.jobs);
+        }
+    }
+
+    fn statistics(&self) -> LoaderStatistics {
+        let mut board = self.board.lock();
+        let effects = self.inbox.take_all(&mut board);
+        let statistics = board.statistics();
+        drop(board);
+        self.tell(effects);
+        statistics
+    }
 }
 
 /// Wakes the scheduler, once however often it is asked before the scheduler looks.
@@ -152,7 +179,12 @@ pub struct ClusterLoader {
     info: ReaderInfo,
     scheduler: Option<JoinHandle<()>>,
     workers: Vec<JoinHandle<()>>,
+    /// Polls in a row that found the board taken.
+    missed_polls: u32,
 }
+
+/// So many polls in a row find the board taken at most; the next one waits for it.
+const MOST_MISSED_POLLS: u32 = 3;
 
 impl std::fmt::Debug for ClusterLoader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -186,10 +218,12 @@ impl ClusterLoader {
             formats,
             options: options.clone(),
             board: SharedBoard::new(Board::new(options, retry)),
+            inbox: Inbox::default(),
             scheduler: Kick { waker: reader.waker(), pending: AtomicBool::new(false) },
             asset: Arc::clone(&asset),
         });
-        let mut loader = Self { shared: Arc::clone(&shared), info, scheduler: None, workers: Vec::new() };
+        let mut loader =
+            Self { shared: Arc::clone(&shared), info, scheduler: None, workers: Vec::new(), missed_polls: 0 };
         for index in 0..options.worker_threads.max(1) {
             let worker = Worker::new(Arc::clone(&shared));
             let thread = std::thread::Builder::new().name(format!("fan-unpack-{index}"));
@@ -218,7 +252,7 @@ impl ClusterLoader {
 
     /// What has been done so far, and what is going on.
     pub fn statistics(&self) -> LoaderStatistics {
-        self.shared.board.lock().statistics()
+        self.shared.statistics()
     }
 
     /// A window on the statistics, for when the loader itself has been given away.
@@ -236,7 +270,7 @@ pub struct LoaderMonitor {
 impl LoaderMonitor {
     /// As [`ClusterLoader::statistics`].
     pub fn statistics(&self) -> LoaderStatistics {
-        self.shared.board.lock().statistics()
+        self.shared.statistics()
     }
 }
 
@@ -263,24 +297,11 @@ impl PageLoader for ClusterLoader {
         if pages.is_empty() {
             return;
         }
-        let asset = &self.shared.asset;
-        let clusters: Vec<_> = pages.iter().map(|&(page, _)| asset.cluster_of(page)).collect();
-        let mut board = self.shared.board.lock();
-        let (mut reads, mut jobs) = (false, 0);
-        for (&(page, urgency), cluster) in pages.iter().zip(clusters) {
-            match cluster.map(|cluster| board.request(page, cluster, urgency)) {
-                Ok(Change::None) => {}
-                Ok(Change::Read) => reads = true,
-                Ok(Change::Job) => jobs += 1,
-                Err(error) => board.refuse(page, urgency, error),
-            }
-        }
-        drop(board);
-        // Nobody is woken before all is on the board: neighbours are read together, and the lock is not fought for.
-        if reads {
-            self.shared.scheduler.kick();
-        }
-        self.shared.board.jobs_arrived(jobs);
+        let Shared { asset, inbox, scheduler, .. } = &*self.shared;
+        inbox.add(
+            pages.iter().map(|&(page, urgency)| Message::Request(page, urgency, asset.cluster_of(page))),
+        );
+        scheduler.kick();
     }
 
     fn cancel(&mut self, page: PageId) {
@@ -291,40 +312,33 @@ impl PageLoader for ClusterLoader {
         if pages.is_empty() {
             return;
         }
-        let asset = &self.shared.asset;
-        let clusters: Vec<_> = pages.iter().map(|&page| asset.cluster_of(page)).collect();
-        let mut board = self.shared.board.lock();
-        let was_full = board.ready_is_full();
-        let mut gives_up_read = false;
-        for (&page, cluster) in pages.iter().zip(clusters) {
-            match cluster {
-                Ok(cluster) => gives_up_read |= board.cancel(page, cluster),
-                Err(_) => board.cancel_refused(page),
-            }
-        }
-        let has_room = was_full && !board.ready_is_full();
-        drop(board);
-        if gives_up_read {
-            self.shared.scheduler.kick();
-        }
-        if has_room {
-            self.shared.board.room_arrived();
-        }
+        let Shared { asset, inbox, scheduler, .. } = &*self.shared;
+        inbox.add(pages.iter().map(|&page| Message::Cancel(page, asset.cluster_of(page).ok())));
+        scheduler.kick();
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
-        let mut board = self.shared.board.lock();
+        let board = if self.missed_polls < MOST_MISSED_POLLS {
+            self.shared.board.try_lock()
+        } else {
+            Some(self.shared.board.lock())
+        };
+        let Some(mut board) = board else {
+            self.missed_polls += 1;
+            return Vec::new();
+        };
+        self.missed_polls = 0;
+        let mut effects = self.shared.inbox.take_all(&mut board);
         let was_full = board.ready_is_full();
         let pages = board.take_ready(max_bytes);
-        if was_full && !board.ready_is_full() {
-            drop(board);
-            self.shared.board.room_arrived();
-        }
+        effects.has_room |= was_full && !board.ready_is_full();
+        drop(board);
+        self.shared.tell(effects);
         pages
     }
 
     fn pending(&self) -> usize {
-        self.shared.board.lock().pending()
+        self.shared.statistics().pending_pages
     }
 }
 

@@ -9,6 +9,7 @@ use fantex_store::{ClusterId, PageError};
 
 use super::Shared;
 use super::file_order::{ClusterRead, FileOrder};
+use super::inbox::Effects;
 use crate::read::{QueuedReader, ReadCompletion, ReadRequest};
 
 /// How long an idle scheduler lets requests gather before it reads, so that neighbours go together. A frame's requests come
@@ -44,6 +45,7 @@ impl Scheduler {
             if self.shared.board.lock().is_closed() {
                 return;
             }
+            self.take_messages();
             self.give_up_reads();
             let next_due = self.begin_reads();
             let timeout = next_due.map(|due| due.saturating_duration_since(Instant::now()));
@@ -52,6 +54,18 @@ impl Scheduler {
                 Some(completion) => self.complete_all(completion),
                 None if was_idle => std::thread::sleep(GATHER),
                 None => {}
+            }
+        }
+    }
+
+    /// Brings what the caller has asked for onto the board, a little at a time: others need it, too.
+    fn take_messages(&self) {
+        loop {
+            let effects = self.shared.inbox.take_some(&mut self.shared.board.lock());
+            // The scheduler itself is about to look.
+            self.shared.tell(Effects { for_scheduler: false, has_more: false, ..effects });
+            if !effects.has_more {
+                return;
             }
         }
     }

@@ -1,6 +1,6 @@
 //! The board as threads share it.
 
-use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 
 use super::board::{Board, Order};
 
@@ -19,6 +19,15 @@ impl SharedBoard {
 
     pub(super) fn lock(&self) -> MutexGuard<'_, Board> {
         self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// None where somebody else has it.
+    pub(super) fn try_lock(&self) -> Option<MutexGuard<'_, Board>> {
+        match self.board.try_lock() {
+            Ok(board) => Some(board),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        }
     }
 
     /// Jobs are on the board: wakes a worker for each.

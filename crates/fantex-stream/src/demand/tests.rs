@@ -269,6 +269,47 @@ proptest! {
 }
 
 #[test]
+fn a_cut_that_is_too_much_work_is_spread_over_updates() {
+    let geometry = covered(generate::icosphere(4), 1 << 20, 0, false);
+    let (mut surface, mut demand) = demand_for(&geometry, 16.0);
+    demand.work_per_update = 200;
+    let mut details = vec![Detail::HIDDEN; geometry.cover.groups.len()];
+    for eye in [Vec3::Z * 3.0, Vec3::X * 1.3, Vec3::new(-0.2, 1.1, -0.3)] {
+        let view = look(eye, Vec3::new(0.0, 0.1, 0.0), 60.0);
+        let mut updates = 0;
+        loop {
+            let mut changed = Vec::new();
+            demand.update(&mut surface, Some(&view), &mut changed);
+            let work = demand.work();
+            assert!(
+                work.groups as usize + BLOCK_WORK * work.uniform_blocks as usize <= 200 + BLOCK,
+                "{work:?}"
+            );
+            changed.iter().for_each(|&group| details[group as usize] = demand.detail(group));
+            assert_eq!(details, demand.details(), "a change was not told");
+            updates += 1;
+            if !demand.is_behind() {
+                break;
+            }
+        }
+        assert!(updates > 3, "{updates}");
+        compare(&geometry, &surface, &demand, &view, 16.0, 2, &mut Excess::default());
+        demand.update(&mut surface, Some(&view), &mut Vec::new());
+        assert_eq!(demand.work(), DemandWork::default(), "nothing is left to do");
+    }
+    // A camera that never rests leaves nobody behind for long: all have been looked at within a few updates.
+    let mut course = Vec::new();
+    for step in 0..100 {
+        let view = look(Vec3::new((step as f32).sin() * 2.0, 0.5, 2.5), Vec3::ZERO, 60.0);
+        demand.update(&mut surface, Some(&view), &mut Vec::new());
+        course.push(demand.course.travel);
+    }
+    let seen: Vec<_> = demand.nodes[0].iter().filter(|state| !state.is_hidden).collect();
+    assert!(seen.len() > 20);
+    assert!(seen.iter().all(|state| state.due.travel > course[70]), "some have waited for thirty updates");
+}
+
+#[test]
 fn no_picture_and_no_mesh_need_nothing() {
     let geometry = covered(generate::icosphere(2), 1 << 16, 64, true);
     let (mut surface, mut demand) = demand_for(&geometry, 16.0);

@@ -9,7 +9,7 @@ use crate::{FrameChanges, LoadedPage, PageLoader, PageTexels, PageUpload};
 /// ahead. (With four times as many, a camera that flew on after a cut found no room for what it foresaw.)
 const AHEAD_AGE: u32 = 15;
 
-/// Pages that are placed in a sixtieth of a second, at most. Each takes about a microsecond, however small it is.
+/// Pages that are placed in one frame, at most. Each takes one to two microseconds, however small it is.
 const PAGES_PER_FRAME: usize = 1 << 12;
 
 /// The loader is asked for so large a part of a frame's bytes at a time: pages may be tiny, and then are many.
@@ -18,13 +18,7 @@ const POLLS_PER_FRAME: usize = 16;
 impl Residency {
     /// Takes what has arrived and gives it places, until `max_bytes` are uploaded (at least one page, if there is any).
     pub(crate) fn arrive(&mut self, max_bytes: usize, loader: &mut dyn PageLoader) -> FrameChanges {
-        let mut frame = Arrivals {
-            changes: FrameChanges::default(),
-            bytes: 0,
-            max_bytes,
-            max_pages: self.pace.times(PAGES_PER_FRAME),
-            stuck: Vec::new(),
-        };
+        let mut frame = Arrivals { changes: FrameChanges::default(), bytes: 0, max_bytes, stuck: Vec::new() };
         self.settle(&mut frame);
         while !frame.is_full() {
             let loaded = loader.poll((max_bytes / POLLS_PER_FRAME).clamp(1, max_bytes - frame.bytes));
@@ -147,14 +141,13 @@ struct Arrivals {
     /// Of the uploads.
     bytes: usize,
     max_bytes: usize,
-    max_pages: usize,
     /// Needed pages without room.
     stuck: Vec<u32>,
 }
 
 impl Arrivals {
     fn is_full(&self) -> bool {
-        self.bytes >= self.max_bytes || self.changes.uploads.len() >= self.max_pages
+        self.bytes >= self.max_bytes || self.changes.uploads.len() >= PAGES_PER_FRAME
     }
 
     fn upload(&mut self, upload: PageUpload) {

@@ -57,7 +57,7 @@ fn pages_that_do_not_exist_arrive_as_errors_that_name_them() {
     loader.request(PageId { group: 0, level: 40, page: [0, 0] }, 2.0);
     loader.cancel(PageId { group: 0, level: 40, page: [0, 0] });
     assert_eq!(loader.pending(), 1);
-    let arrived = loader.poll(0);
+    let arrived = crate::asset::wait_for_all(&mut loader, 0);
     assert_eq!(arrived[0].page, absent);
     let message = arrived[0].texels.as_ref().unwrap_err().to_string();
     assert!(message.contains("torus.fan") && message.contains("group 1073741824"), "{message}");
