@@ -34,6 +34,9 @@ const SMALLEST_SIDE: u32 = 64;
 /// Levels down to this many columns keep their charts apart, or those up to `MOST_PADDING`.
 const LEAST_LEVEL_SIDE: u32 = 128;
 
+/// A larger side is taken rather than less padding.
+const LEAST_PADDING: u32 = 2;
+
 /// Padding beyond this many texels is of no use to any filter.
 const MOST_PADDING: u32 = 16;
 
@@ -60,8 +63,11 @@ pub(crate) fn atlas(
             let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
             loop {
                 let packed = densest(mesh, &charts, side, request);
-                let is_dense = packed.as_ref().is_some_and(|p| p.density >= NEARLY * request.texels_per_unit);
-                if is_dense || side >= request.largest_side {
+                let is_good = |p: &Packed| {
+                    p.density >= NEARLY * request.texels_per_unit
+                        && (p.block >= LEAST_PADDING || request.padding.is_some())
+                };
+                if packed.as_ref().is_some_and(is_good) || side >= request.largest_side {
                     break packed;
                 }
                 side *= 2;

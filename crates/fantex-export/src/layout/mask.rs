@@ -52,6 +52,18 @@ impl Mask {
         self.words[y as usize * self.words_per_row + x as usize / 64] >> (x % 64) & 1 == 1
     }
 
+    /// The first column from `x` on whose block in row `y` is not in the set; none where all are.
+    pub(super) fn next_free(&self, x: u32, y: u32) -> Option<u32> {
+        let row = &self.words[y as usize * self.words_per_row..][..self.words_per_row];
+        let mut word = x as usize / 64;
+        let mut taken = *row.get(word)? | ((1 << (x % 64)) - 1);
+        while taken == u64::MAX {
+            word += 1;
+            taken = *row.get(word)?;
+        }
+        Some(64 * word as u32 + taken.trailing_ones()).filter(|&free| free < self.width)
+    }
+
     /// Number of blocks.
     pub(super) fn count(&self) -> u64 {
         self.words.iter().map(|w| u64::from(w.count_ones())).sum()
@@ -117,6 +129,19 @@ mod tests {
             }
         }
         assert!(!mask.contains(8, 7) && !mask.contains(7, 5));
+    }
+
+    #[test]
+    fn free_blocks_are_found_across_words() {
+        let mut row = Mask::empty(150, 2);
+        (3..140).for_each(|x| row.insert(x, 1));
+        let found = [0, 2, 3, 64, 139, 140, 149].map(|x| row.next_free(x, 1));
+        assert_eq!(found, [0, 2, 140, 140, 140, 140, 149].map(Some));
+        (140..150).for_each(|x| row.insert(x, 1));
+        assert_eq!(
+            (row.next_free(100, 1), row.next_free(150, 0), row.next_free(149, 0)),
+            (None, None, Some(149))
+        );
     }
 
     #[test]

@@ -29,8 +29,21 @@ pub(super) fn pack(masks: &[Mask], side: u32) -> Option<Vec<[u32; 2]>> {
 /// The first free place whose upper row is in `rows`.
 fn find(grid: &Mask, mask: &Mask, rows: std::ops::Range<u32>) -> Option<[u32; 2]> {
     let (columns, last_row) = (grid.width.checked_sub(mask.width)?, grid.height.checked_sub(mask.height)?);
-    let rows = rows.start..rows.end.min(last_row + 1);
-    rows.flat_map(|y| (0..=columns).map(move |x| [x, y])).find(|&[x, y]| !grid.collides(mask, x, y))
+    let first_column = (0..mask.width).find(|&x| mask.contains(x, 0)).unwrap_or(0);
+    (rows.start..rows.end.min(last_row + 1)).find_map(|y| {
+        let mut x = 0;
+        loop {
+            // Whatever else collides, the first block of the mask needs a free one.
+            x = grid.next_free(x + first_column, y)? - first_column;
+            if x > columns {
+                return None;
+            }
+            if !grid.collides(mask, x, y) {
+                return Some([x, y]);
+            }
+            x += 1;
+        }
+    })
 }
 
 #[cfg(test)]

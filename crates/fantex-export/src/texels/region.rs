@@ -122,7 +122,7 @@ enum Kind {
 #[derive(Clone, Copy, Debug)]
 struct Best {
     kind: Kind,
-    /// Texels, squared.
+    /// Texels to the triangle, squared; 0 on its border, below zero well inside.
     distance: f32,
     is_contested: bool,
     point: Point,

@@ -48,8 +48,8 @@ impl Sampler<'_> {
             let reader = TriangleReader::new(self, placed, maps, &mut tiles);
             for same_point in same_triangle.chunk_by(|&a, &b| key(a) == key(b)) {
                 let lambda = region.points[same_point[0] as usize].lambda;
-                for (map, values) in maps.iter().zip(&mut values) {
-                    let value = reader.value(map, maps, lambda).to_array();
+                for (index, (map, values)) in maps.iter().zip(&mut values).enumerate() {
+                    let value = reader.value(index, map, lambda).to_array();
                     same_point.iter().for_each(|&t| values[t as usize] = value);
                 }
             }
@@ -130,9 +130,8 @@ impl<'a> TriangleReader<'a> {
         Self { sampler, triangle, slots, steps, normals, tangents }
     }
 
-    /// The value of a map at a point.
-    fn value(&self, map: &Map, maps: &[Map], lambda: Vec3) -> Vec4 {
-        let index = maps.iter().position(|m| m.kind == map.kind).unwrap_or(0);
+    /// The value of a map, which is the one of that index, at a point.
+    fn value(&self, index: usize, map: &Map, lambda: Vec3) -> Vec4 {
         let is_normal = map.kind.channel() == ChannelKind::Normal;
         let normal = self.normals[0] * lambda.x + self.normals[1] * lambda.y + self.normals[2] * lambda.z;
         let normal = normal.normalize_or(Vec3::Z);

@@ -1,32 +1,15 @@
 //! What detail levels of other programs read beside the pieces.
 
-use fantex_bake::{BakeFormat, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint};
+use std::sync::Arc;
+
+use fantex_bake::{BakeFormat, NoProgress, sample_finest};
 use fantex_export::{ChannelMap, Depth, ExportOptions, export_channel, export_model};
 use fantex_mesh::generate::icosphere;
-use fantex_store::ChannelKind;
+use fantex_store::PageCache;
 use fantex_texture::{ColorSpace, Image, Samples};
-use glam::{Vec2, Vec4};
+use glam::{Vec2, Vec3};
 
-use crate::support::{baked, cleaned, loaded};
-
-/// One colour: whatever else is read shows.
-struct Plain;
-
-impl Source for Plain {
-    fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Point
-    }
-
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        // Two colours, one for each half of the sphere's pieces along an axis that pieces do not cross smoothly.
-        let bright = if point.position.x > 0.0 { 1.0 } else { 0.0 };
-        values[0] = Vec4::new(1.0, bright, 0.25, 1.0);
-    }
-}
+use crate::support::{Waves, baked, cleaned, loaded};
 
 /// Level `l` of a grey picture as the mean of 2 x 2 texels, again and again.
 fn halved(texels: &[f32], side: usize) -> Vec<f32> {
@@ -69,22 +52,19 @@ fn pieces(mesh: &fantex_mesh::Mesh) -> Vec<u32> {
 
 #[test]
 fn no_foreign_texel_is_read_down_to_the_level_that_is_promised() {
-    let baked = baked(&cleaned(icosphere(3)), &Plain, 1 << 18, BakeFormat::Rgba8);
+    let baked = baked(&cleaned(icosphere(3)), &Waves::color(2.0), 1 << 18, BakeFormat::Rgba8);
     let path = baked.path("x.glb");
     let options = ExportOptions { side: Some(1024), padding: Some(16), ..ExportOptions::default() };
     let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
     assert!(summary.charts > 3 && summary.padding == 16, "{summary:?}");
     let mesh = loaded(&path);
     let pieces = pieces(&mesh);
-    // A picture of each piece alone: 1 in the blocks that show it, found by looking which texels its own export changes.
-    // Red is 1 everywhere and the background is the mean, so red says nothing; paint pieces by their own number instead.
     let side = 1024usize;
     let uv = &mesh.corners.uv_sets[0];
     let mut numbers: Vec<u32> = pieces.clone();
     numbers.sort_unstable();
     numbers.dedup();
     assert_eq!(numbers.len(), summary.charts);
-    // Ownership from the outside: the nearest piece of each texel, in blocks of 16.
     let owner = nearest_pieces(&mesh, &pieces, side);
     for &piece in &numbers {
         let mut level: Vec<f32> = owner.iter().map(|&o| f32::from(u8::from(o == piece))).collect();
@@ -131,15 +111,37 @@ fn nearest_pieces(mesh: &fantex_mesh::Mesh, pieces: &[u32], side: usize) -> Vec<
 }
 
 #[test]
-fn no_background_shows_at_any_level_that_is_promised() {
-    // All surface is red; unused texels hold the mean, which is red as well, so the green of one half must not reach the
-    // other across the padding: every texel of a piece's blocks has a colour of that piece.
-    let baked = baked(&cleaned(icosphere(3)), &Plain, 1 << 16, BakeFormat::Rgba8);
-    let path = baked.path("x.png");
-    let options = ExportOptions { side: Some(512), padding: Some(8), ..ExportOptions::default() };
-    export_channel(&baked.asset, ChannelMap::BaseColor, Depth::Eight, &path, &options, &NoProgress).unwrap();
-    let image = Image::load_as(&path, ColorSpace::Srgb).unwrap();
-    let Samples::U8(samples) = &image.samples else { panic!("8 bits") };
-    // Nothing is black or left out anywhere, so no level can darken.
-    assert!(samples.as_chunks::<3>().0.iter().all(|t| t[0] == 255 && t[2] > 100), "a texel without colour");
+fn borders_keep_their_colours_at_every_level_that_is_promised() {
+    let mesh = cleaned(icosphere(3));
+    let baked = baked(&mesh, &Waves::color(2.0), 1 << 18, BakeFormat::Float);
+    let (model, picture) = (baked.path("x.glb"), baked.path("x.exr"));
+    let side = 1024usize;
+    let options = ExportOptions { side: Some(side as u32), padding: Some(16), ..ExportOptions::default() };
+    export_model(&baked.asset, &model, &options, &NoProgress).unwrap();
+    export_channel(&baked.asset, ChannelMap::BaseColor, Depth::Eight, &picture, &options, &NoProgress)
+        .unwrap();
+    let image = Image::load_as(&picture, ColorSpace::Linear).unwrap();
+    let Samples::F32(samples) = &image.samples else { panic!("floats") };
+    let mut level: Vec<f32> = samples.as_chunks::<3>().0.iter().map(|t| t[0]).collect();
+    // Nothing is left empty.
+    assert!(level.iter().all(|&red| red > 0.05));
+    let uv = &loaded(&model).corners.uv_sets[0];
+    let cache = PageCache::new(Arc::clone(&baked.asset), 64 << 20);
+    let mut level_side = side;
+    // The colours go from 0.1 to 0.9 and change by 0.8 per mesh unit, over which there are about 150 texels: a texel of the
+    // last level is a tenth of a unit long. A foreign or an empty texel would be off by several tenths.
+    for tolerance in [0.004, 0.008, 0.016, 0.035, 0.07] {
+        for t in 0..mesh.triangles.len() {
+            for (k, lambda) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
+                let truth = sample_finest(&cache, 0, t, lambda).0.x;
+                let off = (bilinear(&level, level_side, uv[3 * t + k]) - truth).abs();
+                assert!(
+                    off < tolerance,
+                    "corner {k} of triangle {t} at {level_side} columns is off by {off}"
+                );
+            }
+        }
+        level = halved(&level, level_side);
+        level_side /= 2;
+    }
 }
