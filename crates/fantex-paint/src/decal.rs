@@ -6,7 +6,7 @@ use fantex_cover::TexelTriangle;
 use glam::{Vec3, Vec4};
 
 use crate::dab::{Chart, tangent_axes};
-use crate::tile_paint::{Ink, Patch, TexelPage, TexelUnder};
+use crate::tile_paint::{Ink, Patch, TexelPage, TexelUnder, tangent_from_picture};
 use crate::{PaintColor, Picture, Region, Surface, SurfacePoint};
 
 /// A picture that lies on the surface around a point and follows it.
@@ -24,6 +24,7 @@ pub struct Decal {
 
 /// A decal with the part of the surface that it covers.
 pub(crate) struct PlacedDecal<'a> {
+    surface: &'a Surface,
     region: Region,
     chart: Chart,
     shape: &'a Picture,
@@ -33,17 +34,27 @@ pub(crate) struct PlacedDecal<'a> {
 }
 
 impl<'a> PlacedDecal<'a> {
-    pub(crate) fn new(surface: &Surface, decal: &'a Decal, ink: &'a Ink<'a>) -> Self {
+    pub(crate) fn new(surface: &'a Surface, decal: &'a Decal, ink: &'a Ink<'a>) -> Self {
         let half = (0.5 * decal.size).max(0.5 / surface.cover().density);
         let [columns, rows] = decal.shape.extent().map(|n| n as f32);
         let longer = columns.max(rows);
         // Half the diagonal, and a texel for the border.
         let reach = half * (columns / longer).hypot(rows / longer) + 1.5 / surface.cover().density;
         let region = Region::grow(surface, decal.center, reach * 1.05);
-        let (x, y) = tangent_axes(surface.facet_normal(decal.center.triangle));
+        let (x, y) = tangent_axes(surface.outer_normal(decal.center.triangle));
         let (sin, cos) = f64::from(decal.angle).sin_cos();
         let chart = Chart::unfold(surface, &region, decal.center, [x * cos + y * sin, y * cos - x * sin]);
-        Self { region, chart, shape: &decal.shape, scale: 1.0 / half, ink }
+        Self { surface, region, chart, shape: &decal.shape, scale: 1.0 / half, ink }
+    }
+
+    /// Where the picture's right and upright direction point on a triangle, mesh space.
+    fn axes(&self, triangle: &TexelTriangle, index: usize) -> [Vec3; 2] {
+        let Some([a, b, c]) = self.chart.triangle(index) else { return [Vec3::ZERO; 2] };
+        let [p, q, r] = self.surface.mesh().triangle_positions(triangle.triangle as usize);
+        let area = (b - a).perp_dot(c - a);
+        let right = ((q - p) * (c - a).y - (r - p) * (b - a).y) / area;
+        let up = ((r - p) * (b - a).x - (q - p) * (c - a).x) / area;
+        [right, up].map(|axis| axis.normalize_or_zero())
     }
 
     /// Side of a texel in coordinates of the picture.
@@ -68,6 +79,9 @@ impl Patch for PlacedDecal<'_> {
         }
         for (color, painted) in colors.iter_mut().zip(&self.ink.paint.channels) {
             *color = match &painted.color {
+                PaintColor::Image(picture) if self.ink.is_tangent(painted) => {
+                    tangent_from_picture(picture.color(place, width), self.axes(under.triangle, under.index))
+                }
                 PaintColor::Image(picture) => picture.color(place, width),
                 _ => {
                     let straight = self.ink.at(map, under.place, painted).unwrap_or(Vec4::ZERO);

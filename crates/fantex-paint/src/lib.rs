@@ -52,7 +52,7 @@ pub use graph::{GraphError, TextureGraph};
 pub use history::{History, HistoryStep};
 pub use layers::{GraphFill, Layer, LayerContent, Target};
 pub use log::StrokeLog;
-pub use paint::{ChannelPaint, Paint, PaintColor, Tool};
+pub use paint::{ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
 pub use picture::Picture;
 pub use projection::{Lens, Projection, ProjectionView};
 pub use replay::*;

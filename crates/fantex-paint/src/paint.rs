@@ -7,6 +7,9 @@ use glam::{Vec3, Vec4};
 
 use crate::{BlendMode, Picture, Projection};
 
+/// Dabs of a smudge should be no farther apart than this, in diameters: farther apart they show as stripes.
+pub const SMUDGE_SPACING: f32 = 0.025;
+
 /// What a covered texel becomes.
 #[derive(Clone, Debug)]
 pub enum Tool {

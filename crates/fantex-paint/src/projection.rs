@@ -78,7 +78,8 @@ impl Projection {
         let position = surface.position(point).as_vec3();
         let (place, unit) = self.place(position)?;
         let to_eye = self.to_eye(position);
-        let cosine = surface.facet_normal(point.triangle).as_vec3().dot(to_eye).abs();
+        // The smooth surface's, so that the picture's border does not follow the facets.
+        let cosine = surface.normal(point).dot(to_eye).abs();
         let s = ((cosine - GRAZING[0]) / (GRAZING[1] - GRAZING[0])).clamp(0.0, 1.0);
         let facing = s * s * (3.0 - 2.0 * s);
         let width = (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt();
@@ -91,6 +92,11 @@ impl Projection {
             .filter(|[a, b]| self.is_seen(surface, position + steps[0] * *a + steps[1] * *b, width));
         let alpha = value.w * facing * seen.count() as f32 / SIGHTS.len() as f32;
         (alpha > 0.0).then(|| (value.truncate() / value.w).extend(alpha))
+    }
+
+    /// Where the picture's right and upright direction point, mesh space.
+    pub(crate) fn axes(&self) -> [Vec3; 2] {
+        [self.right, self.up]
     }
 
     /// A position in the coordinates of the picture, and these per mesh unit there.

@@ -30,6 +30,8 @@ pub struct Surface {
     /// Row `g` of `group_triangles` starts here.
     group_starts: Vec<u32>,
     group_triangles: Vec<u32>,
+    /// The mesh is closed and wound so that its facets face inwards.
+    is_inside_out: bool,
     /// Per corner; made when first asked for.
     normals: OnceLock<Vec<Vec3>>,
 }
@@ -51,8 +53,8 @@ impl Surface {
         let opposite = opposite_edges(&mesh.triangles);
         let (group_starts, group_triangles) = triangles_of_groups(&cover);
         let bvh = TriangleBvh::new(&mesh);
-        let normals = OnceLock::new();
-        Self { mesh, cover, bvh, opposite, group_starts, group_triangles, normals }
+        let (is_inside_out, normals) = (is_inside_out(&mesh), OnceLock::new());
+        Self { mesh, cover, bvh, opposite, group_starts, group_triangles, is_inside_out, normals }
     }
 
     /// The mesh.
@@ -80,7 +82,7 @@ impl Surface {
     /// that does, else the nearer one of those before and behind it along the normal, else the nearest one after all.
     pub fn nearest_facing(&self, position: Vec3, normal: Vec3) -> Option<SurfacePoint> {
         let nearest = self.nearest(position, f32::INFINITY)?;
-        let agrees = |point: &SurfacePoint| self.facet_normal(point.triangle).as_vec3().dot(normal) >= 0.0;
+        let agrees = |point: &SurfacePoint| self.outer_normal(point.triangle).as_vec3().dot(normal) >= 0.0;
         if agrees(&nearest) {
             return Some(nearest);
         }
@@ -107,6 +109,20 @@ impl Surface {
     pub fn facet_normal(&self, triangle: u32) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// The same on the side that is seen: outwards where the mesh is closed, whichever way it is wound.
+    pub(crate) fn outer_normal(&self, triangle: u32) -> DVec3 {
+        let normal = self.facet_normal(triangle);
+        if self.is_inside_out { -normal } else { normal }
+    }
+
+    /// Unit normal of the smooth surface.
+    pub(crate) fn normal(&self, point: SurfacePoint) -> Vec3 {
+        let corners = [0, 1, 2].map(|k| self.normals()[3 * point.triangle as usize + k]);
+        let [a, b, c] = point.lambda.to_array();
+        let normal = (corners[0] * a + corners[1] * b + corners[2] * c).try_normalize();
+        normal.unwrap_or_else(|| self.facet_normal(point.triangle).as_vec3())
     }
 
     /// Unit normals of the smooth surface, per corner.
@@ -138,6 +154,19 @@ impl Surface {
         let third = (c != a && c != b).then_some(c);
         [Some(a), second, third].into_iter().flatten()
     }
+}
+
+/// True where a mesh encloses a negative volume. Open meshes, whose facets do not balance, have no inside.
+fn is_inside_out(mesh: &Mesh) -> bool {
+    let (mut balance, mut area, mut volume) = (DVec3::ZERO, 0.0, 0.0);
+    for t in 0..mesh.triangles.len() {
+        let [a, b, c] = mesh.triangle_positions(t).map(|p| p.as_dvec3());
+        let facet = (b - a).cross(c - a);
+        balance += facet;
+        area += facet.length();
+        volume += a.dot(facet);
+    }
+    balance.length() < 0.05 * area && volume < 0.0
 }
 
 /// Pairs the half-edges of edges that have exactly two triangles, however these are wound.

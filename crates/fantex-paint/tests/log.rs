@@ -43,7 +43,7 @@ const STROKES: &str = r##"{ "version": 1, "strokes": [
 
 fn painted(mesh: &Mesh, tile: u32, texels: u64) -> Baked {
     let baked = Baked::new(mesh, &cover(mesh, tile, texels), BakeFormat::Bc7);
-    let texel = |i: usize| [1.0, 1.0, 1.0, if (i % 16 / 4 + i / 64) % 2 == 0 { 1.0 } else { 0.0 }];
+    let texel = |i: usize| [1.0, 1.0, 1.0, if (i % 16 / 4 + i / 64).is_multiple_of(2) { 1.0 } else { 0.0 }];
     let texels: Vec<[f32; 4]> = (0..256).map(texel).collect();
     Image::from_linear_rgba(16, 16, &texels).save(baked.folder.path().join("stamp.png")).unwrap();
     let file: StrokeFile = serde_json::from_str(STROKES).unwrap();

@@ -216,6 +216,23 @@ fn a_decal_lies_upright_where_it_is_put() {
 }
 
 #[test]
+fn a_decal_is_not_mirrored_on_a_mesh_that_is_wound_inwards() {
+    let mut model = generate::icosphere(4);
+    model.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+    let mesh = cleaned(model);
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 100_000), BakeFormat::Float);
+    save_flag(&baked);
+    let painter = run(
+        &baked,
+        r#"{ "decal": { "size": { "world": 0.8 } },
+             "channels": [{ "kind": "base_color", "color": { "image": "flag.exr" } }],
+             "samples": [{ "at": { "position": [0, 0, 1] } }] }"#,
+    );
+    let left = color_at(&baked.cache(), &painter, Vec3::new(-0.15, 0.05, 0.98).normalize());
+    assert!(left.x > 0.7 && left.y < 0.1, "{left}");
+}
+
+#[test]
 fn a_text_is_written_with_any_colour() {
     let baked = ball(300_000);
     let before = baked.cache();

@@ -48,7 +48,7 @@ impl PlacedDab {
         let radius = dab.radius.max(texel * 0.5);
         let end = radius + 0.75 * texel;
         let start = (radius * dab.hardness.clamp(0.0, 1.0)).min(end - 1.5 * texel).max(0.0);
-        let normal = surface.facet_normal(dab.center.triangle);
+        let normal = surface.outer_normal(dab.center.triangle);
         let (x, y) = tangent_axes(normal);
         let (sin, cos) = f64::from(dab.angle).sin_cos();
         let axes = [x * cos + y * sin, y * cos - x * sin].map(|axis| (axis / f64::from(radius)).as_vec3());

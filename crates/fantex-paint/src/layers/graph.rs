@@ -21,10 +21,13 @@ pub struct GraphFill {
     pub textures: Vec<Option<String>>,
 }
 
+/// One per channel.
+type Textures = Vec<Option<Arc<dyn Texture>>>;
+
 /// The textures of all layers that are shown, ready to be asked.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct FillTextures {
-    layers: BTreeMap<u64, (GraphFill, Vec<Option<Arc<dyn Texture>>>)>,
+    layers: BTreeMap<u64, (GraphFill, Textures)>,
 }
 
 impl FillTextures {

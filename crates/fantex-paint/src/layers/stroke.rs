@@ -1,5 +1,7 @@
 //! A stroke onto a layer, a mask, or what lies under the layers.
 
+use std::sync::OnceLock;
+
 use fantex_store::{AssetEditor, PageId};
 use glam::Vec3;
 
@@ -83,7 +85,12 @@ impl LayeredPage<'_> {
         let mut base = base_bytes(self.editor, self.id, Some(before.to_vec()))?;
         let originals: Vec<Vec<u8>> =
             self.ink.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
-        let page = StrokePage { originals: originals.clone(), stale: self.page.touched, ..self.page.clone() };
+        let page = StrokePage {
+            originals: originals.clone(),
+            stale: self.page.touched,
+            decoded: OnceLock::new(),
+            ..self.page.clone()
+        };
         let painted = composite(asset, self.map, self.id, &page, originals, self.ink)?;
         for (channel, bytes) in self.ink.paint.channels.iter().zip(painted) {
             base[channel.channel] = bytes;

@@ -65,7 +65,7 @@ impl Recording {
 fn place_of(surface: &Surface, point: SurfacePoint) -> Where {
     let world_from_mesh = surface.mesh().world_from_mesh;
     let position = world_from_mesh.point(surface.position(point).as_vec3()).to_array();
-    Where::Surface { position, normal: surface.facet_normal(point.triangle).as_vec3().to_array() }
+    Where::Surface { position, normal: surface.outer_normal(point.triangle).as_vec3().to_array() }
 }
 
 /// A stroke in terms that fit any asset of the model, with the files that it mentions.

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fantex_store::ChannelKind;
 use fantex_texture::color::linear_from_srgb;
 use fantex_texture::{Bounds, ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
 use glam::{Vec3, Vec4};
@@ -14,6 +15,7 @@ use crate::{PaintColor, Picture, Surface};
 /// What the settings of a colour mean.
 pub(super) fn color_of(
     preparation: &Preparation<'_>,
+    kind: ChannelKind,
     settings: &ColorSettings,
 ) -> Result<PaintColor, ReplayError> {
     let stroke = preparation.stroke;
@@ -33,7 +35,7 @@ pub(super) fn color_of(
             return Ok(PaintColor::Texture(texture));
         }
         ColorSettings::Image(path) => {
-            let picture = Arc::new(Picture::new(&preparation.image(path)?));
+            let picture = Arc::new(Picture::new(&preparation.image_for(kind, path)?));
             let projection = preparation.projection(Arc::clone(&picture))?;
             return Ok(match projection {
                 Some(projection) => PaintColor::Projected(Arc::new(projection)),

@@ -462,7 +462,7 @@ pub enum Where {
     Surface {
         /// World space.
         position: [f64; 3],
-        /// Of the triangle, by its winding.
+        /// Of the triangle: outwards where the mesh is closed, else by its winding.
         normal: [f32; 3],
     },
     /// A point of a triangle of this very mesh.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_store::ChannelKind;
-use fantex_texture::Image;
+use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Vec3};
 
 use super::ReplayError;
@@ -16,7 +16,8 @@ use super::file::{
 use crate::stroke::mesh_length;
 use crate::{
     Brush, ChannelPaint, DEFAULT_FONT, Dab, Decal, GraphFill, Paint, Painter, Picture, Projection,
-    ProjectionView, Sample, Size, Stamp, Stroke, Surface, SurfacePoint, TextureGraph, Tool, draw_text,
+    ProjectionView, SMUDGE_SPACING, Sample, Size, Stamp, Stroke, Surface, SurfacePoint, TextureGraph, Tool,
+    draw_text,
 };
 
 /// A stroke's settings beside what they are for.
@@ -62,7 +63,7 @@ impl Preparation<'_> {
             if channels.iter().any(|painted| painted.channel == channel) {
                 return Err(ReplayError::ChannelTwice { stroke, kind });
             }
-            channels.push(ChannelPaint { channel, color: color_of(self, &settings.color)? });
+            channels.push(ChannelPaint { channel, color: color_of(self, kind, &settings.color)? });
         }
         Ok(Paint { tool: self.tool(drawn)?, opacity: self.settings.brush.opacity, channels })
     }
@@ -90,6 +91,14 @@ impl Preparation<'_> {
     pub(super) fn image(&self, path: &Path) -> Result<Image, ReplayError> {
         let image = Image::load(self.folder.join(path));
         image.map_err(|source| ReplayError::Stamp { stroke: self.stroke, source })
+    }
+
+    /// The same for a channel: where that holds no colour, fixed-point numbers are taken as they are.
+    pub(super) fn image_for(&self, kind: ChannelKind, path: &Path) -> Result<Image, ReplayError> {
+        let image = self.image(path)?;
+        let is_color = matches!(kind, ChannelKind::BaseColor | ChannelKind::Emission | ChannelKind::Light);
+        let stays = is_color || matches!(image.samples, Samples::F32(_));
+        Ok(if stays { image } else { Image { space: ColorSpace::Linear, ..image } })
     }
 
     pub(super) fn graph(&self, look: &LookSettings) -> Result<TextureGraph, ReplayError> {
@@ -230,12 +239,14 @@ impl Preparation<'_> {
             return Err(ReplayError::Number { stroke: self.stroke, what, range });
         }
         let stamp = settings.stamp.as_ref().map(|path| self.image(path)).transpose()?;
+        let is_smudge = matches!(self.settings.tool, ToolSettings::Smudge { .. });
+        let most = if is_smudge { SMUDGE_SPACING } else { f32::INFINITY };
         Ok(Brush {
             size: settings.size,
             hardness: settings.hardness,
             opacity: settings.opacity,
             flow: settings.flow,
-            spacing: settings.spacing,
+            spacing: settings.spacing.min(most),
             smoothing: settings.smoothing,
             angle: settings.angle.to_radians(),
             follow_tilt: settings.follow_tilt,

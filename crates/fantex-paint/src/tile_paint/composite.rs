@@ -23,10 +23,16 @@ pub(crate) fn composite(
     let extent = map.block.extent;
     let mut changed = Vec::with_capacity(ink.paint.channels.len());
     let rect = page.stale.blocks();
+    let originals = match page.decoded.get() {
+        Some(decoded) => decoded,
+        None => {
+            let decoded = decode(asset, id, page, ink)?;
+            page.decoded.get_or_init(|| decoded)
+        }
+    };
     let channels = ink.paint.channels.iter().enumerate();
-    for (((number, painted), original), mut bytes) in channels.zip(&page.originals).zip(shown) {
-        let texels = asset.decode_page_raw(painted.channel, id, original)?;
-        let mut values: Vec<Vec4> = texels.rgba.into_iter().map(Vec4::from).collect();
+    for (((number, painted), original), mut bytes) in channels.zip(originals).zip(shown) {
+        let mut values = original.clone();
         for (x, y) in rect.texels() {
             let texel = (y * extent[0] + x) as usize;
             let coverage = page.coverage[texel];
@@ -42,4 +48,14 @@ pub(crate) fn composite(
         changed.push(bytes);
     }
     Ok(changed)
+}
+
+/// The texels before the stroke, per painted channel.
+fn decode(asset: &Asset, id: PageId, page: &StrokePage, ink: &Ink<'_>) -> Result<Vec<Vec<Vec4>>, PaintError> {
+    let channels = ink.paint.channels.iter().zip(&page.originals);
+    let decoded = channels.map(|(painted, original)| {
+        let texels = asset.decode_page_raw(painted.channel, id, original)?;
+        Ok(texels.rgba.into_iter().map(Vec4::from).collect())
+    });
+    decoded.collect()
 }

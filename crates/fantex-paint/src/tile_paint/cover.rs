@@ -62,6 +62,7 @@ pub(crate) fn cover_page<'a>(
     page: &mut StrokePage,
 ) {
     let mut in_region = vec![NOBODY; map.triangles.len()];
+    let mut covered = Rect::EMPTY;
     for dab in dabs {
         for_each_texel(map, &dab.region, &mut in_region, |under| {
             let triangle = under.triangle.triangle;
@@ -69,11 +70,12 @@ pub(crate) fn cover_page<'a>(
             let added = dab.coverage(&dab.region.triangles[under.index], under.lambda, position);
             if added > 0.0 {
                 page.gather(under.texel, added, &[]);
-                page.touched.add(under.place[0], under.place[1]);
-                page.stale.add(under.place[0], under.place[1]);
+                covered.add(under.place[0], under.place[1]);
             }
         });
     }
+    page.touched = page.touched.union(covered);
+    page.stale = page.stale.union(covered);
 }
 
 /// A touch that brings its own colours.
@@ -122,12 +124,21 @@ fn for_each_texel(
 ) {
     let mut rect = Rect::EMPTY;
     let mut met = Vec::new();
-    for (number, triangle) in (0u32..).zip(&region.triangles) {
-        let found = map.triangles.binary_search_by_key(&triangle.triangle, |t| t.triangle);
-        if let Ok(index) = found {
-            in_region[index] = number;
-            met.push(index);
-            rect = rect.union(texel_rect(map, map.triangles[index].bounds()));
+    let mut meet = |index: usize, number: usize| {
+        in_region[index] = number as u32;
+        met.push(index);
+        rect = rect.union(texel_rect(map, map.triangles[index].bounds()));
+    };
+    // The shorter list is looked up in the longer one.
+    if region.triangles.len() < map.triangles.len() {
+        for (number, reached) in region.triangles.iter().enumerate() {
+            let found = map.triangles.binary_search_by_key(&reached.triangle, |t| t.triangle);
+            found.into_iter().for_each(|index| meet(index, number));
+        }
+    } else {
+        for (index, shown) in map.triangles.iter().enumerate() {
+            let found = region.triangles.binary_search_by_key(&shown.triangle, |t| t.triangle);
+            found.into_iter().for_each(|number| meet(index, number));
         }
     }
     let width = map.block.extent[0];

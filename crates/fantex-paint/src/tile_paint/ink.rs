@@ -1,9 +1,10 @@
 //! What colour a stroke lays on a texel.
 
-use fantex_store::{AssetEditor, PAGE, PageCache, PageId};
+use fantex_store::{AssetEditor, ChannelKind, PAGE, PageCache, PageId};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::cover::blend;
+use super::normals::{stored_from_tangent, tangent_from_picture, tangent_from_stored};
 use super::shade::shade;
 use super::stroke_page::StrokePage;
 use super::texel_page::TexelPage;
@@ -16,6 +17,8 @@ pub(crate) struct Ink<'a> {
     pub(crate) paint: &'a Paint,
     /// The texture function before the stroke, where the tool asks for it.
     pub(crate) before: Option<&'a PageCache>,
+    /// The channel that holds normals, if any.
+    pub(crate) normals: Option<usize>,
 }
 
 /// Points of a ring around the centre of a blur.
@@ -36,10 +39,23 @@ impl Ink<'_> {
         number: usize,
     ) -> Option<Vec4> {
         let texel = (y * map.block.extent[0] + x) as usize;
-        page.color(number, texel).or_else(|| self.at(map, [x, y], &self.paint.channels[number]))
+        let painted = &self.paint.channels[number];
+        let value = page.color(number, texel).or_else(|| self.at(map, [x, y], painted))?;
+        if !self.is_tangent(painted) {
+            return Some(value);
+        }
+        let triangle = &map.triangles[map.owner[texel] as usize];
+        let point = nearest_inside(triangle.triangle, map.lambda(triangle, x, y));
+        Some(stored_from_tangent(self.surface, map.group, point, value))
     }
 
-    /// The same for what does not depend on the dabs.
+    /// True where the colour is the tangent part of a normal: not what a tile stores.
+    pub(crate) fn is_tangent(&self, painted: &ChannelPaint) -> bool {
+        let is_picture = matches!(painted.color, PaintColor::Image(_) | PaintColor::Projected(_));
+        Some(painted.channel) == self.normals && (is_picture || self.paint.tool.reads_surface())
+    }
+
+    /// The same for what does not depend on the dabs; of normals that are moved the tangent part (see `normals.rs`).
     pub(crate) fn at(&self, map: &TexelPage, [x, y]: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
         let triangle = &map.triangles[map.owner[(y * map.block.extent[0] + x) as usize] as usize];
         let lambda = map.lambda(triangle, x, y);
@@ -64,7 +80,9 @@ impl Ink<'_> {
             PaintColor::Projected(projection) => {
                 let point = nearest_inside(triangle.triangle, lambda);
                 let steps = triangle.steps.map(|step| blend(self.surface, triangle.triangle, step));
-                projection.at(self.surface, point, steps)
+                let color = projection.at(self.surface, point, steps)?;
+                let is_tangent = self.is_tangent(painted);
+                Some(if is_tangent { tangent_from_picture(color, projection.axes()) } else { color })
             }
         }
     }
@@ -94,15 +112,22 @@ pub(crate) fn nearest_inside(triangle: u32, lambda: Vec3) -> SurfacePoint {
     SurfacePoint { triangle, lambda: inside / inside.element_sum() }
 }
 
-/// The texture function at level 0; **linear** RGBA.
+/// The texture function at level 0; **linear** RGBA; of normals the tangent part.
 pub(crate) fn look_up(surface: &Surface, cache: &PageCache, channel: usize, point: SurfacePoint) -> Vec4 {
     let tiles = tiles_under(surface, point);
+    if cache.asset().channels()[channel].kind == ChannelKind::Normal {
+        let values = tiles.map(|(group, uv, weight)| {
+            let stored = Vec4::from_array(cache.bilinear(channel, group, 0, uv));
+            weight * tangent_from_stored(surface, group, point, stored)
+        });
+        return values.sum();
+    }
     let values =
         tiles.map(|(group, uv, weight)| weight * Vec4::from_array(cache.bilinear(channel, group, 0, uv)));
     values.sum()
 }
 
-/// The same with all changes that are not yet committed. Decodes the pages anew: for single points.
+/// The stored value with all changes that are not yet committed. Decodes the pages anew: for single points.
 pub(crate) fn look_up_now(
     surface: &Surface,
     editor: &AssetEditor,

@@ -70,7 +70,7 @@ pub(crate) struct LevelsUnderway(Receiver<Result<LevelResults, PaintError>>);
 impl LevelsUnderway {
     /// Hands work to the thread for levels: one for all painters, so that dabs keep theirs. Gives it back where there is no
     /// such thread.
-    pub(crate) fn start(work: LevelWork, maps: &Arc<Mutex<TexelPages>>) -> Result<Self, LevelWork> {
+    pub(crate) fn start(work: Box<LevelWork>, maps: &Arc<Mutex<TexelPages>>) -> Result<Self, Box<LevelWork>> {
         static POOL: OnceLock<Option<ThreadPool>> = OnceLock::new();
         let name = |_| "paint levels".to_owned();
         let pool =

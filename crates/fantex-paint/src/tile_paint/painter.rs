@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
-use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId};
+use fantex_store::{AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId};
 use glam::Vec4;
 use rayon::prelude::*;
 
@@ -209,7 +209,8 @@ impl Painter {
             let page = known.unwrap_or_else(|| StrokePage::new(map.block.texel_count()));
             pages.insert(id, (map, page));
         }
-        let ink = Ink { surface, paint: &stroke.paint, before: stroke.before.as_ref() };
+        let normals = self.editor.asset().channel_of_kind(ChannelKind::Normal);
+        let ink = Ink { surface, paint: &stroke.paint, before: stroke.before.as_ref(), normals };
         let finger = placed.picked_up(finger, strength, &ink, &pages);
         let laid = LaidDown { dab: &placed, finger: &finger, surface };
         let channels = stroke.paint.channels.len();
@@ -231,7 +232,8 @@ impl Painter {
         stroke.recording.lose();
         let paint = stroke.paint.clone();
         let before = stroke.before.clone();
-        let ink = Ink { surface: &surface, paint: &paint, before: before.as_ref() };
+        let normals = self.editor.asset().channel_of_kind(ChannelKind::Normal);
+        let ink = Ink { surface: &surface, paint: &paint, before: before.as_ref(), normals };
         let placed = PlacedDecal::new(&surface, decal, &ink);
         let touched = touched_pages(&surface, std::iter::once(placed.region()));
         let touched: Vec<(PageId, ())> = touched.into_keys().map(|id| (id, ())).collect();
@@ -448,7 +450,8 @@ impl OpenStroke {
         id: PageId,
         page: &StrokePage,
     ) -> Result<ShownPage, PaintError> {
-        let ink = &Ink { surface, paint: &self.paint, before: self.before.as_ref() };
+        let normals = editor.asset().channel_of_kind(ChannelKind::Normal);
+        let ink = &Ink { surface, paint: &self.paint, before: self.before.as_ref(), normals };
         let (target, affected) = (self.target, self.affected.as_slice());
         if self.is_layered(page) {
             return LayeredPage { editor, layers, fills, map, id, page, ink, target, affected }.show();

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::cover::{Patch, TexelUnder};
 use super::ink::Ink;
+use super::normals::tangent_from_stored;
 use super::stroke_page::StrokePage;
 use super::texel_page::TexelPage;
 use crate::dab::{Chart, PlacedDab, tangent_axes};
@@ -161,7 +162,7 @@ fn current(ink: &Ink<'_>, pages: &PagesUnder, number: usize, point: SurfacePoint
         let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
         let uv = a * point.lambda.x + b * point.lambda.y + c * point.lambda.z;
         let group = cover.corner_groups[triangle][slot];
-        sum += weight * current_in_tile(ink, before, pages, number, group, uv);
+        sum += weight * current_in_tile(ink, before, pages, number, (group, uv), point);
     }
     sum
 }
@@ -171,8 +172,8 @@ fn current_in_tile(
     before: &PageCache,
     pages: &PagesUnder,
     number: usize,
-    group: u32,
-    uv: Vec2,
+    (group, uv): (u32, Vec2),
+    point: SurfacePoint,
 ) -> Vec4 {
     let extent = ink.surface.cover().groups[group as usize].extent;
     let tile = before.tile(ink.paint.channels[number].channel, group, 0);
@@ -182,7 +183,10 @@ fn current_in_tile(
     let texel = |dx: u32, dy: u32| {
         let x = (corner.x as u32 + dx).min(extent[0] - 1);
         let y = (corner.y as u32 + dy).min(extent[1] - 1);
-        let original = Vec4::from_array(tile.texel(x, y));
+        let stored = Vec4::from_array(tile.texel(x, y));
+        let is_tangent = ink.is_tangent(&ink.paint.channels[number]);
+        let original =
+            if is_tangent { tangent_from_stored(ink.surface, group, point, stored) } else { stored };
         let id = PageId { group, level: 0, page: [x / PAGE, y / PAGE] };
         let seen = pages.get(&id).map_or(original, |(map, page)| {
             let texel = (y % PAGE * map.block.extent[0] + x % PAGE) as usize;

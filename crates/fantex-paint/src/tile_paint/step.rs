@@ -54,7 +54,7 @@ impl Painter {
             summary.coarser_pages = self.finish_step(changes, &channels)?;
             return Ok(summary);
         }
-        match LevelsUnderway::start(self.level_work(changes, &channels), &self.level_maps) {
+        match LevelsUnderway::start(Box::new(self.level_work(changes, &channels)), &self.level_maps) {
             Ok(underway) => self.levels = Some(underway),
             Err(work) => {
                 let results = work.run(&mut self.maps)?;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::sync::OnceLock;
 
 use fantex_store::PageId;
 use glam::Vec4;
@@ -23,12 +24,21 @@ pub(crate) struct StrokePage {
     pub(crate) stale: Rect,
     /// The bytes before the stroke, one per painted channel; empty until the page is first shown.
     pub(crate) originals: Vec<Vec<u8>>,
+    /// The same, decoded: kept while there is room, since neighbouring dabs ask for the same pages.
+    pub(crate) decoded: OnceLock<Vec<Vec<Vec4>>>,
 }
 
 impl StrokePage {
     pub(crate) fn new(texels: usize) -> Self {
         let (touched, stale) = (Rect::EMPTY, Rect::EMPTY);
-        Self { coverage: vec![0.0; texels], colors: Vec::new(), touched, stale, originals: Vec::new() }
+        Self {
+            coverage: vec![0.0; texels],
+            colors: Vec::new(),
+            touched,
+            stale,
+            originals: Vec::new(),
+            decoded: OnceLock::new(),
+        }
     }
 
     /// The colour that was laid on a texel, straight alpha; none where the tool gathers none.
@@ -50,9 +60,18 @@ impl StrokePage {
         *coverage += added * (1.0 - *coverage);
     }
 
-    fn memory_bytes(&self) -> usize {
+    fn decoded_bytes(&self) -> usize {
+        self.decoded.get().map_or(0, |channels| 16 * channels.iter().map(Vec::len).sum::<usize>())
+    }
+
+    /// Bytes of what goes to the temporary file.
+    fn stored_bytes(&self) -> usize {
         4 * self.coverage.len() * (1 + 4 * self.colors.len())
             + self.originals.iter().map(Vec::len).sum::<usize>()
+    }
+
+    fn memory_bytes(&self) -> usize {
+        self.stored_bytes() + self.decoded_bytes()
     }
 }
 
@@ -94,6 +113,12 @@ impl StrokePages {
     pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> io::Result<()> {
         self.bytes += page.memory_bytes();
         self.pages.insert(id, page);
+        if self.bytes > budget_bytes / 2 {
+            for page in self.pages.values_mut() {
+                self.bytes -= page.decoded_bytes();
+                page.decoded = OnceLock::new();
+            }
+        }
         while self.bytes > budget_bytes
             && self.pages.len() > 1
             && let Some((id, page)) = self.pages.pop_first()
@@ -139,7 +164,7 @@ impl StrokePages {
             touched: page.touched,
             stale: page.stale,
         };
-        self.end += page.memory_bytes() as u64;
+        self.end += page.stored_bytes() as u64;
         self.spilled.insert(id, spilled);
         Ok(())
     }
@@ -160,7 +185,14 @@ fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
         file.read_exact(&mut bytes)?;
         originals.push(bytes);
     }
-    Ok(StrokePage { coverage, colors, touched: spilled.touched, stale: spilled.stale, originals })
+    Ok(StrokePage {
+        coverage,
+        colors,
+        touched: spilled.touched,
+        stale: spilled.stale,
+        originals,
+        decoded: OnceLock::new(),
+    })
 }
 
 #[cfg(test)]

@@ -13,6 +13,8 @@ use crate::Surface;
 /// The triangles under the texels of a page at some level.
 #[derive(Debug)]
 pub(crate) struct TexelPage {
+    /// Of the tile.
+    pub(crate) group: u32,
     pub(crate) block: TexelBlock,
     /// Those that touch the page, ascending by their index in the mesh.
     pub(crate) triangles: Vec<TexelTriangle>,
@@ -37,7 +39,7 @@ impl TexelPage {
         let reach = if id.level == 0 { f32::INFINITY } else { 0.5 + 2.0 / (1u64 << id.level) as f32 };
         let Footprints { triangles, mut owner, distance, .. } = footprints;
         owner.iter_mut().zip(&distance).filter(|(_, d)| **d > reach).for_each(|(o, _)| *o = NOBODY);
-        Self { block, triangles, owner }
+        Self { group: id.group, block, triangles, owner }
     }
 
     pub(crate) fn is_valid(&self, texel: usize) -> bool {

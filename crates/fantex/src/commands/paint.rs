@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::paint::{PaintOptions, Painter, StrokeFile, replay};
+use fantex::paint::{PaintOptions, Painter, ReplayError, ReplaySummary, StrokeFile, StrokeLog, replay};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -18,21 +18,61 @@ use crate::size::{grouped, megabytes};
 #[command(after_help = "\
 Example:
   fantex paint statue.fan --replay strokes.json -o painted.fan
+  fantex paint denser.fan --replay-log painted.fan
+  fantex paint painted.fan --export-log strokes.json
 
 Without -o the asset itself is changed, safely: it holds either all strokes or none. Every stroke can be undone.
-Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model.")]
+Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An asset keeps a
+log of what was painted on it, which fits other densities, other covers, and edited meshes.")]
 pub(crate) struct PaintArgs {
     /// An asset (.fan)
     asset: PathBuf,
     /// Strokes (.json) to apply
     #[arg(long, value_name = "STROKES")]
     replay: Option<PathBuf>,
+    /// Another asset, whose log of strokes to apply
+    #[arg(long, value_name = "ASSET", conflicts_with = "replay")]
+    replay_log: Option<PathBuf>,
+    /// Write the log of the asset as a stroke file (.json), with the pictures that it mentions in the folder 'files' beside it
+    #[arg(long, value_name = "STROKES", conflicts_with_all = ["replay", "replay_log", "output"])]
+    export_log: Option<PathBuf>,
     /// The asset to write; without it the given one is changed
-    #[arg(short, long, value_name = "ASSET", requires = "replay")]
+    #[arg(short, long, value_name = "ASSET")]
     output: Option<PathBuf>,
     /// Keep nothing that undoes the strokes
-    #[arg(long, requires = "replay")]
+    #[arg(long)]
     no_history: bool,
+}
+
+/// What is painted.
+enum Strokes {
+    File { file: StrokeFile, folder: PathBuf },
+    Log(StrokeLog),
+}
+
+impl Strokes {
+    fn of(args: &PaintArgs) -> Result<Self, CliError> {
+        if let Some(asset) = &args.replay_log {
+            return Ok(Self::Log(StrokeLog::of(&*open_asset(asset)?)?));
+        }
+        let path = args.replay.as_ref().ok_or(CliError::PaintByHand)?;
+        let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
+        Ok(Self::File { file: StrokeFile::load(path)?, folder })
+    }
+
+    fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary, ReplayError> {
+        match self {
+            Self::File { file, folder } => replay(painter, file, folder),
+            Self::Log(log) => log.replay(painter),
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct ExportInfo {
+    output: PathBuf,
+    strokes: usize,
+    unrecorded: usize,
 }
 
 #[derive(Debug, Serialize)]
@@ -42,6 +82,7 @@ struct PaintInfo {
     dabs: usize,
     pages: usize,
     missed_samples: usize,
+    unrecorded: usize,
     generation: u64,
     bytes: u64,
     seconds: f64,
@@ -50,17 +91,21 @@ struct PaintInfo {
 /// Runs the command.
 pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
-    let strokes = args.replay.as_ref().ok_or(CliError::PaintByHand)?;
+    if let Some(output) = &args.export_log {
+        return export(&args.asset, output, context);
+    }
+    if args.replay.is_none() && args.replay_log.is_none() {
+        return Err(CliError::PaintByHand);
+    }
     // Opening says what is wrong with files of other kinds.
     drop(open_asset(&args.asset)?);
-    let file = StrokeFile::load(strokes)?;
-    let folder = strokes.parent().unwrap_or(Path::new("."));
+    let strokes = Strokes::of(args)?;
     let mut info = match &args.output {
-        None => paint(&args.asset, &file, folder, args, context)?,
+        None => paint(&args.asset, &strokes, args, context)?,
         Some(output) => {
             context.check_output(output)?;
             let copy = copy_beside(&args.asset, output)?;
-            let info = paint(&copy, &file, folder, args, context)?;
+            let info = paint(&copy, &strokes, args, context)?;
             let renamed = if context.force { copy.persist(output) } else { copy.persist_noclobber(output) };
             renamed.map_err(|e| match e.error.kind() {
                 io::ErrorKind::AlreadyExists => CliError::Exists { path: output.clone() },
@@ -72,26 +117,46 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     info.seconds = started.elapsed().as_secs_f64();
     context.print(&info, |info| {
         format!(
-            "{}: {} strokes, {} dabs, {}, {:.1} s",
+            "{}: {} strokes, {} dabs, {}, {:.1} s{}",
             info.output.display(),
             grouped(info.strokes as u64),
             grouped(info.dabs as u64),
             megabytes(info.bytes),
-            info.seconds
+            info.seconds,
+            missing(info.unrecorded)
         )
+    })
+}
+
+fn missing(unrecorded: usize) -> String {
+    match unrecorded {
+        0 => String::new(),
+        count => format!("; {} strokes are missing: they could not be recorded", grouped(count as u64)),
+    }
+}
+
+fn export(asset: &Path, output: &Path, context: &Context) -> Result<(), CliError> {
+    let log = StrokeLog::of(&*open_asset(asset)?)?;
+    context.check_output(output)?;
+    log.save(output).map_err(|source| CliError::Write { path: output.to_owned(), source })?;
+    let strokes = &log.strokes.strokes;
+    let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
+    let info = ExportInfo { output: output.to_owned(), strokes: strokes.len() - unrecorded, unrecorded };
+    context.print(&info, |info| {
+        let count = grouped(info.strokes as u64);
+        format!("{}: {count} strokes{}", info.output.display(), missing(info.unrecorded))
     })
 }
 
 fn paint(
     asset: &Path,
-    file: &StrokeFile,
-    folder: &Path,
+    strokes: &Strokes,
     args: &PaintArgs,
     context: &Context,
 ) -> Result<PaintInfo, CliError> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, history: !args.no_history };
     let mut painter = Painter::open(asset, &options)?;
-    let summary = replay(&mut painter, file, folder)?;
+    let summary = strokes.replay(&mut painter)?;
     let _deferral = context.defer_interrupt();
     let committed = painter.commit()?;
     Ok(PaintInfo {
@@ -100,6 +165,7 @@ fn paint(
         dabs: summary.dabs,
         pages: summary.pages,
         missed_samples: summary.missed_samples,
+        unrecorded: summary.unrecorded,
         generation: committed.generation,
         bytes: committed.file_bytes,
         seconds: 0.0,

@@ -34,3 +34,39 @@ fn strokes_are_replayed_and_the_result_is_certified() {
     fails(2, &["not possible yet", "--replay"], &[&"paint", &asset]);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "nothing is left behind");
 }
+
+#[test]
+fn the_log_of_an_asset_is_replayed_on_a_denser_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    std::fs::write(at("strokes.json"), STROKES).unwrap();
+    let (model, painted, denser) = (at("model.obj"), at("painted.fan"), at("denser.fan"));
+    json(&[&"bake", &model, &"-o", &painted, &"--source", &"solid=wood", &"--texels", &"20k"]);
+    json(&[&"bake", &model, &"-o", &denser, &"--source", &"solid=wood", &"--texels", &"60k"]);
+    json(&[&"paint", &painted, &"--replay", &at("strokes.json")]);
+    let done = json(&[&"paint", &denser, &"--replay-log", &painted]);
+    assert_eq!((&done["strokes"], &done["unrecorded"]), (&1.into(), &0.into()));
+    assert_eq!(json(&[&"verify", &denser])["ok"], true);
+    let exported = json(&[&"paint", &denser, &"--export-log", &at("log.json")]);
+    assert_eq!(exported["strokes"], 1);
+    // What was exported can be replayed.
+    json(&[&"paint", &painted, &"--replay", &at("log.json"), &"-o", &at("twice.fan")]);
+    fails(1, &["exists already"], &[&"paint", &denser, &"--export-log", &at("log.json")]);
+}
+
+#[test]
+fn painting_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let before = std::fs::read(at("a.fan")).unwrap();
+    let measured = json(&[&"bench", &"paint", &at("a.fan"), &"--dabs", &"5", &"--brush", &"20"]);
+    let names: Vec<&str> =
+        measured["rows"].as_array().unwrap().iter().filter_map(|r| r["name"].as_str()).collect();
+    for expected in ["dab, median", "dab, 99 of 100", "undo", "end of the stroke"] {
+        assert!(names.contains(&expected), "{names:?}");
+    }
+    assert!(std::fs::read(at("a.fan")).unwrap() == before, "it works on a copy");
+}

@@ -3,6 +3,7 @@
 mod fidelity;
 mod lookup;
 mod noise;
+mod paint;
 mod speed;
 mod stream;
 
@@ -44,6 +45,7 @@ enum What {
     /// Speed of the block encoders
     Encode,
     Stream(stream::StreamArgs),
+    Paint(paint::PaintBenchArgs),
 }
 
 /// Bake a sum of sine waves into float tiles and compare it with the function at 400 000 points of the surface.
@@ -123,6 +125,7 @@ pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
         What::Noise => noise::run()?,
         What::Encode => speed::encode(context)?,
         What::Stream(args) => stream::stream(args, context)?,
+        What::Paint(args) => paint::paint(args, context)?,
     };
     context.print(&Rows { rows }, |result| text(&result.rows))
 }
