@@ -19,12 +19,13 @@ use rayon::prelude::*;
 use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::cluster::pack_cluster;
 use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION};
 use crate::layout::{PageSize, TilePlace, level_count, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::section::directory::{self, ALIGNMENT, ClusterEntry, Directory, Means};
 use crate::section::{channels, cover as cover_section, mesh as mesh_section};
-use crate::{Channel, CreateError, PageId, TexelFormat, packing};
+use crate::{Channel, CreateError, PageId, TexelFormat};
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
 pub(crate) const CLUSTER_TARGET_BYTES: u64 = 256 << 10;
@@ -264,8 +265,8 @@ impl AssetWriter {
         let packed: Vec<_> = full
             .into_par_iter()
             .map(|(level, cluster)| {
-                let raw = arrange(&cluster.channels, formats);
-                zstd::bulk::compress(&raw, zstd_level).map(|stored| (level, cluster.first, raw.len(), stored))
+                pack_cluster(&cluster.channels, formats, zstd_level)
+                    .map(|packed| (level, cluster.first, packed.raw_length, packed.stored))
             })
             .collect();
         for cluster in packed {
@@ -275,7 +276,7 @@ impl AssetWriter {
                 first,
                 offset: self.end,
                 stored_length: stored.len() as u32,
-                raw_length: raw_length as u32,
+                raw_length,
                 checksum: xxh3_64(&stored),
             });
             self.end = (self.end + stored.len() as u64).next_multiple_of(ALIGNMENT);
@@ -344,18 +345,6 @@ pub(crate) fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], 
         clusters
     };
     (0..levels).into_par_iter().map(count).collect()
-}
-
-/// The cluster's channels one after the other, each rearranged to pack well.
-pub(crate) fn arrange(channels: &[Vec<u8>], formats: &[TexelFormat]) -> Vec<u8> {
-    let mut raw = vec![0; channels.iter().map(Vec::len).sum()];
-    let mut rest = raw.as_mut_slice();
-    for (stream, &format) in channels.iter().zip(formats) {
-        let (packed, after) = rest.split_at_mut(stream.len());
-        packing::pack(format, stream, packed);
-        rest = after;
-    }
-    raw
 }
 
 /// Appends a skippable zstd frame where a section packs so well that readers would refuse it as a bomb.

@@ -16,9 +16,9 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::cluster::pack_cluster;
 use crate::layout::{PageSize, TilePlace};
 use crate::section::directory::{ClusterEntry, Directory};
-use crate::writer::arrange;
 use crate::{Asset, EditError, PageId, TexelFormat};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -93,10 +93,9 @@ impl<'a> RunCutter<'a> {
     /// The last run.
     pub(super) fn finish(&mut self) -> std::io::Result<Option<PackedRun>> {
         let Some(first) = self.first.take() else { return Ok(None) };
-        let raw = arrange(&self.channels, self.formats);
+        let packed = pack_cluster(&self.channels, self.formats, self.packing.zstd_level)?;
         self.channels.iter_mut().for_each(Vec::clear);
-        let stored = zstd::bulk::compress(&raw, self.packing.zstd_level)?;
-        Ok(Some(PackedRun { first, raw_length: raw.len() as u32, stored }))
+        Ok(Some(PackedRun { first, raw_length: packed.raw_length, stored: packed.stored }))
     }
 }
 
