@@ -40,6 +40,6 @@ pub use layers::{Layer, LayerContent, Target};
 pub use paint::{ChannelPaint, Paint, PaintColor, Tool};
 pub use replay::*;
 pub use stamp::Stamp;
-pub use stroke::{Brush, Jitter, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
+pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
 pub use surface::{Surface, SurfacePoint};
-pub use tile_paint::{PaintOptions, Painter, StrokeSummary};
+pub use tile_paint::{PaintOptions, Painter, PreviewPage, StrokeSummary};

@@ -6,6 +6,8 @@ use super::widgets::{named_choice, segments, switch};
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::{Command, keys_of};
 use crate::display::{Overlay, ShadingView};
+use crate::light_presets::LightPreset;
+use crate::paint::PaintCommand;
 use crate::theme;
 use crate::viewer::Viewer;
 
@@ -16,19 +18,59 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         ui.add_space(4.0);
         menus(ui, viewer, &mut commands);
         ui.separator();
-        let mut mode = viewer.settings.camera.mode;
+        let is_painting = viewer.painting.is_some();
+        let mut paints = viewer.paints;
         ui.scope(|ui| {
-            if segments(ui, &mut mode, &CameraMode::ALL, CameraMode::label) {
-                commands.push(Command::Mode(mode));
+            let label = |paints: bool| if paints { "Paint" } else { "Look" };
+            if segments(ui, &mut paints, &[false, true], label) {
+                commands.push(Command::TogglePainting);
             }
         });
         ui.separator();
+        if is_painting {
+            undo(ui, viewer, &mut commands);
+            ui.separator();
+        } else {
+            let mut mode = viewer.settings.camera.mode;
+            ui.scope(|ui| {
+                if segments(ui, &mut mode, &CameraMode::ALL, CameraMode::label) {
+                    commands.push(Command::Mode(mode));
+                }
+            });
+            ui.separator();
+        }
         choices(ui, viewer, &mut commands);
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| switches(ui, viewer, &mut commands));
     });
     for command in commands {
         viewer.command(command, seconds);
     }
+}
+
+/// One step back, one step forth.
+fn undo(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
+    let Some(painting) = &viewer.painting else { return };
+    let snapshot = painting.snapshot();
+    let has_done = !snapshot.done.is_empty() || snapshot.older > 0;
+    let rows =
+        [(has_done, "Undo", PaintCommand::Undo), (!snapshot.undone.is_empty(), "Redo", PaintCommand::Redo)];
+    for (is_enabled, text, command) in rows {
+        let command = Command::Paint(command);
+        let tip = keys_of(&command).unwrap_or_default();
+        if ui.add_enabled(is_enabled, Button::new(text)).on_hover_text(tip).clicked() {
+            commands.push(command);
+        }
+    }
+    let light = &viewer.settings.light;
+    ui.menu_button("Light", |ui| {
+        ui.set_min_width(150.0);
+        for preset in LightPreset::ALL {
+            if ui.selectable_label(preset.is_in(light), preset.label()).clicked() {
+                commands.push(Command::Light(preset));
+                ui.close();
+            }
+        }
+    });
 }
 
 fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {

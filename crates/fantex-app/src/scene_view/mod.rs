@@ -10,6 +10,7 @@ mod atlas_view;
 mod capture;
 mod fan;
 mod model;
+mod painted;
 mod picture;
 
 use std::path::PathBuf;

@@ -15,7 +15,7 @@ use eframe::egui::{self, TextureId, ViewportCommand};
 use eframe::{egui_wgpu, wgpu};
 use fantex_gpu::Gpu;
 
-use crate::command::command_of;
+use crate::command::{Command, command_while};
 use crate::light::Surroundings;
 use crate::panels::{self, AtlasTexture, SceneTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
@@ -156,6 +156,8 @@ impl Shell {
         if let Some(problem) = start.problem {
             viewer.notices.warning(problem.to_string(), 0.0);
         }
+        viewer.paints = start.arguments.paint;
+        viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
         if let Some(place) = &start.arguments.file {
             viewer.open(place, 0.0);
         }
@@ -187,15 +189,18 @@ impl Shell {
         let is_typing = ctx.egui_wants_keyboard_input();
         let pressed: Vec<_> = ctx.input(|i| {
             let key_of = |event: &egui::Event| match event {
-                egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } => {
-                    Some((*modifiers, *key))
+                egui::Event::Key { key, pressed: true, repeat, modifiers, .. } => {
+                    Some((*modifiers, *key, *repeat))
                 }
                 _ => None,
             };
             i.events.iter().filter_map(key_of).collect()
         });
-        for (modifiers, key) in pressed {
-            if let Some(command) = command_of(modifiers, key).filter(|_| !is_typing || modifiers.command) {
+        let is_painting = self.viewer.painting.is_some();
+        for (modifiers, key, is_repeated) in pressed {
+            let Some(command) = command_while(is_painting, modifiers, key) else { continue };
+            let repeats = matches!(&command, Command::Paint(command) if command.repeats());
+            if (!is_typing || modifiers.command) && (!is_repeated || repeats) {
                 self.viewer.command(command, seconds);
             }
         }
@@ -355,6 +360,9 @@ impl Shell {
 
     fn show_title(&mut self, ctx: &egui::Context) {
         let title = match &self.viewer.document {
+            Some(document) if self.viewer.painting.is_some() => {
+                format!("{} – fantex paint", document.place.name())
+            }
             Some(document) => format!("{} – fantex", document.place.name()),
             None => "fantex".to_owned(),
         };

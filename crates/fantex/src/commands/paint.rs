@@ -8,21 +8,27 @@ use clap::Args;
 use fantex::paint::{PaintOptions, Painter, StrokeFile, replay};
 use serde::Serialize;
 
+use super::view;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::open_asset;
 use crate::size::{grouped, megabytes};
 
-/// Paint on an asset.
+/// Paint on a model or an asset, in a window or by a file of strokes.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
+  fantex paint statue.fan
+  fantex paint bottle.glb
   fantex paint statue.fan --replay strokes.json -o painted.fan
 
-Without -o the asset itself is changed, safely: it holds either all strokes or none. Every stroke can be undone.
+Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is
+painted is saved all the time, and every step can be undone.
+
+With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all strokes or none. Every stroke can be undone.
 Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model.")]
 pub(crate) struct PaintArgs {
-    /// An asset (.fan)
+    /// An asset (.fan); without --replay also a model (.glb .gltf .obj .ply .stl)
     asset: PathBuf,
     /// Strokes (.json) to apply
     #[arg(long, value_name = "STROKES")]
@@ -50,7 +56,9 @@ struct PaintInfo {
 /// Runs the command.
 pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
-    let strokes = args.replay.as_ref().ok_or(CliError::PaintByHand)?;
+    let Some(strokes) = &args.replay else {
+        return view::start(&["--paint".into(), args.asset.clone().into()]);
+    };
     // Opening says what is wrong with files of other kinds.
     drop(open_asset(&args.asset)?);
     let file = StrokeFile::load(strokes)?;

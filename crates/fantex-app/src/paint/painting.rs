@@ -1,0 +1,535 @@
+//! Something that is being painted on, as the window knows it: what the hand does becomes orders for the worker.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fantex_paint::{
+    BlendMode, Layer, LayerContent, Paint, Painter, Sample, Stamp, Surface, SurfacePoint, Target, Tool,
+};
+use fantex_scene::Bounds;
+use fantex_store::{Channel, ChannelKind};
+use fantex_texture::Image;
+use fantex_texture::color::srgb_from_linear;
+use glam::{DVec2, DVec3, Vec4};
+
+use super::layers::{change, free_name, own_target, set_channel, shift, valid_target};
+use super::pen::world_position;
+use super::{
+    Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, PenEvent,
+    PenPhase, Presets, Report, SaveState, Snapshot, StrokeStart, SymmetryKind, Viewpoint,
+};
+use crate::notices::Notices;
+use crate::viewer::Wake;
+
+/// What the hand is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Hand {
+    /// Nothing.
+    #[default]
+    Idle,
+    /// A stroke. The point is where it was last; none where it has left the surface.
+    Stroke(Option<Sample>),
+    /// Turning the view: it touched beside the model.
+    Turn,
+}
+
+/// An asset that is being painted on.
+#[derive(Debug)]
+pub struct Painting {
+    thread: PaintThread,
+    surface: Arc<Surface>,
+    bounds: Bounds,
+    channels: Vec<Channel>,
+    snapshot: Snapshot,
+    target: Target,
+    /// Whether the target was chosen already, by the user or for him.
+    has_target: bool,
+    save: SaveState,
+    presets: Presets,
+    presets_file: Option<PathBuf>,
+    hand: Hand,
+    /// Where cloning copies from.
+    source: Option<SurfacePoint>,
+    /// Where the last stroke ended.
+    last: Option<SurfacePoint>,
+    stamp: Option<(PathBuf, Arc<Stamp>)>,
+    strokes: u64,
+    /// A layer's name while it is being edited.
+    pub renaming: Option<(u64, String)>,
+    /// A layer's opacity while it is being dragged.
+    pub fading: Option<(u64, f32)>,
+}
+
+impl Painting {
+    /// Begins to paint.
+    ///
+    /// # Errors
+    ///
+    /// The operating system's, where there can be no further thread.
+    pub fn new(painter: Painter, presets_file: Option<PathBuf>, wake: Wake) -> std::io::Result<Self> {
+        let surface = painter.surface().clone();
+        let channels = painter.editor().asset().channels().to_vec();
+        Ok(Self {
+            bounds: Bounds::of_mesh(surface.mesh()),
+            thread: PaintThread::start(painter, wake)?,
+            surface,
+            channels,
+            snapshot: Snapshot::default(),
+            target: Target::Base,
+            has_target: false,
+            save: SaveState::default(),
+            presets: Presets::default(),
+            presets_file,
+            hand: Hand::default(),
+            source: None,
+            last: None,
+            stamp: None,
+            strokes: 0,
+            renaming: None,
+            fading: None,
+        })
+    }
+
+    /// Reads the user's brushes; tells what is wrong with them.
+    pub fn load_presets(&mut self, notices: &mut Notices, seconds: f64) {
+        match self.presets_file.as_deref().map(Presets::load) {
+            None => {}
+            Some(Ok(presets)) => self.presets = presets,
+            Some(Err(error)) => notices.warning(error.to_string(), seconds),
+        }
+    }
+
+    /// What is shared with whoever draws.
+    pub fn exchange(&self) -> &Arc<Exchange> {
+        self.thread.exchange()
+    }
+
+    /// The surface.
+    pub fn surface(&self) -> &Arc<Surface> {
+        &self.surface
+    }
+
+    /// The model's box, world space.
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    /// The asset's channels.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// Layers and history.
+    pub fn snapshot(&self) -> &Snapshot {
+        &self.snapshot
+    }
+
+    /// What is painted on.
+    pub fn target(&self) -> Target {
+        self.target
+    }
+
+    /// The layer that is painted on or whose mask is.
+    pub fn layer(&self) -> Option<&Layer> {
+        match self.target {
+            Target::Base => None,
+            Target::Layer(id) | Target::Mask(id) => self.snapshot.layers.iter().find(|l| l.id() == id),
+        }
+    }
+
+    /// Whether all is in the file.
+    pub fn save(&self) -> &SaveState {
+        &self.save
+    }
+
+    /// The user's brushes.
+    pub fn presets(&self) -> &Presets {
+        &self.presets
+    }
+
+    /// Whether what was asked for is not all done yet.
+    pub fn is_busy(&self) -> bool {
+        self.thread.is_busy()
+    }
+
+    /// Whether a stroke goes on.
+    pub fn is_drawing(&self) -> bool {
+        matches!(self.hand, Hand::Stroke(_))
+    }
+
+    /// Whether the hand turns the view.
+    pub fn is_turning(&self) -> bool {
+        self.hand == Hand::Turn
+    }
+
+    /// Where cloning copies from, world space.
+    pub fn source(&self) -> Option<DVec3> {
+        self.source.map(|point| world_position(&self.surface, point))
+    }
+
+    /// Keeps the brush among the presets, on the disk too.
+    pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices, seconds: f64) {
+        self.presets.keep(&settings.brush);
+        self.save_presets(notices, seconds);
+    }
+
+    /// Drops a preset.
+    pub fn drop_brush(&mut self, name: &str, notices: &mut Notices, seconds: f64) {
+        self.presets.brushes.retain(|brush| brush.name != name);
+        self.save_presets(notices, seconds);
+    }
+
+    fn save_presets(&self, notices: &mut Notices, seconds: f64) {
+        if let Some(file) = &self.presets_file
+            && let Err(error) = self.presets.save(file)
+        {
+            notices.error(error.to_string(), seconds);
+        }
+    }
+
+    /// Picks up what the worker tells.
+    pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices, seconds: f64) {
+        for report in self.thread.reports() {
+            match report {
+                Report::State(snapshot) => {
+                    self.snapshot = *snapshot;
+                    if !std::mem::replace(&mut self.has_target, true) {
+                        self.target = self.snapshot.layers.last().map_or(Target::Base, own_target);
+                    }
+                    self.target = valid_target(&self.snapshot, self.target);
+                }
+                Report::Added(id) => self.target = Target::Layer(id),
+                Report::Picked(values) => self.take_picked(&values, settings),
+                Report::Save(state) => {
+                    if let SaveState::Failed(reason) = &state
+                        && state != self.save
+                    {
+                        notices.error(reason.clone(), seconds);
+                    }
+                    if matches!((&self.save, &state), (SaveState::Failed(_), SaveState::Saved)) {
+                        notices.info("Saved: all that was painted is on the disk.", seconds);
+                    }
+                    self.save = state;
+                }
+                Report::Failed(reason) => notices.error(reason, seconds),
+            }
+        }
+    }
+
+    fn take_picked(&self, values: &[Vec4], settings: &mut PaintSettings) {
+        let bytes =
+            |v: Vec4| [v.x, v.y, v.z].map(|c| (srgb_from_linear(c) * 255.0).round().clamp(0.0, 255.0) as u8);
+        for (channel, &value) in self.channels.iter().zip(values) {
+            if !settings.channels.paints(channel.kind) {
+                continue;
+            }
+            let material = &mut settings.material;
+            match channel.kind {
+                ChannelKind::BaseColor => settings.colors.foreground = bytes(value),
+                ChannelKind::OcclusionRoughnessMetallic => {
+                    (material.occlusion, material.roughness, material.metallic) = (value.x, value.y, value.z);
+                }
+                ChannelKind::Emission => material.emission = bytes(value),
+                ChannelKind::Displacement => material.height = value.x,
+                ChannelKind::Normal | ChannelKind::Light => {}
+            }
+        }
+    }
+
+    /// What a key or button asks for.
+    pub fn command(&mut self, command: &PaintCommand, settings: &mut PaintSettings) {
+        let brush = &mut settings.brush;
+        match *command {
+            PaintCommand::Tool(tool) => settings.tool = tool,
+            PaintCommand::Size(steps) => brush.change_size(steps as f32),
+            PaintCommand::Hardness(tenths) => brush.change_hardness(tenths as f32),
+            PaintCommand::Opacity(percent) => brush.opacity = percent as f32 / 100.0,
+            PaintCommand::Flow(percent) => brush.flow = percent as f32 / 100.0,
+            PaintCommand::SwapColors => settings.colors.swap(),
+            PaintCommand::ResetColors => settings.colors.reset(),
+            PaintCommand::Undo => self.leave_stroke(Order::Undo),
+            PaintCommand::Redo => self.leave_stroke(Order::Redo),
+            PaintCommand::ToggleSymmetry => {
+                let kind = &mut settings.symmetry.kind;
+                *kind = if *kind == SymmetryKind::Off { SymmetryKind::Mirror } else { SymmetryKind::Off };
+            }
+            PaintCommand::AddLayer => self.layer_action(&LayerAction::Add, settings),
+            PaintCommand::Save => self.thread.order(Order::Commit),
+            PaintCommand::TogglePanels => {
+                let is_shown = settings.has_brush_panel || settings.has_layer_panel;
+                (settings.has_brush_panel, settings.has_layer_panel) = (!is_shown, !is_shown);
+            }
+        }
+    }
+
+    /// An order that ends a stroke.
+    fn leave_stroke(&mut self, order: Order) {
+        self.hand = Hand::Idle;
+        self.thread.order(order);
+    }
+
+    /// Back or forth to where so many steps are done.
+    pub fn go_to_step(&mut self, done: usize) {
+        self.leave_stroke(Order::GoTo(done));
+    }
+
+    /// What is done with layers.
+    pub fn layer_action(&mut self, action: &LayerAction, settings: &PaintSettings) {
+        let thread = &self.thread;
+        let above = self.layer().map(Layer::id);
+        match action.clone() {
+            LayerAction::Select(target) => self.target = valid_target(&self.snapshot, target),
+            LayerAction::Add => {
+                let layer = Layer::painted(&free_name(&self.snapshot, "Layer"));
+                thread.order(Order::AddLayer(Box::new(layer), above));
+            }
+            LayerAction::AddFill => {
+                let value =
+                    |channel: &Channel| settings.material.value(channel.kind, settings.colors.linear());
+                let values: Vec<Vec4> = self.channels.iter().map(value).collect();
+                let mut layer = Layer::fill(&free_name(&self.snapshot, "Fill"), &values);
+                layer.channels =
+                    self.channels.iter().map(|channel| settings.channels.paints(channel.kind)).collect();
+                thread.order(Order::AddLayer(Box::new(layer), above));
+            }
+            LayerAction::Delete(id) => thread.order(Order::EditLayers(
+                "delete layer",
+                Box::new(move |layers| layers.retain(|layer| layer.id() != id)),
+            )),
+            LayerAction::Rename(id, name) => change(thread, "rename layer", id, |layer| layer.name = name),
+            LayerAction::Show(id, is_shown) => {
+                let label = if is_shown { "show layer" } else { "hide layer" };
+                change(thread, label, id, move |layer| layer.visible = is_shown);
+            }
+            LayerAction::Opacity(id, opacity) => {
+                change(thread, "layer opacity", id, move |layer| layer.opacity = opacity.clamp(0.0, 1.0));
+            }
+            LayerAction::Blend(id, mode) => {
+                change(thread, "layer blend mode", id, move |layer| layer.blend = mode);
+            }
+            LayerAction::Move(id, is_up) => thread
+                .order(Order::EditLayers("move layer", Box::new(move |layers| shift(layers, id, is_up)))),
+            LayerAction::AddMask(id, shows) => {
+                change(thread, "add mask", id, move |layer| layer.mask = Some(f32::from(u8::from(shows))));
+                // Taken back if there is no such layer; the mask comes with the next state.
+                self.has_target = true;
+            }
+            LayerAction::RemoveMask(id) => change(thread, "remove mask", id, |layer| layer.mask = None),
+            LayerAction::Channel(id, channel, is_shown) => {
+                change(thread, "layer channels", id, move |layer| {
+                    set_channel(layer, channel, is_shown);
+                })
+            }
+        }
+    }
+
+    /// The outline of the brush under the cursor.
+    pub fn cursor(&self, settings: &PaintSettings, view: &Viewpoint, at: DVec2) -> Option<Cursor> {
+        let point = view.hit(&self.surface, at)?;
+        let radius = if settings.tool.has_brush() {
+            0.5 * self.world_size(settings, view, point)
+        } else {
+            5.0 * view.world_per_pixel(world_position(&self.surface, point))
+        };
+        let hardness = if settings.tool.has_brush() { settings.brush.hardness } else { 1.0 };
+        let symmetry = settings.symmetry.symmetry(self.bounds.center());
+        Some(Cursor::new(&self.surface, view, point, radius, hardness, &symmetry))
+    }
+
+    /// Diameter of the brush at a point, world units.
+    fn world_size(&self, settings: &PaintSettings, view: &Viewpoint, point: SurfacePoint) -> f64 {
+        use super::SizeUnit;
+        let size = f64::from(settings.brush.size);
+        match settings.brush.unit {
+            SizeUnit::Pixels => size * view.world_per_pixel(world_position(&self.surface, point)),
+            SizeUnit::World => size,
+            SizeUnit::Texels => {
+                size / f64::from(self.surface.cover().density) * self.surface.mesh().world_from_mesh.scale
+            }
+        }
+    }
+
+    /// What the pen did in this frame. `is_line` and `is_pick`: Shift and Alt are held.
+    pub fn pen(
+        &mut self,
+        events: &[PenEvent],
+        settings: &mut PaintSettings,
+        view: &Viewpoint,
+        [is_line, is_pick]: [bool; 2],
+        notices: &mut Notices,
+        seconds: f64,
+    ) {
+        let mut samples = Vec::new();
+        for event in events {
+            let hit = view.hit(&self.surface, event.at);
+            let sample = hit.map(|point| Sample { pressure: event.pressure, ..Sample::at(point) });
+            match event.phase {
+                PenPhase::Down => match sample {
+                    None => self.hand = Hand::Turn,
+                    Some(sample) if is_pick || settings.tool == PaintTool::Pick => {
+                        self.pick(sample.point, settings, notices, seconds);
+                    }
+                    Some(sample) => self.touch(sample, settings, view, is_line, notices, seconds),
+                },
+                PenPhase::Move => {
+                    if let Hand::Stroke(last) = &mut self.hand {
+                        if let Some(sample) = sample {
+                            samples.push(sample);
+                            self.last = Some(sample.point);
+                        } else if last.is_some() {
+                            // It goes on where it comes back, without a line between.
+                            self.thread.order(Order::Move(std::mem::take(&mut samples)));
+                            self.thread.order(Order::Lift);
+                        }
+                        *last = sample;
+                    }
+                }
+                PenPhase::Up => {
+                    if let Hand::Stroke(last) = std::mem::take(&mut self.hand) {
+                        self.thread.order(Order::Move(std::mem::take(&mut samples)));
+                        self.thread.order(Order::End(last));
+                    }
+                }
+            }
+        }
+        if !samples.is_empty() {
+            self.thread.order(Order::Move(samples));
+        }
+    }
+
+    fn pick(&mut self, point: SurfacePoint, settings: &PaintSettings, notices: &mut Notices, seconds: f64) {
+        if settings.tool == PaintTool::Clone {
+            self.source = Some(point);
+            notices.info("Clone: drag now to copy from there.", seconds);
+        } else {
+            self.thread.order(Order::Pick(point));
+        }
+    }
+
+    fn touch(
+        &mut self,
+        sample: Sample,
+        settings: &mut PaintSettings,
+        view: &Viewpoint,
+        is_line: bool,
+        notices: &mut Notices,
+        seconds: f64,
+    ) {
+        let paint = match self.paint(sample, settings) {
+            Ok(paint) => paint,
+            Err(reason) => return notices.warning(reason, seconds),
+        };
+        if settings.tool.has_color() {
+            settings.colors.used();
+        }
+        let stamp = self.stamp(settings, notices, seconds);
+        self.strokes += 1;
+        let world_per_pixel = view.world_per_pixel(world_position(&self.surface, sample.point));
+        let start = Box::new(StrokeStart {
+            label: settings.tool.label().to_lowercase(),
+            target: self.target,
+            paint,
+            brush: settings.brush.brush(world_per_pixel, stamp, self.strokes),
+            symmetry: settings.symmetry.symmetry(self.bounds.center()),
+        });
+        if settings.tool == PaintTool::Fill {
+            self.thread.order(Order::Fill(start, sample.point, settings.fill.scope(settings.fill_degrees)));
+            return;
+        }
+        match self.last.filter(|_| is_line) {
+            Some(from) => {
+                self.thread.order(Order::Begin(start, Sample { point: from, ..sample }));
+                self.thread.order(Order::End(Some(sample)));
+            }
+            None => {
+                self.thread.order(Order::Begin(start, sample));
+                self.hand = Hand::Stroke(Some(sample));
+            }
+        }
+        self.last = Some(sample.point);
+    }
+
+    /// What a stroke that begins here does, or why it cannot.
+    fn paint(&self, sample: Sample, settings: &PaintSettings) -> Result<Paint, &'static str> {
+        let is_mask = matches!(self.target, Target::Mask(_));
+        if let Some(layer) = self.layer() {
+            if !layer.visible {
+                return Err("The layer is hidden: show it to paint on it.");
+            }
+            if !is_mask && matches!(layer.content, LayerContent::Fill(_)) {
+                return Err("A fill layer is painted through its mask: choose the mask.");
+            }
+        }
+        let color = settings.colors.linear();
+        let mut channels = settings.channels.paint(&self.channels, color, &settings.material);
+        if is_mask {
+            let grey = Vec4::new(color.x, color.y, color.z, 1.0);
+            channels = vec![fantex_paint::ChannelPaint {
+                channel: 0,
+                color: fantex_paint::PaintColor::Constant(grey),
+            }];
+        }
+        if channels.is_empty() {
+            return Err("No channel is switched on: choose what the brush paints.");
+        }
+        let tool = match settings.tool {
+            PaintTool::Erase if self.target == Target::Base => {
+                return Err("There is nothing below the base to show: add a layer, paint and erase there.");
+            }
+            PaintTool::Erase => Tool::Erase,
+            PaintTool::Blur => {
+                let diameter = self.mesh_size(settings, sample);
+                Tool::Blur { radius: (settings.blur_radius.max(0.01)) * diameter }
+            }
+            PaintTool::Clone => {
+                let Some(source) = self.source else {
+                    return Err("Alt + click on the surface first: cloning copies from there.");
+                };
+                let offset = self.surface.position(source) - self.surface.position(sample.point);
+                Tool::Clone { offset: offset.as_vec3(), reach: 0.1 }
+            }
+            PaintTool::Paint => Tool::Paint(settings.brush.blend),
+            PaintTool::Fill | PaintTool::Pick => Tool::Paint(BlendMode::Normal),
+        };
+        Ok(Paint { tool, opacity: settings.brush.opacity, channels })
+    }
+
+    /// About the brush's diameter in mesh units, for tools that need a length.
+    fn mesh_size(&self, settings: &PaintSettings, _sample: Sample) -> f32 {
+        use super::SizeUnit;
+        let texel = 1.0 / self.surface.cover().density;
+        match settings.brush.unit {
+            SizeUnit::World => {
+                (f64::from(settings.brush.size) / self.surface.mesh().world_from_mesh.scale) as f32
+            }
+            SizeUnit::Pixels | SizeUnit::Texels => settings.brush.size * texel,
+        }
+    }
+
+    /// The brush's picture; read once.
+    fn stamp(
+        &mut self,
+        settings: &mut PaintSettings,
+        notices: &mut Notices,
+        seconds: f64,
+    ) -> Option<Arc<Stamp>> {
+        let path = settings.brush.stamp.clone()?;
+        if let Some((known, stamp)) = &self.stamp
+            && *known == path
+        {
+            return Some(stamp.clone());
+        }
+        match Image::load(&path) {
+            Ok(image) => {
+                let stamp = Arc::new(Stamp::new(&image));
+                self.stamp = Some((path, stamp.clone()));
+                Some(stamp)
+            }
+            Err(error) => {
+                settings.brush.stamp = None;
+                notices.error(error.to_string(), seconds);
+                None
+            }
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! What the painter remembers from one start to the next.
+
+use serde::{Deserialize, Serialize};
+
+use super::{BrushSettings, ChannelSwitches, Colors, FillReach, Material, PaintTool, SymmetrySettings};
+
+/// Tool, brush, colours.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct PaintSettings {
+    /// The tool.
+    pub tool: PaintTool,
+    /// The brush of all tools.
+    pub brush: BrushSettings,
+    /// Colours.
+    pub colors: Colors,
+    /// Which channels are painted.
+    pub channels: ChannelSwitches,
+    /// With what besides the colour.
+    pub material: Material,
+    /// Copies of strokes.
+    pub symmetry: SymmetrySettings,
+    /// How far fills go.
+    pub fill: FillReach,
+    /// Degrees by which an edge bends that ends a fill.
+    pub fill_degrees: f32,
+    /// How far around blurring looks, diameters of the brush.
+    pub blur_radius: f32,
+    /// Whether the brush panel is shown.
+    pub has_brush_panel: bool,
+    /// Whether the panel of colours and layers is shown.
+    pub has_layer_panel: bool,
+}
+
+impl Default for PaintSettings {
+    fn default() -> Self {
+        Self {
+            tool: PaintTool::Paint,
+            brush: BrushSettings::default(),
+            colors: Colors::default(),
+            channels: ChannelSwitches::default(),
+            material: Material::default(),
+            symmetry: SymmetrySettings::default(),
+            fill: FillReach::default(),
+            fill_degrees: 30.0,
+            blur_radius: 0.15,
+            has_brush_panel: true,
+            has_layer_panel: true,
+        }
+    }
+}
