@@ -406,6 +406,9 @@ impl Viewer {
         self.poll_map(seconds);
         if let Some(painting) = &mut self.painting {
             painting.poll(&mut self.settings.paint, &mut self.notices, seconds);
+            if let (Some(asset), Some(document)) = (painting.take_newer(), &mut self.document) {
+                document.content = Content::Asset(asset);
+            }
         }
     }
 

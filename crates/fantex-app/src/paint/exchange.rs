@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use fantex_store::{PageError, PageId};
+use fantex_store::{Asset, PageError, PageId};
 use fantex_stream::{AtlasFormat, LoadedPage, PageLoader, PageTexels};
 
 use super::Order;
@@ -32,6 +32,18 @@ struct State {
     fresh: BTreeMap<PageId, PageTexels>,
     /// The same where there are too many: they have to be asked for.
     stale: Vec<PageId>,
+    /// A newer state of the file, for the loader to go over to.
+    newer: Option<Newer>,
+    /// The state that the loader has gone over to.
+    asset: Option<Arc<Asset>>,
+}
+
+/// A committed state of the file, newer than the one that pages are loaded from.
+struct Newer {
+    loader: Box<dyn PageLoader>,
+    asset: Arc<Asset>,
+    /// Pages that differ from it.
+    edited: BTreeSet<PageId>,
 }
 
 impl std::fmt::Debug for Exchange {
@@ -78,17 +90,28 @@ impl Exchange {
     ) -> Result<(), E> {
         if pages.len() > MOST_FRESH {
             let mut state = self.lock();
-            state.edited.extend(pages);
+            pages.iter().for_each(|&page| state.note(page));
             state.stale.extend(pages);
             return Ok(());
         }
         for &page in pages {
             let now = texels(page)?;
             let mut state = self.lock();
-            state.edited.insert(page);
+            state.note(page);
             state.put(page, now);
         }
         Ok(())
+    }
+
+    /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept. To
+    /// be told between two calls of [`publish`](Self::publish) that are right about it.
+    pub fn offer(&self, loader: Box<dyn PageLoader>, asset: Arc<Asset>) {
+        self.lock().newer = Some(Newer { loader, asset, edited: BTreeSet::new() });
+    }
+
+    /// The drawer's: the state of the file that pages are loaded from, where it is another one than at the last call.
+    pub fn take_asset(&self) -> Option<Arc<Asset>> {
+        self.lock().asset.take()
     }
 
     /// The painter's: these pages look like this while a stroke is open.
@@ -126,6 +149,14 @@ impl Exchange {
 }
 
 impl State {
+    /// A page is not any more as the file says.
+    fn note(&mut self, page: PageId) {
+        self.edited.insert(page);
+        if let Some(newer) = &mut self.newer {
+            newer.edited.insert(page);
+        }
+    }
+
     fn put(&mut self, page: PageId, texels: PageTexels) {
         // An answer that waits is older.
         if let Some((_, answer)) = self.ready.get_mut(&page) {
@@ -147,6 +178,23 @@ impl PaintLoader {
     /// `file` loads what was in the file when it was opened.
     pub fn new(file: Box<dyn PageLoader>, exchange: Arc<Exchange>) -> Self {
         Self { file, exchange, asked: BTreeMap::new() }
+    }
+}
+
+impl PaintLoader {
+    /// Goes over to a newer state of the file, if there is one.
+    fn go_over(&mut self) {
+        let mut state = self.exchange.lock();
+        let Some(newer) = state.newer.take() else { return };
+        state.edited = newer.edited;
+        state.asset = Some(newer.asset);
+        drop(state);
+        let older = std::mem::replace(&mut self.file, newer.loader);
+        for (&page, &urgency) in &self.asked {
+            self.file.request(page, urgency);
+        }
+        // Its threads may be reading: the painter waits for them.
+        self.exchange.orders.send(Order::Release(older)).ok();
     }
 }
 
@@ -178,6 +226,7 @@ impl PageLoader for PaintLoader {
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
+        self.go_over();
         let mut loaded = Vec::new();
         let mut bytes = 0;
         let mut state = self.exchange.lock();
@@ -298,6 +347,26 @@ mod tests {
         loader.cancel(id(3));
         exchange.answer(id(3), Ok(texels(1)));
         assert!(loader.poll(1000).is_empty());
+    }
+
+    #[test]
+    fn what_is_on_its_way_comes_from_the_newer_file() {
+        let (mut loader, exchange, orders) = loader();
+        exchange.publish(&[id(1)], |_| Ok::<_, ()>(texels(7))).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let asset = crate::paint::tests::small_asset(folder.path());
+        loader.request(id(2), 1.0);
+        exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()));
+        exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(8))).unwrap();
+        let found = loader.poll(1000);
+        assert_eq!(found.iter().map(|p| p.page).collect::<Vec<_>>(), [id(2)]);
+        assert!(matches!(orders.try_recv(), Ok(Order::Release(_))));
+        assert!(exchange.take_asset().is_some() && exchange.take_asset().is_none());
+        // Page 1 is in the newer file, page 3 is not.
+        loader.request(id(1), 1.0);
+        loader.request(id(3), 1.0);
+        assert_eq!(exchange.wanted(9), [id(3)]);
+        assert_eq!(loader.poll(1000)[0].page, id(1));
     }
 
     #[test]

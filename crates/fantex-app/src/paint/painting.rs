@@ -7,7 +7,7 @@ use fantex_paint::{
     BlendMode, Layer, LayerContent, Paint, Painter, Sample, Stamp, Surface, SurfacePoint, Target, Tool,
 };
 use fantex_scene::Bounds;
-use fantex_store::{Channel, ChannelKind};
+use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_texture::Image;
 use fantex_texture::color::srgb_from_linear;
 use glam::{DVec2, DVec3, Vec4};
@@ -16,7 +16,7 @@ use super::layers::{change, free_name, own_target, set_channel, shift, valid_tar
 use super::pen::world_position;
 use super::{
     Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, PenEvent,
-    PenPhase, Presets, Report, SaveState, Snapshot, StrokeStart, SymmetryKind, Viewpoint,
+    PenPhase, Presets, Report, SaveState, Section, Snapshot, StrokeStart, SymmetryKind, Viewpoint,
 };
 use crate::notices::Notices;
 use crate::viewer::Wake;
@@ -54,6 +54,8 @@ pub struct Painting {
     last: Option<SurfacePoint>,
     stamp: Option<(PathBuf, Arc<Stamp>)>,
     strokes: u64,
+    newer: Option<Arc<Asset>>,
+    section: Section,
     /// A layer's name while it is being edited.
     pub renaming: Option<(u64, String)>,
     /// A layer's opacity while it is being dragged.
@@ -85,6 +87,8 @@ impl Painting {
             last: None,
             stamp: None,
             strokes: 0,
+            newer: None,
+            section: Section::default(),
             renaming: None,
             fading: None,
         })
@@ -162,9 +166,25 @@ impl Painting {
         self.hand == Hand::Turn
     }
 
+    /// Brings the line where symmetry's plane cuts the model up to date; `offset` is from the model's middle, world units.
+    pub fn follow_section(&mut self, axis: usize, offset: f64) {
+        let center = self.bounds.center()[axis.min(2)];
+        self.section.follow(&self.surface, axis, center + offset);
+    }
+
+    /// That line.
+    pub fn section(&self) -> &Section {
+        &self.section
+    }
+
     /// Where cloning copies from, world space.
     pub fn source(&self) -> Option<DVec3> {
         self.source.map(|point| world_position(&self.surface, point))
+    }
+
+    /// A newer state of the asset, once; the older ones are to be let go.
+    pub fn take_newer(&mut self) -> Option<Arc<Asset>> {
+        self.newer.take()
     }
 
     /// Keeps the brush among the presets, on the disk too.
@@ -211,6 +231,7 @@ impl Painting {
                     }
                     self.save = state;
                 }
+                Report::Newer(asset) => self.newer = Some(asset),
                 Report::Failed(reason) => notices.error(reason, seconds),
             }
         }

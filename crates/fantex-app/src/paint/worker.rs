@@ -12,7 +12,8 @@ use fantex_paint::{
     Brush, FillScope, Layer, LiveStroke, Paint, PaintError, Painter, Sample, SurfacePoint, Symmetry, Target,
     fill_triangles,
 };
-use fantex_store::{EditError, PageId};
+use fantex_store::{Asset, EditError, PageId};
+use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, PageLoader};
 use glam::Vec4;
 
 use super::exchange::Exchange;
@@ -33,6 +34,9 @@ const GATHERED: Duration = Duration::from_millis(6);
 
 /// Pages that are answered between two orders.
 const ANSWERED: usize = 32;
+
+/// After so many commits pages are loaded from a newer state of the file.
+const KEPT_COMMITS: u32 = 20;
 
 /// Names of steps that are told of, the newest.
 const TOLD_STEPS: usize = 1000;
@@ -81,6 +85,8 @@ pub enum Order {
     Pick(SurfacePoint),
     /// Answer requests for pages.
     Pages,
+    /// Drop a loader, which may take a while.
+    Release(Box<dyn PageLoader>),
     /// Commit now.
     Commit,
     /// Commit and end.
@@ -98,6 +104,8 @@ pub enum Report {
     Picked(Vec<Vec4>),
     /// What became of saving.
     Save(SaveState),
+    /// A newer state of the file.
+    Newer(Arc<Asset>),
     /// Something failed: one sentence.
     Failed(String),
 }
@@ -207,6 +215,8 @@ struct Saving {
     changed: Option<Instant>,
     /// When a commit failed.
     failed: Option<Instant>,
+    /// Commits since the file was last opened for loading.
+    commits: u32,
 }
 
 impl Saving {
@@ -253,7 +263,7 @@ impl Worker {
         let mut goes_on = true;
         while let Some(order) = next.take() {
             // Requests for pages are not counted: the drawer makes them.
-            count += u64::from(!matches!(order, Order::Pages));
+            count += u64::from(!matches!(order, Order::Pages | Order::Release(_)));
             if matches!(order, Order::Close) {
                 goes_on = false;
                 break;
@@ -344,6 +354,7 @@ impl Worker {
                 self.tell(Report::Picked(values));
             }
             Order::Commit => self.save(),
+            Order::Release(loader) => drop(loader),
             Order::Pages | Order::Close => {}
         }
         Ok(())
@@ -427,13 +438,33 @@ impl Worker {
         }
         match self.painter.commit() {
             Ok(_) => {
-                self.saving = Saving::default();
+                self.saving = Saving { commits: self.saving.commits + 1, ..Saving::default() };
+                if self.saving.commits >= KEPT_COMMITS && self.stroke.is_none() {
+                    self.offer_newer();
+                }
                 self.tell(Report::Save(SaveState::Saved));
             }
             Err(error) => {
                 self.saving.failed = Some(Instant::now());
                 self.tell(Report::Save(SaveState::Failed(save_problem(&error))));
             }
+        }
+    }
+
+    /// Lets pages be loaded from what is committed, so that the space of older states can be used again.
+    fn offer_newer(&mut self) {
+        let Some(formats) = self.exchange.formats() else { return };
+        let asset = self.painter.editor().asset().clone();
+        let stored = asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, true));
+        let block_compressed = stored.zip(formats).all(|(stored, &format)| stored == format);
+        let options = ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() };
+        match ClusterLoader::open(asset.clone(), &options) {
+            Ok(loader) => {
+                self.saving.commits = 0;
+                self.exchange.offer(Box::new(loader), asset.clone());
+                self.tell(Report::Newer(asset));
+            }
+            Err(error) => self.tell(Report::Failed(error.to_string())),
         }
     }
 

@@ -140,14 +140,24 @@ fn choices(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
 fn switches(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     let panels = viewer.settings.panels;
     ui.spacing_mut().item_spacing.x = 4.0;
-    let rows: [(bool, &str, &str, Command); 4] = [
-        (viewer.has_help, "?", "Keys and mouse (F1)", Command::ToggleHelp),
-        (
+    let settings = &viewer.settings.paint;
+    let side = match viewer.painting {
+        None => (
             panels.has_inspector,
             "Inspector",
             "What the model is and how it is shown (I)",
             Command::ToggleInspector,
         ),
+        Some(_) => (
+            settings.has_brush_panel || settings.has_layer_panel,
+            "Panels",
+            "Brush, colours, layers (Tab)",
+            Command::Paint(PaintCommand::TogglePanels),
+        ),
+    };
+    let rows: [(bool, &str, &str, Command); 4] = [
+        (viewer.has_help, "?", "Keys and mouse (F1)", Command::ToggleHelp),
+        side,
         (panels.has_graphs, "Graphs", "Frame time, pool, queue, bandwidth (G)", Command::ToggleGraphs),
         (panels.has_atlas, "Atlas", "The live atlas beside the scene (M)", Command::ToggleAtlas),
     ];

@@ -7,12 +7,12 @@ use fantex_cover::Cover;
 use fantex_gpu::{FanModel, Gpu, GpuError, View};
 use fantex_store::{Asset, cover_level_count, page_grid};
 use fantex_stream::{
-    ClusterLoader, ClusterLoaderOptions, FrameOptions, LoaderError, PageLoader, StreamView, Streamer,
-    StreamerOptions,
+    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, LoaderError, PageLoader, StreamView,
+    Streamer, StreamerOptions,
 };
 
 use super::atlas_view::{AtlasPicture, AtlasView};
-use super::painted::PaintedPages;
+use super::painted::{PaintedGeometry, PaintedPages};
 use crate::figures::{DamagedPage, LISTED_DAMAGE, LevelFigures, StreamFigures};
 use crate::paint::{Exchange, PaintLoader};
 use crate::settings::StreamingSettings;
@@ -84,7 +84,12 @@ impl FanScene {
                 Box::new(PaintLoader::new(Box::new(loader), exchange.clone()))
             }
         };
-        let streamer = Streamer::new(asset.clone(), loader, options);
+        let geometry: Arc<dyn Geometry> = match &exchange {
+            None => asset.clone(),
+            // Older states of what is painted on must not be kept.
+            Some(_) => Arc::new(PaintedGeometry::of(&asset)),
+        };
+        let streamer = Streamer::new(geometry, loader, options);
         let model = FanModel::of_asset(gpu, &asset, streamer.table(), settings.pool_bytes())?;
         Ok(Self {
             level_pages: level_pages(asset.cover()),
@@ -141,6 +146,9 @@ impl FanScene {
     /// Brings what was painted since the last frame to the atlas, where its pages are resident.
     fn upload_painted(&mut self, gpu: &Gpu) -> bool {
         let Some(painted) = &mut self.painted else { return false };
+        if let Some(asset) = painted.take_asset() {
+            self.asset = asset;
+        }
         let (changes, stale) = painted.take(self.streamer.table(), self.asset.cover());
         if !stale.is_empty() {
             self.streamer.invalidate(&stale);

@@ -4,10 +4,33 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use fantex_cover::Cover;
-use fantex_store::PageId;
-use fantex_stream::{FrameChanges, PageTable, PageUpload, TableEntry};
+use fantex_mesh::Mesh;
+use fantex_store::{Asset, PageId};
+use fantex_stream::{FrameChanges, Geometry, PageTable, PageUpload, TableEntry};
 
 use crate::paint::Exchange;
+
+/// Mesh and cover of an asset whose texels change.
+pub(super) struct PaintedGeometry {
+    mesh: Arc<Mesh>,
+    cover: Arc<Cover>,
+}
+
+impl PaintedGeometry {
+    pub(super) fn of(asset: &Asset) -> Self {
+        Self { mesh: asset.shared_mesh(), cover: asset.shared_cover() }
+    }
+}
+
+impl Geometry for PaintedGeometry {
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    fn cover(&self) -> &Cover {
+        &self.cover
+    }
+}
 
 /// Knows where resident pages lie, and brings what was painted there.
 #[derive(Debug)]
@@ -46,6 +69,11 @@ impl PaintedPages {
             }
         }
         (changes, stale)
+    }
+
+    /// Another state of the file that pages are loaded from.
+    pub(super) fn take_asset(&self) -> Option<Arc<Asset>> {
+        self.exchange.take_asset()
     }
 
     /// Whether there is nothing to take.

@@ -151,23 +151,27 @@ pub(super) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let brush = &mut viewer.settings.paint.brush;
     heading(ui, "Brushes");
     let (mut taken, mut dropped) = (None, None);
-    for preset in &painting.presets().brushes {
-        let is_on = preset.name == brush.name;
-        let button = Button::selectable(is_on, preset.name.as_str()).min_size(vec2(244.0, 22.0));
-        let response = ui.add(button);
-        response.context_menu(|ui| {
-            if ui.button("Delete").clicked() {
-                dropped = Some(preset.name.clone());
-                ui.close();
+    let size = vec2(118.0, 22.0);
+    for pair in painting.presets().brushes.chunks(2) {
+        ui.horizontal(|ui| {
+            for preset in pair {
+                let button =
+                    Button::selectable(preset.name == brush.name, preset.name.as_str()).min_size(size);
+                let response = ui.add(button);
+                response.context_menu(|ui| {
+                    if ui.button("Delete").clicked() {
+                        dropped = Some(preset.name.clone());
+                        ui.close();
+                    }
+                });
+                if response.on_hover_text("Click takes it, right click deletes it").clicked() {
+                    taken = Some(preset.clone());
+                }
             }
         });
-        if response.on_hover_text("Click takes it, right click deletes it").clicked() {
-            taken = Some(preset.clone());
-        }
     }
     if let Some(preset) = taken {
-        // The size stays as the hand has it, unless the brush is measured otherwise.
-        *brush = BrushSettings { stamp: preset.stamp.clone(), ..preset };
+        *brush = preset;
     }
     let mut is_kept = false;
     ui.horizontal(|ui| {

@@ -46,7 +46,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     });
     let recent = colors.recent.clone();
     if !recent.is_empty()
-        && let Some(color) = swatches(ui, &recent[..recent.len().min(11)], colors.foreground)
+        && let Some(color) = swatches(ui, &recent[..recent.len().min(8)], colors.foreground)
     {
         colors.foreground = color;
     }
@@ -68,7 +68,7 @@ fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
     ui.spacing_mut().item_spacing = vec2(4.0, 4.0);
     ui.horizontal_wrapped(|ui| {
         for &color in all {
-            let (rect, response) = ui.allocate_exact_size(vec2(18.0, 18.0), Sense::click());
+            let (rect, response) = ui.allocate_exact_size(vec2(27.0, 18.0), Sense::click());
             icons::swatch(ui.painter(), rect, color, color == chosen);
             if response.on_hover_text(text_hex(color)).clicked() {
                 clicked = Some(color);

@@ -1,7 +1,8 @@
 //! The layers, the one on top first, and what can be done with the chosen one.
 
 use eframe::egui::{
-    Align, Button, CornerRadius, Key, Label, Layout, RichText, Sense, Slider, TextEdit, Ui, UiBuilder, vec2,
+    Align, Button, Color32, CornerRadius, Key, Label, Layout, Response, RichText, Sense, Slider, TextEdit,
+    Ui, UiBuilder, vec2,
 };
 use fantex_paint::{BlendMode, Layer, Target};
 
@@ -97,12 +98,7 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
             ui.label(RichText::new(format!("{mode} {faded}").trim()).size(11.0).color(theme::FAINT));
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 let color = if layer.visible { theme::STRONG } else { theme::FAINT };
-                let label = Label::new(RichText::new(&layer.name).color(color))
-                    .truncate()
-                    .sense(Sense::click())
-                    .selectable(false);
-                let response =
-                    ui.add_sized([ui.available_width(), 22.0], label).on_hover_text("Double click renames");
+                let response = name_label(ui, &layer.name, color).on_hover_text("Double click renames");
                 if response.double_clicked() {
                     painting.renaming = Some((id, layer.name.clone()));
                 } else if response.clicked() {
@@ -134,20 +130,26 @@ fn rename(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
 
 fn base_row(ui: &mut Ui, is_chosen: bool, actions: &mut Vec<LayerAction>) {
     frame_row(ui, is_chosen, |ui| {
-        ui.add_space(24.0);
-        let label =
-            Label::new(RichText::new("Base").color(theme::STRONG)).sense(Sense::click()).selectable(false);
-        let size = [ui.available_width(), 22.0];
-        if ui.add_sized(size, label).on_hover_text("What was baked, under all layers").clicked() {
+        ui.add_space(28.0);
+        if name_label(ui, "Base", theme::STRONG).on_hover_text("What was baked, under all layers").clicked() {
             actions.push(LayerAction::Select(Target::Base));
         }
     });
 }
 
+/// A name that can be clicked, over all the room that is left.
+fn name_label(ui: &mut Ui, name: &str, color: Color32) -> Response {
+    let (rect, response) = ui.allocate_exact_size(vec2(ui.available_width(), 22.0), Sense::click());
+    let label = Label::new(RichText::new(name).color(color)).truncate().selectable(false);
+    let layout = Layout::left_to_right(Align::Center);
+    ui.scope_builder(UiBuilder::new().max_rect(rect).layout(layout), |ui| ui.add(label));
+    response
+}
+
 fn frame_row(ui: &mut Ui, is_chosen: bool, add: impl FnOnce(&mut Ui)) {
     let size = vec2(ui.available_width(), 26.0);
     let (rect, _) = ui.allocate_exact_size(size, Sense::hover());
-    let fill = if is_chosen { eframe::egui::Color32::from_rgb(0x2f, 0x46, 0x5c) } else { theme::WELL };
+    let fill = if is_chosen { Color32::from_rgb(0x2f, 0x46, 0x5c) } else { theme::WELL };
     ui.painter().rect_filled(rect, CornerRadius::same(4), fill);
     let layout = Layout::left_to_right(Align::Center);
     ui.scope_builder(UiBuilder::new().max_rect(rect.shrink2(vec2(6.0, 2.0))).layout(layout), add);

@@ -1,11 +1,11 @@
-//! Panels of the painter: tools and brush at the left, colours, layers and history at the right, the cursor over the scene.
+//! Panels of the painter: tools, brush and history at the left, colours and layers at the right, the cursor over the scene.
 //!
 //! ```text
 //!  +------+---------+---------------------------+----------+
 //!  | tool | brush   |                           | colour   |
-//!  | strip| preview |     scene, cursor,        | channels |
-//!  |      | symmetry|     symmetry plane        | layers   |
-//!  |      | presets |                           | history  |
+//!  | strip| symmetry|     scene, cursor,        | channels |
+//!  |      | presets |     symmetry plane        | layers   |
+//!  |      | history |                           |          |
 //!  +------+---------+---------------------------+----------+
 //! ```
 
@@ -40,6 +40,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
                 brush::show(ui, viewer, seconds);
                 symmetry::show(ui, viewer);
                 brush::presets(ui, viewer, seconds);
+                history::show(ui, viewer);
             });
         });
     }
@@ -50,7 +51,6 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
                 color::show(ui, viewer);
                 color::channels(ui, viewer);
                 layers::show(ui, viewer);
-                history::show(ui, viewer);
             });
         });
     }

@@ -11,7 +11,13 @@ use crate::viewer::Viewer;
 /// Lines are dark below and light above, so that they are seen on any ground.
 const DARK: Color32 = Color32::from_rgba_premultiplied(0, 0, 0, 150);
 
-pub(in crate::panels) fn show(ui: &Ui, viewer: &Viewer, rect: Rect, cursor: Option<DVec2>) {
+pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: Option<DVec2>) {
+    let symmetry = viewer.settings.paint.symmetry;
+    let Some(painting) = &mut viewer.painting else { return };
+    if symmetry.kind == SymmetryKind::Mirror && symmetry.shows_plane {
+        painting.follow_section(symmetry.axis, symmetry.offset);
+    }
+    let viewer = &*viewer;
     let Some(painting) = &viewer.painting else { return };
     let painter = ui.painter().with_clip_rect(rect);
     let place = |p: DVec2| rect.min + rect.size() * vec2(p.x as f32, p.y as f32);
@@ -92,12 +98,13 @@ fn plane(painter: &Painter, viewer: &Viewer, place: &impl Fn(DVec2) -> Pos2) {
             let corners = plane_outline(bounds, symmetry.axis, offset).map(|corner| view.project(corner));
             let Some(corners) = corners.into_iter().collect::<Option<Vec<DVec2>>>() else { return };
             let corners: Vec<Pos2> = corners.into_iter().map(place).collect();
-            let fill = color.gamma_multiply(0.07);
-            painter.add(Shape::convex_polygon(
-                corners.clone(),
-                fill,
-                Stroke::new(1.2, color.gamma_multiply(0.8)),
-            ));
+            let edge = Stroke::new(1.0, color.gamma_multiply(0.55));
+            painter.add(Shape::convex_polygon(corners, color.gamma_multiply(0.035), edge));
+            for ends in painting.section().facing(&view) {
+                if let [Some(a), Some(b)] = ends.map(|end| view.project(end)) {
+                    painter.line_segment([place(a), place(b)], Stroke::new(1.6, color));
+                }
+            }
         }
         SymmetryKind::Radial => {
             let axis = [DVec3::X, DVec3::Y, DVec3::Z][symmetry.axis.min(2)];
