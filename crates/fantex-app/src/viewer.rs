@@ -20,7 +20,7 @@ use crate::job::{Job, JobState};
 use crate::light::{MapKey, SurroundingsError, SurroundingsMap};
 use crate::notices::Notices;
 use crate::pacing::Pacing;
-use crate::paint::{LayerAction, PaintCommand, Painting, PenEvent, Viewpoint, asset_beside};
+use crate::paint::{LayerAction, PaintCommand, Painting, PenEvent, SaveState, Viewpoint, asset_beside};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
@@ -40,6 +40,8 @@ pub enum Request {
     OpenDialog,
     /// Ask for a picture of surroundings.
     SurroundingsDialog,
+    /// Ask for a picture that shapes the brush.
+    StampDialog,
     /// Ask for a camera path to load.
     LoadPathDialog,
     /// Ask where to save the camera path.
@@ -197,6 +199,8 @@ pub struct Viewer {
     pub picture_folder: PathBuf,
     /// The model in the graphics memory, until the shell takes it.
     pub new_model: Option<Option<SceneModel>>,
+    /// The user was told that closing loses something.
+    was_warned: bool,
     requests: Vec<Request>,
     fly: FlyMotion,
     walker: Walker,
@@ -247,6 +251,7 @@ impl Viewer {
             adapter: String::new(),
             picture_folder: PathBuf::new(),
             new_model: None,
+            was_warned: false,
             requests: Vec::new(),
             walker: Walker::new(SceneScale::default().eye_height()),
             ground: None,
@@ -629,6 +634,18 @@ impl Viewer {
         Viewpoint { rig: self.rig, pixels: self.scene_pixels }
     }
 
+    /// Whether the window may close: not while something painted is not in the file, unless that is asked for again.
+    pub fn may_close(&mut self, seconds: f64) -> bool {
+        let Some(painting) = &self.painting else { return true };
+        let SaveState::Failed(reason) = painting.save() else { return true };
+        if std::mem::replace(&mut self.was_warned, true) {
+            return true;
+        }
+        let text = format!("{reason} Close again to lose what is not saved.");
+        self.notices.error(text, seconds);
+        false
+    }
+
     /// Where another file could not be opened, what was painted on is not open any more either.
     fn leave_lost_painting(&mut self) {
         if self.painting.is_none()
@@ -646,7 +663,7 @@ impl Viewer {
         let mut left = input.clone();
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
-        if !(input.turns_sun && input.drag != DVec2::ZERO) || painting.is_drawing() {
+        if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
             painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices, seconds);
         }
         let turn = if painting.is_turning() { input.drag } else { DVec2::ZERO };

@@ -13,6 +13,7 @@ use fantex_texture::color::srgb_from_linear;
 use glam::{DVec2, DVec3, Vec4};
 
 use super::layers::{change, free_name, own_target, set_channel, shift, valid_target};
+use super::pattern::pattern;
 use super::pen::world_position;
 use super::{
     Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, PenEvent,
@@ -166,15 +167,11 @@ impl Painting {
         self.hand == Hand::Turn
     }
 
-    /// Brings the line where symmetry's plane cuts the model up to date; `offset` is from the model's middle, world units.
-    pub fn follow_section(&mut self, axis: usize, offset: f64) {
+    /// The line where symmetry's plane cuts the model, as far as it is seen; `offset` is from the model's middle, world units.
+    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> &[[DVec3; 2]] {
         let center = self.bounds.center()[axis.min(2)];
         self.section.follow(&self.surface, axis, center + offset);
-    }
-
-    /// That line.
-    pub fn section(&self) -> &Section {
-        &self.section
+        self.section.seen(&self.surface, view)
     }
 
     /// Where cloning copies from, world space.
@@ -489,6 +486,14 @@ impl Painting {
                 channel: 0,
                 color: fantex_paint::PaintColor::Constant(grey),
             }];
+        }
+        if let Some(name) = settings.pattern.as_deref().filter(|_| settings.tool.has_color() && !is_mask)
+            && let Some(pattern) = pattern(name, &self.surface)
+        {
+            let colors = channels
+                .iter_mut()
+                .filter(|paint| self.channels[paint.channel].kind == ChannelKind::BaseColor);
+            colors.for_each(|paint| paint.color = pattern.clone());
         }
         if channels.is_empty() {
             return Err("No channel is switched on: choose what the brush paints.");

@@ -12,7 +12,12 @@ pub struct Section {
     plane: Option<(usize, f64)>,
     /// Ends in world space, and the unit normal of their triangle.
     pieces: Vec<([DVec3; 2], DVec3)>,
+    seen_from: Option<Viewpoint>,
+    seen: Vec<[DVec3; 2]>,
 }
+
+/// Pieces that are tested for what lies before them.
+const MOST_RAYS: usize = 5000;
 
 impl Section {
     /// Brings the line up to date with a plane; costs something only where that is another one.
@@ -23,6 +28,7 @@ impl Section {
         self.plane = Some((axis, offset));
         let place = surface.mesh().world_from_mesh;
         self.pieces.clear();
+        self.seen_from = None;
         for triangle in 0..surface.mesh().triangles.len() {
             let corners = surface.mesh().triangle_positions(triangle).map(|p| place.point(p));
             let heights = corners.map(|corner| corner[axis.min(2)] - offset);
@@ -38,10 +44,28 @@ impl Section {
         }
     }
 
-    /// The pieces on triangles that are turned towards the viewer.
-    pub fn facing(&self, view: &Viewpoint) -> impl Iterator<Item = [DVec3; 2]> {
-        let eye = view.rig.eye;
-        let pieces = self.pieces.iter();
-        pieces.filter(move |(ends, normal)| (eye - ends[0]).dot(*normal) > 0.0).map(|(ends, _)| *ends)
+    /// The pieces that are seen: on triangles that are turned towards the viewer, with nothing before them. Costs something only
+    /// where the view is another one.
+    pub fn seen(&mut self, surface: &Surface, view: &Viewpoint) -> &[[DVec3; 2]] {
+        if self.seen_from != Some(*view) {
+            self.seen_from = Some(*view);
+            let eye = view.rig.eye;
+            let place = surface.mesh().world_from_mesh;
+            let from = place.inverse_point(eye);
+            let is_free = |middle: DVec3| {
+                let to = place.inverse_point(middle);
+                let hit = surface.hit(from, (to - from).normalize_or_zero());
+                hit.is_none_or(|hit| {
+                    let near = surface.position(hit).as_vec3().distance(from);
+                    near > to.distance(from) * (1.0 - 2e-3)
+                })
+            };
+            let facing = self.pieces.iter().filter(|(ends, normal)| (eye - ends[0]).dot(*normal) > 0.0);
+            // A line of a great many pieces is shown with those that are hidden rather than late.
+            let is_long = self.pieces.len() > MOST_RAYS;
+            let seen = facing.filter(|(ends, _)| is_long || is_free(0.5 * (ends[0] + ends[1])));
+            self.seen = seen.map(|(ends, _)| *ends).collect();
+        }
+        &self.seen
     }
 }

@@ -14,6 +14,8 @@ pub struct PaintSettings {
     pub brush: BrushSettings,
     /// Colours.
     pub colors: Colors,
+    /// A pattern in space that is painted instead of the foreground.
+    pub pattern: Option<String>,
     /// Which channels are painted.
     pub channels: ChannelSwitches,
     /// With what besides the colour.
@@ -38,6 +40,7 @@ impl Default for PaintSettings {
             tool: PaintTool::Paint,
             brush: BrushSettings::default(),
             colors: Colors::default(),
+            pattern: None,
             channels: ChannelSwitches::default(),
             material: Material::default(),
             symmetry: SymmetrySettings::default(),

@@ -96,6 +96,8 @@ impl Studio {
 #[test]
 fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
     let mut studio = Studio::open();
+    // Else the end of the stroke catches up with the hand.
+    studio.settings.brush.smoothing = 0.0;
     studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
     studio.pen(PenPhase::Move, 0.6, 0.84, [false; 2]);
     studio.wait();
@@ -110,7 +112,7 @@ fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
     // What was shown of coarser levels while the stroke was open is what is kept.
     let (kept, _) = studio.painting.exchange().take_fresh();
     for (page, texels) in painted.iter().filter(|(page, _)| page.level > 0) {
-        assert_eq!(kept.get(page), Some(texels), "{page}");
+        assert!(kept.get(page) == Some(texels), "{page}");
     }
     assert_eq!(studio.painting.snapshot().done, ["paint"]);
     studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
@@ -176,7 +178,7 @@ fn lines_colours_and_turning_are_told_apart() {
 #[test]
 fn what_cannot_be_painted_is_said() {
     let mut studio = Studio::open();
-    let mut said = |studio: &mut Studio, text: &str| {
+    let said = |studio: &mut Studio, text: &str| {
         studio.stroke();
         assert!(studio.notices.log().any(|notice| notice.contains(text)), "{text}");
         assert!(studio.painting.snapshot().done.is_empty());
@@ -221,7 +223,7 @@ fn the_mirror_s_line_lies_on_the_model() {
     let studio = Studio::open();
     let mut section = Section::default();
     section.follow(studio.painting.surface(), 0, 0.0);
-    let facing: Vec<_> = section.facing(&studio.view).collect();
-    assert!(facing.len() > 10);
-    assert!(facing.iter().flatten().all(|p| p.x.abs() < 1e-9 && p.y > -1e-6), "seen from above");
+    let seen = section.seen(studio.painting.surface(), &studio.view);
+    assert!(seen.len() > 10);
+    assert!(seen.iter().flatten().all(|p| p.x.abs() < 1e-9 && p.y > -1e-6), "seen from above");
 }

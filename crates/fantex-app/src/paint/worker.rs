@@ -172,7 +172,9 @@ impl PaintThread {
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
         let thread = Some(thread.spawn(move || worker.run())?);
-        Ok(Self { orders, reports, exchange, sent: Arc::default(), done, thread })
+        // Telling the first state counts as an order.
+        let sent = Arc::new(AtomicU64::new(1));
+        Ok(Self { orders, reports, exchange, sent, done, thread })
     }
 
     /// What is shared with whoever draws.
@@ -242,10 +244,14 @@ struct Worker {
 impl Worker {
     fn run(mut self) {
         self.tell_state();
+        self.done.fetch_add(1, Relaxed);
         (self.wake)();
         while self.turn() {}
         self.check(|worker| worker.painter.end().map(drop));
-        self.save();
+        if let Err(error) = self.painter.commit() {
+            // The window is gone.
+            eprintln!("fantex-app: {error}");
+        }
     }
 
     /// Waits for orders and carries them out. False at the end.

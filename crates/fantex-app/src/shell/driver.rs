@@ -30,6 +30,8 @@ struct Hands {
     coming: std::collections::VecDeque<Vec<Event>>,
     held: Vec<Key>,
     held_frames: u32,
+    /// A stroke has left the button down.
+    is_down: bool,
 }
 
 impl Driver {
@@ -220,7 +222,9 @@ impl Hands {
             modifiers,
         };
         self.coming.push_back(vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(first)]);
-        self.coming.push_back(vec![button(first, true)]);
+        if !std::mem::replace(&mut self.is_down, way.holds) {
+            self.coming.push_back(vec![button(first, true)]);
+        }
         let frames = way.frames.max(1);
         for pair in points.windows(2) {
             for k in 1..=frames {

@@ -241,6 +241,7 @@ impl Shell {
                 Answer::Surroundings(path) => {
                     self.viewer.settings.light.surroundings = Surroundings::File(path);
                 }
+                Answer::Stamp(path) => self.viewer.settings.paint.brush.stamp = Some(path),
                 Answer::LoadPath(path) => self.viewer.load_path(&path, seconds),
                 Answer::SavePath(path) => self.viewer.save_path(&path, seconds),
                 Answer::Unavailable => self.viewer.notices.warning(
@@ -409,6 +410,9 @@ impl eframe::App for Shell {
     fn logic(&mut self, ctx: &egui::Context, _frame: &mut eframe::Frame) {
         let seconds = self.seconds();
         self.viewer.poll(seconds);
+        if ctx.input(|i| i.viewport().close_requested()) && !self.viewer.may_close(seconds) {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+        }
         self.answers(seconds);
         self.save_pictures(seconds);
         self.drive(ctx, seconds);
@@ -448,6 +452,8 @@ impl eframe::App for Shell {
     }
 
     fn on_exit(&mut self) {
+        // Waits for the last commit.
+        self.viewer.painting = None;
         if let Some(file) = &self.settings_file
             && let Err(error) = self.viewer.settings.save(file)
         {

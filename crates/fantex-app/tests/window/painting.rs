@@ -12,7 +12,7 @@ fn strokes_show_in_the_next_frame_are_undone_and_come_back() {
     let asset = save_asset(folder.path());
     // The button is still down when the picture is taken, and nothing has waited for streaming.
     let steps = r##"{"wait_loaded":120},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
-        {"color":"#ff2000"},{"brush":{"size":60,"hardness":0.9,"flow":1.0}},
+        {"color":"#ff2000"},{"brush":{"size":60,"hardness":0.9,"flow":1.0,"smoothing":0.0}},
         {"stroke":{"points":[[0.5,0.75],[0.6,0.78]],"holds":true}},{"wait_painted":60},
         {"screenshot":{"path":"open.png"}},
         {"stroke":{"points":[[0.6,0.78]]}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"done.png"}},

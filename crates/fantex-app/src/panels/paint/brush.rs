@@ -8,7 +8,7 @@ use eframe::egui::{
 use crate::paint::{BrushSettings, FillReach, PaintTool, SizeUnit, blend_label, preview_stroke};
 use crate::panels::widgets::{NumberRow, choice, heading, hint, row, segments};
 use crate::theme;
-use crate::viewer::Viewer;
+use crate::viewer::{Request, Viewer};
 use fantex_paint::BlendMode;
 
 /// Pixels of the preview, before the screen's own scale.
@@ -52,6 +52,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     if paint.tool == PaintTool::Blur {
         percent(ui, "Reach", &mut paint.blur_radius, "How far around is averaged, in diameters");
     }
+    let mut asks_stamp = false;
     let open = ui.collapsing("Stroke", |ui| {
         let brush = &mut paint.brush;
         percent(ui, "Smoothing", &mut brush.smoothing, "How far the brush lags behind the hand");
@@ -64,13 +65,43 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
         percent(ui, "Vary size", &mut brush.jitter.size, "Random change from dab to dab");
         percent(ui, "Vary flow", &mut brush.jitter.flow, "Random change from dab to dab");
         percent(ui, "Pen → size", &mut brush.pressure.size, "How far pressure goes into the size");
+        asks_stamp = stamp(ui, brush);
         percent(ui, "Pen → flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
     });
-    open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure");
+    open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
+    if asks_stamp {
+        viewer.request(Request::StampDialog);
+    }
 }
 
 fn number<'a>(name: &'a str, suffix: &'a str, decimals: usize, tip: &'a str) -> NumberRow<'a> {
     NumberRow { name, suffix, decimals, tip, ..NumberRow::PLAIN }
+}
+
+/// The picture that shapes the dabs. Returns whether another one is wanted.
+fn stamp(ui: &mut Ui, brush: &mut BrushSettings) -> bool {
+    let mut is_asked = false;
+    row(ui, "Stamp", |ui| {
+        let name = brush
+            .stamp
+            .as_ref()
+            .and_then(|path| path.file_stem())
+            .map(|name| name.to_string_lossy().into_owned());
+        let button = Button::new(name.unwrap_or_else(|| "Round …".into())).truncate();
+        let response = ui.add(button).on_hover_text("A picture whose alpha or brightness shapes the brush");
+        is_asked = response.clicked();
+        if brush.stamp.is_some() && ui.small_button("×").on_hover_text("Round again").clicked() {
+            brush.stamp = None;
+        }
+        response
+    });
+    if brush.stamp.is_some() {
+        number("Angle", "°", 0, "Of the stamp").show(ui, &mut brush.angle_degrees, -180.0..=180.0);
+        let mut turn = brush.jitter.angle.to_degrees();
+        number("Vary angle", "°", 0, "Random change from dab to dab").show(ui, &mut turn, 0.0..=180.0);
+        brush.jitter.angle = turn.to_radians();
+    }
+    is_asked
 }
 
 /// A share as per cent.

@@ -12,17 +12,16 @@ use crate::viewer::Viewer;
 const DARK: Color32 = Color32::from_rgba_premultiplied(0, 0, 0, 150);
 
 pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: Option<DVec2>) {
-    let symmetry = viewer.settings.paint.symmetry;
+    let (symmetry, view) = (viewer.settings.paint.symmetry, viewer.viewpoint());
     let Some(painting) = &mut viewer.painting else { return };
-    if symmetry.kind == SymmetryKind::Mirror && symmetry.shows_plane {
-        painting.follow_section(symmetry.axis, symmetry.offset);
-    }
+    let has_plane = symmetry.kind == SymmetryKind::Mirror && symmetry.shows_plane;
+    let line =
+        if has_plane { painting.section(symmetry.axis, symmetry.offset, &view).to_vec() } else { Vec::new() };
     let viewer = &*viewer;
     let Some(painting) = &viewer.painting else { return };
     let painter = ui.painter().with_clip_rect(rect);
     let place = |p: DVec2| rect.min + rect.size() * vec2(p.x as f32, p.y as f32);
-    plane(&painter, viewer, &place);
-    let view = viewer.viewpoint();
+    plane(&painter, viewer, &line, &place);
     if let Some(source) = painting.source().filter(|_| viewer.settings.paint.tool == PaintTool::Clone)
         && let Some(at) = view.project(source)
     {
@@ -86,7 +85,7 @@ fn cross(painter: &Painter, at: Pos2) {
 }
 
 /// The mirror's plane, or the axis of radial symmetry.
-fn plane(painter: &Painter, viewer: &Viewer, place: &impl Fn(DVec2) -> Pos2) {
+fn plane(painter: &Painter, viewer: &Viewer, line: &[[DVec3; 2]], place: &impl Fn(DVec2) -> Pos2) {
     let symmetry = &viewer.settings.paint.symmetry;
     let Some(painting) = viewer.painting.as_ref().filter(|_| symmetry.shows_plane) else { return };
     let (bounds, view) = (painting.bounds(), viewer.viewpoint());
@@ -100,7 +99,7 @@ fn plane(painter: &Painter, viewer: &Viewer, place: &impl Fn(DVec2) -> Pos2) {
             let corners: Vec<Pos2> = corners.into_iter().map(place).collect();
             let edge = Stroke::new(1.0, color.gamma_multiply(0.55));
             painter.add(Shape::convex_polygon(corners, color.gamma_multiply(0.035), edge));
-            for ends in painting.section().facing(&view) {
+            for ends in line {
                 if let [Some(a), Some(b)] = ends.map(|end| view.project(end)) {
                     painter.line_segment([place(a), place(b)], Stroke::new(1.6, color));
                 }
