@@ -164,9 +164,9 @@ pub fn text_hex([r, g, b]: [u8; 3]) -> String {
 pub fn parse_hex(text: &str) -> Option<[u8; 3]> {
     let digits = text.trim().trim_start_matches('#');
     let digits: Vec<u8> = digits.chars().map(|c| c.to_digit(16).map(|d| d as u8)).collect::<Option<_>>()?;
-    match digits.as_slice() {
-        &[r, g, b] => Some([r, g, b].map(|d| 17 * d)),
-        &[a, b, c, d, e, f] => Some([16 * a + b, 16 * c + d, 16 * e + f]),
+    match *digits.as_slice() {
+        [r, g, b] => Some([r, g, b].map(|d| 17 * d)),
+        [a, b, c, d, e, f] => Some([16 * a + b, 16 * c + d, 16 * e + f]),
         _ => None,
     }
 }

@@ -26,7 +26,7 @@ mod section;
 mod settings;
 mod symmetry;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 mod texels;
 mod tool;
 mod worker;

@@ -11,6 +11,9 @@ use crate::paint::PaintCommand;
 use crate::theme;
 use crate::viewer::Viewer;
 
+/// A window of a painter that is narrower shows less in the bar.
+const WIDE_POINTS: f32 = 1250.0;
+
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let mut commands = Vec::new();
     ui.horizontal(|ui| {
@@ -127,7 +130,12 @@ fn item(ui: &mut Ui, is_enabled: bool, text: &str, command: Command, commands: &
 fn choices(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
     let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
     let display = &mut viewer.settings.display;
+    // What looks into the engine is left out where painting needs the room.
+    let is_narrow = viewer.painting.is_some() && ui.ctx().content_rect().width() < WIDE_POINTS;
     named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL, |s| s.label().into());
+    if is_narrow {
+        return;
+    }
     ui.add_enabled_ui(is_asset, |ui| {
         named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL, |o| o.label().into());
     });
@@ -161,7 +169,9 @@ fn switches(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         (panels.has_graphs, "Graphs", "Frame time, pool, queue, bandwidth (G)", Command::ToggleGraphs),
         (panels.has_atlas, "Atlas", "The live atlas beside the scene (M)", Command::ToggleAtlas),
     ];
-    for (is_on, text, tip, command) in rows {
+    let is_narrow = viewer.painting.is_some() && ui.ctx().content_rect().width() < WIDE_POINTS;
+    let count = if is_narrow { 2 } else { rows.len() };
+    for (is_on, text, tip, command) in rows.into_iter().take(count) {
         if switch(ui, is_on, text, tip) {
             commands.push(command);
         }
