@@ -15,7 +15,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("fantex-scene", &["fantex-mesh", "fantex-texture"]),
     ("fantex-stream", &["fantex-mesh", "fantex-cover", "fantex-store"]),
     ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"]),
-    ("fantex-paint", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
+    ("fantex-paint", &["fantex-mesh", "fantex-look", "fantex-texture", "fantex-cover", "fantex-store"]),
+    ("fantex-export", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-bake"]),
     (
         "fantex-gpu",
         &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
@@ -34,6 +35,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "fantex-render",
             "fantex-gpu",
             "fantex-paint",
+            "fantex-export",
         ],
     ),
     (

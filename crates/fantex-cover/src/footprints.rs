@@ -118,11 +118,28 @@ impl Footprints {
 
     /// Visits every triangle that owns texels with them, ascending.
     pub fn for_each_owner(&self, mut visit: impl FnMut(&TexelTriangle, &[u32])) {
-        let mut owned: Vec<u32> = (0u32..).zip(&self.owner).filter(|o| *o.1 != NOBODY).map(|o| o.0).collect();
-        // Stable, so texels stay in rows.
-        owned.sort_by_key(|&texel| self.owner[texel as usize]);
-        for texels in owned.chunk_by(|&a, &b| self.owner[a as usize] == self.owner[b as usize]) {
-            visit(&self.triangles[self.owner[texels[0] as usize] as usize], texels);
+        // Sorted by counting, so texels stay in rows.
+        let mut ends = vec![0_u32; self.triangles.len() + 1];
+        let is_owned = |owner: &&u32| **owner != NOBODY;
+        self.owner.iter().filter(is_owned).for_each(|&owner| ends[owner as usize + 1] += 1);
+        let mut count = 0;
+        for end in &mut ends {
+            count += *end;
+            *end = count;
+        }
+        // Now they are beginnings; each becomes its end while it is filled.
+        let mut owned = vec![0_u32; count as usize];
+        for (texel, &owner) in (0..).zip(&self.owner).filter(|(_, owner)| is_owned(owner)) {
+            let place = &mut ends[owner as usize];
+            owned[*place as usize] = texel;
+            *place += 1;
+        }
+        let mut begin = 0;
+        for (triangle, &end) in self.triangles.iter().zip(&ends) {
+            if end > begin {
+                visit(triangle, &owned[begin as usize..end as usize]);
+            }
+            begin = end;
         }
     }
 

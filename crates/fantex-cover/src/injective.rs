@@ -159,7 +159,7 @@ impl OverlapFinder {
                 [(segment.vertices[0], true, along), (segment.vertices[1], false, -along)]
             {
                 if self.entry(vertex).begins > 1 {
-                    spokes.push(Spoke { vertex, begins, angle: direction.y.atan2(direction.x) });
+                    spokes.push(Spoke { vertex, begins, angle: libm::atan2f(direction.y, direction.x) });
                 }
             }
         }

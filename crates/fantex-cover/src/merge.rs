@@ -7,7 +7,7 @@
 
 use std::sync::LazyLock;
 
-use fantex_mesh::Fans;
+use fantex_mesh::{Fans, unit_vector};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -169,7 +169,7 @@ impl Summary {
         Self {
             cone: WideCone {
                 axis: patch.flat.frame.direction,
-                half_angle: patch.flat.cos.clamp(-1.0, 1.0).acos(),
+                half_angle: libm::acosf(patch.flat.cos.clamp(-1.0, 1.0)),
             },
             outline: patch.flat.outline.clone(),
             texels: tile_texels(texels),
@@ -186,7 +186,9 @@ impl Summary {
             return None;
         }
         let cone = self.cone.union(other.cone)?;
-        if cone.half_angle.cos() < facing_limit(limits.facing, self.steepest_fan.min(other.steepest_fan)) {
+        if libm::cosf(cone.half_angle)
+            < facing_limit(limits.facing, self.steepest_fan.min(other.steepest_fan))
+        {
             return None;
         }
         let texels = bounding_size(self.planar_outline(other, cone.axis)) * self.union_density(other);
@@ -255,7 +257,7 @@ const DIRECTIONS: usize = 32;
 /// Unit vectors all around.
 fn directions() -> &'static [Vec2; DIRECTIONS] {
     static TABLE: LazyLock<[Vec2; DIRECTIONS]> = LazyLock::new(|| {
-        std::array::from_fn(|i| Vec2::from_angle(i as f32 * std::f32::consts::TAU / DIRECTIONS as f32))
+        std::array::from_fn(|i| unit_vector(i as f32 * std::f32::consts::TAU / DIRECTIONS as f32))
     });
     &TABLE
 }
@@ -289,7 +291,7 @@ struct WideCone {
 impl WideCone {
     /// The narrowest cone that holds two cones; `None` where it is wider than a hemisphere.
     fn union(self, other: Self) -> Option<Self> {
-        let between = self.axis.dot(other.axis).clamp(-1.0, 1.0).acos();
+        let between = libm::acosf(self.axis.dot(other.axis).clamp(-1.0, 1.0));
         if between + other.half_angle <= self.half_angle {
             return Some(self);
         }
@@ -303,7 +305,7 @@ impl WideCone {
         }
         // The axis lies on the arc between the two, `turn` away from the first.
         let turn = half_angle - self.half_angle;
-        let axis = self.axis * (between - turn).sin() + other.axis * turn.sin();
+        let axis = self.axis * libm::sinf(between - turn) + other.axis * libm::sinf(turn);
         Some(Self { axis: axis.try_normalize()?, half_angle })
     }
 }

@@ -6,6 +6,7 @@
 //! its two bundles of normals. Every cut permutes one array in place; the order of the result follows the cuts and is
 //! therefore a space-filling curve over the surface.
 
+use fantex_mesh::unit_vector;
 use glam::{Mat3, Vec3};
 
 /// One fan, as the partition sees it. Mesh space.
@@ -181,8 +182,8 @@ impl Summary {
             xy += x * y;
             yy += y * y;
         }
-        let angle = 0.5 * f32::atan2(2.0 * xy, xx - yy);
-        let u = x_axis * angle.cos() + y_axis * angle.sin();
+        let turn = unit_vector(0.5 * libm::atan2f(2.0 * xy, xx - yy));
+        let u = x_axis * turn.x + y_axis * turn.y;
         let v = direction.cross(u);
         let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
         for item in items {

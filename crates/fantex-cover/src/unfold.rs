@@ -1,5 +1,6 @@
 //! Unfolding a fan about its centre: radii are kept, angles are scaled so that a closed fan closes.
 
+use fantex_mesh::unit_vector;
 use glam::Vec2;
 
 use crate::surface::Surface;
@@ -19,7 +20,7 @@ pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>
         .map(|&c| {
             let [center, from, to] = surface.fan_triangle(c);
             let (from, to) = (from - center, to - center);
-            [from.cross(to).length().atan2(from.dot(to)), from.length(), to.length()]
+            [libm::atan2f(from.cross(to).length(), from.dot(to)), from.length(), to.length()]
         })
         .collect();
     let total: f32 = spans.iter().map(|s| s[0]).sum();
@@ -31,10 +32,10 @@ pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>
     let mut angle = 0.0;
     let mut unfolded = Vec::with_capacity(corners.len());
     for (i, [span, from, to]) in spans.iter().enumerate() {
-        let start = Vec2::from_angle(angle) * from;
+        let start = unit_vector(angle) * from;
         angle += span * factor;
         let last = closed && i + 1 == spans.len();
-        let end = if last { Vec2::X } else { Vec2::from_angle(angle) };
+        let end = if last { Vec2::X } else { unit_vector(angle) };
         unfolded.push([Vec2::ZERO, start, end * to]);
     }
     // Two triangles share each spoke; their coordinates of it must be equal to the last bit.

@@ -11,6 +11,7 @@
 //! power of two so that all coordinates lie in [-1, 1]). Attributes stay per corner.
 
 mod adjacency;
+mod angle;
 mod clean;
 mod disc;
 mod displace;
@@ -26,6 +27,7 @@ mod tangents;
 mod write;
 
 pub use adjacency::*;
+pub use angle::*;
 pub use clean::*;
 pub use displace::*;
 pub use fans::*;

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::clean::{Star, root};
-use crate::{Mesh, VertexCorners};
+use crate::{Mesh, VertexCorners, angle_between};
 
 /// Vertices per parallel task.
 const BLOCK: usize = 1 << 12;
@@ -37,7 +37,7 @@ pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
     let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let faces: Vec<DVec3> =
         (0..mesh.triangles.len()).into_par_iter().with_min_len(BLOCK).map(|t| face_normal(mesh, t)).collect();
-    let softest = f64::from(crease_degrees).to_radians().min(std::f64::consts::PI).cos() - 1e-6;
+    let softest = libm::cos(f64::from(crease_degrees).to_radians().min(std::f64::consts::PI)) - 1e-6;
     let blocks: Vec<Vec<Vec3>> = (0..corners.len().div_ceil(BLOCK))
         .into_par_iter()
         .map_init(Smoother::default, |smoother, block| {
@@ -112,7 +112,7 @@ impl Smoother {
 fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
     let positions = mesh.triangle_positions(corner as usize / 3).map(|p| p.as_dvec3());
     let at = |k: u32| positions[((corner + k) % 3) as usize];
-    (at(1) - at(0)).angle_between(at(2) - at(0))
+    angle_between(at(1) - at(0), at(2) - at(0))
 }
 
 #[cfg(test)]

@@ -84,7 +84,7 @@ fn corner_angle(p: [Vec3; 3], k: usize, normal: Vec3) -> f32 {
         let side = p[(k + next) % 3] - p[k];
         side - normal * normal.dot(side)
     });
-    a.cross(b).length().atan2(a.dot(b))
+    libm::atan2f(a.cross(b).length(), a.dot(b))
 }
 
 /// The direction in which u grows on a facet (zero where its texture coordinates are degenerate) and the handedness:

@@ -11,35 +11,53 @@
 //! | `surface` | the mesh with the adjacency that painting needs |
 //! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
 //! | `dab` | which part of the surface a dab covers, by distance along it |
-//! | `tile_paint` | coverage, texels, coarser levels; the [`Painter`] |
+//! | `tile_paint` | coverage, texels, smudging, coarser levels (at once or beside the painting); the [`Painter`] |
+//! | `fill`, `color_fill` | which triangles, and which texels, a fill takes |
+//! | `picture`, `decal`, `text`, `projection` | pictures on the surface |
+//! | `graph` | textures of looks |
 //! | `layers` | layers over the base, flattened into the asset's texels |
 //! | `history` | undo and redo, kept in the asset |
 //! | `replay` | strokes from a file |
+//! | `log` | strokes of an asset, for other densities and meshes |
 //!
 //! Everything is a function of its input only, on any number of threads. There is no window in this crate.
 
 mod blend;
+mod color_fill;
 mod dab;
+mod decal;
 mod error;
 mod fill;
+mod graph;
 mod history;
 mod layers;
+mod log;
 mod paint;
+mod picture;
+mod projection;
 mod replay;
 mod stamp;
 mod stroke;
 mod surface;
+mod text;
 mod tile_paint;
 
 pub use blend::BlendMode;
+pub use color_fill::ColorFill;
 pub use dab::{Dab, Region, RegionTriangle};
+pub use decal::Decal;
 pub use error::PaintError;
 pub use fill::{FillScope, fill_triangles};
+pub use graph::{GraphError, TextureGraph};
 pub use history::{History, HistoryStep};
-pub use layers::{Layer, LayerContent, Target};
+pub use layers::{GraphFill, Layer, LayerContent, Target};
+pub use log::StrokeLog;
 pub use paint::{ChannelPaint, Paint, PaintColor, Tool};
+pub use picture::Picture;
+pub use projection::{Lens, Projection, ProjectionView};
 pub use replay::*;
 pub use stamp::Stamp;
 pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
 pub use surface::{Surface, SurfacePoint};
+pub use text::{DEFAULT_FONT, TextError, TextPicture, draw_text};
 pub use tile_paint::{PaintOptions, Painter, PreviewPage, StrokeSummary};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_texture::Texture;
 use glam::{Vec3, Vec4};
 
-use crate::BlendMode;
+use crate::{BlendMode, Picture, Projection};
 
 /// What a covered texel becomes.
 #[derive(Clone, Debug)]
@@ -19,6 +19,11 @@ pub enum Tool {
         /// How far around, mesh units along the surface.
         radius: f32,
     },
+    /// What is under the brush is dragged along; the channels' colours do not matter.
+    Smudge {
+        /// Share of the dragged colour that is left after a way of one brush radius, 0..1.
+        strength: f32,
+    },
     /// What is seen elsewhere is copied; the channels' colours do not matter.
     Clone {
         /// Mesh space: added to a point, and from there to the nearest point of the surface.
@@ -31,7 +36,7 @@ pub enum Tool {
 impl Tool {
     /// True where it asks for what was seen before the stroke.
     pub(crate) fn reads_surface(&self) -> bool {
-        matches!(self, Self::Blur { .. } | Self::Clone { .. })
+        matches!(self, Self::Blur { .. } | Self::Clone { .. } | Self::Smudge { .. })
     }
 }
 
@@ -42,6 +47,10 @@ pub enum PaintColor {
     Constant(Vec4),
     /// A function of object space (world units, origin at the centre of the model's bounding box).
     Texture(Arc<dyn Texture>),
+    /// A picture in the coordinates of the [`Decal`](crate::Decal) that lays it; a brush leaves no trace with it.
+    Image(Arc<Picture>),
+    /// A picture through a camera, onto what the camera sees.
+    Projected(Arc<Projection>),
 }
 
 /// What is painted into one channel.
@@ -71,13 +80,13 @@ impl Paint {
         match self.tool {
             Tool::Paint(mode) => mode.compose(before, color, share),
             Tool::Erase => before.truncate().extend(before.w * (1.0 - share)),
-            Tool::Blur { .. } | Tool::Clone { .. } => mixed(before, color, share),
+            Tool::Blur { .. } | Tool::Clone { .. } | Tool::Smudge { .. } => mixed(before, color, share),
         }
     }
 }
 
 /// Between two straight colours, each weighted by its alpha.
-fn mixed(a: Vec4, b: Vec4, share: f32) -> Vec4 {
+pub(crate) fn mixed(a: Vec4, b: Vec4, share: f32) -> Vec4 {
     let (wa, wb) = (a.w * (1.0 - share), b.w * share);
     if wa + wb > 0.0 { ((a.truncate() * wa + b.truncate() * wb) / (wa + wb)).extend(wa + wb) } else { a }
 }

@@ -21,6 +21,11 @@ impl Stamp {
         Self { extent: [image.width as usize, image.height as usize], coverage: texels.collect() }
     }
 
+    /// Columns and rows, and the coverage of each texel, row-major.
+    pub(crate) fn texels(&self) -> ([usize; 2], &[f32]) {
+        (self.extent, &self.coverage)
+    }
+
     /// Bilinear coverage at a place of the brush: x to the right and y upwards, -1..1 over the picture's longer side; 0
     /// outside, with the picture's border fading over a texel.
     pub(crate) fn coverage(&self, x: f32, y: f32) -> f32 {

@@ -1,9 +1,9 @@
 //! The surface that is painted on: who is whose neighbour, and which triangles a tile shows.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use fantex_cover::Cover;
-use fantex_mesh::{Mesh, TriangleBvh};
+use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -30,6 +30,8 @@ pub struct Surface {
     /// Row `g` of `group_triangles` starts here.
     group_starts: Vec<u32>,
     group_triangles: Vec<u32>,
+    /// Per corner; made when first asked for.
+    normals: OnceLock<Vec<Vec3>>,
 }
 
 impl std::fmt::Debug for Surface {
@@ -49,7 +51,8 @@ impl Surface {
         let opposite = opposite_edges(&mesh.triangles);
         let (group_starts, group_triangles) = triangles_of_groups(&cover);
         let bvh = TriangleBvh::new(&mesh);
-        Self { mesh, cover, bvh, opposite, group_starts, group_triangles }
+        let normals = OnceLock::new();
+        Self { mesh, cover, bvh, opposite, group_starts, group_triangles, normals }
     }
 
     /// The mesh.
@@ -73,6 +76,20 @@ impl Surface {
         Some(SurfacePoint { triangle: found.triangle as u32, lambda: found.lambda })
     }
 
+    /// The point nearest to a mesh-space position whose triangle faces about the same way as `normal`: the nearest one where
+    /// that does, else the nearer one of those before and behind it along the normal, else the nearest one after all.
+    pub fn nearest_facing(&self, position: Vec3, normal: Vec3) -> Option<SurfacePoint> {
+        let nearest = self.nearest(position, f32::INFINITY)?;
+        let agrees = |point: &SurfacePoint| self.facet_normal(point.triangle).as_vec3().dot(normal) >= 0.0;
+        if agrees(&nearest) {
+            return Some(nearest);
+        }
+        let distance = |point: &SurfacePoint| self.position(*point).as_vec3().distance_squared(position);
+        let along = [normal, -normal].map(|direction| self.hit(position, direction).filter(agrees));
+        let found = along.into_iter().flatten().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        Some(found.unwrap_or(nearest))
+    }
+
     /// The first point on a ray in mesh space.
     pub fn hit(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
         let hit = self.bvh.first_hit(origin, direction, f32::INFINITY)?;
@@ -90,6 +107,11 @@ impl Surface {
     pub fn facet_normal(&self, triangle: u32) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// Unit normals of the smooth surface, per corner.
+    pub(crate) fn normals(&self) -> &[Vec3] {
+        self.normals.get_or_init(|| shading_normals(&self.mesh))
     }
 
     /// Corner positions of a triangle, mesh space.

@@ -386,6 +386,7 @@ fn blur_softens_and_clone_copies() {
     clone.tool = Tool::Clone { offset: from - to, reach: 0.3 };
     let place = stroke(painter.surface(), 80.0, &[Vec3::Z]);
     paint_stroke(&mut painter, clone, &place);
+    painter.commit().unwrap();
     let value = painter.pick(0, start).unwrap();
     assert!(value.x > 0.8 && value.y < 0.15, "{value}");
     assert!(profile(&baked, copied).0 > bare + 0.02);

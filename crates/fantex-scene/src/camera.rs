@@ -87,16 +87,16 @@ impl Camera {
         let tangents = DVec2::new(half * aspect, half);
         let mut high = DVec2::splat(f64::NEG_INFINITY);
         let mut low = high;
-        let (mut back, mut front) = (f64::INFINITY, f64::NEG_INFINITY);
+        let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for p in points.clone() {
             high = high.max(p.truncate() + tangents * p.z);
             low = low.max(-p.truncate() + tangents * p.z);
-            (back, front) = (back.min(p.z), front.max(p.z));
+            (min, max) = (min.min(p), max.max(p));
         }
+        let (back, front) = (min.z, max.z);
         let (eye, middle_z) = if front.is_finite() {
             let distances = (high + low) / (2.0 * tangents);
-            let smallest_gap = front.abs().max(1e-3) * 1e-3;
-            let eye_z = distances.max_element().max(front + smallest_gap);
+            let eye_z = distances.max_element().max(front + smallest_gap(min, max));
             let middle_z = 0.5 * (back + front);
             (centred_eye(points, ((high - low) * 0.5).extend(eye_z), middle_z), middle_z)
         } else {
@@ -138,6 +138,15 @@ impl Camera {
             None
         }
     }
+}
+
+/// What is kept between the eye and a box: a thousandth of its size, wherever it lies, but more than rounding takes away
+/// there. A single point has no size, and any distance shows it.
+fn smallest_gap(min: DVec3, max: DVec3) -> f64 {
+    let magnitude = min.abs().max(max.abs()).max_element();
+    let size = (max - min).max_element();
+    let gap = if size > 0.0 { size * 1e-3 } else { 1e-3 };
+    gap.max(magnitude * 1e-12)
 }
 
 /// Moves an eye (looking along -z) sideways until the points' picture has equal margins on opposite sides: where the
@@ -253,6 +262,22 @@ mod tests {
             let sum = |pick: fn(DVec2, DVec2) -> DVec2| screen.iter().copied().reduce(pick).unwrap();
             let margins = sum(DVec2::min) + sum(DVec2::max);
             assert!(margins.abs().max_element() < 0.01, "{direction}: {margins}");
+        }
+    }
+
+    #[test]
+    fn framing_depends_on_neither_size_nor_place() {
+        for (offset, scale) in [(0.0, 1e-12), (1e9, 1.0), (-1e9, 1e-3), (1e15, 1e3), (0.0, 1e20), (3.0, 1e-6)]
+        {
+            let world_from_mesh = WorldFromMesh { offset: DVec3::splat(offset), scale };
+            let mesh = Mesh { world_from_mesh, ..box_mesh() };
+            let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.0);
+            let projection = Projection::new(&camera, [100, 100], &mesh);
+            let seen = mesh.positions.iter().map(|&p| projection.project(p)).map(|h| h.truncate() / h.z);
+            let (low, high) =
+                seen.fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+            assert!((high - low).max_element() > 85.0, "{offset} {scale}: {low} {high}");
+            assert!(low.min_element() > 0.0 && high.max_element() < 100.0, "{offset} {scale}: {low} {high}");
         }
     }
 

@@ -171,7 +171,8 @@ fn random_reads(
     Ok(speed)
 }
 
-/// Loads random clusters, a page of each, through a loader. Counts stored bytes of clusters, and gives the loader's own counts.
+/// Loads random clusters, a page of each, through a loader. Counts stored bytes of clusters, and gives the loader's own counts
+/// (among them the bytes of all texels in these clusters, which can be taken from it).
 /// (Clusters that are still in its cache are not counted.)
 pub fn loaded_clusters(
     asset: &Arc<Asset>,
@@ -182,8 +183,8 @@ pub fn loaded_clusters(
     options.file.depth = load.depth;
     let mut loader = ClusterLoader::open(Arc::clone(asset), &options)?;
     let clusters: Vec<ClusterId> = asset.clusters().collect();
-    // Enough to keep the reader busy, and not so many that all clusters are pending.
-    let most_pending = (3 * load.depth).min(clusters.len() / 2);
+    // Enough to keep the reader busy between two looks, and not so many that all clusters are pending.
+    let most_pending = (4 * load.depth).min(clusters.len() / 2);
     let mut random = Random::new([load.seed, 0, 0]);
     let begin = Instant::now();
     let end = begin + Duration::from_secs_f64(load.seconds);
@@ -193,7 +194,8 @@ pub fn loaded_clusters(
             loader.request(asset.first_page_of(cluster), random.below(1 << 20) as f32);
         }
         if loader.poll(usize::MAX).is_empty() {
-            std::thread::sleep(Duration::from_micros(100));
+            // As a frame would; looking all the time takes a processor's share from the workers.
+            std::thread::sleep(Duration::from_millis(1));
         }
     }
     let seconds = begin.elapsed().as_secs_f64();

@@ -35,9 +35,23 @@ pub trait PageLoader: Send {
     /// for and has not arrived changes its urgency.
     fn request(&mut self, page: PageId, urgency: f32);
 
+    /// [`PageLoader::request`] of several pages, in order.
+    fn request_all(&mut self, pages: &[(PageId, f32)]) {
+        for &(page, urgency) in pages {
+            self.request(page, urgency);
+        }
+    }
+
     /// The page is no longer wanted: it does not arrive any more unless it is asked for again. No effect on a page that has
     /// not been asked for.
     fn cancel(&mut self, page: PageId);
+
+    /// [`PageLoader::cancel`] of several pages, in order.
+    fn cancel_all(&mut self, pages: &[PageId]) {
+        for &page in pages {
+            self.cancel(page);
+        }
+    }
 
     /// Pages that have arrived or failed since the last call, the most urgent first, at least one if there is any, no more
     /// than make up `max_bytes`. Does not wait.

@@ -106,14 +106,16 @@ impl Streamer {
         let demanded = Instant::now();
         let is_moving = self.motion.advance(view, frame.elapsed_seconds);
         let loader = &mut *self.loader;
-        self.residency.begin_frame();
-        self.residency.want(&self.changed, &self.demand, loader);
-        self.residency.adapt(&self.demand, is_moving, loader);
+        self.residency.begin_frame(frame.elapsed_seconds);
+        self.residency.want(&self.changed, &self.demand);
+        self.residency.adapt(&self.demand, is_moving);
+        self.residency.tell(loader);
         let mut changes = self.residency.arrive(frame.upload_bytes, loader);
-        self.residency.request(&self.demand, &self.options.limits, loader);
+        self.residency.request(&self.demand, &self.options.limits);
         let requested = Instant::now();
         self.look_ahead();
         let predicted = Instant::now();
+        self.residency.tell(&mut *self.loader);
         changes.entries = self.residency.take_changes();
         self.times = UpdateTimes {
             demand: demanded - started,
@@ -129,7 +131,7 @@ impl Streamer {
             return;
         }
         let Some(view) = self.motion.predict(self.options.look_ahead_seconds) else {
-            self.residency.expect_nothing(&mut *self.loader);
+            self.residency.expect_nothing();
             return;
         };
         if self.residency.wishes() > 0 {
@@ -137,8 +139,8 @@ impl Streamer {
         }
         self.changed.clear();
         self.predicted.update(&mut self.surface, Some(&view), &mut self.changed);
-        self.residency.expect(&self.changed, &self.predicted, &mut *self.loader);
-        self.residency.request_ahead(&self.predicted, &self.options.limits, &mut *self.loader);
+        self.residency.expect(&self.changed, &self.predicted);
+        self.residency.request_ahead(&self.predicted, &self.options.limits);
     }
 
     /// The mesh and cover that are streamed.
@@ -172,10 +174,11 @@ impl Streamer {
     /// The stored texels of these pages have changed: what is resident is read and uploaded again, in place, and what was
     /// damaged gets another chance.
     pub fn invalidate(&mut self, pages: &[PageId]) {
-        self.residency.invalidate(pages, &self.demand, &mut *self.loader);
+        self.residency.invalidate(pages, &self.demand);
     }
 
-    /// Pages that could not be loaded, with the reason. They are not asked for again, and neither are those under them.
+    /// Pages that could not be loaded, with the reason. They are not asked for again; a coarser level stands in for them, and
+    /// finer ones are resident without them.
     pub fn damaged(&self) -> impl Iterator<Item = (&PageId, &PageError)> {
         self.residency.damaged().iter()
     }
@@ -198,6 +201,21 @@ impl Streamer {
     /// The finest level of which a group has a page; `None` if it has only its mean.
     pub fn resident_level(&self, group: u32) -> Option<u32> {
         self.residency.resident_level(group)
+    }
+
+    /// Whether the view needs a page that is not resident, and may become so.
+    pub fn is_missing(&self, page: PageId) -> bool {
+        self.residency.is_missing(page)
+    }
+
+    /// All such pages, ascending by group. Takes time linear in the number of groups.
+    pub fn missing_pages(&self) -> Vec<PageId> {
+        self.residency.all_missing_pages()
+    }
+
+    /// Whether the view's demand, or another bias, has not been taken over for all groups yet.
+    pub fn has_backlog(&self) -> bool {
+        self.residency.has_backlog()
     }
 
     /// Whether nothing is on its way or waits to be asked for: the picture stays as it is until the view changes.
@@ -294,58 +312,58 @@ impl StreamStatistics {
 #[derive(Debug, Default)]
 struct Motion {
     view: Option<StreamView>,
-    seconds: f32,
-    step: Option<Step>,
+    velocity: Option<Velocity>,
     is_steady: bool,
 }
 
-/// From one frame to the next.
+/// Way and turn per second: frames are of uneven length.
 #[derive(Clone, Copy, Debug)]
-struct Step {
+struct Velocity {
+    /// Mesh units per second.
     travel: Vec3,
-    turn: Quat,
+    /// Axis times radians per second.
+    turn: Vec3,
 }
 
 /// A prediction turns the camera by no more than this, radians.
 const MOST_PREDICTED_TURN: f32 = 0.5;
 
+/// Turns that differ by so many radians per second count as the same.
+const STEADY_TURN: f32 = 0.06;
+
 impl Motion {
-    /// The next view; whether it differs from the last one.
+    /// The next view, so many seconds after the last one; whether it differs from that.
     fn advance(&mut self, view: Option<&StreamView>, seconds: f32) -> bool {
         let last = std::mem::replace(&mut self.view, view.copied());
-        let (Some(last), Some(view)) = (last, view) else {
-            (self.step, self.is_steady) = (None, false);
+        let (Some(last), Some(view), true) = (last, view, seconds > 0.0) else {
+            (self.velocity, self.is_steady) = (None, false);
             return true;
         };
-        let step = Step {
-            travel: view.eye - last.eye,
-            turn: Quat::from_mat3(&(view.axes * last.axes.transpose())).normalize(),
-        };
+        let turn = Quat::from_mat3(&(view.axes * last.axes.transpose())).normalize().to_scaled_axis();
+        // Of the two ways to turn the shorter one.
+        let angle = turn.length();
+        let shorter = if angle > std::f32::consts::PI { 1.0 - std::f32::consts::TAU / angle } else { 1.0 };
+        let velocity = Velocity { travel: (view.eye - last.eye) / seconds, turn: turn * shorter / seconds };
         let is_moving = last != *view;
         // Steady is what goes on nearly as it did: neither a cut nor a hand that trembles.
         self.is_steady = is_moving
-            && self.step.is_some_and(|before| {
-                let turned = before.turn.angle_between(step.turn);
-                before.travel.distance(step.travel) <= 0.5 * step.travel.length() + f32::EPSILON
-                    && turned <= 0.5 * step.turn.angle_between(Quat::IDENTITY) + 1e-3
+            && self.velocity.is_some_and(|before| {
+                before.travel.distance(velocity.travel) <= 0.5 * velocity.travel.length() + f32::EPSILON
+                    && before.turn.distance(velocity.turn) <= 0.5 * velocity.turn.length() + STEADY_TURN
             });
-        self.step = Some(step);
-        self.seconds = seconds;
+        self.velocity = Some(velocity);
         is_moving
     }
 
     fn predict(&self, ahead_seconds: f32) -> Option<StreamView> {
-        let (view, step) = (self.view?, self.step?);
-        if !self.is_steady || self.seconds <= 0.0 {
+        let (view, velocity) = (self.view?, self.velocity?);
+        if !self.is_steady {
             return None;
         }
-        let steps = ahead_seconds / self.seconds;
-        let (axis, angle) = step.turn.to_axis_angle();
-        let angle = if angle > std::f32::consts::PI { angle - std::f32::consts::TAU } else { angle };
-        let turn = (angle * steps).clamp(-MOST_PREDICTED_TURN, MOST_PREDICTED_TURN);
+        let turn = (velocity.turn * ahead_seconds).clamp_length_max(MOST_PREDICTED_TURN);
         Some(StreamView {
-            eye: view.eye + step.travel * steps,
-            axes: Mat3::from_axis_angle(axis, turn) * view.axes,
+            eye: view.eye + velocity.travel * ahead_seconds,
+            axes: Mat3::from_quat(Quat::from_scaled_axis(turn)) * view.axes,
             ..view
         })
     }

@@ -23,7 +23,7 @@ use std::sync::Arc;
 
 use glam::{Vec2, Vec4};
 
-use crate::filter::{self, AreaPlan, FootprintAxes, LevelPair, TexelUse, resolve};
+use crate::filter::{self, AreaPlan, FootprintAxes, LevelPair, PlacedArea, TexelUse, resolve};
 use crate::{Image, Samples};
 
 /// What the alpha channel of an image means when texels are averaged.
@@ -369,10 +369,33 @@ pub struct AreaSampler<'a> {
     plan: AreaPlan,
 }
 
+/// An [`AreaSampler`]'s parallelogram around a point, with the weights of the texels in it.
+#[derive(Clone, Copy, Debug)]
+pub struct AreaAround(PlacedArea);
+
 impl AreaSampler<'_> {
     /// The mean linear RGBA over the parallelogram around `uv`.
     #[inline]
     pub fn sample(&self, uv: Vec2) -> [f32; 4] {
         resolve(self.plan.bilinear_mean(self.level, self.texels, uv), self.texels.alpha)
+    }
+
+    /// Whether the parallelograms of another sampler have the same weights: the textures are equally large, wrapped alike and
+    /// looked up with the same footprint, as those of one material mostly are.
+    pub fn shares_areas_with(&self, other: &AreaSampler<'_>) -> bool {
+        let size = |level: &Image| [level.width, level.height];
+        size(self.level) == size(other.level) && self.plan == other.plan
+    }
+
+    /// The parallelogram around `uv`, for [`AreaSampler::sample_area`] of this sampler and of those that share its areas.
+    #[inline]
+    pub fn area(&self, uv: Vec2) -> AreaAround {
+        AreaAround(self.plan.place(self.level, uv))
+    }
+
+    /// The mean linear RGBA over a parallelogram: [`AreaSampler::sample`] at the point around which it lies.
+    #[inline]
+    pub fn sample_area(&self, area: &AreaAround) -> [f32; 4] {
+        resolve(self.plan.mean_at(self.level, self.texels, &area.0), self.texels.alpha)
     }
 }

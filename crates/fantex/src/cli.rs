@@ -2,7 +2,9 @@
 
 use clap::{Args, Parser, Subcommand};
 
-use crate::commands::{bake, bench, compare, demo, gallery, generate, info, paint, render, verify, view};
+use crate::commands::{
+    bake, bench, compare, demo, export, gallery, generate, info, paint, render, verify, view,
+};
 use crate::size::Bytes;
 
 /// Seamless textures without UV coordinates: cover a model by parts of its triangle fans, bake, verify, render.
@@ -54,6 +56,7 @@ pub(crate) enum Command {
     Verify(verify::VerifyArgs),
     Render(render::RenderArgs),
     Compare(compare::CompareArgs),
+    Export(export::ExportArgs),
     Gallery(gallery::GalleryArgs),
     Generate(generate::GenerateArgs),
     Paint(paint::PaintArgs),

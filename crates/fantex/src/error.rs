@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex::{bake, cover, look, look_scene, mesh, paint, render, store, texture};
+use fantex::{bake, cover, export, look, look_scene, mesh, paint, render, store, texture};
 
 use crate::interrupt;
 
@@ -62,6 +62,21 @@ pub(crate) enum CliError {
     Paint(#[from] paint::PaintError),
     #[error(transparent)]
     Replay(#[from] paint::ReplayError),
+    #[error(transparent)]
+    Export(export::ExportError),
+    #[error(
+        "{} is a picture: say which with --channel base-color, normal, orm ..., or make a --turntable; a model is .glb or .gltf",
+        path.display()
+    )]
+    WhichPicture { path: PathBuf },
+    #[error(
+        "{size} is a turntable's size; the pictures of a model are square: give one number, such as --size 2048"
+    )]
+    NotSquare { size: crate::scene::SizeArg },
+    #[error("{option} belongs to a turntable; give --turntable, too, or leave it out")]
+    TurntableOption { option: &'static str },
+    #[error("{option} have no meaning for a turntable; leave them out")]
+    NoTurntableOption { option: &'static str },
     #[error(transparent)]
     LightMap(#[from] bake::LightMapError),
     #[error(
@@ -160,8 +175,26 @@ impl CliError {
             | Self::NotForLooks { .. }
             | Self::LookAsSource
             | Self::TexelsOfModel { .. }
+            | Self::WhichPicture { .. }
+            | Self::Export(
+                export::ExportError::Side { .. }
+                | export::ExportError::Padding { .. }
+                | export::ExportError::UnknownKind { .. },
+            )
+            | Self::NotSquare { .. }
+            | Self::TurntableOption { .. }
+            | Self::NoTurntableOption { .. }
             | Self::NothingToMatch { .. } => 2,
             _ => 1,
+        }
+    }
+}
+
+impl From<export::ExportError> for CliError {
+    fn from(error: export::ExportError) -> Self {
+        match error {
+            export::ExportError::Cancelled => Self::Interrupted,
+            error => Self::Export(error),
         }
     }
 }

@@ -54,6 +54,7 @@
 //! | [`stream`] | asynchronous reading, demand and residency of tiles, files and URLs alike |
 //! | [`scene`] | cameras, lights, surroundings, tone mapping: what renderers are given |
 //! | [`paint`] | painting on assets |
+//! | [`export`] | out again: models with ordinary texture coordinates, single pictures |
 //! | [`render`] | the CPU renderer |
 //! | [`gpu`] | the GPU renderer: models with UV textures, and assets through a small atlas |
 //!
@@ -64,7 +65,7 @@
 pub mod look_scene;
 
 pub use {
-    fantex_bake as bake, fantex_cover as cover, fantex_gpu as gpu, fantex_look as look, fantex_mesh as mesh,
-    fantex_paint as paint, fantex_render as render, fantex_scene as scene, fantex_store as store,
-    fantex_stream as stream, fantex_texture as texture,
+    fantex_bake as bake, fantex_cover as cover, fantex_export as export, fantex_gpu as gpu,
+    fantex_look as look, fantex_mesh as mesh, fantex_paint as paint, fantex_render as render,
+    fantex_scene as scene, fantex_store as store, fantex_stream as stream, fantex_texture as texture,
 };

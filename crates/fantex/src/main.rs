@@ -1,5 +1,6 @@
 //! The command line of fantex.
 
+mod animation;
 mod cli;
 mod commands;
 mod context;

@@ -8,7 +8,7 @@ use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
-use fantex_texture::{AreaSampler, LoadImageError};
+use fantex_texture::{AreaAround, AreaSampler, LoadImageError};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
@@ -87,7 +87,7 @@ impl<'a> UvSource<'a> {
         let corners = layer.corner_uv(self.mesh, on.triangle);
         let edges = on.lambda_steps.map(|step| blend(corners, step));
         let smooth = (!layer.nearest).then(|| layer.texture.area_sampler(edges, layer.wrap));
-        Some(LayerSampler { layer, corners, edges, smooth })
+        Some(LayerSampler { layer, corners, edges, smooth, follows: false })
     }
 }
 
@@ -99,22 +99,69 @@ struct LayerSampler<'s> {
     edges: [Vec2; 2],
     /// `None` where texels are to appear as squares.
     smooth: Option<AreaSampler<'s>>,
+    /// Whether the areas of the triangle's first smooth layer serve this one, too.
+    follows: bool,
 }
 
 impl LayerSampler<'_> {
-    /// The mean of the texture over the texel.
-    fn mean(&self, lambda: Vec3) -> Vec4 {
-        let uv = blend(self.corners, lambda);
-        Vec4::from_array(match &self.smooth {
-            Some(sampler) => sampler.sample(uv),
-            None => self.layer.texture.sample_area_nearest(uv, self.edges, self.layer.wrap),
+    /// The mean of the texture over a texel.
+    fn mean(&self, at: &Texel) -> Vec4 {
+        let uv = || blend(self.corners, at.lambda);
+        Vec4::from_array(match (&self.smooth, &at.area) {
+            (Some(sampler), Some(area)) if self.follows => sampler.sample_area(area),
+            (Some(sampler), _) => sampler.sample(uv()),
+            (None, _) => self.layer.texture.sample_area_nearest(uv(), self.edges, self.layer.wrap),
         })
     }
 }
 
+/// Where the layers of a triangle are looked up.
+struct Texel {
+    lambda: Vec3,
+    /// In the first smooth layer and those that follow it.
+    area: Option<AreaAround>,
+}
+
+/// The layers of a material on one triangle. Most materials look all of them up at the same place of equally large images:
+/// the weights of the texels are then worked out once.
+struct MaterialSampler<'s> {
+    colors: Option<LayerSampler<'s>>,
+    bends: Option<LayerSampler<'s>>,
+    metallic_roughness: Option<LayerSampler<'s>>,
+    /// `None` also where it is read with the metallic-roughness texture.
+    occlusions: Option<LayerSampler<'s>>,
+    glow: Option<LayerSampler<'s>>,
+    /// The first smooth layer, and its coordinates at the corners.
+    first: Option<(AreaSampler<'s>, [Vec2; 3])>,
+}
+
+impl<'s> MaterialSampler<'s> {
+    fn layers_mut(&mut self) -> impl Iterator<Item = &mut LayerSampler<'s>> {
+        let Self { colors, bends, metallic_roughness, occlusions, glow, .. } = self;
+        [colors, bends, metallic_roughness, occlusions, glow].into_iter().flatten()
+    }
+
+    /// Finds out which layers share their areas.
+    fn with_shared_areas(mut self) -> Self {
+        let first = self.layers_mut().find_map(|layer| Some((layer.smooth?, layer.corners)));
+        if let Some((sampler, corners)) = &first {
+            for layer in self.layers_mut() {
+                layer.follows = layer.corners == *corners
+                    && layer.smooth.as_ref().is_some_and(|smooth| smooth.shares_areas_with(sampler));
+            }
+        }
+        Self { first, ..self }
+    }
+
+    fn texel(&self, lambda: Vec3) -> Texel {
+        let area = self.first.as_ref().map(|(sampler, corners)| sampler.area(blend(*corners, lambda)));
+        Texel { lambda, area }
+    }
+}
+
 /// White without texture.
-fn mean_or_white(sampler: &Option<LayerSampler<'_>>, lambda: Vec3) -> Vec4 {
-    sampler.as_ref().map_or(Vec4::ONE, |s| s.mean(lambda))
+fn mean_or_white(sampler: &Option<LayerSampler<'_>>, at: &Texel) -> Vec4 {
+    sampler.as_ref().map_or(Vec4::ONE, |s| s.mean(at))
 }
 
 /// True where two layers read the same texels.
@@ -159,35 +206,42 @@ impl Source for UvSource<'_> {
         let (material, textures) = (&self.mesh.materials[index], &self.materials[index]);
         let triangle = on.triangle;
         let wanted = |kind| self.kinds.contains(&kind);
-        let colors = self.sampler(&textures.base_color, on);
-        let bends = self.sampler(&textures.normal, on);
-        let metallic_roughness = self.sampler(&textures.metallic_roughness, on);
         let packed = is_same_look_up(&textures.metallic_roughness, &textures.occlusion);
-        let occlusions = if packed { None } else { self.sampler(&textures.occlusion, on) };
-        let glow = if wanted(ChannelKind::Emission) { self.sampler(&textures.emission, on) } else { None };
+        let occlusion = if packed { &None } else { &textures.occlusion };
+        let emission_layer = if wanted(ChannelKind::Emission) { &textures.emission } else { &None };
+        let layers = MaterialSampler {
+            colors: self.sampler(&textures.base_color, on),
+            bends: self.sampler(&textures.normal, on),
+            metallic_roughness: self.sampler(&textures.metallic_roughness, on),
+            occlusions: self.sampler(occlusion, on),
+            glow: self.sampler(emission_layer, on),
+            first: None,
+        }
+        .with_shared_areas();
         let at = move |point: &SurfacePoint, values: &mut [Vec4]| {
+            let texel = layers.texel(point.lambda);
             for (kind, value) in self.kinds.iter().zip(values) {
                 *value = match kind {
                     ChannelKind::BaseColor => {
                         let vertex_color = vertex_color(self.mesh, triangle, lambda_on_triangle(point));
-                        base_color(material, vertex_color, mean_or_white(&colors, point.lambda))
+                        base_color(material, vertex_color, mean_or_white(&layers.colors, &texel))
                     }
                     ChannelKind::Normal => {
-                        let bent = bends.as_ref().and_then(|bends| {
+                        let bent = layers.bends.as_ref().and_then(|bends| {
                             let lambda = lambda_on_triangle(point);
                             let frame = TangentFrame::at(&self.normals, &self.tangents, triangle, lambda);
-                            frame.bend(material, bends.mean(point.lambda))
+                            frame.bend(material, bends.mean(&texel))
                         });
                         bent.unwrap_or(point.normal).extend(0.0)
                     }
                     ChannelKind::OcclusionRoughnessMetallic => {
-                        let surface = mean_or_white(&metallic_roughness, point.lambda);
+                        let surface = mean_or_white(&layers.metallic_roughness, &texel);
                         let occlusion =
-                            if packed { surface } else { mean_or_white(&occlusions, point.lambda) };
+                            if packed { surface } else { mean_or_white(&layers.occlusions, &texel) };
                         occlusion_roughness_metallic(material, occlusion, surface).extend(1.0)
                     }
                     ChannelKind::Emission => {
-                        emission(material, mean_or_white(&glow, point.lambda)).extend(1.0)
+                        emission(material, mean_or_white(&layers.glow, &texel)).extend(1.0)
                     }
                     ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
                 };

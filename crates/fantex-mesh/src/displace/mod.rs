@@ -15,8 +15,8 @@ pub use self::options::{DisplaceError, DisplaceOptions, Refinement};
 
 use self::tessellation::{Corner, Piece, Tessellation, Vertex, height_at};
 use crate::{
-    CleanOptions, CleanReport, CornerAttributes, Mesh, Model, VertexCorners, clean, corner_normals,
-    shading_normals,
+    CleanOptions, CleanReport, CornerAttributes, Mesh, Model, VertexCorners, angle_between, clean,
+    corner_normals, shading_normals,
 };
 
 /// A point whose height is asked for.
@@ -80,7 +80,7 @@ fn displaced_vertices(
         let weighted = |&corner: &u32| {
             let positions = mesh.triangle_positions(corner as usize / 3).map(|p| p.as_dvec3());
             let at = |k: u32| positions[((corner + k) % 3) as usize];
-            normals[corner as usize].as_dvec3() * (at(1) - at(0)).angle_between(at(2) - at(0))
+            normals[corner as usize].as_dvec3() * angle_between(at(1) - at(0), at(2) - at(0))
         };
         let sum: DVec3 = row.iter().map(weighted).sum();
         let first = || row.first().map_or(Vec3::Z, |&corner| normals[corner as usize]);

@@ -1,7 +1,9 @@
 //! Dabs: one touch of the brush, as a function on the surface.
 
+mod chart;
 mod region;
 
+pub(crate) use chart::Chart;
 pub use region::{Region, RegionTriangle};
 
 use std::sync::Arc;
@@ -59,6 +61,11 @@ impl PlacedDab {
         }
     }
 
+    /// Distance along the surface at which it ends, mesh units.
+    pub(crate) fn reach(&self) -> f32 {
+        self.fade[1]
+    }
+
     /// Coverage that the dab adds at a point of a triangle of its region, 0..1.
     #[inline]
     pub(crate) fn coverage(&self, triangle: &RegionTriangle, lambda: Vec3, position: Vec3) -> f32 {
@@ -79,7 +86,7 @@ impl PlacedDab {
 
 /// Two unit vectors orthogonal to a normal and to each other; the second is as upright (along y) as can be, so that stamps
 /// stand upright on walls.
-fn tangent_axes(normal: DVec3) -> (DVec3, DVec3) {
+pub(crate) fn tangent_axes(normal: DVec3) -> (DVec3, DVec3) {
     let up = if normal.y.abs() < 0.999 { DVec3::Y } else { DVec3::NEG_Z };
     let x = up.cross(normal).normalize_or(DVec3::X);
     (x, normal.cross(x))

@@ -46,6 +46,11 @@ impl RegionTriangle {
         let squared = x * a + y * b + z * c - (x * y * ab + y * z * bc + z * x * ca);
         squared.max(0.0).sqrt() as f32
     }
+
+    /// Distance of a corner, mesh units.
+    pub(crate) fn corner_distance(&self, corner: usize) -> f64 {
+        self.corners[corner].sqrt()
+    }
 }
 
 /// All triangles within a distance of a point along the surface, ascending.
@@ -67,7 +72,7 @@ const MAX_VALENCE: usize = 64;
 /// Spreads indices over a table by multiplication (D. Knuth, "The Art of Computer Programming", volume 3, 6.4): the tables
 /// here hold our own indices, whose order nobody chose to do harm, and are never iterated over unsorted.
 #[derive(Default)]
-struct IndexHasher(u64);
+pub(super) struct IndexHasher(u64);
 
 impl Hasher for IndexHasher {
     fn finish(&self) -> u64 {
@@ -83,7 +88,7 @@ impl Hasher for IndexHasher {
     }
 }
 
-type IndexHash = BuildHasherDefault<IndexHasher>;
+pub(super) type IndexHash = BuildHasherDefault<IndexHasher>;
 
 /// An edge on the front, nearest first; ties by its number, so that the order is fixed.
 type Front = BinaryHeap<Reverse<(u64, u32)>>;

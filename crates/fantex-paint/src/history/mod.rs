@@ -12,7 +12,7 @@ use fantex_store::{AssetEditor, EditError, PageId};
 use record::Record;
 use serde::{Deserialize, Serialize};
 
-use crate::PaintError;
+use crate::{PaintError, log};
 
 const INDEX: &str = "history/index";
 
@@ -182,8 +182,8 @@ fn apply(step: &HistoryStep, direction: Direction, editor: &mut AssetEditor) -> 
                         Direction::Back => before,
                         Direction::Forth => after,
                     };
-                    if !name.starts_with("layers/") {
-                        return Err(damaged(editor, "a step changes what is no layer"));
+                    if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
+                        return Err(damaged(editor, "a step changes what is neither layer nor log"));
                     }
                     if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
                 }

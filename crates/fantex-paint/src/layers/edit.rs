@@ -10,7 +10,7 @@ use super::{
 };
 use crate::layers::flatten::base_bytes;
 use crate::tile_paint::{Changes, PageChange, Rect};
-use crate::{PaintError, Painter};
+use crate::{PaintError, Painter, StrokeSettings};
 
 /// Pages that are flattened at a time.
 const BATCH: usize = 64;
@@ -43,6 +43,16 @@ impl Painter {
         })
     }
 
+    /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays.
+    pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>) -> Result<(), PaintError> {
+        self.change_layers(label, |layers| {
+            let mut seen = BTreeSet::new();
+            layers.stack = stack.into_iter().filter(|layer| seen.insert(layer.id())).collect();
+            let next = layers.stack.iter().map(|layer| layer.id() + 1).max().unwrap_or(0);
+            layers.next_id = layers.next_id.max(next);
+        })
+    }
+
     fn change_layers(
         &mut self,
         label: &str,
@@ -54,9 +64,15 @@ impl Painter {
         if before == self.layers {
             return Ok(());
         }
+        if let Err(error) = self.fills.update(&self.surface, &self.layers) {
+            self.layers = before;
+            return Err(error);
+        }
         self.begin_step(label);
         let list = self.layers.encoded()?;
         self.attach(INDEX, list)?;
+        let set_layers = Some(self.layers.stack.clone());
+        self.log(&StrokeSettings { label: label.to_owned(), set_layers, ..StrokeSettings::default() })?;
         let pages = self.pages_to_flatten(&before.stack);
         let mut changes = Changes::default();
         for ids in pages.chunks(BATCH) {
@@ -74,13 +90,17 @@ impl Painter {
                 self.attach(&base_name(id), base)?;
             }
         }
-        let (editor, layers) = (&self.editor, &self.layers);
+        let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
+        let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
         let flat: Vec<Vec<Vec<u8>>> = ids
             .par_iter()
-            .map(|&id| {
+            .zip(&maps)
+            .map(|(&id, map)| {
                 let group = &editor.asset().cover().groups[id.group as usize];
                 let extent = page_extent(group.level_extent(0), id.page);
-                flatten(&LayerStack { editor, layers, id, extent, replaced: None })
+                let rect = Rect { low: [0; 2], high: extent };
+                let replaced = None;
+                flatten(&LayerStack { editor, layers, id, extent, surface, map, fills, rect, replaced })
             })
             .collect::<Result<_, _>>()?;
         for (&id, channels) in ids.iter().zip(flat) {
@@ -102,7 +122,7 @@ impl Painter {
     /// Pages on which some layer shows or has shown something, ascending.
     fn pages_to_flatten(&self, before: &[Layer]) -> Vec<PageId> {
         let everywhere = |layer: &Layer| {
-            matches!(layer.content, LayerContent::Fill(_)) && layer.mask.is_none_or(|outside| outside > 0.0)
+            !matches!(layer.content, LayerContent::Painted) && layer.mask.is_none_or(|outside| outside > 0.0)
         };
         if self.layers.stack.iter().chain(before).any(everywhere) {
             return self.all_pages();
@@ -123,7 +143,7 @@ impl Painter {
         group.is_some_and(|group| group.extent.iter().zip(id.page).all(|(&n, page)| page < n.div_ceil(PAGE)))
     }
 
-    fn all_pages(&self) -> Vec<PageId> {
+    pub(crate) fn all_pages(&self) -> Vec<PageId> {
         let groups = (0u32..).zip(&self.editor.asset().cover().groups);
         let pages = groups.flat_map(|(group, shape)| {
             let [columns, rows] = page_grid(shape.extent);

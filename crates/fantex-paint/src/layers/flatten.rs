@@ -3,9 +3,11 @@
 use fantex_store::{AssetEditor, PageId};
 use glam::Vec4;
 
-use super::{Layer, LayerContent, Layers, base_name, decode_mask, decode_values, layer_name, mask_name};
-use crate::PaintError;
-use crate::tile_paint::{Rect, replace_blocks};
+use super::{
+    FillTextures, Layer, LayerContent, Layers, base_name, decode_mask, decode_values, layer_name, mask_name,
+};
+use crate::tile_paint::{Rect, TexelPage, copy_blocks, replace_blocks};
+use crate::{PaintError, Surface};
 
 /// What a page is flattened from.
 pub(crate) struct LayerStack<'a> {
@@ -13,6 +15,12 @@ pub(crate) struct LayerStack<'a> {
     pub(crate) layers: &'a Layers,
     pub(crate) id: PageId,
     pub(crate) extent: [u32; 2],
+    /// Which texels show what.
+    pub(crate) surface: &'a Surface,
+    pub(crate) map: &'a TexelPage,
+    pub(crate) fills: &'a FillTextures,
+    /// Whole blocks; what lies outside stays as it is shown.
+    pub(crate) rect: Rect,
     /// An attachment that is about to change, with what it will be.
     pub(crate) replaced: Option<(&'a str, &'a [u8])>,
 }
@@ -20,7 +28,7 @@ pub(crate) struct LayerStack<'a> {
 /// A layer's part of a page.
 struct LayerPage<'a> {
     layer: &'a Layer,
-    /// Per channel; empty for fills.
+    /// Per channel; empty for fills of one colour, and where a graph shows nothing.
     values: Vec<Vec<Vec4>>,
     /// Empty without a mask.
     mask: Vec<f32>,
@@ -29,13 +37,16 @@ struct LayerPage<'a> {
 impl LayerPage<'_> {
     fn source(&self, channel: usize, texel: usize) -> Vec4 {
         match &self.layer.content {
-            LayerContent::Painted => self.values.get(channel).map_or(Vec4::ZERO, |values| values[texel]),
+            LayerContent::Painted | LayerContent::Graph(_) => {
+                let values = self.values.get(channel).and_then(|values| values.get(texel));
+                values.copied().unwrap_or(Vec4::ZERO)
+            }
             LayerContent::Fill(colors) => colors.get(channel).map_or(Vec4::ZERO, |&color| color.into()),
         }
     }
 }
 
-/// The bytes of the page in all channels of the asset, and where they differ from the base.
+/// The bytes of the page in all channels of the asset.
 pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>, PaintError> {
     let asset = stack.editor.asset();
     let texels = stack.extent[0] as usize * stack.extent[1] as usize;
@@ -46,7 +57,9 @@ pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>, PaintError
         let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
         let mut changed = vec![false; texels];
         let mut rect = Rect::EMPTY;
-        for (texel, value) in values.iter_mut().enumerate() {
+        for (x, y) in stack.rect.texels() {
+            let texel = (y * stack.extent[0] + x) as usize;
+            let value = &mut values[texel];
             let before = *value;
             for page in pages.iter().filter(|page| page.layer.shows(index)) {
                 let share = page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
@@ -54,10 +67,11 @@ pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>, PaintError
             }
             if *value != before {
                 changed[texel] = true;
-                rect.add(texel as u32 % stack.extent[0], texel as u32 / stack.extent[0]);
+                rect.add(x, y);
             }
         }
-        let mut bytes = base;
+        let mut bytes = stack.editor.read_page_raw(index, stack.id)?;
+        copy_blocks(channel, stack.extent, &base, &mut bytes, stack.rect);
         if !rect.is_empty() {
             replace_blocks(channel, stack.extent, &mut bytes, &values, rect, |texel| changed[texel])?;
         }
@@ -85,7 +99,7 @@ impl<'a> LayerStack<'a> {
         let mut pages = Vec::new();
         for layer in &self.layers.stack {
             let values = match layer.content {
-                LayerContent::Fill(_) => Vec::new(),
+                LayerContent::Fill(_) | LayerContent::Graph(_) => Vec::new(),
                 LayerContent::Painted => match self.attachment(&layer_name(layer.id(), self.id))? {
                     Some(bytes) => decode_values(&bytes, channels, texels),
                     None => continue,
@@ -98,7 +112,12 @@ impl<'a> LayerStack<'a> {
                 }
                 None => Vec::new(),
             };
-            pages.push(LayerPage { layer, values, mask });
+            let mut page = LayerPage { layer, values, mask };
+            if matches!(layer.content, LayerContent::Graph(_)) {
+                let is_hidden = |texel: usize| page.mask.get(texel).is_some_and(|shown| *shown <= 0.0);
+                page.values = self.fills.values(self.surface, layer.id(), self.map, self.rect, is_hidden);
+            }
+            pages.push(page);
         }
         Ok(pages)
     }

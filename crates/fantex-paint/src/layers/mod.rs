@@ -13,6 +13,7 @@
 
 mod edit;
 mod flatten;
+mod graph;
 mod page;
 mod stroke;
 
@@ -21,6 +22,8 @@ use glam::Vec4;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use flatten::{LayerStack, flatten};
+pub(crate) use graph::FillTextures;
+pub use graph::GraphFill;
 pub(crate) use page::{decode_mask, decode_values, encode_mask, encode_values};
 pub(crate) use stroke::{LayeredPage, ShownPage, target_name};
 
@@ -36,6 +39,8 @@ pub enum LayerContent {
     Painted,
     /// The same linear RGBA everywhere, one per channel of the asset; its mask says where.
     Fill(Vec<[f32; 4]>),
+    /// A texture graph, evaluated where the layer is shown, whenever the graph, the density or the level changes.
+    Graph(GraphFill),
 }
 
 /// One layer.
@@ -78,6 +83,11 @@ impl Layer {
     pub fn fill(name: &str, colors: &[Vec4]) -> Self {
         let content = LayerContent::Fill(colors.iter().map(|color| color.to_array()).collect());
         Self { content, mask: Some(0.0), ..Self::painted(name) }
+    }
+
+    /// A layer that shows a texture graph everywhere.
+    pub fn graph(name: &str, fill: GraphFill) -> Self {
+        Self { content: LayerContent::Graph(fill), ..Self::painted(name) }
     }
 
     /// Its number, which stays as long as it lives.

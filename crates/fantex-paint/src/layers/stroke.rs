@@ -5,8 +5,8 @@ use glam::Vec3;
 
 use super::flatten::base_bytes;
 use super::{
-    Layer, LayerStack, Layers, Target, base_name, decode_mask, decode_values, encode_mask, encode_values,
-    flatten, layer_name, mask_name,
+    FillTextures, Layer, LayerStack, Layers, Target, base_name, decode_mask, decode_values, encode_mask,
+    encode_values, flatten, layer_name, mask_name,
 };
 use crate::PaintError;
 use crate::tile_paint::{Ink, StrokePage, TexelPage, composite};
@@ -24,6 +24,7 @@ pub(crate) struct ShownPage {
 pub(crate) struct LayeredPage<'a> {
     pub(crate) editor: &'a AssetEditor,
     pub(crate) layers: &'a Layers,
+    pub(crate) fills: &'a FillTextures,
     pub(crate) map: &'a TexelPage,
     pub(crate) id: PageId,
     pub(crate) page: &'a StrokePage,
@@ -56,7 +57,17 @@ impl LayeredPage<'_> {
         let mut shown = ShownPage::default();
         let extent = self.map.block.extent;
         let replaced = Some((name.as_str(), contents.as_slice()));
-        let stack = LayerStack { editor: self.editor, layers: self.layers, id: self.id, extent, replaced };
+        let stack = LayerStack {
+            editor: self.editor,
+            layers: self.layers,
+            id: self.id,
+            extent,
+            surface: self.ink.surface,
+            map: self.map,
+            fills: self.fills,
+            rect: self.page.stale.blocks(),
+            replaced,
+        };
         let mut flat = flatten(&stack)?;
         shown.channels = self.affected.iter().map(|&channel| std::mem::take(&mut flat[channel])).collect();
         if self.target != Target::Base && self.editor.attachment(&base_name(self.id))?.is_none() {
@@ -84,8 +95,8 @@ impl LayeredPage<'_> {
         let channels = self.editor.asset().channels().len();
         let mut values = decode_values(before, channels, self.page.coverage.len());
         self.for_each_covered(|texel, place| {
-            for painted in &self.ink.paint.channels {
-                if let Some(color) = self.ink.at(self.map, place, painted) {
+            for (number, painted) in self.ink.paint.channels.iter().enumerate() {
+                if let Some(color) = self.ink.color(self.map, self.page, place, number) {
                     let value = &mut values[painted.channel][texel];
                     *value = self.ink.paint.apply(*value, color, self.page.coverage[texel]);
                 }
@@ -98,8 +109,7 @@ impl LayeredPage<'_> {
         let outside = layer.and_then(|layer| layer.mask).unwrap_or(1.0);
         let mut mask = decode_mask(before, self.page.coverage.len(), outside);
         self.for_each_covered(|texel, place| {
-            let painted = self.ink.paint.channels.first();
-            if let Some(color) = painted.and_then(|painted| self.ink.at(self.map, place, painted)) {
+            if let Some(color) = self.ink.color(self.map, self.page, place, 0) {
                 // Luminance (ITU-R BT.709).
                 let goal = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
                 let share = self.page.coverage[texel] * self.ink.paint.opacity.clamp(0.0, 1.0);

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use fantex_store::ChannelKind;
 use serde::{Deserialize, Serialize};
 
-use crate::{BlendMode, FillScope, Jitter, PressureResponse, Size, Symmetry};
+use crate::{BlendMode, ColorFill, FillScope, Jitter, Layer, Lens, PressureResponse, Size, Symmetry};
 
 /// A stroke file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,12 +31,23 @@ pub struct StrokeSettings {
     #[serde(default)]
     pub tool: ToolSettings,
     /// Into which channels, together.
+    #[serde(default)]
     pub channels: Vec<ChannelSettings>,
-    /// The way of the pen; for a fill its start.
+    /// The way of the pen; for a fill its start; for decals and texts their middles.
+    #[serde(default)]
     pub samples: Vec<SampleSettings>,
     /// Fills instead of painting along the samples.
-    #[serde(default)]
-    pub fill: Option<FillScope>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fill: Option<FillSettings>,
+    /// Lays a picture at each sample instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decal: Option<DecalSettings>,
+    /// Writes at each sample instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text: Option<TextSettings>,
+    /// The camera through which colours that are pictures are seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub projection: Option<ProjectionSettings>,
     /// Only the first and the last sample count.
     #[serde(default)]
     pub line: bool,
@@ -44,8 +55,56 @@ pub struct StrokeSettings {
     #[serde(default)]
     pub symmetry: Symmetry,
     /// The layer to paint on, by its name; made on top of the others where there is none. Without it: under all layers.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layer: Option<LayerSettings>,
+    /// Touches of the brush, one by one, instead of samples: as they were recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub dabs: Vec<DabSettings>,
+    /// Replaces all layers, from the bottom to the top, and paints nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub set_layers: Option<Vec<Layer>>,
+    /// What was painted could not be recorded: nothing is done but counting.
+    #[serde(default)]
+    pub unrecorded: bool,
+}
+
+impl Default for StrokeSettings {
+    fn default() -> Self {
+        Self {
+            label: default_label(),
+            brush: BrushSettings::default(),
+            tool: ToolSettings::default(),
+            channels: Vec::new(),
+            samples: Vec::new(),
+            fill: None,
+            decal: None,
+            text: None,
+            projection: None,
+            line: false,
+            symmetry: Symmetry::None,
+            layer: None,
+            dabs: Vec::new(),
+            set_layers: None,
+            unrecorded: false,
+        }
+    }
+}
+
+/// One touch of the brush.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DabSettings {
+    /// Where.
+    pub at: Where,
+    /// World units along the surface.
+    pub radius: f32,
+    /// 0..1.
+    pub hardness: f32,
+    /// 0..1.
+    pub flow: f32,
+    /// Of the stamp, radians.
+    #[serde(default)]
+    pub angle: f32,
 }
 
 /// A layer to paint on.
@@ -60,6 +119,137 @@ pub struct LayerSettings {
     /// 0..1; where the layer is made.
     #[serde(default = "full")]
     pub opacity: f32,
+    /// Its number, which goes before its name where there is a layer of both.
+    #[serde(default)]
+    pub id: Option<u64>,
+    /// Paints on its mask: the luminance of the first channel's colour, 0 hides and 1 shows.
+    #[serde(default)]
+    pub mask: bool,
+    /// The layer shows textures of a look instead of what is painted on it.
+    #[serde(default)]
+    pub fill: Option<FillLayerSettings>,
+}
+
+impl Default for LayerSettings {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            blend: BlendMode::Normal,
+            opacity: 1.0,
+            id: None,
+            mask: false,
+            fill: None,
+        }
+    }
+}
+
+/// What a fill layer shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FillLayerSettings {
+    /// Where the textures are.
+    pub look: LookSettings,
+    /// Their names by channel.
+    pub textures: Vec<FillTextureSettings>,
+    /// Outside of what is painted on its mask: 1 shows the layer, 0 hides it; without it there is no mask.
+    #[serde(default)]
+    pub outside: Option<f32>,
+}
+
+/// A texture in a channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FillTextureSettings {
+    /// Which channel.
+    pub kind: ChannelKindName,
+    /// The texture's name in the look.
+    pub texture: String,
+}
+
+/// How far a fill goes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum FillSettings {
+    /// The whole surface.
+    Whole,
+    /// What hangs together with the start through edges of two triangles.
+    Connected,
+    /// The same, across edges that bend by at most so many degrees.
+    Angle(f32),
+    /// What looks like the start.
+    Color(ColorFill),
+}
+
+impl FillSettings {
+    /// The triangles to fill, where it is triangles.
+    pub(crate) fn scope(self) -> Option<FillScope> {
+        match self {
+            Self::Whole => Some(FillScope::Whole),
+            Self::Connected => Some(FillScope::Connected),
+            Self::Angle(degrees) => Some(FillScope::Angle(degrees)),
+            Self::Color(_) => None,
+        }
+    }
+}
+
+impl From<FillScope> for FillSettings {
+    fn from(scope: FillScope) -> Self {
+        match scope {
+            FillScope::Whole => Self::Whole,
+            FillScope::Connected => Self::Connected,
+            FillScope::Angle(degrees) => Self::Angle(degrees),
+        }
+    }
+}
+
+/// A picture at a place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DecalSettings {
+    /// A picture, relative to the stroke file, whose alpha (or brightness, where it has none) says where the decal covers; without
+    /// it the alpha of the first channel's picture does.
+    #[serde(default)]
+    pub shape: Option<PathBuf>,
+    /// Length of the picture's longer side.
+    pub size: Size,
+    /// Degrees, counter-clockwise; 0 is upright.
+    #[serde(default)]
+    pub angle: f32,
+}
+
+/// A text at a place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextSettings {
+    /// What; lines end with `\n`.
+    pub text: String,
+    /// A font (TrueType or OpenType), relative to the stroke file; without it the one that comes with the program.
+    #[serde(default)]
+    pub font: Option<PathBuf>,
+    /// Distance of lines.
+    pub size: Size,
+    /// Degrees, counter-clockwise; 0 is upright.
+    #[serde(default)]
+    pub angle: f32,
+}
+
+/// A camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProjectionSettings {
+    /// Where it is, world space.
+    pub eye: [f64; 3],
+    /// What it looks at.
+    pub target: [f64; 3],
+    /// What is upright in its picture.
+    #[serde(default = "up")]
+    pub up: [f64; 3],
+    /// `{"perspective": DEGREES}` or `{"parallel": HEIGHT}`.
+    pub lens: Lens,
+}
+
+fn up() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
 }
 
 fn default_label() -> String {
@@ -129,6 +319,11 @@ pub enum ToolSettings {
         /// Radius.
         radius: Size,
     },
+    /// Drags colour along.
+    Smudge {
+        /// Share of the dragged colour that is left after a way of one brush radius, 0..1.
+        strength: f32,
+    },
     /// Copies from elsewhere.
     Clone {
         /// What comes to lie under the first sample: a position in world space.
@@ -168,6 +363,31 @@ pub enum ColorSettings {
         /// Of its noise.
         #[serde(default)]
         seed: u32,
+    },
+    /// A texture of a look.
+    Texture {
+        /// Where it is.
+        look: LookSettings,
+        /// Its name there.
+        name: String,
+    },
+    /// A picture, relative to the stroke file: over a decal, or through a projection.
+    Image(PathBuf),
+}
+
+/// Where a texture's look is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum LookSettings {
+    /// In a file, relative to the stroke file.
+    File(PathBuf),
+    /// Here, with the folder of the files that it mentions, relative to the stroke file.
+    Inline {
+        /// TOML.
+        text: String,
+        /// Folder.
+        #[serde(default)]
+        folder: PathBuf,
     },
 }
 
@@ -237,6 +457,13 @@ pub enum Where {
         origin: [f64; 3],
         /// Of any length.
         direction: [f64; 3],
+    },
+    /// The nearest point whose normal agrees: on edited meshes and thin sheets.
+    Surface {
+        /// World space.
+        position: [f64; 3],
+        /// Of the triangle, by its winding.
+        normal: [f32; 3],
     },
     /// A point of a triangle of this very mesh.
     Point {

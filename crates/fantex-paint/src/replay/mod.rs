@@ -16,11 +16,15 @@
 //! }
 //! ```
 
+mod color;
 mod file;
+mod prepare;
 mod run;
 
 pub use file::{
-    BrushSettings, ChannelKindName, ChannelSettings, ColorSettings, LayerSettings, SampleSettings,
-    StrokeFile, StrokeSettings, ToolSettings, Where,
+    BrushSettings, ChannelKindName, ChannelSettings, ColorSettings, DabSettings, DecalSettings,
+    FillLayerSettings, FillSettings, FillTextureSettings, LayerSettings, LookSettings, ProjectionSettings,
+    SampleSettings, StrokeFile, StrokeSettings, TextSettings, ToolSettings, Where,
 };
+pub(crate) use prepare::place_on;
 pub use run::{ReplayError, ReplaySummary, replay};

@@ -4,19 +4,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_store::ChannelKind;
-use fantex_texture::color::linear_from_srgb;
-use fantex_texture::{
-    Bounds, Image, LoadImageError, ShadingPoint, Solid, SolidPoint, Texture, UnknownSolid, solid_by_name,
-};
-use glam::{DVec3, Vec3, Vec4};
+use fantex_texture::{LoadImageError, UnknownSolid};
 
-use super::file::{
-    ColorSettings, LayerSettings, SampleSettings, StrokeFile, StrokeSettings, ToolSettings, Where,
-};
-use crate::stroke::mesh_length;
+use super::file::{FillSettings, LayerSettings, StrokeFile, StrokeSettings, Where};
+use super::prepare::{Preparation, Prepared};
 use crate::{
-    Brush, ChannelPaint, Layer, Paint, PaintColor, PaintError, Painter, Sample, Size, Stamp, Stroke,
-    StrokeSummary, Surface, SurfacePoint, Target, Tool, dabs_of, fill_triangles,
+    GraphError, GraphFill, Layer, LayerContent, PaintError, Painter, StrokeSummary, Target, TextError,
+    dabs_of, fill_triangles,
 };
 
 /// A stroke file could not be applied.
@@ -86,7 +80,38 @@ pub enum ReplayError {
         /// Which.
         source: UnknownSolid,
     },
-    /// A stamp that cannot be loaded.
+    /// A texture of a look that cannot be made.
+    #[error("stroke {stroke}: {source}")]
+    Graph {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Why.
+        source: Box<GraphError>,
+    },
+    /// A text that cannot be drawn.
+    #[error("stroke {stroke}: {source}")]
+    Text {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Why.
+        source: TextError,
+    },
+    /// A decal without a picture.
+    #[error("stroke {stroke} lays a decal, but names no picture: give it a shape, or an image as colour")]
+    NoPicture {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+    },
+    /// A projection whose camera sees nothing.
+    #[error(
+        "stroke {stroke}: the camera of the projection must look somewhere, with its upright direction beside that, \
+         through a lens of more than 0 and less than 180 degrees, or of more than 0 units"
+    )]
+    Camera {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+    },
+    /// A picture that cannot be loaded.
     #[error("stroke {stroke}: {source}")]
     Stamp {
         /// Number of the stroke, from 0.
@@ -110,6 +135,8 @@ pub struct ReplaySummary {
     pub pages: usize,
     /// Samples whose rays met nothing; they were passed over.
     pub missed_samples: usize,
+    /// Strokes of a log that could not be recorded and so are missing.
+    pub unrecorded: usize,
 }
 
 impl StrokeFile {
@@ -123,18 +150,22 @@ impl StrokeFile {
     }
 }
 
-/// Applies all strokes of a file, one step of the history each. Commits nothing. `folder`: what paths of stamps are relative to.
+/// Applies all strokes of a file, one step of the history each. Commits nothing. `folder`: what paths in the file are relative
+/// to.
 pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result<ReplaySummary, ReplayError> {
     let mut summary = ReplaySummary::default();
     // All are checked before the first one is applied.
     let mut prepared = Vec::with_capacity(file.strokes.len());
     for (index, settings) in file.strokes.iter().enumerate() {
         let preparation = Preparation { painter, stroke: index, settings, folder };
-        let stroke = preparation.stroke(&mut summary.missed_samples)?;
-        prepared.push((settings, preparation.paint(&stroke)?, stroke));
+        prepared.push((settings, preparation.run(&mut summary.missed_samples)?));
     }
-    for (settings, paint, stroke) in prepared {
-        let StrokeSummary { dabs, pages, .. } = apply(painter, settings, paint, &stroke)?;
+    for (settings, prepared) in prepared {
+        if settings.unrecorded {
+            summary.unrecorded += 1;
+            continue;
+        }
+        let StrokeSummary { dabs, pages, .. } = apply(painter, settings, prepared, folder)?;
         summary.strokes += 1;
         summary.dabs += dabs;
         summary.pages += pages;
@@ -145,193 +176,66 @@ pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result
 fn apply(
     painter: &mut Painter,
     settings: &StrokeSettings,
-    paint: Paint,
-    stroke: &Stroke,
+    prepared: Prepared,
+    folder: &Path,
 ) -> Result<StrokeSummary, PaintError> {
-    let target = target_of(painter, settings)?;
+    if let Some(layers) = &settings.set_layers {
+        painter.set_layers(&settings.label, layers.clone())?;
+        return Ok(StrokeSummary::default());
+    }
+    let Prepared { paint, stroke, decals, dabs, fill } = prepared;
+    let target = target_of(painter, settings, fill)?;
+    if paint.channels.is_empty() {
+        return Ok(StrokeSummary::default());
+    }
+    let compared = paint.channels[0].channel;
     painter.begin_on(target, &settings.label, paint)?;
+    painter.record(settings.clone(), folder)?;
     let surface = Arc::clone(painter.surface());
-    match (settings.fill, stroke.samples.first()) {
-        (Some(scope), Some(start)) => painter.fill(&fill_triangles(&surface, start.point, scope))?,
-        _ => painter.dab(&dabs_of(&surface, stroke))?,
+    let start = stroke.samples.first().map(|sample| sample.point);
+    match (settings.fill, start) {
+        (Some(FillSettings::Color(fill)), Some(start)) => painter.fill_color(compared, start, fill)?,
+        (Some(fill), Some(start)) => {
+            let triangles = fill.scope().map(|scope| fill_triangles(&surface, start, scope));
+            painter.fill(&triangles.unwrap_or_default())?;
+        }
+        _ if !decals.is_empty() => decals.iter().try_for_each(|decal| painter.decal(decal))?,
+        _ if settings.decal.is_some() || settings.text.is_some() => {}
+        _ => {
+            painter.dab(&dabs)?;
+            painter.dab(&dabs_of(&surface, &stroke))?;
+        }
     }
     painter.end()
 }
 
 /// The layer that a stroke names; made where there is none.
-fn target_of(painter: &mut Painter, settings: &StrokeSettings) -> Result<Target, PaintError> {
-    let Some(LayerSettings { name, blend, opacity }) = &settings.layer else { return Ok(Target::Base) };
-    if let Some(layer) = painter.layers().iter().find(|layer| layer.name == *name) {
-        return Ok(Target::Layer(layer.id()));
+fn target_of(
+    painter: &mut Painter,
+    settings: &StrokeSettings,
+    fill: Option<GraphFill>,
+) -> Result<Target, PaintError> {
+    let Some(LayerSettings { name, blend, opacity, id, mask, fill: filled }) = &settings.layer else {
+        return Ok(Target::Base);
+    };
+    let target = |id| if *mask { Target::Mask(id) } else { Target::Layer(id) };
+    let known = painter.layers().iter().filter(|layer| layer.name == *name);
+    let known: Vec<u64> = known.map(Layer::id).collect();
+    if let Some(&first) = known.iter().find(|known| Some(**known) == *id).or(known.first()) {
+        if let Some(fill) = fill {
+            // The graph has changed: the layer is evaluated anew.
+            painter.edit_layers(&settings.label, |layers| {
+                let changed = layers.iter_mut().filter(|layer| layer.id() == first);
+                changed.for_each(|layer| layer.content = LayerContent::Graph(fill.clone()));
+            })?;
+        }
+        return Ok(target(first));
     }
-    let mut layer = Layer::painted(name);
+    let mut layer = fill.map_or_else(|| Layer::painted(name), |fill| Layer::graph(name, fill));
     (layer.blend, layer.opacity) = (*blend, *opacity);
-    Ok(Target::Layer(painter.add_layer(layer)?))
-}
-
-/// A stroke on its way from settings to what the painter takes.
-struct Preparation<'a> {
-    painter: &'a Painter,
-    stroke: usize,
-    settings: &'a StrokeSettings,
-    folder: &'a Path,
-}
-
-impl Preparation<'_> {
-    fn paint(&self, drawn: &Stroke) -> Result<Paint, ReplayError> {
-        let stroke = self.stroke;
-        let asset = self.painter.editor().asset();
-        let mut channels: Vec<ChannelPaint> = Vec::new();
-        for settings in &self.settings.channels {
-            let kind = ChannelKind::from(settings.kind);
-            let channel = asset.channel_of_kind(kind).ok_or(ReplayError::Channel { stroke, kind })?;
-            if channels.iter().any(|painted| painted.channel == channel) {
-                return Err(ReplayError::ChannelTwice { stroke, kind });
-            }
-            channels.push(ChannelPaint { channel, color: self.color(&settings.color)? });
-        }
-        let tool = match self.settings.tool {
-            ToolSettings::Paint(mode) => Tool::Paint(mode),
-            ToolSettings::Erase => Tool::Erase,
-            ToolSettings::Blur { radius } => Tool::Blur { radius: self.mesh_length(radius)? },
-            ToolSettings::Clone { from } => {
-                let surface = self.painter.surface();
-                let source = surface.mesh().world_from_mesh.inverse_point(DVec3::from(from));
-                let start = drawn.samples.first().map_or(source, |s| surface.position(s.point).as_vec3());
-                self.finite("the source of a clone", &source.to_array())?;
-                Tool::Clone { offset: source - start, reach: self.mesh_length(drawn.brush.size)? }
-            }
-        };
-        Ok(Paint { tool, opacity: self.settings.brush.opacity, channels })
+    layer.mask = filled.as_ref().and_then(|filled| filled.outside);
+    if *mask {
+        layer.mask = layer.mask.or(Some(0.0));
     }
-
-    fn color(&self, settings: &ColorSettings) -> Result<PaintColor, ReplayError> {
-        let color = match settings {
-            ColorSettings::Srgb(color) => Vec3::from(color.map(linear_from_srgb)).extend(1.0),
-            ColorSettings::Linear(color) => Vec4::from(*color),
-            ColorSettings::Solid { name, seed } => {
-                let bounds = object_bounds(self.painter.surface());
-                let solid = solid_by_name(name, bounds, *seed)
-                    .map_err(|source| ReplayError::Solid { stroke: self.stroke, source })?;
-                return Ok(PaintColor::Texture(Arc::new(NamedSolid(solid))));
-            }
-        };
-        self.finite("a colour", &color.to_array())?;
-        Ok(PaintColor::Constant(color))
-    }
-
-    fn mesh_length(&self, size: Size) -> Result<f32, ReplayError> {
-        let length = mesh_length(self.painter.surface(), size);
-        self.finite("a length", &[length]).map(|()| length.max(0.0))
-    }
-
-    fn finite(&self, what: &'static str, numbers: &[f32]) -> Result<(), ReplayError> {
-        let range = "finite";
-        let all = numbers.iter().all(|x| x.is_finite());
-        if all { Ok(()) } else { Err(ReplayError::Number { stroke: self.stroke, what, range }) }
-    }
-
-    fn stroke(&self, missed: &mut usize) -> Result<Stroke, ReplayError> {
-        let brush = self.brush()?;
-        let mut samples = Vec::with_capacity(self.settings.samples.len());
-        for (index, sample) in self.settings.samples.iter().enumerate() {
-            self.finite("a sample's pressure and tilt", &[sample.pressure, sample.tilt[0], sample.tilt[1]])?;
-            match self.point(index, sample)? {
-                Some(point) => samples.push(Sample {
-                    point,
-                    pressure: sample.pressure,
-                    tilt: sample.tilt,
-                    time: sample.time,
-                }),
-                None => *missed += 1,
-            }
-        }
-        Ok(Stroke { brush, samples, line: self.settings.line, symmetry: self.settings.symmetry })
-    }
-
-    fn brush(&self) -> Result<Brush, ReplayError> {
-        let settings = &self.settings.brush;
-        let size = match settings.size {
-            Size::Texels(size) | Size::World(size) => size,
-        };
-        let numbers = [
-            settings.hardness,
-            settings.opacity,
-            settings.flow,
-            settings.smoothing,
-            settings.angle,
-            settings.jitter.position,
-            settings.jitter.size,
-            settings.jitter.flow,
-            settings.jitter.angle,
-            settings.pressure.size,
-            settings.pressure.flow,
-        ];
-        self.finite("the brush's numbers", &numbers)?;
-        let positive = |x: f32| x.is_finite() && x > 0.0;
-        if !positive(size) || !positive(settings.spacing) {
-            let (what, range) = ("the brush's size and spacing", "above 0");
-            return Err(ReplayError::Number { stroke: self.stroke, what, range });
-        }
-        let stamp = settings.stamp.as_ref().map(|path| Image::load(self.folder.join(path))).transpose();
-        let stamp = stamp.map_err(|source| ReplayError::Stamp { stroke: self.stroke, source })?;
-        Ok(Brush {
-            size: settings.size,
-            hardness: settings.hardness,
-            opacity: settings.opacity,
-            flow: settings.flow,
-            spacing: settings.spacing,
-            smoothing: settings.smoothing,
-            angle: settings.angle.to_radians(),
-            follow_tilt: settings.follow_tilt,
-            jitter: settings.jitter,
-            pressure: settings.pressure,
-            stamp: stamp.map(|image| Arc::new(Stamp::new(&image))),
-            seed: settings.seed,
-        })
-    }
-
-    /// None where a ray meets nothing.
-    fn point(&self, index: usize, sample: &SampleSettings) -> Result<Option<SurfacePoint>, ReplayError> {
-        let surface = self.painter.surface();
-        let mesh = surface.mesh();
-        let wrong = || ReplayError::Point { stroke: self.stroke, sample: index, place: sample.at };
-        match sample.at {
-            Where::Position(position) => {
-                let position = mesh.world_from_mesh.inverse_point(DVec3::from(position));
-                surface.nearest(position, f32::INFINITY).map(Some).ok_or_else(wrong)
-            }
-            Where::Ray { origin, direction } => {
-                let origin = mesh.world_from_mesh.inverse_point(DVec3::from(origin));
-                let direction = DVec3::from(direction).try_normalize().ok_or_else(wrong)?;
-                Ok(surface.hit(origin, direction.as_vec3()))
-            }
-            Where::Point { triangle, lambda } => {
-                let lambda = Vec3::from(lambda);
-                let is_point = lambda.min_element() >= 0.0 && (lambda.element_sum() - 1.0).abs() < 1e-3;
-                let exists = (triangle as usize) < mesh.triangles.len();
-                if is_point && exists { Ok(Some(SurfacePoint { triangle, lambda })) } else { Err(wrong()) }
-            }
-        }
-    }
-}
-
-/// A solid that was found by its name, as a texture.
-struct NamedSolid(Box<dyn Solid>);
-
-impl Texture for NamedSolid {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let point = SolidPoint { p: at.position, n: at.normal, footprint: at.width(), time: at.time };
-        Vec4::from_array(self.0.color(&point))
-    }
-}
-
-/// The model's bounds in object space.
-fn object_bounds(surface: &Surface) -> Bounds {
-    let mesh = surface.mesh();
-    let scale = mesh.world_from_mesh.scale as f32;
-    let positions = || mesh.positions.iter().map(|p| *p * scale);
-    let min = positions().fold(Vec3::INFINITY, Vec3::min);
-    let max = positions().fold(Vec3::NEG_INFINITY, Vec3::max);
-    Bounds { min, max }
+    Ok(target(painter.add_layer(layer)?))
 }

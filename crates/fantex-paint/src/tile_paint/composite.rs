@@ -23,7 +23,8 @@ pub(crate) fn composite(
     let extent = map.block.extent;
     let mut changed = Vec::with_capacity(ink.paint.channels.len());
     let rect = page.stale.blocks();
-    for ((painted, original), mut bytes) in ink.paint.channels.iter().zip(&page.originals).zip(shown) {
+    let channels = ink.paint.channels.iter().enumerate();
+    for (((number, painted), original), mut bytes) in channels.zip(&page.originals).zip(shown) {
         let texels = asset.decode_page_raw(painted.channel, id, original)?;
         let mut values: Vec<Vec4> = texels.rgba.into_iter().map(Vec4::from).collect();
         for (x, y) in rect.texels() {
@@ -31,7 +32,7 @@ pub(crate) fn composite(
             let coverage = page.coverage[texel];
             if coverage > 0.0
                 && map.owner[texel] != NOBODY
-                && let Some(color) = ink.at(map, [x, y], painted)
+                && let Some(color) = ink.color(map, page, [x, y], number)
             {
                 values[texel] = ink.paint.apply(values[texel], color, coverage);
             }

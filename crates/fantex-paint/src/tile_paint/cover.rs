@@ -2,24 +2,27 @@
 
 use std::collections::BTreeMap;
 
-use fantex_cover::NOBODY;
+use fantex_cover::{NOBODY, TexelTriangle};
 use fantex_store::{PAGE, PageId};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use super::rect::Rect;
 use super::stroke_page::StrokePage;
 use super::texel_page::{TexelPage, texel_triangle};
-use crate::Surface;
 use crate::dab::PlacedDab;
+use crate::{Region, Surface};
 
 /// Texels beside a triangle that may show it: those that continue the surface, and half a texel of rounding.
 const MARGIN_TEXELS: f32 = 2.5;
 
-/// The pages of level 0 that dabs touch, with the indices of these dabs, ascending.
-pub(crate) fn touched_pages(surface: &Surface, dabs: &[PlacedDab]) -> BTreeMap<PageId, Vec<u32>> {
+/// The pages of level 0 that show regions, with the indices of these, ascending.
+pub(crate) fn touched_pages<'a>(
+    surface: &Surface,
+    regions: impl Iterator<Item = &'a Region>,
+) -> BTreeMap<PageId, Vec<u32>> {
     let mut pages: BTreeMap<PageId, Vec<u32>> = BTreeMap::new();
-    for (index, dab) in (0u32..).zip(dabs) {
-        for triangle in &dab.region.triangles {
+    for (index, region) in (0u32..).zip(regions) {
+        for triangle in &region.triangles {
             for_each_page(surface, triangle.triangle, |id| {
                 let touching = pages.entry(id).or_default();
                 if touching.last() != Some(&index) {
@@ -58,36 +61,77 @@ pub(crate) fn cover_page<'a>(
     dabs: impl Iterator<Item = &'a PlacedDab>,
     page: &mut StrokePage,
 ) {
-    // Per triangle of the page its number in the dab's region.
     let mut in_region = vec![NOBODY; map.triangles.len()];
     for dab in dabs {
-        let mut rect = Rect::EMPTY;
-        let mut met = Vec::new();
-        for (number, triangle) in (0u32..).zip(&dab.region.triangles) {
-            let found = map.triangles.binary_search_by_key(&triangle.triangle, |t| t.triangle);
-            if let Ok(index) = found {
-                in_region[index] = number;
-                met.push(index);
-                rect = rect.union(texel_rect(map, map.triangles[index].bounds()));
+        for_each_texel(map, &dab.region, &mut in_region, |under| {
+            let triangle = under.triangle.triangle;
+            let position = blend(surface, triangle, under.lambda);
+            let added = dab.coverage(&dab.region.triangles[under.index], under.lambda, position);
+            if added > 0.0 {
+                page.gather(under.texel, added, &[]);
+                page.touched.add(under.place[0], under.place[1]);
+                page.stale.add(under.place[0], under.place[1]);
             }
-        }
-        add_dab(surface, map, dab, &in_region, rect, page);
-        met.into_iter().for_each(|index| in_region[index] = NOBODY);
+        });
     }
 }
 
-fn add_dab(
-    surface: &Surface,
+/// A touch that brings its own colours.
+pub(crate) trait Patch: Sync {
+    /// The part of the surface that it covers.
+    fn region(&self) -> &Region;
+
+    /// Coverage at a texel, 0..1; where it is not 0, colours (multiplied by alpha) go into `colors`, one per painted channel.
+    fn at(&self, map: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32;
+}
+
+/// Adds a touch with colours to a page.
+pub(crate) fn cover_page_colored(map: &TexelPage, patch: &dyn Patch, channels: usize, page: &mut StrokePage) {
+    let mut in_region = vec![NOBODY; map.triangles.len()];
+    let mut colors = vec![Vec4::ZERO; channels];
+    for_each_texel(map, patch.region(), &mut in_region, |under| {
+        let added = patch.at(map, under, &mut colors);
+        if added > 0.0 {
+            page.gather(under.texel, added, &colors);
+            page.touched.add(under.place[0], under.place[1]);
+            page.stale.add(under.place[0], under.place[1]);
+        }
+    });
+}
+
+/// A texel under a region.
+pub(crate) struct TexelUnder<'a> {
+    /// Row-major number within the page.
+    pub(crate) texel: usize,
+    /// Column and row within the page.
+    pub(crate) place: [u32; 2],
+    /// The triangle that it shows.
+    pub(crate) triangle: &'a TexelTriangle,
+    /// That triangle's number in the region.
+    pub(crate) index: usize,
+    /// Barycentric coordinates of the texel's centre.
+    pub(crate) lambda: Vec3,
+}
+
+/// Visits the texels of a page that show triangles of a region. `in_region`: per triangle of the page, all `NOBODY`; left so.
+fn for_each_texel(
     map: &TexelPage,
-    dab: &PlacedDab,
-    in_region: &[u32],
-    rect: Rect,
-    page: &mut StrokePage,
+    region: &Region,
+    in_region: &mut [u32],
+    mut visit: impl FnMut(&TexelUnder<'_>),
 ) {
-    if rect.is_empty() {
-        return;
+    let mut rect = Rect::EMPTY;
+    let mut met = Vec::new();
+    for (number, triangle) in (0u32..).zip(&region.triangles) {
+        let found = map.triangles.binary_search_by_key(&triangle.triangle, |t| t.triangle);
+        if let Ok(index) = found {
+            in_region[index] = number;
+            met.push(index);
+            rect = rect.union(texel_rect(map, map.triangles[index].bounds()));
+        }
     }
     let width = map.block.extent[0];
+    let rect = if rect.is_empty() { Rect { low: [0; 2], high: [0; 2] } } else { rect };
     for (x, y) in rect.texels() {
         let texel = (y * width + x) as usize;
         let owner = map.owner[texel];
@@ -96,16 +140,10 @@ fn add_dab(
         }
         let triangle = &map.triangles[owner as usize];
         let lambda = map.lambda(triangle, x, y);
-        let position = blend(surface, triangle.triangle, lambda);
-        let entry = &dab.region.triangles[in_region[owner as usize] as usize];
-        let added = dab.coverage(entry, lambda, position);
-        if added > 0.0 {
-            let coverage = &mut page.coverage[texel];
-            *coverage += added * (1.0 - *coverage);
-            page.touched.add(x, y);
-            page.stale.add(x, y);
-        }
+        let index = in_region[owner as usize] as usize;
+        visit(&TexelUnder { texel, place: [x, y], triangle, index, lambda });
     }
+    met.into_iter().for_each(|index| in_region[index] = NOBODY);
 }
 
 /// Covers all texels of chosen triangles fully.
@@ -119,6 +157,17 @@ pub(crate) fn fill_page(map: &TexelPage, is_chosen: impl Fn(u32) -> bool, page: 
             page.touched.add(x, y);
             page.stale.add(x, y);
         }
+    }
+}
+
+/// Covers the texels of a page by given numbers, one per texel.
+pub(crate) fn cover_texels(coverage: &[f32], map: &TexelPage, page: &mut StrokePage) {
+    let width = map.block.extent[0];
+    for (texel, &added) in coverage.iter().enumerate().filter(|(_, added)| **added > 0.0) {
+        page.gather(texel, added, &[]);
+        let (x, y) = (texel as u32 % width, texel as u32 / width);
+        page.touched.add(x, y);
+        page.stale.add(x, y);
     }
 }
 

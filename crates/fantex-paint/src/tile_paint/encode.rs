@@ -26,33 +26,61 @@ pub(crate) fn replace_blocks(
         let texels: Vec<[u8; 4]> = texels.map(|v| stored_bytes(channel, v)).collect();
         encode(channel.format, Quality::UltraFast, rect.extent(), TexelSlice::U8(&texels))?
     };
-    let is_block =
-        matches!(channel.format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7);
     let width = extent[0] as usize;
-    let blocks = (rect.low[1]..rect.high[1])
-        .step_by(4)
-        .flat_map(|y| (rect.low[0]..rect.high[0]).step_by(4).map(move |x| (x as usize, y as usize)));
-    for (x, y) in blocks {
-        if !(0..16).any(|k| changed((y + k / 4) * width + x + k % 4)) {
-            continue;
-        }
-        let (u, v) = (x - rect.low[0] as usize, y - rect.low[1] as usize);
-        let columns = rect.extent()[0] as usize;
-        if is_block {
-            let size = channel.format.block_bytes();
-            let to = (y / 4 * (width / 4) + x / 4) * size;
-            let from = (v / 4 * (columns / 4) + u / 4) * size;
-            bytes[to..to + size].copy_from_slice(&encoded[from..from + size]);
-        } else {
-            let size = channel.format.block_bytes() / 16;
-            for row in 0..4 {
-                let to = ((y + row) * width + x) * size;
-                let from = ((v + row) * columns + u) * size;
-                bytes[to..to + 4 * size].copy_from_slice(&encoded[from..from + 4 * size]);
-            }
+    for [x, y] in blocks_of(rect) {
+        if (0..16).any(|k| changed((y + k / 4) * width + x + k % 4)) {
+            let from = BlockAt { bytes: &encoded, columns: rect.extent()[0] as usize };
+            let low = rect.low.map(|n| n as usize);
+            copy_block(channel.format, &from, [x - low[0], y - low[1]], bytes, width, [x, y]);
         }
     }
     Ok(())
+}
+
+/// Copies the blocks of a rectangle from one page to another of the same extent.
+pub(crate) fn copy_blocks(channel: &Channel, extent: [u32; 2], from: &[u8], to: &mut [u8], rect: Rect) {
+    let width = extent[0] as usize;
+    let from = BlockAt { bytes: from, columns: width };
+    for place in blocks_of(rect.blocks()) {
+        copy_block(channel.format, &from, place, to, width, place);
+    }
+}
+
+/// First texels of the blocks of a rectangle of whole blocks.
+fn blocks_of(rect: Rect) -> impl Iterator<Item = [usize; 2]> {
+    let columns = move || (rect.low[0]..rect.high[0]).step_by(4);
+    let rows = (rect.low[1]..rect.high[1]).step_by(4);
+    rows.flat_map(move |y| columns().map(move |x| [x as usize, y as usize]))
+}
+
+/// Texels to copy from, so many in a row.
+struct BlockAt<'a> {
+    bytes: &'a [u8],
+    columns: usize,
+}
+
+/// Copies one block of 4 x 4 texels.
+fn copy_block(
+    format: TexelFormat,
+    from: &BlockAt<'_>,
+    [u, v]: [usize; 2],
+    to: &mut [u8],
+    width: usize,
+    [x, y]: [usize; 2],
+) {
+    if matches!(format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7) {
+        let size = format.block_bytes();
+        let target = (y / 4 * (width / 4) + x / 4) * size;
+        let source = (v / 4 * (from.columns / 4) + u / 4) * size;
+        to[target..target + size].copy_from_slice(&from.bytes[source..source + size]);
+    } else {
+        let size = format.block_bytes() / 16;
+        for row in 0..4 {
+            let target = ((y + row) * width + x) * size;
+            let source = ((v + row) * from.columns + u) * size;
+            to[target..target + 4 * size].copy_from_slice(&from.bytes[source..source + 4 * size]);
+        }
+    }
 }
 
 fn stored_float(channel: &Channel, value: Vec4) -> [f32; 4] {

@@ -1,13 +1,14 @@
 //! What colour a stroke lays on a texel.
 
-use fantex_store::PageCache;
-use fantex_texture::{Filtering, ShadingPoint};
-use glam::{DVec3, Vec3, Vec4};
+use fantex_store::{AssetEditor, PAGE, PageCache, PageId};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use super::cover::blend;
+use super::shade::shade;
+use super::stroke_page::StrokePage;
 use super::texel_page::TexelPage;
 use crate::stroke::walk_straight;
-use crate::{ChannelPaint, Paint, PaintColor, Surface, SurfacePoint, Tool};
+use crate::{ChannelPaint, Paint, PaintColor, PaintError, Surface, SurfacePoint, Tool};
 
 /// The colours of a stroke.
 pub(crate) struct Ink<'a> {
@@ -25,38 +26,46 @@ const RING: u32 = 6;
 const RINGS: [(f64, f32); 2] = [(0.5, 0.607), (1.0, 0.135)];
 
 impl Ink<'_> {
-    /// The colour at a texel that shows the surface, given by column and row; none where there is nothing to copy.
+    /// The colour of a channel, by its number among the painted ones, at a texel that shows the surface, given by column and
+    /// row; none where there is nothing to lay down.
+    pub(crate) fn color(
+        &self,
+        map: &TexelPage,
+        page: &StrokePage,
+        [x, y]: [u32; 2],
+        number: usize,
+    ) -> Option<Vec4> {
+        let texel = (y * map.block.extent[0] + x) as usize;
+        page.color(number, texel).or_else(|| self.at(map, [x, y], &self.paint.channels[number]))
+    }
+
+    /// The same for what does not depend on the dabs.
     pub(crate) fn at(&self, map: &TexelPage, [x, y]: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
         let triangle = &map.triangles[map.owner[(y * map.block.extent[0] + x) as usize] as usize];
         let lambda = map.lambda(triangle, x, y);
-        let position = |lambda: Vec3| blend(self.surface, triangle.triangle, lambda);
         match (&self.paint.tool, self.before) {
             (Tool::Blur { radius }, Some(before)) => {
                 let point = nearest_inside(triangle.triangle, lambda);
-                Some(self.blurred(before, painted.channel, point, *radius))
+                return Some(self.blurred(before, painted.channel, point, *radius));
             }
             (Tool::Clone { offset, reach }, Some(before)) => {
-                let source = self.surface.nearest(position(lambda) + *offset, *reach)?;
-                Some(look_up(self.surface, before, painted.channel, source))
+                let position = blend(self.surface, triangle.triangle, lambda);
+                let source = self.surface.nearest(position + *offset, *reach)?;
+                return Some(look_up(self.surface, before, painted.channel, source));
             }
-            _ => Some(match &painted.color {
-                PaintColor::Constant(color) => *color,
-                PaintColor::Texture(texture) => {
-                    let object_from_mesh = self.surface.mesh().world_from_mesh.scale as f32;
-                    let point = |lambda: Vec3| position(lambda) * object_from_mesh;
-                    texture.evaluate(&ShadingPoint {
-                        position: point(lambda),
-                        position_steps: triangle.steps.map(point),
-                        normal: self.surface.facet_normal(triangle.triangle).as_vec3(),
-                        normal_steps: [Vec3::ZERO; 2],
-                        uv: &[],
-                        vertex_color: Vec4::ONE,
-                        to_eye: None,
-                        time: 0.0,
-                        filtering: Filtering::Area,
-                    })
-                }
-            }),
+            _ => {}
+        }
+        match &painted.color {
+            PaintColor::Constant(color) => Some(*color),
+            PaintColor::Texture(texture) => {
+                Some(shade(self.surface, triangle, lambda, |point| texture.evaluate(point)))
+            }
+            PaintColor::Image(_) => None,
+            PaintColor::Projected(projection) => {
+                let point = nearest_inside(triangle.triangle, lambda);
+                let steps = triangle.steps.map(|step| blend(self.surface, triangle.triangle, step));
+                projection.at(self.surface, point, steps)
+            }
         }
     }
 
@@ -80,21 +89,56 @@ impl Ink<'_> {
 }
 
 /// A texel just off its triangle stands for the point beside it.
-fn nearest_inside(triangle: u32, lambda: Vec3) -> SurfacePoint {
+pub(crate) fn nearest_inside(triangle: u32, lambda: Vec3) -> SurfacePoint {
     let inside = lambda.max(Vec3::ZERO);
     SurfacePoint { triangle, lambda: inside / inside.element_sum() }
 }
 
 /// The texture function at level 0; **linear** RGBA.
 pub(crate) fn look_up(surface: &Surface, cache: &PageCache, channel: usize, point: SurfacePoint) -> Vec4 {
+    let tiles = tiles_under(surface, point);
+    let values =
+        tiles.map(|(group, uv, weight)| weight * Vec4::from_array(cache.bilinear(channel, group, 0, uv)));
+    values.sum()
+}
+
+/// The same with all changes that are not yet committed. Decodes the pages anew: for single points.
+pub(crate) fn look_up_now(
+    surface: &Surface,
+    editor: &AssetEditor,
+    channel: usize,
+    point: SurfacePoint,
+) -> Result<Vec4, PaintError> {
+    let mut sum = Vec4::ZERO;
+    for (group, uv, weight) in tiles_under(surface, point) {
+        let extent = surface.cover().groups[group as usize].extent;
+        let last = Vec2::new(extent[0] as f32, extent[1] as f32) - 1.0;
+        let at = (uv * (last + 1.0) - 0.5).clamp(Vec2::ZERO, last);
+        let (corner, f) = (at.floor().as_uvec2(), at.fract());
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let share = (if dx == 0 { 1.0 - f.x } else { f.x }) * (if dy == 0 { 1.0 - f.y } else { f.y });
+            if share > 0.0 {
+                let [x, y] = [corner.x + dx, corner.y + dy];
+                let page = [x / PAGE, y / PAGE];
+                let texels = editor.read_page(channel, PageId { group, level: 0, page })?;
+                let texel = (y % PAGE * texels.extent[0] + x % PAGE) as usize;
+                sum += Vec4::from_array(texels.rgba[texel]) * (share * weight);
+            }
+        }
+    }
+    Ok(sum)
+}
+
+/// The tiles that the texture function reads at a point: group, tile coordinates, weight.
+fn tiles_under(surface: &Surface, point: SurfacePoint) -> impl Iterator<Item = (u32, Vec2, f32)> + '_ {
     let (mesh, cover) = (surface.mesh(), surface.cover());
     let triangle = point.triangle as usize;
-    let mut sum = Vec4::ZERO;
-    for (slot, weight) in cover.weights(triangle, point.lambda).iter() {
+    let weights = cover.weights(triangle, point.lambda);
+    let mut slots = [(0, 0.0); 3];
+    slots.iter_mut().zip(weights.iter()).for_each(|(slot, weighted)| *slot = weighted);
+    slots.into_iter().take(weights.len()).map(move |(slot, weight)| {
         let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
         let uv = a * point.lambda.x + b * point.lambda.y + c * point.lambda.z;
-        let group = cover.corner_groups[triangle][slot];
-        sum += weight * Vec4::from_array(cache.bilinear(channel, group, 0, uv));
-    }
-    sum
+        (cover.corner_groups[triangle][slot], uv, weight)
+    })
 }

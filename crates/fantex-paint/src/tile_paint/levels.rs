@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use fantex_store::{AssetEditor, ChannelKind, PAGE, PageId, page_extent, page_grid, page_origin};
+use fantex_store::{ChannelKind, EditorSnapshot, PAGE, PageId, page_extent, page_grid, page_origin};
 use glam::Vec4;
 
 use super::encode::replace_blocks;
@@ -107,7 +107,7 @@ pub(crate) fn pages_read(surface: &Surface, group: u32, levels: &[Dirty]) -> Vec
 /// Computes the coarser levels of one group.
 pub(crate) struct LevelJob<'a> {
     pub(crate) surface: &'a Surface,
-    pub(crate) editor: &'a AssetEditor,
+    pub(crate) pages: &'a EditorSnapshot,
     pub(crate) group: u32,
     pub(crate) channel: usize,
     pub(crate) maps: &'a BTreeMap<PageId, Arc<TexelPage>>,
@@ -153,8 +153,8 @@ impl LevelJob<'_> {
     ) -> Result<Vec<Vec4>, PaintError> {
         let under = fine_rect(rect, fine, coarse);
         let window = self.window(id.level - 1, fine, under, finer)?;
-        let before = self.editor.read_page_raw(self.channel, id)?;
-        let asset = self.editor.asset();
+        let before = self.pages.read_page_raw(self.channel, id)?;
+        let asset = self.pages.asset();
         let decoded = asset.decode_page_raw(self.channel, id, &before)?;
         let extent = decoded.extent;
         let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
@@ -184,7 +184,7 @@ impl LevelJob<'_> {
     /// Reads a page that has not changed, unless it is there.
     fn load(&self, id: PageId, pages: &mut BTreeMap<[u32; 2], Vec<Vec4>>) -> Result<(), PaintError> {
         if let Entry::Vacant(place) = pages.entry(id.page) {
-            let texels = self.editor.read_page(self.channel, id)?;
+            let texels = self.pages.read_page(self.channel, id)?;
             place.insert(texels.rgba.into_iter().map(Vec4::from).collect());
         }
         Ok(())

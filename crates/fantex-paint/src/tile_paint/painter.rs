@@ -2,22 +2,30 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use fantex_store::{AssetEditor, CommitSummary, EditOptions, PageCache, PageId};
 use glam::Vec4;
 use rayon::prelude::*;
 
 use super::composite::composite;
-use super::cover::{cover_page, fill_page, for_each_page, touched_pages};
-use super::ink::{Ink, look_up};
+use super::cover::{
+    Patch, cover_page, cover_page_colored, cover_texels, fill_page, for_each_page, touched_pages,
+};
+use super::ink::{Ink, look_up, look_up_now};
+use super::level_work::LevelsUnderway;
 use super::rect::Rect;
+use super::room::Room;
+use super::smudge::{Finger, LaidDown, PagesUnder, SmudgeDab, finger_of};
 use super::stroke_page::{StrokePage, StrokePages};
 use super::texel_page::{TexelPage, TexelPages};
+use crate::color_fill::ColorSearch;
 use crate::dab::PlacedDab;
-use crate::history::{History, flush_if_possible};
-use crate::layers::{LayeredPage, Layers, ShownPage, target_name};
-use crate::{Dab, Paint, PaintError, Surface, SurfacePoint, Target};
+use crate::decal::PlacedDecal;
+use crate::history::History;
+use crate::layers::{FillTextures, LayeredPage, Layers, ShownPage, target_name};
+use crate::log::{self, Portable, Recording};
+use crate::{ColorFill, Dab, Decal, Paint, PaintError, StrokeSettings, Surface, SurfacePoint, Target, Tool};
 
 /// How to paint.
 #[derive(Clone, Debug)]
@@ -56,14 +64,21 @@ const DAB_BATCH: usize = 128;
 /// An asset that is being painted on. Nothing is durable before [`commit`](Self::commit).
 #[derive(Debug)]
 pub struct Painter {
-    pub(super) surface: Arc<Surface>,
+    pub(crate) surface: Arc<Surface>,
     pub(crate) editor: AssetEditor,
-    pub(super) options: PaintOptions,
-    pub(super) maps: TexelPages,
+    pub(crate) options: PaintOptions,
+    pub(crate) maps: TexelPages,
     pub(crate) history: History,
     pub(crate) layers: Layers,
+    /// The textures of the layers; made when they are needed.
+    pub(crate) fills: FillTextures,
     pub(super) stroke: Option<OpenStroke>,
-    pub(super) disk_full: bool,
+    pub(super) room: Room,
+    /// Coarser levels that another thread computes, and its texel maps.
+    pub(super) levels: Option<LevelsUnderway>,
+    pub(super) level_maps: Arc<Mutex<TexelPages>>,
+    /// The number of the next stroke in the log.
+    pub(super) next_stroke: u64,
 }
 
 /// A stroke that has begun.
@@ -74,6 +89,10 @@ pub(super) struct OpenStroke {
     pub(super) paint: Paint,
     /// What was seen before, for tools that ask for it.
     before: Option<PageCache>,
+    /// What a smudge carries.
+    fingers: Vec<Finger>,
+    /// For the log.
+    pub(super) recording: Recording,
     /// Channels of the asset that it can change, ascending or as painted.
     pub(super) affected: Vec<usize>,
     pub(super) pages: StrokePages,
@@ -87,6 +106,7 @@ impl Painter {
         let history = History::load(&editor)?;
         let layers = Layers::load(&editor)?;
         let surface = Arc::new(Surface::of(editor.asset()));
+        let next_stroke = log::next_number(&editor);
         let options = options.clone();
         Ok(Self {
             surface,
@@ -95,8 +115,12 @@ impl Painter {
             maps: TexelPages::default(),
             history,
             layers,
+            fills: FillTextures::default(),
             stroke: None,
-            disk_full: false,
+            room: Room::default(),
+            levels: None,
+            level_maps: Arc::default(),
+            next_stroke,
         })
     }
 
@@ -123,16 +147,17 @@ impl Painter {
 
     /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
     pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<(), PaintError> {
-        self.end()?;
+        if self.stroke.is_some() {
+            self.end()?;
+        }
         if let Target::Layer(id) | Target::Mask(id) = target
             && self.layers.find(id).is_none()
         {
             return Err(PaintError::NoLayer(id));
         }
+        paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
         let count = self.editor.asset().channels().len();
-        if let Some(wrong) = paint.channels.iter().find(|painted| painted.channel >= count) {
-            return Err(PaintError::NoChannel { channel: wrong.channel, count });
-        }
+        self.fills.update(&self.surface, &self.layers)?;
         let affected = match target {
             Target::Mask(_) => (0..count).collect(),
             _ => paint.channels.iter().map(|painted| painted.channel).collect(),
@@ -144,19 +169,28 @@ impl Painter {
         } else {
             None
         };
-        let (label, pages) = (label.to_owned(), StrokePages::default());
-        self.stroke = Some(OpenStroke { label, target, paint, before, affected, pages, dabs: 0 });
+        let (label, pages, fingers) = (label.to_owned(), StrokePages::default(), Vec::new());
+        let recording = Recording::Dabs(Vec::new(), None);
+        self.stroke =
+            Some(OpenStroke { label, target, paint, before, fingers, recording, affected, pages, dabs: 0 });
         Ok(())
     }
 
     /// Adds dabs to the open stroke, in order. Does nothing where none is open.
     pub fn dab(&mut self, dabs: &[Dab]) -> Result<(), PaintError> {
+        if let Some(stroke) = &mut self.stroke {
+            stroke.recording.add_dabs(&self.surface, dabs);
+        }
+        if let Some(OpenStroke { paint: Paint { tool: Tool::Smudge { strength }, .. }, .. }) = self.stroke {
+            return dabs.iter().try_for_each(|dab| self.smudge(dab, strength));
+        }
         let texel = 1.0 / self.surface.cover().density;
         for batch in dabs.chunks(DAB_BATCH) {
             let surface = &*self.surface;
             let placed: Vec<PlacedDab> =
                 batch.par_iter().map(|dab| PlacedDab::new(surface, dab, texel)).collect();
-            let touched: Vec<(PageId, Vec<u32>)> = touched_pages(surface, &placed).into_iter().collect();
+            let touched: Vec<(PageId, Vec<u32>)> =
+                touched_pages(surface, placed.iter().map(|dab| &dab.region)).into_iter().collect();
             self.cover(&touched, |surface, map, dabs: &Vec<u32>, page| {
                 cover_page(surface, map, dabs.iter().map(|&i| &placed[i as usize]), page);
             })?;
@@ -167,8 +201,70 @@ impl Painter {
         Ok(())
     }
 
+    /// One dab of a smudge: it sees what those before have left.
+    fn smudge(&mut self, dab: &Dab, strength: f32) -> Result<(), PaintError> {
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        let (surface, budget) = (&*self.surface, self.options.memory_bytes / 4);
+        let finger = finger_of(&mut stroke.fingers, surface, dab);
+        let placed = SmudgeDab::new(surface, dab, finger.as_ref());
+        let ids: Vec<PageId> = touched_pages(surface, std::iter::once(placed.region())).into_keys().collect();
+        let maps = self.maps.get(surface, &ids, budget);
+        let mut pages = PagesUnder::new();
+        for (id, map) in ids.into_iter().zip(maps) {
+            let known = stroke.pages.take(id)?;
+            let page = known.unwrap_or_else(|| StrokePage::new(map.block.texel_count()));
+            pages.insert(id, (map, page));
+        }
+        let ink = Ink { surface, paint: &stroke.paint, before: stroke.before.as_ref() };
+        let finger = placed.picked_up(finger, strength, &ink, &pages);
+        let laid = LaidDown { dab: &placed, finger: &finger, surface };
+        let channels = stroke.paint.channels.len();
+        pages.par_iter_mut().for_each(|(_, (map, page))| cover_page_colored(map, &laid, channels, page));
+        for (id, (_, page)) in pages {
+            if !page.touched.is_empty() {
+                stroke.pages.put(id, page, budget)?;
+            }
+        }
+        stroke.fingers.push(finger);
+        stroke.dabs += 1;
+        Ok(())
+    }
+
+    /// Lays a picture onto the surface, as part of the open stroke. Does nothing where none is open.
+    pub fn decal(&mut self, decal: &Decal) -> Result<(), PaintError> {
+        let surface = Arc::clone(&self.surface);
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        stroke.recording.lose();
+        let paint = stroke.paint.clone();
+        let before = stroke.before.clone();
+        let ink = Ink { surface: &surface, paint: &paint, before: before.as_ref() };
+        let placed = PlacedDecal::new(&surface, decal, &ink);
+        let touched = touched_pages(&surface, std::iter::once(placed.region()));
+        let touched: Vec<(PageId, ())> = touched.into_keys().map(|id| (id, ())).collect();
+        let channels = paint.channels.len();
+        self.cover(&touched, |_, map, (), page| cover_page_colored(map, &placed, channels, page))?;
+        if let Some(stroke) = &mut self.stroke {
+            stroke.dabs += 1;
+        }
+        Ok(())
+    }
+
+    /// Says in the terms of stroke files what the open stroke paints, for the log. `folder`: what its paths are relative to. To be
+    /// called before anything is painted. Without it, dabs of constant colours are logged one by one; fills, decals and colours that
+    /// are textures are counted in the log, but cannot be replayed from it. Fails where a file that is mentioned cannot be read.
+    pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<(), PaintError> {
+        if let Some(stroke) = &mut self.stroke {
+            let portable = Portable::new(&self.surface, settings, folder)?;
+            stroke.recording = Recording::Settings(Box::new(portable));
+        }
+        Ok(())
+    }
+
     /// Covers triangles (ascending) fully. Does nothing where no stroke is open.
     pub fn fill(&mut self, triangles: &[u32]) -> Result<(), PaintError> {
+        if let Some(stroke) = &mut self.stroke {
+            stroke.recording.lose();
+        }
         let mut touched: BTreeMap<PageId, ()> = BTreeMap::new();
         for &triangle in triangles {
             for_each_page(&self.surface, triangle, |id| {
@@ -179,6 +275,40 @@ impl Painter {
         self.cover(&touched, |_, map, (), page| {
             fill_page(map, |t| triangles.binary_search(&t).is_ok(), page);
         })
+    }
+
+    /// Covers what looks like a point of the surface does in a channel. Does nothing where no stroke is open. Commits first, so
+    /// that what is compared is what is seen; does not see the open stroke itself.
+    pub fn fill_color(
+        &mut self,
+        channel: usize,
+        start: SurfacePoint,
+        fill: ColorFill,
+    ) -> Result<(), PaintError> {
+        self.check_channel(channel)?;
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        stroke.recording.lose();
+        self.commit()?;
+        let before = PageCache::new(Arc::clone(self.editor.asset()), self.options.memory_bytes / 8);
+        let surface = Arc::clone(&self.surface);
+        let value = look_up(&surface, &before, channel, start);
+        let search = ColorSearch { surface: &surface, before: &before, channel, start: value, fill };
+        if !fill.connected {
+            let all: Vec<(PageId, ())> = self.all_pages().into_iter().map(|id| (id, ())).collect();
+            return self.cover(&all, |_, map, (), page| cover_texels(&search.coverage(map), map, page));
+        }
+        let (maps, budget) = (&mut self.maps, self.options.memory_bytes / 4);
+        let reached = search.connected(start, |ids| {
+            let ids: Vec<PageId> = ids.iter().copied().collect();
+            maps.get(&surface, &ids, budget)
+        });
+        let touched: Vec<(PageId, Vec<f32>)> = reached.into_iter().collect();
+        self.cover(&touched, |_, map, coverage, page| cover_texels(coverage, map, page))
+    }
+
+    fn check_channel(&self, channel: usize) -> Result<(), PaintError> {
+        let count = self.editor.asset().channels().len();
+        if channel < count { Ok(()) } else { Err(PaintError::NoChannel { channel, count }) }
     }
 
     /// Lets `add` change the coverage of pages, in parallel.
@@ -214,8 +344,13 @@ impl Painter {
 
     /// Brings the pages of level 0 up to date with the open stroke, and returns those that changed: for the next frame.
     pub fn show(&mut self) -> Result<Vec<PageId>, PaintError> {
-        let Some(stroke) = &mut self.stroke else { return Ok(Vec::new()) };
+        let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let stale = stroke.pages.stale();
+        if stale.len() > PAGE_BATCH {
+            // Memory may have to be relieved on the way, and what another thread reads must stay where it is.
+            self.finish_levels()?;
+        }
+        let Some(stroke) = &mut self.stroke else { return Ok(Vec::new()) };
         let budget = self.options.memory_bytes / 4;
         for ids in stale.chunks(PAGE_BATCH) {
             let maps = self.maps.get(&self.surface, ids, budget);
@@ -227,7 +362,8 @@ impl Painter {
                 }
                 pages.push((id, page));
             }
-            let (surface, editor, layers) = (&*self.surface, &self.editor, &self.layers);
+            let (surface, editor) = (&*self.surface, &self.editor);
+            let layers = (&self.layers, &self.fills);
             let stroke_now = &*stroke;
             let shown: Vec<ShownPage> = pages
                 .par_iter()
@@ -244,17 +380,23 @@ impl Painter {
                 page.stale = Rect::EMPTY;
                 stroke.pages.put(id, page, budget)?;
             }
-            if self.editor.pending_bytes() > budget {
-                self.disk_full = flush_if_possible(&mut self.editor)?;
+            if stale.len() > PAGE_BATCH {
+                self.room.relieve(&mut self.editor, budget)?;
             }
         }
+        self.relieve()?;
         Ok(stale)
+    }
+
+    /// Lets the asset's file grow to so many bytes at most; none lifts the limit. Beyond it the disk counts as full.
+    pub fn limit_file(&mut self, bytes: Option<u64>) {
+        self.editor.limit_file(bytes);
     }
 
     /// True where the disk had no room for changes when memory was last to be relieved: they stay in memory, nothing is
     /// lost, and [`commit`](Self::commit) will tell whether there is room again.
     pub fn is_disk_full(&self) -> bool {
-        self.disk_full
+        self.room.is_full()
     }
 
     /// What can be undone and redone.
@@ -262,23 +404,26 @@ impl Painter {
         &self.history
     }
 
-    /// The value of a channel at a point as it was last committed: **linear** RGBA. (An eyedropper; it commits first.)
+    /// The value of a channel at a point as it is seen now, an open stroke included once it is shown: **linear** RGBA. (An
+    /// eyedropper.)
     pub fn pick(&mut self, channel: usize, point: SurfacePoint) -> Result<Vec4, PaintError> {
-        let count = self.editor.asset().channels().len();
-        if channel >= count {
-            return Err(PaintError::NoChannel { channel, count });
-        }
-        self.commit()?;
-        let cache = PageCache::new(Arc::clone(self.editor.asset()), 1 << 20);
-        Ok(look_up(&self.surface, &cache, channel, point))
+        self.check_channel(channel)?;
+        self.show()?;
+        look_up_now(&self.surface, &self.editor, channel, point)
+    }
+
+    /// The same of all channels, in their order.
+    pub fn pick_all(&mut self, point: SurfacePoint) -> Result<Vec<Vec4>, PaintError> {
+        self.show()?;
+        let channels = 0..self.editor.asset().channels().len();
+        channels.map(|channel| look_up_now(&self.surface, &self.editor, channel, point)).collect()
     }
 
     /// Makes everything durable, an open stroke (without its coarser levels) included.
     pub fn commit(&mut self) -> Result<CommitSummary, PaintError> {
         self.show()?;
-        let summary = self.editor.commit()?;
-        self.disk_full = false;
-        Ok(summary)
+        self.finish_levels()?;
+        self.room.commit(&mut self.editor)
     }
 }
 
@@ -304,7 +449,7 @@ impl OpenStroke {
         &self,
         surface: &Surface,
         editor: &AssetEditor,
-        layers: &Layers,
+        (layers, fills): (&Layers, &FillTextures),
         map: &TexelPage,
         id: PageId,
         page: &StrokePage,
@@ -312,7 +457,7 @@ impl OpenStroke {
         let ink = &Ink { surface, paint: &self.paint, before: self.before.as_ref() };
         let (target, affected) = (self.target, self.affected.as_slice());
         if self.is_layered(page) {
-            return LayeredPage { editor, layers, map, id, page, ink, target, affected }.show();
+            return LayeredPage { editor, layers, fills, map, id, page, ink, target, affected }.show();
         }
         let shown = affected.iter().map(|&channel| editor.read_page_raw(channel, id));
         let channels = composite(editor.asset(), map, id, page, shown.collect::<Result<_, _>>()?, ink)?;

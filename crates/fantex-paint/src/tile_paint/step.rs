@@ -4,17 +4,18 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use fantex_store::{PageId, page_origin};
-use rayon::prelude::*;
 
-use super::levels::{CoarserLevels, Dirty, LevelJob, PageChange, dirty_levels, pages_read};
-use super::painter::{Painter, StrokeSummary};
+use super::level_work::{GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
+use super::levels::{Dirty, PageChange};
+use super::painter::{OpenStroke, Painter, StrokeSummary};
 use super::rect::Rect;
-use crate::history::flush_if_possible;
 use crate::layers::{Layers, base_name, target_name};
-use crate::{PaintError, Target};
+use crate::log::{self, Portable, portable};
+use crate::{PaintError, StrokeSettings, Target};
 
-/// Groups whose levels are worked on at a time.
-const GROUP_BATCH: usize = 64;
+/// Pages of level 0, times channels, whose coarser levels are left to another thread; those of more are computed at once, part by
+/// part, so that memory stays bounded.
+const MOST_PAGES_IN_BACKGROUND: usize = 2048;
 
 /// Changed texels of level 0, group by group.
 #[derive(Debug, Default)]
@@ -32,10 +33,72 @@ impl Changes {
 impl Painter {
     /// Ends the open stroke: shows it, computes coarser levels, and enters it into the history.
     pub fn end(&mut self) -> Result<StrokeSummary, PaintError> {
+        self.finish_levels()?;
+        let Some((mut summary, changes, channels)) = self.close_stroke()? else {
+            return Ok(StrokeSummary::default());
+        };
+        summary.coarser_pages = self.finish_step(changes, &channels)?;
+        Ok(summary)
+    }
+
+    /// The same, but coarser levels are left to another thread: they (and the step in the history) are there once
+    /// [`poll_levels`](Self::poll_levels) has said so. The results are the same bytes as [`end`](Self::end)'s. Whatever needs them
+    /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
+    pub fn end_in_background(&mut self) -> Result<StrokeSummary, PaintError> {
+        self.finish_levels()?;
+        let Some((mut summary, changes, channels)) = self.close_stroke()? else {
+            return Ok(StrokeSummary::default());
+        };
+        let pages = summary.pages * channels.len().max(1);
+        if pages > MOST_PAGES_IN_BACKGROUND {
+            summary.coarser_pages = self.finish_step(changes, &channels)?;
+            return Ok(summary);
+        }
+        match LevelsUnderway::start(self.level_work(changes, &channels), &self.level_maps) {
+            Ok(underway) => self.levels = Some(underway),
+            Err(work) => {
+                let results = work.run(&mut self.maps)?;
+                summary.coarser_pages = self.apply_levels(results)?.len();
+                self.finish_history()?;
+            }
+        }
+        Ok(summary)
+    }
+
+    /// Takes over coarser levels that are ready, and returns the pages that they change (none twice, channels together); `None`
+    /// while they are still being computed.
+    pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>, PaintError> {
+        let Some(underway) = self.levels.take() else { return Ok(Some(Vec::new())) };
+        match underway.poll() {
+            Ok(results) => self.take_over(results).map(Some),
+            Err(underway) => {
+                self.levels = Some(underway);
+                Ok(None)
+            }
+        }
+    }
+
+    /// Waits for coarser levels that are being computed, and returns the pages that they change.
+    pub fn finish_levels(&mut self) -> Result<Vec<PageId>, PaintError> {
+        let Some(underway) = self.levels.take() else { return Ok(Vec::new()) };
+        self.take_over(underway.wait())
+    }
+
+    fn take_over(&mut self, results: Result<LevelResults, PaintError>) -> Result<Vec<PageId>, PaintError> {
+        let applied = results.and_then(|results| self.apply_levels(results));
+        // What is there of the step can be undone in any case.
+        self.finish_history()?;
+        let mut ids = applied?;
+        ids.dedup();
+        Ok(ids)
+    }
+
+    /// Shows the open stroke for the last time and enters what it changed at level 0 into the history.
+    fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>, PaintError> {
         self.show()?;
-        let Some(mut stroke) = self.stroke.take() else { return Ok(StrokeSummary::default()) };
+        let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
         let ids = stroke.pages.ids();
-        let mut summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
+        let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
         self.begin_step(&stroke.label);
         let mut changes = Changes::default();
         for &id in &ids {
@@ -54,8 +117,35 @@ impl Painter {
                 self.remember(&PageChange { id, channel, before, after })?;
             }
         }
-        summary.coarser_pages = self.finish_step(changes, &stroke.affected)?;
-        Ok(summary)
+        self.log_stroke(&stroke)?;
+        Ok(Some((summary, changes, stroke.affected)))
+    }
+
+    /// Enters a stroke that has ended into the log.
+    fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<(), PaintError> {
+        let asset = self.editor.asset();
+        let Portable { stroke: mut settings, files } =
+            portable(&self.surface, asset, &stroke.paint, stroke.recording.clone())?;
+        settings.label.clone_from(&stroke.label);
+        if let Target::Layer(id) | Target::Mask(id) = stroke.target {
+            let name = self.layers.find(id).map(|layer| layer.name.clone()).unwrap_or_default();
+            let layer = settings.layer.get_or_insert_default();
+            (layer.id, layer.name, layer.mask) = (Some(id), name, matches!(stroke.target, Target::Mask(_)));
+            // The layer itself has been logged when it was made.
+            layer.fill = None;
+        }
+        for (name, contents) in files {
+            self.attach(&log::file_name(&name), contents)?;
+        }
+        self.log(&settings)
+    }
+
+    /// Enters settings into the log.
+    pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<(), PaintError> {
+        let contents = serde_json::to_vec(settings).map_err(std::io::Error::other)?;
+        let name = log::stroke_name(self.next_stroke);
+        self.next_stroke += 1;
+        self.attach(&name, contents)
     }
 
     /// Takes the last step back; false where there is none. An open stroke ends first.
@@ -82,57 +172,57 @@ impl Painter {
 
     /// Computes the coarser levels of what has changed; returns how many pages that changes.
     pub(crate) fn finish_step(&mut self, changes: Changes, channels: &[usize]) -> Result<usize, PaintError> {
-        let groups: Vec<(u32, Dirty)> = changes.0.into_iter().collect();
+        let mut work = self.level_work(changes, channels);
+        let mut groups = std::mem::take(&mut work.groups).into_iter();
         let mut count = 0;
-        for batch in groups.chunks(GROUP_BATCH) {
-            count += self.update_levels(batch, channels)?;
+        loop {
+            // So many at a time that their results fit into memory.
+            work.groups = groups.by_ref().take(GROUP_BATCH).collect();
+            if work.groups.is_empty() {
+                break;
+            }
+            work.pages = self.editor.snapshot();
+            let results = work.run(&mut self.maps)?;
+            count += self.apply_levels(results)?.len();
         }
-        if self.options.history {
-            self.history.finish(&mut self.editor)?;
-        }
+        self.finish_history()?;
         Ok(count)
     }
 
-    fn update_levels(&mut self, groups: &[(u32, Dirty)], channels: &[usize]) -> Result<usize, PaintError> {
-        let surface = Arc::clone(&self.surface);
-        let jobs: Vec<(u32, Vec<Dirty>)> = groups
-            .par_iter()
-            .map(|(group, dirty)| (*group, dirty_levels(&surface, *group, dirty.clone())))
-            .collect();
-        let ids: Vec<PageId> =
-            jobs.iter().flat_map(|(group, levels)| pages_read(&surface, *group, levels)).collect();
-        let maps = self.maps.get(&surface, &ids, self.options.memory_bytes / 4);
-        let maps: BTreeMap<_, _> = ids.into_iter().zip(maps).collect();
-        let editor = &self.editor;
-        let results: Vec<CoarserLevels> = jobs
-            .par_iter()
-            .map(|(group, levels)| {
-                let mut result = CoarserLevels::default();
-                for &channel in channels {
-                    let job = LevelJob { surface: &surface, editor, group: *group, channel, maps: &maps };
-                    job.run(levels, &mut result)?;
-                }
-                Ok(result)
-            })
-            .collect::<Result<_, PaintError>>()?;
-        let mut count = 0;
-        for ((group, _), result) in jobs.iter().zip(results) {
-            count += result.pages.len();
+    fn level_work(&self, changes: Changes, channels: &[usize]) -> LevelWork {
+        LevelWork {
+            surface: Arc::clone(&self.surface),
+            pages: self.editor.snapshot(),
+            groups: changes.0.into_iter().collect(),
+            channels: channels.to_vec(),
+            budget_bytes: self.options.memory_bytes / 4,
+        }
+    }
+
+    fn finish_history(&mut self) -> Result<(), PaintError> {
+        if self.options.history { self.history.finish(&mut self.editor) } else { Ok(()) }
+    }
+
+    /// Puts coarser levels in their places; returns the pages, channel by channel.
+    fn apply_levels(&mut self, results: LevelResults) -> Result<Vec<PageId>, PaintError> {
+        let mut ids = Vec::new();
+        for (group, result) in results {
             for change in result.pages {
+                ids.push(change.id);
                 self.remember(&change)?;
                 self.editor.replace(change.id, change.channel, change.after)?;
             }
             for (channel, mean) in result.means {
-                let before = self.editor.mean(channel, *group);
-                self.editor.set_mean(channel, *group, mean);
+                let before = self.editor.mean(channel, group);
+                self.editor.set_mean(channel, group, mean);
                 // As it is stored, so that it comes back exactly.
-                let after = self.editor.mean(channel, *group);
+                let after = self.editor.mean(channel, group);
                 if self.options.history {
-                    self.history.add_mean(channel, *group, before, after);
+                    self.history.add_mean(channel, group, before, after);
                 }
             }
         }
-        Ok(count)
+        Ok(ids)
     }
 
     /// Enters a page's change into the history.
@@ -184,7 +274,9 @@ impl Painter {
     /// Moves changes from memory to the file where they exceed the budget.
     pub(crate) fn relieve(&mut self) -> Result<(), PaintError> {
         if self.editor.pending_bytes() > self.options.memory_bytes / 4 {
-            self.disk_full = flush_if_possible(&mut self.editor)?;
+            // What another thread reads must stay where it is.
+            self.finish_levels()?;
+            self.room.relieve(&mut self.editor, self.options.memory_bytes / 4)?;
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 
 use fantex_store::PageId;
+use glam::Vec4;
 
 use super::rect::Rect;
 
@@ -13,6 +14,9 @@ use super::rect::Rect;
 pub(crate) struct StrokePage {
     /// Per texel, 0..1; row-major.
     pub(crate) coverage: Vec<f32>,
+    /// Per painted channel and texel the colours that were laid down, linear RGBA multiplied by alpha and by their share of the
+    /// coverage; empty for tools whose colour does not depend on the dab.
+    pub(crate) colors: Vec<Vec<Vec4>>,
     /// Texels whose coverage is not zero lie in here.
     pub(crate) touched: Rect,
     /// Texels whose coverage has grown since the page was last shown.
@@ -23,11 +27,32 @@ pub(crate) struct StrokePage {
 
 impl StrokePage {
     pub(crate) fn new(texels: usize) -> Self {
-        Self { coverage: vec![0.0; texels], touched: Rect::EMPTY, stale: Rect::EMPTY, originals: Vec::new() }
+        let (touched, stale) = (Rect::EMPTY, Rect::EMPTY);
+        Self { coverage: vec![0.0; texels], colors: Vec::new(), touched, stale, originals: Vec::new() }
+    }
+
+    /// The colour that was laid on a texel, straight alpha; none where the tool gathers none.
+    pub(crate) fn color(&self, channel: usize, texel: usize) -> Option<Vec4> {
+        let sum = self.colors.get(channel)?[texel];
+        let color = if sum.w > 0.0 { sum.truncate() / sum.w } else { sum.truncate() };
+        Some(color.extend((sum.w / self.coverage[texel]).min(1.0)))
+    }
+
+    /// Lays a colour (one per channel, multiplied by alpha) over what is gathered.
+    pub(crate) fn gather(&mut self, texel: usize, added: f32, colors: &[Vec4]) {
+        if self.colors.is_empty() && !colors.is_empty() {
+            self.colors = vec![vec![Vec4::ZERO; self.coverage.len()]; colors.len()];
+        }
+        for (gathered, color) in self.colors.iter_mut().zip(colors) {
+            gathered[texel] = gathered[texel] * (1.0 - added) + *color * added;
+        }
+        let coverage = &mut self.coverage[texel];
+        *coverage += added * (1.0 - *coverage);
     }
 
     fn memory_bytes(&self) -> usize {
-        4 * self.coverage.len() + self.originals.iter().map(Vec::len).sum::<usize>()
+        4 * self.coverage.len() * (1 + 4 * self.colors.len())
+            + self.originals.iter().map(Vec::len).sum::<usize>()
     }
 }
 
@@ -36,6 +61,7 @@ impl StrokePage {
 struct Spilled {
     offset: u64,
     texels: usize,
+    colored_channels: usize,
     originals: Vec<usize>,
     touched: Rect,
     stale: Rect,
@@ -107,12 +133,15 @@ impl StrokePages {
             none => none.insert(tempfile::tempfile()?),
         };
         file.seek(SeekFrom::Start(self.end))?;
-        let coverage: Vec<u8> = page.coverage.iter().flat_map(|c| c.to_le_bytes()).collect();
-        file.write_all(&coverage)?;
+        let colors = page.colors.iter().flatten().flat_map(|c| c.to_array());
+        let numbers = page.coverage.iter().copied().chain(colors);
+        let numbers: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+        file.write_all(&numbers)?;
         page.originals.iter().try_for_each(|bytes| file.write_all(bytes))?;
         let spilled = Spilled {
             offset: self.end,
             texels: page.coverage.len(),
+            colored_channels: page.colors.len(),
             originals: page.originals.iter().map(Vec::len).collect(),
             touched: page.touched,
             stale: page.stale,
@@ -125,17 +154,20 @@ impl StrokePages {
 
 fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
     file.seek(SeekFrom::Start(spilled.offset))?;
-    let mut bytes = vec![0; 4 * spilled.texels];
+    let mut bytes = vec![0; 4 * spilled.texels * (1 + 4 * spilled.colored_channels)];
     file.read_exact(&mut bytes)?;
-    let mut coverage = Vec::with_capacity(spilled.texels);
-    coverage.extend(bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])));
+    let mut coverage: Vec<f32> =
+        bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    let numbers = coverage.split_off(spilled.texels);
+    let texels: Vec<Vec4> = numbers.chunks_exact(4).map(Vec4::from_slice).collect();
+    let colors = texels.chunks_exact(spilled.texels.max(1)).map(<[Vec4]>::to_vec).collect();
     let mut originals = Vec::with_capacity(spilled.originals.len());
     for &length in &spilled.originals {
         let mut bytes = vec![0; length];
         file.read_exact(&mut bytes)?;
         originals.push(bytes);
     }
-    Ok(StrokePage { coverage, touched: spilled.touched, stale: spilled.stale, originals })
+    Ok(StrokePage { coverage, colors, touched: spilled.touched, stale: spilled.stale, originals })
 }
 
 #[cfg(test)]
@@ -149,6 +181,7 @@ mod tests {
         for group in 0..5 {
             let mut page = StrokePage::new(16);
             page.coverage[3] = group as f32;
+            page.gather(5, 0.5, &[Vec4::splat(group as f32), Vec4::ONE]);
             page.touched.add(3, 0);
             if group % 2 == 0 {
                 page.stale.add(3, 0);
@@ -161,6 +194,7 @@ mod tests {
         for group in 0..5 {
             let page = pages.take(id(group)).unwrap().unwrap();
             assert_eq!((page.coverage[3], page.coverage[4]), (group as f32, 0.0));
+            assert_eq!((page.colors.len(), page.colors[0][5]), (2, Vec4::splat(0.5 * group as f32)));
             assert_eq!(page.originals, [vec![group as u8; 8], vec![7; 4]]);
             assert_eq!(page.touched, Rect { low: [3, 0], high: [4, 1] });
         }

@@ -90,7 +90,7 @@ impl AssetEditor {
         let written = packed.and_then(|packed| self.write_clusters(packed));
         match written {
             Ok(entries) => {
-                let written = changes.values().flatten().flatten().map(Vec::len);
+                let written = changes.values().flatten().flatten().map(|bytes| bytes.len());
                 self.pending.page_bytes -= written.sum::<usize>();
                 self.replace_entries(level, entries);
                 Ok(())
@@ -288,7 +288,13 @@ impl AssetEditor {
     /// Writes bytes where there is room and returns where.
     fn write_anywhere(&mut self, bytes: &[u8]) -> Result<u64, EditError> {
         let offset = self.space.allocate(bytes.len() as u64);
-        match self.output.write_at(offset, bytes) {
+        let is_beyond = self.limit.is_some_and(|limit| offset + bytes.len() as u64 > limit);
+        let written = if is_beyond {
+            Err(std::io::ErrorKind::QuotaExceeded.into())
+        } else {
+            self.output.write_at(offset, bytes)
+        };
+        match written {
             Ok(()) => Ok(offset),
             Err(source) => {
                 self.space.release(&(offset..offset + bytes.len() as u64));

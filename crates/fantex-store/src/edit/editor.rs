@@ -1,6 +1,6 @@
 //! The editor: changes that are not yet committed, and reading through them.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{File, OpenOptions};
 use std::ops::Range;
 use std::path::Path;
@@ -11,8 +11,9 @@ use super::lock::WriterLock;
 use super::output::{FileOutput, Output};
 use super::runs::{LevelChanges, RUN_BYTES, RunPacking};
 use super::space::{Space, padded_in_order, without_fixed};
+use super::view::{EditorSnapshot, RecentClusters, View, cluster_of, place_of};
 use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
-use crate::layout::{ClusterPages, PageSize, TilePlace};
+use crate::layout::TilePlace;
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
 use crate::open::{read_other_slot, read_section};
 use crate::section::attachments::{self, Attachments};
@@ -49,16 +50,12 @@ pub struct AssetEditor {
     pub(super) flushed: Flushed,
     pub(super) space: Space,
     pub(super) header: HeaderState,
+    /// The file grows to so many bytes at most.
+    pub(super) limit: Option<u64>,
     recent: Mutex<RecentClusters>,
     /// Pages that were replaced since they were last taken, where somebody wants to know.
     replaced: Option<BTreeSet<PageId>>,
 }
-
-/// Clusters that were unpacked last, by offset and checksum: neighbouring pages are mostly read together.
-type RecentClusters = VecDeque<([u64; 2], Arc<ClusterPages>)>;
-
-/// Clusters that are kept unpacked, of 64 to 256 KiB mostly.
-const RECENT_CLUSTERS: usize = 32;
 
 /// Changes in memory.
 #[derive(Debug, Default)]
@@ -142,6 +139,7 @@ impl AssetEditor {
             space,
             header,
             asset,
+            limit: None,
             recent: Mutex::default(),
             replaced: None,
         })
@@ -166,7 +164,7 @@ impl AssetEditor {
         let change = self.pending.pages[page.level as usize].entry(place);
         let slot = &mut change.or_insert_with(|| vec![None; channels])[channel];
         self.pending.page_bytes += bytes.len();
-        self.pending.page_bytes -= slot.replace(bytes).map_or(0, |old| old.len());
+        self.pending.page_bytes -= slot.replace(Arc::new(bytes)).map_or(0, |old| old.len());
         if let Some(replaced) = &mut self.replaced {
             replaced.insert(page);
         }
@@ -220,33 +218,27 @@ impl AssetEditor {
         !self.pending.attachments.is_empty() || self.pending.pages.iter().any(|pages| !pages.is_empty())
     }
 
-    /// Reads a page's bytes with all changes, committed or not. Keeps the
-    /// last few clusters.
+    /// Reads a page's bytes with all changes, committed or not. Keeps the last few clusters.
     pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
-        self.asset.page_extent(channel, page)?;
-        let place = self.place(page)?;
-        let change = self.pending.pages[page.level as usize].get(&place);
-        if let Some(bytes) = change.and_then(|change| change[channel].as_ref()) {
-            return Ok(bytes.clone());
-        }
-        let entry = &self.flushed.directory.levels[page.level as usize][self.cluster_of(page.level, place)];
-        let cluster = self.cluster(page.level, entry)?;
-        self.asset.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
+        let (asset, directory) = (&*self.asset, &*self.flushed.directory);
+        View { asset, directory, pages: &self.pending.pages, recent: &self.recent }
+            .read_page_raw(channel, page)
     }
 
-    fn cluster(&self, level: u32, entry: &ClusterEntry) -> Result<Arc<ClusterPages>, PageError> {
-        let key = [entry.offset, entry.checksum];
-        let lock = || self.recent.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some((_, cluster)) = lock().iter().find(|(known, _)| *known == key) {
-            return Ok(Arc::clone(cluster));
+    /// All pages as they are now, for other threads.
+    pub fn snapshot(&self) -> EditorSnapshot {
+        let recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        EditorSnapshot {
+            asset: Arc::clone(&self.asset),
+            directory: Arc::clone(&self.flushed.directory),
+            pages: self.pending.pages.clone(),
+            recent: Mutex::new(recent),
         }
-        let cluster = Arc::new(self.asset.read_entry(level, entry)?);
-        let mut recent = lock();
-        if recent.len() >= RECENT_CLUSTERS {
-            recent.pop_front();
-        }
-        recent.push_back((key, Arc::clone(&cluster)));
-        Ok(cluster)
+    }
+
+    /// Lets the file grow to so many bytes at most, as if the disk had no room beyond; none lifts the limit. (A quota.)
+    pub fn limit_file(&mut self, bytes: Option<u64>) {
+        self.limit = bytes;
     }
 
     /// Reads and decodes a page with all changes, committed or not. Not cached.
@@ -301,17 +293,12 @@ impl AssetEditor {
     }
 
     fn place(&self, page: PageId) -> Result<TilePlace, PageError> {
-        let extent = self.asset.cover().groups.get(page.group as usize).map_or([0, 0], |g| g.extent);
-        let number = PageSize::new(extent, page.level).number(page.page);
-        let path = || self.asset.path().to_owned();
-        let number = number.ok_or_else(|| PageError::NoSuchPage { path: path(), channel: 0, page })?;
-        Ok(TilePlace { group: page.group, page: number })
+        place_of(&self.asset, page)
     }
 
     /// Index of the cluster that holds an existing page.
     pub(super) fn cluster_of(&self, level: u32, place: TilePlace) -> usize {
-        let clusters = &self.flushed.directory.levels[level as usize];
-        clusters.partition_point(|cluster| cluster.first <= place).saturating_sub(1)
+        cluster_of(&self.flushed.directory.levels[level as usize], place)
     }
 }
 

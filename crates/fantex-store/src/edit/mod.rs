@@ -30,8 +30,10 @@ mod runs;
 mod space;
 #[cfg(test)]
 mod tests;
+mod view;
 
 pub use commit::CommitSummary;
 pub use compact::CompactSummary;
 pub use editor::{AssetEditor, EditOptions};
 pub use error::EditError;
+pub use view::EditorSnapshot;

@@ -14,6 +14,7 @@
 //! 64 KiB is also one page of 256x256 texels in BC7.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use crate::layout::{PageSize, TilePlace};
 use crate::section::directory::{ClusterEntry, Directory};
@@ -25,7 +26,7 @@ use xxhash_rust::xxh3::xxh3_64;
 pub(super) const RUN_BYTES: usize = 64 << 10;
 
 /// Replaced bytes of a page per channel; none where the channel stays.
-pub(super) type PageChange = Vec<Option<Vec<u8>>>;
+pub(super) type PageChange = Vec<Option<Arc<Vec<u8>>>>;
 
 /// Changed pages of one level.
 pub(super) type LevelChanges = BTreeMap<TilePlace, PageChange>;
@@ -142,9 +143,9 @@ pub(super) fn rewrite(
         let id = PageId { group: place.group, level, page: size.page(place.page) };
         let mut page = Vec::with_capacity(formats.len());
         for channel in 0..formats.len() {
-            let changed = changes.get(&place).and_then(|change| change[channel].as_deref());
+            let changed = changes.get(&place).and_then(|change| change[channel].as_ref());
             page.push(match changed {
-                Some(bytes) => bytes,
+                Some(bytes) => bytes.as_slice(),
                 None => asset.page_in(&cluster, channel, id)?,
             });
         }

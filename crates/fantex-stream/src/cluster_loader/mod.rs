@@ -37,7 +37,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
-use board::Board;
+use board::{Board, Change};
 use fantex_store::{Asset, PageId};
 use file_order::FileOrder;
 use scheduler::Scheduler;
@@ -256,29 +256,52 @@ fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn
 
 impl PageLoader for ClusterLoader {
     fn request(&mut self, page: PageId, urgency: f32) {
-        let cluster = self.shared.asset.cluster_of(page);
-        let mut board = self.shared.board.lock();
-        match cluster {
-            Ok(cluster) => {
-                let change = board.request(page, cluster, urgency);
-                drop(board);
-                match change {
-                    board::Change::None => {}
-                    board::Change::Read => self.shared.scheduler.kick(),
-                    board::Change::Job => self.shared.board.job_arrived(),
-                }
-            }
-            Err(error) => board.refuse(page, urgency, error),
+        self.request_all(&[(page, urgency)]);
+    }
+
+    fn request_all(&mut self, pages: &[(PageId, f32)]) {
+        if pages.is_empty() {
+            return;
         }
+        let asset = &self.shared.asset;
+        let clusters: Vec<_> = pages.iter().map(|&(page, _)| asset.cluster_of(page)).collect();
+        let mut board = self.shared.board.lock();
+        let (mut reads, mut jobs) = (false, 0);
+        for (&(page, urgency), cluster) in pages.iter().zip(clusters) {
+            match cluster.map(|cluster| board.request(page, cluster, urgency)) {
+                Ok(Change::None) => {}
+                Ok(Change::Read) => reads = true,
+                Ok(Change::Job) => jobs += 1,
+                Err(error) => board.refuse(page, urgency, error),
+            }
+        }
+        drop(board);
+        // Nobody is woken before all is on the board: neighbours are read together, and the lock is not fought for.
+        if reads {
+            self.shared.scheduler.kick();
+        }
+        self.shared.board.jobs_arrived(jobs);
     }
 
     fn cancel(&mut self, page: PageId) {
-        let Ok(cluster) = self.shared.asset.cluster_of(page) else {
-            return self.shared.board.lock().cancel_refused(page);
-        };
+        self.cancel_all(&[page]);
+    }
+
+    fn cancel_all(&mut self, pages: &[PageId]) {
+        if pages.is_empty() {
+            return;
+        }
+        let asset = &self.shared.asset;
+        let clusters: Vec<_> = pages.iter().map(|&page| asset.cluster_of(page)).collect();
         let mut board = self.shared.board.lock();
         let was_full = board.ready_is_full();
-        let gives_up_read = board.cancel(page, cluster);
+        let mut gives_up_read = false;
+        for (&page, cluster) in pages.iter().zip(clusters) {
+            match cluster {
+                Ok(cluster) => gives_up_read |= board.cancel(page, cluster),
+                Err(_) => board.cancel_refused(page),
+            }
+        }
         let has_room = was_full && !board.ready_is_full();
         drop(board);
         if gives_up_read {

@@ -163,6 +163,6 @@ impl Scheduler {
             board.read_fails(id, stored_bytes, error, alone);
         }
         drop(board);
-        (0..jobs).for_each(|_| self.shared.board.job_arrived());
+        self.shared.board.jobs_arrived(jobs);
     }
 }

@@ -21,8 +21,13 @@ impl SharedBoard {
         self.board.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn job_arrived(&self) {
-        self.work.notify_one();
+    /// Jobs are on the board: wakes a worker for each.
+    pub(super) fn jobs_arrived(&self, count: usize) {
+        match count {
+            0 => {}
+            1 => self.work.notify_one(),
+            _ => self.work.notify_all(),
+        }
     }
 
     pub(super) fn room_arrived(&self) {

@@ -11,6 +11,8 @@ pub struct LoaderStatistics {
     pub clusters_read: u64,
     /// Stored bytes of those.
     pub cluster_bytes: u64,
+    /// Bytes of the pages of clusters that were unpacked, as they are stored without packing: block-compressed texels.
+    pub unpacked_bytes: u64,
     /// Stored bytes of the pages that were handed over: their shares of their clusters. With [`Self::bytes_read`] it tells how
     /// much was read in vain (less than nothing where the cache served pages more than once).
     pub bytes_needed: u64,

@@ -41,7 +41,11 @@ impl Worker {
         let unpacked = self.shared.asset.unpack_cluster(cluster, &bytes[part]).map(Arc::new);
         drop(bytes);
         let mut board = self.shared.board.lock();
-        board.counts().unpack_seconds += begin.elapsed().as_secs_f64();
+        let counts = board.counts();
+        counts.unpack_seconds += begin.elapsed().as_secs_f64();
+        if unpacked.is_ok() {
+            counts.unpacked_bytes += self.shared.asset.cluster_page_bytes(cluster) as u64;
+        }
         board.unpacked(cluster, stored_bytes, unpacked.as_ref().map_err(PageError::clone));
         drop(board);
         if let Ok(pages) = unpacked {

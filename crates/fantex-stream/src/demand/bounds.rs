@@ -1,13 +1,12 @@
 //! Bounds of pieces of surface: spheres, cones of normals, densities.
 
-use std::ops::Range;
-
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::kites::{Facet, facets};
+use super::group_triangles::GroupTriangles;
+use super::kites::{Densities, densities, piece_points};
 
 /// A ball around all points, mesh space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,8 +31,27 @@ pub(crate) struct NormalCone {
 pub(crate) struct Bounds {
     pub(crate) sphere: Sphere,
     pub(crate) cone: NormalCone,
-    /// Binary logarithm of the fewest texels per mesh unit in any direction; infinite where there is no surface.
-    pub(crate) log2_density: f32,
+    /// The fewest texels per mesh unit.
+    pub(crate) density: LogDensities,
+}
+
+/// Binary logarithms of lower bounds of the two singular values of maps from the surface to texels of level 0, per mesh unit;
+/// infinite where there is no surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct LogDensities {
+    /// Of the smaller one: no direction on the surface has fewer texels.
+    pub(crate) least: f32,
+    /// Of the larger one: on every triangle some direction has as many.
+    pub(crate) most: f32,
+}
+
+impl LogDensities {
+    /// Of nothing.
+    pub(crate) const NOTHING: Self = Self { least: f32::INFINITY, most: f32::INFINITY };
+
+    fn min(self, other: Self) -> Self {
+        Self { least: self.least.min(other.least), most: self.most.min(other.most) }
+    }
 }
 
 /// Gathers bounds in two passes: boxes and mean normals, then radii and angles.
@@ -42,7 +60,7 @@ pub(crate) struct Gathering {
     low: Vec3,
     high: Vec3,
     normals: Vec3,
-    density: f32,
+    density: LogDensities,
     is_culled: bool,
 }
 
@@ -51,7 +69,7 @@ impl Gathering {
         low: Vec3::INFINITY,
         high: Vec3::NEG_INFINITY,
         normals: Vec3::ZERO,
-        density: f32::INFINITY,
+        density: LogDensities::NOTHING,
         is_culled: true,
     };
 
@@ -59,15 +77,15 @@ impl Gathering {
         (self.low, self.high) = (self.low.min(p), self.high.max(p));
     }
 
-    pub(crate) fn add_facet(&mut self, normal: Vec3, least_density: f32, is_culled: bool) {
-        self.normals += normal;
-        self.density = self.density.min(least_density);
-        self.is_culled &= is_culled;
+    pub(crate) fn add_facet(&mut self, normal: Vec3, densities: Densities, is_culled: bool) {
+        let density = LogDensities { least: densities.least.log2(), most: densities.most.log2() };
+        self.add_normals(normal, density, is_culled);
     }
 
-    fn join(&mut self, other: &Self) {
-        (self.low, self.high) = (self.low.min(other.low), self.high.max(other.high));
-        self.add_facet(other.normals, other.density, other.is_culled);
+    fn add_normals(&mut self, normals: Vec3, density: LogDensities, is_culled: bool) {
+        self.normals += normals;
+        self.density = self.density.min(density);
+        self.is_culled &= is_culled;
     }
 
     /// The bounds as far as they are known: radius zero, a closed cone.
@@ -80,7 +98,7 @@ impl Gathering {
                 cos: 1.0,
                 is_culled: self.is_culled,
             },
-            log2_density: self.density.log2(),
+            density: self.density,
         }
     }
 }
@@ -90,7 +108,7 @@ impl Bounds {
     pub(crate) const NOTHING: Self = Self {
         sphere: Sphere { center: Vec3::ZERO, radius: 0.0 },
         cone: NormalCone { axis: Vec3::Z, cos: 1.0, is_culled: true },
-        log2_density: f32::INFINITY,
+        density: LogDensities::NOTHING,
     };
 
     pub(crate) fn widen_to_point(&mut self, p: Vec3) {
@@ -102,24 +120,21 @@ impl Bounds {
     }
 
     pub(crate) fn is_nothing(&self) -> bool {
-        self.log2_density == f32::INFINITY
+        self.density == LogDensities::NOTHING
     }
 
     /// Around several, in order.
     pub(crate) fn around(parts: &[Self]) -> Self {
         let mut gathering = Gathering::EMPTY;
-        let mut density = f32::INFINITY;
         for part in parts.iter().filter(|p| !p.is_nothing()) {
             gathering.add_point(part.sphere.center - part.sphere.radius);
             gathering.add_point(part.sphere.center + part.sphere.radius);
-            gathering.add_facet(part.cone.axis, f32::INFINITY, part.cone.is_culled);
-            density = density.min(part.log2_density);
+            gathering.add_normals(part.cone.axis, part.density, part.cone.is_culled);
         }
-        if density == f32::INFINITY {
+        if gathering.density == LogDensities::NOTHING {
             return Self::NOTHING;
         }
         let mut around = gathering.begin();
-        around.log2_density = density;
         for part in parts.iter().filter(|p| !p.is_nothing()) {
             let reach = around.sphere.center.distance(part.sphere.center) + part.sphere.radius;
             around.sphere.radius = around.sphere.radius.max(reach);
@@ -132,63 +147,39 @@ impl Bounds {
     }
 }
 
-/// Bounds of every group. Facets are looked at in parallel, run by run, and added in order.
-pub(crate) fn group_bounds(mesh: &Mesh, cover: &Cover) -> Vec<Bounds> {
-    let count = mesh.triangles.len().min(cover.corner_groups.len());
-    let mut gathered = vec![Gathering::EMPTY; cover.groups.len()];
-    for begin in (0..count).step_by(RUN) {
-        let gather = |facet: Facet, t: usize| {
-            let mut one = Gathering::EMPTY;
-            points(&facet).for_each(|p| one.add_point(p));
-            one.add_facet(facet.normal, facet.least_density(mesh, cover, t), is_culled(mesh, t));
-            one
-        };
-        for (group, one) in in_order(mesh, cover, begin..count.min(begin + RUN), gather) {
-            gathered[group as usize].join(&one);
-        }
+/// Bounds of every group, in parallel; each group adds its triangles in order.
+pub(crate) fn group_bounds(mesh: &Mesh, cover: &Cover, triangles: &GroupTriangles) -> Vec<Bounds> {
+    let groups = (0..cover.groups.len() as u32).into_par_iter().with_min_len(1 << 6);
+    let bounds = |pieces: &mut Vec<Piece>, group| bounds_of(mesh, cover, group, triangles.of(group), pieces);
+    groups.map_init(Vec::new, bounds).collect()
+}
+
+/// What a group has of a triangle.
+struct Piece {
+    normal: Vec3,
+    points: [Vec3; 12],
+    count: usize,
+}
+
+/// Bounds of one group. `pieces` is scratch.
+fn bounds_of(mesh: &Mesh, cover: &Cover, group: u32, triangles: &[u32], pieces: &mut Vec<Piece>) -> Bounds {
+    pieces.clear();
+    let mut gathering = Gathering::EMPTY;
+    for t in triangles.iter().map(|&t| t as usize) {
+        let corners = mesh.triangle_positions(t);
+        let [a, b, c] = corners;
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let (points, count) = piece_points(corners, cover.corner_groups[t].map(|g| g == group), cover.delta);
+        points[..count].iter().for_each(|&p| gathering.add_point(p));
+        gathering.add_facet(normal, densities(mesh, cover, t, group), is_culled(mesh, t));
+        pieces.push(Piece { normal, points, count });
     }
-    let mut bounds: Vec<Bounds> = gathered.iter().map(Gathering::begin).collect();
-    for begin in (0..count).step_by(RUN) {
-        let widen = |facet: Facet, _| {
-            let mut one = bounds[facet.group as usize];
-            points(&facet).for_each(|p| one.widen_to_point(p));
-            one.widen_to_normal(facet.normal);
-            (one.sphere.radius, one.cone.cos)
-        };
-        for (group, (radius, cos)) in in_order(mesh, cover, begin..count.min(begin + RUN), widen) {
-            let bounds = &mut bounds[group as usize];
-            bounds.sphere.radius = bounds.sphere.radius.max(radius);
-            bounds.cone.cos = bounds.cone.cos.min(cos);
-        }
+    let mut bounds = gathering.begin();
+    for piece in pieces {
+        piece.points[..piece.count].iter().for_each(|&p| bounds.widen_to_point(p));
+        bounds.widen_to_normal(piece.normal);
     }
     bounds
-}
-
-/// Triangles whose facets are kept at a time.
-const RUN: usize = 1 << 17;
-
-/// What `of` says of every facet of some triangles, with the facet's group.
-fn in_order<T: Send>(
-    mesh: &Mesh,
-    cover: &Cover,
-    triangles: Range<usize>,
-    of: impl Fn(Facet, usize) -> T + Sync,
-) -> Vec<(u32, T)> {
-    let of = &of;
-    let parts: Vec<Vec<(u32, T)>> = triangles
-        .into_par_iter()
-        .with_min_len(1 << 12)
-        .fold(Vec::new, |mut part, t| {
-            part.extend(facets(mesh, cover, t).map(|facet| (facet.group, of(facet, t))));
-            part
-        })
-        .collect();
-    parts.into_iter().flatten().collect()
-}
-
-/// Corners of a facet's kites.
-fn points(facet: &Facet) -> impl Iterator<Item = Vec3> {
-    facet.kites.into_iter().flatten().flat_map(|kite| kite.points)
 }
 
 /// Whether a triangle's back is never drawn.

@@ -48,15 +48,37 @@ pub(crate) struct Facet {
     pub(crate) kites: [Option<Kite>; 3],
 }
 
-impl Facet {
-    /// Texels of level 0 per mesh unit along the direction on the surface that has fewest. `triangle` is the facet's.
-    pub(crate) fn least_density(&self, mesh: &Mesh, cover: &Cover, triangle: usize) -> f32 {
-        let extent = Vec2::from(cover.groups[self.group as usize].extent.map(|n| n as f32));
-        let positions = mesh.triangle_positions(triangle);
-        // One projection serves all corners of a projected group; an unfolded fan has one corner in a triangle.
-        let slot = self.kites.iter().position(Option::is_some).unwrap_or(0);
-        least_density(positions, cover.tile_corners(mesh, triangle, slot), extent)
+/// Texels of level 0 per mesh unit along the directions on a triangle that have fewest and most of them: the singular values
+/// of the map from its plane to texels.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Densities {
+    pub(crate) least: f32,
+    pub(crate) most: f32,
+}
+
+/// Those of a triangle in one of its corners' groups.
+pub(crate) fn densities(mesh: &Mesh, cover: &Cover, triangle: usize, group: u32) -> Densities {
+    let extent = Vec2::from(cover.groups[group as usize].extent.map(|n| n as f32));
+    // One projection serves all corners of a projected group; an unfolded fan has one corner in a triangle.
+    let slot = cover.corner_groups[triangle].iter().position(|&g| g == group).unwrap_or(0);
+    map_densities(mesh.triangle_positions(triangle), cover.tile_corners(mesh, triangle, slot), extent)
+}
+
+/// Points whose hull is what the group of the given corners sees of a triangle, and how many.
+pub(crate) fn piece_points(corners: [Vec3; 3], is_in: [bool; 3], delta: f32) -> ([Vec3; 12], usize) {
+    let (mut points, mut count) = ([Vec3::ZERO; 12], 0);
+    if is_in == [true; 3] {
+        points[..3].copy_from_slice(&corners);
+        return (points, 3);
     }
+    let [a, b, c] = corners;
+    for slot in (0..3).filter(|&slot| is_in[slot]) {
+        for lambda in kite(slot, delta) {
+            points[count] = a * lambda.x + b * lambda.y + c * lambda.z;
+            count += 1;
+        }
+    }
+    (points, count)
 }
 
 /// The facets of a triangle, one per group it is looked up in.
@@ -81,8 +103,7 @@ pub(crate) fn facets(mesh: &Mesh, cover: &Cover, triangle: usize) -> impl Iterat
     })
 }
 
-/// The smaller singular value of the map from the triangle's plane to texels.
-fn least_density([a, b, c]: [Vec3; 3], uv: [Vec2; 3], extent: Vec2) -> f32 {
+fn map_densities([a, b, c]: [Vec3; 3], uv: [Vec2; 3], extent: Vec2) -> Densities {
     let x_axis = (b - a).normalize_or_zero();
     let (bx, cx) = ((b - a).dot(x_axis), (c - a).dot(x_axis));
     let cy = ((c - a) - x_axis * cx).length();
@@ -90,7 +111,7 @@ fn least_density([a, b, c]: [Vec3; 3], uv: [Vec2; 3], extent: Vec2) -> f32 {
     let along_x = to_b / bx;
     let along_y = (to_c - along_x * cx) / cy;
     let (sum, area) = (along_x.length_squared() + along_y.length_squared(), along_x.perp_dot(along_y).abs());
-    let major = (0.5 * (sum + (sum * sum - 4.0 * area * area).max(0.0).sqrt())).sqrt();
+    let most = (0.5 * (sum + (sum * sum - 4.0 * area * area).max(0.0).sqrt())).sqrt();
     // Where the map folds a line onto a point every level is too coarse; nothing finer than this would be seen.
-    (area / major).max(1e-3 * major)
+    Densities { least: (area / most).max(1e-3 * most), most }
 }

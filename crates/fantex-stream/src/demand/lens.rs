@@ -3,13 +3,18 @@
 //! A pixel whose ray has the direction `w` (cosine `c` to the line of sight) and meets the surface at distance `r` spans
 //! there, on a plane that faces the ray, an ellipse with the axes `r c / f` and `r c^2 / f` (`f` = pixels per unit at depth
 //! one). On a plane with normal `n` the shorter axis is no shorter, and the longer one at least `r c / f max(1, c / |n.w|)`.
-//! Through the map to texels both grow at least by its smaller singular value. All bounds hold for every point in the
-//! sphere and every normal in the cone, so no look-up reads a finer level than the one that follows from them.
+//! Through the map to texels, whose singular values are `s <= t`, the shorter axis grows at least by `s`, and the longer one
+//! becomes at least as long as itself times `s`, and as the shorter one times `t`: the ellipse holds a circle as wide as its
+//! shorter axis. All bounds hold for every point in the sphere and every normal in the cone, so no look-up reads a finer level
+//! than the one that follows from them.
 
 use glam::Vec3;
 
-use super::bounds::{Bounds, Sphere};
+use super::bounds::{Bounds, LogDensities, Sphere};
 use crate::StreamView;
+
+/// Ratios of singular values of maps to tiles are seldom greater.
+const MOST_STRETCH: f32 = 4.0;
 
 /// How far the camera may move and turn until bounds are taken again.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,17 +115,23 @@ impl Lens {
         if inside < reach { Sight::Partial } else { Sight::Whole }
     }
 
-    /// A lower bound of the binary logarithm of the width, in mesh units times the density, that decides levels: that of
-    /// the pixel's shorter axis, or of the longer one divided by the greatest anisotropy, whichever is more. Holds for
-    /// every camera within `slack` of this one.
+    /// A lower bound of the binary logarithm of the width, in texels, that decides levels: that of the pixel's shorter axis, or
+    /// of the longer one divided by the greatest anisotropy, whichever is more. Holds for every camera within `slack` of this
+    /// one.
     #[inline]
     pub(crate) fn log2_width(&self, bounds: &Bounds, slack: Slack) -> f32 {
-        let Bounds { sphere, cone, log2_density } = bounds;
+        self.pixel_on(bounds, slack).log2_width(bounds.density)
+    }
+
+    /// How wide a pixel is at least on a piece of surface. The same holds of everything within the piece.
+    #[inline]
+    pub(crate) fn pixel_on(&self, bounds: &Bounds, slack: Slack) -> PixelWidth {
+        let Bounds { sphere, cone, .. } = bounds;
         let to_center = sphere.center - self.eye;
         let distance = to_center.length();
         let nearest = distance - sphere.radius - slack.travel;
         if nearest <= 0.0 {
-            return f32::NEG_INFINITY;
+            return PixelWidth { log2_least: f32::NEG_INFINITY, log2_most: f32::NEG_INFINITY };
         }
         let ray = to_center / distance;
         let spread = ((sphere.radius + slack.travel) / distance + slack.turn).min(1.0);
@@ -139,7 +150,30 @@ impl Lens {
         };
         let slant = (least_cos / most_facing.clamp(1e-3, 1.0)).max(1.0);
         let longer = nearest * self.pixel * least_cos * slant;
-        shorter.max(longer * self.inverse_anisotropy).log2() + log2_density
+        // Maps that stretch by more than that are rare, and a bound that is not taken is none too high.
+        let log2_most = if self.inverse_anisotropy > MOST_STRETCH.recip() {
+            (shorter * self.inverse_anisotropy).log2()
+        } else {
+            f32::NEG_INFINITY
+        };
+        PixelWidth { log2_least: shorter.max(longer * self.inverse_anisotropy).log2(), log2_most }
+    }
+}
+
+/// Lower bounds of a pixel's width on the surface, mesh units, as binary logarithms.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PixelWidth {
+    /// Of what the smaller singular value of the map to texels multiplies.
+    log2_least: f32,
+    /// Of what the larger one does.
+    log2_most: f32,
+}
+
+impl PixelWidth {
+    /// The same in texels.
+    #[inline]
+    pub(crate) fn log2_width(self, densities: LogDensities) -> f32 {
+        (self.log2_least + densities.least).max(self.log2_most + densities.most)
     }
 }
 

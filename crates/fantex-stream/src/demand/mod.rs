@@ -28,6 +28,7 @@
 //! only for the last picture. Whether it would pay was not measured. What hidden surfaces cost is room in the pool, of which the bias takes account.
 
 mod bounds;
+mod group_triangles;
 mod kites;
 mod lens;
 mod paged;
@@ -45,7 +46,7 @@ use std::ops::Range;
 use glam::{Mat3, Vec3};
 
 use crate::StreamView;
-use bounds::Bounds;
+use bounds::{Bounds, LogDensities};
 use lens::{Lens, Sight, Slack};
 use surface::{BLOCK, FAN_OUT};
 
@@ -296,12 +297,13 @@ impl Visit<'_> {
     /// One bound for all groups of a block: they differ by their densities only.
     fn uniform_block(&mut self, node: usize, bounds: &Bounds, slack: Slack) {
         self.demand.work.uniform_blocks += 1;
-        let log2_pixel = self.lens.log2_width(bounds, slack) - bounds.log2_density;
+        let pixel = self.lens.pixel_on(bounds, slack);
         let groups = block(node, self.demand.details.len());
         let mut details = [Detail::HIDDEN; BLOCK];
-        for (detail, &density) in details.iter_mut().zip(&self.surface.log2_densities[groups.clone()]) {
-            let seen = Detail::from_log2(log2_pixel + density);
-            *detail = if density < f32::INFINITY { seen } else { Detail::HIDDEN };
+        for (detail, &densities) in details.iter_mut().zip(&self.surface.densities[groups.clone()]) {
+            let is_nothing = densities == LogDensities::NOTHING;
+            *detail =
+                if is_nothing { Detail::HIDDEN } else { Detail::from_log2(pixel.log2_width(densities)) };
         }
         if self.demand.details[groups.clone()] != details[..groups.len()] {
             for (group, detail) in groups.zip(details) {

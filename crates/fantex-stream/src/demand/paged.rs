@@ -9,7 +9,7 @@ use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 
 use super::bounds::{Bounds, Gathering, is_culled};
-use super::kites::{Kite, facets};
+use super::kites::{Densities, Kite, densities, facets};
 use super::lens::{Lens, Sight, Slack};
 use crate::Geometry;
 use crate::shape::{Detail, TileShape, cells};
@@ -40,12 +40,8 @@ pub(crate) struct PagedTile {
 }
 
 impl PagedTile {
-    pub(crate) fn new(group: u32) -> Self {
-        Self { group, triangles: Vec::new(), grid: None, bounds: HashMap::new() }
-    }
-
-    pub(crate) fn add_triangle(&mut self, triangle: u32) {
-        self.triangles.push(triangle);
+    pub(crate) fn new(group: u32, triangles: Vec<u32>) -> Self {
+        Self { group, triangles, grid: None, bounds: HashMap::new() }
     }
 
     /// The wanted pages, ascending by index. Where a page is wanted, so are those of the next coarser level over it.
@@ -136,12 +132,12 @@ fn close_upwards(shape: &TileShape, levels: &mut [BTreeMap<[u32; 2], Detail>]) {
     }
 }
 
-/// A kite with its triangle's normal and density.
+/// A kite with its triangle's normal and densities.
 #[derive(Clone, Copy, Debug)]
 struct PlacedKite {
     kite: Kite,
     normal: Vec3,
-    least_density: f32,
+    densities: Densities,
     is_culled: bool,
 }
 
@@ -160,11 +156,11 @@ impl KiteGrid {
         for &t in triangles {
             for facet in facets(geometry.mesh(), geometry.cover(), t as usize) {
                 if facet.group == group {
-                    let least_density = facet.least_density(geometry.mesh(), geometry.cover(), t as usize);
+                    let densities = densities(geometry.mesh(), geometry.cover(), t as usize, group);
                     kites.extend(facet.kites.into_iter().flatten().map(|kite| PlacedKite {
                         kite,
                         normal: facet.normal,
-                        least_density,
+                        densities,
                         is_culled: is_culled(geometry.mesh(), t as usize),
                     }));
                 }
@@ -207,7 +203,7 @@ impl KiteGrid {
             let placed = &self.kites[i as usize];
             let polygon = clip(&placed.kite, rectangle);
             if !polygon.is_empty() {
-                gathering.add_facet(placed.normal, placed.least_density, placed.is_culled);
+                gathering.add_facet(placed.normal, placed.densities, placed.is_culled);
             }
             for (_, p) in polygon {
                 gathering.add_point(p);

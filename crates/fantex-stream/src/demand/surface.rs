@@ -1,12 +1,13 @@
 //! The surface as demand sees it: bounds of groups, of blocks of groups, of blocks of blocks.
 //!
 //! Groups are ordered along a space-filling curve over the surface, so consecutive ones are neighbours, and a tree needs no
-//! pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 44 bytes per group.
+//! pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 56 bytes per group.
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use super::bounds::{Bounds, group_bounds};
+use super::bounds::{Bounds, LogDensities, group_bounds};
+use super::group_triangles::GroupTriangles;
 use super::paged::PagedTile;
 use crate::Geometry;
 use crate::shape::TileShapes;
@@ -21,8 +22,8 @@ pub(crate) struct DemandSurface {
     pub(crate) geometry: Arc<dyn Geometry>,
     pub(crate) shapes: Arc<TileShapes>,
     pub(crate) groups: Vec<Bounds>,
-    /// The groups' `log2_density`, close together.
-    pub(crate) log2_densities: Vec<f32>,
+    /// The groups' densities, close together.
+    pub(crate) densities: Vec<LogDensities>,
     /// Blocks, then the nodes over them, up to a single one.
     pub(crate) nodes: Vec<Vec<Bounds>>,
     pub(crate) paged: HashMap<u32, PagedTile>,
@@ -33,33 +34,24 @@ pub(crate) struct DemandSurface {
 impl DemandSurface {
     pub(crate) fn new(geometry: Arc<dyn Geometry>, shapes: Arc<TileShapes>) -> Self {
         let (mesh, cover) = (geometry.mesh(), geometry.cover());
-        let groups = group_bounds(mesh, cover);
+        let count = mesh.triangles.len().min(cover.corner_groups.len());
+        let triangles = GroupTriangles::new(cover, count);
+        let groups = group_bounds(mesh, cover, &triangles);
         let mut nodes = vec![groups.chunks(BLOCK).map(Bounds::around).collect::<Vec<_>>()];
         while nodes[nodes.len() - 1].len() > 1 {
             let next = nodes[nodes.len() - 1].chunks(FAN_OUT).map(Bounds::around).collect();
             nodes.push(next);
         }
-        let mut paged: HashMap<u32, PagedTile> = (0..groups.len() as u32)
+        let paged: HashMap<u32, PagedTile> = (0..groups.len() as u32)
             .filter(|&g| shapes.of(g).is_paged())
-            .map(|g| (g, PagedTile::new(g)))
+            .map(|g| (g, PagedTile::new(g, triangles.of(g).to_vec())))
             .collect();
-        if !paged.is_empty() {
-            for (t, corners) in cover.corner_groups.iter().enumerate() {
-                for (i, group) in corners.iter().enumerate() {
-                    if !corners[..i].contains(group)
-                        && let Some(tile) = paged.get_mut(group)
-                    {
-                        tile.add_triangle(t as u32);
-                    }
-                }
-            }
-        }
         let has_paged = (0..groups.len() as u32)
             .collect::<Vec<_>>()
             .chunks(BLOCK)
             .map(|block| block.iter().any(|g| paged.contains_key(g)))
             .collect();
-        let log2_densities = groups.iter().map(|bounds| bounds.log2_density).collect();
-        Self { geometry, shapes, groups, log2_densities, nodes, paged, has_paged }
+        let densities = groups.iter().map(|bounds| bounds.density).collect();
+        Self { geometry, shapes, groups, densities, nodes, paged, has_paged }
     }
 }

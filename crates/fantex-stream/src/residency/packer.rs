@@ -21,18 +21,22 @@ const SIDE: u32 = PAGE / UNIT;
 #[derive(Clone, Debug)]
 pub(crate) struct Packer {
     bins: Vec<Bin>,
+    /// What a search looks at first, close together: the bits of a thousand bins do not stay in a near cache.
+    states: Vec<BinState>,
     /// Bins along a layer's side.
     columns: u32,
-    /// Per size class the bin that had room last.
-    cursors: [u32; CLASSES],
-    /// Per size class whether nothing has become free since no bin had room.
-    exhausted: u64,
+    /// Per preference and size class the first bin that may have room.
+    firsts: [[u32; CLASSES]; PREFERENCES.len()],
 }
 
 #[derive(Clone, Debug)]
 struct Bin {
     /// Bit x of word y is set where the unit is used.
     rows: [u64; SIDE as usize],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct BinState {
     used: u16,
     /// Longest side, as a class, of the first page that came when the bin was empty.
     kind: u8,
@@ -40,7 +44,16 @@ struct Bin {
     full_for: u64,
 }
 
+/// Bins of like pages first, then empty ones, then any.
+const PREFERENCES: [fn(&BinState, u8) -> bool; 3] = [
+    |bin, kind| bin.used > 0 && bin.kind == kind,
+    |bin, _| bin.used == 0,
+    |bin, kind| bin.used > 0 && bin.kind != kind,
+];
+
 const SIDE_CLASSES: u32 = 7;
+/// Kinds of pages: the classes of the longest side.
+pub(crate) const KINDS: usize = SIDE_CLASSES as usize;
 const CLASSES: usize = (SIDE_CLASSES * SIDE_CLASSES) as usize;
 
 /// Class of a side in units: its binary logarithm, rounded up.
@@ -51,9 +64,18 @@ fn side_class(units: u32) -> u32 {
 impl Packer {
     pub(crate) fn new(shape: AtlasShape) -> Self {
         let columns = (shape.side / PAGE).max(1);
-        let bin = Bin { rows: [0; SIDE as usize], used: 0, kind: 0, full_for: 0 };
-        let count = columns * columns * shape.layers.clamp(1, 128);
-        Self { bins: vec![bin; count as usize], columns, cursors: [0; CLASSES], exhausted: 0 }
+        let count = (columns * columns * shape.layers.clamp(1, 128)) as usize;
+        Self {
+            bins: vec![Bin { rows: [0; SIDE as usize] }; count],
+            states: vec![BinState { used: 0, kind: 0, full_for: 0 }; count],
+            columns,
+            firsts: [[0; CLASSES]; PREFERENCES.len()],
+        }
+    }
+
+    /// The kind of a rectangle of texels: those of one kind share bins.
+    pub(crate) fn kind_of([w, h]: [u32; 2]) -> usize {
+        side_class(w.max(h).div_ceil(UNIT)) as usize
     }
 
     /// Room for a rectangle of texels with sides of at most 256, multiples of 4.
@@ -61,44 +83,76 @@ impl Packer {
         let size = extent.map(|n| n.div_ceil(UNIT));
         let [w, h] = size.map(side_class);
         let class = (h * SIDE_CLASSES + w) as usize;
-        if self.exhausted >> class & 1 == 1 {
-            return None;
-        }
         let kind = w.max(h) as u8;
-        let cursor = self.cursors[class] as usize;
-        if self.bins[cursor].is_of(kind)
-            && let Some(at) = self.bins[cursor].take(size, class, kind)
-        {
-            return Some(self.place(cursor, at));
-        }
-        // Bins of like pages first, then empty ones, then any.
-        let suits: [fn(&Bin, u8) -> bool; 3] = [
-            |bin, kind| bin.used > 0 && bin.kind == kind,
-            |bin, _| bin.used == 0,
-            |bin, kind| bin.used > 0 && bin.kind != kind,
-        ];
-        for suits in suits {
-            for i in 0..self.bins.len() {
-                if suits(&self.bins[i], kind)
-                    && let Some(at) = self.bins[i].take(size, class, kind)
-                {
-                    self.cursors[class] = i as u32;
-                    return Some(self.place(i, at));
+        for (preference, suits) in PREFERENCES.iter().enumerate() {
+            let mut open = None;
+            for bin in self.firsts[preference][class] as usize..self.bins.len() {
+                if !suits(&self.states[bin], kind) {
+                    continue;
+                }
+                if let Some(at) = self.take_in(bin, size, class, kind) {
+                    self.firsts[preference][class] = open.unwrap_or(bin as u32);
+                    return Some(self.place(bin, at));
+                }
+                if self.states[bin].full_for >> class & 1 == 0 {
+                    open = open.or(Some(bin as u32));
                 }
             }
+            self.firsts[preference][class] = open.unwrap_or(self.bins.len() as u32);
         }
-        self.exhausted |= 1 << class;
         None
+    }
+
+    /// Room in the bin where a rectangle has been given back, the only one in which there may be any since
+    /// [`Packer::take`] found none.
+    pub(crate) fn take_where_freed(&mut self, extent: [u32; 2], freed: AtlasPlace) -> Option<AtlasPlace> {
+        let size = extent.map(|n| n.div_ceil(UNIT));
+        let [w, h] = size.map(side_class);
+        let bin = self.bin_of(freed);
+        let at = self.take_in(bin, size, (h * SIDE_CLASSES + w) as usize, w.max(h) as u8)?;
+        Some(self.place(bin, at))
+    }
+
+    /// Room in a bin.
+    fn take_in(&mut self, bin: usize, size: [u32; 2], class: usize, kind: u8) -> Option<[u32; 2]> {
+        let state = &mut self.states[bin];
+        let free = SIDE * SIDE - u32::from(state.used);
+        if state.full_for >> class & 1 == 1 || size[0] * size[1] > free {
+            return None;
+        }
+        let Some(at) = self.bins[bin].find(size) else {
+            state.full_for |= 1 << class;
+            return None;
+        };
+        let was_empty = state.used == 0;
+        state.used += (size[0] * size[1]) as u16;
+        if was_empty {
+            state.kind = kind;
+            self.reopen(bin);
+        }
+        self.bins[bin].mark(at, size, true);
+        Some(at)
     }
 
     /// Gives the room of a rectangle back that [`Packer::take`] gave.
     pub(crate) fn give_back(&mut self, place: AtlasPlace, extent: [u32; 2]) {
-        let [column, row] = [place.x, place.y].map(|n| u32::from(n) / PAGE);
-        let bin = (u32::from(place.layer) * self.columns + row) * self.columns + column;
+        let bin = self.bin_of(place);
         let at = [place.x, place.y].map(|n| u32::from(n) % PAGE / UNIT);
-        self.bins[bin as usize].mark(at, extent.map(|n| n.div_ceil(UNIT)), false);
-        self.bins[bin as usize].full_for = 0;
-        self.exhausted = 0;
+        let size = extent.map(|n| n.div_ceil(UNIT));
+        self.bins[bin].mark(at, size, false);
+        self.states[bin].used -= (size[0] * size[1]) as u16;
+        self.states[bin].full_for = 0;
+        self.reopen(bin);
+    }
+
+    /// A bin may have room that it had not, or suits what it did not suit.
+    fn reopen(&mut self, bin: usize) {
+        self.firsts.as_flattened_mut().iter_mut().for_each(|first| *first = (*first).min(bin as u32));
+    }
+
+    fn bin_of(&self, place: AtlasPlace) -> usize {
+        let [column, row] = [place.x, place.y].map(|n| u32::from(n) / PAGE);
+        ((u32::from(place.layer) * self.columns + row) * self.columns + column) as usize
     }
 
     fn place(&self, bin: usize, [x, y]: [u32; 2]) -> AtlasPlace {
@@ -113,26 +167,6 @@ impl Packer {
 }
 
 impl Bin {
-    fn is_of(&self, kind: u8) -> bool {
-        self.used > 0 && self.kind == kind
-    }
-
-    fn take(&mut self, size: [u32; 2], class: usize, kind: u8) -> Option<[u32; 2]> {
-        let free = SIDE * SIDE - u32::from(self.used);
-        if self.full_for >> class & 1 == 1 || size[0] * size[1] > free {
-            return None;
-        }
-        let Some(at) = self.find(size) else {
-            self.full_for |= 1 << class;
-            return None;
-        };
-        if self.used == 0 {
-            self.kind = kind;
-        }
-        self.mark(at, size, true);
-        Some(at)
-    }
-
     /// The first free rectangle, row by row.
     fn find(&self, [w, h]: [u32; 2]) -> Option<[u32; 2]> {
         // Word y becomes the union of the rows y..y + h, by doubling.
@@ -167,7 +201,5 @@ impl Bin {
             debug_assert_eq!(*row & mask, if is_used { 0 } else { mask });
             *row = if is_used { *row | mask } else { *row & !mask };
         }
-        let units = (w * h) as u16;
-        self.used = if is_used { self.used + units } else { self.used - units };
     }
 }

@@ -1,15 +1,16 @@
 //! The pool: which pages are resident, where, and which of them may leave.
 //!
-//! Invariants. A page is resident only if the pages of the next coarser level over it are. Every resident page is either
+//! Invariants. A page is resident only if the pages of the next coarser level over it are, or cannot be read (a *hole*, through
+//! which the rule goes on to the level after it). Every resident page is either
 //! needed or in the queue of those that may leave, in the order in which they were last needed. A needed page never leaves.
 
-use std::collections::VecDeque;
-use std::ops::RangeInclusive;
+use std::collections::{BTreeSet, VecDeque};
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 use fantex_store::PageId;
 
-use super::packer::Packer;
+use super::packer::{KINDS, Packer};
 use crate::shape::{TileShapes, cells};
 use crate::{AtlasPlace, AtlasShape, PageTable, TableChange, TableEntry};
 
@@ -55,12 +56,17 @@ pub(crate) struct Pool {
     packer: Packer,
     entries: Vec<TableEntry>,
     stamps: Vec<u32>,
-    leavers: VecDeque<Leaver>,
+    /// Pages that could not be read, and have not been since: what lies under them needs them no longer.
+    holes: BTreeSet<u32>,
+    /// By kind (of [`Packer::kind_of`]): a page that leaves makes room for pages of its own kind.
+    leavers: [VecDeque<Leaver>; KINDS],
     /// Entries that changed since they were taken, in any order, some of them twice.
     touched: Vec<u32>,
     resident: [PageCount; COUNTED_LEVELS],
     needed: PageCount,
     evictions: u64,
+    /// Where the pages lay that left last.
+    freed: Vec<AtlasPlace>,
     frame: u32,
 }
 
@@ -74,20 +80,24 @@ impl Pool {
             packer: Packer::new(shape),
             entries: vec![TableEntry::ABSENT; pages],
             stamps: vec![0; pages],
-            leavers: VecDeque::new(),
+            holes: BTreeSet::new(),
+            leavers: [const { VecDeque::new() }; KINDS],
             touched: Vec::new(),
             resident: [PageCount::default(); COUNTED_LEVELS],
             needed: PageCount::default(),
             evictions: 0,
+            freed: Vec::new(),
             frame: 1,
         }
     }
 
     pub(crate) fn begin_frame(&mut self) {
         self.frame += 1;
-        if self.leavers.len() > 1024 + 2 * self.resident().pages as usize {
+        let waiting: usize = self.leavers.iter().map(VecDeque::len).sum();
+        if waiting > 1024 + 2 * self.resident().pages as usize {
             let (entries, stamps) = (&self.entries, &self.stamps);
-            self.leavers.retain(|leaver| may_leave(leaver, entries, stamps));
+            let may_leave = |leaver: &Leaver| may_leave(leaver, entries, stamps);
+            self.leavers.iter_mut().for_each(|leavers| leavers.retain(may_leave));
         }
     }
 
@@ -126,6 +136,42 @@ impl Pool {
         self.stamps[index as usize] == NEEDED
     }
 
+    /// A page cannot be read: those under it may be resident without it.
+    pub(crate) fn add_hole(&mut self, index: u32) {
+        if !self.is_resident(index) {
+            self.holes.insert(index);
+        }
+    }
+
+    fn is_hole(&self, index: u32) -> bool {
+        !self.holes.is_empty() && self.holes.contains(&index)
+    }
+
+    /// A page that must be resident before a page may be, and is not.
+    pub(crate) fn blocker(&self, page: PageId) -> Option<u32> {
+        self.coarser(page).find_map(|coarser| {
+            let index = self.index(coarser);
+            if self.is_resident(index) {
+                None
+            } else if self.is_hole(index) {
+                self.blocker(coarser)
+            } else {
+                Some(index)
+            }
+        })
+    }
+
+    /// Calls `visit` with the pages for which a page may have been the [blocker](Self::blocker).
+    pub(crate) fn for_each_under(&self, page: PageId, visit: &mut impl FnMut(u32)) {
+        for finer in self.finer(page) {
+            let index = self.index(finer);
+            visit(index);
+            if self.is_hole(index) {
+                self.for_each_under(finer, visit);
+            }
+        }
+    }
+
     pub(crate) fn needed(&self) -> PageCount {
         self.needed
     }
@@ -146,7 +192,7 @@ impl Pool {
     }
 
     fn texels(&self, page: PageId) -> u64 {
-        let [w, h] = self.shapes.of(page.group).page_extent(page.level, page.page).map(u64::from);
+        let [w, h] = self.extent(page).map(u64::from);
         w * h
     }
 
@@ -161,14 +207,19 @@ impl Pool {
     pub(crate) fn release(&mut self, page: PageId, index: u32) {
         debug_assert!(self.is_needed(index));
         self.needed.remove(self.texels(page));
-        self.let_leave(page.group, index);
+        self.let_leave(page, index);
     }
 
-    fn let_leave(&mut self, group: u32, index: u32) {
+    fn let_leave(&mut self, page: PageId, index: u32) {
         self.stamps[index as usize] = self.frame;
         if self.is_resident(index) {
-            self.leavers.push_back(Leaver { index, group, stamp: self.frame });
+            let kind = Packer::kind_of(self.extent(page));
+            self.leavers[kind].push_back(Leaver { index, group: page.group, stamp: self.frame });
         }
+    }
+
+    fn extent(&self, page: PageId) -> [u32; 2] {
+        self.shapes.of(page.group).page_extent(page.level, page.page)
     }
 
     /// The pages of the next coarser level that lie over a page.
@@ -191,27 +242,28 @@ impl Pool {
     /// Gives a page a place, evicting pages that were last needed at least `min_age` (at least 1 for a page that is not
     /// needed) frames ago, the longest ago first. `None` where that does not make room.
     pub(crate) fn insert(&mut self, page: PageId, index: u32, min_age: u32) -> Option<AtlasPlace> {
-        debug_assert!(
-            !self.is_resident(index) && self.coarser(page).all(|p| self.is_resident(self.index(p)))
-        );
+        debug_assert!(!self.is_resident(index) && self.blocker(page).is_none());
         if !self.is_needed(index) {
             self.stay_below(page);
         }
-        let extent = self.shapes.of(page.group).page_extent(page.level, page.page);
-        let place = loop {
-            if let Some(place) = self.packer.take(extent) {
-                break place;
-            }
-            if !self.evict_oldest(min_age) {
+        let extent = self.extent(page);
+        let mut place = self.packer.take(extent);
+        while place.is_none() {
+            self.freed.clear();
+            if !self.evict_oldest(min_age, Packer::kind_of(extent)) {
                 return None;
             }
-        };
+            let Self { packer, freed, .. } = self;
+            place = freed.iter().find_map(|&freed| packer.take_where_freed(extent, freed));
+        }
+        let place = place?;
         self.entries[index as usize] = TableEntry::at(place);
+        self.holes.remove(&index);
         self.touched.push(index);
         let texels = self.texels(page);
         self.resident[page.level as usize].add(texels);
         if !self.is_needed(index) {
-            self.let_leave(page.group, index);
+            self.let_leave(page, index);
         }
         Some(place)
     }
@@ -222,41 +274,41 @@ impl Pool {
             let index = self.index(coarser);
             if !self.is_needed(index) {
                 self.stay_below(coarser);
-                self.let_leave(coarser.group, index);
+                self.let_leave(coarser, index);
             }
         }
     }
 
-    /// Evicts the page that was needed longest ago.
-    fn evict_oldest(&mut self, min_age: u32) -> bool {
-        while let Some(&leaver) = self.leavers.front() {
-            if !may_leave(&leaver, &self.entries, &self.stamps) {
-                self.leavers.pop_front();
-                continue;
-            }
-            if self.frame - leaver.stamp < min_age {
-                return false;
-            }
-            self.leavers.pop_front();
-            let page = self.page(leaver.group, leaver.index);
-            self.remove(page, leaver.index);
-            return true;
+    /// Evicts the page that was needed longest ago, of those that leave room for a page of a kind; of the smaller ones where
+    /// there is no other. (By age alone, room became free all over the atlas and nowhere enough: a page took tens of others.)
+    fn evict_oldest(&mut self, min_age: u32, kind: usize) -> bool {
+        let leaver = self.take_leaver(min_age, kind..KINDS).or_else(|| self.take_leaver(min_age, 0..kind));
+        let Some(leaver) = leaver else { return false };
+        let page = self.page(leaver.group, leaver.index);
+        self.remove(page, leaver.index);
+        true
+    }
+
+    /// The oldest page of some kinds that may leave.
+    fn take_leaver(&mut self, min_age: u32, kinds: Range<usize>) -> Option<Leaver> {
+        let (entries, stamps, now) = (&self.entries, &self.stamps, self.frame);
+        let queues = &mut self.leavers[kinds];
+        for leavers in queues.iter_mut() {
+            while leavers.pop_front_if(|leaver| !may_leave(leaver, entries, stamps)).is_some() {}
         }
-        false
+        let oldest =
+            queues.iter_mut().filter(|l| !l.is_empty()).min_by_key(|l| l.front().map(|l| l.stamp))?;
+        oldest.pop_front_if(|leaver| now - leaver.stamp >= min_age)
     }
 
     /// Removes a page and what lies under it.
     fn remove(&mut self, page: PageId, index: u32) {
-        for finer in self.finer(page) {
-            let index = self.index(finer);
-            if self.is_resident(index) {
-                self.remove(finer, index);
-            }
-        }
+        self.remove_under(page);
         debug_assert!(!self.is_needed(index), "{page} is needed");
         let entry = std::mem::take(&mut self.entries[index as usize]);
         if let Some(place) = entry.place() {
-            self.packer.give_back(place, self.shapes.of(page.group).page_extent(page.level, page.page));
+            self.packer.give_back(place, self.extent(page));
+            self.freed.push(place);
         }
         self.touched.push(index);
         let texels = self.texels(page);
@@ -264,11 +316,22 @@ impl Pool {
         self.evictions += 1;
     }
 
+    fn remove_under(&mut self, page: PageId) {
+        for finer in self.finer(page) {
+            let index = self.index(finer);
+            if self.is_resident(index) {
+                self.remove(finer, index);
+            } else if self.is_hole(index) {
+                self.remove_under(finer);
+            }
+        }
+    }
+
     /// Empties the pool and gives it another shape.
     pub(crate) fn reset(&mut self, shape: AtlasShape) {
         self.shape = shape;
         self.packer = Packer::new(shape);
-        self.leavers.clear();
+        self.leavers.iter_mut().for_each(VecDeque::clear);
         self.resident = [PageCount::default(); COUNTED_LEVELS];
         for (index, entry) in (0..).zip(&mut self.entries) {
             if std::mem::take(entry) != TableEntry::ABSENT {
@@ -295,6 +358,7 @@ impl Pool {
         let leavers: std::collections::HashSet<u32> = self
             .leavers
             .iter()
+            .flatten()
             .filter(|l| may_leave(l, &self.entries, &self.stamps))
             .map(|l| l.index)
             .collect();
@@ -303,8 +367,9 @@ impl Pool {
                 let Some(place) = self.entry(index).place() else { continue };
                 let page = self.page(group, index);
                 assert_eq!(self.index(page), index);
+                assert_eq!(self.blocker(page), None, "{page} is resident without what lies over it");
+                assert!(!self.is_hole(index));
                 for above in self.coarser(page) {
-                    assert!(self.is_resident(self.index(above)), "{page} without {above}");
                     assert!(!self.is_needed(index) || self.is_needed(self.index(above)));
                 }
                 assert_ne!(

@@ -1,12 +1,13 @@
 //! The bias: how much coarser everything is wanted so that it fits.
 //!
-//! For every bias the texels that would be needed are known exactly from one walk over all groups ([`Histogram`]). The bias
-//! rises at once to where the demand fits, and sinks only when a whole walk, spread over many frames, has shown that the
-//! demand of the lower bias fits with room to spare. So a still camera comes to rest: what made the bias sink cannot make it
-//! rise again.
+//! For every bias the texels that would be needed are known exactly, from a [`Histogram`] that follows the groups' demand one by
+//! one. The bias rises at once to where the demand fits, and sinks only where the demand of the lower bias fits with room to
+//! spare, and not often. So a still camera comes to rest: what made the bias sink cannot make it rise again.
 
-use crate::demand::Demand;
-use crate::shape::{Detail, TileShapes};
+use std::collections::HashMap;
+
+use crate::demand::{Demand, PageDemand};
+use crate::shape::{Detail, TileShape, TileShapes};
 
 /// Share of the atlas that needed pages may take; the rest is lost between pages, or keeps what may be needed again.
 const HIGH: f64 = 0.92;
@@ -18,10 +19,8 @@ const AIM: f64 = 0.95;
 const SQUEEZE: f64 = 0.97;
 /// What a frame with a moving camera gives back.
 const RELAX: f64 = 0.0005;
-/// Frames that a walk takes while the bias waits to sink.
-const WALK_FRAMES: usize = 64;
-/// Groups looked at per frame in such a walk, at least.
-const LEAST_WALK: usize = 1 << 11;
+/// Frames between two changes of the bias of which the second lowers it.
+const PATIENCE: u32 = 4;
 
 /// Texels by the bias from which on they are not needed.
 #[derive(Clone, Debug)]
@@ -34,27 +33,28 @@ impl Histogram {
         Self { texels: vec![0; 256] }
     }
 
-    fn add_group(&mut self, group: u32, demand: &Demand, shapes: &TileShapes) {
-        let detail = demand.detail(group);
-        if !detail.is_visible() {
-            return;
-        }
-        let shape = shapes.of(group);
-        let mut add = |detail: Detail, level: u32, texels: u64| {
-            let until = shape.leaves(level).saturating_sub(detail.0);
-            self.texels[usize::from(until)] += texels;
-        };
-        if shape.is_paged() {
-            for page in demand.pages(group) {
-                let id = shape.page(group, page.index);
-                let [w, h] = shape.page_extent(id.level, id.page).map(u64::from);
-                add(page.detail, id.level, w * h);
-            }
-        } else {
+    /// Counts a tile of one page per level, or (`more` false) does not any more.
+    fn count_tile(&mut self, shape: &TileShape, detail: Detail, more: bool) {
+        if detail.is_visible() {
             for level in shape.wanted_level(detail)..shape.level_count() {
-                add(detail, level, shape.texels(level));
+                self.count(shape, level, detail, shape.texels(level), more);
             }
         }
+    }
+
+    /// The same for pages of a large tile.
+    fn count_pages(&mut self, shape: &TileShape, pages: &[PageDemand], more: bool) {
+        for page in pages {
+            let id = shape.page(0, page.index);
+            let [w, h] = shape.page_extent(id.level, id.page).map(u64::from);
+            self.count(shape, id.level, page.detail, w * h, more);
+        }
+    }
+
+    fn count(&mut self, shape: &TileShape, level: u32, detail: Detail, texels: u64, more: bool) {
+        let until = shape.leaves(level).saturating_sub(detail.0);
+        let bin = &mut self.texels[usize::from(until)];
+        *bin = if more { *bin + texels } else { *bin - texels };
     }
 
     /// The least bias with which at most `limit` texels are needed.
@@ -77,14 +77,52 @@ pub(crate) struct Pressure {
     bias: u8,
     /// Share of the atlas that turned out to be usable.
     usable: f64,
-    walk: Histogram,
-    /// The next group of the walk.
-    next: usize,
+    histogram: Histogram,
+    /// Per group the demand that is counted.
+    counted: Vec<Detail>,
+    /// Per large tile that is visible the pages that are counted.
+    counted_pages: HashMap<u32, Vec<PageDemand>>,
+    /// Frames since the bias changed.
+    steady: u32,
 }
 
 impl Pressure {
-    pub(crate) fn new() -> Self {
-        Self { bias: 0, usable: 1.0, walk: Histogram::new(), next: 0 }
+    pub(crate) fn new(group_count: usize) -> Self {
+        Self {
+            bias: 0,
+            usable: 1.0,
+            histogram: Histogram::new(),
+            counted: vec![Detail::HIDDEN; group_count],
+            counted_pages: HashMap::new(),
+            steady: 0,
+        }
+    }
+
+    /// Begins anew with another atlas and the same demand.
+    pub(crate) fn reset(&mut self) {
+        (self.bias, self.usable, self.steady) = (0, 1.0, 0);
+    }
+
+    /// Takes over the demand of a group.
+    pub(crate) fn count(&mut self, group: u32, demand: &Demand, shapes: &TileShapes) {
+        let shape = shapes.of(group);
+        let detail = demand.detail(group);
+        let last = std::mem::replace(&mut self.counted[group as usize], detail);
+        if !shape.is_paged() {
+            if last != detail {
+                self.histogram.count_tile(shape, last, false);
+                self.histogram.count_tile(shape, detail, true);
+            }
+            return;
+        }
+        let pages = demand.pages(group);
+        let last = if pages.is_empty() {
+            self.counted_pages.remove(&group)
+        } else {
+            self.counted_pages.insert(group, pages.to_vec())
+        };
+        self.histogram.count_pages(shape, &last.unwrap_or_default(), false);
+        self.histogram.count_pages(shape, pages, true);
     }
 
     /// Steps of [`Detail`] by which everything is wanted coarser.
@@ -106,41 +144,23 @@ impl Pressure {
         atlas_texels as f64 * HIGH * self.usable
     }
 
-    /// Adapts the bias; whether it is another one now, or everything should be wanted anew with the same.
-    pub(crate) fn update(
-        &mut self,
-        needed_texels: u64,
-        atlas_texels: u64,
-        demand: &Demand,
-        shapes: &TileShapes,
-    ) -> bool {
+    /// Adapts the bias; whether everything should be wanted anew.
+    pub(crate) fn update(&mut self, needed_texels: u64, atlas_texels: u64) -> bool {
         let limit = self.limit(atlas_texels);
-        let count = shapes.group_count();
         if needed_texels as f64 > limit {
-            let mut histogram = Histogram::new();
-            (0..count as u32).for_each(|group| histogram.add_group(group, demand, shapes));
-            self.bias = histogram.bias_within(AIM * limit).max(self.bias);
-            self.begin_walk();
+            self.bias = self.histogram.bias_within(AIM * limit).max(self.bias);
+            self.steady = 0;
             return true;
         }
-        if self.bias == 0 {
+        self.steady = self.steady.saturating_add(1);
+        if self.bias == 0 || self.steady < PATIENCE {
             return false;
         }
-        let end = count.min(self.next + LEAST_WALK.max(count / WALK_FRAMES));
-        (self.next as u32..end as u32).for_each(|group| self.walk.add_group(group, demand, shapes));
-        self.next = end;
-        if end < count {
+        let lower = self.histogram.bias_within(LOW * limit);
+        if lower >= self.bias {
             return false;
         }
-        let lower = self.walk.bias_within(LOW * limit);
-        self.begin_walk();
-        let sinks = lower < self.bias;
-        self.bias = self.bias.min(lower);
-        sinks
-    }
-
-    fn begin_walk(&mut self) {
-        self.next = 0;
-        self.walk.texels.fill(0);
+        (self.bias, self.steady) = (lower, 0);
+        true
     }
 }

@@ -2,7 +2,7 @@
 
 use fantex_store::PageId;
 
-use super::{Pending, Residency};
+use super::{Flight, Residency};
 use crate::demand::Demand;
 use crate::shape::{Detail, TileShape};
 use crate::{AtlasShape, PageLoader};
@@ -12,6 +12,20 @@ const RELUCTANCE: u8 = 2;
 
 /// Groups whose demand is taken over in one frame. Each takes about 0.2 us where pages become needed or unneeded.
 const WANTS_PER_FRAME: usize = 1 << 15;
+
+/// Pages that are asked for in a sixtieth of a second. Each takes about 0.5 us, mostly the loader's.
+const ASKS_PER_FRAME: usize = 1 << 12;
+
+/// Whether and how the demand of a group waits to be taken over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Backlog {
+    /// It does not.
+    Done,
+    /// It has changed.
+    Changed,
+    /// The bias has changed: what is no longer needed with it is released at once.
+    Exact,
+}
 
 /// How much may be on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,32 +48,41 @@ const AHEAD_SHARE: f64 = 0.85;
 
 impl Residency {
     /// Takes over the demand of the groups for which it has changed, of so many per frame: a cut to a view of hundreds of
-    /// thousands of tiles is spread over some frames.
-    pub(crate) fn want(&mut self, changed: &[u32], demand: &Demand, loader: &mut dyn PageLoader) {
+    /// thousands of tiles, or another bias for them, is spread over some frames.
+    pub(crate) fn want(&mut self, changed: &[u32], demand: &Demand) {
         for &group in changed {
-            if !std::mem::replace(&mut self.in_backlog[group as usize], true) {
-                self.backlog.push_back(group);
-            }
+            self.put_off(group, Backlog::Changed);
         }
         for _ in 0..self.backlog.len().min(WANTS_PER_FRAME) {
             let Some(group) = self.backlog.pop_front() else { return };
-            self.in_backlog[group as usize] = false;
-            self.want_with(group, demand, RELUCTANCE, loader);
+            let reluctance = match std::mem::replace(&mut self.in_backlog[group as usize], Backlog::Done) {
+                Backlog::Exact => {
+                    self.exact_backlog -= 1;
+                    0
+                }
+                Backlog::Changed | Backlog::Done => RELUCTANCE,
+            };
+            self.want_with(group, demand, reluctance);
         }
     }
 
-    /// Takes over the demand of all groups exactly.
-    fn want_all(&mut self, demand: &Demand, loader: &mut dyn PageLoader) {
-        for group in 0..demand.details().len() as u32 {
-            if demand.detail(group).is_visible() {
-                self.want_with(group, demand, 0, loader);
-            }
+    fn put_off(&mut self, group: u32, how: Backlog) {
+        let waits = &mut self.in_backlog[group as usize];
+        if *waits == Backlog::Done {
+            self.backlog.push_back(group);
+        }
+        if how == Backlog::Exact && *waits != Backlog::Exact {
+            self.exact_backlog += 1;
+        }
+        if *waits != Backlog::Exact {
+            *waits = how;
         }
     }
 
-    fn want_with(&mut self, group: u32, demand: &Demand, reluctance: u8, loader: &mut dyn PageLoader) {
+    fn want_with(&mut self, group: u32, demand: &Demand, reluctance: u8) {
         let detail = demand.detail(group);
         let is_paged = self.shapes.of(group).is_paged();
+        self.pressure.count(group, demand, &self.shapes);
         let level = self.level_for(group, detail, reluctance);
         if !is_paged && level == u32::from(self.wanted[group as usize]) {
             if self.missing[group as usize] > 0 {
@@ -69,9 +92,9 @@ impl Residency {
         }
         let was_visible = self.is_wanted(group);
         if is_paged {
-            self.want_pages(group, demand, loader);
+            self.want_pages(group, demand);
         } else {
-            self.want_level(group, level, loader);
+            self.want_level(group, level);
         }
         match (was_visible, self.is_wanted(group)) {
             (false, true) => self.visible_groups += 1,
@@ -104,19 +127,19 @@ impl Residency {
         shape.wanted_level(reluctant).max(current)
     }
 
-    fn want_level(&mut self, group: u32, level: u32, loader: &mut dyn PageLoader) {
+    fn want_level(&mut self, group: u32, level: u32) {
         let current = u32::from(std::mem::replace(&mut self.wanted[group as usize], level as u8));
         let first = self.pool.table().first(group);
         let page = |level| PageId { group, level, page: [0, 0] };
         for finer in current..level {
-            self.release(page(finer), first + finer, loader);
+            self.release(page(finer), first + finer);
         }
         for needed in level..current {
             self.need(page(needed), first + needed);
         }
     }
 
-    fn want_pages(&mut self, group: u32, demand: &Demand, loader: &mut dyn PageLoader) {
+    fn want_pages(&mut self, group: u32, demand: &Demand) {
         let first = self.pool.table().first(group);
         let (bias, shape) = (self.pressure.bias(), self.shapes.of(group));
         let next: Vec<u32> = demand
@@ -128,7 +151,7 @@ impl Residency {
         let last = self.wanted_pages.remove(&group).unwrap_or_default();
         // Finest first, so that pages leave in this order.
         for &index in last.iter().filter(|i| next.binary_search(i).is_err()) {
-            self.release(self.pool.page(group, index), index, loader);
+            self.release(self.pool.page(group, index), index);
         }
         for &index in next.iter().filter(|i| last.binary_search(i).is_err()) {
             self.need(self.pool.page(group, index), index);
@@ -140,27 +163,38 @@ impl Residency {
 
     fn need(&mut self, page: PageId, index: u32) {
         self.pool.need(page, index);
-        if !self.pool.is_resident(index) {
+        if self.is_damaged(page) {
+            self.pool.add_hole(index);
+        } else if !self.pool.is_resident(index) {
             self.count_missing(page.group, true);
         }
     }
 
-    fn release(&mut self, page: PageId, index: u32, loader: &mut dyn PageLoader) {
+    fn release(&mut self, page: PageId, index: u32) {
         self.pool.release(page, index);
-        if !self.pool.is_resident(index) {
+        if !self.pool.is_resident(index) && !self.is_damaged(page) {
             self.count_missing(page.group, false);
-            self.forget(page, index, loader);
+            self.forget(page, index);
         }
     }
 
     /// Cancels a page that is on its way, or drops it.
-    pub(super) fn forget(&mut self, page: PageId, index: u32, loader: &mut dyn PageLoader) {
-        if self.pending.remove(&index).is_some() {
-            loader.cancel(page);
-            self.in_flight_texels -= self.texels(page);
-        } else if self.waiting.remove(&index).is_some() {
-            self.in_flight_texels -= self.texels(page);
+    pub(super) fn forget(&mut self, page: PageId, index: u32) {
+        match self.set_flight(page, index, Flight::None) {
+            Flight::Asked | Flight::Ahead => self.cancels.push(page),
+            Flight::Waiting => {
+                self.waiting.remove(&index);
+            }
+            Flight::None => {}
         }
+    }
+
+    /// Tells the loader what has been cancelled and asked for since it was told last.
+    pub(crate) fn tell(&mut self, loader: &mut dyn PageLoader) {
+        loader.cancel_all(&self.cancels);
+        loader.request_all(&self.asks);
+        self.cancels.clear();
+        self.asks.clear();
     }
 
     pub(super) fn texels(&self, page: PageId) -> u64 {
@@ -169,19 +203,28 @@ impl Residency {
     }
 
     /// Lets the bias follow the demand.
-    pub(crate) fn adapt(&mut self, demand: &Demand, is_moving: bool, loader: &mut dyn PageLoader) {
+    pub(crate) fn adapt(&mut self, demand: &Demand, is_moving: bool) {
         if is_moving {
             self.pressure.relax();
         }
+        // As long as the last bias has not reached all groups, more is needed than need be.
+        if self.exact_backlog > 0 {
+            return;
+        }
         let (needed, atlas) = (self.pool.needed().texels, self.pool.shape().texels());
-        if self.pressure.update(needed, atlas, demand, &self.shapes) {
-            self.want_all(demand, loader);
+        if self.pressure.update(needed, atlas) {
+            for (group, detail) in (0..).zip(demand.details()) {
+                if detail.is_visible() {
+                    self.put_off(group, Backlog::Exact);
+                }
+            }
         }
     }
 
     /// Asks for what is missing, the most urgent first, within limits.
-    pub(crate) fn request(&mut self, demand: &Demand, limits: &RequestLimits, loader: &mut dyn PageLoader) {
-        while self.has_free_request(limits) {
+    pub(crate) fn request(&mut self, demand: &Demand, limits: &RequestLimits) {
+        let most = self.asks.len() + self.pace.times(ASKS_PER_FRAME);
+        while self.has_free_request(limits) && self.asks.len() < most {
             let Some((group, urgency)) = self.wishes.take() else { return };
             let finest = self.wanted_level(group).unwrap_or(0);
             let side = self.side_log2(group, demand.detail(group));
@@ -191,17 +234,16 @@ impl Residency {
                     break;
                 }
                 let urgency = f32::from(super::wishes::urgency(page.level + 1 - finest, side));
-                self.ask(page, index, urgency, false, loader);
+                self.ask(page, index, urgency, false);
             }
         }
     }
 
     fn has_free_request(&self, limits: &RequestLimits) -> bool {
-        self.pending.len() + self.waiting.len() < limits.pages && self.in_flight_texels < limits.texels
+        self.pending_pages + self.waiting.len() < limits.pages && self.in_flight_texels < limits.texels
     }
 
-    /// The needed pages of a group that are neither resident, nor on their way, nor known to be damaged or to lie under a
-    /// damaged one; the coarsest first.
+    /// The needed pages of a group that are neither resident, nor on their way, nor known to be damaged; the coarsest first.
     fn missing_pages(&self, group: u32) -> Vec<(PageId, u32)> {
         let first = self.pool.table().first(group);
         let shape = self.shapes.of(group);
@@ -211,48 +253,43 @@ impl Residency {
                 (u32::from(self.wanted[group as usize])..shape.level_count()).map(|l| first + l).collect()
             }
         };
-        let is_asked = |index: &u32| {
-            self.pending.get(index).is_some_and(|p| !p.is_ahead) || self.waiting.contains_key(index)
-        };
+        let is_asked = |index: &u32| matches!(self.flight(*index), Flight::Asked | Flight::Waiting);
         needed
             .into_iter()
             .rev()
             .filter(|&i| !self.pool.is_resident(i) && !is_asked(&i))
             .map(|i| (self.pool.page(group, i), i))
-            .filter(|&(page, _)| !self.is_blocked(page))
+            .filter(|&(page, _)| !self.is_damaged(page))
             .collect()
     }
 
-    /// Whether a page, or one over it, is damaged.
-    pub(super) fn is_blocked(&self, page: PageId) -> bool {
-        !self.damaged.is_empty()
-            && (self.damaged.contains_key(&page) || self.pool.coarser(page).any(|p| self.is_blocked(p)))
+    pub(super) fn is_damaged(&self, page: PageId) -> bool {
+        !self.damaged.is_empty() && self.damaged.contains_key(&page)
     }
 
-    fn ask(&mut self, page: PageId, index: u32, urgency: f32, is_ahead: bool, loader: &mut dyn PageLoader) {
-        loader.request(page, urgency);
-        if self.pending.insert(index, Pending { page, is_ahead }).is_none() {
+    fn ask(&mut self, page: PageId, index: u32, urgency: f32, is_ahead: bool) {
+        self.asks.push((page, urgency));
+        let flight = if is_ahead { Flight::Ahead } else { Flight::Asked };
+        if self.set_flight(page, index, flight) == Flight::None {
             self.requests += 1;
-            self.in_flight_texels += self.texels(page);
         }
     }
 
     /// Groups whose demand in the predicted view has changed: what is no longer expected is cancelled, what is now expected
     /// is asked for when there is nothing better to do.
-    pub(crate) fn expect(&mut self, changed: &[u32], predicted: &Demand, loader: &mut dyn PageLoader) {
+    pub(crate) fn expect(&mut self, changed: &[u32], predicted: &Demand) {
         for &group in changed {
             let shape = self.shapes.of(group);
             let first = self.pool.table().first(group);
             let unexpected: Vec<(PageId, u32)> = self
-                .pending
-                .range(self.pool.pages_of(group))
-                .map(|(&index, pending)| (pending, index))
-                .filter(|(pending, _)| pending.is_ahead)
-                .map(|(pending, index)| (pending.page, index))
+                .pool
+                .pages_of(group)
+                .filter(|&index| self.flight(index) == Flight::Ahead)
+                .map(|index| (self.pool.page(group, index), index))
                 .filter(|&(page, index)| !is_expected(shape, page, index - first, predicted, self.bias()))
                 .collect();
             for (page, index) in unexpected {
-                self.forget(page, index, loader);
+                self.forget(page, index);
             }
             if predicted.detail(group).is_visible() {
                 self.ahead.push_back(group);
@@ -262,12 +299,7 @@ impl Residency {
 
     /// Asks for pages that the predicted view needs, while all that is missing has been asked for and there is
     /// room to spare.
-    pub(crate) fn request_ahead(
-        &mut self,
-        predicted: &Demand,
-        limits: &RequestLimits,
-        loader: &mut dyn PageLoader,
-    ) {
+    pub(crate) fn request_ahead(&mut self, predicted: &Demand, limits: &RequestLimits) {
         if self.wishes() > 0 {
             return;
         }
@@ -285,35 +317,33 @@ impl Residency {
             for i in pages {
                 let page = self.shapes.of(group).page(group, i);
                 let index = first + i;
-                let known = self.pool.is_resident(index)
-                    || self.pending.contains_key(&index)
-                    || self.waiting.contains_key(&index);
+                let known = self.pool.is_resident(index) || self.flight(index) != Flight::None;
                 let shape = self.shapes.of(group);
-                if !known && is_expected(shape, page, i, predicted, self.bias()) && !self.is_blocked(page) {
-                    self.ask(page, index, -1.0 + 0.01 * page.level as f32, true, loader);
+                if !known && is_expected(shape, page, i, predicted, self.bias()) && !self.is_damaged(page) {
+                    self.ask(page, index, -1.0 + 0.01 * page.level as f32, true);
                 }
             }
         }
     }
 
     /// Nothing is expected any more.
-    pub(crate) fn expect_nothing(&mut self, loader: &mut dyn PageLoader) {
+    pub(crate) fn expect_nothing(&mut self) {
         self.ahead.clear();
         let ahead: Vec<(PageId, u32)> =
-            self.pending.iter().filter(|(_, p)| p.is_ahead).map(|(&i, p)| (p.page, i)).collect();
+            self.asked_ahead.iter().map(|(&index, &page)| (page, index)).collect();
         for (page, index) in ahead {
-            self.forget(page, index, loader);
+            self.forget(page, index);
         }
     }
 
     /// The texels of these pages are others now. What is resident stays until its new texels arrive.
-    pub(crate) fn invalidate(&mut self, pages: &[PageId], demand: &Demand, loader: &mut dyn PageLoader) {
+    pub(crate) fn invalidate(&mut self, pages: &[PageId], demand: &Demand) {
         for &page in pages {
             let index = self.pool.index(page);
-            self.damaged.remove(&page);
-            self.forget(page, index, loader);
+            self.hope_for(page, index);
+            self.forget(page, index);
             if self.pool.is_resident(index) {
-                self.ask(page, index, f32::from(u8::MAX), false, loader);
+                self.ask(page, index, f32::from(u8::MAX), false);
             } else if self.missing[page.group as usize] > 0 {
                 self.wish(page.group, demand.detail(page.group));
             }
@@ -322,24 +352,37 @@ impl Residency {
 
     /// Asks for damaged pages again.
     pub(crate) fn retry_damaged(&mut self, demand: &Demand) {
-        for page in std::mem::take(&mut self.damaged).into_keys() {
+        for page in self.damaged.keys().copied().collect::<Vec<_>>() {
+            self.hope_for(page, self.pool.index(page));
             if self.missing[page.group as usize] > 0 {
                 self.wish(page.group, demand.detail(page.group));
             }
         }
     }
 
+    /// A page may be readable again. (It stays a hole until it has been read: what lies under it keeps its place.)
+    fn hope_for(&mut self, page: PageId, index: u32) {
+        let was_damaged = self.damaged.remove(&page).is_some();
+        if was_damaged && self.pool.is_needed(index) && !self.pool.is_resident(index) {
+            self.count_missing(page.group, true);
+        }
+    }
+
     /// Begins anew in an empty atlas of another shape.
     pub(crate) fn set_atlas(&mut self, atlas: AtlasShape, demand: &Demand) {
-        self.pressure = super::Pressure::new();
+        self.pressure.reset();
         for group in 0..self.missing.len() as u32 {
             for index in self.pool.pages_of(group) {
-                if self.pool.is_needed(index) && self.pool.is_resident(index) {
+                let is_readable = !self.is_damaged(self.pool.page(group, index));
+                if self.pool.is_needed(index) && self.pool.is_resident(index) && is_readable {
                     self.count_missing(group, true);
                 }
             }
         }
         self.pool.reset(atlas);
+        for &page in self.damaged.keys() {
+            self.pool.add_hole(self.pool.index(page));
+        }
         self.ready.extend(self.waiting.keys().copied());
         for group in 0..self.missing.len() as u32 {
             if self.missing[group as usize] > 0 {

@@ -13,7 +13,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::{FrameOptions, Geometry, Streamer, StreamerOptions};
+use crate::{CutWatch, FrameOptions, Geometry, Streamer, StreamerOptions};
 
 /// What a path is replayed with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,8 +67,8 @@ pub struct SimulationReport {
     pub peak_occupancy: f64,
     /// The greatest bias, levels.
     pub peak_bias_levels: f32,
-    /// After the beginning and each cut, seconds until every visible tile was at its level; `None` where the next cut came
-    /// first.
+    /// After the beginning and each cut, seconds until the visible tiles were at the levels that the cut asked of them (see
+    /// [`CutWatch`]); `None` where the next cut came first.
     pub seconds_to_sharp: Vec<Option<f64>>,
     /// Processor time of demand, per frame, ascending.
     pub demand_times: Vec<Duration>,
@@ -126,14 +126,14 @@ pub fn simulate(
     let mut streamer = Streamer::new(geometry.clone(), Box::new(loader), options.streamer);
     let mut report = SimulationReport::default();
     let mut cuts = path.cuts_seconds().into_iter().peekable();
-    let mut waiting_since: Option<f64> = None;
+    let mut waiting: Option<(f64, CutWatch)> = None;
     let frames = ((path.duration_seconds() + options.rest_seconds) * options.frame_rate).ceil() as u64;
     let texel_bytes = options.disk.texel_bytes;
     for frame in 0..=frames {
         let seconds = frame as f64 / options.frame_rate;
         clock.set(seconds);
         while cuts.next_if(|&cut| cut <= seconds).is_some() {
-            if waiting_since.replace(seconds).is_some() {
+            if waiting.replace((seconds, CutWatch::new())).is_some() {
                 report.seconds_to_sharp.push(None);
             }
         }
@@ -154,13 +154,13 @@ pub fn simulate(
         report.peak_bias_levels = report.peak_bias_levels.max(figures.bias_levels);
         report.demand_times.push(figures.times.demand);
         report.residency_times.push(figures.times.residency + figures.times.prediction);
-        if figures.complete_groups == figures.visible_groups
-            && let Some(since) = waiting_since.take()
+        if waiting.as_mut().is_some_and(|(_, watch)| watch.update(&streamer))
+            && let Some((since, _)) = waiting.take()
         {
             report.seconds_to_sharp.push(Some(seconds - since));
         }
     }
-    if waiting_since.is_some() {
+    if waiting.is_some() {
         report.seconds_to_sharp.push(None);
     }
     let figures = streamer.statistics();

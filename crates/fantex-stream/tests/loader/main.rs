@@ -10,3 +10,4 @@ mod pages;
 mod readers;
 mod scheduling;
 mod speed;
+mod streaming;

@@ -8,7 +8,7 @@ use crate::Wrap;
 use crate::image::Image;
 
 /// Subsamples along both edges of the parallelogram.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Subsamples {
     columns: u32,
     rows: u32,
@@ -24,7 +24,7 @@ impl Subsamples {
 const MAX_SUBSAMPLES: f32 = 512.0;
 
 /// A footprint prepared for many look-ups on one level.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AreaPlan {
     wrap: [Wrap; 2],
     subsamples: Subsamples,
@@ -65,20 +65,33 @@ impl AreaPlan {
         Self { wrap, subsamples: Subsamples { columns, rows }, step, first, window: None }
     }
 
+    /// The footprint around `uv`, for the look-ups of [`AreaPlan::mean_at`] in `level` and in others of its size.
+    #[inline(always)]
+    pub(crate) fn place(&self, level: &Image, uv: Vec2) -> PlacedArea {
+        let (size, wrap, subsamples) = ([level.width, level.height], self.wrap, self.subsamples);
+        match &self.window {
+            Some(plan) if plan.is_narrow => PlacedArea::Narrow(Window::new(size, uv, wrap, subsamples, plan)),
+            Some(plan) => PlacedArea::Wide(Window::new(size, uv, wrap, subsamples, plan)),
+            None => PlacedArea::Apart(uv),
+        }
+    }
+
+    /// The mean of the bilinear reconstruction over a footprint that this plan has placed, or another for equal levels and
+    /// edges.
+    #[inline(always)]
+    pub(crate) fn mean_at(&self, level: &Image, texels: TexelUse, area: &PlacedArea) -> Vec4 {
+        match *area {
+            PlacedArea::Narrow(window) => with_border(level, texels, window),
+            PlacedArea::Wide(window) => with_border(level, texels, window),
+            PlacedArea::Apart(uv) if self.subsamples.count() == 1 => bilinear(level, texels, uv, self.wrap),
+            PlacedArea::Apart(uv) => with_border(level, texels, Mean::<2> { level, uv, plan: self }),
+        }
+    }
+
     /// The mean of the bilinear reconstruction around `uv`.
     #[inline]
     pub(crate) fn bilinear_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
-        let (wrap, subsamples) = (self.wrap, self.subsamples);
-        match &self.window {
-            Some(plan) if plan.is_narrow => {
-                with_border(level, texels, Window::<3>::new(level, uv, wrap, subsamples, plan))
-            }
-            Some(plan) => {
-                with_border(level, texels, Window::<WINDOW>::new(level, uv, wrap, subsamples, plan))
-            }
-            None if subsamples.count() == 1 => bilinear(level, texels, uv, wrap),
-            None => with_border(level, texels, Mean::<2> { level, uv, plan: self }),
-        }
+        self.mean_at(level, texels, &self.place(level, uv))
     }
 
     /// The mean of the nearest-texel reconstruction around `uv`.
@@ -121,14 +134,26 @@ where
     }
 }
 
+/// A footprint around some point: where its weights are few, they are gathered.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum PlacedArea {
+    /// Over three by three texels.
+    Narrow(Window<3>),
+    /// Over four by four texels.
+    Wide(Window<WINDOW>),
+    /// Larger, or a single subsample: the point itself.
+    Apart(Vec2),
+}
+
 /// Most texels along a side of the window of a small footprint.
 const WINDOW: usize = 4;
 
 /// The subsamples of a small footprint share their texels: their weights are gathered over a window of `N` x `N` texels, so
 /// that every texel is decoded once.
-#[derive(Clone, Copy)]
-struct Window<'a, const N: usize> {
-    level: &'a Image,
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window<const N: usize> {
+    /// Texels of the level.
+    size: [u32; 2],
     wrap: [Wrap; 2],
     /// Column and row of the window's first texel, before wrapping.
     origin: [i32; 2],
@@ -137,7 +162,7 @@ struct Window<'a, const N: usize> {
 }
 
 /// The part of a window that does not depend on the look-up's centre, in texels.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct WindowPlan {
     step: [Vec2; 2],
     /// From the centre to the first subsample.
@@ -164,17 +189,15 @@ impl WindowPlan {
     }
 }
 
-impl<'a, const N: usize> Window<'a, N> {
+impl<const N: usize> Window<N> {
     #[inline(always)]
-    fn new(level: &'a Image, uv: Vec2, wrap: [Wrap; 2], subsamples: Subsamples, plan: &WindowPlan) -> Self {
-        let center = Vec2::new(
-            recenter(uv.x, level.width, wrap[0]) - 0.5,
-            recenter(uv.y, level.height, wrap[1]) - 0.5,
-        );
+    fn new(size: [u32; 2], uv: Vec2, wrap: [Wrap; 2], subsamples: Subsamples, plan: &WindowPlan) -> Self {
+        let center =
+            Vec2::new(recenter(uv.x, size[0], wrap[0]) - 0.5, recenter(uv.y, size[1], wrap[1]) - 0.5);
         let low = center - plan.reach;
         let origin = [floor(low.x), floor(low.y)];
         let first = center - Vec2::new(origin[0] as f32, origin[1] as f32) + plan.first;
-        Self { level, wrap, origin, weights: Self::gather(first, plan, subsamples) }
+        Self { size, wrap, origin, weights: Self::gather(first, plan, subsamples) }
     }
 
     /// Sums the hat functions of all subsamples; `first` is relative to the window's first texel.
@@ -200,21 +223,21 @@ impl<'a, const N: usize> Window<'a, N> {
     #[inline(always)]
     fn inner_offset(&self) -> Option<usize> {
         let [column, row] = self.origin;
-        let last = [self.level.width as i32 - N as i32, self.level.height as i32 - N as i32];
+        let last = self.size.map(|n| n as i32 - N as i32);
         let is_inside = column >= 0 && row >= 0 && column <= last[0] && row <= last[1];
-        is_inside.then(|| row as usize * self.level.width as usize + column as usize)
+        is_inside.then(|| row as usize * self.size[0] as usize + column as usize)
     }
 
     /// The sum over a window that reaches over the image's border.
     #[cold]
     fn wrapped<T: TexelSource>(&self, texels: T) -> Vec4 {
-        let width = self.level.width as usize;
+        let width = self.size[0] as usize;
         let mut sum = Vec4::ZERO;
         for (row, weights) in self.weights.iter().enumerate() {
-            let wrapped = wrap_index(self.origin[1] + row as i32, self.level.height, self.wrap[1]);
+            let wrapped = wrap_index(self.origin[1] + row as i32, self.size[1], self.wrap[1]);
             let Some(first) = wrapped.map(|row| row * width) else { continue };
             for (column, weight) in weights.to_array().into_iter().take(N).enumerate() {
-                let wrapped = wrap_index(self.origin[0] + column as i32, self.level.width, self.wrap[0]);
+                let wrapped = wrap_index(self.origin[0] + column as i32, self.size[0], self.wrap[0]);
                 if let Some(column) = wrapped {
                     sum += texels.fetch(first + column) * weight;
                 }
@@ -224,13 +247,13 @@ impl<'a, const N: usize> Window<'a, N> {
     }
 }
 
-impl<const N: usize> Kernel for Window<'_, N> {
+impl<const N: usize> Kernel for Window<N> {
     type Output = Vec4;
 
     #[inline(always)]
     fn run<T: TexelSource>(self, texels: T) -> Vec4 {
         let Some(first) = self.inner_offset() else { return self.wrapped(texels) };
-        let width = self.level.width as usize;
+        let width = self.size[0] as usize;
         let mut sum = Vec4::ZERO;
         for (row, weights) in self.weights.into_iter().enumerate() {
             let weights = weights.to_array();

@@ -4,6 +4,7 @@ pub(crate) mod bake;
 pub(crate) mod bench;
 pub(crate) mod compare;
 pub(crate) mod demo;
+pub(crate) mod export;
 pub(crate) mod gallery;
 pub(crate) mod generate;
 pub(crate) mod info;
@@ -27,6 +28,7 @@ pub(crate) fn run(command: &Command, context: &Context) -> Result<(), CliError> 
         Command::Verify(args) => verify::run(args, context),
         Command::Render(args) => render::run(args, context),
         Command::Compare(args) => compare::run(args, context),
+        Command::Export(args) => export::run(args, context),
         Command::Gallery(args) => gallery::run(args, context),
         Command::Generate(args) => generate::run(args, context),
         Command::Paint(args) => paint::run(args, context),

@@ -9,16 +9,15 @@ mod catalogue;
 mod drawings;
 mod page;
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use fantex::look::LookFile;
 use fantex::look_scene::{LookScene, PictureChanges, Wardrobe};
 use fantex::render::Picture;
+use fantex::texture::Image;
 use fantex::texture::look::{LookImages, ResolveOptions};
-use fantex::texture::{Image, Samples};
 
+use crate::animation::Animation;
 use crate::context::Context;
 use crate::error::CliError;
 use catalogue::{Catalogue, Entry, Variant};
@@ -146,7 +145,12 @@ impl Artist<'_> {
         let _deferral = self.context.defer_interrupt();
         match frames {
             [image] => Ok(image.save(target)?),
-            _ => save_animation(frames, frames_per_second, target),
+            _ => {
+                let mut animation =
+                    Animation::new(target, &frames[0], frames.len() as u32, frames_per_second)?;
+                frames.iter().try_for_each(|frame| animation.add(frame))?;
+                animation.finish()
+            }
         }
     }
 }
@@ -154,34 +158,6 @@ impl Artist<'_> {
 fn exposed(file: String, variant: &Variant) -> Exposed {
     let changes = variant.set.iter().map(|(key, value)| format!("{key} = {value}\n")).collect();
     Exposed { file, caption: variant.caption.clone(), changes }
-}
-
-/// Writes an animated PNG that repeats for ever; programs that know none show its first picture. It gets its name when it is
-/// whole.
-fn save_animation(frames: &[Image], frames_per_second: f64, target: &Path) -> Result<(), CliError> {
-    let failed = |source: std::io::Error| CliError::Write { path: target.into(), source };
-    let folder = target.parent().unwrap_or(Path::new("."));
-    let file = tempfile::NamedTempFile::new_in(folder).map_err(failed)?;
-    write_animation(frames, frames_per_second, file.as_file()).map_err(|error| failed(error.into()))?;
-    file.persist(target).map_err(|error| failed(error.error))?;
-    Ok(())
-}
-
-fn write_animation(frames: &[Image], frames_per_second: f64, file: &File) -> Result<(), png::EncodingError> {
-    let first = &frames[0];
-    let mut encoder = png::Encoder::new(BufWriter::new(file), first.width, first.height);
-    encoder.set_color(if first.channels == 4 { png::ColorType::Rgba } else { png::ColorType::Rgb });
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
-    encoder.set_animated(frames.len() as u32, 0)?;
-    encoder.set_frame_delay(1000, (1000.0 * frames_per_second).round().clamp(1.0, 60_000.0) as u16)?;
-    let mut writer = encoder.write_header()?;
-    for frame in frames {
-        if let Samples::U8(bytes) = &frame.samples {
-            writer.write_image_data(bytes)?;
-        }
-    }
-    writer.finish()
 }
 
 /// A picture as an image of bytes in sRGB.

@@ -3,6 +3,7 @@
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
 mod bad_input;
+mod export;
 mod gallery;
 mod interrupt;
 mod looks;

@@ -2,7 +2,8 @@
 
 use crate::support::{COLORED_PLY, CUBE_OBJ, bottle, fails, succeeds, write};
 
-const COMMANDS: [&str; 8] = ["info", "bake", "verify", "render", "compare", "generate", "bench", "demo"];
+const COMMANDS: [&str; 9] =
+    ["info", "bake", "verify", "render", "compare", "export", "generate", "bench", "demo"];
 
 #[test]
 fn every_command_explains_itself_with_an_example() {

@@ -108,11 +108,11 @@ pub fn landscape(options: &LandscapeOptions) -> Landscape {
 fn estimate(trials: &[(f32, f32)], target: f32) -> f32 {
     match trials {
         [] => SIZE * (28.0 / target).sqrt(),
-        [(step, count)] => step * (count / target).powf(1.0 / 2.1),
+        [(step, count)] => step * libm::powf(count / target, 1.0 / 2.1),
         [.., (s0, c0), (s1, c1)] => {
-            let exponent = ((c1 / c0).ln() / (s0 / s1).ln()).clamp(1.7, 2.6);
+            let exponent = (libm::logf(c1 / c0) / libm::logf(s0 / s1)).clamp(1.7, 2.6);
             let exponent = if exponent.is_nan() { 2.1 } else { exponent };
-            s1 * (c1 / target).powf(1.0 / exponent)
+            s1 * libm::powf(c1 / target, 1.0 / exponent)
         }
     }
 }

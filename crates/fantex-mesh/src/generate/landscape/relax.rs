@@ -1,10 +1,10 @@
 //! Moving vertices along a surface: to even its triangles out, or to make them uneven.
 
-use glam::{Vec2, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
-use crate::VertexCorners;
 use crate::generate::noise::Noise;
+use crate::{VertexCorners, unit_vector};
 
 /// Share of the way to the mean of the neighbours that one round moves a vertex.
 const SHARE: f32 = 0.5;
@@ -32,7 +32,7 @@ pub(super) fn scatter(
     let random = Noise::new(0, 40);
     *positions = moved(positions, triangles, corners, |v, star| {
         let (x, y) = star.normal.any_orthonormal_pair();
-        let direction = Vec2::from_angle(std::f32::consts::TAU * random.uniform(2 * v as u32));
+        let direction = unit_vector(std::f32::consts::TAU * random.uniform(2 * v as u32));
         let way = amount * star.shortest / 3.0 * random.uniform(2 * v as u32 + 1).sqrt();
         star.p + way * (x * direction.x + y * direction.y)
     });

@@ -6,6 +6,7 @@ use glam::{Vec2, Vec3};
 
 use super::terrain::HeightMap;
 use crate::generate::noise::Noise;
+use crate::unit_vector;
 
 /// Candidates tried per tube wanted.
 const CANDIDATES: u32 = 6000;
@@ -100,8 +101,10 @@ impl Site<'_> {
         let winding = 10.0 + 12.0 * number(5);
         let (climb, phase) = (0.16 * (number(6) - 0.5), TAU * number(7));
         let curve = |s: f32| {
-            let ahead = Vec2::from_angle(heading);
-            let p = centre + ahead * s + ahead.perp() * winding * ((s / 38.0 + phase).sin() - phase.sin());
+            let ahead = unit_vector(heading);
+            let p = centre
+                + ahead * s
+                + ahead.perp() * winding * (libm::sinf(s / 38.0 + phase) - libm::sinf(phase));
             Vec3::new(p.x, altitude + climb * s, p.y)
         };
         let clearance = |p: Vec3| p.y - self.ground.at(Vec2::new(p.x, p.z));
@@ -127,7 +130,7 @@ impl Site<'_> {
         let centre = self.place(number(0), number(1), 0.38);
         let half_span = 30.0 + 50.0 * number(2);
         let radius = 8.0 + 4.0 * number(3);
-        let across = Vec2::from_angle(PI * number(4)) * (half_span + radius);
+        let across = unit_vector(PI * number(4)) * (half_span + radius);
         let feet = [centre - across, centre + across];
         let heights = feet.map(|p| self.ground.at(p));
         let rise = 5.0 + 25.0 * number(5);

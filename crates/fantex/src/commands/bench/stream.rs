@@ -12,7 +12,7 @@ use fantex::stream::simulate::{
     CameraKeyframe, CameraPath, DiskModel, SimulationOptions, SimulationReport, simulate,
 };
 use fantex::stream::{
-    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, DiskLoad, FrameChanges, FrameOptions,
+    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, CutWatch, DiskLoad, FrameChanges, FrameOptions,
     LoaderStatistics, PageTable, Streamer, StreamerOptions, loaded_clusters, mean_cluster_bytes, open_asset,
     plain_reads, queued_reads, unpacked_clusters, url_of,
 };
@@ -144,6 +144,9 @@ struct Flight {
     frame_times: Vec<Duration>,
     seconds_to_sharp: Vec<f64>,
     never_sharp: u64,
+    /// From a cut to the first frame that lacks nothing, whatever the camera has come to need since.
+    seconds_to_complete: Vec<f64>,
+    complete_share: f64,
     peak_occupancy: f64,
     peak_bias: f32,
     hit_rate: f64,
@@ -178,7 +181,8 @@ fn fly(
     };
     let mut flight = Flight::default();
     let mut cuts = path.cuts_seconds().into_iter().peekable();
-    let mut waiting_since: Option<f64> = None;
+    let mut watch: Option<(f64, CutWatch)> = None;
+    let mut incomplete_since: Option<f64> = None;
     let end = path.duration_seconds() + REST_SECONDS;
     let began = Instant::now();
     let mut last = began;
@@ -186,7 +190,8 @@ fn fly(
         let started = Instant::now();
         let seconds = (started - began).as_secs_f64();
         while cuts.next_if(|&cut| cut <= seconds).is_some() {
-            flight.never_sharp += u64::from(waiting_since.replace(seconds).is_some());
+            flight.never_sharp += u64::from(watch.replace((seconds, CutWatch::new())).is_some());
+            incomplete_since = Some(seconds);
         }
         let Some(camera) = path.at(seconds) else { break };
         let view = camera.view(&asset.mesh().world_from_mesh, args.size.0);
@@ -196,11 +201,17 @@ fn fly(
             streamer.update(view.as_ref(), FrameOptions { elapsed_seconds, ..FrameOptions::default() });
         flight.update_times.push(started.elapsed());
         flight.count(&streamer);
+        let so_far = began.elapsed().as_secs_f64();
+        if watch.as_mut().is_some_and(|(_, watch)| watch.update(&streamer))
+            && let Some((since, _)) = watch.take()
+        {
+            flight.seconds_to_sharp.push(so_far - since);
+        }
         let figures = streamer.statistics();
         if figures.complete_groups == figures.visible_groups
-            && let Some(since) = waiting_since.take()
+            && let Some(since) = incomplete_since.take()
         {
-            flight.seconds_to_sharp.push(began.elapsed().as_secs_f64() - since);
+            flight.seconds_to_complete.push(so_far - since);
         }
         match &mut screen {
             Some(screen) => {
@@ -213,7 +224,7 @@ fn fly(
             }
         }
     }
-    flight.never_sharp += u64::from(waiting_since.is_some());
+    flight.never_sharp += u64::from(watch.is_some());
     Ok(flight.rows(&monitor.statistics()))
 }
 
@@ -254,6 +265,7 @@ impl Flight {
         let figures = streamer.statistics();
         self.frames += 1;
         self.hit_rate += 1.0 - figures.missing_pages as f64 / figures.needed.pages.max(1) as f64;
+        self.complete_share += figures.complete_share();
         self.peak_occupancy = self.peak_occupancy.max(figures.occupancy());
         self.peak_bias = self.peak_bias.max(figures.bias_levels);
     }
@@ -267,7 +279,11 @@ impl Flight {
             100.0 * self.hit_rate / self.frames.max(1) as f64,
             "%",
         ));
+        let complete = 100.0 * self.complete_share / self.frames.max(1) as f64;
+        rows.push(Row::new("visible tiles at their level", complete, "%"));
         sharpness(&mut rows, &self.seconds_to_sharp, self.never_sharp);
+        let complete = self.seconds_to_complete.iter().copied().fold(0.0, f64::max);
+        rows.push(Row::new("from a cut to a frame that lacks nothing, longest", 1e3 * complete, "ms"));
         rows.push(Row::new("pool in use, at most", 100.0 * self.peak_occupancy, "%"));
         rows.push(Row::new("level bias, at most", f64::from(self.peak_bias), "levels"));
         let megabytes = |bytes: u64| bytes as f64 / 1e6;
@@ -326,14 +342,16 @@ fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>, CliError> {
     let read_error = |source| CliError::Read { path: asset.path().into(), source };
     let plain = plain_reads(asset.path(), mean_cluster_bytes(asset), &load).map_err(read_error)?;
     let queued = queued_reads(asset, &load).map_err(read_error)?;
-    let (loaded, _) = loaded_clusters(asset, &ClusterLoaderOptions::default(), &load)?;
+    let (loaded, counts) = loaded_clusters(asset, &ClusterLoaderOptions::default(), &load)?;
     let unpacked = unpacked_clusters(asset, &load).map_err(read_error)?;
     let disk = plain.megabytes_per_second();
+    let delivered = counts.unpacked_bytes as f64 / loaded.seconds.max(1e-9) / 1e6;
     Ok(vec![
         Row::new("plain loop of direct reads", plain.reads_per_second(), "reads/s"),
         Row::new("clusters read, beside the plain loop", queued.megabytes_per_second(), "MB/s").beside(disk),
         Row::new("clusters read and unpacked, beside the plain loop", loaded.megabytes_per_second(), "MB/s")
             .beside(disk),
+        Row::new("texels delivered by these, beside the plain loop", delivered, "MB/s").beside(disk),
         Row::new("clusters unpacked from memory", unpacked.megabytes_per_second(), "MB/s"),
     ])
 }

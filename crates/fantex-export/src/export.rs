@@ -1,0 +1,331 @@
+//! The two exports: a model with all its pictures, and one picture.
+
+use std::fs::File;
+use std::io::Seek;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_bake::Progress;
+use fantex_mesh::{corner_tangents, shading_normals};
+use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::error::ExportError;
+use crate::files::{
+    Depth, Document, FloatSink, Geometry, ImageFile, Ktx2Sink, Outputs, PngSink, folder_of, write_glb,
+    write_gltf,
+};
+use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
+use crate::maps::{ChannelMap, Map};
+use crate::options::{ExportOptions, UvChoice};
+use crate::texels::{RowSink, Sampler, make_page};
+
+/// What was exported.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ExportSummary {
+    /// The files, and their lengths in bytes.
+    pub files: Vec<(PathBuf, u64)>,
+    /// Columns and rows of the pictures of each page; the model's coordinates may need one page per material.
+    pub sides: Vec<u32>,
+    /// What the pictures show.
+    pub maps: Vec<ChannelMap>,
+    /// Pieces of an own packing; 0 for the model's coordinates.
+    pub charts: usize,
+    /// Texels around the pieces of an own packing.
+    pub padding: u32,
+    /// Share of the texels that lie on the surface.
+    pub used_share: f64,
+    /// Share of those that several triangles claim: coordinates of a model that overlap.
+    pub overlapping_share: f64,
+    /// Texels per mesh unit, relative to the asset's.
+    pub density_share: f64,
+    /// Texels of all pictures of one map.
+    pub texels: u64,
+    /// Vertices of the model; 0 for a single picture.
+    pub vertices: usize,
+    /// Channels that glTF has no place for.
+    pub left_out: Vec<ChannelKind>,
+    /// Pages of the asset that could not be read and were replaced by coarser ones; the first, with its reason.
+    pub damage: Option<(u64, String)>,
+}
+
+/// What a glTF material can show, in the order of the pictures.
+const MODEL_MAPS: [ChannelMap; 4] =
+    [ChannelMap::BaseColor, ChannelMap::OcclusionRoughnessMetallic, ChannelMap::Normal, ChannelMap::Emission];
+
+/// Writes an asset as a model with texture coordinates: `.glb` with its pictures inside, or `.gltf` with a `.bin` and PNG
+/// files beside it. All files appear at the end, or none.
+///
+/// # Errors
+///
+/// See [`ExportError`].
+pub fn export_model(
+    asset: &Arc<Asset>,
+    output: &Path,
+    options: &ExportOptions<'_>,
+    progress: &dyn Progress,
+) -> Result<ExportSummary, ExportError> {
+    options.check()?;
+    let is_binary = match extension(output).as_str() {
+        "glb" => true,
+        "gltf" => false,
+        _ => return Err(ExportError::UnknownKind { path: output.into(), known: ".glb or .gltf" }),
+    };
+    let job = Job::new(asset, options)?;
+    let maps: Vec<Map> = MODEL_MAPS
+        .into_iter()
+        .filter_map(|kind| Map::of(asset, kind))
+        .map(|map| map.scaled(scale_of(&job.cache, &map)))
+        .collect();
+    let stem = output.file_stem().map_or_else(|| "model".to_owned(), |s| s.to_string_lossy().into_owned());
+    let mut outputs = Outputs::new(options.force);
+    let mut images = Vec::new();
+    let mut pages = Vec::new();
+    for (page, _) in job.layout.pages.iter().enumerate() {
+        let mut sinks: Vec<Box<dyn RowSink>> = Vec::new();
+        for map in &maps {
+            let number = if job.layout.pages.len() > 1 { format!("-{}", page + 1) } else { String::new() };
+            let name = format!("{stem}-{}{number}", map.kind.name());
+            let (sink, file) = job.image(page, map, &name, is_binary, output, &mut outputs)?;
+            images.push((name, file));
+            sinks.push(sink);
+        }
+        pages.push(sinks);
+    }
+    let tangents = job.tangents(&maps);
+    let mut summary = job.run(&maps, &tangents, pages, progress)?;
+    let geometry = Geometry::new(asset.mesh(), &job.layout, &job.normals, &tangents);
+    let document = Document {
+        name: &stem,
+        geometry: &geometry,
+        layout: &job.layout,
+        materials: &asset.mesh().materials,
+        maps: &maps,
+    };
+    let failed = |source| ExportError::Write { path: output.into(), source };
+    let mut images = images
+        .into_iter()
+        .map(|(name, mut file)| {
+            file.rewind()?;
+            let bytes = file.metadata()?.len();
+            let name = if is_binary { name } else { format!("{name}.png") };
+            Ok(ImageFile { name, file, bytes })
+        })
+        .collect::<std::io::Result<Vec<_>>>()
+        .map_err(failed)?;
+    if is_binary {
+        let (file, _) = outputs.create(output)?;
+        let written = write_glb(&document, &mut images, &file)
+            .map_err(|bytes| ExportError::TooLarge { path: output.into(), bytes })?;
+        written.map_err(failed)?;
+    } else {
+        let buffer_name = format!("{stem}.bin");
+        let (buffer, _) = outputs.create(&output.with_file_name(&buffer_name))?;
+        let (text, _) = outputs.create(output)?;
+        write_gltf(&document, &images, &buffer_name, &text, &buffer).map_err(failed)?;
+    }
+    summary.vertices = geometry.positions.len();
+    let is_shown = |kind: ChannelKind| maps.iter().any(|m| m.kind.channel() == kind);
+    summary.left_out = asset.channels().iter().map(|c| c.kind).filter(|&k| !is_shown(k)).collect();
+    summary.files = outputs.commit()?;
+    Ok(summary)
+}
+
+/// Writes one channel of an asset, laid out as [`export_model`] does, as `.png` (of `depth`), `.exr` or `.ktx2`.
+///
+/// # Errors
+///
+/// See [`ExportError`]; the asset may lack the channel.
+pub fn export_channel(
+    asset: &Arc<Asset>,
+    kind: ChannelMap,
+    depth: Depth,
+    output: &Path,
+    options: &ExportOptions<'_>,
+    progress: &dyn Progress,
+) -> Result<ExportSummary, ExportError> {
+    options.check()?;
+    let extension = extension(output);
+    if !["png", "exr", "ktx2"].contains(&extension.as_str()) {
+        return Err(ExportError::UnknownKind { path: output.into(), known: ".png, .exr or .ktx2" });
+    }
+    let map = Map::of(asset, kind).ok_or_else(|| no_channel(asset, kind))?;
+    let job = Job::new(asset, options)?;
+    let [page] = &job.layout.pages[..] else {
+        return Err(ExportError::SeveralPages { pages: job.layout.pages.len() });
+    };
+    if extension == "exr" {
+        let needed = FloatSink::memory_bytes(page.side, &map);
+        if needed > options.memory_bytes {
+            return Err(ExportError::Memory { path: output.into(), needed, allowed: options.memory_bytes });
+        }
+    }
+    let mut outputs = Outputs::new(options.force);
+    let (file, temporary) = outputs.create(output)?;
+    let sink: Box<dyn RowSink> = match extension.as_str() {
+        "png" => Box::new(PngSink::new(file, output.into(), page.side, map, depth)?),
+        "ktx2" => Box::new(Ktx2Sink::new(file, output, page.side, &map)?),
+        _ => Box::new(FloatSink::new(temporary, page.side, &map)),
+    };
+    let mut summary = job.run(&[map], &job.tangents(&[map]), vec![vec![sink]], progress)?;
+    summary.files = outputs.commit()?;
+    Ok(summary)
+}
+
+/// What both exports share.
+struct Job<'a> {
+    cache: PageCache,
+    options: &'a ExportOptions<'a>,
+    layout: Layout,
+    /// Unit normals, one per corner.
+    normals: Vec<Vec3>,
+}
+
+impl<'a> Job<'a> {
+    fn new(asset: &Arc<Asset>, options: &'a ExportOptions<'a>) -> Result<Self, ExportError> {
+        let (mesh, cover) = (asset.mesh(), asset.cover());
+        let (side, largest_side) = (options.side, options.largest_side);
+        let with_uv = |uv| model_uv(mesh, uv, cover.density, side, largest_side);
+        let layout = match options.uv {
+            UvChoice::OfAsset => with_uv(uv_of_asset(mesh)?)?,
+            UvChoice::OfModel(model) => with_uv(uv_of_model(mesh, model)?)?,
+            UvChoice::Atlas => {
+                let padding = options.padding;
+                let request = AtlasRequest { texels_per_unit: cover.density, side, largest_side, padding };
+                atlas(mesh, cover, &request)?
+            }
+        };
+        let cache = PageCache::new(Arc::clone(asset), (options.memory_bytes / 2) as usize);
+        Ok(Self { cache, options, layout, normals: shading_normals(mesh) })
+    }
+
+    /// Tangents of the layout's coordinates, one per corner; none where no map needs them.
+    fn tangents(&self, maps: &[Map]) -> Vec<Vec4> {
+        if maps.iter().all(|m| m.kind != ChannelMap::Normal) {
+            return Vec::new();
+        }
+        corner_tangents(self.cache.asset().mesh(), &self.normals, |t| Some(self.layout.uv[t]))
+    }
+
+    /// The sink of a model's picture, and its PNG file: beside the model, or unnamed where it goes into the model.
+    fn image(
+        &self,
+        page: usize,
+        map: &Map,
+        name: &str,
+        is_binary: bool,
+        output: &Path,
+        outputs: &mut Outputs,
+    ) -> Result<(Box<dyn RowSink>, File), ExportError> {
+        let side = self.layout.pages[page].side;
+        let path = output.with_file_name(format!("{name}.png"));
+        let failed = |source| ExportError::Write { path: output.into(), source };
+        let file = match is_binary {
+            true => tempfile::tempfile_in(folder_of(output)).map_err(failed)?,
+            false => outputs.create(&path)?.0,
+        };
+        let copy = file.try_clone().map_err(failed)?;
+        let named = if is_binary { output } else { &path };
+        let png = PngSink::new(copy, named.into(), side, *map, Depth::Eight)?;
+        if !self.options.with_ktx2 {
+            return Ok((Box::new(png), file));
+        }
+        let path = output.with_file_name(format!("{name}.ktx2"));
+        let (ktx2, _) = outputs.create(&path)?;
+        let ktx2 = Ktx2Sink::new(ktx2, &path, side, map)?;
+        Ok((Box::new(Both(png, ktx2)), file))
+    }
+
+    /// Makes all pages.
+    fn run(
+        &self,
+        maps: &[Map],
+        tangents: &[Vec4],
+        pages: Vec<Vec<Box<dyn RowSink>>>,
+        progress: &dyn Progress,
+    ) -> Result<ExportSummary, ExportError> {
+        let asset = self.cache.asset();
+        let sampler = Sampler {
+            cache: &self.cache,
+            mesh: asset.mesh(),
+            cover: asset.cover(),
+            normals: &self.normals,
+            tangents,
+        };
+        let total: u64 = self.layout.pages.iter().map(|p| u64::from(p.side).pow(2)).sum();
+        let (mut done, mut covered, mut contested) = (0, 0, 0);
+        for (page, mut sinks) in self.layout.pages.iter().zip(pages) {
+            let memory = self.options.memory_bytes;
+            let stats = make_page(page, maps, &sampler, memory, &mut sinks, (progress, &mut done, total))?;
+            covered += stats.covered;
+            contested += stats.contested;
+        }
+        let damage = self.cache.damage();
+        Ok(ExportSummary {
+            sides: self.layout.pages.iter().map(|p| p.side).collect(),
+            maps: maps.iter().map(|m| m.kind).collect(),
+            charts: self.layout.charts,
+            padding: self.layout.padding,
+            used_share: covered as f64 / total.max(1) as f64,
+            overlapping_share: contested as f64 / covered.max(1) as f64,
+            density_share: f64::from(self.layout.texels_per_unit / asset.cover().density),
+            texels: total,
+            damage: damage.first.first().map(|(_, page, why)| (damage.pages, format!("{page}: {why}"))),
+            ..ExportSummary::default()
+        })
+    }
+}
+
+/// Two files of one map.
+struct Both<A, B>(A, B);
+
+impl<A: RowSink, B: RowSink> RowSink for Both<A, B> {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+        self.0.rows(values)?;
+        self.1.rows(values)
+    }
+
+    fn finish(&mut self) -> Result<(), ExportError> {
+        self.0.finish()?;
+        self.1.finish()
+    }
+}
+
+/// What values must be divided by to lie in 0..1: the largest number of a channel that holds floats of emitted light.
+fn scale_of(cache: &PageCache, map: &Map) -> f32 {
+    let asset = cache.asset();
+    let channel = &asset.channels()[map.channel];
+    if map.kind != ChannelMap::Emission || channel.format != TexelFormat::Rgba32F {
+        return 1.0;
+    }
+    let brightest = |group: usize| {
+        let tile = cache.tile(map.channel, group as u32, 0);
+        let [columns, rows] = tile.extent();
+        let texels = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
+        let numbers = texels.flat_map(|[x, y]| tile.texel(x, y).into_iter().take(3));
+        numbers.filter(|x| x.is_finite()).fold(1.0, f32::max)
+    };
+    (0..asset.cover().groups.len()).into_par_iter().map(brightest).reduce(|| 1.0, f32::max)
+}
+
+fn no_channel(asset: &Asset, kind: ChannelMap) -> ExportError {
+    let names: Vec<&str> = asset.channels().iter().map(|c| name_of(c.kind)).collect();
+    ExportError::NoChannel { name: kind.name(), present: names.join(", ") }
+}
+
+fn name_of(kind: ChannelKind) -> &'static str {
+    match kind {
+        ChannelKind::BaseColor => ChannelMap::BaseColor,
+        ChannelKind::Normal => ChannelMap::Normal,
+        ChannelKind::OcclusionRoughnessMetallic => ChannelMap::OcclusionRoughnessMetallic,
+        ChannelKind::Emission => ChannelMap::Emission,
+        ChannelKind::Displacement => ChannelMap::Displacement,
+        ChannelKind::Light => ChannelMap::Light,
+    }
+    .name()
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}

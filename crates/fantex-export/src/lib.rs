@@ -1,0 +1,26 @@
+//! Out again: assets as models with ordinary texture coordinates, for programs that know no fans, and as single pictures.
+//!
+//! ```text
+//!  Cover --charts--> Layout <--model's UVs        Asset --Sampler--> rows --> PNG, KTX2, OpenEXR
+//!                      |                                              ^
+//!                      `------ Region: which point under which texel -'
+//!                      `------ Geometry: split vertices, tangents -----> .glb, .gltf
+//! ```
+//!
+//! Texels hold the texture function at their point of the surface, in linear light; where the picture is coarser than the
+//! tiles, its mean over the texel. Padding is described in `layout/atlas.rs`.
+
+mod charts;
+mod error;
+mod export;
+mod files;
+mod layout;
+mod maps;
+mod options;
+mod texels;
+
+pub use error::ExportError;
+pub use export::{ExportSummary, export_channel, export_model};
+pub use files::Depth;
+pub use maps::ChannelMap;
+pub use options::*;

@@ -1,0 +1,258 @@
+//! Models: round trips, and the rules of glTF.
+
+use fantex_bake::{BakeFormat, NoProgress};
+use fantex_export::{ChannelMap, ExportOptions, export_model};
+use fantex_mesh::generate::{cube, icosphere};
+use fantex_mesh::{AlphaMode, Mesh};
+use fantex_store::ChannelKind;
+use fantex_texture::{ColorSpace, Image};
+use glam::Vec3;
+use gltf::Semantic;
+use gltf::accessor::{DataType, Dimensions};
+
+use crate::support::{
+    Baked, Waves, baked, baked_bottle, bottle, cleaned, data_folder, files, loaded, worst_psnr_db,
+};
+
+/// Exports as GLB with default options, checks the file, and returns the worst PSNR.
+fn round_trip(baked: &Baked) -> f64 {
+    let path = baked.path("out.glb");
+    let options = ExportOptions { force: true, ..ExportOptions::default() };
+    let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
+    eprintln!("{summary:?}");
+    assert!(summary.density_share >= 0.95, "{}", summary.density_share);
+    assert_eq!(summary.overlapping_share, 0.0);
+    check_glb(&path);
+    worst_psnr_db(&baked.asset, &path)
+}
+
+/// What the specification asks of the parts that are written here.
+fn check_glb(path: &std::path::Path) {
+    let bytes = std::fs::read(path).unwrap();
+    assert_eq!(bytes.len() % 4, 0);
+    assert_eq!(u32::from_le_bytes(bytes[8..12].try_into().unwrap()) as usize, bytes.len());
+    // Validates indices, required members, minimum and maximum of positions.
+    let (document, buffers, _) = gltf_parts(path);
+    let blob = &buffers[0];
+    for view in document.views() {
+        assert_eq!(view.offset() % 4, 0);
+        assert!(view.offset() + view.length() <= blob.len() && view.length() > 0);
+    }
+    for accessor in document.accessors() {
+        let view = accessor.view().unwrap();
+        assert_eq!((view.offset() + accessor.offset()) % accessor.data_type().size(), 0);
+        assert!(accessor.offset() + accessor.count() * accessor.size() <= view.length());
+    }
+    for primitive in document.meshes().flat_map(|m| m.primitives()) {
+        let reader = primitive.reader(|_| Some(blob));
+        let positions: Vec<Vec3> = reader.read_positions().unwrap().map(Vec3::from).collect();
+        let (low, high) = positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+        assert_eq!(Vec3::from(primitive.bounding_box().min), low);
+        assert_eq!(Vec3::from(primitive.bounding_box().max), high);
+        assert!(low.is_finite() && high.is_finite());
+        assert!(reader.read_normals().unwrap().all(|n| (Vec3::from(n).length() - 1.0).abs() < 1e-3));
+        assert!(reader.read_tex_coords(0).unwrap().into_f32().flatten().all(f32::is_finite));
+        let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        assert_eq!(indices.len() % 3, 0);
+        assert!(indices.iter().all(|&i| (i as usize) < positions.len()));
+        let material = primitive.material();
+        assert_eq!(material.normal_texture().is_some(), primitive.get(&Semantic::Tangents).is_some());
+        for t in reader.read_tangents().into_iter().flatten() {
+            assert!((Vec3::new(t[0], t[1], t[2]).length() - 1.0).abs() < 1e-3 && t[3].abs() == 1.0);
+        }
+        let uv = primitive.get(&Semantic::TexCoords(0)).unwrap();
+        assert_eq!((uv.data_type(), uv.dimensions()), (DataType::F32, Dimensions::Vec2));
+    }
+    for image in document.images() {
+        let gltf::image::Source::View { view, mime_type } = image.source() else { panic!("not inside") };
+        assert_eq!(mime_type, "image/png");
+        let png = &blob[view.offset()..view.offset() + view.length()];
+        Image::decode(png, "image", ColorSpace::Srgb).unwrap();
+    }
+}
+
+/// The parsed and validated document and its buffers.
+fn gltf_parts(path: &std::path::Path) -> (gltf::Document, Vec<Vec<u8>>, ()) {
+    let gltf = gltf::Gltf::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let blob = gltf.blob.clone().unwrap();
+    (gltf.document, vec![blob], ())
+}
+
+#[test]
+fn the_bottle_looks_the_same_in_all_its_channels() {
+    let baked = baked_bottle(1 << 20);
+    let db = round_trip(&baked);
+    assert!(db > 40.0, "{db} dB");
+}
+
+#[test]
+fn the_bunny_looks_the_same() {
+    let Some(folder) = data_folder() else { return };
+    let mesh = loaded(&folder.join("meshes/bunny/stanford_bunny.ply"));
+    let baked = baked(&mesh, &Waves::color(40.0), 1 << 20, BakeFormat::Rgba8);
+    let db = round_trip(&baked);
+    assert!(db > 40.0, "{db} dB");
+}
+
+#[test]
+fn all_channels_of_a_sphere_go_round() {
+    use ChannelKind::{BaseColor, Emission, Normal, OcclusionRoughnessMetallic};
+    let waves = Waves {
+        kinds: vec![BaseColor, Normal, OcclusionRoughnessMetallic, Emission],
+        brightness: 0.3,
+        ..Waves::color(9.0)
+    };
+    let baked = baked(&cleaned(icosphere(4)), &waves, 1 << 18, BakeFormat::Rgba8);
+    let db = round_trip(&baked);
+    assert!(db > 40.0, "{db} dB");
+}
+
+#[test]
+fn bright_light_keeps_its_strength() {
+    let waves = Waves {
+        kinds: vec![ChannelKind::BaseColor, ChannelKind::Emission],
+        brightness: 6.0,
+        ..Waves::color(5.0)
+    };
+    let baked = baked(&cleaned(icosphere(3)), &waves, 1 << 16, BakeFormat::Rgba8);
+    let path = baked.path("out.glb");
+    export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
+    let strength = loaded(&path).materials[0].emission;
+    assert!((strength.x - 5.4).abs() < 0.2, "{strength}");
+    assert_eq!(strength.x, strength.z);
+    assert!(worst_psnr_db(&baked.asset, &path) > 35.0);
+}
+
+#[test]
+fn cut_outs_and_materials_stay_what_they_are() {
+    let mut model = cube(2);
+    let material = model.materials[0].clone();
+    model.materials = vec![
+        fantex_mesh::Material { name: "leaf".into(), alpha: AlphaMode::Mask(0.4), ..material.clone() },
+        fantex_mesh::Material { alpha: AlphaMode::Blend, double_sided: false, ..material.clone() },
+        fantex_mesh::Material { unlit: true, ..material },
+    ];
+    model.triangle_materials = (0..model.triangles.len() as u32).map(|t| t % 3).collect();
+    let waves = Waves { has_alpha: true, ..Waves::color(6.0) };
+    let baked = baked(&cleaned(model), &waves, 1 << 17, BakeFormat::Rgba8);
+    let db = round_trip(&baked);
+    assert!(db > 38.0, "{db} dB");
+    let mesh = loaded(&baked.path("out.glb"));
+    assert_eq!(mesh.materials[0].name, "leaf");
+    assert_eq!(mesh.materials[0].alpha, AlphaMode::Mask(0.4));
+    assert_eq!(mesh.materials[1].alpha, AlphaMode::Blend);
+    assert!(!mesh.materials[1].double_sided && mesh.materials[2].unlit);
+}
+
+#[test]
+fn a_channel_that_is_missing_leaves_the_factor() {
+    let mut model = icosphere(2);
+    model.materials[0].roughness = 0.25;
+    model.materials[0].metallic = 1.0;
+    let baked = baked(&cleaned(model), &Waves::color(4.0), 1 << 14, BakeFormat::Bc7);
+    let path = baked.path("out.glb");
+    let summary = export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
+    assert_eq!(summary.maps, [ChannelMap::BaseColor]);
+    let material = &loaded(&path).materials[0];
+    assert_eq!((material.roughness, material.metallic), (0.25, 1.0));
+    assert!(material.metallic_roughness_texture.is_none() && material.normal_texture.is_none());
+}
+
+#[test]
+fn a_single_triangle_fills_its_picture() {
+    let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y].into_iter().map(|p| p.as_dvec3()).collect();
+    let model = fantex_mesh::Model {
+        positions,
+        triangles: vec![[0, 1, 2]],
+        materials: vec![fantex_mesh::Material::default()],
+        ..fantex_mesh::Model::default()
+    };
+    let baked = baked(&cleaned(model), &Waves::color(5.0), 4096, BakeFormat::Rgba8);
+    let db = round_trip(&baked);
+    assert!(db > 40.0, "{db} dB");
+}
+
+#[test]
+fn coordinates_far_from_the_origin_keep_their_precision() {
+    let mut model = icosphere(3);
+    model
+        .positions
+        .iter_mut()
+        .for_each(|p| *p = *p * 10.0 + glam::DVec3::new(651_234.125, 5_123_456.5, 800.25));
+    let baked = baked(&cleaned(model), &Waves::color(4.0), 1 << 14, BakeFormat::Rgba8);
+    let path = baked.path("out.glb");
+    export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
+    let (own, back) = (baked.asset.mesh(), loaded(&path));
+    let bounds = |mesh: &Mesh| fantex_render::Bounds::of_mesh(mesh);
+    assert!(bounds(own).min.distance(bounds(&back).min) < 1e-4);
+    assert!(worst_psnr_db(&baked.asset, &path) > 40.0);
+}
+
+#[test]
+fn a_text_file_has_its_parts_beside_it() {
+    let baked = baked_bottle(1 << 16);
+    let path = baked.path("my bottle.gltf");
+    let options = ExportOptions { with_ktx2: true, side: Some(256), ..ExportOptions::default() };
+    let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
+    let mut expected = vec!["asset.fan".to_owned(), "my bottle.bin".to_owned(), "my bottle.gltf".to_owned()];
+    for map in &summary.maps {
+        expected.extend(["png", "ktx2"].map(|e| format!("my bottle-{}.{e}", map.name())));
+    }
+    expected.sort();
+    assert_eq!(files(baked.folder.path()), expected);
+    assert_eq!(summary.files.len(), expected.len() - 1);
+    assert!(worst_psnr_db(&baked.asset, &path) > 25.0);
+}
+
+#[test]
+fn the_models_own_coordinates_come_back() {
+    let mesh = bottle();
+    let baked = baked_bottle(1 << 20);
+    let path = baked.path("out.glb");
+    let options = ExportOptions { uv: fantex_export::UvChoice::OfAsset, ..ExportOptions::default() };
+    let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
+    eprintln!("{summary:?}");
+    check_glb(&path);
+    let back = loaded(&path);
+    assert_eq!(back.corners.uv_sets[0], mesh.corners.uv_sets[0]);
+    let db = worst_psnr_db(&baked.asset, &path);
+    assert!(db > 38.0, "{db} dB");
+}
+
+#[test]
+fn broken_models_are_exported_whole() {
+    let Some(folder) = data_folder() else { return };
+    for name in [
+        "bunny_nonmanifold.ply",
+        "joined_tetrahedra.obj",
+        "multibody.stl",
+        "soup.stl",
+        "wallhole.obj",
+        "two_objects.obj",
+    ] {
+        let mesh = loaded(&folder.join("meshes/broken").join(name));
+        let baked = baked(&mesh, &Waves::color(8.0), 1 << 18, BakeFormat::Rgba8);
+        let path = baked.path("out.glb");
+        let summary = export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
+        check_glb(&path);
+        let db = worst_psnr_db(&baked.asset, &path);
+        eprintln!("{name}: {db:.1} dB, {} triangles, {summary:?}", mesh.triangles.len());
+        assert!(db > 36.0, "{name}: {db} dB");
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_the_number_of_threads() {
+    let baked = baked_bottle(1 << 16);
+    let export = |threads: usize, name: &str| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let path = baked.path(name);
+        pool.install(|| export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress)).unwrap();
+        std::fs::read(path).unwrap()
+    };
+    // The model's name is the file's.
+    std::fs::create_dir(baked.path("one")).unwrap();
+    assert!(export(1, "one/x.glb") == export(3, "x.glb"));
+}

@@ -1,0 +1,263 @@
+//! From what was painted to what is written down.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_store::{Asset, ChannelKind};
+use fantex_texture::Image;
+use xxhash_rust::xxh3::xxh3_64;
+
+use crate::replay::{
+    BrushSettings, ChannelSettings, ColorSettings, DabSettings, LookSettings, StrokeSettings, ToolSettings,
+    Where, place_on,
+};
+use crate::stroke::mesh_length;
+use crate::{Dab, Paint, PaintColor, PaintError, Size, Stamp, Surface, SurfacePoint, Tool};
+
+/// What is known about an open stroke.
+#[derive(Clone, Debug)]
+pub(crate) enum Recording {
+    /// It came with its settings.
+    Settings(Box<Portable>),
+    /// It came as dabs.
+    Dabs(Vec<DabSettings>, Option<Arc<Stamp>>),
+    /// Something about it cannot be said in a stroke file.
+    Lost,
+}
+
+impl Recording {
+    /// Adds dabs, where they are not known from the settings.
+    pub(crate) fn add_dabs(&mut self, surface: &Surface, dabs: &[Dab]) {
+        let Self::Dabs(known, stamp) = self else { return };
+        let scale = surface.mesh().world_from_mesh.scale;
+        for dab in dabs {
+            if known.is_empty() {
+                *stamp = dab.stamp.clone();
+            }
+            let is_same = match (&*stamp, &dab.stamp) {
+                (None, None) => true,
+                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+                _ => false,
+            };
+            if !is_same {
+                *self = Self::Lost;
+                return;
+            }
+            known.push(DabSettings {
+                at: place_of(surface, dab.center),
+                radius: (f64::from(dab.radius) * scale) as f32,
+                hardness: dab.hardness,
+                flow: dab.flow,
+                angle: dab.angle,
+            });
+        }
+    }
+
+    /// What is neither in the settings nor made of dabs is lost.
+    pub(crate) fn lose(&mut self) {
+        if matches!(self, Self::Dabs(..)) {
+            *self = Self::Lost;
+        }
+    }
+}
+
+/// A point as it is written down.
+fn place_of(surface: &Surface, point: SurfacePoint) -> Where {
+    let world_from_mesh = surface.mesh().world_from_mesh;
+    let position = world_from_mesh.point(surface.position(point).as_vec3()).to_array();
+    Where::Surface { position, normal: surface.facet_normal(point.triangle).as_vec3().to_array() }
+}
+
+/// A stroke in terms that fit any asset of the model, with the files that it mentions.
+#[derive(Clone, Debug)]
+pub(crate) struct Portable {
+    pub(crate) stroke: StrokeSettings,
+    pub(crate) files: Vec<(String, Vec<u8>)>,
+}
+
+impl Portable {
+    /// From the settings of a stroke file in a folder.
+    pub(crate) fn new(
+        surface: &Surface,
+        settings: StrokeSettings,
+        folder: &Path,
+    ) -> Result<Self, PaintError> {
+        let mut writer = Writer { surface, folder, files: Vec::new() };
+        let stroke = writer.stroke(settings)?;
+        Ok(Self { stroke, files: writer.files })
+    }
+}
+
+/// Puts a recording into such terms.
+pub(crate) fn portable(
+    surface: &Surface,
+    asset: &Asset,
+    paint: &Paint,
+    recording: Recording,
+) -> Result<Portable, PaintError> {
+    let lost = || Portable {
+        stroke: StrokeSettings { unrecorded: true, ..StrokeSettings::default() },
+        files: Vec::new(),
+    };
+    Ok(match recording {
+        Recording::Settings(portable) => *portable,
+        Recording::Dabs(dabs, stamp) => {
+            let Some((tool, channels)) = settings_of(surface, asset, paint) else { return Ok(lost()) };
+            let mut files = Vec::new();
+            let mut brush = BrushSettings { opacity: paint.opacity, ..BrushSettings::default() };
+            if let Some(stamp) = stamp {
+                let bytes = picture_of(&stamp)?;
+                let name = hashed_name(&bytes, "exr");
+                brush.stamp = Some(PathBuf::from(&name));
+                files.push((name, bytes));
+            }
+            Portable {
+                stroke: StrokeSettings { brush, tool, channels, dabs, ..StrokeSettings::default() },
+                files,
+            }
+        }
+        Recording::Lost => lost(),
+    })
+}
+
+/// A paint's settings; none where they cannot be said.
+fn settings_of(
+    surface: &Surface,
+    asset: &Asset,
+    paint: &Paint,
+) -> Option<(ToolSettings, Vec<ChannelSettings>)> {
+    let world_from_mesh = surface.mesh().world_from_mesh;
+    let tool = match paint.tool {
+        Tool::Paint(mode) => ToolSettings::Paint(mode),
+        Tool::Erase => ToolSettings::Erase,
+        Tool::Smudge { strength } => ToolSettings::Smudge { strength },
+        Tool::Blur { radius } => {
+            let radius = Size::World((f64::from(radius) * world_from_mesh.scale) as f32);
+            ToolSettings::Blur { radius }
+        }
+        // Where it starts is not known any more.
+        Tool::Clone { .. } => return None,
+    };
+    let mut channels = Vec::with_capacity(paint.channels.len());
+    for painted in &paint.channels {
+        let color = match &painted.color {
+            PaintColor::Constant(color) => ColorSettings::Linear(color.to_array()),
+            _ if paint.tool.reads_surface() => ColorSettings::default(),
+            _ => return None,
+        };
+        let kind = kind_name(asset.channels()[painted.channel].kind);
+        channels.push(ChannelSettings { kind, color });
+    }
+    Some((tool, channels))
+}
+
+fn kind_name(kind: ChannelKind) -> crate::replay::ChannelKindName {
+    use crate::replay::ChannelKindName as Name;
+    match kind {
+        ChannelKind::BaseColor => Name::BaseColor,
+        ChannelKind::Normal => Name::Normal,
+        ChannelKind::OcclusionRoughnessMetallic => Name::OcclusionRoughnessMetallic,
+        ChannelKind::Emission => Name::Emission,
+        ChannelKind::Displacement => Name::Displacement,
+        ChannelKind::Light => Name::Light,
+    }
+}
+
+/// Rewrites the settings of a stroke.
+struct Writer<'a> {
+    surface: &'a Surface,
+    folder: &'a Path,
+    files: Vec<(String, Vec<u8>)>,
+}
+
+impl Writer<'_> {
+    fn stroke(&mut self, mut stroke: StrokeSettings) -> Result<StrokeSettings, PaintError> {
+        self.length(&mut stroke.brush.size);
+        if let ToolSettings::Blur { radius } = &mut stroke.tool {
+            self.length(radius);
+        }
+        self.file(&mut stroke.brush.stamp)?;
+        for channel in &mut stroke.channels {
+            match &mut channel.color {
+                ColorSettings::Image(path) => {
+                    let mut named = Some(std::mem::take(path));
+                    self.file(&mut named)?;
+                    *path = named.unwrap_or_default();
+                }
+                ColorSettings::Texture { look, .. } => self.look(look)?,
+                _ => {}
+            }
+        }
+        if let Some(decal) = &mut stroke.decal {
+            self.length(&mut decal.size);
+            self.file(&mut decal.shape)?;
+        }
+        if let Some(text) = &mut stroke.text {
+            self.length(&mut text.size);
+            self.file(&mut text.font)?;
+        }
+        if let Some(fill) = stroke.layer.as_mut().and_then(|layer| layer.fill.as_mut()) {
+            self.look(&mut fill.look)?;
+        }
+        let surface = self.surface;
+        stroke.samples.retain_mut(|sample| {
+            let point = place_on(surface, sample.at);
+            point.map(|point| sample.at = place_of(surface, point)).is_some()
+        });
+        Ok(stroke)
+    }
+
+    /// In world units.
+    fn length(&self, size: &mut Size) {
+        let scale = self.surface.mesh().world_from_mesh.scale;
+        *size = Size::World((f64::from(mesh_length(self.surface, *size)) * scale) as f32);
+    }
+
+    /// Takes a file along under the hash of its contents.
+    fn file(&mut self, path: &mut Option<PathBuf>) -> Result<(), PaintError> {
+        let Some(path) = path else { return Ok(()) };
+        let bytes = read(&self.folder.join(&*path))?;
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("bin");
+        let name = hashed_name(&bytes, extension);
+        *path = PathBuf::from(&name);
+        self.files.push((name, bytes));
+        Ok(())
+    }
+
+    /// Takes a look's text along; what it mentions stays where it is.
+    fn look(&mut self, look: &mut LookSettings) -> Result<(), PaintError> {
+        let absolute = |folder: PathBuf| std::path::absolute(&folder).unwrap_or(folder);
+        *look = match look {
+            LookSettings::File(path) => {
+                let path = self.folder.join(path);
+                let folder = absolute(path.parent().unwrap_or(Path::new("")).to_owned());
+                let text = String::from_utf8_lossy(&read(&path)?).into_owned();
+                LookSettings::Inline { text, folder }
+            }
+            LookSettings::Inline { text, folder } => LookSettings::Inline {
+                text: std::mem::take(text),
+                folder: absolute(self.folder.join(folder)),
+            },
+        };
+        Ok(())
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, PaintError> {
+    std::fs::read(path).map_err(|source| PaintError::LogFile { path: path.to_owned(), source })
+}
+
+fn hashed_name(bytes: &[u8], extension: &str) -> String {
+    format!("files/{:016x}.{extension}", xxh3_64(bytes))
+}
+
+/// A stamp as a picture file.
+fn picture_of(stamp: &Stamp) -> Result<Vec<u8>, PaintError> {
+    let ([width, height], coverage) = stamp.texels();
+    let texels: Vec<[f32; 4]> = coverage.iter().map(|&a| [1.0, 1.0, 1.0, a]).collect();
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("stamp.exr");
+    let image = Image::from_linear_rgba(width as u32, height as u32, &texels);
+    image.save(&path).map_err(std::io::Error::other)?;
+    Ok(std::fs::read(path)?)
+}

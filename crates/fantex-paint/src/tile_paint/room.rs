@@ -1,0 +1,58 @@
+//! Room on the disk for changes that memory has none for.
+
+use fantex_store::{AssetEditor, CommitSummary, EditError};
+
+use crate::PaintError;
+
+/// Whether the disk took changes when it was last asked.
+#[derive(Debug, Default)]
+pub(crate) struct Room {
+    /// Bytes that were in memory when the disk was full.
+    full_at: Option<usize>,
+}
+
+impl Room {
+    pub(crate) fn is_full(&self) -> bool {
+        self.full_at.is_some()
+    }
+
+    /// Writes changes to the file where they exceed a budget. Where the disk is full they stay in memory, and painting goes on; it
+    /// is asked again when an eighth more has come together.
+    pub(crate) fn relieve(
+        &mut self,
+        editor: &mut AssetEditor,
+        budget_bytes: usize,
+    ) -> Result<(), PaintError> {
+        let pending = editor.pending_bytes();
+        if pending <= budget_bytes || self.full_at.is_some_and(|full_at| pending < full_at + full_at / 8) {
+            return Ok(());
+        }
+        let flushed = editor.flush();
+        self.note(editor, flushed)
+    }
+
+    /// Makes changes durable.
+    pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary, PaintError> {
+        match editor.commit() {
+            Ok(summary) => {
+                self.full_at = None;
+                Ok(summary)
+            }
+            Err(error) => {
+                if let EditError::Full { .. } = error {
+                    self.full_at = Some(editor.pending_bytes());
+                }
+                Err(error.into())
+            }
+        }
+    }
+
+    fn note(&mut self, editor: &AssetEditor, flushed: Result<(), EditError>) -> Result<(), PaintError> {
+        match flushed {
+            Ok(()) => self.full_at = None,
+            Err(EditError::Full { .. }) => self.full_at = Some(editor.pending_bytes()),
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
+    }
+}

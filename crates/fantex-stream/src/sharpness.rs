@@ -1,0 +1,40 @@
+//! When a view is sharp after a cut.
+
+use fantex_store::PageId;
+
+use crate::Streamer;
+
+/// Waits until what a view needed when the camera cut to it has come.
+///
+/// A camera that goes on moving after the cut needs other pages in every frame, and a page that becomes needed now is there in
+/// the next frame at the earliest, unless it was foreseen. So a frame that lacks nothing at all may be far off although all that
+/// the cut uncovered came at once. What is awaited is what the view lacked at the cut; a page that the camera has left behind
+/// since then is awaited no longer, nor is one that cannot be read.
+#[derive(Clone, Debug, Default)]
+pub struct CutWatch {
+    awaited: Vec<PageId>,
+    is_known: bool,
+}
+
+impl CutWatch {
+    /// To be updated from the cut's own frame on.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Looks at a streamer after its update; whether all visible tiles have the levels that the cut asked of them.
+    pub fn update(&mut self, streamer: &Streamer) -> bool {
+        if self.is_known {
+            self.awaited.retain(|&page| streamer.is_missing(page));
+        } else {
+            self.awaited = streamer.missing_pages();
+            self.is_known = !streamer.has_backlog();
+        }
+        self.is_known && self.awaited.is_empty()
+    }
+
+    /// Pages that are still awaited.
+    pub fn awaited(&self) -> &[PageId] {
+        &self.awaited
+    }
+}
