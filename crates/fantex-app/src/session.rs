@@ -116,6 +116,8 @@ pub enum Step {
     PaintTool(PaintTool),
     /// Takes a brush; what is left out is as usual.
     Brush(BrushSettings),
+    /// Lays this text with the next click of the tool `sticker`.
+    Text(String),
     /// Takes a colour: `#d8452e`.
     Color(String),
     /// Says which channels are painted.

@@ -1,23 +1,21 @@
 //! Something that is being painted on, as the window knows it: what the hand does becomes orders for the worker.
 
+mod hand;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_paint::{
-    BlendMode, Layer, LayerContent, Paint, Painter, Sample, Stamp, Surface, SurfacePoint, Target, Tool,
-};
+use fantex_paint::{Layer, Painter, Sample, Stamp, Surface, SurfacePoint, Target};
 use fantex_scene::Bounds;
 use fantex_store::{Asset, Channel, ChannelKind};
-use fantex_texture::Image;
 use fantex_texture::color::srgb_from_linear;
 use glam::{DVec2, DVec3, Vec4};
 
 use super::layers::{change, free_name, own_target, set_channel, shift, valid_target};
-use super::pattern::pattern;
 use super::pen::world_position;
 use super::{
-    Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, PenEvent,
-    PenPhase, Presets, Report, SaveState, Section, Snapshot, StrokeStart, SymmetryKind, Viewpoint,
+    Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
+    Report, SaveState, Section, SizeUnit, Snapshot, SymmetryKind, Viewpoint,
 };
 use crate::notices::Notices;
 use crate::viewer::Wake;
@@ -344,7 +342,7 @@ impl Painting {
     /// The outline of the brush under the cursor.
     pub fn cursor(&self, settings: &PaintSettings, view: &Viewpoint, at: DVec2) -> Option<Cursor> {
         let point = view.hit(&self.surface, at)?;
-        let radius = if settings.tool.has_brush() {
+        let radius = if settings.tool.has_brush() || settings.tool == PaintTool::Sticker {
             0.5 * self.world_size(settings, view, point)
         } else {
             5.0 * view.world_per_pixel(world_position(&self.surface, point))
@@ -356,205 +354,12 @@ impl Painting {
 
     /// Diameter of the brush at a point, world units.
     fn world_size(&self, settings: &PaintSettings, view: &Viewpoint, point: SurfacePoint) -> f64 {
-        use super::SizeUnit;
         let size = f64::from(settings.brush.size);
         match settings.brush.unit {
             SizeUnit::Pixels => size * view.world_per_pixel(world_position(&self.surface, point)),
             SizeUnit::World => size,
             SizeUnit::Texels => {
                 size / f64::from(self.surface.cover().density) * self.surface.mesh().world_from_mesh.scale
-            }
-        }
-    }
-
-    /// What the pen did in this frame. `is_line` and `is_pick`: Shift and Alt are held.
-    pub fn pen(
-        &mut self,
-        events: &[PenEvent],
-        settings: &mut PaintSettings,
-        view: &Viewpoint,
-        [is_line, is_pick]: [bool; 2],
-        notices: &mut Notices,
-        seconds: f64,
-    ) {
-        let mut samples = Vec::new();
-        for event in events {
-            let hit = view.hit(&self.surface, event.at);
-            let sample = hit.map(|point| Sample { pressure: event.pressure, ..Sample::at(point) });
-            match event.phase {
-                PenPhase::Down => match sample {
-                    None => self.hand = Hand::Turn,
-                    Some(sample) if is_pick || settings.tool == PaintTool::Pick => {
-                        self.pick(sample.point, settings, notices, seconds);
-                    }
-                    Some(sample) => self.touch(sample, settings, view, is_line, notices, seconds),
-                },
-                PenPhase::Move => {
-                    if let Hand::Stroke(last) = &mut self.hand {
-                        if let Some(sample) = sample {
-                            samples.push(sample);
-                            self.last = Some(sample.point);
-                        } else if last.is_some() {
-                            // It goes on where it comes back, without a line between.
-                            self.thread.order(Order::Move(std::mem::take(&mut samples)));
-                            self.thread.order(Order::Lift);
-                        }
-                        *last = sample;
-                    }
-                }
-                PenPhase::Up => {
-                    if let Hand::Stroke(last) = std::mem::take(&mut self.hand) {
-                        self.thread.order(Order::Move(std::mem::take(&mut samples)));
-                        self.thread.order(Order::End(last));
-                    }
-                }
-            }
-        }
-        if !samples.is_empty() {
-            self.thread.order(Order::Move(samples));
-        }
-    }
-
-    fn pick(&mut self, point: SurfacePoint, settings: &PaintSettings, notices: &mut Notices, seconds: f64) {
-        if settings.tool == PaintTool::Clone {
-            self.source = Some(point);
-            notices.info("Clone: drag now to copy from there.", seconds);
-        } else {
-            self.thread.order(Order::Pick(point));
-        }
-    }
-
-    fn touch(
-        &mut self,
-        sample: Sample,
-        settings: &mut PaintSettings,
-        view: &Viewpoint,
-        is_line: bool,
-        notices: &mut Notices,
-        seconds: f64,
-    ) {
-        let paint = match self.paint(sample, settings) {
-            Ok(paint) => paint,
-            Err(reason) => return notices.warning(reason, seconds),
-        };
-        if settings.tool.has_color() {
-            settings.colors.used();
-        }
-        let stamp = self.stamp(settings, notices, seconds);
-        self.strokes += 1;
-        let world_per_pixel = view.world_per_pixel(world_position(&self.surface, sample.point));
-        let start = Box::new(StrokeStart {
-            label: settings.tool.label().to_lowercase(),
-            target: self.target,
-            paint,
-            brush: settings.brush.brush(world_per_pixel, stamp, self.strokes),
-            symmetry: settings.symmetry.symmetry(self.bounds.center()),
-        });
-        if settings.tool == PaintTool::Fill {
-            self.thread.order(Order::Fill(start, sample.point, settings.fill.scope(settings.fill_degrees)));
-            return;
-        }
-        match self.last.filter(|_| is_line) {
-            Some(from) => {
-                self.thread.order(Order::Begin(start, Sample { point: from, ..sample }));
-                self.thread.order(Order::End(Some(sample)));
-            }
-            None => {
-                self.thread.order(Order::Begin(start, sample));
-                self.hand = Hand::Stroke(Some(sample));
-            }
-        }
-        self.last = Some(sample.point);
-    }
-
-    /// What a stroke that begins here does, or why it cannot.
-    fn paint(&self, sample: Sample, settings: &PaintSettings) -> Result<Paint, &'static str> {
-        let is_mask = matches!(self.target, Target::Mask(_));
-        if let Some(layer) = self.layer() {
-            if !layer.visible {
-                return Err("The layer is hidden: show it to paint on it.");
-            }
-            if !is_mask && matches!(layer.content, LayerContent::Fill(_)) {
-                return Err("A fill layer is painted through its mask: choose the mask.");
-            }
-        }
-        let color = settings.colors.linear();
-        let mut channels = settings.channels.paint(&self.channels, color, &settings.material);
-        if is_mask {
-            let grey = Vec4::new(color.x, color.y, color.z, 1.0);
-            channels = vec![fantex_paint::ChannelPaint {
-                channel: 0,
-                color: fantex_paint::PaintColor::Constant(grey),
-            }];
-        }
-        if let Some(name) = settings.pattern.as_deref().filter(|_| settings.tool.has_color() && !is_mask)
-            && let Some(pattern) = pattern(name, &self.surface)
-        {
-            let colors = channels
-                .iter_mut()
-                .filter(|paint| self.channels[paint.channel].kind == ChannelKind::BaseColor);
-            colors.for_each(|paint| paint.color = pattern.clone());
-        }
-        if channels.is_empty() {
-            return Err("No channel is switched on: choose what the brush paints.");
-        }
-        let tool = match settings.tool {
-            PaintTool::Erase if self.target == Target::Base => {
-                return Err("There is nothing below the base to show: add a layer, paint and erase there.");
-            }
-            PaintTool::Erase => Tool::Erase,
-            PaintTool::Blur => {
-                let diameter = self.mesh_size(settings, sample);
-                Tool::Blur { radius: (settings.blur_radius.max(0.01)) * diameter }
-            }
-            PaintTool::Clone => {
-                let Some(source) = self.source else {
-                    return Err("Alt + click on the surface first: cloning copies from there.");
-                };
-                let offset = self.surface.position(source) - self.surface.position(sample.point);
-                Tool::Clone { offset: offset.as_vec3(), reach: 0.1 }
-            }
-            PaintTool::Paint => Tool::Paint(settings.brush.blend),
-            PaintTool::Fill | PaintTool::Pick => Tool::Paint(BlendMode::Normal),
-        };
-        Ok(Paint { tool, opacity: settings.brush.opacity, channels })
-    }
-
-    /// About the brush's diameter in mesh units, for tools that need a length.
-    fn mesh_size(&self, settings: &PaintSettings, _sample: Sample) -> f32 {
-        use super::SizeUnit;
-        let texel = 1.0 / self.surface.cover().density;
-        match settings.brush.unit {
-            SizeUnit::World => {
-                (f64::from(settings.brush.size) / self.surface.mesh().world_from_mesh.scale) as f32
-            }
-            SizeUnit::Pixels | SizeUnit::Texels => settings.brush.size * texel,
-        }
-    }
-
-    /// The brush's picture; read once.
-    fn stamp(
-        &mut self,
-        settings: &mut PaintSettings,
-        notices: &mut Notices,
-        seconds: f64,
-    ) -> Option<Arc<Stamp>> {
-        let path = settings.brush.stamp.clone()?;
-        if let Some((known, stamp)) = &self.stamp
-            && *known == path
-        {
-            return Some(stamp.clone());
-        }
-        match Image::load(&path) {
-            Ok(image) => {
-                let stamp = Arc::new(Stamp::new(&image));
-                self.stamp = Some((path, stamp.clone()));
-                Some(stamp)
-            }
-            Err(error) => {
-                settings.brush.stamp = None;
-                notices.error(error.to_string(), seconds);
-                None
             }
         }
     }

@@ -200,7 +200,7 @@ fn all_tools_paint_on_a_layer() {
     studio.wait();
     studio.stroke();
     studio.settings.symmetry.kind = SymmetryKind::Radial;
-    for tool in [PaintTool::Blur, PaintTool::Erase] {
+    for tool in [PaintTool::Blur, PaintTool::Smudge, PaintTool::Sticker, PaintTool::Erase] {
         studio.settings.tool = tool;
         studio.stroke();
     }
@@ -210,8 +210,14 @@ fn all_tools_paint_on_a_layer() {
     studio.stroke();
     studio.settings.tool = PaintTool::Fill;
     studio.stroke();
+    studio.settings.fill = FillReach::Color;
+    studio.stroke();
     let done = &studio.painting.snapshot().done;
-    assert_eq!(done[2..], ["paint", "blur", "erase", "clone", "fill"], "{done:?}");
+    assert_eq!(
+        done[2..],
+        ["paint", "blur", "smudge", "text and pictures", "erase", "clone", "fill", "fill"],
+        "{done:?}"
+    );
     assert_eq!(studio.notices.error_count(), 0);
     let asset = Asset::open(&studio.path).unwrap();
     drop(studio);

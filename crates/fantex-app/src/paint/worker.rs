@@ -8,15 +8,13 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fantex_paint::{
-    Brush, FillScope, Layer, LiveStroke, Paint, PaintError, Painter, Sample, SurfacePoint, Symmetry, Target,
-    fill_triangles,
-};
-use fantex_store::{Asset, EditError, PageId};
-use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, PageLoader};
-use glam::Vec4;
+use fantex_paint::{Layer, LiveStroke, PaintError, Painter, Sample, fill_triangles};
+use fantex_store::{EditError, PageId};
+use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions};
 
+use super::Fill;
 use super::exchange::Exchange;
+use super::order::{Order, Report, SaveState, Snapshot, StrokeStart};
 use super::texels::page_texels;
 use crate::viewer::Wake;
 
@@ -32,6 +30,9 @@ const RETRY: Duration = Duration::from_secs(3);
 /// Orders are gathered for so long before what they did is shown.
 const GATHERED: Duration = Duration::from_millis(6);
 
+/// How often to look whether coarser levels are there.
+const LEVELS: Duration = Duration::from_millis(5);
+
 /// Pages that are answered between two orders.
 const ANSWERED: usize = 32;
 
@@ -40,102 +41,6 @@ const KEPT_COMMITS: u32 = 20;
 
 /// Names of steps that are told of, the newest.
 const TOLD_STEPS: usize = 1000;
-
-/// A change of all layers.
-pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
-
-/// What a stroke starts with.
-#[derive(Clone, Debug)]
-pub struct StrokeStart {
-    /// Its name in the history.
-    pub label: String,
-    /// What it paints on.
-    pub target: Target,
-    /// What it paints.
-    pub paint: Paint,
-    /// With what.
-    pub brush: Brush,
-    /// Copies.
-    pub symmetry: Symmetry,
-}
-
-/// What the painter is to do.
-pub enum Order {
-    /// Begin a stroke at a sample.
-    Begin(Box<StrokeStart>, Sample),
-    /// Go on to samples.
-    Move(Vec<Sample>),
-    /// The pen has left the surface; the stroke goes on where it comes back.
-    Lift,
-    /// End the stroke, at a sample where one is still to be reached.
-    End(Option<Sample>),
-    /// Fill triangles around a point, for `StrokeStart` without its brush.
-    Fill(Box<StrokeStart>, SurfacePoint, FillScope),
-    /// Put a layer above another, or on top.
-    AddLayer(Box<Layer>, Option<u64>),
-    /// Change layers, under a name in the history.
-    EditLayers(&'static str, LayerChange),
-    /// Take back steps or do them again until so many are done.
-    GoTo(usize),
-    /// One step back.
-    Undo,
-    /// One step forth.
-    Redo,
-    /// Tell the values at a point.
-    Pick(SurfacePoint),
-    /// Answer requests for pages.
-    Pages,
-    /// Drop a loader, which may take a while.
-    Release(Box<dyn PageLoader>),
-    /// Commit now.
-    Commit,
-    /// Commit and end.
-    Close,
-}
-
-/// What the painter tells.
-#[derive(Clone, Debug)]
-pub enum Report {
-    /// Layers or history have changed.
-    State(Box<Snapshot>),
-    /// The number of the layer that was added.
-    Added(u64),
-    /// Linear values per channel.
-    Picked(Vec<Vec4>),
-    /// What became of saving.
-    Save(SaveState),
-    /// A newer state of the file.
-    Newer(Arc<Asset>),
-    /// Something failed: one sentence.
-    Failed(String),
-}
-
-/// Layers and history.
-#[derive(Clone, Debug, Default)]
-pub struct Snapshot {
-    /// From the bottom to the top.
-    pub layers: Vec<Layer>,
-    /// Steps that are done but too old to be listed.
-    pub older: usize,
-    /// Names of steps that are done, the oldest first.
-    pub done: Vec<String>,
-    /// Names of steps that were taken back, the next one to be done again last.
-    pub undone: Vec<String>,
-}
-
-/// Whether what was painted is in the file.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum SaveState {
-    /// All of it.
-    #[default]
-    Saved,
-    /// There are changes, which will be in a moment.
-    Changed,
-    /// It is being written.
-    Saving,
-    /// It cannot be written; painting goes on in memory.
-    Failed(String),
-}
 
 /// A painter at work on a thread of its own. Dropping it commits, and waits for that.
 #[derive(Debug)]
@@ -168,6 +73,8 @@ impl PaintThread {
             done: done.clone(),
             wake,
             stroke: None,
+            has_levels_due: false,
+            owed: 0,
             saving: Saving::default(),
         };
         let thread = std::thread::Builder::new().name("fantex-paint".into());
@@ -238,6 +145,10 @@ struct Worker {
     done: Arc<AtomicU64>,
     wake: Wake,
     stroke: Option<LiveStroke>,
+    /// Coarser levels of a stroke are being computed.
+    has_levels_due: bool,
+    /// Orders that are done but for these.
+    owed: u64,
     saving: Saving,
 }
 
@@ -256,7 +167,10 @@ impl Worker {
 
     /// Waits for orders and carries them out. False at the end.
     fn turn(&mut self) -> bool {
-        let wait = self.saving.due(self.stroke.is_some());
+        let wait = match self.has_levels_due {
+            true => Some(Instant::now() + LEVELS),
+            false => self.saving.due(self.stroke.is_some()),
+        };
         let wait =
             wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
         let mut next = match self.orders.recv_timeout(wait) {
@@ -279,15 +193,32 @@ impl Worker {
                 next = self.orders.try_recv().ok();
             }
         }
+        self.check(Self::take_levels);
         self.check(Self::publish);
         self.answer_pages();
         self.note_changes();
         if self.saving.due(self.stroke.is_some()).is_some_and(|due| due <= Instant::now()) {
             self.save();
         }
-        self.done.fetch_add(count, Relaxed);
+        self.owed += count;
+        if !self.has_levels_due {
+            self.done.fetch_add(std::mem::take(&mut self.owed), Relaxed);
+        }
         (self.wake)();
         goes_on
+    }
+
+    /// Coarser levels that another thread has computed.
+    fn take_levels(&mut self) -> Result<(), PaintError> {
+        if self.has_levels_due {
+            let levels = self.painter.poll_levels();
+            self.has_levels_due = matches!(levels, Ok(None));
+            if !self.has_levels_due {
+                self.tell_state();
+            }
+            levels?;
+        }
+        Ok(())
     }
 
     fn tell(&self, report: Report) {
@@ -319,14 +250,25 @@ impl Worker {
                     self.go_to(&sample, true)?;
                 }
                 self.stroke = None;
-                self.painter.end()?;
-                self.tell_state();
+                self.painter.end_in_background()?;
+                self.has_levels_due = true;
             }
             Order::Fill(start, point, scope) => {
                 self.stroke = None;
                 let surface = self.painter.surface().clone();
+                let channel = start.paint.channels.first().map_or(0, |painted| painted.channel);
                 self.painter.begin_on(start.target, &start.label, start.paint)?;
-                self.painter.fill(&fill_triangles(&surface, point, scope))?;
+                match scope {
+                    Fill::Triangles(scope) => self.painter.fill(&fill_triangles(&surface, point, scope))?,
+                    Fill::Color(fill) => self.painter.fill_color(channel, point, fill)?,
+                }
+                self.painter.end()?;
+                self.tell_state();
+            }
+            Order::Lay(start, decal) => {
+                self.stroke = None;
+                self.painter.begin_on(start.target, &start.label, start.paint)?;
+                self.painter.decal(&decal)?;
                 self.painter.end()?;
                 self.tell_state();
             }
@@ -354,9 +296,7 @@ impl Worker {
             }
             Order::GoTo(count) => self.go_to_step(count)?,
             Order::Pick(point) => {
-                let channels = self.painter.editor().asset().channels().len();
-                let values = (0..channels).map(|channel| self.painter.pick(channel, point));
-                let values = values.collect::<Result<_, _>>()?;
+                let values = self.painter.pick_all(point)?;
                 self.tell(Report::Picked(values));
             }
             Order::Commit => self.save(),

@@ -32,6 +32,8 @@ struct Hands {
     held_frames: u32,
     /// A stroke has left the button down.
     is_down: bool,
+    /// They did something in this frame, which is still to be seen.
+    has_acted: bool,
 }
 
 impl Driver {
@@ -55,8 +57,7 @@ impl Driver {
             is_opening: viewer.opening.is_some() || viewer.is_making_surroundings(),
             is_sharp,
             is_playing: matches!(viewer.tape, Tape::Playing { .. }),
-            is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy)
-                || !self.hands.coming.is_empty(),
+            is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.hands.are_busy(),
             is_unsaved: viewer.painting.as_ref().is_some_and(|p| *p.save() != SaveState::Saved),
             painted: viewer.painting.as_ref().map_or([0; 2], |p| {
                 let snapshot = p.snapshot();
@@ -118,6 +119,7 @@ impl Driver {
             Step::Minimize(is_minimized) => ctx.send_viewport_cmd(ViewportCommand::Minimized(is_minimized)),
             Step::PaintTool(tool) => viewer.command(Command::Paint(PaintCommand::Tool(tool)), seconds),
             Step::Brush(brush) => viewer.settings.paint.brush = brush,
+            Step::Text(text) => viewer.settings.paint.text = text,
             Step::Color(text) => {
                 let colors = &mut viewer.settings.paint.colors;
                 colors.foreground = parse_hex(&text).unwrap_or(colors.foreground);
@@ -262,7 +264,12 @@ impl Hands {
         self.coming.push_back(released.into());
     }
 
+    fn are_busy(&self) -> bool {
+        self.has_acted || !self.coming.is_empty()
+    }
+
     fn inject(&mut self, raw_input: &mut RawInput) {
+        self.has_acted = !self.coming.is_empty();
         raw_input.events.extend(self.coming.pop_front().into_iter().flatten());
         if self.held_frames > 0 {
             self.held_frames -= 1;

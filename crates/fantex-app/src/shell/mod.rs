@@ -241,6 +241,7 @@ impl Shell {
                 Answer::Surroundings(path) => {
                     self.viewer.settings.light.surroundings = Surroundings::File(path);
                 }
+                Answer::Sticker(path) => self.viewer.settings.paint.picture = Some(path),
                 Answer::Stamp(path) => self.viewer.settings.paint.brush.stamp = Some(path),
                 Answer::LoadPath(path) => self.viewer.load_path(&path, seconds),
                 Answer::SavePath(path) => self.viewer.save_path(&path, seconds),

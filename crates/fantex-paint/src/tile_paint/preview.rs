@@ -40,8 +40,6 @@ impl Painter {
             budget_bytes: self.options.memory_bytes / 4,
         };
         let pages = work.run(&mut self.maps)?.into_iter().flat_map(|(_, result)| result.pages);
-        Ok(pages
-            .map(|page| PreviewPage { id: page.id, channel: page.channel, bytes: page.after })
-            .collect())
+        Ok(pages.map(|page| PreviewPage { id: page.id, channel: page.channel, bytes: page.after }).collect())
     }
 }

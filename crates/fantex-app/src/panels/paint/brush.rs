@@ -5,7 +5,10 @@ use eframe::egui::{
     vec2,
 };
 
-use crate::paint::{BrushSettings, FillReach, PaintTool, SizeUnit, blend_label, preview_stroke};
+use super::color::name_field;
+use crate::paint::{
+    BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, blend_label, preview_stroke,
+};
 use crate::panels::widgets::{NumberRow, choice, heading, hint, row, segments};
 use crate::theme;
 use crate::viewer::{Request, Viewer};
@@ -20,15 +23,12 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     hint(ui, paint.tool.hint());
     ui.add_space(2.0);
     if paint.tool == PaintTool::Fill {
-        row(ui, "Fills", |ui| choice(ui, "fill", &mut paint.fill, &FillReach::ALL, |f| f.label().into()));
-        if paint.fill == FillReach::Angle {
-            number("Bend", "°", 0, "Edges that bend more end the fill").show(
-                ui,
-                &mut paint.fill_degrees,
-                1.0..=90.0,
-            );
+        return fill(ui, paint);
+    }
+    if paint.tool == PaintTool::Sticker {
+        if sticker(ui, paint) {
+            viewer.request(Request::StickerDialog);
         }
-        percent(ui, "Opacity", &mut paint.brush.opacity, "How much is covered");
         return;
     }
     if paint.tool == PaintTool::Pick {
@@ -48,6 +48,9 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
         row(ui, "Blend", |ui| {
             choice(ui, "brush blend", &mut brush.blend, &BlendMode::ALL, |m| blend_label(m).into())
         });
+    }
+    if paint.tool == PaintTool::Smudge {
+        percent(ui, "Strength", &mut paint.smudge, "How far colours are carried");
     }
     if paint.tool == PaintTool::Blur {
         percent(ui, "Reach", &mut paint.blur_radius, "How far around is averaged, in diameters");
@@ -76,6 +79,44 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
 
 fn number<'a>(name: &'a str, suffix: &'a str, decimals: usize, tip: &'a str) -> NumberRow<'a> {
     NumberRow { name, suffix, decimals, tip, ..NumberRow::PLAIN }
+}
+
+/// How far a fill goes.
+fn fill(ui: &mut Ui, paint: &mut PaintSettings) {
+    row(ui, "Fills", |ui| choice(ui, "fill", &mut paint.fill, &FillReach::ALL, |f| f.label().into()));
+    match paint.fill {
+        FillReach::Angle => {
+            let bend = number("Bend", "°", 0, "Edges that bend more end the fill");
+            bend.show(ui, &mut paint.fill_degrees, 1.0..=90.0);
+        }
+        FillReach::Color | FillReach::AllOfColor => {
+            let tolerance = number("Tolerance", "", 2, "How different colours may be");
+            tolerance.show(ui, &mut paint.fill_tolerance, 0.01..=1.0);
+        }
+        FillReach::Connected | FillReach::Whole => {}
+    }
+    percent(ui, "Opacity", &mut paint.brush.opacity, "How much is covered");
+}
+
+/// A text or a picture. Returns whether another picture is wanted.
+fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
+    let mut is_asked = false;
+    ui.horizontal(|ui| segments(ui, &mut paint.sticker, &StickerKind::ALL, StickerKind::label));
+    match paint.sticker {
+        StickerKind::Text => {
+            let field = ui.add(TextEdit::multiline(&mut paint.text).desired_rows(2).desired_width(240.0));
+            name_field(&field, "Text");
+        }
+        StickerKind::Picture => {
+            let path = paint.picture.as_ref().and_then(|path| path.file_name());
+            let name = path.map_or("Choose …".into(), |name| name.to_string_lossy().into_owned());
+            is_asked = row(ui, "Picture", |ui| ui.add(Button::new(name).truncate())).clicked();
+        }
+    }
+    size(ui, &mut paint.brush);
+    number("Angle", "°", 0, "How it is turned").show(ui, &mut paint.sticker_degrees, -180.0..=180.0);
+    percent(ui, "Opacity", &mut paint.brush.opacity, "How much is covered");
+    is_asked
 }
 
 /// The picture that shapes the dabs. Returns whether another one is wanted.
@@ -206,7 +247,8 @@ pub(super) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     }
     let mut is_kept = false;
     ui.horizontal(|ui| {
-        ui.add(TextEdit::singleline(&mut brush.name).desired_width(170.0).hint_text("Name of the brush"));
+        let field = TextEdit::singleline(&mut brush.name).desired_width(170.0).hint_text("Name of the brush");
+        name_field(&ui.add(field), "Name of the brush");
         is_kept = ui.button("Keep").on_hover_text("Saves the brush under this name").clicked();
     });
     if is_kept && !brush.name.trim().is_empty() {

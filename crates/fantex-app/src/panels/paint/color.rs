@@ -1,6 +1,6 @@
 //! Colours and channels.
 
-use eframe::egui::{Checkbox, RichText, Sense, TextEdit, Ui, vec2};
+use eframe::egui::{Checkbox, Response, RichText, Sense, TextEdit, Ui, vec2};
 
 use super::{icons, picker};
 use crate::display::ShadingView;
@@ -21,6 +21,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let field = ui.add(
             TextEdit::singleline(&mut text).desired_width(66.0).font(eframe::egui::TextStyle::Monospace),
         );
+        name_field(&field, "Colour, hexadecimal");
         if field.has_focus() {
             ui.data_mut(|data| data.insert_temp(id, text.clone()));
         } else {
@@ -61,6 +62,11 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     if let Some(color) = swatches(ui, &shown, colors.foreground) {
         colors.foreground = color;
     }
+}
+
+/// A name for those who cannot see the field.
+pub(super) fn name_field(field: &Response, name: &str) {
+    field.ctx.accesskit_node_builder(field.id, |node| node.set_label(name));
 }
 
 /// A colour or a pattern.

@@ -35,6 +35,20 @@ pub(super) fn tool(painter: &Painter, rect: Rect, tool: PaintTool, color: Color3
                 painter.circle_filled(rect.center(), radius, color.gamma_multiply(strength));
             }
         }
+        PaintTool::Smudge => {
+            let finger = vec![at(12.0, 2.5), at(17.0, 7.0), at(12.5, 12.5), at(7.5, 8.0)];
+            painter.add(Shape::closed_line(finger, stroke));
+            for (x, strength) in [(9.0, 1.0), (6.2, 0.6), (3.4, 0.3)] {
+                let radius = 2.3 * rect.width() / 20.0;
+                painter.circle_filled(at(x, 14.5 + 0.35 * (9.0 - x)), radius, color.gamma_multiply(strength));
+            }
+        }
+        PaintTool::Sticker => {
+            let wide = Stroke::new(2.4, color);
+            painter.line_segment([at(4.0, 4.0), at(16.0, 4.0)], wide);
+            painter.line_segment([at(10.0, 4.0), at(10.0, 16.5)], wide);
+            painter.line_segment([at(7.2, 16.5), at(12.8, 16.5)], Stroke::new(1.6, color));
+        }
         PaintTool::Clone => {
             painter.circle_stroke(at(6.8, 12.6), 4.6 * rect.width() / 20.0, stroke);
             painter.circle_filled(at(13.0, 7.2), 4.9 * rect.width() / 20.0, color);

@@ -12,9 +12,9 @@ use fantex::stream::simulate::{
     CameraKeyframe, CameraPath, DiskModel, SimulationOptions, SimulationReport, simulate,
 };
 use fantex::stream::{
-    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, CutWatch, DiskLoad, FrameChanges, FrameOptions,
-    LoaderStatistics, PageTable, Streamer, StreamerOptions, loaded_clusters, mean_cluster_bytes, open_asset,
-    plain_reads, queued_reads, unpacked_clusters, url_of,
+    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, CutWatch, DiskLoad, FrameChanges,
+    FrameOptions, LoaderStatistics, PageTable, Streamer, StreamerOptions, loaded_clusters,
+    mean_cluster_bytes, open_asset, plain_reads, queued_reads, unpacked_clusters, url_of,
 };
 use glam::DVec3;
 
