@@ -10,8 +10,8 @@ use super::Viewpoint;
 pub struct Section {
     /// The axis and where the plane meets it, world units.
     plane: Option<(usize, f64)>,
-    /// Ends in world space, and the unit normal of their triangle.
-    pieces: Vec<([DVec3; 2], DVec3)>,
+    /// Ends in world space.
+    pieces: Vec<[DVec3; 2]>,
     seen_from: Option<Viewpoint>,
     seen: Vec<[DVec3; 2]>,
 }
@@ -39,13 +39,12 @@ impl Section {
             };
             let mut ends = (0..3).filter_map(crossing);
             if let (Some(a), Some(b)) = (ends.next(), ends.next()) {
-                self.pieces.push(([a, b], surface.facet_normal(triangle as u32)));
+                self.pieces.push([a, b]);
             }
         }
     }
 
-    /// The pieces that are seen: on triangles that are turned towards the viewer, with nothing before them. Costs something only
-    /// where the view is another one.
+    /// The pieces that are seen, with nothing before them. Costs something only where the view is another one.
     pub fn seen(&mut self, surface: &Surface, view: &Viewpoint) -> &[[DVec3; 2]] {
         if self.seen_from != Some(*view) {
             self.seen_from = Some(*view);
@@ -60,11 +59,10 @@ impl Section {
                     near > to.distance(from) * (1.0 - 2e-3)
                 })
             };
-            let facing = self.pieces.iter().filter(|(ends, normal)| (eye - ends[0]).dot(*normal) > 0.0);
             // A line of a great many pieces is shown with those that are hidden rather than late.
             let is_long = self.pieces.len() > MOST_RAYS;
-            let seen = facing.filter(|(ends, _)| is_long || is_free(0.5 * (ends[0] + ends[1])));
-            self.seen = seen.map(|(ends, _)| *ends).collect();
+            let seen = self.pieces.iter().filter(|[a, b]| is_long || is_free(0.5 * (*a + *b)));
+            self.seen = seen.copied().collect();
         }
         &self.seen
     }

@@ -24,11 +24,12 @@ pub(super) enum StickerError {
     NoPicture,
 }
 
-/// What is laid around a point. `line`: the distance of a text's lines, or the length of a picture's longer side, mesh units.
+/// What is laid around a point, to be read from where the surface's normals point, or from behind. `line`: the distance of a text's lines, or the length of a picture's longer side, mesh units.
 pub(super) fn sticker(
     settings: &PaintSettings,
     center: SurfacePoint,
     line: f32,
+    is_behind: bool,
 ) -> Result<Decal, StickerError> {
     let (shape, size) = match settings.sticker {
         StickerKind::Text if settings.text.trim().is_empty() => return Err(StickerError::NoText),
@@ -41,5 +42,8 @@ pub(super) fn sticker(
             (Picture::new(&Image::load(path)?), line)
         }
     };
-    Ok(Decal { center, size, angle: settings.sticker_degrees.to_radians(), shape: Arc::new(shape) })
+    // Surfaces are wound either way: what is laid is right for whoever looks at them.
+    let (shape, turn) = if is_behind { (shape.mirrored(), -1.0) } else { (shape, 1.0) };
+    let angle = turn * settings.sticker_degrees.to_radians();
+    Ok(Decal { center, size, angle, shape: Arc::new(shape) })
 }

@@ -110,8 +110,10 @@ impl Painting {
         }
         if settings.tool == PaintTool::Sticker {
             let world = self.world_size(settings, view, sample.point);
+            let at = world_position(&self.surface, sample.point);
+            let is_behind = self.surface.facet_normal(sample.point.triangle).dot(view.rig.eye - at) < 0.0;
             let line = (world / self.surface.mesh().world_from_mesh.scale) as f32;
-            match sticker(settings, sample.point, line) {
+            match sticker(settings, sample.point, line, is_behind) {
                 Ok(decal) => self.lay(start, decal, settings.sticker),
                 Err(error) => notices.warning(error.to_string(), seconds),
             }
