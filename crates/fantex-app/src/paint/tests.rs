@@ -40,11 +40,13 @@ impl Studio {
     fn open() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let path = small_asset(folder.path());
-        Self::open_at(folder, path)
+        Self::open_at(folder, path, None)
     }
 
-    fn open_at(folder: tempfile::TempDir, path: PathBuf) -> Self {
-        let painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+    /// `limit`: bytes that the file may have.
+    fn open_at(folder: tempfile::TempDir, path: PathBuf, limit: Option<u64>) -> Self {
+        let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+        painter.limit_file(limit);
         let rig = ViewPreset::Top.rig(painter.surface().mesh(), 1.0);
         let painting = Painting::new(painter, None, Arc::new(|| {})).unwrap();
         painting.exchange().set_formats(&[AtlasFormat::Bc7]);
@@ -144,7 +146,7 @@ fn everything_is_saved_and_verified_and_comes_back() {
     let folder = studio.close();
     assert!(std::fs::read(&path).unwrap() == before, "nothing is left to write");
     assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
-    let mut studio = Studio::open_at(folder, path);
+    let mut studio = Studio::open_at(folder, path, None);
     let snapshot = studio.painting.snapshot();
     assert_eq!(snapshot.done, ["add layer", "paint", "layer blend mode", "rename layer"]);
     assert_eq!((snapshot.layers[0].name.as_str(), snapshot.layers[0].blend), ("Dirt", BlendMode::Multiply));
@@ -152,6 +154,28 @@ fn everything_is_saved_and_verified_and_comes_back() {
     studio.wait();
     assert!(studio.painting.snapshot().layers.is_empty());
     assert_eq!(studio.painting.target(), Target::Base);
+}
+
+#[test]
+fn a_full_disk_is_said_and_painting_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    let mut studio = Studio::open_at(folder, path, Some(bytes));
+    studio.stroke();
+    let started = Instant::now();
+    while !matches!(studio.painting.save(), SaveState::Failed(_)) {
+        assert!(started.elapsed() < Duration::from_secs(10), "it does not say so");
+        std::thread::sleep(Duration::from_millis(20));
+        studio.wait();
+    }
+    assert!(studio.notices.log().any(|text| text.contains("disk is full")));
+    studio.stroke();
+    studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
+    studio.wait();
+    let snapshot = studio.painting.snapshot();
+    assert_eq!((snapshot.done.len(), snapshot.undone.len()), (1, 1));
+    assert_eq!(studio.notices.error_count(), 1, "it is said once");
 }
 
 #[test]

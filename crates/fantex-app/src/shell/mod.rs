@@ -199,6 +199,10 @@ impl Shell {
         let is_painting = self.viewer.painting.is_some();
         for (modifiers, key, is_repeated) in pressed {
             let Some(command) = command_while(is_painting, modifiers, key) else { continue };
+            if key == egui::Key::Tab && !is_typing {
+                // It hides panels here and does not go from field to field.
+                ctx.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
+            }
             let repeats = matches!(&command, Command::Paint(command) if command.repeats());
             if (!is_typing || modifiers.command) && (!is_repeated || repeats) {
                 self.viewer.command(command, seconds);
