@@ -103,8 +103,8 @@ impl Exchange {
         Ok(())
     }
 
-    /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept. To
-    /// be told between two calls of [`publish`](Self::publish) that are right about it.
+    /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept.
+    /// All that differs from it is published later.
     pub fn offer(&self, loader: Box<dyn PageLoader>, asset: Arc<Asset>) {
         self.lock().newer = Some(Newer { loader, asset, edited: BTreeSet::new() });
     }
