@@ -10,8 +10,9 @@ fn strokes_show_in_the_next_frame_are_undone_and_come_back() {
     let Some(display) = Display::start() else { return };
     let folder = tempfile::tempdir().unwrap();
     let asset = save_asset(folder.path());
+    // The panels of the painter take room from the scene: the view is framed once they are there.
     // The button is still down when the picture is taken, and nothing has waited for streaming.
-    let steps = r##"{"wait_loaded":120},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
         {"color":"#ff2000"},{"brush":{"size":60,"hardness":0.9,"flow":1.0,"smoothing":0.0}},
         {"stroke":{"points":[[0.5,0.75],[0.6,0.78]],"holds":true}},{"wait_painted":60},
         {"screenshot":{"path":"open.png"}},
@@ -27,7 +28,7 @@ fn strokes_show_in_the_next_frame_are_undone_and_come_back() {
     assert_eq!(difference(at, "before.png", "undone.png"), 0.0);
     assert_eq!(difference(at, "done.png", "again.png"), 0.0);
     assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
-    let steps = r#"{"wait_loaded":120},{"expect_painting":{"layers":0,"steps":1}},{"view":"top"},{"wait_sharp":120},
+    let steps = r#"{"wait_loaded":120},{"wait_frames":3},{"expect_painting":{"layers":0,"steps":1}},{"view":"top"},{"wait_sharp":120},
         {"screenshot":{"path":"reopened.png"}},"quit""#;
     check_success(&display.run(folder.path(), &[&path, "--paint"], steps));
     assert!(difference(at, "done.png", "reopened.png") < 0.001);
@@ -39,7 +40,7 @@ fn models_become_assets_with_layers_and_panels() {
     let folder = tempfile::tempdir().unwrap();
     let model = save_model(folder.path());
     let settings = folder.path().join("settings.json");
-    let steps = r##"{"wait_loaded":120},{"view":"top"},{"wait_sharp":120},
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},
         {"layer":"add"},{"wait_painted":60},{"layer":{"rename":"Dirt"}},{"wait_painted":60},
         {"symmetry":{"kind":"mirror"}},{"color":"#102080"},{"channels":{"color":true,"material":true}},
         {"stroke":{"points":[[0.6,0.7],[0.7,0.6]]}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"normal.png"}},
