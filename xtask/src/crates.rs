@@ -46,6 +46,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "fantex-texture",
             "fantex-cover",
             "fantex-store",
+            "fantex-bake",
             "fantex-scene",
             "fantex-stream",
             "fantex-gpu",

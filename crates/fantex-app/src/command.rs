@@ -3,6 +3,8 @@
 use eframe::egui::{Key, Modifiers};
 
 use crate::camera::{CameraMode, ViewPreset};
+use crate::light_presets::LightPreset;
+use crate::paint::{PaintCommand, paint_shortcuts};
 
 /// Something the user asks for.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,6 +65,12 @@ pub enum Command {
     SavePath,
     /// Ask for a picture of surroundings.
     ChooseSurroundings,
+    /// Paint on what is open, or only look at it.
+    TogglePainting,
+    /// Something of the painter.
+    Paint(PaintCommand),
+    /// Another light.
+    Light(LightPreset),
 }
 
 /// A key for a command.
@@ -91,6 +99,8 @@ pub enum Section {
     Display,
     /// What is around it.
     Panels,
+    /// Only while something is painted on.
+    Painting,
 }
 
 impl Section {
@@ -104,6 +114,7 @@ impl Section {
             Self::Camera => "Camera",
             Self::Display => "Display",
             Self::Panels => "Panels",
+            Self::Painting => "Painting",
         }
     }
 }
@@ -130,8 +141,9 @@ pub fn shortcuts() -> Vec<Shortcut> {
         row(File, NONE, Key::F5, Command::Reload, "Open it again"),
         row(File, CONTROL, Key::W, Command::Close, "Close the file"),
         row(File, CONTROL, Key::S, Command::Screenshot, "Save a picture"),
-        row(File, CONTROL | SHIFT, Key::S, Command::LargeScreenshot(4), "... four times as large"),
-        row(File, CONTROL, Key::P, Command::WindowScreenshot, "... of the whole window"),
+        row(File, CONTROL | SHIFT, Key::S, Command::LargeScreenshot(4), "Save a picture four times as large"),
+        row(File, CONTROL, Key::P, Command::WindowScreenshot, "Save a picture of the window"),
+        row(File, CONTROL, Key::T, Command::TogglePainting, "Paint, or only look"),
         row(File, NONE, Key::Escape, Command::Cancel, "Cancel, stop, close"),
         row(File, CONTROL, Key::Q, Command::Quit, "Quit"),
         row(Camera, NONE, Key::Num1, Command::Mode(CameraMode::Orbit), "Orbit around the model"),
@@ -167,7 +179,20 @@ pub fn shortcuts() -> Vec<Shortcut> {
     rows
 }
 
-/// What the mouse and the held keys do: not commands, but on the help sheet.
+/// What mouse and pen do while something is painted on: not commands, but on the help sheet.
+pub const PAINT_GESTURES: [(&str, &str); 9] = [
+    ("Drag", "Paint"),
+    ("Drag beside the model", "Turn the view"),
+    ("Right drag", "Turn the view"),
+    ("Middle drag", "Shift the view"),
+    ("Wheel", "Closer, farther"),
+    ("Shift + click", "Straight line from the last end"),
+    ("Alt + click", "Pick a colour; with Clone: from where"),
+    ("Ctrl + drag", "Turn the sun"),
+    ("1 ... 9 0", "Opacity; with Shift: flow"),
+];
+
+/// The same while nothing is painted on, by camera.
 pub const GESTURES: [(&str, &[(&str, &str)]); 4] = [
     (
         "Orbit",
@@ -224,9 +249,20 @@ pub fn command_of(modifiers: Modifiers, key: Key) -> Option<Command> {
     (!modifiers.alt).then(|| shortcuts().into_iter().find(is_same)).flatten().map(|s| s.command)
 }
 
+/// The same while something is painted on (or not): the painter's keys come first, and those that fly the camera are not
+/// needed.
+pub fn command_while(is_painting: bool, modifiers: Modifiers, key: Key) -> Option<Command> {
+    let is_same = |s: &Shortcut| {
+        s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift
+    };
+    let own = if is_painting && !modifiers.alt { paint_shortcuts().into_iter().find(is_same) } else { None };
+    own.map(|s| s.command).or_else(|| command_of(modifiers, key))
+}
+
 /// The keys of a command as text.
 pub fn keys_of(command: &Command) -> Option<String> {
-    shortcuts().into_iter().find(|s| s.command == *command).map(|s| s.keys())
+    let all = shortcuts().into_iter().chain(paint_shortcuts());
+    all.into_iter().find(|s| s.command == *command).map(|s| s.keys())
 }
 
 /// Reads `Ctrl+Shift+S`, `F1`, `?` and the like.

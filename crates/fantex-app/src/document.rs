@@ -3,15 +3,18 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
+use fantex_bake::Progress;
 use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::{CleanError, CleanOptions, CleanReport, LoadError, LoadOptions, Mesh, clean, load};
+use fantex_paint::{PaintError, PaintOptions, Painter};
 use fantex_scene::Bounds;
 use fantex_store::{Asset, ChannelKind, OpenError, cover_level_count};
 use fantex_stream::open_asset;
 
 use crate::camera::SceneScale;
+use crate::paint::{BakeForPainting, Exchange, asset_beside, bake_model};
 
 /// Where something is opened from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,6 +83,8 @@ pub struct Document {
     pub cover_facts: Vec<Fact>,
     /// The asset's channels, as the cover panel shows them.
     pub channels: Vec<ChannelFact>,
+    /// Where its painter leaves pages that have changed, where there is one.
+    pub exchange: Option<Arc<Exchange>>,
 }
 
 /// A line of a panel.
@@ -138,6 +143,26 @@ pub enum OpenDocumentError {
         /// One sentence.
         reason: String,
     },
+    /// It cannot be painted on.
+    #[error(transparent)]
+    Paint(#[from] PaintError),
+    /// A model cannot be made an asset to paint on.
+    #[error(transparent)]
+    Bake(#[from] BakeForPainting),
+    /// Only what lies here can be changed.
+    #[error("{url} can only be looked at: download it to paint on it")]
+    PaintUrl {
+        /// The address.
+        url: String,
+    },
+    /// The system refused a thread.
+    #[error("cannot start a thread to paint on {}: {source}", path.display())]
+    Thread {
+        /// The asset.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: std::io::Error,
+    },
     /// The user changed their mind.
     #[error("opening was cancelled")]
     Cancelled,
@@ -151,6 +176,8 @@ pub enum Stage {
     Reading,
     /// Welding, dropping, orienting.
     Cleaning,
+    /// A model becomes an asset to paint on.
+    Baking,
     /// Textures and buffers for drawing.
     Preparing,
 }
@@ -161,6 +188,7 @@ impl Stage {
         match self {
             Self::Reading => "Reading",
             Self::Cleaning => "Cleaning the mesh",
+            Self::Baking => "Making an asset to paint on",
             Self::Preparing => "Preparing textures",
         }
     }
@@ -170,7 +198,19 @@ impl Stage {
 #[derive(Debug, Default)]
 pub struct OpenProgress {
     stage: AtomicU8,
+    /// Of the stage, per mille.
+    share: AtomicU16,
     is_cancelled: AtomicBool,
+}
+
+impl Progress for OpenProgress {
+    fn report(&self, done: u64, total: u64) {
+        self.share.store((done.saturating_mul(1000) / total.max(1)).min(1000) as u16, Relaxed);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.is_cancelled.load(Relaxed)
+    }
 }
 
 impl OpenProgress {
@@ -179,8 +219,14 @@ impl OpenProgress {
         match self.stage.load(Relaxed) {
             0 => Stage::Reading,
             1 => Stage::Cleaning,
+            2 => Stage::Baking,
             _ => Stage::Preparing,
         }
+    }
+
+    /// How much of the stage is done, 0..1; none where that is not known.
+    pub fn share(&self) -> Option<f32> {
+        (self.stage() == Stage::Baking).then(|| f32::from(self.share.load(Relaxed)) / 1000.0)
     }
 
     /// Begins a stage.
@@ -225,6 +271,31 @@ impl Document {
         }
     }
 
+    /// Opens an asset to paint on it. A model becomes an asset beside it first, unless that is there already. Takes no longer
+    /// for more texels.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenDocumentError`]: one sentence for the user.
+    pub fn open_for_painting(
+        place: &Place,
+        progress: &OpenProgress,
+    ) -> Result<(Self, Painter), OpenDocumentError> {
+        progress.enter(Stage::Reading)?;
+        let mut notes = Vec::new();
+        let path = match place {
+            Place::Url(url) => return Err(OpenDocumentError::PaintUrl { url: url.clone() }),
+            Place::File(path) if is_look(path) => return Err(OpenDocumentError::Look { path: path.clone() }),
+            Place::File(path) if is_asset(path)? => path.clone(),
+            Place::File(path) => asset_of_model(path, progress, &mut notes)?,
+        };
+        progress.enter(Stage::Preparing)?;
+        let painter = Painter::open(&path, &PaintOptions::default())?;
+        let asset = painter.editor().asset().clone();
+        let document = Self { notes, ..Self::of_asset(Place::File(path), asset) };
+        Ok((document, painter))
+    }
+
     /// What is shown of a cleaned model.
     pub fn of_model(place: Place, mesh: Arc<Mesh>, report: &CleanReport, notes: Vec<String>) -> Self {
         let mut model_facts = mesh_facts(&mesh);
@@ -242,6 +313,7 @@ impl Document {
             model_facts,
             cover_facts: Vec::new(),
             channels: Vec::new(),
+            exchange: None,
         }
     }
 
@@ -269,6 +341,7 @@ impl Document {
             channels,
             place,
             content: Content::Asset(asset),
+            exchange: None,
         }
     }
 
@@ -287,6 +360,29 @@ impl Document {
             Content::Model(_) => None,
         }
     }
+}
+
+/// The asset beside a model, made if it is not there.
+fn asset_of_model(
+    model: &Path,
+    progress: &OpenProgress,
+    notes: &mut Vec<String>,
+) -> Result<PathBuf, OpenDocumentError> {
+    let path = asset_beside(model);
+    if path.is_file() {
+        notes.push(format!("{} was there already and is painted on.", path.display()));
+        return Ok(path);
+    }
+    let loaded = load(model, &LoadOptions::default())?;
+    progress.enter(Stage::Cleaning)?;
+    let (mesh, _) = clean(loaded, &CleanOptions::default())?;
+    progress.enter(Stage::Baking)?;
+    match bake_model(&mesh, &path, progress) {
+        Err(_) if progress.is_cancelled() => return Err(OpenDocumentError::Cancelled),
+        result => result?,
+    }
+    notes.push(format!("The model became the asset {}, which is painted on.", path.display()));
+    Ok(path)
 }
 
 fn fact(name: &'static str, value: String) -> Fact {

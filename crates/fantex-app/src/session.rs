@@ -22,6 +22,7 @@ use serde::Deserialize;
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::parse_keys;
 use crate::display::{Overlay, ShadingView};
+use crate::paint::{BrushSettings, ChannelSwitches, Material, PaintTool, SymmetrySettings, parse_hex};
 use crate::settings::Tab;
 
 /// Most bytes of a file that is read as a session.
@@ -111,8 +112,85 @@ pub enum Step {
     Minimize(bool),
     /// Fails unless a message with this text has been shown.
     ExpectMessage(String),
+    /// Chooses a tool of the painter.
+    PaintTool(PaintTool),
+    /// Takes a brush; what is left out is as usual.
+    Brush(BrushSettings),
+    /// Lays this text with the next click of the tool `sticker`.
+    Text(String),
+    /// Takes a colour: `#d8452e`.
+    Color(String),
+    /// Says which channels are painted.
+    Channels(ChannelSwitches),
+    /// Says what is painted into the material's channels.
+    Material(Material),
+    /// Chooses symmetry.
+    Symmetry(SymmetrySettings),
+    /// Draws with the first button through points of the scene.
+    Stroke {
+        /// 0..1 along the scene's sides; one point is a click.
+        points: Vec<[f64; 2]>,
+        /// Names of held modifiers.
+        #[serde(default)]
+        with: Vec<String>,
+        /// Frames from one point to the next.
+        #[serde(default = "stroke_frames")]
+        frames: u32,
+        /// Whether the button stays down at the end.
+        #[serde(default)]
+        holds: bool,
+    },
+    /// Lets the pointer rest at a point of the scene.
+    Hover([f64; 2]),
+    /// Does something with layers.
+    Layer(LayerStep),
+    /// Waits until all that was asked for is painted, at most so many seconds.
+    WaitPainted(f64),
+    /// Waits until all is in the file, at most so many seconds.
+    WaitSaved(f64),
+    /// Fails unless there are so many layers and steps of the history.
+    ExpectPainting {
+        /// Layers over the base.
+        #[serde(default)]
+        layers: Option<usize>,
+        /// Steps that can be undone.
+        #[serde(default)]
+        steps: Option<usize>,
+    },
     /// Ends the viewer with exit code 0.
     Quit,
+}
+
+fn stroke_frames() -> u32 {
+    2
+}
+
+/// Something done with layers. Where a layer is meant, it is the chosen one.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum LayerStep {
+    /// A new layer.
+    Add,
+    /// A new layer of one colour.
+    AddFill,
+    /// The layer of this name, or `base`.
+    Select(String),
+    /// Its mask.
+    SelectMask(String),
+    /// Another name.
+    Rename(String),
+    /// 0..1.
+    Opacity(f32),
+    /// Another blend mode.
+    Blend(fantex_paint::BlendMode),
+    /// Shown or not.
+    Show(bool),
+    /// A mask that shows all (true) or hides all.
+    AddMask(bool),
+    /// Towards the top (true) or the bottom.
+    Move(bool),
+    /// Away with it.
+    Delete,
 }
 
 /// Why a session failed.
@@ -144,6 +222,14 @@ pub enum SessionError {
         /// The name.
         name: String,
     },
+    /// There is no such colour.
+    #[error("step {step}: '{text}' is no colour; one is written as #d8452e")]
+    Color {
+        /// Step, from 1.
+        step: usize,
+        /// What was written.
+        text: String,
+    },
     /// A wait took too long.
     #[error("step {step}: after {seconds} s {what}")]
     Late {
@@ -163,6 +249,16 @@ pub enum SessionError {
         text: String,
         /// What there is.
         found: String,
+    },
+    /// Something else was painted.
+    #[error("step {step}: there are {layers} layers and {steps} steps of the history")]
+    Painting {
+        /// Step, from 1.
+        step: usize,
+        /// Layers.
+        layers: usize,
+        /// Steps.
+        steps: usize,
     },
     /// What was asked for failed.
     #[error("step {step}: {reason}")]
@@ -202,7 +298,12 @@ impl Step {
         let names: Vec<String> = match self {
             Self::Key(name) => vec![name.clone()],
             Self::Hold { keys, .. } => keys.clone(),
-            Self::Drag { with, .. } => with.iter().map(|name| format!("{name}+A")).collect(),
+            Self::Color(text) if parse_hex(text).is_none() => {
+                return Err(SessionError::Color { step, text: text.clone() });
+            }
+            Self::Drag { with, .. } | Self::Stroke { with, .. } => {
+                with.iter().map(|name| format!("{name}+A")).collect()
+            }
             _ => Vec::new(),
         };
         match names.into_iter().find(|name| parse_keys(name).is_none()) {
@@ -239,6 +340,12 @@ pub struct Situation {
     pub is_sharp: bool,
     /// Whether a camera path is being played.
     pub is_playing: bool,
+    /// Whether a painter has something to do, or the hands have.
+    pub is_painting: bool,
+    /// Whether something is not in the file yet.
+    pub is_unsaved: bool,
+    /// Layers and steps of the history.
+    pub painted: [usize; 2],
     /// Pictures that are not on the disk yet.
     pub pictures_due: usize,
     /// Messages that were shown since the start, oldest first.
@@ -281,6 +388,14 @@ enum Until {
     },
     /// And the frame before which the picture cannot be the wanted one.
     Sharp {
+        seconds: f64,
+        frame: u64,
+    },
+    Painted {
+        seconds: f64,
+        frame: u64,
+    },
+    Saved {
         seconds: f64,
         frame: u64,
     },
@@ -327,6 +442,20 @@ impl SessionRunner {
                     }),
                 };
             }
+            Step::WaitPainted(seconds) => wait(Until::Painted { seconds: *seconds, frame: now.frame + 2 }),
+            Step::WaitSaved(seconds) => wait(Until::Saved { seconds: *seconds, frame: now.frame + 2 }),
+            Step::ExpectPainting { layers, steps } => {
+                let is_as_expected =
+                    [layers, steps].into_iter().zip(now.painted).all(|(e, f)| e.is_none_or(|e| e == f));
+                return match is_as_expected {
+                    true => Ok(Act::Wait),
+                    false => Err(SessionError::Painting {
+                        step: self.number,
+                        layers: now.painted[0],
+                        steps: now.painted[1],
+                    }),
+                };
+            }
             Step::Screenshot { .. } | Step::WindowScreenshot { .. } => wait(Until::Picture),
             Step::Hold { frames, .. } => wait(Until::Frame(now.frame + u64::from(*frames))),
             Step::Play(_) => wait(Until::Played),
@@ -334,7 +463,11 @@ impl SessionRunner {
             _ => wait(Until::Frame(now.frame + 2)),
         };
         match step {
-            Step::WaitFrames(_) | Step::WaitLoaded(_) | Step::WaitSharp(_) => Ok(Act::Wait),
+            Step::WaitFrames(_)
+            | Step::WaitLoaded(_)
+            | Step::WaitSharp(_)
+            | Step::WaitPainted(_)
+            | Step::WaitSaved(_) => Ok(Act::Wait),
             step => Ok(Act::Do(step)),
         }
     }
@@ -351,6 +484,14 @@ impl SessionRunner {
             Until::Sharp { seconds, frame } => {
                 let is_sharp = now.frame >= frame && !now.is_opening && now.is_sharp;
                 (is_sharp, seconds, "the picture was not sharp")
+            }
+            Until::Painted { seconds, frame } => (
+                now.frame >= frame && !now.is_opening && !now.is_painting,
+                seconds,
+                "the painter was still busy",
+            ),
+            Until::Saved { seconds, frame } => {
+                (now.frame >= frame && !now.is_painting && !now.is_unsaved, seconds, "not all was saved")
             }
             Until::Picture => (now.pictures_due == 0, PICTURE_SECONDS, "the picture was not written"),
             Until::Played => (!now.is_playing, f64::INFINITY, ""),

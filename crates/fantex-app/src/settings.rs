@@ -9,6 +9,7 @@ use crate::camera::{CameraMode, FlyMotion};
 use crate::display::DisplaySettings;
 use crate::files::{WriteError, write_whole};
 use crate::light::LightSettings;
+use crate::paint::PaintSettings;
 
 /// How many recent files are remembered.
 const MAX_RECENT: usize = 12;
@@ -32,6 +33,8 @@ pub struct Settings {
     pub display: DisplaySettings,
     /// Memory and speed of streaming.
     pub streaming: StreamingSettings,
+    /// Tools, brush and colours.
+    pub paint: PaintSettings,
     /// Files that were opened, the last one first.
     pub recent: Vec<String>,
 }

@@ -20,6 +20,7 @@ use crate::job::{Job, JobState};
 use crate::light::{MapKey, SurroundingsError, SurroundingsMap};
 use crate::notices::Notices;
 use crate::pacing::Pacing;
+use crate::paint::{Painting, PenEvent, asset_beside};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
@@ -39,6 +40,10 @@ pub enum Request {
     OpenDialog,
     /// Ask for a picture of surroundings.
     SurroundingsDialog,
+    /// Ask for a picture that shapes the brush.
+    StampDialog,
+    /// Ask for a picture to lay onto the surface.
+    StickerDialog,
     /// Ask for a camera path to load.
     LoadPathDialog,
     /// Ask where to save the camera path.
@@ -82,6 +87,11 @@ impl Opening {
         self.progress.stage()
     }
 
+    /// How much of the stage is done, 0..1, where that is known.
+    pub fn share(&self) -> Option<f32> {
+        self.progress.share()
+    }
+
     /// Seconds since it began.
     pub fn seconds(&self) -> f64 {
         self.job.seconds()
@@ -93,6 +103,7 @@ impl Opening {
 struct Loaded {
     document: Document,
     model: Option<SceneModel>,
+    painting: Option<Painting>,
 }
 
 /// A camera path being played or recorded.
@@ -126,12 +137,18 @@ struct Looks {
 }
 
 /// What mouse and keys did in the scene in one frame. Lengths are in units of the scene's height.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneInput {
     /// Drag with the first button.
     pub drag: DVec2,
     /// Drag with another button.
     pub side_drag: DVec2,
+    /// The part of that with the middle button.
+    pub middle_drag: DVec2,
+    /// What the pen (or the first button) did, in order.
+    pub pen: Vec<PenEvent>,
+    /// Whether Shift and Alt are held.
+    pub modifiers: [bool; 2],
     /// Whether the modifier that turns the sun is held.
     pub turns_sun: bool,
     /// Notches of the wheel, away from the user positive.
@@ -168,14 +185,24 @@ pub struct Viewer {
     pub pacing: Pacing,
     /// Whether the help sheet is shown.
     pub has_help: bool,
+    /// What is painted on.
+    pub painting: Option<Painting>,
+    /// Whether what is opened is to be painted on.
+    pub paints: bool,
+    /// Where the user's brushes are kept.
+    pub brushes_file: Option<PathBuf>,
     /// The scene's size on the screen in pixels; zero while it is not shown.
     pub scene_pixels: [u32; 2],
+    /// The scene's upper left corner in the window, points.
+    pub scene_corner: [f32; 2],
     /// What draws.
     pub adapter: String,
     /// Where pictures go.
     pub picture_folder: PathBuf,
     /// The model in the graphics memory, until the shell takes it.
     pub new_model: Option<Option<SceneModel>>,
+    /// The user was told that closing loses something.
+    was_warned: bool,
     requests: Vec<Request>,
     fly: FlyMotion,
     walker: Walker,
@@ -218,10 +245,15 @@ impl Viewer {
             graphs: Graphs::default(),
             pacing: Pacing::default(),
             has_help: false,
+            painting: None,
+            paints: false,
+            brushes_file: None,
             scene_pixels: [0; 2],
+            scene_corner: [0.0; 2],
             adapter: String::new(),
             picture_folder: PathBuf::new(),
             new_model: None,
+            was_warned: false,
             requests: Vec::new(),
             walker: Walker::new(SceneScale::default().eye_height()),
             ground: None,
@@ -305,14 +337,34 @@ impl Viewer {
         let progress = Arc::new(OpenProgress::default());
         let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
         let streaming = self.settings.streaming;
+        // Only one writer can have an asset open; it ends with its last commit.
+        let is_same = self.document.as_ref().is_some_and(|document| {
+            let beside = match &place {
+                Place::File(path) => Place::File(asset_beside(path)),
+                Place::Url(_) => place.clone(),
+            };
+            document.place == place || document.place == beside
+        });
+        let leaving = if is_same || !self.paints { self.painting.take() } else { None };
+        let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.wake.clone());
         let work = move || {
-            let document = Document::open(&from, &for_thread)?;
+            drop(leaving);
+            let (document, painting) = if paints {
+                let (mut document, painter) = Document::open_for_painting(&from, &for_thread)?;
+                let path = painter.editor().asset().path().to_owned();
+                let painting = Painting::new(painter, brushes_file, wake)
+                    .map_err(|source| OpenDocumentError::Thread { path, source })?;
+                document.exchange = Some(painting.exchange().clone());
+                (document, Some(painting))
+            } else {
+                (Document::open(&from, &for_thread)?, None)
+            };
             for_thread.enter(Stage::Preparing)?;
             let model = prepare.map(|prepare| prepare(&document, streaming)).transpose();
             let model = model.map_err(|reason| OpenDocumentError::Graphics { reason })?;
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;
-            Ok(Loaded { document, model })
+            Ok(Loaded { document, model, painting })
         };
         match Job::spawn("open", self.waker(), work) {
             Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera }),
@@ -337,6 +389,7 @@ impl Viewer {
     /// Shows nothing.
     pub fn close(&mut self) {
         self.cancel_opening();
+        self.painting = None;
         self.document = None;
         self.new_model = Some(None);
         self.forget_scene();
@@ -358,6 +411,12 @@ impl Viewer {
         self.poll_opening(seconds);
         self.poll_ground(seconds);
         self.poll_map(seconds);
+        if let Some(painting) = &mut self.painting {
+            painting.poll(&mut self.settings.paint, &mut self.notices, seconds);
+            if let (Some(asset), Some(document)) = (painting.take_newer(), &mut self.document) {
+                document.content = Content::Asset(asset);
+            }
+        }
     }
 
     fn poll_opening(&mut self, seconds: f64) {
@@ -375,8 +434,16 @@ impl Viewer {
         };
         self.opening = None;
         match result {
-            Ok(Loaded { document, model }) => {
+            Ok(Loaded { document, model, painting }) => {
                 self.settings.remember(&absolute(&place));
+                for note in document.notes.iter().filter(|_| painting.is_some()) {
+                    self.notices.info(note.clone(), seconds);
+                }
+                self.painting = painting;
+                if let Some(painting) = &mut self.painting {
+                    painting.load_presets(&mut self.notices, seconds);
+                    self.settings.camera.mode = CameraMode::Orbit;
+                }
                 self.forget_scene();
                 self.walker = Walker::new(
                     self.settings.camera.eye_height.unwrap_or_else(|| document.scale.eye_height()),
@@ -389,7 +456,10 @@ impl Viewer {
                 self.want_ground(seconds);
             }
             Err(OpenDocumentError::Cancelled) => {}
-            Err(error) => self.notices.error(error.to_string(), seconds),
+            Err(error) => {
+                self.notices.error(error.to_string(), seconds);
+                self.leave_lost_painting();
+            }
         }
     }
 
@@ -404,7 +474,8 @@ impl Viewer {
         let content = document.content.clone();
         let work = move || match content {
             Content::Model(mesh) => MeshGround::of_model(mesh),
-            Content::Asset(asset) => MeshGround::of_asset(asset),
+            // A painter's asset must not be kept from reusing its space.
+            Content::Asset(asset) => MeshGround::of_model(asset.shared_mesh()),
         };
         match Job::spawn("ground", self.waker(), work) {
             Ok(job) => self.ground_job = Some(job),
@@ -532,6 +603,9 @@ impl Viewer {
                 false => self.notices.info("There is no camera path yet: press R to record one.", seconds),
             },
             Command::ChooseSurroundings => self.request(Request::SurroundingsDialog),
+            Command::TogglePainting => self.toggle_painting(seconds),
+            Command::Paint(command) => self.paint_command(&command),
+            Command::Light(preset) => self.settings.light = preset.light(&self.settings.light),
         }
     }
 
@@ -629,6 +703,7 @@ impl Viewer {
 
     /// Moves camera and light as mouse and keys want. Returns whether something goes on moving by itself.
     pub fn navigate(&mut self, input: &SceneInput, seconds: f64, step: f64) -> bool {
+        let input = &self.paint(input, seconds);
         let step = step.clamp(0.0, LONGEST_STEP_SECONDS);
         if input.turns_sun && input.drag != DVec2::ZERO {
             self.settings.light.has_sun = true;
@@ -783,5 +858,6 @@ fn absolute(place: &Place) -> String {
     }
 }
 
+mod painting;
 #[cfg(test)]
 mod tests;

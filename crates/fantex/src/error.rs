@@ -62,10 +62,6 @@ pub(crate) enum CliError {
     Paint(#[from] paint::PaintError),
     #[error(transparent)]
     Replay(#[from] paint::ReplayError),
-    #[error(
-        "painting by hand is not possible yet; give --replay STROKES.json to apply recorded strokes (see docs/painting.md)"
-    )]
-    PaintByHand,
     #[error(transparent)]
     Export(export::ExportError),
     #[error(
@@ -179,7 +175,6 @@ impl CliError {
             | Self::NotForLooks { .. }
             | Self::LookAsSource
             | Self::TexelsOfModel { .. }
-            | Self::PaintByHand
             | Self::WhichPicture { .. }
             | Self::Export(
                 export::ExportError::Side { .. }

@@ -17,6 +17,7 @@ mod help;
 mod inspector;
 mod light;
 mod model;
+mod paint;
 mod scene;
 mod status;
 mod streaming;
@@ -56,7 +57,7 @@ pub struct Textures {
 }
 
 /// What the user did with the panels, besides editing settings.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shown {
     /// What was done in the scene.
     pub input: SceneInput,
@@ -69,7 +70,8 @@ pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures, seconds
     let panels = viewer.settings.panels;
     Panel::top("bar").frame(bar_frame()).show(ui, |ui| bar::show(ui, viewer, seconds));
     Panel::bottom("status").frame(bar_frame()).show(ui, |ui| status::show(ui, viewer, seconds));
-    if panels.has_inspector {
+    // While something is painted on, its own panels need the room.
+    if panels.has_inspector && viewer.painting.is_none() {
         Panel::right("inspector")
             .frame(panel_frame())
             .default_size(320.0)
@@ -92,6 +94,9 @@ pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures, seconds
             .default_size(340.0)
             .size_range(200.0..=widest)
             .show(ui, |ui| atlas_channel = atlas::show(ui, viewer, &textures.atlas));
+    }
+    if viewer.painting.is_some() {
+        paint::show(ui, viewer, seconds);
     }
     let mut input = SceneInput::default();
     egui::CentralPanel::no_frame().show(ui, |ui| {

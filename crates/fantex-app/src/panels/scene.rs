@@ -8,11 +8,13 @@ use glam::DVec2;
 
 use super::SceneTexture;
 use super::bar::short_place;
+use super::paint;
 use super::widgets::dot;
 use crate::camera::Wish;
 use crate::command::{Command, keys_of};
 use crate::display::Overlay;
 use crate::notices::{Notice, Severity};
+use crate::paint::{PenEvent, PenPhase};
 use crate::theme;
 use crate::viewer::{SceneInput, Viewer};
 
@@ -29,6 +31,7 @@ pub(super) fn show(
     let rect = ui.max_rect();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     viewer.scene_pixels = pixels(rect.size(), ui.ctx().pixels_per_point());
+    viewer.scene_corner = rect.min.into();
     ui.painter().rect_filled(rect, CornerRadius::ZERO, theme::WELL);
     let mut input = SceneInput::default();
     if viewer.document.is_some() {
@@ -37,6 +40,10 @@ pub(super) fn show(
             ui.painter().image(texture.id, rect, whole, Color32::WHITE);
         }
         input = scene_input(ui, &response, rect);
+        if viewer.painting.is_some() {
+            input.pen = pen(ui, &response, rect);
+            paint::overlay(ui, viewer, rect, input.cursor);
+        }
         legend(ui, viewer, rect);
     } else if viewer.opening.is_none() {
         welcome(ui, viewer, rect, seconds);
@@ -65,7 +72,8 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
         DVec2::new(f64::from(share.x), f64::from(share.y))
     });
     let primary = drag(PointerButton::Primary);
-    let side_drag = drag(PointerButton::Secondary) + drag(PointerButton::Middle);
+    let middle_drag = drag(PointerButton::Middle);
+    let side_drag = drag(PointerButton::Secondary) + middle_drag;
     let is_double_click = response.double_clicked();
     // Keys that are typed into a field are not for the camera.
     let has_keys = !ui.ctx().egui_wants_keyboard_input();
@@ -74,6 +82,9 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
         SceneInput {
             drag: primary,
             side_drag,
+            middle_drag,
+            pen: Vec::new(),
+            modifiers: [i.modifiers.shift, i.modifiers.alt],
             turns_sun: i.modifiers.command,
             wheel: if cursor.is_some() { f64::from(i.smooth_scroll_delta().y / NOTCH_POINTS) } else { 0.0 },
             cursor,
@@ -86,6 +97,43 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
             },
         }
     })
+}
+
+/// What the pen or the first button did in this frame, every move of it.
+fn pen(ui: &Ui, response: &egui::Response, rect: Rect) -> Vec<PenEvent> {
+    let can_start = response.contains_pointer();
+    let pressure_id = Id::unique("pen pressure");
+    let mut pressure = ui.data(|data| data.get_temp::<f32>(pressure_id)).unwrap_or(1.0);
+    let share = |at: Pos2| {
+        let share = (at - rect.min) / rect.size();
+        DVec2::new(f64::from(share.x), f64::from(share.y))
+    };
+    let mut events = Vec::new();
+    ui.input(|i| {
+        for event in &i.events {
+            let (phase, at) = match event {
+                egui::Event::Touch { force, phase, .. } => {
+                    let is_over = matches!(phase, egui::TouchPhase::End | egui::TouchPhase::Cancel);
+                    pressure = if is_over { 1.0 } else { force.unwrap_or(1.0).clamp(0.0, 1.0) };
+                    continue;
+                }
+                egui::Event::PointerButton { pos, button: PointerButton::Primary, pressed: true, .. } => {
+                    if !(can_start && rect.contains(*pos)) {
+                        continue;
+                    }
+                    (PenPhase::Down, *pos)
+                }
+                egui::Event::PointerButton { pos, button: PointerButton::Primary, .. } => {
+                    (PenPhase::Up, *pos)
+                }
+                egui::Event::PointerMoved(pos) => (PenPhase::Move, *pos),
+                _ => continue,
+            };
+            events.push(PenEvent { phase, at: share(at), pressure });
+        }
+    });
+    ui.data_mut(|data| data.insert_temp(pressure_id, pressure));
+    events
 }
 
 /// What is seen before anything is open.
@@ -141,7 +189,9 @@ fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
                     ui.label(RichText::new(short_place(&opening.place.name())).color(theme::STRONG));
                 });
                 ui.horizontal(|ui| {
-                    let text = format!("{} … {:.0} s", opening.stage().label(), opening.seconds());
+                    let share =
+                        opening.share().map_or(String::new(), |share| format!(" {:.0} %", share * 100.0));
+                    let text = format!("{} …{share} {:.0} s", opening.stage().label(), opening.seconds());
                     ui.label(RichText::new(text).color(theme::FAINT));
                     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                         is_cancelled = ui.button("Cancel").clicked();

@@ -23,6 +23,9 @@ pub(super) fn show(ui: &mut Ui, viewer: &Viewer, seconds: f64) {
 }
 
 fn gesture(viewer: &Viewer) -> &'static str {
+    if viewer.painting.is_some() {
+        return viewer.settings.paint.tool.hint();
+    }
     if viewer.is_waiting_for_ground() {
         return "Preparing the ground to walk on …";
     }

@@ -166,3 +166,57 @@ fn facts_stand_beside_their_names() {
     harness.get_by_label("Levels");
     harness.get_by_label("BC5");
 }
+
+fn with_painting(folder: &std::path::Path) -> Viewer {
+    let path = crate::paint::tests::small_asset(folder);
+    let painter = fantex_paint::Painter::open(&path, &fantex_paint::PaintOptions::default()).unwrap();
+    let asset = painter.editor().asset().clone();
+    let mut viewer = empty();
+    viewer.document = Some(Document::of_asset(Place::File(path), asset));
+    viewer.painting = Some(crate::paint::Painting::new(painter, None, Arc::new(|| {})).unwrap());
+    viewer.paints = true;
+    viewer
+}
+
+/// Until the painter has done what it was asked for.
+fn wait_painted(viewer: &mut Viewer) {
+    let started = std::time::Instant::now();
+    loop {
+        let is_busy = viewer.painting.as_ref().unwrap().is_busy();
+        viewer.poll(0.0);
+        if !is_busy {
+            return;
+        }
+        assert!(started.elapsed().as_secs() < 60, "the painter does not end");
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn tools_and_layers_are_chosen_with_the_mouse() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut harness = harness(with_painting(folder.path()), [1380.0, 860.0]);
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+    harness.get_by_label("Erase tool").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().settings.paint.tool, crate::paint::PaintTool::Erase);
+    harness.get_by_label("Hard round").click();
+    harness.run_steps(2);
+    assert_eq!(harness.state().settings.paint.brush.hardness, 0.95);
+    harness.get_by_label("Add").click();
+    harness.run_steps(2);
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+    harness.get_by_label("Layer 1");
+    harness.get_by_label("Undo").click();
+    harness.run_steps(2);
+    wait_painted(harness.state_mut());
+    harness.run_steps(2);
+    assert!(harness.query_by_label("Layer 1").is_none());
+    harness.get_by_label("Light").click();
+    harness.run_steps(2);
+    harness.get_by_label("Rim").click();
+    harness.run_steps(2);
+    assert!(crate::light_presets::LightPreset::Rim.is_in(&harness.state().settings.light));
+}

@@ -7,11 +7,14 @@ use fantex_cover::Cover;
 use fantex_gpu::{FanModel, Gpu, GpuError, View};
 use fantex_store::{Asset, cover_level_count, page_grid};
 use fantex_stream::{
-    ClusterLoader, ClusterLoaderOptions, FrameOptions, LoaderError, StreamView, Streamer, StreamerOptions,
+    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, LoaderError, PageLoader, StreamView,
+    Streamer, StreamerOptions,
 };
 
 use super::atlas_view::{AtlasPicture, AtlasView};
+use super::painted::{PaintedGeometry, PaintedPages};
 use crate::figures::{DamagedPage, LISTED_DAMAGE, LevelFigures, StreamFigures};
+use crate::paint::{Exchange, PaintLoader};
 use crate::settings::StreamingSettings;
 use crate::viewer::Viewer;
 
@@ -39,6 +42,7 @@ pub struct FanScene {
     uploaded_pages: u64,
     damaged: Vec<DamagedPage>,
     atlas_view: AtlasView,
+    painted: Option<PaintedPages>,
 }
 
 impl std::fmt::Debug for FanScene {
@@ -64,6 +68,7 @@ impl FanScene {
         gpu: &Gpu,
         asset: Arc<Asset>,
         settings: StreamingSettings,
+        exchange: Option<Arc<Exchange>>,
     ) -> Result<Self, FanSceneError> {
         let formats = FanModel::atlas_formats(gpu, asset.channels());
         let atlas = FanModel::atlas_shape(gpu, settings.pool_bytes(), &formats);
@@ -72,7 +77,19 @@ impl FanScene {
         let loader = ClusterLoader::open(asset.clone(), &loading)?;
         let options = StreamerOptions { atlas, ..StreamerOptions::default() };
         let anisotropy = options.max_anisotropy as u32;
-        let streamer = Streamer::new(asset.clone(), Box::new(loader), options);
+        let loader: Box<dyn PageLoader> = match &exchange {
+            None => Box::new(loader),
+            Some(exchange) => {
+                exchange.set_formats(&formats);
+                Box::new(PaintLoader::new(Box::new(loader), exchange.clone()))
+            }
+        };
+        let geometry: Arc<dyn Geometry> = match &exchange {
+            None => asset.clone(),
+            // Older states of what is painted on must not be kept.
+            Some(_) => Arc::new(PaintedGeometry::of(&asset)),
+        };
+        let streamer = Streamer::new(geometry, loader, options);
         let model = FanModel::of_asset(gpu, &asset, streamer.table(), settings.pool_bytes())?;
         Ok(Self {
             level_pages: level_pages(asset.cover()),
@@ -85,6 +102,7 @@ impl FanScene {
             uploaded_pages: 0,
             damaged: Vec::new(),
             atlas_view: AtlasView::default(),
+            painted: exchange.map(PaintedPages::new),
         })
     }
 
@@ -102,7 +120,7 @@ impl FanScene {
         let settings = viewer.settings.streaming;
         let is_new = self.follow_settings(gpu, viewer, elapsed_seconds)?;
         if !settings.is_running {
-            return Ok(is_new);
+            return Ok(self.upload_painted(gpu) || is_new);
         }
         let view = View::new(&viewer.camera(), viewer.scene_pixels, fantex_gpu::Model::space(&self.model));
         let view = StreamView::new(view.eye.as_vec3(), view.axes, view.fov_radians, viewer.scene_pixels);
@@ -112,13 +130,35 @@ impl FanScene {
         let frame = FrameOptions { upload_bytes, elapsed_seconds };
         let changes = self.streamer.update(Some(&view), frame);
         self.model.update(gpu, &changes);
+        if let Some(painted) = &mut self.painted {
+            painted.follow(&changes);
+        }
+        let is_painted = self.upload_painted(gpu);
         self.uploaded_pages += changes.uploads.len() as u64;
         let has_changed = !changes.uploads.is_empty() || !changes.entries.is_empty();
         if has_changed {
             self.atlas_view.changed();
         }
         self.list_damage();
-        Ok(is_new || has_changed)
+        Ok(is_new || has_changed || is_painted)
+    }
+
+    /// Brings what was painted since the last frame to the atlas, where its pages are resident.
+    fn upload_painted(&mut self, gpu: &Gpu) -> bool {
+        let Some(painted) = &mut self.painted else { return false };
+        if let Some(asset) = painted.take_asset() {
+            self.asset = asset;
+        }
+        let (changes, stale) = painted.take(self.streamer.table(), self.asset.cover());
+        if !stale.is_empty() {
+            self.streamer.invalidate(&stale);
+        }
+        if changes.uploads.is_empty() {
+            return false;
+        }
+        self.model.update(gpu, &changes);
+        self.atlas_view.changed();
+        true
     }
 
     /// Takes over another size of the pool once it is no longer being changed, and another filter.
@@ -185,7 +225,9 @@ impl FanScene {
 
     /// Whether the picture stays as it is until the view changes.
     pub(super) fn is_settled(&self) -> bool {
-        self.streamer.is_settled() && self.pool_wait == 0.0
+        self.streamer.is_settled()
+            && self.pool_wait == 0.0
+            && self.painted.as_ref().is_none_or(PaintedPages::is_settled)
     }
 
     /// Whether the atlas has changed since its picture was made.

@@ -10,6 +10,7 @@ mod atlas_view;
 mod capture;
 mod fan;
 mod model;
+mod painted;
 mod picture;
 
 use std::path::PathBuf;
@@ -21,6 +22,7 @@ use fantex_scene::{Camera, Lights, Shading};
 use crate::display::{Overlay, ShadingView};
 use crate::figures::StreamFigures;
 use crate::pacing::Draw;
+use crate::paint::Painting;
 use crate::viewer::Viewer;
 use eframe::wgpu;
 
@@ -86,7 +88,11 @@ impl SceneView {
         let elapsed = seconds - self.last_stream_seconds.replace(seconds).unwrap_or(seconds);
         let has_arrived = model.stream(&self.gpu, viewer, elapsed as f32)?;
         if has_arrived {
-            viewer.pacing.changed();
+            // A stroke wants quick pictures, as a camera that moves.
+            match viewer.painting.as_ref().is_some_and(Painting::is_drawing) {
+                true => viewer.pacing.moved(seconds),
+                false => viewer.pacing.changed(),
+            }
         }
         if let Some(figures) = model.figures() {
             viewer.graphs.stream(seconds, &figures);

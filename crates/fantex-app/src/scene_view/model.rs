@@ -32,7 +32,8 @@ pub fn preparer(gpu: Arc<Gpu>) -> PrepareScene {
             Ok(SceneModel::Uv(Box::new(model)))
         }
         Content::Asset(asset) => {
-            let scene = FanScene::new(&gpu, asset.clone(), settings).map_err(|error| error.to_string())?;
+            let scene = FanScene::new(&gpu, asset.clone(), settings, document.exchange.clone());
+            let scene = scene.map_err(|error| error.to_string())?;
             Ok(SceneModel::Fan(Box::new(scene)))
         }
     })

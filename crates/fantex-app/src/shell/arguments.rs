@@ -6,7 +6,7 @@ use clap::Parser;
 
 use crate::session::{Session, SessionError};
 
-/// Shows models and fan-textured assets.
+/// Shows models and fan-textured assets, and paints on them.
 #[derive(Clone, Debug, Parser)]
 #[command(
     name = "fantex-app",
@@ -22,6 +22,9 @@ F1 shows keys and mouse."
 pub struct Arguments {
     /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan); an asset may be at an http:// or https:// address
     pub file: Option<String>,
+    /// Paint on it: a model becomes an asset beside it first
+    #[arg(long)]
+    pub(super) paint: bool,
     /// Steps that drive the viewer by itself (see docs/viewer.md); ends with exit code 1 where one fails
     #[arg(long, value_name = "JSON")]
     session: Option<PathBuf>,

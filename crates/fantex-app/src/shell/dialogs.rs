@@ -15,6 +15,8 @@ const SHOWN_SECONDS: f64 = 0.25;
 pub(super) enum Answer {
     Open(PathBuf),
     Surroundings(PathBuf),
+    Stamp(PathBuf),
+    Sticker(PathBuf),
     LoadPath(PathBuf),
     SavePath(PathBuf),
     /// There are no dialogs.
@@ -50,6 +52,12 @@ impl Dialogs {
             ),
             Request::SurroundingsDialog => {
                 Box::pin(dialog.set_title("Choose surroundings").add_filter("Pictures", pictures).pick_file())
+            }
+            Request::StickerDialog => {
+                Box::pin(dialog.set_title("Choose a picture").add_filter("Pictures", pictures).pick_file())
+            }
+            Request::StampDialog => {
+                Box::pin(dialog.set_title("Choose a stamp").add_filter("Pictures", pictures).pick_file())
             }
             Request::LoadPathDialog => Box::pin(
                 dialog.set_title("Load a camera path").add_filter("Camera paths", &["json"]).pick_file(),
@@ -89,6 +97,8 @@ impl Dialogs {
 fn answer(request: &Request, path: PathBuf) -> Answer {
     match request {
         Request::SurroundingsDialog => Answer::Surroundings(path),
+        Request::StampDialog => Answer::Stamp(path),
+        Request::StickerDialog => Answer::Sticker(path),
         Request::LoadPathDialog => Answer::LoadPath(path),
         Request::SavePathDialog => Answer::SavePath(path),
         _ => Answer::Open(path),

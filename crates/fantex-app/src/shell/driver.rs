@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
+use fantex_paint::{Layer, Target};
 use fantex_scene::Camera;
 use glam::DVec3;
 
 use crate::command::{Command, parse_keys};
 use crate::light::Surroundings;
-use crate::session::{Act, SessionError, SessionRunner, Situation, Step};
+use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, parse_hex};
+use crate::session::{Act, LayerStep, SessionError, SessionRunner, Situation, Step};
 use crate::viewer::{PictureSize, Request, Tape, Viewer};
 
 /// Frames over which a drag is spread.
@@ -28,6 +30,10 @@ struct Hands {
     coming: std::collections::VecDeque<Vec<Event>>,
     held: Vec<Key>,
     held_frames: u32,
+    /// A stroke has left the button down.
+    is_down: bool,
+    /// They did something in this frame, which is still to be seen.
+    has_acted: bool,
 }
 
 impl Driver {
@@ -51,6 +57,12 @@ impl Driver {
             is_opening: viewer.opening.is_some() || viewer.is_making_surroundings(),
             is_sharp,
             is_playing: matches!(viewer.tape, Tape::Playing { .. }),
+            is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.hands.are_busy(),
+            is_unsaved: viewer.painting.as_ref().is_some_and(|p| *p.save() != SaveState::Saved),
+            painted: viewer.painting.as_ref().map_or([0; 2], |p| {
+                let snapshot = p.snapshot();
+                [snapshot.layers.len(), snapshot.older + snapshot.done.len()]
+            }),
             pictures_due: pictures_due + self.hands.coming.len(),
             messages: viewer.notices.log().map(str::to_owned).collect(),
             failure: None,
@@ -105,10 +117,32 @@ impl Driver {
             }
             Step::Resize(size) => ctx.send_viewport_cmd(ViewportCommand::InnerSize(size.into())),
             Step::Minimize(is_minimized) => ctx.send_viewport_cmd(ViewportCommand::Minimized(is_minimized)),
+            Step::PaintTool(tool) => viewer.command(Command::Paint(PaintCommand::Tool(tool)), seconds),
+            Step::Brush(brush) => viewer.settings.paint.brush = brush,
+            Step::Text(text) => viewer.settings.paint.text = text,
+            Step::Color(text) => {
+                let colors = &mut viewer.settings.paint.colors;
+                colors.foreground = parse_hex(&text).unwrap_or(colors.foreground);
+            }
+            Step::Channels(channels) => viewer.settings.paint.channels = channels,
+            Step::Material(material) => viewer.settings.paint.material = material,
+            Step::Symmetry(symmetry) => viewer.settings.paint.symmetry = symmetry,
+            Step::Stroke { points, with, frames, holds } => {
+                let way = Way { points, with, frames, holds };
+                self.hands.stroke(ctx, viewer, &way);
+            }
+            Step::Hover(point) => {
+                let at = scene_point(ctx, viewer, point);
+                self.hands.coming.push_back(vec![Event::PointerMoved(at)]);
+            }
+            Step::Layer(step) => layer_step(viewer, step),
             // The runner itself waits, compares and ends.
             Step::WaitFrames(_)
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)
+            | Step::WaitPainted(_)
+            | Step::WaitSaved(_)
+            | Step::ExpectPainting { .. }
             | Step::ExpectMessage(_)
             | Step::Quit => {}
         }
@@ -118,6 +152,44 @@ impl Driver {
     pub(super) fn inject(&mut self, raw_input: &mut RawInput) {
         self.hands.inject(raw_input);
     }
+}
+
+/// A stroke of the session's hand.
+struct Way {
+    points: Vec<[f64; 2]>,
+    with: Vec<String>,
+    frames: u32,
+    holds: bool,
+}
+
+/// A place of the scene, given along its sides, in the window.
+fn scene_point(ctx: &egui::Context, viewer: &Viewer, [x, y]: [f64; 2]) -> Pos2 {
+    let scale = ctx.pixels_per_point();
+    let [width, height] = viewer.scene_pixels.map(|n| n as f32 / scale);
+    let [left, top] = viewer.scene_corner;
+    pos2(left + width * x as f32, top + height * y as f32)
+}
+
+fn layer_step(viewer: &mut Viewer, step: LayerStep) {
+    let Some(painting) = &viewer.painting else { return };
+    let chosen = painting.layer().map_or(u64::MAX, Layer::id);
+    let find =
+        |name: &str| painting.snapshot().layers.iter().find(|l| l.name == name).map_or(u64::MAX, Layer::id);
+    let action = match step {
+        LayerStep::Add => LayerAction::Add,
+        LayerStep::AddFill => LayerAction::AddFill,
+        LayerStep::Select(name) if name == "base" => LayerAction::Select(Target::Base),
+        LayerStep::Select(name) => LayerAction::Select(Target::Layer(find(&name))),
+        LayerStep::SelectMask(name) => LayerAction::Select(Target::Mask(find(&name))),
+        LayerStep::Rename(name) => LayerAction::Rename(chosen, name),
+        LayerStep::Opacity(opacity) => LayerAction::Opacity(chosen, opacity),
+        LayerStep::Blend(mode) => LayerAction::Blend(chosen, mode),
+        LayerStep::Show(is_shown) => LayerAction::Show(chosen, is_shown),
+        LayerStep::AddMask(shows) => LayerAction::AddMask(chosen, shows),
+        LayerStep::Move(is_up) => LayerAction::Move(chosen, is_up),
+        LayerStep::Delete => LayerAction::Delete(chosen),
+    };
+    viewer.layer_action(&action);
 }
 
 /// A picture of an earlier session must not pass for this one's.
@@ -139,11 +211,40 @@ impl Hands {
         self.coming.push_back(self.held.iter().map(|&key| key_event(key, true, Modifiers::NONE)).collect());
     }
 
+    /// Draws through points; the pointer rests at the last one.
+    fn stroke(&mut self, ctx: &egui::Context, viewer: &Viewer, way: &Way) {
+        let points: Vec<Pos2> = way.points.iter().map(|&point| scene_point(ctx, viewer, point)).collect();
+        let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
+        let parsed = way.with.iter().filter_map(|name| parse_keys(&format!("{name}+A")));
+        let modifiers = parsed.fold(Modifiers::NONE, |all, (one, _)| all | one);
+        let button = |pos: Pos2, pressed: bool| Event::PointerButton {
+            pos,
+            button: PointerButton::Primary,
+            pressed,
+            modifiers,
+        };
+        self.coming.push_back(vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(first)]);
+        if !std::mem::replace(&mut self.is_down, way.holds) {
+            self.coming.push_back(vec![button(first, true)]);
+        }
+        let frames = way.frames.max(1);
+        for pair in points.windows(2) {
+            for k in 1..=frames {
+                // Pens tell more than once a frame.
+                let share = |n: u32| (4 * (k - 1) + n) as f32 / (4 * frames) as f32;
+                let moves = (1..=4).map(|n| Event::PointerMoved(pair[0] + (pair[1] - pair[0]) * share(n)));
+                self.coming.push_back(moves.collect());
+            }
+        }
+        if !way.holds {
+            self.coming.push_back(vec![button(last, false), Event::ModifiersChanged(Modifiers::NONE)]);
+        }
+    }
+
     fn drag(&mut self, ctx: &egui::Context, viewer: &Viewer, by: [f64; 2], with: &[String]) {
         let scale = ctx.pixels_per_point();
-        let [width, height] = viewer.scene_pixels.map(|n| n as f32 / scale);
-        // The scene begins at the left border, below the bar.
-        let from = pos2(width * 0.5, ctx.content_rect().top() + 40.0 + height * 0.5);
+        let height = viewer.scene_pixels[1] as f32 / scale;
+        let from = scene_point(ctx, viewer, [0.5; 2]);
         let by = vec2(by[0] as f32, by[1] as f32) * height;
         let parsed = with.iter().filter_map(|name| parse_keys(&format!("{name}+A")));
         let modifiers = parsed.fold(Modifiers::NONE, |all, (one, _)| all | one);
@@ -163,7 +264,12 @@ impl Hands {
         self.coming.push_back(released.into());
     }
 
+    fn are_busy(&self) -> bool {
+        self.has_acted || !self.coming.is_empty()
+    }
+
     fn inject(&mut self, raw_input: &mut RawInput) {
+        self.has_acted = !self.coming.is_empty();
         raw_input.events.extend(self.coming.pop_front().into_iter().flatten());
         if self.held_frames > 0 {
             self.held_frames -= 1;

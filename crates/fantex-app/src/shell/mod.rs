@@ -15,7 +15,7 @@ use eframe::egui::{self, TextureId, ViewportCommand};
 use eframe::{egui_wgpu, wgpu};
 use fantex_gpu::Gpu;
 
-use crate::command::command_of;
+use crate::command::{Command, command_while};
 use crate::light::Surroundings;
 use crate::panels::{self, AtlasTexture, SceneTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
@@ -156,6 +156,8 @@ impl Shell {
         if let Some(problem) = start.problem {
             viewer.notices.warning(problem.to_string(), 0.0);
         }
+        viewer.paints = start.arguments.paint;
+        viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
         if let Some(place) = &start.arguments.file {
             viewer.open(place, 0.0);
         }
@@ -187,15 +189,22 @@ impl Shell {
         let is_typing = ctx.egui_wants_keyboard_input();
         let pressed: Vec<_> = ctx.input(|i| {
             let key_of = |event: &egui::Event| match event {
-                egui::Event::Key { key, pressed: true, repeat: false, modifiers, .. } => {
-                    Some((*modifiers, *key))
+                egui::Event::Key { key, pressed: true, repeat, modifiers, .. } => {
+                    Some((*modifiers, *key, *repeat))
                 }
                 _ => None,
             };
             i.events.iter().filter_map(key_of).collect()
         });
-        for (modifiers, key) in pressed {
-            if let Some(command) = command_of(modifiers, key).filter(|_| !is_typing || modifiers.command) {
+        let is_painting = self.viewer.painting.is_some();
+        for (modifiers, key, is_repeated) in pressed {
+            let Some(command) = command_while(is_painting, modifiers, key) else { continue };
+            if key == egui::Key::Tab && !is_typing {
+                // It hides panels here and does not go from field to field.
+                ctx.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
+            }
+            let repeats = matches!(&command, Command::Paint(command) if command.repeats());
+            if (!is_typing || modifiers.command) && (!is_repeated || repeats) {
                 self.viewer.command(command, seconds);
             }
         }
@@ -236,6 +245,8 @@ impl Shell {
                 Answer::Surroundings(path) => {
                     self.viewer.settings.light.surroundings = Surroundings::File(path);
                 }
+                Answer::Sticker(path) => self.viewer.settings.paint.picture = Some(path),
+                Answer::Stamp(path) => self.viewer.settings.paint.brush.stamp = Some(path),
                 Answer::LoadPath(path) => self.viewer.load_path(&path, seconds),
                 Answer::SavePath(path) => self.viewer.save_path(&path, seconds),
                 Answer::Unavailable => self.viewer.notices.warning(
@@ -355,6 +366,9 @@ impl Shell {
 
     fn show_title(&mut self, ctx: &egui::Context) {
         let title = match &self.viewer.document {
+            Some(document) if self.viewer.painting.is_some() => {
+                format!("{} – fantex paint", document.place.name())
+            }
             Some(document) => format!("{} – fantex", document.place.name()),
             None => "fantex".to_owned(),
         };
@@ -401,6 +415,9 @@ impl eframe::App for Shell {
     fn logic(&mut self, ctx: &egui::Context, _frame: &mut eframe::Frame) {
         let seconds = self.seconds();
         self.viewer.poll(seconds);
+        if ctx.input(|i| i.viewport().close_requested()) && !self.viewer.may_close(seconds) {
+            ctx.send_viewport_cmd(ViewportCommand::CancelClose);
+        }
         self.answers(seconds);
         self.save_pictures(seconds);
         self.drive(ctx, seconds);
@@ -440,6 +457,8 @@ impl eframe::App for Shell {
     }
 
     fn on_exit(&mut self) {
+        // Waits for the last commit.
+        self.viewer.painting = None;
         if let Some(file) = &self.settings_file
             && let Err(error) = self.viewer.settings.save(file)
         {

@@ -4,6 +4,7 @@
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
 mod display;
+mod painting;
 
 use std::path::{Path, PathBuf};
 use std::process::Output;

@@ -5,10 +5,12 @@
 //! ```
 
 mod brush;
+mod live;
 mod symmetry;
 mod walk;
 
 pub use brush::{Brush, Jitter, PressureResponse, Sample, Size};
+pub use live::LiveStroke;
 pub use symmetry::Symmetry;
 
 use glam::DVec3;
@@ -63,49 +65,64 @@ struct Spacer<'a> {
     surface: &'a Surface,
     brush: &'a Brush,
     diameter: f32,
+    way: Way,
+}
+
+/// How far a copy of a stroke is.
+#[derive(Clone, Debug)]
+struct Way {
+    /// Where the brush is; none before the first sample.
+    last: Option<Sample>,
     /// Mesh units to go until the next dab.
     due: f64,
     random: Random,
 }
 
+impl Way {
+    fn new(brush: &Brush) -> Self {
+        Self { last: None, due: 0.0, random: Random(brush.seed) }
+    }
+}
+
 impl<'a> Spacer<'a> {
     fn new(surface: &'a Surface, brush: &'a Brush, diameter: f32) -> Self {
-        Self { surface, brush, diameter, due: 0.0, random: Random(brush.seed) }
+        Self { surface, brush, diameter, way: Way::new(brush) }
     }
 
     fn run(&mut self, samples: &[Sample], dabs: &mut Vec<Dab>) {
-        let Some(&first) = samples.first() else { return };
-        let mut last = first;
-        self.dab(&first, dabs);
-        self.due = self.spacing(&first);
-        for (k, sample) in samples.iter().enumerate().skip(1) {
-            let is_end = k + 1 == samples.len();
-            let Some(path) = path_between(self.surface, last.point, sample.point) else {
-                // The surface does not lead there: the stroke goes on beyond the gap.
-                last = *sample;
-                self.dab(sample, dabs);
-                self.due = self.spacing(sample);
-                continue;
-            };
-            let smoothing = f64::from(self.brush.smoothing.clamp(0.0, 0.98));
-            let share = if is_end { 1.0 } else { 1.0 - smoothing };
-            let end = Sample { point: path.at(share * path.length()), ..mixed(&last, sample, share as f32) };
-            self.along(&path, share * path.length(), &last, &end, dabs);
-            last = end;
+        for (k, sample) in samples.iter().enumerate() {
+            self.go_to(sample, k + 1 == samples.len(), dabs);
         }
+    }
+
+    /// Goes on to the next sample; all the way where it is the last one.
+    fn go_to(&mut self, sample: &Sample, is_end: bool, dabs: &mut Vec<Dab>) {
+        let path = self.way.last.map(|last| (last, path_between(self.surface, last.point, sample.point)));
+        let Some((last, Some(path))) = path else {
+            // The first one; or the surface does not lead there, and the stroke goes on beyond the gap.
+            self.way.last = Some(*sample);
+            self.dab(sample, dabs);
+            self.way.due = self.spacing(sample);
+            return;
+        };
+        let smoothing = f64::from(self.brush.smoothing.clamp(0.0, 0.98));
+        let share = if is_end { 1.0 } else { 1.0 - smoothing };
+        let end = Sample { point: path.at(share * path.length()), ..mixed(&last, sample, share as f32) };
+        self.along(&path, share * path.length(), &last, &end, dabs);
+        self.way.last = Some(end);
     }
 
     /// Dabs on the first `length` mesh units of a path.
     fn along(&mut self, path: &Path, length: f64, from: &Sample, to: &Sample, dabs: &mut Vec<Dab>) {
         let mut at = 0.0;
-        while at + self.due <= length && dabs.len() < MAX_DABS {
-            at += self.due;
+        while at + self.way.due <= length && dabs.len() < MAX_DABS {
+            at += self.way.due;
             let sample = mixed(from, to, (at / length) as f32);
             let sample = Sample { point: path.at(at), ..sample };
             self.dab(&sample, dabs);
-            self.due = self.spacing(&sample);
+            self.way.due = self.spacing(&sample);
         }
-        self.due -= length - at;
+        self.way.due -= length - at;
     }
 
     fn spacing(&self, sample: &Sample) -> f64 {
@@ -120,7 +137,7 @@ impl<'a> Spacer<'a> {
     fn dab(&mut self, sample: &Sample, dabs: &mut Vec<Dab>) {
         let (brush, jitter) = (self.brush, self.brush.jitter);
         // Always the same number of draws, so that one property's jitter does not depend on another's.
-        let [turn, out, size, flow, angle] = [(); 5].map(|()| self.random.next());
+        let [turn, out, size, flow, angle] = [(); 5].map(|()| self.way.random.next());
         let radius = 0.5 * self.diameter * self.size_factor(sample);
         let mut center = sample.point;
         if jitter.position > 0.0 {
@@ -159,6 +176,7 @@ fn mixed(a: &Sample, b: &Sample, t: f32) -> Sample {
 }
 
 /// A small generator (G. Steele, D. Lea and C. Flood, "Fast splittable pseudorandom number generators", 2014).
+#[derive(Clone, Debug)]
 struct Random(u64);
 
 impl Random {

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::{Sample, Surface};
+use crate::{Sample, Surface, SurfacePoint};
 
 /// Where a stroke is repeated. Axes (0 x, 1 y, 2 z) pass the origin of the file's coordinates, unless moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -54,7 +54,14 @@ impl Symmetry {
         copies
     }
 
-    fn count(&self) -> u32 {
+    /// Where the copies of a point are, itself first; none where there is no surface within `reach` mesh units.
+    pub fn places(&self, surface: &Surface, point: SurfacePoint, reach: f32) -> Vec<Option<SurfacePoint>> {
+        let sample = Sample::at(point);
+        let moved = (1..self.count()).map(|k| Some(self.moved(surface, &sample, k, reach)?.point));
+        std::iter::once(Some(point)).chain(moved).collect()
+    }
+
+    pub(super) fn count(&self) -> u32 {
         match self {
             Self::None => 1,
             Self::Mirror { .. } => 2,
@@ -62,7 +69,7 @@ impl Symmetry {
         }
     }
 
-    fn moved(&self, surface: &Surface, sample: &Sample, k: u32, reach: f32) -> Option<Sample> {
+    pub(super) fn moved(&self, surface: &Surface, sample: &Sample, k: u32, reach: f32) -> Option<Sample> {
         let world_from_mesh = surface.mesh().world_from_mesh;
         let mesh_position: Vec3 = surface.position(sample.point).as_vec3();
         let moved = self.moved_position(world_from_mesh.point(mesh_position), k);

@@ -134,6 +134,12 @@ impl Painter {
         &self.editor
     }
 
+    /// The pages, of all levels, that have changed since the last call; from the first call on they are remembered. For
+    /// whoever shows the asset while it is painted on.
+    pub fn take_replaced(&mut self) -> Vec<PageId> {
+        self.editor.take_replaced()
+    }
+
     /// Begins a stroke under all layers; one that is open ends first. `label` names it in the history.
     pub fn begin(&mut self, label: &str, paint: Paint) -> Result<(), PaintError> {
         self.begin_on(Target::Base, label, paint)

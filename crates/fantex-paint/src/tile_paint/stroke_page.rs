@@ -136,6 +136,13 @@ impl StrokePages {
         ids
     }
 
+    /// The pages of a group with the texels that are covered, relative to the page.
+    pub(crate) fn touched(&self, group: u32) -> Vec<(PageId, Rect)> {
+        let kept = self.pages.iter().map(|(&id, page)| (id, page.touched));
+        let spilled = self.spilled.iter().map(|(&id, page)| (id, page.touched));
+        kept.chain(spilled).filter(|(id, touched)| id.group == group && !touched.is_empty()).collect()
+    }
+
     /// Pages that have grown since they were last shown, ascending.
     pub(crate) fn stale(&self) -> Vec<PageId> {
         let kept = self.pages.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);

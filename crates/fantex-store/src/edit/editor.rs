@@ -53,6 +53,8 @@ pub struct AssetEditor {
     /// The file grows to so many bytes at most.
     pub(super) limit: Option<u64>,
     recent: Mutex<RecentClusters>,
+    /// Pages that were replaced since they were last taken, where somebody wants to know.
+    replaced: Option<BTreeSet<PageId>>,
 }
 
 /// Changes in memory.
@@ -139,6 +141,7 @@ impl AssetEditor {
             asset,
             limit: None,
             recent: Mutex::default(),
+            replaced: None,
         })
     }
 
@@ -162,7 +165,16 @@ impl AssetEditor {
         let slot = &mut change.or_insert_with(|| vec![None; channels])[channel];
         self.pending.page_bytes += bytes.len();
         self.pending.page_bytes -= slot.replace(Arc::new(bytes)).map_or(0, |old| old.len());
+        if let Some(replaced) = &mut self.replaced {
+            replaced.insert(page);
+        }
         Ok(())
+    }
+
+    /// The pages that were replaced since the last call, ascending; from the first call on they are remembered. For
+    /// whoever shows the asset while it changes.
+    pub fn take_replaced(&mut self) -> Vec<PageId> {
+        self.replaced.replace(BTreeSet::new()).unwrap_or_default().into_iter().collect()
     }
 
     /// Replaces the mean of a group: **linear** RGBA (normals as stored). Panics where `channel` or `group` is out of range.

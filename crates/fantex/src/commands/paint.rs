@@ -8,24 +8,30 @@ use clap::Args;
 use fantex::paint::{PaintOptions, Painter, ReplayError, ReplaySummary, StrokeFile, StrokeLog, replay};
 use serde::Serialize;
 
+use super::view;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::open_asset;
 use crate::size::{grouped, megabytes};
 
-/// Paint on an asset.
+/// Paint on a model or an asset, in a window or by a file of strokes.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
+  fantex paint statue.fan
+  fantex paint bottle.glb
   fantex paint statue.fan --replay strokes.json -o painted.fan
   fantex paint denser.fan --replay-log painted.fan
   fantex paint painted.fan --export-log strokes.json
 
-Without -o the asset itself is changed, safely: it holds either all strokes or none. Every stroke can be undone.
-Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An asset keeps a
-log of what was painted on it, which fits other densities, other covers, and edited meshes.")]
+Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is
+painted is saved all the time, and every step can be undone.
+
+With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all
+strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An
+asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.")]
 pub(crate) struct PaintArgs {
-    /// An asset (.fan)
+    /// An asset (.fan); without --replay also a model (.glb .gltf .obj .ply .stl)
     asset: PathBuf,
     /// Strokes (.json) to apply
     #[arg(long, value_name = "STROKES")]
@@ -51,13 +57,13 @@ enum Strokes {
 }
 
 impl Strokes {
-    fn of(args: &PaintArgs) -> Result<Self, CliError> {
-        if let Some(asset) = &args.replay_log {
-            return Ok(Self::Log(StrokeLog::of(&*open_asset(asset)?)?));
-        }
-        let path = args.replay.as_ref().ok_or(CliError::PaintByHand)?;
+    fn of_file(path: &Path) -> Result<Self, CliError> {
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self::File { file: StrokeFile::load(path)?, folder })
+    }
+
+    fn logged_in(asset: &Path) -> Result<Self, CliError> {
+        Ok(Self::Log(StrokeLog::of(&*open_asset(asset)?)?))
     }
 
     fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary, ReplayError> {
@@ -94,12 +100,13 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     if let Some(output) = &args.export_log {
         return export(&args.asset, output, context);
     }
-    if args.replay.is_none() && args.replay_log.is_none() {
-        return Err(CliError::PaintByHand);
-    }
     // Opening says what is wrong with files of other kinds.
-    drop(open_asset(&args.asset)?);
-    let strokes = Strokes::of(args)?;
+    let opens = || open_asset(&args.asset).map(drop);
+    let strokes = match (&args.replay, &args.replay_log) {
+        (None, None) => return view::start(&["--paint".into(), args.asset.clone().into()]),
+        (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
+        (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
+    };
     let mut info = match &args.output {
         None => paint(&args.asset, &strokes, args, context)?,
         Some(output) => {

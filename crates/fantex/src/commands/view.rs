@@ -30,11 +30,16 @@ pub(crate) struct ViewArgs {
 
 /// Runs the command: waits until the window is closed.
 pub(crate) fn run(args: &ViewArgs) -> Result<(), CliError> {
+    start(&args.arguments)
+}
+
+/// Starts the viewer and waits until its window is closed.
+pub(super) fn start(arguments: &[OsString]) -> Result<(), CliError> {
     let beside = std::env::current_exe().ok().and_then(|this| this.parent().map(Path::to_owned));
     let path = std::env::var_os("PATH").unwrap_or_default();
     let viewer = find(beside.as_deref(), &path).ok_or(CliError::NoViewer)?;
     let status = Command::new(&viewer)
-        .args(&args.arguments)
+        .args(arguments)
         .status()
         .map_err(|source| CliError::StartViewer { path: viewer, source })?;
     if status.success() { Ok(()) } else { Err(CliError::Viewer { status }) }

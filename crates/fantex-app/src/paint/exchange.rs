@@ -1,0 +1,380 @@
+//! Where the thread that draws and the one that paints leave things for each other: a lock that nobody keeps for long.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::mpsc::Sender;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+
+use fantex_store::{Asset, PageError, PageId};
+use fantex_stream::{AtlasFormat, LoadedPage, PageLoader, PageTexels};
+
+use super::Order;
+
+/// Pages that change at once and are handed over with their texels; beyond it they are asked for one after the other.
+const MOST_FRESH: usize = 512;
+
+/// What both threads see.
+pub struct Exchange {
+    state: Mutex<State>,
+    orders: Sender<Order>,
+    /// In which formats the atlas takes texels; unset until there is one.
+    formats: OnceLock<Vec<AtlasFormat>>,
+}
+
+#[derive(Default)]
+struct State {
+    /// Pages that differ from the file as the loader knows it.
+    edited: BTreeSet<PageId>,
+    /// Pages that the painter is asked for, with their urgency.
+    wanted: BTreeMap<PageId, f32>,
+    /// Its answers.
+    ready: BTreeMap<PageId, (f32, Result<PageTexels, PageError>)>,
+    /// Pages that have just changed.
+    fresh: BTreeMap<PageId, PageTexels>,
+    /// The same where there are too many: they have to be asked for.
+    stale: Vec<PageId>,
+    /// A newer state of the file, for the loader to go over to.
+    newer: Option<Newer>,
+    /// The state that the loader has gone over to.
+    asset: Option<Arc<Asset>>,
+}
+
+/// A committed state of the file, newer than the one that pages are loaded from.
+struct Newer {
+    loader: Box<dyn PageLoader>,
+    asset: Arc<Asset>,
+    /// Pages that differ from it.
+    edited: BTreeSet<PageId>,
+}
+
+impl std::fmt::Debug for Exchange {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Exchange").finish_non_exhaustive()
+    }
+}
+
+impl Exchange {
+    /// Nothing has changed.
+    pub fn new(orders: Sender<Order>) -> Self {
+        Self { state: Mutex::default(), orders, formats: OnceLock::new() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Says in which formats texels are wanted; what was said first counts.
+    pub fn set_formats(&self, formats: &[AtlasFormat]) {
+        self.formats.get_or_init(|| formats.to_vec());
+    }
+
+    /// In which formats texels are wanted, once that is known.
+    pub fn formats(&self) -> Option<&[AtlasFormat]> {
+        self.formats.get().map(Vec::as_slice)
+    }
+
+    /// Lets the painter look once more at what is wanted.
+    pub(super) fn ask_again(&self) {
+        self.kick();
+    }
+
+    fn kick(&self) {
+        // Where the painter is gone nobody answers; pages stay as they are.
+        self.orders.send(Order::Pages).ok();
+    }
+
+    /// The painter's: these pages are not any more as the file says. `texels` gives them as they are now.
+    pub fn publish<E>(
+        &self,
+        pages: &[PageId],
+        mut texels: impl FnMut(PageId) -> Result<PageTexels, E>,
+    ) -> Result<(), E> {
+        if pages.len() > MOST_FRESH {
+            let mut state = self.lock();
+            pages.iter().for_each(|&page| state.note(page));
+            state.stale.extend(pages);
+            return Ok(());
+        }
+        for &page in pages {
+            let now = texels(page)?;
+            let mut state = self.lock();
+            state.note(page);
+            state.put(page, now);
+        }
+        Ok(())
+    }
+
+    /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept.
+    /// All that differs from it is published later.
+    pub fn offer(&self, loader: Box<dyn PageLoader>, asset: Arc<Asset>) {
+        self.lock().newer = Some(Newer { loader, asset, edited: BTreeSet::new() });
+    }
+
+    /// The drawer's: the state of the file that pages are loaded from, where it is another one than at the last call.
+    pub fn take_asset(&self) -> Option<Arc<Asset>> {
+        self.lock().asset.take()
+    }
+
+    /// The painter's: these pages look like this while a stroke is open.
+    pub fn publish_preview(&self, page: PageId, texels: PageTexels) {
+        self.lock().put(page, texels);
+    }
+
+    /// The painter's: some pages that are wanted, the most urgent first.
+    pub fn wanted(&self, most: usize) -> Vec<PageId> {
+        let state = self.lock();
+        let mut wanted: Vec<(f32, PageId)> = state.wanted.iter().map(|(&page, &u)| (u, page)).collect();
+        wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        wanted.into_iter().take(most).map(|(_, page)| page).collect()
+    }
+
+    /// The painter's: an answer. One that nobody waits for any more is dropped.
+    pub fn answer(&self, page: PageId, texels: Result<PageTexels, PageError>) {
+        let mut state = self.lock();
+        if let Some(urgency) = state.wanted.remove(&page) {
+            state.ready.insert(page, (urgency, texels));
+        }
+    }
+
+    /// The drawer's: pages that have changed, with their texels, and those that have to be asked for.
+    pub fn take_fresh(&self) -> (BTreeMap<PageId, PageTexels>, Vec<PageId>) {
+        let mut state = self.lock();
+        (std::mem::take(&mut state.fresh), std::mem::take(&mut state.stale))
+    }
+
+    /// Whether the drawer has nothing to take.
+    pub fn is_empty(&self) -> bool {
+        let state = self.lock();
+        state.fresh.is_empty() && state.stale.is_empty() && state.ready.is_empty()
+    }
+}
+
+impl State {
+    /// A page is not any more as the file says.
+    fn note(&mut self, page: PageId) {
+        self.edited.insert(page);
+        if let Some(newer) = &mut self.newer {
+            newer.edited.insert(page);
+        }
+    }
+
+    fn put(&mut self, page: PageId, texels: PageTexels) {
+        // An answer that waits is older.
+        if let Some((_, answer)) = self.ready.get_mut(&page) {
+            *answer = Ok(texels.clone());
+        }
+        self.fresh.insert(page, texels);
+    }
+}
+
+/// Loads pages from the file as long as they are as the file says, and from the painter where they have changed.
+pub struct PaintLoader {
+    file: Box<dyn PageLoader>,
+    exchange: Arc<Exchange>,
+    /// Asked of the file, with the urgency.
+    asked: BTreeMap<PageId, f32>,
+}
+
+impl PaintLoader {
+    /// `file` loads what was in the file when it was opened.
+    pub fn new(file: Box<dyn PageLoader>, exchange: Arc<Exchange>) -> Self {
+        Self { file, exchange, asked: BTreeMap::new() }
+    }
+}
+
+impl PaintLoader {
+    /// Goes over to a newer state of the file, if there is one.
+    fn go_over(&mut self) {
+        let mut state = self.exchange.lock();
+        let Some(newer) = state.newer.take() else { return };
+        state.edited = newer.edited;
+        state.asset = Some(newer.asset);
+        drop(state);
+        let older = std::mem::replace(&mut self.file, newer.loader);
+        for (&page, &urgency) in &self.asked {
+            self.file.request(page, urgency);
+        }
+        // Its threads may be reading: the painter waits for them.
+        self.exchange.orders.send(Order::Release(older)).ok();
+    }
+}
+
+impl PageLoader for PaintLoader {
+    fn request(&mut self, page: PageId, urgency: f32) {
+        let mut state = self.exchange.lock();
+        if !state.edited.contains(&page) {
+            drop(state);
+            self.asked.insert(page, urgency);
+            return self.file.request(page, urgency);
+        }
+        if let Some((known, _)) = state.ready.get_mut(&page) {
+            *known = urgency;
+            return;
+        }
+        state.wanted.insert(page, urgency);
+        drop(state);
+        self.exchange.kick();
+    }
+
+    fn cancel(&mut self, page: PageId) {
+        let mut state = self.exchange.lock();
+        state.wanted.remove(&page);
+        state.ready.remove(&page);
+        drop(state);
+        if self.asked.remove(&page).is_some() {
+            self.file.cancel(page);
+        }
+    }
+
+    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
+        self.go_over();
+        let mut loaded = Vec::new();
+        let mut bytes = 0;
+        let mut state = self.exchange.lock();
+        let mut by_urgency: Vec<(f32, PageId)> = state.ready.iter().map(|(&p, (u, _))| (*u, p)).collect();
+        by_urgency.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for (_, page) in by_urgency {
+            if bytes >= max_bytes {
+                break;
+            }
+            if let Some((_, texels)) = state.ready.remove(&page) {
+                bytes += texels.as_ref().map_or(0, PageTexels::bytes);
+                loaded.push(LoadedPage { page, texels });
+            }
+        }
+        drop(state);
+        if bytes >= max_bytes && !loaded.is_empty() {
+            return loaded;
+        }
+        let arrived = self.file.poll(max_bytes - bytes.min(max_bytes));
+        let mut state = self.exchange.lock();
+        let mut has_wishes = false;
+        for page in arrived {
+            let urgency = self.asked.remove(&page.page);
+            if state.edited.contains(&page.page) {
+                // It was painted on while it was on its way.
+                state.wanted.insert(page.page, urgency.unwrap_or(0.0));
+                has_wishes = true;
+            } else {
+                loaded.push(page);
+            }
+        }
+        drop(state);
+        if has_wishes {
+            self.exchange.kick();
+        }
+        loaded
+    }
+
+    fn pending(&self) -> usize {
+        let state = self.exchange.lock();
+        state.wanted.len() + state.ready.len() + self.file.pending()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::{Receiver, channel};
+
+    use super::*;
+
+    /// Has every page at once: zeros.
+    #[derive(Default)]
+    struct Zeros(Vec<PageId>);
+
+    impl PageLoader for Zeros {
+        fn request(&mut self, page: PageId, _: f32) {
+            self.0.push(page);
+        }
+
+        fn cancel(&mut self, page: PageId) {
+            self.0.retain(|&p| p != page);
+        }
+
+        fn poll(&mut self, _: usize) -> Vec<LoadedPage> {
+            self.0.drain(..).map(|page| LoadedPage { page, texels: Ok(texels(0)) }).collect()
+        }
+
+        fn pending(&self) -> usize {
+            self.0.len()
+        }
+    }
+
+    fn texels(value: u8) -> PageTexels {
+        PageTexels { extent: [4, 4], channels: vec![vec![value; 16].into()] }
+    }
+
+    fn id(group: u32) -> PageId {
+        PageId { group, level: 0, page: [0, 0] }
+    }
+
+    fn value(page: &LoadedPage) -> u8 {
+        page.texels.as_ref().unwrap().channels[0][0]
+    }
+
+    fn loader() -> (PaintLoader, Arc<Exchange>, Receiver<Order>) {
+        let (sender, receiver) = channel();
+        let exchange = Arc::new(Exchange::new(sender));
+        (PaintLoader::new(Box::new(Zeros::default()), exchange.clone()), exchange, receiver)
+    }
+
+    #[test]
+    fn pages_come_from_the_file_until_they_are_painted() {
+        let (mut loader, exchange, orders) = loader();
+        loader.request(id(1), 1.0);
+        loader.request(id(2), 1.0);
+        // Painted while it is on its way from the file.
+        exchange.publish(&[id(2)], |_| Ok::<_, ()>(texels(7))).unwrap();
+        let found = loader.poll(1000);
+        assert_eq!(found.iter().map(|p| (p.page, value(p))).collect::<Vec<_>>(), [(id(1), 0)]);
+        assert!(matches!(orders.try_recv(), Ok(Order::Pages)));
+        assert_eq!(exchange.wanted(9), [id(2)]);
+        assert_eq!(loader.pending(), 1);
+        exchange.answer(id(2), Ok(texels(7)));
+        // And once more before the answer was taken: the newer texels count.
+        exchange.publish(&[id(2)], |_| Ok::<_, ()>(texels(9))).unwrap();
+        let found = loader.poll(1000);
+        assert_eq!((found[0].page, value(&found[0])), (id(2), 9));
+        assert_eq!(loader.pending(), 0);
+        let (fresh, stale) = exchange.take_fresh();
+        assert_eq!((fresh[&id(2)].channels[0][0], stale.len()), (9, 0));
+    }
+
+    #[test]
+    fn cancelled_pages_do_not_arrive() {
+        let (mut loader, exchange, _orders) = loader();
+        exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(1))).unwrap();
+        loader.request(id(3), 1.0);
+        loader.cancel(id(3));
+        exchange.answer(id(3), Ok(texels(1)));
+        assert!(loader.poll(1000).is_empty());
+    }
+
+    #[test]
+    fn what_is_on_its_way_comes_from_the_newer_file() {
+        let (mut loader, exchange, orders) = loader();
+        exchange.publish(&[id(1)], |_| Ok::<_, ()>(texels(7))).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let asset = crate::paint::tests::small_asset(folder.path());
+        loader.request(id(2), 1.0);
+        exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()));
+        exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(8))).unwrap();
+        let found = loader.poll(1000);
+        assert_eq!(found.iter().map(|p| p.page).collect::<Vec<_>>(), [id(2)]);
+        assert!(matches!(orders.try_recv(), Ok(Order::Release(_))));
+        assert!(exchange.take_asset().is_some() && exchange.take_asset().is_none());
+        // Page 1 is in the newer file, page 3 is not.
+        loader.request(id(1), 1.0);
+        loader.request(id(3), 1.0);
+        assert_eq!(exchange.wanted(9), [id(3)]);
+        assert_eq!(loader.poll(1000)[0].page, id(1));
+    }
+
+    #[test]
+    fn many_pages_are_asked_for_instead() {
+        let (_loader, exchange, _orders) = loader();
+        let pages: Vec<PageId> = (0..2000).map(id).collect();
+        exchange.publish(&pages, |_| -> Result<_, ()> { panic!("not read at once") }).unwrap();
+        let (fresh, stale) = exchange.take_fresh();
+        assert_eq!((fresh.len(), stale.len()), (0, 2000));
+    }
+}

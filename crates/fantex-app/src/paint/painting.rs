@@ -1,0 +1,366 @@
+//! Something that is being painted on, as the window knows it: what the hand does becomes orders for the worker.
+
+mod hand;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fantex_paint::{Layer, Painter, Sample, Stamp, Surface, SurfacePoint, Target};
+use fantex_scene::Bounds;
+use fantex_store::{Asset, Channel, ChannelKind};
+use fantex_texture::color::srgb_from_linear;
+use glam::{DVec2, DVec3, Vec4};
+
+use super::layers::{change, free_name, own_target, set_channel, shift, valid_target};
+use super::pen::world_position;
+use super::{
+    Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
+    Report, SaveState, Section, SizeUnit, Snapshot, SymmetryKind, Viewpoint,
+};
+use crate::notices::Notices;
+use crate::viewer::Wake;
+
+/// What the hand is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Hand {
+    /// Nothing.
+    #[default]
+    Idle,
+    /// A stroke. The point is where it was last; none where it has left the surface.
+    Stroke(Option<Sample>),
+    /// Turning the view: it touched beside the model.
+    Turn,
+}
+
+/// An asset that is being painted on.
+#[derive(Debug)]
+pub struct Painting {
+    thread: PaintThread,
+    surface: Arc<Surface>,
+    bounds: Bounds,
+    channels: Vec<Channel>,
+    snapshot: Snapshot,
+    target: Target,
+    /// Whether the target was chosen already, by the user or for him.
+    has_target: bool,
+    save: SaveState,
+    presets: Presets,
+    presets_file: Option<PathBuf>,
+    hand: Hand,
+    /// Where cloning copies from.
+    source: Option<SurfacePoint>,
+    /// Where the last stroke ended.
+    last: Option<SurfacePoint>,
+    stamp: Option<(PathBuf, Arc<Stamp>)>,
+    strokes: u64,
+    newer: Option<Arc<Asset>>,
+    section: Section,
+    /// A layer's name while it is being edited.
+    pub renaming: Option<(u64, String)>,
+    /// A layer's opacity while it is being dragged.
+    pub fading: Option<(u64, f32)>,
+}
+
+impl Painting {
+    /// Begins to paint.
+    ///
+    /// # Errors
+    ///
+    /// The operating system's, where there can be no further thread.
+    pub fn new(painter: Painter, presets_file: Option<PathBuf>, wake: Wake) -> std::io::Result<Self> {
+        let surface = painter.surface().clone();
+        let channels = painter.editor().asset().channels().to_vec();
+        Ok(Self {
+            bounds: Bounds::of_mesh(surface.mesh()),
+            thread: PaintThread::start(painter, wake)?,
+            surface,
+            channels,
+            snapshot: Snapshot::default(),
+            target: Target::Base,
+            has_target: false,
+            save: SaveState::default(),
+            presets: Presets::default(),
+            presets_file,
+            hand: Hand::default(),
+            source: None,
+            last: None,
+            stamp: None,
+            strokes: 0,
+            newer: None,
+            section: Section::default(),
+            renaming: None,
+            fading: None,
+        })
+    }
+
+    /// Reads the user's brushes; tells what is wrong with them.
+    pub fn load_presets(&mut self, notices: &mut Notices, seconds: f64) {
+        match self.presets_file.as_deref().map(Presets::load) {
+            None => {}
+            Some(Ok(presets)) => self.presets = presets,
+            Some(Err(error)) => notices.warning(error.to_string(), seconds),
+        }
+    }
+
+    /// What is shared with whoever draws.
+    pub fn exchange(&self) -> &Arc<Exchange> {
+        self.thread.exchange()
+    }
+
+    /// The surface.
+    pub fn surface(&self) -> &Arc<Surface> {
+        &self.surface
+    }
+
+    /// The model's box, world space.
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    /// The asset's channels.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
+    }
+
+    /// Layers and history.
+    pub fn snapshot(&self) -> &Snapshot {
+        &self.snapshot
+    }
+
+    /// What is painted on.
+    pub fn target(&self) -> Target {
+        self.target
+    }
+
+    /// The layer that is painted on or whose mask is.
+    pub fn layer(&self) -> Option<&Layer> {
+        match self.target {
+            Target::Base => None,
+            Target::Layer(id) | Target::Mask(id) => self.snapshot.layers.iter().find(|l| l.id() == id),
+        }
+    }
+
+    /// Whether all is in the file.
+    pub fn save(&self) -> &SaveState {
+        &self.save
+    }
+
+    /// The user's brushes.
+    pub fn presets(&self) -> &Presets {
+        &self.presets
+    }
+
+    /// Whether what was asked for is not all done yet.
+    pub fn is_busy(&self) -> bool {
+        self.thread.is_busy()
+    }
+
+    /// Whether a stroke goes on.
+    pub fn is_drawing(&self) -> bool {
+        matches!(self.hand, Hand::Stroke(_))
+    }
+
+    /// Whether the hand turns the view.
+    pub fn is_turning(&self) -> bool {
+        self.hand == Hand::Turn
+    }
+
+    /// The line where symmetry's plane cuts the model, as far as it is seen; `offset` is from the model's middle, world units.
+    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> &[[DVec3; 2]] {
+        let center = self.bounds.center()[axis.min(2)];
+        self.section.follow(&self.surface, axis, center + offset);
+        self.section.seen(&self.surface, view)
+    }
+
+    /// Where cloning copies from, world space.
+    pub fn source(&self) -> Option<DVec3> {
+        self.source.map(|point| world_position(&self.surface, point))
+    }
+
+    /// A newer state of the asset, once; the older ones are to be let go.
+    pub fn take_newer(&mut self) -> Option<Arc<Asset>> {
+        self.newer.take()
+    }
+
+    /// Keeps the brush among the presets, on the disk too.
+    pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices, seconds: f64) {
+        self.presets.keep(&settings.brush);
+        self.save_presets(notices, seconds);
+    }
+
+    /// Drops a preset.
+    pub fn drop_brush(&mut self, name: &str, notices: &mut Notices, seconds: f64) {
+        self.presets.brushes.retain(|brush| brush.name != name);
+        self.save_presets(notices, seconds);
+    }
+
+    fn save_presets(&self, notices: &mut Notices, seconds: f64) {
+        if let Some(file) = &self.presets_file
+            && let Err(error) = self.presets.save(file)
+        {
+            notices.error(error.to_string(), seconds);
+        }
+    }
+
+    /// Picks up what the worker tells.
+    pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices, seconds: f64) {
+        for report in self.thread.reports() {
+            match report {
+                Report::State(snapshot) => {
+                    self.snapshot = *snapshot;
+                    if !std::mem::replace(&mut self.has_target, true) {
+                        self.target = self.snapshot.layers.last().map_or(Target::Base, own_target);
+                    }
+                    self.target = valid_target(&self.snapshot, self.target);
+                }
+                Report::Added(id) => self.target = Target::Layer(id),
+                Report::Picked(values) => self.take_picked(&values, settings),
+                Report::Save(state) => {
+                    if let SaveState::Failed(reason) = &state
+                        && state != self.save
+                    {
+                        notices.error(reason.clone(), seconds);
+                    }
+                    if matches!((&self.save, &state), (SaveState::Failed(_), SaveState::Saved)) {
+                        notices.info("Saved: all that was painted is on the disk.", seconds);
+                    }
+                    self.save = state;
+                }
+                Report::Newer(asset) => self.newer = Some(asset),
+                Report::Failed(reason) => notices.error(reason, seconds),
+            }
+        }
+    }
+
+    fn take_picked(&self, values: &[Vec4], settings: &mut PaintSettings) {
+        let bytes =
+            |v: Vec4| [v.x, v.y, v.z].map(|c| (srgb_from_linear(c) * 255.0).round().clamp(0.0, 255.0) as u8);
+        for (channel, &value) in self.channels.iter().zip(values) {
+            if !settings.channels.paints(channel.kind) {
+                continue;
+            }
+            let material = &mut settings.material;
+            match channel.kind {
+                ChannelKind::BaseColor => settings.colors.foreground = bytes(value),
+                ChannelKind::OcclusionRoughnessMetallic => {
+                    (material.occlusion, material.roughness, material.metallic) = (value.x, value.y, value.z);
+                }
+                ChannelKind::Emission => material.emission = bytes(value),
+                ChannelKind::Displacement => material.height = value.x,
+                ChannelKind::Normal | ChannelKind::Light => {}
+            }
+        }
+    }
+
+    /// What a key or button asks for.
+    pub fn command(&mut self, command: &PaintCommand, settings: &mut PaintSettings) {
+        let brush = &mut settings.brush;
+        match *command {
+            PaintCommand::Tool(tool) => settings.tool = tool,
+            PaintCommand::Size(steps) => brush.change_size(steps as f32),
+            PaintCommand::Hardness(tenths) => brush.change_hardness(tenths as f32),
+            PaintCommand::Opacity(percent) => brush.opacity = percent as f32 / 100.0,
+            PaintCommand::Flow(percent) => brush.flow = percent as f32 / 100.0,
+            PaintCommand::SwapColors => settings.colors.swap(),
+            PaintCommand::ResetColors => settings.colors.reset(),
+            PaintCommand::Undo => self.leave_stroke(Order::Undo),
+            PaintCommand::Redo => self.leave_stroke(Order::Redo),
+            PaintCommand::ToggleSymmetry => {
+                let kind = &mut settings.symmetry.kind;
+                *kind = if *kind == SymmetryKind::Off { SymmetryKind::Mirror } else { SymmetryKind::Off };
+            }
+            PaintCommand::AddLayer => self.layer_action(&LayerAction::Add, settings),
+            PaintCommand::Save => self.thread.order(Order::Commit),
+            PaintCommand::TogglePanels => {
+                let is_shown = settings.has_brush_panel || settings.has_layer_panel;
+                (settings.has_brush_panel, settings.has_layer_panel) = (!is_shown, !is_shown);
+            }
+        }
+    }
+
+    /// An order that ends a stroke.
+    fn leave_stroke(&mut self, order: Order) {
+        self.hand = Hand::Idle;
+        self.thread.order(order);
+    }
+
+    /// Back or forth to where so many steps are done.
+    pub fn go_to_step(&mut self, done: usize) {
+        self.leave_stroke(Order::GoTo(done));
+    }
+
+    /// What is done with layers.
+    pub fn layer_action(&mut self, action: &LayerAction, settings: &PaintSettings) {
+        let thread = &self.thread;
+        let above = self.layer().map(Layer::id);
+        match action.clone() {
+            LayerAction::Select(target) => self.target = valid_target(&self.snapshot, target),
+            LayerAction::Add => {
+                let layer = Layer::painted(&free_name(&self.snapshot, "Layer"));
+                thread.order(Order::AddLayer(Box::new(layer), above));
+            }
+            LayerAction::AddFill => {
+                let value =
+                    |channel: &Channel| settings.material.value(channel.kind, settings.colors.linear());
+                let values: Vec<Vec4> = self.channels.iter().map(value).collect();
+                let mut layer = Layer::fill(&free_name(&self.snapshot, "Fill"), &values);
+                layer.channels =
+                    self.channels.iter().map(|channel| settings.channels.paints(channel.kind)).collect();
+                thread.order(Order::AddLayer(Box::new(layer), above));
+            }
+            LayerAction::Delete(id) => thread.order(Order::EditLayers(
+                "delete layer",
+                Box::new(move |layers| layers.retain(|layer| layer.id() != id)),
+            )),
+            LayerAction::Rename(id, name) => change(thread, "rename layer", id, |layer| layer.name = name),
+            LayerAction::Show(id, is_shown) => {
+                let label = if is_shown { "show layer" } else { "hide layer" };
+                change(thread, label, id, move |layer| layer.visible = is_shown);
+            }
+            LayerAction::Opacity(id, opacity) => {
+                change(thread, "layer opacity", id, move |layer| layer.opacity = opacity.clamp(0.0, 1.0));
+            }
+            LayerAction::Blend(id, mode) => {
+                change(thread, "layer blend mode", id, move |layer| layer.blend = mode);
+            }
+            LayerAction::Move(id, is_up) => thread
+                .order(Order::EditLayers("move layer", Box::new(move |layers| shift(layers, id, is_up)))),
+            LayerAction::AddMask(id, shows) => {
+                change(thread, "add mask", id, move |layer| layer.mask = Some(f32::from(u8::from(shows))));
+                // Taken back if there is no such layer; the mask comes with the next state.
+                self.has_target = true;
+            }
+            LayerAction::RemoveMask(id) => change(thread, "remove mask", id, |layer| layer.mask = None),
+            LayerAction::Channel(id, channel, is_shown) => {
+                change(thread, "layer channels", id, move |layer| {
+                    set_channel(layer, channel, is_shown);
+                })
+            }
+        }
+    }
+
+    /// The outline of the brush under the cursor.
+    pub fn cursor(&self, settings: &PaintSettings, view: &Viewpoint, at: DVec2) -> Option<Cursor> {
+        let point = view.hit(&self.surface, at)?;
+        let radius = if settings.tool.has_brush() || settings.tool == PaintTool::Sticker {
+            0.5 * self.world_size(settings, view, point)
+        } else {
+            5.0 * view.world_per_pixel(world_position(&self.surface, point))
+        };
+        let hardness = if settings.tool.has_brush() { settings.brush.hardness } else { 1.0 };
+        let symmetry = settings.symmetry.symmetry(self.bounds.center());
+        Some(Cursor::new(&self.surface, view, point, radius, hardness, &symmetry))
+    }
+
+    /// Diameter of the brush at a point, world units.
+    fn world_size(&self, settings: &PaintSettings, view: &Viewpoint, point: SurfacePoint) -> f64 {
+        let size = f64::from(settings.brush.size);
+        match settings.brush.unit {
+            SizeUnit::Pixels => size * view.world_per_pixel(world_position(&self.surface, point)),
+            SizeUnit::World => size,
+            SizeUnit::Texels => {
+                size / f64::from(self.surface.cover().density) * self.surface.mesh().world_from_mesh.scale
+            }
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Painting without a window: the pen draws, the worker paints, and what is to be shown is there.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fantex_bake::{BakeOptions, NoProgress, SineSource, bake};
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_mesh::generate::torus;
+use fantex_mesh::{CleanOptions, clean};
+use fantex_paint::{BlendMode, PaintOptions, Painter, Target};
+use fantex_store::{Asset, VerifyOptions, verify};
+use fantex_stream::AtlasFormat;
+use glam::DVec2;
+
+use super::*;
+use crate::camera::ViewPreset;
+use crate::notices::Notices;
+
+/// A torus with 60 000 texels.
+pub(crate) fn small_asset(folder: &Path) -> PathBuf {
+    let path = folder.join("torus.fan");
+    let (mesh, _) = clean(torus(48, 24), &CleanOptions::default()).unwrap();
+    let options = CoverOptions { budget: TexelBudget::Total(60_000), ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options).unwrap();
+    bake(&mesh, &cover, &SineSource { k: 9.0 }, &path, &BakeOptions::default(), &NoProgress).unwrap();
+    path
+}
+
+struct Studio {
+    path: PathBuf,
+    painting: Painting,
+    settings: PaintSettings,
+    notices: Notices,
+    view: Viewpoint,
+    _folder: tempfile::TempDir,
+}
+
+impl Studio {
+    fn open() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = small_asset(folder.path());
+        Self::open_at(folder, path, None)
+    }
+
+    /// `limit`: bytes that the file may have.
+    fn open_at(folder: tempfile::TempDir, path: PathBuf, limit: Option<u64>) -> Self {
+        let mut painter = Painter::open(&path, &PaintOptions::default()).unwrap();
+        painter.limit_file(limit);
+        let rig = ViewPreset::Top.rig(painter.surface().mesh(), 1.0);
+        let painting = Painting::new(painter, None, Arc::new(|| {})).unwrap();
+        painting.exchange().set_formats(&[AtlasFormat::Bc7]);
+        let mut studio = Self {
+            path,
+            painting,
+            settings: PaintSettings::default(),
+            notices: Notices::default(),
+            view: Viewpoint { rig, pixels: [500, 500] },
+            _folder: folder,
+        };
+        studio.settings.brush.size = 30.0;
+        studio.wait();
+        studio
+    }
+
+    fn wait(&mut self) {
+        let started = Instant::now();
+        loop {
+            let is_busy = self.painting.is_busy();
+            self.painting.poll(&mut self.settings, &mut self.notices, 0.0);
+            if !is_busy {
+                return;
+            }
+            assert!(started.elapsed() < Duration::from_secs(60), "the painter does not end");
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    fn pen(&mut self, phase: PenPhase, x: f64, y: f64, modifiers: [bool; 2]) {
+        let event = PenEvent { phase, at: DVec2::new(x, y), pressure: 1.0 };
+        let Self { painting, settings, view, notices, .. } = self;
+        painting.pen(&[event], settings, view, modifiers, notices, 0.0);
+    }
+
+    fn stroke(&mut self) {
+        self.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
+        self.pen(PenPhase::Move, 0.6, 0.84, [false; 2]);
+        self.pen(PenPhase::Up, 0.6, 0.84, [false; 2]);
+        self.wait();
+    }
+
+    fn close(self) -> tempfile::TempDir {
+        drop(self.painting);
+        self._folder
+    }
+}
+
+#[test]
+fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
+    let mut studio = Studio::open();
+    // Else the end of the stroke catches up with the hand.
+    studio.settings.brush.smoothing = 0.0;
+    studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
+    studio.pen(PenPhase::Move, 0.6, 0.84, [false; 2]);
+    studio.wait();
+    assert!(studio.painting.is_drawing());
+    let (fresh, stale) = studio.painting.exchange().take_fresh();
+    assert!(stale.is_empty());
+    let levels: std::collections::BTreeSet<u32> = fresh.keys().map(|page| page.level).collect();
+    assert!(levels.contains(&0) && levels.len() > 2, "{levels:?}");
+    let painted: Vec<_> = fresh.into_iter().collect();
+    studio.pen(PenPhase::Up, 0.6, 0.84, [false; 2]);
+    studio.wait();
+    // What was shown of coarser levels while the stroke was open is what is kept.
+    let (kept, _) = studio.painting.exchange().take_fresh();
+    for (page, texels) in painted.iter().filter(|(page, _)| page.level > 0) {
+        assert!(kept.get(page) == Some(texels), "{page}");
+    }
+    assert_eq!(studio.painting.snapshot().done, ["paint"]);
+    studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
+    studio.wait();
+    let (undone, _) = studio.painting.exchange().take_fresh();
+    assert!(painted.iter().all(|(page, texels)| undone.get(page).is_some_and(|now| now != texels)));
+    assert_eq!(studio.painting.snapshot().undone, ["paint"]);
+}
+
+#[test]
+fn everything_is_saved_and_verified_and_comes_back() {
+    let mut studio = Studio::open();
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings);
+    studio.wait();
+    let Target::Layer(id) = studio.painting.target() else { panic!("the new layer is painted on") };
+    studio.stroke();
+    studio.painting.layer_action(&LayerAction::Blend(id, BlendMode::Multiply), &studio.settings);
+    studio.painting.layer_action(&LayerAction::Rename(id, "Dirt".into()), &studio.settings);
+    studio.wait();
+    let started = Instant::now();
+    while *studio.painting.save() != SaveState::Saved {
+        assert!(started.elapsed() < Duration::from_secs(10), "it does not save by itself");
+        std::thread::sleep(Duration::from_millis(20));
+        studio.wait();
+    }
+    assert_eq!(studio.notices.error_count(), 0);
+    let path = studio.path.clone();
+    let before = std::fs::read(&path).unwrap();
+    let folder = studio.close();
+    assert!(std::fs::read(&path).unwrap() == before, "nothing is left to write");
+    assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
+    let mut studio = Studio::open_at(folder, path, None);
+    let snapshot = studio.painting.snapshot();
+    assert_eq!(snapshot.done, ["add layer", "paint", "layer blend mode", "rename layer"]);
+    assert_eq!((snapshot.layers[0].name.as_str(), snapshot.layers[0].blend), ("Dirt", BlendMode::Multiply));
+    studio.painting.go_to_step(0);
+    studio.wait();
+    assert!(studio.painting.snapshot().layers.is_empty());
+    assert_eq!(studio.painting.target(), Target::Base);
+}
+
+#[test]
+fn a_full_disk_is_said_and_painting_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    let mut studio = Studio::open_at(folder, path, Some(bytes));
+    studio.stroke();
+    let started = Instant::now();
+    while !matches!(studio.painting.save(), SaveState::Failed(_)) {
+        assert!(started.elapsed() < Duration::from_secs(10), "it does not say so");
+        std::thread::sleep(Duration::from_millis(20));
+        studio.wait();
+    }
+    assert!(studio.notices.log().any(|text| text.contains("disk is full")));
+    studio.stroke();
+    studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
+    studio.wait();
+    let snapshot = studio.painting.snapshot();
+    assert_eq!((snapshot.done.len(), snapshot.undone.len()), (1, 1));
+    assert_eq!(studio.notices.error_count(), 1, "it is said once");
+}
+
+#[test]
+fn lines_colours_and_turning_are_told_apart() {
+    let mut studio = Studio::open();
+    // The hole of the torus.
+    studio.pen(PenPhase::Down, 0.5, 0.5, [false; 2]);
+    assert!(studio.painting.is_turning() && !studio.painting.is_drawing());
+    studio.pen(PenPhase::Up, 0.5, 0.5, [false; 2]);
+    studio.stroke();
+    studio.pen(PenPhase::Down, 0.85, 0.5, [true, false]);
+    assert!(!studio.painting.is_drawing(), "a line is done at once");
+    studio.pen(PenPhase::Up, 0.85, 0.5, [true, false]);
+    studio.wait();
+    assert_eq!(studio.painting.snapshot().done.len(), 2);
+    let painted = studio.settings.colors.foreground;
+    studio.settings.colors.foreground = [0; 3];
+    studio.pen(PenPhase::Down, 0.55, 0.845, [false, true]);
+    studio.wait();
+    let picked = studio.settings.colors.foreground;
+    assert!(picked.iter().zip(painted).all(|(a, b)| a.abs_diff(b) < 12), "{picked:?} {painted:?}");
+}
+
+#[test]
+fn what_cannot_be_painted_is_said() {
+    let mut studio = Studio::open();
+    let said = |studio: &mut Studio, text: &str| {
+        studio.stroke();
+        assert!(studio.notices.log().any(|notice| notice.contains(text)), "{text}");
+        assert!(studio.painting.snapshot().done.is_empty());
+    };
+    studio.settings.tool = PaintTool::Erase;
+    said(&mut studio, "add a layer");
+    studio.settings.tool = PaintTool::Clone;
+    said(&mut studio, "Alt + click");
+    studio.settings.tool = PaintTool::Paint;
+    studio.settings.channels.color = false;
+    said(&mut studio, "No channel");
+}
+
+#[test]
+fn all_tools_paint_on_a_layer() {
+    let mut studio = Studio::open();
+    studio.painting.layer_action(&LayerAction::AddFill, &studio.settings);
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings);
+    studio.wait();
+    studio.stroke();
+    studio.settings.symmetry.kind = SymmetryKind::Radial;
+    for tool in [PaintTool::Blur, PaintTool::Smudge, PaintTool::Sticker, PaintTool::Erase] {
+        studio.settings.tool = tool;
+        studio.stroke();
+    }
+    studio.settings.tool = PaintTool::Clone;
+    studio.pen(PenPhase::Down, 0.55, 0.845, [false, true]);
+    studio.pen(PenPhase::Up, 0.55, 0.845, [false, true]);
+    studio.stroke();
+    studio.settings.tool = PaintTool::Fill;
+    studio.stroke();
+    studio.settings.fill = FillReach::Color;
+    studio.stroke();
+    let done = &studio.painting.snapshot().done;
+    assert_eq!(
+        done[2..],
+        ["paint", "blur", "smudge", "text and pictures", "erase", "clone", "fill", "fill"],
+        "{done:?}"
+    );
+    assert_eq!(studio.notices.error_count(), 0);
+    let asset = Asset::open(&studio.path).unwrap();
+    drop(studio);
+    assert!(asset.generation() >= 1);
+}
+
+#[test]
+fn the_mirror_s_line_lies_on_the_model() {
+    let studio = Studio::open();
+    let mut section = Section::default();
+    section.follow(studio.painting.surface(), 0, 0.0);
+    let seen = section.seen(studio.painting.surface(), &studio.view);
+    assert!(seen.len() > 10);
+    assert!(seen.iter().flatten().all(|p| p.x.abs() < 1e-9 && p.y > -1e-6), "seen from above");
+}

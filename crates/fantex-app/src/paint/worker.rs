@@ -1,0 +1,450 @@
+//! The thread that paints: it owns the painter, does what it is told in order, and commits while there is something to commit.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use fantex_paint::{Layer, LiveStroke, PaintError, Painter, Sample, fill_triangles};
+use fantex_store::{EditError, PageId};
+use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions};
+
+use super::Fill;
+use super::exchange::Exchange;
+use super::order::{Order, Report, SaveState, Snapshot, StrokeStart};
+use super::texels::page_texels;
+use crate::viewer::Wake;
+
+/// Between strokes changes are committed after so long.
+const REST: Duration = Duration::from_millis(700);
+
+/// Also while a stroke goes on, changes are committed after so long.
+const LONGEST: Duration = Duration::from_millis(1700);
+
+/// After a commit that failed the next one is tried after so long.
+const RETRY: Duration = Duration::from_secs(3);
+
+/// Orders are gathered for so long before what they did is shown.
+const GATHERED: Duration = Duration::from_millis(6);
+
+/// How often to look whether coarser levels are there.
+const LEVELS: Duration = Duration::from_millis(5);
+
+/// Pages that are answered between two orders.
+const ANSWERED: usize = 32;
+
+/// After so many commits pages are loaded from a newer state of the file.
+const KEPT_COMMITS: u32 = 20;
+
+/// Names of steps that are told of, the newest.
+const TOLD_STEPS: usize = 1000;
+
+/// A painter at work on a thread of its own. Dropping it commits, and waits for that.
+#[derive(Debug)]
+pub struct PaintThread {
+    orders: Sender<Order>,
+    reports: Receiver<Report>,
+    exchange: Arc<Exchange>,
+    sent: Arc<AtomicU64>,
+    done: Arc<AtomicU64>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl PaintThread {
+    /// Starts the thread.
+    ///
+    /// # Errors
+    ///
+    /// The operating system's, where there can be no further thread.
+    pub fn start(mut painter: Painter, wake: Wake) -> std::io::Result<Self> {
+        let (orders, received) = channel();
+        let (told, reports) = channel();
+        let exchange = Arc::new(Exchange::new(orders.clone()));
+        let done = Arc::new(AtomicU64::new(0));
+        painter.take_replaced();
+        let worker = Worker {
+            painter,
+            orders: received,
+            reports: told,
+            exchange: exchange.clone(),
+            done: done.clone(),
+            wake,
+            stroke: None,
+            has_levels_due: false,
+            owed: 0,
+            saving: Saving::default(),
+        };
+        let thread = std::thread::Builder::new().name("fantex-paint".into());
+        let thread = Some(thread.spawn(move || worker.run())?);
+        // Telling the first state counts as an order.
+        let sent = Arc::new(AtomicU64::new(1));
+        Ok(Self { orders, reports, exchange, sent, done, thread })
+    }
+
+    /// What is shared with whoever draws.
+    pub fn exchange(&self) -> &Arc<Exchange> {
+        &self.exchange
+    }
+
+    /// Gives an order. It is carried out after those before it.
+    pub fn order(&self, order: Order) {
+        self.sent.fetch_add(1, Relaxed);
+        // A painter that is gone has said so.
+        self.orders.send(order).ok();
+    }
+
+    /// What was told since the last call.
+    pub fn reports(&self) -> Vec<Report> {
+        self.reports.try_iter().collect()
+    }
+
+    /// Whether orders have not been carried out yet.
+    pub fn is_busy(&self) -> bool {
+        self.done.load(Relaxed) < self.sent.load(Relaxed)
+    }
+}
+
+impl Drop for PaintThread {
+    fn drop(&mut self) {
+        self.order(Order::Close);
+        if let Some(thread) = self.thread.take() {
+            // One that panicked has said so on standard error.
+            thread.join().unwrap_or_default();
+        }
+    }
+}
+
+/// When to commit.
+#[derive(Debug, Default)]
+struct Saving {
+    /// When the oldest change was made that is not in the file.
+    changed: Option<Instant>,
+    /// When a commit failed.
+    failed: Option<Instant>,
+    /// Commits since the file was last opened for loading.
+    commits: u32,
+}
+
+impl Saving {
+    /// When to commit, if nothing else happens.
+    fn due(&self, is_drawing: bool) -> Option<Instant> {
+        let changed = self.changed?;
+        let due = changed + if is_drawing { LONGEST } else { REST };
+        Some(self.failed.map_or(due, |failed| due.max(failed + RETRY)))
+    }
+}
+
+struct Worker {
+    painter: Painter,
+    orders: Receiver<Order>,
+    reports: Sender<Report>,
+    exchange: Arc<Exchange>,
+    done: Arc<AtomicU64>,
+    wake: Wake,
+    stroke: Option<LiveStroke>,
+    /// Coarser levels of a stroke are being computed.
+    has_levels_due: bool,
+    /// Orders that are done but for these.
+    owed: u64,
+    saving: Saving,
+}
+
+impl Worker {
+    fn run(mut self) {
+        self.tell_state();
+        self.done.fetch_add(1, Relaxed);
+        (self.wake)();
+        while self.turn() {}
+        self.check(|worker| worker.painter.end().map(drop));
+        if let Err(error) = self.painter.commit() {
+            // The window is gone.
+            eprintln!("fantex-app: {error}");
+        }
+    }
+
+    /// Waits for orders and carries them out. False at the end.
+    fn turn(&mut self) -> bool {
+        let wait = match self.has_levels_due {
+            true => Some(Instant::now() + LEVELS),
+            false => self.saving.due(self.stroke.is_some()),
+        };
+        let wait =
+            wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
+        let mut next = match self.orders.recv_timeout(wait) {
+            Ok(order) => Some(order),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => return false,
+        };
+        let begun = Instant::now();
+        let mut count = 0;
+        let mut goes_on = true;
+        while let Some(order) = next.take() {
+            // Requests for pages are not counted: the drawer makes them.
+            count += u64::from(!matches!(order, Order::Pages | Order::Release(_)));
+            if matches!(order, Order::Close) {
+                goes_on = false;
+                break;
+            }
+            self.check(|worker| worker.act(order));
+            if begun.elapsed() < GATHERED {
+                next = self.orders.try_recv().ok();
+            }
+        }
+        self.check(Self::take_levels);
+        self.check(Self::publish);
+        self.answer_pages();
+        self.note_changes();
+        if self.saving.due(self.stroke.is_some()).is_some_and(|due| due <= Instant::now()) {
+            self.save();
+        }
+        self.owed += count;
+        if !self.has_levels_due {
+            self.done.fetch_add(std::mem::take(&mut self.owed), Relaxed);
+        }
+        (self.wake)();
+        goes_on
+    }
+
+    /// Coarser levels that another thread has computed.
+    fn take_levels(&mut self) -> Result<(), PaintError> {
+        if self.has_levels_due {
+            let levels = self.painter.poll_levels();
+            self.has_levels_due = matches!(levels, Ok(None));
+            if !self.has_levels_due {
+                self.tell_state();
+            }
+            levels?;
+        }
+        Ok(())
+    }
+
+    fn tell(&self, report: Report) {
+        // The window may be closing: then nobody wants to know.
+        self.reports.send(report).ok();
+    }
+
+    fn check(&mut self, act: impl FnOnce(&mut Self) -> Result<(), PaintError>) {
+        if let Err(error) = act(self) {
+            self.tell(Report::Failed(error.to_string()));
+        }
+    }
+
+    fn act(&mut self, order: Order) -> Result<(), PaintError> {
+        match order {
+            Order::Begin(start, sample) => self.begin(*start, &sample)?,
+            Order::Move(samples) => {
+                for sample in &samples {
+                    self.go_to(sample, false)?;
+                }
+            }
+            Order::Lift => {
+                if let Some(stroke) = &mut self.stroke {
+                    stroke.lift();
+                }
+            }
+            Order::End(sample) => {
+                if let Some(sample) = sample {
+                    self.go_to(&sample, true)?;
+                }
+                self.stroke = None;
+                self.painter.end_in_background()?;
+                self.has_levels_due = true;
+            }
+            Order::Fill(start, point, scope) => {
+                self.stroke = None;
+                let surface = self.painter.surface().clone();
+                let channel = start.paint.channels.first().map_or(0, |painted| painted.channel);
+                self.painter.begin_on(start.target, &start.label, start.paint)?;
+                match scope {
+                    Fill::Triangles(scope) => self.painter.fill(&fill_triangles(&surface, point, scope))?,
+                    Fill::Color(fill) => self.painter.fill_color(channel, point, fill)?,
+                }
+                self.painter.end()?;
+                self.tell_state();
+            }
+            Order::Lay(start, decal) => {
+                self.stroke = None;
+                self.painter.begin_on(start.target, &start.label, start.paint)?;
+                self.painter.decal(&decal)?;
+                self.painter.end()?;
+                self.tell_state();
+            }
+            Order::AddLayer(layer, above) => {
+                let id = self.painter.add_layer(*layer)?;
+                if let Some(above) = above {
+                    self.painter.edit_layers("place layer", |layers| put_above(layers, id, above))?;
+                }
+                self.tell(Report::Added(id));
+                self.tell_state();
+            }
+            Order::EditLayers(label, change) => {
+                self.painter.edit_layers(label, change)?;
+                self.tell_state();
+            }
+            Order::Undo => {
+                self.stroke = None;
+                self.painter.undo()?;
+                self.tell_state();
+            }
+            Order::Redo => {
+                self.stroke = None;
+                self.painter.redo()?;
+                self.tell_state();
+            }
+            Order::GoTo(count) => self.go_to_step(count)?,
+            Order::Pick(point) => {
+                let values = self.painter.pick_all(point)?;
+                self.tell(Report::Picked(values));
+            }
+            Order::Commit => self.save(),
+            Order::Release(loader) => drop(loader),
+            Order::Pages | Order::Close => {}
+        }
+        Ok(())
+    }
+
+    fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<(), PaintError> {
+        self.stroke = None;
+        self.painter.begin_on(start.target, &start.label, start.paint)?;
+        self.stroke = Some(LiveStroke::new(self.painter.surface(), start.brush, start.symmetry));
+        self.go_to(sample, false)
+    }
+
+    fn go_to(&mut self, sample: &Sample, is_end: bool) -> Result<(), PaintError> {
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        let dabs = stroke.go_to(self.painter.surface(), sample, is_end);
+        self.painter.dab(&dabs)
+    }
+
+    fn go_to_step(&mut self, count: usize) -> Result<(), PaintError> {
+        self.stroke = None;
+        self.painter.end()?;
+        while self.painter.history().done().len() > count && self.painter.undo()? {}
+        while self.painter.history().done().len() < count && self.painter.redo()? {}
+        self.tell_state();
+        Ok(())
+    }
+
+    /// Brings what has changed to the atlas.
+    fn publish(&mut self) -> Result<(), PaintError> {
+        let shown = self.painter.show()?;
+        let replaced = self.painter.take_replaced();
+        let Some(formats) = self.exchange.formats() else { return Ok(()) };
+        let (painter, none) = (&self.painter, BTreeMap::new());
+        self.exchange.publish(&replaced, |page| page_texels(painter, page, formats, &none))?;
+        if shown.is_empty() || self.stroke.is_none() {
+            return Ok(());
+        }
+        let mut coarser: BTreeMap<PageId, BTreeMap<usize, Vec<u8>>> = BTreeMap::new();
+        for page in self.painter.preview(&shown)? {
+            coarser.entry(page.id).or_default().insert(page.channel, page.bytes);
+        }
+        for (page, bytes) in coarser {
+            self.exchange.publish_preview(page, page_texels(&self.painter, page, formats, &bytes)?);
+        }
+        Ok(())
+    }
+
+    fn answer_pages(&mut self) {
+        let Some(formats) = self.exchange.formats() else { return };
+        let none = BTreeMap::new();
+        let wanted = self.exchange.wanted(ANSWERED);
+        for &page in &wanted {
+            self.exchange.answer(page, page_texels(&self.painter, page, formats, &none));
+        }
+        if wanted.len() == ANSWERED {
+            self.exchange.ask_again();
+        }
+    }
+
+    fn note_changes(&mut self) {
+        if self.painter.editor().has_changes() {
+            if self.saving.changed.is_none() {
+                self.saving.changed = Some(Instant::now());
+                if self.saving.failed.is_none() {
+                    self.tell(Report::Save(SaveState::Changed));
+                }
+            }
+        } else if self.saving.changed.take().is_some() {
+            self.saving.failed = None;
+            self.tell(Report::Save(SaveState::Saved));
+        }
+    }
+
+    fn save(&mut self) {
+        if !self.painter.editor().has_changes() {
+            return;
+        }
+        if self.saving.failed.is_none() {
+            self.tell(Report::Save(SaveState::Saving));
+            (self.wake)();
+        }
+        match self.painter.commit() {
+            Ok(_) => {
+                self.saving = Saving { commits: self.saving.commits + 1, ..Saving::default() };
+                if self.saving.commits >= KEPT_COMMITS && self.stroke.is_none() {
+                    self.offer_newer();
+                }
+                self.tell(Report::Save(SaveState::Saved));
+            }
+            Err(error) => {
+                self.saving.failed = Some(Instant::now());
+                self.tell(Report::Save(SaveState::Failed(save_problem(&error))));
+            }
+        }
+    }
+
+    /// Lets pages be loaded from what is committed, so that the space of older states can be used again.
+    fn offer_newer(&mut self) {
+        let Some(formats) = self.exchange.formats() else { return };
+        let asset = self.painter.editor().asset().clone();
+        let stored = asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, true));
+        let block_compressed = stored.zip(formats).all(|(stored, &format)| stored == format);
+        let options = ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() };
+        match ClusterLoader::open(asset.clone(), &options) {
+            Ok(loader) => {
+                self.saving.commits = 0;
+                self.exchange.offer(Box::new(loader), asset.clone());
+                self.tell(Report::Newer(asset));
+            }
+            Err(error) => self.tell(Report::Failed(error.to_string())),
+        }
+    }
+
+    fn tell_state(&self) {
+        let history = self.painter.history();
+        let older = history.done().len().saturating_sub(TOLD_STEPS);
+        let names =
+            |steps: &[fantex_paint::HistoryStep]| steps.iter().map(|step| step.label.clone()).collect();
+        self.tell(Report::State(Box::new(Snapshot {
+            layers: self.painter.layers().to_vec(),
+            older,
+            done: names(&history.done()[older..]),
+            undone: names(history.undone()),
+        })));
+    }
+}
+
+/// What the user can do about it.
+fn save_problem(error: &PaintError) -> String {
+    match error {
+        PaintError::Edit(EditError::Full { path, .. }) => {
+            let name = PathBuf::from(path.file_name().unwrap_or_default());
+            format!(
+                "The disk is full: what you paint stays in memory. Make room, and {} is saved by itself.",
+                name.display()
+            )
+        }
+        error => format!("Not saved: {error}"),
+    }
+}
+
+fn put_above(layers: &mut Vec<Layer>, id: u64, above: u64) {
+    let Some(from) = layers.iter().position(|layer| layer.id() == id) else { return };
+    let layer = layers.remove(from);
+    let to = layers.iter().position(|layer| layer.id() == above).map_or(layers.len(), |at| at + 1);
+    layers.insert(to, layer);
+}

@@ -1,0 +1,260 @@
+//! The brush: its preview, its numbers, and the brushes that are kept.
+
+use eframe::egui::{
+    Button, Color32, ColorImage, CornerRadius, Rect, RichText, Sense, TextEdit, TextureOptions, Ui, pos2,
+    vec2,
+};
+
+use super::color::name_field;
+use crate::paint::{
+    BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, blend_label, preview_stroke,
+};
+use crate::panels::widgets::{NumberRow, choice, heading, hint, row, segments};
+use crate::theme;
+use crate::viewer::{Request, Viewer};
+use fantex_paint::BlendMode;
+
+/// Pixels of the preview, before the screen's own scale.
+const PREVIEW: [usize; 2] = [244, 64];
+
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
+    let paint = &mut viewer.settings.paint;
+    ui.label(RichText::new(paint.tool.label()).heading().color(theme::STRONG));
+    hint(ui, paint.tool.hint());
+    ui.add_space(2.0);
+    if paint.tool == PaintTool::Fill {
+        return fill(ui, paint);
+    }
+    if paint.tool == PaintTool::Sticker {
+        if sticker(ui, paint) {
+            viewer.request(Request::StickerDialog);
+        }
+        return;
+    }
+    if paint.tool == PaintTool::Pick {
+        return;
+    }
+    preview(
+        ui,
+        &paint.brush,
+        if paint.tool == PaintTool::Erase { [0xe8; 3] } else { paint.colors.foreground },
+    );
+    size(ui, &mut paint.brush);
+    let brush = &mut paint.brush;
+    percent(ui, "Hardness", &mut brush.hardness, "Share of the brush that is full (Shift + [ and ])");
+    percent(ui, "Opacity", &mut brush.opacity, "Most that one stroke covers (digits)");
+    percent(ui, "Flow", &mut brush.flow, "What each dab adds (Shift + digits)");
+    if paint.tool == PaintTool::Paint {
+        row(ui, "Blend", |ui| {
+            choice(ui, "brush blend", &mut brush.blend, &BlendMode::ALL, |m| blend_label(m).into())
+        });
+    }
+    if paint.tool == PaintTool::Smudge {
+        percent(ui, "Strength", &mut paint.smudge, "How far colours are carried");
+    }
+    if paint.tool == PaintTool::Blur {
+        percent(ui, "Reach", &mut paint.blur_radius, "How far around is averaged, in diameters");
+    }
+    let mut asks_stamp = false;
+    let open = ui.collapsing("Stroke", |ui| {
+        let brush = &mut paint.brush;
+        percent(ui, "Smoothing", &mut brush.smoothing, "How far the brush lags behind the hand");
+        number("Spacing", "", 2, "Distance of dabs in diameters").show(ui, &mut brush.spacing, 0.02..=2.0);
+        number("Scatter", "", 2, "Random distance from the way, in radii").show(
+            ui,
+            &mut brush.jitter.position,
+            0.0..=4.0,
+        );
+        percent(ui, "Vary size", &mut brush.jitter.size, "Random change from dab to dab");
+        percent(ui, "Vary flow", &mut brush.jitter.flow, "Random change from dab to dab");
+        percent(ui, "Pen → size", &mut brush.pressure.size, "How far pressure goes into the size");
+        asks_stamp = stamp(ui, brush);
+        percent(ui, "Pen → flow", &mut brush.pressure.flow, "How far pressure goes into the flow");
+    });
+    open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
+    if asks_stamp {
+        viewer.request(Request::StampDialog);
+    }
+}
+
+fn number<'a>(name: &'a str, suffix: &'a str, decimals: usize, tip: &'a str) -> NumberRow<'a> {
+    NumberRow { name, suffix, decimals, tip, ..NumberRow::PLAIN }
+}
+
+/// How far a fill goes.
+fn fill(ui: &mut Ui, paint: &mut PaintSettings) {
+    row(ui, "Fills", |ui| choice(ui, "fill", &mut paint.fill, &FillReach::ALL, |f| f.label().into()));
+    match paint.fill {
+        FillReach::Angle => {
+            let bend = number("Bend", "°", 0, "Edges that bend more end the fill");
+            bend.show(ui, &mut paint.fill_degrees, 1.0..=90.0);
+        }
+        FillReach::Color | FillReach::AllOfColor => {
+            let tolerance = number("Tolerance", "", 2, "How different colours may be");
+            tolerance.show(ui, &mut paint.fill_tolerance, 0.01..=1.0);
+        }
+        FillReach::Connected | FillReach::Whole => {}
+    }
+    percent(ui, "Opacity", &mut paint.brush.opacity, "How much is covered");
+}
+
+/// A text or a picture. Returns whether another picture is wanted.
+fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
+    let mut is_asked = false;
+    ui.horizontal(|ui| segments(ui, &mut paint.sticker, &StickerKind::ALL, StickerKind::label));
+    match paint.sticker {
+        StickerKind::Text => {
+            let field = ui.add(TextEdit::multiline(&mut paint.text).desired_rows(2).desired_width(240.0));
+            name_field(&field, "Text");
+        }
+        StickerKind::Picture => {
+            let path = paint.picture.as_ref().and_then(|path| path.file_name());
+            let name = path.map_or("Choose …".into(), |name| name.to_string_lossy().into_owned());
+            is_asked = row(ui, "Picture", |ui| ui.add(Button::new(name).truncate())).clicked();
+        }
+    }
+    size(ui, &mut paint.brush);
+    number("Angle", "°", 0, "How it is turned").show(ui, &mut paint.sticker_degrees, -180.0..=180.0);
+    percent(ui, "Opacity", &mut paint.brush.opacity, "How much is covered");
+    is_asked
+}
+
+/// The picture that shapes the dabs. Returns whether another one is wanted.
+fn stamp(ui: &mut Ui, brush: &mut BrushSettings) -> bool {
+    let mut is_asked = false;
+    row(ui, "Stamp", |ui| {
+        let name = brush
+            .stamp
+            .as_ref()
+            .and_then(|path| path.file_stem())
+            .map(|name| name.to_string_lossy().into_owned());
+        let button = Button::new(name.unwrap_or_else(|| "Round …".into())).truncate();
+        let response = ui.add(button).on_hover_text("A picture whose alpha or brightness shapes the brush");
+        is_asked = response.clicked();
+        if brush.stamp.is_some() && ui.small_button("×").on_hover_text("Round again").clicked() {
+            brush.stamp = None;
+        }
+        response
+    });
+    if brush.stamp.is_some() {
+        number("Angle", "°", 0, "Of the stamp").show(ui, &mut brush.angle_degrees, -180.0..=180.0);
+        let mut turn = brush.jitter.angle.to_degrees();
+        number("Vary angle", "°", 0, "Random change from dab to dab").show(ui, &mut turn, 0.0..=180.0);
+        brush.jitter.angle = turn.to_radians();
+    }
+    is_asked
+}
+
+/// A share as per cent.
+pub(super) fn percent(ui: &mut Ui, name: &str, value: &mut f32, tip: &str) {
+    let mut whole = *value * 100.0;
+    let before = whole;
+    number(name, " %", 0, tip).show(ui, &mut whole, 0.0..=100.0);
+    if whole != before {
+        *value = whole / 100.0;
+    }
+}
+
+fn size(ui: &mut Ui, brush: &mut BrushSettings) {
+    let [low, high] = match brush.unit {
+        SizeUnit::World => [1e-4, 1e3],
+        _ => [BrushSettings::SIZE[0], 500.0],
+    };
+    let high = brush.size.max(high);
+    let decimals = if brush.unit == SizeUnit::World { 3 } else { 0 };
+    let row_of = NumberRow {
+        name: "Size",
+        decimals,
+        is_logarithmic: true,
+        tip: "Diameter ([ and ])",
+        ..NumberRow::PLAIN
+    };
+    row_of.show(ui, &mut brush.size, low..=high);
+    row(ui, "Measured in", |ui| {
+        let inner = ui.horizontal(|ui| segments(ui, &mut brush.unit, &SizeUnit::ALL, SizeUnit::label));
+        inner.response.on_hover_text("Pixels of the screen, units of the model's file, or texels")
+    });
+}
+
+/// A stroke in the brush's colour on a dark sheet.
+fn preview(ui: &mut Ui, brush: &BrushSettings, [r, g, b]: [u8; 3]) {
+    let (rect, _) = ui.allocate_exact_size(vec2(PREVIEW[0] as f32, PREVIEW[1] as f32), Sense::hover());
+    let scale = ui.ctx().pixels_per_point().max(1.0);
+    let [width, height] = PREVIEW.map(|n| (n as f32 * scale) as usize);
+    let key = (brush.clone(), [r, g, b], width);
+    let id = ui.scope_id().with("brush preview");
+    let known = ui.data(|data| data.get_temp::<Preview>(id)).filter(|known| known.key == key);
+    let shown = known.unwrap_or_else(|| {
+        let sized = BrushSettings { size: brush.size * scale, ..brush.clone() };
+        let coverage = preview_stroke(&sized, width, height);
+        let mix = |ground: u8, ink: u8, share: f32| {
+            (f32::from(ground) + (f32::from(ink) - f32::from(ground)) * share) as u8
+        };
+        // A light sheet under dark colours.
+        let is_dark = 0.3 * f32::from(r) + 0.59 * f32::from(g) + 0.11 * f32::from(b) < 70.0;
+        let ground = if is_dark { 0xb8 } else { 0x24 };
+        let pixels = coverage.iter().map(|&share| {
+            Color32::from_rgb(mix(ground, r, share), mix(ground, g, share), mix(ground, b, share))
+        });
+        let image = ColorImage::new([width, height], pixels.collect());
+        let texture = ui.ctx().load_texture("brush preview", image, TextureOptions::LINEAR);
+        Preview { key, texture }
+    });
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    ui.painter().image(shown.texture.id(), rect, whole, Color32::WHITE);
+    ui.painter().rect_stroke(
+        rect,
+        CornerRadius::same(2),
+        eframe::egui::Stroke::new(1.0, theme::LINE),
+        eframe::egui::StrokeKind::Inside,
+    );
+    ui.data_mut(|data| data.insert_temp(id, shown));
+}
+
+#[derive(Clone)]
+struct Preview {
+    key: (BrushSettings, [u8; 3], usize),
+    texture: eframe::egui::TextureHandle,
+}
+
+/// Brushes that are kept: a click takes one.
+pub(super) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+    let Some(painting) = &mut viewer.painting else { return };
+    let brush = &mut viewer.settings.paint.brush;
+    heading(ui, "Brushes");
+    let (mut taken, mut dropped) = (None, None);
+    let size = vec2(118.0, 22.0);
+    for pair in painting.presets().brushes.chunks(2) {
+        ui.horizontal(|ui| {
+            for preset in pair {
+                let button =
+                    Button::selectable(preset.name == brush.name, preset.name.as_str()).min_size(size);
+                let response = ui.add(button);
+                response.context_menu(|ui| {
+                    if ui.button("Delete").clicked() {
+                        dropped = Some(preset.name.clone());
+                        ui.close();
+                    }
+                });
+                if response.on_hover_text("Click takes it, right click deletes it").clicked() {
+                    taken = Some(preset.clone());
+                }
+            }
+        });
+    }
+    if let Some(preset) = taken {
+        *brush = preset;
+    }
+    let mut is_kept = false;
+    ui.horizontal(|ui| {
+        let field = TextEdit::singleline(&mut brush.name).desired_width(170.0).hint_text("Name of the brush");
+        name_field(&ui.add(field), "Name of the brush");
+        is_kept = ui.button("Keep").on_hover_text("Saves the brush under this name").clicked();
+    });
+    if is_kept && !brush.name.trim().is_empty() {
+        painting.keep_brush(&viewer.settings.paint, &mut viewer.notices, seconds);
+    }
+    if let Some(name) = dropped {
+        painting.drop_brush(&name, &mut viewer.notices, seconds);
+    }
+}
