@@ -132,17 +132,17 @@ impl History {
         self.save(editor)
     }
 
-    pub(crate) fn undo(&mut self, editor: &mut AssetEditor) -> Result<bool, PaintError> {
+    pub(crate) fn undo(&mut self, editor: &mut AssetEditor, budget_bytes: usize) -> Result<bool, PaintError> {
         let Some(step) = self.index.done.last().cloned() else { return Ok(false) };
-        apply(&step, Direction::Back, editor)?;
+        apply(&step, Direction::Back, editor, budget_bytes)?;
         self.index.undone.extend(self.index.done.pop());
         self.save(editor)?;
         Ok(true)
     }
 
-    pub(crate) fn redo(&mut self, editor: &mut AssetEditor) -> Result<bool, PaintError> {
+    pub(crate) fn redo(&mut self, editor: &mut AssetEditor, budget_bytes: usize) -> Result<bool, PaintError> {
         let Some(step) = self.index.undone.last().cloned() else { return Ok(false) };
-        apply(&step, Direction::Forth, editor)?;
+        apply(&step, Direction::Forth, editor, budget_bytes)?;
         self.index.done.extend(self.index.undone.pop());
         self.save(editor)?;
         Ok(true)
@@ -163,8 +163,13 @@ impl OpenStep {
     }
 }
 
-/// Changes the texels by a step's records.
-fn apply(step: &HistoryStep, direction: Direction, editor: &mut AssetEditor) -> Result<(), PaintError> {
+/// Changes the texels by a step's records. Changes that exceed a budget in memory are written to the file.
+fn apply(
+    step: &HistoryStep,
+    direction: Direction,
+    editor: &mut AssetEditor,
+    budget_bytes: usize,
+) -> Result<(), PaintError> {
     for part in 0..step.parts {
         let bytes = editor.attachment(&part_name(step.id, part))?;
         let bytes = bytes.ok_or_else(|| damaged(editor, "a step is missing"))?;
@@ -200,7 +205,7 @@ fn apply(step: &HistoryStep, direction: Direction, editor: &mut AssetEditor) -> 
                 }
             }
         }
-        if step.parts > 1 {
+        if editor.pending_bytes() > budget_bytes {
             flush_if_possible(editor)?;
         }
     }

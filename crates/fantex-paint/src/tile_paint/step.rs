@@ -151,7 +151,7 @@ impl Painter {
     /// Takes the last step back; false where there is none. An open stroke ends first.
     pub fn undo(&mut self) -> Result<bool, PaintError> {
         self.end()?;
-        let done = self.history.undo(&mut self.editor)?;
+        let done = self.history.undo(&mut self.editor, self.options.memory_bytes / 4)?;
         self.layers = Layers::load(&self.editor)?;
         Ok(done)
     }
@@ -159,7 +159,7 @@ impl Painter {
     /// Does what was taken back last again; false where there is nothing.
     pub fn redo(&mut self) -> Result<bool, PaintError> {
         self.end()?;
-        let done = self.history.redo(&mut self.editor)?;
+        let done = self.history.redo(&mut self.editor, self.options.memory_bytes / 4)?;
         self.layers = Layers::load(&self.editor)?;
         Ok(done)
     }

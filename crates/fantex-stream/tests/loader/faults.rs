@@ -24,14 +24,18 @@ fn faulty_loader(baked: &Baked, faults: ReadFaults) -> ClusterLoader {
 fn rare_errors_are_not_noticed() {
     let baked = baked(BakeFormat::Bc7);
     let mut retries = 0;
-    for seed in 0..6 {
+    // Neighbours are read at once, so one load is few reads, and how many depends on time.
+    for seed in 0..400 {
         let faults = ReadFaults { seed, error_probability: 0.01, ..ReadFaults::default() };
         let mut loader = faulty_loader(&baked, faults);
         check_all(&mut loader, &baked.asset, true);
         retries += loader.statistics().retries;
         assert_eq!(loader.statistics().pages_failed, 0);
+        if seed >= 5 && retries > 0 {
+            return;
+        }
     }
-    assert!(retries > 0);
+    panic!("not one read failed");
 }
 
 #[test]
