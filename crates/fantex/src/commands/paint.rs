@@ -103,7 +103,12 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     // Opening says what is wrong with files of other kinds.
     let opens = || open_asset(&args.asset).map(drop);
     let strokes = match (&args.replay, &args.replay_log) {
-        (None, None) => return view::start(&["--paint".into(), args.asset.clone().into()]),
+        (None, None) => {
+            // Told here, not in a window.
+            let found = std::fs::metadata(&args.asset);
+            found.map_err(|source| CliError::Read { path: args.asset.clone(), source })?;
+            return view::start(&["--paint".into(), args.asset.clone().into()]);
+        }
         (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
     };

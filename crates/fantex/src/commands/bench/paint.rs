@@ -14,6 +14,7 @@ use glam::{Vec3, Vec4};
 use super::Row;
 use crate::context::Context;
 use crate::error::CliError;
+use crate::input::open_asset;
 
 /// Paint a long stroke onto a copy of an asset, dab by dab: what a dab takes up to the visible update, the end of the stroke,
 /// undo, redo, the commit; and how long opening takes, of each asset that is named.
@@ -56,6 +57,8 @@ fn milliseconds(since: Instant) -> f64 {
 }
 
 fn opening(asset: &Path, options: &PaintOptions) -> Result<Vec<Row>, CliError> {
+    // Opening to read says what is wrong with files of other kinds.
+    drop(open_asset(asset)?);
     let started = Instant::now();
     let opened = Painter::open(asset, options)?;
     let time = milliseconds(started);
