@@ -203,7 +203,7 @@ impl Unpacker {
     }
 }
 
-/// Inverse of the writer's arrangement.
+/// Inverse of [`arrange`].
 fn unarranged(formats: &[TexelFormat], raw: &[u8]) -> Vec<u8> {
     let block_bytes: usize = formats.iter().map(|f| f.block_bytes()).sum();
     let blocks = raw.len() / block_bytes;
