@@ -2,9 +2,9 @@
 //!
 //! Their rules for levels and probes differ from those of `Filter::Anisotropic` and `Filter::Trilinear`: levels are blended in
 //! proportion to the filter's width rather than to its logarithm, probes have Gaussian weights over twice the difference of
-//! the axes, widths are those along s and t, cubics are B-splines, and the levels of the files are sharper than means. The
-//! renders are reproduced with these rules from this crate's look-ups in the single levels, which shows that nothing else
-//! differs; what the crate's own filters make of the same set-up is measured beside it.
+//! the axes (the wider, the longer the ellipse), widths are those along s and t, cubics are B-splines, and the levels of the
+//! files are sharper than means. The renders are reproduced with these rules from this crate's look-ups in the single
+//! levels, which shows that nothing else differs; what the crate's own filters make of the same set-up is measured beside it.
 
 use std::fs::File;
 use std::io::BufReader;
@@ -77,8 +77,9 @@ impl Levels {
         let half = major - minor;
         let (mut sum, mut total) = (Vec3::ZERO, 0.0);
         for probe in 0..probes {
-            let along = (2.0 * (probe as f32 + 0.5) / probes as f32 - 1.0) * half;
-            let weight = (-2.0 * (along / major).powi(2)).exp();
+            let place = 2.0 * (probe as f32 + 0.5) / probes as f32 - 1.0;
+            let along = place * half;
+            let weight = if probes == 1 { 1.0 } else { (-2.0 * (0.5 * place * major / half).powi(2)).exp() };
             sum += weight * self.blended(minor * self.side(), |level| look_up(level, direction * along));
             total += weight;
         }
@@ -149,16 +150,17 @@ fn difference(reference: &Image, hard: f32, mut pixel: impl FnMut(u32, u32) -> V
 fn oblique_views_are_reproduced() {
     let Some(folder) = data_folder("conformance/oiio") else { return };
     let levels = Levels::open(&folder.join("grid.tx"));
+    // The suite allows 2 % of nearest look-ups, where a rounding chooses another texel, and nothing else.
     for (name, filter, hard, most) in [
-        ("texture-interp-closest.tif", Filter::Nearest, 0.032, 0.035),
-        ("texture-interp-bilinear.tif", Filter::Bilinear, 0.02, 0.035),
+        ("texture-interp-closest.tif", Filter::Nearest, 0.032, 0.02),
+        ("texture-interp-bilinear.tif", Filter::Bilinear, 0.02, 0.0001),
     ] {
         let (over, rms) = difference(&load(&folder, name), hard, |x, y| {
             let (uv, steps) = warped(x, y);
             levels.probed(steps, |level, along| levels.look_up(level, uv + along, filter, Wrap::Repeat))
         });
         eprintln!("{name}: {:.2} % of the pixels off by more than {hard}, rms {rms:.4}", 100.0 * over);
-        assert!(over < most && rms < 0.012, "{name}: {over}, {rms}");
+        assert!(over < most && rms < 0.005, "{name}: {over}, {rms}");
     }
     let name = "texture-mip-trilinear.tif";
     let (over, rms) = difference(&load(&folder, name), 0.02, |x, y| {
@@ -230,7 +232,8 @@ fn skinny_textures_are_reproduced() {
         rgb(levels.0[0].sample(uv, steps, &options))
     });
     eprintln!("  by Anisotropic: {:.2} %, rms {own_rms:.4}", 100.0 * own_over);
-    assert!(over < 0.08 && rms < 0.011, "{over}, {rms}");
+    // What is left lies at the horizon, beyond 32 probes' worth of anisotropy.
+    assert!(over < 0.0005 && rms < 0.001, "{over}, {rms}");
     assert!(own_rms < 0.12, "{own_rms}");
 }
 
