@@ -2,8 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "tests may unwrap")]
 
-use fantex_texture::{DetailCoverage, DetailError, DetailPlane, DetailPolygon, SurfaceDetail};
-use glam::{Vec2, Vec3};
+use fantex_texture::coordinates::{Coordinates, TextureMatrix};
+use fantex_texture::look::Slot;
+use fantex_texture::{
+    DetailCoverage, DetailError, DetailPlane, DetailPolygon, Filtering, PolygonsTexture, ShadingPoint,
+    SurfaceDetail, Texture, UvPoint,
+};
+use glam::{Vec2, Vec3, Vec4};
 
 fn rectangle(low: [f32; 2], high: [f32; 2]) -> Vec<Vec2> {
     vec![Vec2::from(low), Vec2::new(high[0], low[1]), Vec2::from(high), Vec2::new(low[0], high[1])]
@@ -190,6 +195,52 @@ fn planes_of_triangles_keep_lengths() {
     assert!((footprint[0] - Vec2::new(0.5, 0.0)).length() < 1e-6);
     assert!((footprint[1] - Vec2::new(0.0, 0.25)).length() < 1e-6);
     assert!(DetailPlane::of_triangle([Vec3::ZERO, Vec3::X, Vec3::X * 2.0]).is_none());
+}
+
+/// What a texture of polygons shows at texture coordinates.
+fn seen(texture: &PolygonsTexture, uv: [f32; 2], steps: [Vec2; 2]) -> Vec4 {
+    texture.evaluate(&ShadingPoint {
+        position: Vec3::ZERO,
+        position_steps: [Vec3::ZERO; 2],
+        normal: Vec3::Y,
+        normal_steps: [Vec3::ZERO; 2],
+        uv: &[UvPoint { uv: uv.into(), steps }],
+        vertex_color: Vec4::ONE,
+        to_eye: None,
+        time: 0.0,
+        filtering: Filtering::Own,
+    })
+}
+
+#[test]
+fn polygons_are_a_texture_that_keeps_its_mean() {
+    let place = || (Coordinates::default(), TextureMatrix::default());
+    // A red quarter, and a half-transparent white square that hangs over into the next unit square.
+    let polygons = [
+        polygon(rectangle([0.0, 0.0], [0.5, 0.5]), 0, 0),
+        polygon(rectangle([0.75, 0.5], [1.25, 1.0]), 1, 0),
+    ];
+    let colors = || vec![Slot::color(Vec3::X), Slot::Constant(Vec4::new(1.0, 1.0, 1.0, 0.5))];
+    let base = || Slot::color(Vec3::Z);
+    let once = PolygonsTexture::new(&polygons, colors(), base(), place(), false).unwrap();
+    let point = [Vec2::ZERO; 2];
+    assert_eq!(seen(&once, [0.2, 0.2], point), Vec4::new(1.0, 0.0, 0.0, 1.0));
+    assert_eq!(seen(&once, [1.2, 0.2], point), Vec4::new(0.0, 0.0, 1.0, 1.0));
+    assert_eq!(seen(&once, [0.9, 0.7], point).w, 0.5);
+    let again = PolygonsTexture::new(&polygons, colors(), base(), place(), true).unwrap();
+    for cell in [[0.0, 0.0], [1.0, 0.0], [-7.0, 3.0]] {
+        let at = |u: f32, v: f32| seen(&again, [cell[0] + u, cell[1] + v], point);
+        assert_eq!(at(0.2, 0.2), Vec4::new(1.0, 0.0, 0.0, 1.0));
+        assert_eq!(at(0.1, 0.7), at(0.9, 0.7), "what hangs over");
+        assert_eq!(at(0.6, 0.2), Vec4::new(0.0, 0.0, 1.0, 1.0));
+    }
+    // A footprint as large as the square, wherever it lies, and a larger one: a quarter red, a quarter half-transparent.
+    let alpha = 0.75 + 0.25 * 0.5;
+    let mean = Vec4::new((0.25 + 0.125) / alpha, 0.125 / alpha, (0.5 + 0.125) / alpha, alpha);
+    for (uv, size) in [([0.5, 0.5], 1.0), ([0.3, 0.8], 1.0), ([0.1, 0.1], 40.0), ([0.1, 0.1], f32::NAN)] {
+        let color = seen(&again, uv, [Vec2::X * size, Vec2::Y * size]);
+        assert!((color - mean).abs().max_element() < 1e-5, "{uv:?} {size}: {color} instead of {mean}");
+    }
 }
 
 #[test]

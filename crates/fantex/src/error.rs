@@ -47,6 +47,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     LookBake(#[from] look_scene::LookBakeError),
     #[error(transparent)]
+    Transfer(#[from] bake::TransferError),
+    #[error(transparent)]
     NoVertexColors(#[from] bake::NoVertexColors),
     #[error("cannot start the threads that were asked for: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
@@ -145,8 +147,8 @@ pub(crate) enum CliError {
     NotForAssets { option: &'static str, path: PathBuf },
     #[error("{} is a look, which has its lamps and surroundings itself; leave {option} out", path.display())]
     NotForLooks { option: &'static str, path: PathBuf },
-    #[error("a look is baked by 'fantex bake'; give another source here")]
-    LookAsSource,
+    #[error("looks and other models are baked by 'fantex bake'; give another source here")]
+    OnlyBaked,
     #[error("--match takes the density of textures, and {source_name} has none; give --texels or --density")]
     NothingToMatch { source_name: String },
     #[error(
@@ -173,7 +175,7 @@ impl CliError {
             | Self::NoTextures { .. }
             | Self::NotForAssets { .. }
             | Self::NotForLooks { .. }
-            | Self::LookAsSource
+            | Self::OnlyBaked
             | Self::TexelsOfModel { .. }
             | Self::WhichPicture { .. }
             | Self::Export(

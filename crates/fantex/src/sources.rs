@@ -5,7 +5,10 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
 
-use fantex::bake::{MappedImageSource, SolidSource, Source, UvSource, VertexColorSource, WorldSpace};
+use fantex::bake::{
+    MappedImageSource, SolidSource, Source, TransferOptions, TransferSource, UvSource, VertexColorSource,
+    WorldSpace,
+};
 use fantex::mesh::{Material, Mesh};
 use fantex::texture::{
     Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
@@ -13,7 +16,9 @@ use fantex::texture::{
 
 use glam::{Vec3, Vec4};
 
+use crate::context::Context;
 use crate::error::CliError;
+use crate::input::CleanModel;
 
 /// The value of `--source`.
 #[derive(Clone, Debug, PartialEq)]
@@ -33,13 +38,24 @@ pub(crate) enum SourceArg {
     Solid(String),
     /// A look's materials.
     Look(PathBuf),
+    /// Another model's look and shape.
+    Mesh {
+        /// The model file.
+        path: PathBuf,
+        /// How far its surface is looked for, world units; measured where it is not given.
+        cage: Option<f64>,
+    },
 }
 
 /// Why a text is no source.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum SourceArgError {
-    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME or look=PATH")]
+    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME, mesh=PATH or look=PATH")]
     Syntax,
+    #[error(
+        "another model needs a path, and its cage is a length above 0 in world units: mesh=PATH or mesh=PATH,cage=0.05"
+    )]
+    MeshSyntax,
     #[error("an image needs a path and a mapping: image=PATH,mapping=planar|box|cylinder|sphere|triplanar")]
     ImageSyntax,
     #[error(transparent)]
@@ -58,6 +74,19 @@ impl FromStr for SourceArg {
             Some(("solid", name)) if SOLID_NAMES.contains(&name) => Ok(Self::Solid(name.to_owned())),
             Some(("solid", name)) => Err(UnknownSolid { name: name.to_owned() }.into()),
             Some(("look", path)) if !path.is_empty() => Ok(Self::Look(path.into())),
+            Some(("mesh", rest)) => {
+                let (path, cage) = match rest.rsplit_once(",cage=") {
+                    None => (rest, None),
+                    Some((path, cage)) => {
+                        let cage = cage.parse().ok().filter(|cage: &f64| cage.is_finite() && *cage > 0.0);
+                        (path, Some(cage.ok_or(SourceArgError::MeshSyntax)?))
+                    }
+                };
+                if path.is_empty() {
+                    return Err(SourceArgError::MeshSyntax);
+                }
+                Ok(Self::Mesh { path: path.into(), cage })
+            }
             Some(("image", rest)) => {
                 // A path may hold commas, the mapping's name does not.
                 let (path, mapping) = rest.rsplit_once(",mapping=").ok_or(SourceArgError::ImageSyntax)?;
@@ -79,6 +108,8 @@ impl fmt::Display for SourceArg {
             Self::Image { path, mapping } => write!(f, "image={},mapping={}", path.display(), mapping.name()),
             Self::Solid(name) => write!(f, "solid={name}"),
             Self::Look(path) => write!(f, "look={}", path.display()),
+            Self::Mesh { path, cage: None } => write!(f, "mesh={}", path.display()),
+            Self::Mesh { path, cage: Some(cage) } => write!(f, "mesh={},cage={cage}", path.display()),
         }
     }
 }
@@ -96,6 +127,42 @@ impl SourceArg {
     }
 }
 
+/// Another model whose look and shape a source takes over.
+#[derive(Debug)]
+pub(crate) struct DetailedModel {
+    model: CleanModel,
+    path: PathBuf,
+    cage: Option<f64>,
+}
+
+impl DetailedModel {
+    /// Reads the model that a source names, if it names one.
+    pub(crate) fn of(arg: &SourceArg, context: &Context) -> Result<Option<Self>, CliError> {
+        let SourceArg::Mesh { path, cage } = arg else { return Ok(None) };
+        let model = CleanModel::open(path)?;
+        model.show_notes(path, context);
+        Ok(Some(Self { model, path: path.clone(), cage: *cage }))
+    }
+
+    /// Its own textures or vertex colours; nothing where it has only its shape.
+    pub(crate) fn colors(&self, seed: u64) -> Result<Option<OpenSource<'_>>, CliError> {
+        match SourceArg::default_of(&self.model.mesh, &self.path) {
+            Ok(arg) => OpenSource::open(&arg, &self.model.mesh, &self.path, seed).map(Some),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// As a source for `coarse`: shape and, where there are any, colours.
+    pub(crate) fn onto<'a>(
+        &'a self,
+        coarse: &'a Mesh,
+        colors: Option<&'a dyn Source>,
+    ) -> Result<TransferSource<'a>, CliError> {
+        let options = TransferOptions { cage: self.cage, ..TransferOptions::default() };
+        Ok(TransferSource::new(coarse, &self.model.mesh, colors, &options)?)
+    }
+}
+
 /// A source ready to be baked.
 pub(crate) enum OpenSource<'a> {
     Uv(UvSource<'a>),
@@ -108,7 +175,7 @@ impl<'a> OpenSource<'a> {
     /// Reads what the source needs. `path` is the model's, for messages.
     pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
         match arg {
-            SourceArg::Look(_) => Err(CliError::LookAsSource),
+            SourceArg::Look(_) | SourceArg::Mesh { .. } => Err(CliError::OnlyBaked),
             SourceArg::Uv if !has_materials(mesh) => Err(CliError::NoTextures { path: path.into() }),
             SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
             SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
@@ -179,7 +246,15 @@ mod tests {
 
     #[test]
     fn sources_parse_and_print_alike() {
-        for text in ["uv", "vertex", "image=a,b=c.png,mapping=sphere", "solid=wood", "look=a/b.toml"] {
+        for text in [
+            "uv",
+            "vertex",
+            "image=a,b=c.png,mapping=sphere",
+            "solid=wood",
+            "look=a/b.toml",
+            "mesh=a,b.ply",
+            "mesh=a.ply,cage=0.25",
+        ] {
             assert_eq!(text.parse::<SourceArg>().unwrap().to_string(), text);
         }
     }
@@ -192,5 +267,7 @@ mod tests {
         assert!(message("image=a.png").contains("mapping="));
         assert!(message("image=,mapping=box").contains("needs a path"));
         assert!(message("uvs").contains("expected uv"));
+        assert!(message("mesh=").contains("needs a path"));
+        assert!(message("mesh=a.ply,cage=-1").contains("length above 0"));
     }
 }

@@ -1,6 +1,5 @@
 //! The sources that come with fantex.
 
-mod detail;
 mod lit;
 mod look;
 mod mapped_image;
@@ -10,7 +9,6 @@ mod space;
 mod uv;
 mod vertex_color;
 
-pub use detail::{DetailPlacement, DetailSource, DetailSourceError};
 pub use lit::LitSource;
 pub use look::{LookSource, LookSourceError, baked_materials};
 pub use mapped_image::MappedImageSource;

@@ -49,6 +49,8 @@ pub enum TextureTable {
     Ramp(RampTable),
     /// Lines where a number passes multiples of a step.
     Contours(ContoursTable),
+    /// Polygons in the plane of the coordinates, sharp at any distance: windows on a wall, letters on a sign.
+    Polygons(PolygonsTable),
     /// Two textures by a mode of the fixed-function pipeline.
     Combine(CombineTable),
     /// Textures one over the other, with masks.
@@ -241,6 +243,35 @@ table! {
         pub color: Input = Input::Color(Color::BLACK),
         /// What is between them.
         pub over: Input = Input::Color(Color::WHITE),
+    }
+
+    /// Polygons.
+    #[schemars(extend("required" = ["polygons"]))]
+    pub struct PolygonsTable {
+        /// The polygons; later ones cover earlier ones of the same priority.
+        #[schemars(length(min = 1, max = 100_000))]
+        pub polygons: Vec<PolygonTable> = Vec::new(),
+        /// What is seen between them.
+        pub base: Input = Input::Color(Color::Linear([0.0; 4])),
+        /// Whether they come again in every unit square of the coordinates.
+        pub repeat: bool = false,
+        /// Where they lie.
+        pub coordinates: CoordinatesTable = CoordinatesTable::default(),
+        /// Map of the coordinates before that.
+        pub matrix: MatrixTable = MatrixTable::default(),
+    }
+
+    /// A polygon.
+    #[schemars(extend("required" = ["outlines"]))]
+    pub struct PolygonTable {
+        /// Closed outlines, each a list of corners `[u, v]`: the polygon is what lies inside an odd number of them, so that
+        /// holes are outlines, too. They must not cross.
+        #[schemars(length(min = 1, max = 10_000))]
+        pub outlines: Vec<Vec<[f64; 2]>> = Vec::new(),
+        /// Its colour.
+        pub color: Input = Input::Color(Color::WHITE),
+        /// Polygons of higher priority cover those of lower.
+        pub priority: i32 = 0,
     }
 
     /// Texture `T` and what it meets, `F`.

@@ -9,10 +9,12 @@
 //!  uv, footprint --> parallelogram --carve out each piece that lies in it--> share of each polygon; the rest: base
 //! ```
 //!
-//! A [`SurfaceDetail`] lives in a plane: in the plane of a face ([`DetailPlane`]), or in that of texture coordinates.
+//! A [`SurfaceDetail`] lives in a plane: in the plane of a face ([`DetailPlane`]), or in that of texture coordinates. As a
+//! texture among others it is a [`PolygonsTexture`].
 
 mod clip;
 mod grid;
+mod texture;
 mod trapezoids;
 
 use glam::{DVec2, Vec2, Vec3};
@@ -20,6 +22,8 @@ use glam::{DVec2, Vec2, Vec3};
 use self::clip::{Convex, area, carve};
 use self::grid::{Grid, bounds};
 use self::trapezoids::{Piece, trapezoids};
+
+pub use self::texture::PolygonsTexture;
 
 /// A polygon on the base.
 #[derive(Clone, Debug, Default, PartialEq)]

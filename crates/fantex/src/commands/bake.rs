@@ -19,7 +19,7 @@ use crate::error::CliError;
 use crate::input::CleanModel;
 use crate::memory;
 use crate::size::{grouped, megabytes};
-use crate::sources::{OpenSource, SourceArg};
+use crate::sources::{DetailedModel, OpenSource, SourceArg};
 
 /// Bake a model and a source of colour into one seamless asset.
 #[derive(Args, Debug)]
@@ -29,6 +29,10 @@ Example:
   fantex bake statue.ply -o statue.fan --source solid=marble --texels 64M
   fantex bake globe.obj -o globe.fan --source image=earth.jpg,mapping=sphere --density 200
   fantex bake chair.glb -o chair.fan --look oak.toml
+  fantex bake coarse.obj -o coarse.fan --source mesh=scan.ply,cage=0.02
+
+Another model (mesh=PATH) gives its textures or vertex colours and its normals: every point of the model looks for its surface
+along the smooth normal, outwards and inwards, not farther than the cage, which is measured where it is not given.
 
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
 density unless --texels or --density says otherwise; other sources get 4M texels.")]
@@ -38,8 +42,8 @@ pub(crate) struct BakeArgs {
     /// The asset to write
     #[arg(short, long, value_name = "ASSET")]
     output: PathBuf,
-    /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=wood|marble|rock|landscape, or
-    /// look=PATH
+    /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH]
+    /// or look=PATH; solids are wood, marble, rock, granite, clouds, checker, brick and landscape
     #[arg(long)]
     source: Option<SourceArg>,
     /// A look (.toml), whose materials are baked: short for --source look=PATH
@@ -190,11 +194,12 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
         _ => None,
     };
     let mesh = &model.mesh;
-    let source = match &look {
-        Some(_) => None,
-        None => Some(OpenSource::open(&source_arg, mesh, &args.model, context.seed)?),
+    let detailed = DetailedModel::of(&source_arg, context)?;
+    let own = match (&look, &detailed) {
+        (None, None) => Some(OpenSource::open(&source_arg, mesh, &args.model, context.seed)?),
+        _ => None,
     };
-    let budget = budget(args, &source_arg, source.as_ref(), &model)?;
+    let budget = budget(args, &source_arg, own.as_ref(), &model)?;
     let job = BakeJob {
         mesh,
         budget,
@@ -205,12 +210,32 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
         started,
         load_seconds: model.load_seconds + model.clean_seconds,
     };
-    let info = match (&look, &source) {
-        (Some(look), _) => look.with_source(mesh, |source: &dyn Source| job.run(source, context))??,
-        (None, Some(source)) => job.run(source.as_source(), context)?,
-        (None, None) => return Err(CliError::NothingToBake { path: args.model.clone() }),
+    let info = match (&look, &detailed, &own) {
+        (Some(look), _, _) => look.with_source(mesh, |source: &dyn Source| job.run(source, context))??,
+        (None, Some(detailed), _) => transfer(detailed, job, context)?,
+        (None, None, Some(source)) => job.run(source.as_source(), context)?,
+        (None, None, None) => return Err(CliError::NothingToBake { path: args.model.clone() }),
     };
     context.print(&info, text)
+}
+
+/// Bakes another model's look and shape, and says how well the two fit.
+fn transfer(detailed: &DetailedModel, job: BakeJob, context: &Context) -> Result<BakeInfo, CliError> {
+    let colors = detailed.colors(context.seed)?;
+    let source = detailed.onto(job.mesh, colors.as_ref().map(OpenSource::as_source))?;
+    let name = job.source_name.clone();
+    let info = job.run(&source, context)?;
+    let report = source.report();
+    // Single points at rims say nothing.
+    if report.missed > report.points / 1000 {
+        context.note(format!(
+            "{name}: {:.1} % of the points found nothing within the cage of {:.4} world units along their normal and took the \
+             nearest point; where that is wrong, give a longer cage",
+            100.0 * report.missed as f64 / report.points as f64,
+            report.cage
+        ));
+    }
+    Ok(info)
 }
 
 /// A mesh, and how it becomes an asset.

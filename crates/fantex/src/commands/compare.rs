@@ -3,13 +3,19 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use fantex::look::LookFile;
+use fantex::look_scene::{GivenModel, LookScene, PictureChanges, Wardrobe};
 use fantex::mesh::Mesh;
-use fantex::render::{Camera, RenderOptions, Surface};
+use fantex::render::{Background, Camera, RenderOptions, Surface};
+use fantex::texture::Image;
 use fantex::texture::compare::{Comparison, compare, difference_picture};
+use fantex::texture::look::{LookImages, ResolveOptions};
 use serde::Serialize;
 
+use crate::commands::render_look::{filter_of, show_damaged_tiles};
 use crate::context::Context;
 use crate::error::CliError;
+use crate::input::is_look;
 use crate::scene::{FilterArg, Scene, SizeArg, aspect, photograph};
 use crate::table::columns;
 
@@ -19,11 +25,13 @@ use crate::table::columns;
 Example:
   fantex compare bottle.gltf bottle.fan
   fantex compare bottle.gltf bottle.fan --views 8 -o out/bottle
+  fantex compare oak.toml chair.fan
 
-The cameras stand around the first file's model. PSNR, SSIM and FLIP are those of the sRGB pictures; FLIP is 0 for
+The cameras stand around the first file's model. A look brings its own lamps and dresses the other file's model where it
+names none; its background is left out. PSNR, SSIM and FLIP are those of the sRGB pictures; FLIP is 0 for
 equal pictures. Difference pictures show the absolute difference, sixteen times enlarged.")]
 pub(crate) struct CompareArgs {
-    /// The reference: a model or an asset
+    /// The reference: a model, an asset or a look
     a: PathBuf,
     /// What is compared with it
     b: PathBuf,
@@ -78,30 +86,133 @@ pub(crate) struct Subject<'a> {
     pub(crate) surface: &'a dyn Surface,
 }
 
+/// Something that pictures are taken of.
+trait Sitter {
+    /// The picture, linear light.
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError>;
+}
+
+impl Sitter for Subject<'_> {
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError> {
+        Ok(photograph(self.mesh, self.surface, camera, options)?.picture.to_linear_image())
+    }
+}
+
+impl Sitter for LookScene<'_> {
+    /// Size and samples have been given to the scene.
+    fn picture(&self, camera: &Camera, _: &RenderOptions) -> Result<Image, CliError> {
+        let time = self.times().first().copied().unwrap_or(0.0);
+        Ok(self.render_from(camera, time)?.picture.to_linear_image())
+    }
+}
+
+/// A file, open.
+enum Opened {
+    Scene(Scene),
+    Look(LookFile),
+}
+
+impl Opened {
+    fn open(path: &Path, context: &Context) -> Result<Self, CliError> {
+        if is_look(path) {
+            Ok(Self::Look(LookFile::read(path)?))
+        } else {
+            Ok(Self::Scene(Scene::open(path, context)?))
+        }
+    }
+
+    /// What a look dresses that names no model.
+    fn model(&self, path: &Path) -> Option<GivenModel> {
+        match self {
+            Self::Scene(scene) => Some(GivenModel { path: path.into(), mesh: scene.mesh().clone() }),
+            Self::Look(_) => None,
+        }
+    }
+}
+
+/// A file, ready for its pictures.
+enum Prepared<'a> {
+    Scene { scene: &'a Scene, surface: Box<dyn Surface + 'a> },
+    Look(Box<LookScene<'a>>),
+}
+
+impl<'a> Prepared<'a> {
+    /// `other`: the file that it is compared with, and its path.
+    fn new(
+        file: &'a Opened,
+        other: (&Opened, &Path),
+        images: &'a LookImages,
+        args: &CompareArgs,
+        context: &Context,
+    ) -> Result<Self, CliError> {
+        let file = match file {
+            Opened::Scene(scene) => {
+                return Ok(Self::Scene { scene, surface: scene.surface(args.filter.options())? });
+            }
+            Opened::Look(file) => file,
+        };
+        let filter = Some(filter_of(args.filter));
+        let wardrobe =
+            Wardrobe { file, images, options: ResolveOptions { filter, ..context.resolve_options() } };
+        let changes = PictureChanges {
+            size: Some(args.size.0),
+            samples: Some(args.samples),
+            filter,
+            background: Some(Background::default()),
+            ..PictureChanges::default()
+        };
+        let given = other.0.model(other.1);
+        Ok(Self::Look(Box::new(LookScene::new(wardrobe, given.as_ref(), changes)?)))
+    }
+
+    fn orbit(&self, args: &CompareArgs, aspect: f64) -> Result<Vec<Camera>, CliError> {
+        match self {
+            Self::Scene { scene, .. } => Ok(Camera::orbit(scene.mesh(), args.views as usize, aspect)),
+            Self::Look(look) => Ok(look.orbit(args.views as usize, aspect)?),
+        }
+    }
+
+    fn show_damage(&self, context: &Context) {
+        match self {
+            Self::Scene { scene, .. } => scene.show_damage(context),
+            Self::Look(look) => show_damaged_tiles(look, context),
+        }
+    }
+}
+
+impl Sitter for Prepared<'_> {
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError> {
+        match self {
+            Self::Scene { scene, surface } => {
+                Subject { mesh: scene.mesh(), surface: surface.as_ref() }.picture(camera, options)
+            }
+            Self::Look(look) => look.picture(camera, options),
+        }
+    }
+}
+
 /// Runs the command.
 pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<(), CliError> {
-    let scenes = [Scene::open(&args.a, context)?, Scene::open(&args.b, context)?];
-    let [a, b] = [scenes[0].surface(args.filter.options())?, scenes[1].surface(args.filter.options())?];
+    let files = [Opened::open(&args.a, context)?, Opened::open(&args.b, context)?];
+    let images = LookImages::default();
+    let a = Prepared::new(&files[0], (&files[1], &args.b), &images, args, context)?;
+    let b = Prepared::new(&files[1], (&files[0], &args.a), &images, args, context)?;
     let [width, height] = args.size.0;
     let options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
     if let Some(folder) = &args.output {
         context.make_folder(folder)?;
     }
-    let subjects = [
-        Subject { mesh: scenes[0].mesh(), surface: a.as_ref() },
-        Subject { mesh: scenes[1].mesh(), surface: b.as_ref() },
-    ];
-    let cameras = Camera::orbit(scenes[0].mesh(), args.views as usize, aspect(&options));
+    let cameras = a.orbit(args, aspect(&options))?;
     let mut views = Vec::new();
     for (i, camera) in cameras.iter().enumerate() {
         let files = args.output.as_ref().map(|folder| ViewFiles::new(folder, i + 1));
         if let Some(files) = &files {
             files.check(context)?;
         }
-        views.push(compare_view(subjects, camera, &options, files, context)?);
+        views.push(compare_view([&a, &b], camera, &options, files, context)?);
         context.check_interrupt()?;
     }
-    scenes.iter().for_each(|scene| scene.show_damage(context));
+    [&a, &b].into_iter().for_each(|file| file.show_damage(context));
     let info = CompareInfo {
         psnr_db: MeanMin {
             mean: finite(views.iter().map(|(c, _)| c.psnr_db).sum::<f64>() / views.len() as f64),
@@ -143,14 +254,14 @@ impl ViewFiles {
 
 /// Renders both from a camera; returns the measures and the pictures written.
 fn compare_view(
-    [a, b]: [Subject; 2],
+    [a, b]: [&dyn Sitter; 2],
     camera: &Camera,
     options: &RenderOptions,
     files: Option<ViewFiles>,
     context: &Context,
 ) -> Result<(Comparison, Vec<PathBuf>), CliError> {
-    let reference = photograph(a.mesh, a.surface, camera, options)?.picture.to_linear_image();
-    let test = photograph(b.mesh, b.surface, camera, options)?.picture.to_linear_image();
+    let reference = a.picture(camera, options)?;
+    let test = b.picture(camera, options)?;
     let comparison = compare(&reference, &test)?;
     let Some(files) = files else { return Ok((comparison, Vec::new())) };
     let difference = difference_picture(&reference, &test, GAIN)?;
@@ -170,7 +281,8 @@ pub(crate) fn mean_psnr_db(
 ) -> Result<f64, CliError> {
     let mut sum = 0.0;
     for camera in cameras {
-        sum += compare_view(subjects, camera, options, None, context)?.0.psnr_db;
+        let [a, b] = &subjects;
+        sum += compare_view([a, b], camera, options, None, context)?.0.psnr_db;
         context.check_interrupt()?;
     }
     Ok(sum / cameras.len() as f64)

@@ -61,11 +61,16 @@ pub(crate) fn run(
         info.pictures.push(path);
         context.check_interrupt()?;
     }
+    show_damaged_tiles(&scene, context);
+    context.print(&info, text)
+}
+
+/// Tells the user about tiles of assets that could not be read, after they were looked at.
+pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) {
     match scene.damaged_tiles() {
         0 => {}
         count => context.note(format!("{count} damaged tiles were replaced by coarser ones")),
     }
-    context.print(&info, text)
 }
 
 fn given_model(path: &Path, context: &Context) -> Result<GivenModel, CliError> {
@@ -82,10 +87,11 @@ fn changes(args: &RenderArgs) -> PictureChanges {
         eye: args.eye.map(|v| v.0),
         target: args.target.map(|v| v.0),
         fov_degrees: args.fov,
+        background: None,
     }
 }
 
-fn filter_of(filter: crate::scene::FilterArg) -> Filter {
+pub(crate) fn filter_of(filter: crate::scene::FilterArg) -> Filter {
     filter.options().filter
 }
 

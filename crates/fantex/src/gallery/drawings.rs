@@ -8,8 +8,7 @@ use fantex::bake::{
     Source, SourceReflector, UvSource, bake, sample_finest,
 };
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
-use fantex::mesh::generate::cube;
-use fantex::mesh::{CleanOptions, Mesh, clean};
+use fantex::mesh::Mesh;
 use fantex::render::{
     Bounds, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
     Shading, Surface, render,
@@ -19,10 +18,8 @@ use fantex::texture::environment::{EnvironmentForm, EnvironmentLayout, Environme
 use fantex::texture::warp::{
     AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
 };
-use fantex::texture::{
-    ColorSpace, Depth, DetailPlane, DetailPolygon, Image, ImageTexture, SampleOptions, SurfaceDetail, Wrap,
-};
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use fantex::texture::{ColorSpace, Depth, Image, ImageTexture, SampleOptions, Wrap};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::image_of;
 use crate::context::Context;
@@ -48,7 +45,6 @@ pub(super) fn by_name(name: &str) -> Option<fn(&Studio<'_>) -> Drawn> {
         "warps" => Some(warps),
         "environments" => Some(environments),
         "light-map" => Some(light_map),
-        "details" => Some(details),
         _ => None,
     }
 }
@@ -229,62 +225,4 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
         drawn.push((caption.to_owned(), image_of(&picture)));
     }
     Ok(drawn)
-}
-
-/// A house of a few polygons, and with windows and a door attached to its walls.
-fn details(studio: &Studio<'_>) -> Drawn {
-    let (mesh, _) = clean(cube(1), &CleanOptions::default())?;
-    let detail = SurfaceDetail::new(&house_front())?;
-    let options = studio.options([480, 360]);
-    let camera = Camera::framing_mesh(&mesh, DVec3::new(0.6, 0.35, 1.0), 4.0 / 3.0);
-    let lights = Lights::behind(&camera);
-    let picture = |has_detail: bool| -> Result<Image, CliError> {
-        let surface = FlatSurface::new(&mesh, FlatShading::Faceted, |hit| {
-            let corners = mesh.triangle_positions(hit.triangle);
-            let [a, b, c] = corners;
-            let normal = (b - a).cross(c - a).normalize_or(Vec3::Y);
-            if normal.y.abs() > 0.5 || !has_detail {
-                return WALL;
-            }
-            let wall = DetailPlane { origin: Vec3::ZERO, axes: [Vec3::Y.cross(normal), Vec3::Y] };
-            let along = |l: Vec3| a * l.x + b * l.y + c * l.z;
-            let footprint = wall.footprint([along(hit.dlambda_dx), along(hit.dlambda_dy)]);
-            let coverage = detail.coverage(wall.uv(along(hit.lambda)), footprint);
-            coverage.mean(|material| material.map_or(WALL, |m| DETAIL_COLORS[m as usize]))
-        });
-        Ok(image_of(&render(&mesh, &surface, &camera, &lights, &options)?.picture))
-    };
-    Ok(vec![
-        ("base polygons".to_owned(), picture(false)?),
-        ("with attached polygons".to_owned(), picture(true)?),
-    ])
-}
-
-/// Linear colours of the house: its walls, and frames, panes and the door.
-const WALL: Vec3 = Vec3::new(0.55, 0.42, 0.28);
-const DETAIL_COLORS: [Vec3; 3] =
-    [Vec3::new(0.75, 0.75, 0.72), Vec3::new(0.05, 0.08, 0.12), Vec3::new(0.18, 0.06, 0.02)];
-
-/// Windows with frames, and a door, on a wall from -1 to 1.
-fn house_front() -> Vec<DetailPolygon> {
-    let rectangle = |[x, y]: [f32; 2], [w, h]: [f32; 2], material: u32, priority: i32| DetailPolygon {
-        outlines: vec![vec![
-            Vec2::new(x, y),
-            Vec2::new(x + w, y),
-            Vec2::new(x + w, y + h),
-            Vec2::new(x, y + h),
-        ]],
-        material,
-        priority,
-    };
-    let mut polygons = vec![rectangle([-0.14, -1.0], [0.28, 0.5], 2, 1)];
-    for (column, row) in (0..4).flat_map(|column| (0..3).map(move |row| (column, row))) {
-        let corner = [-0.82 + 0.46 * column as f32, -0.35 + 0.45 * row as f32];
-        polygons.push(rectangle(corner, [0.26, 0.32], 0, 0));
-        for (right, up) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let pane = [corner[0] + 0.02 + 0.12 * right as f32, corner[1] + 0.02 + 0.15 * up as f32];
-            polygons.push(rectangle(pane, [0.1, 0.13], 1, 1));
-        }
-    }
-    polygons
 }

@@ -15,6 +15,7 @@ use fantex_texture::Texture;
 use fantex_texture::look::{LookMaterial, Resolver, Slot, linear_rgb};
 use glam::{DVec3, Vec3};
 
+use super::displaced::displaced;
 use super::lights::environment_light;
 use super::{Dress, Wardrobe};
 
@@ -56,14 +57,17 @@ pub enum LookBakeError {
 }
 
 impl LookBake {
-    /// Dresses a model for a bake. Its materials are replaced by those that the asset needs beside its tiles.
+    /// Dresses a model for a bake. Displacements become its geometry; its materials are replaced by those that the asset needs
+    /// beside its tiles.
     ///
     /// # Errors
     ///
     /// A texture cannot be made, or the look does not say which material the model wears.
     pub fn new(wardrobe: &Wardrobe<'_>, mesh: &mut Mesh, model: &Path) -> Result<Self, LookError> {
         let bake = &wardrobe.file.look().bake;
-        let Dress { mut materials, .. } = wardrobe.dress(mesh, model, wardrobe.model_object())?;
+        let dress = wardrobe.dress(mesh, model, wardrobe.model_object())?;
+        *mesh = displaced(wardrobe, std::mem::take(mesh), &dress)?;
+        let Dress { mut materials, .. } = dress;
         if let Some(name) = &bake.texture {
             let mut resolver = Resolver::new(wardrobe.file, mesh, wardrobe.images, wardrobe.options);
             let texture = resolver.texture(&name.0)?;

@@ -32,6 +32,8 @@ pub struct PictureChanges {
     pub target: Option<DVec3>,
     /// Vertical opening angle in degrees.
     pub fov_degrees: Option<f64>,
+    /// What is seen behind everything.
+    pub background: Option<Background>,
 }
 
 /// A look with all that it shows.
@@ -82,6 +84,35 @@ impl<'a> LookScene<'a> {
     ///
     /// The renderer refuses: a camera without direction, objects that are flattened.
     pub fn render(&self, time: f32) -> Result<Rendering, LookSceneError> {
+        self.with_scene(time, |scene| {
+            let options = self.options(time);
+            self.render_scene(scene, &self.camera(scene, &options), options)
+        })
+    }
+
+    /// The picture at a time in seconds from a camera other than the look's.
+    ///
+    /// # Errors
+    ///
+    /// As those of [`render`](Self::render).
+    pub fn render_from(&self, camera: &Camera, time: f32) -> Result<Rendering, LookSceneError> {
+        self.with_scene(time, |scene| self.render_scene(scene, camera, self.options(time)))
+    }
+
+    /// Cameras that stand evenly around the whole scene, as those of [`Camera::orbit`]. `aspect` is width / height.
+    ///
+    /// # Errors
+    ///
+    /// Objects are flattened.
+    pub fn orbit(&self, count: usize, aspect: f64) -> Result<Vec<Camera>, LookSceneError> {
+        self.with_scene(0.0, |scene| Ok(Camera::orbit(scene.mesh(), count, aspect)))
+    }
+
+    fn with_scene<R>(
+        &self,
+        time: f32,
+        then: impl FnOnce(&Scene<'_>) -> Result<R, LookSceneError>,
+    ) -> Result<R, LookSceneError> {
         let filter = FilterOptions {
             filter: self.changes.filter.unwrap_or(Filter::Anisotropic),
             ..FilterOptions::default()
@@ -91,11 +122,18 @@ impl<'a> LookScene<'a> {
         let placed = self.objects.iter().zip(&surfaces).map(|(object, surface)| {
             SceneObject::new(object.mesh(), surface.as_ref()).placed(object.world_from_object)
         });
-        let scene = Scene::new(placed.collect())?;
-        let mut options = self.options(time);
-        let camera = self.camera(&scene, &options);
-        let lights = self.lights_of(&scene, &camera)?;
-        if options.background == Background::default() && self.shows_environment(&lights) {
+        then(&Scene::new(placed.collect())?)
+    }
+
+    fn render_scene(
+        &self,
+        scene: &Scene<'_>,
+        camera: &Camera,
+        mut options: RenderOptions,
+    ) -> Result<Rendering, LookSceneError> {
+        let lights = self.lights_of(scene, camera)?;
+        let is_open = self.changes.background.is_none() && options.background == Background::default();
+        if is_open && self.shows_environment(&lights) {
             options.background = Background::Environment { blur: 0.0 };
         }
         let picture = self.picture();
@@ -105,10 +143,10 @@ impl<'a> LookScene<'a> {
             radius: table.radius as f32,
         });
         let mut rendering = match (&glow, picture.glow.as_ref().and_then(|table| table.threshold)) {
-            (None, _) => render(scene.mesh(), &scene, &camera, &lights, &options)?,
-            (Some(glow), None) => render_with_glow(scene.mesh(), &scene, &camera, &lights, &options, glow)?,
+            (None, _) => render(scene.mesh(), scene, camera, &lights, &options)?,
+            (Some(glow), None) => render_with_glow(scene.mesh(), scene, camera, &lights, &options, glow)?,
             (Some(glow), Some(_)) => {
-                let mut seen = render(scene.mesh(), &scene, &camera, &lights, &options)?;
+                let mut seen = render(scene.mesh(), scene, camera, &lights, &options)?;
                 seen.picture = seen.picture.with_glow(&seen.picture, glow);
                 seen
             }
@@ -146,10 +184,11 @@ impl<'a> LookScene<'a> {
                 InterpolationName::Perspective => Interpolation::Perspective,
                 InterpolationName::Affine => Interpolation::Affine,
             },
-            background: match picture.background {
-                None => Background::default(),
-                Some(color) if linear_color(color).w == 0.0 => Background::Transparent,
-                Some(color) => Background::Color(linear_rgb(color)),
+            background: match (self.changes.background, picture.background) {
+                (Some(background), _) => background,
+                (None, None) => Background::default(),
+                (None, Some(color)) if linear_color(color).w == 0.0 => Background::Transparent,
+                (None, Some(color)) => Background::Color(linear_rgb(color)),
             },
             exposure: picture.exposure.exp2() as f32,
             time,

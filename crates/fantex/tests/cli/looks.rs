@@ -209,3 +209,64 @@ fn the_schema_is_json() {
     let schema: Value = serde_json::from_str(&text).unwrap();
     assert!(schema["$defs"]["TextureTable"]["oneOf"].as_array().unwrap().len() > 20);
 }
+
+#[test]
+fn looks_are_compared_with_what_was_baked_from_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(
+        folder.path(),
+        "marble.toml",
+        "[textures.stone]\nkind = \"marble\"\n[materials.stone]\nbase_color = \"stone\"\n\n[environment]\n\
+         sky = { }\nvisible = true\n",
+    );
+    let own = write(
+        folder.path(),
+        "own.toml",
+        "[textures.stone]\nkind = \"marble\"\n[materials.stone]\nbase_color = \"stone\"\n",
+    );
+    let model = write(folder.path(), "cube.obj", crate::support::CUBE_OBJ);
+    let asset = folder.path().join("cube.fan");
+    json(&[&"bake", &model, &"-o", &asset, &"--look", &own, &"--texels", &"200k"]);
+    // The look dresses the other file's model, and cameras stand around it.
+    let flags = ["--views", "2", "--size", "120x90"];
+    let flags: Vec<&dyn AsRef<std::ffi::OsStr>> = flags.iter().map(|f| f as _).collect();
+    let compared = |a: &Path, b: &Path| {
+        json(&[&[&"compare" as &dyn AsRef<std::ffi::OsStr>, &a, &b][..], &flags].concat())
+    };
+    let both_ways = [compared(&own, &asset), compared(&asset, &own)];
+    for info in &both_ways {
+        assert!(info["psnr_db"]["min"].as_f64().unwrap() > 34.0, "{info:#}");
+    }
+    // Another light.
+    let lit = compared(&look, &asset);
+    assert!(lit["psnr_db"]["min"].as_f64().unwrap() < 30.0, "{lit:#}");
+    fails(1, &["names no model"], &[&"compare", &own, &own]);
+}
+
+#[test]
+fn displacements_become_the_geometry_of_the_asset() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(
+        folder.path(),
+        "clods.toml",
+        "[textures.clods]\nkind = \"noise\"\ncell = 0.6\n[materials.earth]\nbase_color = \"#8a6a4a\"\n\
+         displacement = { texture = \"clods\", height = 0.3, middle = 0, edge = 0.1 }\n",
+    );
+    let model = write(folder.path(), "cube.obj", crate::support::CUBE_OBJ);
+    let asset = folder.path().join("clods.fan");
+    let info = json(&[&"bake", &model, &"-o", &asset, &"--look", &look, &"--texels", &"100k"]);
+    assert!(info["triangles"].as_u64().unwrap() > 1000, "{info:#}");
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    // The picture of the look on the model is that of the asset, silhouette and all.
+    let pictures = [folder.path().join("look.png"), folder.path().join("asset.png")];
+    let camera = ["--size", "160x120", "--eye", "3,2,5", "--target", "0,0,0"];
+    let camera: Vec<&dyn AsRef<std::ffi::OsStr>> = camera.iter().map(|f| f as _).collect();
+    let render = |input: &[&dyn AsRef<std::ffi::OsStr>]| {
+        succeeds(&[&[&"render" as &dyn AsRef<std::ffi::OsStr>][..], input, &camera].concat());
+    };
+    render(&[&model, &"--look", &look, &"-o", &pictures[0]]);
+    render(&[&asset, &"-o", &pictures[1]]);
+    let [look, asset] = pictures.map(|path| fantex::texture::Image::load(path).unwrap());
+    let compared = fantex::texture::compare::compare(&look, &asset).unwrap();
+    assert!(compared.psnr_db > 35.0, "{}", compared.psnr_db);
+}

@@ -285,3 +285,47 @@ fn messages_and_results_do_not_mix() {
     let quiet = succeeds(&[&"render", &bottle(), &"-o", &picture, &"--size", &"32x32", &"--quiet"]);
     assert!(quiet.stderr.is_empty());
 }
+
+#[test]
+fn another_model_gives_its_colours_and_its_shape() {
+    let folder = tempfile::tempdir().unwrap();
+    // A coarse cube takes over the corners' colours of a finer, slightly larger one.
+    let coarse = write(folder.path(), "coarse.obj", crate::support::CUBE_OBJ);
+    let mut fine = String::new();
+    let corners = [-1.02_f32, 1.02];
+    for z in corners {
+        for y in corners {
+            for x in corners {
+                let channel = |v: f32| if v > 0.0 { 255 } else { 0 };
+                fine += &format!("{x} {y} {z} {} {} {}\n", channel(x), channel(y), channel(z));
+            }
+        }
+    }
+    let header = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+        property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 6\nproperty list uchar int vertex_indices\n\
+        end_header\n";
+    let faces = "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n";
+    let fine = write(folder.path(), "fine.ply", &format!("{header}{fine}{faces}"));
+    let asset = folder.path().join("coarse.fan");
+    let source = format!("mesh={}", fine.display());
+    let info = json(&[&"bake", &coarse, &"-o", &asset, &"--source", &source, &"--texels", &"60k"]);
+    assert_eq!(info["source"], source);
+    let channels: Vec<&str> =
+        info["channels"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!(channels, ["Normal", "BaseColor"]);
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    // The same pictures as of the finer model itself, but for its size.
+    let compared = json(&[&"compare", &fine, &asset, &"--views", &"2", &"--size", &"160x120"]);
+    assert!(compared["psnr_db"]["mean"].as_f64().unwrap() > 25.0, "{compared:#}");
+    // A cage that is too short is told.
+    let source = format!("mesh={},cage=0.001", fine.display());
+    let output =
+        succeeds(&[&"bake", &coarse, &"-o", &asset, &"--force", &"--source", &source, &"--texels", &"10k"]);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("found nothing within the cage of 0.0010"));
+    fails(2, &["length above 0"], &[&"bake", &coarse, &"-o", &asset, &"--source", &"mesh=a.ply,cage=0"]);
+    fails(
+        1,
+        &["cannot read", "missing.ply"],
+        &[&"bake", &coarse, &"-o", &asset, &"--force", &"--source", &"mesh=missing.ply"],
+    );
+}

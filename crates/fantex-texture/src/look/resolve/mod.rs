@@ -10,6 +10,7 @@ mod convert;
 mod coordinates;
 mod images;
 mod material;
+mod polygons;
 mod procedural;
 mod volumes;
 
@@ -134,6 +135,7 @@ impl<'a> Resolver<'a> {
             T::Landscape(table) => self.landscape(table, key),
             T::Ramp(table) => self.ramp(table, key),
             T::Contours(table) => self.contours(table, key),
+            T::Polygons(table) => self.polygons(table, key),
             T::Combine(table) => self.combine(table, key),
             T::Layers(table) => self.layers(table, key),
             T::Mix(table) => self.mix(table, key),
