@@ -53,6 +53,7 @@ mod grid;
 mod load;
 mod materials;
 mod model;
+mod page_words;
 mod pipelines;
 mod tables;
 mod upload;
