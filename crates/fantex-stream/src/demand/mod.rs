@@ -34,6 +34,7 @@ mod group_triangles;
 mod kites;
 mod lens;
 mod paged;
+mod relief;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -340,10 +341,16 @@ impl Visit<'_> {
         let pixel = self.lens.pixel_on(bounds, slack);
         let groups = block(node, self.demand.details.len());
         let mut details = [Detail::HIDDEN; BLOCK];
-        for (detail, &densities) in details.iter_mut().zip(&self.surface.densities[groups.clone()]) {
-            let is_nothing = densities == LogDensities::NOTHING;
-            *detail =
-                if is_nothing { Detail::HIDDEN } else { Detail::from_log2(pixel.log2_width(densities)) };
+        for (detail, group) in details.iter_mut().zip(groups.clone()) {
+            let densities = self.surface.densities[group];
+            if densities != LogDensities::NOTHING {
+                let relief = &self.surface.reliefs[group];
+                let center = self.surface.groups[group].sphere.center;
+                let log2_width = pixel
+                    .log2_width(densities)
+                    .max(self.lens.log2_width_in_tile(&pixel, center, relief, slack));
+                *detail = Detail::from_log2(log2_width);
+            }
         }
         if self.demand.details[groups.clone()] != details[..groups.len()] {
             for (group, detail) in groups.zip(details) {
@@ -356,7 +363,10 @@ impl Visit<'_> {
         let bounds = self.surface.groups[group as usize];
         let detail = match self.lens.sight(&bounds, slack) {
             Sight::Hidden(_) => Detail::HIDDEN,
-            _ => Detail::from_log2(self.lens.log2_width(&bounds, slack)),
+            _ => {
+                let relief = &self.surface.reliefs[group as usize];
+                Detail::from_log2(self.lens.log2_width(&bounds, relief, slack))
+            }
         };
         self.demand.set(group, detail, self.changed);
         if detail.is_visible()
@@ -364,7 +374,8 @@ impl Visit<'_> {
         {
             self.demand.work.paged += 1;
             let shape = self.surface.shapes.of(group);
-            let pages = tile.demand(&*self.surface.geometry, shape, &bounds, &self.lens, slack);
+            let whole = (bounds, self.surface.reliefs[group as usize]);
+            let pages = tile.demand(&*self.surface.geometry, shape, &whole, &self.lens, slack);
             if self.demand.pages(group) != pages {
                 self.demand.pages.insert(group, pages);
                 if self.changed.last() != Some(&group) {
