@@ -122,8 +122,18 @@ impl Lens {
     #[inline]
     pub(crate) fn log2_width(&self, bounds: &Bounds, relief: &Relief, slack: Slack) -> f32 {
         let pixel = self.pixel_on(bounds, slack);
-        let in_tile = self.log2_width_in_tile(&pixel, bounds.sphere.center, relief, slack);
-        pixel.log2_width(bounds.density).max(in_tile)
+        let log2_width = pixel.log2_width(bounds.density);
+        if !self.uses_relief() {
+            return log2_width;
+        }
+        log2_width.max(self.log2_width_in_tile(&pixel, bounds.sphere.center, relief, slack))
+    }
+
+    /// Whether [`Lens::log2_width_in_tile`] can tell more than the widths that [`Lens::pixel_on`] gives: it bounds the longer axis,
+    /// which hardly counts where anisotropic look-ups honour much longer ones.
+    #[inline]
+    pub(crate) fn uses_relief(&self) -> bool {
+        self.inverse_anisotropy > MOST_STRETCH.recip()
     }
 
     /// Another bound of the longer axis, from how a piece lies in its tile (see [`Relief`]). `pixel` is that of the piece or of
@@ -171,11 +181,8 @@ impl Lens {
         let slant = (least_cos / most_facing.clamp(1e-3, 1.0)).max(1.0);
         let longer = nearest * self.pixel * least_cos * slant;
         // Maps that stretch by more than that are rare, and a bound that is not taken is none too high.
-        let log2_most = if self.inverse_anisotropy > MOST_STRETCH.recip() {
-            (shorter * self.inverse_anisotropy).log2()
-        } else {
-            f32::NEG_INFINITY
-        };
+        let log2_most =
+            if self.uses_relief() { (shorter * self.inverse_anisotropy).log2() } else { f32::NEG_INFINITY };
         let depth = self.forward.dot(to_center) - sphere.radius;
         let least_depth = depth - slack.travel - (distance + sphere.radius) * slack.turn;
         PixelWidth {
