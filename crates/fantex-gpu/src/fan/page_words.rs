@@ -4,6 +4,8 @@
 //! says where the finest coarser level lies that is, and how many levels coarser; zero says that there is none, so shaders
 //! need not search. Pages of larger tiles have a word of their own only, zero where they are not resident.
 //!
+//! The words are kept in main memory, too: 4 bytes per page.
+//!
 //! Why a texture: software adapters read storage buffers lane by lane, but fetch texels of 32 bits for all lanes at once.
 
 use std::ops::Range;
