@@ -1,8 +1,8 @@
-//! Replays camera paths over a landscape against the streamer, without a graphics card, and prints a table; then the
-//! processor time of demand where one fan has one tile.
+//! Replays camera paths over a landscape against the streamer, without a graphics card, and prints a table. ANISOTROPY is the
+//! filter's, 1 for trilinear look-ups.
 //!
 //! ```text
-//! cargo run --release -p fantex-stream --example simulate_streaming -- [TRIANGLES] [TEXELS] [TILE] [POOL_SIDE] [FIRST_PATH]
+//! cargo run --release -p fantex-stream --example simulate_streaming -- [TRIANGLES] [TEXELS] [TILE] [POOL_SIDE] [FIRST_PATH] [ANISOTROPY]
 //! ```
 
 use std::error::Error;
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut numbers = std::env::args().skip(1).map(|a| a.parse::<u64>());
     let mut next = |default: u64| numbers.next().unwrap_or(Ok(default));
     let (triangles, texels, tile, side) = (next(200_000)?, next(1 << 28)?, next(128)?, next(4096)?);
-    let first = next(0)? as usize;
+    let (first, max_anisotropy) = (next(0)? as usize, next(16)? as f32);
     let started = Instant::now();
     let land = landscape(&LandscapeOptions { triangles, ..LandscapeOptions::default() });
     let (mesh, _) = clean(land.into(), &CleanOptions::default())?;
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("{:16}{}", "", SimulationReport::HEADING);
     for (name, path) in paths.iter().skip(first) {
         let options = SimulationOptions {
-            streamer: StreamerOptions { atlas, ..StreamerOptions::default() },
+            streamer: StreamerOptions { atlas, max_anisotropy, ..StreamerOptions::default() },
             disk: DiskModel::default(),
             rest_seconds: 1.0,
             ..SimulationOptions::default()

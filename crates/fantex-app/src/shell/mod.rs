@@ -57,14 +57,26 @@ pub fn run(arguments: Arguments) -> ExitCode {
     );
     if let Err(error) = ended {
         eprintln!(
-            "fantex-app: cannot open a window: {error}; a display and a Vulkan, Metal or DirectX 12 driver are needed \
-             ('fantex render' makes pictures without them)"
+            "fantex-app: cannot open a window: {}; a display and a Vulkan, Metal or DirectX 12 driver are needed \
+             ('fantex render' makes pictures without them)",
+            why_no_window(&error)
         );
         return ExitCode::FAILURE;
     }
     match outcome.lock().unwrap_or_else(PoisonError::into_inner).take() {
         Some(error) => failed(&error),
         None => ExitCode::SUCCESS,
+    }
+}
+
+/// In words of our own: those of the window system name source files of the machine that the program was built on.
+fn why_no_window(error: &eframe::Error) -> String {
+    match error {
+        eframe::Error::AppCreation(error) => error.to_string(),
+        eframe::Error::Winit(_) | eframe::Error::WinitEventLoop(_) => {
+            "no window system answers (on Linux, DISPLAY or WAYLAND_DISPLAY must name one that runs)".into()
+        }
+        _ => "no graphics driver can draw into one".into(),
     }
 }
 

@@ -68,10 +68,11 @@ impl FanBindings {
             let atlas = drawn[kind].and_then(|channel| atlases[channel].as_ref());
             BindingResource::TextureView(atlas.map_or(&nothing, |atlas| &atlas.view))
         };
+        let pages_view = tables.pages.create_view(&Default::default());
         let resources = [
             params_buffer.as_entire_binding(),
             tables.groups.as_entire_binding(),
-            tables.pages.as_entire_binding(),
+            BindingResource::TextureView(&pages_view),
             tables.means.as_entire_binding(),
             tables.frames.as_entire_binding(),
             BindingResource::Sampler(&sampler),
@@ -121,15 +122,17 @@ impl FanBindings {
 fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let storage = buffer(BufferBindingType::Storage { read_only: true });
-    let texture = BindingType::Texture {
-        sample_type: wgpu::TextureSampleType::Float { filterable: true },
+    let texture = |sample_type| BindingType::Texture {
+        sample_type,
         view_dimension: wgpu::TextureViewDimension::D2,
         multisampled: false,
     };
+    let words = texture(wgpu::TextureSampleType::Uint);
+    let texture = texture(wgpu::TextureSampleType::Float { filterable: true });
     let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
     let uniform = buffer(BufferBindingType::Uniform);
     let types =
-        [uniform, storage, storage, storage, storage, sampler, texture, texture, texture, texture, texture];
+        [uniform, storage, words, storage, storage, sampler, texture, texture, texture, texture, texture];
     let entry = |(ty, binding)| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: ShaderStages::VERTEX_FRAGMENT,

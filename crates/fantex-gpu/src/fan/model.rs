@@ -15,6 +15,7 @@ use super::fan_colors::FanColors;
 use super::geometry::{GeometryChunk, GeometrySource, MaterialRun};
 use super::grid::AtlasGrid;
 use super::materials::FanMaterials;
+use super::page_words::PageWords;
 use super::pipelines::{FanPipelines, Part, Shape, Surface};
 use super::tables::FanTables;
 use super::upload::Uploader;
@@ -122,12 +123,16 @@ impl FanModel {
     ) -> Result<Self, GpuError> {
         let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
         let limits = gpu.limits();
-        let longest = FanTables::longest_bytes(cover, channels, pages);
+        let longest = FanTables::longest_bytes(cover, channels);
         let allowed = limits.max_storage_buffer_binding_size;
         if longest > allowed {
             return Err(gpu.too_large("the tables of a cover", longest, allowed, "bytes"));
         }
         let allowed = limits.max_texture_dimension_2d;
+        let rows = PageWords::extent(pages.len()).into_iter().fold(0, u32::max);
+        if rows > allowed {
+            return Err(gpu.too_large("the page table", rows.into(), allowed.into(), "texels per side"));
+        }
         if AtlasGrid::fitting(shape, allowed) != shape {
             return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
         }
@@ -145,7 +150,7 @@ impl FanModel {
         Ok(Self {
             space: ModelSpace::of_mesh(mesh),
             shape,
-            uploader: Uploader::new(&gpu.device, grid),
+            uploader: Uploader::new(&gpu.device, grid, PageWords::new(cover, pages)),
             pipelines: FanPipelines::new(&gpu.device),
             surfaces: materials.iter().map(Surface::of).collect(),
             materials: FanMaterials::new(gpu, materials)?,

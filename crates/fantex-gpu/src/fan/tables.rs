@@ -11,6 +11,7 @@ use wgpu::util::DeviceExt;
 
 use super::atlas::DRAWN_KINDS;
 use super::grid::AtlasGrid;
+use super::page_words::PageWords;
 
 /// The uniform block of `fan_lookup.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -63,20 +64,20 @@ pub(crate) fn shader_filter(filter: Filter) -> u32 {
     }
 }
 
-/// The storage buffers of `fan_lookup.wgsl`.
+/// The tables of `fan_lookup.wgsl`: storage buffers, and a texture of [`PageWords`].
 #[derive(Debug)]
 pub(crate) struct FanTables {
     pub(crate) groups: wgpu::Buffer,
-    pub(crate) pages: wgpu::Buffer,
+    pub(crate) pages: wgpu::Texture,
     pub(crate) means: wgpu::Buffer,
     pub(crate) frames: wgpu::Buffer,
 }
 
 impl FanTables {
-    /// The longest of these buffers for a cover, in bytes.
-    pub(crate) fn longest_bytes(cover: &Cover, channels: &[Channel], pages: &PageTable) -> u64 {
+    /// The longest of the buffers for a cover, in bytes.
+    pub(crate) fn longest_bytes(cover: &Cover, channels: &[Channel]) -> u64 {
         let groups = cover.groups.len() as u64;
-        (4 * pages.len() as u64).max(groups * 8 * channels.len().max(1) as u64).max(groups * FRAME_BYTES)
+        (groups * 8 * channels.len().max(1) as u64).max(groups * FRAME_BYTES)
     }
 
     /// Nothing is resident. `mean` gives the mean linear RGBA of a channel and group.
@@ -100,16 +101,26 @@ impl FanTables {
         let frames = cover.groups.iter().filter(|_| has_normals).map(frame);
         Self {
             groups: storage(device, "fan groups", &groups.collect::<Vec<[u32; 2]>>()),
-            pages: device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("fan pages"),
-                size: 4 * pages.len().max(1) as u64,
-                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
+            pages: page_texture(device, pages),
             means: storage(device, "fan means", &means.collect::<Vec<[f16; 4]>>()),
             frames: storage(device, "fan frames", &frames.collect::<Vec<[f32; 6]>>()),
         }
     }
+}
+
+/// All zero: nothing is resident.
+fn page_texture(device: &wgpu::Device, pages: &PageTable) -> wgpu::Texture {
+    let [width, height] = PageWords::extent(pages.len());
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("fan pages"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::R32Uint,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
 }
 
 /// Bytes of a group's frame.

@@ -9,6 +9,7 @@ use wgpu::util::StagingBelt;
 
 use super::atlas::ChannelAtlas;
 use super::grid::AtlasGrid;
+use super::page_words::{PageWords, ROW_SHIFT};
 
 /// Bytes of a staging buffer: sixteen pages of 256x256 RGBA texels.
 const STAGING_BYTES: u64 = 4 << 20;
@@ -18,11 +19,12 @@ const STAGING_BYTES: u64 = 4 << 20;
 pub(crate) struct Uploader {
     belt: StagingBelt,
     grid: AtlasGrid,
+    words: PageWords,
 }
 
 impl Uploader {
-    pub(crate) fn new(device: &wgpu::Device, grid: AtlasGrid) -> Self {
-        Self { belt: StagingBelt::new(device.clone(), STAGING_BYTES), grid }
+    pub(crate) fn new(device: &wgpu::Device, grid: AtlasGrid, words: PageWords) -> Self {
+        Self { belt: StagingBelt::new(device.clone(), STAGING_BYTES), grid, words }
     }
 
     /// Records the changes of a frame: first texels, then entries. `atlases` has an entry per channel of the asset; texels
@@ -32,7 +34,7 @@ impl Uploader {
         encoder: &mut wgpu::CommandEncoder,
         changes: &FrameChanges,
         atlases: &[Option<ChannelAtlas>],
-        table: &wgpu::Buffer,
+        table: &wgpu::Texture,
     ) {
         if changes.uploads.is_empty() && changes.entries.is_empty() {
             return;
@@ -88,22 +90,47 @@ impl Uploader {
         );
     }
 
-    /// One copy per run of neighbouring entries.
-    fn entries(&mut self, encoder: &mut wgpu::CommandEncoder, entries: &[TableChange], table: &wgpu::Buffer) {
-        let Some(size) = wgpu::BufferSize::new(4 * entries.len() as u64) else { return };
+    /// One copy per run of neighbouring words.
+    fn entries(
+        &mut self,
+        encoder: &mut wgpu::CommandEncoder,
+        entries: &[TableChange],
+        table: &wgpu::Texture,
+    ) {
+        let runs = self.words.change(entries, self.grid);
+        let count: usize = runs.iter().map(|run| run.len()).sum();
+        let Some(size) = wgpu::BufferSize::new((count * WORD_BYTES) as u64) else { return };
         let slice = self.belt.allocate(size, ALIGNMENT);
-        let words: Vec<u32> = entries.iter().map(|change| self.grid.word(change.entry)).collect();
-        if let Ok(mut mapped) = slice.get_mapped_range_mut() {
-            mapped.copy_from_slice(bytemuck::cast_slice(&words));
-        }
-        let mut offset = slice.offset();
-        for run in entries.chunk_by(|a, b| a.index + 1 == b.index) {
-            let bytes = 4 * run.len() as u64;
-            encoder.copy_buffer_to_buffer(slice.buffer(), offset, table, 4 * u64::from(run[0].index), bytes);
-            offset += bytes;
+        let Ok(mut mapped) = slice.get_mapped_range_mut() else { return };
+        let mut filled = 0;
+        for run in runs {
+            let words = bytemuck::cast_slice(self.words.words(run.clone()));
+            mapped.slice(filled..filled + words.len()).copy_from_slice(words);
+            let columns = (1 << ROW_SHIFT) - 1;
+            encoder.copy_buffer_to_texture(
+                wgpu::TexelCopyBufferInfo {
+                    buffer: slice.buffer(),
+                    layout: wgpu::TexelCopyBufferLayout {
+                        offset: slice.offset() + filled as u64,
+                        bytes_per_row: None,
+                        rows_per_image: None,
+                    },
+                },
+                wgpu::TexelCopyTextureInfo {
+                    texture: table,
+                    mip_level: 0,
+                    origin: wgpu::Origin3d { x: run.start & columns, y: run.start >> ROW_SHIFT, z: 0 },
+                    aspect: wgpu::TextureAspect::All,
+                },
+                wgpu::Extent3d { width: run.len() as u32, height: 1, depth_or_array_layers: 1 },
+            );
+            filled += words.len();
         }
     }
 }
+
+/// Bytes of a page's word.
+const WORD_BYTES: usize = size_of::<u32>();
 
 /// Satisfies every format's block and the copies' own rule.
 const ALIGNMENT: wgpu::BufferSize = match wgpu::BufferSize::new(256) {

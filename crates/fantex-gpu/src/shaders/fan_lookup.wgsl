@@ -31,8 +31,9 @@ struct FanParams {
 @group(1) @binding(0) var<uniform> fan: FanParams;
 // Per group: number of its first page; quarters of its columns and (<< 16) rows at level 0.
 @group(1) @binding(1) var<storage, read> fan_groups: array<vec2<u32>>;
-// Zero where a page is not resident, else quarters of its place in the atlas: column, row << 12, and 1 << 31.
-@group(1) @binding(2) var<storage, read> fan_pages: array<u32>;
+// A word per page, in rows: zero where there is nothing, else quarters of a place in the atlas: column, row << 12, and 1 << 31; in
+// tiles of one page per level also how many levels coarser it is << 24. A texture: software adapters read storage buffers lane by lane.
+@group(1) @binding(2) var fan_pages: texture_2d<u32>;
 // Per group and channel four halves.
 @group(1) @binding(3) var<storage, read> fan_means: array<vec2<u32>>;
 // Per group the projection direction and the x axis.
@@ -49,8 +50,13 @@ const BILINEAR = 1u;
 const TRILINEAR = 2u;
 const ANISOTROPIC = 3u;
 
+// The bits of 1.0.
+const ONE_BITS = 0x3F800000;
+
 // Sides of a page in texels, log2.
 const PAGE_SHIFT = 8u;
+// Pages in a row of the table, log2.
+const PAGE_ROW_SHIFT = 13u;
 // Texels over which a page fades into the coarser level towards a neighbour that is not resident.
 const FADE_TEXELS = 8.0;
 
@@ -146,17 +152,21 @@ struct Levels {
 // The levels between which the pixel is one texel wide: the finer one is the last level in which it is wider than a texel.
 //
 // If every level had exactly half the texels of the one before, the finest one's width would tell. Rounding takes at most
-// two texels, a third of a level; so the walk starts that much earlier than the finest width says, and seldom takes a step.
+// two of six texels, less than a level: where the pixel is not wider than a texel there, it is so one level before. The walk from
+// there seldom takes a step, unless the tile is long.
 fn choose_levels(group: FanGroup, f: Footprint) -> Levels {
     if FAN_FILTER < TRILINEAR {
         return Levels(0u, 0.0);
     }
     let last = last_level(group);
     let finest = squared_width(f, vec2<f32>(group.quarters * 4u));
-    let shortest = f32(min(group.quarters.x, group.quarters.y) * 4u);
-    let rounding = min(0.59, 3.52 * sqrt(finest) / shortest);
-    var fine = u32(clamp(i32(floor(0.5 * log2(max(finest, 1e-30)) - 0.002 - rounding)), 0, i32(last)));
-    var here = squared_width(f, vec2<f32>(level_extent(group, fine)));
+    // Half the exponent: the binary logarithm of the width, rounded down.
+    let guess = u32(clamp((bitcast<i32>(finest) - ONE_BITS) >> 24u, 0, i32(last)));
+    let before = max(guess, 1u) - 1u;
+    let guessed = squared_width(f, vec2<f32>(level_extent(group, guess)));
+    let is_late = guessed <= 1.0;
+    var fine = select(guess, before, is_late);
+    var here = select(guessed, squared_width(f, vec2<f32>(level_extent(group, before))), is_late);
     var next = here;
     loop {
         next = squared_width(f, vec2<f32>(level_extent(group, fine + 1u)));
@@ -212,8 +222,20 @@ fn tile_level(group: FanGroup, level: u32) -> Level {
     return Level(extent, first, (extent.x + 255u) >> PAGE_SHIFT);
 }
 
+fn page_word(page: u32) -> u32 {
+    let at = vec2<u32>(page & ((1u << PAGE_ROW_SHIFT) - 1u), page >> PAGE_ROW_SHIFT);
+    return textureLoad(fan_pages, at, 0).x;
+}
+
+// Levels between a page and the one that stands for it.
+fn levels_coarser(entry: u32) -> u32 {
+    return (entry >> 24u) & 0x7Fu;
+}
+
+// Of a page itself, whatever stands for it; 0 where it is not resident.
 fn page_entry(level: Level, page: vec2<u32>) -> u32 {
-    return fan_pages[level.first_page + page.y * level.page_columns + page.x];
+    let word = page_word(level.first_page + page.y * level.page_columns + page.x);
+    return select(word, 0u, levels_coarser(word) != 0u);
 }
 
 // First texel of a resident page.
@@ -336,22 +358,13 @@ fn add_levels(
     probes: Probes,
     uv: vec2<f32>,
 ) -> f32 {
-    let last = last_level(group);
-    let fine_entry = fan_pages[group.first_page + levels.fine];
-    // The finest resident level of the coarser ones.
-    var coarse_level = min(levels.fine + 1u, last);
-    var coarse_entry = 0u;
-    loop {
-        coarse_entry = fan_pages[group.first_page + coarse_level];
-        let is_found = coarse_entry != 0u || coarse_level >= last;
-        coarse_level = select(coarse_level + 1u, coarse_level, is_found);
-        continuing {
-            break if is_found;
-        }
-    }
-    let has_coarse = coarse_entry != 0u && levels.fine < last;
-    let fine_weight = select(0.0, 1.0 - levels.coarse_share, fine_entry != 0u);
-    let coarse_weight = select(0.0, 1.0 - fine_weight, has_coarse);
+    let fine_entry = page_word(group.first_page + levels.fine);
+    // The finest resident level of the coarser ones, if there is one.
+    let coarse_entry = select(0u, page_word(group.first_page + levels.fine + 1u), levels.fine < last_level(group));
+    let coarse_level = levels.fine + 1u + levels_coarser(coarse_entry);
+    let has_fine = fine_entry != 0u && levels_coarser(fine_entry) == 0u;
+    let fine_weight = select(0.0, 1.0 - levels.coarse_share, has_fine);
+    let coarse_weight = select(0.0, 1.0 - fine_weight, coarse_entry != 0u);
     let fine_extent = vec2<f32>(level_extent(group, levels.fine));
     let coarse_extent = vec2<f32>(level_extent(group, coarse_level));
     let fine_place = vec2<f32>(page_place(fine_entry));

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::group_triangles::GroupTriangles;
 use super::kites::{Densities, densities, piece_points};
+use super::relief::Relief;
 
 /// A ball around all points, mesh space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,11 +148,15 @@ impl Bounds {
     }
 }
 
-/// Bounds of every group, in parallel; each group adds its triangles in order.
-pub(crate) fn group_bounds(mesh: &Mesh, cover: &Cover, triangles: &GroupTriangles) -> Vec<Bounds> {
+/// Bounds and reliefs of every group, in parallel; each group adds its triangles in order.
+pub(crate) fn group_bounds(
+    mesh: &Mesh,
+    cover: &Cover,
+    triangles: &GroupTriangles,
+) -> (Vec<Bounds>, Vec<Relief>) {
     let groups = (0..cover.groups.len() as u32).into_par_iter().with_min_len(1 << 6);
     let bounds = |pieces: &mut Vec<Piece>, group| bounds_of(mesh, cover, group, triangles.of(group), pieces);
-    groups.map_init(Vec::new, bounds).collect()
+    groups.map_init(Vec::new, bounds).unzip()
 }
 
 /// What a group has of a triangle.
@@ -162,7 +167,13 @@ struct Piece {
 }
 
 /// Bounds of one group. `pieces` is scratch.
-fn bounds_of(mesh: &Mesh, cover: &Cover, group: u32, triangles: &[u32], pieces: &mut Vec<Piece>) -> Bounds {
+fn bounds_of(
+    mesh: &Mesh,
+    cover: &Cover,
+    group: u32,
+    triangles: &[u32],
+    pieces: &mut Vec<Piece>,
+) -> (Bounds, Relief) {
     pieces.clear();
     let mut gathering = Gathering::EMPTY;
     for t in triangles.iter().map(|&t| t as usize) {
@@ -175,11 +186,13 @@ fn bounds_of(mesh: &Mesh, cover: &Cover, group: u32, triangles: &[u32], pieces: 
         pieces.push(Piece { normal, points, count });
     }
     let mut bounds = gathering.begin();
-    for piece in pieces {
+    for piece in pieces.iter() {
         piece.points[..piece.count].iter().for_each(|&p| bounds.widen_to_point(p));
         bounds.widen_to_normal(piece.normal);
     }
-    bounds
+    let planes = pieces.iter().map(|piece| (piece.normal, piece.points[0]));
+    let group = &cover.groups[group as usize];
+    (bounds, Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes))
 }
 
 /// Whether a triangle's back is never drawn.

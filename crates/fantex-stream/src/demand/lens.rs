@@ -11,6 +11,7 @@
 use glam::Vec3;
 
 use super::bounds::{Bounds, LogDensities, Sphere};
+use super::relief::Relief;
 use crate::StreamView;
 
 /// Ratios of singular values of maps to tiles are seldom greater.
@@ -119,8 +120,36 @@ impl Lens {
     /// of the longer one divided by the greatest anisotropy, whichever is more. Holds for every camera within `slack` of this
     /// one.
     #[inline]
-    pub(crate) fn log2_width(&self, bounds: &Bounds, slack: Slack) -> f32 {
-        self.pixel_on(bounds, slack).log2_width(bounds.density)
+    pub(crate) fn log2_width(&self, bounds: &Bounds, relief: &Relief, slack: Slack) -> f32 {
+        let pixel = self.pixel_on(bounds, slack);
+        let log2_width = pixel.log2_width(bounds.density);
+        if !self.uses_relief() {
+            return log2_width;
+        }
+        log2_width.max(self.log2_width_in_tile(&pixel, bounds.sphere.center, relief, slack))
+    }
+
+    /// Whether [`Lens::log2_width_in_tile`] can tell more than the widths that [`Lens::pixel_on`] gives: it bounds the longer axis,
+    /// which hardly counts where anisotropic look-ups honour much longer ones.
+    #[inline]
+    pub(crate) fn uses_relief(&self) -> bool {
+        self.inverse_anisotropy > MOST_STRETCH.recip()
+    }
+
+    /// Another bound of the longer axis, from how a piece lies in its tile (see [`Relief`]). `pixel` is that of the piece or of
+    /// one that holds it.
+    #[inline]
+    pub(crate) fn log2_width_in_tile(
+        &self,
+        pixel: &PixelWidth,
+        center: Vec3,
+        relief: &Relief,
+        slack: Slack,
+    ) -> f32 {
+        let plane_distance = relief.plane_distance(center - self.eye, slack.travel);
+        let slant = (pixel.least_depth / plane_distance.max(1e-3 * pixel.least_depth)).max(pixel.least_cos);
+        let longer = self.pixel * pixel.least_depth * slant * self.inverse_anisotropy;
+        longer.log2() + relief.log2_density()
     }
 
     /// How wide a pixel is at least on a piece of surface. The same holds of everything within the piece.
@@ -131,7 +160,7 @@ impl Lens {
         let distance = to_center.length();
         let nearest = distance - sphere.radius - slack.travel;
         if nearest <= 0.0 {
-            return PixelWidth { log2_least: f32::NEG_INFINITY, log2_most: f32::NEG_INFINITY };
+            return PixelWidth::NONE;
         }
         let ray = to_center / distance;
         let spread = ((sphere.radius + slack.travel) / distance + slack.turn).min(1.0);
@@ -142,7 +171,8 @@ impl Lens {
         let spread_cos = (1.0 - spread * spread).max(0.0).sqrt();
         let (sin, cos) =
             (cone_sin * spread_cos + cone.cos * spread, cone.cos * spread_cos - cone_sin * spread);
-        let facing = cone.axis.dot(ray).abs().min(1.0);
+        let facing = -cone.axis.dot(ray);
+        let facing = if cone.is_culled { facing } else { facing.abs() }.clamp(-1.0, 1.0);
         let most_facing = if cos <= 0.0 || facing >= cos {
             1.0
         } else {
@@ -151,12 +181,16 @@ impl Lens {
         let slant = (least_cos / most_facing.clamp(1e-3, 1.0)).max(1.0);
         let longer = nearest * self.pixel * least_cos * slant;
         // Maps that stretch by more than that are rare, and a bound that is not taken is none too high.
-        let log2_most = if self.inverse_anisotropy > MOST_STRETCH.recip() {
-            (shorter * self.inverse_anisotropy).log2()
-        } else {
-            f32::NEG_INFINITY
-        };
-        PixelWidth { log2_least: shorter.max(longer * self.inverse_anisotropy).log2(), log2_most }
+        let log2_most =
+            if self.uses_relief() { (shorter * self.inverse_anisotropy).log2() } else { f32::NEG_INFINITY };
+        let depth = self.forward.dot(to_center) - sphere.radius;
+        let least_depth = depth - slack.travel - (distance + sphere.radius) * slack.turn;
+        PixelWidth {
+            log2_least: shorter.max(longer * self.inverse_anisotropy).log2(),
+            log2_most,
+            least_depth: least_depth.max(nearest * least_cos),
+            least_cos,
+        }
     }
 }
 
@@ -167,9 +201,21 @@ pub(crate) struct PixelWidth {
     log2_least: f32,
     /// Of what the larger one does.
     log2_most: f32,
+    /// Mesh units along the line of sight.
+    least_depth: f32,
+    /// Cosine of the greatest angle between a ray to the piece and the line of sight.
+    least_cos: f32,
 }
 
 impl PixelWidth {
+    /// The piece may touch the eye.
+    const NONE: Self = Self {
+        log2_least: f32::NEG_INFINITY,
+        log2_most: f32::NEG_INFINITY,
+        least_depth: 0.0,
+        least_cos: 0.0,
+    };
+
     /// The same in texels.
     #[inline]
     pub(crate) fn log2_width(self, densities: LogDensities) -> f32 {

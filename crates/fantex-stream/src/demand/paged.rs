@@ -5,12 +5,14 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use fantex_cover::Group;
 use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 
 use super::bounds::{Bounds, Gathering, is_culled};
 use super::kites::{Densities, Kite, densities, facets};
 use super::lens::{Lens, Sight, Slack};
+use super::relief::Relief;
 use crate::Geometry;
 use crate::shape::{Detail, TileShape, cells};
 
@@ -36,7 +38,7 @@ pub(crate) struct PagedTile {
     /// Triangles with a corner in the group, ascending.
     triangles: Vec<u32>,
     grid: Option<KiteGrid>,
-    bounds: HashMap<u32, Bounds>,
+    bounds: HashMap<u32, (Bounds, Relief)>,
 }
 
 impl PagedTile {
@@ -49,7 +51,7 @@ impl PagedTile {
         &mut self,
         geometry: &dyn Geometry,
         shape: &TileShape,
-        whole: &Bounds,
+        whole: &(Bounds, Relief),
         lens: &Lens,
         slack: Slack,
     ) -> Vec<PageDemand> {
@@ -62,11 +64,11 @@ impl PagedTile {
         for level in (0..count as u32).rev() {
             let mut finer = Vec::new();
             for page in candidates {
-                let bounds = self.page_bounds(geometry, shape, whole, level, page);
+                let (bounds, relief) = self.page_bounds(geometry, shape, whole, level, page);
                 if let Sight::Hidden(_) = lens.sight(&bounds, slack) {
                     continue;
                 }
-                let detail = Detail::from_log2(lens.log2_width(&bounds, slack));
+                let detail = Detail::from_log2(lens.log2_width(&bounds, &relief, slack));
                 let wanted = shape.wanted_level(detail);
                 if wanted <= level {
                     levels[level as usize].insert(page, detail);
@@ -96,10 +98,10 @@ impl PagedTile {
         &mut self,
         geometry: &dyn Geometry,
         shape: &TileShape,
-        whole: &Bounds,
+        whole: &(Bounds, Relief),
         level: u32,
         page: [u32; 2],
-    ) -> Bounds {
+    ) -> (Bounds, Relief) {
         let extent = shape.extent(level);
         if extent.iter().all(|&n| n <= PAGE) {
             return *whole;
@@ -113,7 +115,8 @@ impl PagedTile {
         let size = Vec2::from(shape.page_extent(level, page).map(|n| n as f32));
         let rectangle = [(origin - MARGIN_TEXELS) / texels, (origin + size + MARGIN_TEXELS) / texels];
         let grid = self.grid.get_or_insert_with(|| KiteGrid::new(geometry, self.group, &self.triangles));
-        let bounds = grid.bounds(rectangle);
+        let group = &geometry.cover().groups[self.group as usize];
+        let bounds = grid.bounds(group, rectangle);
         self.bounds.insert(index, bounds);
         bounds
     }
@@ -190,7 +193,7 @@ impl KiteGrid {
     }
 
     /// Bounds of the surface that lies in a rectangle of the tile.
-    fn bounds(&self, rectangle: [Vec2; 2]) -> Bounds {
+    fn bounds(&self, group: &Group, rectangle: [Vec2; 2]) -> (Bounds, Relief) {
         let mut found: Vec<u32> = cells(self.cells_under(rectangle))
             .flat_map(|[x, y]| &self.cells[(y * self.side + x) as usize])
             .copied()
@@ -211,14 +214,15 @@ impl KiteGrid {
             }
         }
         if kept.is_empty() {
-            return Bounds::NOTHING;
+            return (Bounds::NOTHING, Relief::UNKNOWN);
         }
         let mut bounds = gathering.begin();
-        for (p, i) in kept {
+        for &(p, i) in &kept {
             bounds.widen_to_point(p);
             bounds.widen_to_normal(self.kites[i as usize].normal);
         }
-        bounds
+        let planes = kept.iter().map(|&(p, i)| (self.kites[i as usize].normal, p));
+        (bounds, Relief::new(group, bounds.sphere.center, bounds.cone.is_culled, planes))
     }
 }
 

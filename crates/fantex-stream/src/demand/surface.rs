@@ -1,7 +1,7 @@
 //! The surface as demand sees it: bounds of groups, of blocks of groups, of blocks of blocks.
 //!
 //! Groups are ordered along a space-filling curve over the surface, so consecutive ones are neighbours, and a tree needs no
-//! pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 56 bytes per group.
+//! pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 116 bytes per group, 60 of them for reliefs.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::bounds::{Bounds, LogDensities, group_bounds};
 use super::group_triangles::GroupTriangles;
 use super::paged::PagedTile;
+use super::relief::Relief;
 use crate::Geometry;
 use crate::shape::TileShapes;
 
@@ -22,6 +23,7 @@ pub(crate) struct DemandSurface {
     pub(crate) geometry: Arc<dyn Geometry>,
     pub(crate) shapes: Arc<TileShapes>,
     pub(crate) groups: Vec<Bounds>,
+    pub(crate) reliefs: Vec<Relief>,
     /// The groups' densities, close together.
     pub(crate) densities: Vec<LogDensities>,
     /// Blocks, then the nodes over them, up to a single one.
@@ -36,7 +38,7 @@ impl DemandSurface {
         let (mesh, cover) = (geometry.mesh(), geometry.cover());
         let count = mesh.triangles.len().min(cover.corner_groups.len());
         let triangles = GroupTriangles::new(cover, count);
-        let groups = group_bounds(mesh, cover, &triangles);
+        let (groups, reliefs) = group_bounds(mesh, cover, &triangles);
         let mut nodes = vec![groups.chunks(BLOCK).map(Bounds::around).collect::<Vec<_>>()];
         while nodes[nodes.len() - 1].len() > 1 {
             let next = nodes[nodes.len() - 1].chunks(FAN_OUT).map(Bounds::around).collect();
@@ -52,6 +54,6 @@ impl DemandSurface {
             .map(|block| block.iter().any(|g| paged.contains_key(g)))
             .collect();
         let densities = groups.iter().map(|bounds| bounds.density).collect();
-        Self { geometry, shapes, groups, densities, nodes, paged, has_paged }
+        Self { geometry, shapes, groups, reliefs, densities, nodes, paged, has_paged }
     }
 }

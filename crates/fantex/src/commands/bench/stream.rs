@@ -67,9 +67,17 @@ const PART_SECONDS: f64 = 3.0;
 /// Seconds that the camera stands still at the end.
 const REST_SECONDS: f64 = 1.0;
 
+/// The camera goes no farther than this in one frame, seconds of its path: where frames take longer, the flight does.
+const LONGEST_STEP: f64 = 0.1;
+
+/// A slow frame may upload as much as so many quick ones.
+const MOST_QUICK_FRAMES: f64 = 16.0;
+
 /// Runs the benchmark.
 pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let started = Instant::now();
     let asset = Arc::new(open_asset(&args.asset)?);
+    let opened = started.elapsed();
     let path = match &args.path {
         Some(path) => read_path(path)?,
         None => tour(&asset),
@@ -77,7 +85,8 @@ pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, C
     if args.simulate {
         return Ok(simulated_rows(&simulate(asset.clone(), &path, &simulation(&asset, args))));
     }
-    let mut rows = fly(&asset, &path, args, context)?;
+    let mut rows = vec![Row::new("asset opened", 1e3 * opened.as_secs_f64(), "ms")];
+    rows.extend(fly(&asset, &path, args, context, started)?);
     rows.extend(disk_rows(&asset)?);
     rows.extend(memory::peak_bytes().map(|bytes| Row::new("peak of main memory", bytes as f64 / 1e6, "MB")));
     Ok(rows)
@@ -142,6 +151,8 @@ fn tour(asset: &Asset) -> CameraPath {
 struct Flight {
     update_times: Vec<Duration>,
     frame_times: Vec<Duration>,
+    /// From the program's start to the end of the first frame.
+    first_frame: Option<Duration>,
     seconds_to_sharp: Vec<f64>,
     never_sharp: u64,
     /// From a cut to the first frame that lacks nothing, whatever the camera has come to need since.
@@ -153,12 +164,13 @@ struct Flight {
     frames: u64,
 }
 
-/// Flies in real time. Unless pictures are drawn, what is measured is deciding, reading, unpacking and handing over.
+/// Flies in real time, as long as frames are not too slow for that ([`LONGEST_STEP`]). Unless pictures are drawn, what is measured is deciding, reading, unpacking and handing over.
 fn fly(
     asset: &Arc<Asset>,
     path: &CameraPath,
     args: &StreamArgs,
     context: &Context,
+    program_started: Instant,
 ) -> Result<Vec<Row>, CliError> {
     let gpu = if args.gpu { Some(Gpu::headless(&GpuOptions::default())?) } else { None };
     let block_compressed = gpu.as_ref().is_none_or(Gpu::has_block_compression);
@@ -186,19 +198,27 @@ fn fly(
     let end = path.duration_seconds() + REST_SECONDS;
     let began = Instant::now();
     let mut last = began;
-    while began.elapsed().as_secs_f64() <= end {
+    let mut path_seconds = 0.0;
+    while path_seconds <= end {
         let started = Instant::now();
-        let seconds = (started - began).as_secs_f64();
-        while cuts.next_if(|&cut| cut <= seconds).is_some() {
+        let elapsed = (started - last).as_secs_f64().max(1e-6);
+        last = started;
+        let step = elapsed.min(LONGEST_STEP);
+        path_seconds += step;
+        while cuts.next_if(|&cut| cut <= path_seconds).is_some() {
+            let seconds = (started - began).as_secs_f64();
             flight.never_sharp += u64::from(watch.replace((seconds, CutWatch::new())).is_some());
             incomplete_since = Some(seconds);
         }
-        let Some(camera) = path.at(seconds) else { break };
+        let Some(camera) = path.at(path_seconds) else { break };
         let view = camera.view(&asset.mesh().world_from_mesh, args.size.0);
-        let elapsed_seconds = (started - last).as_secs_f32().max(1e-6);
-        last = started;
-        let changes =
-            streamer.update(view.as_ref(), FrameOptions { elapsed_seconds, ..FrameOptions::default() });
+        let budget = FrameOptions::default();
+        let quick_frames = (elapsed * args.rate).clamp(1.0, MOST_QUICK_FRAMES);
+        let frame = FrameOptions {
+            upload_bytes: (budget.upload_bytes as f64 * quick_frames) as usize,
+            elapsed_seconds: step as f32,
+        };
+        let changes = streamer.update(view.as_ref(), frame);
         flight.update_times.push(started.elapsed());
         flight.count(&streamer);
         let so_far = began.elapsed().as_secs_f64();
@@ -216,9 +236,11 @@ fn fly(
         match &mut screen {
             Some(screen) => {
                 screen.draw(&camera, &changes)?;
+                flight.first_frame.get_or_insert_with(|| program_started.elapsed());
                 flight.frame_times.push(started.elapsed());
             }
             None => {
+                flight.first_frame.get_or_insert_with(|| program_started.elapsed());
                 let rest = Duration::from_secs_f64(1.0 / args.rate).saturating_sub(started.elapsed());
                 std::thread::sleep(rest);
             }
@@ -272,6 +294,9 @@ impl Flight {
 
     fn rows(mut self, loader: &LoaderStatistics) -> Vec<Row> {
         let mut rows = Vec::new();
+        let first_frame = self.first_frame.unwrap_or_default();
+        rows.push(Row::new("from the start to the first frame", 1e3 * first_frame.as_secs_f64(), "ms"));
+        rows.push(Row::new("frames", self.frames as f64, ""));
         percentiles(&mut rows, "frame", &mut self.frame_times);
         percentiles(&mut rows, "deciding, per frame", &mut self.update_times);
         rows.push(Row::new(
