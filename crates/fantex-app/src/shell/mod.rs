@@ -246,6 +246,11 @@ impl Shell {
                     self.viewer.settings.light.surroundings = Surroundings::File(path);
                 }
                 Answer::Sticker(path) => self.viewer.settings.paint.picture = Some(path),
+                Answer::Stencil(path) => {
+                    let stencil = &mut self.viewer.settings.paint.stencil;
+                    (stencil.image, stencil.is_on) = (Some(path), true);
+                }
+                Answer::Look(path) => self.viewer.settings.paint.texture.look = Some(path),
                 Answer::Stamp(path) => self.viewer.settings.paint.brush.stamp = Some(path),
                 Answer::LoadPath(path) => self.viewer.load_path(&path, seconds),
                 Answer::SavePath(path) => self.viewer.save_path(&path, seconds),
