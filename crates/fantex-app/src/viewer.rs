@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex_paint::PaintOptions;
 use fantex_scene::{Background, Camera, Lights};
 use glam::{DVec2, DVec3};
 
@@ -193,6 +194,8 @@ pub struct Viewer {
     pub painting: Option<Painting>,
     /// Whether what is opened is to be painted on.
     pub paints: bool,
+    /// Memory for pages while painting, bytes.
+    pub paint_memory_bytes: usize,
     /// Where the user's brushes are kept.
     pub brushes_file: Option<PathBuf>,
     /// The scene's size on the screen in pixels; zero while it is not shown.
@@ -253,6 +256,7 @@ impl Viewer {
             has_help: false,
             painting: None,
             paints: false,
+            paint_memory_bytes: PaintOptions::default().memory_bytes,
             brushes_file: None,
             scene_pixels: [0; 2],
             scene_corner: [0.0; 2],
@@ -354,10 +358,11 @@ impl Viewer {
         });
         let leaving = if is_same || !self.paints { self.painting.take() } else { None };
         let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.wake.clone());
+        let memory = self.paint_memory_bytes;
         let work = move || {
             drop(leaving);
             let (document, painting) = if paints {
-                let (mut document, painter) = Document::open_for_painting(&from, &for_thread)?;
+                let (mut document, painter) = Document::open_for_painting(&from, memory, &for_thread)?;
                 let path = painter.editor().asset().path().to_owned();
                 let painting = Painting::new(painter, brushes_file, wake)
                     .map_err(|source| OpenDocumentError::Thread { path, source })?;

@@ -167,21 +167,22 @@ impl ChosenTexture {
         LookSettings::Inline { text: self.graph.look.clone(), folder: self.graph.folder.clone() }
     }
 
-    /// A picture of it in the plane through the model's middle that is seen from the front: sRGB, row-major.
+    /// A picture of it in a slanting cut through the model's middle, where trunks show rings and layers show: sRGB, row-major.
     pub fn preview(&self, surface: &Surface, [width, height]: [usize; 2]) -> Vec<[u8; 3]> {
         let mesh = surface.mesh();
         let scale = mesh.world_from_mesh.scale as f32;
         let radius = scale * mesh.positions.iter().map(|p| p.length()).fold(0.0, f32::max);
         let step = 2.0 * radius / width.max(1) as f32;
+        let up = Vec3::new(0.0, 0.6, -0.8);
         let texel = |x: usize, y: usize| {
             let at = Vec2::new(x as f32 + 0.5 - 0.5 * width as f32, 0.5 * height as f32 - y as f32 - 0.5);
             let uv = Vec2::new(at.x, -at.y) / width as f32 + 0.5;
             let share = 1.0 / width as f32;
             let uv = UvPoint { uv, steps: [Vec2::X * share, Vec2::Y * share] };
             let value = self.texture.evaluate(&ShadingPoint {
-                position: (at * step).extend(0.0),
-                position_steps: [Vec3::X * step, Vec3::NEG_Y * step],
-                normal: Vec3::Z,
+                position: (Vec3::X * at.x + up * at.y) * step,
+                position_steps: [Vec3::X * step, -up * step],
+                normal: Vec3::X.cross(up),
                 normal_steps: [Vec3::ZERO; 2],
                 uv: &[uv],
                 vertex_color: Vec4::ONE,

@@ -157,6 +157,7 @@ impl Shell {
             viewer.notices.warning(problem.to_string(), 0.0);
         }
         viewer.paints = start.arguments.paint;
+        viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
         if let Some(place) = &start.arguments.file {
             viewer.open(place, 0.0);

@@ -148,8 +148,8 @@ fn work(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
             frame.inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
                 ui.set_width(190.0);
                 ui.horizontal(|ui| {
-                    let what = if work.is_undo { format!("Undo {}", work.label) } else { work.label.clone() };
-                    let text = format!("{what} … {:.0} %", work.share * 100.0);
+                    let what = if work.is_undo { "Undo: " } else { "" };
+                    let text = format!("{what}{} … {:.0} %", work.label, work.share * 100.0);
                     ui.label(RichText::new(text).color(theme::TEXT));
                     is_given_up = ui
                         .small_button("Stop")

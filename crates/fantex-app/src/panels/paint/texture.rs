@@ -15,9 +15,8 @@ const PREVIEW: [usize; 2] = [124, 40];
 
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let choice = &mut viewer.settings.paint.texture;
-    row(ui, "Paint with", |ui| {
-        ui.horizontal(|ui| segments(ui, &mut choice.source, &ColorSource::ALL, ColorSource::label)).response
-    });
+    let sources = ui.horizontal(|ui| segments(ui, &mut choice.source, &ColorSource::ALL, ColorSource::label));
+    sources.response.on_hover_text("What is painted with: a colour, a pattern in space, a texture of a look");
     let mut asks_file = false;
     match choice.source {
         ColorSource::Color => return,
@@ -119,5 +118,5 @@ fn preview(ui: &mut Ui, viewer: &mut Viewer) {
     ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
     let edge = Stroke::new(1.0, theme::LINE);
     ui.painter().rect_stroke(rect, CornerRadius::same(2), edge, StrokeKind::Inside);
-    response.on_hover_text("A cut through the model's middle, as wide as the model");
+    response.on_hover_text("A slanting cut through the model's middle, as wide as the model");
 }
