@@ -270,9 +270,11 @@ fn save_slide(folder: &Path) -> PathBuf {
 /// What is seen at a place of the picture, sRGB.
 fn picked(studio: &mut Studio, x: f64, y: f64) -> [u8; 3] {
     let before = studio.settings.colors.foreground;
-    studio.pen(PenPhase::Down, x, y, [false, true]);
-    studio.pen(PenPhase::Up, x, y, [false, true]);
+    let tool = std::mem::replace(&mut studio.settings.tool, PaintTool::Pick);
+    studio.pen(PenPhase::Down, x, y, [false; 2]);
+    studio.pen(PenPhase::Up, x, y, [false; 2]);
     studio.wait();
+    studio.settings.tool = tool;
     std::mem::replace(&mut studio.settings.colors.foreground, before)
 }
 

@@ -12,8 +12,8 @@ use crate::layers::{find_folders, keep_folders};
 use crate::tile_paint::{Changes, Rect};
 use crate::{Layer, PaintError, Painter};
 
-/// Pages that are flattened at a time.
-const BATCH: usize = 64;
+/// Pages that are flattened at a time: enough for all threads, and so few that a window can answer soon.
+const BATCH: usize = 16;
 
 /// Layers that are being flattened.
 #[derive(Debug)]

@@ -13,6 +13,9 @@ use crate::panels::widgets::gauge;
 use crate::theme;
 use crate::viewer::Viewer;
 
+/// What takes less long is not told of.
+const SHOWN_AFTER_SECONDS: f64 = 0.3;
+
 /// Lines are dark below and light above, so that they are seen on any ground.
 const DARK: Color32 = Color32::from_rgba_premultiplied(0, 0, 0, 150);
 
@@ -137,7 +140,13 @@ fn work(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let view = viewer.viewpoint();
     let Some(painting) = &mut viewer.painting else { return };
     painting.look_from(&view);
-    let Some(work) = painting.work().cloned() else { return };
+    let since = Id::unique("painter's work since");
+    let Some(work) = painting.work().cloned() else { return ui.data_mut(|data| data.remove::<f64>(since)) };
+    // What is over at once needs no card.
+    let now = ui.input(|i| i.time);
+    if now - ui.data_mut(|data| *data.get_temp_mut_or(since, now)) < SHOWN_AFTER_SECONDS {
+        return ui.ctx().request_repaint_after_secs(SHOWN_AFTER_SECONDS as f32);
+    }
     let mut is_given_up = false;
     let at = rect.right_top() + vec2(-14.0, 44.0);
     Area::new(Id::unique("painter's work")).order(Order::Middle).fixed_pos(at).pivot(Align2::RIGHT_TOP).show(
