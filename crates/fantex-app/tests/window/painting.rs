@@ -138,9 +138,9 @@ fn the_step_after_a_stroke_waits_for_the_hand_and_the_model_is_framed_between_th
     let steps = r##"{"wait_loaded":120},{"wait_sharp":120},{"screenshot":{"path":"opened.png"}},
         {"key":"F"},{"wait_sharp":60},{"screenshot":{"path":"framed.png"}},
         {"view":"top"},{"brush":{"size":50,"hardness":1.0,"flow":1.0,"smoothing":0.0}},
-        {"color":"#ff0000"},{"stroke":{"points":[[0.3,0.75],[0.45,0.8]],"frames":9}},
-        {"color":"#00ff00"},{"stroke":{"points":[[0.55,0.8],[0.7,0.75]],"frames":9}},
-        {"color":"#0000ff"},{"stroke":{"points":[[0.4,0.2],[0.6,0.2]],"frames":9}},
+        {"color":"#ff0000"},{"stroke":{"points":[[0.4,0.72],[0.5,0.74]],"frames":9}},
+        {"color":"#00ff00"},{"stroke":{"points":[[0.6,0.72],[0.7,0.68]],"frames":9}},
+        {"color":"#0000ff"},{"stroke":{"points":[[0.4,0.28],[0.6,0.28]],"frames":9}},
         {"wait_painted":60},{"shading":"base_color"},{"hover":[0.5,0.5]},{"wait_sharp":60},{"screenshot":{"path":"colors.png"}},
         {"expect_painting":{"steps":3}},"quit""##;
     check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
