@@ -78,7 +78,8 @@ fn two_painters_do_not_share_an_asset() {
 fn save_pictures(folder: &std::path::Path) {
     let texel = |i: usize| {
         let (x, y) = ((i % 128) as f32 - 63.5, (i / 128) as f32 - 63.5);
-        let light = if (x.hypot(y) / 10.0) as u32 % 2 == 0 && x.hypot(y) < 60.0 { 1.0 } else { 0.0 };
+        let is_ring = ((x.hypot(y) / 10.0) as u32).is_multiple_of(2) && x.hypot(y) < 60.0;
+        let light = if is_ring { 1.0 } else { 0.0 };
         [light, light, light, 1.0]
     };
     let texels: Vec<[f32; 4]> = (0..128 * 128).map(texel).collect();
