@@ -292,6 +292,7 @@ fn looks_are_found_where_asset_and_look_have_moved_to() {
     let mut painter = again.painter();
     log().replay(&mut painter).unwrap();
     assert!(contents(&painter) == painted);
+    drop(painter);
     // The layer is shown again, too.
     let mut painter = Painter::open(&moved, &PaintOptions::default()).unwrap();
     painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
