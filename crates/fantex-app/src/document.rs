@@ -279,6 +279,7 @@ impl Document {
     /// [`OpenDocumentError`]: one sentence for the user.
     pub fn open_for_painting(
         place: &Place,
+        memory_bytes: usize,
         progress: &OpenProgress,
     ) -> Result<(Self, Painter), OpenDocumentError> {
         progress.enter(Stage::Reading)?;
@@ -290,7 +291,7 @@ impl Document {
             Place::File(path) => asset_of_model(path, progress, &mut notes)?,
         };
         progress.enter(Stage::Preparing)?;
-        let painter = Painter::open(&path, &PaintOptions::default())?;
+        let painter = Painter::open(&path, &PaintOptions { memory_bytes, history: true })?;
         let asset = painter.editor().asset().clone();
         let document = Self { notes, ..Self::of_asset(Place::File(path), asset) };
         Ok((document, painter))

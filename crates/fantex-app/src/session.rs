@@ -22,7 +22,10 @@ use serde::Deserialize;
 use crate::camera::{CameraMode, ViewPreset};
 use crate::command::parse_keys;
 use crate::display::{Overlay, ShadingView};
-use crate::paint::{BrushSettings, ChannelSwitches, Material, PaintTool, SymmetrySettings, parse_hex};
+use crate::paint::{
+    BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, StencilSettings, SymmetrySettings,
+    TextureChoice, parse_hex,
+};
 use crate::settings::Tab;
 
 /// Most bytes of a file that is read as a session.
@@ -124,6 +127,20 @@ pub enum Step {
     Channels(ChannelSwitches),
     /// Says what is painted into the material's channels.
     Material(Material),
+    /// Says what the base colour comes from.
+    Texture(TextureChoice),
+    /// Lays a picture over the view; what is left out is as usual.
+    Stencil(StencilSettings),
+    /// Lets the pointer move that picture (true), or paint again.
+    AdjustStencil(bool),
+    /// Makes that picture as large as the view allows.
+    FitStencil,
+    /// Projects that picture onto all that is seen.
+    Project,
+    /// Says how far fills go.
+    Fill(FillReach),
+    /// Lays this picture with the next click of the tool `sticker`.
+    Picture(PathBuf),
     /// Chooses symmetry.
     Symmetry(SymmetrySettings),
     /// Draws with the first button through points of the scene.
@@ -171,8 +188,12 @@ fn stroke_frames() -> u32 {
 pub enum LayerStep {
     /// A new layer.
     Add,
-    /// A new layer of one colour.
+    /// A new layer of one colour or texture, hidden by its mask.
     AddFill,
+    /// The same, without a mask.
+    AddFillEverywhere,
+    /// A fill layer takes the colour or texture of now.
+    Refill,
     /// The layer of this name, or `base`.
     Select(String),
     /// Its mask.
@@ -314,7 +335,11 @@ impl Step {
 
     fn resolve(&mut self, folder: &Path) {
         match self {
-            Self::Screenshot { path, .. } | Self::WindowScreenshot { path } => *path = folder.join(&*path),
+            Self::Screenshot { path, .. } | Self::WindowScreenshot { path } | Self::Picture(path) => {
+                *path = folder.join(&*path);
+            }
+            Self::Texture(TextureChoice { look: Some(path), .. })
+            | Self::Stencil(StencilSettings { image: Some(path), .. }) => *path = folder.join(&*path),
             Self::Open(place) if !place.contains("://") => {
                 *place = folder.join(&*place).to_string_lossy().into_owned();
             }
@@ -340,6 +365,8 @@ pub struct Situation {
     pub is_sharp: bool,
     /// Whether a camera path is being played.
     pub is_playing: bool,
+    /// Whether the hands have something to do.
+    pub are_hands_busy: bool,
     /// Whether a painter has something to do, or the hands have.
     pub is_painting: bool,
     /// Whether something is not in the file yet.
@@ -389,6 +416,10 @@ enum Until {
     /// And the frame before which the picture cannot be the wanted one.
     Sharp {
         seconds: f64,
+        frame: u64,
+    },
+    /// The hand has drawn all of a stroke.
+    Drawn {
         frame: u64,
     },
     Painted {
@@ -459,6 +490,7 @@ impl SessionRunner {
             Step::Screenshot { .. } | Step::WindowScreenshot { .. } => wait(Until::Picture),
             Step::Hold { frames, .. } => wait(Until::Frame(now.frame + u64::from(*frames))),
             Step::Play(_) => wait(Until::Played),
+            Step::Stroke { .. } => wait(Until::Drawn { frame: now.frame + 2 }),
             // What it changes is there in the next frame.
             _ => wait(Until::Frame(now.frame + 2)),
         };
@@ -485,6 +517,7 @@ impl SessionRunner {
                 let is_sharp = now.frame >= frame && !now.is_opening && now.is_sharp;
                 (is_sharp, seconds, "the picture was not sharp")
             }
+            Until::Drawn { frame } => (now.frame >= frame && !now.are_hands_busy, f64::INFINITY, ""),
             Until::Painted { seconds, frame } => (
                 now.frame >= frame && !now.is_opening && !now.is_painting,
                 seconds,

@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex_paint::PaintOptions;
 use fantex_scene::{Background, Camera, Lights};
 use glam::{DVec2, DVec3};
 
@@ -44,6 +45,10 @@ pub enum Request {
     StampDialog,
     /// Ask for a picture to lay onto the surface.
     StickerDialog,
+    /// Ask for a picture to lay over the view.
+    StencilDialog,
+    /// Ask for a look to paint with.
+    LookDialog,
     /// Ask for a camera path to load.
     LoadPathDialog,
     /// Ask where to save the camera path.
@@ -189,6 +194,8 @@ pub struct Viewer {
     pub painting: Option<Painting>,
     /// Whether what is opened is to be painted on.
     pub paints: bool,
+    /// Memory for pages while painting, bytes.
+    pub paint_memory_bytes: usize,
     /// Where the user's brushes are kept.
     pub brushes_file: Option<PathBuf>,
     /// The scene's size on the screen in pixels; zero while it is not shown.
@@ -203,6 +210,8 @@ pub struct Viewer {
     pub new_model: Option<Option<SceneModel>>,
     /// The user was told that closing loses something.
     was_warned: bool,
+    /// What was opened has not been framed yet with the panels that it brings.
+    is_unframed: bool,
     requests: Vec<Request>,
     fly: FlyMotion,
     walker: Walker,
@@ -247,6 +256,7 @@ impl Viewer {
             has_help: false,
             painting: None,
             paints: false,
+            paint_memory_bytes: PaintOptions::default().memory_bytes,
             brushes_file: None,
             scene_pixels: [0; 2],
             scene_corner: [0.0; 2],
@@ -254,6 +264,7 @@ impl Viewer {
             picture_folder: PathBuf::new(),
             new_model: None,
             was_warned: false,
+            is_unframed: false,
             requests: Vec::new(),
             walker: Walker::new(SceneScale::default().eye_height()),
             ground: None,
@@ -347,10 +358,11 @@ impl Viewer {
         });
         let leaving = if is_same || !self.paints { self.painting.take() } else { None };
         let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.wake.clone());
+        let memory = self.paint_memory_bytes;
         let work = move || {
             drop(leaving);
             let (document, painting) = if paints {
-                let (mut document, painter) = Document::open_for_painting(&from, &for_thread)?;
+                let (mut document, painter) = Document::open_for_painting(&from, memory, &for_thread)?;
                 let path = painter.editor().asset().path().to_owned();
                 let painting = Painting::new(painter, brushes_file, wake)
                     .map_err(|source| OpenDocumentError::Thread { path, source })?;
@@ -452,6 +464,7 @@ impl Viewer {
                 self.new_model = Some(model);
                 if !keeps_camera {
                     self.show(ViewPreset::ThreeQuarter);
+                    self.is_unframed = true;
                 }
                 self.want_ground(seconds);
             }
@@ -546,6 +559,7 @@ impl Viewer {
     pub fn set_camera(&mut self, camera: &Camera) {
         let rig = CameraRig::of_camera(camera);
         if rig.is_sound() {
+            self.is_unframed = false;
             self.rig = rig;
             self.after_jump();
         }
@@ -604,7 +618,7 @@ impl Viewer {
             },
             Command::ChooseSurroundings => self.request(Request::SurroundingsDialog),
             Command::TogglePainting => self.toggle_painting(seconds),
-            Command::Paint(command) => self.paint_command(&command),
+            Command::Paint(command) => self.paint_command(&command, seconds),
             Command::Light(preset) => self.settings.light = preset.light(&self.settings.light),
         }
     }
@@ -617,6 +631,10 @@ impl Viewer {
             self.cancel_opening();
         } else if !matches!(self.tape, Tape::Still) {
             self.tape = Tape::Still;
+        } else if let Some(painting) = self.painting.as_ref().filter(|painting| painting.work().is_some()) {
+            painting.give_up_work();
+        } else {
+            self.settings.paint.stencil.is_adjusted = false;
         }
     }
 
@@ -703,6 +721,9 @@ impl Viewer {
 
     /// Moves camera and light as mouse and keys want. Returns whether something goes on moving by itself.
     pub fn navigate(&mut self, input: &SceneInput, seconds: f64, step: f64) -> bool {
+        if std::mem::take(&mut self.is_unframed) {
+            self.show(ViewPreset::ThreeQuarter);
+        }
         let input = &self.paint(input, seconds);
         let step = step.clamp(0.0, LONGEST_STEP_SECONDS);
         if input.turns_sun && input.drag != DVec2::ZERO {

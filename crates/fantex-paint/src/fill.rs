@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::{Surface, SurfacePoint};
+use crate::{Surface, SurfacePoint, Symmetry};
 
 /// How far a fill goes from where it starts.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -14,6 +14,32 @@ pub enum FillScope {
     Connected,
     /// The same, across edges that bend by at most so many degrees.
     Angle(f32),
+}
+
+/// Mesh units from where a copy of a fill's start falls to the surface, at most. (Models are about 2 mesh units wide.)
+const COPY_REACH: f32 = 0.1;
+
+/// The triangles of a fill and its copies, ascending.
+pub fn fill_triangles_with(
+    surface: &Surface,
+    start: SurfacePoint,
+    scope: FillScope,
+    symmetry: &Symmetry,
+) -> Vec<u32> {
+    let starts = fill_starts(surface, start, symmetry);
+    let mut all = BTreeSet::new();
+    for start in starts {
+        // What is filled already goes as far, seen from any of its triangles.
+        if !all.contains(&start.triangle) {
+            all.extend(fill_triangles(surface, start, scope));
+        }
+    }
+    all.into_iter().collect()
+}
+
+/// Where a fill and its copies start.
+pub fn fill_starts(surface: &Surface, start: SurfacePoint, symmetry: &Symmetry) -> Vec<SurfacePoint> {
+    symmetry.places(surface, start, COPY_REACH).into_iter().flatten().collect()
 }
 
 /// The triangles of a fill, ascending.

@@ -26,6 +26,20 @@ pub enum GraphError {
     /// The look is wrong, or has no texture of that name, or a file is missing.
     #[error(transparent)]
     Look(#[from] LookError),
+    /// The folder of its files is gone.
+    #[error(
+        "the files of the look with the texture {name:?} are not found ({source}): their folder was {}; put them there \
+         again, or move asset and look together",
+        folder.display()
+    )]
+    Folder {
+        /// The texture.
+        name: String,
+        /// Where the look's files should be.
+        folder: PathBuf,
+        /// What was not found.
+        source: LookError,
+    },
     /// It depends on the eye.
     #[error("the texture {0:?} depends on the eye and cannot be painted with")]
     ViewDependent(String),
@@ -38,6 +52,25 @@ impl TextureGraph {
     ///
     /// The look is wrong, has no such texture, or the texture cannot be made or depends on the eye.
     pub fn texture(&self, surface: &Surface, name: &str) -> Result<Arc<dyn Texture>, GraphError> {
+        match self.made(surface, name) {
+            Err(GraphError::Look(source)) if !self.folder.is_dir() => {
+                Err(GraphError::Folder { name: name.to_owned(), folder: self.folder.clone(), source })
+            }
+            made => made,
+        }
+    }
+
+    /// The names of the look's textures, ascending.
+    ///
+    /// # Errors
+    ///
+    /// The look is wrong.
+    pub fn names(&self) -> Result<Vec<String>, GraphError> {
+        let file = LookFile::parse(&self.look, &self.folder.join("look.toml"))?;
+        Ok(file.look().textures.keys().cloned().collect())
+    }
+
+    fn made(&self, surface: &Surface, name: &str) -> Result<Arc<dyn Texture>, GraphError> {
         let file = LookFile::parse(&self.look, &self.folder.join("look.toml"))?;
         let images = LookImages::default();
         let mut resolver = Resolver::new(&file, surface.mesh(), &images, ResolveOptions::default());

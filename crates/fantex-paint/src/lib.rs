@@ -19,6 +19,7 @@
 //! | `history` | undo and redo, kept in the asset |
 //! | `replay` | strokes from a file |
 //! | `log` | strokes of an asset, for other densities and meshes |
+//! | `work` | what takes long on large assets, in slices |
 //!
 //! Everything is a function of its input only, on any number of threads. There is no window in this crate.
 
@@ -28,6 +29,7 @@ mod dab;
 mod decal;
 mod error;
 mod fill;
+mod folders;
 mod graph;
 mod history;
 mod layers;
@@ -41,23 +43,25 @@ mod stroke;
 mod surface;
 mod text;
 mod tile_paint;
+mod work;
 
 pub use blend::BlendMode;
 pub use color_fill::ColorFill;
 pub use dab::{Dab, Region, RegionTriangle};
 pub use decal::Decal;
 pub use error::PaintError;
-pub use fill::{FillScope, fill_triangles};
+pub use fill::{FillScope, fill_starts, fill_triangles, fill_triangles_with};
 pub use graph::{GraphError, TextureGraph};
 pub use history::{History, HistoryStep};
 pub use layers::{GraphFill, Layer, LayerContent, Target};
 pub use log::StrokeLog;
 pub use paint::{ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
 pub use picture::Picture;
-pub use projection::{Lens, Projection, ProjectionView};
+pub use projection::{Lens, PicturePlace, Projection, ProjectionView};
 pub use replay::*;
 pub use stamp::Stamp;
 pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
 pub use surface::{Surface, SurfacePoint};
 pub use text::{DEFAULT_FONT, TextError, TextPicture, draw_text};
 pub use tile_paint::{PaintOptions, Painter, PreviewPage, StrokeSummary};
+pub use work::WorkProgress;

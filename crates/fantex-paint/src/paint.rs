@@ -74,6 +74,10 @@ pub struct Paint {
     pub opacity: f32,
     /// Where to; none twice.
     pub channels: Vec<ChannelPaint>,
+    /// A picture through a camera that the stroke is laid on through: what it covers is multiplied by the picture's alpha, and
+    /// nothing is covered beside the picture and where the camera does not see. Projected colours then count without
+    /// their alpha.
+    pub stencil: Option<Arc<Projection>>,
 }
 
 impl Paint {

@@ -54,15 +54,6 @@ impl Picture {
         Self { levels }
     }
 
-    /// Left and right changed: for what is seen from the other side of the surface.
-    pub fn mirrored(mut self) -> Self {
-        for level in &mut self.levels {
-            let columns = level.extent[0].max(1);
-            level.texels.chunks_mut(columns).for_each(<[Vec4]>::reverse);
-        }
-        self
-    }
-
     /// Columns and rows.
     pub fn extent(&self) -> [usize; 2] {
         self.levels[0].extent

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use glam::{DVec3, Vec2, Vec3, Vec4};
+use glam::{DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
 use crate::{Picture, Surface, SurfacePoint};
 
@@ -17,13 +18,37 @@ pub struct ProjectionView {
     pub up: DVec3,
     /// How wide it sees.
     pub lens: Lens,
+    /// Where in the view the picture lies.
+    pub place: PicturePlace,
 }
 
-/// The angle or the height that the picture spans.
+/// Where in a camera's view a picture lies: coordinates are x to the right and y upwards, the origin in the middle, 1 at the
+/// upper border.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PicturePlace {
+    /// The picture's middle.
+    pub center: [f64; 2],
+    /// The picture's height, as a share of the view's.
+    pub height: f64,
+    /// Degrees, counter-clockwise.
+    pub angle: f64,
+    /// Left and right are changed.
+    pub mirrored: bool,
+}
+
+impl Default for PicturePlace {
+    /// From the lower to the upper border.
+    fn default() -> Self {
+        Self { center: [0.0; 2], height: 1.0, angle: 0.0, mirrored: false }
+    }
+}
+
+/// The angle or the height that the view spans.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Lens {
-    /// Degrees between the picture's lower and upper border, above 0 and below 180.
+    /// Degrees between the view's lower and upper border, above 0 and below 180.
     Perspective(f64),
     /// World units between them; all rays are parallel.
     Parallel(f64),
@@ -38,9 +63,12 @@ pub struct Projection {
     right: Vec3,
     up: Vec3,
     forward: Vec3,
-    /// Half the picture's height, at distance 1 or (parallel rays) everywhere, mesh units.
+    /// Half the view's height, at distance 1 or (parallel rays) everywhere, mesh units.
     half_height: f32,
     is_parallel: bool,
+    /// From the view to the picture, both with 1 at the upper border: what is added, then by what it is multiplied.
+    shift: Vec2,
+    turn: Mat2,
 }
 
 /// Cosines between the surface's normal and the way to the camera over which the picture fades in: what is seen edge-on would
@@ -61,7 +89,10 @@ impl Projection {
             Lens::Parallel(height) => (0.5 * height / world_from_mesh.scale, true),
         };
         let in_range = half_height.is_finite() && half_height > 0.0 && half_height < 1e6;
-        in_range.then(|| Self {
+        let PicturePlace { center, height, angle, mirrored } = view.place;
+        let is_placed = DVec2::from(center).is_finite() && angle.is_finite() && height > 1e-6 && height < 1e6;
+        let flip = Vec2::new(if mirrored { -1.0 } else { 1.0 }, 1.0) / height as f32;
+        (in_range && is_placed).then(|| Self {
             picture,
             eye: world_from_mesh.inverse_point(view.eye),
             right: right.as_vec3(),
@@ -69,34 +100,90 @@ impl Projection {
             forward: forward.as_vec3(),
             half_height: half_height as f32,
             is_parallel,
+            shift: -DVec2::from(center).as_vec2(),
+            turn: Mat2::from_diagonal(flip) * Mat2::from_angle(-angle.to_radians() as f32),
         })
     }
 
     /// What the picture shows at a point, straight alpha; none where the point is not seen. `steps`: change of the position
     /// along a texel's sides, mesh units.
     pub(crate) fn at(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> Option<Vec4> {
-        let position = surface.position(point).as_vec3();
-        let (place, unit) = self.place(position)?;
-        let to_eye = self.to_eye(position);
-        // The smooth surface's, so that the picture's border does not follow the facets.
-        let cosine = surface.normal(point).dot(to_eye).abs();
-        let s = ((cosine - GRAZING[0]) / (GRAZING[1] - GRAZING[0])).clamp(0.0, 1.0);
-        let facing = s * s * (3.0 - 2.0 * s);
-        let width = (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt();
-        let value = self.picture.at(place, width * cosine.max(0.2) * unit);
+        let (value, facing) = self.look(surface, point, steps)?;
         if facing * value.w <= 0.0 {
             return None;
         }
-        let seen = SIGHTS
-            .iter()
-            .filter(|[a, b]| self.is_seen(surface, position + steps[0] * *a + steps[1] * *b, width));
-        let alpha = value.w * facing * seen.count() as f32 / SIGHTS.len() as f32;
+        let alpha = value.w * facing * self.seen_share(surface, point, steps);
         (alpha > 0.0).then(|| (value.truncate() / value.w).extend(alpha))
+    }
+
+    /// The picture's colour at a point, opaque, whether the point is seen or not; none beside the picture.
+    pub(crate) fn color_at(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> Option<Vec4> {
+        let (value, _) = self.look(surface, point, steps)?;
+        (value.w > 0.0).then(|| (value.truncate() / value.w).extend(1.0))
+    }
+
+    /// The picture at a point, multiplied by its alpha, and how far the surface there faces the camera, 0..1; none beside the
+    /// picture.
+    fn look(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> Option<(Vec4, f32)> {
+        let position = surface.position(point).as_vec3();
+        let (place, unit) = self.place(position)?;
+        // The smooth surface's, so that the picture's border does not follow the facets.
+        let cosine = surface.normal(point).dot(self.to_eye(position)).abs();
+        let s = ((cosine - GRAZING[0]) / (GRAZING[1] - GRAZING[0])).clamp(0.0, 1.0);
+        let value = self.picture.at(place, width_of(steps) * cosine.max(0.2) * unit);
+        Some((value, s * s * (3.0 - 2.0 * s)))
+    }
+
+    /// Share of a texel that is not hidden. Two rays tell mostly; where they do not agree, all do.
+    fn seen_share(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> f32 {
+        let (position, width) = (surface.position(point).as_vec3(), width_of(steps));
+        let is_seen = |[a, b]: [f32; 2]| self.is_seen(surface, position + steps[0] * a + steps[1] * b, width);
+        let [first, second, third, fourth] = SIGHTS;
+        let count = match [first, third].map(is_seen) {
+            [true, true] => 4,
+            [false, false] => 0,
+            _ => 1 + [second, fourth].into_iter().filter(|&sight| is_seen(sight)).count(),
+        };
+        count as f32 / SIGHTS.len() as f32
+    }
+
+    /// The triangles that may lie in the picture, ascending: those of which some corner does not lie beside it.
+    pub fn triangles(&self, surface: &Surface) -> Vec<u32> {
+        let mesh = surface.mesh();
+        let may_show = |triangle: &u32| {
+            let sides = mesh.triangle_positions(*triangle as usize).map(|p| self.sides(p));
+            // Beyond one side with all corners, or behind the camera.
+            let [a, b, c] = sides;
+            a & b & c == 0
+        };
+        (0..mesh.triangles.len() as u32).into_par_iter().filter(may_show).collect()
+    }
+
+    /// Beyond which sides of the picture a position lies: a bit for each.
+    fn sides(&self, position: Vec3) -> u8 {
+        let q = position - self.eye;
+        let depth = q.dot(self.forward);
+        let scale = if self.is_parallel { self.half_height } else { depth.abs() * self.half_height };
+        if depth <= 0.0 {
+            return 16;
+        }
+        let p = self.turn * (Vec2::new(q.dot(self.right), q.dot(self.up)) / scale + self.shift);
+        let [columns, rows] = self.picture.extent().map(|n| n as f32);
+        let half = Vec2::new(columns / rows, 1.0) * 1.05;
+        u8::from(p.x < -half.x)
+            | u8::from(p.x > half.x) << 1
+            | u8::from(p.y < -half.y) << 2
+            | u8::from(p.y > half.y) << 3
     }
 
     /// Where the picture's right and upright direction point, mesh space.
     pub(crate) fn axes(&self) -> [Vec3; 2] {
-        [self.right, self.up]
+        let axis = |picture: Vec2| {
+            // The turn is a rotation (and a reflection) times a scale: its transpose goes back, but for the length.
+            let view = self.turn.transpose() * picture;
+            (self.right * view.x + self.up * view.y).normalize_or_zero()
+        };
+        [Vec2::X, Vec2::Y].map(axis)
     }
 
     /// A position in the coordinates of the picture, and these per mesh unit there.
@@ -107,8 +194,11 @@ impl Projection {
             return None;
         }
         let [columns, rows] = self.picture.extent().map(|n| n as f32);
-        let unit = rows / columns.max(rows) / (depth * self.half_height);
-        let place = Vec2::new(q.dot(self.right), q.dot(self.up)) * unit;
+        let view = Vec2::new(q.dot(self.right), q.dot(self.up)) / (depth * self.half_height);
+        let longer = rows / columns.max(rows);
+        let place = self.turn * (view + self.shift) * longer;
+        // The turn's rows have the same length.
+        let unit = longer * self.turn.y_axis.length() / (depth * self.half_height);
         (place.abs().max_element() <= 1.1).then_some((place, unit))
     }
 
@@ -125,4 +215,9 @@ impl Projection {
         let hit = surface.bvh().first_hit(origin, -to_eye, distance);
         hit.is_none_or(|hit| distance - hit.distance <= 2.0 * texel + 1e-5 * distance)
     }
+}
+
+/// Length of a texel's sides.
+fn width_of(steps: [Vec3; 2]) -> f32 {
+    (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt()
 }

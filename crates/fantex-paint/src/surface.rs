@@ -112,7 +112,7 @@ impl Surface {
     }
 
     /// The same on the side that is seen: outwards where the mesh is closed, whichever way it is wound.
-    pub(crate) fn outer_normal(&self, triangle: u32) -> DVec3 {
+    pub fn outer_normal(&self, triangle: u32) -> DVec3 {
         let normal = self.facet_normal(triangle);
         if self.is_inside_out { -normal } else { normal }
     }
@@ -139,6 +139,11 @@ impl Surface {
     pub(crate) fn opposite(&self, half_edge: u32) -> Option<u32> {
         let other = self.opposite[half_edge as usize];
         (other != NONE).then_some(other)
+    }
+
+    /// Some triangle with a corner in a group.
+    pub fn triangle_of_group(&self, group: u32) -> Option<u32> {
+        self.triangles_of_group(group).first().copied()
     }
 
     /// The triangles with a corner in a group, ascending.

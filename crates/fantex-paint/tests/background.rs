@@ -111,3 +111,52 @@ fn a_full_disk_costs_nothing_but_memory() {
     assert!(contents(&a) == contents(&b));
     assert!(verify(&full.path, &VerifyOptions::default()).unwrap().ok);
 }
+
+#[test]
+fn tools_that_read_the_surface_work_on_a_full_disk() {
+    use fantex_paint::{ColorFill, Tool};
+    let [free, full] = [0, 1].map(|_| ball(200_000));
+    let options = PaintOptions { memory_bytes: 400 << 10, history: true };
+    let [mut a, mut b] = [&free, &full].map(|baked| Painter::open(&baked.path, &options).unwrap());
+    b.limit_file(Some(std::fs::metadata(&full.path).unwrap().len()));
+    let tools = [
+        Tool::Clone { offset: Vec3::new(0.3, 0.2, 0.0), reach: 0.2 },
+        Tool::Blur { radius: 0.05 },
+        Tool::Smudge { strength: 0.7 },
+    ];
+    for painter in [&mut a, &mut b] {
+        draw(painter, 0);
+        painter.end().unwrap();
+        for (turn, tool) in tools.iter().enumerate() {
+            let surface = Arc::clone(painter.surface());
+            let paint = fantex_paint::Paint { tool: tool.clone(), ..red(0.9) };
+            painter.begin("reads", paint).unwrap();
+            for dab in dabs_of(&surface, &stroke(&surface, 40.0, &way(turn))) {
+                painter.dab(std::slice::from_ref(&dab)).unwrap();
+                painter.show().unwrap();
+            }
+            // As a window tries while a stroke goes on.
+            drop(painter.commit());
+            painter.end().unwrap();
+        }
+        let start = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
+        painter.begin("fill", red(0.5)).unwrap();
+        painter.fill_color(0, &[start], ColorFill { tolerance: 0.2, ..ColorFill::default() }).unwrap();
+        painter.end().unwrap();
+    }
+    assert!(b.is_disk_full() && !a.is_disk_full());
+    assert!(contents(&a) == contents(&b), "what they read is what is seen");
+    assert!(matches!(b.commit(), Err(PaintError::Edit(EditError::Full { .. }))));
+    b.limit_file(None);
+    b.commit().unwrap();
+    a.commit().unwrap();
+    drop((a, b));
+    let [mut a, mut b] = [free.painter(), full.painter()];
+    assert!(contents(&a) == contents(&b), "nothing is lost");
+    for _ in 0..5 {
+        assert!(a.undo().unwrap() && b.undo().unwrap());
+    }
+    assert!(contents(&a) == contents(&b));
+    b.commit().unwrap();
+    assert!(verify(&full.path, &VerifyOptions::default()).unwrap().ok);
+}

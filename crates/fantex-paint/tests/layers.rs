@@ -35,6 +35,7 @@ fn white() -> Paint {
         tool: Tool::Paint(BlendMode::Normal),
         opacity: 1.0,
         channels: vec![ChannelPaint { channel: 0, color }],
+        stencil: None,
     }
 }
 

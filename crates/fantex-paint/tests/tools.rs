@@ -105,6 +105,7 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
         tool: Tool::Paint(BlendMode::Normal),
         opacity: 1.0,
         channels: vec![ChannelPaint { channel: 0, color: PaintColor::Constant(color) }],
+        stencil: None,
     };
     let surface = Arc::clone(painter.surface());
     let start = surface.nearest(Vec3::X, f32::INFINITY).unwrap();
@@ -119,7 +120,7 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
     let green = Vec4::new(0.0, 1.0, 0.0, 1.0);
     for (connected, other_is_green) in [(true, false), (false, true)] {
         painter.begin("green", flat(green)).unwrap();
-        painter.fill_color(0, start, ColorFill { connected, ..ColorFill::default() }).unwrap();
+        painter.fill_color(0, &[start], ColorFill { connected, ..ColorFill::default() }).unwrap();
         painter.end().unwrap();
         painter.commit().unwrap();
         let cache = baked.cache();
@@ -132,7 +133,7 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
     // The white is one piece around both dots.
     let white = surface.nearest(Vec3::NEG_Y, f32::INFINITY).unwrap();
     painter.begin("green", flat(green)).unwrap();
-    painter.fill_color(0, white, ColorFill::default()).unwrap();
+    painter.fill_color(0, &[white], ColorFill::default()).unwrap();
     painter.end().unwrap();
     painter.commit().unwrap();
     let cache = baked.cache();

@@ -89,9 +89,7 @@ impl Exchange {
         mut texels: impl FnMut(PageId) -> Result<PageTexels, E>,
     ) -> Result<(), E> {
         if pages.len() > MOST_FRESH {
-            let mut state = self.lock();
-            pages.iter().for_each(|&page| state.note(page));
-            state.stale.extend(pages);
+            self.outdate(pages);
             return Ok(());
         }
         for &page in pages {
@@ -101,6 +99,13 @@ impl Exchange {
             state.put(page, now);
         }
         Ok(())
+    }
+
+    /// The painter's: these pages are not any more as the file says, and have to be asked for.
+    pub fn outdate(&self, pages: &[PageId]) {
+        let mut state = self.lock();
+        pages.iter().for_each(|&page| state.note(page));
+        state.stale.extend(pages);
     }
 
     /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept.

@@ -28,6 +28,12 @@ pub enum PaintCommand {
     Redo,
     /// Mirror on or off.
     ToggleSymmetry,
+    /// The picture over the view on or off.
+    ToggleStencil,
+    /// The pointer moves the picture over the view, or paints.
+    AdjustStencil,
+    /// The picture over the view goes onto all that is seen.
+    Project,
     /// A layer above the chosen one.
     AddLayer,
     /// Save now.
@@ -46,8 +52,8 @@ impl PaintCommand {
 /// All keys of the painter.
 pub fn paint_shortcuts() -> Vec<Shortcut> {
     use PaintCommand::{
-        AddLayer, Flow, Hardness, Opacity, Redo, ResetColors, Save, Size, SwapColors, TogglePanels,
-        ToggleSymmetry, Tool, Undo,
+        AddLayer, AdjustStencil, Flow, Hardness, Opacity, Project, Redo, ResetColors, Save, Size, SwapColors,
+        TogglePanels, ToggleStencil, ToggleSymmetry, Tool, Undo,
     };
     const NONE: Modifiers = Modifiers::NONE;
     const SHIFT: Modifiers = Modifiers::SHIFT;
@@ -75,6 +81,9 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
         row(NONE, Key::X, SwapColors, "Swap colours"),
         row(NONE, Key::D, ResetColors, "Black and white"),
         row(NONE, Key::S, ToggleSymmetry, "Symmetry"),
+        row(NONE, Key::N, ToggleStencil, "Picture over the view"),
+        row(SHIFT, Key::N, AdjustStencil, "Move that picture"),
+        row(CONTROL, Key::J, Project, "Project it onto what is seen"),
         row(CONTROL, Key::Z, Undo, "Undo"),
         row(CONTROL | SHIFT, Key::Z, Redo, "Redo"),
         row(CONTROL | SHIFT, Key::N, AddLayer, "New layer"),

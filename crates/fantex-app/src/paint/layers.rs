@@ -11,8 +11,10 @@ pub enum LayerAction {
     Select(Target),
     /// An empty layer above the chosen one.
     Add,
-    /// A layer of one colour; its mask is painted.
-    AddFill,
+    /// A layer of the current colour or texture: shown everywhere (true), or where its mask is painted.
+    AddFill(bool),
+    /// A fill layer takes the current colour or texture.
+    Refill(u64),
     /// Away with it.
     Delete(u64),
     /// Another name.
@@ -84,10 +86,10 @@ pub(super) fn valid_target(snapshot: &Snapshot, target: Target) -> Target {
     }
 }
 
-/// What painting on a layer means: a layer of one colour has its mask only.
+/// What painting on a layer means: fill layers have their mask only.
 pub(super) fn own_target(layer: &Layer) -> Target {
     match layer.content {
-        LayerContent::Fill(_) => Target::Mask(layer.id()),
+        LayerContent::Fill(_) | LayerContent::Graph(_) if layer.mask.is_some() => Target::Mask(layer.id()),
         _ => Target::Layer(layer.id()),
     }
 }

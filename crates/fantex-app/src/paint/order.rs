@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
-use fantex_paint::{Brush, Decal, Layer, Paint, Sample, SurfacePoint, Symmetry, Target};
+use fantex_paint::{
+    Brush, Decal, Layer, Paint, Sample, StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress,
+};
 use fantex_store::Asset;
 use fantex_stream::PageLoader;
 use glam::Vec4;
 
-use super::Fill;
+use super::{Fill, Viewpoint};
 
 /// A change of all layers.
 pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
@@ -25,6 +27,8 @@ pub struct StrokeStart {
     pub brush: Brush,
     /// Copies.
     pub symmetry: Symmetry,
+    /// The same for the log.
+    pub recorded: StrokeSettings,
 }
 
 /// What the painter is to do.
@@ -39,8 +43,14 @@ pub enum Order {
     End(Option<Sample>),
     /// Fill triangles around a point, for `StrokeStart` without its brush.
     Fill(Box<StrokeStart>, SurfacePoint, Fill),
-    /// Lay a picture onto the surface, for `StrokeStart` without its brush.
-    Lay(Box<StrokeStart>, Decal),
+    /// Lay a picture onto the surface, for `StrokeStart` without its brush. A text is to stay readable in mirror images.
+    Lay(Box<StrokeStart>, Decal, bool),
+    /// Cover all that the stroke's stencil lets through.
+    Project(Box<StrokeStart>),
+    /// It is seen from here: what takes long begins with what is seen.
+    Look(Viewpoint),
+    /// Give up what takes long.
+    GiveUp,
     /// Put a layer above another, or on top.
     AddLayer(Box<Layer>, Option<u64>),
     /// Change layers, under a name in the history.
@@ -72,6 +82,8 @@ pub enum Report {
     Added(u64),
     /// Linear values per channel.
     Picked(Vec<Vec4>),
+    /// How far something is that takes long; none where nothing does.
+    Work(Option<WorkProgress>),
     /// What became of saving.
     Save(SaveState),
     /// A newer state of the file.

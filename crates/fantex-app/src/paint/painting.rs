@@ -5,7 +5,9 @@ mod hand;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_paint::{Layer, Painter, Sample, Stamp, Surface, SurfacePoint, Target};
+use fantex_paint::{
+    GraphFill, Layer, LayerContent, Painter, Sample, Stamp, Surface, SurfacePoint, Target, WorkProgress,
+};
 use fantex_scene::Bounds;
 use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_texture::color::srgb_from_linear;
@@ -14,8 +16,9 @@ use glam::{DVec2, DVec3, Vec4};
 use super::layers::{change, free_name, own_target, set_channel, shift, valid_target};
 use super::pen::world_position;
 use super::{
-    Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
-    Report, SaveState, Section, SizeUnit, Snapshot, SymmetryKind, Viewpoint,
+    ChosenTexture, Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool,
+    Presets, Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
+    TextureChoice, Viewpoint,
 };
 use crate::notices::Notices;
 use crate::viewer::Wake;
@@ -52,6 +55,11 @@ pub struct Painting {
     /// Where the last stroke ended.
     last: Option<SurfacePoint>,
     stamp: Option<(PathBuf, Arc<Stamp>)>,
+    texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
+    stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
+    work: Option<WorkProgress>,
+    /// From where it was seen when the worker was last told.
+    told_view: Option<Viewpoint>,
     strokes: u64,
     newer: Option<Arc<Asset>>,
     section: Section,
@@ -85,6 +93,10 @@ impl Painting {
             source: None,
             last: None,
             stamp: None,
+            texture: None,
+            stencil: None,
+            work: None,
+            told_view: None,
             strokes: 0,
             newer: None,
             section: Section::default(),
@@ -155,6 +167,49 @@ impl Painting {
         self.thread.is_busy()
     }
 
+    /// How far something is that takes long.
+    pub fn work(&self) -> Option<&WorkProgress> {
+        self.work.as_ref()
+    }
+
+    /// Gives up what takes long.
+    pub fn give_up_work(&self) {
+        self.thread.order(Order::GiveUp);
+    }
+
+    /// Tells from where the scene is seen, while something takes long.
+    pub fn look_from(&mut self, view: &Viewpoint) {
+        if self.work.is_some() && self.told_view != Some(*view) {
+            self.told_view = Some(*view);
+            self.thread.order(Order::Look(*view));
+        }
+    }
+
+    /// The texture that is chosen, made once; none where a colour is, else why it cannot be made.
+    pub fn texture(&mut self, choice: &TextureChoice) -> Result<Option<ChosenTexture>, String> {
+        if let Some((known, made)) = &self.texture
+            && known == choice
+        {
+            return made.clone();
+        }
+        let made = ChosenTexture::make(choice, &self.surface).map_err(|error| error.to_string());
+        self.texture = Some((choice.clone(), made.clone()));
+        made
+    }
+
+    /// The picture over the view, read once; none where there is none, else why it cannot be read.
+    pub fn stencil(&mut self, settings: &StencilSettings) -> Result<Option<Arc<StencilPicture>>, String> {
+        let Some(path) = settings.image.as_ref().filter(|_| settings.is_on) else { return Ok(None) };
+        if let Some((known, read)) = &self.stencil
+            && known == path
+        {
+            return read.clone().map(Some);
+        }
+        let read = StencilPicture::load(path).map(Arc::new).map_err(|error| error.to_string());
+        self.stencil = Some((path.clone(), read.clone()));
+        read.map(Some)
+    }
+
     /// Whether a stroke goes on.
     pub fn is_drawing(&self) -> bool {
         matches!(self.hand, Hand::Stroke(_))
@@ -166,7 +221,7 @@ impl Painting {
     }
 
     /// The line where symmetry's plane cuts the model, as far as it is seen; `offset` is from the model's middle, world units.
-    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> &[[DVec3; 2]] {
+    pub fn section(&mut self, axis: usize, offset: f64, view: &Viewpoint) -> &[Vec<DVec3>] {
         let center = self.bounds.center()[axis.min(2)];
         self.section.follow(&self.surface, axis, center + offset);
         self.section.seen(&self.surface, view)
@@ -215,6 +270,12 @@ impl Painting {
                 }
                 Report::Added(id) => self.target = Target::Layer(id),
                 Report::Picked(values) => self.take_picked(&values, settings),
+                Report::Work(work) => {
+                    if work.is_none() {
+                        self.told_view = None;
+                    }
+                    self.work = work;
+                }
                 Report::Save(state) => {
                     if let SaveState::Failed(reason) = &state
                         && state != self.save
@@ -254,6 +315,7 @@ impl Painting {
 
     /// What a key or button asks for.
     pub fn command(&mut self, command: &PaintCommand, settings: &mut PaintSettings) {
+        let stencil = &mut settings.stencil;
         let brush = &mut settings.brush;
         match *command {
             PaintCommand::Tool(tool) => settings.tool = tool,
@@ -269,7 +331,17 @@ impl Painting {
                 let kind = &mut settings.symmetry.kind;
                 *kind = if *kind == SymmetryKind::Off { SymmetryKind::Mirror } else { SymmetryKind::Off };
             }
-            PaintCommand::AddLayer => self.layer_action(&LayerAction::Add, settings),
+            PaintCommand::ToggleStencil => stencil.is_on = !stencil.is_on,
+            PaintCommand::AdjustStencil => {
+                stencil.is_adjusted = !(stencil.is_adjusted && stencil.is_on);
+                stencil.is_on = true;
+            }
+            // It needs the view: see `project`.
+            PaintCommand::Project => {}
+            PaintCommand::AddLayer => {
+                // An empty layer can always be added.
+                self.layer_action(&LayerAction::Add, settings).unwrap_or_default();
+            }
             PaintCommand::Save => self.thread.order(Order::Commit),
             PaintCommand::TogglePanels => {
                 let is_shown = settings.has_brush_panel || settings.has_layer_panel;
@@ -289,8 +361,43 @@ impl Painting {
         self.leave_stroke(Order::GoTo(done));
     }
 
-    /// What is done with layers.
-    pub fn layer_action(&mut self, action: &LayerAction, settings: &PaintSettings) {
+    /// What a fill layer shows: the texture that is chosen, or the current colour and material.
+    fn fill_layer(&mut self, name: &str, settings: &PaintSettings) -> Result<Layer, String> {
+        let value = |channel: &Channel| settings.material.value(channel.kind, settings.colors.linear());
+        let values: Vec<Vec4> = self.channels.iter().map(value).collect();
+        let mut layer = Layer::fill(name, &values);
+        if let Some(chosen) = self.texture(&settings.texture)? {
+            layer.content = LayerContent::Graph(self.graph_fill(chosen, &values));
+        }
+        layer.channels = self.channels.iter().map(|channel| settings.channels.paints(channel.kind)).collect();
+        Ok(layer)
+    }
+
+    /// The texture in the base colour, and constants in the other channels.
+    fn graph_fill(&self, chosen: ChosenTexture, values: &[Vec4]) -> GraphFill {
+        let mut graph = chosen.graph;
+        let mut textures = Vec::with_capacity(values.len());
+        for (index, (channel, value)) in self.channels.iter().zip(values).enumerate() {
+            if channel.kind == ChannelKind::BaseColor {
+                textures.push(Some(chosen.name.clone()));
+                continue;
+            }
+            let name = format!("fantex_channel_{index}");
+            let [r, g, b, _] = value.to_array();
+            let table = format!("\n[textures.{name}]\nkind = \"color\"\ncolor = [{r:?}, {g:?}, {b:?}]\n");
+            graph.look.push_str(&table);
+            textures.push(Some(name));
+        }
+        GraphFill { graph, textures }
+    }
+
+    /// What is done with layers; why not, where it cannot be done.
+    pub fn layer_action(&mut self, action: &LayerAction, settings: &PaintSettings) -> Result<(), String> {
+        let fill = match action {
+            LayerAction::AddFill(_) => Some(self.fill_layer(&free_name(&self.snapshot, "Fill"), settings)?),
+            LayerAction::Refill(_) => Some(self.fill_layer("", settings)?),
+            _ => None,
+        };
         let thread = &self.thread;
         let above = self.layer().map(Layer::id);
         match action.clone() {
@@ -299,14 +406,16 @@ impl Painting {
                 let layer = Layer::painted(&free_name(&self.snapshot, "Layer"));
                 thread.order(Order::AddLayer(Box::new(layer), above));
             }
-            LayerAction::AddFill => {
-                let value =
-                    |channel: &Channel| settings.material.value(channel.kind, settings.colors.linear());
-                let values: Vec<Vec4> = self.channels.iter().map(value).collect();
-                let mut layer = Layer::fill(&free_name(&self.snapshot, "Fill"), &values);
-                layer.channels =
-                    self.channels.iter().map(|channel| settings.channels.paints(channel.kind)).collect();
-                thread.order(Order::AddLayer(Box::new(layer), above));
+            LayerAction::AddFill(is_everywhere) => {
+                if let Some(mut layer) = fill {
+                    layer.mask = layer.mask.filter(|_| !is_everywhere);
+                    thread.order(Order::AddLayer(Box::new(layer), above));
+                }
+            }
+            LayerAction::Refill(id) => {
+                if let Some(fill) = fill {
+                    change(thread, "change fill", id, move |layer| layer.content = fill.content);
+                }
             }
             LayerAction::Delete(id) => thread.order(Order::EditLayers(
                 "delete layer",
@@ -337,6 +446,7 @@ impl Painting {
                 })
             }
         }
+        Ok(())
     }
 
     /// The outline of the brush under the cursor.

@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    BrushSettings, ChannelSwitches, Colors, FillReach, Material, PaintTool, StickerKind, SymmetrySettings,
+    BrushSettings, ChannelSwitches, Colors, FillReach, Material, PaintTool, StencilSettings, StickerKind,
+    SymmetrySettings, TextureChoice,
 };
 
 /// Tool, brush, colours.
@@ -18,8 +19,10 @@ pub struct PaintSettings {
     pub brush: BrushSettings,
     /// Colours.
     pub colors: Colors,
-    /// A pattern in space that is painted instead of the foreground.
-    pub pattern: Option<String>,
+    /// A texture that is painted instead of the foreground.
+    pub texture: TextureChoice,
+    /// A picture over the view.
+    pub stencil: StencilSettings,
     /// Which channels are painted.
     pub channels: ChannelSwitches,
     /// With what besides the colour.
@@ -56,7 +59,8 @@ impl Default for PaintSettings {
             tool: PaintTool::Paint,
             brush: BrushSettings::default(),
             colors: Colors::default(),
-            pattern: None,
+            texture: TextureChoice::default(),
+            stencil: StencilSettings::default(),
             channels: ChannelSwitches::default(),
             material: Material::default(),
             symmetry: SymmetrySettings::default(),

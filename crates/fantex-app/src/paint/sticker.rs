@@ -43,7 +43,12 @@ pub(super) fn sticker(
         }
     };
     // Surfaces are wound either way: what is laid is right for whoever looks at them.
-    let (shape, turn) = if is_behind { (shape.mirrored(), -1.0) } else { (shape, 1.0) };
+    let turn = if is_behind { -1.0 } else { 1.0 };
     let angle = turn * settings.sticker_degrees.to_radians();
-    Ok(Decal { center, size, angle, shape: Arc::new(shape) })
+    Ok(Decal { center, size, angle, shape: Arc::new(shape), mirrored: is_behind })
+}
+
+/// Length of a text's longer side in distances of lines.
+pub(super) fn text_lines(text: &str) -> f32 {
+    draw_text(text, DEFAULT_FONT).map_or(1.0, |drawn| drawn.lines)
 }

@@ -127,12 +127,12 @@ fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
 #[test]
 fn everything_is_saved_and_verified_and_comes_back() {
     let mut studio = Studio::open();
-    studio.painting.layer_action(&LayerAction::Add, &studio.settings);
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
     studio.wait();
     let Target::Layer(id) = studio.painting.target() else { panic!("the new layer is painted on") };
     studio.stroke();
-    studio.painting.layer_action(&LayerAction::Blend(id, BlendMode::Multiply), &studio.settings);
-    studio.painting.layer_action(&LayerAction::Rename(id, "Dirt".into()), &studio.settings);
+    studio.painting.layer_action(&LayerAction::Blend(id, BlendMode::Multiply), &studio.settings).unwrap();
+    studio.painting.layer_action(&LayerAction::Rename(id, "Dirt".into()), &studio.settings).unwrap();
     studio.wait();
     let started = Instant::now();
     while *studio.painting.save() != SaveState::Saved {
@@ -219,8 +219,8 @@ fn what_cannot_be_painted_is_said() {
 #[test]
 fn all_tools_paint_on_a_layer() {
     let mut studio = Studio::open();
-    studio.painting.layer_action(&LayerAction::AddFill, &studio.settings);
-    studio.painting.layer_action(&LayerAction::Add, &studio.settings);
+    studio.painting.layer_action(&LayerAction::AddFill(false), &studio.settings).unwrap();
+    studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
     studio.wait();
     studio.stroke();
     studio.settings.symmetry.kind = SymmetryKind::Radial;
@@ -254,6 +254,167 @@ fn the_mirror_s_line_lies_on_the_model() {
     let mut section = Section::default();
     section.follow(studio.painting.surface(), 0, 0.0);
     let seen = section.seen(studio.painting.surface(), &studio.view);
-    assert!(seen.len() > 10);
+    assert_eq!(seen.len(), 2, "both sides of the ring");
     assert!(seen.iter().flatten().all(|p| p.x.abs() < 1e-9 && p.y > -1e-6), "seen from above");
+}
+
+/// Left half white, right half transparent orange.
+fn save_slide(folder: &Path) -> PathBuf {
+    let texel = |i: usize| [1.0, 0.5, 0.0, if i % 32 < 16 { 1.0 } else { 0.0 }];
+    let texels: Vec<[f32; 4]> = (0..32 * 32).map(texel).collect();
+    let path = folder.join("slide.png");
+    fantex_texture::Image::from_linear_rgba(32, 32, &texels).save(&path).unwrap();
+    path
+}
+
+/// What is seen at a place of the picture, sRGB.
+fn picked(studio: &mut Studio, x: f64, y: f64) -> [u8; 3] {
+    let before = studio.settings.colors.foreground;
+    let tool = std::mem::replace(&mut studio.settings.tool, PaintTool::Pick);
+    studio.pen(PenPhase::Down, x, y, [false; 2]);
+    studio.pen(PenPhase::Up, x, y, [false; 2]);
+    studio.wait();
+    studio.settings.tool = tool;
+    std::mem::replace(&mut studio.settings.colors.foreground, before)
+}
+
+#[test]
+fn a_picture_over_the_view_masks_colours_and_is_projected() {
+    let mut studio = Studio::open();
+    let slide = save_slide(studio.path.parent().unwrap());
+    let [left, right] = [0.42, 0.58].map(|x| (x, 0.85));
+    let before = [left, right].map(|(x, y)| picked(&mut studio, x, y));
+    studio.settings.stencil = StencilSettings { is_on: true, image: Some(slide), ..Default::default() };
+    studio.settings.brush =
+        BrushSettings { size: 60.0, hardness: 1.0, flow: 1.0, smoothing: 0.0, ..Default::default() };
+    studio.settings.colors.foreground = [0x20, 0x40, 0xf0];
+    let swipe = |studio: &mut Studio| {
+        studio.pen(PenPhase::Down, 0.4, 0.85, [false; 2]);
+        studio.pen(PenPhase::Move, 0.6, 0.85, [false; 2]);
+        studio.pen(PenPhase::Up, 0.6, 0.85, [false; 2]);
+        studio.wait();
+        [left, right].map(|(x, y)| picked(studio, x, y))
+    };
+    let near = |a: [u8; 3], b: [u8; 3]| a.iter().zip(b).all(|(a, b)| a.abs_diff(b) < 16);
+    let found = swipe(&mut studio);
+    assert!(near(found[0], [0x20, 0x40, 0xf0]), "{found:?}");
+    assert!(near(found[1], before[1]), "{found:?} {before:?}");
+    studio.settings.stencil.paints = StencilUse::Colors;
+    studio.settings.stencil.place.mirrored = true;
+    let found = swipe(&mut studio);
+    assert!(near(found[1], [255, 188, 0]), "{found:?}");
+    assert!(near(found[0], [0x20, 0x40, 0xf0]), "{found:?}");
+    // All of it at once, from a place where there is no surface either.
+    studio.settings.stencil.place.mirrored = false;
+    let Studio { painting, settings, view, notices, .. } = &mut studio;
+    painting.project(settings, view, notices, 0.0);
+    studio.wait();
+    let far = picked(&mut studio, 0.12, 0.5);
+    assert!(near(far, [255, 188, 0]), "{far:?}");
+    assert_eq!(studio.painting.snapshot().done, ["paint", "paint", "project"]);
+    assert_eq!(studio.notices.error_count(), 0);
+    // Without a picture it says so.
+    studio.settings.stencil.image = None;
+    let Studio { painting, settings, view, notices, .. } = &mut studio;
+    painting.project(settings, view, notices, 0.0);
+    assert!(studio.notices.log().any(|text| text.contains("choose one")));
+    // All is in the log, and can be painted on another density.
+    let path = studio.path.clone();
+    let folder = studio.close();
+    let log = fantex_paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+    let mut again =
+        Painter::open(&small_asset(tempfile::tempdir().unwrap().path()), &PaintOptions::default()).unwrap();
+    let summary = log.replay(&mut again).unwrap();
+    assert_eq!((summary.strokes, summary.unrecorded), (3, 0));
+    drop(folder);
+}
+
+#[test]
+fn what_the_hand_does_is_in_the_log() {
+    let mut studio = Studio::open();
+    studio.settings.texture = TextureChoice { source: ColorSource::Solid, scale: 0.4, ..Default::default() };
+    studio.settings.symmetry.kind = SymmetryKind::Mirror;
+    studio.stroke();
+    studio.settings.tool = PaintTool::Fill;
+    studio.settings.fill = FillReach::Color;
+    studio.stroke();
+    studio.settings.tool = PaintTool::Sticker;
+    studio.stroke();
+    studio.settings.sticker = StickerKind::Picture;
+    studio.settings.picture = Some(save_slide(studio.path.parent().unwrap()));
+    studio.stroke();
+    studio.settings.tool = PaintTool::Clone;
+    studio.pen(PenPhase::Down, 0.15, 0.5, [false, true]);
+    studio.pen(PenPhase::Up, 0.15, 0.5, [false, true]);
+    studio.stroke();
+    assert_eq!(studio.painting.snapshot().done.len(), 5);
+    let all = |studio: &mut Studio| {
+        let places = [(0.5, 0.85), (0.6, 0.84), (0.45, 0.82), (0.3, 0.75), (0.55, 0.86)];
+        places.map(|(x, y)| picked(studio, x, y))
+    };
+    let found = all(&mut studio);
+    let path = studio.path.clone();
+    let _folder = studio.close();
+    let log = fantex_paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut again = Painter::open(&path, &PaintOptions::default()).unwrap();
+    assert_eq!(log.replay(&mut again).unwrap().unrecorded, 0);
+    again.commit().unwrap();
+    drop(again);
+    let mut studio = Studio::open_at(folder, path, None);
+    let replayed = all(&mut studio);
+    for (a, b) in found.iter().zip(&replayed) {
+        assert!(a.iter().zip(b).all(|(a, b)| a.abs_diff(*b) < 24), "{found:?} {replayed:?}");
+    }
+}
+
+/// A torus with 3 000 000 texels.
+fn large_asset(folder: &Path) -> PathBuf {
+    let path = folder.join("large.fan");
+    let (mesh, _) = clean(torus(96, 48), &CleanOptions::default()).unwrap();
+    let options = CoverOptions { budget: TexelBudget::Total(3_000_000), tile: 64, ..CoverOptions::default() };
+    let (cover, _) = build_cover(&mesh, &options).unwrap();
+    bake(&mesh, &cover, &SineSource { k: 9.0 }, &path, &BakeOptions::default(), &NoProgress).unwrap();
+    path
+}
+
+#[test]
+fn a_fill_of_everything_is_told_of_given_up_and_taken_up_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = large_asset(folder.path());
+    let mut studio = Studio::open_at(folder, path.clone(), None);
+    studio.settings.texture = TextureChoice { source: ColorSource::Solid, ..Default::default() };
+    let start = |studio: &mut Studio| {
+        studio.painting.layer_action(&LayerAction::AddFill(true), &studio.settings).unwrap();
+        let started = Instant::now();
+        while studio.painting.work().is_none_or(|work| work.share < 0.1) {
+            assert!(
+                started.elapsed() < Duration::from_secs(60) && studio.painting.is_busy(),
+                "it is told of"
+            );
+            studio.painting.poll(&mut studio.settings, &mut studio.notices, 0.0);
+            studio.painting.look_from(&studio.view);
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    };
+    start(&mut studio);
+    // Meanwhile the layer is there, and a stroke waits.
+    assert_eq!(studio.painting.snapshot().layers.len(), 1);
+    studio.painting.give_up_work();
+    studio.wait();
+    assert!(studio.painting.work().is_none() && studio.painting.snapshot().layers.is_empty());
+    assert_eq!((studio.painting.snapshot().done.len(), studio.painting.snapshot().undone.len()), (0, 0));
+    // Closed in the middle of it, it goes on when it is opened again.
+    start(&mut studio);
+    let folder = studio.close();
+    assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
+    let mut studio = Studio::open_at(folder, path, None);
+    studio.wait();
+    assert_eq!(studio.painting.snapshot().done, ["add layer"]);
+    assert_eq!(studio.painting.target(), Target::Layer(studio.painting.snapshot().layers[0].id()));
+    studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
+    studio.wait();
+    assert!(studio.painting.snapshot().layers.is_empty());
+    assert_eq!(studio.notices.error_count(), 0);
 }

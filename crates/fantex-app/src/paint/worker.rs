@@ -1,28 +1,38 @@
 //! The thread that paints: it owns the painter, does what it is told in order, and commits while there is something to commit.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+mod work;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fantex_paint::{Layer, LiveStroke, PaintError, Painter, Sample, fill_triangles};
+use fantex_paint::{
+    LiveStroke, PaintError, Painter, Sample, StrokeSettings, fill_starts, fill_triangles_with,
+};
 use fantex_store::{EditError, PageId};
 use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions};
 
 use super::Fill;
+use super::Viewpoint;
 use super::exchange::Exchange;
 use super::order::{Order, Report, SaveState, Snapshot, StrokeStart};
 use super::texels::page_texels;
 use crate::viewer::Wake;
+use work::must_wait;
 
 /// Between strokes changes are committed after so long.
 const REST: Duration = Duration::from_millis(700);
 
 /// Also while a stroke goes on, changes are committed after so long.
 const LONGEST: Duration = Duration::from_millis(1700);
+
+/// What takes long is done for so long between two looks at what else there is to do.
+const SLICE: Duration = Duration::from_millis(25);
 
 /// After a commit that failed the next one is tried after so long.
 const RETRY: Duration = Duration::from_secs(3);
@@ -74,6 +84,9 @@ impl PaintThread {
             wake,
             stroke: None,
             has_levels_due: false,
+            waiting: VecDeque::new(),
+            is_stuck: false,
+            told_share: None,
             owed: 0,
             saving: Saving::default(),
         };
@@ -147,6 +160,12 @@ struct Worker {
     stroke: Option<LiveStroke>,
     /// Coarser levels of a stroke are being computed.
     has_levels_due: bool,
+    /// Orders that wait for what takes long.
+    waiting: VecDeque<Order>,
+    /// What takes long has failed, and so has giving it up: it is tried again when it is asked for.
+    is_stuck: bool,
+    /// How far what takes long was, when that was last told, in thousandths.
+    told_share: Option<u32>,
     /// Orders that are done but for these.
     owed: u64,
     saving: Saving,
@@ -155,9 +174,20 @@ struct Worker {
 impl Worker {
     fn run(mut self) {
         self.tell_state();
-        self.done.fetch_add(1, Relaxed);
+        if !self.is_working() {
+            self.done.fetch_add(1, Relaxed);
+        } else {
+            // Left by an earlier painter.
+            self.owed = 1;
+        }
         (self.wake)();
         while self.turn() {}
+        // What was asked for is done; what takes long is left to whoever opens the asset next.
+        while !self.waiting.is_empty() {
+            self.check(|worker| worker.painter.finish_work());
+            self.is_stuck |= self.painter.has_work();
+            self.act_on_waiting();
+        }
         self.check(|worker| worker.painter.end().map(drop));
         if let Err(error) = self.painter.commit() {
             // The window is gone.
@@ -169,10 +199,12 @@ impl Worker {
     fn turn(&mut self) -> bool {
         let wait = match self.has_levels_due {
             true => Some(Instant::now() + LEVELS),
-            false => self.saving.due(self.stroke.is_some()),
+            false => self.saving.due(self.is_drawing()),
         };
         let wait =
             wait.map_or(Duration::from_secs(3600), |due| due.saturating_duration_since(Instant::now()));
+        let is_idle = !self.is_working() && self.waiting.is_empty();
+        let wait = if is_idle { wait } else { Duration::ZERO };
         let mut next = match self.orders.recv_timeout(wait) {
             Ok(order) => Some(order),
             Err(RecvTimeoutError::Timeout) => None,
@@ -181,6 +213,7 @@ impl Worker {
         let begun = Instant::now();
         let mut count = 0;
         let mut goes_on = true;
+        self.act_on_waiting();
         while let Some(order) = next.take() {
             // Requests for pages are not counted: the drawer makes them.
             count += u64::from(!matches!(order, Order::Pages | Order::Release(_)));
@@ -188,20 +221,26 @@ impl Worker {
                 goes_on = false;
                 break;
             }
-            self.check(|worker| worker.act(order));
+            // Orders keep their order.
+            if (self.is_working() || !self.waiting.is_empty()) && must_wait(&order) {
+                self.waiting.push_back(order);
+            } else {
+                self.check(|worker| worker.act(order));
+            }
             if begun.elapsed() < GATHERED {
                 next = self.orders.try_recv().ok();
             }
         }
+        self.work_on();
         self.check(Self::take_levels);
         self.check(Self::publish);
         self.answer_pages();
         self.note_changes();
-        if self.saving.due(self.stroke.is_some()).is_some_and(|due| due <= Instant::now()) {
+        if self.saving.due(self.is_drawing()).is_some_and(|due| due <= Instant::now()) {
             self.save();
         }
         self.owed += count;
-        if !self.has_levels_due {
+        if !self.has_levels_due && !self.is_working() && self.waiting.is_empty() {
             self.done.fetch_add(std::mem::take(&mut self.owed), Relaxed);
         }
         (self.wake)();
@@ -235,6 +274,8 @@ impl Worker {
     fn act(&mut self, order: Order) -> Result<(), PaintError> {
         match order {
             Order::Begin(start, sample) => self.begin(*start, &sample)?,
+            Order::Look(view) => self.look_from(&view),
+            Order::GiveUp => self.painter.cancel_work()?,
             Order::Move(samples) => {
                 for sample in &samples {
                     self.go_to(sample, false)?;
@@ -254,45 +295,43 @@ impl Worker {
                 self.has_levels_due = true;
             }
             Order::Fill(start, point, scope) => {
-                self.stroke = None;
                 let surface = self.painter.surface().clone();
                 let channel = start.paint.channels.first().map_or(0, |painted| painted.channel);
-                self.painter.begin_on(start.target, &start.label, start.paint)?;
-                match scope {
-                    Fill::Triangles(scope) => self.painter.fill(&fill_triangles(&surface, point, scope))?,
-                    Fill::Color(fill) => self.painter.fill_color(channel, point, fill)?,
-                }
-                self.painter.end()?;
-                self.tell_state();
+                let symmetry = start.symmetry;
+                self.at_once(*start, |painter| match scope {
+                    Fill::Triangles(scope) => {
+                        painter.fill(&fill_triangles_with(&surface, point, scope, &symmetry))
+                    }
+                    Fill::Color(fill) => {
+                        painter.fill_color(channel, &fill_starts(&surface, point, &symmetry), fill)
+                    }
+                })?;
             }
-            Order::Lay(start, decal) => {
-                self.stroke = None;
-                self.painter.begin_on(start.target, &start.label, start.paint)?;
-                self.painter.decal(&decal)?;
-                self.painter.end()?;
-                self.tell_state();
+            Order::Lay(start, decal, readable) => {
+                let decals = decal.copies(self.painter.surface(), &start.symmetry, readable);
+                self.at_once(*start, |painter| decals.iter().try_for_each(|decal| painter.decal(decal)))?;
+            }
+            Order::Project(start) => {
+                let stencil = start.paint.stencil.clone();
+                let triangles = stencil.map(|stencil| stencil.triangles(self.painter.surface()));
+                self.at_once(*start, |painter| painter.fill(&triangles.unwrap_or_default()))?;
             }
             Order::AddLayer(layer, above) => {
-                let id = self.painter.add_layer(*layer)?;
-                if let Some(above) = above {
-                    self.painter.edit_layers("place layer", |layers| put_above(layers, id, above))?;
-                }
+                let id = self.painter.start_add_layer(*layer, above)?;
                 self.tell(Report::Added(id));
                 self.tell_state();
             }
             Order::EditLayers(label, change) => {
-                self.painter.edit_layers(label, change)?;
+                self.painter.start_edit_layers(label, change)?;
                 self.tell_state();
             }
             Order::Undo => {
                 self.stroke = None;
-                self.painter.undo()?;
-                self.tell_state();
+                self.painter.start_undo()?;
             }
             Order::Redo => {
                 self.stroke = None;
-                self.painter.redo()?;
-                self.tell_state();
+                self.painter.start_redo()?;
             }
             Order::GoTo(count) => self.go_to_step(count)?,
             Order::Pick(point) => {
@@ -309,8 +348,29 @@ impl Worker {
     fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<(), PaintError> {
         self.stroke = None;
         self.painter.begin_on(start.target, &start.label, start.paint)?;
+        self.record(start.recorded);
         self.stroke = Some(LiveStroke::new(self.painter.surface(), start.brush, start.symmetry));
         self.go_to(sample, false)
+    }
+
+    /// A stroke that is done as soon as it begins.
+    fn at_once(
+        &mut self,
+        start: StrokeStart,
+        cover: impl FnOnce(&mut Painter) -> Result<(), PaintError>,
+    ) -> Result<(), PaintError> {
+        self.stroke = None;
+        self.painter.begin_on(start.target, &start.label, start.paint)?;
+        self.record(start.recorded);
+        let covered = cover(&mut self.painter);
+        self.painter.end()?;
+        self.tell_state();
+        covered
+    }
+
+    /// Says for the log what the stroke that has just begun is. Where that cannot be, it is painted all the same.
+    fn record(&mut self, recorded: StrokeSettings) {
+        self.check(|worker| worker.painter.record(recorded, Path::new("")));
     }
 
     fn go_to(&mut self, sample: &Sample, is_end: bool) -> Result<(), PaintError> {
@@ -319,20 +379,16 @@ impl Worker {
         self.painter.dab(&dabs)
     }
 
-    fn go_to_step(&mut self, count: usize) -> Result<(), PaintError> {
-        self.stroke = None;
-        self.painter.end()?;
-        while self.painter.history().done().len() > count && self.painter.undo()? {}
-        while self.painter.history().done().len() < count && self.painter.redo()? {}
-        self.tell_state();
-        Ok(())
-    }
-
     /// Brings what has changed to the atlas.
     fn publish(&mut self) -> Result<(), PaintError> {
         let shown = self.painter.show()?;
         let replaced = self.painter.take_replaced();
         let Some(formats) = self.exchange.formats() else { return Ok(()) };
+        if self.is_working() {
+            // Most of it is not seen: what is wanted is asked for.
+            self.exchange.outdate(&replaced);
+            return Ok(());
+        }
         let (painter, none) = (&self.painter, BTreeMap::new());
         self.exchange.publish(&replaced, |page| page_texels(painter, page, formats, &none))?;
         if shown.is_empty() || self.stroke.is_none() {
@@ -440,11 +496,4 @@ fn save_problem(error: &PaintError) -> String {
         }
         error => format!("Not saved: {error}"),
     }
-}
-
-fn put_above(layers: &mut Vec<Layer>, id: u64, above: u64) {
-    let Some(from) = layers.iter().position(|layer| layer.id() == id) else { return };
-    let layer = layers.remove(from);
-    let to = layers.iter().position(|layer| layer.id() == above).map_or(layers.len(), |at| at + 1);
-    layers.insert(to, layer);
 }

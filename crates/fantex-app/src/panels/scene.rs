@@ -42,6 +42,7 @@ pub(super) fn show(
         input = scene_input(ui, &response, rect);
         if viewer.painting.is_some() {
             input.pen = pen(ui, &response, rect);
+            paint::adjust(ui, viewer, &response, rect, &mut input);
             paint::overlay(ui, viewer, rect, input.cursor);
         }
         legend(ui, viewer, rect);

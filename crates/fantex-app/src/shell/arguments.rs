@@ -25,6 +25,9 @@ pub struct Arguments {
     /// Paint on it: a model becomes an asset beside it first
     #[arg(long)]
     pub(super) paint: bool,
+    /// Memory for pages while painting, such as 512M (KiB, MiB, GiB: K, M, G)
+    #[arg(long, value_name = "SIZE", value_parser = memory_size)]
+    pub(super) memory: Option<usize>,
     /// Steps that drive the viewer by itself (see docs/viewer.md); ends with exit code 1 where one fails
     #[arg(long, value_name = "JSON")]
     session: Option<PathBuf>,
@@ -48,6 +51,23 @@ fn window_size(text: &str) -> Result<[f32; 2], WindowSizeError> {
     let (width, height) = text.split_once(['x', 'X']).ok_or(WindowSizeError)?;
     let side = |s: &str| s.parse::<u16>().ok().filter(|&n| n > 0).map(f32::from).ok_or(WindowSizeError);
     Ok([side(width)?, side(height)?])
+}
+
+/// A text is no size of memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected at least 16M: a whole number of bytes, or one with K, M or G behind it")]
+struct MemorySizeError;
+
+/// Less than that is too little for a dab.
+const LEAST_MEMORY: usize = 16 << 20;
+
+fn memory_size(text: &str) -> Result<usize, MemorySizeError> {
+    let units = [('K', 10), ('M', 20), ('G', 30)];
+    let found = units.into_iter().find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, shift)));
+    let (digits, shift) = found.unwrap_or((text, 0));
+    let count = digits.parse::<usize>().ok();
+    let bytes = count.and_then(|count| count.checked_mul(1usize << shift));
+    bytes.filter(|&bytes| bytes >= LEAST_MEMORY).ok_or(MemorySizeError)
 }
 
 impl Arguments {
@@ -88,6 +108,13 @@ mod tests {
         let arguments = Arguments::parse_from(["fantex-app", "a.fan", "--size", "800x600"]);
         assert_eq!(arguments.size, Some([800.0, 600.0]));
         assert!(Arguments::try_parse_from(["fantex-app", "--size", "8"]).is_err());
+        for (text, bytes) in [("512M", Some(512 << 20)), ("16777216", Some(16 << 20)), ("2G", Some(2 << 30))]
+        {
+            assert_eq!(Arguments::parse_from(["fantex-app", "--memory", text]).memory, bytes);
+        }
+        for text in ["1K", "x", "99999999999G"] {
+            assert!(Arguments::try_parse_from(["fantex-app", "--memory", text]).is_err(), "{text}");
+        }
     }
 
     #[test]

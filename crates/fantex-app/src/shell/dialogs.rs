@@ -17,6 +17,8 @@ pub(super) enum Answer {
     Surroundings(PathBuf),
     Stamp(PathBuf),
     Sticker(PathBuf),
+    Stencil(PathBuf),
+    Look(PathBuf),
     LoadPath(PathBuf),
     SavePath(PathBuf),
     /// There are no dialogs.
@@ -55,6 +57,15 @@ impl Dialogs {
             }
             Request::StickerDialog => {
                 Box::pin(dialog.set_title("Choose a picture").add_filter("Pictures", pictures).pick_file())
+            }
+            Request::StencilDialog => Box::pin(
+                dialog
+                    .set_title("Choose a picture over the view")
+                    .add_filter("Pictures", pictures)
+                    .pick_file(),
+            ),
+            Request::LookDialog => {
+                Box::pin(dialog.set_title("Choose a look").add_filter("Looks", &["toml"]).pick_file())
             }
             Request::StampDialog => {
                 Box::pin(dialog.set_title("Choose a stamp").add_filter("Pictures", pictures).pick_file())
@@ -99,6 +110,8 @@ fn answer(request: &Request, path: PathBuf) -> Answer {
         Request::SurroundingsDialog => Answer::Surroundings(path),
         Request::StampDialog => Answer::Stamp(path),
         Request::StickerDialog => Answer::Sticker(path),
+        Request::StencilDialog => Answer::Stencil(path),
+        Request::LookDialog => Answer::Look(path),
         Request::LoadPathDialog => Answer::LoadPath(path),
         Request::SavePathDialog => Answer::SavePath(path),
         _ => Answer::Open(path),

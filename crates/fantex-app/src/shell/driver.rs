@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use crate::command::{Command, parse_keys};
 use crate::light::Surroundings;
-use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, parse_hex};
+use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, StickerKind, parse_hex};
 use crate::session::{Act, LayerStep, SessionError, SessionRunner, Situation, Step};
 use crate::viewer::{PictureSize, Request, Tape, Viewer};
 
@@ -57,6 +57,7 @@ impl Driver {
             is_opening: viewer.opening.is_some() || viewer.is_making_surroundings(),
             is_sharp,
             is_playing: matches!(viewer.tape, Tape::Playing { .. }),
+            are_hands_busy: self.hands.are_busy(),
             is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.hands.are_busy(),
             is_unsaved: viewer.painting.as_ref().is_some_and(|p| *p.save() != SaveState::Saved),
             painted: viewer.painting.as_ref().map_or([0; 2], |p| {
@@ -119,7 +120,10 @@ impl Driver {
             Step::Minimize(is_minimized) => ctx.send_viewport_cmd(ViewportCommand::Minimized(is_minimized)),
             Step::PaintTool(tool) => viewer.command(Command::Paint(PaintCommand::Tool(tool)), seconds),
             Step::Brush(brush) => viewer.settings.paint.brush = brush,
-            Step::Text(text) => viewer.settings.paint.text = text,
+            Step::Text(text) => {
+                viewer.settings.paint.sticker = StickerKind::Text;
+                viewer.settings.paint.text = text;
+            }
             Step::Color(text) => {
                 let colors = &mut viewer.settings.paint.colors;
                 colors.foreground = parse_hex(&text).unwrap_or(colors.foreground);
@@ -135,7 +139,19 @@ impl Driver {
                 let at = scene_point(ctx, viewer, point);
                 self.hands.coming.push_back(vec![Event::PointerMoved(at)]);
             }
-            Step::Layer(step) => layer_step(viewer, step),
+            Step::Layer(step) => layer_step(viewer, step, seconds),
+            Step::Texture(texture) => viewer.settings.paint.texture = texture,
+            Step::Stencil(stencil) => viewer.settings.paint.stencil = stencil,
+            Step::AdjustStencil(is_adjusted) => {
+                viewer.settings.paint.stencil.is_adjusted = is_adjusted;
+            }
+            Step::FitStencil => fit_stencil(viewer),
+            Step::Project => viewer.command(Command::Paint(PaintCommand::Project), seconds),
+            Step::Fill(fill) => viewer.settings.paint.fill = fill,
+            Step::Picture(path) => {
+                viewer.settings.paint.sticker = StickerKind::Picture;
+                viewer.settings.paint.picture = Some(path);
+            }
             // The runner itself waits, compares and ends.
             Step::WaitFrames(_)
             | Step::WaitLoaded(_)
@@ -170,14 +186,24 @@ fn scene_point(ctx: &egui::Context, viewer: &Viewer, [x, y]: [f64; 2]) -> Pos2 {
     pos2(left + width * x as f32, top + height * y as f32)
 }
 
-fn layer_step(viewer: &mut Viewer, step: LayerStep) {
+fn fit_stencil(viewer: &mut Viewer) {
+    let aspect = viewer.aspect();
+    let stencil = &mut viewer.settings.paint.stencil;
+    if let Some(Ok(Some(picture))) = viewer.painting.as_mut().map(|painting| painting.stencil(stencil)) {
+        stencil.fit([picture.aspect(), aspect]);
+    }
+}
+
+fn layer_step(viewer: &mut Viewer, step: LayerStep, seconds: f64) {
     let Some(painting) = &viewer.painting else { return };
     let chosen = painting.layer().map_or(u64::MAX, Layer::id);
     let find =
         |name: &str| painting.snapshot().layers.iter().find(|l| l.name == name).map_or(u64::MAX, Layer::id);
     let action = match step {
         LayerStep::Add => LayerAction::Add,
-        LayerStep::AddFill => LayerAction::AddFill,
+        LayerStep::AddFill => LayerAction::AddFill(false),
+        LayerStep::AddFillEverywhere => LayerAction::AddFill(true),
+        LayerStep::Refill => LayerAction::Refill(chosen),
         LayerStep::Select(name) if name == "base" => LayerAction::Select(Target::Base),
         LayerStep::Select(name) => LayerAction::Select(Target::Layer(find(&name))),
         LayerStep::SelectMask(name) => LayerAction::Select(Target::Mask(find(&name))),
@@ -189,7 +215,7 @@ fn layer_step(viewer: &mut Viewer, step: LayerStep) {
         LayerStep::Move(is_up) => LayerAction::Move(chosen, is_up),
         LayerStep::Delete => LayerAction::Delete(chosen),
     };
-    viewer.layer_action(&action);
+    viewer.layer_action(&action, seconds);
 }
 
 /// A picture of an earlier session must not pass for this one's.

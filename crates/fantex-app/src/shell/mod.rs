@@ -169,6 +169,7 @@ impl Shell {
             viewer.notices.warning(problem.to_string(), 0.0);
         }
         viewer.paints = start.arguments.paint;
+        viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
         viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
         if let Some(place) = &start.arguments.file {
             viewer.open(place, 0.0);
@@ -258,6 +259,11 @@ impl Shell {
                     self.viewer.settings.light.surroundings = Surroundings::File(path);
                 }
                 Answer::Sticker(path) => self.viewer.settings.paint.picture = Some(path),
+                Answer::Stencil(path) => {
+                    let stencil = &mut self.viewer.settings.paint.stencil;
+                    (stencil.image, stencil.is_on) = (Some(path), true);
+                }
+                Answer::Look(path) => self.viewer.settings.paint.texture.look = Some(path),
                 Answer::Stamp(path) => self.viewer.settings.paint.brush.stamp = Some(path),
                 Answer::LoadPath(path) => self.viewer.load_path(&path, seconds),
                 Answer::SavePath(path) => self.viewer.save_path(&path, seconds),

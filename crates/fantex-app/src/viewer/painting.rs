@@ -16,16 +16,23 @@ impl Viewer {
     }
 
     /// Something of the painter; nothing where nothing is painted on.
-    pub fn paint_command(&mut self, command: &PaintCommand) {
-        if let Some(painting) = &mut self.painting {
-            painting.command(command, &mut self.settings.paint);
+    pub fn paint_command(&mut self, command: &PaintCommand, seconds: f64) {
+        let view = self.viewpoint();
+        let Some(painting) = &mut self.painting else { return };
+        match command {
+            PaintCommand::Project => {
+                painting.project(&mut self.settings.paint, &view, &mut self.notices, seconds);
+            }
+            command => painting.command(command, &mut self.settings.paint),
         }
     }
 
     /// What is done with layers.
-    pub fn layer_action(&mut self, action: &LayerAction) {
-        if let Some(painting) = &mut self.painting {
-            painting.layer_action(action, &self.settings.paint);
+    pub fn layer_action(&mut self, action: &LayerAction, seconds: f64) {
+        if let Some(painting) = &mut self.painting
+            && let Err(reason) = painting.layer_action(action, &self.settings.paint)
+        {
+            self.notices.warning(reason, seconds);
         }
     }
 

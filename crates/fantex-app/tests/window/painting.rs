@@ -73,3 +73,84 @@ fn two_painters_do_not_share_an_asset() {
     let steps = r#"{"wait_loaded":60},{"expect_message":"being edited by another program"},"quit""#;
     check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
 }
+
+/// White rings on black, and a look with a texture.
+fn save_pictures(folder: &std::path::Path) {
+    let texel = |i: usize| {
+        let (x, y) = ((i % 128) as f32 - 63.5, (i / 128) as f32 - 63.5);
+        let is_ring = ((x.hypot(y) / 10.0) as u32).is_multiple_of(2) && x.hypot(y) < 60.0;
+        let light = if is_ring { 1.0 } else { 0.0 };
+        [light, light, light, 1.0]
+    };
+    let texels: Vec<[f32; 4]> = (0..128 * 128).map(texel).collect();
+    fantex_texture::Image::from_linear_rgb(128, 128, &texels).save(folder.join("rings.png")).unwrap();
+    std::fs::write(
+        folder.join("a.toml"),
+        "[textures.squares]\nkind = \"checker\"\nplace = { scale = 0.3 }\n",
+    )
+    .unwrap();
+}
+
+#[test]
+fn pictures_over_the_view_and_textures_are_painted_with() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    save_pictures(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
+        {"color":"#ff2000"},{"brush":{"size":90,"hardness":1.0,"flow":1.0,"smoothing":0.0}},
+        {"stencil":{"is_on":true,"image":"rings.png","opacity":0.4}},"fit_stencil",
+        {"stroke":{"points":[[0.3,0.75],[0.7,0.75]]}},{"wait_painted":60},
+        {"hover":[0.5,0.6]},{"wait_sharp":60},{"screenshot":{"path":"through.png"}},{"window_screenshot":{"path":"overlay.png"}},
+        {"adjust_stencil":true},{"stroke":{"points":[[0.5,0.5],[0.6,0.4]]}},{"hover":[0.5,0.9]},{"wait_frames":3},
+        {"window_screenshot":{"path":"moved.png"}},{"wait_painted":60},{"expect_painting":{"steps":1}},
+        {"adjust_stencil":false},"project",{"wait_painted":120},{"wait_sharp":60},{"screenshot":{"path":"projected.png"}},
+        {"expect_painting":{"steps":2}},{"stencil":{}},
+        {"texture":{"source":"solid","solid":"marble","scale":0.5}},
+        {"stroke":{"points":[[0.3,0.25],[0.7,0.25]]}},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"marble.png"}},
+        {"texture":{"source":"look","look":"a.toml"}},{"layer":"add_fill_everywhere"},{"wait_painted":120},{"wait_sharp":60},
+        {"screenshot":{"path":"squares.png"}},{"wait_frames":3},{"window_screenshot":{"path":"look.png"}},
+        {"texture":{"source":"solid","solid":"wood"}},{"layer":"refill"},{"wait_painted":120},{"wait_sharp":60},
+        {"screenshot":{"path":"wood.png"}},{"expect_painting":{"layers":1,"steps":5}},
+        {"key":"Ctrl+Z"},{"key":"Ctrl+Z"},{"wait_painted":120},{"wait_sharp":60},{"screenshot":{"path":"undone.png"}},
+        {"expect_painting":{"layers":0,"steps":3}},{"wait_saved":30},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    for (before, after, least) in [
+        ("before.png", "through.png", 0.003),
+        ("overlay.png", "moved.png", 0.01),
+        ("through.png", "projected.png", 0.01),
+        ("projected.png", "marble.png", 0.01),
+        ("marble.png", "squares.png", 0.1),
+        ("squares.png", "wood.png", 0.1),
+    ] {
+        assert!(difference(at, before, after) > least, "{before} {after}");
+    }
+    assert_eq!(difference(at, "marble.png", "undone.png"), 0.0);
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+}
+
+#[test]
+fn the_step_after_a_stroke_waits_for_the_hand_and_the_model_is_framed_between_the_panels() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    // Each stroke has its own colour, though nothing waits between them.
+    let steps = r##"{"wait_loaded":120},{"wait_sharp":120},{"screenshot":{"path":"opened.png"}},
+        {"key":"F"},{"wait_sharp":60},{"screenshot":{"path":"framed.png"}},
+        {"view":"top"},{"brush":{"size":50,"hardness":1.0,"flow":1.0,"smoothing":0.0}},
+        {"color":"#ff0000"},{"stroke":{"points":[[0.4,0.72],[0.5,0.74]],"frames":9}},
+        {"color":"#00ff00"},{"stroke":{"points":[[0.6,0.72],[0.7,0.68]],"frames":9}},
+        {"color":"#0000ff"},{"stroke":{"points":[[0.4,0.28],[0.6,0.28]],"frames":9}},
+        {"wait_painted":60},{"shading":"base_color"},{"hover":[0.5,0.5]},{"wait_sharp":60},{"screenshot":{"path":"colors.png"}},
+        {"expect_painting":{"steps":3}},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "opened.png", "framed.png") < 0.001, "framed at once as later");
+    let (_, _, samples) = super::picture(&at.join("colors.png"));
+    for wanted in [[255, 0, 0], [0, 255, 0], [0, 0, 255]] {
+        let is_wanted = |p: &&[u8]| p.iter().zip(wanted).all(|(a, b)| a.abs_diff(b) < 40);
+        let count = samples.chunks(3).filter(is_wanted).count();
+        assert!(count > 500, "{wanted:?}: {count}");
+    }
+}

@@ -25,9 +25,14 @@ pub struct Dab {
     pub flow: f32,
     /// Of the stamp, radians, counter-clockwise on the surface.
     pub angle: f32,
+    /// Width over length, above 0 up to 1: an ellipse that is the radius long, along the stamp's x axis. 1 is round.
+    pub aspect: f32,
     /// Its picture, if any.
     pub stamp: Option<Arc<Stamp>>,
 }
+
+/// The flattest dab.
+const LEAST_ASPECT: f32 = 0.05;
 
 /// A dab with the part of the surface that it covers.
 #[derive(Clone, Debug)]
@@ -36,7 +41,7 @@ pub(crate) struct PlacedDab {
     dab: Dab,
     /// Mesh space.
     center: Vec3,
-    /// The stamp's axes in the tangent plane, divided by the radius.
+    /// The stamp's axes in the tangent plane, divided by the ellipse's radii.
     axes: [Vec3; 2],
     /// Distances at which the fall-off starts and ends.
     fade: [f32; 2],
@@ -51,7 +56,9 @@ impl PlacedDab {
         let normal = surface.outer_normal(dab.center.triangle);
         let (x, y) = tangent_axes(normal);
         let (sin, cos) = f64::from(dab.angle).sin_cos();
-        let axes = [x * cos + y * sin, y * cos - x * sin].map(|axis| (axis / f64::from(radius)).as_vec3());
+        let [along, across] =
+            [x * cos + y * sin, y * cos - x * sin].map(|axis| (axis / f64::from(radius)).as_vec3());
+        let axes = [along, across / dab.aspect.clamp(LEAST_ASPECT, 1.0)];
         Self {
             region: Region::grow(surface, dab.center, end),
             center: surface.position(dab.center).as_vec3(),
@@ -74,6 +81,10 @@ impl PlacedDab {
         if distance >= end {
             return 0.0;
         }
+        let distance = if self.dab.aspect < 1.0 { self.stretched(distance, position) } else { distance };
+        if distance >= end {
+            return 0.0;
+        }
         let s = ((distance - start) / (end - start)).max(0.0);
         let falloff = 1.0 - s * s * (3.0 - 2.0 * s);
         let stamp = self.dab.stamp.as_ref().map_or(1.0, |stamp| {
@@ -81,6 +92,18 @@ impl PlacedDab {
             stamp.coverage(q.dot(self.axes[0]), q.dot(self.axes[1]))
         });
         self.dab.flow * falloff * stamp
+    }
+}
+
+impl PlacedDab {
+    /// A distance along the surface in the measure of an ellipse: longer across it.
+    fn stretched(&self, distance: f32, position: Vec3) -> f32 {
+        let q = position - self.center;
+        let [along, across] = self.axes;
+        let (x, y) = (q.dot(along), q.dot(across));
+        // The same without the ellipse's shape.
+        let round = x.hypot(y * self.dab.aspect.clamp(LEAST_ASPECT, 1.0));
+        if round > 0.0 { distance * x.hypot(y) / round } else { distance }
     }
 }
 

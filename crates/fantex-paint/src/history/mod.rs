@@ -8,7 +8,7 @@
 
 mod record;
 
-use fantex_store::{AssetEditor, EditError, PageId};
+use fantex_store::{AssetEditor, PageId};
 use record::Record;
 use serde::{Deserialize, Serialize};
 
@@ -53,10 +53,27 @@ struct OpenStep {
     bytes: Vec<u8>,
 }
 
-#[derive(Clone, Copy)]
-enum Direction {
+/// Whether a step is taken back or done again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Direction {
     Back,
     Forth,
+}
+
+impl Direction {
+    pub(crate) fn opposite(self) -> Self {
+        match self {
+            Self::Back => Self::Forth,
+            Self::Forth => Self::Back,
+        }
+    }
+}
+
+impl HistoryStep {
+    /// Number of its attachments.
+    pub(crate) fn parts(&self) -> u32 {
+        self.parts
+    }
 }
 
 impl History {
@@ -132,20 +149,76 @@ impl History {
         self.save(editor)
     }
 
-    pub(crate) fn undo(&mut self, editor: &mut AssetEditor, budget_bytes: usize) -> Result<bool, PaintError> {
-        let Some(step) = self.index.done.last().cloned() else { return Ok(false) };
-        apply(&step, Direction::Back, editor, budget_bytes)?;
-        self.index.undone.extend(self.index.done.pop());
+    /// Writes what is recorded of the open step so far; returns the step as it is then.
+    pub(crate) fn keep_open(&mut self, editor: &mut AssetEditor) -> Result<Option<HistoryStep>, PaintError> {
+        let Some(open) = &mut self.open else { return Ok(None) };
+        if !open.bytes.is_empty() {
+            open.write_part(editor)?;
+        }
+        let step = open.step.clone();
         self.save(editor)?;
-        Ok(true)
+        Ok(Some(step))
     }
 
-    pub(crate) fn redo(&mut self, editor: &mut AssetEditor, budget_bytes: usize) -> Result<bool, PaintError> {
-        let Some(step) = self.index.undone.last().cloned() else { return Ok(false) };
-        apply(&step, Direction::Forth, editor, budget_bytes)?;
-        self.index.done.extend(self.index.undone.pop());
-        self.save(editor)?;
-        Ok(true)
+    /// Goes on with a step that was open.
+    pub(crate) fn take_up(&mut self, step: HistoryStep) {
+        self.open = Some(OpenStep { step, bytes: Vec::new() });
+    }
+
+    /// The step that is next in a direction.
+    pub(crate) fn next_step(&self, direction: Direction) -> Option<&HistoryStep> {
+        match direction {
+            Direction::Back => self.index.done.last(),
+            Direction::Forth => self.index.undone.last(),
+        }
+    }
+
+    /// The next step in a direction has been made.
+    pub(crate) fn move_step(
+        &mut self,
+        direction: Direction,
+        editor: &mut AssetEditor,
+    ) -> Result<(), PaintError> {
+        match direction {
+            Direction::Back => self.index.undone.extend(self.index.done.pop()),
+            Direction::Forth => self.index.done.extend(self.index.undone.pop()),
+        }
+        self.save(editor)
+    }
+
+    /// Forgets the last step, which has been taken back.
+    pub(crate) fn forget_last(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+        if let Some(step) = self.index.done.pop() {
+            (0..step.parts).for_each(|part| editor.detach(&part_name(step.id, part)));
+        }
+        self.save(editor)
+    }
+
+    /// Changes the asset by a part of a step.
+    pub(crate) fn apply_part(
+        &self,
+        step: &HistoryStep,
+        part: u32,
+        direction: Direction,
+        editor: &mut AssetEditor,
+    ) -> Result<(), PaintError> {
+        let bytes = editor.attachment(&part_name(step.id, part))?;
+        let bytes = bytes.ok_or_else(|| damaged(editor, "a step is missing"))?;
+        let mut rest = bytes.as_slice();
+        // All is read before anything is changed: a part is applied once or not at all.
+        let mut records = Vec::new();
+        while !rest.is_empty() {
+            let record = Record::decode(&mut rest).ok_or_else(|| damaged(editor, "a step cannot be read"))?;
+            records.push(match record {
+                Record::Page { id, channel, change } => {
+                    let mut page = editor.read_page_raw(channel, id)?;
+                    page.iter_mut().zip(change).for_each(|(byte, change)| *byte ^= change);
+                    Record::Page { id, channel, change: page }
+                }
+                other => other,
+            });
+        }
+        records.into_iter().try_for_each(|record| apply(record, direction, editor))
     }
 
     fn save(&self, editor: &mut AssetEditor) -> Result<(), PaintError> {
@@ -163,62 +236,33 @@ impl OpenStep {
     }
 }
 
-/// Changes the texels by a step's records. Changes that exceed a budget in memory are written to the file.
-fn apply(
-    step: &HistoryStep,
-    direction: Direction,
-    editor: &mut AssetEditor,
-    budget_bytes: usize,
-) -> Result<(), PaintError> {
-    for part in 0..step.parts {
-        let bytes = editor.attachment(&part_name(step.id, part))?;
-        let bytes = bytes.ok_or_else(|| damaged(editor, "a step is missing"))?;
-        let mut rest = bytes.as_slice();
-        while !rest.is_empty() {
-            let record = Record::decode(&mut rest).ok_or_else(|| damaged(editor, "a step cannot be read"))?;
-            match record {
-                Record::Page { id, channel, change } => {
-                    let mut page = editor.read_page_raw(channel, id)?;
-                    page.iter_mut().zip(change).for_each(|(byte, change)| *byte ^= change);
-                    editor.replace(id, channel, page)?;
-                }
-                Record::Attachment { name, contents: [before, after] } => {
-                    let contents = match direction {
-                        Direction::Back => before,
-                        Direction::Forth => after,
-                    };
-                    if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
-                        return Err(damaged(editor, "a step changes what is neither layer nor log"));
-                    }
-                    if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
-                }
-                Record::Mean { channel, group, values: [before, after] } => {
-                    let asset = editor.asset();
-                    if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
-                        return Err(damaged(editor, "a step changes a group that does not exist"));
-                    }
-                    let value = match direction {
-                        Direction::Back => before,
-                        Direction::Forth => after,
-                    };
-                    editor.set_mean(channel, group, value);
-                }
+/// Changes the asset by a record, whose pages are those to come.
+fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Result<(), PaintError> {
+    match record {
+        Record::Page { id, channel, change: page } => editor.replace(id, channel, page)?,
+        Record::Attachment { name, contents: [before, after] } => {
+            let contents = match direction {
+                Direction::Back => before,
+                Direction::Forth => after,
+            };
+            if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
+                return Err(damaged(editor, "a step changes what is neither layer nor log"));
             }
+            if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
         }
-        if editor.pending_bytes() > budget_bytes {
-            flush_if_possible(editor)?;
+        Record::Mean { channel, group, values: [before, after] } => {
+            let asset = editor.asset();
+            if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
+                return Err(damaged(editor, "a step changes a group that does not exist"));
+            }
+            let value = match direction {
+                Direction::Back => before,
+                Direction::Forth => after,
+            };
+            editor.set_mean(channel, group, value);
         }
     }
     Ok(())
-}
-
-/// Takes changes out of memory. Where the disk is full they stay there, and painting goes on: true then.
-pub(crate) fn flush_if_possible(editor: &mut AssetEditor) -> Result<bool, PaintError> {
-    match editor.flush() {
-        Ok(()) => Ok(false),
-        Err(EditError::Full { .. }) => Ok(true),
-        Err(error) => Err(error.into()),
-    }
 }
 
 fn part_name(id: u64, part: u32) -> String {

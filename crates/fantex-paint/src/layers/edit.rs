@@ -6,14 +6,13 @@ use fantex_store::{PAGE, PageId, page_extent, page_grid};
 use rayon::prelude::*;
 
 use super::{
-    BASE_PREFIX, INDEX, Layer, LayerContent, LayerStack, base_name, flatten, mask_prefix, page_of_suffix,
+    BASE_PREFIX, INDEX, Layer, LayerContent, LayerStack, base_name, flatten, keep_folders, mask_prefix,
+    page_of_suffix,
 };
 use crate::layers::flatten::base_bytes;
 use crate::tile_paint::{Changes, PageChange, Rect};
+use crate::work::{FlattenWork, Work};
 use crate::{PaintError, Painter, StrokeSettings};
-
-/// Pages that are flattened at a time.
-const BATCH: usize = 64;
 
 impl Painter {
     /// All layers, from the bottom to the top.
@@ -23,14 +22,39 @@ impl Painter {
 
     /// Puts a layer on top; returns its number, by which strokes name it.
     pub fn add_layer(&mut self, layer: Layer) -> Result<u64, PaintError> {
+        let number = self.start_add_layer(layer, None)?;
+        self.finish_work()?;
+        Ok(number)
+    }
+
+    /// The same, above another layer where one is named; what it shows is left to [`work_on`](Self::work_on).
+    pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64, PaintError> {
         let mut number = 0;
-        self.change_layers("add layer", |layers| number = layers.add(layer))?;
+        self.change_layers("add layer", |layers| {
+            number = layers.add(layer);
+            let place = layers.stack.iter().position(|layer| Some(layer.id()) == above);
+            if let Some(place) = place
+                && let Some(layer) = layers.stack.pop()
+            {
+                layers.stack.insert(place + 1, layer);
+            }
+        })?;
         Ok(number)
     }
 
     /// Changes layers in any way: order, names, visibility, opacity, blending, masks; or removes some. One step of the
     /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer).
     pub fn edit_layers(
+        &mut self,
+        label: &str,
+        change: impl FnOnce(&mut Vec<Layer>),
+    ) -> Result<(), PaintError> {
+        self.start_edit_layers(label, change)?;
+        self.finish_work()
+    }
+
+    /// The same; what it shows is left to [`work_on`](Self::work_on).
+    pub fn start_edit_layers(
         &mut self,
         label: &str,
         change: impl FnOnce(&mut Vec<Layer>),
@@ -50,7 +74,8 @@ impl Painter {
             layers.stack = stack.into_iter().filter(|layer| seen.insert(layer.id())).collect();
             let next = layers.stack.iter().map(|layer| layer.id() + 1).max().unwrap_or(0);
             layers.next_id = layers.next_id.max(next);
-        })
+        })?;
+        self.finish_work()
     }
 
     fn change_layers(
@@ -58,6 +83,7 @@ impl Painter {
         label: &str,
         change: impl FnOnce(&mut super::Layers),
     ) -> Result<(), PaintError> {
+        self.finish_work()?;
         self.end()?;
         let before = self.layers.clone();
         change(&mut self.layers);
@@ -69,21 +95,19 @@ impl Painter {
             return Err(error);
         }
         self.begin_step(label);
-        let list = self.layers.encoded()?;
+        let path = self.editor.asset().path().to_owned();
+        let list = self.layers.encoded(&path)?;
         self.attach(INDEX, list)?;
-        let set_layers = Some(self.layers.stack.clone());
+        let mut stack = self.layers.stack.clone();
+        keep_folders(&mut stack, &path);
+        let set_layers = Some(stack);
         self.log(&StrokeSettings { label: label.to_owned(), set_layers, ..StrokeSettings::default() })?;
         let pages = self.pages_to_flatten(&before.stack);
-        let mut changes = Changes::default();
-        for ids in pages.chunks(BATCH) {
-            self.flatten_pages(ids, &mut changes)?;
-        }
-        let channels: Vec<usize> = (0..self.editor.asset().channels().len()).collect();
-        self.finish_step(changes, &channels)?;
+        self.work = Some(Work::Flatten(FlattenWork::new(label, before.stack, &pages)));
         Ok(())
     }
 
-    fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<(), PaintError> {
+    pub(crate) fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<(), PaintError> {
         for &id in ids {
             if self.editor.attachment(&base_name(id))?.is_none() {
                 let base = base_bytes(&self.editor, id, None)?.concat();
@@ -120,7 +144,7 @@ impl Painter {
     }
 
     /// Pages on which some layer shows or has shown something, ascending.
-    fn pages_to_flatten(&self, before: &[Layer]) -> Vec<PageId> {
+    pub(crate) fn pages_to_flatten(&self, before: &[Layer]) -> Vec<PageId> {
         let everywhere = |layer: &Layer| {
             !matches!(layer.content, LayerContent::Painted) && layer.mask.is_none_or(|outside| outside > 0.0)
         };

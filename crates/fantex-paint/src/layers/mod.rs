@@ -17,6 +17,8 @@ mod graph;
 mod page;
 mod stroke;
 
+use std::path::{Path, PathBuf};
+
 use fantex_store::{AssetEditor, PageId};
 use glam::Vec4;
 use serde::{Deserialize, Serialize};
@@ -27,6 +29,7 @@ pub use graph::GraphFill;
 pub(crate) use page::{decode_mask, decode_values, encode_mask, encode_values};
 pub(crate) use stroke::{LayeredPage, ShownPage, target_name};
 
+use crate::folders::{found_folder, kept_folder};
 use crate::{BlendMode, PaintError};
 
 pub(crate) const INDEX: &str = "layers/index";
@@ -122,14 +125,18 @@ pub(crate) struct Layers {
 impl Layers {
     pub(crate) fn load(editor: &AssetEditor) -> Result<Self, PaintError> {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
-        serde_json::from_slice(&bytes).map_err(|_| PaintError::Layers {
-            path: editor.asset().path().to_owned(),
-            reason: "their list cannot be read",
-        })
+        let path = editor.asset().path();
+        let mut layers: Self = serde_json::from_slice(&bytes)
+            .map_err(|_| PaintError::Layers { path: path.to_owned(), reason: "their list cannot be read" })?;
+        find_folders(&mut layers.stack, path);
+        Ok(layers)
     }
 
-    pub(crate) fn encoded(&self) -> Result<Vec<u8>, PaintError> {
-        Ok(serde_json::to_vec(self).map_err(std::io::Error::other)?)
+    /// As they are kept in an asset.
+    pub(crate) fn encoded(&self, asset: &Path) -> Result<Vec<u8>, PaintError> {
+        let mut layers = self.clone();
+        keep_folders(&mut layers.stack, asset);
+        Ok(serde_json::to_vec(&layers).map_err(std::io::Error::other)?)
     }
 
     pub(crate) fn find(&self, id: u64) -> Option<&Layer> {
@@ -142,6 +149,24 @@ impl Layers {
         self.next_id += 1;
         self.stack.push(layer);
         self.next_id - 1
+    }
+}
+
+/// Folders of looks as an asset keeps them.
+pub(crate) fn keep_folders(stack: &mut [Layer], asset: &Path) {
+    change_folders(stack, |folder| kept_folder(asset, folder));
+}
+
+/// Folders that were kept in an asset, absolute.
+pub(crate) fn find_folders(stack: &mut [Layer], asset: &Path) {
+    change_folders(stack, |folder| found_folder(asset, folder));
+}
+
+fn change_folders(stack: &mut [Layer], change: impl Fn(&Path) -> PathBuf) {
+    for layer in stack {
+        if let LayerContent::Graph(fill) = &mut layer.content {
+            fill.graph.folder = change(&fill.graph.folder);
+        }
     }
 }
 

@@ -105,7 +105,7 @@ impl LayeredPage<'_> {
             for (number, painted) in self.ink.paint.channels.iter().enumerate() {
                 if let Some(color) = self.ink.color(self.map, self.page, place, number) {
                     let value = &mut values[painted.channel][texel];
-                    *value = self.ink.paint.apply(*value, color, self.page.coverage[texel]);
+                    *value = self.ink.paint.apply(*value, color, self.page.covered(texel));
                 }
             }
         });
@@ -119,7 +119,7 @@ impl LayeredPage<'_> {
             if let Some(color) = self.ink.color(self.map, self.page, place, 0) {
                 // Luminance (ITU-R BT.709).
                 let goal = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
-                let share = self.page.coverage[texel] * self.ink.paint.opacity.clamp(0.0, 1.0);
+                let share = self.page.covered(texel) * self.ink.paint.opacity.clamp(0.0, 1.0);
                 mask[texel] += (goal - mask[texel]) * share;
             }
         });
@@ -129,7 +129,7 @@ impl LayeredPage<'_> {
     fn for_each_covered(&self, mut visit: impl FnMut(usize, [u32; 2])) {
         for (x, y) in self.page.touched.texels() {
             let texel = (y * self.map.block.extent[0] + x) as usize;
-            if self.page.coverage[texel] > 0.0 && self.map.is_valid(texel) {
+            if self.page.covered(texel) > 0.0 && self.map.is_valid(texel) {
                 visit(texel, [x, y]);
             }
         }

@@ -64,7 +64,8 @@ impl StrokeLog {
             if name.starts_with(FILES) {
                 files.push((PathBuf::from(rest), bytes));
             } else {
-                let stroke: StrokeSettings = serde_json::from_slice(&bytes).map_err(|_| damaged())?;
+                let mut stroke: StrokeSettings = serde_json::from_slice(&bytes).map_err(|_| damaged())?;
+                portable::find_looks(&mut stroke, asset.path());
                 strokes.push(stroke);
             }
         }

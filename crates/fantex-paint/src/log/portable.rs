@@ -7,6 +7,8 @@ use fantex_store::{Asset, ChannelKind};
 use fantex_texture::Image;
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::folders::{found_folder, kept_folder};
+use crate::layers::find_folders;
 use crate::replay::{
     BrushSettings, ChannelSettings, ColorSettings, DabSettings, LookSettings, StrokeSettings, ToolSettings,
     Where, place_on,
@@ -28,8 +30,16 @@ pub(crate) enum Recording {
 impl Recording {
     /// Adds dabs, where they are not known from the settings.
     pub(crate) fn add_dabs(&mut self, surface: &Surface, dabs: &[Dab]) {
-        let Self::Dabs(known, stamp) = self else { return };
-        let scale = surface.mesh().world_from_mesh.scale;
+        let (known, stamp) = match self {
+            Self::Dabs(known, stamp) => (known, stamp),
+            Self::Settings(portable) => {
+                if portable.gathers_dabs {
+                    portable.stroke.dabs.extend(dabs.iter().map(|dab| settings_of_dab(surface, dab)));
+                }
+                return;
+            }
+            Self::Lost => return,
+        };
         for dab in dabs {
             if known.is_empty() {
                 *stamp = dab.stamp.clone();
@@ -43,13 +53,7 @@ impl Recording {
                 *self = Self::Lost;
                 return;
             }
-            known.push(DabSettings {
-                at: place_of(surface, dab.center),
-                radius: (f64::from(dab.radius) * scale) as f32,
-                hardness: dab.hardness,
-                flow: dab.flow,
-                angle: dab.angle,
-            });
+            known.push(settings_of_dab(surface, dab));
         }
     }
 
@@ -58,6 +62,17 @@ impl Recording {
         if matches!(self, Self::Dabs(..)) {
             *self = Self::Lost;
         }
+    }
+}
+
+fn settings_of_dab(surface: &Surface, dab: &Dab) -> DabSettings {
+    DabSettings {
+        at: place_of(surface, dab.center),
+        radius: (f64::from(dab.radius) * surface.mesh().world_from_mesh.scale) as f32,
+        hardness: dab.hardness,
+        flow: dab.flow,
+        angle: dab.angle,
+        aspect: dab.aspect,
     }
 }
 
@@ -73,6 +88,8 @@ fn place_of(surface: &Surface, point: SurfacePoint) -> Where {
 pub(crate) struct Portable {
     pub(crate) stroke: StrokeSettings,
     pub(crate) files: Vec<(String, Vec<u8>)>,
+    /// It says how, but not where: that comes as dabs.
+    gathers_dabs: bool,
 }
 
 impl Portable {
@@ -81,10 +98,29 @@ impl Portable {
         surface: &Surface,
         settings: StrokeSettings,
         folder: &Path,
+        asset: &Path,
     ) -> Result<Self, PaintError> {
-        let mut writer = Writer { surface, folder, files: Vec::new() };
+        let mut writer = Writer { surface, folder, asset, files: Vec::new() };
+        let gathers_dabs = settings.samples.is_empty() && settings.dabs.is_empty() && settings.fill.is_none();
         let stroke = writer.stroke(settings)?;
-        Ok(Self { stroke, files: writer.files })
+        Ok(Self { stroke, files: writer.files, gathers_dabs })
+    }
+}
+
+/// Folders of looks that are kept in an asset, absolute.
+pub(crate) fn find_looks(stroke: &mut StrokeSettings, asset: &Path) {
+    let fill = stroke.layer.as_mut().and_then(|layer| layer.fill.as_mut());
+    let of_colors = stroke.channels.iter_mut().filter_map(|channel| match &mut channel.color {
+        ColorSettings::Texture { look, .. } => Some(look),
+        _ => None,
+    });
+    for look in of_colors.chain(fill.map(|fill| &mut fill.look)) {
+        if let LookSettings::Inline { folder, .. } = look {
+            *folder = found_folder(asset, folder);
+        }
+    }
+    if let Some(layers) = &mut stroke.set_layers {
+        find_folders(layers, asset);
     }
 }
 
@@ -98,6 +134,7 @@ pub(crate) fn portable(
     let lost = || Portable {
         stroke: StrokeSettings { unrecorded: true, ..StrokeSettings::default() },
         files: Vec::new(),
+        gathers_dabs: false,
     };
     Ok(match recording {
         Recording::Settings(portable) => *portable,
@@ -114,6 +151,7 @@ pub(crate) fn portable(
             Portable {
                 stroke: StrokeSettings { brush, tool, channels, dabs, ..StrokeSettings::default() },
                 files,
+                gathers_dabs: false,
             }
         }
         Recording::Lost => lost(),
@@ -167,6 +205,8 @@ fn kind_name(kind: ChannelKind) -> crate::replay::ChannelKindName {
 struct Writer<'a> {
     surface: &'a Surface,
     folder: &'a Path,
+    /// The asset's path.
+    asset: &'a Path,
     files: Vec<(String, Vec<u8>)>,
 }
 
@@ -187,6 +227,11 @@ impl Writer<'_> {
                 ColorSettings::Texture { look, .. } => self.look(look)?,
                 _ => {}
             }
+        }
+        if let Some(stencil) = &mut stroke.stencil {
+            let mut named = Some(std::mem::take(&mut stencil.image));
+            self.file(&mut named)?;
+            stencil.image = named.unwrap_or_default();
         }
         if let Some(decal) = &mut stroke.decal {
             self.length(&mut decal.size);
@@ -224,21 +269,17 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Takes a look's text along; what it mentions stays where it is.
+    /// Takes a look's text along; what it mentions stays where it is, and is found from the asset.
     fn look(&mut self, look: &mut LookSettings) -> Result<(), PaintError> {
-        let absolute = |folder: PathBuf| std::path::absolute(&folder).unwrap_or(folder);
-        *look = match look {
+        let (text, folder) = match look {
             LookSettings::File(path) => {
                 let path = self.folder.join(path);
-                let folder = absolute(path.parent().unwrap_or(Path::new("")).to_owned());
                 let text = String::from_utf8_lossy(&read(&path)?).into_owned();
-                LookSettings::Inline { text, folder }
+                (text, path.parent().unwrap_or(Path::new("")).to_owned())
             }
-            LookSettings::Inline { text, folder } => LookSettings::Inline {
-                text: std::mem::take(text),
-                folder: absolute(self.folder.join(folder)),
-            },
+            LookSettings::Inline { text, folder } => (std::mem::take(text), self.folder.join(folder)),
         };
+        *look = LookSettings::Inline { text, folder: kept_folder(self.asset, &folder) };
         Ok(())
     }
 }

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use fantex_store::ChannelKind;
 use serde::{Deserialize, Serialize};
 
-use crate::{BlendMode, ColorFill, FillScope, Jitter, Layer, Lens, PressureResponse, Size, Symmetry};
+use crate::{
+    BlendMode, ColorFill, FillScope, Jitter, Layer, Lens, PicturePlace, PressureResponse, Size, Symmetry,
+};
 
 /// A stroke file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,6 +50,9 @@ pub struct StrokeSettings {
     /// The camera through which colours that are pictures are seen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub projection: Option<ProjectionSettings>,
+    /// A picture that the stroke is laid on through, in the camera of `projection`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stencil: Option<StencilSettings>,
     /// Only the first and the last sample count.
     #[serde(default)]
     pub line: bool,
@@ -80,6 +85,7 @@ impl Default for StrokeSettings {
             decal: None,
             text: None,
             projection: None,
+            stencil: None,
             line: false,
             symmetry: Symmetry::None,
             layer: None,
@@ -105,6 +111,9 @@ pub struct DabSettings {
     /// Of the stamp, radians.
     #[serde(default)]
     pub angle: f32,
+    /// Width over length.
+    #[serde(default = "full")]
+    pub aspect: f32,
 }
 
 /// A layer to paint on.
@@ -215,6 +224,9 @@ pub struct DecalSettings {
     /// Degrees, counter-clockwise; 0 is upright.
     #[serde(default)]
     pub angle: f32,
+    /// Left and right are changed, for what is seen from behind the surface.
+    #[serde(default)]
+    pub mirrored: bool,
 }
 
 /// A text at a place.
@@ -231,6 +243,9 @@ pub struct TextSettings {
     /// Degrees, counter-clockwise; 0 is upright.
     #[serde(default)]
     pub angle: f32,
+    /// Left and right are changed, for what is seen from behind the surface.
+    #[serde(default)]
+    pub mirrored: bool,
 }
 
 /// A camera.
@@ -246,6 +261,31 @@ pub struct ProjectionSettings {
     pub up: [f64; 3],
     /// `{"perspective": DEGREES}` or `{"parallel": HEIGHT}`.
     pub lens: Lens,
+    /// Where in the camera's view the pictures lie.
+    #[serde(default)]
+    pub place: PicturePlace,
+}
+
+/// A picture over the view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StencilSettings {
+    /// The picture, relative to the stroke file.
+    pub image: PathBuf,
+    /// What of it counts.
+    #[serde(default)]
+    pub by: StencilBy,
+}
+
+/// How a picture becomes a stencil.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StencilBy {
+    /// Its alpha; where it has none, its brightness.
+    #[default]
+    Shape,
+    /// Its alpha; one without lets all through.
+    Alpha,
 }
 
 fn up() -> [f64; 3] {

@@ -24,7 +24,8 @@ mod run;
 pub use file::{
     BrushSettings, ChannelKindName, ChannelSettings, ColorSettings, DabSettings, DecalSettings,
     FillLayerSettings, FillSettings, FillTextureSettings, LayerSettings, LookSettings, ProjectionSettings,
-    SampleSettings, StrokeFile, StrokeSettings, TextSettings, ToolSettings, Where,
+    SampleSettings, StencilBy, StencilSettings, StrokeFile, StrokeSettings, TextSettings, ToolSettings,
+    Where,
 };
 pub(crate) use prepare::place_on;
 pub use run::{ReplayError, ReplaySummary, replay};

@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use super::ReplayError;
 use super::color::color_of;
 use super::file::{
-    ColorSettings, DabSettings, FillLayerSettings, LookSettings, SampleSettings, StrokeSettings,
+    ColorSettings, DabSettings, FillLayerSettings, LookSettings, SampleSettings, StencilBy, StrokeSettings,
     ToolSettings, Where,
 };
 use crate::stroke::mesh_length;
@@ -41,9 +41,10 @@ pub(super) struct Prepared {
 impl Preparation<'_> {
     pub(super) fn run(&self, missed: &mut usize) -> Result<Prepared, ReplayError> {
         let stroke = self.stroke(missed)?;
-        let paint = self.paint(&stroke)?;
-        let decals = self.decals(&stroke)?;
         let dabs = self.dabs(&stroke.brush)?;
+        let first = stroke.samples.first().map(|sample| sample.point).or(dabs.first().map(|dab| dab.center));
+        let paint = self.paint(&stroke, first)?;
+        let decals = self.decals(&stroke)?;
         let fill = self.settings.layer.as_ref().and_then(|layer| layer.fill.as_ref());
         let fill = fill.map(|fill| self.fill_layer(fill)).transpose()?;
         Ok(Prepared { paint, stroke, decals, dabs, fill })
@@ -54,7 +55,7 @@ impl Preparation<'_> {
         channel.ok_or(ReplayError::Channel { stroke: self.stroke, kind })
     }
 
-    fn paint(&self, drawn: &Stroke) -> Result<Paint, ReplayError> {
+    fn paint(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Paint, ReplayError> {
         let stroke = self.stroke;
         let mut channels: Vec<ChannelPaint> = Vec::new();
         for settings in &self.settings.channels {
@@ -65,10 +66,12 @@ impl Preparation<'_> {
             }
             channels.push(ChannelPaint { channel, color: color_of(self, kind, &settings.color)? });
         }
-        Ok(Paint { tool: self.tool(drawn)?, opacity: self.settings.brush.opacity, channels })
+        let stencil = self.stencil()?;
+        Ok(Paint { tool: self.tool(drawn, first)?, opacity: self.settings.brush.opacity, channels, stencil })
     }
 
-    fn tool(&self, drawn: &Stroke) -> Result<Tool, ReplayError> {
+    /// `first`: where the stroke begins.
+    fn tool(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Tool, ReplayError> {
         Ok(match self.settings.tool {
             ToolSettings::Paint(mode) => Tool::Paint(mode),
             ToolSettings::Erase => Tool::Erase,
@@ -80,7 +83,7 @@ impl Preparation<'_> {
             ToolSettings::Clone { from } => {
                 let surface = self.painter.surface();
                 let source = surface.mesh().world_from_mesh.inverse_point(DVec3::from(from));
-                let start = drawn.samples.first().map_or(source, |s| surface.position(s.point).as_vec3());
+                let start = first.map_or(source, |point| surface.position(point).as_vec3());
                 self.finite("the source of a clone", &source.to_array())?;
                 Tool::Clone { offset: source - start, reach: self.mesh_length(drawn.brush.size)? }
             }
@@ -132,14 +135,26 @@ impl Preparation<'_> {
     pub(super) fn projection(&self, picture: Arc<Picture>) -> Result<Option<Projection>, ReplayError> {
         let Some(settings) = self.settings.projection else { return Ok(None) };
         let [eye, target, up] = [settings.eye, settings.target, settings.up].map(DVec3::from);
-        let view = ProjectionView { eye, target, up, lens: settings.lens };
+        let view = ProjectionView { eye, target, up, lens: settings.lens, place: settings.place };
         let projection = Projection::new(self.painter.surface(), &view, picture);
         projection.map(Some).ok_or(ReplayError::Camera { stroke: self.stroke })
     }
 
+    fn stencil(&self) -> Result<Option<Arc<Projection>>, ReplayError> {
+        let Some(settings) = &self.settings.stencil else { return Ok(None) };
+        let image = self.image(&settings.image)?;
+        let picture = match settings.by {
+            StencilBy::Shape => Picture::shape(&image),
+            StencilBy::Alpha => Picture::new(&image),
+        };
+        let projection = self.projection(Arc::new(picture))?;
+        projection.map(|p| Some(Arc::new(p))).ok_or(ReplayError::NoCamera { stroke: self.stroke })
+    }
+
     fn decals(&self, drawn: &Stroke) -> Result<Vec<Decal>, ReplayError> {
-        let (shape, size, angle) = if let Some(decal) = &self.settings.decal {
-            (self.decal_shape(decal.shape.as_deref())?, self.mesh_length(decal.size)?, decal.angle)
+        let (shape, size, angle, mirrored) = if let Some(decal) = &self.settings.decal {
+            let shape = self.decal_shape(decal.shape.as_deref())?;
+            (shape, self.mesh_length(decal.size)?, decal.angle, decal.mirrored)
         } else if let Some(text) = &self.settings.text {
             let font = text.font.as_ref().map(|path| {
                 let path = self.folder.join(path);
@@ -148,17 +163,20 @@ impl Preparation<'_> {
             let font = font.transpose()?;
             let drawn = draw_text(&text.text, font.as_deref().unwrap_or(DEFAULT_FONT));
             let drawn = drawn.map_err(|source| ReplayError::Text { stroke: self.stroke, source })?;
-            (drawn.picture, self.mesh_length(text.size)? * drawn.lines, text.angle)
+            (drawn.picture, self.mesh_length(text.size)? * drawn.lines, text.angle, text.mirrored)
         } else {
             return Ok(Vec::new());
         };
         self.finite("the size and angle of a decal", &[size, angle])?;
         let shape = Arc::new(shape);
         let surface = self.painter.surface();
-        let copies = drawn.symmetry.copies(surface, &drawn.samples, 0.5 * size);
-        let centers = copies.iter().flatten().map(|sample| sample.point);
         let angle = angle.to_radians();
-        Ok(centers.map(|center| Decal { center, size, angle, shape: Arc::clone(&shape) }).collect())
+        let readable = self.settings.text.is_some();
+        let decals = drawn.samples.iter().flat_map(|sample| {
+            let decal = Decal { center: sample.point, size, angle, shape: Arc::clone(&shape), mirrored };
+            decal.copies(surface, &drawn.symmetry, readable)
+        });
+        Ok(decals.collect())
     }
 
     fn decal_shape(&self, path: Option<&Path>) -> Result<Picture, ReplayError> {
@@ -178,12 +196,12 @@ impl Preparation<'_> {
         let scale = self.painter.surface().mesh().world_from_mesh.scale;
         let mut dabs = Vec::with_capacity(self.settings.dabs.len());
         for (index, dab) in self.settings.dabs.iter().enumerate() {
-            let DabSettings { at, radius, hardness, flow, angle } = *dab;
-            self.finite("a dab's numbers", &[radius, hardness, flow, angle])?;
+            let DabSettings { at, radius, hardness, flow, angle, aspect } = *dab;
+            self.finite("a dab's numbers", &[radius, hardness, flow, angle, aspect])?;
             let radius = (f64::from(radius) / scale) as f32;
             let stamp = brush.stamp.clone();
             if let Some(center) = self.point(index, at)? {
-                dabs.push(Dab { center, radius, hardness, flow, angle, stamp });
+                dabs.push(Dab { center, radius, hardness, flow, angle, aspect, stamp });
             }
         }
         Ok(dabs)

@@ -10,7 +10,7 @@ use super::file::{FillSettings, LayerSettings, StrokeFile, StrokeSettings, Where
 use super::prepare::{Preparation, Prepared};
 use crate::{
     GraphError, GraphFill, Layer, LayerContent, PaintError, Painter, StrokeSummary, Target, TextError,
-    dabs_of, fill_triangles,
+    dabs_of, fill_starts, fill_triangles_with,
 };
 
 /// A stroke file could not be applied.
@@ -111,6 +111,14 @@ pub enum ReplayError {
         /// Number of the stroke, from 0.
         stroke: usize,
     },
+    /// A stencil without a camera.
+    #[error(
+        "stroke {stroke} has a stencil, but no camera: add a projection, which says from where the stencil is seen"
+    )]
+    NoCamera {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+    },
     /// A picture that cannot be loaded.
     #[error("stroke {stroke}: {source}")]
     Stamp {
@@ -189,14 +197,23 @@ fn apply(
         return Ok(StrokeSummary::default());
     }
     let compared = paint.channels[0].channel;
+    let stencil = paint.stencil.clone();
     painter.begin_on(target, &settings.label, paint)?;
     painter.record(settings.clone(), folder)?;
     let surface = Arc::clone(painter.surface());
     let start = stroke.samples.first().map(|sample| sample.point);
     match (settings.fill, start) {
-        (Some(FillSettings::Color(fill)), Some(start)) => painter.fill_color(compared, start, fill)?,
+        (Some(FillSettings::Color(fill)), Some(start)) => {
+            painter.fill_color(compared, &fill_starts(&surface, start, &stroke.symmetry), fill)?;
+        }
+        // Nothing else can be covered.
+        (Some(FillSettings::Whole), _) if stencil.is_some() => {
+            let triangles = stencil.map(|stencil| stencil.triangles(&surface));
+            painter.fill(&triangles.unwrap_or_default())?;
+        }
         (Some(fill), Some(start)) => {
-            let triangles = fill.scope().map(|scope| fill_triangles(&surface, start, scope));
+            let symmetry = &stroke.symmetry;
+            let triangles = fill.scope().map(|scope| fill_triangles_with(&surface, start, scope, symmetry));
             painter.fill(&triangles.unwrap_or_default())?;
         }
         _ if !decals.is_empty() => decals.iter().try_for_each(|decal| painter.decal(decal))?,

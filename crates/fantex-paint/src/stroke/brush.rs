@@ -55,7 +55,7 @@ pub struct Brush {
     pub smoothing: f32,
     /// Angle of the stamp, radians, counter-clockwise; 0 is upright.
     pub angle: f32,
-    /// The stamp turns with a tilted pen: added to the angle is the direction that it leans to.
+    /// Dabs follow a tilted pen: added to the angle is the direction that it leans to, and they become ellipses along it.
     pub follow_tilt: bool,
     /// Random changes.
     pub jitter: Jitter,

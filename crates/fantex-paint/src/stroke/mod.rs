@@ -145,13 +145,14 @@ impl<'a> Spacer<'a> {
             center = walk_straight(self.surface, center, self.tangent(sample, turn), distance);
         }
         let pressure = 1.0 - brush.pressure.flow.clamp(0.0, 1.0) * (1.0 - sample.pressure.clamp(0.0, 1.0));
-        let lean = if brush.follow_tilt { sample.tilt[1].atan2(sample.tilt[0]) } else { 0.0 };
+        let [lean, aspect] = if brush.follow_tilt { tilted(sample.tilt) } else { [0.0, 1.0] };
         dabs.push(Dab {
             center,
             radius: radius * (1.0 - jitter.size.clamp(0.0, 1.0) * size),
             hardness: brush.hardness,
             flow: brush.flow.clamp(0.0, 1.0) * pressure * (1.0 - jitter.flow.clamp(0.0, 1.0) * flow),
             angle: brush.angle + lean + jitter.angle * (2.0 * angle - 1.0),
+            aspect,
             stamp: brush.stamp.clone(),
         });
     }
@@ -163,6 +164,15 @@ impl<'a> Spacer<'a> {
         let (sin, cos) = (std::f64::consts::TAU * f64::from(turn)).sin_cos();
         x * cos + normal.cross(x) * sin
     }
+}
+
+/// Width over length of the dab of a pen that lies almost flat.
+const FLATTEST: f32 = 0.2;
+
+/// Where a pen's lean points, radians, and the aspect of the spot that it leaves: a round tip that leans touches as an ellipse.
+fn tilted([x, y]: [f32; 2]) -> [f32; 2] {
+    let lean = x.hypot(y).min(std::f32::consts::FRAC_PI_2);
+    [y.atan2(x), lean.cos().max(FLATTEST)]
 }
 
 fn mixed(a: &Sample, b: &Sample, t: f32) -> Sample {

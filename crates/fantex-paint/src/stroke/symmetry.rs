@@ -77,6 +77,16 @@ impl Symmetry {
         Some(Sample { point, ..*sample })
     }
 
+    /// A direction as the copy number `k` has it, world or mesh space.
+    pub(crate) fn moved_direction(&self, direction: DVec3, k: u32) -> DVec3 {
+        self.moved_position(direction, k) - self.moved_position(DVec3::ZERO, k)
+    }
+
+    /// Whether copies are mirror images.
+    pub(crate) fn mirrors(&self) -> bool {
+        matches!(self, Self::Mirror { .. })
+    }
+
     fn moved_position(&self, mut p: DVec3, k: u32) -> DVec3 {
         match *self {
             Self::None => {}

@@ -35,7 +35,7 @@ pub(crate) fn composite(
         let mut values = original.clone();
         for (x, y) in rect.texels() {
             let texel = (y * extent[0] + x) as usize;
-            let coverage = page.coverage[texel];
+            let coverage = page.covered(texel);
             if coverage > 0.0
                 && map.owner[texel] != NOBODY
                 && let Some(color) = ink.color(map, page, [x, y], number)
@@ -44,7 +44,7 @@ pub(crate) fn composite(
             }
         }
         let channel = &asset.channels()[painted.channel];
-        replace_blocks(channel, extent, &mut bytes, &values, rect, |t| page.coverage[t] > 0.0)?;
+        replace_blocks(channel, extent, &mut bytes, &values, rect, |t| page.covered(t) > 0.0)?;
         changed.push(bytes);
     }
     Ok(changed)

@@ -80,7 +80,11 @@ impl Ink<'_> {
             PaintColor::Projected(projection) => {
                 let point = nearest_inside(triangle.triangle, lambda);
                 let steps = triangle.steps.map(|step| blend(self.surface, triangle.triangle, step));
-                let color = projection.at(self.surface, point, steps)?;
+                let color = match self.paint.stencil {
+                    // It says where: sight need not be tested again.
+                    Some(_) => projection.color_at(self.surface, point, steps)?,
+                    None => projection.at(self.surface, point, steps)?,
+                };
                 let is_tangent = self.is_tangent(painted);
                 Some(if is_tangent { tangent_from_picture(color, projection.axes()) } else { color })
             }

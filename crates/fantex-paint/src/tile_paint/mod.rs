@@ -22,6 +22,8 @@ mod rect;
 mod room;
 mod shade;
 mod smudge;
+mod state;
+mod stencil;
 mod step;
 mod stroke_page;
 mod texel_page;

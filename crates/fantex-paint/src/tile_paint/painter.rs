@@ -17,6 +17,7 @@ use super::level_work::LevelsUnderway;
 use super::rect::Rect;
 use super::room::Room;
 use super::smudge::{Finger, LaidDown, PagesUnder, SmudgeDab, finger_of};
+use super::stencil::see_through;
 use super::stroke_page::{StrokePage, StrokePages};
 use super::texel_page::{TexelPage, TexelPages};
 use crate::color_fill::ColorSearch;
@@ -25,6 +26,7 @@ use crate::decal::PlacedDecal;
 use crate::history::History;
 use crate::layers::{FillTextures, LayeredPage, Layers, ShownPage, target_name};
 use crate::log::{self, Portable, Recording};
+use crate::work::Work;
 use crate::{ColorFill, Dab, Decal, Paint, PaintError, StrokeSettings, Surface, SurfacePoint, Target, Tool};
 
 /// How to paint.
@@ -79,6 +81,8 @@ pub struct Painter {
     pub(super) level_maps: Arc<Mutex<TexelPages>>,
     /// The number of the next stroke in the log.
     pub(super) next_stroke: u64,
+    /// What takes long.
+    pub(crate) work: Option<Work>,
 }
 
 /// A stroke that has begun.
@@ -100,7 +104,7 @@ pub(super) struct OpenStroke {
 }
 
 impl Painter {
-    /// Opens an asset for painting.
+    /// Opens an asset for painting. There may be unfinished work in it (see [`has_work`](Self::has_work)).
     pub fn open(path: &Path, options: &PaintOptions) -> Result<Self, PaintError> {
         let editor = AssetEditor::open(path, &EditOptions::default())?;
         let history = History::load(&editor)?;
@@ -108,7 +112,7 @@ impl Painter {
         let surface = Arc::new(Surface::of(editor.asset()));
         let next_stroke = log::next_number(&editor);
         let options = options.clone();
-        Ok(Self {
+        let mut painter = Self {
             surface,
             editor,
             options,
@@ -121,7 +125,10 @@ impl Painter {
             levels: None,
             level_maps: Arc::default(),
             next_stroke,
-        })
+            work: None,
+        };
+        painter.take_up_work()?;
+        Ok(painter)
     }
 
     /// The surface.
@@ -147,6 +154,7 @@ impl Painter {
 
     /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
     pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<(), PaintError> {
+        self.finish_work()?;
         if self.stroke.is_some() {
             self.end()?;
         }
@@ -162,13 +170,7 @@ impl Painter {
             Target::Mask(_) => (0..count).collect(),
             _ => paint.channels.iter().map(|painted| painted.channel).collect(),
         };
-        // What a tool reads must not change under it; a commit gives a state that stays.
-        let before = if paint.tool.reads_surface() {
-            self.commit()?;
-            Some(PageCache::new(Arc::clone(self.editor.asset()), self.options.memory_bytes / 8))
-        } else {
-            None
-        };
+        let before = paint.tool.reads_surface().then(|| self.state_before()).transpose()?;
         let (label, pages, fingers) = (label.to_owned(), StrokePages::default(), Vec::new());
         let recording = Recording::Dabs(Vec::new(), None);
         self.stroke =
@@ -220,7 +222,11 @@ impl Painter {
         let finger = placed.picked_up(finger, strength, &ink, &pages);
         let laid = LaidDown { dab: &placed, finger: &finger, surface };
         let channels = stroke.paint.channels.len();
-        pages.par_iter_mut().for_each(|(_, (map, page))| cover_page_colored(map, &laid, channels, page));
+        let stencil = stroke.paint.stencil.as_deref();
+        pages.par_iter_mut().for_each(|(_, (map, page))| {
+            cover_page_colored(map, &laid, channels, page);
+            stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+        });
         for (id, (_, page)) in pages {
             if !page.touched.is_empty() {
                 stroke.pages.put(id, page, budget)?;
@@ -252,11 +258,13 @@ impl Painter {
     }
 
     /// Says in the terms of stroke files what the open stroke paints, for the log. `folder`: what its paths are relative to. To be
-    /// called before anything is painted. Without it, dabs of constant colours are logged one by one; fills, decals and colours that
+    /// called before anything is painted. Settings that say nothing about where it is painted (neither samples nor dabs) are
+    /// completed by the dabs as they come. Without it, dabs of constant colours are logged one by one; fills, decals and colours that
     /// are textures are counted in the log, but cannot be replayed from it. Fails where a file that is mentioned cannot be read.
     pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<(), PaintError> {
         if let Some(stroke) = &mut self.stroke {
-            let portable = Portable::new(&self.surface, settings, folder)?;
+            let asset = self.editor.asset().path();
+            let portable = Portable::new(&self.surface, settings, folder, asset)?;
             stroke.recording = Recording::Settings(Box::new(portable));
         }
         Ok(())
@@ -279,22 +287,32 @@ impl Painter {
         })
     }
 
-    /// Covers what looks like a point of the surface does in a channel. Does nothing where no stroke is open. Commits first, so
-    /// that what is compared is what is seen; does not see the open stroke itself.
+    /// Covers what looks like points of the surface do in a channel: around each what looks like that one. Does nothing where no
+    /// stroke is open. Commits first (unless the disk is full), so that what is compared is what is seen; does not see the open
+    /// stroke itself.
     pub fn fill_color(
         &mut self,
         channel: usize,
-        start: SurfacePoint,
+        starts: &[SurfacePoint],
         fill: ColorFill,
     ) -> Result<(), PaintError> {
         self.check_channel(channel)?;
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         stroke.recording.lose();
-        self.commit()?;
-        let before = PageCache::new(Arc::clone(self.editor.asset()), self.options.memory_bytes / 8);
+        let before = self.state_before()?;
+        starts.iter().try_for_each(|&start| self.fill_like(channel, start, fill, &before))
+    }
+
+    fn fill_like(
+        &mut self,
+        channel: usize,
+        start: SurfacePoint,
+        fill: ColorFill,
+        before: &PageCache,
+    ) -> Result<(), PaintError> {
         let surface = Arc::clone(&self.surface);
-        let value = look_up(&surface, &before, channel, start);
-        let search = ColorSearch { surface: &surface, before: &before, channel, start: value, fill };
+        let value = look_up(&surface, before, channel, start);
+        let search = ColorSearch { surface: &surface, before, channel, start: value, fill };
         if !fill.connected {
             let all: Vec<(PageId, ())> = self.all_pages().into_iter().map(|id| (id, ())).collect();
             return self.cover(&all, |_, map, (), page| cover_texels(&search.coverage(map), map, page));
@@ -330,11 +348,11 @@ impl Painter {
                 pages.push(known.unwrap_or_else(|| StrokePage::new(map.block.texel_count())));
             }
             let surface = &*self.surface;
-            pages
-                .par_iter_mut()
-                .zip(batch)
-                .zip(&maps)
-                .for_each(|((page, (_, with)), map)| add(surface, map, with, page));
+            let stencil = stroke.paint.stencil.as_deref();
+            pages.par_iter_mut().zip(batch).zip(&maps).for_each(|((page, (_, with)), map)| {
+                add(surface, map, with, page);
+                stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+            });
             for (id, page) in ids.into_iter().zip(pages) {
                 if !page.touched.is_empty() {
                     stroke.pages.put(id, page, budget)?;
@@ -421,10 +439,11 @@ impl Painter {
         channels.map(|channel| look_up_now(&self.surface, &self.editor, channel, point)).collect()
     }
 
-    /// Makes everything durable, an open stroke (without its coarser levels) included.
+    /// Makes everything durable, an open stroke (without its coarser levels) and unfinished work included.
     pub fn commit(&mut self) -> Result<CommitSummary, PaintError> {
         self.show()?;
         self.finish_levels()?;
+        self.keep_work()?;
         self.room.commit(&mut self.editor)
     }
 }

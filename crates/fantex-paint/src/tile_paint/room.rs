@@ -9,11 +9,22 @@ use crate::PaintError;
 pub(crate) struct Room {
     /// Bytes that were in memory when the disk was full.
     full_at: Option<usize>,
+    /// Nothing is to be written: a stroke reads what was written, uncommitted, when it began.
+    is_held: bool,
 }
 
 impl Room {
     pub(crate) fn is_full(&self) -> bool {
         self.full_at.is_some()
+    }
+
+    /// Keeps all changes in memory, until [`let_go`](Self::let_go).
+    pub(crate) fn hold(&mut self) {
+        self.is_held = true;
+    }
+
+    pub(crate) fn let_go(&mut self) {
+        self.is_held = false;
     }
 
     /// Writes changes to the file where they exceed a budget. Where the disk is full they stay in memory, and painting goes on; it
@@ -24,7 +35,10 @@ impl Room {
         budget_bytes: usize,
     ) -> Result<(), PaintError> {
         let pending = editor.pending_bytes();
-        if pending <= budget_bytes || self.full_at.is_some_and(|full_at| pending < full_at + full_at / 8) {
+        if self.is_held
+            || pending <= budget_bytes
+            || self.full_at.is_some_and(|full_at| pending < full_at + full_at / 8)
+        {
             return Ok(());
         }
         let flushed = editor.flush();
@@ -33,6 +47,11 @@ impl Room {
 
     /// Makes changes durable.
     pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary, PaintError> {
+        if self.is_held {
+            // As it was when the stroke began; when it ends the disk is asked again.
+            let (path, source) = (editor.asset().path().to_owned(), std::io::ErrorKind::StorageFull.into());
+            return Err(EditError::Full { path, source }.into());
+        }
         match editor.commit() {
             Ok(summary) => {
                 self.full_at = None;

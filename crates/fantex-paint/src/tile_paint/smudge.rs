@@ -191,8 +191,8 @@ fn current_in_tile(
         let seen = pages.get(&id).map_or(original, |(map, page)| {
             let texel = (y % PAGE * map.block.extent[0] + x % PAGE) as usize;
             match page.color(number, texel) {
-                Some(color) if page.coverage[texel] > 0.0 => {
-                    ink.paint.apply(original, color, page.coverage[texel])
+                Some(color) if page.covered(texel) > 0.0 => {
+                    ink.paint.apply(original, color, page.covered(texel))
                 }
                 _ => original,
             }

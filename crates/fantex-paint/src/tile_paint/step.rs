@@ -9,7 +9,7 @@ use super::level_work::{GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
 use super::levels::{Dirty, PageChange};
 use super::painter::{OpenStroke, Painter, StrokeSummary};
 use super::rect::Rect;
-use crate::layers::{Layers, base_name, target_name};
+use crate::layers::{base_name, target_name};
 use crate::log::{self, Portable, portable};
 use crate::{PaintError, StrokeSettings, Target};
 
@@ -97,6 +97,7 @@ impl Painter {
     fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>, PaintError> {
         self.show()?;
         let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
+        self.room.let_go();
         let ids = stroke.pages.ids();
         let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
         self.begin_step(&stroke.label);
@@ -124,7 +125,7 @@ impl Painter {
     /// Enters a stroke that has ended into the log.
     fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<(), PaintError> {
         let asset = self.editor.asset();
-        let Portable { stroke: mut settings, files } =
+        let Portable { stroke: mut settings, files, .. } =
             portable(&self.surface, asset, &stroke.paint, stroke.recording.clone())?;
         settings.label.clone_from(&stroke.label);
         if let Target::Layer(id) | Target::Mask(id) = stroke.target {
@@ -135,7 +136,11 @@ impl Painter {
             layer.fill = None;
         }
         for (name, contents) in files {
-            self.attach(&log::file_name(&name), contents)?;
+            // Names are hashes of contents.
+            let name = log::file_name(&name);
+            if !self.editor.has_attachment(&name) {
+                self.attach(&name, contents)?;
+            }
         }
         self.log(&settings)
     }
@@ -150,18 +155,16 @@ impl Painter {
 
     /// Takes the last step back; false where there is none. An open stroke ends first.
     pub fn undo(&mut self) -> Result<bool, PaintError> {
-        self.end()?;
-        let done = self.history.undo(&mut self.editor, self.options.memory_bytes / 4)?;
-        self.layers = Layers::load(&self.editor)?;
-        Ok(done)
+        let is_started = self.start_undo()?;
+        self.finish_work()?;
+        Ok(is_started)
     }
 
     /// Does what was taken back last again; false where there is nothing.
     pub fn redo(&mut self) -> Result<bool, PaintError> {
-        self.end()?;
-        let done = self.history.redo(&mut self.editor, self.options.memory_bytes / 4)?;
-        self.layers = Layers::load(&self.editor)?;
-        Ok(done)
+        let is_started = self.start_redo()?;
+        self.finish_work()?;
+        Ok(is_started)
     }
 
     pub(crate) fn begin_step(&mut self, label: &str) {
@@ -171,7 +174,18 @@ impl Painter {
     }
 
     /// Computes the coarser levels of what has changed; returns how many pages that changes.
-    pub(crate) fn finish_step(&mut self, changes: Changes, channels: &[usize]) -> Result<usize, PaintError> {
+    fn finish_step(&mut self, changes: Changes, channels: &[usize]) -> Result<usize, PaintError> {
+        let count = self.finish_changes(changes, channels)?;
+        self.finish_history()?;
+        Ok(count)
+    }
+
+    /// The same, with more of the step to come.
+    pub(crate) fn finish_changes(
+        &mut self,
+        changes: Changes,
+        channels: &[usize],
+    ) -> Result<usize, PaintError> {
         let mut work = self.level_work(changes, channels);
         let mut groups = std::mem::take(&mut work.groups).into_iter();
         let mut count = 0;
@@ -185,7 +199,6 @@ impl Painter {
             let results = work.run(&mut self.maps)?;
             count += self.apply_levels(results)?.len();
         }
-        self.finish_history()?;
         Ok(count)
     }
 
@@ -199,7 +212,7 @@ impl Painter {
         }
     }
 
-    fn finish_history(&mut self) -> Result<(), PaintError> {
+    pub(crate) fn finish_history(&mut self) -> Result<(), PaintError> {
         if self.options.history { self.history.finish(&mut self.editor) } else { Ok(()) }
     }
 

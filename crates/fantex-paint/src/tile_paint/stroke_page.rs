@@ -18,6 +18,8 @@ pub(crate) struct StrokePage {
     /// Per painted channel and texel the colours that were laid down, linear RGBA multiplied by alpha and by their share of the
     /// coverage; empty for tools whose colour does not depend on the dab.
     pub(crate) colors: Vec<Vec<Vec4>>,
+    /// What the stroke's stencil lets through, 0..1 per texel, where there is coverage; empty without a stencil.
+    pub(crate) stencil: Vec<f32>,
     /// Texels whose coverage is not zero lie in here.
     pub(crate) touched: Rect,
     /// Texels whose coverage has grown since the page was last shown.
@@ -34,10 +36,20 @@ impl StrokePage {
         Self {
             coverage: vec![0.0; texels],
             colors: Vec::new(),
+            stencil: Vec::new(),
             touched,
             stale,
             originals: Vec::new(),
             decoded: OnceLock::new(),
+        }
+    }
+
+    /// How far a texel is covered, 0..1: by what was gathered, through the stencil.
+    #[inline]
+    pub(crate) fn covered(&self, texel: usize) -> f32 {
+        match (self.coverage[texel], self.stencil.get(texel)) {
+            (gathered, Some(passes)) if gathered > 0.0 => gathered * passes,
+            (gathered, _) => gathered,
         }
     }
 
@@ -66,7 +78,7 @@ impl StrokePage {
 
     /// Bytes of what goes to the temporary file.
     fn stored_bytes(&self) -> usize {
-        4 * self.coverage.len() * (1 + 4 * self.colors.len())
+        4 * (self.coverage.len() * (1 + 4 * self.colors.len()) + self.stencil.len())
             + self.originals.iter().map(Vec::len).sum::<usize>()
     }
 
@@ -81,6 +93,7 @@ struct Spilled {
     offset: u64,
     texels: usize,
     colored_channels: usize,
+    has_stencil: bool,
     originals: Vec<usize>,
     touched: Rect,
     stale: Rect,
@@ -159,7 +172,7 @@ impl StrokePages {
         };
         file.seek(SeekFrom::Start(self.end))?;
         let colors = page.colors.iter().flatten().flat_map(|c| c.to_array());
-        let numbers = page.coverage.iter().copied().chain(colors);
+        let numbers = page.coverage.iter().copied().chain(colors).chain(page.stencil.iter().copied());
         let numbers: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
         file.write_all(&numbers)?;
         page.originals.iter().try_for_each(|bytes| file.write_all(bytes))?;
@@ -167,6 +180,7 @@ impl StrokePages {
             offset: self.end,
             texels: page.coverage.len(),
             colored_channels: page.colors.len(),
+            has_stencil: !page.stencil.is_empty(),
             originals: page.originals.iter().map(Vec::len).collect(),
             touched: page.touched,
             stale: page.stale,
@@ -179,11 +193,13 @@ impl StrokePages {
 
 fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
     file.seek(SeekFrom::Start(spilled.offset))?;
-    let mut bytes = vec![0; 4 * spilled.texels * (1 + 4 * spilled.colored_channels)];
+    let numbers = 1 + 4 * spilled.colored_channels + usize::from(spilled.has_stencil);
+    let mut bytes = vec![0; 4 * spilled.texels * numbers];
     file.read_exact(&mut bytes)?;
     let mut coverage: Vec<f32> =
         bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-    let numbers = coverage.split_off(spilled.texels);
+    let mut numbers = coverage.split_off(spilled.texels);
+    let stencil = numbers.split_off(4 * spilled.colored_channels * spilled.texels);
     let texels: Vec<Vec4> = numbers.chunks_exact(4).map(Vec4::from_slice).collect();
     let colors = texels.chunks_exact(spilled.texels.max(1)).map(<[Vec4]>::to_vec).collect();
     let mut originals = Vec::with_capacity(spilled.originals.len());
@@ -195,6 +211,7 @@ fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
     Ok(StrokePage {
         coverage,
         colors,
+        stencil,
         touched: spilled.touched,
         stale: spilled.stale,
         originals,
@@ -214,6 +231,9 @@ mod tests {
             let mut page = StrokePage::new(16);
             page.coverage[3] = group as f32;
             page.gather(5, 0.5, &[Vec4::splat(group as f32), Vec4::ONE]);
+            if group % 2 == 1 {
+                page.stencil = vec![0.25; 16];
+            }
             page.touched.add(3, 0);
             if group % 2 == 0 {
                 page.stale.add(3, 0);
@@ -227,6 +247,8 @@ mod tests {
             let page = pages.take(id(group)).unwrap().unwrap();
             assert_eq!((page.coverage[3], page.coverage[4]), (group as f32, 0.0));
             assert_eq!((page.colors.len(), page.colors[0][5]), (2, Vec4::splat(0.5 * group as f32)));
+            assert_eq!(page.stencil.len(), 16 * (group % 2) as usize);
+            assert_eq!(page.covered(5), if group % 2 == 1 { 0.125 } else { 0.5 });
             assert_eq!(page.originals, [vec![group as u8; 8], vec![7; 4]]);
             assert_eq!(page.touched, Rect { low: [3, 0], high: [4, 1] });
         }

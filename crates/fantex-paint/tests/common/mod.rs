@@ -126,6 +126,7 @@ pub(crate) fn red(opacity: f32) -> Paint {
         tool: Tool::Paint(BlendMode::Normal),
         opacity,
         channels: vec![color(0, Vec4::new(0.9, 0.05, 0.05, 1.0)), color(1, Vec4::new(1.0, 0.1, 1.0, 1.0))],
+        stencil: None,
     }
 }
 

@@ -20,7 +20,7 @@ pub use tile::Tile;
 use tile::{DecodedPage, Source};
 
 use crate::layout::{ClusterPages, PageSize};
-use crate::{Asset, PageError, PageId};
+use crate::{Asset, EditorSnapshot, PageError, PageId};
 
 /// Decoded pages of an asset, within a budget, shared by threads. Cloning shares the cache.
 #[derive(Clone, Debug)]
@@ -36,6 +36,8 @@ type Loaded<T> = Result<Arc<T>, PageError>;
 #[derive(Debug)]
 struct Shared {
     asset: Arc<Asset>,
+    /// Changes over the asset, where these are to be seen.
+    snapshot: Option<EditorSnapshot>,
     clusters: BoundedMap<Loaded<ClusterPages>>,
     pages: BoundedMap<Loaded<DecodedPage>>,
     damage: Mutex<DamageLog>,
@@ -59,9 +61,19 @@ struct DamageLog {
 impl PageCache {
     /// A cache that keeps about `budget_bytes` of pages.
     pub fn new(asset: Arc<Asset>, budget_bytes: usize) -> Self {
+        Self::over(asset, None, budget_bytes)
+    }
+
+    /// The same of an asset as an editor had it at a moment, as long as the snapshot can be read. (Means of groups whose pages
+    /// are damaged are the committed ones.)
+    pub fn of_snapshot(snapshot: EditorSnapshot, budget_bytes: usize) -> Self {
+        Self::over(Arc::clone(snapshot.asset()), Some(snapshot), budget_bytes)
+    }
+
+    fn over(asset: Arc<Asset>, snapshot: Option<EditorSnapshot>, budget_bytes: usize) -> Self {
         let clusters = BoundedMap::new(budget_bytes / 4);
         let pages = BoundedMap::new(budget_bytes - budget_bytes / 4);
-        Self { shared: Arc::new(Shared { asset, clusters, pages, damage: Mutex::default() }) }
+        Self { shared: Arc::new(Shared { asset, snapshot, clusters, pages, damage: Mutex::default() }) }
     }
 
     /// The asset.
@@ -129,8 +141,15 @@ impl PageCache {
     fn load_page(&self, channel: usize, id: PageId) -> Loaded<DecodedPage> {
         let asset = &self.shared.asset;
         let extent = asset.page_extent(channel, id)?;
-        let cluster = self.cluster(id)?;
-        let texels = asset.decode_page(channel, id, extent, asset.page_in(&cluster, channel, id)?)?;
+        let texels = match &self.shared.snapshot {
+            Some(snapshot) => {
+                asset.decode_page(channel, id, extent, &snapshot.read_page_raw(channel, id)?)?
+            }
+            None => {
+                let cluster = self.cluster(id)?;
+                asset.decode_page(channel, id, extent, asset.page_in(&cluster, channel, id)?)?
+            }
+        };
         Ok(Arc::new(DecodedPage::new(extent, texels, asset.channels()[channel].srgb)))
     }
 

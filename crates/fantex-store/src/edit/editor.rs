@@ -261,6 +261,12 @@ impl AssetEditor {
         Ok(record.map(|record| self.asset.read_attachment(name, record)).transpose()?)
     }
 
+    /// Whether there is an attachment of that name, with all changes.
+    pub fn has_attachment(&self, name: &str) -> bool {
+        let change = self.pending.attachments.get(name).map(Option::is_some);
+        change.unwrap_or_else(|| self.flushed.attachments.contains_key(name))
+    }
+
     /// Names of all attachments with all changes, ascending.
     pub fn attachment_names(&self) -> Vec<String> {
         let mut names: BTreeSet<&String> = self.flushed.attachments.keys().collect();

@@ -107,7 +107,8 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
             // Told here, not in a window.
             let found = std::fs::metadata(&args.asset);
             found.map_err(|source| CliError::Read { path: args.asset.clone(), source })?;
-            return view::start(&["--paint".into(), args.asset.clone().into()]);
+            let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
+            return view::start(&["--paint".into(), memory.into(), args.asset.clone().into()]);
         }
         (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,

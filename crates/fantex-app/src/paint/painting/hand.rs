@@ -3,20 +3,22 @@
 use std::sync::Arc;
 
 use fantex_paint::{
-    BlendMode, ChannelPaint, Decal, LayerContent, Paint, PaintColor, Sample, Stamp, SurfacePoint, Target,
-    Tool,
+    BlendMode, ChannelPaint, ColorSettings, Decal, DecalSettings, FillSettings, LayerContent, Paint,
+    PaintColor, Sample, Size, Stamp, StencilSettings, SurfacePoint, Target, TextSettings, Tool, ToolSettings,
 };
-use fantex_store::ChannelKind;
+use fantex_store::{Channel, ChannelKind};
 use fantex_texture::Image;
-use glam::Vec4;
+use glam::{Vec3, Vec4};
 
 use super::{Hand, Painting};
 use crate::notices::Notices;
-use crate::paint::pattern::pattern;
 use crate::paint::pen::world_position;
-use crate::paint::sticker::sticker;
+use crate::paint::record::{Ingredients, recorded, sample_at};
+use crate::paint::stencil::{recorded_use, recorded_view};
+use crate::paint::sticker::{sticker, text_lines};
 use crate::paint::{
-    Order, PaintSettings, PaintTool, PenEvent, PenPhase, StickerKind, StrokeStart, Viewpoint,
+    ColorSource, Fill, Order, PaintSettings, PaintTool, PenEvent, PenPhase, StickerKind, StrokeStart,
+    Viewpoint,
 };
 
 impl Painting {
@@ -86,35 +88,30 @@ impl Painting {
         notices: &mut Notices,
         seconds: f64,
     ) {
-        let paint = match self.paint(sample, settings, view) {
-            Ok(paint) => paint,
+        let mut start = match self.start(sample.point, settings, view, notices, seconds) {
+            Ok(start) => start,
             Err(reason) => return notices.warning(reason, seconds),
         };
-        if settings.tool.has_color() {
+        if settings.tool.has_color() && settings.texture.source == ColorSource::Color {
             settings.colors.used();
         }
-        let stamp = self.stamp(settings, notices, seconds);
-        self.strokes += 1;
-        let world_per_pixel = view.world_per_pixel(world_position(&self.surface, sample.point));
-        let start = Box::new(StrokeStart {
-            label: settings.tool.label().to_lowercase(),
-            target: self.target,
-            paint,
-            brush: settings.brush.brush(world_per_pixel, stamp, self.strokes),
-            symmetry: settings.symmetry.symmetry(self.bounds.center()),
-        });
         if settings.tool == PaintTool::Fill {
             let fill = settings.fill.fill(settings.fill_degrees, settings.fill_tolerance);
+            start.recorded.fill = Some(match fill {
+                Fill::Triangles(scope) => scope.into(),
+                Fill::Color(fill) => FillSettings::Color(fill),
+            });
+            start.recorded.samples = vec![sample_at(&self.surface, sample.point)];
             self.thread.order(Order::Fill(start, sample.point, fill));
             return;
         }
         if settings.tool == PaintTool::Sticker {
             let world = self.world_size(settings, view, sample.point);
             let at = world_position(&self.surface, sample.point);
-            let is_behind = self.surface.facet_normal(sample.point.triangle).dot(view.rig.eye - at) < 0.0;
+            let is_behind = self.surface.outer_normal(sample.point.triangle).dot(view.rig.eye - at) < 0.0;
             let line = (world / self.surface.mesh().world_from_mesh.scale) as f32;
             match sticker(settings, sample.point, line, is_behind) {
-                Ok(decal) => self.lay(start, decal, settings.sticker),
+                Ok(decal) => self.lay(start, decal, settings),
                 Err(error) => notices.warning(error.to_string(), seconds),
             }
             return;
@@ -132,31 +129,110 @@ impl Painting {
         self.last = Some(sample.point);
     }
 
-    /// Lays a sticker onto the surface.
-    fn lay(&self, mut start: Box<StrokeStart>, decal: Decal, kind: StickerKind) {
-        if kind == StickerKind::Picture {
-            let kinds = |paint: &ChannelPaint| self.channels[paint.channel].kind == ChannelKind::BaseColor;
-            for paint in start.paint.channels.iter_mut().filter(|paint| kinds(paint)) {
-                paint.color = PaintColor::Image(decal.shape.clone());
+    /// Projects the picture over the view onto all that is seen.
+    pub fn project(
+        &mut self,
+        settings: &mut PaintSettings,
+        view: &Viewpoint,
+        notices: &mut Notices,
+        seconds: f64,
+    ) {
+        let before = (settings.tool, settings.stencil.is_on);
+        (settings.tool, settings.stencil.is_on) = (PaintTool::Paint, true);
+        // Nothing that it does depends on where it starts.
+        let anywhere = SurfacePoint { triangle: 0, lambda: Vec3::X };
+        let start = self.start(anywhere, settings, view, notices, seconds);
+        (settings.tool, settings.stencil.is_on) = before;
+        match start {
+            Ok(_) if settings.stencil.image.is_none() => {
+                notices.warning("There is no picture over the view: choose one first.", seconds);
             }
+            Ok(mut start) => {
+                start.label = "project".into();
+                start.recorded.label.clone_from(&start.label);
+                start.recorded.fill = Some(FillSettings::Whole);
+                self.leave_stroke(Order::Project(start));
+            }
+            Err(reason) => notices.warning(reason, seconds),
         }
-        self.thread.order(Order::Lay(start, decal));
     }
 
-    /// What a stroke that begins here does, or why it cannot.
+    /// What a stroke begins with, or why it cannot.
+    fn start(
+        &mut self,
+        point: SurfacePoint,
+        settings: &mut PaintSettings,
+        view: &Viewpoint,
+        notices: &mut Notices,
+        seconds: f64,
+    ) -> Result<Box<StrokeStart>, String> {
+        let (paint, ingredients) = self.paint(point, settings, view)?;
+        let stamp = self.stamp(settings, notices, seconds);
+        self.strokes += 1;
+        let label = settings.tool.label().to_lowercase();
+        let mut recorded = recorded(&label, &paint, &self.channels, &ingredients, &self.surface);
+        recorded.brush.stamp = settings.brush.stamp.clone().filter(|_| settings.tool.has_brush());
+        if let (ToolSettings::Clone { from }, Some(source)) = (&mut recorded.tool, self.source()) {
+            *from = source.to_array();
+        }
+        if let Some(path) = settings.stencil.image.clone().filter(|_| paint.stencil.is_some()) {
+            recorded.projection = Some(recorded_view(view, settings.stencil.place));
+            recorded.stencil =
+                Some(StencilSettings { image: path, by: recorded_use(settings.stencil.paints) });
+        }
+        let world_per_pixel = view.world_per_pixel(world_position(&self.surface, point));
+        let symmetry = settings.symmetry.symmetry(self.bounds.center());
+        if matches!(settings.tool, PaintTool::Fill | PaintTool::Sticker) {
+            recorded.symmetry = symmetry;
+        }
+        Ok(Box::new(StrokeStart {
+            label,
+            target: self.target,
+            paint,
+            brush: settings.brush.brush(world_per_pixel, stamp, self.strokes),
+            symmetry,
+            recorded,
+        }))
+    }
+
+    /// Lays a sticker onto the surface.
+    fn lay(&self, mut start: Box<StrokeStart>, decal: Decal, settings: &PaintSettings) {
+        let scale = self.surface.mesh().world_from_mesh.scale;
+        let world = |length: f32| Size::World((f64::from(length) * scale) as f32);
+        let (angle, mirrored) = (decal.angle.to_degrees(), decal.mirrored);
+        start.recorded.samples = vec![sample_at(&self.surface, decal.center)];
+        if settings.sticker == StickerKind::Text {
+            let size = world(decal.size / text_lines(&settings.text));
+            let text = settings.text.clone();
+            start.recorded.text = Some(TextSettings { text, font: None, size, angle, mirrored });
+        } else {
+            let shape = settings.picture.clone();
+            start.recorded.decal = Some(DecalSettings { shape, size: world(decal.size), angle, mirrored });
+            for (paint, recorded) in start.paint.channels.iter_mut().zip(&mut start.recorded.channels) {
+                if self.channels[paint.channel].kind == ChannelKind::BaseColor {
+                    paint.color = PaintColor::Image(decal.shape.clone());
+                    recorded.color = ColorSettings::Image(settings.picture.clone().unwrap_or_default());
+                }
+            }
+        }
+        self.thread.order(Order::Lay(start, decal, settings.sticker == StickerKind::Text));
+    }
+
+    /// What a stroke that begins here does and what it is made of, or why it cannot.
     fn paint(
-        &self,
-        sample: Sample,
+        &mut self,
+        start: SurfacePoint,
         settings: &PaintSettings,
         view: &Viewpoint,
-    ) -> Result<Paint, &'static str> {
+    ) -> Result<(Paint, Ingredients), String> {
         let is_mask = matches!(self.target, Target::Mask(_));
         if let Some(layer) = self.layer() {
             if !layer.visible {
-                return Err("The layer is hidden: show it to paint on it.");
+                return Err("The layer is hidden: show it to paint on it.".into());
             }
-            if !is_mask && matches!(layer.content, LayerContent::Fill(_)) {
-                return Err("A fill layer is painted through its mask: choose the mask.");
+            if !is_mask && !matches!(layer.content, LayerContent::Painted) {
+                let text = "A fill layer is painted through its mask: choose the mask, or add one.";
+                return Err(text.into());
             }
         }
         let color = settings.colors.linear();
@@ -165,39 +241,55 @@ impl Painting {
             let grey = Vec4::new(color.x, color.y, color.z, 1.0);
             channels = vec![ChannelPaint { channel: 0, color: PaintColor::Constant(grey) }];
         }
-        if let Some(name) = settings.pattern.as_deref().filter(|_| settings.tool.has_color() && !is_mask)
-            && let Some(pattern) = pattern(name, &self.surface)
+        let mut ingredients = Ingredients::default();
+        let mut set_color = |color: &PaintColor, all: &[Channel]| {
+            let colors =
+                channels.iter_mut().filter(|paint| all[paint.channel].kind == ChannelKind::BaseColor);
+            colors.for_each(|paint| paint.color = color.clone());
+        };
+        if settings.tool.has_color()
+            && !is_mask
+            && let Some(chosen) = self.texture(&settings.texture)?
         {
-            let colors = channels
-                .iter_mut()
-                .filter(|paint| self.channels[paint.channel].kind == ChannelKind::BaseColor);
-            colors.for_each(|paint| paint.color = pattern.clone());
+            set_color(&PaintColor::Texture(chosen.texture.clone()), &self.channels);
+            ingredients.texture = Some(chosen);
+        }
+        let mut stencil = None;
+        if let Some(picture) = self.stencil(&settings.stencil)? {
+            let beside = || "The picture over the view cannot be projected from here.".to_owned();
+            let found = picture.projections(&settings.stencil, &self.surface, view).ok_or_else(beside)?;
+            stencil = Some(found.0);
+            if let Some(colors) = found.1.filter(|_| settings.tool.has_color() && !is_mask) {
+                set_color(&PaintColor::Projected(colors), &self.channels);
+                ingredients.picture = Some(picture.path().to_owned());
+            }
         }
         if channels.is_empty() {
-            return Err("No channel is switched on: choose what the brush paints.");
+            return Err("No channel is switched on: choose what the brush paints.".into());
         }
         let tool = match settings.tool {
             PaintTool::Erase if self.target == Target::Base => {
-                return Err("There is nothing below the base to show: add a layer, paint and erase there.");
+                let text = "There is nothing below the base to show: add a layer, paint and erase there.";
+                return Err(text.into());
             }
             PaintTool::Erase => Tool::Erase,
             PaintTool::Blur => {
-                let diameter = self.world_size(settings, view, sample.point);
+                let diameter = self.world_size(settings, view, start);
                 let scale = self.surface.mesh().world_from_mesh.scale;
                 Tool::Blur { radius: settings.blur_radius.max(0.01) * (diameter / scale) as f32 }
             }
             PaintTool::Clone => {
                 let Some(source) = self.source else {
-                    return Err("Alt + click on the surface first: cloning copies from there.");
+                    return Err("Alt + click on the surface first: cloning copies from there.".into());
                 };
-                let offset = self.surface.position(source) - self.surface.position(sample.point);
+                let offset = self.surface.position(source) - self.surface.position(start);
                 Tool::Clone { offset: offset.as_vec3(), reach: 0.1 }
             }
             PaintTool::Smudge => Tool::Smudge { strength: settings.smudge.clamp(0.0, 1.0) },
             PaintTool::Paint => Tool::Paint(settings.brush.blend),
             PaintTool::Fill | PaintTool::Sticker | PaintTool::Pick => Tool::Paint(BlendMode::Normal),
         };
-        Ok(Paint { tool, opacity: settings.brush.opacity, channels })
+        Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil }, ingredients))
     }
 
     /// The brush's picture; read once.

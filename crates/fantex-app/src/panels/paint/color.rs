@@ -2,16 +2,16 @@
 
 use eframe::egui::{Checkbox, Response, RichText, Sense, TextEdit, Ui, vec2};
 
-use super::{icons, picker};
+use super::{icons, picker, texture};
 use crate::display::ShadingView;
-use crate::paint::{PALETTES, PATTERNS, PaintSettings, parse_hex, text_hex};
+use crate::paint::{PALETTES, PaintSettings, parse_hex, text_hex};
 use crate::panels::widgets::{NumberRow, heading, named_choice, row};
 
 use crate::viewer::Viewer;
 use fantex_store::ChannelKind;
 
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
-    pattern(ui, &mut viewer.settings.paint.pattern);
+    texture::show(ui, viewer);
     let colors = &mut viewer.settings.paint.colors;
     picker::show(ui, &mut colors.foreground, 128.0);
     ui.horizontal(|ui| {
@@ -67,20 +67,6 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
 /// A name for those who cannot see the field.
 pub(super) fn name_field(field: &Response, name: &str) {
     field.ctx.accesskit_node_builder(field.id, |node| node.set_label(name));
-}
-
-/// A colour or a pattern.
-fn pattern(ui: &mut Ui, chosen: &mut Option<String>) {
-    let all: Vec<Option<&str>> = std::iter::once(None).chain(PATTERNS.map(Some)).collect();
-    let mut now = all.iter().copied().find(|name| *name == chosen.as_deref()).flatten();
-    ui.horizontal(|ui| {
-        named_choice(ui, "Paint with", &mut now, &all, |name| {
-            name.map_or("Colour".to_owned(), |name| format!("{}{}", name[..1].to_uppercase(), &name[1..]))
-        });
-    });
-    if now != chosen.as_deref() {
-        *chosen = now.map(str::to_owned);
-    }
 }
 
 /// Rows of small squares; returns the one that was clicked.

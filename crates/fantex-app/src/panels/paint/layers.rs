@@ -4,7 +4,7 @@ use eframe::egui::{
     Align, Button, Color32, CornerRadius, Key, Label, Layout, Response, RichText, Sense, Slider, TextEdit,
     Ui, UiBuilder, vec2,
 };
-use fantex_paint::{BlendMode, Layer, Target};
+use fantex_paint::{BlendMode, Layer, LayerContent, Target};
 
 use super::icons;
 use crate::paint::{LayerAction, Painting, blend_label};
@@ -12,7 +12,7 @@ use crate::panels::widgets::{choice, heading, hint, row};
 use crate::theme;
 use crate::viewer::Viewer;
 
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let Some(painting) = &mut viewer.painting else { return };
     let mut actions = Vec::new();
     heading(ui, "Layers");
@@ -28,7 +28,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         hint(ui, "Paint goes onto the base. On a layer it can be erased, hidden and mixed later.");
     }
     for action in actions {
-        viewer.layer_action(&action);
+        viewer.layer_action(&action, seconds);
     }
 }
 
@@ -40,13 +40,19 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
         {
             actions.push(LayerAction::Add);
         }
-        if ui
-            .button("Add fill")
-            .on_hover_text("A layer of the current colour and material; paint its mask")
-            .clicked()
-        {
-            actions.push(LayerAction::AddFill);
-        }
+        let menu = ui.menu_button("Add fill", |ui| {
+            let choices = [
+                (false, "Hidden: paint its mask white", "Its mask is black at first"),
+                (true, "Everywhere", "Over the whole model, without a mask"),
+            ];
+            for (is_everywhere, text, tip) in choices {
+                if ui.button(text).on_hover_text(tip).clicked() {
+                    actions.push(LayerAction::AddFill(is_everywhere));
+                    ui.close();
+                }
+            }
+        });
+        menu.response.on_hover_text("A layer of the current colour, pattern or look, and material");
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
             ui.add_enabled_ui(chosen.is_some(), |ui| {
@@ -179,6 +185,16 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     } else if painting.fading.is_some_and(|(of, value)| of != id || (value - layer.opacity).abs() < 1e-3) {
         painting.fading = None;
     }
+    if !matches!(layer.content, LayerContent::Painted) {
+        ui.horizontal(|ui| {
+            ui.label(RichText::new("Shows").color(theme::FAINT));
+            ui.label(fill_name(layer));
+            let tip = "It shows the current colour, pattern or look, and material instead";
+            if ui.small_button("Change").on_hover_text(tip).clicked() {
+                actions.push(LayerAction::Refill(id));
+            }
+        });
+    }
     ui.horizontal(|ui| {
         ui.label(RichText::new("Mask").color(theme::FAINT));
         if layer.mask.is_some() {
@@ -207,6 +223,14 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
             }
         }
     });
+}
+
+/// What a fill layer shows.
+fn fill_name(layer: &Layer) -> String {
+    let LayerContent::Graph(fill) = &layer.content else { return "a colour".into() };
+    let name = fill.textures.iter().flatten().next().cloned().unwrap_or_default();
+    let solid = fill.graph.look.lines().find_map(|line| line.strip_prefix("kind = "));
+    if name == "pattern" { solid.unwrap_or("").trim_matches('"').to_owned() } else { name }
 }
 
 fn short_name(kind: fantex_store::ChannelKind) -> &'static str {

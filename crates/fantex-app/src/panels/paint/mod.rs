@@ -16,8 +16,10 @@ mod icons;
 mod layers;
 mod overlay;
 mod picker;
+mod stencil;
 mod strip;
 mod symmetry;
+mod texture;
 
 use eframe::egui::{Margin, Panel, ScrollArea, Ui};
 
@@ -25,6 +27,7 @@ use super::panel_frame;
 use crate::viewer::Viewer;
 
 pub(super) use overlay::show as overlay;
+pub(super) use stencil::adjust;
 
 /// What is left and right of the scene while something is painted on.
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
@@ -32,13 +35,14 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         .frame(panel_frame().inner_margin(Margin::symmetric(6, 8)))
         .exact_size(48.0)
         .resizable(false)
-        .show(ui, |ui| strip::show(ui, viewer));
+        .show(ui, |ui| strip::show(ui, viewer, seconds));
     if viewer.settings.paint.has_brush_panel {
         Panel::left("paint brush").frame(panel_frame()).exact_size(268.0).resizable(false).show(ui, |ui| {
             ScrollArea::vertical().id_salt("paint brush").auto_shrink([false, false]).show(ui, |ui| {
                 ui.spacing_mut().slider_width = 72.0;
                 brush::show(ui, viewer, seconds);
                 symmetry::show(ui, viewer);
+                stencil::show(ui, viewer, seconds);
                 brush::presets(ui, viewer, seconds);
                 history::show(ui, viewer);
             });
@@ -50,7 +54,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
                 ui.spacing_mut().slider_width = 84.0;
                 color::show(ui, viewer);
                 color::channels(ui, viewer);
-                layers::show(ui, viewer);
+                layers::show(ui, viewer, seconds);
             });
         });
     }

@@ -1,18 +1,31 @@
 //! What lies over the scene while something is painted on: the brush on the surface, the symmetry plane, where cloning copies from,
 //! and whether all is saved.
 
-use eframe::egui::{Align2, Color32, CursorIcon, FontId, Painter, Pos2, Rect, Shape, Stroke, Ui, pos2, vec2};
+use eframe::egui::{
+    Align2, Area, Color32, CornerRadius, CursorIcon, FontId, Frame, Id, Margin, Order, Painter, Pos2, Rect,
+    RichText, Shape, Stroke, Ui, pos2, vec2,
+};
 use glam::{DVec2, DVec3};
 
+use super::stencil;
 use crate::paint::{Cursor, PaintTool, Ring, SaveState, SymmetryKind, plane_outline};
+use crate::panels::widgets::gauge;
 use crate::theme;
 use crate::viewer::Viewer;
+
+/// What takes less long is not told of.
+const SHOWN_AFTER_SECONDS: f64 = 0.3;
 
 /// Lines are dark below and light above, so that they are seen on any ground.
 const DARK: Color32 = Color32::from_rgba_premultiplied(0, 0, 0, 150);
 
 pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: Option<DVec2>) {
     let (symmetry, view) = (viewer.settings.paint.symmetry, viewer.viewpoint());
+    if viewer.painting.is_none() {
+        return;
+    }
+    stencil::overlay(ui, viewer, rect);
+    work(ui, viewer, rect);
     let Some(painting) = &mut viewer.painting else { return };
     let has_plane = symmetry.kind == SymmetryKind::Mirror && symmetry.shows_plane;
     let line =
@@ -28,7 +41,8 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
         cross(&painter, place(at));
     }
     let settings = &viewer.settings.paint;
-    if let Some(at) = cursor
+    let is_moved = settings.stencil.is_on && settings.stencil.is_adjusted;
+    if let Some(at) = cursor.filter(|_| !is_moved)
         && let Some(found) = painting.cursor(settings, &view, at)
     {
         ui.ctx().set_cursor_icon(if settings.tool == PaintTool::Pick {
@@ -85,7 +99,7 @@ fn cross(painter: &Painter, at: Pos2) {
 }
 
 /// The mirror's plane, or the axis of radial symmetry.
-fn plane(painter: &Painter, viewer: &Viewer, line: &[[DVec3; 2]], place: &impl Fn(DVec2) -> Pos2) {
+fn plane(painter: &Painter, viewer: &Viewer, line: &[Vec<DVec3>], place: &impl Fn(DVec2) -> Pos2) {
     let symmetry = &viewer.settings.paint.symmetry;
     let Some(painting) = viewer.painting.as_ref().filter(|_| symmetry.shows_plane) else { return };
     let (bounds, view) = (painting.bounds(), viewer.viewpoint());
@@ -99,9 +113,13 @@ fn plane(painter: &Painter, viewer: &Viewer, line: &[[DVec3; 2]], place: &impl F
             let corners: Vec<Pos2> = corners.into_iter().map(place).collect();
             let edge = Stroke::new(1.0, color.gamma_multiply(0.55));
             painter.add(Shape::convex_polygon(corners, color.gamma_multiply(0.035), edge));
-            for ends in line {
-                if let [Some(a), Some(b)] = ends.map(|end| view.project(end)) {
-                    painter.line_segment([place(a), place(b)], Stroke::new(1.6, color));
+            for run in line {
+                // Behind the camera nothing is seen.
+                let points: Vec<Option<Pos2>> = run.iter().map(|&p| view.project(p).map(place)).collect();
+                for part in points.split(Option::is_none) {
+                    let part: Vec<Pos2> = part.iter().copied().flatten().collect();
+                    painter.add(Shape::line(part.clone(), Stroke::new(3.0, DARK.gamma_multiply(0.6))));
+                    painter.add(Shape::line(part, Stroke::new(1.6, color)));
                 }
             }
         }
@@ -114,6 +132,45 @@ fn plane(painter: &Painter, viewer: &Viewer, line: &[[DVec3; 2]], place: &impl F
                 painter.extend(dashes);
             }
         }
+    }
+}
+
+/// How far something is that takes long, and how to stop it: below the saved sign.
+fn work(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+    let view = viewer.viewpoint();
+    let Some(painting) = &mut viewer.painting else { return };
+    painting.look_from(&view);
+    let since = Id::unique("painter's work since");
+    let Some(work) = painting.work().cloned() else { return ui.data_mut(|data| data.remove::<f64>(since)) };
+    // What is over at once needs no card.
+    let now = ui.input(|i| i.time);
+    if now - ui.data_mut(|data| *data.get_temp_mut_or(since, now)) < SHOWN_AFTER_SECONDS {
+        return ui.ctx().request_repaint_after_secs(SHOWN_AFTER_SECONDS as f32);
+    }
+    let mut is_given_up = false;
+    let at = rect.right_top() + vec2(-14.0, 44.0);
+    Area::new(Id::unique("painter's work")).order(Order::Middle).fixed_pos(at).pivot(Align2::RIGHT_TOP).show(
+        ui.ctx(),
+        |ui| {
+            let frame =
+                Frame::new().fill(Color32::from_black_alpha(190)).corner_radius(CornerRadius::same(6));
+            frame.inner_margin(Margin::symmetric(12, 8)).show(ui, |ui| {
+                ui.set_width(190.0);
+                ui.horizontal(|ui| {
+                    let what = if work.is_undo { "Undo: " } else { "" };
+                    let text = format!("{what}{} … {:.0} %", work.label, work.share * 100.0);
+                    ui.label(RichText::new(text).color(theme::TEXT));
+                    is_given_up = ui
+                        .small_button("Stop")
+                        .on_hover_text("Takes back what is done so far (Esc)")
+                        .clicked();
+                });
+                gauge(ui, work.share, theme::ACCENT);
+            });
+        },
+    );
+    if is_given_up {
+        painting.give_up_work();
     }
 }
 

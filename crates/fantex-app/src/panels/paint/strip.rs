@@ -8,7 +8,7 @@ use crate::paint::{PaintCommand, PaintTool};
 use crate::theme;
 use crate::viewer::Viewer;
 
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     ui.spacing_mut().item_spacing.y = 4.0;
     let mut chosen = None;
     for tool in PaintTool::ALL {
@@ -32,14 +32,14 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         }
     }
     if let Some(tool) = chosen {
-        viewer.paint_command(&PaintCommand::Tool(tool));
+        viewer.paint_command(&PaintCommand::Tool(tool), seconds);
     }
     ui.add_space(10.0);
-    swatches(ui, viewer);
+    swatches(ui, viewer, seconds);
 }
 
 /// Foreground over background.
-fn swatches(ui: &mut Ui, viewer: &mut Viewer) {
+fn swatches(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let (rect, response) = ui.allocate_exact_size(vec2(36.0, 36.0), Sense::click());
     let colors = &viewer.settings.paint.colors;
     let back = Rect::from_min_size(rect.min + vec2(13.0, 13.0), vec2(23.0, 23.0));
@@ -47,6 +47,6 @@ fn swatches(ui: &mut Ui, viewer: &mut Viewer) {
     icons::swatch(ui.painter(), back, colors.background, false);
     icons::swatch(ui.painter(), front, colors.foreground, false);
     if response.on_hover_text("Foreground and background; click or X swaps them").clicked() {
-        viewer.paint_command(&PaintCommand::SwapColors);
+        viewer.paint_command(&PaintCommand::SwapColors, seconds);
     }
 }

@@ -74,7 +74,8 @@ fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>, CliE
     let dabs = dabs_around(&surface, args.brush as f32, args.dabs);
     let color = PaintColor::Constant(Vec4::new(0.8, 0.1, 0.05, 1.0));
     let channels = vec![ChannelPaint { channel: 0, color }];
-    painter.begin("bench", Paint { tool: Tool::Paint(BlendMode::Normal), opacity: 0.9, channels })?;
+    let tool = Tool::Paint(BlendMode::Normal);
+    painter.begin("bench", Paint { tool, opacity: 0.9, channels, stencil: None })?;
     let mut times = Vec::with_capacity(dabs.len());
     for dab in &dabs {
         let started = Instant::now();

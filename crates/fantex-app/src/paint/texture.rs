@@ -1,0 +1,252 @@
+//! Textures as paint: solids by their names, and any texture of a look.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_paint::{GraphError, LookSettings, Surface, TextureGraph};
+use fantex_texture::{Filtering, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
+use glam::{Vec2, Vec3, Vec4};
+use serde::{Deserialize, Serialize};
+
+/// The names of solids.
+pub const SOLIDS: [&str; 8] = SOLID_NAMES;
+
+/// Where the base colour comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ColorSource {
+    /// The foreground.
+    #[default]
+    Color,
+    /// A solid: a pattern in space, as if the model were cut from it.
+    Solid,
+    /// A texture of a look's file.
+    Look,
+}
+
+impl ColorSource {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Color, Self::Solid, Self::Look];
+
+    /// Its name.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::Color => "Colour",
+            Self::Solid => "Pattern",
+            Self::Look => "Look",
+        }
+    }
+}
+
+/// A texture as the user chooses it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TextureChoice {
+    /// What is painted with.
+    pub source: ColorSource,
+    /// The solid's name.
+    pub solid: String,
+    /// Another seed, another piece.
+    pub seed: u32,
+    /// Size of the pattern; 1 fits the model.
+    pub scale: f32,
+    /// The look's file.
+    pub look: Option<PathBuf>,
+    /// The name of its texture; the first one where it is empty.
+    pub name: String,
+}
+
+impl Default for TextureChoice {
+    fn default() -> Self {
+        Self {
+            source: ColorSource::Color,
+            solid: "wood".into(),
+            seed: 1,
+            scale: 1.0,
+            look: None,
+            name: String::new(),
+        }
+    }
+}
+
+/// A texture cannot be painted with.
+#[derive(Debug, thiserror::Error)]
+pub enum TextureChoiceError {
+    /// No file.
+    #[error("No look is chosen: choose its file in the panel at the right.")]
+    NoLook,
+    /// It cannot be read.
+    #[error("cannot read the look {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// It has none.
+    #[error("the look {} has no textures", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The texture cannot be made.
+    #[error(transparent)]
+    Graph(#[from] GraphError),
+}
+
+impl TextureChoice {
+    /// The graph and the name of the texture in it; none where a colour is painted with.
+    ///
+    /// # Errors
+    ///
+    /// There is no look, or it cannot be read.
+    pub fn graph(&self) -> Result<Option<(TextureGraph, String)>, TextureChoiceError> {
+        match self.source {
+            ColorSource::Color => Ok(None),
+            ColorSource::Solid => {
+                Ok(Some((TextureGraph { look: self.solid_look(), folder: PathBuf::new() }, SOLID.into())))
+            }
+            ColorSource::Look => {
+                let path = self.look.clone().ok_or(TextureChoiceError::NoLook)?;
+                let look = std::fs::read_to_string(&path)
+                    .map_err(|source| TextureChoiceError::Read { path: path.clone(), source })?;
+                let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+                let folder = std::path::absolute(&folder).unwrap_or(folder);
+                let graph = TextureGraph { look, folder };
+                let names = graph.names()?;
+                let chosen = names.iter().find(|name| **name == self.name).or(names.first());
+                let name = chosen.cloned().ok_or(TextureChoiceError::Empty { path })?;
+                Ok(Some((graph, name)))
+            }
+        }
+    }
+
+    /// A look with the solid alone.
+    fn solid_look(&self) -> String {
+        let known = SOLIDS.into_iter().find(|name| *name == self.solid).unwrap_or("wood");
+        let seed = if known == "checker" { String::new() } else { format!("seed = {}\n", self.seed) };
+        let scale = f64::from(self.scale.clamp(1e-3, 1e3));
+        format!("[textures.{SOLID}]\nkind = \"{known}\"\n{seed}place = {{ scale = {scale:.6} }}\n")
+    }
+}
+
+/// The name of a solid's texture in its look.
+const SOLID: &str = "pattern";
+
+/// A texture ready to paint with.
+#[derive(Clone)]
+pub struct ChosenTexture {
+    /// Where it comes from.
+    pub graph: TextureGraph,
+    /// Its name there.
+    pub name: String,
+    /// It.
+    pub texture: Arc<dyn Texture>,
+}
+
+impl std::fmt::Debug for ChosenTexture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("ChosenTexture").field("name", &self.name).finish_non_exhaustive()
+    }
+}
+
+impl ChosenTexture {
+    /// Makes the texture that is chosen; none where a colour is.
+    ///
+    /// # Errors
+    ///
+    /// [`TextureChoiceError`].
+    pub fn make(choice: &TextureChoice, surface: &Surface) -> Result<Option<Self>, TextureChoiceError> {
+        let Some((graph, name)) = choice.graph()? else { return Ok(None) };
+        let texture = graph.texture(surface, &name)?;
+        Ok(Some(Self { graph, name, texture }))
+    }
+
+    /// For the log of strokes.
+    pub(super) fn look(&self) -> LookSettings {
+        LookSettings::Inline { text: self.graph.look.clone(), folder: self.graph.folder.clone() }
+    }
+
+    /// A picture of it in a slanting cut through the model's middle, where trunks show rings and layers show: sRGB, row-major.
+    pub fn preview(&self, surface: &Surface, [width, height]: [usize; 2]) -> Vec<[u8; 3]> {
+        let mesh = surface.mesh();
+        let scale = mesh.world_from_mesh.scale as f32;
+        let radius = scale * mesh.positions.iter().map(|p| p.length()).fold(0.0, f32::max);
+        let step = 2.0 * radius / width.max(1) as f32;
+        let up = Vec3::new(0.0, 0.6, -0.8);
+        let texel = |x: usize, y: usize| {
+            let at = Vec2::new(x as f32 + 0.5 - 0.5 * width as f32, 0.5 * height as f32 - y as f32 - 0.5);
+            let uv = Vec2::new(at.x, -at.y) / width as f32 + 0.5;
+            let share = 1.0 / width as f32;
+            let uv = UvPoint { uv, steps: [Vec2::X * share, Vec2::Y * share] };
+            let value = self.texture.evaluate(&ShadingPoint {
+                position: (Vec3::X * at.x + up * at.y) * step,
+                position_steps: [Vec3::X * step, -up * step],
+                normal: Vec3::X.cross(up),
+                normal_steps: [Vec3::ZERO; 2],
+                uv: &[uv],
+                vertex_color: Vec4::ONE,
+                to_eye: None,
+                time: 0.0,
+                filtering: Filtering::Area,
+            });
+            value
+                .truncate()
+                .to_array()
+                .map(|c| (fantex_texture::color::srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8)
+        };
+        (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_cover::{CoverOptions, build_cover};
+    use fantex_mesh::generate::torus;
+    use fantex_mesh::{CleanOptions, clean};
+
+    use super::*;
+
+    fn surface() -> Surface {
+        let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
+        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
+        Surface::new(Arc::new(mesh), Arc::new(cover))
+    }
+
+    #[test]
+    fn every_solid_can_be_painted_with_and_is_seen_in_its_preview() {
+        let surface = surface();
+        for solid in SOLIDS {
+            let choice =
+                TextureChoice { source: ColorSource::Solid, solid: solid.into(), ..Default::default() };
+            let made = ChosenTexture::make(&choice, &surface).unwrap().unwrap();
+            let picture = made.preview(&surface, [40, 20]);
+            let colors: std::collections::BTreeSet<_> = picture.iter().collect();
+            assert!(picture.len() == 800 && colors.len() > 1, "{solid}: {}", colors.len());
+            let smaller = TextureChoice { scale: 0.3, ..choice };
+            let smaller = ChosenTexture::make(&smaller, &surface).unwrap().unwrap();
+            assert!(smaller.preview(&surface, [40, 20]) != picture, "{solid}");
+        }
+        assert!(ChosenTexture::make(&TextureChoice::default(), &surface).unwrap().is_none());
+    }
+
+    #[test]
+    fn looks_are_read_and_what_is_wrong_is_said() {
+        let (surface, folder) = (surface(), tempfile::tempdir().unwrap());
+        let choice = TextureChoice { source: ColorSource::Look, ..Default::default() };
+        let refused = |choice: &TextureChoice| ChosenTexture::make(choice, &surface).unwrap_err().to_string();
+        assert!(refused(&choice).contains("choose its file"));
+        let path = folder.path().join("a.toml");
+        let choice = TextureChoice { look: Some(path.clone()), ..choice };
+        assert!(refused(&choice).contains("a.toml"));
+        std::fs::write(
+            &path,
+            "[textures.b]\nkind = \"rock\"\n[textures.a]\nkind = \"color\"\ncolor = [1, 0, 0]\n",
+        )
+        .unwrap();
+        let first = ChosenTexture::make(&choice, &surface).unwrap().unwrap();
+        assert_eq!((first.name.as_str(), first.preview(&surface, [2, 2])), ("a", vec![[255, 0, 0]; 4]));
+        let named = TextureChoice { name: "b".into(), ..choice };
+        assert_eq!(ChosenTexture::make(&named, &surface).unwrap().unwrap().name, "b");
+    }
+}
