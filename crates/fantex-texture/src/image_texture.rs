@@ -19,6 +19,8 @@
 //!
 //! On white noise, the worst case, `sample_area` is off by 0.003 to 0.009 (root mean square, of texels in `[0,1]`).
 
+mod batch;
+
 use std::sync::Arc;
 
 use glam::{Vec2, Vec4};
@@ -279,7 +281,12 @@ impl ImageTexture {
     }
 
     fn trilinear(&self, uv: Vec2, texels: TexelUse, wrap: [Wrap; 2], squared_width: f32) -> Vec4 {
-        let LevelPair { fine, coarse, share } = self.levels_for(squared_width);
+        self.blended(uv, texels, wrap, self.levels_for(squared_width))
+    }
+
+    /// Between the bilinear values of two levels.
+    fn blended(&self, uv: Vec2, texels: TexelUse, wrap: [Wrap; 2], levels: LevelPair) -> Vec4 {
+        let LevelPair { fine, coarse, share } = levels;
         let value = filter::bilinear(self.level(fine), texels, uv, wrap);
         if share == 0.0 {
             return value;

@@ -1,0 +1,194 @@
+//! Many look-ups at once, in the widest vectors that the processor has.
+//!
+//! ```text
+//!  points --place--> levels and positions --read--> pairs of stored texels --decode, interpolate--> linear RGBA
+//!            vectors          one by one, no result waits for another             vectors
+//! ```
+//!
+//! A block of look-ups passes each step as a whole. The middle one does nothing but copy bytes, two neighbouring texels by one
+//! load, so that the processor has the cache lines of many look-ups under way at once; that is what makes random
+//! look-ups five times as fast as one by one. What differs by look-up (level, position, shares) lies in arrays.
+//!
+//! Steps are those of `inner.rs` and `lod.rs`, without fused multiplications: the results do not depend on the processor. Bytes in sRGB
+//! are decoded by a polynomial instead of a table. Look-ups at the edges of a level are left to the caller, and so are
+//! images that are not stored as one, three or four fixed-point channels.
+
+mod decode;
+mod place;
+mod texels;
+
+use std::sync::LazyLock;
+
+use fearless_simd::{Level, Simd, dispatch, prelude::*};
+use glam::Vec2;
+
+use self::decode::{blend, store_rgba};
+use self::place::{locate, positions};
+use self::texels::Pairs;
+pub(crate) use self::texels::Levels;
+use crate::{AlphaUse, Wrap};
+
+/// Look-ups of a block: enough that no step waits for the one before, few enough that all arrays stay in the first cache.
+pub(crate) const BLOCK: usize = 64;
+
+fn level() -> Level {
+    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
+    *LEVEL
+}
+
+/// Numbers of a block's look-ups.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(crate) struct Block<T>(pub(crate) [T; BLOCK]);
+
+impl<T: Copy> Block<T> {
+    fn of(value: T) -> Self {
+        Self([value; BLOCK])
+    }
+}
+
+/// Where a block of trilinear look-ups is.
+#[derive(Clone, Debug)]
+pub(crate) struct Probes {
+    /// Texture coordinates.
+    u: Block<f32>,
+    v: Block<f32>,
+    /// The finer one of two neighbouring levels, and the share of the coarser one.
+    fine: Block<u32>,
+    share: Block<f32>,
+    count: usize,
+}
+
+impl Probes {
+    /// None yet.
+    pub(crate) fn new() -> Self {
+        Self { u: Block::of(0.0), v: Block::of(0.0), fine: Block::of(0), share: Block::of(0.0), count: 0 }
+    }
+
+    /// Up to a block of points of level 0.
+    pub(crate) fn of_points(points: impl ExactSizeIterator<Item = Vec2>) -> Self {
+        let mut probes = Self::new();
+        probes.count = points.len();
+        for (index, point) in points.enumerate() {
+            (probes.u.0[index], probes.v.0[index]) = (point.x, point.y);
+        }
+        probes
+    }
+
+    /// Chooses the levels by footprints: `steps` are the footprints' edges in uv, `size` is that of level 0.
+    pub(crate) fn choose_levels(&mut self, steps: &Steps, size: Vec2, last: usize) {
+        dispatch!(level(), simd => place::choose_levels(simd, self, steps, size, last as u32));
+    }
+
+    /// Adds a point; the block must not be full.
+    pub(crate) fn push(&mut self, at: Vec2, fine: u32, share: f32) {
+        let index = self.count;
+        (self.u.0[index], self.v.0[index]) = (at.x, at.y);
+        (self.fine.0[index], self.share.0[index]) = (fine, share);
+        self.count += 1;
+    }
+
+    /// Probes in the block.
+    pub(crate) fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Forgets all probes.
+    pub(crate) fn clear(&mut self) {
+        self.count = 0;
+    }
+
+    /// Where a probe is.
+    pub(crate) fn at(&self, index: usize) -> (Vec2, u32, f32) {
+        (Vec2::new(self.u.0[index], self.v.0[index]), self.fine.0[index], self.share.0[index])
+    }
+}
+
+/// The edges of a block's footprints, in uv: `x` and `y` of the first, then of the second.
+#[derive(Clone, Debug)]
+pub(crate) struct Steps([Block<f32>; 4]);
+
+impl Steps {
+    /// Up to a block of them.
+    pub(crate) fn new(footprints: impl Iterator<Item = [Vec2; 2]>) -> Self {
+        let mut steps = Self([Block::of(0.0); 4]);
+        for (index, [dx, dy]) in footprints.enumerate() {
+            for (block, number) in steps.0.iter_mut().zip([dx.x, dx.y, dy.x, dy.y]) {
+                block.0[index] = number;
+            }
+        }
+        steps
+    }
+}
+
+/// Results of a block: linear RGBA, straight alpha.
+pub(crate) type Colors = Block<[f32; 4]>;
+
+impl Colors {
+    /// Black.
+    pub(crate) fn black() -> Self {
+        Self::of([0.0; 4])
+    }
+}
+
+/// What is the same for all look-ups of a call.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LookUp<'a> {
+    pub(crate) levels: &'a Levels<'a>,
+    pub(crate) wrap: [Wrap; 2],
+    pub(crate) alpha: AlphaUse,
+}
+
+impl LookUp<'_> {
+    /// Interpolates in and between levels at all probes, alpha still a weight. Returns the set of those (a bit each) that must
+    /// be looked up otherwise.
+    pub(crate) fn sums(&self, probes: &Probes, out: &mut Colors) -> u64 {
+        dispatch!(level(), simd => sums_of_channels(simd, self, probes, out))
+    }
+}
+
+#[inline(always)]
+fn sums_of_channels<S: Simd>(simd: S, look_up: &LookUp<'_>, probes: &Probes, out: &mut Colors) -> u64 {
+    match look_up.levels.channels() {
+        1 => sums::<S, 1>(simd, look_up, probes, out),
+        3 => sums::<S, 3>(simd, look_up, probes, out),
+        _ => sums::<S, 4>(simd, look_up, probes, out),
+    }
+}
+
+#[inline(always)]
+fn sums<S: Simd, const C: usize>(
+    simd: S,
+    look_up: &LookUp<'_>,
+    probes: &Probes,
+    out: &mut Colors,
+) -> u64 {
+    let (levels, count) = (look_up.levels, probes.count);
+    let places = positions(simd, probes, look_up.wrap);
+    let fine = locate(simd, probes, &places, levels, false);
+    let mut fine_texels = Pairs::new();
+    let mut missed = fine_texels.read::<C>(levels, &fine, count);
+    // Magnified, nothing is seen of coarser levels.
+    let is_magnified = probes.share.0[..count].iter().all(|&share| share == 0.0);
+    if is_magnified {
+        for first in (0..count).step_by(S::f32s::LEN) {
+            let value = blend::<S, C>(simd, look_up, &fine, &fine_texels, first);
+            store_rgba::<S>(value, out, first);
+        }
+        return missed;
+    }
+    let coarse = locate(simd, probes, &places, levels, true);
+    let mut coarse_texels = Pairs::new();
+    missed |= coarse_texels.read::<C>(levels, &coarse, count);
+    for first in (0..count).step_by(S::f32s::LEN) {
+        let range = first..first + S::f32s::LEN;
+        let share = S::f32s::from_slice(simd, &probes.share.0[range]);
+        let mut value = blend::<S, C>(simd, look_up, &fine, &fine_texels, first);
+        let next = blend::<S, C>(simd, look_up, &coarse, &coarse_texels, first);
+        for channel in 0..4 {
+            value[channel] = value[channel] + (next[channel] - value[channel]) * share;
+        }
+        store_rgba::<S>(value, out, first);
+    }
+    missed
+}
