@@ -22,8 +22,8 @@ pub use ewa::{EWA_MINOR_TEXELS, EllipseRow, WeightedEllipse};
 pub use footprint::{FootprintAxes, MAX_ANISOTROPY};
 pub use taps::catmull_rom_weights;
 
-pub(crate) use batch::{BLOCK, Colors, Levels, LookUp, Probes, Steps};
 pub(crate) use area::{AreaPlan, PlacedArea};
+pub(crate) use batch::{BLOCK, Colors, Levels, LookUp, Probes, Steps, Workspace};
 pub(crate) use ewa::ewa;
 pub(crate) use lod::LevelPair;
 pub(crate) use mipmap::{Stretch, build_levels, stored_channels, stretches};

@@ -4,7 +4,7 @@ use glam::{Vec2, Vec4};
 
 use super::{AlphaUse, Filter, ImageTexture, SampleOptions};
 use crate::UvPoint;
-use crate::filter::{BLOCK, Colors, LevelPair, Levels, LookUp, Probes, Steps, resolve};
+use crate::filter::{BLOCK, Colors, LevelPair, Levels, LookUp, Probes, Steps, Workspace, resolve};
 
 /// Fewer points than this are looked up one by one.
 const FEW: usize = 4;
@@ -21,13 +21,9 @@ impl ImageTexture {
     /// If `points` and `out` differ in length.
     pub fn sample_all(&self, points: &[UvPoint], options: &SampleOptions, out: &mut [[f32; 4]]) {
         assert_eq!(points.len(), out.len(), "one colour for every point");
-        let has_kernel =
-            matches!(options.filter, Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic);
-        let levels = if has_kernel && points.len() >= FEW {
-            Levels::new(&self.base, &self.coarser)
-        } else {
-            None
-        };
+        let has_kernel = matches!(options.filter, Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic);
+        let levels =
+            if has_kernel && points.len() >= FEW { Levels::new(&self.base, &self.coarser) } else { None };
         let Some(levels) = levels else {
             for (point, out) in points.iter().zip(out) {
                 *out = self.sample(point.uv, point.steps, options);
@@ -50,14 +46,14 @@ impl ImageTexture {
         look_up: &LookUp<'_>,
         out: &mut [[f32; 4]],
     ) {
-        let mut colors = Colors::black();
+        let (mut workspace, mut colors) = (Workspace::new(), Colors::black());
         for (points, out) in points.chunks(BLOCK).zip(out.chunks_mut(BLOCK)) {
             let mut probes = Probes::of_points(points.iter().map(|point| point.uv));
             if options.filter == Filter::Trilinear {
                 let steps = Steps::new(points.iter().map(|point| point.steps));
                 probes.choose_levels(&steps, self.size_f32(), self.coarser.len());
             }
-            let missed = look_up.sums(&probes, &mut colors);
+            let missed = look_up.sums(&probes, &mut workspace, &mut colors);
             if look_up.alpha == AlphaUse::Independent {
                 out.copy_from_slice(&colors.0[..out.len()]);
             } else {
@@ -79,7 +75,7 @@ impl ImageTexture {
         look_up: &LookUp<'_>,
         out: &mut [[f32; 4]],
     ) {
-        let mut queue = Queue { look_up, texture: self, probes: Probes::new(), targets: [0; BLOCK] };
+        let mut queue = Queue::new(look_up, self);
         let mut colors = Colors::black();
         for (points, out) in points.chunks(BLOCK).zip(out.chunks_mut(BLOCK)) {
             let mut sums = [Vec4::ZERO; BLOCK];
@@ -134,12 +130,17 @@ struct Queue<'a> {
     probes: Probes,
     /// The look-up of every probe.
     targets: [u8; BLOCK],
+    workspace: Workspace,
 }
 
-impl Queue<'_> {
+impl<'a> Queue<'a> {
+    fn new(look_up: &'a LookUp<'a>, texture: &'a ImageTexture) -> Self {
+        Self { look_up, texture, probes: Probes::new(), targets: [0; BLOCK], workspace: Workspace::new() }
+    }
+
     /// Looks up all probes and adds each to the sum of its look-up.
     fn flush(&mut self, colors: &mut Colors, sums: &mut [Vec4; BLOCK]) {
-        let missed = self.look_up.sums(&self.probes, colors);
+        let missed = self.look_up.sums(&self.probes, &mut self.workspace, colors);
         for index in bits(missed) {
             let (at, fine, share) = self.probes.at(index);
             let value = self.texture.between_levels(at, fine as usize, share, self.look_up);

@@ -9,23 +9,24 @@
 //! load, so that the processor has the cache lines of many look-ups under way at once; that is what makes random
 //! look-ups five times as fast as one by one. What differs by look-up (level, position, shares) lies in arrays.
 //!
-//! Steps are those of `inner.rs` and `lod.rs`, without fused multiplications: the results do not depend on the processor. Bytes in sRGB
-//! are decoded by a polynomial instead of a table. Look-ups at the edges of a level are left to the caller, and so are
+//! Steps are those of `inner.rs` and `lod.rs`, without fused multiplications: the results do not depend on the processor. Bytes
+//! are decoded to 16 bits, as which the coarser levels are stored. Look-ups at the edges of a level are left to the caller, and so are
 //! images that are not stored as one, three or four fixed-point channels.
 
 mod decode;
 mod place;
 mod texels;
+mod widen;
 
 use std::sync::LazyLock;
 
 use fearless_simd::{Level, Simd, dispatch, prelude::*};
 use glam::Vec2;
 
-use self::decode::{blend, store_rgba};
-use self::place::{locate, positions};
-use self::texels::Pairs;
+use self::decode::{blend, mix, store_rgba};
+use self::place::{Places, Quads, fold_all, locate};
 pub(crate) use self::texels::Levels;
+use self::texels::Pairs;
 use crate::{AlphaUse, Wrap};
 
 /// Look-ups of a block: enough that no step waits for the one before, few enough that all arrays stay in the first cache.
@@ -131,6 +132,25 @@ impl Colors {
     }
 }
 
+/// What the steps hand on, kept from block to block.
+pub(crate) struct Workspace {
+    places: Places,
+    /// In the finer and in the coarser level of every probe.
+    quads: [Quads; 2],
+    pairs: [Pairs; 2],
+}
+
+impl Workspace {
+    /// Not yet used.
+    pub(crate) fn new() -> Self {
+        Self {
+            places: Places::new(),
+            quads: [Quads::new(), Quads::new()],
+            pairs: [Pairs::new(), Pairs::new()],
+        }
+    }
+}
+
 /// What is the same for all look-ups of a call.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LookUp<'a> {
@@ -142,17 +162,23 @@ pub(crate) struct LookUp<'a> {
 impl LookUp<'_> {
     /// Interpolates in and between levels at all probes, alpha still a weight. Returns the set of those (a bit each) that must
     /// be looked up otherwise.
-    pub(crate) fn sums(&self, probes: &Probes, out: &mut Colors) -> u64 {
-        dispatch!(level(), simd => sums_of_channels(simd, self, probes, out))
+    pub(crate) fn sums(&self, probes: &Probes, workspace: &mut Workspace, out: &mut Colors) -> u64 {
+        dispatch!(level(), simd => sums_of_channels(simd, self, probes, workspace, out))
     }
 }
 
 #[inline(always)]
-fn sums_of_channels<S: Simd>(simd: S, look_up: &LookUp<'_>, probes: &Probes, out: &mut Colors) -> u64 {
+fn sums_of_channels<S: Simd>(
+    simd: S,
+    look_up: &LookUp<'_>,
+    probes: &Probes,
+    workspace: &mut Workspace,
+    out: &mut Colors,
+) -> u64 {
     match look_up.levels.channels() {
-        1 => sums::<S, 1>(simd, look_up, probes, out),
-        3 => sums::<S, 3>(simd, look_up, probes, out),
-        _ => sums::<S, 4>(simd, look_up, probes, out),
+        1 => sums::<S, 1>(simd, look_up, probes, workspace, out),
+        3 => sums::<S, 3>(simd, look_up, probes, workspace, out),
+        _ => sums::<S, 4>(simd, look_up, probes, workspace, out),
     }
 }
 
@@ -161,34 +187,33 @@ fn sums<S: Simd, const C: usize>(
     simd: S,
     look_up: &LookUp<'_>,
     probes: &Probes,
+    workspace: &mut Workspace,
     out: &mut Colors,
 ) -> u64 {
     let (levels, count) = (look_up.levels, probes.count);
-    let places = positions(simd, probes, look_up.wrap);
-    let fine = locate(simd, probes, &places, levels, false);
-    let mut fine_texels = Pairs::new();
-    let mut missed = fine_texels.read::<C>(levels, &fine, count);
+    if count == 0 {
+        return 0;
+    }
+    let Workspace { places, quads: [fine, coarse], pairs: [fine_pairs, coarse_pairs] } = workspace;
+    let is_coverage = look_up.alpha == AlphaUse::Coverage;
+    fold_all(simd, probes, look_up.wrap, places);
+    locate(simd, probes, places, levels, 0, fine);
+    let missed = fine_pairs.read::<S, C>(simd, levels, fine, count);
     // Magnified, nothing is seen of coarser levels.
-    let is_magnified = probes.share.0[..count].iter().all(|&share| share == 0.0);
-    if is_magnified {
+    if probes.share.0[..count].iter().all(|&share| share == 0.0) {
         for first in (0..count).step_by(S::f32s::LEN) {
-            let value = blend::<S, C>(simd, look_up, &fine, &fine_texels, first);
-            store_rgba::<S>(value, out, first);
+            let value = blend::<S, C>(simd, fine, fine_pairs, is_coverage, first);
+            store_rgba::<S, C>(simd, value, out, first);
         }
         return missed;
     }
-    let coarse = locate(simd, probes, &places, levels, true);
-    let mut coarse_texels = Pairs::new();
-    missed |= coarse_texels.read::<C>(levels, &coarse, count);
+    locate(simd, probes, places, levels, 1, coarse);
+    let missed = missed | coarse_pairs.read::<S, C>(simd, levels, coarse, count);
     for first in (0..count).step_by(S::f32s::LEN) {
-        let range = first..first + S::f32s::LEN;
-        let share = S::f32s::from_slice(simd, &probes.share.0[range]);
-        let mut value = blend::<S, C>(simd, look_up, &fine, &fine_texels, first);
-        let next = blend::<S, C>(simd, look_up, &coarse, &coarse_texels, first);
-        for channel in 0..4 {
-            value[channel] = value[channel] + (next[channel] - value[channel]) * share;
-        }
-        store_rgba::<S>(value, out, first);
+        let share = S::f32s::from_slice(simd, &probes.share.0[first..first + S::f32s::LEN]);
+        let from = blend::<S, C>(simd, fine, fine_pairs, is_coverage, first);
+        let to = blend::<S, C>(simd, coarse, coarse_pairs, is_coverage, first);
+        store_rgba::<S, C>(simd, mix::<S, C>(from, to, share), out, first);
     }
     missed
 }

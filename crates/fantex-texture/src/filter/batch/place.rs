@@ -6,7 +6,7 @@ use fearless_simd::{Select, Simd, prelude::*};
 use glam::Vec2;
 
 use super::texels::Levels;
-use super::{BLOCK, Block, Probes, Steps};
+use super::{Block, Probes, Steps};
 use crate::Wrap;
 
 // Closures are not compiled for the vectors' instruction set unless they are inlined, which the compiler declines: so each
@@ -59,9 +59,14 @@ pub(super) struct Places {
     v: Block<f32>,
 }
 
+impl Places {
+    pub(super) fn new() -> Self {
+        Self { u: Block::of(0.0), v: Block::of(0.0) }
+    }
+}
+
 #[inline(always)]
-pub(super) fn positions<S: Simd>(simd: S, probes: &Probes, wrap: [Wrap; 2]) -> Places {
-    let mut places = Places { u: Block::of(0.0), v: Block::of(0.0) };
+pub(super) fn fold_all<S: Simd>(simd: S, probes: &Probes, wrap: [Wrap; 2], places: &mut Places) {
     for first in (0..probes.count).step_by(S::f32s::LEN) {
         let range = first..first + S::f32s::LEN;
         let u = S::f32s::from_slice(simd, &probes.u.0[range.clone()]);
@@ -69,7 +74,6 @@ pub(super) fn positions<S: Simd>(simd: S, probes: &Probes, wrap: [Wrap; 2]) -> P
         fold(simd, u, wrap[0]).store_slice(&mut places.u.0[range.clone()]);
         fold(simd, v, wrap[1]).store_slice(&mut places.v.0[range]);
     }
-    places
 }
 
 /// As the scalar `fold`.
@@ -101,32 +105,38 @@ pub(super) struct Quads {
     pub(super) lower_share: Block<f32>,
 }
 
+impl Quads {
+    pub(super) fn new() -> Self {
+        let (no_share, no_index) = (Block::of(0.0), Block::of(0));
+        Self {
+            level: no_index,
+            upper: no_index,
+            lower: no_index,
+            right_share: no_share,
+            lower_share: no_share,
+        }
+    }
+}
+
 /// No offset.
 pub(super) const NONE: u32 = u32::MAX;
 
-/// Positions in the finer or coarser level of every probe, as `Quad::around`.
+/// Positions in the finer level of every probe, or so many levels above, as `Quad::around`.
 #[inline(always)]
 pub(super) fn locate<S: Simd>(
     simd: S,
     probes: &Probes,
     places: &Places,
     levels: &Levels<'_>,
-    is_coarse: bool,
-) -> Quads {
-    let (no_number, no_index) = (Block([0.0; BLOCK]), Block([0; BLOCK]));
-    let mut quads = Quads {
-        level: no_index,
-        upper: no_index,
-        lower: no_index,
-        right_share: no_number,
-        lower_share: no_number,
-    };
+    above: u32,
+    quads: &mut Quads,
+) {
     let [width, height] = levels.size();
     let (one, none) = (S::u32s::splat(simd, 1), S::u32s::splat(simd, NONE));
     for first in (0..probes.count).step_by(S::f32s::LEN) {
         let range = first..first + S::f32s::LEN;
         let fine = S::u32s::from_slice(simd, &probes.fine.0[range.clone()]);
-        let level = if is_coarse { (fine + 1).min(levels.last()) } else { fine };
+        let level = (fine + above).min(levels.last());
         let width = (S::u32s::splat(simd, width) >> level).max(one);
         let height = (S::u32s::splat(simd, height) >> level).max(one);
         let u = S::f32s::from_slice(simd, &places.u.0[range.clone()]);
@@ -141,7 +151,6 @@ pub(super) fn locate<S: Simd>(
         right.store_slice(&mut quads.right_share.0[range.clone()]);
         lower.store_slice(&mut quads.lower_share.0[range]);
     }
-    quads
 }
 
 /// As the scalar `split`.

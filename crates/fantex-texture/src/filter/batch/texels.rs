@@ -2,8 +2,11 @@
 
 use arrayvec::ArrayVec;
 
+use fearless_simd::Simd;
+
+use super::Block;
 use super::place::Quads;
-use super::{BLOCK, Block};
+use super::widen::{Meaning, widen, widened};
 use crate::image::{ColorSpace, Image, Samples};
 
 /// Levels of the largest image.
@@ -21,7 +24,7 @@ pub(crate) enum Stored<'a> {
 pub(crate) struct Levels<'a> {
     size: [u32; 2],
     channels: u8,
-    /// Whether the colours of level 0 are encoded; those of all others are linear.
+    /// Whether bytes are encoded; numbers of 16 bits are linear.
     is_srgb: bool,
     stored: ArrayVec<Stored<'a>, MOST_LEVELS>,
 }
@@ -33,18 +36,13 @@ impl<'a> Levels<'a> {
         if !(is_small && matches!(base.channels, 1 | 3 | 4)) {
             return None;
         }
-        let is_expected = |image: &Image| match image.samples {
-            Samples::U8(_) => false,
-            Samples::U16(_) => image.space == ColorSpace::Linear && image.channels == base.channels,
-            Samples::F32(_) => false,
-        };
-        if coarser.len() >= MOST_LEVELS || !coarser.iter().all(is_expected) {
+        if coarser.len() >= MOST_LEVELS {
             return None;
         }
         let stored = |image: &'a Image| match &image.samples {
             Samples::U8(values) => Some(Stored::U8(values)),
-            Samples::U16(values) => Some(Stored::U16(values)),
-            Samples::F32(_) => None,
+            Samples::U16(values) if image.space == ColorSpace::Linear => Some(Stored::U16(values)),
+            _ => None,
         };
         let stored = std::iter::once(base).chain(coarser).map(stored).collect::<Option<_>>()?;
         let is_srgb = base.space == ColorSpace::Srgb;
@@ -60,13 +58,8 @@ impl<'a> Levels<'a> {
         self.channels
     }
 
-    pub(super) fn is_srgb(&self) -> bool {
-        self.is_srgb
-    }
-
-    /// Whether level 0 is stored as bytes; all others have 16 bits.
-    pub(super) fn has_bytes(&self) -> bool {
-        matches!(self.stored[0], Stored::U8(_))
+    fn meaning(&self) -> Meaning {
+        Meaning { is_srgb: self.is_srgb, has_alpha: self.channels == 4 }
     }
 
     /// The index of the coarsest level.
@@ -75,66 +68,96 @@ impl<'a> Levels<'a> {
     }
 }
 
-/// Two by two stored texels per look-up, those of a row as they follow one another in memory.
+/// Two by two texels per look-up, those of a row as they follow one another in memory: linear numbers of 16 bits, the first in
+/// the least significant bits.
 pub(super) struct Pairs {
-    /// Eight samples of 16 bits from the upper left texel on; or eight of 8 bits, and behind them eight from the lower left
-    /// texel on.
-    pub(super) upper: Block<[u32; 4]>,
-    /// Eight samples of 16 bits from the lower left texel on.
-    pub(super) lower: Block<[u32; 4]>,
+    /// Eight samples from the upper left texel on.
+    pub(super) upper: Block<[u64; 2]>,
+    /// Eight samples from the lower left texel on.
+    pub(super) lower: Block<[u64; 2]>,
+    /// The same as bytes, where they are stored so.
+    upper_bytes: Block<u64>,
+    lower_bytes: Block<u64>,
 }
 
 impl Pairs {
-    #[inline(always)]
     pub(super) fn new() -> Self {
-        Self { upper: Block([[0; 4]; BLOCK]), lower: Block([[0; 4]; BLOCK]) }
+        let (no_words, no_bytes) = (Block::of([0; 2]), Block::of(0));
+        Self { upper: no_words, lower: no_words, upper_bytes: no_bytes, lower_bytes: no_bytes }
     }
 
-    /// Copies the texels of every quad; returns the set of those (a bit each) that are at the edges or too near to the end of the
-    /// memory.
+    /// Copies the texels of every quad; returns the set of those (a bit each) that are at the edges or too near to the end of
+    /// the memory.
     #[inline(always)]
-    pub(super) fn read<const C: usize>(&mut self, levels: &Levels<'_>, quads: &Quads, count: usize) -> u64 {
+    pub(super) fn read<S: Simd, const C: usize>(
+        &mut self,
+        simd: S,
+        levels: &Levels<'_>,
+        quads: &Quads,
+        count: usize,
+    ) -> u64 {
+        let level_of = |index: usize| quads.level.0[index] as usize;
+        let is_one_level = (1..count).fold(true, |same, index| same & (level_of(index) == level_of(0)));
+        let meaning = levels.meaning();
         let mut missed = 0;
-        for index in 0..count {
-            let at = [quads.upper.0[index], quads.lower.0[index]].map(|texel| texel as usize * C);
-            let is_read = match levels.stored[quads.level.0[index] as usize % MOST_LEVELS] {
-                Stored::U8(bytes) => match at.map(|first| eight(bytes, first)) {
-                    [Some(upper), Some(lower)] => {
-                        let [a, b] = words_of_bytes(upper);
-                        let [c, d] = words_of_bytes(lower);
-                        self.upper.0[index] = [a, b, c, d];
-                        true
+        // The fewer instructions between them, the more cache lines are under way at once.
+        match levels.stored[level_of(0)] {
+            Stored::U8(bytes) if is_one_level => {
+                for index in 0..count {
+                    let pair = quads.read_pair::<C, _>(bytes, index);
+                    missed |= u64::from(pair.is_none()) << index;
+                    if let Some([upper, lower]) = pair {
+                        self.upper_bytes.0[index] = u64::from_le_bytes(*upper);
+                        self.lower_bytes.0[index] = u64::from_le_bytes(*lower);
                     }
-                    _ => false,
-                },
-                Stored::U16(values) => match at.map(|first| eight(values, first)) {
-                    [Some(upper), Some(lower)] => {
-                        self.upper.0[index] = words(upper);
-                        self.lower.0[index] = words(lower);
-                        true
+                }
+                widen(simd, &self.upper_bytes, meaning, &mut self.upper, count);
+                widen(simd, &self.lower_bytes, meaning, &mut self.lower, count);
+            }
+            Stored::U16(values) if is_one_level => {
+                for index in 0..count {
+                    let pair = quads.read_pair::<C, _>(values, index);
+                    missed |= u64::from(pair.is_none()) << index;
+                    if let Some(pair) = pair {
+                        [self.upper.0[index], self.lower.0[index]] = pair.map(joined);
                     }
-                    _ => false,
-                },
-            };
-            missed |= u64::from(!is_read) << index;
+                }
+            }
+            _ => {
+                for index in 0..count {
+                    let pair = match levels.stored[level_of(index)] {
+                        Stored::U8(bytes) => quads
+                            .read_pair::<C, _>(bytes, index)
+                            .map(|pair| pair.map(|row| widened(u64::from_le_bytes(*row), meaning))),
+                        Stored::U16(values) => {
+                            quads.read_pair::<C, _>(values, index).map(|pair| pair.map(joined))
+                        }
+                    };
+                    missed |= u64::from(pair.is_none()) << index;
+                    [self.upper.0[index], self.lower.0[index]] = pair.unwrap_or_default();
+                }
+            }
         }
         missed
     }
 }
 
+impl Quads {
+    /// Eight samples each from the upper left and from the lower left texel on.
+    #[inline(always)]
+    fn read_pair<'a, const C: usize, T>(&self, samples: &'a [T], index: usize) -> Option<[&'a [T; 8]; 2]> {
+        let (upper, lower) = (self.upper.0[index] as usize * C, self.lower.0[index] as usize * C);
+        Some([eight(samples, upper)?, eight(samples, lower)?])
+    }
+}
+
 #[inline(always)]
 fn eight<T>(samples: &[T], first: usize) -> Option<&[T; 8]> {
-    samples.get(first..)?.first_chunk()
+    samples.get(first..first + 8)?.first_chunk()
 }
 
 #[inline(always)]
-fn words_of_bytes(bytes: &[u8; 8]) -> [u32; 2] {
-    let [a, b, c, d, e, f, g, h] = *bytes;
-    [u32::from_le_bytes([a, b, c, d]), u32::from_le_bytes([e, f, g, h])]
-}
-
-#[inline(always)]
-fn words(values: &[u16; 8]) -> [u32; 4] {
-    let [a, b, c, d, e, f, g, h] = values.map(u32::from);
-    [a | b << 16, c | d << 16, e | f << 16, g | h << 16]
+fn joined(values: &[u16; 8]) -> [u64; 2] {
+    let [a, b, c, d, e, f, g, h] = values.map(u64::from);
+    [a | b << 16 | c << 32 | d << 48, e | f << 16 | g << 32 | h << 48]
 }
