@@ -53,9 +53,9 @@ impl<'a> MeshSurface<'a> {
     }
 
     /// [`MeshSurface::texel`] at many points.
-    fn texels(&self, layer: &TextureLayer, hits: &[Hit]) -> Vec<Vec4> {
+    fn texels(&self, layer: &TextureLayer, hits: &[Hit]) -> Vec<[f32; 4]> {
         if layer.nearest {
-            return hits.iter().map(|hit| self.texel(layer, hit)).collect();
+            return hits.iter().map(|hit| self.texel(layer, hit).to_array()).collect();
         }
         let point = |hit: &Hit| {
             let (uv, steps) = hit.blend_coordinates(layer.corner_uv(self.mesh, hit.triangle));
@@ -64,7 +64,7 @@ impl<'a> MeshSurface<'a> {
         let points: Vec<UvPoint> = hits.iter().map(point).collect();
         let mut texels = vec![[0.0; 4]; hits.len()];
         layer.texture.sample_all(&points, &self.options(layer), &mut texels);
-        texels.into_iter().map(Vec4::from_array).collect()
+        texels
     }
 
     fn options(&self, layer: &TextureLayer) -> SampleOptions {
@@ -189,7 +189,9 @@ impl Surface for MeshSurface<'_> {
             let occlusion = texels(&textures.occlusion);
             let emission = texels(&textures.emission);
             for (index, hit) in run.iter().enumerate() {
-                let texel = |layer: &Option<Vec<Vec4>>| layer.as_ref().map(|texels| texels[index]);
+                let texel = |layer: &Option<Vec<[f32; 4]>>| {
+                    layer.as_ref().map(|texels| Vec4::from_array(texels[index]))
+                };
                 let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
                 let texels = Texels {
                     base_color: or_white(&base_color),

@@ -96,6 +96,11 @@ impl TouchedTiles {
         [0, 1].map(|i| (self.end[i] - self.first[i]) as usize).iter().product()
     }
 
+    /// The tile's number, if it is only one.
+    fn single(&self) -> Option<u32> {
+        (self.len() == 1).then(|| self.first[1] * self.stride + self.first[0])
+    }
+
     /// Visits the tiles' numbers, ascending.
     fn for_each(&self, mut visit: impl FnMut(usize)) {
         for row in self.first[1]..self.end[1] {
@@ -109,6 +114,9 @@ impl TouchedTiles {
 /// Primitives that touch more tiles than this are not entered into each of them.
 const MANY_TILES: usize = 64;
 
+/// No tile's number: of primitives that touch several tiles, or none.
+const SEVERAL: u32 = u32::MAX;
+
 /// Primitives of one run of the mesh's triangles and, per tile, which of them touch it.
 #[derive(Debug)]
 pub(crate) struct Chunk {
@@ -118,6 +126,8 @@ pub(crate) struct Chunk {
     entries: Vec<u32>,
     /// Primitives that touch many tiles.
     large: Vec<u32>,
+    /// Whether any primitive is layered.
+    pub(crate) has_layers: bool,
 }
 
 impl Chunk {
@@ -135,12 +145,13 @@ impl Chunk {
 
     /// Bins primitives.
     pub(crate) fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
-        let touched: Vec<TouchedTiles> =
-            primitives.iter().map(|primitive| grid.touched(primitive.pixel_bounds())).collect();
-        // Counting sort by tile.
+        // Counting sort by tile; most primitives touch a single one.
         let mut starts = vec![0; grid.len() + 1];
+        let mut single = Vec::with_capacity(primitives.len());
         let mut large = Vec::new();
-        for (index, tiles) in touched.iter().enumerate() {
+        for (index, primitive) in primitives.iter().enumerate() {
+            let tiles = grid.touched(primitive.pixel_bounds());
+            single.push(tiles.single().unwrap_or(SEVERAL));
             if tiles.len() > MANY_TILES {
                 large.push(index as u32);
             } else {
@@ -152,15 +163,22 @@ impl Chunk {
         }
         let mut next = starts.clone();
         let mut entries = vec![0; starts[grid.len()] as usize];
-        for (index, tiles) in touched.iter().enumerate() {
+        let mut enter = |index: usize, tile: usize| {
+            entries[next[tile] as usize] = index as u32;
+            next[tile] += 1;
+        };
+        for (index, primitive) in primitives.iter().enumerate() {
+            if single[index] != SEVERAL {
+                enter(index, single[index] as usize);
+                continue;
+            }
+            let tiles = grid.touched(primitive.pixel_bounds());
             if tiles.len() <= MANY_TILES {
-                tiles.for_each(|tile| {
-                    entries[next[tile] as usize] = index as u32;
-                    next[tile] += 1;
-                });
+                tiles.for_each(|tile| enter(index, tile));
             }
         }
-        Self { primitives, starts, entries, large }
+        let has_layers = primitives.iter().any(|primitive| primitive.layered);
+        Self { primitives, starts, entries, large, has_layers }
     }
 }
 

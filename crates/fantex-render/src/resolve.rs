@@ -44,7 +44,7 @@ struct Piece<'a> {
 }
 
 /// Pieces that are shaded together: enough to fill vectors, few enough to stay in the cache.
-const AT_ONCE: usize = 256;
+const AT_ONCE: usize = 128;
 
 impl Resolve<'_> {
     /// Colours a tile. `rect` is its first pixel and extent.

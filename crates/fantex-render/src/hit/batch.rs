@@ -4,7 +4,7 @@
 use std::sync::LazyLock;
 
 use fearless_simd::{Level, Select, Simd, dispatch, prelude::*};
-use glam::{DMat3, DVec3, Vec2, Vec3};
+use glam::{DMat3, Vec2, Vec3};
 
 use super::{Hit, HitFinder, Interpolation};
 
@@ -172,6 +172,7 @@ fn bounded<S: Simd>(simd: S, x: S::f64s, low: f64, high: f64) -> S::f64s {
 mod tests {
     use fantex_mesh::Mesh;
     use fantex_scene::{Camera, Projection};
+    use glam::DVec3;
 
     use super::*;
 

@@ -22,7 +22,7 @@ pub use ewa::{EWA_MINOR_TEXELS, EllipseRow, WeightedEllipse};
 pub use footprint::{FootprintAxes, MAX_ANISOTROPY};
 pub use taps::catmull_rom_weights;
 
-pub(crate) use area::{AreaPlan, PlacedArea};
+pub(crate) use area::{AreaBlock, AreaPlan};
 pub(crate) use batch::{BLOCK, Colors, Levels, LookUp, Probes, Steps, Workspace};
 pub(crate) use ewa::ewa;
 pub(crate) use lod::LevelPair;

@@ -1,5 +1,7 @@
 //! Look-ups of many points at once: see `filter/batch`.
 
+use std::ops::Range;
+
 use glam::{Vec2, Vec4};
 
 use super::{AlphaUse, Filter, ImageTexture, SampleOptions};
@@ -83,12 +85,12 @@ impl ImageTexture {
             for (index, point) in points.iter().enumerate() {
                 let row = self.probe_row(point, options);
                 shares[index] = 1.0 / row.count as f32;
-                for number in 0..row.count {
+                let mut numbers = 0..row.count;
+                while !numbers.is_empty() {
                     if queue.probes.len() == BLOCK {
                         queue.flush(&mut colors, &mut sums);
                     }
-                    queue.targets[queue.probes.len()] = index as u8;
-                    queue.probes.push(row.first + row.step * number as f32, row.fine, row.share);
+                    queue.push(index, &row, &mut numbers);
                 }
             }
             queue.flush(&mut colors, &mut sums);
@@ -136,6 +138,15 @@ struct Queue<'a> {
 impl<'a> Queue<'a> {
     fn new(look_up: &'a LookUp<'a>, texture: &'a ImageTexture) -> Self {
         Self { look_up, texture, probes: Probes::new(), targets: [0; BLOCK], workspace: Workspace::new() }
+    }
+
+    /// Takes as many probes from a row as there is room for.
+    fn push(&mut self, target: usize, row: &ProbeRow, numbers: &mut Range<u32>) {
+        let (used, room) = (self.probes.len(), (BLOCK - self.probes.len()) as u32);
+        let end = numbers.end.min(numbers.start.saturating_add(room));
+        self.probes.push_row([row.first, row.step], numbers.start..end, row.fine, row.share);
+        self.targets[used..self.probes.len()].fill(target as u8);
+        numbers.start = end;
     }
 
     /// Looks up all probes and adds each to the sum of its look-up.

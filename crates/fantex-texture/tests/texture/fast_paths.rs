@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use fantex_texture::{
-    AlphaUse, ColorSpace, Depth, Filter, Image, ImageTexture, SampleOptions, Samples, UvPoint, Wrap,
+    AREAS_AT_ONCE, AlphaUse, ColorSpace, Depth, Filter, Image, ImageTexture, SampleOptions, Samples, UvPoint,
+    Wrap,
 };
 use glam::Vec2;
 
@@ -157,6 +158,43 @@ fn many_look_ups_of_no_numbers_give_what_single_ones_give() {
             assert!(got.iter().zip(wanted).all(is_same), "{filter:?} {point:?}: {got:?}, {wanted:?}");
         }
     }
+}
+
+#[test]
+fn many_means_at_once_equal_single_ones() {
+    let mut random = Random(8);
+    let mut largest = 0.0_f32;
+    for (depth, space) in
+        [(Depth::U8, ColorSpace::Srgb), (Depth::U8, ColorSpace::Linear), (Depth::U16, ColorSpace::Srgb)]
+    {
+        for channels in 1..=4 {
+            for (width, height) in [(1, 1), (3, 3), (2, 40), (64, 48), (257, 130)] {
+                let image = Arc::new(noise(width, height, channels, depth, space));
+                for alpha in [AlphaUse::Coverage, AlphaUse::Independent] {
+                    let texture = ImageTexture::with_alpha_use(Arc::clone(&image), alpha);
+                    for texels in [0.1, 0.7, 1.0, 1.4, 2.0, 5.0] {
+                        let axis = Vec2::from_angle(random.unit() * 6.3) * texels;
+                        let size = Vec2::new(width as f32, height as f32);
+                        let edges = [axis / size, axis.perp() * (0.5 + random.unit()) / size];
+                        let wrap = [WRAPS[random.bits() as usize % 4], WRAPS[random.bits() as usize % 4]];
+                        let sampler = texture.area_sampler(edges, wrap);
+                        let count = 1 + random.bits() as usize % AREAS_AT_ONCE;
+                        let point = |_| Vec2::new(random.unit(), random.unit()) * 4.0 - 1.5;
+                        let points: Vec<Vec2> = (0..count).map(point).collect();
+                        let mut got = vec![[f32::NAN; 4]; count];
+                        sampler.sample_areas(&sampler.areas(&points), &mut got);
+                        for (&point, got) in points.iter().zip(&got) {
+                            for (got, wanted) in got.iter().zip(sampler.sample(point)) {
+                                largest = largest.max((got - wanted).abs());
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    eprintln!("largest difference of means: {largest}");
+    assert!(largest < 1e-5);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use crate::filter::texel::TRANSPARENT_WEIGHT;
 type Channels<F> = [F; 4];
 
 /// What stored numbers are multiplied by in the end.
-const UNIT: f32 = 1.0 / 65535.0;
+pub(in crate::filter) const UNIT: f32 = 1.0 / 65535.0;
 
 /// Interpolates between the texels of the quads from `first` on.
 #[inline(always)]
@@ -82,7 +82,7 @@ fn texel<S: Simd, const C: usize>(
 
 /// Four words of every look-up from `first` on, those of equal place together.
 #[inline(always)]
-fn load_four<S: Simd>(simd: S, words: &Block<[u64; 2]>, first: usize) -> [S::u32s; 4] {
+pub(in crate::filter) fn load_four<S: Simd>(simd: S, words: &Block<[u64; 2]>, first: usize) -> [S::u32s; 4] {
     let lanes = S::u64s::LEN;
     let words = &words.0.as_flattened()[2 * first..2 * first + 4 * lanes];
     let a = S::u64s::from_slice(simd, &words[..lanes]).bitcast::<S::u32s>();
@@ -96,7 +96,7 @@ fn load_four<S: Simd>(simd: S, words: &Block<[u64; 2]>, first: usize) -> [S::u32
 
 /// Writes one colour per look-up from `first` on: grey in all colour channels, 1 for missing alpha.
 #[inline(always)]
-pub(super) fn store_rgba<S: Simd, const C: usize>(
+pub(in crate::filter) fn store_rgba<S: Simd, const C: usize>(
     simd: S,
     value: Channels<S::f32s>,
     out: &mut Colors,

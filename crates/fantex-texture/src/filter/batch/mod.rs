@@ -18,21 +18,27 @@ mod place;
 mod texels;
 mod widen;
 
+use std::ops::Range;
 use std::sync::LazyLock;
 
 use fearless_simd::{Level, Simd, dispatch, prelude::*};
 use glam::Vec2;
 
-use self::decode::{blend, mix, store_rgba};
+use self::decode::{blend, mix};
 use self::place::{Places, Quads, fold_all, locate};
 pub(crate) use self::texels::Levels;
 use self::texels::Pairs;
+pub(super) use self::{
+    decode::{UNIT, load_four, store_rgba},
+    texels::eight,
+    widen::{Meaning, widen},
+};
 use crate::{AlphaUse, Wrap};
 
 /// Look-ups of a block: enough that no step waits for the one before, few enough that all arrays stay in the first cache.
 pub(crate) const BLOCK: usize = 64;
 
-fn level() -> Level {
+pub(super) fn level() -> Level {
     static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
     *LEVEL
 }
@@ -81,12 +87,16 @@ impl Probes {
         dispatch!(level(), simd => place::choose_levels(simd, self, steps, size, last as u32));
     }
 
-    /// Adds a point; the block must not be full.
-    pub(crate) fn push(&mut self, at: Vec2, fine: u32, share: f32) {
-        let index = self.count;
-        (self.u.0[index], self.v.0[index]) = (at.x, at.y);
-        (self.fine.0[index], self.share.0[index]) = (fine, share);
-        self.count += 1;
+    /// Adds points of a row on equal levels, `first + step * number`; the block must have room for them.
+    pub(crate) fn push_row(&mut self, [first, step]: [Vec2; 2], numbers: Range<u32>, fine: u32, share: f32) {
+        let range = self.count..self.count + numbers.len();
+        let places = self.u.0[range.clone()].iter_mut().zip(&mut self.v.0[range.clone()]);
+        for ((u, v), number) in places.zip(numbers) {
+            (*u, *v) = (first.x + step.x * number as f32, first.y + step.y * number as f32);
+        }
+        self.fine.0[range.clone()].fill(fine);
+        self.share.0[range.clone()].fill(share);
+        self.count = range.end;
     }
 
     /// Probes in the block.

@@ -152,7 +152,7 @@ impl Quads {
 }
 
 #[inline(always)]
-fn eight<T>(samples: &[T], first: usize) -> Option<&[T; 8]> {
+pub(in crate::filter) fn eight<T>(samples: &[T], first: usize) -> Option<&[T; 8]> {
     samples.get(first..first + 8)?.first_chunk()
 }
 

@@ -23,10 +23,10 @@ static CURVE: LazyLock<Curve> = LazyLock::new(|| {
 
 /// How bytes are to be understood.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Meaning {
-    pub(super) is_srgb: bool,
+pub(in crate::filter) struct Meaning {
+    pub(in crate::filter) is_srgb: bool,
     /// Whether every fourth byte is alpha, which is always linear.
-    pub(super) has_alpha: bool,
+    pub(in crate::filter) has_alpha: bool,
 }
 
 /// Eight bytes as eight numbers of 16 bits, the first in the least significant bits.
@@ -50,7 +50,7 @@ pub(super) fn widened(bytes: u64, meaning: Meaning) -> [u64; 2] {
 
 /// [`widened`] for a block.
 #[inline(always)]
-pub(super) fn widen<S: Simd>(
+pub(in crate::filter) fn widen<S: Simd>(
     simd: S,
     bytes: &Block<u64>,
     meaning: Meaning,
