@@ -4,7 +4,7 @@
 //!  PreparedLights: shadow maps             per lamp, parallel inside
 //!  prepare: project, clip, cull, bin       per chunk of triangles, parallel
 //!  TileSamples: coverage and visibility    per tile, parallel
-//!  Resolve: shade, composite, average      per pixel of the tile
+//!  Resolve: shade, composite, average      per tile: pieces of its pixels, many at once, then pixels
 //! ```
 
 use std::time::{Duration, Instant};

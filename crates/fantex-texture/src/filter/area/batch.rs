@@ -121,6 +121,7 @@ fn recentred<S: Simd>(simd: S, coordinate: S::f32s, texels: f32, wrap: Wrap) -> 
     position.max(S::f32s::splat(simd, -MARGIN_TEXELS)).min(S::f32s::splat(simd, 2.0 * texels + MARGIN_TEXELS))
 }
 
+#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 fn gather<S: Simd>(
     simd: S,
@@ -137,7 +138,7 @@ fn gather<S: Simd>(
             let (across, down) = (hats(simd, from[0] + offset.x), hats(simd, from[1] + offset.y));
             for y in 0..SIDE {
                 for x in 0..SIDE {
-                    sums[y][x] = sums[y][x] + across[x] * down[y];
+                    sums[y][x] += across[x] * down[y];
                 }
             }
         }
@@ -208,6 +209,7 @@ fn sums<S: Simd, const C: usize>(simd: S, block: &AreaBlock, source: &Source<'_>
 }
 
 /// Adds the texel whose samples begin at number `first` of sixteen.
+#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 fn weighted<S: Simd, const C: usize>(
     mut sum: [S::f32s; 4],
@@ -222,7 +224,7 @@ fn weighted<S: Simd, const C: usize>(
     }
     for channel in 0..C {
         let weight = if channel < 3 { color_weight } else { weight };
-        sum[channel] = sum[channel] + number::<S>(words, first + channel) * weight;
+        sum[channel] += number::<S>(words, first + channel) * weight;
     }
     sum
 }

@@ -31,6 +31,7 @@ pub(super) fn blend<S: Simd, const C: usize>(
 }
 
 /// From one value to another by a share.
+#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 pub(super) fn mix<S: Simd, const C: usize>(
     mut from: Channels<S::f32s>,
@@ -38,7 +39,7 @@ pub(super) fn mix<S: Simd, const C: usize>(
     share: S::f32s,
 ) -> Channels<S::f32s> {
     for channel in 0..C {
-        from[channel] = from[channel] + (to[channel] - from[channel]) * share;
+        from[channel] += (to[channel] - from[channel]) * share;
     }
     from
 }
@@ -57,6 +58,7 @@ fn row<S: Simd, const C: usize>(
 }
 
 /// The texel whose samples begin at number `first` of eight; colours weighted by alpha, if that is coverage.
+#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 fn texel<S: Simd, const C: usize>(
     simd: S,
@@ -74,7 +76,7 @@ fn texel<S: Simd, const C: usize>(
     if C == 4 && is_coverage {
         let weight = texel[3] * UNIT + TRANSPARENT_WEIGHT;
         for channel in 0..3 {
-            texel[channel] = texel[channel] * weight;
+            texel[channel] *= weight;
         }
     }
     texel

@@ -29,7 +29,7 @@ pub(super) fn choose_levels<S: Simd>(simd: S, probes: &mut Probes, steps: &Steps
         let one = S::f32s::splat(simd, 1.0);
         let is_wide = squared.simd_gt(one);
         let squared = is_wide.select(squared, one).min(f32::MAX);
-        let lod = (log2(simd, squared) * 0.5).min(last as f32);
+        let lod = (log2::<S>(squared) * 0.5).min(last as f32);
         let fine = lod.to_int::<S::u32s>();
         fine.store_slice(&mut probes.fine.0[range.clone()]);
         (lod - fine.to_float::<S::f32s>()).store_slice(&mut probes.share.0[range]);
@@ -38,7 +38,7 @@ pub(super) fn choose_levels<S: Simd>(simd: S, probes: &mut Probes, steps: &Steps
 
 /// As the scalar `log2`.
 #[inline(always)]
-fn log2<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
+fn log2<S: Simd>(x: S::f32s) -> S::f32s {
     const MANTISSA: u32 = 0x007f_ffff;
     const OFFSET: f32 = SQRT_2 * 0.5;
     let bits = x.bitcast::<S::u32s>() - OFFSET.to_bits();
@@ -49,7 +49,6 @@ fn log2<S: Simd>(simd: S, x: S::f32s) -> S::f32s {
     let series = s2 * (1.0 / 7.0) + 1.0 / 5.0;
     let series = s2 * series + 1.0 / 3.0;
     let series = s2 * series + 1.0;
-    let _ = simd;
     exponent.to_float::<S::f32s>() + s * (2.0 / LN_2) * series
 }
 
