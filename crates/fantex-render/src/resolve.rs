@@ -167,7 +167,9 @@ impl Resolve<'_> {
         let mut colors = Vec::with_capacity(pieces.len());
         let (mut seen, mut hits, mut materials) = (Vec::new(), Vec::new(), Vec::new());
         for pieces in pieces.chunks(AT_ONCE) {
-            (seen.clear(), hits.clear(), materials.clear());
+            seen.clear();
+            hits.clear();
+            materials.clear();
             seen.extend(pieces.iter().map(|piece| self.seen(origin, piece)));
             self.hits.find_all(&seen, &mut hits);
             self.surface.shade_all(&hits, &mut materials);

@@ -121,7 +121,6 @@ fn recentred<S: Simd>(simd: S, coordinate: S::f32s, texels: f32, wrap: Wrap) -> 
     position.max(S::f32s::splat(simd, -MARGIN_TEXELS)).min(S::f32s::splat(simd, 2.0 * texels + MARGIN_TEXELS))
 }
 
-#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 fn gather<S: Simd>(
     simd: S,

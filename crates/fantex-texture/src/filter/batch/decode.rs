@@ -31,7 +31,6 @@ pub(super) fn blend<S: Simd, const C: usize>(
 }
 
 /// From one value to another by a share.
-#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
 pub(super) fn mix<S: Simd, const C: usize>(
     mut from: Channels<S::f32s>,
