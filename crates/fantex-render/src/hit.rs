@@ -1,9 +1,13 @@
 //! From a screen position back to the point of a triangle.
 
+mod batch;
+
 use fantex_mesh::Mesh;
 use glam::{DVec3, Vec2, Vec3};
 
 use fantex_scene::Projection;
+
+pub(crate) use batch::Seen;
 
 /// A point of the surface that is being shaded, and how it moves with the pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,11 +116,13 @@ impl HitFinder<'_> {
     /// The point of `triangle` seen at a position in pixels.
     pub(crate) fn find(&self, triangle: u32, position: Vec2) -> Hit {
         let triangle = triangle as usize;
-        let corners = self.mesh.triangle_positions(triangle);
-        let projected = corners.map(|p| self.projection.project(p));
-        let barycentrics = ScreenBarycentrics::new(projected, self.interpolation);
-        let [lambda, dx, dy] = barycentrics.at(position);
-        let [a, b, c] = corners;
+        let projected = self.mesh.triangle_positions(triangle).map(|p| self.projection.project(p));
+        self.hit(triangle, ScreenBarycentrics::new(projected, self.interpolation).at(position))
+    }
+
+    /// The hit with these barycentric coordinates and their changes.
+    fn hit(&self, triangle: usize, [lambda, dx, dy]: [Vec3; 3]) -> Hit {
+        let [a, b, c] = self.mesh.triangle_positions(triangle);
         let normal = (b - a).cross(c - a);
         Hit {
             triangle,

@@ -5,12 +5,12 @@ use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
 };
-use fantex_texture::{Filter, LoadImageError, SampleOptions};
+use fantex_texture::{Filter, LoadImageError, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::{Coverage, FilterOptions, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// A mesh with its own materials, the glTF way. Textures whose texture coordinates the mesh lacks are left out.
 #[derive(Debug)]
@@ -41,19 +41,45 @@ impl<'a> MeshSurface<'a> {
         Some((self.mesh.materials.get(index)?, &self.textures[index]))
     }
 
-    /// The filtered texel of a channel under the pixel.
+    /// The filtered texel of a layer under the pixel.
     fn texel(&self, layer: &TextureLayer, hit: &Hit) -> Vec4 {
         let (uv, footprint) = hit.blend_coordinates(layer.corner_uv(self.mesh, hit.triangle));
         let size = layer.texture.size().map(|n| n as f32);
         let texels = Mat2::from_diagonal(Vec2::from(size));
         let magnified = footprint.iter().all(|d| (texels * *d).length_squared() <= 1.0);
-        let options = SampleOptions {
-            wrap: layer.wrap,
-            filter: if layer.nearest && magnified { Filter::Nearest } else { self.filter.filter },
-            max_anisotropy: self.filter.max_anisotropy,
-        };
-        Vec4::from_array(layer.texture.sample(uv, footprint, &options))
+        let own = self.options(layer);
+        let filter = if layer.nearest && magnified { Filter::Nearest } else { own.filter };
+        Vec4::from_array(layer.texture.sample(uv, footprint, &SampleOptions { filter, ..own }))
     }
+
+    /// [`MeshSurface::texel`] at many points.
+    fn texels(&self, layer: &TextureLayer, hits: &[Hit]) -> Vec<[f32; 4]> {
+        if layer.nearest {
+            return hits.iter().map(|hit| self.texel(layer, hit).to_array()).collect();
+        }
+        let point = |hit: &Hit| {
+            let (uv, steps) = hit.blend_coordinates(layer.corner_uv(self.mesh, hit.triangle));
+            UvPoint { uv, steps }
+        };
+        let points: Vec<UvPoint> = hits.iter().map(point).collect();
+        let mut texels = vec![[0.0; 4]; hits.len()];
+        layer.texture.sample_all(&points, &self.options(layer), &mut texels);
+        texels
+    }
+
+    fn options(&self, layer: &TextureLayer) -> SampleOptions {
+        let FilterOptions { filter, max_anisotropy } = self.filter;
+        SampleOptions { wrap: layer.wrap, filter, max_anisotropy }
+    }
+}
+
+/// What the layers of a material give at a point, white where there is none.
+struct Texels {
+    base_color: Vec4,
+    metallic_roughness: Vec4,
+    normal: Option<Vec4>,
+    occlusion: Vec4,
+    emission: Vec4,
 }
 
 /// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
@@ -63,10 +89,10 @@ const SHINY: f32 = 0.3;
 const NEARBY: f32 = 0.5;
 
 impl MeshSurface<'_> {
-    /// The unit normal that a normal map gives the front side.
-    fn bent_normal(&self, material: &Material, layer: &TextureLayer, hit: &Hit) -> Option<Vec3> {
+    /// The unit normal that a normal map's texel gives the front side.
+    fn bent_normal(&self, material: &Material, texel: Vec4, hit: &Hit) -> Option<Vec3> {
         let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle, hit.lambda);
-        frame.bend(material, self.texel(layer, hit))
+        frame.bend(material, texel)
     }
 
     /// The change of the bent normal to the next pixels, on the side that the eye sees.
@@ -81,36 +107,32 @@ impl MeshSurface<'_> {
         let next = |change: Vec3| {
             let nearby = change.abs().max_element() < NEARBY;
             let moved = Hit { lambda: hit.lambda + change, ..*hit };
-            nearby.then(|| self.bent_normal(material, layer, &moved)).flatten()
+            nearby.then(|| self.bent_normal(material, self.texel(layer, &moved), &moved)).flatten()
         };
         Some([(next(hit.dlambda_dx)? - normal) * side, (next(hit.dlambda_dy)? - normal) * side])
     }
 }
 
-impl Surface for MeshSurface<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+impl MeshSurface<'_> {
+    /// The material at a point, of its texels.
+    fn sample(
+        &self,
+        hit: &Hit,
+        material: &Material,
+        textures: &MaterialTextures,
+        texels: &Texels,
+    ) -> MaterialSample {
         let vertex_normal = self.normals.at(self.mesh, hit);
-        let normal_steps = self.normals.steps(hit);
-        let Some((material, textures)) = self.material(hit.triangle) else {
-            let normal = if hit.front { vertex_normal } else { -vertex_normal };
-            return MaterialSample { normal_steps, ..MaterialSample::with_normal(normal) };
-        };
-        let texel = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texel(layer, hit));
-        let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
         let vertex_color = vertex_color(self.mesh, hit.triangle, hit.lambda);
-        let base = base_color(material, vertex_color, or_white(&textures.base_color));
-        let surface = occlusion_roughness_metallic(
-            material,
-            or_white(&textures.occlusion),
-            or_white(&textures.metallic_roughness),
-        );
-        let bent = textures.normal.as_ref().and_then(|layer| self.bent_normal(material, layer, hit));
+        let base = base_color(material, vertex_color, texels.base_color);
+        let surface = occlusion_roughness_metallic(material, texels.occlusion, texels.metallic_roughness);
+        let bent = texels.normal.and_then(|texel| self.bent_normal(material, texel, hit));
         let normal = bent.unwrap_or(vertex_normal);
         let normal_steps = match &textures.normal {
             Some(layer) if surface.y < SHINY => self.bent_steps(material, layer, hit, normal),
             _ => None,
         }
-        .unwrap_or(normal_steps);
+        .unwrap_or_else(|| self.normals.steps(hit));
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
@@ -120,9 +142,66 @@ impl Surface for MeshSurface<'_> {
             occlusion: surface.x,
             roughness: surface.y,
             metallic: surface.z,
-            emission: emission(material, or_white(&textures.emission)).max(Vec3::ZERO),
+            emission: emission(material, texels.emission).max(Vec3::ZERO),
             unlit: material.unlit,
             lookups: textures.layers().count() as u32,
+        }
+    }
+
+    /// The material of a triangle that has none.
+    fn without_material(&self, hit: &Hit) -> MaterialSample {
+        let vertex_normal = self.normals.at(self.mesh, hit);
+        let normal = if hit.front { vertex_normal } else { -vertex_normal };
+        let normal_steps = self.normals.steps(hit);
+        MaterialSample { normal_steps, ..MaterialSample::with_normal(normal) }
+    }
+}
+
+impl Surface for MeshSurface<'_> {
+    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        let Some((material, textures)) = self.material(hit.triangle) else {
+            return self.without_material(hit);
+        };
+        let texel = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texel(layer, hit));
+        let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
+        let texels = Texels {
+            base_color: or_white(&textures.base_color),
+            metallic_roughness: or_white(&textures.metallic_roughness),
+            normal: texel(&textures.normal),
+            occlusion: or_white(&textures.occlusion),
+            emission: or_white(&textures.emission),
+        };
+        self.sample(hit, material, textures, &texels)
+    }
+
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        let is_one_material =
+            |a: &Hit, b: &Hit| self.mesh.material_of(a.triangle) == self.mesh.material_of(b.triangle);
+        for run in hits.chunk_by(is_one_material) {
+            let Some((material, textures)) = self.material(run[0].triangle) else {
+                out.extend(run.iter().map(|hit| (self.without_material(hit), None)));
+                continue;
+            };
+            let texels = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texels(layer, run));
+            let base_color = texels(&textures.base_color);
+            let metallic_roughness = texels(&textures.metallic_roughness);
+            let normal = texels(&textures.normal);
+            let occlusion = texels(&textures.occlusion);
+            let emission = texels(&textures.emission);
+            for (index, hit) in run.iter().enumerate() {
+                let texel = |layer: &Option<Vec<[f32; 4]>>| {
+                    layer.as_ref().map(|texels| Vec4::from_array(texels[index]))
+                };
+                let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
+                let texels = Texels {
+                    base_color: or_white(&base_color),
+                    metallic_roughness: or_white(&metallic_roughness),
+                    normal: texel(&normal),
+                    occlusion: or_white(&occlusion),
+                    emission: or_white(&emission),
+                };
+                out.push((self.sample(hit, material, textures, &texels), None));
+            }
         }
     }
 

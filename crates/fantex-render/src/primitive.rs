@@ -31,7 +31,7 @@ pub(crate) struct Primitive {
 
 impl Primitive {
     /// Least and greatest coordinates of the corners.
-    fn bounds(&self) -> [FixedPoint; 2] {
+    pub(crate) fn bounds(&self) -> [FixedPoint; 2] {
         let [a, b, c] = self.corners;
         [[0, 1].map(|i| a[i].min(b[i]).min(c[i])), [0, 1].map(|i| a[i].max(b[i]).max(c[i]))]
     }
@@ -66,18 +66,56 @@ impl TileGrid {
     }
 
     /// The tiles that a box of pixels touches.
-    fn touched(&self, [low, high]: [[i32; 2]; 2]) -> impl Iterator<Item = u32> + use<> {
-        let clamp = |c: i32, n: u32| c.clamp(0, n as i32 - 1) as u32 / TILE;
-        let outside = (0..2).any(|i| high[i] < 0 || low[i] >= self.size[i] as i32);
-        let rows = clamp(low[1], self.size[1])..=clamp(high[1], self.size[1]);
-        let columns = clamp(low[0], self.size[0])..=clamp(high[0], self.size[0]);
+    fn touched(&self, [low, high]: [[i32; 2]; 2]) -> TouchedTiles {
         let stride = self.columns();
-        rows.filter(move |_| !outside).flat_map(move |y| columns.clone().map(move |x| y * stride + x))
+        if (0..2).any(|i| high[i] < 0 || low[i] >= self.size[i] as i32) {
+            return TouchedTiles { first: [0; 2], end: [0; 2], stride };
+        }
+        let tile = |c: i32, axis: usize| c.clamp(0, self.size[axis] as i32 - 1) as u32 / TILE;
+        TouchedTiles {
+            first: [0, 1].map(|i| tile(low[i], i)),
+            end: [0, 1].map(|i| tile(high[i], i) + 1),
+            stride,
+        }
+    }
+}
+
+/// A rectangle of tiles.
+#[derive(Clone, Copy, Debug)]
+struct TouchedTiles {
+    /// Column and row of the first tile, and of the one after the last.
+    first: [u32; 2],
+    end: [u32; 2],
+    /// Tiles in a row of the picture.
+    stride: u32,
+}
+
+impl TouchedTiles {
+    /// Number of tiles.
+    fn len(&self) -> usize {
+        [0, 1].map(|i| (self.end[i] - self.first[i]) as usize).iter().product()
+    }
+
+    /// The tile's number, if it is only one.
+    fn single(&self) -> Option<u32> {
+        (self.len() == 1).then(|| self.first[1] * self.stride + self.first[0])
+    }
+
+    /// Visits the tiles' numbers, ascending.
+    fn for_each(&self, mut visit: impl FnMut(usize)) {
+        for row in self.first[1]..self.end[1] {
+            for column in self.first[0]..self.end[0] {
+                visit((row * self.stride + column) as usize);
+            }
+        }
     }
 }
 
 /// Primitives that touch more tiles than this are not entered into each of them.
 const MANY_TILES: usize = 64;
+
+/// No tile's number: of primitives that touch several tiles, or none.
+const SEVERAL: u32 = u32::MAX;
 
 /// Primitives of one run of the mesh's triangles and, per tile, which of them touch it.
 #[derive(Debug)]
@@ -88,6 +126,8 @@ pub(crate) struct Chunk {
     entries: Vec<u32>,
     /// Primitives that touch many tiles.
     large: Vec<u32>,
+    /// Whether any primitive is layered.
+    pub(crate) has_layers: bool,
 }
 
 impl Chunk {
@@ -105,27 +145,40 @@ impl Chunk {
 
     /// Bins primitives.
     pub(crate) fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
-        let is_large = |p: &Primitive| grid.touched(p.pixel_bounds()).nth(MANY_TILES).is_some();
-        let indices = 0..primitives.len() as u32;
-        let (large, small): (Vec<u32>, Vec<u32>) = indices.partition(|&i| is_large(&primitives[i as usize]));
-        let tiles_of = |i: u32| grid.touched(primitives[i as usize].pixel_bounds());
-        // Counting sort by tile.
+        // Counting sort by tile; most primitives touch a single one.
         let mut starts = vec![0; grid.len() + 1];
-        for &i in &small {
-            tiles_of(i).for_each(|tile| starts[tile as usize + 1] += 1);
+        let mut single = Vec::with_capacity(primitives.len());
+        let mut large = Vec::new();
+        for (index, primitive) in primitives.iter().enumerate() {
+            let tiles = grid.touched(primitive.pixel_bounds());
+            single.push(tiles.single().unwrap_or(SEVERAL));
+            if tiles.len() > MANY_TILES {
+                large.push(index as u32);
+            } else {
+                tiles.for_each(|tile| starts[tile + 1] += 1);
+            }
         }
         for tile in 0..grid.len() {
             starts[tile + 1] += starts[tile];
         }
         let mut next = starts.clone();
         let mut entries = vec![0; starts[grid.len()] as usize];
-        for &i in &small {
-            for tile in tiles_of(i) {
-                entries[next[tile as usize] as usize] = i;
-                next[tile as usize] += 1;
+        let mut enter = |index: usize, tile: usize| {
+            entries[next[tile] as usize] = index as u32;
+            next[tile] += 1;
+        };
+        for (index, primitive) in primitives.iter().enumerate() {
+            if single[index] != SEVERAL {
+                enter(index, single[index] as usize);
+                continue;
+            }
+            let tiles = grid.touched(primitive.pixel_bounds());
+            if tiles.len() <= MANY_TILES {
+                tiles.for_each(|tile| enter(index, tile));
             }
         }
-        Self { primitives, starts, entries, large }
+        let has_layers = primitives.iter().any(|primitive| primitive.layered);
+        Self { primitives, starts, entries, large, has_layers }
     }
 }
 
@@ -239,7 +292,12 @@ mod tests {
     #[test]
     fn boxes_touch_the_tiles_they_overlap() {
         let grid = TileGrid { size: [100, 37] };
-        let touched = |b| grid.touched(b).collect::<Vec<_>>();
+        let touched = |b| {
+            let mut tiles = Vec::new();
+            grid.touched(b).for_each(|tile| tiles.push(tile));
+            assert_eq!(tiles.len(), grid.touched(b).len());
+            tiles
+        };
         assert!(touched([[-5, -5], [-1, 10]]).is_empty());
         assert_eq!(touched([[31, 0], [32, 31]]), [0, 1]);
         assert_eq!(touched([[-9, -9], [900, 900]]), (0..8).collect::<Vec<_>>());

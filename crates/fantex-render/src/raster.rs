@@ -89,9 +89,11 @@ impl<'a> TileSamples<'a> {
     /// Enters an opaque triangle. Of equally near ones the first of the mesh is seen, whatever the order of entry.
     pub(crate) fn add_opaque(&mut self, primitive: &Primitive) {
         let (pattern, rect) = (self.pattern, self.rect);
-        let plane = NearnessPlane::new(primitive);
+        // Most small triangles lie between the samples.
+        let mut plane = None;
         for_each_covered(primitive, rect, pattern, |pixel, corner, mask| {
             let base = pixel as usize * pattern.len();
+            let plane = *plane.get_or_insert_with(|| NearnessPlane::new(primitive));
             for s in bits(mask) {
                 let nearness = plane.at(offset(corner, pattern.offsets()[s]));
                 let (nearest, seen) = (&mut self.nearness[base + s], &mut self.triangles[base + s]);
@@ -142,6 +144,9 @@ fn for_each_covered(
     pattern: &SamplePattern,
     mut visit: impl FnMut(u32, [i32; 2], u64),
 ) {
+    if let [offset] = pattern.offsets() {
+        return for_each_covered_once(primitive, [origin, extent], *offset, visit);
+    }
     let [low, high] = primitive.pixel_bounds();
     let first: [i32; 2] = [0, 1].map(|i| low[i].max(origin[i] as i32));
     let last: [i32; 2] = [0, 1].map(|i| high[i].min((origin[i] + extent[i]) as i32 - 1));
@@ -167,6 +172,41 @@ fn for_each_covered(
                 }
             }
         }
+    }
+}
+
+/// As [`for_each_covered`] with one sample per pixel: only pixels whose sample lies in the triangle's bounding box are looked at,
+/// which of a small triangle's are none or one.
+fn for_each_covered_once(
+    primitive: &Primitive,
+    [origin, extent]: [[u32; 2]; 2],
+    offset: [i32; 2],
+    mut visit: impl FnMut(u32, [i32; 2], u64),
+) {
+    let [low, high] = primitive.bounds();
+    let first: [i32; 2] = [0, 1].map(|i| (low[i] - offset[i] - 1).div_euclid(SUBPIXELS) + 1);
+    let first: [i32; 2] = [0, 1].map(|i| first[i].max(origin[i] as i32));
+    let last: [i32; 2] =
+        [0, 1].map(|i| (high[i] - offset[i]).div_euclid(SUBPIXELS).min((origin[i] + extent[i]) as i32 - 1));
+    if first[0] > last[0] || first[1] > last[1] {
+        return;
+    }
+    let [a, b, c] = primitive.corners;
+    let edges = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)];
+    let step = i64::from(SUBPIXELS);
+    let start = [0, 1].map(|i| i64::from(first[i] * SUBPIXELS + offset[i]));
+    let mut row_values = edges.map(|e| e.at(start[0], start[1]));
+    for y in first[1]..=last[1] {
+        let mut values = row_values;
+        for x in first[0]..=last[0] {
+            // Covered where no sign bit is set.
+            if values[0] | values[1] | values[2] >= 0 {
+                let pixel = (y - origin[1] as i32) as u32 * TILE + (x - origin[0] as i32) as u32;
+                visit(pixel, [x * SUBPIXELS, y * SUBPIXELS], 1);
+            }
+            values = [0, 1, 2].map(|i| values[i] + edges[i].dx * step);
+        }
+        row_values = [0, 1, 2].map(|i| row_values[i] + edges[i].dy * step);
     }
 }
 
@@ -270,10 +310,23 @@ mod tests {
     }
 
     #[test]
-    fn block_rejection_changes_nothing() {
-        // Against every sample tested on its own.
-        let pattern = SamplePattern::new(8);
-        let corners = [[-700, 300], [7000, 1111], [2500, 8100]];
+    fn short_cuts_change_nothing() {
+        // Large triangles, slivers, small ones on and between samples.
+        let triangles = [
+            [[-700, 300], [7000, 1111], [2500, 8100]],
+            [[-9000, -9000], [20_000, 19_000], [20_000, 20_000]],
+            [[128, 128], [384, 128], [128, 384]],
+            [[129, 129], [383, 129], [129, 383]],
+            [[8000, 8000], [8300, 8001], [8191, 8191]],
+        ];
+        for samples in [1, 8] {
+            triangles.iter().for_each(|&corners| covers_by_its_edges(corners, samples));
+        }
+    }
+
+    /// Against every sample tested on its own.
+    fn covers_by_its_edges(corners: [[i32; 2]; 3], samples: u32) {
+        let pattern = SamplePattern::new(samples);
         assert!(crate::fixed::doubled_area(&corners) > 0);
         let mut masks = vec![0; (TILE * TILE) as usize];
         for_each_covered(&primitive(corners, [1.0; 3], 0), WHOLE_TILE, &pattern, |p, _, m| {

@@ -4,7 +4,7 @@
 //!  PreparedLights: shadow maps             per lamp, parallel inside
 //!  prepare: project, clip, cull, bin       per chunk of triangles, parallel
 //!  TileSamples: coverage and visibility    per tile, parallel
-//!  Resolve: shade, composite, average      per pixel of the tile
+//!  Resolve: shade, composite, average      per tile: pieces of its pixels, many at once, then pixels
 //! ```
 
 use std::time::{Duration, Instant};
@@ -90,9 +90,12 @@ fn rasterise<'a>(
     pattern: &'a SamplePattern,
 ) -> TileSamples<'a> {
     let mut samples = TileSamples::new(pattern, grid.rect(tile));
-    let primitives = || chunks.iter().flat_map(|c| c.in_tile(grid, tile));
-    primitives().filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
-    primitives().filter(|p| p.layered).for_each(|p| samples.add_layered(p));
+    for chunk in chunks {
+        chunk.in_tile(grid, tile).filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
+    }
+    for chunk in chunks.iter().filter(|chunk| chunk.has_layers) {
+        chunk.in_tile(grid, tile).filter(|p| p.layered).for_each(|p| samples.add_layered(p));
+    }
     samples
 }
 

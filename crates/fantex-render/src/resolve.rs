@@ -3,7 +3,7 @@
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::fixed::SUBPIXELS;
-use crate::hit::HitFinder;
+use crate::hit::{HitFinder, Seen};
 use crate::illumination::PreparedLights;
 use crate::pattern::{SamplePattern, bits};
 use crate::primitive::TILE;
@@ -32,77 +32,120 @@ pub(crate) struct Resolve<'a> {
     pub(crate) pattern: &'a SamplePattern,
 }
 
-/// The colours of a pixel's samples (premultiplied) while it is being resolved, and counts.
-struct PixelState {
-    samples: Vec<Vec4>,
-    shaded: u64,
-    lookups: u64,
+/// Samples of a pixel that share one evaluation of the material.
+#[derive(Clone, Copy, Debug)]
+struct Piece<'a> {
+    /// Index in the tile, row-major with stride [`TILE`].
+    pixel: u32,
+    triangle: u32,
+    mask: u64,
+    /// Where the triangle lets something through.
+    layer: Option<&'a Fragment>,
 }
+
+/// Pieces that are shaded together: enough to fill vectors, few enough to stay in the cache.
+const AT_ONCE: usize = 128;
 
 impl Resolve<'_> {
     /// Colours a tile. `rect` is its first pixel and extent.
     pub(crate) fn tile(&self, rect: [[u32; 2]; 2], mut visibility: TileSamples) -> PixelColors {
         let [origin, [columns, rows]] = rect;
         let fragments = visibility.take_fragments();
-        let mut rest = fragments.as_slice();
-        let mut state = PixelState { samples: vec![Vec4::ZERO; self.pattern.len()], shaded: 0, lookups: 0 };
-        let mut rgba = Vec::with_capacity((columns * rows) as usize);
+        let pieces = self.pieces([columns, rows], &visibility, &fragments);
+        let mut result = PixelColors {
+            rgba: Vec::with_capacity((columns * rows) as usize),
+            shaded: pieces.len() as u64,
+            lookups: 0,
+        };
+        let colors = self.shade(origin, &pieces, &mut result.lookups);
+        let (mut pieces, mut colors) = (pieces.as_slice(), colors.as_slice());
+        let mut samples = vec![Vec4::ZERO; self.pattern.len()];
         for y in 0..rows {
             for x in 0..columns {
                 let index = y * TILE + x;
-                let own = rest.partition_point(|f| f.pixel <= index);
-                let (layers, later) = rest.split_at(own);
-                rest = later;
+                let count = pieces.iter().take_while(|piece| piece.pixel == index).count();
+                let own;
+                (own, pieces) = pieces.split_at(count);
+                let shades;
+                (shades, colors) = colors.split_at(count);
                 let pixel = [origin[0] + x, origin[1] + y];
-                self.opaque(pixel, visibility.visible(index), &mut state);
-                self.layers(pixel, layers, &mut state);
-                rgba.push(straight(state.samples.iter().sum::<Vec4>() / state.samples.len() as f32));
+                self.background(pixel, visibility.visible(index), &mut samples);
+                for (piece, color) in own.iter().zip(shades).filter(|(piece, _)| piece.layer.is_none()) {
+                    bits(piece.mask).for_each(|s| samples[s] = color.truncate().extend(1.0));
+                }
+                self.layers(pixel, own, shades, &mut samples);
+                result.rgba.push(straight(samples.iter().sum::<Vec4>() / samples.len() as f32));
             }
         }
-        PixelColors { rgba, shaded: state.shaded, lookups: state.lookups }
+        result
     }
 
-    /// Fills the samples with what is opaque, or the background.
-    fn opaque(&self, pixel: [u32; 2], visible: &[u32], state: &mut PixelState) {
-        let mut open = self.pattern.full_mask();
-        while open != 0 {
-            let triangle = visible[open.trailing_zeros() as usize];
-            let mask = bits(open).filter(|&s| visible[s] == triangle).fold(0, |m, s| m | 1 << s);
-            open &= !mask;
-            if triangle == NO_TRIANGLE {
-                let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
-                let color =
-                    sky_box::behind(&self.options.background, pixel, self.options, projection, ambient);
-                bits(mask).for_each(|s| state.samples[s] = color);
-                continue;
+    /// What is to be shaded, pixel by pixel: what is opaque, then the layers.
+    fn pieces<'f>(
+        &self,
+        [columns, rows]: [u32; 2],
+        visibility: &TileSamples,
+        fragments: &'f [Fragment],
+    ) -> Vec<Piece<'f>> {
+        let mut pieces = Vec::with_capacity((columns * rows) as usize);
+        let mut rest = fragments;
+        for y in 0..rows {
+            for x in 0..columns {
+                let pixel = y * TILE + x;
+                let visible = visibility.visible(pixel);
+                let mut open = self.pattern.full_mask();
+                while open != 0 {
+                    let triangle = visible[open.trailing_zeros() as usize];
+                    let mask = bits(open).filter(|&s| visible[s] == triangle).fold(0, |m, s| m | 1 << s);
+                    open &= !mask;
+                    if triangle != NO_TRIANGLE {
+                        let parts = self.shading_parts(mask);
+                        pieces.extend(parts.map(|mask| Piece { pixel, triangle, mask, layer: None }));
+                    }
+                }
+                let (own, later) = rest.split_at(rest.partition_point(|f| f.pixel <= pixel));
+                rest = later;
+                for fragment in own {
+                    let triangle = fragment.triangle;
+                    let parts = self.shading_parts(fragment.mask);
+                    pieces.extend(parts.map(|mask| Piece { pixel, triangle, mask, layer: Some(fragment) }));
+                }
             }
-            for part in self.shading_parts(mask) {
-                let color = self.shade(pixel, triangle, part, state).truncate().extend(1.0);
-                bits(part).for_each(|s| state.samples[s] = color);
-            }
+        }
+        pieces
+    }
+
+    /// Fills the samples that see no triangle.
+    fn background(&self, pixel: [u32; 2], visible: &[u32], samples: &mut [Vec4]) {
+        if !visible.contains(&NO_TRIANGLE) {
+            return;
+        }
+        let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
+        let color = sky_box::behind(&self.options.background, pixel, self.options, projection, ambient);
+        for (sample, _) in samples.iter_mut().zip(visible).filter(|(_, seen)| **seen == NO_TRIANGLE) {
+            *sample = color;
         }
     }
 
-    /// Lays the fragments of layered triangles over the samples, the farthest first.
-    fn layers(&self, pixel: [u32; 2], fragments: &[Fragment], state: &mut PixelState) {
-        if fragments.is_empty() {
+    /// Lays the layers among the pieces of a pixel over its samples, the farthest first.
+    fn layers(&self, pixel: [u32; 2], pieces: &[Piece], colors: &[Vec4], samples: &mut [Vec4]) {
+        if pieces.last().is_none_or(|piece| piece.layer.is_none()) {
             return;
         }
         let corner = pixel.map(|c| c as i32 * SUBPIXELS);
-        let mut pieces: Vec<(&Fragment, u64, Vec4)> = Vec::new();
-        for fragment in fragments {
-            for part in self.shading_parts(fragment.mask) {
-                pieces.push((fragment, part, self.shade(pixel, fragment.triangle, part, state)));
-            }
-        }
         for (s, offset) in self.pattern.offsets().iter().enumerate() {
             let position = [corner[0] + offset[0], corner[1] + offset[1]];
-            let mut here: Vec<_> = pieces.iter().filter(|p| p.1 >> s & 1 == 1).collect();
+            let mut here: Vec<(f32, Vec4)> = pieces
+                .iter()
+                .zip(colors)
+                .filter(|(piece, _)| piece.mask >> s & 1 == 1)
+                .filter_map(|(piece, &color)| Some((piece.layer?.nearness.at(position), color)))
+                .collect();
             // Stable: of equally near layers the later triangle lies on top.
-            here.sort_by(|a, b| a.0.nearness.at(position).total_cmp(&b.0.nearness.at(position)));
-            for (_, _, color) in here {
+            here.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for (_, color) in here {
                 let premultiplied = (color.truncate() * color.w).extend(color.w);
-                state.samples[s] = premultiplied + state.samples[s] * (1.0 - color.w);
+                samples[s] = premultiplied + samples[s] * (1.0 - color.w);
             }
         }
     }
@@ -119,18 +162,34 @@ impl Resolve<'_> {
         })
     }
 
-    /// The light from a triangle, seen in the middle of some samples of a pixel, and its opacity.
-    fn shade(&self, pixel: [u32; 2], triangle: u32, mask: u64, state: &mut PixelState) -> Vec4 {
-        let corner = Vec2::new(pixel[0] as f32, pixel[1] as f32);
-        let hit = self.hits.find(triangle, corner + self.pattern.centroid(mask));
-        let (material, finish) = self.surface.shade(&hit);
-        state.shaded += 1;
-        state.lookups += u64::from(material.lookups);
-        let arriving = self.lights.at(self.hits.mesh, self.surface, &hit);
-        let light = evaluate(self.options.shading, &material, finish.as_ref(), hit.to_eye, &arriving);
-        // One texel that is not a number must not spoil its pixel's other samples.
-        let light = if light.is_finite() { light } else { Vec3::ZERO };
-        (light * self.options.exposure).extend(material.alpha.clamp(0.0, 1.0))
+    /// The light from every piece, seen in the middle of its samples, and its opacity; adds the look-ups that it took.
+    fn shade(&self, origin: [u32; 2], pieces: &[Piece], lookups: &mut u64) -> Vec<Vec4> {
+        let mut colors = Vec::with_capacity(pieces.len());
+        let (mut seen, mut hits, mut materials) = (Vec::new(), Vec::new(), Vec::new());
+        for pieces in pieces.chunks(AT_ONCE) {
+            seen.clear();
+            hits.clear();
+            materials.clear();
+            seen.extend(pieces.iter().map(|piece| self.seen(origin, piece)));
+            self.hits.find_all(&seen, &mut hits);
+            self.surface.shade_all(&hits, &mut materials);
+            for (hit, (material, finish)) in hits.iter().zip(&materials) {
+                *lookups += u64::from(material.lookups);
+                let arriving = self.lights.at(self.hits.mesh, self.surface, hit);
+                let light = evaluate(self.options.shading, material, finish.as_ref(), hit.to_eye, &arriving);
+                // One texel that is not a number must not spoil its pixel's other samples.
+                let light = if light.is_finite() { light } else { Vec3::ZERO };
+                colors.push((light * self.options.exposure).extend(material.alpha.clamp(0.0, 1.0)));
+            }
+        }
+        colors
+    }
+
+    /// The middle of a piece's samples, in pixels.
+    fn seen(&self, origin: [u32; 2], piece: &Piece) -> Seen {
+        let corner = [origin[0] + piece.pixel % TILE, origin[1] + piece.pixel / TILE];
+        let corner = Vec2::new(corner[0] as f32, corner[1] as f32);
+        (piece.triangle, corner + self.pattern.centroid(piece.mask))
     }
 }
 

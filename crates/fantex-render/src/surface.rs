@@ -94,6 +94,12 @@ pub trait Surface: Sync {
         (self.shade_inputs(hit), None)
     }
 
+    /// [`Surface::shade`] at many points: appends one pair for each. Surfaces that look up many texels at once faster than one
+    /// by one override this; the results may differ by what their look-ups differ by.
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        out.extend(hits.iter().map(|hit| self.shade(hit)));
+    }
+
     /// The opacity at a point: that of [`Surface::shade_inputs`].
     fn alpha(&self, hit: &Hit) -> f32 {
         self.shade_inputs(hit).alpha

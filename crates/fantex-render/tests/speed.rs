@@ -9,7 +9,7 @@ use std::sync::Arc;
 use common::looks::{UvImage, image, look, model};
 use common::tiles::fan_cover;
 use common::{frontal, sheet, triangle_color};
-use fantex_mesh::{Material, Mesh};
+use fantex_mesh::{ImageSource, Material, Mesh, TextureRef, WrapMode};
 use fantex_render::{
     Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, LookSurface,
     MeshSurface, RenderOptions, ShadowOptions, Surface, render,
@@ -17,8 +17,9 @@ use fantex_render::{
 use fantex_store::{
     Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, TexelFormat, group_pages,
 };
-use fantex_texture::Filter;
 use fantex_texture::look::{LookMaterial, Slot};
+use fantex_texture::{ColorSpace, Filter, Image, Samples};
+use glam::{DVec3, Mat3};
 
 fn measure(name: &str, mesh: &Mesh, surface: &dyn Surface, samples: u32) {
     let options = RenderOptions { samples, background: Background::Transparent, ..RenderOptions::default() };
@@ -35,6 +36,44 @@ fn a_million_triangles() {
     let surface = FlatSurface::new(&mesh, FlatShading::Faceted, triangle_color);
     for samples in [1, 4, 8] {
         measure("a million triangles", &mesh, &surface, samples);
+    }
+}
+
+#[test]
+#[ignore = "measures; run it alone and with optimisation"]
+fn a_million_textured_triangles() {
+    const SIDE: u32 = 4096;
+    let bytes = (0..SIDE * SIDE).flat_map(|texel| {
+        let [a, b, c, _] = texel.wrapping_mul(2_654_435_761).to_le_bytes();
+        [a, b, c, 255]
+    });
+    let space = ColorSpace::Srgb;
+    let samples = Samples::U8(bytes.collect());
+    let image = Image { width: SIDE, height: SIDE, channels: 4, space, samples };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("texels.png");
+    image.save(&path).unwrap();
+    let texture = TextureRef {
+        image: 0,
+        uv_set: 0,
+        uv_transform: Mat3::IDENTITY,
+        wrap: [WrapMode::Repeat; 2],
+        nearest: false,
+    };
+    let material = Material { base_color_texture: Some(texture), ..Material::default() };
+    let mut mesh =
+        Mesh { images: vec![ImageSource::File(path)], materials: vec![material], ..sheet(707, 0.001, 1) };
+    let uv = mesh.triangles.as_flattened().iter().map(|&v| mesh.positions[v as usize].truncate());
+    mesh.corners.uv_sets = vec![uv.map(|p| p * 0.5 + 0.5).collect()];
+    let camera = Camera { eye: DVec3::new(0.0, -0.9, 1.1), ..frontal(1.0, 60.0) };
+    let lights = Lights::behind(&camera);
+    let options = RenderOptions { samples: 1, ..RenderOptions::default() };
+    for filter in [Filter::Bilinear, Filter::Trilinear, Filter::Anisotropic] {
+        let filter_options = FilterOptions { filter, ..FilterOptions::default() };
+        let surface = MeshSurface::load(&mesh, filter_options).unwrap();
+        let picture = || render(&mesh, &surface, &camera, &lights, &options).unwrap();
+        let fastest = (0..30).map(|_| picture().stats.elapsed).min();
+        eprintln!("{filter:?}: {fastest:?}, {:?}", picture().stats);
     }
 }
 

@@ -215,6 +215,11 @@ impl Projection {
         (self.view_from_screen * position.as_dvec2().extend(1.0)).normalize()
     }
 
+    /// What [`Projection::project`] does: the matrix, after the eye has been subtracted (mesh space).
+    pub fn screen_from_view(&self) -> (DMat3, DVec3) {
+        (self.screen_from_view, self.eye_exact)
+    }
+
     /// Screen-homogeneous coordinates of a mesh-space point.
     pub fn project(&self, p_mesh: Vec3) -> DVec3 {
         self.screen_from_view * (p_mesh.as_dvec3() - self.eye_exact)

@@ -8,7 +8,7 @@ use fantex_texture::material::{
     MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
-use fantex_texture::{AreaAround, AreaSampler, LoadImageError};
+use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas, LoadImageError};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
@@ -103,23 +103,35 @@ struct LayerSampler<'s> {
     follows: bool,
 }
 
+/// What a layer gives for points that are looked up at once.
+type Means = [[f32; 4]; AREAS_AT_ONCE];
+
 impl LayerSampler<'_> {
-    /// The mean of the texture over a texel.
-    fn mean(&self, at: &Texel) -> Vec4 {
-        let uv = || blend(self.corners, at.lambda);
-        Vec4::from_array(match (&self.smooth, &at.area) {
-            (Some(sampler), Some(area)) if self.follows => sampler.sample_area(area),
-            (Some(sampler), _) => sampler.sample(uv()),
-            (None, _) => self.layer.texture.sample_area_nearest(uv(), self.edges, self.layer.wrap),
-        })
+    /// The means of the texture over the texels around points.
+    fn means(&self, points: &[SurfacePoint], shared: Option<&Areas>) -> Means {
+        let mut means = [[1.0; 4]; AREAS_AT_ONCE];
+        let out = &mut means[..points.len()];
+        match (&self.smooth, shared) {
+            (Some(sampler), Some(areas)) if self.follows => sampler.sample_areas(areas, out),
+            (Some(sampler), _) => sampler.sample_areas(&areas_around(sampler, self.corners, points), out),
+            (None, _) => {
+                for (out, point) in out.iter_mut().zip(points) {
+                    let (uv, layer) = (blend(self.corners, point.lambda), self.layer);
+                    *out = layer.texture.sample_area_nearest(uv, self.edges, layer.wrap);
+                }
+            }
+        }
+        means
     }
 }
 
-/// Where the layers of a triangle are looked up.
-struct Texel {
-    lambda: Vec3,
-    /// In the first smooth layer and those that follow it.
-    area: Option<AreaAround>,
+/// The areas of a sampler around points of a triangle with these coordinates at its corners.
+fn areas_around(sampler: &AreaSampler<'_>, corners: [Vec2; 3], points: &[SurfacePoint]) -> Areas {
+    let mut coordinates = [Vec2::ZERO; AREAS_AT_ONCE];
+    for (uv, point) in coordinates.iter_mut().zip(points) {
+        *uv = blend(corners, point.lambda);
+    }
+    sampler.areas(&coordinates[..points.len()])
 }
 
 /// The layers of a material on one triangle. Most materials look all of them up at the same place of equally large images:
@@ -153,15 +165,34 @@ impl<'s> MaterialSampler<'s> {
         Self { first, ..self }
     }
 
-    fn texel(&self, lambda: Vec3) -> Texel {
-        let area = self.first.as_ref().map(|(sampler, corners)| sampler.area(blend(*corners, lambda)));
-        Texel { lambda, area }
+    /// The means of all layers at up to [`AREAS_AT_ONCE`] points.
+    fn means(&self, points: &[SurfacePoint]) -> MaterialMeans {
+        let areas = self.first.as_ref().map(|(sampler, corners)| areas_around(sampler, *corners, points));
+        let means = |layer: &Option<LayerSampler<'_>>| {
+            layer.as_ref().map(|layer| layer.means(points, areas.as_ref()))
+        };
+        MaterialMeans {
+            colors: means(&self.colors),
+            bends: means(&self.bends),
+            metallic_roughness: means(&self.metallic_roughness),
+            occlusions: means(&self.occlusions),
+            glow: means(&self.glow),
+        }
     }
 }
 
+/// What the layers of a [`MaterialSampler`] give.
+struct MaterialMeans {
+    colors: Option<Means>,
+    bends: Option<Means>,
+    metallic_roughness: Option<Means>,
+    occlusions: Option<Means>,
+    glow: Option<Means>,
+}
+
 /// White without texture.
-fn mean_or_white(sampler: &Option<LayerSampler<'_>>, at: &Texel) -> Vec4 {
-    sampler.as_ref().map_or(Vec4::ONE, |s| s.mean(at))
+fn or_white(means: &Option<Means>, index: usize) -> Vec4 {
+    means.as_ref().map_or(Vec4::ONE, |means| Vec4::from_array(means[index]))
 }
 
 /// True where two layers read the same texels.
@@ -218,38 +249,40 @@ impl Source for UvSource<'_> {
             first: None,
         }
         .with_shared_areas();
-        let at = move |point: &SurfacePoint, values: &mut [Vec4]| {
-            let texel = layers.texel(point.lambda);
+        let at = move |point: &SurfacePoint, means: &MaterialMeans, index: usize, values: &mut [Vec4]| {
             for (kind, value) in self.kinds.iter().zip(values) {
                 *value = match kind {
                     ChannelKind::BaseColor => {
                         let vertex_color = vertex_color(self.mesh, triangle, lambda_on_triangle(point));
-                        base_color(material, vertex_color, mean_or_white(&layers.colors, &texel))
+                        base_color(material, vertex_color, or_white(&means.colors, index))
                     }
                     ChannelKind::Normal => {
-                        let bent = layers.bends.as_ref().and_then(|bends| {
+                        let bent = means.bends.as_ref().and_then(|bends| {
                             let lambda = lambda_on_triangle(point);
                             let frame = TangentFrame::at(&self.normals, &self.tangents, triangle, lambda);
-                            frame.bend(material, bends.mean(&texel))
+                            frame.bend(material, Vec4::from_array(bends[index]))
                         });
                         bent.unwrap_or(point.normal).extend(0.0)
                     }
                     ChannelKind::OcclusionRoughnessMetallic => {
-                        let surface = mean_or_white(&layers.metallic_roughness, &texel);
-                        let occlusion =
-                            if packed { surface } else { mean_or_white(&layers.occlusions, &texel) };
+                        let surface = or_white(&means.metallic_roughness, index);
+                        let occlusion = if packed { surface } else { or_white(&means.occlusions, index) };
                         occlusion_roughness_metallic(material, occlusion, surface).extend(1.0)
                     }
-                    ChannelKind::Emission => {
-                        emission(material, mean_or_white(&layers.glow, &texel)).extend(1.0)
-                    }
+                    ChannelKind::Emission => emission(material, or_white(&means.glow, index)).extend(1.0),
                     ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
                 };
             }
         };
         let channels = self.kinds.len();
         Box::new(move |points, values| {
-            points.iter().zip(values.chunks_mut(channels)).for_each(|(point, values)| at(point, values));
+            let blocks = points.chunks(AREAS_AT_ONCE).zip(values.chunks_mut(AREAS_AT_ONCE * channels));
+            for (points, values) in blocks {
+                let means = layers.means(points);
+                for (index, (point, values)) in points.iter().zip(values.chunks_mut(channels)).enumerate() {
+                    at(point, &means, index, values);
+                }
+            }
         })
     }
 }

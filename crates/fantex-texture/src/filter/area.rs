@@ -1,8 +1,13 @@
 //! The mean of a reconstructed image over a parallelogram, by regular subsamples.
 
+mod batch;
+
 use glam::{Vec2, Vec4};
 
-use super::taps::{Reconstruction, Taps, TensorProduct, bilinear, floor, recenter, wrap_index};
+pub(crate) use self::batch::AreaBlock;
+use super::taps::{
+    MARGIN_TEXELS, Reconstruction, Taps, TensorProduct, bilinear, floor, recenter, wrap_index,
+};
 use super::texel::{Kernel, TexelSource, TexelUse, with_border};
 use crate::Wrap;
 use crate::image::Image;
@@ -65,33 +70,19 @@ impl AreaPlan {
         Self { wrap, subsamples: Subsamples { columns, rows }, step, first, window: None }
     }
 
-    /// The footprint around `uv`, for the look-ups of [`AreaPlan::mean_at`] in `level` and in others of its size.
-    #[inline(always)]
-    pub(crate) fn place(&self, level: &Image, uv: Vec2) -> PlacedArea {
-        let (size, wrap, subsamples) = ([level.width, level.height], self.wrap, self.subsamples);
-        match &self.window {
-            Some(plan) if plan.is_narrow => PlacedArea::Narrow(Window::new(size, uv, wrap, subsamples, plan)),
-            Some(plan) => PlacedArea::Wide(Window::new(size, uv, wrap, subsamples, plan)),
-            None => PlacedArea::Apart(uv),
-        }
-    }
-
-    /// The mean of the bilinear reconstruction over a footprint that this plan has placed, or another for equal levels and
-    /// edges.
-    #[inline(always)]
-    pub(crate) fn mean_at(&self, level: &Image, texels: TexelUse, area: &PlacedArea) -> Vec4 {
-        match *area {
-            PlacedArea::Narrow(window) => with_border(level, texels, window),
-            PlacedArea::Wide(window) => with_border(level, texels, window),
-            PlacedArea::Apart(uv) if self.subsamples.count() == 1 => bilinear(level, texels, uv, self.wrap),
-            PlacedArea::Apart(uv) => with_border(level, texels, Mean::<2> { level, uv, plan: self }),
-        }
-    }
-
     /// The mean of the bilinear reconstruction around `uv`.
     #[inline]
     pub(crate) fn bilinear_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
-        self.mean_at(level, texels, &self.place(level, uv))
+        let (size, wrap, subsamples) = ([level.width, level.height], self.wrap, self.subsamples);
+        match &self.window {
+            // Three by three texels, or four by four.
+            Some(plan) if plan.is_narrow => {
+                with_border(level, texels, Window::<3>::new(size, uv, wrap, subsamples, plan))
+            }
+            Some(plan) => with_border(level, texels, Window::<WINDOW>::new(size, uv, wrap, subsamples, plan)),
+            None if subsamples.count() == 1 => bilinear(level, texels, uv, wrap),
+            None => with_border(level, texels, Mean::<2> { level, uv, plan: self }),
+        }
     }
 
     /// The mean of the nearest-texel reconstruction around `uv`.
@@ -132,17 +123,6 @@ where
         }
         sum / (columns * rows) as f32
     }
-}
-
-/// A footprint around some point: where its weights are few, they are gathered.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum PlacedArea {
-    /// Over three by three texels.
-    Narrow(Window<3>),
-    /// Over four by four texels.
-    Wide(Window<WINDOW>),
-    /// Larger, or a single subsample: the point itself.
-    Apart(Vec2),
 }
 
 /// Most texels along a side of the window of a small footprint.

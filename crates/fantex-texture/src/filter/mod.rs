@@ -9,6 +9,7 @@
 //! Public is what other kinds of texture (the tiles of a cover) need to filter by the same rules as images.
 
 mod area;
+mod batch;
 mod ewa;
 mod footprint;
 mod inner;
@@ -21,7 +22,8 @@ pub use ewa::{EWA_MINOR_TEXELS, EllipseRow, WeightedEllipse};
 pub use footprint::{FootprintAxes, MAX_ANISOTROPY};
 pub use taps::catmull_rom_weights;
 
-pub(crate) use area::{AreaPlan, PlacedArea};
+pub(crate) use area::{AreaBlock, AreaPlan};
+pub(crate) use batch::{BLOCK, Colors, Levels, LookUp, Probes, Steps, Workspace};
 pub(crate) use ewa::ewa;
 pub(crate) use lod::LevelPair;
 pub(crate) use mipmap::{Stretch, build_levels, stored_channels, stretches};

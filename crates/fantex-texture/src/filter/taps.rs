@@ -48,7 +48,7 @@ pub(super) fn recenter(coordinate: f32, size: u32, wrap: Wrap) -> f32 {
 }
 
 /// More than the half extent of any filter on one level.
-const MARGIN_TEXELS: f32 = 4096.0;
+pub(super) const MARGIN_TEXELS: f32 = 4096.0;
 
 /// The texel that stands at position `index` of an endless row; `None` is transparent black.
 #[inline(always)]

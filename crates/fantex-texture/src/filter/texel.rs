@@ -10,7 +10,7 @@ use crate::AlphaUse;
 use crate::color::{linear_from_srgb, linear_from_srgb8_table, linear_from_srgb16_table, unit_from_u8_table};
 use crate::image::{ColorSpace, Image, Samples};
 
-const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
+pub(super) const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
 
 /// The straight RGBA value of a sum of fetched texels whose weights add up to one.
 pub(crate) fn resolve(sum: Vec4, alpha: AlphaUse) -> [f32; 4] {

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use fantex_texture::{
-    AlphaUse, ColorSpace, Depth, Filter, Image, ImageTexture, SampleOptions, Samples, Wrap,
+    AREAS_AT_ONCE, AlphaUse, ColorSpace, Depth, Filter, Image, ImageTexture, SampleOptions, Samples, UvPoint,
+    Wrap,
 };
 use glam::Vec2;
 
@@ -63,6 +64,137 @@ fn fast_paths_equal_the_reference() {
     }
     eprintln!("largest difference to the reference: bilinear, trilinear, anisotropic {largest:?}");
     assert!(largest.iter().all(|&error| error < TOLERANCE), "{largest:?}");
+}
+
+/// Points in and around the image, with footprints from a fraction of a texel to the whole image.
+fn points(random: &mut Random, count: usize, side: u32) -> Vec<UvPoint> {
+    let point = |random: &mut Random| {
+        let major = 2.0_f32.powf(random.unit() * 9.0 - 2.0) / side as f32;
+        let axis = Vec2::from_angle(random.unit() * 6.3) * major;
+        let uv = Vec2::new(random.unit(), random.unit()) * 4.0 - 1.5;
+        UvPoint { uv, steps: [axis, axis.perp() * random.unit()] }
+    };
+    (0..count).map(|_| point(random)).collect()
+}
+
+#[test]
+fn many_look_ups_at_once_equal_the_reference() {
+    let mut random = Random(5);
+    let mut largest = [0.0_f32; 3];
+    for (depth, space) in [
+        (Depth::U8, ColorSpace::Srgb),
+        (Depth::U8, ColorSpace::Linear),
+        (Depth::U16, ColorSpace::Srgb),
+        (Depth::U16, ColorSpace::Linear),
+        (Depth::F32, ColorSpace::Linear),
+    ] {
+        for channels in 1..=4 {
+            for (width, height) in [(1, 1), (1, 7), (2, 2), (3, 500), (64, 48), (257, 130)] {
+                let image = Arc::new(noise(width, height, channels, depth, space));
+                for alpha in [AlphaUse::Coverage, AlphaUse::Independent] {
+                    let texture = ImageTexture::with_alpha_use(Arc::clone(&image), alpha);
+                    // Blocks that are full, and that are not.
+                    let points = points(&mut random, 64 + 37, width.max(height));
+                    let mut got = vec![[f32::NAN; 4]; points.len()];
+                    let wrap = [WRAPS[random.bits() as usize % 4], WRAPS[random.bits() as usize % 4]];
+                    for (index, filter) in
+                        [Filter::Bilinear, Filter::Trilinear, Filter::Anisotropic].into_iter().enumerate()
+                    {
+                        let options = SampleOptions { wrap, filter, max_anisotropy: 16.0 };
+                        texture.sample_all(&points, &options, &mut got);
+                        for (point, got) in points.iter().zip(&got) {
+                            let wanted = texture.sample_by_reference(point.uv, point.steps, &options);
+                            for (got, wanted) in got.iter().zip(wanted) {
+                                let error = (got - wanted).abs();
+                                assert!(error < TOLERANCE, "{filter:?}, {wrap:?}, {point:?}: off by {error}");
+                                largest[index] = largest[index].max(error);
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    eprintln!("largest difference to the reference: bilinear, trilinear, anisotropic {largest:?}");
+}
+
+#[test]
+fn it_does_not_matter_which_look_ups_are_made_together() {
+    let texture = ImageTexture::new(Arc::new(noise(200, 100, 4, Depth::U8, ColorSpace::Srgb)));
+    let points = points(&mut Random(6), 300, 200);
+    for filter in FILTERS {
+        let options = SampleOptions { filter, ..SampleOptions::default() };
+        let mut together = vec![[0.0; 4]; points.len()];
+        texture.sample_all(&points, &options, &mut together);
+        for size in [4, 17, 100] {
+            let mut apart = vec![[0.0; 4]; points.len()];
+            for (points, out) in points.chunks(size).zip(apart.chunks_mut(size)) {
+                texture.sample_all(points, &options, out);
+            }
+            assert_eq!(apart, together, "{filter:?}, {size} at once");
+        }
+    }
+}
+
+#[test]
+fn many_look_ups_of_no_numbers_give_what_single_ones_give() {
+    let texture = ImageTexture::new(Arc::new(noise(32, 32, 3, Depth::U8, ColorSpace::Srgb)));
+    let odd = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, -f32::MAX, 0.0];
+    let points: Vec<UvPoint> = odd
+        .iter()
+        .flat_map(|&a| odd.iter().map(move |&b| Vec2::new(a, b)))
+        .flat_map(|v| {
+            let inside = Vec2::splat(0.4);
+            [UvPoint { uv: v, steps: [Vec2::splat(0.01); 2] }, UvPoint { uv: inside, steps: [v, inside] }]
+        })
+        .collect();
+    for filter in [Filter::Bilinear, Filter::Trilinear] {
+        let options = SampleOptions { filter, ..SampleOptions::default() };
+        let mut got = vec![[0.0; 4]; points.len()];
+        texture.sample_all(&points, &options, &mut got);
+        for (point, got) in points.iter().zip(got) {
+            let wanted = texture.sample(point.uv, point.steps, &options);
+            let is_same = |(a, b): (&f32, f32)| (a - b).abs() < TOLERANCE || a.is_nan() && b.is_nan();
+            assert!(got.iter().zip(wanted).all(is_same), "{filter:?} {point:?}: {got:?}, {wanted:?}");
+        }
+    }
+}
+
+#[test]
+fn many_means_at_once_equal_single_ones() {
+    let mut random = Random(8);
+    let mut largest = 0.0_f32;
+    for (depth, space) in
+        [(Depth::U8, ColorSpace::Srgb), (Depth::U8, ColorSpace::Linear), (Depth::U16, ColorSpace::Srgb)]
+    {
+        for channels in 1..=4 {
+            for (width, height) in [(1, 1), (3, 3), (2, 40), (64, 48), (257, 130)] {
+                let image = Arc::new(noise(width, height, channels, depth, space));
+                for alpha in [AlphaUse::Coverage, AlphaUse::Independent] {
+                    let texture = ImageTexture::with_alpha_use(Arc::clone(&image), alpha);
+                    for texels in [0.1, 0.7, 1.0, 1.4, 2.0, 5.0] {
+                        let axis = Vec2::from_angle(random.unit() * 6.3) * texels;
+                        let size = Vec2::new(width as f32, height as f32);
+                        let edges = [axis / size, axis.perp() * (0.5 + random.unit()) / size];
+                        let wrap = [WRAPS[random.bits() as usize % 4], WRAPS[random.bits() as usize % 4]];
+                        let sampler = texture.area_sampler(edges, wrap);
+                        let count = 1 + random.bits() as usize % AREAS_AT_ONCE;
+                        let point = |_| Vec2::new(random.unit(), random.unit()) * 4.0 - 1.5;
+                        let points: Vec<Vec2> = (0..count).map(point).collect();
+                        let mut got = vec![[f32::NAN; 4]; count];
+                        sampler.sample_areas(&sampler.areas(&points), &mut got);
+                        for (&point, got) in points.iter().zip(&got) {
+                            for (got, wanted) in got.iter().zip(sampler.sample(point)) {
+                                largest = largest.max((got - wanted).abs());
+                            }
+                        }
+                    }
+                }
+            }
+        }
+    }
+    eprintln!("largest difference of means: {largest}");
+    assert!(largest < 1e-5);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! How fast images are looked up: one thread, 4096 x 4096 texels of RGBA bytes.
 //!
 //! Coherent look-ups walk along slanted rows, a footprint at a time, as a picture does; random ones are spread over the
-//! image. What a look-up cannot beat when it is random is the time of a random cache line, which is measured in the same run.
+//! image. Both are made one by one (`ImageTexture::sample`) and many at once (`ImageTexture::sample_all`). What a look-up cannot beat when it is random is the time of a random cache line, which is measured in the same run.
 //! The peer's figures are those of OpenImageIO's `TextureSystem` (2.4, same kind of texture and filter, one thread) on a
 //! machine with 2 cores at about 2.5 GHz: fixed numbers for orientation, not measured in this run.
 
@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
-use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
+use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples, UvPoint};
 use glam::Vec2;
 
 use super::Row;
@@ -18,6 +18,8 @@ const SIDE: u32 = 4096;
 /// Look-ups of one measurement, and measurements; the fastest counts.
 const LOOK_UPS: u32 = 20_000;
 const MEASUREMENTS: u32 = 60;
+/// Look-ups of one call where many are made at once.
+const AT_ONCE: usize = 250;
 
 /// The rows of a table: nanoseconds per look-up.
 pub(super) fn rows(seed: u64) -> Vec<Row> {
@@ -39,6 +41,23 @@ pub(super) fn rows(seed: u64) -> Vec<Row> {
         let nanoseconds = fastest_look_up(seed, is_random, |uv| texture.sample(uv, steps, &options)[0]);
         let peer_note = if peer.is_some() { " (peer: OpenImageIO elsewhere)" } else { "" };
         let row = Row::new(format!("look-up, {name}{peer_note}"), nanoseconds, "ns");
+        rows.push(match peer {
+            Some(peer) => row.beside(peer),
+            None => row,
+        });
+    }
+    for (name, filter, steps, is_random, peer) in [
+        ("bilinear", Filter::Bilinear, wide, false, None),
+        ("bilinear, random", Filter::Bilinear, wide, true, None),
+        ("trilinear", Filter::Trilinear, wide, false, Some(peers[0])),
+        ("trilinear, random", Filter::Trilinear, wide, true, Some(peers[1])),
+        ("anisotropic 8:1", Filter::Anisotropic, long, false, Some(peers[2])),
+        ("anisotropic 8:1, random", Filter::Anisotropic, long, true, None),
+    ] {
+        let options = SampleOptions { filter, ..SampleOptions::default() };
+        let nanoseconds =
+            fastest_look_ups(seed, is_random, steps, |points, out| texture.sample_all(points, &options, out));
+        let row = Row::new(format!("look-ups, many at once, {name}"), nanoseconds, "ns");
         rows.push(match peer {
             Some(peer) => row.beside(peer),
             None => row,
@@ -78,21 +97,41 @@ fn noise(seed: u64) -> Image {
 
 /// Nanoseconds of a look-up, the cost of making its coordinates included.
 fn fastest_look_up(seed: u64, is_random: bool, look_up: impl Fn(Vec2) -> f32) -> f64 {
-    let (along, down) = (Vec2::new(1.3, 0.5) / SIDE as f32, Vec2::new(-0.5, 1.3) / SIDE as f32);
     fastest(|measurement| {
-        let start = down * (measurement * 20) as f32;
+        (0..LOOK_UPS).map(|index| look_up(coordinates(seed, is_random, measurement, index))).sum()
+    })
+}
+
+/// The same where many are made at once.
+fn fastest_look_ups(
+    seed: u64,
+    is_random: bool,
+    steps: [Vec2; 2],
+    look_up: impl Fn(&[UvPoint], &mut [[f32; 4]]),
+) -> f64 {
+    let mut points = [UvPoint { uv: Vec2::ZERO, steps }; AT_ONCE];
+    let mut colors = [[0.0; 4]; AT_ONCE];
+    fastest(|measurement| {
         let mut sum = 0.0;
-        for index in 0..LOOK_UPS {
-            let uv = if is_random {
-                let bits = mixed(seed, u64::from(measurement * LOOK_UPS + index));
-                Vec2::new((bits >> 40) as f32, (bits & 0xff_ffff) as f32) / (1 << 24) as f32
-            } else {
-                start + along * (index % 1000) as f32 + down * (index / 1000) as f32
-            };
-            sum += look_up(uv);
+        for first in (0..LOOK_UPS).step_by(AT_ONCE) {
+            for (point, index) in points.iter_mut().zip(first..) {
+                point.uv = coordinates(seed, is_random, measurement, index);
+            }
+            look_up(&points, &mut colors);
+            sum += colors.iter().map(|color| color[0]).sum::<f32>();
         }
         sum
     })
+}
+
+/// Where look-up `index` of a measurement is.
+fn coordinates(seed: u64, is_random: bool, measurement: u32, index: u32) -> Vec2 {
+    if is_random {
+        let bits = mixed(seed, u64::from(measurement * LOOK_UPS + index));
+        return Vec2::new((bits >> 40) as f32, (bits & 0xff_ffff) as f32) / (1 << 24) as f32;
+    }
+    let (along, down) = (Vec2::new(1.3, 0.5) / SIDE as f32, Vec2::new(-0.5, 1.3) / SIDE as f32);
+    along * (index % 1000) as f32 + down * (measurement * 20 + index / 1000) as f32
 }
 
 /// Nanoseconds per access to a random cache line, several being under way at once.
