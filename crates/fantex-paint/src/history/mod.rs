@@ -8,6 +8,9 @@
 
 mod record;
 
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
 use fantex_store::{AssetEditor, PageId};
 use record::Record;
 use serde::{Deserialize, Serialize};
@@ -206,19 +209,24 @@ impl History {
         let bytes = bytes.ok_or_else(|| damaged(editor, "a step is missing"))?;
         let mut rest = bytes.as_slice();
         // All is read before anything is changed: a part is applied once or not at all.
-        let mut records = Vec::new();
+        let mut pages: BTreeMap<(PageId, usize), Vec<u8>> = BTreeMap::new();
+        let mut others = Vec::new();
         while !rest.is_empty() {
-            let record = Record::decode(&mut rest).ok_or_else(|| damaged(editor, "a step cannot be read"))?;
-            records.push(match record {
+            match Record::decode(&mut rest).ok_or_else(|| damaged(editor, "a step cannot be read"))? {
                 Record::Page { id, channel, change } => {
-                    let mut page = editor.read_page_raw(channel, id)?;
+                    let page = match pages.entry((id, channel)) {
+                        Entry::Occupied(page) => page.into_mut(),
+                        Entry::Vacant(place) => place.insert(editor.read_page_raw(channel, id)?),
+                    };
                     page.iter_mut().zip(change).for_each(|(byte, change)| *byte ^= change);
-                    Record::Page { id, channel, change: page }
                 }
-                other => other,
-            });
+                other => others.push(other),
+            }
         }
-        records.into_iter().try_for_each(|record| apply(record, direction, editor))
+        for ((id, channel), page) in pages {
+            editor.replace(id, channel, page)?;
+        }
+        others.into_iter().try_for_each(|record| apply(record, direction, editor))
     }
 
     fn save(&self, editor: &mut AssetEditor) -> Result<(), PaintError> {
@@ -236,10 +244,11 @@ impl OpenStep {
     }
 }
 
-/// Changes the asset by a record, whose pages are those to come.
+/// Changes the asset by a record that is no page.
 fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Result<(), PaintError> {
     match record {
-        Record::Page { id, channel, change: page } => editor.replace(id, channel, page)?,
+        // Pages are put together before.
+        Record::Page { .. } => {}
         Record::Attachment { name, contents: [before, after] } => {
             let contents = match direction {
                 Direction::Back => before,
