@@ -7,7 +7,7 @@
 //!
 //! A block of look-ups passes each step as a whole. The middle one does nothing but copy bytes, two neighbouring texels by one
 //! load, so that the processor has the cache lines of many look-ups under way at once; that is what makes random
-//! look-ups five times as fast as one by one. What differs by look-up (level, position, shares) lies in arrays.
+//! look-ups four times as fast as one by one. What differs by look-up (level, position, shares) lies in arrays.
 //!
 //! Steps are those of `inner.rs` and `lod.rs`, without fused multiplications: the results do not depend on the processor. Bytes
 //! are decoded to 16 bits, as which the coarser levels are stored. Look-ups at the edges of a level are left to the caller, and so are
