@@ -50,6 +50,8 @@ pub(crate) struct TileShape {
     first_pages: Vec<u32>,
     /// Per level columns and rows in texels.
     extents: Vec<[u32; 2]>,
+    /// The finest level that is one page, as all coarser ones are.
+    first_single: u32,
 }
 
 impl TileShape {
@@ -79,7 +81,9 @@ impl TileShape {
                 first
             })
             .collect();
-        Self { wanted, leaves, texels, first_pages, extents }
+        let is_large = |extent: &&[u32; 2]| extent.iter().any(|&n| n > PAGE);
+        let first_single = extents.iter().take_while(is_large).count() as u32;
+        Self { wanted, leaves, texels, first_pages, extents, first_single }
     }
 
     /// The finest level that a look-up of this detail reads; [`TileShape::level_count`] where the mean is enough.
@@ -111,8 +115,17 @@ impl TileShape {
     }
 
     /// Whether any level has several pages.
+    #[inline]
     pub(crate) fn is_paged(&self) -> bool {
-        self.extents[0].iter().any(|&n| n > PAGE)
+        self.first_single > 0
+    }
+
+    /// The indices of the pages that a look-up of this detail reads, where each of its levels is one page.
+    #[inline]
+    pub(crate) fn single_pages(&self, detail: Detail) -> Option<std::ops::Range<u32>> {
+        let wanted = self.wanted_level(detail);
+        let index = |level: u32| self.first_pages[self.first_single as usize] + level - self.first_single;
+        (wanted >= self.first_single).then(|| index(wanted)..index(self.level_count()))
     }
 
     /// Index of a page among the tile's, as in [`PageTable`](crate::PageTable).

@@ -256,6 +256,15 @@ impl Demand {
             }
         }
     }
+
+    fn set_pages(&mut self, group: u32, pages: Vec<PageDemand>, changed: &mut Vec<u32>) {
+        if self.pages(group) != pages {
+            self.pages.insert(group, pages);
+            if changed.last() != Some(&group) {
+                changed.push(group);
+            }
+        }
+    }
 }
 
 /// One walk down the tree.
@@ -320,13 +329,13 @@ impl Visit<'_> {
         self.demand.nodes[0][node].is_hidden = false;
         let gap = self.lens.gap(&bounds.sphere).max(0.25 * bounds.sphere.radius);
         let slack = Slack { travel: TRAVEL * gap, turn: TURN };
-        let may_be_uniform =
-            !self.surface.has_paged[node] && self.lens.depth_ratio(&bounds.sphere) < UNIFORM_DEPTH;
-        if may_be_uniform {
+        if self.lens.depth_ratio(&bounds.sphere) < UNIFORM_DEPTH {
             let wide = Slack { travel: UNIFORM_TRAVEL * gap, turn: UNIFORM_TURN };
             for slack in [wide, slack] {
                 if self.lens.sight(bounds, slack) == Sight::Whole {
-                    self.uniform_block(node, bounds, slack);
+                    if !self.uniform_block(node, bounds, slack) {
+                        break;
+                    }
                     return self.demand.course.plus(slack);
                 }
             }
@@ -338,8 +347,9 @@ impl Visit<'_> {
         self.demand.course.plus(slack)
     }
 
-    /// One bound for all groups of a block: they differ by their densities only.
-    fn uniform_block(&mut self, node: usize, bounds: &Bounds, slack: Slack) {
+    /// One bound for all groups of a block: they differ by their densities only. False where a large tile is wanted so fine
+    /// that its pages differ.
+    fn uniform_block(&mut self, node: usize, bounds: &Bounds, slack: Slack) -> bool {
         self.demand.work.uniform_blocks += 1;
         let uses_relief = self.lens.uses_relief();
         self.left = self.left.saturating_sub(if uses_relief { RELIEF_BLOCK_WORK } else { BLOCK_WORK });
@@ -359,11 +369,37 @@ impl Visit<'_> {
             }
             *detail = Detail::from_log2(log2_width);
         }
+        let differs = |(group, &detail): (usize, &Detail)| {
+            let shape = self.surface.shapes.of(group as u32);
+            detail.is_visible() && shape.is_paged() && shape.single_pages(detail).is_none()
+        };
+        if self.surface.has_paged[node] && groups.clone().zip(&details).any(differs) {
+            return false;
+        }
         if self.demand.details[groups.clone()] != details[..groups.len()] {
             for (group, detail) in groups.zip(details) {
-                self.demand.set(group as u32, detail, self.changed);
+                self.set(group as u32, detail);
             }
         }
+        true
+    }
+
+    /// Sets what a group needs and, where each of its levels is one page, what of its pages. Returns whether more must be known
+    /// of its pages.
+    fn set(&mut self, group: u32, detail: Detail) -> bool {
+        let is_new = self.demand.detail(group) != detail;
+        self.demand.set(group, detail, self.changed);
+        let shape = self.surface.shapes.of(group);
+        if !detail.is_visible() || !shape.is_paged() {
+            return false;
+        }
+        let Some(pages) = shape.single_pages(detail) else { return true };
+        // These pages follow from the detail.
+        if is_new {
+            let pages = pages.map(|index| PageDemand { index, detail }).collect();
+            self.demand.set_pages(group, pages, self.changed);
+        }
+        false
     }
 
     fn group(&mut self, group: u32, slack: Slack) {
@@ -375,20 +411,14 @@ impl Visit<'_> {
                 Detail::from_log2(self.lens.log2_width(&bounds, relief, slack))
             }
         };
-        self.demand.set(group, detail, self.changed);
-        if detail.is_visible()
+        if self.set(group, detail)
             && let Some(tile) = self.surface.paged.get_mut(&group)
         {
             self.demand.work.paged += 1;
             let shape = self.surface.shapes.of(group);
             let whole = (bounds, self.surface.reliefs[group as usize]);
             let pages = tile.demand(&*self.surface.geometry, shape, &whole, &self.lens, slack);
-            if self.demand.pages(group) != pages {
-                self.demand.pages.insert(group, pages);
-                if self.changed.last() != Some(&group) {
-                    self.changed.push(group);
-                }
-            }
+            self.demand.set_pages(group, pages, self.changed);
         }
     }
 }

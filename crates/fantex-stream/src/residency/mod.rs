@@ -195,9 +195,11 @@ impl Residency {
     /// The finest level that a group needs, with the bias; `None` where it needs none.
     pub(crate) fn wanted_level(&self, group: u32) -> Option<u32> {
         let shape = self.shapes.of(group);
-        let level = match self.wanted_pages.get(&group) {
-            Some(pages) => pages.first().map_or(shape.level_count(), |&i| self.pool.page(group, i).level),
-            None => u32::from(self.wanted[group as usize]),
+        let level = if shape.is_paged() {
+            let pages = self.wanted_pages.get(&group)?;
+            pages.first().map_or(shape.level_count(), |&i| self.pool.page(group, i).level)
+        } else {
+            u32::from(self.wanted[group as usize])
         };
         (level < shape.level_count()).then_some(level)
     }

@@ -107,8 +107,11 @@ impl Residency {
     }
 
     fn is_wanted(&self, group: u32) -> bool {
-        u32::from(self.wanted[group as usize]) < self.shapes.of(group).level_count()
-            || (!self.wanted_pages.is_empty() && self.wanted_pages.contains_key(&group))
+        let shape = self.shapes.of(group);
+        match shape.is_paged() {
+            true => self.wanted_pages.contains_key(&group),
+            false => u32::from(self.wanted[group as usize]) < shape.level_count(),
+        }
     }
 
     fn wish(&mut self, group: u32, detail: Detail) {
@@ -247,11 +250,10 @@ impl Residency {
     fn missing_pages(&self, group: u32) -> Vec<(PageId, u32)> {
         let first = self.pool.table().first(group);
         let shape = self.shapes.of(group);
-        let needed: Vec<u32> = match self.wanted_pages.get(&group) {
-            Some(pages) => pages.clone(),
-            None => {
-                (u32::from(self.wanted[group as usize])..shape.level_count()).map(|l| first + l).collect()
-            }
+        let needed: Vec<u32> = if shape.is_paged() {
+            self.wanted_pages.get(&group).cloned().unwrap_or_default()
+        } else {
+            (u32::from(self.wanted[group as usize])..shape.level_count()).map(|l| first + l).collect()
         };
         let is_asked = |index: &u32| matches!(self.flight(*index), Flight::Asked | Flight::Waiting);
         needed
