@@ -52,6 +52,6 @@ pub use section::Section;
 pub use settings::PaintSettings;
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{SymmetryKind, SymmetrySettings, plane_outline};
-pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice};
+pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice, TextureChoiceError};
 pub use tool::{Fill, FillReach, PaintTool, StickerKind};
 pub use worker::PaintThread;

@@ -155,7 +155,7 @@ impl ChosenTexture {
     ///
     /// # Errors
     ///
-    /// [`TextureChoiceError`].
+    /// The solid is not known, or the look or a texture of it cannot be made.
     pub fn make(choice: &TextureChoice, surface: &Surface) -> Result<Option<Self>, TextureChoiceError> {
         let Some((graph, name)) = choice.graph()? else { return Ok(None) };
         let texture = graph.texture(surface, &name)?;

@@ -109,13 +109,13 @@ impl Sitter for LookScene<'_> {
 /// A file, open.
 enum Opened {
     Scene(Scene),
-    Look(LookFile),
+    Look(Box<LookFile>),
 }
 
 impl Opened {
     fn open(path: &Path, context: &Context) -> Result<Self, CliError> {
         if is_look(path) {
-            Ok(Self::Look(LookFile::read(path)?))
+            Ok(Self::Look(Box::new(LookFile::read(path)?)))
         } else {
             Ok(Self::Scene(Scene::open(path, context)?))
         }

@@ -305,7 +305,7 @@ fn another_model_gives_its_colours_and_its_shape() {
         property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 6\nproperty list uchar int vertex_indices\n\
         end_header\n";
     let faces = "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n";
-    let fine = write(folder.path(), "fine.ply", &format!("{header}{fine}{faces}"));
+    let fine = write(folder.path(), "fine.ply", format!("{header}{fine}{faces}"));
     let asset = folder.path().join("coarse.fan");
     let source = format!("mesh={}", fine.display());
     let info = json(&[&"bake", &coarse, &"-o", &asset, &"--source", &source, &"--texels", &"60k"]);
