@@ -57,8 +57,6 @@ pub(crate) enum CliError {
     #[error(transparent)]
     PlaneMap(#[from] texture::warp::PlaneMapError),
     #[error(transparent)]
-    SurfaceDetail(#[from] texture::DetailError),
-    #[error(transparent)]
     Warp(#[from] texture::warp::WarpError),
     #[error(transparent)]
     Paint(#[from] paint::PaintError),
