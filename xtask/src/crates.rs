@@ -17,6 +17,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
     ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"]),
     ("fantex-paint", &["fantex-mesh", "fantex-look", "fantex-texture", "fantex-cover", "fantex-store"]),
     ("fantex-export", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-bake"]),
+    ("fantex-photos", &["fantex-mesh", "fantex-texture", "fantex-store", "fantex-bake"]),
     (
         "fantex-gpu",
         &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
@@ -35,6 +36,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "fantex-render",
             "fantex-gpu",
             "fantex-paint",
+            "fantex-photos",
             "fantex-export",
         ],
     ),

@@ -429,6 +429,7 @@ fn kind_label(kind: ChannelKind) -> &'static str {
         ChannelKind::Emission => "Emission",
         ChannelKind::Displacement => "Displacement",
         ChannelKind::Light => "Light",
+        ChannelKind::Anisotropy => "Anisotropy",
     }
 }
 

@@ -5,23 +5,23 @@ use crate::history::{History, RateMeter};
 /// Frames that graphs show.
 const SHOWN_FRAMES: usize = 240;
 
-/// Most damaged pages that are listed.
+/// Most damaged parts that are listed.
 pub const LISTED_DAMAGE: usize = 100;
 
 /// What is resident of one detail level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LevelFigures {
-    /// Pages in the atlas.
+    /// Texels in the atlas.
     pub resident: u64,
-    /// Pages of the level.
-    pub pages: u64,
+    /// Texels of the level.
+    pub texels: u64,
 }
 
-/// A page that could not be read.
+/// A page, or a level of a bundle of tiles, that could not be read.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct DamagedPage {
-    /// Group, level and page, in words.
-    pub page: String,
+pub struct DamagedPart {
+    /// Group, level and page, or tiles and level, in words.
+    pub part: String,
     /// Why.
     pub reason: String,
 }
@@ -33,32 +33,32 @@ pub struct StreamFigures {
     pub levels: Vec<LevelFigures>,
     /// Bytes of the pool.
     pub pool_bytes: u64,
-    /// Bytes of it that hold pages.
+    /// Bytes of it that are in use.
     pub used_bytes: u64,
     /// Sides of the atlas' layers in texels, and their number.
     pub atlas: [u32; 3],
     /// Levels by which everything is coarser than wanted, so that it fits.
     pub bias: f32,
-    /// Wanted pages that are not resident.
+    /// Wanted parcels that are not resident.
     pub missing: u64,
-    /// Wanted pages.
+    /// Wanted parcels.
     pub wanted: u64,
-    /// Pages that are being read.
+    /// Parcels that are being read.
     pub queue: u64,
     /// Bytes that went to the graphics memory since the start.
     pub uploaded_bytes: u64,
-    /// Pages that went to the graphics memory since the start.
-    pub uploaded_pages: u64,
-    /// Pages that left it since the start.
-    pub evicted_pages: u64,
-    /// Pages that could not be read: the first of them.
-    pub damaged: Vec<DamagedPage>,
+    /// Parcels that went to the graphics memory since the start.
+    pub uploaded_parcels: u64,
+    /// Parcels that left it since the start.
+    pub evicted_parcels: u64,
+    /// What could not be read: the first of it.
+    pub damaged: Vec<DamagedPart>,
     /// How many could not be read.
     pub damaged_count: u64,
 }
 
 impl StreamFigures {
-    /// Share of the wanted pages that are resident, 0..1.
+    /// Share of the wanted parcels that are resident, 0..1.
     pub fn hit_rate(&self) -> f32 {
         if self.wanted == 0 { 1.0 } else { 1.0 - self.missing as f32 / self.wanted as f32 }
     }
@@ -68,7 +68,7 @@ impl StreamFigures {
         self.missing == 0
     }
 
-    /// Share of the pool that holds pages, 0..1.
+    /// Share of the pool that is in use, 0..1.
     pub fn occupancy(&self) -> f32 {
         if self.pool_bytes == 0 { 0.0 } else { self.used_bytes as f32 / self.pool_bytes as f32 }
     }
@@ -81,7 +81,7 @@ pub struct Graphs {
     pub frame_ms: History,
     /// Share of the pool in use, 0..1.
     pub pool: History,
-    /// Pages that are being read.
+    /// Parcels that are being read.
     pub queue: History,
     /// Bytes per second to the graphics memory.
     pub bandwidth: History,

@@ -62,6 +62,11 @@ impl<T: Send + 'static> Job<T> {
         }
     }
 
+    /// Waits for the result; `None` where it ended without one.
+    pub fn wait(self) -> Option<T> {
+        self.receiver.recv().ok()
+    }
+
     /// Seconds since it was started.
     pub fn seconds(&self) -> f64 {
         self.started.elapsed().as_secs_f64()

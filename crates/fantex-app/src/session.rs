@@ -113,6 +113,8 @@ pub enum Step {
     Resize([f32; 2]),
     /// Hides the window as a symbol, or brings it back.
     Minimize(bool),
+    /// Loses the GPU's device, as when a driver is replaced, and goes on in another window.
+    LoseDevice,
     /// Fails unless a message with this text has been shown.
     ExpectMessage(String),
     /// Chooses a tool of the painter.

@@ -14,16 +14,18 @@ use crate::camera::{
 };
 use crate::command::Command;
 use crate::display::DisplaySettings;
-use crate::document::{Content, Document, OpenDocumentError, OpenProgress, Place, Stage};
+use crate::document::{Content, Document};
 use crate::figures::{Graphs, StreamFigures};
 use crate::files::next_free;
 use crate::job::{Job, JobState};
 use crate::light::{MapKey, SurroundingsError, SurroundingsMap};
 use crate::notices::Notices;
 use crate::pacing::Pacing;
-use crate::paint::{Painting, PenEvent, asset_beside};
+use crate::paint::{Painting, PenEvent};
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
+
+pub use opening::Opening;
 
 /// Larger models get their tree of triangles only when somebody wants to walk.
 const TREE_AT_ONCE_TRIANGLES: usize = 4_000_000;
@@ -73,42 +75,6 @@ pub enum PictureSize {
     Times(u32),
     /// Pixels.
     Pixels([u32; 2]),
-}
-
-/// Something that is being opened.
-#[derive(Debug)]
-pub struct Opening {
-    /// From where.
-    pub place: Place,
-    progress: Arc<OpenProgress>,
-    job: Job<Result<Loaded, OpenDocumentError>>,
-    /// Whether the camera stays where it is.
-    keeps_camera: bool,
-}
-
-impl Opening {
-    /// How far it is.
-    pub fn stage(&self) -> Stage {
-        self.progress.stage()
-    }
-
-    /// How much of the stage is done, 0..1, where that is known.
-    pub fn share(&self) -> Option<f32> {
-        self.progress.share()
-    }
-
-    /// Seconds since it began.
-    pub fn seconds(&self) -> f64 {
-        self.job.seconds()
-    }
-}
-
-/// What opening gives.
-#[derive(Debug)]
-struct Loaded {
-    document: Document,
-    model: Option<SceneModel>,
-    painting: Option<Painting>,
 }
 
 /// A camera path being played or recorded.
@@ -224,6 +190,8 @@ pub struct Viewer {
     panels_before: Option<PanelSettings>,
     looks: Option<Looks>,
     prepare: Option<PrepareScene>,
+    /// The document on its way to another GPU.
+    moving: Option<Job<Result<SceneModel, String>>>,
     wake: Wake,
 }
 
@@ -275,6 +243,7 @@ impl Viewer {
             panels_before: None,
             looks: None,
             prepare,
+            moving: None,
             wake,
         }
     }
@@ -338,64 +307,9 @@ impl Viewer {
         })
     }
 
-    /// Begins to open a file or address. What is being opened is given up.
-    pub fn open(&mut self, text: &str, seconds: f64) {
-        self.begin_opening(Place::parse(text), false, seconds);
-    }
-
-    fn begin_opening(&mut self, place: Place, keeps_camera: bool, seconds: f64) {
-        self.cancel_opening();
-        let progress = Arc::new(OpenProgress::default());
-        let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
-        let streaming = self.settings.streaming;
-        // Only one writer can have an asset open; it ends with its last commit.
-        let is_same = self.document.as_ref().is_some_and(|document| {
-            let beside = match &place {
-                Place::File(path) => Place::File(asset_beside(path)),
-                Place::Url(_) => place.clone(),
-            };
-            document.place == place || document.place == beside
-        });
-        let leaving = if is_same || !self.paints { self.painting.take() } else { None };
-        let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.wake.clone());
-        let memory = self.paint_memory_bytes;
-        let work = move || {
-            drop(leaving);
-            let (document, painting) = if paints {
-                let (mut document, painter) = Document::open_for_painting(&from, memory, &for_thread)?;
-                let path = painter.editor().asset().path().to_owned();
-                let painting = Painting::new(painter, brushes_file, wake)
-                    .map_err(|source| OpenDocumentError::Thread { path, source })?;
-                document.exchange = Some(painting.exchange().clone());
-                (document, Some(painting))
-            } else {
-                (Document::open(&from, &for_thread)?, None)
-            };
-            for_thread.enter(Stage::Preparing)?;
-            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose();
-            let model = model.map_err(|reason| OpenDocumentError::Graphics { reason })?;
-            // Those who gave up meanwhile do not want it.
-            for_thread.enter(Stage::Preparing)?;
-            Ok(Loaded { document, model, painting })
-        };
-        match Job::spawn("open", self.waker(), work) {
-            Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera }),
-            Err(error) => {
-                self.notices.error(format!("cannot start a thread to open {place}: {error}"), seconds)
-            }
-        }
-    }
-
     fn waker(&self) -> impl FnOnce() + Send + 'static {
         let wake = self.wake.clone();
         move || wake()
-    }
-
-    /// Gives up what is being opened.
-    pub fn cancel_opening(&mut self) {
-        if let Some(opening) = self.opening.take() {
-            opening.progress.cancel();
-        }
     }
 
     /// Shows nothing.
@@ -408,6 +322,7 @@ impl Viewer {
     }
 
     fn forget_scene(&mut self) {
+        self.moving = None;
         self.ground = None;
         self.ground_job = None;
         self.tape = Tape::Still;
@@ -420,6 +335,7 @@ impl Viewer {
 
     /// Picks up what threads have done.
     pub fn poll(&mut self, seconds: f64) {
+        self.poll_moving(seconds);
         self.poll_opening(seconds);
         self.poll_ground(seconds);
         self.poll_map(seconds);
@@ -427,51 +343,6 @@ impl Viewer {
             painting.poll(&mut self.settings.paint, &mut self.notices, seconds);
             if let (Some(asset), Some(document)) = (painting.take_newer(), &mut self.document) {
                 document.content = Content::Asset(asset);
-            }
-        }
-    }
-
-    fn poll_opening(&mut self, seconds: f64) {
-        let Some(opening) = &self.opening else { return };
-        let (place, keeps_camera) = (opening.place.clone(), opening.keeps_camera);
-        let result = match opening.job.poll() {
-            JobState::Running => return,
-            JobState::Done(result) => result,
-            JobState::Lost => {
-                self.opening = None;
-                let text =
-                    format!("{place} could not be opened: the program failed on it; please report the file");
-                return self.notices.error(text, seconds);
-            }
-        };
-        self.opening = None;
-        match result {
-            Ok(Loaded { document, model, painting }) => {
-                self.settings.remember(&absolute(&place));
-                for note in document.notes.iter().filter(|_| painting.is_some()) {
-                    self.notices.info(note.clone(), seconds);
-                }
-                self.painting = painting;
-                if let Some(painting) = &mut self.painting {
-                    painting.load_presets(&mut self.notices, seconds);
-                    self.settings.camera.mode = CameraMode::Orbit;
-                }
-                self.forget_scene();
-                self.walker = Walker::new(
-                    self.settings.camera.eye_height.unwrap_or_else(|| document.scale.eye_height()),
-                );
-                self.document = Some(document);
-                self.new_model = Some(model);
-                if !keeps_camera {
-                    self.show(ViewPreset::ThreeQuarter);
-                    self.is_unframed = true;
-                }
-                self.want_ground(seconds);
-            }
-            Err(OpenDocumentError::Cancelled) => {}
-            Err(error) => {
-                self.notices.error(error.to_string(), seconds);
-                self.leave_lost_painting();
             }
         }
     }
@@ -869,16 +740,7 @@ fn toggle(switch: &mut bool) {
     *switch = !*switch;
 }
 
-/// A place that means the same from every folder.
-fn absolute(place: &Place) -> String {
-    match place {
-        Place::Url(url) => url.clone(),
-        Place::File(path) => {
-            std::path::absolute(path).unwrap_or_else(|_| path.clone()).to_string_lossy().into_owned()
-        }
-    }
-}
-
+mod opening;
 mod painting;
 #[cfg(test)]
 mod tests;

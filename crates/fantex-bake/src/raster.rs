@@ -58,12 +58,14 @@ impl Raster {
             (Fit::Sharp, Prefilter::Box) => 1.0 / 8.0,
         };
         let [width, height] = self.extent.map(|n| n as usize);
-        let mut fitted = self.values.clone();
+        let mut fitted = Vec::with_capacity(self.values.len());
         let overshoots: Vec<Overshoot> = (0..self.channels).map(overshoot).collect();
         for y in 0..height {
             for x in 0..width {
                 let texel = y * width + x;
+                let center = self.texel(texel);
                 if !self.valid[texel] {
+                    fitted.extend_from_slice(center);
                     continue;
                 }
                 let left = if x > 0 && self.valid[texel - 1] { texel - 1 } else { texel };
@@ -73,26 +75,30 @@ impl Raster {
                 // A one-sided second difference would be a slope; at an edge of the data that axis is left alone.
                 let across = left != texel && right != texel;
                 let along = up != texel && down != texel;
-                for (channel, overshoot) in overshoots.iter().enumerate() {
-                    let at = |t: usize| self.values[t * self.channels + channel];
-                    let center = at(texel);
-                    let neighbours = [at(left), at(right), at(up), at(down)];
+                let [left, right, up, down] = [left, right, up, down].map(|texel| self.texel(texel));
+                fitted.extend(overshoots.iter().enumerate().map(|(channel, overshoot)| {
+                    let center = center[channel];
+                    let [left, right, up, down] = [left, right, up, down].map(|texel| texel[channel]);
                     let mut curvature = Vec4::ZERO;
                     if across {
-                        curvature += neighbours[0] + neighbours[1] - 2.0 * center;
+                        curvature += left + right - 2.0 * center;
                     }
                     if along {
-                        curvature += neighbours[2] + neighbours[3] - 2.0 * center;
+                        curvature += up + down - 2.0 * center;
                     }
-                    let low = neighbours.into_iter().fold(center, Vec4::min);
-                    let high = neighbours.into_iter().fold(center, Vec4::max);
+                    let low = center.min(left).min(right).min(up).min(down);
+                    let high = center.max(left).max(right).max(up).max(down);
                     let below = overshoot.below(low);
-                    fitted[texel * self.channels + channel] =
-                        (center - strength * curvature).clamp(low - below, high + overshoot.above);
-                }
+                    (center - strength * curvature).clamp(low - below, high + overshoot.above)
+                }));
             }
         }
         fitted
+    }
+
+    /// The values of a texel.
+    fn texel(&self, texel: usize) -> &[Vec4] {
+        &self.values[texel * self.channels..][..self.channels]
     }
 
     /// The next coarser level: each texel is the mean of the valid part of its footprint, exact for any ratio of extents.
@@ -100,12 +106,36 @@ impl Raster {
         let columns = Overlaps::new(self.extent[0], extent[0]);
         let rows = Overlaps::new(self.extent[1], extent[1]);
         let mut coarse = Self::empty(extent, self.channels, self.coverage);
+        let are_halves = columns.halves && rows.halves;
         for y in 0..extent[1] as usize {
             for x in 0..extent[0] as usize {
-                self.gather(&columns.of(x), &rows.of(y), y * extent[0] as usize + x, &mut coarse);
+                let target = y * extent[0] as usize + x;
+                if !(are_halves
+                    && self.gather_four(2 * (y * self.extent[0] as usize + x), target, &mut coarse))
+                {
+                    self.gather(&columns.of(x), &rows.of(y), target, &mut coarse);
+                }
             }
         }
         coarse
+    }
+
+    /// As [`Raster::gather`] of two by two texels from `first` on, the common case; false where not all are valid or alpha is
+    /// coverage.
+    fn gather_four(&self, first: usize, target: usize, coarse: &mut Self) -> bool {
+        let below = first + self.extent[0] as usize;
+        let four = [first, first + 1, below, below + 1];
+        if self.coverage.is_some() || !four.iter().all(|&texel| self.valid[texel]) {
+            return false;
+        }
+        let [a, b, c, d] = four.map(|texel| self.texel(texel));
+        let values = &mut coarse.values[target * self.channels..][..self.channels];
+        for (channel, value) in values.iter_mut().enumerate() {
+            *value = (a[channel] + b[channel] + c[channel] + d[channel]) / 4.0;
+        }
+        coarse.valid[target] = true;
+        coarse.read[target] = four.iter().any(|&texel| self.read[texel]);
+        true
     }
 
     fn gather(&self, columns: &[(u32, f32)], rows: &[(u32, f32)], target: usize, coarse: &mut Self) {

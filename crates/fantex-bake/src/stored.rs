@@ -15,15 +15,17 @@ pub(crate) struct ChannelPlan {
 
 impl ChannelPlan {
     pub(crate) fn new(source: &SourceChannel, format: BakeFormat) -> Self {
-        use ChannelKind::{BaseColor, Displacement, Emission, Light, Normal, OcclusionRoughnessMetallic};
+        use ChannelKind::{
+            Anisotropy, BaseColor, Displacement, Emission, Light, Normal, OcclusionRoughnessMetallic,
+        };
         // Values that 8 bits cannot hold are kept as they are, whatever the format.
         let format = if source.exceeds_one { BakeFormat::Float } else { format };
         let texel_format = match (format, source.kind) {
             (BakeFormat::Float, _) => TexelFormat::Rgba32F,
-            (BakeFormat::Rgba8, Normal) => TexelFormat::Rg8,
+            (BakeFormat::Rgba8, Normal | Anisotropy) => TexelFormat::Rg8,
             (BakeFormat::Rgba8, Displacement) => TexelFormat::R8,
             (BakeFormat::Rgba8, _) => TexelFormat::Rgba8,
-            (_, Normal) => TexelFormat::Bc5,
+            (_, Normal | Anisotropy) => TexelFormat::Bc5,
             (_, Displacement) => TexelFormat::Bc4,
             (BakeFormat::Bc1, BaseColor | OcclusionRoughnessMetallic | Emission | Light) => TexelFormat::Bc1,
             (BakeFormat::Bc7, BaseColor | OcclusionRoughnessMetallic | Emission | Light) => TexelFormat::Bc7,
@@ -75,7 +77,7 @@ impl Window<'_> {
         for row in 0..height {
             let first = (self.origin[1] as usize + row) * stride + self.origin[0] as usize;
             let values = &self.texels.values[first * channels..(first + width) * channels];
-            stored.extend(values.iter().skip(channel).step_by(channels).map(|&v| store(v)));
+            stored.extend(values.chunks_exact(channels).map(|values| store(values[channel])));
         }
         stored
     }

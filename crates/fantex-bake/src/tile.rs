@@ -180,21 +180,26 @@ impl TileBaker<'_> {
         footprints.for_each_owner(|triangle, texels| {
             let on = TriangleFootprint { triangle: triangle.triangle as usize, lambda_steps: triangle.steps };
             let source = self.source.on_triangle(&on);
+            let plane = self.plane(triangle);
             for texels in texels.chunks(POINTS) {
                 points.clear();
                 points.extend(texels.iter().map(|&texel| {
                     let (x, y) = (texel % width, texel / width);
-                    self.surface_point(triangle, triangle.lambda(corner + Vec2::new(x as f32, y as f32)))
+                    plane.point(triangle.lambda(corner + Vec2::new(x as f32, y as f32)))
                 }));
                 // Sources that have nothing to say about a point leave zeros, not what was there before.
                 values.clear();
                 values.resize(points.len() * channels, Vec4::ZERO);
                 source(&points, &mut values);
-                for ((&texel, point), values) in texels.iter().zip(&points).zip(values.chunks_mut(channels)) {
-                    self.turn_normals(group, point.normal, values);
-                    let texel = texel as usize;
-                    raster.values[texel * channels..(texel + 1) * channels].copy_from_slice(values);
-                    raster.valid[texel] = true;
+                self.turn_vectors(group, &points, &mut values);
+                let mut values = values.as_slice();
+                // Texels that follow one another are copied together.
+                for run in texels.chunk_by(|before, after| before + 1 == *after) {
+                    let (first, of_run) = (run[0] as usize, run.len() * channels);
+                    let own;
+                    (own, values) = values.split_at(of_run);
+                    raster.values[first * channels..][..of_run].copy_from_slice(own);
+                    raster.valid[first..][..run.len()].fill(true);
                 }
             }
         });
@@ -203,31 +208,38 @@ impl TileBaker<'_> {
         raster
     }
 
-    fn surface_point(&self, triangle: &TexelTriangle, lambda: Vec3) -> SurfacePoint {
+    fn plane(&self, triangle: &TexelTriangle) -> Plane {
         let t = triangle.triangle as usize;
-        let [a, b, c] = self.mesh.triangle_positions(t);
-        let blend = |l: Vec3| a * l.x + b * l.y + c * l.z;
-        // Off the surface the plane goes on, but a normal must not be extrapolated.
-        let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        let [na, nb, nc] = [0, 1, 2].map(|k| self.normals[3 * t + k]);
-        let normal = (na * on_triangle.x + nb * on_triangle.y + nc * on_triangle.z).try_normalize();
-        SurfacePoint {
+        let corners @ [a, b, c] = self.mesh.triangle_positions(t);
+        Plane {
             triangle: t,
-            lambda,
+            corners,
+            normals: [0, 1, 2].map(|k| self.normals[3 * t + k]),
+            facet_normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
             lambda_steps: triangle.steps,
-            position: blend(lambda),
-            position_steps: triangle.steps.map(blend),
-            normal: normal.unwrap_or_else(|| (b - a).cross(c - a).normalize_or(Vec3::Z)),
+            position_steps: triangle.steps.map(|step| blend(corners, step)),
         }
     }
 
-    /// Normals are stored in the tile's shading frame, x and y in 0..1.
-    fn turn_normals(&self, group: u32, vertex_normal: Vec3, values: &mut [Vec4]) {
-        for (plan, value) in self.plans.iter().zip(values) {
-            if plan.channel.kind == ChannelKind::Normal {
-                let [x, y] = self.cover.groups[group as usize].shading_axes(vertex_normal);
-                let normal = value.truncate();
-                *value = Vec4::new(0.5 + 0.5 * normal.dot(x), 0.5 + 0.5 * normal.dot(y), 0.0, 1.0);
+    /// Normals and directions are stored in the tile's shading frame, as numbers in 0..1. `values` has those of all channels for
+    /// every point.
+    fn turn_vectors(&self, group: u32, points: &[SurfacePoint], values: &mut [Vec4]) {
+        let group = &self.cover.groups[group as usize];
+        for (channel, plan) in self.plans.iter().enumerate() {
+            let is_doubled = match plan.channel.kind {
+                ChannelKind::Normal => false,
+                ChannelKind::Anisotropy => true,
+                _ => continue,
+            };
+            let values = values.iter_mut().skip(channel).step_by(self.plans.len());
+            for (point, value) in points.iter().zip(values) {
+                let [x, y] = group.shading_axes(point.normal);
+                let mut along = Vec2::new(value.truncate().dot(x), value.truncate().dot(y));
+                if is_doubled {
+                    let unit = along.normalize_or_zero();
+                    along = unit.rotate(unit) * value.w;
+                }
+                *value = (along * 0.5 + 0.5).extend(0.0).extend(1.0);
             }
         }
     }
@@ -302,10 +314,40 @@ impl TileBaker<'_> {
 
     fn overshoot(&self, channel: usize) -> Overshoot {
         match self.plans[channel].channel.kind {
-            ChannelKind::Normal | ChannelKind::Displacement => Overshoot::SIGNED,
+            ChannelKind::Normal | ChannelKind::Displacement | ChannelKind::Anisotropy => Overshoot::SIGNED,
             _ => Overshoot::COLOR,
         }
     }
+}
+
+/// A triangle and the plane that continues it.
+struct Plane {
+    triangle: usize,
+    corners: [Vec3; 3],
+    /// At the corners.
+    normals: [Vec3; 3],
+    facet_normal: Vec3,
+    lambda_steps: [Vec3; 2],
+    position_steps: [Vec3; 2],
+}
+
+impl Plane {
+    fn point(&self, lambda: Vec3) -> SurfacePoint {
+        // Off the surface the plane goes on, but a normal must not be extrapolated.
+        let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        SurfacePoint {
+            triangle: self.triangle,
+            lambda,
+            lambda_steps: self.lambda_steps,
+            position: blend(self.corners, lambda),
+            position_steps: self.position_steps,
+            normal: blend(self.normals, on_triangle).try_normalize().unwrap_or(self.facet_normal),
+        }
+    }
+}
+
+fn blend([a, b, c]: [Vec3; 3], lambda: Vec3) -> Vec3 {
+    a * lambda.x + b * lambda.y + c * lambda.z
 }
 
 /// The mean of each channel where the tile is read, or of what there is.

@@ -185,7 +185,7 @@ pub struct FanCounts {
     pub projected: u64,
     /// Laid flat by unfolding.
     pub unfolded: u64,
-    /// Neither: split into their triangles (two triangles glued back to back, for example).
+    /// Neither: split into their triangles (a cone of three triangles pressed flat, for example).
     pub split: u64,
     /// Fans that no direction sees wholly from the front (they are among the unfolded and the split).
     pub folding: u64,

@@ -123,8 +123,9 @@ impl Group {
 
     /// Number of detail levels of the tile: level 0 is `extent`, the last is 4x4.
     pub fn level_count(&self) -> u32 {
-        let longest = self.extent[0].max(self.extent[1]);
-        (0..).find(|&l| level_length(longest, l) == 4).unwrap_or(0) + 1
+        // The first level `l` at which the longer side is less than `6 * 2^l` texels long is rounded to 4.
+        let sixths = self.extent[0].max(self.extent[1]) / 6;
+        if sixths == 0 { 1 } else { sixths.ilog2() + 2 }
     }
 
     /// Tile extent in texels at a level: half as long per level, rounded to the nearest multiple of 4, at least 4.
@@ -192,5 +193,25 @@ impl GroupWeights {
     /// Never true.
     pub fn is_empty(&self) -> bool {
         self.count == 0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels_end_with_the_first_that_is_four_texels_long() {
+        for longest in (1..5000).chain([16_384, 65_532, 65_536]) {
+            let first = (0..).find(|&level| level_length(longest, level) == 4).unwrap();
+            let group = Group {
+                kind: GroupKind::Projected,
+                frame: Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X },
+                uv_scale: Vec2::ONE,
+                uv_offset: Vec2::ZERO,
+                extent: [4, longest],
+            };
+            assert_eq!(group.level_count(), first + 1, "{longest}");
+        }
     }
 }

@@ -72,7 +72,7 @@ pub fn export_model(
         "gltf" => false,
         _ => return Err(ExportError::UnknownKind { path: output.into(), known: ".glb or .gltf" }),
     };
-    let job = Job::new(asset, options)?;
+    let job = Job::new(asset, options, progress)?;
     let maps: Vec<Map> = MODEL_MAPS
         .into_iter()
         .filter_map(|kind| Map::of(asset, kind))
@@ -151,7 +151,7 @@ pub fn export_channel(
         return Err(ExportError::UnknownKind { path: output.into(), known: ".png, .exr or .ktx2" });
     }
     let map = Map::of(asset, kind).ok_or_else(|| no_channel(asset, kind))?;
-    let job = Job::new(asset, options)?;
+    let job = Job::new(asset, options, progress)?;
     let [page] = &job.layout.pages[..] else {
         return Err(ExportError::SeveralPages { pages: job.layout.pages.len() });
     };
@@ -183,7 +183,11 @@ struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    fn new(asset: &Arc<Asset>, options: &'a ExportOptions<'a>) -> Result<Self, ExportError> {
+    fn new(
+        asset: &Arc<Asset>,
+        options: &'a ExportOptions<'a>,
+        progress: &dyn Progress,
+    ) -> Result<Self, ExportError> {
         let (mesh, cover) = (asset.mesh(), asset.cover());
         let (side, largest_side) = (options.side, options.largest_side);
         let with_uv = |uv| model_uv(mesh, uv, cover.density, side, largest_side);
@@ -193,7 +197,7 @@ impl<'a> Job<'a> {
             UvChoice::Atlas => {
                 let padding = options.padding;
                 let request = AtlasRequest { texels_per_unit: cover.density, side, largest_side, padding };
-                atlas(mesh, cover, &request)?
+                atlas(mesh, cover, &request, progress)?
             }
         };
         let cache = PageCache::new(Arc::clone(asset), (options.memory_bytes / 2) as usize);
@@ -315,15 +319,17 @@ fn no_channel(asset: &Asset, kind: ChannelMap) -> ExportError {
 }
 
 fn name_of(kind: ChannelKind) -> &'static str {
-    match kind {
+    let map = match kind {
         ChannelKind::BaseColor => ChannelMap::BaseColor,
         ChannelKind::Normal => ChannelMap::Normal,
         ChannelKind::OcclusionRoughnessMetallic => ChannelMap::OcclusionRoughnessMetallic,
         ChannelKind::Emission => ChannelMap::Emission,
         ChannelKind::Displacement => ChannelMap::Displacement,
         ChannelKind::Light => ChannelMap::Light,
-    }
-    .name()
+        // Its numbers mean nothing without the tiles' frames, so no picture is made of it.
+        ChannelKind::Anisotropy => return "anisotropy",
+    };
+    map.name()
 }
 
 fn extension(path: &Path) -> String {

@@ -123,6 +123,11 @@ impl Gpu {
         &self.frame_layout
     }
 
+    /// Why the device is lost, if it is.
+    pub fn lost(&self) -> Option<String> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner).lost.clone()
+    }
+
     /// An error if the device is lost, or (see [`Gpu::record_errors`]) has refused something since the last call.
     ///
     /// # Errors

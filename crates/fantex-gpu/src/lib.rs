@@ -16,16 +16,19 @@
 //!
 //! # What differs from the CPU renderer
 //!
-//! The formulas are the same, and so are pictures within the tolerances of `tests/pictures.rs`, but:
+//! The formulas are the same, and so are pictures within the tolerances of `tests/gpu/pictures.rs`, but:
 //!
 //! * 1 or 4 samples per pixel; materials are evaluated once per pixel and triangle; interpolation is perspective-correct.
-//! * Bicubic filtering is bilinear, elliptical is anisotropic, and how probes are spread is the device's affair.
+//! * Bicubic filtering is bilinear and elliptical weighted averages are anisotropic probes: both are the CPU renderer's alone.
+//!   How probes are spread over ordinary textures is the device's affair.
 //! * Blended triangles are sorted by their centres, not by what each sample sees.
 //! * Environments have at most 1024 texels along a cube's face, and mirrors see them through one trilinear look-up.
 //! * Slides are squares of 1024 texels, filtered trilinearly. An orthographic projector's shadows begin at its slide.
 //! * Shadows fall on facets, where the CPU renderer lifts them to the smooth surface: on coarse meshes the border between
 //!   light and shade can show them.
-//! * Materials of looks (toon scales, stretched highlights, light maps) are the CPU renderer's alone.
+//! * Looks on models are the CPU renderer's alone: their textures are functions. Assets that were baked from them show the same, toon
+//!   scales, stretched highlights and baked light included (`tests/gpu/looks.rs`), by the metallic-roughness model in both
+//!   renderers. Models with their own textures have none of these three.
 
 mod error;
 mod fan;

@@ -28,6 +28,7 @@ pub(crate) const UV_MATERIAL: &str = include_str!("shaders/uv_material.wgsl");
 pub(crate) const UV: &str = include_str!("shaders/uv.wgsl");
 pub(crate) const FAN_LOOKUP: &str = include_str!("shaders/fan_lookup.wgsl");
 pub(crate) const FAN_GEOMETRY: &str = include_str!("shaders/fan_geometry.wgsl");
+pub(crate) const FAN_FINISH: &str = include_str!("shaders/fan_finish.wgsl");
 pub(crate) const FAN: &str = include_str!("shaders/fan.wgsl");
 pub(crate) const FAN_COLORS: &str = include_str!("shaders/fan_colors.wgsl");
 pub(crate) const FAN_ATLAS: &str = include_str!("shaders/fan_atlas.wgsl");
@@ -59,7 +60,7 @@ pub fn all() -> Vec<(&'static str, String)> {
         ("tone", compose(&[FRAME, TONE])),
         ("lines", compose(&[FRAME, LINES])),
         ("uv", compose_surface(&[UV_MATERIAL, UV])),
-        ("fan", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN])),
+        ("fan", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_FINISH, FAN])),
         ("fan_colors", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS])),
         ("fan_atlas", FAN_ATLAS.to_owned()),
         ("fan_caster", compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER])),

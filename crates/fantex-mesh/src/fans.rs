@@ -1,9 +1,10 @@
 //! The triangle fans (umbrellas) of a mesh.
 //!
-//! A fan is a maximal set of corners around one vertex that are linked through manifold edges, in their order around
-//! the vertex. A manifold vertex has one fan; a vertex where several sheets touch has one per sheet. Every corner
-//! belongs to exactly one fan, so on an edge with exactly two triangles both triangles name the same two fans: the
-//! ground that the continuity of the texture function stands on.
+//! A fan is a maximal set of corners around one vertex that are linked through edges, in their order around the vertex:
+//! corners are linked where their triangles [continue](crate::continued) each other across the edge. A manifold vertex has
+//! one fan; a vertex where several sheets touch has one per sheet. Every corner belongs to exactly one fan, so on an edge
+//! both of the triangles that continue each other name the same two fans: the ground that the continuity of the texture
+//! function stands on.
 //!
 //! ```text
 //!        w1 ----- w0            corners of the fan around v, counter-clockwise:
@@ -12,10 +13,11 @@
 //!    w2 ---- v ---- w5          or at a boundary (open)
 //! ```
 
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
-use crate::VertexCorners;
 use crate::disc::Disc;
+use crate::{EdgeSide, MOST_AT_EDGE, VertexCorners, continued};
 
 /// A fan's corner as the walk around the centre passes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -211,9 +213,12 @@ struct Walker {
     /// For each local corner and side, the local corner that shares that edge, or `OPEN`.
     link: Vec<[u32; 2]>,
     visited: Vec<bool>,
-    /// `(ring vertex, local corner, side)`, for vertices of high degree.
-    sorted: Vec<(u32, u32, u32)>,
+    /// The spokes of a vertex of high degree, or those at one edge.
+    spokes: Vec<Spoke>,
 }
+
+/// An edge at the vertex as one of its triangles has it: `(ring vertex, local corner, side)`.
+type Spoke = (u32, u32, u32);
 
 /// Up to this degree a quadratic search for neighbours beats sorting.
 const SMALL_DEGREE: usize = 24;
@@ -260,30 +265,48 @@ impl Walker {
     }
 
     fn link_by_search(&mut self) {
+        let mut spokes = std::mem::take(&mut self.spokes);
         for i in 0..self.ring.len() {
             for side in 0..2 {
-                let w = self.ring[i][side];
-                let mut others = (0..self.ring.len()).filter(|&j| j != i && self.ring[j].contains(&w));
-                if let (Some(j), None) = (others.next(), others.next()) {
-                    self.link[i][side] = j as u32;
+                if self.link[i][side] != OPEN {
+                    continue;
                 }
+                let w = self.ring[i][side];
+                spokes.clear();
+                spokes.extend((0u32..).zip(&self.ring).filter_map(|(j, ring)| {
+                    ring.iter().position(|&v| v == w).map(|side| (w, j, side as u32))
+                }));
+                self.link_edge(&spokes);
             }
         }
+        self.spokes = spokes;
     }
 
     fn link_by_sorting(&mut self) {
-        self.sorted.clear();
-        for (i, ring) in self.ring.iter().enumerate() {
-            for (side, &w) in ring.iter().enumerate() {
-                self.sorted.push((w, i as u32, side as u32));
-            }
+        let mut spokes = std::mem::take(&mut self.spokes);
+        spokes.clear();
+        for (i, ring) in (0u32..).zip(&self.ring) {
+            spokes.extend((0u32..).zip(ring).map(|(side, &w)| (w, i, side)));
         }
-        self.sorted.sort_unstable();
-        for edge in self.sorted.chunk_by(|a, b| a.0 == b.0) {
-            if let &[(_, i, side_i), (_, j, side_j)] = edge {
-                self.link[i as usize][side_i as usize] = j;
-                self.link[j as usize][side_j as usize] = i;
-            }
+        spokes.sort_unstable();
+        spokes.chunk_by(|a, b| a.0 == b.0).for_each(|edge| self.link_edge(edge));
+        self.spokes = spokes;
+    }
+
+    /// Links the triangles that continue each other; `edge` is all of the edge's.
+    fn link_edge(&mut self, edge: &[Spoke]) {
+        if !(2..=MOST_AT_EDGE).contains(&edge.len()) {
+            return;
+        }
+        let side = |&(_, i, side): &Spoke| EdgeSide {
+            opposite: self.ring[i as usize][1 - side as usize],
+            is_forward: side == 0,
+        };
+        let sides: ArrayVec<EdgeSide, MOST_AT_EDGE> = edge.iter().map(side).collect();
+        for pair in continued(&sides) {
+            let [(_, i, side_i), (_, j, side_j)] = pair.map(|k| edge[k]);
+            self.link[i as usize][side_i as usize] = j;
+            self.link[j as usize][side_j as usize] = i;
         }
     }
 

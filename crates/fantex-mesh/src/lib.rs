@@ -23,6 +23,7 @@ mod mesh;
 mod model;
 mod normals;
 mod ray;
+mod sheets;
 mod tangents;
 mod write;
 
@@ -37,5 +38,6 @@ pub use mesh::*;
 pub use model::*;
 pub use normals::*;
 pub use ray::*;
+pub use sheets::*;
 pub use tangents::*;
 pub use write::*;

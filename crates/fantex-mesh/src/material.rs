@@ -93,6 +93,35 @@ pub struct Material {
     pub double_sided: bool,
     /// KHR_materials_unlit: the base colour is the picture.
     pub unlit: bool,
+    /// Colours of the diffuse light; without, it is proportional to the cosine. No model file has one; looks do.
+    pub toon: Option<ToonScale>,
+}
+
+/// Toon shading: the diffuse light of a lamp is a colour of its `n.l` (the cosine between normal and light) instead of that
+/// cosine itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ToonScale {
+    /// `n.l`, -1..1, ascending, and the linear RGB there; 1 to [`ToonScale::MOST_STOPS`]. Two at one place make a jump.
+    pub stops: Vec<(f32, Vec3)>,
+    /// Between the stops. Beyond the ends the end's colour holds.
+    pub interpolation: ToonInterpolation,
+}
+
+/// How colours change between the stops of a [`ToonScale`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ToonInterpolation {
+    /// Proportionally, in linear light.
+    #[default]
+    Linear,
+    /// By a cubic that is level at the stops.
+    Smooth,
+    /// Not at all: the colour of the last stop holds up to the next.
+    Constant,
+}
+
+impl ToonScale {
+    /// Most stops, so that a scale fits into what shaders read at once.
+    pub const MOST_STOPS: usize = 32;
 }
 
 impl Default for Material {
@@ -114,6 +143,7 @@ impl Default for Material {
             alpha: AlphaMode::Opaque,
             double_sided: true,
             unlit: false,
+            toon: None,
         }
     }
 }

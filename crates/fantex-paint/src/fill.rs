@@ -10,7 +10,7 @@ use crate::{Surface, SurfacePoint, Symmetry};
 pub enum FillScope {
     /// The whole surface.
     Whole,
-    /// What hangs together with the start through edges of two triangles.
+    /// What hangs together with the start through edges across which triangles continue each other (`fantex_mesh::continued`).
     Connected,
     /// The same, across edges that bend by at most so many degrees.
     Angle(f32),

@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use fantex_cover::Cover;
-use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
+use fantex_mesh::{EdgeSide, Mesh, TriangleBvh, continued, shading_normals};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -135,7 +135,7 @@ impl Surface {
         self.mesh.triangle_positions(triangle as usize).map(|p| p.as_dvec3())
     }
 
-    /// The half-edge on the other side of an edge with exactly two triangles.
+    /// The half-edge of the triangle that continues this one's across the edge.
     pub(crate) fn opposite(&self, half_edge: u32) -> Option<u32> {
         let other = self.opposite[half_edge as usize];
         (other != NONE).then_some(other)
@@ -174,7 +174,7 @@ fn is_inside_out(mesh: &Mesh) -> bool {
     balance.length() < 0.05 * area && volume < 0.0
 }
 
-/// Pairs the half-edges of edges that have exactly two triangles, however these are wound.
+/// Pairs the half-edges of triangles that [continue](continued) each other.
 fn opposite_edges(triangles: &[[u32; 3]]) -> Vec<u32> {
     let mut edges: Vec<(u64, u32)> = triangles
         .par_iter()
@@ -188,10 +188,15 @@ fn opposite_edges(triangles: &[[u32; 3]]) -> Vec<u32> {
         .collect();
     edges.par_sort_unstable();
     let mut opposite = vec![NONE; 3 * triangles.len()];
-    for edge in edges.chunk_by(|x, y| x.0 == y.0) {
-        if let [(_, first), (_, second)] = edge {
-            opposite[*first as usize] = *second;
-            opposite[*second as usize] = *first;
+    let mut sides = Vec::new();
+    for edge in edges.chunk_by(|x, y| x.0 == y.0).filter(|edge| edge.len() > 1) {
+        sides.clear();
+        sides.extend(edge.iter().map(|&(vertices, half_edge)| {
+            EdgeSide::of_half_edge(triangles, half_edge, (vertices >> 32) as u32)
+        }));
+        for [first, second] in continued(&sides) {
+            opposite[edge[first].1 as usize] = edge[second].1;
+            opposite[edge[second].1 as usize] = edge[first].1;
         }
     }
     opposite

@@ -1,21 +1,27 @@
 //! A baked asset: fan tiles through the texture function.
 
+mod batch;
+
 use fantex_cover::{Cover, Group};
 use fantex_mesh::{Material, Mesh};
 use fantex_store::{Channel, ChannelKind, PageCache};
-use glam::{Vec3, Vec4};
+use fantex_texture::ColorRamp;
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
 use crate::surface::apply_alpha_mode;
 use crate::tile_filter::TileLookup;
 use crate::tiles::TileSource;
-use crate::{Coverage, FilterOptions, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// A mesh with the tiles of its cover.
 ///
 /// A channel that the asset has holds the final values: base colour, emission and the rest are taken from the tiles as
 /// they are, without the material's factors or vertex colours. What has no channel comes from the factors. Whether a
-/// triangle is cut out, blended, double-sided or unlit is the material's business in any case.
+/// triangle is cut out, blended, double-sided, unlit or toon-shaded is the material's business in any case.
+///
+/// A light channel replaces direct and ambient light of the diffuse part; highlights remain. Points with that, with a stretched
+/// highlight or a toon scale have a [`Finish`], so the metallic-roughness model lights them whatever the picture asks for.
 #[derive(Debug)]
 pub struct FanSurface<'a, S> {
     mesh: &'a Mesh,
@@ -27,6 +33,10 @@ pub struct FanSurface<'a, S> {
     normal: Option<usize>,
     occlusion_roughness_metallic: Option<usize>,
     emission: Option<usize>,
+    light: Option<usize>,
+    anisotropy: Option<usize>,
+    /// Per material.
+    toon: Vec<Option<ColorRamp>>,
 }
 
 impl<'a> FanSurface<'a, &'a PageCache> {
@@ -57,6 +67,9 @@ impl<'a, S: TileSource> FanSurface<'a, S> {
             normal: channel_of(ChannelKind::Normal),
             occlusion_roughness_metallic: channel_of(ChannelKind::OcclusionRoughnessMetallic),
             emission: channel_of(ChannelKind::Emission),
+            light: channel_of(ChannelKind::Light),
+            anisotropy: channel_of(ChannelKind::Anisotropy),
+            toon: mesh.materials.iter().map(toon_ramp).collect(),
         }
     }
 
@@ -92,42 +105,29 @@ impl<'a, S: TileSource> FanSurface<'a, S> {
             let material = read(self.occlusion_roughness_metallic);
             let emission = read(self.emission);
             let normal = read(self.normal);
+            let light = read(self.light);
+            let anisotropy = read(self.anisotropy);
             add(&mut sum.base_color, base_color, weight);
             add(&mut sum.occlusion_roughness_metallic, material, weight);
             add(&mut sum.emission, emission, weight);
+            add(&mut sum.light, light, weight);
             if let Some(stored) = normal {
                 sum.normal += mesh_normal(stored, group, vertex_normal) * weight;
+            }
+            if let Some(stored) = anisotropy {
+                sum.stretch += mesh_stretch(stored, group, vertex_normal) * weight;
             }
         }
         sum
     }
-}
 
-/// The texture function's values at a point; zero where there is no channel.
-#[derive(Clone, Copy, Debug, Default)]
-struct Blended {
-    base_color: Vec4,
-    occlusion_roughness_metallic: Vec4,
-    emission: Vec4,
-    /// Mesh space, not normalised.
-    normal: Vec3,
-    lookups: u32,
-}
-
-fn add(sum: &mut Vec4, value: Option<Vec4>, weight: f32) {
-    *sum += value.unwrap_or(Vec4::ZERO) * weight;
-}
-
-/// Turns a stored normal (see [`ChannelKind::Normal`]) from its tile's shading frame into mesh space.
-fn mesh_normal(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec3 {
-    let [x, y] = [stored.x, stored.y].map(|c| c * 2.0 - 1.0);
-    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-    let [x_axis, y_axis] = group.shading_axes(vertex_normal);
-    (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
-}
-
-impl<S: TileSource> Surface for FanSurface<'_, S> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+    /// The material at a point, of its values.
+    fn sample(
+        &self,
+        hit: &Hit,
+        (vertex_normal, normal_steps): (Vec3, [Vec3; 2]),
+        blended: &Blended,
+    ) -> MaterialSample {
         let default_material;
         let material = match self.material(hit.triangle) {
             Some(material) => material,
@@ -136,8 +136,6 @@ impl<S: TileSource> Surface for FanSurface<'_, S> {
                 &default_material
             }
         };
-        let vertex_normal = self.normals.at(self.mesh, hit);
-        let blended = self.blend(hit, vertex_normal);
         let or_factors = |channel: Option<usize>, value: Vec4, factors: Vec4| {
             if channel.is_some() { value } else { factors }
         };
@@ -156,7 +154,7 @@ impl<S: TileSource> Surface for FanSurface<'_, S> {
             base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
             normal: if hit.front { normal } else { -normal },
-            normal_steps: self.normals.steps(hit),
+            normal_steps,
             occlusion,
             roughness,
             metallic,
@@ -164,6 +162,121 @@ impl<S: TileSource> Surface for FanSurface<'_, S> {
             unlit: material.unlit,
             lookups: blended.lookups,
         }
+    }
+
+    /// What a point has beside its material.
+    fn finish(
+        &self,
+        hit: &Hit,
+        vertex_normal: Vec3,
+        sample: &MaterialSample,
+        blended: &Blended,
+    ) -> Option<Finish<'_>> {
+        let toon = self.toon(hit.triangle);
+        if toon.is_none() && self.light.is_none() && self.anisotropy.is_none() {
+            return None;
+        }
+        Some(Finish {
+            light_map: self.light.map(|_| blended.light.truncate().max(Vec3::ZERO)),
+            toon,
+            normal_width: sample.normal_steps[0].length().max(sample.normal_steps[1].length()),
+            anisotropy: self.anisotropy.map(|_| anisotropy_sample(blended.stretch, vertex_normal)),
+            ..Finish::default()
+        })
+    }
+
+    fn finished(
+        &self,
+        hit: &Hit,
+        normals: (Vec3, [Vec3; 2]),
+        blended: &Blended,
+    ) -> (MaterialSample, Option<Finish<'_>>) {
+        let sample = self.sample(hit, normals, blended);
+        let finish = self.finish(hit, normals.0, &sample, blended);
+        (sample, finish)
+    }
+
+    /// The scale of a triangle's material, if that is toon-shaded.
+    fn toon(&self, triangle: usize) -> Option<&ColorRamp> {
+        self.toon.get(self.mesh.material_of(triangle))?.as_ref()
+    }
+}
+
+fn toon_ramp(material: &Material) -> Option<ColorRamp> {
+    material.toon.as_ref().and_then(ColorRamp::of_toon_scale)
+}
+
+/// The texture function's values at a point; zero where there is no channel.
+#[derive(Clone, Copy, Debug, Default)]
+struct Blended {
+    base_color: Vec4,
+    occlusion_roughness_metallic: Vec4,
+    emission: Vec4,
+    /// Mesh space, not normalised.
+    normal: Vec3,
+    light: Vec4,
+    /// As stored (-1..1), relative to [`stretch_axes`].
+    stretch: Vec2,
+    lookups: u32,
+}
+
+fn add(sum: &mut Vec4, value: Option<Vec4>, weight: f32) {
+    *sum += value.unwrap_or(Vec4::ZERO) * weight;
+}
+
+/// Turns a stored normal (see [`ChannelKind::Normal`]) from its tile's shading frame into mesh space.
+fn mesh_normal(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec3 {
+    let [x, y] = [stored.x, stored.y].map(|c| c * 2.0 - 1.0);
+    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
+    let [x_axis, y_axis] = group.shading_axes(vertex_normal);
+    (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
+}
+
+/// Axes in the surface that all tiles' stretches (see [`ChannelKind::Anisotropy`]) are turned to before they are blended; which
+/// ones makes no difference.
+fn stretch_axes(vertex_normal: Vec3) -> [Vec3; 2] {
+    let x = vertex_normal.any_orthonormal_vector();
+    [x, vertex_normal.cross(x)]
+}
+
+/// Turns a stored stretch from its tile's shading frame to [`stretch_axes`].
+fn mesh_stretch(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec2 {
+    let [x_axis, _] = group.shading_axes(vertex_normal);
+    let axis = Vec2::from(stretch_axes(vertex_normal).map(|axis| axis.dot(x_axis)));
+    // Angles are doubled, so that between the frames is, too.
+    (Vec2::new(stored.x, stored.y) * 2.0 - 1.0).rotate(axis.rotate(axis))
+}
+
+/// A blended stretch as shading takes it.
+fn anisotropy_sample(stretch: Vec2, vertex_normal: Vec3) -> AnisotropySample {
+    let [x, y] = stretch_axes(vertex_normal);
+    let (sine, cosine) = (0.5 * stretch.to_angle()).sin_cos();
+    AnisotropySample { direction: x * cosine + y * sine, strength: stretch.length().min(1.0) }
+}
+
+/// Fewer points than this are shaded one by one.
+const FEW: usize = 4;
+
+impl<S: TileSource> Surface for FanSurface<'_, S> {
+    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        let normals = self.normals.with_steps(self.mesh, hit);
+        self.sample(hit, normals, &self.blend(hit, normals.0))
+    }
+
+    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+        let normals = self.normals.with_steps(self.mesh, hit);
+        self.finished(hit, normals, &self.blend(hit, normals.0))
+    }
+
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        if hits.len() < FEW || !TileLookup::has_taps(self.filter.filter) {
+            out.extend(hits.iter().map(|hit| self.shade(hit)));
+            return;
+        }
+        let normals: Vec<_> = hits.iter().map(|hit| self.normals.with_steps(self.mesh, hit)).collect();
+        let blended = self.blend_all(hits, |index| normals[index].0);
+        let points = hits.iter().zip(normals).zip(&blended);
+        out.extend(points.map(|((hit, normals), blended)| self.finished(hit, normals, blended)));
     }
 
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {

@@ -81,6 +81,17 @@ fn mean_color(ramp: &ColorRamp, index: f32, width: f32) -> Vec3 {
 }
 
 impl Finish<'_> {
+    /// Whether the point is lit as if it had no finish, under [`Shading::MetallicRoughness`](crate::Shading).
+    pub(crate) fn is_plain(&self) -> bool {
+        self.lighting == LightingModel::MetallicRoughness
+            && self.color_use == ColorUse::APriori
+            && self.specular == Vec3::ONE
+            && self.light_map.is_none()
+            && self.modulate == Vec3::ONE
+            && self.toon.is_none()
+            && self.anisotropy.is_none()
+    }
+
     /// Linear RGB towards the eye. `to_eye` is a unit vector.
     pub(crate) fn evaluate(&self, material: &MaterialSample, to_eye: Vec3, light: &Illumination) -> Vec3 {
         let base = material.base_color;

@@ -37,14 +37,14 @@ impl<'a, F: Fn(&Hit) -> Vec3 + Sync> FlatSurface<'a, F> {
 
 impl<F: Fn(&Hit) -> Vec3 + Sync> Surface for FlatSurface<'_, F> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        let normal = match &self.normals {
-            Some(normals) => normals.at(self.mesh, hit),
-            None => face_normal(self.mesh, hit.triangle),
+        let (normal, normal_steps) = match &self.normals {
+            Some(normals) => normals.with_steps(self.mesh, hit),
+            None => (face_normal(self.mesh, hit.triangle), [Vec3::ZERO; 2]),
         };
         MaterialSample {
             base_color: (self.color)(hit),
             unlit: self.unlit,
-            normal_steps: self.normals.as_ref().map_or([Vec3::ZERO; 2], |normals| normals.steps(hit)),
+            normal_steps,
             ..MaterialSample::with_normal(if hit.front { normal } else { -normal })
         }
     }

@@ -17,6 +17,8 @@ use fantex_scene::{
 pub(crate) struct PreparedLights<'a> {
     pub(crate) ambient: &'a AmbientLight,
     lamps: Vec<Lamp<'a>>,
+    /// The lamps, if all are of this kind and the surroundings are two colours.
+    distant: Option<Vec<DistantLamp>>,
     /// Whether any lamp asks where the lit point is.
     are_local: bool,
     world_per_mesh: f32,
@@ -28,6 +30,24 @@ struct Lamp<'a> {
     source: Source<'a>,
     color: Vec3,
     shadow: Option<ShadowMaps>,
+}
+
+/// A lamp infinitely far away, without shadow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct DistantLamp {
+    /// A unit vector.
+    pub(crate) to_light: Vec3,
+    /// Linear RGB.
+    pub(crate) color: Vec3,
+}
+
+impl DistantLamp {
+    fn of(lamp: &Lamp<'_>) -> Option<Self> {
+        match (&lamp.source, &lamp.shadow) {
+            (&Source::Directional { to_light }, None) => Some(Self { to_light, color: lamp.color }),
+            _ => None,
+        }
+    }
 }
 
 /// Mesh space.
@@ -97,13 +117,21 @@ impl<'a> PreparedLights<'a> {
         let lamps: Vec<Lamp> = shining.iter().map(lamp).collect();
         let is_local =
             |lamp: &Lamp| lamp.shadow.is_some() || !matches!(lamp.source, Source::Directional { .. });
+        let is_plain = lights.ambient.environment.is_none();
         Self {
             ambient: &lights.ambient,
+            distant: if is_plain { lamps.iter().map(DistantLamp::of).collect() } else { None },
             are_local: lamps.iter().any(is_local),
             lamps,
             world_per_mesh: mesh.world_from_mesh.scale as f32,
             time: options.time,
         }
+    }
+
+    /// The lamps, if all are infinitely far away and cast no shadow, and the surroundings are two colours: then the light is
+    /// the same everywhere.
+    pub(crate) fn distant(&self) -> Option<&[DistantLamp]> {
+        self.distant.as_deref()
     }
 
     /// The light at a hit.

@@ -18,6 +18,7 @@
 
 mod capture;
 mod clip;
+mod dots;
 mod fan_surface;
 mod finish;
 mod fixed;
@@ -42,6 +43,7 @@ mod sky_box;
 mod surface;
 mod tile_filter;
 mod tiles;
+mod vectors;
 
 pub use capture::{CaptureOptions, capture_environment, capture_with, cube_cameras};
 pub use fan_surface::FanSurface;

@@ -122,7 +122,7 @@ impl MeshSurface<'_> {
         textures: &MaterialTextures,
         texels: &Texels,
     ) -> MaterialSample {
-        let vertex_normal = self.normals.at(self.mesh, hit);
+        let (vertex_normal, vertex_steps) = self.normals.with_steps(self.mesh, hit);
         let vertex_color = vertex_color(self.mesh, hit.triangle, hit.lambda);
         let base = base_color(material, vertex_color, texels.base_color);
         let surface = occlusion_roughness_metallic(material, texels.occlusion, texels.metallic_roughness);
@@ -132,7 +132,7 @@ impl MeshSurface<'_> {
             Some(layer) if surface.y < SHINY => self.bent_steps(material, layer, hit, normal),
             _ => None,
         }
-        .unwrap_or_else(|| self.normals.steps(hit));
+        .unwrap_or(vertex_steps);
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
@@ -150,9 +150,8 @@ impl MeshSurface<'_> {
 
     /// The material of a triangle that has none.
     fn without_material(&self, hit: &Hit) -> MaterialSample {
-        let vertex_normal = self.normals.at(self.mesh, hit);
+        let (vertex_normal, normal_steps) = self.normals.with_steps(self.mesh, hit);
         let normal = if hit.front { vertex_normal } else { -vertex_normal };
-        let normal_steps = self.normals.steps(hit);
         MaterialSample { normal_steps, ..MaterialSample::with_normal(normal) }
     }
 }

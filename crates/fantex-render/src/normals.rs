@@ -26,21 +26,22 @@ impl CornerNormals {
         hit.blend(corners).try_normalize().unwrap_or_else(|| face_normal(mesh, hit.triangle))
     }
 
-    /// The change of the interpolated unit normal along the pixel's edges, on the side that the eye sees.
-    pub(crate) fn steps(&self, hit: &Hit) -> [Vec3; 2] {
+    /// The interpolated unit normal on the front side, and its change along the pixel's edges, on the side that the eye sees.
+    pub(crate) fn with_steps(&self, mesh: &Mesh, hit: &Hit) -> (Vec3, [Vec3; 2]) {
         let corners = [0, 1, 2].map(|k| self.0[3 * hit.triangle + k]);
         let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
         let unnormalised = along(hit.lambda);
         let scale = unnormalised.length_recip();
-        if !scale.is_finite() {
-            return [Vec3::ZERO; 2];
+        if !(scale.is_finite() && scale > 0.0) {
+            return (face_normal(mesh, hit.triangle), [Vec3::ZERO; 2]);
         }
         let normal = unnormalised * scale;
         let scale = if hit.front { scale } else { -scale };
-        [hit.dlambda_dx, hit.dlambda_dy].map(|change| {
+        let steps = [hit.dlambda_dx, hit.dlambda_dy].map(|change| {
             let step = along(change) * scale;
             step - normal * normal.dot(step)
-        })
+        });
+        (normal, steps)
     }
 }
 

@@ -32,6 +32,16 @@ const SIXTEEN: [[i32; 2]; 16] = [
     [-7, -8],
 ];
 
+/// How many samples a box holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum SamplesIn {
+    None,
+    /// The only one of a pixel, of patterns with one sample.
+    One([i32; 2]),
+    /// Of patterns with several samples also one.
+    Several,
+}
+
 /// The sample positions of every pixel, in fixed point, as offsets from the pixel's top left corner.
 #[derive(Clone, Debug)]
 pub(crate) struct SamplePattern {
@@ -65,12 +75,24 @@ impl SamplePattern {
         self.offsets.len()
     }
 
-    /// Whether a box (inclusive, fixed point) holds a sample of any pixel.
-    pub(crate) fn has_sample_in(&self, low: FixedPoint, high: FixedPoint) -> bool {
+    /// The samples in a box (inclusive, fixed point).
+    pub(crate) fn samples_in(&self, low: FixedPoint, high: FixedPoint) -> SamplesIn {
         // One sample of every pixel makes a lattice; the box holds a point of it if it does so along both axes.
-        let holds =
-            |i: usize, o: i32| (high[i] - o).div_euclid(SUBPIXELS) > (low[i] - o - 1).div_euclid(SUBPIXELS);
-        self.offsets.iter().any(|o| holds(0, o[0]) && holds(1, o[1]))
+        const PIXEL: u32 = SUBPIXELS.ilog2();
+        let range = |i: usize, o: i32| (((low[i] - o - 1) >> PIXEL) + 1, (high[i] - o) >> PIXEL);
+        if let &[[x, y]] = &self.offsets[..] {
+            let (columns, rows) = (range(0, x), range(1, y));
+            return if columns.0 > columns.1 || rows.0 > rows.1 {
+                SamplesIn::None
+            } else if columns.0 == columns.1 && rows.0 == rows.1 {
+                SamplesIn::One([columns.0, rows.0])
+            } else {
+                SamplesIn::Several
+            };
+        }
+        let holds = |i: usize, o: i32| range(i, o).0 <= range(i, o).1;
+        let holds_any = self.offsets.iter().any(|o| holds(0, o[0]) && holds(1, o[1]));
+        if holds_any { SamplesIn::Several } else { SamplesIn::None }
     }
 
     /// The mask with one bit per sample, all set.
@@ -127,12 +149,16 @@ mod tests {
     #[test]
     fn boxes_without_samples_are_known() {
         let pattern = SamplePattern::new(1);
-        assert!(pattern.has_sample_in([128, 128], [128, 128]));
-        assert!(!pattern.has_sample_in([129, 0], [255, 255]));
-        assert!(!pattern.has_sample_in([-127, 0], [-1, 9000]), "between the centres of two columns");
-        assert!(pattern.has_sample_in([-129, 0], [-1, 9000]));
-        assert!(!pattern.has_sample_in([200, 200], [383, 383]), "over a pixel's corner");
-        assert!(SamplePattern::new(8).has_sample_in([200, 200], [383, 383]));
+        assert_eq!(pattern.samples_in([128, 128], [128, 128]), SamplesIn::One([0, 0]));
+        assert_eq!(pattern.samples_in([129, 0], [255, 255]), SamplesIn::None);
+        let between_columns = pattern.samples_in([-127, 0], [-1, 9000]);
+        assert_eq!(between_columns, SamplesIn::None);
+        assert_eq!(pattern.samples_in([-129, 0], [-1, 9000]), SamplesIn::Several);
+        assert_eq!(pattern.samples_in([-129, 500], [-1, 700]), SamplesIn::One([-1, 2]));
+        let over_a_pixels_corner = [[200, 200], [383, 383]];
+        assert_eq!(pattern.samples_in(over_a_pixels_corner[0], over_a_pixels_corner[1]), SamplesIn::None);
+        let eight = SamplePattern::new(8).samples_in(over_a_pixels_corner[0], over_a_pixels_corner[1]);
+        assert_eq!(eight, SamplesIn::Several);
     }
 
     #[test]

@@ -5,8 +5,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::clip::{clip, screen};
+use crate::dots::{Dot, Dots, Place, PlacedDot};
 use crate::fixed::{FixedPoint, GUARD_BAND, SUBPIXELS, doubled_area, snap};
-use crate::pattern::SamplePattern;
+use crate::pattern::{SamplePattern, SamplesIn};
 use crate::surface::{Coverage, Surface};
 use fantex_scene::Projection;
 
@@ -50,7 +51,8 @@ pub(crate) struct TileGrid {
 }
 
 impl TileGrid {
-    fn columns(&self) -> u32 {
+    /// Tiles in a row.
+    pub(crate) fn columns(&self) -> u32 {
         self.size[0].div_ceil(TILE)
     }
 
@@ -63,6 +65,15 @@ impl TileGrid {
     pub(crate) fn rect(&self, tile: usize) -> [[u32; 2]; 2] {
         let origin = [tile as u32 % self.columns() * TILE, tile as u32 / self.columns() * TILE];
         [origin, [0, 1].map(|i| TILE.min(self.size[i] - origin[i]))]
+    }
+
+    /// The tile that a pixel lies in and its place there; none outside the picture.
+    fn place(&self, pixel: [i32; 2]) -> Option<Place> {
+        let [x, y] = pixel.map(|c| c as u32);
+        // Negative numbers are too large ones.
+        let is_inside = x < self.size[0] && y < self.size[1];
+        is_inside
+            .then(|| Place { tile: y / TILE * self.columns() + x / TILE, pixel: y % TILE * TILE + x % TILE })
     }
 
     /// The tiles that a box of pixels touches.
@@ -126,6 +137,7 @@ pub(crate) struct Chunk {
     entries: Vec<u32>,
     /// Primitives that touch many tiles.
     large: Vec<u32>,
+    dots: Dots,
     /// Whether any primitive is layered.
     pub(crate) has_layers: bool,
 }
@@ -143,8 +155,18 @@ impl Chunk {
         large.chain(self.entries[range].iter().map(|&i| &self.primitives[i as usize]))
     }
 
+    /// The triangles that were seen by one sample of a tile.
+    pub(crate) fn dots_in_tile(&self, tile: usize) -> &[Dot] {
+        self.dots.in_tile(tile)
+    }
+
     /// Bins primitives.
     pub(crate) fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
+        Self::of_pieces(Pieces { primitives, dots: Vec::new() }, grid)
+    }
+
+    fn of_pieces(Pieces { primitives, dots }: Pieces, grid: &TileGrid) -> Self {
+        let dots = Dots::new(&dots, grid.len());
         // Counting sort by tile; most primitives touch a single one.
         let mut starts = vec![0; grid.len() + 1];
         let mut single = Vec::with_capacity(primitives.len());
@@ -178,7 +200,7 @@ impl Chunk {
             }
         }
         let has_layers = primitives.iter().any(|primitive| primitive.layered);
-        Self { primitives, starts, entries, large, has_layers }
+        Self { primitives, starts, entries, large, dots, has_layers }
     }
 }
 
@@ -200,9 +222,9 @@ pub(crate) fn prepare(
         .into_par_iter()
         .map(|chunk| {
             let range = chunk * CHUNK..mesh.triangles.len().min((chunk + 1) * CHUNK);
-            let mut primitives = Vec::with_capacity(range.len() / 2);
-            range.for_each(|triangle| setup.add(triangle, &mut primitives));
-            Chunk::new(primitives, grid)
+            let mut pieces = Pieces::default();
+            range.for_each(|triangle| setup.add(triangle, &mut pieces));
+            Chunk::of_pieces(pieces, grid)
         })
         .collect()
 }
@@ -229,6 +251,14 @@ impl ScreenVertex {
 /// Points up to here need no clipping, in pixels from the picture's corner: well inside the guard band.
 const PLAIN: f64 = 0.25 * GUARD_BAND;
 
+/// What is visible of the triangles of a chunk.
+#[derive(Default)]
+struct Pieces {
+    primitives: Vec<Primitive>,
+    /// Those that one sample may see, seen by it.
+    dots: Vec<PlacedDot>,
+}
+
 struct Setup<'a> {
     mesh: &'a Mesh,
     vertices: &'a [ScreenVertex],
@@ -240,7 +270,7 @@ struct Setup<'a> {
 
 impl Setup<'_> {
     /// Appends what is visible of a triangle, as a fan of its clipped polygon.
-    fn add(&self, triangle: usize, out: &mut Vec<Primitive>) {
+    fn add(&self, triangle: usize, out: &mut Pieces) {
         let vertices = self.mesh.triangles[triangle].map(|v| self.vertices[v as usize]);
         if vertices.iter().all(|v| v.nearness > 0.0) {
             self.add_piece(triangle, vertices, out);
@@ -254,7 +284,7 @@ impl Setup<'_> {
         }
     }
 
-    fn add_piece(&self, triangle: usize, vertices: [ScreenVertex; 3], out: &mut Vec<Primitive>) {
+    fn add_piece(&self, triangle: usize, vertices: [ScreenVertex; 3], out: &mut Pieces) {
         let mut corners = vertices.map(|v| v.at);
         let mut nearness = vertices.map(|v| v.nearness);
         let area = doubled_area(&corners);
@@ -267,12 +297,23 @@ impl Setup<'_> {
             corners.swap(1, 2);
             nearness.swap(1, 2);
         }
-        let layered = self.surface.coverage(triangle) == Coverage::Layered;
-        let primitive = Primitive { corners, nearness, triangle: triangle as u32, layered };
+        let mut primitive = Primitive { corners, nearness, triangle: triangle as u32, layered: false };
         let [low, high] = primitive.bounds();
         let outside = (0..2).any(|i| high[i] < 0 || low[i] >= self.grid.size[i] as i32 * SUBPIXELS);
-        if !outside && self.pattern.has_sample_in(low, high) {
-            out.push(primitive);
+        if outside {
+            return;
+        }
+        let inside = self.pattern.samples_in(low, high);
+        if inside == SamplesIn::None {
+            return;
+        }
+        primitive.layered = self.surface.coverage(triangle) == Coverage::Layered;
+        match inside {
+            SamplesIn::One(pixel) if !primitive.layered => {
+                let position = [0, 1].map(|i| pixel[i] * SUBPIXELS + self.pattern.offsets()[0][i]);
+                out.dots.extend(self.grid.place(pixel).and_then(|place| place.dot(&primitive, position)));
+            }
+            _ => out.primitives.push(primitive),
         }
     }
 }

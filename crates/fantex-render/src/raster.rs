@@ -3,6 +3,7 @@
 //! Opaque triangles compete in a visibility buffer of one (nearness, triangle) pair per sample. Triangles that let
 //! something through become fragments, kept where nothing opaque hides them and composited later.
 
+use crate::dots::Dot;
 use crate::fixed::{Edge, SUBPIXELS};
 use crate::pattern::{SamplePattern, bits};
 use crate::primitive::{Primitive, TILE};
@@ -25,7 +26,8 @@ pub(crate) struct NearnessPlane {
 }
 
 impl NearnessPlane {
-    fn new(p: &Primitive) -> Self {
+    /// Of a primitive.
+    pub(crate) fn new(p: &Primitive) -> Self {
         let [a, b, c] = p.corners;
         let [na, nb, nc] = p.nearness.map(f64::from);
         let [bx, by, cx, cy] = [b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]].map(f64::from);
@@ -96,12 +98,22 @@ impl<'a> TileSamples<'a> {
             let plane = *plane.get_or_insert_with(|| NearnessPlane::new(primitive));
             for s in bits(mask) {
                 let nearness = plane.at(offset(corner, pattern.offsets()[s]));
-                let (nearest, seen) = (&mut self.nearness[base + s], &mut self.triangles[base + s]);
-                if nearness > *nearest || (nearness == *nearest && primitive.triangle < *seen) {
-                    (*nearest, *seen) = (nearness, primitive.triangle);
-                }
+                self.see(base + s, nearness, primitive.triangle);
             }
         });
+    }
+
+    /// Enters what one sample per pixel sees of an opaque triangle; as [`TileSamples::add_opaque`].
+    pub(crate) fn add_dot(&mut self, dot: &Dot) {
+        self.see(dot.pixel as usize, dot.nearness, dot.triangle);
+    }
+
+    /// Keeps the nearer triangle of a sample.
+    fn see(&mut self, sample: usize, nearness: f32, triangle: u32) {
+        let (nearest, seen) = (&mut self.nearness[sample], &mut self.triangles[sample]);
+        if nearness > *nearest || (nearness == *nearest && triangle < *seen) {
+            (*nearest, *seen) = (nearness, triangle);
+        }
     }
 
     /// Enters a layered triangle, after all opaque ones.

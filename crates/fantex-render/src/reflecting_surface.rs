@@ -87,6 +87,14 @@ impl Surface for ReflectingSurface<'_> {
         (self.with_reflection(hit, material), finish)
     }
 
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        let first = out.len();
+        self.surface.shade_all(hits, out);
+        for (hit, (material, _)) in hits.iter().zip(&mut out[first..]) {
+            *material = self.with_reflection(hit, *material);
+        }
+    }
+
     fn alpha(&self, hit: &Hit) -> f32 {
         self.surface.alpha(hit)
     }

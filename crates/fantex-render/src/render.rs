@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use crate::hit::HitFinder;
 use crate::illumination::PreparedLights;
 use crate::pattern::SamplePattern;
-use crate::primitive::{Chunk, TileGrid, prepare};
+use crate::primitive::{Chunk, TILE, TileGrid, prepare};
 use crate::raster::TileSamples;
 use crate::resolve::{PixelColors, Resolve};
 use crate::{Camera, Lights, Picture, RenderError, RenderOptions, ShadingRate, Surface};
@@ -91,6 +91,7 @@ fn rasterise<'a>(
 ) -> TileSamples<'a> {
     let mut samples = TileSamples::new(pattern, grid.rect(tile));
     for chunk in chunks {
+        chunk.dots_in_tile(tile).iter().for_each(|dot| samples.add_dot(dot));
         chunk.in_tile(grid, tile).filter(|p| !p.layered).for_each(|p| samples.add_opaque(p));
     }
     for chunk in chunks.iter().filter(|chunk| chunk.has_layers) {
@@ -102,13 +103,15 @@ fn rasterise<'a>(
 fn assemble(grid: &TileGrid, tiles: &[PixelColors]) -> Picture {
     let [width, height] = grid.size;
     let mut rgba = vec![[0.0; 4]; width as usize * height as usize];
-    for (tile, colors) in tiles.iter().enumerate() {
-        let [[x0, y0], [columns, rows]] = grid.rect(tile);
-        for row in 0..rows as usize {
-            let at = (y0 as usize + row) * width as usize + x0 as usize;
-            let columns = columns as usize;
-            rgba[at..][..columns].copy_from_slice(&colors.rgba[row * columns..][..columns]);
+    let bands = rgba.par_chunks_mut(width as usize * TILE as usize);
+    bands.zip(tiles.par_chunks(grid.columns() as usize)).enumerate().for_each(|(band, (pixels, tiles))| {
+        for (column, colors) in tiles.iter().enumerate() {
+            let [[x0, _], [columns, _]] = grid.rect(band * grid.columns() as usize + column);
+            let rows = pixels.chunks_mut(width as usize);
+            for (row, colors) in rows.zip(colors.rgba.chunks(columns as usize)) {
+                row[x0 as usize..][..columns as usize].copy_from_slice(colors);
+            }
         }
-    }
+    });
     Picture { width, height, rgba }
 }

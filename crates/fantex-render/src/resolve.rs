@@ -8,7 +8,7 @@ use crate::illumination::PreparedLights;
 use crate::pattern::{SamplePattern, bits};
 use crate::primitive::TILE;
 use crate::raster::{Fragment, NO_TRIANGLE, TileSamples};
-use crate::shading::evaluate;
+use crate::shading::evaluate_all;
 use crate::sky_box;
 use crate::{RenderOptions, ShadingRate, Surface};
 
@@ -59,7 +59,7 @@ impl Resolve<'_> {
         };
         let colors = self.shade(origin, &pieces, &mut result.lookups);
         let (mut pieces, mut colors) = (pieces.as_slice(), colors.as_slice());
-        let mut samples = vec![Vec4::ZERO; self.pattern.len()];
+        let (full, mut samples) = (self.pattern.full_mask(), vec![Vec4::ZERO; self.pattern.len()]);
         for y in 0..rows {
             for x in 0..columns {
                 let index = y * TILE + x;
@@ -69,6 +69,17 @@ impl Resolve<'_> {
                 let shades;
                 (shades, colors) = colors.split_at(count);
                 let pixel = [origin[0] + x, origin[1] + y];
+                match (own, shades) {
+                    ([], _) => {
+                        result.rgba.push(straight(self.behind(pixel)));
+                        continue;
+                    }
+                    ([piece], [color]) if piece.layer.is_none() && piece.mask == full => {
+                        result.rgba.push(color.truncate().extend(1.0).to_array());
+                        continue;
+                    }
+                    _ => {}
+                }
                 self.background(pixel, visibility.visible(index), &mut samples);
                 for (piece, color) in own.iter().zip(shades).filter(|(piece, _)| piece.layer.is_none()) {
                     bits(piece.mask).for_each(|s| samples[s] = color.truncate().extend(1.0));
@@ -115,13 +126,18 @@ impl Resolve<'_> {
         pieces
     }
 
+    /// What is seen of a pixel where no triangle is, premultiplied.
+    fn behind(&self, pixel: [u32; 2]) -> Vec4 {
+        let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
+        sky_box::behind(&self.options.background, pixel, self.options, projection, ambient)
+    }
+
     /// Fills the samples that see no triangle.
     fn background(&self, pixel: [u32; 2], visible: &[u32], samples: &mut [Vec4]) {
         if !visible.contains(&NO_TRIANGLE) {
             return;
         }
-        let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
-        let color = sky_box::behind(&self.options.background, pixel, self.options, projection, ambient);
+        let color = self.behind(pixel);
         for (sample, _) in samples.iter_mut().zip(visible).filter(|(_, seen)| **seen == NO_TRIANGLE) {
             *sample = color;
         }
@@ -165,18 +181,21 @@ impl Resolve<'_> {
     /// The light from every piece, seen in the middle of its samples, and its opacity; adds the look-ups that it took.
     fn shade(&self, origin: [u32; 2], pieces: &[Piece], lookups: &mut u64) -> Vec<Vec4> {
         let mut colors = Vec::with_capacity(pieces.len());
-        let (mut seen, mut hits, mut materials) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut seen, mut hits) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
+        let (mut materials, mut light) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
         for pieces in pieces.chunks(AT_ONCE) {
             seen.clear();
             hits.clear();
             materials.clear();
+            light.clear();
             seen.extend(pieces.iter().map(|piece| self.seen(origin, piece)));
             self.hits.find_all(&seen, &mut hits);
             self.surface.shade_all(&hits, &mut materials);
-            for (hit, (material, finish)) in hits.iter().zip(&materials) {
+            let shaded = (hits.as_slice(), materials.as_slice());
+            let (shading, finder) = (self.options.shading, &self.hits);
+            evaluate_all(shading, shaded, finder, self.surface, self.lights, &mut light);
+            for ((material, _), &light) in materials.iter().zip(&light) {
                 *lookups += u64::from(material.lookups);
-                let arriving = self.lights.at(self.hits.mesh, self.surface, hit);
-                let light = evaluate(self.options.shading, material, finish.as_ref(), hit.to_eye, &arriving);
                 // One texel that is not a number must not spoil its pixel's other samples.
                 let light = if light.is_finite() { light } else { Vec3::ZERO };
                 colors.push((light * self.options.exposure).extend(material.alpha.clamp(0.0, 1.0)));

@@ -226,6 +226,19 @@ impl<'a> Part<'a> {
         (self.scene_normal_from_object * own).normalize_or(own)
     }
 
+    /// What the object's own surface says, as the scene knows it.
+    fn shaded<'s>(
+        &self,
+        (material, finish): (MaterialSample, Option<Finish<'s>>),
+    ) -> (MaterialSample, Option<Finish<'s>>) {
+        let turned = |a: AnisotropySample| AnisotropySample {
+            direction: (self.scene_from_object * a.direction).normalize_or(a.direction),
+            ..a
+        };
+        let finish = finish.map(|f| Finish { anisotropy: f.anisotropy.map(turned), ..f });
+        (self.material(material), finish)
+    }
+
     fn material(&self, own: MaterialSample) -> MaterialSample {
         let normal = self.normal(own.normal);
         // The derivative of a normalised vector.
@@ -246,13 +259,19 @@ impl Surface for Scene<'_> {
 
     fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
         let (part, own) = self.locate(hit.triangle);
-        let (material, finish) = part.object.surface.shade(&part.own_hit(own, hit));
-        let turned = |a: AnisotropySample| AnisotropySample {
-            direction: (part.scene_from_object * a.direction).normalize_or(a.direction),
-            ..a
-        };
-        let finish = finish.map(|f| Finish { anisotropy: f.anisotropy.map(turned), ..f });
-        (part.material(material), finish)
+        part.shaded(part.object.surface.shade(&part.own_hit(own, hit)))
+    }
+
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        let (mut own_hits, mut shaded) = (Vec::with_capacity(hits.len()), Vec::with_capacity(hits.len()));
+        let of_one_object = |a: &Hit, b: &Hit| self.object_of(a.triangle).0 == self.object_of(b.triangle).0;
+        for run in hits.chunk_by(of_one_object) {
+            let (part, _) = self.locate(run[0].triangle);
+            own_hits.clear();
+            own_hits.extend(run.iter().map(|hit| part.own_hit(hit.triangle - part.first_triangle, hit)));
+            part.object.surface.shade_all(&own_hits, &mut shaded);
+            out.extend(shaded.drain(..).map(|own| part.shaded(own)));
+        }
     }
 
     fn alpha(&self, hit: &Hit) -> f32 {

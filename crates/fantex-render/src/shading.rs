@@ -1,5 +1,7 @@
 //! From a material and lights to the light that reaches the eye.
 
+mod batch;
+
 use std::f32::consts::PI;
 
 use glam::Vec3;
@@ -8,6 +10,8 @@ use crate::Finish;
 use crate::illumination::Illumination;
 use crate::surface::MaterialSample;
 use fantex_scene::{AmbientLight, MirrorView, Shading, smith_visibility, split_sum};
+
+pub(crate) use self::batch::evaluate_all;
 
 /// Linear RGB towards the eye. `to_eye` is a unit vector.
 pub(crate) fn evaluate(

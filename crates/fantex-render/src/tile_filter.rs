@@ -54,7 +54,7 @@ impl TileLookup {
         let axes_at = |level: u32| axes(footprint, group.level_extent(level));
         match options.filter {
             Filter::Nearest | Filter::Bilinear | Filter::Bicubic => {}
-            Filter::Trilinear => plan.choose_levels(|level| axes_at(level).major),
+            Filter::Trilinear => plan.choose_levels(|level| major(footprint, group.level_extent(level))),
             Filter::Anisotropic => {
                 plan.choose_levels(|level| axes_at(level).limited_minor(anisotropy));
                 let finest = axes_at(0);
@@ -71,10 +71,22 @@ impl TileLookup {
         plan
     }
 
-    /// Chooses the levels between which the pixel is one texel wide. `width` is the pixel's width in texels of a level.
+    /// Chooses the levels between which the pixel is one texel wide. `width` is the pixel's width in texels of a level, which
+    /// does not grow with the level.
     fn choose_levels(&mut self, width: impl Fn(u32) -> f32) {
         let mut here = width(0);
-        while here > 1.0 {
+        if here <= 1.0 || here.is_nan() {
+            return;
+        }
+        // Levels are about half as long as the one before: the search starts near its end.
+        let guess = (here.min(1e9) as u32).ilog2().saturating_sub(1).min(self.level_count - 1);
+        if guess > 0 {
+            let there = width(guess);
+            if there > 1.0 {
+                (self.fine, here) = (guess, there);
+            }
+        }
+        loop {
             let is_last = self.fine + 1 == self.level_count;
             let next = if is_last { here * 0.25 } else { width(self.fine + 1) };
             if next <= 1.0 || is_last {
@@ -101,25 +113,71 @@ impl TileLookup {
         value.lerp(coarse, self.coarse_share)
     }
 
+    /// The group whose tile it is.
+    pub(crate) fn group(&self) -> u32 {
+        self.group
+    }
+
+    /// Whether look-ups by a filter consist of taps.
+    pub(crate) fn has_taps(filter: Filter) -> bool {
+        matches!(filter, Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic)
+    }
+
+    /// Visits the bilinear look-ups that it consists of: level, tile coordinates, share.
+    pub(crate) fn for_each_tap(&self, mut visit: impl FnMut(TapLevel, Vec2, f32)) {
+        let is_last = self.fine + 1 == self.level_count;
+        let coarse = if is_last { TapLevel::Mean } else { TapLevel::Tile(self.fine + 1) };
+        let levels = [(TapLevel::Tile(self.fine), 1.0 - self.coarse_share), (coarse, self.coarse_share)];
+        for (level, share) in levels {
+            if share == 0.0 {
+                continue;
+            }
+            if level == TapLevel::Mean {
+                visit(level, self.uv, share);
+                continue;
+            }
+            let share = share / self.probes as f32;
+            (0..self.probes).for_each(|probe| visit(level, self.probe(probe), share));
+        }
+    }
+
+    /// Where a probe is.
+    fn probe(&self, number: u32) -> Vec2 {
+        let along = (number as f32 + 0.5) / self.probes as f32 - 0.5;
+        self.uv + self.span * along
+    }
+
     fn at_level<T: TileTexels>(&self, tile: &T) -> Vec4 {
         match self.filter {
             Filter::Nearest => nearest(tile, self.uv),
             Filter::Bicubic => bicubic(tile, self.uv),
             Filter::Ewa => ewa(tile, self.uv, self.footprint),
             Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic => {
-                let probe = |i: u32| {
-                    let along = (i as f32 + 0.5) / self.probes as f32 - 0.5;
-                    Vec4::from_array(tile.bilinear(self.uv + self.span * along))
-                };
+                let probe = |i: u32| Vec4::from_array(tile.bilinear(self.probe(i)));
                 (0..self.probes).map(probe).sum::<Vec4>() / self.probes as f32
             }
         }
     }
 }
 
+/// Where a tap reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TapLevel {
+    /// A level of the tile.
+    Tile(u32),
+    /// The mean of the group, beyond the last level.
+    Mean,
+}
+
 /// Columns and rows.
 fn texels(extent: [u32; 2]) -> Vec2 {
     Vec2::from(extent.map(|n| n as f32))
+}
+
+/// The longer axis, in texels, of a footprint in tile coordinates.
+fn major(footprint: [Vec2; 2], extent: [u32; 2]) -> f32 {
+    let [dx, dy] = footprint.map(|d| d * texels(extent));
+    FootprintAxes::squared_major(dx, dy).sqrt()
 }
 
 /// The axes, in texels, of a footprint in tile coordinates.

@@ -1,6 +1,7 @@
 //! The seam between the texture function and whatever holds the tiles.
 
-use fantex_store::{PageCache, Tile};
+use fantex_store::{PageCache, PageTexels, RATIO_DENOMINATOR, Tile};
+use fantex_texture::filter::TexelGrid;
 use glam::Vec2;
 
 /// Something that has the tiles of a cover: an asset's cache, or tiles in memory.
@@ -25,6 +26,12 @@ pub trait TileTexels {
 
     /// The texel at a column and row inside the tile.
     fn texel(&self, x: u32, y: u32) -> [f32; 4];
+
+    /// The stored texels, where they lie in one piece and are of a kind that can be looked up many at once. That differs from
+    /// [`TileTexels::bilinear`] by at most 1e-5.
+    fn grid(&self) -> Option<TexelGrid<'_>> {
+        None
+    }
 }
 
 impl TileSource for &PageCache {
@@ -50,5 +57,12 @@ impl TileTexels for Tile {
 
     fn texel(&self, x: u32, y: u32) -> [f32; 4] {
         Tile::texel(self, x, y)
+    }
+
+    fn grid(&self) -> Option<TexelGrid<'_>> {
+        Some(match self.page_texels()? {
+            PageTexels::Rgba8 { texels, srgb } => TexelGrid::Rgba8 { texels, is_srgb: srgb },
+            PageTexels::RgRatio(texels) => TexelGrid::Rg16 { texels, one: RATIO_DENOMINATOR },
+        })
     }
 }

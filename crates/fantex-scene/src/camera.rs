@@ -2,6 +2,7 @@
 
 use fantex_mesh::{Mesh, WorldFromMesh};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
+use rayon::prelude::*;
 
 /// An axis-aligned box, world space.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -228,8 +229,13 @@ impl Projection {
 
 /// The near plane: as far away as the mesh allows, but never so close that depth loses its digits.
 fn near_depth(mesh: &Mesh, eye: DVec3, forward: DVec3) -> f64 {
-    let depths = mesh.positions.iter().map(|p| (p.as_dvec3() - eye).dot(forward));
-    let (nearest, farthest) = depths.fold((f64::INFINITY, 0f64), |(near, far), d| (near.min(d), far.max(d)));
+    let both = |(near, far): (f64, f64), (n, f): (f64, f64)| (near.min(n), far.max(f));
+    let none = (f64::INFINITY, 0f64);
+    let of_some = |positions: &[Vec3]| {
+        let depths = positions.iter().map(|p| (p.as_dvec3() - eye).dot(forward));
+        depths.fold(none, |range, d| both(range, (d, d)))
+    };
+    let (nearest, farthest) = mesh.positions.par_chunks(1 << 14).map(of_some).reduce(|| none, both);
     (nearest * 0.5).max(farthest * 1e-5).max(1e-12)
 }
 

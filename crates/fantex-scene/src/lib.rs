@@ -33,5 +33,5 @@ pub use light::{AmbientLight, Falloff, Lens, Light, LightKind, Lights, Projector
 pub use picture::Picture;
 pub use shading::Shading;
 pub use shadow::{Penumbra, ShadowOptions};
-pub use split_sum::{smith_visibility, split_sum};
+pub use split_sum::{SPLIT_SUM_NODES, smith_visibility, split_sum, split_sum_nodes};
 pub use tone_map::{ToneMap, luminance};

@@ -5,17 +5,25 @@ use std::sync::LazyLock;
 
 use glam::Vec3;
 
-/// Nodes of the table along each axis.
+/// Nodes of the table of [`split_sum`] along each axis.
+pub const SPLIT_SUM_NODES: usize = NODES;
+
 const NODES: usize = 24;
 
 /// Half vectors per node.
 const SAMPLES: u32 = 512;
 
 /// `[scale, bias]` per node, rows of equal roughness.
-static TABLE: LazyLock<Vec<[f32; 2]>> = LazyLock::new(|| {
+static TABLE: LazyLock<[[f32; 2]; NODES * NODES]> = LazyLock::new(|| {
     let node = |i: usize| i as f32 / (NODES - 1) as f32;
-    (0..NODES * NODES).map(|i| integrate(node(i / NODES), node(i % NODES).max(1e-3))).collect()
+    std::array::from_fn(|i| integrate(node(i / NODES), node(i % NODES).max(1e-3)))
 });
+
+/// What [`split_sum`] interpolates, for those who do so at many points at once: scale and bias at equidistant nodes from 0 to
+/// 1, rows of equal roughness.
+pub fn split_sum_nodes() -> &'static [[f32; 2]; NODES * NODES] {
+    &TABLE
+}
 
 /// Scale and bias of the mirror colour in the light that a GGX lobe of a perceptual roughness reflects to the eye from
 /// surroundings of radiance one; `n_v` is the cosine at which it is seen. The second half of the split sum (B. Karis,

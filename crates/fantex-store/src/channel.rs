@@ -18,17 +18,23 @@ pub enum ChannelKind {
     /// RGB light that arrives: irradiance over pi, linear, which is what a white, perfectly diffuse surface reflects. May
     /// exceed 1.
     Light,
+    /// A highlight that is stretched along a direction in the surface. With the angle `t` from the x axis of the tile's
+    /// shading frame (see [`ChannelKind::Normal`]) to the direction, and the strength `s` from -1 to 1, negative where it is
+    /// stretched across: red and green are `s cos 2t` and `s sin 2t`, -1..1 stored as 0..1. (Directions that are opposite to each
+    /// other are the same, and so are their numbers, so these can be averaged.)
+    Anisotropy,
 }
 
 impl ChannelKind {
     /// All kinds, ordered by their code in files.
-    pub(crate) const ALL: [Self; 6] = [
+    pub(crate) const ALL: [Self; 7] = [
         Self::BaseColor,
         Self::Normal,
         Self::OcclusionRoughnessMetallic,
         Self::Emission,
         Self::Displacement,
         Self::Light,
+        Self::Anisotropy,
     ];
 }
 

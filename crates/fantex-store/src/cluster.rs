@@ -107,6 +107,19 @@ impl Asset {
         cluster.page(&self.formats, channel, id, extent).ok_or_else(|| self.no_such_page(channel, id))
     }
 
+    /// The same, in whichever of several clusters holds the page.
+    pub fn page_in_any<'c>(
+        &self,
+        clusters: &'c [Arc<ClusterPages>],
+        channel: usize,
+        id: PageId,
+    ) -> Result<&'c [u8], PageError> {
+        self.page_extent(channel, id)?;
+        let extent = self.cover().groups[id.group as usize].extent;
+        let found = clusters.iter().find_map(|cluster| cluster.page(&self.formats, channel, id, extent));
+        found.ok_or_else(|| self.no_such_page(channel, id))
+    }
+
     /// Reads, checks and unpacks a cluster.
     pub(crate) fn read_cluster(&self, cluster: ClusterId) -> Result<ClusterPages, PageError> {
         self.read_entry(cluster.level, self.entry(cluster))

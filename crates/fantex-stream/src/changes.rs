@@ -1,18 +1,16 @@
 //! What the owner of the atlas does in one frame.
 
-use fantex_store::PageId;
+use crate::{AtlasPlace, Parcel, ParcelTexels, TableEntry};
 
-use crate::{AtlasPlace, PageTexels, TableEntry};
-
-/// A page to copy into the atlas.
+/// A parcel to copy into the atlas.
 #[derive(Debug)]
-pub struct PageUpload {
+pub struct ParcelUpload {
     /// Which.
-    pub page: PageId,
+    pub parcel: Parcel,
     /// Where to.
     pub place: AtlasPlace,
     /// Its texels, per channel.
-    pub texels: PageTexels,
+    pub texels: ParcelTexels,
 }
 
 /// An entry of the page table that has changed.
@@ -28,8 +26,8 @@ pub struct TableChange {
 /// anything but its page.
 #[derive(Debug, Default)]
 pub struct FrameChanges {
-    /// Pages that have arrived. Places may be those of pages that left in the same frame.
-    pub uploads: Vec<PageUpload>,
+    /// Parcels that have arrived. Places may be those of others that left in the same frame.
+    pub uploads: Vec<ParcelUpload>,
     /// Entries, ascending by index, each at most once.
     pub entries: Vec<TableChange>,
 }

@@ -24,7 +24,7 @@ use crate::read::{
     BufferPool, FileReadOptions, QueuedReader, ReadRequest, ReaderInfo, ThreadedReader, open_file_reader,
     open_in_runtime, ring_runtime, takes_direct_io,
 };
-use crate::{ClusterLoader, ClusterLoaderOptions, LoaderError, LoaderStatistics, PageLoader};
+use crate::{ClusterLoader, ClusterLoaderOptions, LoaderError, LoaderStatistics, Parcel, ParcelLoader};
 
 /// Blocks of plain reads start at multiples of this.
 const ALIGNMENT: u64 = 4096;
@@ -171,7 +171,7 @@ fn random_reads(
     Ok(speed)
 }
 
-/// Loads random clusters, a page of each, through a loader. Counts stored bytes of clusters, and gives the loader's own counts
+/// Loads random clusters, a parcel of each, through a loader. Counts stored bytes of clusters, and gives the loader's own counts
 /// (among them the bytes of all texels in these clusters, which can be taken from it).
 /// (Clusters that are still in its cache are not counted.)
 pub fn loaded_clusters(
@@ -181,6 +181,8 @@ pub fn loaded_clusters(
 ) -> Result<(DiskSpeed, LoaderStatistics), LoaderError> {
     let mut options = options.clone();
     options.file.depth = load.depth;
+    // What was read once counts once.
+    options.stored_cache_bytes = 0;
     let mut loader = ClusterLoader::open(Arc::clone(asset), &options)?;
     let clusters: Vec<ClusterId> = asset.clusters().collect();
     // Enough to keep the reader busy between two looks, and not so many that all clusters are pending.
@@ -191,7 +193,9 @@ pub fn loaded_clusters(
     while Instant::now() < end {
         while loader.pending() < most_pending {
             let cluster = clusters[random.below(clusters.len() as u64) as usize];
-            loader.request(asset.first_page_of(cluster), random.below(1 << 20) as f32);
+            let page = asset.first_page_of(cluster);
+            let parcel = Parcel::of(&asset.cover().groups[page.group as usize], page);
+            loader.request(parcel, random.below(1 << 20) as f32);
         }
         if loader.poll(usize::MAX).is_empty() {
             // As a frame would; looking all the time takes a processor's share from the workers.

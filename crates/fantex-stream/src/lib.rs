@@ -1,18 +1,22 @@
 //! Streaming of fan tiles from an asset into a small atlas, without a graphics type in it.
 //!
 //! ```text
-//!  StreamView --demand--> level and urgency per tile --residency--> wanted pages, places in the atlas
+//!  StreamView --demand--> level and urgency per tile --residency--> wanted parcels, places in the atlas
 //!                                                          |                ^
-//!                                                 request, cancel       LoadedPage
+//!                                                 request, cancel      LoadedParcel
 //!                                                          v                |
-//!                                                        PageLoader (reads, checks, unpacks, decodes)
+//!                                                       ParcelLoader (reads, checks, unpacks, decodes)
 //!                                                          |
 //!                                   FrameChanges: uploads and page-table entries for whoever owns the atlas
 //! ```
 //!
 //! Who decides what: *demand* knows geometry only, *residency* knows the atlas' space only, the *loader* knows files and
 //! threads only. Each is a module with a small interface, so that the whole is simulated and tested without a GPU.
+//!
+//! What moves is a [`Parcel`]: a page of a tile, or a coarse level of up to 32 neighbouring tiles. The [`PageTable`] that shaders read
+//! knows pages only.
 
+mod assemble;
 mod atlas;
 mod changes;
 mod cluster_loader;
@@ -21,15 +25,18 @@ mod disk_speed;
 mod geometry;
 mod loader;
 mod location;
+mod parcel;
 pub mod read;
 mod residency;
 mod shape;
 mod sharpness;
 pub mod simulate;
+mod sparse_lists;
 mod streamer;
 mod table;
 mod view;
 
+pub use assemble::*;
 pub use atlas::*;
 pub use changes::*;
 pub use cluster_loader::*;
@@ -38,7 +45,8 @@ pub use disk_speed::*;
 pub use geometry::*;
 pub use loader::*;
 pub use location::*;
-pub use residency::{PageCount, RequestLimits};
+pub use parcel::*;
+pub use residency::{ParcelCount, RequestLimits};
 pub use sharpness::*;
 pub use streamer::*;
 pub use table::*;

@@ -2,61 +2,64 @@
 
 use std::sync::Arc;
 
-use fantex_store::{PageError, PageId};
+use fantex_store::PageError;
 
-/// Texels of one page in the formats of the atlas.
+use crate::Parcel;
+
+/// Texels of a parcel in the formats of the atlas.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PageTexels {
+pub struct ParcelTexels {
     /// Columns and rows, multiples of 4.
     pub extent: [u32; 2],
-    /// Per channel of the asset: rows of blocks, or of texels, from v = 0, without padding.
+    /// Per channel of the asset: rows of blocks, or of texels, from v = 0, without padding. What lies between the pages of a
+    /// bundle is anything.
     pub channels: Vec<Arc<[u8]>>,
 }
 
-impl PageTexels {
+impl ParcelTexels {
     /// Bytes of all channels.
     pub fn bytes(&self) -> usize {
         self.channels.iter().map(|channel| channel.len()).sum()
     }
 }
 
-/// A page that has arrived, or never will.
+/// A parcel that has arrived, or never will.
 #[derive(Clone, Debug)]
-pub struct LoadedPage {
+pub struct LoadedParcel {
     /// Which.
-    pub page: PageId,
-    /// Its texels, or what was wrong.
-    pub texels: Result<PageTexels, PageError>,
+    pub parcel: Parcel,
+    /// Its texels, or what was wrong. A bundle of which one page cannot be read is an error.
+    pub texels: Result<ParcelTexels, PageError>,
 }
 
-/// Brings pages from wherever they are, many at a time, in the background. Pages of one cluster are read together.
-pub trait PageLoader: Send {
-    /// Asks for a page. The greater `urgency` (any finite number), the earlier it comes. Asking for a page that has been asked
+/// Brings parcels from wherever they are, many at a time, in the background. Pages of one cluster are read together.
+pub trait ParcelLoader: Send {
+    /// Asks for a parcel. The greater `urgency` (any finite number), the earlier it comes. Asking for one that has been asked
     /// for and has not arrived changes its urgency.
-    fn request(&mut self, page: PageId, urgency: f32);
+    fn request(&mut self, parcel: Parcel, urgency: f32);
 
-    /// [`PageLoader::request`] of several pages, in order.
-    fn request_all(&mut self, pages: &[(PageId, f32)]) {
-        for &(page, urgency) in pages {
-            self.request(page, urgency);
+    /// [`ParcelLoader::request`] of several parcels, in order.
+    fn request_all(&mut self, parcels: &[(Parcel, f32)]) {
+        for &(parcel, urgency) in parcels {
+            self.request(parcel, urgency);
         }
     }
 
-    /// The page is no longer wanted: it does not arrive any more unless it is asked for again. No effect on a page that has
+    /// The parcel is no longer wanted: it does not arrive any more unless it is asked for again. No effect on one that has
     /// not been asked for.
-    fn cancel(&mut self, page: PageId);
+    fn cancel(&mut self, parcel: Parcel);
 
-    /// [`PageLoader::cancel`] of several pages, in order.
-    fn cancel_all(&mut self, pages: &[PageId]) {
-        for &page in pages {
-            self.cancel(page);
+    /// [`ParcelLoader::cancel`] of several parcels, in order.
+    fn cancel_all(&mut self, parcels: &[Parcel]) {
+        for &parcel in parcels {
+            self.cancel(parcel);
         }
     }
 
-    /// Pages that have arrived or failed since the last call, the most urgent first, at least one if there is any, no more
+    /// Parcels that have arrived or failed since the last call, the most urgent first, at least one if there is any, no more
     /// than make up `max_bytes`. Does not wait, and may bring nothing now and then although there is something.
-    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage>;
+    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel>;
 
-    /// Pages that were asked for and have neither arrived (in [`PageLoader::poll`]) nor been cancelled.
+    /// Parcels that were asked for and have neither arrived (in [`ParcelLoader::poll`]) nor been cancelled.
     fn pending(&self) -> usize;
 }

@@ -1,9 +1,14 @@
-//! What a tile's extent alone decides: which level a pixel's width asks for, and how pages lie in its levels.
+//! What tiles' extents alone decide: which level a pixel's width asks for, how pages lie in a tile's levels, and how all parcels
+//! are numbered.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use fantex_cover::{Cover, Group};
 use fantex_store::{PAGE, PageId, page_extent, page_grid};
+use rayon::prelude::*;
+
+use crate::parcel::{BUNDLE_TILES, FAMILY, Parcel, ParcelLayout, SHARED_LEVELS, Slot, groups_of, slots};
 
 /// How fine a surface is wanted: `floor(8 log2 w)`, where `w` is the width of a pixel in texels of level 0, from 0 (a texel
 /// is wider than a pixel, or just as wide) to 254. [`Detail::HIDDEN`] wants nothing.
@@ -52,6 +57,9 @@ pub(crate) struct TileShape {
     extents: Vec<[u32; 2]>,
     /// The finest level that is one page, as all coarser ones are.
     first_single: u32,
+    /// Per step the least detail that does without the level; zero where there is none.
+    shared_leaves: [u8; SHARED_LEVELS as usize],
+    side_log2: f32,
 }
 
 impl TileShape {
@@ -83,7 +91,10 @@ impl TileShape {
             .collect();
         let is_large = |extent: &&[u32; 2]| extent.iter().any(|&n| n > PAGE);
         let first_single = extents.iter().take_while(is_large).count() as u32;
-        Self { wanted, leaves, texels, first_pages, extents, first_single }
+        let at_step = |step: usize| last.checked_sub(step).map_or(0, |level| leaves[level]);
+        let shared_leaves = std::array::from_fn(at_step);
+        let side_log2 = 0.5 * extents[0].map(|n| n.ilog2() as f32).iter().sum::<f32>();
+        Self { wanted, leaves, texels, first_pages, extents, first_single, shared_leaves, side_log2 }
     }
 
     /// The finest level that a look-up of this detail reads; [`TileShape::level_count`] where the mean is enough.
@@ -96,6 +107,18 @@ impl TileShape {
     #[inline]
     pub(crate) fn leaves(&self, level: u32) -> u8 {
         self.leaves[level as usize]
+    }
+
+    /// Per step the least detail from which on the level is not read; zero where the tile has no such level.
+    #[inline]
+    pub(crate) fn shared_leaves(&self) -> [u8; SHARED_LEVELS as usize] {
+        self.shared_leaves
+    }
+
+    /// The binary logarithm of the side in texels of level 0, about.
+    #[inline]
+    pub(crate) fn side_log2(&self) -> f32 {
+        self.side_log2
     }
 
     #[inline]
@@ -112,6 +135,24 @@ impl TileShape {
     /// Columns and rows of a level in texels.
     pub(crate) fn extent(&self, level: u32) -> [u32; 2] {
         self.extents[level as usize]
+    }
+
+    /// Levels that the tile does not share with its bundle: the finest so many.
+    #[inline]
+    pub(crate) fn own_levels(&self) -> u32 {
+        self.level_count().saturating_sub(SHARED_LEVELS)
+    }
+
+    /// Pages of these levels; they come first among the tile's.
+    #[inline]
+    pub(crate) fn own_pages(&self) -> u32 {
+        self.first_pages[self.own_levels() as usize]
+    }
+
+    /// The level that lies so many above the coarsest, if there is one.
+    #[inline]
+    pub(crate) fn level_at_step(&self, step: u32) -> Option<u32> {
+        (self.level_count() - 1).checked_sub(step)
     }
 
     /// Whether any level has several pages.
@@ -172,18 +213,27 @@ pub(crate) fn cells([first, last]: [[u32; 2]; 2]) -> impl Iterator<Item = [u32; 
     (first[1]..=last[1]).flat_map(move |y| (first[0]..=last[0]).map(move |x| [x, y]))
 }
 
-/// The shapes of a cover's tiles, each kept once.
+/// The shapes of a cover's tiles, each kept once, and the numbering of its parcels: first the bundles', step by step from the
+/// coarsest, then the tiles' own pages, group by group.
+///
+/// *Owners* are what is wished for: bundles, by their numbers, and (numbered after them) groups with own pages.
 #[derive(Debug)]
 pub(crate) struct TileShapes {
     of_group: Vec<u32>,
     shapes: Vec<TileShape>,
+    /// Per step the number of its first bundle; at the end that of all bundles.
+    bundle_firsts: [u32; SHARED_LEVELS as usize + 1],
+    /// Per bundle columns and rows, in units of 4 texels; zero where no tile has the level.
+    bundle_extents: Vec<[u8; 2]>,
+    /// Per group the number of its first own page; at the end that of all parcels.
+    own_firsts: Vec<u32>,
 }
 
 impl TileShapes {
     pub(crate) fn new(cover: &Cover) -> Self {
         let mut known: HashMap<[u32; 2], u32> = HashMap::new();
         let mut shapes = Vec::new();
-        let of_group = cover
+        let of_group: Vec<u32> = cover
             .groups
             .iter()
             .map(|group| {
@@ -193,7 +243,26 @@ impl TileShapes {
                 })
             })
             .collect();
-        Self { of_group, shapes }
+        let mut bundle_firsts = [0; SHARED_LEVELS as usize + 1];
+        for (step, tiles) in BUNDLE_TILES.into_iter().enumerate() {
+            bundle_firsts[step + 1] = bundle_firsts[step] + (of_group.len() as u32).div_ceil(tiles);
+        }
+        let (bundle_extents, own_firsts) = (Vec::new(), Vec::new());
+        let mut all = Self { of_group, shapes, bundle_firsts, bundle_extents, own_firsts };
+        let mut next = all.bundle_count();
+        for group in 0..all.of_group.len() as u32 {
+            all.own_firsts.push(next);
+            next += all.of(group).own_pages();
+        }
+        all.own_firsts.push(next);
+        let extent = |index| match all.parcel(index) {
+            Parcel::Bundle { bundle, step } => {
+                ParcelLayout::new(all.slots(bundle, step)).extent.map(|n| (n / 4) as u8)
+            }
+            Parcel::Page(_) => [0, 0],
+        };
+        all.bundle_extents = (0..all.bundle_count()).into_par_iter().map(extent).collect();
+        all
     }
 
     #[inline]
@@ -205,6 +274,172 @@ impl TileShapes {
     pub(crate) fn group_count(&self) -> usize {
         self.of_group.len()
     }
+
+    /// Number of bundles of all steps.
+    #[inline]
+    pub(crate) fn bundle_count(&self) -> u32 {
+        self.bundle_firsts[SHARED_LEVELS as usize]
+    }
+
+    /// Number of parcels. (Some of the bundles' may be empty.)
+    pub(crate) fn parcel_count(&self) -> usize {
+        self.own_firsts.last().map_or(0, |&count| count as usize)
+    }
+
+    /// The groups of a bundle.
+    #[inline]
+    pub(crate) fn groups(&self, bundle: u32, step: u32) -> Range<u32> {
+        groups_of(bundle, step, self.of_group.len() as u32)
+    }
+
+    /// The bundles of a step whose groups are a family's.
+    #[inline]
+    pub(crate) fn family_bundles(&self, family: u32, step: u32) -> Range<u32> {
+        let share = FAMILY / BUNDLE_TILES[step as usize];
+        let [first, end] = [0, 1].map(|i| self.bundle_firsts[step as usize + i]);
+        family * share..(end - first).min((family + 1) * share)
+    }
+
+    /// Number of a parcel.
+    #[inline]
+    pub(crate) fn index(&self, parcel: Parcel) -> u32 {
+        match parcel {
+            Parcel::Bundle { bundle, step } => self.bundle_firsts[step as usize] + bundle,
+            Parcel::Page(page) => {
+                self.own_firsts[page.group as usize] + self.of(page.group).page_index(page.level, page.page)
+            }
+        }
+    }
+
+    /// The parcel that brings a page.
+    pub(crate) fn parcel_of(&self, page: PageId) -> Parcel {
+        Parcel::with_levels(self.of(page.group).level_count(), page)
+    }
+
+    /// The parcel of a number.
+    pub(crate) fn parcel(&self, index: u32) -> Parcel {
+        if index < self.bundle_count() {
+            let step = self.bundle_firsts.partition_point(|&first| first <= index) - 1;
+            return Parcel::Bundle { bundle: index - self.bundle_firsts[step], step: step as u32 };
+        }
+        let group = self.own_firsts.partition_point(|&first| first <= index) - 1;
+        self.own_page(group as u32, index)
+    }
+
+    /// The parcel of a number that is one of a group's own pages.
+    pub(crate) fn own_page(&self, group: u32, index: u32) -> Parcel {
+        Parcel::Page(self.of(group).page(group, index - self.own_firsts[group as usize]))
+    }
+
+    /// Numbers of a group's own pages, finest first.
+    #[inline]
+    pub(crate) fn own_parcels(&self, group: u32) -> Range<u32> {
+        self.own_firsts[group as usize]..self.own_firsts[group as usize + 1]
+    }
+
+    /// Columns and rows of a parcel in texels.
+    #[inline]
+    pub(crate) fn extent(&self, parcel: Parcel) -> [u32; 2] {
+        match parcel {
+            Parcel::Bundle { .. } => {
+                self.bundle_extents[self.index(parcel) as usize].map(|n| 4 * u32::from(n))
+            }
+            Parcel::Page(page) => self.of(page.group).page_extent(page.level, page.page),
+        }
+    }
+
+    /// Texels of a parcel.
+    #[inline]
+    pub(crate) fn texels(&self, parcel: Parcel) -> u64 {
+        let [columns, rows] = self.extent(parcel).map(u64::from);
+        columns * rows
+    }
+
+    /// Where the levels of a bundle's tiles lie.
+    pub(crate) fn layout(&self, bundle: u32, step: u32) -> ParcelLayout {
+        let [width, _] = self.extent(Parcel::Bundle { bundle, step });
+        ParcelLayout::of_width(self.slots(bundle, step), width)
+    }
+
+    fn slots(&self, bundle: u32, step: u32) -> Vec<Slot> {
+        slots(bundle, step, self.of_group.len() as u32, |group| {
+            let shape = self.of(group);
+            shape.level_at_step(step).map(|level| (level, shape.extent(level)))
+        })
+    }
+
+    /// Number of owners.
+    pub(crate) fn owner_count(&self) -> usize {
+        self.bundle_count() as usize + self.group_count()
+    }
+
+    /// The owner of a parcel.
+    #[inline]
+    pub(crate) fn owner(&self, parcel: Parcel) -> u32 {
+        match parcel {
+            Parcel::Bundle { .. } => self.index(parcel),
+            Parcel::Page(page) => self.owner_of_group(page.group),
+        }
+    }
+
+    /// The owner that stands for a group's own pages.
+    #[inline]
+    pub(crate) fn owner_of_group(&self, group: u32) -> u32 {
+        self.bundle_count() + group
+    }
+
+    /// The group whose own pages an owner stands for, if it is no bundle.
+    #[inline]
+    pub(crate) fn group_of_owner(&self, owner: u32) -> Option<u32> {
+        owner.checked_sub(self.bundle_count())
+    }
+
+    /// The parcels of the next coarser level that lie over one.
+    pub(crate) fn coarser(&self, parcel: Parcel) -> impl Iterator<Item = Parcel> + use<> {
+        let own = match parcel {
+            Parcel::Page(PageId { group, level, page }) if level + 1 < self.of(group).own_levels() => {
+                Some((group, level + 1, self.of(group).overlapping(level, page, level + 1)))
+            }
+            _ => None,
+        };
+        let bundle = if own.is_none() { parcel.bundle_over() } else { None };
+        bundle.into_iter().chain(pages(own))
+    }
+
+    /// Calls `visit` with the parcels of the next finer level that lie under one.
+    pub(crate) fn for_each_finer(&self, parcel: Parcel, visit: &mut impl FnMut(Parcel)) {
+        match parcel {
+            Parcel::Bundle { bundle, step } if step + 1 < SHARED_LEVELS => {
+                let groups = self.groups(bundle, step);
+                for first in groups.step_by(BUNDLE_TILES[step as usize + 1] as usize) {
+                    let finer = Parcel::bundle_of(first, step + 1);
+                    if self.texels(finer) > 0 {
+                        visit(finer);
+                    }
+                }
+            }
+            Parcel::Bundle { bundle, step } => {
+                for group in self.groups(bundle, step) {
+                    // The coarsest of its own levels is one page.
+                    if let Some(level) = self.of(group).own_levels().checked_sub(1) {
+                        visit(Parcel::Page(PageId { group, level, page: [0, 0] }));
+                    }
+                }
+            }
+            Parcel::Page(PageId { group, level, page }) => {
+                let finer = level.checked_sub(1);
+                let under = finer.map(|finer| (group, finer, self.of(group).overlapping(level, page, finer)));
+                pages(under).for_each(visit);
+            }
+        }
+    }
+}
+
+/// Pages of a level of a group, between two of them.
+fn pages(range: Option<(u32, u32, [[u32; 2]; 2])>) -> impl Iterator<Item = Parcel> {
+    range.into_iter().flat_map(|(group, level, range)| {
+        cells(range).map(move |page| Parcel::Page(PageId { group, level, page }))
+    })
 }
 
 #[cfg(test)]

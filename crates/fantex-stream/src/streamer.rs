@@ -7,9 +7,9 @@ use fantex_store::{PageError, PageId};
 use glam::{Mat3, Quat, Vec3};
 
 use crate::demand::{Demand, DemandSurface, DemandWork};
-use crate::residency::{COUNTED_LEVELS, PageCount, RequestLimits, Residency};
+use crate::residency::{COUNTED_LEVELS, ParcelCount, RequestLimits, Residency};
 use crate::shape::TileShapes;
-use crate::{AtlasShape, Detail, FrameChanges, Geometry, PageLoader, PageTable, StreamView};
+use crate::{AtlasShape, Detail, FrameChanges, Geometry, PageTable, Parcel, ParcelLoader, StreamView};
 
 /// What a streamer is built with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,7 +20,7 @@ pub struct StreamerOptions {
     pub max_anisotropy: f32,
     /// How much is on its way at a time.
     pub limits: RequestLimits,
-    /// How far ahead of a moving camera pages are fetched, seconds; 0 for not at all.
+    /// How far ahead of a moving camera parcels are fetched, seconds; 0 for not at all.
     pub look_ahead_seconds: f32,
 }
 
@@ -39,7 +39,7 @@ impl Default for StreamerOptions {
 /// What holds for one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameOptions {
-    /// Bytes of texels that may be uploaded; exceeded by less than a page.
+    /// Bytes of texels that may be uploaded; exceeded by less than a parcel.
     pub upload_bytes: usize,
     /// Seconds since the last frame.
     pub elapsed_seconds: f32,
@@ -59,7 +59,7 @@ pub struct Streamer {
     demand: Demand,
     predicted: Demand,
     residency: Residency,
-    loader: Box<dyn PageLoader>,
+    loader: Box<dyn ParcelLoader>,
     options: StreamerOptions,
     motion: Motion,
     changed: Vec<u32>,
@@ -79,7 +79,7 @@ pub struct UpdateTimes {
 
 impl Streamer {
     /// Nothing is resident. Takes time linear in the mesh.
-    pub fn new(geometry: Arc<dyn Geometry>, loader: Box<dyn PageLoader>, options: StreamerOptions) -> Self {
+    pub fn new(geometry: Arc<dyn Geometry>, loader: Box<dyn ParcelLoader>, options: StreamerOptions) -> Self {
         let shapes = Arc::new(TileShapes::new(geometry.cover()));
         let table = PageTable::new(geometry.cover());
         let surface = DemandSurface::new(geometry.clone(), shapes.clone());
@@ -101,16 +101,18 @@ impl Streamer {
     /// stays. Never waits.
     pub fn update(&mut self, view: Option<&StreamView>, frame: FrameOptions) -> FrameChanges {
         let started = Instant::now();
+        let loader = &mut *self.loader;
+        self.residency.begin_frame(frame.elapsed_seconds);
+        // What has been said since the last frame, as of texels that have changed, comes before what arrives.
+        self.residency.tell(loader);
+        let mut changes = self.residency.arrive(frame.upload_bytes, loader);
+        let arrived = Instant::now();
         self.changed.clear();
         self.demand.update(&mut self.surface, view, &mut self.changed);
         let demanded = Instant::now();
         let is_moving = self.motion.advance(view, frame.elapsed_seconds);
-        let loader = &mut *self.loader;
-        self.residency.begin_frame(frame.elapsed_seconds);
         self.residency.want(&self.changed, &self.demand);
         self.residency.adapt(&self.demand, is_moving);
-        self.residency.tell(loader);
-        let mut changes = self.residency.arrive(frame.upload_bytes, loader);
         self.residency.request(&self.demand, &self.options.limits);
         let requested = Instant::now();
         self.look_ahead();
@@ -118,9 +120,9 @@ impl Streamer {
         self.residency.tell(&mut *self.loader);
         changes.entries = self.residency.take_changes();
         self.times = UpdateTimes {
-            demand: demanded - started,
+            demand: demanded - arrived,
             prediction: predicted - requested,
-            residency: (requested - demanded) + predicted.elapsed(),
+            residency: (arrived - started) + (requested - demanded) + predicted.elapsed(),
         };
         changes
     }
@@ -177,13 +179,13 @@ impl Streamer {
         self.residency.invalidate(pages, &self.demand);
     }
 
-    /// Pages that could not be loaded, with the reason. They are not asked for again; a coarser level stands in for them, and
+    /// Parcels that could not be loaded, with the reason. They are not asked for again; a coarser level stands in for them, and
     /// finer ones are resident without them.
-    pub fn damaged(&self) -> impl Iterator<Item = (&PageId, &PageError)> {
+    pub fn damaged(&self) -> impl Iterator<Item = (&Parcel, &PageError)> {
         self.residency.damaged().iter()
     }
 
-    /// Asks for all damaged pages once more.
+    /// Asks for all damaged parcels once more.
     pub fn retry_damaged(&mut self) {
         self.residency.retry_damaged(&self.demand);
     }
@@ -198,19 +200,19 @@ impl Streamer {
         self.residency.wanted_level(group)
     }
 
-    /// The finest level of which a group has a page; `None` if it has only its mean.
+    /// The finest level of which a group has something; `None` if it has only its mean.
     pub fn resident_level(&self, group: u32) -> Option<u32> {
         self.residency.resident_level(group)
     }
 
-    /// Whether the view needs a page that is not resident, and may become so.
-    pub fn is_missing(&self, page: PageId) -> bool {
-        self.residency.is_missing(page)
+    /// Whether the view needs a parcel that is not resident, and may become so.
+    pub fn is_missing(&self, parcel: Parcel) -> bool {
+        self.residency.is_missing(parcel)
     }
 
-    /// All such pages, ascending by group. Takes time linear in the number of groups.
-    pub fn missing_pages(&self) -> Vec<PageId> {
-        self.residency.all_missing_pages()
+    /// All such parcels, bundles first, then ascending by group. Takes time linear in the number of groups.
+    pub fn missing(&self) -> Vec<Parcel> {
+        self.residency.all_missing()
     }
 
     /// Whether the view's demand, or another bias, has not been taken over for all groups yet.
@@ -227,28 +229,36 @@ impl Streamer {
     pub fn statistics(&self) -> StreamStatistics {
         let (visible_groups, lacking_groups) = self.residency.visible_and_lacking();
         let pool = self.residency.pool();
-        let (requested_pages, waiting_pages) = self.residency.in_flight();
-        let mut resident_by_level = [PageCount::default(); COUNTED_LEVELS];
-        resident_by_level.copy_from_slice(pool.resident_by_level());
+        let (requested, waiting) = self.residency.in_flight();
         StreamStatistics {
             resident: pool.resident(),
-            resident_by_level,
+            resident_texels_by_level: *pool.resident_by_level(),
             needed: pool.needed(),
-            missing_pages: self.residency.missing_pages_count(),
+            missing: self.residency.missing_count(),
             atlas_texels: pool.shape().texels(),
             evictions: pool.evictions(),
-            requested_pages,
-            waiting_pages,
-            lacking_groups_not_asked: self.residency.wishes(),
+            requested,
+            waiting,
+            wishes: self.residency.wishes(),
             requests: self.residency.requests(),
             uploaded_bytes: self.residency.uploaded_bytes(),
             bias_levels: f32::from(self.residency.bias()) / Detail::STEPS as f32,
             visible_groups,
             complete_groups: visible_groups - lacking_groups,
-            damaged_pages: self.residency.damaged().len(),
+            damaged: self.residency.damaged().len(),
             work: self.demand.work(),
             times: self.times,
         }
+    }
+
+    #[cfg(test)]
+    pub(crate) fn set_frame_work(&mut self, nanoseconds: u32) {
+        self.residency.set_frame_work(nanoseconds);
+    }
+
+    #[cfg(test)]
+    pub(crate) fn work(&self) -> (u32, u32) {
+        self.residency.work()
     }
 
     #[cfg(test)]
@@ -261,35 +271,36 @@ impl Streamer {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamStatistics {
     /// In the atlas.
-    pub resident: PageCount,
-    /// The same per level, finest first.
-    pub resident_by_level: [PageCount; COUNTED_LEVELS],
+    pub resident: ParcelCount,
+    /// The texels of tiles among them, per level, finest first.
+    pub resident_texels_by_level: [u64; COUNTED_LEVELS],
     /// What the view needs, with the bias.
-    pub needed: PageCount,
-    /// Pages of that which are not resident.
-    pub missing_pages: u64,
+    pub needed: ParcelCount,
+    /// Parcels of that which are not resident.
+    pub missing: u64,
     /// Texels of the atlas.
     pub atlas_texels: u64,
-    /// Pages that left.
+    /// Parcels that left.
     pub evictions: u64,
-    /// Asked for and not arrived.
-    pub requested_pages: usize,
-    /// Arrived, not placed yet.
-    pub waiting_pages: usize,
-    /// Groups whose demand has not been taken over, or whose missing pages have not been asked for.
-    pub lacking_groups_not_asked: usize,
-    /// Pages asked for.
+    /// Parcels asked for and not arrived.
+    pub requested: usize,
+    /// Parcels arrived, not placed yet.
+    pub waiting: usize,
+    /// Groups whose demand has not been taken over (or that of a neighbour), and groups and bundles whose missing parcels have not
+    /// been asked for.
+    pub wishes: usize,
+    /// Parcels asked for.
     pub requests: u64,
     /// Bytes of texels handed over for upload.
     pub uploaded_bytes: u64,
     /// Levels by which everything is coarser than its pixels ask for, so that it fits.
     pub bias_levels: f32,
-    /// Groups that need pages.
+    /// Groups that need texels.
     pub visible_groups: u64,
     /// Groups of these that have all that they need; they are sharp where the bias is zero.
     pub complete_groups: u64,
-    /// Pages that could not be loaded.
-    pub damaged_pages: usize,
+    /// Parcels that could not be loaded.
+    pub damaged: usize,
     /// Work of the last update.
     pub work: DemandWork,
     /// Time of the last update.

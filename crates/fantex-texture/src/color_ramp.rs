@@ -1,5 +1,6 @@
 //! One-dimensional textures as colour scales.
 
+use fantex_mesh::{ToonInterpolation, ToonScale};
 use glam::Vec4;
 
 /// How colours change between the stops of a ramp.
@@ -57,6 +58,34 @@ impl ColorRamp {
     /// Positions and linear RGBA, ascending; at least one.
     pub fn stops(&self) -> &[(f32, Vec4)] {
         &self.stops
+    }
+
+    /// The ramp that a material's toon scale stands for; `None` where its stops make none.
+    pub fn of_toon_scale(scale: &ToonScale) -> Option<Self> {
+        let stops = scale.stops.iter().map(|&(at, color)| (at, color.extend(1.0)));
+        let interpolation = match scale.interpolation {
+            ToonInterpolation::Linear => RampInterpolation::Linear,
+            ToonInterpolation::Smooth => RampInterpolation::Smooth,
+            ToonInterpolation::Constant => RampInterpolation::Constant,
+        };
+        Self::new(stops.collect(), interpolation).ok()
+    }
+
+    /// This ramp between -1 and 1 as a material keeps it. One of more stops than that has room for is sampled evenly.
+    pub fn toon_scale(&self) -> ToonScale {
+        let most = ToonScale::MOST_STOPS;
+        if self.stops.len() > most {
+            let places = (0..most).map(|i| 2.0 * i as f32 / (most - 1) as f32 - 1.0);
+            let stops = places.map(|at| (at, self.color(at).truncate())).collect();
+            return ToonScale { stops, interpolation: ToonInterpolation::Linear };
+        }
+        let interpolation = match self.interpolation {
+            RampInterpolation::Linear => ToonInterpolation::Linear,
+            RampInterpolation::Smooth => ToonInterpolation::Smooth,
+            RampInterpolation::Constant => ToonInterpolation::Constant,
+        };
+        let stops = self.stops.iter().map(|&(at, color)| (at, color.truncate())).collect();
+        ToonScale { stops, interpolation }
     }
 
     /// The colour of `x`: linear RGBA. Beyond the ends, the end's colour; for NaN, the first.
@@ -121,6 +150,23 @@ mod tests {
         assert_eq!(ramp.color(1.0), Vec4::X);
         assert_eq!(ramp.color(9.0), Vec4::Y);
         assert_eq!(ramp.color(f32::NAN), Vec4::ZERO);
+    }
+
+    #[test]
+    fn toon_scales_are_ramps() {
+        let stops = vec![(0.0, Vec4::W), (0.3, Vec4::splat(0.5).with_w(1.0)), (0.3, Vec4::ONE)];
+        for interpolation in
+            [RampInterpolation::Linear, RampInterpolation::Smooth, RampInterpolation::Constant]
+        {
+            let ramp = ColorRamp::new(stops.clone(), interpolation).unwrap();
+            assert_eq!(ColorRamp::of_toon_scale(&ramp.toon_scale()), Some(ramp));
+        }
+        let many = (0..100).map(|i| (i as f32 * 0.02 - 1.0, Vec4::splat(i as f32).with_w(1.0))).collect();
+        let many = ColorRamp::new(many, RampInterpolation::Linear).unwrap();
+        let sampled = ColorRamp::of_toon_scale(&many.toon_scale()).unwrap();
+        assert!((sampled.color(0.123).x - many.color(0.123).x).abs() < 1e-3);
+        let empty = ToonScale { stops: Vec::new(), interpolation: ToonInterpolation::Linear };
+        assert_eq!(ColorRamp::of_toon_scale(&empty), None);
     }
 
     #[test]

@@ -16,7 +16,7 @@
 //!
 //! `sample` on 4096x4096 opaque RGBA bytes (`fantex bench sample`): bilinear 17, bicubic 65, trilinear 47 (by the scalar
 //! reference 58; at random places 250, where a random cache line takes 15), anisotropic 8:1 203, EWA 8:1 473. `sample_all`, the
-//! same for many points at once: bilinear 9, trilinear 14 (at random places 57), anisotropic 8:1 112.
+//! same for many points at once: bilinear 5, trilinear 9 (at random places 50), anisotropic 8:1 95.
 //!
 //! On white noise, the worst case, `sample_area` is off by 0.003 to 0.009 (root mean square, of texels in `[0,1]`).
 

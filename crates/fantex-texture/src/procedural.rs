@@ -66,6 +66,20 @@ impl Texture for NoiseTexture {
         Vec3::splat(self.value(at.position, at.width(), at.time)).extend(1.0)
     }
 
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        if self.warp != 0.0 || self.speed != 0.0 {
+            at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
+            return;
+        }
+        let points: Vec<Vec3> = at.iter().map(|at| at.position / self.cell).collect();
+        let widths: Vec<f32> = at.iter().map(|at| at.width() / self.cell).collect();
+        let mut sums = vec![0.0; at.len()];
+        self.noise.values(&points, &widths, &mut sums);
+        for (value, sum) in values.iter_mut().zip(sums) {
+            *value = Vec3::splat(self.offset + self.amplitude * sum).extend(1.0);
+        }
+    }
+
     fn is_animated(&self) -> bool {
         self.speed != 0.0
     }

@@ -90,6 +90,14 @@ pub trait Texture: Send + Sync {
     /// Linear RGBA with straight alpha. Textures of a single number (heights, masks) give it as red, green and blue.
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4;
 
+    /// [`Texture::evaluate`] at many points. Textures that look up many texels, or work out many numbers, faster than one by
+    /// one override this; images may differ by what [`ImageTexture::sample_all`](crate::ImageTexture::sample_all) differs by.
+    /// Panics where the slices differ in length.
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        assert_eq!(at.len(), values.len(), "one value for every point");
+        at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
+    }
+
     /// Whether the value depends on the eye: such a texture cannot be baked.
     fn is_view_dependent(&self) -> bool {
         false
@@ -112,12 +120,24 @@ impl Texture for Vec4 {
     fn evaluate(&self, _at: &ShadingPoint<'_>) -> Vec4 {
         *self
     }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        assert_eq!(at.len(), values.len(), "one value for every point");
+        values.fill(*self);
+    }
 }
 
 /// A constant or a texture, as a texture again.
 impl Texture for Slot {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
         Self::evaluate(self, at)
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        match self {
+            Self::Constant(value) => value.evaluate_all(at, values),
+            Self::Texture(texture) => texture.evaluate_all(at, values),
+        }
     }
 
     fn is_view_dependent(&self) -> bool {

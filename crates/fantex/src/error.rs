@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex::{bake, cover, export, look, look_scene, mesh, paint, render, store, texture};
+use fantex::{bake, cover, export, look, look_scene, mesh, paint, photos, render, store, texture};
 
 use crate::interrupt;
 
@@ -28,6 +28,12 @@ pub(crate) enum CliError {
     Render(#[from] render::RenderError),
     #[error(transparent)]
     LoadImage(#[from] texture::LoadImageError),
+    #[error(transparent)]
+    ReadCameras(Box<photos::ReadCamerasError>),
+    #[error(transparent)]
+    WriteCameras(#[from] photos::WriteCamerasError),
+    #[error(transparent)]
+    Photos(Box<photos::PhotoError>),
     #[error(transparent)]
     LoadEnvironment(#[from] texture::environment::LoadEnvironmentError),
     #[error(transparent)]
@@ -145,7 +151,7 @@ pub(crate) enum CliError {
     NotForAssets { option: &'static str, path: PathBuf },
     #[error("{} is a look, which has its lamps and surroundings itself; leave {option} out", path.display())]
     NotForLooks { option: &'static str, path: PathBuf },
-    #[error("looks and other models are baked by 'fantex bake'; give another source here")]
+    #[error("looks, other models and photographs are baked by 'fantex bake'; give another source here")]
     OnlyBaked,
     #[error("--match takes the density of textures, and {source_name} has none; give --texels or --density")]
     NothingToMatch { source_name: String },
@@ -196,6 +202,21 @@ impl From<export::ExportError> for CliError {
             export::ExportError::Cancelled => Self::Interrupted,
             error => Self::Export(error),
         }
+    }
+}
+
+impl From<photos::PhotoError> for CliError {
+    fn from(error: photos::PhotoError) -> Self {
+        match error {
+            photos::PhotoError::Cancelled => Self::Interrupted,
+            error => Self::Photos(Box::new(error)),
+        }
+    }
+}
+
+impl From<photos::ReadCamerasError> for CliError {
+    fn from(error: photos::ReadCamerasError) -> Self {
+        Self::ReadCameras(Box::new(error))
     }
 }
 

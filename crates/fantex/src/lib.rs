@@ -51,6 +51,7 @@
 //! | [`cover`] | partial fans, groups, tile maps, the texture function |
 //! | [`store`] | the `.fan` asset: writing, reading, caching, verifying |
 //! | [`bake`] | sources to tiles |
+//! | [`photos`] | photographs with cameras as a source |
 //! | [`stream`] | asynchronous reading, demand and residency of tiles, files and URLs alike |
 //! | [`scene`] | cameras, lights, surroundings, tone mapping: what renderers are given |
 //! | [`paint`] | painting on assets |
@@ -66,6 +67,7 @@ pub mod look_scene;
 
 pub use {
     fantex_bake as bake, fantex_cover as cover, fantex_export as export, fantex_gpu as gpu,
-    fantex_look as look, fantex_mesh as mesh, fantex_paint as paint, fantex_render as render,
-    fantex_scene as scene, fantex_store as store, fantex_stream as stream, fantex_texture as texture,
+    fantex_look as look, fantex_mesh as mesh, fantex_paint as paint, fantex_photos as photos,
+    fantex_render as render, fantex_scene as scene, fantex_store as store, fantex_stream as stream,
+    fantex_texture as texture,
 };

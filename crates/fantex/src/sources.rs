@@ -10,6 +10,7 @@ use fantex::bake::{
     WorldSpace,
 };
 use fantex::mesh::{Material, Mesh};
+use fantex::photos::CameraFrame;
 use fantex::texture::{
     Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
 };
@@ -45,13 +46,36 @@ pub(crate) enum SourceArg {
         /// How far its surface is looked for, world units; measured where it is not given.
         cage: Option<f64>,
     },
+    /// Photographs with cameras.
+    Photos(PhotosArg),
+}
+
+/// The value of `--source photos=...`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PhotosArg {
+    /// A sparse model of COLMAP, a folder with one, or a `transforms.json`.
+    pub(crate) path: PathBuf,
+    /// Where the photographs are, if not beside it.
+    pub(crate) images: Option<PathBuf>,
+    /// In which coordinates the cameras are taken.
+    pub(crate) frame: CameraFrame,
+    /// Bring the photographs to one exposure.
+    pub(crate) exposure: bool,
+    /// sRGB bytes of what no photograph sees; its surroundings' colours where it is not given.
+    pub(crate) unseen: Option<[u8; 3]>,
 }
 
 /// Why a text is no source.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum SourceArgError {
-    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME, mesh=PATH or look=PATH")]
+    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME, mesh=PATH, photos=PATH or look=PATH")]
     Syntax,
+    #[error(
+        "photographs need a path, behind which images=FOLDER, frame=file|original, exposure=on|off and \
+         unseen=spread|RRGGBB may stand: \
+         photos=scan/sparse/0,images=scan/images"
+    )]
+    PhotosSyntax,
     #[error(
         "another model needs a path, and its cage is a length above 0 in world units: mesh=PATH or mesh=PATH,cage=0.05"
     )]
@@ -87,6 +111,7 @@ impl FromStr for SourceArg {
                 }
                 Ok(Self::Mesh { path: path.into(), cage })
             }
+            Some(("photos", rest)) => Ok(Self::Photos(rest.parse()?)),
             Some(("image", rest)) => {
                 // A path may hold commas, the mapping's name does not.
                 let (path, mapping) = rest.rsplit_once(",mapping=").ok_or(SourceArgError::ImageSyntax)?;
@@ -110,6 +135,79 @@ impl fmt::Display for SourceArg {
             Self::Look(path) => write!(f, "look={}", path.display()),
             Self::Mesh { path, cage: None } => write!(f, "mesh={}", path.display()),
             Self::Mesh { path, cage: Some(cage) } => write!(f, "mesh={},cage={cage}", path.display()),
+            Self::Photos(photos) => write!(f, "photos={photos}"),
+        }
+    }
+}
+
+impl FromStr for PhotosArg {
+    type Err = SourceArgError;
+
+    /// Options are looked for from the end: a path may hold commas.
+    fn from_str(text: &str) -> Result<Self, SourceArgError> {
+        let mut photos = Self {
+            path: PathBuf::new(),
+            images: None,
+            frame: CameraFrame::OfFile,
+            exposure: true,
+            unseen: None,
+        };
+        let mut rest = text;
+        while let Some((before, key, value)) = last_option(rest) {
+            match (key, value) {
+                ("images", folder) if !folder.is_empty() => photos.images = Some(folder.into()),
+                ("frame", "file") => photos.frame = CameraFrame::OfFile,
+                ("frame", "original") => photos.frame = CameraFrame::Original,
+                ("exposure", "on") => photos.exposure = true,
+                ("exposure", "off") => photos.exposure = false,
+                ("unseen", "spread") => photos.unseen = None,
+                ("unseen", color) => {
+                    photos.unseen = Some(srgb_bytes(color).ok_or(SourceArgError::PhotosSyntax)?);
+                }
+                _ => return Err(SourceArgError::PhotosSyntax),
+            }
+            rest = before;
+        }
+        if rest.is_empty() {
+            return Err(SourceArgError::PhotosSyntax);
+        }
+        photos.path = rest.into();
+        Ok(photos)
+    }
+}
+
+/// What stands before the last option of photographs, its key and its value.
+fn last_option(text: &str) -> Option<(&str, &str, &str)> {
+    let options = ["images", "frame", "exposure", "unseen"].into_iter().filter_map(|key| {
+        let (before, value) = text.rsplit_once(&format!(",{key}="))?;
+        Some((before, key, value))
+    });
+    options.max_by_key(|(before, ..)| before.len())
+}
+
+/// `ff8000`.
+fn srgb_bytes(text: &str) -> Option<[u8; 3]> {
+    let is_color = text.len() == 6 && text.bytes().all(|b| b.is_ascii_hexdigit());
+    let number = u32::from_str_radix(text, 16).ok().filter(|_| is_color)?;
+    let [_, r, g, b] = number.to_be_bytes();
+    Some([r, g, b])
+}
+
+impl fmt::Display for PhotosArg {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        if let Some(images) = &self.images {
+            write!(f, ",images={}", images.display())?;
+        }
+        if self.frame == CameraFrame::Original {
+            f.write_str(",frame=original")?;
+        }
+        if !self.exposure {
+            f.write_str(",exposure=off")?;
+        }
+        match self.unseen {
+            Some([r, g, b]) => write!(f, ",unseen={r:02x}{g:02x}{b:02x}"),
+            None => Ok(()),
         }
     }
 }
@@ -175,7 +273,7 @@ impl<'a> OpenSource<'a> {
     /// Reads what the source needs. `path` is the model's, for messages.
     pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
         match arg {
-            SourceArg::Look(_) | SourceArg::Mesh { .. } => Err(CliError::OnlyBaked),
+            SourceArg::Look(_) | SourceArg::Mesh { .. } | SourceArg::Photos(_) => Err(CliError::OnlyBaked),
             SourceArg::Uv if !has_materials(mesh) => Err(CliError::NoTextures { path: path.into() }),
             SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
             SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
@@ -254,6 +352,9 @@ mod tests {
             "look=a/b.toml",
             "mesh=a,b.ply",
             "mesh=a.ply,cage=0.25",
+            "photos=a,b/transforms.json",
+            "photos=scan/sparse/0,images=a, b,exposure=off,unseen=ff8000",
+            "photos=scan,frame=original,exposure=off",
         ] {
             assert_eq!(text.parse::<SourceArg>().unwrap().to_string(), text);
         }
@@ -269,5 +370,18 @@ mod tests {
         assert!(message("uvs").contains("expected uv"));
         assert!(message("mesh=").contains("needs a path"));
         assert!(message("mesh=a.ply,cage=-1").contains("length above 0"));
+        for wrong in [
+            "",
+            ",images=b",
+            "a,images=",
+            "a,exposure=maybe",
+            "a,frame=mine",
+            "a,unseen=red",
+            "a,unseen=ff80000",
+        ] {
+            assert!(message(&format!("photos={wrong}")).contains("photographs need a path"), "{wrong}");
+        }
+        let spread = "photos=a,exposure=on,unseen=spread".parse::<SourceArg>().unwrap();
+        assert_eq!(spread.to_string(), "photos=a");
     }
 }

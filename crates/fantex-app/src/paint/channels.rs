@@ -60,11 +60,11 @@ impl ChannelSwitches {
             ChannelKind::Emission => self.emission,
             ChannelKind::Normal => self.normal,
             ChannelKind::Displacement => self.height,
-            ChannelKind::Light => false,
+            ChannelKind::Light | ChannelKind::Anisotropy => false,
         }
     }
 
-    /// The switch of a kind of channel; light is not painted.
+    /// The switch of a kind of channel; light and anisotropy are not painted.
     pub fn of(&mut self, kind: ChannelKind) -> Option<&mut bool> {
         match kind {
             ChannelKind::BaseColor => Some(&mut self.color),
@@ -72,7 +72,7 @@ impl ChannelSwitches {
             ChannelKind::Emission => Some(&mut self.emission),
             ChannelKind::Normal => Some(&mut self.normal),
             ChannelKind::Displacement => Some(&mut self.height),
-            ChannelKind::Light => None,
+            ChannelKind::Light | ChannelKind::Anisotropy => None,
         }
     }
 
@@ -97,7 +97,7 @@ impl Material {
                 Vec4::new(self.occlusion, self.roughness, self.metallic, 1.0)
             }
             ChannelKind::Emission => linear_of(self.emission),
-            ChannelKind::Normal => Vec4::new(0.5, 0.5, 1.0, 1.0),
+            ChannelKind::Normal | ChannelKind::Anisotropy => Vec4::new(0.5, 0.5, 1.0, 1.0),
             ChannelKind::Displacement => Vec4::new(self.height, self.height, self.height, 1.0),
         }
     }

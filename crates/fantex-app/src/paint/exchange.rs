@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
+use fantex_cover::Cover;
 use fantex_store::{Asset, PageError, PageId};
-use fantex_stream::{AtlasFormat, LoadedPage, PageLoader, PageTexels};
+use fantex_stream::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader, ParcelTexels};
 
 use super::Order;
 
@@ -15,6 +16,8 @@ const MOST_FRESH: usize = 512;
 /// What both threads see.
 pub struct Exchange {
     state: Mutex<State>,
+    /// Tells the parcels of pages.
+    cover: Arc<Cover>,
     orders: Sender<Order>,
     /// In which formats the atlas takes texels; unset until there is one.
     formats: OnceLock<Vec<AtlasFormat>>,
@@ -22,14 +25,14 @@ pub struct Exchange {
 
 #[derive(Default)]
 struct State {
-    /// Pages that differ from the file as the loader knows it.
-    edited: BTreeSet<PageId>,
-    /// Pages that the painter is asked for, with their urgency.
-    wanted: BTreeMap<PageId, f32>,
+    /// Parcels with pages that differ from the file as the loader knows it.
+    edited: BTreeSet<Parcel>,
+    /// Parcels that the painter is asked for, with their urgency.
+    wanted: BTreeMap<Parcel, f32>,
     /// Its answers.
-    ready: BTreeMap<PageId, (f32, Result<PageTexels, PageError>)>,
+    ready: BTreeMap<Parcel, (f32, Result<ParcelTexels, PageError>)>,
     /// Pages that have just changed.
-    fresh: BTreeMap<PageId, PageTexels>,
+    fresh: BTreeMap<PageId, ParcelTexels>,
     /// The same where there are too many: they have to be asked for.
     stale: Vec<PageId>,
     /// A newer state of the file, for the loader to go over to.
@@ -40,10 +43,10 @@ struct State {
 
 /// A committed state of the file, newer than the one that pages are loaded from.
 struct Newer {
-    loader: Box<dyn PageLoader>,
+    loader: Box<dyn ParcelLoader>,
     asset: Arc<Asset>,
-    /// Pages that differ from it.
-    edited: BTreeSet<PageId>,
+    /// Parcels that differ from it.
+    edited: BTreeSet<Parcel>,
 }
 
 impl std::fmt::Debug for Exchange {
@@ -53,9 +56,13 @@ impl std::fmt::Debug for Exchange {
 }
 
 impl Exchange {
-    /// Nothing has changed.
-    pub fn new(orders: Sender<Order>) -> Self {
-        Self { state: Mutex::default(), orders, formats: OnceLock::new() }
+    /// Nothing has changed. `cover`: of the asset that is painted on.
+    pub fn new(orders: Sender<Order>, cover: Arc<Cover>) -> Self {
+        Self { state: Mutex::default(), cover, orders, formats: OnceLock::new() }
+    }
+
+    fn parcel_of(&self, page: PageId) -> Parcel {
+        Parcel::of(&self.cover.groups[page.group as usize], page)
     }
 
     fn lock(&self) -> MutexGuard<'_, State> {
@@ -86,7 +93,7 @@ impl Exchange {
     pub fn publish<E>(
         &self,
         pages: &[PageId],
-        mut texels: impl FnMut(PageId) -> Result<PageTexels, E>,
+        mut texels: impl FnMut(PageId) -> Result<ParcelTexels, E>,
     ) -> Result<(), E> {
         if pages.len() > MOST_FRESH {
             self.outdate(pages);
@@ -95,8 +102,12 @@ impl Exchange {
         for &page in pages {
             let now = texels(page)?;
             let mut state = self.lock();
-            state.note(page);
-            state.put(page, now);
+            state.note(self.parcel_of(page));
+            let is_outdated = state.put(page, self.parcel_of(page), now);
+            drop(state);
+            if is_outdated {
+                self.kick();
+            }
         }
         Ok(())
     }
@@ -104,13 +115,13 @@ impl Exchange {
     /// The painter's: these pages are not any more as the file says, and have to be asked for.
     pub fn outdate(&self, pages: &[PageId]) {
         let mut state = self.lock();
-        pages.iter().for_each(|&page| state.note(page));
+        pages.iter().for_each(|&page| state.note(self.parcel_of(page)));
         state.stale.extend(pages);
     }
 
     /// The painter's: pages may be loaded from this state of the file from now on, so that the older one need not be kept.
     /// All that differs from it is published later.
-    pub fn offer(&self, loader: Box<dyn PageLoader>, asset: Arc<Asset>) {
+    pub fn offer(&self, loader: Box<dyn ParcelLoader>, asset: Arc<Asset>) {
         self.lock().newer = Some(Newer { loader, asset, edited: BTreeSet::new() });
     }
 
@@ -120,28 +131,31 @@ impl Exchange {
     }
 
     /// The painter's: these pages look like this while a stroke is open.
-    pub fn publish_preview(&self, page: PageId, texels: PageTexels) {
-        self.lock().put(page, texels);
+    pub fn publish_preview(&self, page: PageId, texels: ParcelTexels) {
+        let is_outdated = self.lock().put(page, self.parcel_of(page), texels);
+        if is_outdated {
+            self.kick();
+        }
     }
 
-    /// The painter's: some pages that are wanted, the most urgent first.
-    pub fn wanted(&self, most: usize) -> Vec<PageId> {
+    /// The painter's: some parcels that are wanted, the most urgent first.
+    pub fn wanted(&self, most: usize) -> Vec<Parcel> {
         let state = self.lock();
-        let mut wanted: Vec<(f32, PageId)> = state.wanted.iter().map(|(&page, &u)| (u, page)).collect();
+        let mut wanted: Vec<(f32, Parcel)> = state.wanted.iter().map(|(&parcel, &u)| (u, parcel)).collect();
         wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        wanted.into_iter().take(most).map(|(_, page)| page).collect()
+        wanted.into_iter().take(most).map(|(_, parcel)| parcel).collect()
     }
 
     /// The painter's: an answer. One that nobody waits for any more is dropped.
-    pub fn answer(&self, page: PageId, texels: Result<PageTexels, PageError>) {
+    pub fn answer(&self, parcel: Parcel, texels: Result<ParcelTexels, PageError>) {
         let mut state = self.lock();
-        if let Some(urgency) = state.wanted.remove(&page) {
-            state.ready.insert(page, (urgency, texels));
+        if let Some(urgency) = state.wanted.remove(&parcel) {
+            state.ready.insert(parcel, (urgency, texels));
         }
     }
 
     /// The drawer's: pages that have changed, with their texels, and those that have to be asked for.
-    pub fn take_fresh(&self) -> (BTreeMap<PageId, PageTexels>, Vec<PageId>) {
+    pub fn take_fresh(&self) -> (BTreeMap<PageId, ParcelTexels>, Vec<PageId>) {
         let mut state = self.lock();
         (std::mem::take(&mut state.fresh), std::mem::take(&mut state.stale))
     }
@@ -154,34 +168,48 @@ impl Exchange {
 }
 
 impl State {
-    /// A page is not any more as the file says.
-    fn note(&mut self, page: PageId) {
-        self.edited.insert(page);
+    /// A parcel is not any more as the file says.
+    fn note(&mut self, parcel: Parcel) {
+        self.edited.insert(parcel);
         if let Some(newer) = &mut self.newer {
-            newer.edited.insert(page);
+            newer.edited.insert(parcel);
         }
     }
 
-    fn put(&mut self, page: PageId, texels: PageTexels) {
-        // An answer that waits is older.
-        if let Some((_, answer)) = self.ready.get_mut(&page) {
-            *answer = Ok(texels.clone());
-        }
+    /// Takes a page as it is now. An answer that waits is older: true if the painter has to be asked once more.
+    fn put(&mut self, page: PageId, parcel: Parcel, texels: ParcelTexels) -> bool {
+        let is_outdated = match (self.ready.get_mut(&parcel), parcel) {
+            (Some((_, answer)), Parcel::Page(_)) => {
+                *answer = Ok(texels.clone());
+                false
+            }
+            (Some(&mut (urgency, _)), Parcel::Bundle { .. }) => {
+                self.ready.remove(&parcel);
+                self.wanted.insert(parcel, urgency);
+                true
+            }
+            (None, _) => false,
+        };
         self.fresh.insert(page, texels);
+        is_outdated
     }
 }
 
-/// Loads pages from the file as long as they are as the file says, and from the painter where they have changed.
+/// Loads parcels from the file as long as they are as the file says, and from the painter where they have changed.
 pub struct PaintLoader {
-    file: Box<dyn PageLoader>,
+    file: Box<dyn ParcelLoader>,
     exchange: Arc<Exchange>,
     /// Asked of the file, with the urgency.
-    asked: BTreeMap<PageId, f32>,
+    asked: BTreeMap<Parcel, f32>,
 }
 
 impl PaintLoader {
-    /// `file` loads what was in the file when it was opened.
-    pub fn new(file: Box<dyn PageLoader>, exchange: Arc<Exchange>) -> Self {
+    /// `file` loads what was in the file when it was opened. What another loader of the same exchange has asked for is dropped.
+    pub fn new(file: Box<dyn ParcelLoader>, exchange: Arc<Exchange>) -> Self {
+        let mut state = exchange.lock();
+        state.wanted.clear();
+        state.ready.clear();
+        drop(state);
         Self { file, exchange, asked: BTreeMap::new() }
     }
 }
@@ -195,55 +223,55 @@ impl PaintLoader {
         state.asset = Some(newer.asset);
         drop(state);
         let older = std::mem::replace(&mut self.file, newer.loader);
-        for (&page, &urgency) in &self.asked {
-            self.file.request(page, urgency);
+        for (&parcel, &urgency) in &self.asked {
+            self.file.request(parcel, urgency);
         }
         // Its threads may be reading: the painter waits for them.
         self.exchange.orders.send(Order::Release(older)).ok();
     }
 }
 
-impl PageLoader for PaintLoader {
-    fn request(&mut self, page: PageId, urgency: f32) {
+impl ParcelLoader for PaintLoader {
+    fn request(&mut self, parcel: Parcel, urgency: f32) {
         let mut state = self.exchange.lock();
-        if !state.edited.contains(&page) {
+        if !state.edited.contains(&parcel) {
             drop(state);
-            self.asked.insert(page, urgency);
-            return self.file.request(page, urgency);
+            self.asked.insert(parcel, urgency);
+            return self.file.request(parcel, urgency);
         }
-        if let Some((known, _)) = state.ready.get_mut(&page) {
+        if let Some((known, _)) = state.ready.get_mut(&parcel) {
             *known = urgency;
             return;
         }
-        state.wanted.insert(page, urgency);
+        state.wanted.insert(parcel, urgency);
         drop(state);
         self.exchange.kick();
     }
 
-    fn cancel(&mut self, page: PageId) {
+    fn cancel(&mut self, parcel: Parcel) {
         let mut state = self.exchange.lock();
-        state.wanted.remove(&page);
-        state.ready.remove(&page);
+        state.wanted.remove(&parcel);
+        state.ready.remove(&parcel);
         drop(state);
-        if self.asked.remove(&page).is_some() {
-            self.file.cancel(page);
+        if self.asked.remove(&parcel).is_some() {
+            self.file.cancel(parcel);
         }
     }
 
-    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
+    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
         self.go_over();
         let mut loaded = Vec::new();
         let mut bytes = 0;
         let mut state = self.exchange.lock();
-        let mut by_urgency: Vec<(f32, PageId)> = state.ready.iter().map(|(&p, (u, _))| (*u, p)).collect();
+        let mut by_urgency: Vec<(f32, Parcel)> = state.ready.iter().map(|(&p, (u, _))| (*u, p)).collect();
         by_urgency.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        for (_, page) in by_urgency {
+        for (_, parcel) in by_urgency {
             if bytes >= max_bytes {
                 break;
             }
-            if let Some((_, texels)) = state.ready.remove(&page) {
-                bytes += texels.as_ref().map_or(0, PageTexels::bytes);
-                loaded.push(LoadedPage { page, texels });
+            if let Some((_, texels)) = state.ready.remove(&parcel) {
+                bytes += texels.as_ref().map_or(0, ParcelTexels::bytes);
+                loaded.push(LoadedParcel { parcel, texels });
             }
         }
         drop(state);
@@ -253,14 +281,14 @@ impl PageLoader for PaintLoader {
         let arrived = self.file.poll(max_bytes - bytes.min(max_bytes));
         let mut state = self.exchange.lock();
         let mut has_wishes = false;
-        for page in arrived {
-            let urgency = self.asked.remove(&page.page);
-            if state.edited.contains(&page.page) {
+        for come in arrived {
+            let urgency = self.asked.remove(&come.parcel);
+            if state.edited.contains(&come.parcel) {
                 // It was painted on while it was on its way.
-                state.wanted.insert(page.page, urgency.unwrap_or(0.0));
+                state.wanted.insert(come.parcel, urgency.unwrap_or(0.0));
                 has_wishes = true;
             } else {
-                loaded.push(page);
+                loaded.push(come);
             }
         }
         drop(state);
@@ -280,23 +308,26 @@ impl PageLoader for PaintLoader {
 mod tests {
     use std::sync::mpsc::{Receiver, channel};
 
+    use fantex_cover::{Frame, Group, GroupKind};
+    use glam::{Vec2, Vec3};
+
     use super::*;
 
-    /// Has every page at once: zeros.
+    /// Has every parcel at once: zeros.
     #[derive(Default)]
-    struct Zeros(Vec<PageId>);
+    struct Zeros(Vec<Parcel>);
 
-    impl PageLoader for Zeros {
-        fn request(&mut self, page: PageId, _: f32) {
-            self.0.push(page);
+    impl ParcelLoader for Zeros {
+        fn request(&mut self, parcel: Parcel, _: f32) {
+            self.0.push(parcel);
         }
 
-        fn cancel(&mut self, page: PageId) {
-            self.0.retain(|&p| p != page);
+        fn cancel(&mut self, parcel: Parcel) {
+            self.0.retain(|&p| p != parcel);
         }
 
-        fn poll(&mut self, _: usize) -> Vec<LoadedPage> {
-            self.0.drain(..).map(|page| LoadedPage { page, texels: Ok(texels(0)) }).collect()
+        fn poll(&mut self, _: usize) -> Vec<LoadedParcel> {
+            self.0.drain(..).map(|parcel| LoadedParcel { parcel, texels: Ok(texels(0)) }).collect()
         }
 
         fn pending(&self) -> usize {
@@ -304,53 +335,88 @@ mod tests {
         }
     }
 
-    fn texels(value: u8) -> PageTexels {
-        PageTexels { extent: [4, 4], channels: vec![vec![value; 16].into()] }
+    fn texels(value: u8) -> ParcelTexels {
+        ParcelTexels { extent: [4, 4], channels: vec![vec![value; 16].into()] }
+    }
+
+    /// Many tiles of 256x256 texels, whose finest levels stand alone.
+    fn cover() -> Arc<Cover> {
+        let frame = Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X };
+        let extent = [256, 256];
+        let group =
+            Group { kind: GroupKind::Projected, frame, uv_scale: Vec2::ONE, uv_offset: Vec2::ZERO, extent };
+        let (corner_groups, unfolded) = (Vec::new(), Vec::new());
+        Arc::new(Cover { groups: vec![group; 2000], corner_groups, unfolded, delta: 0.25, density: 1.0 })
     }
 
     fn id(group: u32) -> PageId {
         PageId { group, level: 0, page: [0, 0] }
     }
 
-    fn value(page: &LoadedPage) -> u8 {
-        page.texels.as_ref().unwrap().channels[0][0]
+    fn own(group: u32) -> Parcel {
+        Parcel::Page(id(group))
+    }
+
+    fn value(loaded: &LoadedParcel) -> u8 {
+        loaded.texels.as_ref().unwrap().channels[0][0]
     }
 
     fn loader() -> (PaintLoader, Arc<Exchange>, Receiver<Order>) {
         let (sender, receiver) = channel();
-        let exchange = Arc::new(Exchange::new(sender));
+        let exchange = Arc::new(Exchange::new(sender, cover()));
         (PaintLoader::new(Box::new(Zeros::default()), exchange.clone()), exchange, receiver)
     }
 
     #[test]
-    fn pages_come_from_the_file_until_they_are_painted() {
+    fn parcels_come_from_the_file_until_they_are_painted() {
         let (mut loader, exchange, orders) = loader();
-        loader.request(id(1), 1.0);
-        loader.request(id(2), 1.0);
+        loader.request(own(1), 1.0);
+        loader.request(own(2), 1.0);
         // Painted while it is on its way from the file.
         exchange.publish(&[id(2)], |_| Ok::<_, ()>(texels(7))).unwrap();
         let found = loader.poll(1000);
-        assert_eq!(found.iter().map(|p| (p.page, value(p))).collect::<Vec<_>>(), [(id(1), 0)]);
+        assert_eq!(found.iter().map(|p| (p.parcel, value(p))).collect::<Vec<_>>(), [(own(1), 0)]);
         assert!(matches!(orders.try_recv(), Ok(Order::Pages)));
-        assert_eq!(exchange.wanted(9), [id(2)]);
+        assert_eq!(exchange.wanted(9), [own(2)]);
         assert_eq!(loader.pending(), 1);
-        exchange.answer(id(2), Ok(texels(7)));
+        exchange.answer(own(2), Ok(texels(7)));
         // And once more before the answer was taken: the newer texels count.
         exchange.publish(&[id(2)], |_| Ok::<_, ()>(texels(9))).unwrap();
         let found = loader.poll(1000);
-        assert_eq!((found[0].page, value(&found[0])), (id(2), 9));
+        assert_eq!((found[0].parcel, value(&found[0])), (own(2), 9));
         assert_eq!(loader.pending(), 0);
         let (fresh, stale) = exchange.take_fresh();
         assert_eq!((fresh[&id(2)].channels[0][0], stale.len()), (9, 0));
     }
 
     #[test]
-    fn cancelled_pages_do_not_arrive() {
+    fn a_bundle_comes_from_the_painter_when_one_of_its_pages_has_changed() {
+        let (mut loader, exchange, orders) = loader();
+        // The coarsest level of tile 40, which comes with those of 32 to 63.
+        let page = PageId { group: 40, level: cover().groups[40].level_count() - 1, page: [0, 0] };
+        let bundle = Parcel::Bundle { bundle: 1, step: 0 };
+        exchange.publish(&[page], |_| Ok::<_, ()>(texels(7))).unwrap();
+        loader.request(bundle, 1.0);
+        loader.request(Parcel::Bundle { bundle: 2, step: 0 }, 1.0);
+        assert_eq!(exchange.wanted(9), [bundle]);
+        assert!(matches!(orders.try_recv(), Ok(Order::Pages)));
+        exchange.answer(bundle, Ok(texels(7)));
+        // Painted before the answer was taken: it is asked for once more.
+        exchange.publish(&[page], |_| Ok::<_, ()>(texels(9))).unwrap();
+        assert!(matches!(orders.try_recv(), Ok(Order::Pages)));
+        assert_eq!((loader.poll(1000).len(), exchange.wanted(9)), (1, vec![bundle]));
+        exchange.answer(bundle, Ok(texels(9)));
+        let found = loader.poll(1000);
+        assert_eq!((found[0].parcel, value(&found[0]), loader.pending()), (bundle, 9, 0));
+    }
+
+    #[test]
+    fn cancelled_parcels_do_not_arrive() {
         let (mut loader, exchange, _orders) = loader();
         exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(1))).unwrap();
-        loader.request(id(3), 1.0);
-        loader.cancel(id(3));
-        exchange.answer(id(3), Ok(texels(1)));
+        loader.request(own(3), 1.0);
+        loader.cancel(own(3));
+        exchange.answer(own(3), Ok(texels(1)));
         assert!(loader.poll(1000).is_empty());
     }
 
@@ -360,18 +426,18 @@ mod tests {
         exchange.publish(&[id(1)], |_| Ok::<_, ()>(texels(7))).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let asset = crate::paint::tests::small_asset(folder.path());
-        loader.request(id(2), 1.0);
+        loader.request(own(2), 1.0);
         exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()));
         exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(8))).unwrap();
         let found = loader.poll(1000);
-        assert_eq!(found.iter().map(|p| p.page).collect::<Vec<_>>(), [id(2)]);
+        assert_eq!(found.iter().map(|p| p.parcel).collect::<Vec<_>>(), [own(2)]);
         assert!(matches!(orders.try_recv(), Ok(Order::Release(_))));
         assert!(exchange.take_asset().is_some() && exchange.take_asset().is_none());
         // Page 1 is in the newer file, page 3 is not.
-        loader.request(id(1), 1.0);
-        loader.request(id(3), 1.0);
-        assert_eq!(exchange.wanted(9), [id(3)]);
-        assert_eq!(loader.poll(1000)[0].page, id(1));
+        loader.request(own(1), 1.0);
+        loader.request(own(3), 1.0);
+        assert_eq!(exchange.wanted(9), [own(3)]);
+        assert_eq!(loader.poll(1000)[0].parcel, own(1));
     }
 
     #[test]

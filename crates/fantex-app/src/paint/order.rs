@@ -6,7 +6,7 @@ use fantex_paint::{
     Brush, Decal, Layer, Paint, Sample, StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress,
 };
 use fantex_store::Asset;
-use fantex_stream::PageLoader;
+use fantex_stream::ParcelLoader;
 use glam::Vec4;
 
 use super::{Fill, Viewpoint};
@@ -66,7 +66,7 @@ pub enum Order {
     /// Answer requests for pages.
     Pages,
     /// Drop a loader, which may take a while.
-    Release(Box<dyn PageLoader>),
+    Release(Box<dyn ParcelLoader>),
     /// Commit now.
     Commit,
     /// Commit and end.

@@ -308,7 +308,7 @@ impl Painting {
                 }
                 ChannelKind::Emission => material.emission = bytes(value),
                 ChannelKind::Displacement => material.height = value.x,
-                ChannelKind::Normal | ChannelKind::Light => {}
+                ChannelKind::Normal | ChannelKind::Light | ChannelKind::Anisotropy => {}
             }
         }
     }

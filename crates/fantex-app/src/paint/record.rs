@@ -79,5 +79,6 @@ fn kind_name(kind: ChannelKind) -> ChannelKindName {
         ChannelKind::Emission => ChannelKindName::Emission,
         ChannelKind::Displacement => ChannelKindName::Displacement,
         ChannelKind::Light => ChannelKindName::Light,
+        ChannelKind::Anisotropy => ChannelKindName::Anisotropy,
     }
 }

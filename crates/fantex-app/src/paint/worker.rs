@@ -21,7 +21,7 @@ use super::Fill;
 use super::Viewpoint;
 use super::exchange::Exchange;
 use super::order::{Order, Report, SaveState, Snapshot, StrokeStart};
-use super::texels::page_texels;
+use super::texels::{page_texels, parcel_texels};
 use crate::viewer::Wake;
 use work::must_wait;
 
@@ -72,7 +72,7 @@ impl PaintThread {
     pub fn start(mut painter: Painter, wake: Wake) -> std::io::Result<Self> {
         let (orders, received) = channel();
         let (told, reports) = channel();
-        let exchange = Arc::new(Exchange::new(orders.clone()));
+        let exchange = Arc::new(Exchange::new(orders.clone(), painter.editor().asset().shared_cover()));
         let done = Arc::new(AtomicU64::new(0));
         painter.take_replaced();
         let worker = Worker {
@@ -406,10 +406,9 @@ impl Worker {
 
     fn answer_pages(&mut self) {
         let Some(formats) = self.exchange.formats() else { return };
-        let none = BTreeMap::new();
         let wanted = self.exchange.wanted(ANSWERED);
-        for &page in &wanted {
-            self.exchange.answer(page, page_texels(&self.painter, page, formats, &none));
+        for &parcel in &wanted {
+            self.exchange.answer(parcel, parcel_texels(&self.painter, parcel, formats));
         }
         if wanted.len() == ANSWERED {
             self.exchange.ask_again();

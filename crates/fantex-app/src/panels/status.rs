@@ -70,7 +70,7 @@ fn figures(ui: &mut Ui, viewer: &Viewer) {
         } else if figures.is_sharp() {
             ("Sharp".to_owned(), theme::GOOD)
         } else {
-            (format!("{} tiles to come", figures.missing), theme::WARNING)
+            (format!("{} parcels to come", figures.missing), theme::WARNING)
         };
         ui.label(RichText::new(text).color(color));
     }

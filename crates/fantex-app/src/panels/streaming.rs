@@ -4,7 +4,7 @@ use eframe::egui::{DragValue, Grid, RichText, Ui};
 
 use super::widgets::{NumberRow, dot, facts, gauge, heading, hint, row};
 use crate::document::{bytes_text, grouped};
-use crate::figures::{DamagedPage, StreamFigures};
+use crate::figures::{DamagedPart, StreamFigures};
 use crate::settings::StreamingSettings;
 use crate::theme;
 use crate::viewer::Viewer;
@@ -42,24 +42,24 @@ pub(super) fn show_figures(ui: &mut Ui, figures: &StreamFigures) {
         ui,
         "stream facts",
         [
-            ("Wanted tiles there", format!("{:.1} %", figures.hit_rate() * 100.0)),
+            ("Wanted parcels there", format!("{:.1} %", figures.hit_rate() * 100.0)),
             ("To come", grouped(figures.missing)),
             ("Being read", grouped(figures.queue)),
             ("Level bias", format!("{:.2}", figures.bias)),
             (
                 "Uploaded",
                 format!(
-                    "{} pages, {}",
-                    grouped(figures.uploaded_pages),
+                    "{} parcels, {}",
+                    grouped(figures.uploaded_parcels),
                     bytes_text(figures.uploaded_bytes as f64)
                 ),
             ),
-            ("Evicted", format!("{} pages", grouped(figures.evicted_pages))),
+            ("Evicted", format!("{} parcels", grouped(figures.evicted_parcels))),
         ],
     );
     heading(ui, "Resident per level");
     levels(ui, figures);
-    heading(ui, "Damaged pages");
+    heading(ui, "Damaged");
     damage(ui, figures);
 }
 
@@ -93,15 +93,24 @@ fn levels(ui: &mut Ui, figures: &StreamFigures) {
                 dot(ui, theme::level_color(level));
                 ui.label(level.to_string());
             });
-            let share = if now.pages == 0 { 0.0 } else { now.resident as f32 / now.pages as f32 };
+            let share = if now.texels == 0 { 0.0 } else { now.resident as f32 / now.texels as f32 };
             ui.scope(|ui| {
                 ui.set_width(110.0);
                 gauge(ui, share, theme::level_color(level));
             });
-            ui.label(format!("{} of {}", grouped(now.resident), grouped(now.pages)));
+            ui.label(format!("{:.1} % of {}", 100.0 * share, texels_text(now.texels)));
             ui.end_row();
         }
     });
+}
+
+/// `12.3 M texels`.
+fn texels_text(texels: u64) -> String {
+    let units = [(1e9, "G"), (1e6, "M"), (1e3, "k")];
+    match units.into_iter().find(|(size, _)| texels as f64 >= *size) {
+        Some((size, unit)) => format!("{:.1} {unit} texels", texels as f64 / size),
+        None => format!("{texels} texels"),
+    }
 }
 
 fn damage(ui: &mut Ui, figures: &StreamFigures) {
@@ -110,7 +119,7 @@ fn damage(ui: &mut Ui, figures: &StreamFigures) {
     }
     let text = format!("{} could not be read; coarser levels stand in.", grouped(figures.damaged_count));
     ui.label(RichText::new(text).color(theme::WARNING));
-    for DamagedPage { page, reason } in &figures.damaged {
-        ui.label(RichText::new(page).color(theme::TEXT)).on_hover_text(reason);
+    for DamagedPart { part, reason } in &figures.damaged {
+        ui.label(RichText::new(part).color(theme::TEXT)).on_hover_text(reason);
     }
 }

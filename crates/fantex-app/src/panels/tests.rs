@@ -9,7 +9,7 @@ use egui_kittest::kittest::Queryable;
 use super::*;
 use crate::camera::CameraMode;
 use crate::document::{ChannelFact, Document, Fact, Place};
-use crate::figures::{DamagedPage, LevelFigures};
+use crate::figures::{DamagedPart, LevelFigures};
 use crate::settings::{PanelSettings, Settings, Tab};
 
 fn empty() -> Viewer {
@@ -143,15 +143,18 @@ fn damage_is_listed() {
         .with_size(vec2(400.0, 900.0))
         .build_ui_state(|ui, viewer: &mut Viewer| streaming::show_figures(ui, &viewer.figures), empty());
     let figures = &mut harness.state_mut().figures;
-    figures.levels = vec![LevelFigures { resident: 3, pages: 9 }, LevelFigures { resident: 4, pages: 4 }];
-    figures.damaged = vec![DamagedPage {
-        page: "group 7, level 2, page 0,0".into(),
+    figures.levels = vec![
+        LevelFigures { resident: 3_000_000, texels: 9_000_000 },
+        LevelFigures { resident: 4, texels: 4 },
+    ];
+    figures.damaged = vec![DamagedPart {
+        part: "group 7, level 2, page 0,0".into(),
         reason: "its checksum is wrong".into(),
     }];
     figures.damaged_count = 1;
     harness.run_steps(2);
     harness.get_by_label_contains("group 7, level 2");
-    harness.get_by_label("3 of 9");
+    harness.get_by_label("33.3 % of 9.0 M texels");
 }
 
 #[test]

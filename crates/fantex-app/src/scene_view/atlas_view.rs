@@ -143,14 +143,8 @@ fn draw(
 ) {
     let components = u32::from(atlas.format().components());
     let about = [components, u32::from(is_srgb), 0, 0];
-    let about = wgpu::util::DeviceExt::create_buffer_init(
-        &gpu.device,
-        &wgpu::util::BufferInitDescriptor {
-            label: Some("picture of the atlas"),
-            contents: bytemuck::bytes_of(&about),
-            usage: wgpu::BufferUsages::UNIFORM,
-        },
-    );
+    let usage = wgpu::BufferUsages::UNIFORM;
+    let about = gpu.buffer("picture of the atlas", bytemuck::bytes_of(&about), usage);
     let source = atlas.create_view(&Default::default());
     let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("picture of the atlas"),

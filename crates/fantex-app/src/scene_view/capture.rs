@@ -126,6 +126,11 @@ impl Capturing {
         self.state.load(Relaxed) != PENDING
     }
 
+    /// What is told where the device is gone.
+    pub(super) fn into_lost(self) -> CaptureError {
+        CaptureError::Lost { path: self.path }
+    }
+
     /// The picture, without alpha.
     pub(super) fn finish(self) -> Captured {
         let image = match self.state.load(Relaxed) {

@@ -1,19 +1,17 @@
-//! An asset on the GPU: its fans, the atlas, and the streaming that fills it.
+//! An asset on the GPU, as the viewer needs it: a [`StreamedModel`] that follows the settings, with figures for the panels and
+//! what was painted since.
 
 use std::sync::Arc;
 
 use eframe::wgpu;
 use fantex_cover::Cover;
-use fantex_gpu::{FanModel, Gpu, GpuError, View};
-use fantex_store::{Asset, cover_level_count, page_grid};
-use fantex_stream::{
-    ClusterLoader, ClusterLoaderOptions, FrameOptions, Geometry, LoaderError, PageLoader, StreamView,
-    Streamer, StreamerOptions,
-};
+use fantex_gpu::{FanModel, Gpu, GpuError, Model as _, StreamedModel, StreamedModelError, stream_view};
+use fantex_store::{Asset, cover_level_count};
+use fantex_stream::FrameOptions;
 
 use super::atlas_view::{AtlasPicture, AtlasView};
 use super::painted::{PaintedGeometry, PaintedPages};
-use crate::figures::{DamagedPage, LISTED_DAMAGE, LevelFigures, StreamFigures};
+use crate::figures::{DamagedPart, LISTED_DAMAGE, LevelFigures, StreamFigures};
 use crate::paint::{Exchange, PaintLoader};
 use crate::settings::StreamingSettings;
 use crate::viewer::Viewer;
@@ -25,22 +23,22 @@ const POOL_SECONDS: f32 = 0.4;
 const QUICK_FRAMES_PER_SECOND: f32 = 60.0;
 
 /// A slow frame takes no more than so many quick ones would.
-const MOST_QUICK_FRAMES: f32 = 16.0;
+const MOST_QUICK_FRAMES: f32 = 64.0;
 
 /// An asset, streamed.
 pub struct FanScene {
     asset: Arc<Asset>,
-    model: FanModel,
-    streamer: Streamer,
+    streamed: StreamedModel,
     /// Memory for texels that the atlas was made for.
     pool_mib: u32,
     /// How long another size has been asked for.
     pool_wait: f32,
+    /// That the streamer was told; 0 for none.
     anisotropy: u32,
-    /// Pages per level of the whole cover.
-    level_pages: Vec<u64>,
-    uploaded_pages: u64,
-    damaged: Vec<DamagedPage>,
+    /// Texels per level of the whole cover.
+    level_texels: Vec<u64>,
+    uploaded_parcels: u64,
+    damaged: Vec<DamagedPart>,
     atlas_view: AtlasView,
     painted: Option<PaintedPages>,
 }
@@ -51,17 +49,6 @@ impl std::fmt::Debug for FanScene {
     }
 }
 
-/// An asset cannot be brought to the GPU.
-#[derive(Debug, thiserror::Error)]
-pub enum FanSceneError {
-    /// The device cannot hold it.
-    #[error(transparent)]
-    Gpu(#[from] GpuError),
-    /// Its pages cannot be read.
-    #[error(transparent)]
-    Loader(#[from] LoaderError),
-}
-
 impl FanScene {
     /// Everything but the texels, which come by and by.
     pub(super) fn new(
@@ -69,37 +56,26 @@ impl FanScene {
         asset: Arc<Asset>,
         settings: StreamingSettings,
         exchange: Option<Arc<Exchange>>,
-    ) -> Result<Self, FanSceneError> {
-        let formats = FanModel::atlas_formats(gpu, asset.channels());
-        let atlas = FanModel::atlas_shape(gpu, settings.pool_bytes(), &formats);
-        let loading =
-            ClusterLoaderOptions { block_compressed: gpu.has_block_compression(), ..Default::default() };
-        let loader = ClusterLoader::open(asset.clone(), &loading)?;
-        let options = StreamerOptions { atlas, ..StreamerOptions::default() };
-        let anisotropy = options.max_anisotropy as u32;
-        let loader: Box<dyn PageLoader> = match &exchange {
-            None => Box::new(loader),
+    ) -> Result<Self, StreamedModelError> {
+        let streamed = match &exchange {
+            None => StreamedModel::open(gpu, asset.clone(), settings.pool_bytes())?,
             Some(exchange) => {
-                exchange.set_formats(&formats);
-                Box::new(PaintLoader::new(Box::new(loader), exchange.clone()))
+                exchange.set_formats(&FanModel::atlas_formats(gpu, asset.channels()));
+                let loader =
+                    PaintLoader::new(Box::new(StreamedModel::loader(gpu, &asset)?), exchange.clone());
+                // Older states of what is painted on must not be kept.
+                let geometry = Arc::new(PaintedGeometry::of(&asset));
+                StreamedModel::with_pages(gpu, &asset, geometry, Box::new(loader), settings.pool_bytes())?
             }
         };
-        let geometry: Arc<dyn Geometry> = match &exchange {
-            None => asset.clone(),
-            // Older states of what is painted on must not be kept.
-            Some(_) => Arc::new(PaintedGeometry::of(&asset)),
-        };
-        let streamer = Streamer::new(geometry, loader, options);
-        let model = FanModel::of_asset(gpu, &asset, streamer.table(), settings.pool_bytes())?;
         Ok(Self {
-            level_pages: level_pages(asset.cover()),
+            level_texels: level_texels(asset.cover()),
             asset,
-            model,
-            streamer,
+            streamed,
             pool_mib: settings.pool_mib,
             pool_wait: 0.0,
-            anisotropy,
-            uploaded_pages: 0,
+            anisotropy: 0,
+            uploaded_parcels: 0,
             damaged: Vec::new(),
             atlas_view: AtlasView::default(),
             painted: exchange.map(PaintedPages::new),
@@ -107,7 +83,7 @@ impl FanScene {
     }
 
     pub(super) fn model(&mut self) -> &mut FanModel {
-        &mut self.model
+        &mut self.streamed.model
     }
 
     /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
@@ -118,23 +94,23 @@ impl FanScene {
         elapsed_seconds: f32,
     ) -> Result<bool, GpuError> {
         let settings = viewer.settings.streaming;
-        let is_new = self.follow_settings(gpu, viewer, elapsed_seconds)?;
+        self.follow_settings(gpu, viewer, elapsed_seconds)?;
         if !settings.is_running {
-            return Ok(self.upload_painted(gpu) || is_new);
+            return Ok(self.upload_painted(gpu));
         }
-        let view = View::new(&viewer.camera(), viewer.scene_pixels, fantex_gpu::Model::space(&self.model));
-        let view = StreamView::new(view.eye.as_vec3(), view.axes, view.fov_radians, viewer.scene_pixels);
+        let view = stream_view(&viewer.camera(), viewer.scene_pixels, self.streamed.model.space());
         // The budget is meant for quick frames; slow ones take as much per second.
         let frames = (elapsed_seconds * QUICK_FRAMES_PER_SECOND).clamp(1.0, MOST_QUICK_FRAMES);
         let upload_bytes = (settings.upload_bytes() as f32 * frames) as usize;
         let frame = FrameOptions { upload_bytes, elapsed_seconds };
-        let changes = self.streamer.update(Some(&view), frame);
-        self.model.update(gpu, &changes);
+        let was_hidden = self.streamed.model.has_hidden_atlas();
+        let changes = self.streamed.advance(gpu, Some(&view), frame);
+        let is_new = was_hidden && !self.streamed.model.has_hidden_atlas();
         if let Some(painted) = &mut self.painted {
             painted.follow(&changes);
         }
         let is_painted = self.upload_painted(gpu);
-        self.uploaded_pages += changes.uploads.len() as u64;
+        self.uploaded_parcels += changes.uploads.len() as u64;
         let has_changed = !changes.uploads.is_empty() || !changes.entries.is_empty();
         if has_changed {
             self.atlas_view.changed();
@@ -149,83 +125,78 @@ impl FanScene {
         if let Some(asset) = painted.take_asset() {
             self.asset = asset;
         }
-        let (changes, stale) = painted.take(self.streamer.table(), self.asset.cover());
+        let (changes, stale) = painted.take(self.streamed.streamer.table(), self.asset.cover());
         if !stale.is_empty() {
-            self.streamer.invalidate(&stale);
+            self.streamed.streamer.invalidate(&stale);
         }
         if changes.uploads.is_empty() {
             return false;
         }
-        self.model.update(gpu, &changes);
+        self.streamed.model.update(gpu, &changes);
         self.atlas_view.changed();
         true
     }
 
     /// Takes over another size of the pool once it is no longer being changed, and another filter.
-    fn follow_settings(
-        &mut self,
-        gpu: &Gpu,
-        viewer: &Viewer,
-        elapsed_seconds: f32,
-    ) -> Result<bool, GpuError> {
+    fn follow_settings(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<(), GpuError> {
         let anisotropy = viewer.settings.display.anisotropy;
         if anisotropy != self.anisotropy {
             self.anisotropy = anisotropy;
-            self.streamer.set_max_anisotropy(anisotropy as f32);
+            self.streamed.streamer.set_max_anisotropy(anisotropy as f32);
         }
         let settings = viewer.settings.streaming;
         if settings.pool_mib == self.pool_mib {
             self.pool_wait = 0.0;
-            return Ok(false);
+            return Ok(());
         }
         self.pool_wait += elapsed_seconds.clamp(0.001, 0.1);
         if self.pool_wait < POOL_SECONDS {
-            return Ok(false);
+            return Ok(());
         }
         self.pool_mib = settings.pool_mib;
         self.pool_wait = 0.0;
-        self.model = FanModel::of_asset(gpu, &self.asset, self.streamer.table(), settings.pool_bytes())?;
-        self.streamer.set_atlas(self.model.shape());
-        self.atlas_view = AtlasView::default();
-        Ok(true)
+        self.streamed.set_budget(gpu, settings.pool_bytes())?;
+        self.atlas_view.changed();
+        Ok(())
     }
 
     fn list_damage(&mut self) {
-        let count = self.streamer.statistics().damaged_pages;
+        let count = self.streamed.streamer.statistics().damaged;
         if count.min(LISTED_DAMAGE) != self.damaged.len() {
-            let listed = self.streamer.damaged().take(LISTED_DAMAGE);
+            let listed = self.streamed.streamer.damaged().take(LISTED_DAMAGE);
             self.damaged = listed
-                .map(|(page, error)| DamagedPage { page: page.to_string(), reason: error.to_string() })
+                .map(|(parcel, error)| DamagedPart { part: parcel.to_string(), reason: error.to_string() })
                 .collect();
         }
     }
 
     pub(super) fn figures(&self) -> StreamFigures {
-        let now = self.streamer.statistics();
-        let shape = self.model.shape();
-        let pool_bytes = self.model.texel_bytes();
+        let now = self.streamed.streamer.statistics();
+        let shape = self.streamed.model.shape();
+        let pool_bytes = self.streamed.model.texel_bytes();
         let bytes_per_texel = pool_bytes as f64 / shape.texels().max(1) as f64;
-        let levels = self.level_pages.iter().zip(&now.resident_by_level);
+        let levels = self.level_texels.iter().zip(&now.resident_texels_by_level);
         StreamFigures {
-            levels: levels.map(|(&pages, now)| LevelFigures { resident: now.pages, pages }).collect(),
+            levels: levels.map(|(&texels, &resident)| LevelFigures { resident, texels }).collect(),
             pool_bytes,
             used_bytes: (now.resident.texels as f64 * bytes_per_texel) as u64,
             atlas: [shape.side, shape.side, shape.layers],
             bias: now.bias_levels,
-            missing: now.missing_pages,
-            wanted: now.needed.pages,
-            queue: now.requested_pages as u64,
+            missing: now.missing,
+            wanted: now.needed.parcels,
+            queue: now.requested as u64,
             uploaded_bytes: now.uploaded_bytes,
-            uploaded_pages: self.uploaded_pages,
-            evicted_pages: now.evictions,
+            uploaded_parcels: self.uploaded_parcels,
+            evicted_parcels: now.evictions,
             damaged: self.damaged.clone(),
-            damaged_count: now.damaged_pages as u64,
+            damaged_count: now.damaged as u64,
         }
     }
 
     /// Whether the picture stays as it is until the view changes.
     pub(super) fn is_settled(&self) -> bool {
-        self.streamer.is_settled()
+        self.streamed.streamer.is_settled()
+            && !self.streamed.model.has_hidden_atlas()
             && self.pool_wait == 0.0
             && self.painted.as_ref().is_none_or(PaintedPages::is_settled)
     }
@@ -244,20 +215,20 @@ impl FanScene {
     ) -> Option<AtlasPicture<'_>> {
         let channels = self.asset.channels();
         let is_srgb = channels.get(channel).is_some_and(|channel| channel.srgb);
-        let texture = self.model.atlas_texture(channel)?;
+        let texture = self.streamed.model.atlas_texture(channel)?;
         self.atlas_view.update(gpu, encoder, texture, is_srgb, channel, seconds);
         self.atlas_view.picture()
     }
 }
 
-/// Pages per detail level, the finest first.
-fn level_pages(cover: &Cover) -> Vec<u64> {
-    let mut pages = vec![0; cover_level_count(cover) as usize];
+/// Texels per detail level, the finest first.
+fn level_texels(cover: &Cover) -> Vec<u64> {
+    let mut texels = vec![0; cover_level_count(cover) as usize];
     for group in &cover.groups {
         for level in 0..group.level_count() {
-            let [columns, rows] = page_grid(group.level_extent(level));
-            pages[level as usize] += u64::from(columns) * u64::from(rows);
+            let [columns, rows] = group.level_extent(level);
+            texels[level as usize] += u64::from(columns) * u64::from(rows);
         }
     }
-    pages
+    texels
 }

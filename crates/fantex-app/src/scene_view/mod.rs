@@ -28,7 +28,7 @@ use eframe::wgpu;
 
 pub use atlas_view::AtlasPicture;
 pub use capture::{CaptureError, Captured, Capturing};
-pub use fan::{FanScene, FanSceneError};
+pub use fan::FanScene;
 pub use model::{PrepareScene, SceneModel, preparer};
 use picture::Picture;
 
@@ -176,6 +176,11 @@ impl SceneView {
         }
         let ready: Vec<Capturing> = ready;
         ready.into_iter().map(Capturing::finish).collect()
+    }
+
+    /// Gives up pictures for files that are under way: one error for each.
+    pub fn abandon_captures(&mut self) -> Vec<CaptureError> {
+        self.captures.drain(..).map(Capturing::into_lost).collect()
     }
 
     /// Pictures for files that are under way.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use fantex_store::{Asset, PageId};
-use fantex_stream::{FrameChanges, Geometry, PageTable, PageUpload, TableEntry};
+use fantex_stream::{FrameChanges, Geometry, PageTable, ParcelUpload, TableEntry};
 
 use crate::paint::Exchange;
 
@@ -63,7 +63,7 @@ impl PaintedPages {
         for (page, texels) in fresh {
             let entry = self.entries.get(&table.index(cover, page));
             match entry.and_then(|entry| entry.place()) {
-                Some(place) => changes.uploads.push(PageUpload { page, place, texels }),
+                Some(place) => changes.uploads.push(ParcelUpload { parcel: page.into(), place, texels }),
                 // It may be on its way, as it was.
                 None => stale.push(page),
             }

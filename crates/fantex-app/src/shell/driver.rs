@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
+use eframe::wgpu;
 use fantex_paint::{Layer, Target};
 use fantex_scene::Camera;
 use glam::DVec3;
@@ -46,6 +47,7 @@ impl Driver {
         &mut self,
         ctx: &egui::Context,
         viewer: &mut Viewer,
+        device: &wgpu::Device,
         seconds: f64,
         is_sharp: bool,
         pictures_due: usize,
@@ -54,7 +56,7 @@ impl Driver {
         let situation = Situation {
             seconds,
             frame: self.frame,
-            is_opening: viewer.opening.is_some() || viewer.is_making_surroundings(),
+            is_opening: viewer.is_opening() || viewer.is_making_surroundings(),
             is_sharp,
             is_playing: matches!(viewer.tape, Tape::Playing { .. }),
             are_hands_busy: self.hands.are_busy(),
@@ -71,6 +73,12 @@ impl Driver {
         match self.runner.next(&situation)? {
             Act::Wait => Ok(true),
             Act::End => Ok(false),
+            Act::Do(Step::LoseDevice) => {
+                device.destroy();
+                // It is told to be lost when its work is done.
+                device.poll(wgpu::PollType::wait_indefinitely()).ok();
+                Ok(true)
+            }
             Act::Do(step) => {
                 self.act(ctx, viewer, step, seconds);
                 Ok(true)
@@ -152,8 +160,9 @@ impl Driver {
                 viewer.settings.paint.sticker = StickerKind::Picture;
                 viewer.settings.paint.picture = Some(path);
             }
-            // The runner itself waits, compares and ends.
-            Step::WaitFrames(_)
+            // Done above; and the runner itself waits, compares and ends.
+            Step::LoseDevice
+            | Step::WaitFrames(_)
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)
             | Step::WaitPainted(_)

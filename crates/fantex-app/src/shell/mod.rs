@@ -1,15 +1,19 @@
 //! The window: brings together the viewer's state, the panels and the GPU, and does what only it can do.
+//!
+//! A device may be lost at any time: a driver is updated, a card is unplugged. Everything that was made with it is worth nothing
+//! then, the window's own contents included. So the window ends and another one, with another device, goes on with the
+//! `Workspace`.
 
 mod arguments;
 mod dialogs;
 mod driver;
 mod pictures;
+mod workspace;
 
-use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::Duration;
 
 use eframe::egui::{self, TextureId, ViewportCommand};
 use eframe::{egui_wgpu, wgpu};
@@ -19,21 +23,19 @@ use crate::command::{Command, command_while};
 use crate::light::Surroundings;
 use crate::panels::{self, AtlasTexture, SceneTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
-use crate::session::{SessionError, SessionRunner};
-use crate::settings::{Settings, SettingsError, WindowSettings};
+use crate::settings::{Settings, WindowSettings};
 use crate::theme;
-use crate::viewer::{PictureSize, Request, Viewer, Wake};
+use crate::viewer::{PictureSize, Request};
 
 pub use arguments::Arguments;
-use dialogs::{Answer, Dialogs};
-use driver::Driver;
-use pictures::PictureFiles;
+use dialogs::Answer;
+use workspace::{Start, Workspace};
 
 /// Width and height in points that the window does not fall below.
 const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
 
-/// How the session ended, told from the window to `main`.
-type Outcome = Arc<Mutex<Option<SessionError>>>;
+/// How often a window is tried to be opened where the last one has lost its device, and seconds between the tries.
+const REOPENING: (u32, u64) = (5, 1);
 
 /// Runs the viewer until its window is closed.
 pub fn run(arguments: Arguments) -> ExitCode {
@@ -43,30 +45,47 @@ pub fn run(arguments: Arguments) -> ExitCode {
     };
     let settings_file = arguments.settings_file();
     let (settings, problem) = settings_file.as_deref().map_or((Settings::default(), None), Settings::load);
-    let options = native_options(&settings.window, &arguments, settings_file.as_ref());
-    let outcome = Outcome::default();
-    let for_shell = outcome.clone();
-    let start =
-        Start { arguments, settings, settings_file, problem, session: session.map(SessionRunner::new) };
-    let ended = eframe::run_native(
-        "fantex",
-        options,
-        Box::new(move |context| {
-            Ok(Box::new(Shell::new(context, start, for_shell).ok_or("the window has no GPU")?))
-        }),
+    let mut size = arguments.window_size();
+    let mut workspace = Workspace::new(Start { arguments, settings, settings_file, problem, session });
+    let mut tries = 0;
+    loop {
+        let options = native_options(&workspace, size.take());
+        let kept = &mut workspace;
+        let open: eframe::AppCreator<'_> = Box::new(move |context| {
+            let shell = Shell::new(context, kept).ok_or("the window has no GPU")?;
+            Ok(Box::new(shell))
+        });
+        match eframe::run_native("fantex", options, open) {
+            Ok(()) => tries = 0,
+            // A driver that is being replaced comes back after a while.
+            Err(_) if workspace.lost.is_some() && tries < REOPENING.0 => {
+                tries += 1;
+                std::thread::sleep(Duration::from_secs(REOPENING.1));
+            }
+            Err(error) => {
+                workspace.finish();
+                return no_window(&error);
+            }
+        }
+        if !workspace.takes_another_window() {
+            break;
+        }
+    }
+    workspace.finish();
+    match (workspace.failure, workspace.lost) {
+        (Some(error), _) => failed(&error),
+        (None, Some(reason)) => failed(&fantex_gpu::GpuError::DeviceLost { reason }),
+        (None, None) => ExitCode::SUCCESS,
+    }
+}
+
+fn no_window(error: &eframe::Error) -> ExitCode {
+    eprintln!(
+        "fantex-app: cannot open a window: {}; a display and a Vulkan, Metal or DirectX 12 driver are needed \
+         ('fantex render' makes pictures without them)",
+        why_no_window(error)
     );
-    if let Err(error) = ended {
-        eprintln!(
-            "fantex-app: cannot open a window: {}; a display and a Vulkan, Metal or DirectX 12 driver are needed \
-             ('fantex render' makes pictures without them)",
-            why_no_window(&error)
-        );
-        return ExitCode::FAILURE;
-    }
-    match outcome.lock().unwrap_or_else(PoisonError::into_inner).take() {
-        Some(error) => failed(&error),
-        None => ExitCode::SUCCESS,
-    }
+    ExitCode::FAILURE
 }
 
 /// In words of our own: those of the window system name source files of the machine that the program was built on.
@@ -85,17 +104,15 @@ fn failed(error: &dyn std::error::Error) -> ExitCode {
     ExitCode::FAILURE
 }
 
-fn native_options(
-    window: &WindowSettings,
-    arguments: &Arguments,
-    settings_file: Option<&PathBuf>,
-) -> eframe::NativeOptions {
+/// `size` is that of the window in points; as it was without.
+fn native_options(workspace: &Workspace, size: Option<[f32; 2]>) -> eframe::NativeOptions {
+    let window: &WindowSettings = &workspace.viewer.settings.window;
     let mut viewport = egui::ViewportBuilder::default()
         .with_app_id("fantex")
         .with_title("fantex")
-        .with_inner_size(arguments.window_size().unwrap_or(window.size))
+        .with_inner_size(size.unwrap_or(window.size))
         .with_min_inner_size(SMALLEST_WINDOW)
-        .with_maximized(window.is_maximized && arguments.window_size().is_none())
+        .with_maximized(window.is_maximized && size.is_none())
         .with_drag_and_drop(true);
     if let Some(position) = window.position {
         viewport = viewport.with_position(position);
@@ -109,48 +126,34 @@ fn native_options(
         // The viewer has a settings file of its own; without a place nothing else is kept either.
         persist_window: false,
         persistence_path: Some(
-            settings_file.map_or_else(std::env::temp_dir, |file| file.with_extension("ron")),
+            workspace
+                .settings_file
+                .as_ref()
+                .map_or_else(std::env::temp_dir, |file| file.with_extension("ron")),
         ),
         ..Default::default()
     }
 }
 
-/// What the window begins with.
-struct Start {
-    arguments: Arguments,
-    settings: Settings,
-    settings_file: Option<PathBuf>,
-    problem: Option<SettingsError>,
-    session: Option<SessionRunner>,
-}
-
 /// The window.
-struct Shell {
-    viewer: Viewer,
+struct Shell<'a> {
+    workspace: &'a mut Workspace,
     scene: SceneView,
     render_state: egui_wgpu::RenderState,
     scene_texture: Option<TextureId>,
     atlas: AtlasTexture,
-    dialogs: Dialogs,
-    pictures: PictureFiles,
-    driver: Option<Driver>,
-    outcome: Outcome,
-    settings_file: Option<PathBuf>,
     /// Faults of the GPU that nobody asked for.
     gpu_errors: Receiver<String>,
-    is_lost: bool,
-    started: Instant,
     last_frame: f64,
     title: String,
 }
 
-impl Shell {
+impl<'a> Shell<'a> {
     /// Nothing where the window is not drawn by wgpu.
-    fn new(context: &eframe::CreationContext<'_>, start: Start, outcome: Outcome) -> Option<Self> {
+    fn new(context: &eframe::CreationContext<'_>, workspace: &'a mut Workspace) -> Option<Self> {
         let render_state = context.wgpu_render_state.clone()?;
         theme::apply(&context.egui_ctx);
-        let for_wake = context.egui_ctx.clone();
-        let wake: Wake = Arc::new(move || for_wake.request_repaint());
+        workspace.open_window.set(&context.egui_ctx);
         let gpu = Arc::new(Gpu::from_parts(
             &render_state.adapter,
             render_state.device.clone(),
@@ -162,40 +165,47 @@ impl Shell {
             // The window may be closing: then nobody wants to know.
             sender.lock().unwrap_or_else(PoisonError::into_inner).send(error.to_string()).ok();
         }));
-        let mut viewer = Viewer::new(start.settings, Some(preparer(gpu.clone())), wake.clone());
+        let seconds = workspace.seconds();
+        let viewer = &mut workspace.viewer;
         viewer.adapter = adapter_text(&gpu);
-        viewer.picture_folder = start.arguments.picture_folder();
-        if let Some(problem) = start.problem {
-            viewer.notices.warning(problem.to_string(), 0.0);
+        viewer.draw_with(preparer(gpu.clone()), seconds);
+        if let Some(reason) = workspace.lost.take() {
+            let text =
+                format!("The GPU device was lost ({reason}); the window was opened again with another.");
+            viewer.notices.warning(text, seconds);
         }
-        viewer.paints = start.arguments.paint;
-        viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
-        viewer.brushes_file = start.settings_file.as_ref().map(|file| file.with_file_name("brushes.json"));
-        if let Some(place) = &start.arguments.file {
-            viewer.open(place, 0.0);
+        if let Some(place) = workspace.to_open.take() {
+            viewer.open(&place, 0.0);
         }
         Some(Self {
-            viewer,
             scene: SceneView::new(gpu),
             render_state,
             scene_texture: None,
             atlas: AtlasTexture::default(),
-            dialogs: Dialogs::new(wake.clone()),
-            pictures: PictureFiles::new(wake),
-            driver: start.session.map(Driver::new),
-            outcome,
-            settings_file: start.settings_file,
             gpu_errors,
-            is_lost: false,
-            started: Instant::now(),
-            last_frame: 0.0,
+            last_frame: seconds,
             title: String::new(),
+            workspace,
         })
     }
 
-    /// Seconds since the start. Not those of egui, whose time stands still while the window is hidden.
-    fn seconds(&self) -> f64 {
-        self.started.elapsed().as_secs_f64()
+    /// Looks whether the device is lost; then nothing more is drawn, and the window ends.
+    fn check_device(&mut self, ctx: &egui::Context, seconds: f64) -> bool {
+        if self.workspace.lost.is_none()
+            && let Some(reason) = self.scene.gpu().lost()
+        {
+            let viewer = &mut self.workspace.viewer;
+            for error in self.scene.abandon_captures() {
+                viewer.notices.error(error.to_string(), seconds);
+            }
+            self.workspace.lose(&reason);
+        }
+        if self.workspace.lost.is_some() {
+            ctx.send_viewport_cmd(ViewportCommand::Close);
+            // What is drawn would be copied into buffers that a lost device does not give.
+            ctx.graphics_mut(|graphics| *graphics = Default::default());
+        }
+        self.workspace.lost.is_none()
     }
 
     fn keys(&mut self, ctx: &egui::Context, seconds: f64) {
@@ -209,7 +219,7 @@ impl Shell {
             };
             i.events.iter().filter_map(key_of).collect()
         });
-        let is_painting = self.viewer.painting.is_some();
+        let is_painting = self.workspace.viewer.painting.is_some();
         for (modifiers, key, is_repeated) in pressed {
             let Some(command) = command_while(is_painting, modifiers, key) else { continue };
             if key == egui::Key::Tab && !is_typing {
@@ -218,7 +228,7 @@ impl Shell {
             }
             let repeats = matches!(&command, Command::Paint(command) if command.repeats());
             if (!is_typing || modifiers.command) && (!is_repeated || repeats) {
-                self.viewer.command(command, seconds);
+                self.workspace.viewer.command(command, seconds);
             }
         }
     }
@@ -226,48 +236,48 @@ impl Shell {
     fn dropped_files(&mut self, ctx: &egui::Context, seconds: f64) {
         let dropped = ctx.input(|i| i.raw.dropped_files.first().map(|file| file.path().to_owned()));
         if let Some(path) = dropped {
-            self.viewer.open(&path.to_string_lossy(), seconds);
+            self.workspace.viewer.open(&path.to_string_lossy(), seconds);
         }
     }
 
     fn requests(&mut self, ctx: &egui::Context, seconds: f64) {
-        for request in self.viewer.take_requests() {
+        for request in self.workspace.viewer.take_requests() {
             match request {
                 Request::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
                 Request::Picture { path, size } => {
                     let size = match size {
                         PictureSize::Pixels(size) => size,
                         PictureSize::Times(times) => {
-                            self.viewer.scene_pixels.map(|n| n.saturating_mul(times))
+                            self.workspace.viewer.scene_pixels.map(|n| n.saturating_mul(times))
                         }
                     };
-                    if let Err(error) = self.scene.capture(&self.viewer, size, path) {
-                        self.viewer.notices.error(error.to_string(), seconds);
+                    if let Err(error) = self.scene.capture(&self.workspace.viewer, size, path) {
+                        self.workspace.viewer.notices.error(error.to_string(), seconds);
                     }
                 }
-                Request::WindowPicture(path) => self.pictures.take_window(ctx, path),
-                dialog => self.dialogs.ask(dialog, &self.viewer.stem()),
+                Request::WindowPicture(path) => self.workspace.pictures.take_window(ctx, path),
+                dialog => self.workspace.dialogs.ask(dialog, &self.workspace.viewer.stem()),
             }
         }
     }
 
     fn answers(&mut self, seconds: f64) {
-        for answer in self.dialogs.poll() {
+        for answer in self.workspace.dialogs.poll() {
             match answer {
-                Answer::Open(path) => self.viewer.open(&path.to_string_lossy(), seconds),
+                Answer::Open(path) => self.workspace.viewer.open(&path.to_string_lossy(), seconds),
                 Answer::Surroundings(path) => {
-                    self.viewer.settings.light.surroundings = Surroundings::File(path);
+                    self.workspace.viewer.settings.light.surroundings = Surroundings::File(path);
                 }
-                Answer::Sticker(path) => self.viewer.settings.paint.picture = Some(path),
+                Answer::Sticker(path) => self.workspace.viewer.settings.paint.picture = Some(path),
                 Answer::Stencil(path) => {
-                    let stencil = &mut self.viewer.settings.paint.stencil;
+                    let stencil = &mut self.workspace.viewer.settings.paint.stencil;
                     (stencil.image, stencil.is_on) = (Some(path), true);
                 }
-                Answer::Look(path) => self.viewer.settings.paint.texture.look = Some(path),
-                Answer::Stamp(path) => self.viewer.settings.paint.brush.stamp = Some(path),
-                Answer::LoadPath(path) => self.viewer.load_path(&path, seconds),
-                Answer::SavePath(path) => self.viewer.save_path(&path, seconds),
-                Answer::Unavailable => self.viewer.notices.warning(
+                Answer::Look(path) => self.workspace.viewer.settings.paint.texture.look = Some(path),
+                Answer::Stamp(path) => self.workspace.viewer.settings.paint.brush.stamp = Some(path),
+                Answer::LoadPath(path) => self.workspace.viewer.load_path(&path, seconds),
+                Answer::SavePath(path) => self.workspace.viewer.save_path(&path, seconds),
+                Answer::Unavailable => self.workspace.viewer.notices.warning(
                     "This system shows no file dialog: drop the file onto the window, or name it on the command line.",
                     seconds,
                 ),
@@ -277,26 +287,32 @@ impl Shell {
 
     /// Streams and draws the scene.
     fn draw(&mut self, seconds: f64) {
-        if let Some(model) = self.viewer.new_model.take() {
+        if let Some(model) = self.workspace.viewer.new_model.take() {
             self.scene.set_model(model);
-            self.viewer.pacing.lost();
+            self.workspace.viewer.pacing.lost();
+        }
+        if self.scene.gpu().lost().is_some() {
+            return;
         }
         let mut refused = self.gpu_errors.try_iter();
         if let Some(first) = refused.next() {
             // The others mostly follow from it.
             let words: Vec<&str> = first.split_whitespace().take(60).collect();
-            self.viewer.notices.error(format!("The GPU refused an operation: {}", words.join(" ")), seconds);
+            self.workspace
+                .viewer
+                .notices
+                .error(format!("The GPU refused an operation: {}", words.join(" ")), seconds);
             refused.chain([first]).for_each(|error| eprintln!("fantex-app: {error}"));
         }
-        if self.is_lost {
-            return;
+        self.workspace.viewer.notice_changes(seconds);
+        if let Err(error) = self.scene.update(&mut self.workspace.viewer, seconds) {
+            self.scene.abandon_picture(&mut self.workspace.viewer);
+            if !matches!(error, fantex_gpu::GpuError::DeviceLost { .. }) {
+                self.workspace.viewer.notices.error(format!("{error}."), seconds);
+            }
         }
-        self.viewer.notice_changes(seconds);
-        if let Err(error) = self.scene.update(&mut self.viewer, seconds) {
-            self.is_lost = matches!(error, fantex_gpu::GpuError::DeviceLost { .. });
-            self.scene.abandon_picture(&mut self.viewer);
-            let advice = if self.is_lost { " Start the viewer again to go on." } else { "" };
-            self.viewer.notices.error(format!("{error}.{advice}"), seconds);
+        if self.scene.gpu().lost().is_some() {
+            return;
         }
         self.register_textures(seconds);
     }
@@ -327,7 +343,7 @@ impl Shell {
                 }
             }
         }
-        let is_shown = self.viewer.settings.panels.has_atlas;
+        let is_shown = self.workspace.viewer.settings.panels.has_atlas;
         let picture = if is_shown { self.scene.atlas(self.atlas.channel, seconds) } else { None };
         let Some(picture) = picture else {
             if let Some(id) = self.atlas.id.take() {
@@ -355,20 +371,20 @@ impl Shell {
 
     /// Asks for the next frame where something goes on.
     fn wake(&self, ctx: &egui::Context, goes_on: bool, seconds: f64) {
-        if goes_on || self.driver.is_some() {
+        if goes_on || self.workspace.driver.is_some() {
             ctx.request_repaint();
         } else if !self.scene.is_settled() || self.scene.captures_due() > 0 {
             ctx.request_repaint_after_secs(0.016);
-        } else if !self.viewer.pacing.is_settled() && self.viewer.document.is_some() && !self.is_lost {
-            let wake = self.viewer.pacing.wake_in(seconds).unwrap_or(0.008).max(0.004);
+        } else if !self.workspace.viewer.pacing.is_settled() && self.workspace.viewer.document.is_some() {
+            let wake = self.workspace.viewer.pacing.wake_in(seconds).unwrap_or(0.008).max(0.004);
             ctx.request_repaint_after_secs(wake as f32);
-        } else if self.viewer.settings.panels.has_atlas && self.scene.is_atlas_stale() {
+        } else if self.workspace.viewer.settings.panels.has_atlas && self.scene.is_atlas_stale() {
             ctx.request_repaint_after_secs(0.1);
         }
     }
 
     fn remember_window(&mut self, ctx: &egui::Context) {
-        let window = &mut self.viewer.settings.window;
+        let window = &mut self.workspace.viewer.settings.window;
         ctx.input(|i| {
             let info = i.viewport();
             window.is_maximized = info.maximized.unwrap_or(false);
@@ -383,8 +399,8 @@ impl Shell {
     }
 
     fn show_title(&mut self, ctx: &egui::Context) {
-        let title = match &self.viewer.document {
-            Some(document) if self.viewer.painting.is_some() => {
+        let title = match &self.workspace.viewer.document {
+            Some(document) if self.workspace.viewer.painting.is_some() => {
                 format!("{} – fantex paint", document.place.name())
             }
             Some(document) => format!("{} – fantex", document.place.name()),
@@ -399,89 +415,87 @@ impl Shell {
     /// Pictures that have become ready are written.
     fn save_pictures(&mut self, seconds: f64) {
         for captured in self.scene.poll_captures() {
-            self.pictures.save(captured.path, captured.image);
+            self.workspace.pictures.save(captured.path, captured.image);
         }
-        for (path, result) in self.pictures.poll() {
+        for (path, result) in self.workspace.pictures.poll() {
             match result {
-                Ok(()) => self.viewer.notices.info(format!("Saved {}", path.display()), seconds),
-                Err(error) => self.viewer.notices.error(error.to_string(), seconds),
+                Ok(()) => self.workspace.viewer.notices.info(format!("Saved {}", path.display()), seconds),
+                Err(error) => self.workspace.viewer.notices.error(error.to_string(), seconds),
             }
         }
     }
 
     /// Lets the session do its next step.
     fn drive(&mut self, ctx: &egui::Context, seconds: f64) {
-        let Some(driver) = &mut self.driver else { return };
-        let is_sharp = self.scene.is_settled() && self.viewer.pacing.is_settled();
-        let pictures_due = self.scene.captures_due() + self.pictures.due();
-        match driver.step(ctx, &mut self.viewer, seconds, is_sharp, pictures_due) {
+        let Some(driver) = &mut self.workspace.driver else { return };
+        let is_sharp = self.scene.is_settled() && self.workspace.viewer.pacing.is_settled();
+        let pictures_due = self.scene.captures_due() + self.workspace.pictures.due();
+        let device = &self.render_state.device;
+        match driver.step(ctx, &mut self.workspace.viewer, device, seconds, is_sharp, pictures_due) {
             Ok(true) => {}
             Ok(false) => {
-                self.driver = None;
+                self.workspace.driver = None;
                 ctx.send_viewport_cmd(ViewportCommand::Close);
             }
             Err(error) => {
-                *self.outcome.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
-                self.driver = None;
+                self.workspace.failure = Some(error);
+                self.workspace.driver = None;
                 ctx.send_viewport_cmd(ViewportCommand::Close);
             }
         }
     }
 }
 
-impl eframe::App for Shell {
+impl eframe::App for Shell<'_> {
     fn logic(&mut self, ctx: &egui::Context, _frame: &mut eframe::Frame) {
-        let seconds = self.seconds();
-        self.viewer.poll(seconds);
-        if ctx.input(|i| i.viewport().close_requested()) && !self.viewer.may_close(seconds) {
+        let seconds = self.workspace.seconds();
+        if !self.check_device(ctx, seconds) {
+            return;
+        }
+        self.workspace.viewer.poll(seconds);
+        if ctx.input(|i| i.viewport().close_requested()) && !self.workspace.viewer.may_close(seconds) {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
         }
         self.answers(seconds);
         self.save_pictures(seconds);
         self.drive(ctx, seconds);
-        if self.driver.is_some() {
+        if self.workspace.driver.is_some() {
             ctx.request_repaint();
         }
     }
 
     fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
-        let seconds = self.seconds();
+        let seconds = self.workspace.seconds();
+        if !self.check_device(&ctx, seconds) {
+            return;
+        }
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
         self.keys(&ctx, seconds);
         self.dropped_files(&ctx, seconds);
         let textures =
             Textures { scene: self.scene_texture.map(|id| SceneTexture { id }), atlas: self.atlas };
-        let shown = panels::show(ui, &mut self.viewer, &textures, seconds);
+        let shown = panels::show(ui, &mut self.workspace.viewer, &textures, seconds);
         if let Some(channel) = shown.atlas_channel {
             self.atlas.channel = channel;
         }
-        let goes_on = self.viewer.navigate(&shown.input, seconds, step);
+        let goes_on = self.workspace.viewer.navigate(&shown.input, seconds, step);
         self.draw(seconds);
         self.requests(&ctx, seconds);
         self.remember_window(&ctx);
         self.show_title(&ctx);
         self.wake(&ctx, goes_on, seconds);
+        self.check_device(&ctx, seconds);
     }
 
     fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {
-        if let Some(driver) = &mut self.driver {
+        if let Some(driver) = &mut self.workspace.driver {
             driver.inject(raw_input);
         }
     }
 
     fn persist_egui_memory(&self) -> bool {
         false
-    }
-
-    fn on_exit(&mut self) {
-        // Waits for the last commit.
-        self.viewer.painting = None;
-        if let Some(file) = &self.settings_file
-            && let Err(error) = self.viewer.settings.save(file)
-        {
-            eprintln!("fantex-app: {error}");
-        }
     }
 }
 

@@ -41,6 +41,12 @@ impl PictureFiles {
         ctx.send_viewport_cmd(ViewportCommand::Screenshot(callback));
     }
 
+    /// The window is gone: nobody will take pictures of it that are not taken yet.
+    pub(super) fn forget_windows(&mut self) {
+        (self.window_sender, self.windows) = channel();
+        self.windows_due = 0;
+    }
+
     /// Writes a picture.
     pub(super) fn save(&mut self, path: PathBuf, image: Result<Image, CaptureError>) {
         let (to, wake) = (path.clone(), self.wake.clone());

@@ -1,4 +1,5 @@
 use std::path::Path;
+use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use super::*;
@@ -24,7 +25,7 @@ fn wait(viewer: &mut Viewer) {
     let started = Instant::now();
     loop {
         viewer.poll(0.0);
-        if viewer.opening.is_none() && viewer.ground_job.is_none() && viewer.map_job.is_none() {
+        if !viewer.is_opening() && viewer.ground_job.is_none() && viewer.map_job.is_none() {
             return;
         }
         assert!(started.elapsed() < Duration::from_secs(60), "a job does not end");
@@ -49,6 +50,36 @@ fn opening_shows_the_model_and_remembers_it() {
     assert!(viewer.settings.recent[0].ends_with("torus.ply"));
     assert!(viewer.ground.is_some());
     assert_eq!(viewer.notices.error_count(), 0);
+}
+
+#[test]
+fn another_gpu_is_given_the_document_and_what_is_being_opened() {
+    let (folder, mut viewer) = opened();
+    let rig = viewer.rig;
+    let asked = Arc::new(Mutex::new(Vec::new()));
+    let names = asked.clone();
+    let prepare: PrepareScene = Arc::new(move |document, _| {
+        names.lock().unwrap().push(document.place.name());
+        Err("there are no graphics here".into())
+    });
+    viewer.draw_with(prepare.clone(), 1.0);
+    assert!(viewer.is_opening());
+    wait(&mut viewer);
+    assert_eq!(*asked.lock().unwrap(), ["torus.ply"]);
+    assert!(viewer.document.is_some() && viewer.rig == rig && viewer.new_model.is_none());
+    assert!(viewer.notices.log().any(|text| text.contains("no graphics")));
+    // Lost while another file is being opened: that begins anew.
+    let other = folder.path().join("other.ply");
+    std::fs::copy(folder.path().join("torus.ply"), &other).unwrap();
+    viewer.open(&other.to_string_lossy(), 2.0);
+    asked.lock().unwrap().clear();
+    viewer.draw_with(prepare, 3.0);
+    wait(&mut viewer);
+    let asked = asked.lock().unwrap();
+    assert!(
+        ["torus.ply", "other.ply"].iter().all(|name| asked.iter().any(|asked| asked == name)),
+        "{asked:?}"
+    );
 }
 
 #[test]

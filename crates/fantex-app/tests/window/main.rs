@@ -153,6 +153,65 @@ fn damage_and_odd_windows_are_survived() {
     assert!(colors(folder.path(), "after.png") > 60);
 }
 
+/// The same picture before and after, from where the camera was left, with what was chosen.
+#[test]
+fn a_lost_device_is_replaced() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let model = save_model(folder.path());
+    let steps = r#"{"wait_loaded":120},{"drag":{"x":0.3,"y":0.1}},{"overlay":"groups"},{"wait_frames":20},
+        {"wait_sharp":120},{"screenshot":{"path":"before.png"}},
+        "lose_device",{"wait_loaded":120},{"wait_sharp":120},{"expect_message":"device was lost"},
+        {"screenshot":{"path":"after.png"}},{"window_screenshot":{"path":"window.png"}},
+        {"open":"torus.ply"},{"wait_loaded":60},{"wait_sharp":60},{"screenshot":{"path":"model.png"}},
+        "lose_device",{"wait_loaded":60},{"wait_sharp":60},{"screenshot":{"path":"again.png"}},"quit""#;
+    assert_eq!(model.file_name().unwrap(), "torus.ply");
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy()], steps));
+    let at = folder.path();
+    assert!(colors(at, "before.png") > 60, "the picture is not blank");
+    assert_eq!(difference(at, "before.png", "after.png"), 0.0);
+    assert!(colors(at, "window.png") > 60, "the window shows it, too");
+    assert!(colors(at, "model.png") > 60);
+    assert_eq!(difference(at, "model.png", "again.png"), 0.0);
+}
+
+/// What was painted and is in no file yet is still there, and can be undone.
+#[test]
+fn painting_goes_on_with_another_device() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
+        {"color":"#ff2000"},{"brush":{"size":60,"hardness":0.9,"flow":1.0,"smoothing":0.0}},
+        {"stroke":{"points":[[0.5,0.75],[0.6,0.78]]}},{"wait_painted":60},{"wait_sharp":60},
+        {"screenshot":{"path":"painted.png"}},
+        "lose_device",{"wait_loaded":120},{"wait_frames":5},{"wait_sharp":120},
+        {"expect_painting":{"steps":1}},{"screenshot":{"path":"after.png"}},
+        {"key":"Ctrl+Z"},{"wait_painted":60},{"wait_sharp":60},{"screenshot":{"path":"undone.png"}},"quit""##;
+    let path = asset.to_string_lossy().into_owned();
+    check_success(&display.run(folder.path(), &[&path, "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "before.png", "painted.png") > 0.003, "the stroke is seen");
+    assert_eq!(difference(at, "painted.png", "after.png"), 0.0);
+    assert_eq!(difference(at, "before.png", "undone.png"), 0.0);
+}
+
+/// Pages of another pool come while the picture of the one before is shown.
+#[test]
+fn another_pool_size_leaves_the_picture() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset(folder.path());
+    let steps = r#"{"wait_loaded":120},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
+        {"pool":96},{"wait_frames":60},{"wait_sharp":60},{"screenshot":{"path":"more.png"}},
+        {"pool":32},{"wait_frames":60},{"wait_sharp":60},{"screenshot":{"path":"less.png"}},"quit""#;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy()], steps));
+    let at = folder.path();
+    assert_eq!(difference(at, "before.png", "more.png"), 0.0);
+    assert_eq!(difference(at, "before.png", "less.png"), 0.0);
+}
+
 #[test]
 fn failed_sessions_say_why() {
     let Some(display) = Display::start() else { return };

@@ -77,6 +77,16 @@ pub(super) struct LampSample {
     pub(super) color: Vec3,
 }
 
+/// A lamp as it is seen from a point.
+struct Appearance {
+    /// Unit vector to its middle.
+    axis: Vec3,
+    /// Cosine of half the angle under which it is seen.
+    cos_radius: f32,
+    /// As in [`LampSample`], the same in all its directions.
+    color: Vec3,
+}
+
 impl Lamp {
     /// In the mesh's space.
     pub(super) fn new(mesh: &Mesh, index: usize, light: &BakeLight) -> Result<Self, LightMapError> {
@@ -103,10 +113,40 @@ impl Lamp {
 
     /// A random direction from `point` to the light; `None` where no light goes there.
     pub(super) fn sample(&self, point: Vec3, random: [f32; 2]) -> Option<LampSample> {
+        let Appearance { axis, cos_radius, color } = self.seen_from(point)?;
+        let to_light = in_cone(axis, cos_radius, random);
+        let distance = match *self {
+            Self::Directional { .. } => f32::INFINITY,
+            Self::Ball { position, radius, .. } => {
+                let to_centre = position - point;
+                let along = to_light.dot(to_centre);
+                let within = along * along - to_centre.length_squared() + radius * radius;
+                (along - within.max(0.0).sqrt()).max(0.0)
+            }
+        };
+        Some(LampSample { to_light, distance, color })
+    }
+
+    /// What a surface at `point` reflects at most if nothing is in between, as the mean of the channels. Where it is 0, it
+    /// reflects nothing.
+    pub(super) fn most_light(&self, point: Vec3, normal: Vec3) -> f32 {
+        self.seen_from(point).map_or(0.0, |seen| {
+            let (cos, cos_radius) = (seen.axis.dot(normal).clamp(-1.0, 1.0), seen.cos_radius);
+            // The cosine to the nearest direction of the cone.
+            let highest = if cos >= cos_radius {
+                1.0
+            } else {
+                cos * cos_radius + ((1.0 - cos * cos) * (1.0 - cos_radius * cos_radius)).max(0.0).sqrt()
+            };
+            seen.color.element_sum() / 3.0 * highest.max(0.0)
+        })
+    }
+
+    /// `None` where no light goes.
+    fn seen_from(&self, point: Vec3) -> Option<Appearance> {
         match *self {
             Self::Directional { to_light, color, cos_radius } => {
-                let to_light = in_cone(to_light, cos_radius, random);
-                Some(LampSample { to_light, distance: f32::INFINITY, color })
+                Some(Appearance { axis: to_light, cos_radius, color })
             }
             Self::Ball { position, color, radius, cone } => {
                 let to_centre = position - point;
@@ -119,20 +159,16 @@ impl Lamp {
                 if share == 0.0 {
                     return None;
                 }
-                let (sin2, r2) = ((radius * radius / squared).min(1.0), radius * radius);
-                if radius * radius >= squared {
+                let r2 = radius * radius;
+                if r2 >= squared {
                     // Inside the ball light comes from everywhere.
-                    let to_light = in_cone(axis, -1.0, random);
-                    return Some(LampSample { to_light, distance: 0.0, color: color * share * (4.0 / r2) });
+                    return Some(Appearance { axis, cos_radius: -1.0, color: color * share * (4.0 / r2) });
                 }
                 // The ball's radiance is color / r2; a uniform direction in its cone has the density 1 / solid angle, and
                 // the solid angle divided by pi is 2 (1 - cos) = 2 sin2 / (1 + cos), which tends to r2 / squared.
-                let cos = (1.0 - sin2).sqrt();
-                let to_light = in_cone(axis, cos, random);
-                let along = to_light.dot(to_centre);
-                let distance = along - (along * along - squared + r2).max(0.0).sqrt();
-                let color = color * (share * 2.0 / (1.0 + cos) / squared);
-                Some(LampSample { to_light, distance: distance.max(0.0), color })
+                let cos_radius = (1.0 - (r2 / squared).min(1.0)).sqrt();
+                let color = color * (share * 2.0 / (1.0 + cos_radius) / squared);
+                Some(Appearance { axis, cos_radius, color })
             }
         }
     }

@@ -1,14 +1,18 @@
 //! Light that arrives at a point of the surface, by following paths backwards (J. Kajiya, "The Rendering Equation", 1986).
 //!
 //! What is estimated is what a white, perfectly diffuse surface there would reflect: irradiance over pi, the mean of the
-//! incoming radiance over the hemisphere weighted by the cosine. Lamps are sampled on purpose at every vertex of a path, sky and
-//! glowing surfaces are found by cosine-weighted directions, and long paths end by Russian roulette.
+//! incoming radiance over the hemisphere weighted by the cosine. Lamps are sampled on purpose at every vertex of a path, and so
+//! is a sky of high contrast (`sky_table.rs`). Other skies and glowing surfaces are found by the cosine-weighted directions along
+//! which paths go on; long paths end by Russian roulette.
+
+use std::f32::consts::PI;
 
 use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, TriangleBvh, origin_beside};
 use glam::Vec3;
 
 use super::lamp::Lamp;
 use super::sequence::Sequence;
+use super::sky_table::SkyTable;
 use super::{LightMapOptions, LightQuantity, Reflector, Sky};
 
 /// Vertices of a path before Russian roulette.
@@ -18,8 +22,13 @@ const SURE_VERTICES: u32 = 3;
 const TEXEL: u32 = 0;
 const DIRECTION: u32 = 1;
 const FATE: u32 = 2;
+/// And those of the lamps after it.
 const LAMP: u32 = 3;
 const PER_VERTEX: u32 = 1 << 16;
+const SKY: u32 = PER_VERTEX - 1;
+
+/// Lamps that are all sampled at the first vertex of a path; of more, so many are chosen.
+const FEW_LAMPS: usize = 4;
 
 /// Where light is gathered.
 #[derive(Clone, Copy)]
@@ -38,6 +47,8 @@ pub(super) struct Tracer<'a> {
     pub(super) normals: Vec<Vec3>,
     pub(super) lamps: Vec<Lamp>,
     pub(super) sky: &'a dyn Sky,
+    /// Where the sky is worth looking at on purpose.
+    pub(super) sky_table: Option<SkyTable>,
     pub(super) reflector: &'a dyn Reflector,
     pub(super) options: LightMapOptions,
     /// Mesh units.
@@ -89,11 +100,13 @@ impl Tracer<'_> {
         for vertex in 0..=reflections {
             let pair = |purpose: u32| sequence.pair(index, vertex * PER_VERTEX + purpose);
             sum += throughput * self.lamp_light(receiver, vertex, &pair);
+            sum += throughput * self.sky_light(receiver, pair(SKY));
             let direction = cosine_weighted(receiver.normal, pair(DIRECTION));
             let accept = |hit: &RayHit| self.reflector.is_solid(hit.triangle, hit.lambda);
             let Some(hit) = self.bvh.first_hit_where(receiver.origin, direction, f32::INFINITY, accept)
             else {
-                return sum + throughput * self.sky.radiance(direction);
+                let weight = self.weight_of_cosine(receiver.normal, direction);
+                return sum + throughput * self.sky.radiance(direction) * weight;
             };
             sum += throughput * self.reflector.emission(hit.triangle, hit.lambda);
             if vertex == reflections {
@@ -119,11 +132,32 @@ impl Tracer<'_> {
         Receiver { origin: origin_beside(position, face, -direction), normal }
     }
 
-    /// Reflected light of lamps: of all of them at the first vertex of a path, then of one by chance.
+    /// Reflected light of the sky from a direction that was chosen by its brightness, weighed against directions by the cosine.
+    fn sky_light(&self, receiver: Receiver, random: [f32; 2]) -> Vec3 {
+        let Some(table) = &self.sky_table else { return Vec3::ZERO };
+        let sample = table.sample(random);
+        let by_cosine = receiver.normal.dot(sample.direction) / PI;
+        if by_cosine <= 0.0 || self.is_shadowed(receiver.origin, sample.direction, f32::INFINITY) {
+            return Vec3::ZERO;
+        }
+        // Radiance times cosine over pi and density, times the density's share in the sum of both densities.
+        self.sky.radiance(sample.direction) * (by_cosine / (sample.density + by_cosine))
+    }
+
+    /// The weight of a direction that was chosen by the cosine, and leads to the sky.
+    fn weight_of_cosine(&self, normal: Vec3, direction: Vec3) -> f32 {
+        let density = self.sky_table.as_ref().map_or(0.0, |table| table.density(direction));
+        if density == 0.0 {
+            return 1.0;
+        }
+        let by_cosine = normal.dot(direction).max(0.0) / PI;
+        by_cosine / (density + by_cosine)
+    }
+
+    /// Reflected light of lamps: of a few of them at the first vertex of a path, then of one.
     fn lamp_light(&self, receiver: Receiver, vertex: u32, pair: &impl Fn(u32) -> [f32; 2]) -> Vec3 {
-        let count = self.lamps.len();
-        let light_of = |lamp: usize| {
-            let Some(sample) = self.lamps[lamp].sample(receiver.origin, pair(LAMP + lamp as u32)) else {
+        let light_of = |lamp: usize, purpose: usize| {
+            let Some(sample) = self.lamps[lamp].sample(receiver.origin, pair(LAMP + purpose as u32)) else {
                 return Vec3::ZERO;
             };
             let cos = receiver.normal.dot(sample.to_light);
@@ -131,18 +165,57 @@ impl Tracer<'_> {
             let dark = cos <= 0.0 || self.is_shadowed(receiver.origin, sample.to_light, reaches);
             if dark { Vec3::ZERO } else { sample.color * cos }
         };
-        match (vertex, count) {
-            (0, _) | (_, 0 | 1) => (0..count).map(light_of).sum(),
-            _ => {
-                let chosen = (pair(FATE)[1] * count as f32) as usize;
-                light_of(chosen.min(count - 1)) * count as f32
-            }
+        let choices = if vertex == 0 { FEW_LAMPS } else { 1 };
+        if self.lamps.len() <= choices {
+            return (0..self.lamps.len()).map(|lamp| light_of(lamp, lamp)).sum();
         }
+        let most_light = |lamp: &Lamp| lamp.most_light(receiver.origin, receiver.normal);
+        let chosen = Choices::new(self.lamps.iter().map(most_light), choices, pair(FATE)[1]);
+        chosen.enumerate().map(|(number, (lamp, factor))| light_of(lamp, number) * factor).sum()
     }
 
     fn is_shadowed(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
         let accept = |hit: &RayHit| self.reflector.is_solid(hit.triangle, hit.lambda);
         self.bvh.is_occluded_where(origin, direction, distance, accept)
+    }
+}
+
+/// Some of many lamps, each as often as its share in the sum of what they give at most, with what its light is to be
+/// multiplied by. Choices are made at equal steps through that sum.
+struct Choices<I> {
+    /// Lamps that are not yet passed.
+    rest: std::iter::Enumerate<I>,
+    /// The last one that was passed, what it gives at most, and the sum up to its end.
+    lamp: usize,
+    most: f32,
+    sum: f32,
+    /// Where the next choice is made, and the way to the one after it.
+    next: f32,
+    step: f32,
+    count: usize,
+}
+
+impl<I: Iterator<Item = f32> + Clone> Choices<I> {
+    /// `random` is in 0..1.
+    fn new(most_light: I, count: usize, random: f32) -> Self {
+        let step = most_light.clone().sum::<f32>() / count as f32;
+        let count = if step > 0.0 { count } else { 0 };
+        let rest = most_light.enumerate();
+        Self { rest, lamp: 0, most: 0.0, sum: 0.0, next: random * step, step, count }
+    }
+}
+
+impl<I: Iterator<Item = f32>> Iterator for Choices<I> {
+    type Item = (usize, f32);
+
+    fn next(&mut self) -> Option<(usize, f32)> {
+        self.count = self.count.checked_sub(1)?;
+        while self.next >= self.sum {
+            (self.lamp, self.most) = self.rest.next()?;
+            self.sum += self.most;
+        }
+        self.next += self.step;
+        Some((self.lamp, self.step / self.most))
     }
 }
 
@@ -178,6 +251,30 @@ fn cosine_weighted(normal: Vec3, [u, v]: [f32; 2]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Over all random numbers, the weighted number of choices of every lamp that gives light is one.
+    #[test]
+    fn lamps_are_chosen_by_their_share() {
+        let most = [0.5_f32, 0.0, 3.0, 0.01, 1.5, 0.0];
+        for count in [1, 4] {
+            let (mut sums, mut numbers, n) = ([0.0_f64; 6], [0; 6], 20_000);
+            for i in 0..n {
+                let random = (i as f32 + 0.5) / n as f32;
+                let chosen: Vec<_> = Choices::new(most.into_iter(), count, random).collect();
+                assert_eq!(chosen.len(), count);
+                for (lamp, factor) in chosen {
+                    sums[lamp] += f64::from(factor) / f64::from(n);
+                    numbers[lamp] += 1;
+                }
+            }
+            for lamp in 0..most.len() {
+                let expected = f64::from(u8::from(most[lamp] > 0.0));
+                assert!((sums[lamp] - expected).abs() < 0.02, "{count} of {most:?}: {sums:?}");
+            }
+            assert!(numbers[2] > 5 * numbers[0] && numbers[0] > 20 * numbers[3], "{numbers:?}");
+        }
+        assert_eq!(Choices::new([0.0; 6].into_iter(), 4, 0.3).count(), 0);
+    }
 
     /// The mean of a cosine-weighted direction is two thirds of the normal; the mean square of its height is a half.
     #[test]

@@ -270,7 +270,7 @@ impl Source for UvSource<'_> {
                         occlusion_roughness_metallic(material, occlusion, surface).extend(1.0)
                     }
                     ChannelKind::Emission => emission(material, or_white(&means.glow, index)).extend(1.0),
-                    ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
+                    ChannelKind::Displacement | ChannelKind::Light | ChannelKind::Anisotropy => Vec4::ZERO,
                 };
             }
         };

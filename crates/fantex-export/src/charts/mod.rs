@@ -34,7 +34,7 @@ pub(crate) struct Chart {
 
 impl Chart {
     /// The projection along `direction` (unit) in which the piece's rectangle is smallest, lying on its long side.
-    fn new(mesh: &Mesh, triangles: Vec<u32>, direction: Vec3) -> Self {
+    pub(crate) fn new(mesh: &Mesh, triangles: Vec<u32>, direction: Vec3) -> Self {
         let (first, second) = direction.any_orthonormal_pair();
         let points: Vec<Vec2> = triangles
             .iter()

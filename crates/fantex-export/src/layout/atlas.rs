@@ -5,6 +5,7 @@
 //! At the level at which a texel is the mean of a block, a bilinear look-up at a point of the chart reads the blocks whose
 //! centres are around the point; these hold the chart's colours alone, and so do those of all finer levels.
 
+use fantex_bake::Progress;
 use fantex_mesh::{Mesh, VertexCorners};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -47,33 +48,38 @@ const NEARLY: f32 = 0.95;
 ///
 /// # Errors
 ///
-/// There are too many charts for the picture.
+/// There are too many charts for the picture, or it was cancelled.
 pub(crate) fn atlas(
     mesh: &Mesh,
     cover: &fantex_cover::Cover,
     request: &AtlasRequest,
+    progress: &dyn Progress,
 ) -> Result<Layout, ExportError> {
     let charts = charts(mesh, cover, request.texels_per_unit);
     let packed = match request.side {
-        Some(side) => densest(mesh, &charts, side, request),
+        Some(side) => densest(mesh, &charts, side, request, progress),
         None => {
             let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
             let texels = (0.5 * area).sqrt() * request.texels_per_unit;
             let least = request.largest_side.min(SMALLEST_SIDE);
             let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
             loop {
-                let packed = densest(mesh, &charts, side, request);
+                let packed = densest(mesh, &charts, side, request, progress);
                 let is_good = |p: &Packed| {
                     p.density >= NEARLY * request.texels_per_unit
                         && (p.block >= LEAST_PADDING || request.padding.is_some())
                 };
-                if packed.as_ref().is_some_and(is_good) || side >= request.largest_side {
+                let is_last = side >= request.largest_side || progress.is_cancelled();
+                if is_last || packed.as_ref().is_some_and(is_good) {
                     break packed;
                 }
                 side *= 2;
             }
         }
     };
+    if progress.is_cancelled() {
+        return Err(ExportError::Cancelled);
+    }
     let packed = packed.ok_or(ExportError::TooManyCharts {
         charts: charts.len(),
         side: request.side.unwrap_or(request.largest_side),
@@ -105,13 +111,21 @@ fn padding(charts: usize, side: u32, request: &AtlasRequest) -> u32 {
     padding.max(1)
 }
 
-/// The largest density at which the charts fit a side, to about two percent.
-fn densest(mesh: &Mesh, charts: &[Chart], side: u32, request: &AtlasRequest) -> Option<Packed> {
+/// The largest density at which the charts fit a side, to about two percent; any or none once it is cancelled.
+fn densest(
+    mesh: &Mesh,
+    charts: &[Chart],
+    side: u32,
+    request: &AtlasRequest,
+    progress: &dyn Progress,
+) -> Option<Packed> {
     let block = padding(charts.len(), side, request);
-    let at = |density: f32| try_density(mesh, charts, side, block, density);
+    let at = |density: f32| try_density(mesh, charts, side, block, density, progress);
     let longest = charts.iter().map(|c| c.extent.max_element()).fold(f32::MIN_POSITIVE, f32::max);
-    // The longest chart fills the side; nothing larger can fit.
-    let mut high = (side - block) as f32 / longest;
+    // The longest chart fills the side, or all of them fill the picture; nothing larger can fit.
+    let area: f64 = charts.iter().map(|chart| flat_area(mesh, chart)).sum();
+    let filled = f64::from(side) / area.max(f64::MIN_POSITIVE).sqrt();
+    let mut high = ((side - block) as f32 / longest).min(filled as f32);
     let mut best = None;
     let mut low = high;
     for _ in 0..40 {
@@ -133,12 +147,28 @@ fn densest(mesh: &Mesh, charts: &[Chart], side: u32, request: &AtlasRequest) -> 
     best
 }
 
-fn try_density(mesh: &Mesh, charts: &[Chart], side: u32, block: u32, density: f32) -> Option<Packed> {
+/// The area of a chart's triangles in their plane, square mesh units.
+fn flat_area(mesh: &Mesh, chart: &Chart) -> f64 {
+    let area = |&t: &u32| {
+        let [a, b, c] = chart.corners(mesh, t);
+        0.5 * f64::from((b - a).perp_dot(c - a).abs())
+    };
+    chart.triangles.iter().map(area).sum()
+}
+
+fn try_density(
+    mesh: &Mesh,
+    charts: &[Chart],
+    side: u32,
+    block: u32,
+    density: f32,
+    progress: &dyn Progress,
+) -> Option<Packed> {
     let blocks = side / block;
     let scale = density / block as f32;
     let mask_of = |chart: &Chart| {
         let extent = (chart.extent * scale + 1.0).ceil().max(Vec2::ONE).as_uvec2();
-        let fits = extent.x <= blocks && extent.y <= blocks;
+        let fits = extent.x <= blocks && extent.y <= blocks && !progress.is_cancelled();
         let corners = |&t: &u32| chart.corners(mesh, t).map(|q| q * scale + 0.5);
         fits.then(|| Mask::around(extent.x, extent.y, chart.triangles.iter().map(corners)))
     };
@@ -202,13 +232,83 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
 /// Neighbours of a chart worse seen than this are no continuation of it.
 const LEAST_FACING: f32 = 0.2;
 
+/// At a vertex of more triangles, those that share nothing but the vertex with a chart are no neighbours: tips of a hundred
+/// needles around the apex of a cone would take more work than they show.
+const MOST_AROUND: usize = 64;
+
 /// Triangles of other charts that touch a chart and that its projection sees, ascending.
 fn neighbours(mesh: &Mesh, chart: &Chart, index: u32, chart_of: &[u32], around: &VertexCorners) -> Vec<u32> {
-    let vertices = chart.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]);
-    let touching = vertices.flat_map(|v| around.at(v as usize)).map(|&corner| corner / 3);
-    let mut beyond: Vec<u32> = touching.filter(|&t| chart_of[t as usize] != index).collect();
+    let mut vertices: Vec<u32> = chart.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let shares_edge = |t: u32| {
+        let is_shared = |v: &&u32| vertices.binary_search(v).is_ok();
+        mesh.triangles[t as usize].iter().filter(is_shared).count() > 1
+    };
+    let mut beyond = Vec::new();
+    for &v in &vertices {
+        let touching = around.at(v as usize);
+        let of_others = touching.iter().map(|&corner| corner / 3).filter(|&t| chart_of[t as usize] != index);
+        beyond.extend(of_others.filter(|&t| touching.len() <= MOST_AROUND || shares_edge(t)));
+    }
     beyond.sort_unstable();
     beyond.dedup();
     beyond.retain(|&t| chart.facing(mesh, t) >= LEAST_FACING);
     beyond
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+    use glam::Vec3;
+
+    use super::*;
+
+    /// Counts how often it is asked whether to stop: once per chart and density.
+    #[derive(Default)]
+    struct Asked(AtomicUsize);
+
+    impl Progress for Asked {
+        fn report(&self, _done: u64, _total: u64) {}
+
+        fn is_cancelled(&self) -> bool {
+            self.0.fetch_add(1, Relaxed);
+            false
+        }
+    }
+
+    /// Thousands of loose triangles are packed in few tries: densities at which they could not fill the picture even without
+    /// borders are not tried. (One chart's blocks at such a density are as many as the whole picture's.)
+    #[test]
+    fn many_small_charts_are_packed_quickly() {
+        let mut mesh = Mesh::default();
+        let count = 4_000;
+        for i in 0..count {
+            let at = Vec3::new(3.0 * i as f32, 0.0, 0.0);
+            mesh.positions.extend([at, at + Vec3::X, at + Vec3::Y]);
+            mesh.triangles.push([0, 1, 2].map(|k| 3 * i + k));
+        }
+        let charts: Vec<Chart> = (0..count).map(|t| Chart::new(&mesh, vec![t], Vec3::Z)).collect();
+        let request = AtlasRequest { texels_per_unit: 10.0, side: None, largest_side: 1024, padding: None };
+        let asked = Asked::default();
+        let packed = densest(&mesh, &charts, 1024, &request, &asked).unwrap();
+        assert!(packed.density > 10.0, "{}", packed.density);
+        let tries = asked.0.into_inner() as f32 / count as f32;
+        assert!(tries <= 12.0, "{tries} densities were tried");
+    }
+
+    /// Half of a disc of many narrow triangles: the other half touches it at the centre, but two triangles continue it.
+    #[test]
+    fn of_the_many_triangles_around_a_vertex_those_beside_the_chart_continue_it() {
+        let count = 20_000;
+        let rim = |i: u32| Vec2::from_angle(i as f32 / count as f32 * std::f32::consts::TAU).extend(0.0);
+        let mut mesh = Mesh { positions: vec![Vec3::ZERO], ..Mesh::default() };
+        mesh.positions.extend((0..count).map(rim));
+        mesh.triangles.extend((0..count).map(|i| [0, 1 + i, 1 + (i + 1) % count]));
+        let chart = Chart::new(&mesh, (0..count / 2).collect(), Vec3::Z);
+        let chart_of: Vec<u32> = (0..count).map(|i| u32::from(i >= count / 2)).collect();
+        let around = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+        assert_eq!(neighbours(&mesh, &chart, 0, &chart_of, &around), [count / 2, count - 1]);
+    }
 }

@@ -170,6 +170,7 @@ fn present(baked: &Baked) -> String {
         ChannelKind::Emission => "emission",
         ChannelKind::Displacement => "displacement",
         ChannelKind::Light => "light",
+        ChannelKind::Anisotropy => "anisotropy",
     };
     baked.asset.channels().iter().map(|c| name(c.kind)).collect::<Vec<_>>().join(", ")
 }

@@ -72,6 +72,27 @@ fn a_cancelled_export_leaves_nothing() {
 }
 
 #[test]
+fn packing_can_be_cancelled() {
+    struct Stopped;
+    impl Progress for Stopped {
+        fn report(&self, _: u64, _: u64) {
+            panic!("nothing was to be written");
+        }
+
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+    let baked = baked_bottle(1 << 14);
+    for side in [None, Some(512)] {
+        let options = ExportOptions { side, ..ExportOptions::default() };
+        let error = export_model(&baked.asset, &baked.path("x.glb"), &options, &Stopped).unwrap_err();
+        assert!(matches!(error, ExportError::Cancelled), "{error}");
+    }
+    assert_eq!(files(baked.folder.path()), ["asset.fan"]);
+}
+
+#[test]
 fn a_picture_that_must_be_whole_in_memory_says_so() {
     let baked = baked_bottle(1 << 12);
     let path = baked.path("x.exr");

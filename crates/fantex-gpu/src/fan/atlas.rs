@@ -5,13 +5,17 @@ use fantex_stream::AtlasFormat;
 
 use super::grid::AtlasGrid;
 
+/// How many kinds of channel are drawn.
+pub(crate) const KINDS: usize = 6;
+
 /// The kinds of channel that are drawn, in the order of their bindings.
-pub(crate) const DRAWN_KINDS: [ChannelKind; 5] = [
+pub(crate) const DRAWN_KINDS: [ChannelKind; KINDS] = [
     ChannelKind::BaseColor,
     ChannelKind::Normal,
     ChannelKind::OcclusionRoughnessMetallic,
     ChannelKind::Emission,
     ChannelKind::Light,
+    ChannelKind::Anisotropy,
 ];
 
 /// The formats in which an asset's channels are handed over, in their order: block-compressed as they are stored where the

@@ -4,12 +4,12 @@ use fantex_cover::Cover;
 use fantex_scene::FilterOptions;
 use fantex_store::Channel;
 use fantex_stream::{AtlasFormat, PageTable};
-use wgpu::util::DeviceExt;
 use wgpu::{BindingResource, BindingType, BufferBindingType, ShaderStages};
 
-use super::atlas::{ChannelAtlas, DRAWN_KINDS, no_channel};
+use super::atlas::{ChannelAtlas, DRAWN_KINDS, KINDS, no_channel};
 use super::grid::AtlasGrid;
 use super::tables::{FanParams, FanTables};
+use crate::Gpu;
 
 /// What an asset's texture function is made of, as far as the GPU is concerned.
 #[derive(Clone, Copy, Debug)]
@@ -31,25 +31,74 @@ pub(crate) struct FanBindings {
     pub(crate) atlases: Vec<Option<ChannelAtlas>>,
     pub(crate) tables: FanTables,
     /// Per item of [`DRAWN_KINDS`] the channel, if there is one.
-    pub(crate) drawn: [Option<usize>; 5],
+    pub(crate) drawn: [Option<usize>; KINDS],
+    channels: Vec<Channel>,
     params: FanParams,
     params_buffer: wgpu::Buffer,
 }
 
 impl FanBindings {
-    pub(crate) fn new(
-        device: &wgpu::Device,
-        source: BindingSource<'_>,
-        mean: impl Fn(usize, u32) -> [f32; 4],
-    ) -> Self {
+    pub(crate) fn new(gpu: &Gpu, source: BindingSource<'_>, mean: impl Fn(usize, u32) -> [f32; 4]) -> Self {
         let BindingSource { cover, channels, formats, grid, pages } = source;
-        let tables = FanTables::new(device, cover, channels, pages, mean);
-        let params = FanParams::new(cover, channels, grid, &FilterOptions::default());
-        let params_buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("fan parameters"),
-            contents: bytemuck::bytes_of(&params),
-            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        });
+        let parts = Parts {
+            layout: layout(&gpu.device),
+            tables: FanTables::new(gpu, cover, channels, pages, mean),
+            params: FanParams::new(cover, channels, grid, &FilterOptions::default()),
+            channels: channels.to_vec(),
+        };
+        parts.bind(gpu, grid, formats)
+    }
+
+    /// The same asset with another atlas, in which nothing is resident. What does not depend on it is shared.
+    pub(crate) fn with_atlas(&self, gpu: &Gpu, grid: AtlasGrid, formats: &[AtlasFormat]) -> Self {
+        let parts = Parts {
+            layout: self.layout.clone(),
+            tables: self.tables.without_pages(&gpu.device),
+            params: self.params.with_grid(grid),
+            channels: self.channels.clone(),
+        };
+        parts.bind(gpu, grid, formats)
+    }
+
+    /// Writes the filter's parameters if they have changed.
+    pub(crate) fn set_filter(&mut self, queue: &wgpu::Queue, filter: &FilterOptions) {
+        let params = self.params.with_filter(filter);
+        if params != self.params {
+            self.params = params;
+            queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
+        }
+    }
+
+    /// Values of the overrides of `fan_lookup.wgsl` that say which channels there are.
+    pub(crate) fn channel_constants(&self) -> [(&'static str, f64); KINDS] {
+        let [base_color, normal, material, emission, light, anisotropy] =
+            self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
+        [
+            ("FAN_BASE_COLOR", base_color),
+            ("FAN_NORMAL", normal),
+            ("FAN_MATERIAL", material),
+            ("FAN_EMISSION", emission),
+            ("FAN_LIGHT", light),
+            ("FAN_ANISOTROPY", anisotropy),
+        ]
+    }
+}
+
+/// All but the atlas.
+struct Parts {
+    layout: wgpu::BindGroupLayout,
+    tables: FanTables,
+    params: FanParams,
+    channels: Vec<Channel>,
+}
+
+impl Parts {
+    /// Makes the atlas and binds everything. `formats` has an entry per channel.
+    fn bind(self, gpu: &Gpu, grid: AtlasGrid, formats: &[AtlasFormat]) -> FanBindings {
+        let Self { layout, tables, params, channels } = self;
+        let device = &gpu.device;
+        let usage = wgpu::BufferUsages::UNIFORM;
+        let params_buffer = gpu.buffer("fan parameters", bytemuck::bytes_of(&params), usage);
         // Of several channels of a kind the first one counts.
         let drawn = DRAWN_KINDS.map(|kind| channels.iter().position(|c| c.kind == kind));
         let atlas = |index: usize| {
@@ -81,8 +130,8 @@ impl FanBindings {
             view(2),
             view(3),
             view(4),
+            view(5),
         ];
-        let layout = layout(device);
         let entries: Vec<_> = resources
             .into_iter()
             .zip(0..)
@@ -93,29 +142,7 @@ impl FanBindings {
             layout: &layout,
             entries: &entries,
         });
-        Self { layout, group, atlases, tables, drawn, params, params_buffer }
-    }
-
-    /// Writes the filter's parameters if they have changed.
-    pub(crate) fn set_filter(&mut self, queue: &wgpu::Queue, filter: &FilterOptions) {
-        let params = self.params.with_filter(filter);
-        if params != self.params {
-            self.params = params;
-            queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
-        }
-    }
-
-    /// Values of the overrides of `fan_lookup.wgsl` that say which channels there are.
-    pub(crate) fn channel_constants(&self) -> [(&'static str, f64); 5] {
-        let [base_color, normal, material, emission, light] =
-            self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
-        [
-            ("FAN_BASE_COLOR", base_color),
-            ("FAN_NORMAL", normal),
-            ("FAN_MATERIAL", material),
-            ("FAN_EMISSION", emission),
-            ("FAN_LIGHT", light),
-        ]
+        FanBindings { layout, group, atlases, tables, drawn, channels, params, params_buffer }
     }
 }
 
@@ -131,15 +158,15 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
     let texture = texture(wgpu::TextureSampleType::Float { filterable: true });
     let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
     let uniform = buffer(BufferBindingType::Uniform);
-    let types =
-        [uniform, storage, words, storage, storage, sampler, texture, texture, texture, texture, texture];
+    let tables = [uniform, storage, words, storage, storage, sampler];
+    let types = tables.into_iter().chain([texture; KINDS]);
     let entry = |(ty, binding)| wgpu::BindGroupLayoutEntry {
         binding,
         visibility: ShaderStages::VERTEX_FRAGMENT,
         ty,
         count: None,
     };
-    let entries: Vec<_> = types.into_iter().zip(0..).map(entry).collect();
+    let entries: Vec<_> = types.zip(0..).map(entry).collect();
     device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some("fan model"),
         entries: &entries,

@@ -1,7 +1,6 @@
 //! The overlay that gives every partial fan a colour: of all triangles, whichever groups their fans are in.
 
 use bytemuck::{Pod, Zeroable};
-use wgpu::util::DeviceExt;
 
 use super::bindings::FanBindings;
 use super::materials::FanMaterials;
@@ -36,12 +35,8 @@ impl FanColors {
         };
         let chunk = |triangles: &[[u32; 3]]| {
             let vertices: Vec<FanVertex> = triangles.iter().flat_map(corners).collect();
-            let buffer = gpu.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-                label: Some("fan colours"),
-                contents: bytemuck::cast_slice(&vertices),
-                usage: wgpu::BufferUsages::VERTEX,
-            });
-            (buffer, vertices.len() as u32)
+            let bytes = bytemuck::cast_slice(&vertices);
+            (gpu.buffer("fan colours", bytes, wgpu::BufferUsages::VERTEX), vertices.len() as u32)
         };
         let source = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS]);
         Self {

@@ -3,8 +3,7 @@
 use std::num::NonZeroU64;
 
 use bytemuck::{Pod, Zeroable};
-use fantex_mesh::{AlphaMode, Material};
-use wgpu::util::DeviceExt;
+use fantex_mesh::{AlphaMode, Material, ToonInterpolation, ToonScale};
 
 use crate::{Gpu, GpuError};
 
@@ -18,12 +17,24 @@ pub(crate) struct MaterialRecord {
     roughness: f32,
     alpha_threshold: f32,
     unlit: u32,
-    pad: u32,
+    /// 0 for none.
+    toon_stops: u32,
+    /// 0 linear, 1 smooth, 2 constant.
+    toon_interpolation: u32,
+    pad: [u32; 3],
+    /// Linear RGB and the place.
+    toon: [[f32; 4]; ToonScale::MOST_STOPS],
 }
 
 impl MaterialRecord {
     pub(crate) fn new(material: &Material) -> Self {
         let alpha_threshold = if let AlphaMode::Mask(threshold) = material.alpha { threshold } else { 0.0 };
+        let mut toon = [[0.0; 4]; ToonScale::MOST_STOPS];
+        let stops = material.toon.iter().flat_map(|scale| &scale.stops);
+        for (place, &(at, color)) in toon.iter_mut().zip(stops) {
+            *place = color.extend(at).to_array();
+        }
+        let scale = material.toon.as_ref();
         Self {
             base_color: material.base_color.to_array(),
             emission: material.emission.to_array(),
@@ -31,7 +42,14 @@ impl MaterialRecord {
             roughness: material.roughness,
             alpha_threshold,
             unlit: material.unlit.into(),
-            pad: 0,
+            toon_stops: scale.map_or(0, |scale| scale.stops.len().min(ToonScale::MOST_STOPS) as u32),
+            toon_interpolation: match scale.map(|scale| scale.interpolation) {
+                None | Some(ToonInterpolation::Linear) => 0,
+                Some(ToonInterpolation::Smooth) => 1,
+                Some(ToonInterpolation::Constant) => 2,
+            },
+            pad: [0; 3],
+            toon,
         }
     }
 }
@@ -60,11 +78,7 @@ impl FanMaterials {
             place[..size_of::<MaterialRecord>()]
                 .copy_from_slice(bytemuck::bytes_of(&MaterialRecord::new(material)));
         }
-        let buffer = device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-            label: Some("fan materials"),
-            contents: &contents,
-            usage: wgpu::BufferUsages::UNIFORM,
-        });
+        let buffer = gpu.buffer("fan materials", &contents, wgpu::BufferUsages::UNIFORM);
         let size = NonZeroU64::new(size_of::<MaterialRecord>() as u64);
         let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
             label: Some("fan material"),

@@ -7,7 +7,6 @@ use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
 use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_stream::{AtlasFormat, AtlasShape, FrameChanges, PageTable};
 use glam::Vec3;
-use wgpu::util::DeviceExt;
 
 use super::atlas::{ChannelAtlas, DRAWN_KINDS, atlas_formats};
 use super::bindings::{BindingSource, FanBindings};
@@ -36,6 +35,8 @@ pub struct FanModel {
     /// One per material.
     surfaces: Vec<Surface>,
     uploader: Uploader,
+    /// The atlas that takes the place of the present one.
+    next: Option<(FanBindings, Uploader)>,
     pipelines: FanPipelines,
     fan_colors: Option<FanColors>,
     /// Of the current frame.
@@ -138,11 +139,11 @@ impl FanModel {
         }
         let grid = AtlasGrid::new(shape, allowed);
         let parts = BindingSource { cover, channels, formats, grid, pages };
-        let bindings = FanBindings::new(&gpu.device, parts, mean);
+        let bindings = FanBindings::new(gpu, parts, mean);
         let normals = shading_normals(mesh);
         let geometry = GeometrySource { mesh, cover, normals: &normals };
         let [solid, blended] = geometry.order();
-        let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(&gpu.device, chunk)).collect();
+        let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(gpu, chunk)).collect();
         let blended = Blended::new(gpu, &geometry, &blended)?;
         let default_material = [Material::default()];
         let materials =
@@ -151,6 +152,7 @@ impl FanModel {
             space: ModelSpace::of_mesh(mesh),
             shape,
             uploader: Uploader::new(&gpu.device, grid, PageWords::new(cover, pages)),
+            next: None,
             pipelines: FanPipelines::new(&gpu.device),
             surfaces: materials.iter().map(Surface::of).collect(),
             materials: FanMaterials::new(gpu, materials)?,
@@ -164,17 +166,63 @@ impl FanModel {
         })
     }
 
-    /// The atlas' shape.
+    /// Begins to replace the atlas by an empty one of another shape. From now on [`FanModel::update`] fills that one, while
+    /// pictures show the present one as it is, until [`FanModel::finish_atlas`]; for that time both take graphics memory.
+    /// `pages` is the numbering that the model was made with.
+    ///
+    /// # Errors
+    ///
+    /// The device cannot hold it.
+    pub fn begin_atlas(
+        &mut self,
+        gpu: &Gpu,
+        cover: &Cover,
+        pages: &PageTable,
+        shape: AtlasShape,
+    ) -> Result<(), GpuError> {
+        let allowed = gpu.limits().max_texture_dimension_2d;
+        if AtlasGrid::fitting(shape, allowed) != shape {
+            return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
+        }
+        // One that is being filled goes first.
+        self.next = None;
+        let grid = AtlasGrid::new(shape, allowed);
+        let bindings = self.bindings.with_atlas(gpu, grid, &self.formats);
+        let uploader = Uploader::new(&gpu.device, grid, PageWords::new(cover, pages));
+        self.next = Some((bindings, uploader));
+        self.shape = shape;
+        Ok(())
+    }
+
+    /// Whether an atlas is being filled that is not shown yet.
+    pub fn has_hidden_atlas(&self) -> bool {
+        self.next.is_some()
+    }
+
+    /// Shows the atlas that was begun, if any, and lets go of the one before.
+    pub fn finish_atlas(&mut self) {
+        if let Some((bindings, uploader)) = self.next.take() {
+            (self.bindings, self.uploader) = (bindings, uploader);
+            self.shadow_revision += 1;
+        }
+    }
+
+    /// The bindings whose atlas takes pages.
+    fn filled(&self) -> &FanBindings {
+        self.next.as_ref().map_or(&self.bindings, |(bindings, _)| bindings)
+    }
+
+    /// The shape of the atlas that takes pages.
     pub fn shape(&self) -> AtlasShape {
         self.shape
     }
 
     /// The atlas of one of the asset's channels, to be looked at: layers beside each other. None for channels that are not drawn.
     pub fn atlas_texture(&self, channel: usize) -> Option<&wgpu::Texture> {
-        self.bindings.atlases.get(channel)?.as_ref().map(|atlas| &atlas.texture)
+        self.filled().atlases.get(channel)?.as_ref().map(|atlas| &atlas.texture)
     }
 
-    /// Bytes of graphics memory that texels take: those of the channels that are drawn.
+    /// Bytes of graphics memory that texels take: those of the channels that are drawn, in the atlas that takes pages.
     pub fn texel_bytes(&self) -> u64 {
         let drawn = self.bindings.atlases.iter().flatten().map(|atlas| atlas.format);
         self.shape.bytes(&drawn.collect::<Vec<_>>())
@@ -191,7 +239,11 @@ impl FanModel {
             return;
         }
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        self.uploader.record(&mut encoder, changes, &self.bindings.atlases, &self.bindings.tables.pages);
+        let (bindings, uploader) = match &mut self.next {
+            Some((bindings, uploader)) => (bindings, uploader),
+            None => (&mut self.bindings, &mut self.uploader),
+        };
+        uploader.record(&mut encoder, changes, &bindings.atlases, &bindings.tables.pages);
         gpu.queue.submit([encoder.finish()]);
         if self.surfaces.iter().any(|m| m.alpha_mode != 0) {
             self.shadow_revision += 1;
@@ -201,7 +253,8 @@ impl FanModel {
     /// The atlas of a channel, if it is drawn.
     pub(crate) fn atlas(&self, kind: ChannelKind) -> Option<&ChannelAtlas> {
         let kind = DRAWN_KINDS.iter().position(|&k| k == kind)?;
-        self.bindings.drawn[kind].and_then(|channel| self.bindings.atlases[channel].as_ref())
+        let bindings = self.filled();
+        bindings.drawn[kind].and_then(|channel| bindings.atlases[channel].as_ref())
     }
 
     /// Draws the chunks: `pipeline` says with which pipeline a surface is drawn, if at all.
@@ -330,14 +383,14 @@ impl Model for FanModel {
 }
 
 impl Chunk {
-    fn new(device: &wgpu::Device, chunk: GeometryChunk) -> Self {
+    fn new(gpu: &Gpu, chunk: GeometryChunk) -> Self {
         use wgpu::BufferUsages as U;
-        let plain = vertex_buffer(device, &chunk.plain_vertices, U::VERTEX).zip(vertex_buffer(
-            device,
+        let plain = geometry_buffer(gpu, &chunk.plain_vertices, U::VERTEX).zip(geometry_buffer(
+            gpu,
             &chunk.plain_indices,
             U::INDEX,
         ));
-        Self { plain, border: vertex_buffer(device, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
+        Self { plain, border: geometry_buffer(gpu, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
     }
 
     /// Binds the buffers of a shape, if there is any of it.
@@ -378,7 +431,7 @@ impl Blended {
                 mapped_at_creation: false,
             })
         });
-        let vertices = vertex_buffer(&gpu.device, &corners, wgpu::BufferUsages::VERTEX);
+        let vertices = geometry_buffer(gpu, &corners, wgpu::BufferUsages::VERTEX);
         Ok(Self { vertices, indices, sorted, runs: Vec::new() })
     }
 
@@ -391,17 +444,13 @@ impl Blended {
     }
 }
 
-fn vertex_buffer<T: bytemuck::Pod>(
-    device: &wgpu::Device,
+/// Vertices or indices; nothing where there are none.
+fn geometry_buffer<T: bytemuck::Pod>(
+    gpu: &Gpu,
     items: &[T],
     usage: wgpu::BufferUsages,
 ) -> Option<wgpu::Buffer> {
-    let descriptor = wgpu::util::BufferInitDescriptor {
-        label: Some("fan triangles"),
-        contents: bytemuck::cast_slice(items),
-        usage,
-    };
-    (!items.is_empty()).then(|| device.create_buffer_init(&descriptor))
+    (!items.is_empty()).then(|| gpu.buffer("fan triangles", bytemuck::cast_slice(items), usage))
 }
 
 /// What alpha means, as shaders know it.

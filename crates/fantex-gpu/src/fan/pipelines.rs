@@ -7,7 +7,9 @@ use fantex_mesh::Material;
 use super::bindings::FanBindings;
 use super::model::alpha_code;
 use super::tables::shader_filter;
-use crate::shader::{CASTER, FAN, FAN_CASTER, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module};
+use crate::shader::{
+    CASTER, FAN, FAN_CASTER, FAN_FINISH, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module,
+};
 use crate::{CasterPipeline, Coat, Gpu, SurfaceKey, SurfacePipeline};
 
 /// The two kinds of triangles.
@@ -23,11 +25,16 @@ pub(crate) struct Surface {
     /// See [`alpha_code`].
     pub(crate) alpha_mode: u32,
     pub(crate) is_double_sided: bool,
+    pub(crate) is_toon: bool,
 }
 
 impl Surface {
     pub(crate) fn of(material: &Material) -> Self {
-        Self { alpha_mode: alpha_code(material.alpha), is_double_sided: material.double_sided }
+        Self {
+            alpha_mode: alpha_code(material.alpha),
+            is_double_sided: material.double_sided,
+            is_toon: material.toon.is_some(),
+        }
     }
 }
 
@@ -75,7 +82,7 @@ impl Shape {
 
 impl FanPipelines {
     pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let surface = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN]);
+        let surface = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_FINISH, FAN]);
         let caster = compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER]);
         Self {
             surface: module(device, "fan", &surface),
@@ -100,6 +107,7 @@ impl FanPipelines {
             constants.push(("FAN_PAGED", u8::from(is_paged).into()));
             constants.push(("FAN_OVERLAY", frame.overlay.code().into()));
             constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
+            constants.push(("FAN_TOON", u8::from(surface.is_toon).into()));
             let (vertex, fragment) = match shape {
                 Shape::Plain => ("vs_fan_plain", "fs_fan_plain"),
                 Shape::Border => ("vs_fan_border", "fs_fan_border"),

@@ -7,11 +7,11 @@ use fantex_store::{Channel, ChannelKind};
 use fantex_stream::PageTable;
 use fantex_texture::Filter;
 use half::f16;
-use wgpu::util::DeviceExt;
 
 use super::atlas::DRAWN_KINDS;
 use super::grid::AtlasGrid;
 use super::page_words::PageWords;
+use crate::Gpu;
 
 /// The uniform block of `fan_lookup.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
@@ -21,32 +21,43 @@ pub(crate) struct FanParams {
     atlas_scale: [f32; 2],
     delta: f32,
     max_anisotropy: f32,
-    /// Per drawn kind but the last the asset's channel, or 0.
+    /// Per drawn kind but the last two the asset's channel, or 0.
     mean_of: [u32; 4],
     mean_of_light: u32,
     channels: u32,
-    pad: [u32; 2],
+    mean_of_anisotropy: u32,
+    pad: u32,
 }
 
 impl FanParams {
     pub(crate) fn new(cover: &Cover, channels: &[Channel], grid: AtlasGrid, filter: &FilterOptions) -> Self {
         let channel_of = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind).unwrap_or(0) as u32;
-        let [base_color, normal, material, emission, light] = DRAWN_KINDS.map(channel_of);
+        let [base_color, normal, material, emission, light, anisotropy] = DRAWN_KINDS.map(channel_of);
         Self {
-            atlas_scale: grid.extent().map(|n| 1.0 / n as f32),
+            atlas_scale: atlas_scale(grid),
             delta: cover.delta,
             max_anisotropy: max_anisotropy(filter),
             mean_of: [base_color, normal, material, emission],
             mean_of_light: light,
             channels: channels.len() as u32,
-            pad: [0; 2],
+            mean_of_anisotropy: anisotropy,
+            pad: 0,
         }
+    }
+
+    /// Of another atlas.
+    pub(crate) fn with_grid(self, grid: AtlasGrid) -> Self {
+        Self { atlas_scale: atlas_scale(grid), ..self }
     }
 
     /// With a filter's parameters.
     pub(crate) fn with_filter(self, filter: &FilterOptions) -> Self {
         Self { max_anisotropy: max_anisotropy(filter), ..self }
     }
+}
+
+fn atlas_scale(grid: AtlasGrid) -> [f32; 2] {
+    grid.extent().map(|n| 1.0 / n as f32)
 }
 
 fn max_anisotropy(filter: &FilterOptions) -> f32 {
@@ -82,7 +93,7 @@ impl FanTables {
 
     /// Nothing is resident. `mean` gives the mean linear RGBA of a channel and group.
     pub(crate) fn new(
-        device: &wgpu::Device,
+        gpu: &Gpu,
         cover: &Cover,
         channels: &[Channel],
         pages: &PageTable,
@@ -96,21 +107,28 @@ impl FanTables {
             let mean = &mean;
             (0..channels.len()).map(move |channel| mean(channel, group).map(f16::from_f32))
         });
-        // Frames turn normals; without those nothing reads them.
-        let has_normals = channels.iter().any(|c| c.kind == ChannelKind::Normal);
-        let frames = cover.groups.iter().filter(|_| has_normals).map(frame);
+        // Frames turn normals and directions; without those nothing reads them.
+        let is_turned = |kind| matches!(kind, ChannelKind::Normal | ChannelKind::Anisotropy);
+        let has_vectors = channels.iter().any(|channel| is_turned(channel.kind));
+        let frames = cover.groups.iter().filter(|_| has_vectors).map(frame);
         Self {
-            groups: storage(device, "fan groups", &groups.collect::<Vec<[u32; 2]>>()),
-            pages: page_texture(device, pages),
-            means: storage(device, "fan means", &means.collect::<Vec<[f16; 4]>>()),
-            frames: storage(device, "fan frames", &frames.collect::<Vec<[f32; 6]>>()),
+            groups: storage(gpu, "fan groups", &groups.collect::<Vec<[u32; 2]>>()),
+            pages: page_texture(&gpu.device, PageWords::extent(pages.len())),
+            means: storage(gpu, "fan means", &means.collect::<Vec<[f16; 4]>>()),
+            frames: storage(gpu, "fan frames", &frames.collect::<Vec<[f32; 6]>>()),
         }
+    }
+
+    /// The same tables, but nothing is resident.
+    pub(crate) fn without_pages(&self, device: &wgpu::Device) -> Self {
+        let pages = page_texture(device, [self.pages.width(), self.pages.height()]);
+        let [groups, means, frames] = [&self.groups, &self.means, &self.frames].map(wgpu::Buffer::clone);
+        Self { groups, pages, means, frames }
     }
 }
 
 /// All zero: nothing is resident.
-fn page_texture(device: &wgpu::Device, pages: &PageTable) -> wgpu::Texture {
-    let [width, height] = PageWords::extent(pages.len());
+fn page_texture(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {
     device.create_texture(&wgpu::TextureDescriptor {
         label: Some("fan pages"),
         size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
@@ -132,14 +150,10 @@ fn frame(group: &Group) -> [f32; 6] {
 }
 
 /// A buffer for shaders to read; with one zero item where there is none.
-fn storage<T: Pod>(device: &wgpu::Device, label: &str, items: &[T]) -> wgpu::Buffer {
+fn storage<T: Pod>(gpu: &Gpu, label: &str, items: &[T]) -> wgpu::Buffer {
     let nothing = [T::zeroed()];
     let items = if items.is_empty() { &nothing } else { items };
-    device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
-        label: Some(label),
-        contents: bytemuck::cast_slice(items),
-        usage: wgpu::BufferUsages::STORAGE,
-    })
+    gpu.buffer(label, bytemuck::cast_slice(items), wgpu::BufferUsages::STORAGE)
 }
 
 #[cfg(test)]

@@ -1,10 +1,10 @@
-//! Pages and page-table entries on their way into graphics memory.
+//! Parcels and page-table entries on their way into graphics memory.
 //!
 //! Texels are written into mapped staging buffers, rows at multiples of 256 bytes, and copied into the atlas by the frame's
 //! own commands. The staging buffers come back when the frame is done and are used again, so that a steady stream
 //! allocates nothing.
 
-use fantex_stream::{AtlasFormat, FrameChanges, PageUpload, TableChange};
+use fantex_stream::{AtlasFormat, FrameChanges, ParcelUpload, TableChange};
 use wgpu::util::StagingBelt;
 
 use super::atlas::ChannelAtlas;
@@ -50,16 +50,16 @@ impl Uploader {
         self.belt.finish_and_recall_on_submit(encoder);
     }
 
-    /// One copy: a page of a channel.
+    /// One copy: a parcel of a channel.
     fn texels(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,
-        upload: &PageUpload,
+        upload: &ParcelUpload,
         atlas: &ChannelAtlas,
         texels: &[u8],
     ) {
         let rows = Rows::new(atlas.format, upload.texels.extent);
-        debug_assert_eq!(texels.len(), rows.bytes * rows.count, "{}", upload.page);
+        debug_assert_eq!(texels.len(), rows.bytes * rows.count, "{}", upload.parcel);
         let Some(size) = wgpu::BufferSize::new((rows.pitch * rows.count) as u64) else { return };
         let slice = self.belt.allocate(size, ALIGNMENT);
         // A belt's slice is mapped; were it not, the page would be missing from the picture, no more.

@@ -10,18 +10,25 @@ struct FanBlend {
     emission: vec4<f32>,
     // Mesh space, front side, not normalised.
     normal: vec3<f32>,
+    light: vec3<f32>,
+    // Relative to stretch_axis, -1 to 1.
+    stretch: vec2<f32>,
     overlay: vec3<f32>,
 }
 
-// A stored normal in mesh space (Group::shading_axes).
-fn fan_mesh_normal(stored: vec2<f32>, group: u32, vertex_normal: vec3<f32>) -> vec3<f32> {
+// The x axis of a tile's shading frame, mesh space (Group::shading_axes).
+fn fan_shading_axis(group: u32, vertex_normal: vec3<f32>) -> vec3<f32> {
     let frame = fan_frames[group];
     let d = vec3<f32>(frame[0], frame[1], frame[2]);
     let x = vec3<f32>(frame[3], frame[4], frame[5]);
     // The smallest rotation that takes d to the vertex normal.
     let turned = x - (d + vertex_normal) * (dot(x, vertex_normal) / max(1.0 + dot(d, vertex_normal), 1e-4));
     let otherwise = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 1.0, 0.0), abs(vertex_normal.x) > 0.8);
-    let x_axis = unit_or(turned - vertex_normal * dot(turned, vertex_normal), otherwise);
+    return unit_or(turned - vertex_normal * dot(turned, vertex_normal), otherwise);
+}
+
+// A stored normal in mesh space.
+fn fan_mesh_normal(stored: vec2<f32>, x_axis: vec3<f32>, vertex_normal: vec3<f32>) -> vec3<f32> {
     let y_axis = cross(vertex_normal, x_axis);
     let xy = stored * 2.0 - 1.0;
     let z = sqrt(max(1.0 - dot(xy, xy), 0.0));
@@ -46,8 +53,17 @@ fn add_tile(sum: ptr<function, FanBlend>, tile: TileSample, group: u32, vertex_n
     (*sum).base_color += weight * tile.base_color;
     (*sum).material += weight * tile.material;
     (*sum).emission += weight * tile.emission;
-    if FAN_NORMAL {
-        (*sum).normal += weight * fan_mesh_normal(tile.normal, group, vertex_normal);
+    if FAN_LIGHT {
+        (*sum).light += weight * tile.light.rgb;
+    }
+    if FAN_NORMAL || FAN_ANISOTROPY {
+        let axis = fan_shading_axis(group, vertex_normal);
+        if FAN_NORMAL {
+            (*sum).normal += weight * fan_mesh_normal(tile.normal, axis, vertex_normal);
+        }
+        if FAN_ANISOTROPY {
+            (*sum).stretch += weight * turned_stretch(tile.anisotropy * 2.0 - 1.0, axis, vertex_normal);
+        }
     }
     if FAN_OVERLAY == 1u || FAN_OVERLAY == 2u {
         (*sum).overlay += weight * fan_number_color(group);
@@ -90,6 +106,11 @@ fn fan_shade(at: SurfacePoint, blend: FanBlend, front: bool) -> vec4<f32> {
         m.roughness = 0.9;
         m.metallic = 0.0;
         m.emission = vec3<f32>(0.0);
+    }
+    if (FAN_TOON || FAN_LIGHT || FAN_ANISOTROPY) && FAN_OVERLAY == 0u && SHADING <= 1u {
+        if !m.unlit {
+            return exposed(m.emission + finished_light(at, m, blend.light, blend.stretch, at.vertex_normal * side), m.alpha);
+        }
     }
     return shade(at, m);
 }

@@ -12,7 +12,11 @@ struct FanMaterial {
     roughness: f32,
     alpha_threshold: f32,
     unlit: u32,
-    pad: u32,
+    // 0 for none; 0 linear, 1 smooth, 2 constant.
+    toon_stops: u32,
+    toon_interpolation: u32,
+    // Linear RGB and the place, ascending.
+    toon: array<vec4<f32>, 32>,
 }
 
 // A uniform: software adapters read storage buffers lane by lane.

@@ -14,6 +14,7 @@ override FAN_NORMAL: bool = false;
 override FAN_MATERIAL: bool = false;
 override FAN_EMISSION: bool = false;
 override FAN_LIGHT: bool = false;
+override FAN_ANISOTROPY: bool = false;
 
 struct FanParams {
     // One over the atlas' sides in texels.
@@ -26,6 +27,7 @@ struct FanParams {
     mean_of_light: u32,
     // Channels of the means.
     channels: u32,
+    mean_of_anisotropy: u32,
 }
 
 @group(1) @binding(0) var<uniform> fan: FanParams;
@@ -44,6 +46,7 @@ struct FanParams {
 @group(1) @binding(8) var fan_material: texture_2d<f32>;
 @group(1) @binding(9) var fan_emission: texture_2d<f32>;
 @group(1) @binding(10) var fan_light: texture_2d<f32>;
+@group(1) @binding(11) var fan_anisotropy: texture_2d<f32>;
 
 const NEAREST = 0u;
 const BILINEAR = 1u;
@@ -73,9 +76,15 @@ struct TileSample {
     emission: vec4<f32>,
     light: vec4<f32>,
     normal: vec2<f32>,
+    anisotropy: vec2<f32>,
     // Detail level: the one asked for, and the mean of those that were there.
     wanted_level: f32,
     shown_level: f32,
+}
+
+// Of numbers below 2^31, as signed ones: those are converted more quickly.
+fn floats(v: vec2<u32>) -> vec2<f32> {
+    return vec2<f32>(bitcast<vec2<i32>>(v));
 }
 
 fn fan_group(packed: vec2<u32>) -> FanGroup {
@@ -151,35 +160,40 @@ struct Levels {
 
 // The levels between which the pixel is one texel wide: the finer one is the last level in which it is wider than a texel.
 //
-// If every level had exactly half the texels of the one before, the finest one's width would tell. Rounding takes at most
-// two of six texels, less than a level: where the pixel is not wider than a texel there, it is so one level before. The walk from
-// there seldom takes a step, unless the tile is long.
+// If every level had exactly half the texels of the one before, the finest one's width would tell. Rounding takes or adds at
+// most two of six texels, less than a level, and where a bound stands for the width the guess is too late by less than
+// another. The walk from there seldom takes more than the step that software adapters take anyway, unless the tile is long.
 fn choose_levels(group: FanGroup, f: Footprint) -> Levels {
     if FAN_FILTER < TRILINEAR {
         return Levels(0u, 0.0);
     }
     let last = last_level(group);
-    let finest = squared_width(f, vec2<f32>(group.quarters * 4u));
+    let extent = floats(group.quarters * 4u);
+    // The trace is at least the square of the longer axis, and at most twice that.
+    let bound = f.xx * extent.x * extent.x + f.yy * extent.y * extent.y;
+    let finest = select(squared_width(f, extent), bound, FAN_FILTER == TRILINEAR);
     // Half the exponent: the binary logarithm of the width, rounded down.
-    let guess = u32(clamp((bitcast<i32>(finest) - ONE_BITS) >> 24u, 0, i32(last)));
-    let before = max(guess, 1u) - 1u;
-    let guessed = squared_width(f, vec2<f32>(level_extent(group, guess)));
-    let is_late = guessed <= 1.0;
-    var fine = select(guess, before, is_late);
-    var here = select(guessed, squared_width(f, vec2<f32>(level_extent(group, before))), is_late);
-    var next = here;
+    var fine = u32(clamp((bitcast<i32>(finest) - ONE_BITS) >> 24u, 0, i32(last)));
+    var here = squared_width(f, floats(level_extent(group, fine)));
+    var next = squared_width(f, floats(level_extent(group, fine + 1u)));
+    // To where the width falls below a texel between two levels.
     loop {
-        next = squared_width(f, vec2<f32>(level_extent(group, fine + 1u)));
-        // After the last level comes the mean, as if it had a quarter of the texels along each side.
-        next = select(next, here * 0.0625, fine >= last);
-        let is_found = next <= 1.0 || here <= 1.0 || fine >= last;
-        fine = select(fine + 1u, fine, is_found);
-        here = select(next, here, is_found);
+        let is_late = here <= 1.0 && fine > 0u;
+        let is_early = here > 1.0 && next > 1.0 && fine < last;
+        let other = squared_width(f, floats(level_extent(group, select(fine + 2u, fine - 1u, is_late))));
+        let before = here;
+        here = select(select(here, next, is_early), other, is_late);
+        next = select(select(next, other, is_early), before, is_late);
+        fine = select(select(fine, fine + 1u, is_early), fine - 1u, is_late);
         continuing {
-            break if is_found;
+            // Neither late nor early; so it ends with what is not a number, too.
+            break if !((here <= 1.0 && fine > 0u) || (here > 1.0 && next > 1.0 && fine < last));
         }
     }
-    let share = clamp(log2(here) / log2(here / next), 0.0, 1.0);
+    // After the last level comes the mean, as if it had a quarter of the texels along each side.
+    next = select(next, here * 0.0625, fine >= last);
+    let wide = log2(here);
+    let share = clamp(wide / (wide - log2(next)), 0.0, 1.0);
     return Levels(fine, select(share, 0.0, here <= 1.0));
 }
 
@@ -193,7 +207,7 @@ fn choose_probes(group: FanGroup, f: Footprint) -> Probes {
     if FAN_FILTER != ANISOTROPIC {
         return Probes(1u, vec2<f32>(0.0));
     }
-    let extent = vec2<f32>(group.quarters * 4u);
+    let extent = floats(group.quarters * 4u);
     let finest = axes(f, extent);
     let major = sqrt(finest.major2);
     let count = clamp(ceil(major / max(sqrt(finest.minor2), 1.0)), 1.0, 64.0);
@@ -261,6 +275,9 @@ fn tap(sum: ptr<function, TileSample>, place: vec2<f32>, weight: f32) {
     if FAN_LIGHT {
         (*sum).light += weight * textureSampleLevel(fan_light, fan_sampler, at, 0.0);
     }
+    if FAN_ANISOTROPY {
+        (*sum).anisotropy += weight * textureSampleLevel(fan_anisotropy, fan_sampler, at, 0.0).xy;
+    }
 }
 
 fn mean(index: u32) -> vec4<f32> {
@@ -285,6 +302,9 @@ fn add_mean(sum: ptr<function, TileSample>, group_index: u32, weight: f32) {
     }
     if FAN_LIGHT {
         (*sum).light += weight * mean(first + fan.mean_of_light);
+    }
+    if FAN_ANISOTROPY {
+        (*sum).anisotropy += weight * mean(first + fan.mean_of_anisotropy).xy;
     }
 }
 
@@ -365,10 +385,17 @@ fn add_levels(
     let has_fine = fine_entry != 0u && levels_coarser(fine_entry) == 0u;
     let fine_weight = select(0.0, 1.0 - levels.coarse_share, has_fine);
     let coarse_weight = select(0.0, 1.0 - fine_weight, coarse_entry != 0u);
-    let fine_extent = vec2<f32>(level_extent(group, levels.fine));
-    let coarse_extent = vec2<f32>(level_extent(group, coarse_level));
-    let fine_place = vec2<f32>(page_place(fine_entry));
-    let coarse_place = vec2<f32>(page_place(coarse_entry));
+    let fine_extent = floats(level_extent(group, levels.fine));
+    let coarse_extent = floats(level_extent(group, coarse_level));
+    let fine_place = floats(page_place(fine_entry));
+    let coarse_place = floats(page_place(coarse_entry));
+    // Not a loop over one probe: that would cost a seventh of the frame.
+    if FAN_FILTER != ANISOTROPIC {
+        tap(sum, fine_place + held_inside(uv, fine_extent), fine_weight);
+        tap(sum, coarse_place + held_inside(uv, coarse_extent), coarse_weight);
+        (*sum).shown_level = fine_weight * f32(levels.fine) + coarse_weight * f32(coarse_level);
+        return 1.0 - fine_weight - coarse_weight;
+    }
     let per_probe = 1.0 / f32(probes.count);
     var i = 0u;
     loop {
@@ -420,7 +447,7 @@ fn add_paged_levels(
             let tap_local = select(local, vec2<f32>(single & vec2<u32>(255u)) + 0.5, is_crossing);
             let weight = left * per_probe * share * select(1.0, portions.x * portions.y, is_crossing);
             let entry = page_entry(level, tap_page);
-            tap(sum, vec2<f32>(page_place(entry)) + tap_local, weight);
+            tap(sum, floats(page_place(entry)) + tap_local, weight);
             taken += weight;
             texel += 1u;
             if !is_crossing || texel == 4u {

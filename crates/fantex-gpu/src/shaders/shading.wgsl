@@ -129,10 +129,15 @@ fn light_to_eye(at: SurfacePoint, m: MaterialSample) -> vec3<f32> {
 
 // The fragment's colour: linear light times exposure, premultiplied by the opacity.
 fn shade(at: SurfacePoint, m: MaterialSample) -> vec4<f32> {
-    let light = light_to_eye(at, m) * frame.exposure;
+    return exposed(light_to_eye(at, m), m.alpha);
+}
+
+// The same of light towards the eye.
+fn exposed(to_eye: vec3<f32>, opacity: f32) -> vec4<f32> {
+    let light = to_eye * frame.exposure;
     // One texel that is not a number must not spoil its pixel's other samples; half floats end at 65504.
     let is_finite = all(abs(light) < vec3<f32>(1e30));
     let shown = select(vec3<f32>(0.0), min(light, vec3<f32>(6e4)), is_finite);
-    let alpha = clamp(m.alpha, 0.0, 1.0);
+    let alpha = clamp(opacity, 0.0, 1.0);
     return vec4<f32>(shown * alpha, alpha);
 }

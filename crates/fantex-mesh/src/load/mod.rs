@@ -8,6 +8,7 @@
 //! anything is allocated for it, so that a damaged or hostile file ends in one clear [`LoadError`].
 
 mod builder;
+mod companion;
 mod detect;
 mod error;
 mod gltf;
@@ -18,12 +19,14 @@ mod srgb;
 mod stl;
 
 use std::fs::File;
-use std::io::{self, Read};
-use std::path::{Path, PathBuf};
+use std::io::Read;
+use std::path::Path;
 
 use crate::Model;
 
 pub(crate) use self::srgb::srgb_from_linear;
+
+use self::companion::{locate, read_companion, relative_path};
 
 pub use self::detect::ModelFormat;
 pub use self::error::{LoadError, NoteList, Quantity};
@@ -171,24 +174,4 @@ fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
         return Err(too_large(bytes.len() as u64));
     }
     Ok(bytes)
-}
-
-/// Reads a file that a model names. Only regular files: a path from a file must not make us read a device.
-fn read_companion(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
-    match std::fs::metadata(path) {
-        Ok(metadata) if !metadata.is_file() => {
-            let source = io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file");
-            Err(LoadError::Read { path: path.into(), source })
-        }
-        _ => read_file(path, limits),
-    }
-}
-
-/// A path as written in a file from any system: backslashes separate too; of an absolute path only the name is kept,
-/// because it points into the author's computer.
-fn relative_path(written: &str) -> Option<PathBuf> {
-    let path = written.trim().trim_matches('"').replace('\\', "/");
-    let is_absolute = path.starts_with('/') || path.as_bytes().get(1) == Some(&b':');
-    let path = if is_absolute { path.rsplit('/').next().unwrap_or_default() } else { &path };
-    (!path.is_empty()).then(|| PathBuf::from(path))
 }

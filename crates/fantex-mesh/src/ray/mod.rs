@@ -15,12 +15,11 @@
 
 mod intersect;
 mod nearest;
+mod tree;
 
 use glam::{Vec3, Vec3A};
-use obvhs::BvhBuildParams;
 use obvhs::aabb::Aabb;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
 use obvhs::ray::{Ray, RayHit as TreeHit};
 use rayon::prelude::*;
 
@@ -82,7 +81,7 @@ impl TriangleBvh {
         if boxes.is_empty() {
             return Self { tree: CwBvh::default(), corners: Vec::new(), triangles: Vec::new() };
         }
-        let mut tree = build_cwbvh(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
+        let mut tree = tree::build(&boxes);
         let triangles = std::mem::take(&mut tree.primitive_indices);
         let corners = triangles.iter().map(|&t| mesh.triangle_positions(t as usize)).collect();
         Self { tree, corners, triangles }
@@ -176,7 +175,8 @@ impl PreparedRay {
             return None;
         }
         let t_per_distance = power_of_two_below(longest) / TREE_DIRECTION;
-        let shortened = direction / t_per_distance;
+        // The tree takes a zero of either sign as positive, and its inverse must have the same sign.
+        let shortened = direction / t_per_distance + Vec3::ZERO;
         let least = f32::EPSILON * TREE_DIRECTION;
         let inverse = shortened.map(|d| 1.0 / d.abs().max(least).copysign(d));
         let in_tree = Ray {

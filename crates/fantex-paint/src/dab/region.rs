@@ -12,9 +12,9 @@
 //! ```
 //!
 //! On an edge this depends on the edge's ends only, so the distance is continuous on the surface, on triangles larger than
-//! the brush as well as on tiny ones. (It is Stewart's theorem along every line.) Only edges with exactly two triangles
-//! are crossed: the texture function is continuous just there. So paint reaches neither the back of a sheet nor a
-//! neighbouring one, unless the way around is short.
+//! the brush as well as on tiny ones. (It is Stewart's theorem along every line.) Only edges across which
+//! triangles continue each other are crossed: the texture function is continuous just there. So paint reaches neither the back of a
+//! sheet nor a neighbouring one, unless the way around is short.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap, HashSet};

@@ -198,6 +198,7 @@ fn kind_name(kind: ChannelKind) -> crate::replay::ChannelKindName {
         ChannelKind::Emission => Name::Emission,
         ChannelKind::Displacement => Name::Displacement,
         ChannelKind::Light => Name::Light,
+        ChannelKind::Anisotropy => Name::Anisotropy,
     }
 }
 

@@ -181,7 +181,7 @@ pub struct FillTextureSettings {
 pub enum FillSettings {
     /// The whole surface.
     Whole,
-    /// What hangs together with the start through edges of two triangles.
+    /// What hangs together with the start through edges across which triangles continue each other (`fantex_mesh::continued`).
     Connected,
     /// The same, across edges that bend by at most so many degrees.
     Angle(f32),
@@ -449,6 +449,7 @@ pub enum ChannelKindName {
     Emission,
     Displacement,
     Light,
+    Anisotropy,
 }
 
 impl From<ChannelKindName> for ChannelKind {
@@ -460,6 +461,7 @@ impl From<ChannelKindName> for ChannelKind {
             ChannelKindName::Emission => Self::Emission,
             ChannelKindName::Displacement => Self::Displacement,
             ChannelKindName::Light => Self::Light,
+            ChannelKindName::Anisotropy => Self::Anisotropy,
         }
     }
 }

@@ -1,33 +1,53 @@
 //! The points of many triangles at once, in vectors: every step is that of the scalar path in the same order, so that the
 //! results are equal.
 
-use std::sync::LazyLock;
-
-use fearless_simd::{Level, Select, Simd, dispatch, prelude::*};
-use glam::{DMat3, Vec2, Vec3};
+use fearless_simd::{Select, Simd, dispatch, prelude::*};
+use glam::{DMat3, DVec3, Vec2, Vec3};
 
 use super::{Hit, HitFinder, Interpolation};
+use crate::vectors::{Vector, add, dot, level, normalize_or, scaled, splat, sub};
 
 /// Points of a block; a whole number of vectors.
 const BLOCK: usize = 16;
 
-fn level() -> Level {
-    static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
-    *LEVEL
-}
-
 /// A triangle and the position in pixels where it is seen.
 pub(crate) type Seen = (u32, Vec2);
 
-/// What a block asks: coordinates of the corners relative to the eye, and positions in pixels.
+/// What a block asks.
 struct Question {
-    /// Three coordinates of the first corner, of the second, of the third.
-    corners: [[f64; BLOCK]; 9],
-    position: [[f64; BLOCK]; 2],
+    /// Three coordinates of the first corner, of the second, of the third; mesh space.
+    corners: [[f32; BLOCK]; 9],
+    /// In pixels.
+    position: [[f32; BLOCK]; 2],
 }
 
-/// What it learns: barycentric coordinates, their change to the right, and downwards.
-struct Answer([[f32; BLOCK]; 9]);
+/// What it learns.
+struct Answer {
+    /// Barycentric coordinates, their change to the right, and downwards.
+    lambda: [[f32; BLOCK]; 9],
+    /// Not negative where the eye sees the front.
+    side: [f32; BLOCK],
+    to_eye: [[f32; BLOCK]; 3],
+}
+
+/// What is the same for all.
+struct View {
+    screen_from_view: DMat3,
+    eye: DVec3,
+    /// The same, rounded.
+    rounded_eye: Vec3,
+    spacing: f32,
+}
+
+impl Answer {
+    fn hit(&self, index: usize, triangle: usize) -> Hit {
+        let [lambda, dlambda_dx, dlambda_dy] = [0, 3, 6].map(|first| {
+            Vec3::from_array([first, first + 1, first + 2].map(|row: usize| self.lambda[row][index]))
+        });
+        let to_eye = Vec3::from_array([0, 1, 2].map(|axis: usize| self.to_eye[axis][index]));
+        Hit { triangle, lambda, dlambda_dx, dlambda_dy, front: self.side[index] >= 0.0, to_eye }
+    }
+}
 
 impl HitFinder<'_> {
     /// [`HitFinder::find`] for many triangles and positions.
@@ -37,55 +57,102 @@ impl HitFinder<'_> {
             return;
         }
         let (screen_from_view, eye) = self.projection.screen_from_view();
+        let view = View { screen_from_view, eye, rounded_eye: self.projection.eye, spacing: self.spacing };
         let mut question = Question { corners: [[1.0; BLOCK]; 9], position: [[0.0; BLOCK]; 2] };
-        let mut answer = Answer([[0.0; BLOCK]; 9]);
+        let mut answer = Answer { lambda: [[0.0; BLOCK]; 9], side: [0.0; BLOCK], to_eye: [[0.0; BLOCK]; 3] };
         for seen in seen.chunks(BLOCK) {
             for (index, &(triangle, position)) in seen.iter().enumerate() {
                 let corners = self.mesh.triangle_positions(triangle as usize);
                 for (corner, at) in corners.into_iter().enumerate() {
-                    let relative = at.as_dvec3() - eye;
-                    question.corners[3 * corner][index] = relative.x;
-                    question.corners[3 * corner + 1][index] = relative.y;
-                    question.corners[3 * corner + 2][index] = relative.z;
+                    question.corners[3 * corner][index] = at.x;
+                    question.corners[3 * corner + 1][index] = at.y;
+                    question.corners[3 * corner + 2][index] = at.z;
                 }
-                question.position[0][index] = f64::from(position.x);
-                question.position[1][index] = f64::from(position.y);
+                question.position[0][index] = position.x;
+                question.position[1][index] = position.y;
             }
-            dispatch!(level(), simd => barycentrics(simd, &screen_from_view, &question, &mut answer));
-            for (index, &(triangle, _)) in seen.iter().enumerate() {
-                let [a, b, c] = [0, 3, 6].map(|first| {
-                    let [x, y, z] = [first, first + 1, first + 2].map(|row| answer.0[row][index]);
-                    Vec3::new(x, y, z)
-                });
-                hits.push(self.hit(triangle as usize, [a, b, c]));
-            }
+            dispatch!(level(), simd => answer_all(simd, &view, &question, &mut answer));
+            let triangles = seen.iter().map(|&(triangle, _)| triangle as usize);
+            hits.extend(triangles.enumerate().map(|(index, triangle)| answer.hit(index, triangle)));
         }
     }
 }
 
+#[expect(clippy::needless_range_loop, reason = "counted loops are unrolled, which keeps arrays in registers")]
 #[inline(always)]
-fn barycentrics<S: Simd>(simd: S, matrix: &DMat3, question: &Question, answer: &mut Answer) {
-    let half = S::f64s::LEN;
-    for first in (0..BLOCK).step_by(2 * half) {
-        let low = at(simd, matrix, question, first);
-        let high = at(simd, matrix, question, first + half);
+fn answer_all<S: Simd>(simd: S, view: &View, question: &Question, answer: &mut Answer) {
+    let lanes = S::f32s::LEN;
+    for first in (0..BLOCK).step_by(lanes) {
+        let corners = [
+            load_corner(simd, question, 0, first),
+            load_corner(simd, question, 3, first),
+            load_corner(simd, question, 6, first),
+        ];
+        let lambda = barycentrics(simd, view, corners, question, first);
         for row in 0..9 {
-            low[row].narrow(high[row]).store_slice(&mut answer.0[row][first..first + 2 * half]);
+            let number = if row < 3 { lambda[row] } else { lambda[row] * view.spacing };
+            number.store_slice(&mut answer.lambda[row][first..first + lanes]);
+        }
+        let (side, to_eye) = seen_from(simd, view, corners, [lambda[0], lambda[1], lambda[2]]);
+        side.store_slice(&mut answer.side[first..first + lanes]);
+        for axis in 0..3 {
+            to_eye[axis].store_slice(&mut answer.to_eye[axis][first..first + lanes]);
         }
     }
 }
 
-type Vector<F> = [F; 3];
-
-/// As `ScreenBarycentrics::new` and `at`.
+/// As `HitFinder::hit`: what has the sign of the side, and the way to the eye.
 #[inline(always)]
-fn at<S: Simd>(simd: S, matrix: &DMat3, question: &Question, first: usize) -> [S::f64s; 9] {
-    let a = projected(simd, matrix, question, 0, first);
-    let b = projected(simd, matrix, question, 3, first);
-    let c = projected(simd, matrix, question, 6, first);
+fn seen_from<S: Simd>(
+    simd: S,
+    view: &View,
+    [a, b, c]: [Vector<S::f32s>; 3],
+    lambda: [S::f32s; 3],
+) -> (S::f32s, Vector<S::f32s>) {
+    let eye = splat(simd, view.rounded_eye);
+    let (u, v) = (sub::<S>(b, a), sub::<S>(c, a));
+    let normal = [u[1] * v[2] - v[1] * u[2], u[2] * v[0] - v[2] * u[0], u[0] * v[1] - v[0] * u[1]];
+    let side = dot::<S>(normal, sub::<S>(eye, a));
+    let ab = add::<S>(scaled::<S>(a, lambda[0]), scaled::<S>(b, lambda[1]));
+    let point = add::<S>(ab, scaled::<S>(c, lambda[2]));
+    (side, normalize_or(simd, sub::<S>(eye, point), splat(simd, Vec3::Z)))
+}
+
+#[inline(always)]
+fn load_corner<S: Simd>(simd: S, question: &Question, corner: usize, first: usize) -> Vector<S::f32s> {
+    [
+        load(simd, &question.corners[corner], first),
+        load(simd, &question.corners[corner + 1], first),
+        load(simd, &question.corners[corner + 2], first),
+    ]
+}
+
+#[inline(always)]
+fn barycentrics<S: Simd>(
+    simd: S,
+    view: &View,
+    [a, b, c]: [Vector<S::f32s>; 3],
+    question: &Question,
+    first: usize,
+) -> [S::f32s; 9] {
+    let (low_x, high_x) = load(simd, &question.position[0], first).widen();
+    let (low_y, high_y) = load(simd, &question.position[1], first).widen();
+    let (low_a, high_a) = projected(simd, view, a);
+    let (low_b, high_b) = projected(simd, view, b);
+    let (low_c, high_c) = projected(simd, view, c);
+    let low = at(simd, [low_a, low_b, low_c], low_x, low_y);
+    let high = at(simd, [high_a, high_b, high_c], high_x, high_y);
+    let mut narrowed = [S::f32s::splat(simd, 0.0); 9];
+    for row in 0..9 {
+        narrowed[row] = low[row].narrow(high[row]);
+    }
+    narrowed
+}
+
+/// As `ScreenBarycentrics::new` and `at`, of screen-homogeneous corners.
+#[inline(always)]
+fn at<S: Simd>(simd: S, [a, b, c]: [Vector<S::f64s>; 3], x: S::f64s, y: S::f64s) -> [S::f64s; 9] {
     let shares = [cross::<S>(b, c), cross::<S>(c, a), cross::<S>(a, b)];
-    let x = load(simd, &question.position[0], first);
-    let y = load(simd, &question.position[1], first);
     let values =
         [share_at::<S>(shares[0], x, y), share_at::<S>(shares[1], x, y), share_at::<S>(shares[2], x, y)];
     let sum = element_sum::<S>(values);
@@ -111,23 +178,22 @@ fn at<S: Simd>(simd: S, matrix: &DMat3, question: &Question, first: usize) -> [S
 }
 
 #[inline(always)]
-fn load<S: Simd>(simd: S, numbers: &[f64; BLOCK], first: usize) -> S::f64s {
-    S::f64s::from_slice(simd, &numbers[first..first + S::f64s::LEN])
+fn load<S: Simd>(simd: S, numbers: &[f32; BLOCK], first: usize) -> S::f32s {
+    S::f32s::from_slice(simd, &numbers[first..first + S::f32s::LEN])
 }
 
-/// Screen-homogeneous coordinates of a corner.
+/// Screen-homogeneous coordinates of a corner: those of the lower half of points, and of the upper half.
 #[inline(always)]
-fn projected<S: Simd>(
-    simd: S,
-    matrix: &DMat3,
-    question: &Question,
-    corner: usize,
-    first: usize,
-) -> Vector<S::f64s> {
-    let x = load(simd, &question.corners[corner], first);
-    let y = load(simd, &question.corners[corner + 1], first);
-    let z = load(simd, &question.corners[corner + 2], first);
-    let DMat3 { x_axis, y_axis, z_axis } = *matrix;
+fn projected<S: Simd>(simd: S, view: &View, corner: Vector<S::f32s>) -> (Vector<S::f64s>, Vector<S::f64s>) {
+    let ((low_x, high_x), (low_y, high_y), (low_z, high_z)) =
+        (corner[0].widen(), corner[1].widen(), corner[2].widen());
+    (projected_half(simd, view, [low_x, low_y, low_z]), projected_half(simd, view, [high_x, high_y, high_z]))
+}
+
+#[inline(always)]
+fn projected_half<S: Simd>(_simd: S, view: &View, corner: Vector<S::f64s>) -> Vector<S::f64s> {
+    let (x, y, z) = (corner[0] - view.eye.x, corner[1] - view.eye.y, corner[2] - view.eye.z);
+    let DMat3 { x_axis, y_axis, z_axis } = view.screen_from_view;
     [
         x * x_axis.x + y * y_axis.x + z * z_axis.x,
         x * x_axis.y + y * y_axis.y + z * z_axis.y,

@@ -9,6 +9,7 @@
 mod opacity;
 mod point;
 mod relief;
+mod slots;
 
 use std::sync::Arc;
 
@@ -22,6 +23,7 @@ use crate::normals::CornerNormals;
 use crate::{AnisotropySample, Coverage, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 use point::SurfacePoint;
 use relief::Bent;
+use slots::{Column, Slots};
 
 /// A mesh with a look material for each of its materials.
 #[derive(Debug)]
@@ -105,6 +107,54 @@ impl<'a> LookSurface<'a> {
         bent
     }
 
+    /// The material at a hit, from the values of its slots there.
+    fn shaded<'s>(
+        &self,
+        material: &'s LookMaterial,
+        hit: &Hit,
+        at: &ShadingPoint<'_>,
+        slots: &Slots<Vec4>,
+    ) -> (MaterialSample, Option<Finish<'s>>) {
+        let side = if hit.front { 1.0 } else { -1.0 };
+        // Relief rises from the front, so that a sheet seen from behind shows its dents as bumps.
+        let bent = self.relief(material, hit, at, at.normal * side);
+        let normal = bent.normal * side;
+        let base = slots.base_color;
+        let color = |value: Vec4| value.truncate().max(Vec3::ZERO);
+        let mut sample = MaterialSample {
+            base_color: color(base),
+            alpha: opacity::alpha(material, at, base.w),
+            normal,
+            normal_steps: at.normal_steps,
+            occlusion: slots.occlusion.x.clamp(0.0, 1.0),
+            roughness: slots.roughness.x.clamp(0.0, 1.0),
+            metallic: slots.metallic.x.clamp(0.0, 1.0),
+            emission: color(slots.emission),
+            unlit: false,
+            lookups: material.textures().count() as u32,
+        };
+        let mut finish = Finish {
+            lighting: material.lighting,
+            color_use: material.color_use,
+            ambient: color(slots.ambient),
+            specular: color(slots.specular),
+            shininess: slots.shininess.map(|exponent| exponent.x.max(0.0)),
+            reflection: color(slots.reflection),
+            light_map: slots.light_map.map(color),
+            modulate: slots.modulate.map_or(Vec3::ONE, color),
+            toon: material.toon.as_deref(),
+            normal_width: at.normal_steps[0].length().max(at.normal_steps[1].length()),
+            anisotropy: None,
+        };
+        if let Some(anisotropy) = &material.anisotropy {
+            finish.anisotropy = self.anisotropy(anisotropy, hit, at, normal);
+        }
+        if bent.slope_variance > 0.0 {
+            widen(&mut sample, &mut finish, bent.slope_variance);
+        }
+        (sample, Some(finish))
+    }
+
     fn anisotropy(
         &self,
         anisotropy: &Anisotropy,
@@ -158,44 +208,20 @@ impl Surface for LookSurface<'_> {
         let material = self.material_of(hit.triangle);
         let own = SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
         let at = own.shading_point();
-        let side = if hit.front { 1.0 } else { -1.0 };
-        // Relief rises from the front, so that a sheet seen from behind shows its dents as bumps.
-        let bent = self.relief(material, hit, &at, at.normal * side);
-        let normal = bent.normal * side;
-        let base = material.base_color.evaluate(&at);
-        let mut sample = MaterialSample {
-            base_color: base.truncate().max(Vec3::ZERO),
-            alpha: opacity::alpha(material, &at, base.w),
-            normal,
-            normal_steps: at.normal_steps,
-            occlusion: material.occlusion.evaluate_number(&at).clamp(0.0, 1.0),
-            roughness: material.roughness.evaluate_number(&at).clamp(0.0, 1.0),
-            metallic: material.metallic.evaluate_number(&at).clamp(0.0, 1.0),
-            emission: material.emission.evaluate(&at).truncate().max(Vec3::ZERO),
-            unlit: false,
-            lookups: material.textures().count() as u32,
-        };
-        let color = |slot: &fantex_texture::look::Slot| slot.evaluate(&at).truncate().max(Vec3::ZERO);
-        let mut finish = Finish {
-            lighting: material.lighting,
-            color_use: material.color_use,
-            ambient: color(&material.ambient),
-            specular: color(&material.specular),
-            shininess: material.shininess.as_ref().map(|slot| slot.evaluate_number(&at).max(0.0)),
-            reflection: color(&material.reflection),
-            light_map: material.light_map.as_ref().map(color),
-            modulate: material.modulate.as_ref().map_or(Vec3::ONE, color),
-            toon: material.toon.as_deref(),
-            normal_width: at.normal_steps[0].length().max(at.normal_steps[1].length()),
-            anisotropy: None,
-        };
-        if let Some(anisotropy) = &material.anisotropy {
-            finish.anisotropy = self.anisotropy(anisotropy, hit, &at, normal);
+        self.shaded(material, hit, &at, &Slots::new(material, |slot| slot.evaluate(&at)))
+    }
+
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        let material_of = |hit: &Hit| self.material_of(hit.triangle);
+        for hits in hits.chunk_by(|a, b| std::ptr::eq(material_of(a), material_of(b))) {
+            let material = material_of(&hits[0]);
+            let own = |hit: &Hit| SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
+            let own: Vec<SurfacePoint> = hits.iter().map(own).collect();
+            let at: Vec<ShadingPoint<'_>> = own.iter().map(SurfacePoint::shading_point).collect();
+            let slots = Slots::new(material, |slot| Column::new(slot, &at));
+            let shaded = hits.iter().zip(&at).enumerate();
+            out.extend(shaded.map(|(index, (hit, at))| self.shaded(material, hit, at, &slots.at(index))));
         }
-        if bent.slope_variance > 0.0 {
-            widen(&mut sample, &mut finish, bent.slope_variance);
-        }
-        (sample, Some(finish))
     }
 
     fn alpha(&self, hit: &Hit) -> f32 {

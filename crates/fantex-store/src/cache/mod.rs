@@ -16,8 +16,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use bounded_map::BoundedMap;
 use glam::Vec2;
-pub use tile::Tile;
 use tile::{DecodedPage, Source};
+pub use tile::{PageTexels, RATIO_DENOMINATOR, Tile};
 
 use crate::layout::{ClusterPages, PageSize};
 use crate::{Asset, EditorSnapshot, PageError, PageId};

@@ -6,7 +6,7 @@ use glam::Vec2;
 
 use super::PageCache;
 use crate::PageId;
-use crate::codec::StoredTexels;
+use crate::codec::{BC4_DENOMINATOR, StoredTexels};
 use crate::page::PAGE;
 use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
 
@@ -15,6 +15,7 @@ use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
 pub(super) struct DecodedPage {
     extent: [u32; 2],
     texels: StoredTexels,
+    srgb: bool,
     /// Meaning of red, green and blue of 8-bit RGBA.
     linear_from_u8: &'static [f32; 256],
 }
@@ -28,7 +29,7 @@ impl DecodedPage {
             }
         }
         let linear_from_u8 = if srgb { &*LINEAR_FROM_SRGB8 } else { &UNIT_FROM_U8 };
-        Self { extent, texels, linear_from_u8 }
+        Self { extent, texels, srgb, linear_from_u8 }
     }
 
     pub(super) fn memory_bytes(&self) -> usize {
@@ -53,6 +54,23 @@ impl DecodedPage {
         [table[usize::from(r)], table[usize::from(g)], table[usize::from(b)], UNIT_FROM_U8[usize::from(a)]]
     }
 }
+
+/// Texels of a tile's level as they are stored, row-major, for those who look up many at once.
+#[derive(Clone, Copy, Debug)]
+pub enum PageTexels<'a> {
+    /// RGBA; the colours, though not alpha, may be encoded in sRGB.
+    Rgba8 {
+        /// One each.
+        texels: &'a [[u8; 4]],
+        /// Whether they are.
+        srgb: bool,
+    },
+    /// Red and green over [`RATIO_DENOMINATOR`]; blue is 0, alpha 1.
+    RgRatio(&'a [[u16; 2]]),
+}
+
+/// What the numbers of [`PageTexels::RgRatio`] are divided by.
+pub const RATIO_DENOMINATOR: u16 = BC4_DENOMINATOR as u16;
 
 /// A tile's level, ready for look-ups from any thread. Holds its page alive (whatever the cache's budget); a tile of one
 /// page is sampled without a lock.
@@ -123,6 +141,16 @@ impl Tile {
     /// The level it really is (coarser than asked for where that is damaged).
     pub fn level(&self) -> u32 {
         self.level
+    }
+
+    /// The texels of a level that is one page; none where it is cut into pages, cannot be read, or is stored in another form.
+    pub fn page_texels(&self) -> Option<PageTexels<'_>> {
+        let Source::Page(page) = &self.source else { return None };
+        match &page.texels {
+            StoredTexels::Rgba8(texels) => Some(PageTexels::Rgba8 { texels, srgb: page.srgb }),
+            StoredTexels::RgRatio(texels) => Some(PageTexels::RgRatio(texels)),
+            _ => None,
+        }
     }
 
     /// Bilinear look-up at tile coordinates, clamped half a texel inside the tile; **linear** RGBA.

@@ -12,7 +12,7 @@ use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
 use crate::{DecodeError, TexelFormat};
 
 /// Common denominator of all values that a BC4 block can hold.
-const BC4_DENOMINATOR: f32 = 8925.0;
+pub(crate) const BC4_DENOMINATOR: f32 = 8925.0;
 
 /// Decodes one page into **stored encoding**, exactly as `docs/format.md` defines the rounding. Missing channels are
 /// `0, 0, 1` (green, blue, alpha).

@@ -79,6 +79,7 @@ fn encode_uncompressed(format: TexelFormat, texels: &TexelSlice<'_>) -> Vec<u8> 
         (TexelFormat::Rgba32F, TexelSlice::U8(texels)) => {
             texels.iter().flatten().flat_map(|&x| (f32::from(x) / 255.0).to_le_bytes()).collect()
         }
+        _ if format.channel_count() == 4 => texels.unorm8().as_flattened().to_vec(),
         _ => texels.unorm8().iter().flat_map(|texel| &texel[..format.channel_count()]).copied().collect(),
     }
 }

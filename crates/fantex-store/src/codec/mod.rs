@@ -7,8 +7,8 @@ mod punch_through;
 
 use std::borrow::Cow;
 
-pub(crate) use decode::StoredTexels;
 pub use decode::decode;
+pub(crate) use decode::{BC4_DENOMINATOR, StoredTexels};
 pub use encode::{encode, encode_many};
 pub use plain::decode_plain;
 

@@ -4,6 +4,8 @@ use std::fs::File;
 use std::io;
 use std::sync::Arc;
 
+use crate::positional::write_all_at;
+
 /// Positional writes, made durable on demand. Writes between two calls of `sync` may reach the disk in any order, in part
 /// or not at all.
 pub(crate) trait Output: Send + Sync + std::fmt::Debug {
@@ -31,23 +33,4 @@ impl Output for FileOutput {
     fn sync(&mut self) -> io::Result<()> {
         self.0.sync_all()
     }
-}
-
-#[cfg(unix)]
-fn write_all_at(file: &File, bytes: &[u8], offset: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::write_all_at(file, bytes, offset)
-}
-
-#[cfg(windows)]
-fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
-    while !bytes.is_empty() {
-        match std::os::windows::fs::FileExt::seek_write(file, bytes, offset)? {
-            0 => return Err(io::ErrorKind::WriteZero.into()),
-            count => {
-                bytes = &bytes[count..];
-                offset += count as u64;
-            }
-        }
-    }
-    Ok(())
 }

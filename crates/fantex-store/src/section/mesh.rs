@@ -1,7 +1,7 @@
 //! The mesh section: geometry, corner attributes and material factors. Images are not part of an asset: its channels hold
 //! what they were baked into.
 
-use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, WorldFromMesh};
+use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation, ToonScale, WorldFromMesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::ContentError;
@@ -16,6 +16,7 @@ const ALL_FLAGS: u32 = 15;
 
 const DOUBLE_SIDED: u8 = 1;
 const UNLIT: u8 = 2;
+const TOON: u8 = 4;
 
 /// What must hold for a mesh. (That no two vertices or triangles coincide is left to `verify`: it costs a sort.)
 pub(crate) fn check(mesh: &Mesh) -> Result<(), ContentError> {
@@ -69,6 +70,24 @@ fn check_materials(mesh: &Mesh) -> Result<(), ContentError> {
         if !(m.base_color.is_finite() && m.emission.is_finite() && scalars.iter().all(|x| x.is_finite())) {
             return Err(ContentError::NotFinite { what: "a factor of material", index });
         }
+        if let Some(scale) = &m.toon {
+            check_toon(index, scale)?;
+        }
+    }
+    Ok(())
+}
+
+/// 1 to [`ToonScale::MOST_STOPS`] stops that ascend.
+fn check_toon(index: usize, scale: &ToonScale) -> Result<(), ContentError> {
+    limit("stops of a toon scale", scale.stops.len(), ToonScale::MOST_STOPS)?;
+    if scale.stops.is_empty() {
+        return Err(ContentError::Count { what: "stops of a toon scale", expected: 1, got: 0 });
+    }
+    if !scale.stops.iter().all(|(at, color)| at.is_finite() && color.is_finite()) {
+        return Err(ContentError::NotFinite { what: "the toon scale of material", index });
+    }
+    if !scale.stops.is_sorted_by(|a, b| a.0 <= b.0) {
+        return Err(ContentError::Order { what: "the toon scale of material", index });
     }
     Ok(())
 }
@@ -137,8 +156,25 @@ fn encode_material(m: &Material, out: &mut ByteWriter) {
     };
     out.f32s(&[cutoff]);
     out.u8(alpha);
-    out.u8(if m.double_sided { DOUBLE_SIDED } else { 0 } | if m.unlit { UNLIT } else { 0 });
+    let flag = |is_set: bool, flag: u8| if is_set { flag } else { 0 };
+    out.u8(flag(m.double_sided, DOUBLE_SIDED) | flag(m.unlit, UNLIT) | flag(m.toon.is_some(), TOON));
     out.put(&[0; 2]);
+    if let Some(scale) = &m.toon {
+        encode_toon(scale, out);
+    }
+}
+
+fn encode_toon(scale: &ToonScale, out: &mut ByteWriter) {
+    out.u8(scale.stops.len() as u8);
+    out.u8(match scale.interpolation {
+        ToonInterpolation::Linear => 0,
+        ToonInterpolation::Smooth => 1,
+        ToonInterpolation::Constant => 2,
+    });
+    out.put(&[0; 2]);
+    for (at, color) in &scale.stops {
+        out.f32s(&[*at, color.x, color.y, color.z]);
+    }
 }
 
 pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh, ContentError> {
@@ -206,8 +242,9 @@ fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material,
         }
     };
     let flags = input.u8(what)?;
-    below("flags of material", index, u32::from(flags), usize::from(DOUBLE_SIDED | UNLIT) + 1)?;
+    below("flags of material", index, u32::from(flags), usize::from(DOUBLE_SIDED | UNLIT | TOON) + 1)?;
     input.take(2, what)?;
+    let toon = if flags & TOON != 0 { Some(decode_toon(index, input)?) } else { None };
     Ok(Material {
         name,
         base_color,
@@ -219,6 +256,24 @@ fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material,
         alpha,
         double_sided: flags & DOUBLE_SIDED != 0,
         unlit: flags & UNLIT != 0,
+        toon,
         ..Material::default()
     })
+}
+
+fn decode_toon(index: usize, input: &mut ByteReader<'_>) -> Result<ToonScale, ContentError> {
+    let what = "a toon scale";
+    let count = input.u8(what)?;
+    let interpolation = match input.u8(what)? {
+        0 => ToonInterpolation::Linear,
+        1 => ToonInterpolation::Smooth,
+        2 => ToonInterpolation::Constant,
+        code => {
+            let value = u64::from(code);
+            return Err(ContentError::OutOfRange { what: "toon scale of material", index, value, limit: 3 });
+        }
+    };
+    input.take(2, what)?;
+    let stop = |_| input.f32s(what).map(|[at, r, g, b]| (at, Vec3::new(r, g, b)));
+    Ok(ToonScale { stops: (0..count).map(stop).collect::<Result<_, _>>()?, interpolation })
 }

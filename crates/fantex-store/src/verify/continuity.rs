@@ -1,5 +1,5 @@
-//! The continuity certificate: on every manifold edge the texture function, evaluated from either triangle on the texels
-//! as they are stored, gives the same value.
+//! The continuity certificate: on every edge the texture function, evaluated from either of the triangles that continue each
+//! other there ([`continued`]) on the texels as they are stored, gives the same value.
 //!
 //! ```text
 //!          c             on the edge ab the weight of the fans around c and d is zero,
@@ -15,6 +15,7 @@
 //! before they are turned into a common frame). Values beyond 1, in float channels, are compared relative to their size.
 
 use fantex_cover::unflattenable_vertices;
+use fantex_mesh::{EdgeSide, continued};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -48,8 +49,10 @@ pub struct Continuity {
 /// Edges of two or more triangles that are not compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ExemptEdges {
-    /// Three or more triangles meet.
+    /// Three or more triangles meet, and none continues another.
     pub non_manifold: u64,
+    /// The two sides of a leaf meet, which have the same three vertices.
+    pub rim: u64,
     /// The two triangles belong to different groups at an end, where the fan had to be split.
     pub split_fan: u64,
 }
@@ -115,7 +118,7 @@ pub(super) fn certify(cache: &PageCache) -> Continuity {
         }
     }
     total.edges = edges.len() as u64;
-    total.exempt_edges = total.exempt.non_manifold + total.exempt.split_fan;
+    total.exempt_edges = total.exempt.non_manifold + total.exempt.rim + total.exempt.split_fan;
     total.levels = asset.level_count() + MIXTURES;
     total
 }
@@ -134,24 +137,34 @@ fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
     sides.par_sort_unstable();
     let mut edges = Vec::new();
     let mut split_at: Vec<Vec<u32>> = Vec::new();
+    let mut sides_here = Vec::new();
     for edge in sides.chunk_by(|a, b| a.0 == b.0) {
-        match *edge {
-            [_] => counts.boundary_edges += 1,
-            [(vertices, corner0), (_, corner1)] => {
-                let triangles = [corner0 / 3, corner1 / 3];
-                let slots = triangles.map(|t| vertices.map(|v| slot_of(mesh.triangles[t as usize], v)));
-                let groups = [0, 1].map(|side| {
-                    slots[side].map(|slot| cover.corner_groups[triangles[side] as usize][usize::from(slot)])
-                });
-                if groups[0] == groups[1] {
-                    edges.push(Edge { triangles, slots, groups: groups[0] });
-                } else {
-                    split_at.push(
-                        (0..2).filter(|&k| groups[0][k] != groups[1][k]).map(|k| vertices[k]).collect(),
-                    );
-                }
+        if edge.len() == 1 {
+            counts.boundary_edges += 1;
+            continue;
+        }
+        let vertices = edge[0].0;
+        sides_here.clear();
+        sides_here.extend(
+            edge.iter().map(|&(_, corner)| EdgeSide::of_half_edge(&mesh.triangles, corner, vertices[0])),
+        );
+        let pairs = continued(&sides_here);
+        if pairs.is_empty() {
+            let exempt = &mut counts.exempt;
+            *if edge.len() == 2 { &mut exempt.rim } else { &mut exempt.non_manifold } += 1;
+        }
+        for pair in pairs {
+            let triangles = pair.map(|i| edge[i].1 / 3);
+            let slots = triangles.map(|t| vertices.map(|v| slot_of(mesh.triangles[t as usize], v)));
+            let groups = [0, 1].map(|side| {
+                slots[side].map(|slot| cover.corner_groups[triangles[side] as usize][usize::from(slot)])
+            });
+            if groups[0] == groups[1] {
+                edges.push(Edge { triangles, slots, groups: groups[0] });
+            } else {
+                split_at
+                    .push((0..2).filter(|&k| groups[0][k] != groups[1][k]).map(|k| vertices[k]).collect());
             }
-            _ => counts.exempt.non_manifold += 1,
         }
     }
     if !split_at.is_empty() {

@@ -1,26 +1,29 @@
-//! The state of a loader: which pages are wanted, how far their clusters are, and what is ready.
+//! The state of a loader: which parcels are wanted, how far their clusters are, and what is ready.
+//!
+//! The pages of a bundle may lie in several clusters. Such a parcel is wanted of all of them; clusters that come are kept for it
+//! (in its [`Assembly`]) until the last one does.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use fantex_store::{ClusterId, ClusterPages, PageError, PageId};
+use fantex_store::{ClusterId, ClusterPages, PageError};
 
 use super::by_urgency::{ByUrgency, Urgency};
-use super::cluster_cache::ClusterCache;
+use super::cluster_cache::{ClusterCache, Kept};
 use super::{ClusterLoaderOptions, LoaderStatistics};
 use crate::read::{ReadBuffer, RetryPolicy, is_transient};
-use crate::{LoadedPage, PageTexels};
+use crate::{LoadedParcel, Parcel, ParcelTexels};
 
 /// Texels that a worker makes between two looks at the board.
 const BATCH_BYTES: usize = 256 << 10;
 
-/// A cluster of which pages are wanted, or that is being worked on.
+/// A cluster of which something is wanted, or that is being worked on.
 #[derive(Debug)]
 struct Wanted {
-    /// Pages that are not ready, with their urgencies.
-    pages: BTreeMap<PageId, Urgency>,
+    /// Parcels that are not ready, with their urgencies.
+    parcels: BTreeMap<Parcel, Urgency>,
     stage: Stage,
     /// Reads that went wrong.
     failures: u32,
@@ -41,36 +44,48 @@ enum Stage {
 
 impl Wanted {
     fn urgency(&self) -> Urgency {
-        self.pages.values().copied().max().unwrap_or(Urgency(f32::NEG_INFINITY))
+        self.parcels.values().copied().max().unwrap_or(Urgency(f32::NEG_INFINITY))
     }
 }
+
+/// A parcel whose pages lie in several clusters.
+#[derive(Debug)]
+struct Assembly {
+    /// Clusters of which it is wanted.
+    awaited: Vec<ClusterId>,
+    /// Those that have come.
+    come: Vec<Arc<ClusterPages>>,
+}
+
+/// A parcel that a worker can make, with the clusters that hold its pages.
+pub(super) type Makeable = (Parcel, Vec<Arc<ClusterPages>>);
 
 /// Where a worker finds a cluster's bytes.
 #[derive(Clone, Debug)]
 pub(super) enum Job {
     /// Read and not checked: a part of a buffer.
     Stored(Arc<ReadBuffer>, Range<usize>),
-    /// In the cache (unless it has left meanwhile).
+    /// In the cache, in one form or the other (unless it has left meanwhile).
     Cached,
 }
 
 /// What a request calls for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Change {
-    /// Nothing new.
-    None,
-    /// There is a cluster to read.
-    Read,
-    /// There is a job for a worker.
-    Job,
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Change {
+    /// There are clusters to read.
+    pub(super) reads: bool,
+    /// There are so many jobs for workers.
+    pub(super) jobs: usize,
 }
 
 /// What a worker shall do.
 pub(super) enum Order {
-    /// Check and unpack a cluster.
+    /// Check and unpack a cluster that has been read.
     Unpack(ClusterId, Arc<ReadBuffer>, Range<usize>),
-    /// Decode pages of an unpacked cluster.
-    Decode(ClusterId, Arc<ClusterPages>),
+    /// Unpack a cluster whose stored bytes were kept.
+    UnpackKept(ClusterId, Arc<ReadBuffer>),
+    /// Make parcels of an unpacked cluster.
+    Make(ClusterId, Arc<ClusterPages>),
     /// Tell the scheduler: a cluster has to be read again, or there is room for reads.
     TellScheduler,
     /// End.
@@ -81,25 +96,26 @@ pub(super) enum Order {
 #[derive(Debug)]
 pub(super) struct Board {
     clusters: BTreeMap<ClusterId, Wanted>,
+    assemblies: BTreeMap<Parcel, Assembly>,
     /// Clusters at [`Stage::Queued`]. Urgencies are upper bounds.
     to_read: ByUrgency<ClusterId>,
     /// Clusters at [`Stage::Paused`], and remains of those that are no more.
     paused: BTreeMap<(Instant, ClusterId), ()>,
-    /// Clusters of which the last page was cancelled while they were being read.
+    /// Clusters of which the last parcel was cancelled while they were being read.
     given_up: Vec<ClusterId>,
     jobs: BTreeMap<ClusterId, Job>,
     /// The same clusters. Urgencies are upper bounds.
     job_order: ByUrgency<ClusterId>,
     cache: ClusterCache,
-    ready: BTreeMap<PageId, Result<PageTexels, PageError>>,
-    /// The same pages.
-    ready_order: ByUrgency<PageId>,
+    ready: BTreeMap<Parcel, Result<ParcelTexels, PageError>>,
+    /// The same parcels.
+    ready_order: ByUrgency<Parcel>,
     ready_bytes: usize,
     ready_budget: usize,
     flight_bytes: usize,
     flight_budget: usize,
-    /// Pages in `clusters`.
-    waiting_pages: usize,
+    /// Parcels in `clusters`.
+    waiting: usize,
     retry: RetryPolicy,
     closed: bool,
     counts: LoaderStatistics,
@@ -109,19 +125,20 @@ impl Board {
     pub(super) fn new(options: &ClusterLoaderOptions, retry: RetryPolicy) -> Self {
         Self {
             clusters: BTreeMap::new(),
+            assemblies: BTreeMap::new(),
             to_read: ByUrgency::default(),
             paused: BTreeMap::new(),
             given_up: Vec::new(),
             jobs: BTreeMap::new(),
             job_order: ByUrgency::default(),
-            cache: ClusterCache::new(options.cache_bytes),
+            cache: ClusterCache::new(options),
             ready: BTreeMap::new(),
             ready_order: ByUrgency::default(),
             ready_bytes: 0,
             ready_budget: options.ready_bytes,
             flight_bytes: 0,
             flight_budget: options.flight_bytes,
-            waiting_pages: 0,
+            waiting: 0,
             retry,
             closed: false,
             counts: LoaderStatistics::default(),
@@ -130,54 +147,81 @@ impl Board {
 
     // What the caller does.
 
-    /// A page of a cluster is wanted.
-    pub(super) fn request(&mut self, page: PageId, cluster: ClusterId, urgency: f32) -> Change {
+    /// A parcel is wanted, whose pages lie in these clusters.
+    pub(super) fn request(&mut self, parcel: Parcel, clusters: &[ClusterId], urgency: f32) -> Change {
         let urgency = Urgency(urgency);
-        if self.ready_order.contains(page) {
-            self.ready_order.set(page, urgency);
-            return Change::None;
+        if self.ready_order.contains(parcel) {
+            self.ready_order.set(parcel, urgency);
+            return Change::default();
         }
+        let assembled = match clusters.len() {
+            1 => None,
+            _ => {
+                let begin = || Assembly { awaited: clusters.to_vec(), come: Vec::new() };
+                Some(self.assemblies.entry(parcel).or_insert_with(begin).awaited.clone())
+            }
+        };
+        let mut change = Change::default();
+        let mut is_new = true;
+        for &cluster in assembled.as_deref().unwrap_or(clusters) {
+            is_new &= self.want(parcel, cluster, urgency, &mut change);
+        }
+        self.waiting += usize::from(is_new);
+        change
+    }
+
+    /// A parcel is wanted of a cluster. Whether it was not before.
+    fn want(&mut self, parcel: Parcel, cluster: ClusterId, urgency: Urgency, change: &mut Change) -> bool {
         if let Some(wanted) = self.clusters.get_mut(&cluster) {
-            self.waiting_pages += usize::from(wanted.pages.insert(page, urgency).is_none());
+            let is_new = wanted.parcels.insert(parcel, urgency).is_none();
             match wanted.stage {
                 Stage::Queued => self.to_read.raise(cluster, urgency),
                 Stage::InWork if self.job_order.contains(cluster) => self.job_order.raise(cluster, urgency),
                 _ => {}
             }
-            return Change::None;
+            return is_new;
         }
-        let pages = BTreeMap::from([(page, urgency)]);
-        self.waiting_pages += 1;
-        self.clusters.insert(cluster, Wanted { pages, stage: Stage::Queued, failures: 0 });
+        let parcels = BTreeMap::from([(parcel, urgency)]);
+        self.clusters.insert(cluster, Wanted { parcels, stage: Stage::Queued, failures: 0 });
         if self.cache.contains(cluster) {
             self.add_job(cluster, Job::Cached);
-            Change::Job
+            change.jobs += 1;
         } else {
             self.to_read.set(cluster, urgency);
-            Change::Read
+            change.reads = true;
         }
+        true
     }
 
-    /// A page that no cluster holds arrives as an error.
-    pub(super) fn refuse(&mut self, page: PageId, urgency: f32, error: PageError) {
-        self.make_ready(page, Urgency(urgency), Err(error));
+    /// A parcel that no cluster holds arrives as an error.
+    pub(super) fn refuse(&mut self, parcel: Parcel, urgency: f32, error: PageError) {
+        self.make_ready(parcel, Urgency(urgency), Err(error));
     }
 
-    pub(super) fn cancel_refused(&mut self, page: PageId) {
-        self.remove_ready(page);
+    pub(super) fn cancel_refused(&mut self, parcel: Parcel) {
+        self.remove_ready(parcel);
     }
 
-    /// A page is no longer wanted. True if the scheduler may give up a read.
-    pub(super) fn cancel(&mut self, page: PageId, cluster: ClusterId) -> bool {
-        if self.remove_ready(page).is_some() {
+    /// A parcel is no longer wanted. True if the scheduler may give up a read.
+    pub(super) fn cancel(&mut self, parcel: Parcel, clusters: &[ClusterId]) -> bool {
+        if self.remove_ready(parcel).is_some() {
             return false;
         }
+        let awaited = self.assemblies.remove(&parcel).map(|assembly| assembly.awaited);
+        let (mut was_wanted, mut for_scheduler) = (false, false);
+        for &cluster in awaited.as_deref().unwrap_or(clusters) {
+            let is_wanted = self.clusters.get(&cluster).is_some_and(|w| w.parcels.contains_key(&parcel));
+            was_wanted |= is_wanted;
+            for_scheduler |= is_wanted && self.want_no_more(parcel, cluster);
+        }
+        self.waiting -= usize::from(was_wanted);
+        for_scheduler
+    }
+
+    /// A parcel is no longer wanted of a cluster. True if the scheduler may give up a read.
+    fn want_no_more(&mut self, parcel: Parcel, cluster: ClusterId) -> bool {
         let Some(wanted) = self.clusters.get_mut(&cluster) else { return false };
-        if wanted.pages.remove(&page).is_none() {
-            return false;
-        }
-        self.waiting_pages -= 1;
-        if !wanted.pages.is_empty() {
+        if wanted.parcels.remove(&parcel).is_none() || !wanted.parcels.is_empty() {
             return false;
         }
         match wanted.stage {
@@ -198,31 +242,41 @@ impl Board {
         }
     }
 
-    /// The most urgent ready pages of at most so many bytes, at least one if there is any.
-    pub(super) fn take_ready(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
-        let (mut pages, mut sum) = (Vec::new(), 0);
-        while let Some((page, _)) = self.ready_order.first() {
-            let bytes = self.ready.get(&page).map_or(0, ready_bytes);
-            if !pages.is_empty() && sum + bytes > max_bytes {
+    /// What was assembled for a parcel is dropped, and it is no longer wanted of other clusters than this.
+    fn end_assembly(&mut self, parcel: Parcel, cluster: ClusterId) {
+        let assembly = self.assemblies.remove(&parcel);
+        for other in assembly.into_iter().flat_map(|assembly| assembly.awaited) {
+            if other != cluster {
+                self.want_no_more(parcel, other);
+            }
+        }
+    }
+
+    /// The most urgent ready parcels of at most so many bytes, at least one if there is any.
+    pub(super) fn take_ready(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
+        let (mut parcels, mut sum) = (Vec::new(), 0);
+        while let Some((parcel, _)) = self.ready_order.first() {
+            let bytes = self.ready.get(&parcel).map_or(0, ready_bytes);
+            if !parcels.is_empty() && sum + bytes > max_bytes {
                 break;
             }
             sum += bytes;
-            if let Some(texels) = self.remove_ready(page) {
+            if let Some(texels) = self.remove_ready(parcel) {
                 match &texels {
                     Ok(texels) => {
-                        self.counts.pages += 1;
-                        self.counts.page_bytes += texels.bytes() as u64;
+                        self.counts.parcels += 1;
+                        self.counts.parcel_bytes += texels.bytes() as u64;
                     }
-                    Err(_) => self.counts.pages_failed += 1,
+                    Err(_) => self.counts.parcels_failed += 1,
                 }
-                pages.push(LoadedPage { page, texels });
+                parcels.push(LoadedParcel { parcel, texels });
             }
         }
-        pages
+        parcels
     }
 
     pub(super) fn pending(&self) -> usize {
-        self.waiting_pages + self.ready.len()
+        self.waiting + self.ready.len()
     }
 
     pub(super) fn ready_is_full(&self) -> bool {
@@ -233,9 +287,10 @@ impl Board {
         LoaderStatistics {
             queued_clusters: self.to_read.len(),
             flight_bytes: self.flight_bytes,
-            cache_bytes: self.cache.bytes(),
+            cache_bytes: self.cache.unpacked_bytes(),
+            stored_cache_bytes: self.cache.stored_bytes(),
             ready_bytes: self.ready_bytes,
-            pending_pages: self.pending(),
+            pending: self.pending(),
             ..self.counts
         }
     }
@@ -280,7 +335,7 @@ impl Board {
     }
 
     pub(super) fn is_given_up(&self, cluster: ClusterId) -> bool {
-        self.clusters.get(&cluster).is_none_or(|wanted| wanted.pages.is_empty())
+        self.clusters.get(&cluster).is_none_or(|wanted| wanted.parcels.is_empty())
     }
 
     /// Whether another read may begin.
@@ -383,9 +438,14 @@ impl Board {
                 self.clusters.remove(&cluster);
                 Order::TellScheduler
             }
+            Job::Cached if self.is_given_up(cluster) => {
+                self.clusters.remove(&cluster);
+                Order::TellScheduler
+            }
             Job::Stored(bytes, part) => Order::Unpack(cluster, bytes, part),
             Job::Cached => match self.cache.get(cluster) {
-                Some(pages) => Order::Decode(cluster, pages),
+                Some(Kept::Pages(pages)) => Order::Make(cluster, pages),
+                Some(Kept::Stored(bytes)) => Order::UnpackKept(cluster, bytes),
                 None => {
                     self.read_again(cluster);
                     Order::TellScheduler
@@ -403,14 +463,16 @@ impl Board {
         }
     }
 
-    /// A cluster has been unpacked, or cannot be. Its stored bytes are gone.
-    pub(super) fn unpacked(
-        &mut self,
-        cluster: ClusterId,
-        stored_bytes: usize,
-        pages: Result<&Arc<ClusterPages>, PageError>,
-    ) {
+    /// The bytes of a cluster that was read are in flight no more. `kept`: they were good, and this is a copy.
+    pub(super) fn landed(&mut self, cluster: ClusterId, stored_bytes: usize, kept: Option<&Arc<ReadBuffer>>) {
         self.flight_bytes -= stored_bytes;
+        if let Some(bytes) = kept {
+            self.cache.insert_stored(cluster, bytes);
+        }
+    }
+
+    /// A cluster has been unpacked, or cannot be.
+    pub(super) fn unpacked(&mut self, cluster: ClusterId, pages: Result<&Arc<ClusterPages>, PageError>) {
         match pages {
             Ok(pages) => self.cache.insert(cluster, pages),
             // The bytes may have been damaged on their way here: once more.
@@ -419,53 +481,70 @@ impl Board {
         }
     }
 
-    /// The next pages of a cluster to decode, or none where that ends for now: all done, or no room for more.
+    /// The next parcels to make of a cluster, or none where that ends for now: all done, or no room for more. Of parcels that
+    /// need other clusters, too, those are next whose last cluster this is; the others keep it until theirs comes.
     pub(super) fn next_batch(
         &mut self,
         cluster: ClusterId,
-        bytes_of: impl Fn(PageId) -> usize,
-    ) -> Vec<PageId> {
-        let Some(wanted) = self.clusters.get(&cluster) else { return Vec::new() };
-        if wanted.pages.is_empty() {
+        pages: &Arc<ClusterPages>,
+        bytes_of: impl Fn(Parcel) -> usize,
+    ) -> Vec<Makeable> {
+        let Some(wanted) = self.clusters.get_mut(&cluster) else { return Vec::new() };
+        let assemblies = &mut self.assemblies;
+        wanted.parcels.retain(|parcel, _| match assemblies.get_mut(parcel) {
+            Some(assembly) if assembly.awaited.len() > 1 => {
+                assembly.awaited.retain(|&awaited| awaited != cluster);
+                assembly.come.push(Arc::clone(pages));
+                false
+            }
+            _ => true,
+        });
+        if wanted.parcels.is_empty() {
             self.clusters.remove(&cluster);
             return Vec::new();
         }
+        let mut by_urgency: Vec<(Urgency, Parcel)> = wanted.parcels.iter().map(|(id, u)| (*u, *id)).collect();
         if self.ready_bytes >= self.ready_budget {
             self.add_job(cluster, Job::Cached);
             return Vec::new();
         }
-        let mut by_urgency: Vec<(Urgency, PageId)> = wanted.pages.iter().map(|(id, u)| (*u, *id)).collect();
         by_urgency.sort_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         let mut bytes = 0;
-        let fits = |&(_, page): &(Urgency, PageId)| {
+        let fits = |&(_, parcel): &(Urgency, Parcel)| {
             let fits = bytes < BATCH_BYTES;
-            bytes += bytes_of(page);
+            bytes += bytes_of(parcel);
             fits
         };
-        by_urgency.into_iter().take_while(fits).map(|(_, page)| page).collect()
+        let with_clusters = |(_, parcel): (Urgency, Parcel)| {
+            let come = self.assemblies.get(&parcel).map_or(&[][..], |assembly| &assembly.come);
+            (parcel, come.iter().chain([pages]).map(Arc::clone).collect())
+        };
+        by_urgency.into_iter().take_while(fits).map(with_clusters).collect()
     }
 
-    /// Pages of a cluster that have been decoded. Those that were cancelled meanwhile are dropped.
-    pub(super) fn decoded(
+    /// Parcels that have been made of a cluster. Those that were cancelled meanwhile are dropped.
+    pub(super) fn made(
         &mut self,
         cluster: ClusterId,
-        pages: Vec<(PageId, Result<PageTexels, PageError>)>,
+        parcels: Vec<(Parcel, Result<ParcelTexels, PageError>)>,
     ) {
-        for (page, texels) in pages {
+        for (parcel, texels) in parcels {
             let Some(wanted) = self.clusters.get_mut(&cluster) else { return };
-            if let Some(urgency) = wanted.pages.remove(&page) {
-                self.waiting_pages -= 1;
-                self.make_ready(page, urgency, texels);
+            if let Some(urgency) = wanted.parcels.remove(&parcel) {
+                self.waiting -= 1;
+                // Were it cancelled and asked for again meanwhile, others would be awaited.
+                self.end_assembly(parcel, cluster);
+                self.make_ready(parcel, urgency, texels);
             }
         }
     }
 
     // Together.
 
-    /// A cluster went wrong: it is read again after a pause, or all its pages arrive as errors.
+    /// A cluster went wrong: it is read again after a pause, or all its parcels arrive as errors.
     fn fail(&mut self, cluster: ClusterId, error: PageError, retries: u32) {
         let Some(mut wanted) = self.clusters.remove(&cluster) else { return };
-        if wanted.pages.is_empty() {
+        if wanted.parcels.is_empty() {
             return;
         }
         if wanted.failures < retries {
@@ -478,29 +557,30 @@ impl Board {
             return;
         }
         self.counts.clusters_failed += 1;
-        self.waiting_pages -= wanted.pages.len();
-        for (page, urgency) in wanted.pages {
-            self.make_ready(page, urgency, Err(error.clone()));
+        self.waiting -= wanted.parcels.len();
+        for (parcel, urgency) in wanted.parcels {
+            self.end_assembly(parcel, cluster);
+            self.make_ready(parcel, urgency, Err(error.clone()));
         }
     }
 
-    fn make_ready(&mut self, page: PageId, urgency: Urgency, texels: Result<PageTexels, PageError>) {
+    fn make_ready(&mut self, parcel: Parcel, urgency: Urgency, texels: Result<ParcelTexels, PageError>) {
         self.ready_bytes += ready_bytes(&texels);
-        if let Some(old) = self.ready.insert(page, texels) {
+        if let Some(old) = self.ready.insert(parcel, texels) {
             self.ready_bytes -= ready_bytes(&old);
         }
-        self.ready_order.set(page, urgency);
+        self.ready_order.set(parcel, urgency);
     }
 
-    fn remove_ready(&mut self, page: PageId) -> Option<Result<PageTexels, PageError>> {
-        self.ready_order.remove(page);
-        let texels = self.ready.remove(&page)?;
+    fn remove_ready(&mut self, parcel: Parcel) -> Option<Result<ParcelTexels, PageError>> {
+        self.ready_order.remove(parcel);
+        let texels = self.ready.remove(&parcel)?;
         self.ready_bytes -= ready_bytes(&texels);
         Some(texels)
     }
 }
 
-/// What a ready page counts for: its texels, if any.
-fn ready_bytes(texels: &Result<PageTexels, PageError>) -> usize {
-    texels.as_ref().map_or(0, PageTexels::bytes)
+/// What a ready parcel counts for: its texels, if any.
+fn ready_bytes(texels: &Result<ParcelTexels, PageError>) -> usize {
+    texels.as_ref().map_or(0, ParcelTexels::bytes)
 }

@@ -6,20 +6,21 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use fantex_store::{ClusterId, PageError, PageId};
+use fantex_store::{ClusterId, PageError};
 
-use super::board::{Board, Change};
+use super::board::Board;
+use crate::Parcel;
 
 /// Messages that are taken over before others may have the board.
 const CHUNK: usize = 256;
 
-/// What a caller says of a page, with the cluster that holds it.
+/// What a caller says of a parcel, with the clusters that hold its pages.
 #[derive(Debug)]
 pub(super) enum Message {
     /// It is wanted, so urgently.
-    Request(PageId, f32, Result<ClusterId, PageError>),
+    Request(Parcel, f32, Result<Vec<ClusterId>, PageError>),
     /// It is not wanted any more.
-    Cancel(PageId, Option<ClusterId>),
+    Cancel(Parcel, Option<Vec<ClusterId>>),
 }
 
 /// Messages in the order in which they came.
@@ -35,7 +36,7 @@ pub(super) struct Effects {
     pub(super) for_scheduler: bool,
     /// So many jobs have come.
     pub(super) jobs: usize,
-    /// There is room for ready pages again.
+    /// There is room for ready parcels again.
     pub(super) has_room: bool,
     /// Messages are left.
     pub(super) has_more: bool,
@@ -52,6 +53,11 @@ impl Inbox {
         self.lock().append(&mut messages);
     }
 
+    /// Whether there are more messages than are taken over at a time.
+    pub(super) fn is_long(&self) -> bool {
+        self.lock().len() > CHUNK
+    }
+
     /// Takes over some messages. Whoever holds the board sees each either here or there.
     pub(super) fn take_some(&self, board: &mut Board) -> Effects {
         let mut inbox = self.lock();
@@ -63,16 +69,16 @@ impl Inbox {
         let was_full = board.ready_is_full();
         for message in messages {
             match message {
-                Message::Request(page, urgency, Ok(cluster)) => match board.request(page, cluster, urgency) {
-                    Change::None => {}
-                    Change::Read => effects.for_scheduler = true,
-                    Change::Job => effects.jobs += 1,
-                },
-                Message::Request(page, urgency, Err(error)) => board.refuse(page, urgency, error),
-                Message::Cancel(page, Some(cluster)) => {
-                    effects.for_scheduler |= board.cancel(page, cluster);
+                Message::Request(parcel, urgency, Ok(clusters)) => {
+                    let change = board.request(parcel, &clusters, urgency);
+                    effects.for_scheduler |= change.reads;
+                    effects.jobs += change.jobs;
                 }
-                Message::Cancel(page, None) => board.cancel_refused(page),
+                Message::Request(parcel, urgency, Err(error)) => board.refuse(parcel, urgency, error),
+                Message::Cancel(parcel, Some(clusters)) => {
+                    effects.for_scheduler |= board.cancel(parcel, &clusters);
+                }
+                Message::Cancel(parcel, None) => board.cancel_refused(parcel),
             }
         }
         effects.has_room = was_full && !board.ready_is_full();

@@ -1,27 +1,28 @@
-//! The page loader over clusters: from page requests to texels.
+//! The parcel loader over clusters: from requests to texels.
 //!
 //! ```text
 //!   caller's thread                    scheduler                reader              workers
-//!  request, cancel --> Inbox --> Board --most urgent clusters--> reads --bytes--> check, unpack, decode
+//!  request, cancel --> Inbox --> Board --most urgent clusters--> reads --bytes--> check, unpack, assemble
 //!   poll <--------------------- ready pages <------------------------------------------'
 //! ```
 //!
 //! Who owns what, on which thread:
 //! - The [`Board`](board::Board) holds all state, behind one lock that nobody keeps for long: no read, no unpacking, no decoding
-//!   happens under it. A page that was asked for stands in exactly one place of it: with its cluster, until its texels are
-//!   there, then among the ready ones, until [`poll`](PageLoader::poll) takes it. So none is lost and none comes twice.
+//!   happens under it. A parcel that was asked for stands with its clusters until its texels are
+//!   there, then among the ready ones, until [`poll`](ParcelLoader::poll) takes it. So none is lost and none comes twice.
 //! - The *scheduler* thread owns the [`QueuedReader`]. It turns the most urgent clusters into reads, neighbours in the file
 //!   joined, and completed reads into jobs.
-//! - *Workers* do the jobs: checksum, unpacking, then decoding of the pages that are still wanted. Unpacked clusters stay in
-//!   a small cache, because tiles that are neighbours on the surface lie together.
-//! - The caller's thread waits for nobody: its messages lie in an [`Inbox`] until the board is free, and where
-//!   the board is not free it takes ready pages in the next frame.
+//! - *Workers* do the jobs: checksum, unpacking, then assembling (and, where the atlas asks for it, decoding) of the parcels that
+//!   are still wanted. Clusters stay in a small [cache](cluster_cache), unpacked or as they are stored, because tiles that are
+//!   neighbours on the surface lie together.
+//! - The caller's thread waits for nobody: its messages lie in an [`Inbox`] until the scheduler takes them over, and where
+//!   that has not happened, or the board is not free, it takes ready parcels in the next frame.
 //!
 //! Memory is bounded by the options, whatever the asset's size: bytes in flight (read or being read, not unpacked), the
-//! cache, and ready pages. When nobody takes ready pages, workers pause; when workers pause, reading does.
+//! cache, and ready parcels. When nobody takes these, workers pause; when workers pause, reading does.
 //!
 //! What goes wrong: an error that may pass is met by reading the cluster again, alone, after a pause, a few times; a wrong
-//! checksum once (the bytes may have been damaged on their way). Then every wanted page of the cluster arrives as an error.
+//! checksum once (the bytes may have been damaged on their way). Then every parcel that needs the cluster arrives as an error.
 
 mod board;
 mod by_urgency;
@@ -40,7 +41,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
 
 use board::Board;
-use fantex_store::{Asset, PageId};
+use fantex_store::{Asset, ClusterId, PageError, PageId};
 use file_order::FileOrder;
 use inbox::{Effects, Inbox, Message};
 use scheduler::Scheduler;
@@ -53,7 +54,7 @@ use crate::read::{
     FileReadOptions, HttpSource, QueuedReader, ReadWaker, ReaderInfo, ReaderKind, RetryPolicy, http_reader,
     open_file_reader,
 };
-use crate::{AtlasFormat, LoadedPage, PageLoader};
+use crate::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader};
 
 /// Connections to a server.
 const CONNECTIONS: usize = 6;
@@ -69,6 +70,8 @@ pub struct ClusterLoaderOptions {
     pub flight_bytes: usize,
     /// Unpacked clusters that are kept, at most so many bytes.
     pub cache_bytes: usize,
+    /// Clusters that are kept as they are stored, at most so many bytes.
+    pub stored_cache_bytes: usize,
     /// Texels that wait to be taken, at most so many bytes (and one batch of 256 KiB per worker).
     pub ready_bytes: usize,
     /// Neighbouring clusters are read together up to so many bytes.
@@ -82,14 +85,16 @@ pub struct ClusterLoaderOptions {
 }
 
 impl Default for ClusterLoaderOptions {
-    /// Block-compressed; one worker per core, 1 to 4; 16 MiB in flight, 32 MiB of clusters, 16 MiB ready; reads of up to 1 MiB.
+    /// Block-compressed; one worker per core, 1 to 4; 16 MiB in flight, 64 MiB of clusters unpacked and 96 MiB of them stored,
+    /// 16 MiB ready; reads of up to 1 MiB.
     fn default() -> Self {
         let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
         Self {
             block_compressed: true,
             worker_threads: cores.clamp(1, 4),
             flight_bytes: 16 << 20,
-            cache_bytes: 32 << 20,
+            cache_bytes: 64 << 20,
+            stored_cache_bytes: 96 << 20,
             ready_bytes: 16 << 20,
             merge_bytes: 1 << 20,
             merge_gap_bytes: 16 << 10,
@@ -179,11 +184,11 @@ pub struct ClusterLoader {
     info: ReaderInfo,
     scheduler: Option<JoinHandle<()>>,
     workers: Vec<JoinHandle<()>>,
-    /// Polls in a row that found the board taken.
+    /// Polls in a row that brought nothing because others were at work.
     missed_polls: u32,
 }
 
-/// So many polls in a row find the board taken at most; the next one waits for it.
+/// So many polls in a row bring nothing because others are at work; the next one waits for the board, and does their work.
 const MOST_MISSED_POLLS: u32 = 3;
 
 impl std::fmt::Debug for ClusterLoader {
@@ -288,40 +293,78 @@ fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn
     }
 }
 
-impl PageLoader for ClusterLoader {
-    fn request(&mut self, page: PageId, urgency: f32) {
-        self.request_all(&[(page, urgency)]);
+/// The clusters that hold a parcel's pages.
+fn clusters_of(asset: &Asset, parcel: Parcel) -> Result<Vec<ClusterId>, PageError> {
+    if let Parcel::Page(page) = parcel {
+        return Ok(vec![asset.cluster_of(page)?]);
+    }
+    // Per level the first and the last page there; they ascend by group.
+    let mut levels: Vec<[PageId; 2]> = Vec::new();
+    for page in parcel.pages(asset.cover()) {
+        match levels.iter_mut().find(|[first, _]| first.level == page.level) {
+            Some([_, last]) => *last = page,
+            None => levels.push([page; 2]),
+        }
+    }
+    if levels.is_empty() {
+        let page = PageId { group: u32::MAX, level: 0, page: [0, 0] };
+        return Err(PageError::NoSuchPage { path: asset.path().to_owned(), channel: 0, page });
+    }
+    let mut clusters = Vec::new();
+    for ends in levels {
+        let [first, last] = [asset.cluster_of(ends[0])?, asset.cluster_of(ends[1])?];
+        if last.index - first.index <= 1 {
+            clusters.extend((first.index..=last.index).map(|index| ClusterId { index, ..first }));
+        } else {
+            // A large tile between them fills clusters of its own.
+            for page in parcel.pages(asset.cover()).filter(|page| page.level == first.level) {
+                clusters.push(asset.cluster_of(page)?);
+            }
+            clusters.dedup();
+        }
+    }
+    Ok(clusters)
+}
+
+impl ParcelLoader for ClusterLoader {
+    fn request(&mut self, parcel: Parcel, urgency: f32) {
+        self.request_all(&[(parcel, urgency)]);
     }
 
-    fn request_all(&mut self, pages: &[(PageId, f32)]) {
-        if pages.is_empty() {
+    fn request_all(&mut self, parcels: &[(Parcel, f32)]) {
+        if parcels.is_empty() {
             return;
         }
         let Shared { asset, inbox, scheduler, .. } = &*self.shared;
         inbox.add(
-            pages.iter().map(|&(page, urgency)| Message::Request(page, urgency, asset.cluster_of(page))),
+            parcels
+                .iter()
+                .map(|&(parcel, urgency)| Message::Request(parcel, urgency, clusters_of(asset, parcel))),
         );
         scheduler.kick();
     }
 
-    fn cancel(&mut self, page: PageId) {
-        self.cancel_all(&[page]);
+    fn cancel(&mut self, parcel: Parcel) {
+        self.cancel_all(&[parcel]);
     }
 
-    fn cancel_all(&mut self, pages: &[PageId]) {
-        if pages.is_empty() {
+    fn cancel_all(&mut self, parcels: &[Parcel]) {
+        if parcels.is_empty() {
             return;
         }
         let Shared { asset, inbox, scheduler, .. } = &*self.shared;
-        inbox.add(pages.iter().map(|&page| Message::Cancel(page, asset.cluster_of(page).ok())));
+        inbox.add(parcels.iter().map(|&parcel| Message::Cancel(parcel, clusters_of(asset, parcel).ok())));
         scheduler.kick();
     }
 
-    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
-        let board = if self.missed_polls < MOST_MISSED_POLLS {
-            self.shared.board.try_lock()
-        } else {
+    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
+        let board = if self.missed_polls == MOST_MISSED_POLLS {
             Some(self.shared.board.lock())
+        } else if self.shared.inbox.is_long() {
+            // The scheduler is about to take them over, or does so now.
+            None
+        } else {
+            self.shared.board.try_lock()
         };
         let Some(mut board) = board else {
             self.missed_polls += 1;
@@ -330,15 +373,15 @@ impl PageLoader for ClusterLoader {
         self.missed_polls = 0;
         let mut effects = self.shared.inbox.take_all(&mut board);
         let was_full = board.ready_is_full();
-        let pages = board.take_ready(max_bytes);
+        let parcels = board.take_ready(max_bytes);
         effects.has_room |= was_full && !board.ready_is_full();
         drop(board);
         self.shared.tell(effects);
-        pages
+        parcels
     }
 
     fn pending(&self) -> usize {
-        self.shared.statistics().pending_pages
+        self.shared.statistics().pending
     }
 }
 

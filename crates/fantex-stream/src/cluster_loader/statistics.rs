@@ -13,26 +13,26 @@ pub struct LoaderStatistics {
     pub cluster_bytes: u64,
     /// Bytes of the pages of clusters that were unpacked, as they are stored without packing: block-compressed texels.
     pub unpacked_bytes: u64,
-    /// Stored bytes of the pages that were handed over: their shares of their clusters. With [`Self::bytes_read`] it tells how
-    /// much was read in vain (less than nothing where the cache served pages more than once).
+    /// Stored bytes of the parcels that were handed over: their shares of their clusters. With [`Self::bytes_read`] it tells how
+    /// much was read in vain (less than nothing where the cache served parcels more than once).
     pub bytes_needed: u64,
-    /// Clusters that were read although, when they came, nobody wanted their pages any more.
+    /// Clusters that were read although, when they came, nobody wanted anything of them any more.
     pub clusters_dropped: u64,
     /// Clusters that were read again after an error.
     pub retries: u64,
     /// Clusters that were given up.
     pub clusters_failed: u64,
-    /// Pages that arrived.
-    pub pages: u64,
+    /// Parcels that arrived.
+    pub parcels: u64,
     /// Their bytes in the atlas' formats.
-    pub page_bytes: u64,
-    /// Pages that came from a cluster which was at hand.
+    pub parcel_bytes: u64,
+    /// Parcels that came from a cluster which was at hand.
     pub cache_hits: u64,
-    /// Pages that arrived as errors.
-    pub pages_failed: u64,
+    /// Parcels that arrived as errors.
+    pub parcels_failed: u64,
     /// Time from submission to completion, summed over reads.
     pub read_seconds: f64,
-    /// Time of checksums, unpacking and decoding, summed over workers.
+    /// Time of checksums, unpacking, decoding and assembling, summed over workers.
     pub unpack_seconds: f64,
 
     /// Clusters that wait to be read.
@@ -45,8 +45,10 @@ pub struct LoaderStatistics {
     pub flight_bytes: usize,
     /// Bytes of unpacked clusters that are kept.
     pub cache_bytes: usize,
+    /// Bytes of clusters that are kept as they are stored.
+    pub stored_cache_bytes: usize,
     /// Bytes of texels that wait to be taken.
     pub ready_bytes: usize,
-    /// Pages that were asked for and have not been handed over.
-    pub pending_pages: usize,
+    /// Parcels that were asked for and have not been handed over.
+    pub pending: usize,
 }

@@ -17,7 +17,7 @@
 //! **What it costs.** A landscape of 950 k fans with a tile each, most of them in the picture, 1920x1080
 //! (`examples/demand_cost.rs`), medians of a frame in three runs on two cores that did other work, too: still 0 us; 0.1 m per
 //! frame in a square of 1 km, 60 to 110 us; 0.5 m per frame, 0.5 to 1.6 ms; 3 m per frame, 3 to 5 ms; a cut in every frame, 24
-//! to 28 ms.
+//! to 28 ms while one update bounded all of it. Now an update does no more than 2 to 3 ms of that ([`WORK_PER_UPDATE`]).
 //!
 //! **What it gives away.** Mean excess over the reference with anisotropic look-ups: 0.1 to 0.3 levels (bunny 0.25); with
 //! trilinear ones, whose level hangs on the pixel's longer axis, 0.3 to 0.4 (a landscape 0.36; a cube of large tiles, where the
@@ -45,12 +45,12 @@ pub use crate::shape::Detail;
 pub use paged::PageDemand;
 pub(crate) use surface::DemandSurface;
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::{Mat3, Vec3};
 
 use crate::StreamView;
+use crate::sparse_lists::SparseLists;
 use bounds::{Bounds, LogDensities};
 use lens::{Lens, Sight, Slack};
 use surface::{BLOCK, FAN_OUT};
@@ -66,9 +66,11 @@ const UNIFORM_TURN: f32 = 0.03;
 /// A block whose farthest point is at most so many times as far as its nearest is bounded as a whole: a fifth of a level.
 const UNIFORM_DEPTH: f32 = 1.15;
 
-/// Groups that are bounded in one update, about 25 ns each; a block that is bounded as a whole counts as [`BLOCK_WORK`]. After a
+/// Groups that are bounded in one update, [`GROUP_NANOSECONDS`] each; a block that is bounded as a whole counts as [`BLOCK_WORK`]. After a
 /// cut in a view of hundreds of thousands of tiles some wait for the next update.
-const WORK_PER_UPDATE: usize = 1 << 17;
+const WORK_PER_UPDATE: usize = 1 << 15;
+/// What bounding a group takes.
+const GROUP_NANOSECONDS: u32 = 60;
 /// See [`WORK_PER_UPDATE`].
 const BLOCK_WORK: usize = 4;
 /// The same where each of the block's reliefs is looked at.
@@ -124,12 +126,14 @@ pub struct DemandWork {
 pub(crate) struct Demand {
     max_anisotropy: f32,
     details: Vec<Detail>,
-    pages: HashMap<u32, Vec<PageDemand>>,
+    pages: SparseLists<PageDemand>,
     nodes: Vec<Vec<NodeState>>,
     view: Option<StreamView>,
     course: Course,
     work: DemandWork,
     work_per_update: usize,
+    /// Of these the last update left so many.
+    left: usize,
     /// The block at which the last update ran out of work; the next one begins there, so that all have their turn.
     resume: Option<usize>,
 }
@@ -141,12 +145,13 @@ impl Demand {
         Self {
             max_anisotropy,
             details: vec![Detail::HIDDEN; surface.groups.len()],
-            pages: HashMap::new(),
+            pages: SparseLists::new(surface.groups.len()),
             nodes: surface.nodes.iter().map(|nodes| vec![hidden; nodes.len()]).collect(),
             view: None,
             course: Course::START,
             work: DemandWork::default(),
             work_per_update: WORK_PER_UPDATE,
+            left: WORK_PER_UPDATE,
             resume: None,
         }
     }
@@ -166,14 +171,19 @@ impl Demand {
         &self.details
     }
 
-    /// The pages that a large tile needs, ascending; none for a tile of one page per level.
+    /// The [own](TileShape::own_pages) pages that a large tile needs, ascending; none for a tile of one page per level.
     pub(crate) fn pages(&self, group: u32) -> &[PageDemand] {
-        self.pages.get(&group).map_or(&[], Vec::as_slice)
+        self.pages.get(group)
     }
 
     /// Work of the last update.
     pub(crate) fn work(&self) -> DemandWork {
         self.work
+    }
+
+    /// Nanoseconds that the last update should have taken.
+    pub(crate) fn nanoseconds(&self) -> u32 {
+        (self.work_per_update - self.left) as u32 * GROUP_NANOSECONDS
     }
 
     /// Honours another greatest anisotropy from the next update on.
@@ -191,7 +201,7 @@ impl Demand {
         view: Option<&StreamView>,
         changed: &mut Vec<u32>,
     ) {
-        self.work = DemandWork::default();
+        (self.work, self.left) = (DemandWork::default(), self.work_per_update);
         let root = self.nodes.len() - 1;
         if self.details.is_empty() {
             return;
@@ -204,8 +214,8 @@ impl Demand {
         };
         self.advance(view);
         let lens = Lens::new(view, self.max_anisotropy);
-        let (left, begin) = (self.work_per_update, self.resume.take().unwrap_or(0));
-        let mut visit = Visit { demand: self, surface, lens, changed, blocks: begin..usize::MAX, left };
+        let begin = self.resume.take().unwrap_or(0);
+        let mut visit = Visit { demand: self, surface, lens, changed, blocks: begin..usize::MAX };
         visit.node(root, 0);
         if begin > 0 {
             visit.blocks = 0..begin;
@@ -251,15 +261,15 @@ impl Demand {
         if *known != detail {
             *known = detail;
             changed.push(group);
-            if !detail.is_visible() && !self.pages.is_empty() {
-                self.pages.remove(&group);
+            if !detail.is_visible() {
+                self.pages.set(group, Vec::new());
             }
         }
     }
 
     fn set_pages(&mut self, group: u32, pages: Vec<PageDemand>, changed: &mut Vec<u32>) {
         if self.pages(group) != pages {
-            self.pages.insert(group, pages);
+            self.pages.set(group, pages);
             if changed.last() != Some(&group) {
                 changed.push(group);
             }
@@ -275,8 +285,6 @@ struct Visit<'a> {
     changed: &'a mut Vec<u32>,
     /// Those that are visited.
     blocks: Range<usize>,
-    /// Work that may still be done.
-    left: usize,
 }
 
 impl Visit<'_> {
@@ -287,7 +295,7 @@ impl Visit<'_> {
         if course.is_before(state.due) || !self.is_visited(height, node) {
             return state.due;
         }
-        if self.left == 0 {
+        if self.demand.left == 0 {
             self.demand.resume.get_or_insert(node * FAN_OUT.pow(height as u32));
             return state.due;
         }
@@ -311,6 +319,10 @@ impl Visit<'_> {
         };
         self.demand.nodes[height][node].due = due;
         due
+    }
+
+    fn spend(&mut self, work: usize) {
+        self.demand.left = self.demand.left.saturating_sub(work);
     }
 
     /// Whether a node has blocks that are visited.
@@ -342,7 +354,7 @@ impl Visit<'_> {
         }
         let groups = block(node, self.demand.details.len());
         self.demand.work.groups += groups.len() as u32;
-        self.left = self.left.saturating_sub(groups.len());
+        self.spend(groups.len());
         groups.for_each(|group| self.group(group as u32, slack));
         self.demand.course.plus(slack)
     }
@@ -352,7 +364,7 @@ impl Visit<'_> {
     fn uniform_block(&mut self, node: usize, bounds: &Bounds, slack: Slack) -> bool {
         self.demand.work.uniform_blocks += 1;
         let uses_relief = self.lens.uses_relief();
-        self.left = self.left.saturating_sub(if uses_relief { RELIEF_BLOCK_WORK } else { BLOCK_WORK });
+        self.spend(if uses_relief { RELIEF_BLOCK_WORK } else { BLOCK_WORK });
         let pixel = self.lens.pixel_on(bounds, slack);
         let groups = block(node, self.demand.details.len());
         let mut details = [Detail::HIDDEN; BLOCK];
@@ -373,12 +385,17 @@ impl Visit<'_> {
             let shape = self.surface.shapes.of(group as u32);
             detail.is_visible() && shape.is_paged() && shape.single_pages(detail).is_none()
         };
-        if self.surface.has_paged[node] && groups.clone().zip(&details).any(differs) {
+        let has_paged = self.surface.has_paged[node];
+        if has_paged && groups.clone().zip(&details).any(differs) {
             return false;
         }
         if self.demand.details[groups.clone()] != details[..groups.len()] {
             for (group, detail) in groups.zip(details) {
-                self.set(group as u32, detail);
+                if has_paged {
+                    self.set(group as u32, detail);
+                } else {
+                    self.demand.set(group as u32, detail, self.changed);
+                }
             }
         }
         true
@@ -396,7 +413,8 @@ impl Visit<'_> {
         let Some(pages) = shape.single_pages(detail) else { return true };
         // These pages follow from the detail.
         if is_new {
-            let pages = pages.map(|index| PageDemand { index, detail }).collect();
+            let own = pages.start..pages.end.min(shape.own_pages());
+            let pages = own.map(|index| PageDemand { index, detail }).collect();
             self.demand.set_pages(group, pages, self.changed);
         }
         false
@@ -417,7 +435,8 @@ impl Visit<'_> {
             self.demand.work.paged += 1;
             let shape = self.surface.shapes.of(group);
             let whole = (bounds, self.surface.reliefs[group as usize]);
-            let pages = tile.demand(&*self.surface.geometry, shape, &whole, &self.lens, slack);
+            let mut pages = tile.demand(&*self.surface.geometry, shape, &whole, &self.lens, slack);
+            pages.retain(|page| page.index < shape.own_pages());
             self.demand.set_pages(group, pages, self.changed);
         }
     }

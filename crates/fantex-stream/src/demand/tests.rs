@@ -127,7 +127,7 @@ fn compare(
             "group {group} is read at level {level}, width {width}, but {detail:?} is wanted"
         );
         least[group as usize] = least[group as usize].min(width);
-        if shape.is_paged() && level < shape.level_count() {
+        if shape.is_paged() && level < shape.own_levels() {
             let extent = Vec2::from(shape.extent(level).map(|n| n as f32));
             let texel = (uv * extent).clamp(Vec2::ZERO, extent - 1.0);
             let page = [texel.x as u32 / 256, texel.y as u32 / 256];

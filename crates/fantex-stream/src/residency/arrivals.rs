@@ -1,32 +1,30 @@
 //! From texels that have arrived to uploads.
 
-use fantex_store::{PageError, PageId};
+use fantex_store::PageError;
 
+use super::work::{ARRIVE, PLACE, PLACE_TILE, Task};
 use super::{Flight, Residency};
-use crate::{FrameChanges, LoadedPage, PageLoader, PageTexels, PageUpload};
+use crate::{FrameChanges, LoadedParcel, Parcel, ParcelLoader, ParcelUpload};
 
-/// Frames after which a page that is not needed makes room for one that is fetched ahead: about as many as it is fetched
+/// Frames after which a parcel that is not needed makes room for one that is fetched ahead: about as many as it is fetched
 /// ahead. (With four times as many, a camera that flew on after a cut found no room for what it foresaw.)
 const AHEAD_AGE: u32 = 15;
 
-/// Pages that are placed in one frame, at most. Each takes one to two microseconds, however small it is.
-const PAGES_PER_FRAME: usize = 1 << 12;
-
-/// The loader is asked for so large a part of a frame's bytes at a time: pages may be tiny, and then are many.
+/// The loader is asked for so large a part of a frame's bytes at a time: parcels may be small, and then are many.
 const POLLS_PER_FRAME: usize = 16;
 
 impl Residency {
-    /// Takes what has arrived and gives it places, until `max_bytes` are uploaded (at least one page, if there is any).
-    pub(crate) fn arrive(&mut self, max_bytes: usize, loader: &mut dyn PageLoader) -> FrameChanges {
+    /// Takes what has arrived and gives it places, until `max_bytes` are uploaded (at least one parcel, if there is any).
+    pub(crate) fn arrive(&mut self, max_bytes: usize, loader: &mut dyn ParcelLoader) -> FrameChanges {
         let mut frame = Arrivals { changes: FrameChanges::default(), bytes: 0, max_bytes, stuck: Vec::new() };
         self.settle(&mut frame);
-        while !frame.is_full() {
+        while self.has_room(&frame) {
             let loaded = loader.poll((max_bytes / POLLS_PER_FRAME).clamp(1, max_bytes - frame.bytes));
             if loaded.is_empty() {
                 break;
             }
-            for page in loaded {
-                self.take_in(page, &mut frame);
+            for parcel in loaded {
+                self.take_in(parcel, &mut frame);
             }
             self.settle(&mut frame);
         }
@@ -41,97 +39,103 @@ impl Residency {
         frame.changes
     }
 
-    fn take_in(&mut self, loaded: LoadedPage, frame: &mut Arrivals) {
-        let LoadedPage { page, texels } = loaded;
-        let index = self.pool.index(page);
+    /// Whether more may arrive in this frame.
+    fn has_room(&self, frame: &Arrivals) -> bool {
+        frame.bytes < frame.max_bytes && self.work.may(Task::Arrive)
+    }
+
+    fn take_in(&mut self, loaded: LoadedParcel, frame: &mut Arrivals) {
+        let LoadedParcel { parcel, texels } = loaded;
+        self.work.spend(ARRIVE);
+        let index = self.shapes.index(parcel);
         // What was cancelled in the meantime is not wanted any more.
         if !matches!(self.flight(index), Flight::Asked | Flight::Ahead) {
             return;
         }
         match texels {
             Err(error) => {
-                self.set_flight(page, index, Flight::None);
-                self.give_up(page, index, error);
+                self.set_flight(parcel, index, Flight::None);
+                self.give_up(parcel, index, error);
             }
             Ok(texels) => match self.pool.entry(index).place() {
                 Some(place) => {
-                    self.set_flight(page, index, Flight::None);
-                    frame.upload(PageUpload { page, place, texels });
+                    self.set_flight(parcel, index, Flight::None);
+                    frame.upload(ParcelUpload { parcel, place, texels });
                 }
                 None => {
-                    self.set_flight(page, index, Flight::Waiting);
-                    self.waiting.insert(index, (page, texels));
+                    self.set_flight(parcel, index, Flight::Waiting);
+                    self.waiting.insert(index, (parcel, texels));
                     self.ready.push_back(index);
                 }
             },
         }
     }
 
-    /// A page cannot be read: nobody waits for it any longer.
-    fn give_up(&mut self, page: PageId, index: u32, error: PageError) {
-        let is_new = self.damaged.insert(page, error).is_none();
+    /// A parcel cannot be read: nobody waits for it any longer.
+    fn give_up(&mut self, parcel: Parcel, index: u32, error: PageError) {
+        let is_new = self.damaged.insert(parcel, error).is_none();
         // What is resident has the texels from before it was to be read again.
         if self.pool.is_resident(index) {
             return;
         }
         if is_new && self.pool.is_needed(index) {
-            self.count_missing(page.group, false);
+            self.count_missing(parcel, false);
+            self.update_lacks(parcel);
         }
         self.pool.add_hole(index);
-        self.wake_under(page);
+        self.wake_under(parcel);
     }
 
-    /// Pages that have waited for one over them look again.
-    fn wake_under(&mut self, page: PageId) {
-        let Self { pool, ready, flights, .. } = self;
-        pool.for_each_under(page, &mut |index| {
+    /// Parcels that have waited for one over them look again: it has come, or will not.
+    pub(super) fn wake_under(&mut self, parcel: Parcel) {
+        let Self { pool, ready, flights, waiting, .. } = self;
+        if waiting.is_empty() {
+            return;
+        }
+        pool.for_each_under(parcel, &mut |index| {
             if flights[index as usize] == Flight::Waiting {
                 ready.push_back(index);
             }
         });
     }
 
-    /// Gives places to pages whose coarser ones are resident.
+    /// Gives places to parcels whose coarser ones are resident.
     fn settle(&mut self, frame: &mut Arrivals) {
-        while !frame.is_full() {
+        while self.has_room(frame) {
             let Some(index) = self.ready.pop_front() else { return };
             if self.flight(index) == Flight::Waiting
-                && let Some(&(page, _)) = self.waiting.get(&index)
+                && let Some(&(parcel, _)) = self.waiting.get(&index)
             {
-                self.settle_page(page, index, frame);
+                self.settle_parcel(parcel, index, frame);
             }
         }
     }
 
-    fn settle_page(&mut self, page: PageId, index: u32, frame: &mut Arrivals) {
+    fn settle_parcel(&mut self, parcel: Parcel, index: u32, frame: &mut Arrivals) {
         let is_needed = self.pool.is_needed(index);
-        if let Some(missing) = self.pool.blocker(page) {
+        if let Some(missing) = self.pool.blocker(parcel) {
             // It becomes ready when that one is placed.
             if self.flight(missing) == Flight::None && !is_needed {
-                self.drop_waiting(page, index);
+                self.forget(parcel, index);
             }
             return;
         }
-        match self.pool.insert(page, index, if is_needed { 0 } else { AHEAD_AGE }) {
+        match self.pool.insert(parcel, index, if is_needed { 0 } else { AHEAD_AGE }) {
             Some(place) => {
-                if let Some(texels) = self.drop_waiting(page, index) {
-                    frame.upload(PageUpload { page, place, texels });
+                self.work.spend(PLACE + PLACE_TILE * parcel.most_tiles());
+                self.set_flight(parcel, index, Flight::None);
+                if let Some((_, texels)) = self.waiting.remove(&index) {
+                    frame.upload(ParcelUpload { parcel, place, texels });
                 }
                 if is_needed {
-                    self.count_missing(page.group, false);
+                    self.count_missing(parcel, false);
+                    self.update_lacks(parcel);
                 }
-                self.wake_under(page);
+                self.wake_under(parcel);
             }
             None if is_needed => frame.stuck.push(index),
-            None => {
-                self.drop_waiting(page, index);
-            }
+            None => self.forget(parcel, index),
         }
-    }
-
-    fn drop_waiting(&mut self, page: PageId, index: u32) -> Option<PageTexels> {
-        self.set_flight(page, index, Flight::None);
-        self.waiting.remove(&index).map(|(_, texels)| texels)
     }
 }
 
@@ -141,16 +145,12 @@ struct Arrivals {
     /// Of the uploads.
     bytes: usize,
     max_bytes: usize,
-    /// Needed pages without room.
+    /// Needed parcels without room.
     stuck: Vec<u32>,
 }
 
 impl Arrivals {
-    fn is_full(&self) -> bool {
-        self.bytes >= self.max_bytes || self.changes.uploads.len() >= PAGES_PER_FRAME
-    }
-
-    fn upload(&mut self, upload: PageUpload) {
+    fn upload(&mut self, upload: ParcelUpload) {
         self.bytes += upload.texels.bytes();
         self.changes.uploads.push(upload);
     }

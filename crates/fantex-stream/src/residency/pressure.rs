@@ -1,21 +1,22 @@
 //! The bias: how much coarser everything is wanted so that it fits.
 //!
-//! For every bias the texels that would be needed are known exactly, from a [`Histogram`] that follows the groups' demand one by
-//! one. The bias rises at once to where the demand fits, and sinks only where the demand of the lower bias fits with room to
+//! For every bias the texels that would be needed are known exactly, from a [`Histogram`] that follows the demand of groups and
+//! bundles one by one. The bias rises at once to where the demand fits, and sinks only where the demand of the lower bias fits with room to
 //! spare, and not often. So a still camera comes to rest: what made the bias sink cannot make it rise again.
 
-use std::collections::HashMap;
-
+use crate::Parcel;
 use crate::demand::{Demand, PageDemand};
+use crate::parcel::{BUNDLE_TILES, FAMILY, SHARED_LEVELS};
 use crate::shape::{Detail, TileShape, TileShapes};
+use crate::sparse_lists::SparseLists;
 
-/// Share of the atlas that needed pages may take; the rest is lost between pages, or keeps what may be needed again.
+/// Share of the atlas that needed parcels may take; the rest is lost between them, or keeps what may be needed again.
 const HIGH: f64 = 0.92;
 /// Share of that up to which the bias sinks.
 const LOW: f64 = 0.88;
 /// Share of that to which a rising bias brings the demand.
 const AIM: f64 = 0.95;
-/// What a page that finds no room takes from the share.
+/// What a parcel that finds no room takes from the share.
 const SQUEEZE: f64 = 0.97;
 /// What a frame with a moving camera gives back.
 const RELAX: f64 = 0.0005;
@@ -29,30 +30,32 @@ struct Histogram {
 }
 
 impl Histogram {
-    fn new() -> Self {
-        Self { texels: vec![0; 256] }
+    /// All bundles stand among what no bias needs.
+    fn of_nothing_needed(shapes: &TileShapes) -> Self {
+        let mut texels = vec![0; 256];
+        texels[0] = (0..shapes.bundle_count()).map(|index| shapes.texels(shapes.parcel(index))).sum();
+        Self { texels }
     }
 
-    /// Counts a tile of one page per level, or (`more` false) does not any more.
+    /// Counts the own levels of a tile of one page per level, or (`more` false) does not any more.
     fn count_tile(&mut self, shape: &TileShape, detail: Detail, more: bool) {
         if detail.is_visible() {
-            for level in shape.wanted_level(detail)..shape.level_count() {
-                self.count(shape, level, detail, shape.texels(level), more);
+            for level in shape.wanted_level(detail)..shape.own_levels() {
+                self.count(until(shape, level, detail), shape.texels(level), more);
             }
         }
     }
 
-    /// The same for pages of a large tile.
+    /// The same for the own pages of a large tile.
     fn count_pages(&mut self, shape: &TileShape, pages: &[PageDemand], more: bool) {
         for page in pages {
             let id = shape.page(0, page.index);
             let [w, h] = shape.page_extent(id.level, id.page).map(u64::from);
-            self.count(shape, id.level, page.detail, w * h, more);
+            self.count(until(shape, id.level, page.detail), w * h, more);
         }
     }
 
-    fn count(&mut self, shape: &TileShape, level: u32, detail: Detail, texels: u64, more: bool) {
-        let until = shape.leaves(level).saturating_sub(detail.0);
+    fn count(&mut self, until: u8, texels: u64, more: bool) {
         let bin = &mut self.texels[usize::from(until)];
         *bin = if more { *bin + texels } else { *bin - texels };
     }
@@ -71,6 +74,11 @@ impl Histogram {
     }
 }
 
+/// The bias from which on a level is not needed.
+fn until(shape: &TileShape, level: u32, detail: Detail) -> u8 {
+    shape.leaves(level).saturating_sub(detail.0)
+}
+
 /// The bias and what it depends on.
 #[derive(Clone, Debug)]
 pub(crate) struct Pressure {
@@ -81,19 +89,23 @@ pub(crate) struct Pressure {
     /// Per group the demand that is counted.
     counted: Vec<Detail>,
     /// Per large tile that is visible the pages that are counted.
-    counted_pages: HashMap<u32, Vec<PageDemand>>,
+    counted_pages: SparseLists<PageDemand>,
+    /// Per bundle the bias from which on it is not needed, as far as it is counted.
+    untils: Vec<u8>,
     /// Frames since the bias changed.
     steady: u32,
 }
 
 impl Pressure {
-    pub(crate) fn new(group_count: usize) -> Self {
+    pub(crate) fn new(shapes: &TileShapes) -> Self {
+        let group_count = shapes.group_count();
         Self {
+            untils: vec![0; shapes.bundle_count() as usize],
             bias: 0,
             usable: 1.0,
-            histogram: Histogram::new(),
+            histogram: Histogram::of_nothing_needed(shapes),
             counted: vec![Detail::HIDDEN; group_count],
-            counted_pages: HashMap::new(),
+            counted_pages: SparseLists::new(group_count),
             steady: 0,
         }
     }
@@ -103,7 +115,7 @@ impl Pressure {
         (self.bias, self.usable, self.steady) = (0, 1.0, 0);
     }
 
-    /// Takes over the demand of a group.
+    /// Takes over the demand of a group; its bundle is counted separately.
     pub(crate) fn count(&mut self, group: u32, demand: &Demand, shapes: &TileShapes) {
         let shape = shapes.of(group);
         let detail = demand.detail(group);
@@ -116,13 +128,61 @@ impl Pressure {
             return;
         }
         let pages = demand.pages(group);
-        let last = if pages.is_empty() {
-            self.counted_pages.remove(&group)
-        } else {
-            self.counted_pages.insert(group, pages.to_vec())
-        };
-        self.histogram.count_pages(shape, &last.unwrap_or_default(), false);
+        let last = self.counted_pages.set(group, pages.to_vec());
+        self.histogram.count_pages(shape, &last, false);
         self.histogram.count_pages(shape, pages, true);
+    }
+
+    /// Takes over what bundles need, as far as the demand of their groups is counted.
+    pub(crate) fn count_family(&mut self, family: u32, shapes: &TileShapes) {
+        let groups = shapes.groups(family, 0);
+        let first = groups.start;
+        let mut untils = [[0; SHARED_LEVELS as usize]; FAMILY as usize];
+        for (untils, group) in untils.iter_mut().zip(groups) {
+            *untils = self.untils_of(group, shapes);
+        }
+        for step in 0..SHARED_LEVELS {
+            let tiles = BUNDLE_TILES[step as usize];
+            for (own, begin) in untils.chunks(tiles as usize).zip((first..).step_by(tiles as usize)) {
+                if begin as usize >= shapes.group_count() {
+                    break;
+                }
+                let next = own.iter().map(|untils| untils[step as usize]).max().unwrap_or(0);
+                let parcel = Parcel::bundle_of(begin, step);
+                let last = std::mem::replace(&mut self.untils[shapes.index(parcel) as usize], next);
+                if last != next {
+                    let texels = shapes.texels(parcel);
+                    self.histogram.count(last, texels, false);
+                    self.histogram.count(next, texels, true);
+                }
+            }
+        }
+    }
+
+    /// Per step the bias from which on a group does not need its level.
+    fn untils_of(&self, group: u32, shapes: &TileShapes) -> [u8; SHARED_LEVELS as usize] {
+        let detail = self.counted[group as usize];
+        if !detail.is_visible() {
+            return [0; SHARED_LEVELS as usize];
+        }
+        let shape = shapes.of(group);
+        // What lies over a page is needed as long as the page is.
+        let own = self.counted_pages.get(group).iter();
+        let own = own.map(|page| until(shape, shape.page(group, page.index).level, page.detail)).max();
+        shape.shared_leaves().map(|leaves| match leaves {
+            0 => 0,
+            leaves => leaves.saturating_sub(detail.0).max(own.unwrap_or(0)),
+        })
+    }
+
+    /// The bias from which on a bundle is not needed, as far as the demand of its groups is counted.
+    pub(crate) fn bundle_until(&self, index: u32) -> u8 {
+        self.untils[index as usize]
+    }
+
+    /// The demand of a group that is counted.
+    pub(crate) fn counted(&self, group: u32) -> Detail {
+        self.counted[group as usize]
     }
 
     /// Steps of [`Detail`] by which everything is wanted coarser.
@@ -130,7 +190,7 @@ impl Pressure {
         self.bias
     }
 
-    /// A needed page found no room: less must be needed.
+    /// A needed parcel found no room: less must be needed.
     pub(crate) fn squeeze(&mut self) {
         self.usable = (self.usable * SQUEEZE).max(1e-3);
     }

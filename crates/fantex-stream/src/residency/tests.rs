@@ -1,6 +1,6 @@
 //! A streamer against a shadow of the atlas, along random paths, with disks that fail and atlases that are too small.
 
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, LazyLock};
 
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
@@ -12,8 +12,8 @@ use proptest::prelude::*;
 use super::packer::Packer;
 use crate::simulate::{CameraKeyframe, CameraPath, DiskModel, ModelClock, ModelLoader};
 use crate::{
-    AtlasPlace, AtlasShape, CoveredMesh, FrameChanges, FrameOptions, Geometry, Streamer, StreamerOptions,
-    TableEntry,
+    AtlasPlace, AtlasShape, CoveredMesh, FrameChanges, FrameOptions, Geometry, Parcel, Streamer,
+    StreamerOptions, TableEntry,
 };
 
 fn covered(model: Model, texels: u64, tile: u32) -> Arc<CoveredMesh> {
@@ -55,10 +55,21 @@ impl Shadow {
 
     fn apply(&mut self, cover: &Cover, changes: &FrameChanges, atlas: AtlasShape) {
         for upload in &changes.uploads {
-            assert_eq!(upload.texels.extent, extent(cover, upload.page));
-            assert_eq!(upload.texels.channels[0][..2], ModelLoader::signature(upload.page));
+            let layout = upload.parcel.layout(cover);
+            assert_eq!(upload.texels.extent, layout.extent);
             for unit in units(upload.place, upload.texels.extent, atlas) {
-                self.units[unit] = self.indices[&upload.page];
+                self.units[unit] = u32::MAX;
+            }
+            for (slot, signature) in layout.slots.iter().zip(upload.texels.channels[0].chunks(2)) {
+                assert_eq!(Parcel::of(&cover.groups[slot.page.group as usize], slot.page), upload.parcel);
+                assert_eq!(slot.extent, extent(cover, slot.page));
+                assert_eq!(signature, ModelLoader::signature(slot.page));
+                let AtlasPlace { layer, x, y } = upload.place;
+                let place = AtlasPlace { layer, x: x + slot.at[0] as u16, y: y + slot.at[1] as u16 };
+                for unit in units(place, slot.extent, atlas) {
+                    assert_eq!(self.units[unit], u32::MAX, "pages of a parcel overlap");
+                    self.units[unit] = self.indices[&slot.page];
+                }
             }
         }
         assert!(changes.entries.windows(2).all(|w| w[0].index < w[1].index), "entries come in order, once");
@@ -195,9 +206,12 @@ proptest! {
         damaged_share in prop::sample::select(vec![0.0, 0.0, 0.01, 0.2, 1.0]),
         latency_seconds in prop::sample::select(vec![0.0, 0.005, 0.08]),
         bandwidth in prop::sample::select(vec![2e6, 1e8]),
+        // The covers are small: with as much work as a frame has for large ones nothing would ever wait for the next frame.
+        frame_work in prop::sample::select(vec![super::work::FRAME, 120_000]),
     ) {
         let disk = DiskModel { damaged_share, latency_seconds, bandwidth, ..DiskModel::default() };
         let mut stage = Stage::new(&GEOMETRIES[which], atlas, disk);
+        stage.streamer.set_frame_work(frame_work);
         let mut camera = CameraKeyframe::looking(0.0, DVec3::Z * 3.0, DVec3::ZERO);
         for act in acts {
             match act {
@@ -239,15 +253,15 @@ proptest! {
         let figures = stage.streamer.statistics();
         // What cannot be read keeps nothing else from coming.
         prop_assert_eq!(figures.complete_groups, figures.visible_groups);
-        prop_assert_eq!(figures.missing_pages, 0);
+        prop_assert_eq!(figures.missing, 0);
         if damaged_share == 0.0 {
-            prop_assert_eq!(figures.damaged_pages, 0);
+            prop_assert_eq!(figures.damaged, 0);
         }
         if damaged_share == 1.0 {
-            prop_assert_eq!(figures.resident.pages, 0);
+            prop_assert_eq!(figures.resident.parcels, 0);
         }
         stage.settle(None);
-        prop_assert_eq!(stage.streamer.statistics().needed.pages, 0);
+        prop_assert_eq!(stage.streamer.statistics().needed.parcels, 0);
     }
 }
 
@@ -263,6 +277,37 @@ fn a_pool_that_is_far_too_small_is_used_and_does_not_flicker() {
         assert!(figures.occupancy() > 0.2, "{}", figures.occupancy());
         println!("bias {:.2}, {:.0} % in use", figures.bias_levels, 100.0 * figures.occupancy());
     }
+}
+
+#[test]
+fn a_cut_to_many_tiles_is_spread_over_frames() {
+    let geometry = covered(generate::torus(300, 150), 45_000 * 100, 0);
+    let disk = DiskModel { latency_seconds: 0.0, bandwidth: 1e9, ..DiskModel::default() };
+    let camera = CameraKeyframe::looking(0.0, DVec3::new(0.5, 0.6, 2.5), DVec3::ZERO);
+    let view = camera.view(&geometry.mesh.world_from_mesh, [1280, 720]);
+    let [first, second] = [(); 2].map(|()| {
+        let mut stage = Stage::new(&geometry, AtlasShape { side: 2048, layers: 2 }, disk);
+        stage.streamer.set_frame_work(super::work::FRAME / 2);
+        let mut uploads = Vec::new();
+        let mut waiting_frames = 0;
+        while uploads.is_empty() || !stage.streamer.is_settled() {
+            stage.clock.set(stage.clock.seconds() + FRAME_SECONDS);
+            let changes = stage.streamer.update(view.as_ref(), FrameOptions::default());
+            let (spent, most) = stage.streamer.work();
+            assert!(spent <= most + most / 50, "{spent} ns");
+            uploads.push(changes.uploads.iter().map(|upload| upload.parcel).collect::<Vec<_>>());
+            waiting_frames += u32::from(stage.streamer.has_backlog());
+            assert!(uploads.len() < 100);
+        }
+        stage.streamer.check();
+        let figures = stage.streamer.statistics();
+        assert!(figures.complete_groups == figures.visible_groups && figures.visible_groups > 20_000);
+        let busy = uploads.iter().filter(|uploads| uploads.len() > 300).count();
+        assert!(waiting_frames > 0 && busy > 2, "{waiting_frames} {busy}");
+        println!("{} frames, {waiting_frames} with demand that waits", uploads.len());
+        uploads
+    });
+    assert_eq!(first, second, "work is counted, not timed");
 }
 
 #[test]
@@ -285,7 +330,7 @@ fn edited_pages_are_uploaded_again_where_they_are() {
     let camera = CameraKeyframe::looking(0.0, DVec3::Z * 3.0, DVec3::ZERO);
     stage.settle(Some(&camera));
     let resident = (0..stage.shadow.pages.len()).filter(|&i| stage.shadow.table[i] != TableEntry::ABSENT);
-    let edited: Vec<PageId> = resident.take(9).map(|i| stage.shadow.pages[i]).collect();
+    let edited: Vec<PageId> = resident.step_by(37).take(9).map(|i| stage.shadow.pages[i]).collect();
     stage.streamer.invalidate(&edited);
     let mut uploaded = Vec::new();
     for _ in 0..20 {
@@ -294,10 +339,12 @@ fn edited_pages_are_uploaded_again_where_they_are() {
         let changes = stage.streamer.update(view.as_ref(), FrameOptions::default());
         assert!(changes.entries.is_empty());
         stage.shadow.apply(&geometry.cover, &changes, stage.atlas);
-        uploaded.extend(changes.uploads.iter().map(|u| u.page));
+        uploaded.extend(changes.uploads.iter().map(|u| u.parcel));
     }
     uploaded.sort();
-    assert_eq!(uploaded, edited);
+    let parcel = |&page: &PageId| Parcel::of(&geometry.cover.groups[page.group as usize], page);
+    let expected: BTreeSet<Parcel> = edited.iter().map(parcel).collect();
+    assert!(expected.len() > 2 && uploaded.iter().eq(&expected), "{uploaded:?} {expected:?}");
 }
 
 #[test]

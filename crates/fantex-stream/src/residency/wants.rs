@@ -1,22 +1,20 @@
-//! From what a view needs to pages that are needed, asked for, or cancelled.
+//! From what a view needs to parcels that are needed, asked for, or cancelled.
+
+use std::collections::BTreeSet;
 
 use fantex_store::PageId;
 
+use super::work::{ASK, NEED, Task, WANT_FAMILY, WANT_GROUP};
 use super::{Flight, Residency};
 use crate::demand::Demand;
-use crate::shape::{Detail, TileShape};
-use crate::{AtlasShape, PageLoader};
+use crate::parcel::{FAMILY, SHARED_LEVELS};
+use crate::shape::Detail;
+use crate::{AtlasShape, Parcel, ParcelLoader};
 
 /// Steps of [`Detail`] by which a demand must have become coarser before a finer level counts as unneeded.
 const RELUCTANCE: u8 = 2;
 
-/// Groups whose demand is taken over in one frame. Each takes about 0.2 us where pages become needed or unneeded.
-const WANTS_PER_FRAME: usize = 1 << 15;
-
-/// Pages that are asked for in a sixtieth of a second. Each takes about 0.5 us, mostly the loader's.
-const ASKS_PER_FRAME: usize = 1 << 12;
-
-/// Whether and how the demand of a group waits to be taken over.
+/// Whether and how the demand of a family of groups waits to be taken over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Backlog {
     /// It does not.
@@ -30,46 +28,47 @@ pub(super) enum Backlog {
 /// How much may be on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RequestLimits {
-    /// Pages asked for or waiting for coarser ones.
-    pub pages: usize,
+    /// Parcels asked for or waiting for coarser ones.
+    pub parcels: usize,
     /// Their texels.
     pub texels: u64,
 }
 
 impl Default for RequestLimits {
-    /// Enough to keep a fast disk busy: 16384 pages, 8 Mi texels.
+    /// Enough to keep a fast disk busy: 16384 parcels, 8 Mi texels.
     fn default() -> Self {
-        Self { pages: 1 << 14, texels: 8 << 20 }
+        Self { parcels: 1 << 14, texels: 8 << 20 }
     }
 }
 
-/// Share of the atlas that needed pages and pages fetched ahead may fill together.
-const AHEAD_SHARE: f64 = 0.85;
-
 impl Residency {
-    /// Takes over the demand of the groups for which it has changed, of so many per frame: a cut to a view of hundreds of
-    /// thousands of tiles, or another bias for them, is spread over some frames.
+    /// Takes over the demand of the groups for which it has changed, of so many families per frame: a cut to a view of hundreds
+    /// of thousands of tiles, or another bias for them, is spread over some frames.
     pub(crate) fn want(&mut self, changed: &[u32], demand: &Demand) {
-        for &group in changed {
-            self.put_off(group, Backlog::Changed);
+        self.work.spend(demand.nanoseconds());
+        let mut last = None;
+        for family in changed.iter().map(|group| group / FAMILY) {
+            if last.replace(family) != Some(family) {
+                self.put_off(family, Backlog::Changed);
+            }
         }
-        for _ in 0..self.backlog.len().min(WANTS_PER_FRAME) {
-            let Some(group) = self.backlog.pop_front() else { return };
-            let reluctance = match std::mem::replace(&mut self.in_backlog[group as usize], Backlog::Done) {
+        while !self.backlog.is_empty() && self.work.may(Task::Want) {
+            let Some(family) = self.backlog.pop_front() else { break };
+            let reluctance = match std::mem::replace(&mut self.in_backlog[family as usize], Backlog::Done) {
                 Backlog::Exact => {
                     self.exact_backlog -= 1;
                     0
                 }
                 Backlog::Changed | Backlog::Done => RELUCTANCE,
             };
-            self.want_with(group, demand, reluctance);
+            self.want_family(family, demand, reluctance);
         }
     }
 
-    fn put_off(&mut self, group: u32, how: Backlog) {
-        let waits = &mut self.in_backlog[group as usize];
+    fn put_off(&mut self, family: u32, how: Backlog) {
+        let waits = &mut self.in_backlog[family as usize];
         if *waits == Backlog::Done {
-            self.backlog.push_back(group);
+            self.backlog.push_back(family);
         }
         if how == Backlog::Exact && *waits != Backlog::Exact {
             self.exact_backlog += 1;
@@ -79,44 +78,109 @@ impl Residency {
         }
     }
 
-    fn want_with(&mut self, group: u32, demand: &Demand, reluctance: u8) {
-        let detail = demand.detail(group);
-        let is_paged = self.shapes.of(group).is_paged();
-        self.pressure.count(group, demand, &self.shapes);
-        let level = self.level_for(group, detail, reluctance);
-        if !is_paged && level == u32::from(self.wanted[group as usize]) {
-            if self.missing[group as usize] > 0 {
-                self.wish(group, detail);
+    /// Takes over the demand of a family, then what it means for the bundles.
+    fn want_family(&mut self, family: u32, demand: &Demand, reluctance: u8) {
+        // A bit for each group.
+        let mut changed = 0u32;
+        for (i, group) in self.shapes.groups(family, 0).enumerate() {
+            // What has not changed is wanted as before, unless the bias is another one.
+            let has_changed = demand.detail(group) != self.pressure.counted(group);
+            if has_changed || reluctance == 0 || self.shapes.of(group).is_paged() {
+                changed |= 1 << i;
+                self.want_with(group, demand, reluctance);
             }
-            return;
         }
-        let was_visible = self.is_wanted(group);
-        if is_paged {
-            self.want_pages(group, demand);
-        } else {
-            self.want_level(group, level);
+        self.work.spend(WANT_FAMILY + changed.count_ones() * WANT_GROUP);
+        if self.want_bundles(family, reluctance) {
+            changed = u32::MAX;
         }
-        match (was_visible, self.is_wanted(group)) {
-            (false, true) => self.visible_groups += 1,
-            (true, false) => self.visible_groups -= 1,
-            _ => {}
-        }
-        if self.missing[group as usize] > 0 {
-            self.wish(group, detail);
+        for (i, group) in self.shapes.groups(family, 0).enumerate() {
+            if changed >> i & 1 == 1 {
+                self.update_lack(group);
+            }
         }
     }
 
-    fn is_wanted(&self, group: u32) -> bool {
-        let shape = self.shapes.of(group);
-        match shape.is_paged() {
-            true => self.wanted_pages.contains_key(&group),
-            false => u32::from(self.wanted[group as usize]) < shape.level_count(),
+    /// Takes over the demand of a group. Whether it lacks something is seen later.
+    fn want_with(&mut self, group: u32, demand: &Demand, reluctance: u8) {
+        self.pressure.count(group, demand, &self.shapes);
+        let detail = demand.detail(group);
+        let level = self.level_for(group, detail, reluctance);
+        let is_paged = self.shapes.of(group).is_paged();
+        let is_plain = !is_paged || demand.pages(group).is_empty() && self.wanted_pages.get(group).is_empty();
+        if !is_plain || level != u32::from(self.wanted[group as usize]) {
+            let was_visible = self.is_wanted(group);
+            let current = u32::from(std::mem::replace(&mut self.wanted[group as usize], level as u8));
+            if is_paged {
+                self.want_pages(group, demand);
+            } else {
+                self.want_own_levels(group, current, level);
+            }
+            match (was_visible, self.is_wanted(group)) {
+                (false, true) => self.visible_groups += 1,
+                (true, false) => self.visible_groups -= 1,
+                _ => {}
+            }
+        }
+        let missing = self.missing[self.shapes.owner_of_group(group) as usize];
+        if missing > 0 {
+            self.wish_for(group, missing, detail);
         }
     }
 
-    fn wish(&mut self, group: u32, detail: Detail) {
+    pub(super) fn is_wanted(&self, group: u32) -> bool {
+        u32::from(self.wanted[group as usize]) < self.shapes.of(group).level_count()
+    }
+
+    /// Puts the own pages of a group among the wishes.
+    fn wish_for(&mut self, group: u32, missing: u32, detail: Detail) {
         let side = self.side_log2(group, detail);
-        self.wishes.put(group, self.missing[group as usize], side);
+        self.wishes.put(self.shapes.owner_of_group(group), missing, side);
+    }
+
+    /// Puts a bundle among the wishes, if it is missing.
+    fn wish_for_bundle(&mut self, index: u32, parcel: Parcel) {
+        if self.missing[index as usize] > 0 {
+            let (levels, side) = self.bundle_error(parcel);
+            self.wishes.put(index, levels.saturating_sub(self.step_of(parcel)), side);
+        }
+    }
+
+    /// How many levels a tile of a bundle needs at most, and the largest of their sides on the screen, pixels, as a binary
+    /// logarithm.
+    fn bundle_error(&self, parcel: Parcel) -> (u32, f32) {
+        let Parcel::Bundle { bundle, step } = parcel else { return (1, 0.0) };
+        let visible = self.shapes.groups(bundle, step).filter(|&group| self.is_wanted(group));
+        visible.fold((step + 1, 0.0), |(levels, side): (u32, f32), group| {
+            let needed = self.shapes.of(group).level_count() - u32::from(self.wanted[group as usize]);
+            (levels.max(needed), side.max(self.side_log2(group, self.pressure.counted(group))))
+        })
+    }
+
+    /// Bundles need what their groups do. Whether any becomes needed or unneeded.
+    fn want_bundles(&mut self, family: u32, reluctance: u8) -> bool {
+        self.pressure.count_family(family, &self.shapes);
+        let bias = self.pressure.bias();
+        let mut has_changed = false;
+        // Finest first, so that they leave in this order; what lies over something needed is needed.
+        for step in (0..SHARED_LEVELS).rev() {
+            for bundle in self.shapes.family_bundles(family, step) {
+                let parcel = Parcel::Bundle { bundle, step };
+                let index = self.shapes.index(parcel);
+                let (until, was_needed) = (self.pressure.bundle_until(index), self.pool.is_needed(index));
+                let reluctance = if was_needed { reluctance } else { 0 };
+                let is_needed = until > 0 && until.saturating_add(reluctance) > bias;
+                // Groups whose demand is not taken over yet may still need theirs.
+                match (was_needed, is_needed || self.needed_under[index as usize] > 0) {
+                    (false, true) => self.need(parcel, index),
+                    (true, false) => self.release(parcel, index),
+                    _ => {}
+                }
+                has_changed |= was_needed != self.pool.is_needed(index);
+                self.wish_for_bundle(index, parcel);
+            }
+        }
+        has_changed
     }
 
     fn level_for(&self, group: u32, detail: Detail, reluctance: u8) -> u32 {
@@ -130,20 +194,21 @@ impl Residency {
         shape.wanted_level(reluctant).max(current)
     }
 
-    fn want_level(&mut self, group: u32, level: u32) {
-        let current = u32::from(std::mem::replace(&mut self.wanted[group as usize], level as u8));
-        let first = self.pool.table().first(group);
-        let page = |level| PageId { group, level, page: [0, 0] };
-        for finer in current..level {
+    /// A tile of one page per level needs another finest level: what becomes of its own ones.
+    fn want_own_levels(&mut self, group: u32, current: u32, level: u32) {
+        let own_levels = self.shapes.of(group).own_levels();
+        let first = self.shapes.own_parcels(group).start;
+        let page = |level| Parcel::Page(PageId { group, level, page: [0, 0] });
+        for finer in current..level.min(own_levels) {
             self.release(page(finer), first + finer);
         }
-        for needed in level..current {
+        for needed in level..current.min(own_levels) {
             self.need(page(needed), first + needed);
         }
     }
 
     fn want_pages(&mut self, group: u32, demand: &Demand) {
-        let first = self.pool.table().first(group);
+        let first = self.shapes.own_parcels(group).start;
         let (bias, shape) = (self.pressure.bias(), self.shapes.of(group));
         let next: Vec<u32> = demand
             .pages(group)
@@ -151,58 +216,62 @@ impl Residency {
             .filter(|p| p.detail.biased(bias).0 < shape.leaves(shape.page(group, p.index).level))
             .map(|p| first + p.index)
             .collect();
-        let last = self.wanted_pages.remove(&group).unwrap_or_default();
+        if next == self.wanted_pages.get(group) {
+            return;
+        }
+        let last = self.wanted_pages.set(group, next.clone());
         // Finest first, so that pages leave in this order.
         for &index in last.iter().filter(|i| next.binary_search(i).is_err()) {
-            self.release(self.pool.page(group, index), index);
+            self.release(self.shapes.own_page(group, index), index);
         }
         for &index in next.iter().filter(|i| last.binary_search(i).is_err()) {
-            self.need(self.pool.page(group, index), index);
-        }
-        if !next.is_empty() {
-            self.wanted_pages.insert(group, next);
+            self.need(self.shapes.own_page(group, index), index);
         }
     }
 
-    fn need(&mut self, page: PageId, index: u32) {
-        self.pool.need(page, index);
-        if self.is_damaged(page) {
+    fn need(&mut self, parcel: Parcel, index: u32) {
+        self.work.spend(NEED);
+        self.pool.need(parcel, index);
+        if let Some(over) = parcel.bundle_over() {
+            self.needed_under[self.shapes.index(over) as usize] += 1;
+        }
+        if self.is_damaged(parcel) {
             self.pool.add_hole(index);
         } else if !self.pool.is_resident(index) {
-            self.count_missing(page.group, true);
+            self.count_missing(parcel, true);
         }
     }
 
-    fn release(&mut self, page: PageId, index: u32) {
-        self.pool.release(page, index);
-        if !self.pool.is_resident(index) && !self.is_damaged(page) {
-            self.count_missing(page.group, false);
-            self.forget(page, index);
+    fn release(&mut self, parcel: Parcel, index: u32) {
+        self.work.spend(NEED);
+        self.pool.release(parcel, index);
+        if let Some(over) = parcel.bundle_over() {
+            self.needed_under[self.shapes.index(over) as usize] -= 1;
+        }
+        if !self.pool.is_resident(index) && !self.is_damaged(parcel) {
+            self.count_missing(parcel, false);
+            self.forget(parcel, index);
         }
     }
 
-    /// Cancels a page that is on its way, or drops it.
-    pub(super) fn forget(&mut self, page: PageId, index: u32) {
-        match self.set_flight(page, index, Flight::None) {
-            Flight::Asked | Flight::Ahead => self.cancels.push(page),
+    /// Cancels a parcel that is on its way, or drops it.
+    pub(super) fn forget(&mut self, parcel: Parcel, index: u32) {
+        match self.set_flight(parcel, index, Flight::None) {
+            Flight::Asked | Flight::Ahead => self.cancels.push(parcel),
             Flight::Waiting => {
                 self.waiting.remove(&index);
             }
-            Flight::None => {}
+            Flight::None => return,
         }
+        self.wake_under(parcel);
     }
 
     /// Tells the loader what has been cancelled and asked for since it was told last.
-    pub(crate) fn tell(&mut self, loader: &mut dyn PageLoader) {
+    pub(crate) fn tell(&mut self, loader: &mut dyn ParcelLoader) {
         loader.cancel_all(&self.cancels);
         loader.request_all(&self.asks);
         self.cancels.clear();
         self.asks.clear();
-    }
-
-    pub(super) fn texels(&self, page: PageId) -> u64 {
-        let [w, h] = self.shapes.of(page.group).page_extent(page.level, page.page).map(u64::from);
-        w * h
     }
 
     /// Lets the bias follow the demand.
@@ -216,9 +285,9 @@ impl Residency {
         }
         let (needed, atlas) = (self.pool.needed().texels, self.pool.shape().texels());
         if self.pressure.update(needed, atlas) {
-            for (group, detail) in (0..).zip(demand.details()) {
-                if detail.is_visible() {
-                    self.put_off(group, Backlog::Exact);
+            for (family, details) in (0..).zip(demand.details().chunks(FAMILY as usize)) {
+                if details.iter().any(|detail| detail.is_visible()) {
+                    self.put_off(family, Backlog::Exact);
                 }
             }
         }
@@ -226,183 +295,136 @@ impl Residency {
 
     /// Asks for what is missing, the most urgent first, within limits.
     pub(crate) fn request(&mut self, demand: &Demand, limits: &RequestLimits) {
-        let most = self.asks.len() + self.pace.times(ASKS_PER_FRAME);
-        while self.has_free_request(limits) && self.asks.len() < most {
-            let Some((group, urgency)) = self.wishes.take() else { return };
-            let finest = self.wanted_level(group).unwrap_or(0);
-            let side = self.side_log2(group, demand.detail(group));
-            for (page, index) in self.missing_pages(group) {
+        while self.has_free_request(limits) && self.work.may(Task::Ask) {
+            let Some((owner, urgency)) = self.wishes.take() else { return };
+            let (levels, side) = match self.shapes.group_of_owner(owner) {
+                Some(group) => {
+                    let finest = self.wanted_level(group).unwrap_or(0);
+                    let levels = self.shapes.of(group).level_count() - finest;
+                    (levels, self.side_log2(group, demand.detail(group)))
+                }
+                None => self.bundle_error(self.shapes.parcel(owner)),
+            };
+            for (parcel, index) in self.missing_parcels(owner) {
                 if !self.has_free_request(limits) {
-                    self.wishes.put_back(group, urgency);
+                    self.wishes.put_back(owner, urgency);
                     break;
                 }
-                let urgency = f32::from(super::wishes::urgency(page.level + 1 - finest, side));
-                self.ask(page, index, urgency, false);
+                let urgency = super::wishes::urgency(levels.saturating_sub(self.step_of(parcel)), side);
+                self.ask(parcel, index, f32::from(urgency), false);
             }
         }
     }
 
-    fn has_free_request(&self, limits: &RequestLimits) -> bool {
-        self.pending_pages + self.waiting.len() < limits.pages && self.in_flight_texels < limits.texels
+    /// Levels from the coarsest.
+    pub(super) fn step_of(&self, parcel: Parcel) -> u32 {
+        match parcel {
+            Parcel::Bundle { step, .. } => step,
+            Parcel::Page(page) => self.shapes.of(page.group).level_count() - 1 - page.level,
+        }
     }
 
-    /// The needed pages of a group that are neither resident, nor on their way, nor known to be damaged; the coarsest first.
-    fn missing_pages(&self, group: u32) -> Vec<(PageId, u32)> {
-        let first = self.pool.table().first(group);
-        let shape = self.shapes.of(group);
-        let needed: Vec<u32> = if shape.is_paged() {
-            self.wanted_pages.get(&group).cloned().unwrap_or_default()
-        } else {
-            (u32::from(self.wanted[group as usize])..shape.level_count()).map(|l| first + l).collect()
+    pub(super) fn has_free_request(&self, limits: &RequestLimits) -> bool {
+        self.pending + self.waiting.len() < limits.parcels && self.in_flight_texels < limits.texels
+    }
+
+    /// The needed parcels of an owner that are neither resident, nor on their way, nor known to be damaged; the coarsest first.
+    fn missing_parcels(&self, owner: u32) -> Vec<(Parcel, u32)> {
+        let all = self.parcels_of(owner);
+        let needed: Vec<u32> = match self.shapes.group_of_owner(owner) {
+            Some(group) if self.shapes.of(group).is_paged() => self.wanted_pages.get(group).to_vec(),
+            Some(group) => (all.start + u32::from(self.wanted[group as usize])..all.end).collect(),
+            None => all.filter(|&index| self.pool.is_needed(index)).collect(),
         };
         let is_asked = |index: &u32| matches!(self.flight(*index), Flight::Asked | Flight::Waiting);
         needed
             .into_iter()
             .rev()
-            .filter(|&i| !self.pool.is_resident(i) && !is_asked(&i))
-            .map(|i| (self.pool.page(group, i), i))
-            .filter(|&(page, _)| !self.is_damaged(page))
+            .filter(|&index| !self.pool.is_resident(index) && !is_asked(&index))
+            .map(|index| match self.shapes.group_of_owner(owner) {
+                Some(group) => (self.shapes.own_page(group, index), index),
+                None => (self.shapes.parcel(index), index),
+            })
+            .filter(|&(parcel, _)| !self.is_damaged(parcel))
             .collect()
     }
 
-    pub(super) fn is_damaged(&self, page: PageId) -> bool {
-        !self.damaged.is_empty() && self.damaged.contains_key(&page)
+    pub(super) fn is_damaged(&self, parcel: Parcel) -> bool {
+        !self.damaged.is_empty() && self.damaged.contains_key(&parcel)
     }
 
-    fn ask(&mut self, page: PageId, index: u32, urgency: f32, is_ahead: bool) {
-        self.asks.push((page, urgency));
+    pub(super) fn ask(&mut self, parcel: Parcel, index: u32, urgency: f32, is_ahead: bool) {
+        self.work.spend(ASK);
+        self.asks.push((parcel, urgency));
         let flight = if is_ahead { Flight::Ahead } else { Flight::Asked };
-        if self.set_flight(page, index, flight) == Flight::None {
+        if self.set_flight(parcel, index, flight) == Flight::None {
             self.requests += 1;
-        }
-    }
-
-    /// Groups whose demand in the predicted view has changed: what is no longer expected is cancelled, what is now expected
-    /// is asked for when there is nothing better to do.
-    pub(crate) fn expect(&mut self, changed: &[u32], predicted: &Demand) {
-        for &group in changed {
-            let shape = self.shapes.of(group);
-            let first = self.pool.table().first(group);
-            let unexpected: Vec<(PageId, u32)> = self
-                .pool
-                .pages_of(group)
-                .filter(|&index| self.flight(index) == Flight::Ahead)
-                .map(|index| (self.pool.page(group, index), index))
-                .filter(|&(page, index)| !is_expected(shape, page, index - first, predicted, self.bias()))
-                .collect();
-            for (page, index) in unexpected {
-                self.forget(page, index);
-            }
-            if predicted.detail(group).is_visible() {
-                self.ahead.push_back(group);
-            }
-        }
-    }
-
-    /// Asks for pages that the predicted view needs, while all that is missing has been asked for and there is
-    /// room to spare.
-    pub(crate) fn request_ahead(&mut self, predicted: &Demand, limits: &RequestLimits) {
-        if self.wishes() > 0 {
-            return;
-        }
-        let limits = RequestLimits { pages: limits.pages / 4, texels: limits.texels / 4 };
-        let room = (self.pool.shape().texels() as f64 * AHEAD_SHARE) as u64;
-        while self.has_free_request(&limits) && self.pool.needed().texels + self.in_flight_texels < room {
-            let Some(group) = self.ahead.pop_front() else { return };
-            let shape = self.shapes.of(group);
-            let first = self.pool.table().first(group);
-            let pages: Vec<u32> = if shape.is_paged() {
-                predicted.pages(group).iter().rev().map(|p| p.index).collect()
-            } else {
-                (0..shape.level_count()).rev().collect()
-            };
-            for i in pages {
-                let page = self.shapes.of(group).page(group, i);
-                let index = first + i;
-                let known = self.pool.is_resident(index) || self.flight(index) != Flight::None;
-                let shape = self.shapes.of(group);
-                if !known && is_expected(shape, page, i, predicted, self.bias()) && !self.is_damaged(page) {
-                    self.ask(page, index, -1.0 + 0.01 * page.level as f32, true);
-                }
-            }
-        }
-    }
-
-    /// Nothing is expected any more.
-    pub(crate) fn expect_nothing(&mut self) {
-        self.ahead.clear();
-        let ahead: Vec<(PageId, u32)> =
-            self.asked_ahead.iter().map(|(&index, &page)| (page, index)).collect();
-        for (page, index) in ahead {
-            self.forget(page, index);
         }
     }
 
     /// The texels of these pages are others now. What is resident stays until its new texels arrive.
     pub(crate) fn invalidate(&mut self, pages: &[PageId], demand: &Demand) {
-        for &page in pages {
-            let index = self.pool.index(page);
-            self.hope_for(page, index);
-            self.forget(page, index);
+        let parcels: BTreeSet<Parcel> = pages.iter().map(|&page| self.shapes.parcel_of(page)).collect();
+        for parcel in parcels {
+            let index = self.shapes.index(parcel);
+            self.hope_for(parcel, index);
+            self.forget(parcel, index);
             if self.pool.is_resident(index) {
-                self.ask(page, index, f32::from(u8::MAX), false);
-            } else if self.missing[page.group as usize] > 0 {
-                self.wish(page.group, demand.detail(page.group));
+                self.ask(parcel, index, f32::from(u8::MAX), false);
+            } else {
+                self.wish(self.shapes.owner(parcel), demand);
             }
         }
     }
 
-    /// Asks for damaged pages again.
+    /// Puts an owner among the wishes, if it lacks anything.
+    fn wish(&mut self, owner: u32, demand: &Demand) {
+        match self.shapes.group_of_owner(owner) {
+            Some(group) if self.missing[owner as usize] > 0 => {
+                self.wish_for(group, self.missing[owner as usize], demand.detail(group));
+            }
+            Some(_) => {}
+            None => self.wish_for_bundle(owner, self.shapes.parcel(owner)),
+        }
+    }
+
+    /// Asks for damaged parcels again.
     pub(crate) fn retry_damaged(&mut self, demand: &Demand) {
-        for page in self.damaged.keys().copied().collect::<Vec<_>>() {
-            self.hope_for(page, self.pool.index(page));
-            if self.missing[page.group as usize] > 0 {
-                self.wish(page.group, demand.detail(page.group));
-            }
+        for parcel in self.damaged.keys().copied().collect::<Vec<_>>() {
+            self.hope_for(parcel, self.shapes.index(parcel));
+            self.wish(self.shapes.owner(parcel), demand);
         }
     }
 
-    /// A page may be readable again. (It stays a hole until it has been read: what lies under it keeps its place.)
-    fn hope_for(&mut self, page: PageId, index: u32) {
-        let was_damaged = self.damaged.remove(&page).is_some();
+    /// A parcel may be readable again. (It stays a hole until it has been read: what lies under it keeps its place.)
+    fn hope_for(&mut self, parcel: Parcel, index: u32) {
+        let was_damaged = self.damaged.remove(&parcel).is_some();
         if was_damaged && self.pool.is_needed(index) && !self.pool.is_resident(index) {
-            self.count_missing(page.group, true);
+            self.count_missing(parcel, true);
+            self.update_lacks(parcel);
         }
     }
 
     /// Begins anew in an empty atlas of another shape.
     pub(crate) fn set_atlas(&mut self, atlas: AtlasShape, demand: &Demand) {
         self.pressure.reset();
-        for group in 0..self.missing.len() as u32 {
-            for index in self.pool.pages_of(group) {
-                let is_readable = !self.is_damaged(self.pool.page(group, index));
-                if self.pool.is_needed(index) && self.pool.is_resident(index) && is_readable {
-                    self.count_missing(group, true);
-                }
+        let lost: Vec<Parcel> = (0..self.flights.len() as u32)
+            .filter(|&index| self.pool.is_needed(index) && self.pool.is_resident(index))
+            .map(|index| self.shapes.parcel(index))
+            .collect();
+        self.pool.reset(atlas);
+        for parcel in lost {
+            if !self.is_damaged(parcel) {
+                self.count_missing(parcel, true);
+                self.update_lacks(parcel);
             }
         }
-        self.pool.reset(atlas);
-        for &page in self.damaged.keys() {
-            self.pool.add_hole(self.pool.index(page));
+        for &parcel in self.damaged.keys() {
+            self.pool.add_hole(self.shapes.index(parcel));
         }
         self.ready.extend(self.waiting.keys().copied());
-        for group in 0..self.missing.len() as u32 {
-            if self.missing[group as usize] > 0 {
-                self.wish(group, demand.detail(group));
-            }
+        for owner in 0..self.missing.len() as u32 {
+            self.wish(owner, demand);
         }
-    }
-}
-
-/// Whether a predicted view needs a page.
-fn is_expected(shape: &TileShape, page: PageId, index_in_tile: u32, predicted: &Demand, bias: u8) -> bool {
-    if shape.is_paged() {
-        let pages = predicted.pages(page.group);
-        pages
-            .binary_search_by_key(&index_in_tile, |p| p.index)
-            .is_ok_and(|i| pages[i].detail.biased(bias).0 < shape.leaves(page.level))
-    } else {
-        let detail = predicted.detail(page.group).biased(bias);
-        shape.wanted_level(detail) <= page.level
     }
 }

@@ -1,7 +1,7 @@
-//! Groups that lack pages, the most urgent first.
+//! Owners that lack parcels, the most urgent first.
 //!
 //! Urgency is the error on the screen: by how many levels a tile is too coarse, then how large it is. Within one urgency
-//! groups come in order, so that neighbours, which lie in one cluster, are asked for together. Weighing the picture's middle
+//! owners come in order, so that neighbours, which lie in one cluster, are asked for together. Weighing the picture's middle
 //! more was left out, unmeasured: the eye is wherever it is, and a cut is sharp only when the last tile is.
 
 use std::collections::VecDeque;
@@ -10,10 +10,10 @@ use std::collections::VecDeque;
 const BUCKETS: usize = 64;
 const NONE: u8 = u8::MAX;
 
-/// A queue with one place per group.
+/// A queue with one place per owner.
 pub(crate) struct Wishes {
     buckets: Vec<VecDeque<u32>>,
-    /// Per group the bucket it waits in.
+    /// Per owner the bucket it waits in.
     places: Vec<u8>,
     waiting: usize,
     /// Entries since the last clearing, at most.
@@ -21,65 +21,65 @@ pub(crate) struct Wishes {
 }
 
 impl Wishes {
-    pub(crate) fn new(group_count: usize) -> Self {
+    pub(crate) fn new(owner_count: usize) -> Self {
         Self {
             buckets: vec![VecDeque::new(); BUCKETS],
-            places: vec![NONE; group_count],
+            places: vec![NONE; owner_count],
             waiting: 0,
             moved: 0,
         }
     }
 
-    /// Puts a group in, or moves it. `levels`: how many levels are missing; `side_log2`: of the tile on the screen, pixels.
-    pub(crate) fn put(&mut self, group: u32, levels: u32, side_log2: f32) {
+    /// Puts an owner in, or moves it. `levels`: how many levels are missing; `side_log2`: of the tile on the screen, pixels.
+    pub(crate) fn put(&mut self, owner: u32, levels: u32, side_log2: f32) {
         let bucket = urgency(levels, side_log2);
-        let place = &mut self.places[group as usize];
+        let place = &mut self.places[owner as usize];
         if *place == bucket {
             return;
         }
         self.waiting += usize::from(*place == NONE);
         *place = bucket;
-        self.buckets[usize::from(bucket)].push_back(group);
+        self.buckets[usize::from(bucket)].push_back(owner);
         self.moved += 1;
         if self.moved > self.places.len() {
             self.drop_moved();
         }
     }
 
-    /// Removes what groups that were moved have left behind.
+    /// Removes what owners that were moved have left behind.
     fn drop_moved(&mut self) {
         self.moved = 0;
-        for (bucket, groups) in (0..).zip(&mut self.buckets) {
-            groups.retain(|&group| self.places[group as usize] == bucket);
+        for (bucket, owners) in (0..).zip(&mut self.buckets) {
+            owners.retain(|&owner| self.places[owner as usize] == bucket);
         }
     }
 
-    /// Takes the most urgent group out, with its urgency.
+    /// Takes the most urgent owner out, with its urgency.
     pub(crate) fn take(&mut self) -> Option<(u32, u8)> {
-        for (bucket, groups) in (0..BUCKETS as u8).zip(&mut self.buckets).rev() {
-            while let Some(group) = groups.pop_front() {
-                let place = &mut self.places[group as usize];
+        for (bucket, owners) in (0..BUCKETS as u8).zip(&mut self.buckets).rev() {
+            while let Some(owner) = owners.pop_front() {
+                let place = &mut self.places[owner as usize];
                 if *place == bucket {
                     *place = NONE;
                     self.waiting -= 1;
-                    return Some((group, bucket));
+                    return Some((owner, bucket));
                 }
             }
         }
         None
     }
 
-    /// Puts a group back where it was taken.
-    pub(crate) fn put_back(&mut self, group: u32, urgency: u8) {
-        let place = &mut self.places[group as usize];
+    /// Puts an owner back where it was taken.
+    pub(crate) fn put_back(&mut self, owner: u32, urgency: u8) {
+        let place = &mut self.places[owner as usize];
         if *place == NONE {
             *place = urgency;
             self.waiting += 1;
-            self.buckets[usize::from(urgency)].push_front(group);
+            self.buckets[usize::from(urgency)].push_front(owner);
         }
     }
 
-    /// Number of groups.
+    /// Number of owners.
     pub(crate) fn len(&self) -> usize {
         self.waiting
     }

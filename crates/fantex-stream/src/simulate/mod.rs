@@ -51,7 +51,7 @@ impl Default for SimulationOptions {
 pub struct SimulationReport {
     /// Frames.
     pub frames: u64,
-    /// Share of the needed pages that were resident, mean over the frames.
+    /// Share of the needed parcels that were resident, mean over the frames.
     pub hit_rate: f64,
     /// Share of the visible tiles that were at their level, mean over the frames.
     pub complete_share: f64,
@@ -59,9 +59,9 @@ pub struct SimulationReport {
     pub complete_frames: f64,
     /// Bytes of texels handed over for upload.
     pub bytes: u64,
-    /// Pages asked for.
+    /// Parcels asked for.
     pub requests: u64,
-    /// Pages that left.
+    /// Parcels that left.
     pub evictions: u64,
     /// The greatest share of the atlas in use.
     pub peak_occupancy: f64,
@@ -146,8 +146,8 @@ pub fn simulate(
         let texels = |extent: [u32; 2]| f64::from(extent[0]) * f64::from(extent[1]);
         report.bytes +=
             changes.uploads.iter().map(|u| texels(u.texels.extent) * texel_bytes).sum::<f64>() as u64;
-        let needed = figures.needed.pages.max(1);
-        report.hit_rate += 1.0 - figures.missing_pages as f64 / needed as f64;
+        let needed = figures.needed.parcels.max(1);
+        report.hit_rate += 1.0 - figures.missing as f64 / needed as f64;
         report.complete_share += figures.complete_share();
         report.complete_frames += f64::from(u8::from(figures.complete_groups == figures.visible_groups));
         report.peak_occupancy = report.peak_occupancy.max(figures.occupancy());

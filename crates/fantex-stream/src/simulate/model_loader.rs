@@ -6,11 +6,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use fantex_cover::Cover;
-use fantex_store::{PageError, PageId, page_extent};
+use fantex_store::{PageError, PageId};
 
 use super::path::splitmix;
-use crate::{Geometry, LoadedPage, PageLoader, PageTexels};
+use crate::{Geometry, LoadedParcel, Parcel, ParcelLoader, ParcelTexels};
 
 /// A disk.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,7 +22,7 @@ pub struct DiskModel {
     pub queue_depth: usize,
     /// Bytes of a texel, all channels together.
     pub texel_bytes: f64,
-    /// Share of the pages that can never be read, 0 to 1.
+    /// Share of the parcels that can never be read, 0 to 1.
     pub damaged_share: f64,
 }
 
@@ -53,19 +52,18 @@ impl ModelClock {
 /// Order in which requests are served: the most urgent first, then as they came.
 type Rank = (Reverse<u32>, u64);
 
-/// A [`PageLoader`] whose pages arrive when a modelled disk would have read them. All channels of a page
-/// come as one, which begins with the page's signature.
+/// A [`ParcelLoader`] whose parcels arrive when a modelled disk would have read them. All channels of a parcel come as one.
 pub struct ModelLoader {
     geometry: Arc<dyn Geometry>,
     disk: DiskModel,
     clock: ModelClock,
-    ranks: BTreeMap<PageId, Rank>,
-    queue: BTreeMap<Rank, PageId>,
+    ranks: BTreeMap<Parcel, Rank>,
+    queue: BTreeMap<Rank, Parcel>,
     /// All that are being read or have arrived.
-    begun: BTreeSet<PageId>,
+    begun: BTreeSet<Parcel>,
     /// Being read, with the time of arrival, ascending.
-    reading: VecDeque<(f64, PageId)>,
-    arrived: VecDeque<PageId>,
+    reading: VecDeque<(f64, Parcel)>,
+    arrived: VecDeque<Parcel>,
     /// When something was asked for last.
     asked_at: f64,
     /// When the disk has moved all bytes that it has begun to.
@@ -74,7 +72,7 @@ pub struct ModelLoader {
 }
 
 impl ModelLoader {
-    /// A loader of the pages of a cover.
+    /// A loader of the parcels of a cover.
     pub fn new(geometry: Arc<dyn Geometry>, disk: DiskModel, clock: ModelClock) -> Self {
         Self {
             geometry,
@@ -91,17 +89,22 @@ impl ModelLoader {
         }
     }
 
-    /// The two bytes with which a page's texels begin here.
+    /// Two bytes that stand for a page. A parcel's texels begin with those of its pages, in the order of its layout.
     pub fn signature(page: PageId) -> [u8; 2] {
         let mut state = u64::from(page.group) << 32 ^ u64::from(page.level) << 24;
         state ^= u64::from(page.page[0]) << 12 ^ u64::from(page.page[1]);
         (splitmix(&mut state) as u16).to_le_bytes()
     }
 
-    /// Whether a page can never be read.
-    pub fn is_damaged(page: PageId, share: f64) -> bool {
-        let mut state = u64::from(page.group) << 30 ^ u64::from(page.level) << 25;
-        state ^= u64::from(page.page[0]) << 13 ^ u64::from(page.page[1]) ^ 0xDA_3A6E;
+    /// Whether a parcel can never be read.
+    pub fn is_damaged(parcel: Parcel, share: f64) -> bool {
+        let mut state = match parcel {
+            Parcel::Bundle { bundle, step } => u64::from(bundle) << 8 ^ u64::from(step) << 62 ^ 0xB0,
+            Parcel::Page(PageId { group, level, page }) => {
+                let [x, y] = page.map(u64::from);
+                u64::from(group) << 30 ^ u64::from(level) << 25 ^ x << 13 ^ y ^ 0xDA_3A6E
+            }
+        };
         ((splitmix(&mut state) >> 11) as f64 / (1u64 << 53) as f64) < share
     }
 
@@ -111,16 +114,16 @@ impl ModelLoader {
         let mut free_at = self.asked_at;
         loop {
             while self.reading.len() < self.disk.queue_depth {
-                let Some((_, page)) = self.queue.pop_first() else { break };
-                self.ranks.remove(&page);
-                self.begun.insert(page);
-                self.idle_at = self.idle_at.max(free_at) + self.bytes(page) as f64 / self.disk.bandwidth;
-                self.reading.push_back((self.idle_at + self.disk.latency_seconds, page));
+                let Some((_, parcel)) = self.queue.pop_first() else { break };
+                self.ranks.remove(&parcel);
+                self.begun.insert(parcel);
+                self.idle_at = self.idle_at.max(free_at) + self.bytes(parcel) as f64 / self.disk.bandwidth;
+                self.reading.push_back((self.idle_at + self.disk.latency_seconds, parcel));
             }
             match self.reading.front() {
-                Some(&(arrival, page)) if arrival <= now => {
+                Some(&(arrival, parcel)) if arrival <= now => {
                     self.reading.pop_front();
-                    self.arrived.push_back(page);
+                    self.arrived.push_back(parcel);
                     free_at = arrival.max(self.asked_at);
                 }
                 _ => return,
@@ -128,34 +131,29 @@ impl ModelLoader {
         }
     }
 
-    fn bytes(&self, page: PageId) -> usize {
-        (texels(self.geometry.cover(), page) as f64 * self.disk.texel_bytes).ceil().max(2.0) as usize
+    fn bytes(&self, parcel: Parcel) -> usize {
+        let slots = parcel.layout(self.geometry.cover()).slots;
+        let texels = slots.iter().map(|slot| f64::from(slot.extent[0]) * f64::from(slot.extent[1]));
+        (texels.sum::<f64>() * self.disk.texel_bytes).ceil() as usize
     }
 
-    fn load(&self, page: PageId) -> LoadedPage {
-        if Self::is_damaged(page, self.disk.damaged_share) {
-            let error = PageError::Checksum { path: PathBuf::from("model"), offset: u64::from(page.group) };
-            return LoadedPage { page, texels: Err(error) };
+    fn load(&self, parcel: Parcel) -> LoadedParcel {
+        if Self::is_damaged(parcel, self.disk.damaged_share) {
+            let error = PageError::Checksum { path: PathBuf::from("model"), offset: 0 };
+            return LoadedParcel { parcel, texels: Err(error) };
         }
-        let extent = page_extent(
-            self.geometry.cover().groups[page.group as usize].level_extent(page.level),
-            page.page,
-        );
-        let mut bytes = vec![0; self.bytes(page)];
-        bytes[..2].copy_from_slice(&Self::signature(page));
-        let channels = vec![Arc::from(bytes)];
-        LoadedPage { page, texels: Ok(PageTexels { extent, channels }) }
+        let layout = parcel.layout(self.geometry.cover());
+        let mut signatures =
+            layout.slots.iter().flat_map(|slot| Self::signature(slot.page)).collect::<Vec<_>>();
+        signatures.resize(self.bytes(parcel).max(signatures.len()), 0);
+        let channels = vec![Arc::from(signatures)];
+        LoadedParcel { parcel, texels: Ok(ParcelTexels { extent: layout.extent, channels }) }
     }
 }
 
-fn texels(cover: &Cover, page: PageId) -> u64 {
-    let [w, h] = page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page);
-    u64::from(w) * u64::from(h)
-}
-
-impl PageLoader for ModelLoader {
-    fn request(&mut self, page: PageId, urgency: f32) {
-        if self.begun.contains(&page) {
+impl ParcelLoader for ModelLoader {
+    fn request(&mut self, parcel: Parcel, urgency: f32) {
+        if self.begun.contains(&parcel) {
             return;
         }
         self.asked_at = self.clock.seconds();
@@ -164,34 +162,34 @@ impl PageLoader for ModelLoader {
         let ordered = if bits >> 31 == 1 { !bits } else { bits | 1 << 31 };
         self.requests += 1;
         let rank = (Reverse(ordered), self.requests);
-        if let Some(last) = self.ranks.insert(page, rank) {
+        if let Some(last) = self.ranks.insert(parcel, rank) {
             self.queue.remove(&last);
         }
-        self.queue.insert(rank, page);
+        self.queue.insert(rank, parcel);
     }
 
-    fn cancel(&mut self, page: PageId) {
-        if let Some(rank) = self.ranks.remove(&page) {
+    fn cancel(&mut self, parcel: Parcel) {
+        if let Some(rank) = self.ranks.remove(&parcel) {
             self.queue.remove(&rank);
         }
-        if self.begun.remove(&page) {
-            self.reading.retain(|&(_, reading)| reading != page);
-            self.arrived.retain(|&arrived| arrived != page);
+        if self.begun.remove(&parcel) {
+            self.reading.retain(|&(_, reading)| reading != parcel);
+            self.arrived.retain(|&arrived| arrived != parcel);
         }
     }
 
-    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedPage> {
+    fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
         self.advance();
         let mut bytes = 0;
         let mut loaded = Vec::new();
-        while let Some(&page) = self.arrived.front() {
-            bytes += self.bytes(page);
+        while let Some(&parcel) = self.arrived.front() {
+            bytes += self.bytes(parcel);
             if bytes > max_bytes && !loaded.is_empty() {
                 break;
             }
             self.arrived.pop_front();
-            self.begun.remove(&page);
-            loaded.push(self.load(page));
+            self.begun.remove(&parcel);
+            loaded.push(self.load(parcel));
         }
         loaded
     }

@@ -1,6 +1,7 @@
 //! A small baked asset, and ways to load all of it.
 
-use std::collections::BTreeMap;
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -10,8 +11,8 @@ use fantex_bake::{
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, clean, generate};
-use fantex_store::{Asset, ChannelKind, PageId, decode_plain, group_pages};
-use fantex_stream::{AtlasFormat, ClusterLoader, LoadedPage, PageLoader, PageTexels};
+use fantex_store::{Asset, ChannelKind, ClusterId, PageId, decode_plain, group_pages};
+use fantex_stream::{AtlasFormat, ClusterLoader, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, assemble};
 use glam::{Vec3, Vec4};
 
 /// Waves and noise, so that clusters do not pack to nothing.
@@ -61,13 +62,22 @@ pub(crate) fn bake_torus(path: &Path, format: BakeFormat, texels: u64) {
     bake(&mesh, &cover, &Rough, path, &options, &NoProgress).unwrap();
 }
 
-pub(crate) fn all_pages(asset: &Asset) -> Vec<PageId> {
+pub(crate) fn all_parcels(asset: &Asset) -> Vec<Parcel> {
     let groups = asset.cover().groups.iter().enumerate();
-    groups.flat_map(|(index, group)| group_pages(index as u32, group)).collect()
+    let pages = groups
+        .flat_map(|(index, group)| group_pages(index as u32, group).map(|page| Parcel::of(group, page)));
+    let mut seen = BTreeSet::new();
+    pages.filter(|&parcel| seen.insert(parcel)).collect()
+}
+
+/// The clusters that hold a parcel's pages.
+pub(crate) fn clusters(asset: &Asset, parcel: Parcel) -> BTreeSet<ClusterId> {
+    let slots = parcel.layout(asset.cover()).slots;
+    slots.iter().map(|slot| asset.cluster_of(slot.page).unwrap()).collect()
 }
 
 /// A page as the loader should bring it, read in the plain way.
-pub(crate) fn expected(asset: &Asset, page: PageId, block_compressed: bool) -> PageTexels {
+pub(crate) fn expected_page(asset: &Asset, page: PageId, block_compressed: bool) -> ParcelTexels {
     let extent = asset.page_extent(0, page).unwrap();
     let channels = asset.channels().iter().enumerate().map(|(index, channel)| {
         let raw = asset.read_page_raw(index, page).unwrap();
@@ -76,11 +86,22 @@ pub(crate) fn expected(asset: &Asset, page: PageId, block_compressed: bool) -> P
             false => Arc::from(decode_plain(channel.format, channel.srgb, extent, &raw).unwrap()),
         }
     });
-    PageTexels { extent, channels: channels.collect() }
+    ParcelTexels { extent, channels: channels.collect() }
+}
+
+/// The same for a parcel.
+pub(crate) fn expected(asset: &Asset, parcel: Parcel, block_compressed: bool) -> ParcelTexels {
+    let formats: Vec<AtlasFormat> =
+        asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, block_compressed)).collect();
+    let page = |channel: usize, page| {
+        let texels = expected_page(asset, page, block_compressed);
+        Ok::<_, ()>(Cow::Owned(texels.channels[channel].to_vec()))
+    };
+    assemble(&parcel.layout(asset.cover()), &formats, page).unwrap()
 }
 
 /// Polls until nothing is pending.
-pub(crate) fn wait_for_all(loader: &mut ClusterLoader, max_bytes: usize) -> Vec<LoadedPage> {
+pub(crate) fn wait_for_all(loader: &mut ClusterLoader, max_bytes: usize) -> Vec<LoadedParcel> {
     let deadline = Instant::now() + Duration::from_secs(30);
     let mut pages = Vec::new();
     while loader.pending() > 0 {
@@ -100,26 +121,26 @@ pub(crate) fn wait_for_all(loader: &mut ClusterLoader, max_bytes: usize) -> Vec<
     pages
 }
 
-/// Asks for pages and waits for all. Each must arrive once.
+/// Asks for parcels and waits for all. Each must arrive once.
 pub(crate) fn load(
     loader: &mut ClusterLoader,
-    pages: &[PageId],
-) -> BTreeMap<PageId, Result<PageTexels, fantex_store::PageError>> {
-    for (i, &page) in pages.iter().enumerate() {
-        loader.request(page, (i % 17) as f32);
+    parcels: &[Parcel],
+) -> BTreeMap<Parcel, Result<ParcelTexels, fantex_store::PageError>> {
+    for (i, &parcel) in parcels.iter().enumerate() {
+        loader.request(parcel, (i % 17) as f32);
     }
-    assert_eq!(loader.pending(), pages.len());
+    assert_eq!(loader.pending(), parcels.len());
     let arrived = wait_for_all(loader, 1 << 20);
-    assert_eq!(arrived.len(), pages.len());
-    let arrived: BTreeMap<_, _> = arrived.into_iter().map(|page| (page.page, page.texels)).collect();
-    assert_eq!(arrived.len(), pages.len(), "a page came twice");
+    assert_eq!(arrived.len(), parcels.len());
+    let arrived: BTreeMap<_, _> = arrived.into_iter().map(|loaded| (loaded.parcel, loaded.texels)).collect();
+    assert_eq!(arrived.len(), parcels.len(), "a parcel came twice");
     arrived
 }
 
-/// Loads all pages and compares them with those that are read in the plain way.
+/// Loads all parcels and compares them with those that are read in the plain way.
 pub(crate) fn check_all(loader: &mut ClusterLoader, reference: &Asset, block_compressed: bool) {
-    let pages = all_pages(reference);
-    for (page, texels) in load(loader, &pages) {
-        assert!(texels.unwrap() == expected(reference, page, block_compressed), "{page}");
+    let parcels = all_parcels(reference);
+    for (parcel, texels) in load(loader, &parcels) {
+        assert!(texels.unwrap() == expected(reference, parcel, block_compressed), "{parcel}");
     }
 }

@@ -10,7 +10,7 @@ use fantex_store::{ByteSource, OpenError};
 use fantex_stream::read::{HttpSource, QueuedReader, ReaderKind, RetryPolicy, http_reader};
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, open_asset};
 
-use crate::asset::{Baked, all_pages, baked, check_all, load};
+use crate::asset::{Baked, all_parcels, baked, check_all, load};
 use crate::http_server::{Manner, Server};
 use crate::readers::check_reader;
 
@@ -92,7 +92,7 @@ fn a_server_that_goes_away_gives_errors_that_name_it() {
     let retry = Some(RetryPolicy { retries: 1, first_pause: Duration::from_millis(1) });
     let options = ClusterLoaderOptions { retry, ..ClusterLoaderOptions::default() };
     let mut loader = ClusterLoader::open(asset, &options).unwrap();
-    for texels in load(&mut loader, &all_pages(&baked.asset)[..20]).into_values() {
+    for texels in load(&mut loader, &all_parcels(&baked.asset)[..20]).into_values() {
         let message = texels.unwrap_err().to_string();
         assert!(message.contains(&url), "{message}");
     }

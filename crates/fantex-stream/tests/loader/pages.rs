@@ -6,16 +6,17 @@ use std::time::Duration;
 use fantex_bake::BakeFormat;
 use fantex_store::PageId;
 use fantex_stream::read::{FaultyReader, FileReadOptions, ReadFaults, open_file_reader};
-use fantex_stream::{ClusterLoader, ClusterLoaderOptions, PageLoader};
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Parcel, ParcelLoader};
 use proptest::prelude::*;
 
-use crate::asset::{all_pages, baked, check_all, expected, wait_for_all};
+use crate::asset::{all_parcels, baked, check_all, expected, expected_page, wait_for_all};
 
 /// Budgets so small that every limit is met all the time.
 fn tight() -> ClusterLoaderOptions {
     ClusterLoaderOptions {
         flight_bytes: 1,
         cache_bytes: 300 << 10,
+        stored_cache_bytes: 0,
         ready_bytes: 1,
         worker_threads: 2,
         ..ClusterLoaderOptions::default()
@@ -35,16 +36,32 @@ fn every_page_is_that_of_the_asset() {
 }
 
 #[test]
-fn budgets_that_hold_nothing_bring_all_pages() {
+fn budgets_that_hold_nothing_bring_all_parcels() {
     let baked = baked(BakeFormat::Bc7);
-    for cache_bytes in [0, 300 << 10] {
-        let options = ClusterLoaderOptions { cache_bytes, block_compressed: false, ..tight() };
+    for (cache_bytes, stored_cache_bytes) in [(0, 0), (300 << 10, 0), (0, 300 << 10), (300 << 10, 100 << 10)]
+    {
+        let options =
+            ClusterLoaderOptions { cache_bytes, stored_cache_bytes, block_compressed: false, ..tight() };
         let mut loader = ClusterLoader::open(baked.asset.clone(), &options).unwrap();
         // Without any cache, each batch reads its cluster anew: a few pages of each will do.
-        let pages: Vec<PageId> = all_pages(&baked.asset).into_iter().step_by(3).collect();
+        let pages: Vec<Parcel> = all_parcels(&baked.asset).into_iter().step_by(3).collect();
         for (page, texels) in crate::asset::load(&mut loader, &pages) {
             assert!(texels.unwrap() == expected(&baked.asset, page, false), "{page}");
         }
+    }
+}
+
+#[test]
+fn a_page_that_tiles_share_comes_alone_when_it_is_asked_for_alone() {
+    let baked = baked(BakeFormat::Bc7);
+    let mut loader = ClusterLoader::open(baked.asset.clone(), &ClusterLoaderOptions::default()).unwrap();
+    let pages = baked.asset.cover().groups.iter().enumerate();
+    let last = pages.map(|(i, group)| (i as u32, group.level_count() - 1));
+    let pages: Vec<PageId> = last.map(|(group, level)| PageId { group, level, page: [0, 0] }).collect();
+    let parcels: Vec<Parcel> = pages.iter().copied().map(Parcel::Page).collect();
+    for (&page, &parcel) in pages.iter().zip(&parcels) {
+        let arrived = crate::asset::load(&mut loader, &[parcel]);
+        assert!(arrived[&parcel].as_ref().unwrap() == &expected_page(&baked.asset, page, true), "{page}");
     }
 }
 
@@ -53,12 +70,15 @@ fn pages_that_do_not_exist_arrive_as_errors_that_name_them() {
     let baked = baked(BakeFormat::Bc7);
     let mut loader = ClusterLoader::open(baked.asset.clone(), &ClusterLoaderOptions::default()).unwrap();
     let absent = PageId { group: 1 << 30, level: 0, page: [0, 0] };
-    loader.request(absent, 1.0);
-    loader.request(PageId { group: 0, level: 40, page: [0, 0] }, 2.0);
-    loader.cancel(PageId { group: 0, level: 40, page: [0, 0] });
-    assert_eq!(loader.pending(), 1);
+    let absent_bundle = Parcel::Bundle { bundle: u32::MAX, step: 0 };
+    loader.request(Parcel::Page(absent), 1.0);
+    loader.request(absent_bundle, 0.5);
+    loader.request(Parcel::Page(PageId { group: 0, level: 40, page: [0, 0] }), 2.0);
+    loader.cancel(Parcel::Page(PageId { group: 0, level: 40, page: [0, 0] }));
+    assert_eq!(loader.pending(), 2);
     let arrived = crate::asset::wait_for_all(&mut loader, 0);
-    assert_eq!(arrived[0].page, absent);
+    assert_eq!([&arrived[0], &arrived[1]].map(|a| a.parcel), [Parcel::Page(absent), absent_bundle]);
+    assert!(arrived[1].texels.is_err());
     let message = arrived[0].texels.as_ref().unwrap_err().to_string();
     assert!(message.contains("torus.fan") && message.contains("group 1073741824"), "{message}");
 }
@@ -89,7 +109,7 @@ fn steps() -> impl Strategy<Value = Vec<Step>> {
 
 /// Plays steps against a set of the pages that are due. Nothing else may come, and all of it must (where `may_fail`, maybe as
 /// an error: two bad reads in a row).
-fn play(loader: &mut ClusterLoader, pages: &[PageId], steps: &[Step], may_fail: bool) {
+fn play(loader: &mut ClusterLoader, pages: &[Parcel], steps: &[Step], may_fail: bool) {
     let mut due = BTreeSet::new();
     let many = |index: &prop::sample::Index, count: usize| {
         let from = index.index(pages.len());
@@ -102,8 +122,8 @@ fn play(loader: &mut ClusterLoader, pages: &[PageId], steps: &[Step], may_fail: 
                 due.insert(pages[index.index(pages.len())]);
             }
             Step::RequestMany(index, count) => {
-                for &page in &pages[many(index, *count)] {
-                    loader.request(page, page.level as f32);
+                for (i, &page) in pages[many(index, *count)].iter().enumerate() {
+                    loader.request(page, (i % 5) as f32);
                     due.insert(page);
                 }
             }
@@ -119,7 +139,7 @@ fn play(loader: &mut ClusterLoader, pages: &[PageId], steps: &[Step], may_fail: 
             }
             Step::Poll(max_bytes) => {
                 for page in loader.poll(*max_bytes) {
-                    assert!(due.remove(&page.page), "({}) was not asked for", page.page);
+                    assert!(due.remove(&page.parcel), "({}) was not asked for", page.parcel);
                     assert!(may_fail || page.texels.is_ok());
                 }
             }
@@ -128,15 +148,15 @@ fn play(loader: &mut ClusterLoader, pages: &[PageId], steps: &[Step], may_fail: 
         assert_eq!(loader.pending(), due.len());
     }
     for page in wait_for_all(loader, 1 << 20) {
-        assert!(due.remove(&page.page), "({}) was not asked for", page.page);
+        assert!(due.remove(&page.parcel), "({}) was not asked for", page.parcel);
     }
     assert!(due.is_empty(), "{} pages were lost", due.len());
 }
 
 #[test]
-fn no_sequence_of_requests_and_cancellations_loses_or_duplicates_a_page() {
+fn no_sequence_of_requests_and_cancellations_loses_or_duplicates_a_parcel() {
     let baked = baked(BakeFormat::Bc7);
-    let pages = all_pages(&baked.asset);
+    let pages = all_parcels(&baked.asset);
     let faults = ReadFaults {
         seed: 7,
         error_probability: 0.05,

@@ -1,14 +1,12 @@
 //! What is read when, how much, and how it ends.
 
-use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use fantex_bake::BakeFormat;
-use fantex_store::PageId;
 use fantex_stream::read::{FaultyReader, FileReadOptions, ReadFaults, open_file_reader};
-use fantex_stream::{ClusterLoader, ClusterLoaderOptions, PageLoader};
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Parcel, ParcelLoader};
 
-use crate::asset::{Baked, all_pages, baked, wait_for_all};
+use crate::asset::{Baked, all_parcels, baked, wait_for_all};
 
 /// A loader over a slow disk, `depth` reads at a time.
 fn slow_loader(
@@ -23,11 +21,9 @@ fn slow_loader(
     ClusterLoader::with_reader(baked.asset.clone(), Box::new(reader), options).unwrap()
 }
 
-/// The first page of every cluster.
-fn one_page_per_cluster(baked: &Baked) -> Vec<PageId> {
-    let mut seen = BTreeSet::new();
-    let pages = all_pages(&baked.asset).into_iter();
-    pages.filter(|&page| seen.insert(baked.asset.cluster_of(page).unwrap())).collect()
+/// The first page of every cluster, alone.
+fn one_page_per_cluster(baked: &Baked) -> Vec<Parcel> {
+    baked.asset.clusters().map(|cluster| Parcel::Page(baked.asset.first_page_of(cluster))).collect()
 }
 
 #[test]
@@ -45,9 +41,9 @@ fn urgent_pages_come_first() {
     for (i, &page) in pages.iter().enumerate() {
         loader.request(page, i as f32);
     }
-    let order: Vec<PageId> = wait_for_all(&mut loader, 1).into_iter().map(|page| page.page).collect();
+    let order: Vec<Parcel> = wait_for_all(&mut loader, 1).into_iter().map(|page| page.parcel).collect();
     // Up to three may have begun before their turn.
-    let mut sorted: Vec<PageId> = pages.into_iter().rev().collect();
+    let mut sorted: Vec<Parcel> = pages.into_iter().rev().collect();
     let mut early = 0;
     for page in order {
         let place = sorted.iter().position(|&other| other == page).unwrap();
@@ -71,7 +67,7 @@ fn cancelled_clusters_are_not_read() {
     }
     assert_eq!(loader.pending(), 1);
     let arrived = wait_for_all(&mut loader, 1);
-    assert_eq!((arrived.len(), arrived[0].page), (1, pages[0]));
+    assert_eq!((arrived.len(), arrived[0].parcel), (1, pages[0]));
     assert!(loader.statistics().clusters_read <= 3, "{:?}", loader.statistics());
 }
 
@@ -79,9 +75,9 @@ fn cancelled_clusters_are_not_read() {
 fn neighbours_are_read_together_and_clusters_are_kept() {
     let baked = baked(BakeFormat::Bc7);
     let mut loader = ClusterLoader::open(baked.asset.clone(), &ClusterLoaderOptions::default()).unwrap();
-    let pages = all_pages(&baked.asset);
-    let even: Vec<PageId> = pages.iter().copied().step_by(2).collect();
-    let odd: Vec<PageId> = pages.iter().copied().skip(1).step_by(2).collect();
+    let pages = all_parcels(&baked.asset);
+    let even: Vec<Parcel> = pages.iter().copied().step_by(2).collect();
+    let odd: Vec<Parcel> = pages.iter().copied().skip(1).step_by(2).collect();
     for &page in &even {
         loader.request(page, 1.0);
     }
@@ -97,12 +93,13 @@ fn neighbours_are_read_together_and_clusters_are_kept() {
     let second = loader.statistics();
     let read_again = second.clusters_read - first.clusters_read;
     assert!(second.cache_hits > 0 && read_again < first.clusters_read / 2, "{second:?}");
-    assert_eq!(second.pages as usize, pages.len());
+    assert_eq!(second.parcels as usize, pages.len());
     // All pages are all that is stored.
     let stored: u64 =
         baked.asset.clusters().map(|id| baked.asset.cluster_range(id)).map(|r| r.end - r.start).sum();
     let share = second.bytes_needed as f64 / stored as f64;
-    assert!((0.99..1.001).contains(&share), "{share}: {second:?}");
+    // A parcel of several clusters counts for the last of them, whose pages may pack better or worse than the others'.
+    assert!((0.98..1.02).contains(&share), "{share}: {second:?}");
     assert!(second.bytes_read >= stored);
 }
 
@@ -112,6 +109,7 @@ fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
     let options = ClusterLoaderOptions {
         flight_bytes: 400 << 10,
         cache_bytes: 600 << 10,
+        stored_cache_bytes: 300 << 10,
         ready_bytes: 500 << 10,
         merge_bytes: 256 << 10,
         worker_threads: 2,
@@ -119,18 +117,18 @@ fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
         ..ClusterLoaderOptions::default()
     };
     let mut loader = ClusterLoader::open(baked.asset.clone(), &options).unwrap();
-    let pages = all_pages(&baked.asset);
-    for &page in &pages {
-        loader.request(page, page.level as f32);
+    let pages = all_parcels(&baked.asset);
+    for (i, &page) in pages.iter().enumerate() {
+        loader.request(page, (i % 7) as f32);
     }
     let begin = Instant::now();
     while begin.elapsed() < Duration::from_millis(400) {
         let now = loader.statistics();
         assert!(now.flight_bytes <= (400 << 10) + (300 << 10), "{now:?}");
-        assert!(now.cache_bytes <= 600 << 10, "{now:?}");
+        assert!(now.cache_bytes <= 600 << 10 && now.stored_cache_bytes <= 300 << 10, "{now:?}");
         // A batch per worker, and its last page.
-        let page_bytes = 256 * 256 * 10;
-        assert!(now.ready_bytes <= (500 << 10) + 2 * ((256 << 10) + page_bytes), "{now:?}");
+        let parcel_bytes = 256 * 256 * 10;
+        assert!(now.ready_bytes <= (500 << 10) + 2 * ((256 << 10) + parcel_bytes), "{now:?}");
         std::thread::yield_now();
     }
     assert!(loader.statistics().ready_bytes >= 500 << 10);
@@ -141,7 +139,7 @@ fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
 fn polls_keep_their_budget_but_never_starve() {
     let baked = baked(BakeFormat::Bc7);
     let mut loader = ClusterLoader::open(baked.asset.clone(), &ClusterLoaderOptions::default()).unwrap();
-    let pages = all_pages(&baked.asset);
+    let pages = all_parcels(&baked.asset);
     for &page in &pages {
         loader.request(page, 0.0);
     }
@@ -171,7 +169,7 @@ fn dropping_a_busy_loader_ends_its_threads() {
             let options = ClusterLoaderOptions { file, ..ClusterLoaderOptions::default() };
             let mut loader = ClusterLoader::open(baked.asset.clone(), &options).unwrap();
             assert!(thread_count() > before);
-            for page in all_pages(&baked.asset) {
+            for page in all_parcels(&baked.asset) {
                 loader.request(page, 0.0);
             }
         }

@@ -43,10 +43,29 @@ impl Layer {
     /// What becomes of the colour below.
     fn evaluate(&self, below: Vec4, at: &ShadingPoint<'_>) -> Vec4 {
         let share = (self.mask.evaluate_number(at) * self.opacity.evaluate_number(at)).clamp(0.0, 1.0);
-        if share == 0.0 {
-            return below;
+        if share == 0.0 { below } else { self.cover(below, self.texture.evaluate(at), share) }
+    }
+
+    /// What becomes of the colours below.
+    fn evaluate_all(&self, below: &mut [Vec4], at: &[ShadingPoint<'_>]) {
+        let mut values = vec![Vec4::ZERO; at.len()];
+        self.mask.evaluate_all(at, &mut values);
+        let masks: Vec<f32> = values.iter().map(|value| value.x).collect();
+        self.opacity.evaluate_all(at, &mut values);
+        let share = |(mask, opacity): (f32, &Vec4)| (mask * opacity.x).clamp(0.0, 1.0);
+        let shares: Vec<f32> = masks.into_iter().zip(&values).map(share).collect();
+        if shares.iter().all(|&share| share == 0.0) {
+            return;
         }
-        let texel = self.texture.evaluate(at);
+        self.texture.evaluate_all(at, &mut values);
+        for ((below, texel), share) in below.iter_mut().zip(values).zip(shares) {
+            if share != 0.0 {
+                *below = self.cover(*below, texel, share);
+            }
+        }
+    }
+
+    fn cover(&self, below: Vec4, texel: Vec4, share: f32) -> Vec4 {
         match self.mode {
             LayerMode::Over => over(texel.truncate().extend(texel.w * share), below),
             LayerMode::Combine { mode, constant } => mix(below, mode.apply(texel, below, constant), share),
@@ -80,6 +99,11 @@ pub struct Layers {
 impl Texture for Layers {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
         self.layers.iter().fold(self.base.evaluate(at), |below, layer| layer.evaluate(below, at))
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        self.base.evaluate_all(at, values);
+        self.layers.iter().for_each(|layer| layer.evaluate_all(values, at));
     }
 
     fn is_view_dependent(&self) -> bool {

@@ -174,18 +174,39 @@ impl Remap {
     }
 }
 
+impl Swizzle {
+    fn of(&self, value: Vec4) -> Vec4 {
+        Vec4::from_array(self.channels.map(|channel| channel.of(value)))
+    }
+}
+
 impl Texture for Swizzle {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let value = self.input.evaluate(at);
-        Vec4::from_array(self.channels.map(|channel| channel.of(value)))
+        self.of(self.input.evaluate(at))
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        self.input.evaluate_all(at, values);
+        values.iter_mut().for_each(|value| *value = self.of(*value));
     }
 
     depends_on!(input);
 }
 
+impl ScaleOffset {
+    fn of(&self, value: Vec4) -> Vec4 {
+        self.scale * value + self.offset
+    }
+}
+
 impl Texture for ScaleOffset {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.scale * self.input.evaluate(at) + self.offset
+        self.of(self.input.evaluate(at))
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        self.input.evaluate_all(at, values);
+        values.iter_mut().for_each(|value| *value = self.of(*value));
     }
 
     depends_on!(input);
@@ -200,12 +221,33 @@ impl Texture for Mix {
         }
     }
 
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        let mut others = vec![Vec4::ZERO; at.len()];
+        self.mask.evaluate_all(at, &mut others);
+        let shares: Vec<f32> = others.iter().map(|mask| mask.x.clamp(0.0, 1.0)).collect();
+        // What is seen nowhere is not asked.
+        if shares.iter().all(|&share| share == 1.0) {
+            return self.b.evaluate_all(at, values);
+        }
+        self.a.evaluate_all(at, values);
+        if shares.iter().all(|&share| share == 0.0) {
+            return;
+        }
+        self.b.evaluate_all(at, &mut others);
+        for ((a, b), share) in values.iter_mut().zip(others).zip(shares) {
+            *a = match share {
+                0.0 => *a,
+                1.0 => b,
+                share => mix(*a, b, share),
+            };
+        }
+    }
+
     depends_on!(a, b, mask);
 }
 
-impl Texture for Binary {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let (a, b) = (self.a.evaluate(at), self.b.evaluate(at));
+impl Binary {
+    fn of(&self, a: Vec4, b: Vec4) -> Vec4 {
         let value = match self.operation {
             Operation::Add => a + b,
             Operation::Subtract => a - b,
@@ -215,26 +257,59 @@ impl Texture for Binary {
         };
         value.truncate().extend(a.w)
     }
+}
+
+impl Texture for Binary {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        self.of(self.a.evaluate(at), self.b.evaluate(at))
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        let mut others = vec![Vec4::ZERO; at.len()];
+        self.a.evaluate_all(at, values);
+        self.b.evaluate_all(at, &mut others);
+        values.iter_mut().zip(others).for_each(|(a, b)| *a = self.of(*a, b));
+    }
 
     depends_on!(a, b);
 }
 
+impl Clamp {
+    fn of(&self, value: Vec4) -> Vec4 {
+        value.max(Vec4::splat(self.low)).min(Vec4::splat(self.high)).truncate().extend(value.w)
+    }
+}
+
 impl Texture for Clamp {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let value = self.input.evaluate(at);
-        value.max(Vec4::splat(self.low)).min(Vec4::splat(self.high)).truncate().extend(value.w)
+        self.of(self.input.evaluate(at))
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        self.input.evaluate_all(at, values);
+        values.iter_mut().for_each(|value| *value = self.of(*value));
     }
 
     depends_on!(input);
 }
 
-impl Texture for Remap {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        let value = self.input.evaluate(at);
+impl Remap {
+    fn of(&self, value: Vec4) -> Vec4 {
         let [start, end] = self.from;
         let position = (value.truncate() - start) / (end - start);
         let position = if self.clamp { position.clamp(glam::Vec3::ZERO, glam::Vec3::ONE) } else { position };
         (self.to[0] + position * (self.to[1] - self.to[0])).extend(value.w)
+    }
+}
+
+impl Texture for Remap {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        self.of(self.input.evaluate(at))
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        self.input.evaluate_all(at, values);
+        values.iter_mut().for_each(|value| *value = self.of(*value));
     }
 
     depends_on!(input);

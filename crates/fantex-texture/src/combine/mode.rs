@@ -61,5 +61,14 @@ impl Texture for Combine {
         self.mode.apply(self.texture.evaluate(at), self.fragment.evaluate(at), self.constant)
     }
 
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        let mut fragments = vec![Vec4::ZERO; at.len()];
+        self.texture.evaluate_all(at, values);
+        self.fragment.evaluate_all(at, &mut fragments);
+        for (texel, fragment) in values.iter_mut().zip(fragments) {
+            *texel = self.mode.apply(*texel, fragment, self.constant);
+        }
+    }
+
     depends_on!(texture, fragment);
 }

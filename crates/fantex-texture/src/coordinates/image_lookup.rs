@@ -35,6 +35,18 @@ impl ImageLookup {
         }
     }
 
+    /// Where the image is looked up, from its coordinates.
+    fn place(&self, point: &UvPoint, time: f32) -> UvPoint {
+        let UvPoint { uv, steps } = self.matrix.apply(point, time);
+        UvPoint { uv, steps: steps.map(shortened) }
+    }
+
+    /// Whether every point takes one look-up with the image's own filter.
+    fn is_plain(&self, at: &[ShadingPoint<'_>]) -> bool {
+        let is_single = !matches!(self.coordinates, Coordinates::Triplanar(_));
+        is_single && !self.square_texels && at.iter().all(|at| at.filtering == Filtering::Own)
+    }
+
     fn sample(&self, UvPoint { uv, steps }: UvPoint) -> [f32; 4] {
         if self.square_texels && self.is_magnified(steps) {
             let nearest = SampleOptions { filter: Filter::Nearest, ..self.options };
@@ -77,13 +89,29 @@ fn shortened(step: Vec2) -> Vec2 {
 impl Texture for ImageLookup {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
         self.coordinates.evaluate(at, |point| {
-            let UvPoint { uv, steps } = self.matrix.apply(point, at.time);
-            let point = UvPoint { uv, steps: steps.map(shortened) };
+            let point = self.place(point, at.time);
             Vec4::from_array(match at.filtering {
                 Filtering::Own => self.sample(point),
                 Filtering::Area => self.sample_area(point),
             })
         })
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        if !self.is_plain(at) {
+            at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
+            return;
+        }
+        let place = |at: &ShadingPoint<'_>| {
+            let mut place = UvPoint::default();
+            self.coordinates.evaluate(at, |point| {
+                place = self.place(point, at.time);
+                Vec4::ZERO
+            });
+            place
+        };
+        let places: Vec<UvPoint> = at.iter().map(place).collect();
+        self.texture.sample_all(&places, &self.options, bytemuck::cast_slice_mut(values));
     }
 
     fn is_view_dependent(&self) -> bool {

@@ -153,6 +153,14 @@ impl Texture for InSpace {
         self.input.evaluate(&ShadingPoint { position, position_steps: steps, ..*at })
     }
 
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        let there = at.iter().map(|at| {
+            let SpacePoint { position, steps } = self.matrix.apply(at);
+            ShadingPoint { position, position_steps: steps, ..*at }
+        });
+        self.input.evaluate_all(&there.collect::<Vec<_>>(), values);
+    }
+
     fn is_view_dependent(&self) -> bool {
         self.input.is_view_dependent()
     }

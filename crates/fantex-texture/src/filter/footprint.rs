@@ -38,7 +38,7 @@ impl FootprintAxes {
 
     /// The square of the longer axis of [`FootprintAxes::new`] alone.
     #[inline(always)]
-    pub(crate) fn squared_major(texels_dx: Vec2, texels_dy: Vec2) -> f32 {
+    pub fn squared_major(texels_dx: Vec2, texels_dy: Vec2) -> f32 {
         let (xx, yy) = (texels_dx.length_squared(), texels_dy.length_squared());
         let (half_difference, xy) = (0.5 * (xx - yy), texels_dx.dot(texels_dy));
         0.5 * (xx + yy) + (half_difference * half_difference + xy * xy).sqrt()

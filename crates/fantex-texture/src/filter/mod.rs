@@ -18,6 +18,7 @@ mod mipmap;
 mod taps;
 mod texel;
 
+pub use batch::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
 pub use ewa::{EWA_MINOR_TEXELS, EllipseRow, WeightedEllipse};
 pub use footprint::{FootprintAxes, MAX_ANISOTROPY};
 pub use taps::catmull_rom_weights;

@@ -1,5 +1,7 @@
 //! Every family of noise by name, and its fractal sums.
 
+use glam::Vec3;
+
 use super::hash::scattered_point;
 use super::{
     CellularMetric, Fractal, Noise, band_limit, cellular, gradient_noise, simplex_noise, white_noise,
@@ -114,7 +116,60 @@ impl FractalNoise {
         }
         sum
     }
+
+    /// [`FractalNoise::value`] at many points of space, each with its footprint: the same values, for gradient noise several
+    /// times as fast.
+    ///
+    /// # Panics
+    /// If the slices differ in length.
+    pub fn values(&self, points: &[Vec3], footprints: &[f32], out: &mut [f32]) {
+        assert!(
+            points.len() == footprints.len() && points.len() == out.len(),
+            "one footprint and value per point"
+        );
+        for ((points, footprints), out) in
+            points.chunks(BLOCK).zip(footprints.chunks(BLOCK)).zip(out.chunks_mut(BLOCK))
+        {
+            if self.family == NoiseFamily::Perlin {
+                self.gradient_sums(points, footprints, out);
+            } else {
+                for ((p, &footprint), out) in points.iter().zip(footprints).zip(out) {
+                    *out = self.value(p.to_array(), footprint);
+                }
+            }
+        }
+    }
+
+    /// Sums of gradient noise at a block of points, octave by octave, each step in the order of the single sum.
+    fn gradient_sums(&self, points: &[Vec3], footprints: &[f32], out: &mut [f32]) {
+        let (mut at, mut values) = ([Vec3::ZERO; BLOCK], [0.0; BLOCK]);
+        let (at, values) = (&mut at[..points.len()], &mut values[..points.len()]);
+        let narrowest = footprints.iter().copied().fold(f32::INFINITY, f32::min);
+        let (mut frequency, mut amplitude) = (1.0, 1.0);
+        out.fill(0.0);
+        for octave in 0..self.octaves.octaves {
+            if band_limit(frequency, narrowest) > 0.0 {
+                let seed = self.seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab));
+                let origin = 17.31 * octave as f32;
+                at.iter_mut().zip(points).for_each(|(at, &p)| *at = p * frequency + origin);
+                Noise::new(seed).values(at, values);
+            }
+            for ((sum, &value), &footprint) in out.iter_mut().zip(&*values).zip(footprints) {
+                let left = band_limit(frequency, footprint);
+                let mut share = self.octave_mean;
+                if left > 0.0 {
+                    share += left * (self.kind.shape(value) - self.octave_mean);
+                }
+                *sum += amplitude * share;
+            }
+            frequency *= self.octaves.lacunarity;
+            amplitude *= self.octaves.gain;
+        }
+    }
 }
+
+/// Points that are summed at a time.
+const BLOCK: usize = 64;
 
 #[cfg(test)]
 mod tests {
@@ -155,6 +210,22 @@ mod tests {
                 );
                 let calm = noise.value([0.3, 0.4, 0.5], 100.0);
                 assert!((calm - noise.mean()).abs() < 1e-5, "{family:?} {kind:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn sums_at_many_points_are_those_at_single_ones() {
+        let places: Vec<Vec3> = points::<3>(150).map(Vec3::from_array).collect();
+        let widths: Vec<f32> = (0..places.len()).map(|i| 0.004 * i as f32).collect();
+        for family in FAMILIES {
+            for kind in KINDS {
+                let noise = FractalNoise::new(family, kind, Fractal::octaves(5), 3);
+                let mut sums = vec![f32::NAN; places.len()];
+                noise.values(&places, &widths, &mut sums);
+                for ((p, &width), sum) in places.iter().zip(&widths).zip(sums) {
+                    assert_eq!(sum, noise.value(p.to_array(), width), "{family:?} {kind:?} at {p}");
+                }
             }
         }
     }

@@ -2,8 +2,8 @@
 
 use glam::Vec3;
 
-use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, opaque};
-use crate::noise::{Noise, smoothstep};
+use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, fractal_sum, opaque};
+use crate::noise::{Fractal, Noise, band_limit, smoothstep};
 
 /// y is up; altitude runs from `-half_height` to `half_height`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +23,12 @@ const LUSH_GRASS: Vec3 = Vec3::new(0.075, 0.145, 0.028);
 const DRY_GRASS: Vec3 = Vec3::new(0.235, 0.205, 0.07);
 const SCREE: Vec3 = Vec3::new(0.25, 0.23, 0.205);
 const SNOW: Vec3 = Vec3::new(0.83, 0.87, 0.93);
+
+/// Cells per unit where the ground's own grain begins: what meadows, tufts and stones leave out.
+const GRAIN_FREQUENCY: f32 = 720.0;
+/// Down to cells of about a hundred-thousandth of a unit: 7 mm on a square kilometre. Single precision holds no finer ones. They lose
+/// little height from one to the next, as seen from nearby every scale looks alike.
+const GRAIN: Fractal = Fractal { octaves: 8, lacunarity: 2.03, gain: 0.8 };
 
 impl Landscape {
     /// Temperate mountains. `half_height` is in units of the bounding sphere's radius.
@@ -48,6 +54,18 @@ impl Landscape {
     fn stones(&self, at: &[SolidPoint]) -> Notes<f32> {
         let stones = fbm(&self.noise, at, 3, 90.0, |_, p| p * 90.0);
         stones.into_iter().map(|stones| (1.0 + 0.4 * stones).max(0.3)).collect()
+    }
+
+    /// The grain of the ground from nearby, -1 to 1 and mostly much less: blades, pebbles, cracks. Zero, and free, where footprints are
+    /// wider than its coarsest cells.
+    fn grain(&self, at: &[SolidPoint]) -> [f32; BLOCK] {
+        let mut grain = [0.0; BLOCK];
+        let shows = |i: usize| band_limit(GRAIN_FREQUENCY, at[i].footprint) > 0.0;
+        for_some(at, shows, |some, at| {
+            let sums = fractal_sum(&self.noise, at, GRAIN, GRAIN_FREQUENCY, |_, p| p * GRAIN_FREQUENCY + 7.7);
+            some.iter().zip(sums).for_each(|(&i, sum)| grain[i] = sum.clamp(-1.0, 1.0));
+        });
+        grain
     }
 
     /// What grows and lies where, at a point with a noise that makes borders ragged.
@@ -91,13 +109,18 @@ impl Landscape {
         for_some(at, has_stones, |some, at| {
             some.iter().zip(self.stones(at)).for_each(|(&i, brightness)| stones[i] = brightness);
         });
+        let grain = self.grain(at);
         for (i, (at, color)) in at.iter().zip(colors).enumerate() {
+            let grained = |share: f32| 1.0 + share * grain[i];
             // From the ground up: grass thins out to scree, sand below, bare rock on slopes, snow on top.
             let GroundCover { scree, sand, soil, snow } = covers[i];
-            let ground = grass[i].lerp(SCREE * stones[i], scree).lerp(SAND * stones[i], sand);
-            let mixed = Vec3::from_slice(&bare[i][..3])
+            let scattered = stones[i] * grained(0.6);
+            let ground = (grass[i] * grained(0.7))
+                .lerp(SCREE * scattered, scree)
+                .lerp(SAND * stones[i] * grained(0.25), sand);
+            let mixed = (Vec3::from_slice(&bare[i][..3]) * grained(0.45))
                 .lerp(ground, soil)
-                .lerp(SNOW * (1.0 + 0.05 * ragged[i]), snow);
+                .lerp(SNOW * (1.0 + 0.05 * ragged[i]) * grained(0.06), snow);
             // Ceilings are damp.
             *color = opaque(mixed * (1.0 - 0.45 * smoothstep(0.1, 0.7, -at.n.y)));
         }

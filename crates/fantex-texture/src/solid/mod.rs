@@ -139,6 +139,20 @@ impl<S: Solid> Texture for SolidTexture<S> {
         let point = SolidPoint { p: at.position, n: at.normal, footprint: at.width(), time: at.time };
         Vec4::from_array(self.0.color(&point))
     }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        assert_eq!(at.len(), values.len(), "one value for every point");
+        for (at, values) in at.chunks(BLOCK).zip(values.chunks_mut(BLOCK)) {
+            let point = |at: &ShadingPoint<'_>| SolidPoint {
+                p: at.position,
+                n: at.normal,
+                footprint: at.width(),
+                time: at.time,
+            };
+            let points: Notes<SolidPoint> = at.iter().map(point).collect();
+            self.0.colors(&points, bytemuck::cast_slice_mut(values));
+        }
+    }
 }
 
 /// Fractal Brownian motion of a block of points, each scaled and shifted by `place`; `frequency` is how much that shortens
@@ -150,10 +164,21 @@ fn fbm(
     frequency: f32,
     place: impl Fn(usize, Vec3) -> Vec3,
 ) -> Notes<f32> {
+    fractal_sum(noise, at, Fractal::octaves(octaves), frequency, place)
+}
+
+/// As [`fbm`], of any octaves.
+fn fractal_sum(
+    noise: &Noise,
+    at: &[SolidPoint],
+    octaves: Fractal,
+    frequency: f32,
+    place: impl Fn(usize, Vec3) -> Vec3,
+) -> Notes<f32> {
     let points: Notes<Vec3> = at.iter().enumerate().map(|(i, at)| place(i, at.p)).collect();
     let footprints: Notes<f32> = at.iter().map(|at| frequency * at.footprint).collect();
     let mut sums: Notes<f32> = at.iter().map(|_| 0.0).collect();
-    noise.fbm_all(&points, Fractal::octaves(octaves), &footprints, &mut sums);
+    noise.fbm_all(&points, octaves, &footprints, &mut sums);
     sums
 }
 

@@ -107,6 +107,45 @@ fn cube(at: Vec2) -> Option<(Vec3, Vec3)> {
     })
 }
 
+/// From nearby the ground of a landscape has grain at every width of texels down to a hundred-thousandth of its size; from afar that
+/// has gone, and left the mean brightness as it is.
+#[test]
+fn landscapes_have_grain_down_to_the_texel() {
+    let bounds = Bounds { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.45, 1.0) };
+    let solid = solid_by_name("landscape", bounds, 5).unwrap();
+    // Along a line, in steps of one footprint.
+    let line = |from: Vec3, footprint: f32| -> Vec<f32> {
+        let at = |i: usize| {
+            let p = from + Vec3::new(0.8, 0.1, 0.6) * footprint * i as f32;
+            SolidPoint { p, n: Vec3::Y, footprint, time: 0.0 }
+        };
+        let points: Vec<SolidPoint> = (0..256).map(at).collect();
+        let mut colors = vec![[0.0; 4]; points.len()];
+        solid.colors(&points, &mut colors);
+        // The same one by one.
+        points.iter().zip(&colors).for_each(|(point, color)| assert_eq!(solid.color(point), *color));
+        colors.iter().map(|c| c[1]).collect()
+    };
+    let contrast = |values: &[f32]| {
+        let mean = values.iter().sum::<f32>() / values.len() as f32;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / values.len() as f32;
+        variance.sqrt() / mean
+    };
+    for from in [Vec3::new(0.21, 0.12, 0.13), Vec3::new(-0.4, 0.2, 0.55)] {
+        for footprint in [1e-3, 3e-4, 1e-4, 3e-5, 1.2e-5] {
+            let contrast = contrast(&line(from, footprint));
+            assert!(contrast > 0.03, "{footprint} at {from}: {contrast}");
+        }
+        // Means over a hundred texels from nearby are those from afar.
+        let near: Vec<f32> =
+            (0..40).map(|i| from + Vec3::X * 0.002 * i as f32).flat_map(|p| line(p, 2e-5)).collect();
+        let far: Vec<f32> =
+            (0..40).map(|i| from + Vec3::X * 0.002 * i as f32).map(|p| line(p, 1.4e-3)[0]).collect();
+        let [near, far] = [near, far].map(|v| v.iter().sum::<f32>() / v.len() as f32);
+        assert!((near / far - 1.0).abs() < 0.15, "{near} {far}");
+    }
+}
+
 #[test]
 #[ignore = "writes pictures to look at into the system's temporary folder"]
 fn swatches() {

@@ -6,8 +6,8 @@ use std::time::Instant;
 
 use crate::common::{FILTERS, Random};
 use fantex_texture::{
-    Bounds, ColorSpace, Image, ImageTexture, SOLID_NAMES, SampleOptions, Samples, SolidPoint, Wrap,
-    solid_by_name,
+    Bounds, ColorSpace, Filter, Image, ImageTexture, SOLID_NAMES, SampleOptions, Samples, SolidPoint,
+    UvPoint, Wrap, solid_by_name,
 };
 use glam::{Vec2, Vec3};
 
@@ -93,4 +93,55 @@ fn speed() {
         "levels of RGB bytes: {:.0} M texels/s",
         f64::from(count) / start.elapsed().as_secs_f64() * 1e-6
     );
+}
+
+/// The look-ups of `fantex bench sample` that are made many at once. `LOOK_UP` names one of them, so that a profile shows
+/// nothing else.
+#[test]
+#[ignore = "measures, asserts nothing"]
+fn speed_of_many_look_ups() {
+    const SIDE: u32 = 4096;
+    const AT_ONCE: usize = 250;
+    let mut random = Random(1);
+    let mut texels = bytes(SIDE * SIDE * 4);
+    texels.iter_mut().skip(3).step_by(4).for_each(|alpha| *alpha = 255);
+    let samples = Samples::U8(texels);
+    let image = Image { width: SIDE, height: SIDE, channels: 4, space: ColorSpace::Srgb, samples };
+    let texture = ImageTexture::new(Arc::new(image));
+    let axis = Vec2::from_angle(0.4) / SIDE as f32;
+    let [wide, long] = [1.5, 12.0].map(|major| [axis * major, axis.perp() * 1.5]);
+    let only = std::env::var("LOOK_UP").ok();
+    for (name, filter, steps, is_random) in [
+        ("bilinear", Filter::Bilinear, wide, false),
+        ("trilinear", Filter::Trilinear, wide, false),
+        ("trilinear, random", Filter::Trilinear, wide, true),
+        ("anisotropic 8:1", Filter::Anisotropic, long, false),
+    ] {
+        if only.as_ref().is_some_and(|only| only != name) {
+            continue;
+        }
+        let options = SampleOptions { filter, ..SampleOptions::default() };
+        let mut points = [UvPoint { uv: Vec2::ZERO, steps }; AT_ONCE];
+        let mut colors = [[0.0; 4]; AT_ONCE];
+        let (along, down) = (Vec2::new(1.3, 0.5) / SIDE as f32, Vec2::new(-0.5, 1.3) / SIDE as f32);
+        let mut fastest = f64::INFINITY;
+        for measurement in 0..10_000 {
+            let mut seconds = 0.0;
+            for first in (0..1000).step_by(AT_ONCE) {
+                for (point, index) in points.iter_mut().zip(first..) {
+                    point.uv = if is_random {
+                        Vec2::new(random.unit(), random.unit())
+                    } else {
+                        along * index as f32 + down * (measurement % 3000) as f32
+                    };
+                }
+                let start = Instant::now();
+                texture.sample_all(black_box(&points), &options, &mut colors);
+                seconds += start.elapsed().as_secs_f64();
+                black_box(&colors);
+            }
+            fastest = fastest.min(seconds / 1000.0 * 1e9);
+        }
+        println!("{name:20} {fastest:7.2} ns");
+    }
 }

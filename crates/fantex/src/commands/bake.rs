@@ -1,16 +1,20 @@
 //! `fantex bake`: a model and a source of colour in, one seamless asset out.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit, Source};
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit, Progress, Source};
 use fantex::cover::{TexelBudget, build_cover};
 use fantex::look::LookFile;
 use fantex::look_scene::{LookBake, Wardrobe};
-use fantex::mesh::Mesh;
+use fantex::mesh::{Material, Mesh};
+use fantex::photos::{PhotoError, PhotoOptions, PhotoReport, PhotoSource, read_cameras_in};
 use fantex::store::Quality;
+use fantex::texture::color::linear_from_srgb8_table;
 use fantex::texture::look::LookImages;
+use glam::Vec3;
 use serde::Serialize;
 
 use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
@@ -18,8 +22,9 @@ use crate::context::Context;
 use crate::error::CliError;
 use crate::input::CleanModel;
 use crate::memory;
+use crate::progress::Bar;
 use crate::size::{grouped, megabytes};
-use crate::sources::{DetailedModel, OpenSource, SourceArg};
+use crate::sources::{DetailedModel, OpenSource, PhotosArg, SourceArg};
 
 /// Bake a model and a source of colour into one seamless asset.
 #[derive(Args, Debug)]
@@ -30,9 +35,14 @@ Example:
   fantex bake globe.obj -o globe.fan --source image=earth.jpg,mapping=sphere --density 200
   fantex bake chair.glb -o chair.fan --look oak.toml
   fantex bake coarse.obj -o coarse.fan --source mesh=scan.ply,cage=0.02
+  fantex bake scan.ply -o scan.fan --source photos=scan/sparse/0,images=scan/images
 
 Another model (mesh=PATH) gives its textures or vertex colours and its normals: every point of the model looks for its surface
 along the smooth normal, outwards and inwards, not farther than the cage, which is measured where it is not given.
+
+Photographs (photos=PATH) need their cameras: a sparse model of COLMAP (text or binary) or a transforms.json, in whose coordinates
+the model lies. They are brought to one exposure unless exposure=off; what none of them sees takes the colours of its surroundings, or
+those of unseen=RRGGBB (docs/photographs.md).
 
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
 density unless --texels or --density says otherwise; other sources get 4M texels.")]
@@ -42,8 +52,8 @@ pub(crate) struct BakeArgs {
     /// The asset to write
     #[arg(short, long, value_name = "ASSET")]
     output: PathBuf,
-    /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH]
-    /// or look=PATH; solids are wood, marble, rock, granite, clouds, checker, brick and landscape
+    /// uv, vertex, image=PATH,mapping=planar|box|cylinder|sphere|triplanar, solid=NAME, mesh=PATH[,cage=LENGTH],
+    /// photos=PATH[,images=FOLDER][,frame=original][,exposure=off][,unseen=RRGGBB] or look=PATH; solids are wood, marble, rock, granite, clouds, checker, brick and landscape
     #[arg(long)]
     source: Option<SourceArg>,
     /// A look (.toml), whose materials are baked: short for --source look=PATH
@@ -176,6 +186,37 @@ pub(crate) struct BakeInfo {
     /// `bake` and `encode` are seconds of all threads together, the others wall clock.
     seconds: Seconds,
     peak_memory_bytes: Option<u64>,
+    #[serde(flatten)]
+    photos: Option<PhotosInfo>,
+}
+
+/// What was found out about photographs.
+#[derive(Debug, Serialize)]
+struct PhotosInfo {
+    photos: u64,
+    /// Those that see some of the model.
+    photos_used: u64,
+    /// Those that have a mask in a file of its own.
+    photos_masked: u64,
+    /// Of the area, 0..1.
+    unseen_share: f64,
+    /// Factors of red, green and blue in linear light, in the order of the photographs' names.
+    gains: Vec<[f32; 3]>,
+    /// Bytes of photographs that did not fit into memory.
+    scratch_bytes: u64,
+}
+
+impl From<&PhotoReport> for PhotosInfo {
+    fn from(report: &PhotoReport) -> Self {
+        Self {
+            photos: report.photographs as u64,
+            photos_used: report.used as u64,
+            photos_masked: report.masked as u64,
+            unseen_share: report.unseen_share,
+            gains: report.gains.iter().map(|gain| gain.to_array()).collect(),
+            scratch_bytes: report.scratch_bytes,
+        }
+    }
 }
 
 /// Runs the command.
@@ -193,7 +234,16 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
         SourceArg::Look(path) => Some(wear(path, &mut model.mesh, &args.model, context)?),
         _ => None,
     };
+    match &source_arg {
+        SourceArg::Photos(_) => plain_materials(&mut model.mesh),
+        SourceArg::Uv | SourceArg::Look(_) => {}
+        _ => forget_textures(&mut model.mesh),
+    }
     let mesh = &model.mesh;
+    if let SourceArg::Photos(photos) = &source_arg {
+        let info = bake_photos(photos, args, &model, started, context)?;
+        return context.print(&info, text);
+    }
     let detailed = DetailedModel::of(&source_arg, context)?;
     let own = match (&look, &detailed) {
         (None, None) => Some(OpenSource::open(&source_arg, mesh, &args.model, context.seed)?),
@@ -209,6 +259,7 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
         source_name: source_arg.to_string(),
         started,
         load_seconds: model.load_seconds + model.clean_seconds,
+        memory_bytes: context.memory_bytes,
     };
     let info = match (&look, &detailed, &own) {
         (Some(look), _, _) => look.with_source(mesh, |source: &dyn Source| job.run(source, context))??,
@@ -238,6 +289,91 @@ fn transfer(detailed: &DetailedModel, job: BakeJob, context: &Context) -> Result
     Ok(info)
 }
 
+/// Bakes photographs, and says what they do not show.
+fn bake_photos(
+    photos: &PhotosArg,
+    args: &BakeArgs,
+    model: &CleanModel,
+    started: Instant,
+    context: &Context,
+) -> Result<BakeInfo, CliError> {
+    let mesh = &model.mesh;
+    let photographs = read_cameras_in(&photos.path, photos.images.as_deref(), photos.frame)?;
+    let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
+    let folder =
+        args.output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let options = PhotoOptions {
+        memory_bytes: context.memory_bytes,
+        scratch: folder.to_owned(),
+        exposure: photos.exposure,
+        unseen: photos
+            .unseen
+            .map(|bytes| Vec3::from(bytes.map(|b| linear_from_srgb8_table()[usize::from(b)]))),
+        texel_size: if args.match_source { None } else { texel_size(&budget, mesh) },
+    };
+    let source = PhotoSource::new(mesh, &photographs, &options, &context.progress("reading photographs"))?;
+    let report = source.report();
+    let name = format!("photos={photos}");
+    if report.used < report.photographs {
+        let unused = report.photographs - report.used;
+        context.note(format!("{name}: {unused} of {} photographs do not show the model", report.photographs));
+    }
+    if report.unseen_share >= 0.0005 {
+        let share = 100.0 * report.unseen_share;
+        context.note(format!("{name}: no photograph sees {share:.1} % of the surface"));
+    }
+    let job = BakeJob {
+        mesh,
+        budget: if args.match_source { TexelBudget::PerTriangle(source.density()) } else { budget },
+        cover: &args.cover,
+        encoding: &args.encoding,
+        output: &args.output,
+        source_name: name,
+        started,
+        load_seconds: model.load_seconds + model.clean_seconds,
+        // The other half holds photographs.
+        memory_bytes: context.memory_bytes / 2,
+    };
+    let info = job.run_until(&source, &|| source.failure().is_some(), context);
+    if let Some(error) = source.failure() {
+        let source = io::Error::new(error.kind(), error.to_string());
+        return Err(PhotoError::Scratch { folder: folder.to_owned(), source }.into());
+    }
+    Ok(BakeInfo { photos: Some(report.into()), ..info? })
+}
+
+/// Photographs show the finished look: what the model's own materials would add to it, such as a glow, goes.
+fn plain_materials(mesh: &mut Mesh) {
+    for material in &mut mesh.materials {
+        let (name, double_sided) = (std::mem::take(&mut material.name), material.double_sided);
+        *material = Material { name, double_sided, ..Material::default() };
+    }
+    mesh.images.clear();
+}
+
+/// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by
+/// themselves. (A white glow, for example, would cover the source's colours.)
+fn forget_textures(mesh: &mut Mesh) {
+    let plain = Material::default();
+    for material in &mut mesh.materials {
+        if material.emission_texture.take().is_some() {
+            material.emission = plain.emission;
+        }
+        if material.metallic_roughness_texture.take().is_some() {
+            (material.metallic, material.roughness) = (plain.metallic, plain.roughness);
+        }
+    }
+}
+
+/// The side of a texel in mesh units, if the cover gives every triangle the same.
+fn texel_size(budget: &TexelBudget, mesh: &Mesh) -> Option<f32> {
+    match budget {
+        TexelBudget::Total(texels) => Some((mesh.area() / (*texels).max(1) as f64).sqrt() as f32),
+        TexelBudget::Density(density) => Some((1.0 / density) as f32),
+        _ => None,
+    }
+}
+
 /// A mesh, and how it becomes an asset.
 pub(crate) struct BakeJob<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -249,18 +385,46 @@ pub(crate) struct BakeJob<'a> {
     pub(crate) started: Instant,
     /// What it took to get the mesh.
     pub(crate) load_seconds: f64,
+    /// Bytes that texels in flight may take.
+    pub(crate) memory_bytes: u64,
+}
+
+/// Ends a bake by itself, too.
+struct Stoppable<'a> {
+    progress: Bar<'a>,
+    must_stop: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl Progress for Stoppable<'_> {
+    fn report(&self, done: u64, total: u64) {
+        self.progress.report(done, total);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled() || (self.must_stop)()
+    }
 }
 
 impl BakeJob<'_> {
     /// Covers the mesh and bakes `source`, with progress.
     pub(crate) fn run(self, source: &dyn Source, context: &Context) -> Result<BakeInfo, CliError> {
+        self.run_until(source, &|| false, context)
+    }
+
+    /// As [`BakeJob::run`], but given up as soon as `must_stop` says so.
+    fn run_until(
+        self,
+        source: &dyn Source,
+        must_stop: &(dyn Fn() -> bool + Sync),
+        context: &Context,
+    ) -> Result<BakeInfo, CliError> {
         let Self { mesh, output, started, load_seconds, .. } = self;
         let cover_started = Instant::now();
         let (cover, stats) = build_cover(mesh, &self.cover.options(self.budget))?;
         let cover_seconds = cover_started.elapsed().as_secs_f64();
-        let options = self.encoding.options(context);
+        let options = BakeOptions { memory_bytes: self.memory_bytes, ..self.encoding.options(context) };
         let _deferral = context.defer_interrupt();
-        let progress = context.progress("baking");
+        let progress = Stoppable { progress: context.progress("baking"), must_stop };
         let summary = baking::bake(mesh, &cover, source, output, &options, &progress)?;
         let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } =
             summary;
@@ -281,6 +445,7 @@ impl BakeJob<'_> {
                 total: started.elapsed().as_secs_f64(),
             },
             peak_memory_bytes: memory::peak_bytes(),
+            photos: None,
         })
     }
 }

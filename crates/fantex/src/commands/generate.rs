@@ -1,4 +1,4 @@
-//! `fantex generate`: procedural models.
+//! `fantex generate`: procedural models, and photographs of models.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -11,16 +11,18 @@ use serde::Serialize;
 
 use crate::commands::bake::{self, BakeJob, EncodingArgs};
 use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
+use crate::commands::photographs::{self, PhotographsArgs};
 use crate::context::Context;
 use crate::error::CliError;
 use crate::size::{Count, grouped, positive, share};
 use crate::sources::solid_source;
 
-/// Generate a procedural model.
+/// Generate a procedural model, or photographs of a model.
 #[derive(Args, Debug)]
 #[command(after_help = "\
 Example:
-  fantex generate landscape -o cave.ply --triangles 500k --seed 7")]
+  fantex generate landscape -o cave.ply --triangles 500k --seed 7
+  fantex generate photographs bottle.gltf -o shoot --count 24")]
 pub(crate) struct GenerateArgs {
     #[command(subcommand)]
     what: What,
@@ -29,6 +31,7 @@ pub(crate) struct GenerateArgs {
 #[derive(Debug, Subcommand)]
 enum What {
     Landscape(LandscapeArgs),
+    Photographs(PhotographsArgs),
 }
 
 /// A closed landscape with mountains, cliffs, overhangs, tunnels and arches; y is up, units are metres.
@@ -87,6 +90,7 @@ struct LandscapeInfo {
 pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<(), CliError> {
     match &args.what {
         What::Landscape(args) => run_landscape(args, context),
+        What::Photographs(args) => photographs::run(args, context),
     }
 }
 
@@ -154,6 +158,7 @@ fn bake_landscape(
         source_name: "solid=landscape".to_owned(),
         started,
         load_seconds: started.elapsed().as_secs_f64(),
+        memory_bytes: context.memory_bytes,
     };
     let info = job.run(&source, context)?;
     context.print(&info, bake::text)

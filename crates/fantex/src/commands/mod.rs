@@ -10,6 +10,7 @@ pub(crate) mod generate;
 pub(crate) mod info;
 mod look;
 pub(crate) mod paint;
+mod photographs;
 pub(crate) mod render;
 mod render_gpu;
 mod render_look;

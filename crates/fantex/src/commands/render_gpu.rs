@@ -69,8 +69,8 @@ pub(super) fn render(
     } else if !is_sharp {
         context.note(format!("tiles were still missing after {} s", PATIENCE.as_secs()));
     }
-    for (page, error) in streamed.streamer.damaged().take(4) {
-        context.note(format!("{page} cannot be read, a coarser level takes its place: {error}"));
+    for (parcel, error) in streamed.streamer.damaged().take(4) {
+        context.note(format!("{parcel} cannot be read, a coarser level takes its place: {error}"));
     }
     picture_of(&mut streamed.model)
 }

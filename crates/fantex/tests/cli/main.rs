@@ -8,6 +8,7 @@ mod gallery;
 mod interrupt;
 mod looks;
 mod paint;
+mod photographs;
 mod real_models;
 mod round_trip;
 mod support;

@@ -159,7 +159,7 @@ fn a_landscape_becomes_an_asset_at_once() {
         rows.iter().find(|row| row["name"] == name).unwrap()["value"].as_f64().unwrap()
     };
     assert_eq!(row("cuts that came before the view was sharp"), 0.0);
-    assert!(row("pages resident when needed") > 90.0 && row("pool in use, at most") < 100.0, "{flight:#}");
+    assert!(row("parcels resident when needed") > 90.0 && row("pool in use, at most") < 100.0, "{flight:#}");
 
     let model = folder.path().join("land.ply");
     let command: [&dyn AsRef<OsStr>; 6] = [&"generate", &"landscape", &"-o", &model, &"--texels", &"1M"];
@@ -208,6 +208,20 @@ fn any_number_of_threads_bakes_the_same_bytes() {
         std::fs::read(asset).unwrap()
     };
     assert!(bake("1") == bake("3"));
+}
+
+#[test]
+fn factors_of_textures_that_are_not_baked_do_not_cover_the_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("wood.fan");
+    let material = |source: &str| {
+        succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--source", &source, &"--texels", &"20k", &"--force"]);
+        fantex::store::Asset::open(&asset).unwrap().mesh().materials[0].clone()
+    };
+    // The bottle's factors scale textures: white light, all metal.
+    assert_eq!((material("uv").emission.x, material("uv").metallic), (1.0, 1.0));
+    let material = material("solid=wood");
+    assert_eq!((material.emission.x, material.metallic, material.roughness), (0.0, 0.0, 0.9));
 }
 
 #[test]

@@ -126,7 +126,7 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
             row(ui, "   Emission", |ui| ui.color_edit_button_srgb(&mut material.emission));
         }
         ChannelKind::Displacement => number("   Height").show(ui, &mut material.height, 0.0..=1.0),
-        ChannelKind::BaseColor | ChannelKind::Normal | ChannelKind::Light => {}
+        ChannelKind::BaseColor | ChannelKind::Normal | ChannelKind::Light | ChannelKind::Anisotropy => {}
     }
 }
 
@@ -139,6 +139,6 @@ fn name_and_view(kind: ChannelKind) -> Option<(&'static str, Option<ShadingView>
         }
         ChannelKind::Emission => Some(("Emission", Some(ShadingView::Emission))),
         ChannelKind::Displacement => Some(("Displacement", None)),
-        ChannelKind::Light => None,
+        ChannelKind::Light | ChannelKind::Anisotropy => None,
     }
 }

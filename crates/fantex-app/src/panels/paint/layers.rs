@@ -235,7 +235,7 @@ fn fill_name(layer: &Layer) -> String {
 
 fn short_name(kind: fantex_store::ChannelKind) -> &'static str {
     use fantex_store::ChannelKind::{
-        BaseColor, Displacement, Emission, Light, Normal, OcclusionRoughnessMetallic,
+        Anisotropy, BaseColor, Displacement, Emission, Light, Normal, OcclusionRoughnessMetallic,
     };
     match kind {
         BaseColor => "Colour",
@@ -244,5 +244,6 @@ fn short_name(kind: fantex_store::ChannelKind) -> &'static str {
         Emission => "Emission",
         Displacement => "Height",
         Light => "Light",
+        Anisotropy => "Anisotropy",
     }
 }

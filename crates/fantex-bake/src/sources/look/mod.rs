@@ -7,8 +7,9 @@ use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
 use fantex_store::ChannelKind;
-use fantex_texture::Texture;
-use fantex_texture::look::{LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot};
+use fantex_texture::look::{Anisotropy, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot};
+use fantex_texture::material::TangentFrame;
+use fantex_texture::{ShadingPoint, Texture};
 use glam::{Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
@@ -29,7 +30,7 @@ pub enum LookSourceError {
 }
 
 /// The materials of a look as a source: base colour with alpha, the normal with all relief applied, occlusion with roughness
-/// and metallic, emission. A property that is the same everywhere is no channel but a factor of [`baked_materials`].
+/// and metallic, emission, the direction of stretched highlights. A property that is the same everywhere is no channel but a factor of [`baked_materials`].
 #[derive(Debug)]
 pub struct LookSource<'a> {
     materials: Vec<Arc<LookMaterial>>,
@@ -81,6 +82,24 @@ impl<'a> LookSource<'a> {
         let last = self.materials.len() - 1;
         &self.materials[self.finder.mesh.material_of(triangle).min(last)]
     }
+
+    /// The direction of a stretched highlight, mesh space, and its strength; the direction need not lie in the surface.
+    fn direction(&self, anisotropy: &Anisotropy, point: &SurfacePoint, at: &ShadingPoint<'_>) -> Vec4 {
+        let [along, across, ..] = (anisotropy.direction.evaluate(at) * 2.0 - 1.0).to_array();
+        let tangents = self.tangents.get(anisotropy.uv_set).filter(|tangents| !tangents.is_empty());
+        let direction = match tangents {
+            Some(tangents) => {
+                let lambda = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+                let frame = TangentFrame::at(&self.finder.normals, tangents, point.triangle, lambda);
+                frame.mesh_vector(Vec3::new(along, across, 0.0))
+            }
+            None => {
+                let tangent = Vec3::Y.cross(point.normal).try_normalize().unwrap_or(Vec3::X);
+                tangent * along + point.normal.cross(tangent) * across
+            }
+        };
+        direction.extend(anisotropy.strength.evaluate_number(at).clamp(-1.0, 1.0))
+    }
 }
 
 impl Source for LookSource<'_> {
@@ -121,6 +140,10 @@ impl Source for LookSource<'_> {
                     ChannelKind::Emission => {
                         material.emission.evaluate(at).truncate().max(Vec3::ZERO).extend(1.0)
                     }
+                    ChannelKind::Anisotropy => {
+                        let anisotropy = material.anisotropy.as_ref();
+                        anisotropy.map_or(Vec4::ZERO, |anisotropy| self.direction(anisotropy, point, at))
+                    }
                     ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
                 };
             }
@@ -134,8 +157,8 @@ fn roughness_of(exponent: f32) -> f32 {
     (2.0 / (exponent.max(0.0) + 2.0)).powf(0.25)
 }
 
-/// The materials that an asset needs beside the tiles of a [`LookSource`]: what alpha means, sides, and the factors of all
-/// that is the same everywhere.
+/// The materials that an asset needs beside the tiles of a [`LookSource`]: what alpha means, sides, toon scales, and the
+/// factors of all that is the same everywhere.
 pub fn baked_materials(materials: &[Arc<LookMaterial>]) -> Vec<Material> {
     let baked = |look: &Arc<LookMaterial>| Material {
         metallic: constant(&look.metallic).map_or(0.0, |v| v.x.clamp(0.0, 1.0)),
@@ -151,6 +174,7 @@ pub fn baked_materials(materials: &[Arc<LookMaterial>]) -> Vec<Material> {
         },
         double_sided: look.double_sided,
         unlit: look.lighting == LightingModel::Unlit,
+        toon: look.toon.as_ref().map(|ramp| ramp.toon_scale()),
         ..Material::default()
     };
     materials.iter().map(baked).collect()
@@ -185,6 +209,9 @@ fn channels(materials: &[Arc<LookMaterial>]) -> Vec<SourceChannel> {
         // How bright a texture is cannot be known before it is asked everywhere.
         channels.push(channel(ChannelKind::Emission));
     }
+    if any(&|m| m.anisotropy.is_some()) {
+        channels.push(channel(ChannelKind::Anisotropy));
+    }
     channels
 }
 
@@ -197,7 +224,10 @@ fn check_eye(material: &LookMaterial) -> Result<(), LookSourceError> {
         ("the occlusion", &material.occlusion),
         ("the emission", &material.emission),
     ];
-    if let Some((what, _)) = slots.into_iter().find(|(_, slot)| slot.is_view_dependent()) {
+    let stretched = material.anisotropy.iter().flat_map(|a| {
+        [("the anisotropy's strength", &a.strength), ("the anisotropy's direction", &a.direction)]
+    });
+    if let Some((what, _)) = slots.into_iter().chain(stretched).find(|(_, slot)| slot.is_view_dependent()) {
         return Err(LookSourceError::ViewDependent { what });
     }
     let depends = |relief: &Relief| {
@@ -213,7 +243,8 @@ fn check_eye(material: &LookMaterial) -> Result<(), LookSourceError> {
 }
 
 fn refers_to_tangents(material: &LookMaterial, set: usize) -> bool {
-    material.relief.iter().any(|relief| {
+    material.anisotropy.as_ref().is_some_and(|anisotropy| anisotropy.uv_set == set)
+        || material.relief.iter().any(|relief| {
         matches!(relief, Relief::Normal { space: NormalSpace::Tangent { uv_set }, .. } if *uv_set == set)
     })
 }

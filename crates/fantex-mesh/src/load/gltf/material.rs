@@ -51,7 +51,7 @@ struct MaterialReader<'a> {
 
 impl MaterialReader<'_> {
     fn read(&mut self, source: &schema::Material) -> Result<Material, GltfProblem> {
-        let pbr = &source.pbr_metallic_roughness;
+        let pbr = self.metallic_roughness(source);
         let strength =
             source.extensions.emissive_strength.as_ref().and_then(|e| e.emissive_strength).unwrap_or(1.0);
         let normal_scale = source.normal_texture.as_ref().and_then(|t| t.scale);
@@ -72,7 +72,28 @@ impl MaterialReader<'_> {
             alpha: self.alpha(source),
             double_sided: source.double_sided,
             unlit: source.extensions.unlit.is_some(),
+            toon: None,
         })
+    }
+
+    /// The material's metallic-roughness; where it has none, what there is of its specular-glossiness, in which scans and
+    /// purchased models were written before metallic-roughness was common.
+    fn metallic_roughness(&mut self, source: &schema::Material) -> schema::MetallicRoughness {
+        let own = source.pbr_metallic_roughness.clone();
+        let Some(glossy) = source.extensions.specular_glossiness.as_ref().filter(|_| own.is_none()) else {
+            return own.unwrap_or_default();
+        };
+        self.notes.push(format!(
+            "material {}: of its specular-glossiness the diffuse colour and the glossiness factor were read",
+            self.index
+        ));
+        schema::MetallicRoughness {
+            base_color_factor: glossy.diffuse_factor,
+            base_color_texture: glossy.diffuse_texture.clone(),
+            metallic_factor: Some(0.0),
+            roughness_factor: Some((1.0 - glossy.glossiness_factor.unwrap_or(1.0)).clamp(0.0, 1.0)),
+            metallic_roughness_texture: None,
+        }
     }
 
     fn alpha(&mut self, source: &schema::Material) -> AlphaMode {

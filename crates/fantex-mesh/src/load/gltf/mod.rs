@@ -115,11 +115,12 @@ fn check_version(root: &Root) -> Result<(), GltfProblem> {
 }
 
 fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<(), GltfProblem> {
-    const READ: [&str; 5] = [
+    const READ: [&str; 6] = [
         "KHR_mesh_quantization",
         "KHR_texture_transform",
         "KHR_materials_unlit",
         "KHR_materials_emissive_strength",
+        "KHR_materials_pbrSpecularGlossiness",
         "EXT_texture_webp",
     ];
     // These change how light acts, not what the surface is; without them the model is still the model.
@@ -131,11 +132,13 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<(), GltfProb
     if !fatal.is_empty() {
         return Err(GltfProblem::RequiredExtensions { extensions: fatal });
     }
-    if !ignorable.is_empty() {
-        notes.push(format!(
-            "required extensions that fantex does not read were ignored: {}",
-            ignorable.join(", ")
-        ));
+    let is_unread = |name: &&String| name.starts_with("KHR_materials_") && !READ.contains(&name.as_str());
+    let mut ignored: Vec<String> = root.extensions_used.iter().filter(is_unread).cloned().collect();
+    ignored.extend(ignorable);
+    ignored.sort_unstable();
+    ignored.dedup();
+    if !ignored.is_empty() {
+        notes.push(format!("extensions that fantex does not read were ignored: {}", ignored.join(", ")));
     }
     Ok(())
 }

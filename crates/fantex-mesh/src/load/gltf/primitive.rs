@@ -4,7 +4,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 
 use super::accessor::Reader;
 use super::scene::MeshInstance;
-use super::schema::Primitive;
+use super::schema::{Accessor, Primitive};
 use super::{Document, Error, GltfProblem, get, material};
 use crate::Model;
 use crate::load::builder::pad;
@@ -81,6 +81,7 @@ impl Loader<'_, '_> {
             self.without_positions += 1;
             return Ok(());
         };
+        check_compression(self.document, primitive, positions)?;
         let positions = Reader::new(self.document, positions, label)?;
         let file = self.document.file;
         let first_position = self.model.positions.len();
@@ -190,6 +191,21 @@ impl Loader<'_, '_> {
         }
         Ok(())
     }
+}
+
+/// Refuses a primitive that is there in compressed form only, though the file does not say that it requires the extension.
+fn check_compression(
+    document: &Document,
+    primitive: &Primitive,
+    positions: usize,
+) -> Result<(), GltfProblem> {
+    const COMPRESSION: &str = "KHR_draco_mesh_compression";
+    let has_data = |a: &Accessor| a.buffer_view.is_some() || a.sparse.is_some();
+    let is_plain = document.root.accessors.get(positions).is_none_or(has_data);
+    if is_plain || !primitive.extensions.contains_key(COMPRESSION) {
+        return Ok(());
+    }
+    Err(GltfProblem::RequiredExtensions { extensions: vec![COMPRESSION.to_owned()] })
 }
 
 /// What reading the attributes of a primitive needs.

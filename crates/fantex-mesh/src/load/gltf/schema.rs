@@ -16,6 +16,8 @@ pub(super) struct Root {
     pub(super) asset: Asset,
     #[serde(default)]
     pub(super) extensions_required: Vec<String>,
+    #[serde(default)]
+    pub(super) extensions_used: Vec<String>,
     pub(super) scene: Option<usize>,
     #[serde(default)]
     pub(super) scenes: Vec<Scene>,
@@ -83,6 +85,8 @@ pub(super) struct Primitive {
     pub(super) indices: Option<usize>,
     pub(super) material: Option<usize>,
     pub(super) mode: Option<u64>,
+    #[serde(default)]
+    pub(super) extensions: Map<String, Value>,
 }
 
 #[derive(Deserialize)]
@@ -146,8 +150,7 @@ pub(super) struct Buffer {
 pub(super) struct Material {
     #[serde(default)]
     pub(super) name: String,
-    #[serde(default)]
-    pub(super) pbr_metallic_roughness: MetallicRoughness,
+    pub(super) pbr_metallic_roughness: Option<MetallicRoughness>,
     pub(super) normal_texture: Option<TextureInfo>,
     pub(super) occlusion_texture: Option<TextureInfo>,
     pub(super) emissive_texture: Option<TextureInfo>,
@@ -167,6 +170,16 @@ pub(super) struct MaterialExtensions {
     pub(super) unlit: Option<Value>,
     #[serde(rename = "KHR_materials_emissive_strength")]
     pub(super) emissive_strength: Option<EmissiveStrength>,
+    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
+    pub(super) specular_glossiness: Option<SpecularGlossiness>,
+}
+
+#[derive(Clone, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct SpecularGlossiness {
+    pub(super) diffuse_factor: Option<[f32; 4]>,
+    pub(super) diffuse_texture: Option<TextureInfo>,
+    pub(super) glossiness_factor: Option<f32>,
 }
 
 #[derive(Deserialize)]
@@ -175,7 +188,7 @@ pub(super) struct EmissiveStrength {
     pub(super) emissive_strength: Option<f32>,
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Clone, Default, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct MetallicRoughness {
     pub(super) base_color_factor: Option<[f32; 4]>,
@@ -185,7 +198,7 @@ pub(super) struct MetallicRoughness {
     pub(super) metallic_roughness_texture: Option<TextureInfo>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct TextureInfo {
     pub(super) index: usize,
@@ -199,13 +212,13 @@ pub(super) struct TextureInfo {
     pub(super) extensions: TextureInfoExtensions,
 }
 
-#[derive(Default, Deserialize)]
+#[derive(Clone, Default, Deserialize)]
 pub(super) struct TextureInfoExtensions {
     #[serde(rename = "KHR_texture_transform")]
     pub(super) transform: Option<TextureTransform>,
 }
 
-#[derive(Deserialize)]
+#[derive(Clone, Deserialize)]
 #[serde(rename_all = "camelCase")]
 pub(super) struct TextureTransform {
     #[serde(default)]

@@ -7,6 +7,7 @@ use base64::alphabet;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 
 use super::BufferProblem;
+use crate::load::locate;
 
 /// What a URI points to.
 pub(super) enum Target {
@@ -35,7 +36,7 @@ pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Target, BufferProblem>
     if decoded.is_empty() || decoded.starts_with(['/', '\\']) || path.is_absolute() {
         return Err(not_relative());
     }
-    Ok(Target::File(folder.join(path)))
+    Ok(Target::File(locate(folder, path)))
 }
 
 /// `[media type][;base64],DATA`

@@ -90,3 +90,9 @@ fn number(word: &[u8]) -> Result<f64, ObjProblem> {
 fn shown(word: &[u8]) -> String {
     String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned()
 }
+
+/// What ends the lines of a text: a line feed, maybe after a carriage return, or, in files of old systems, which hold no line
+/// feed at all, a carriage return.
+fn line_end(text: &[u8]) -> u8 {
+    if text.contains(&b'\n') { b'\n' } else { b'\r' }
+}

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use glam::{Mat3, Vec2, Vec3};
 
-use super::{ObjProblem, number, shown};
-use crate::load::{LoadError, SourceFile, read_companion, relative_path, srgb};
+use super::{ObjProblem, line_end, number, shown};
+use crate::load::{LoadError, SourceFile, locate, read_companion, relative_path, srgb};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
 /// The materials of all libraries of an OBJ file.
@@ -35,7 +35,7 @@ pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Libr
     let mut done = HashSet::new();
     for name in names {
         let Some(relative) = relative_path(name) else { continue };
-        let path = file.folder().join(relative);
+        let path = locate(file.folder(), &relative);
         if !done.insert(path.clone()) {
             continue;
         }
@@ -77,7 +77,8 @@ impl<'a> Reader<'a> {
     }
 
     fn read(mut self, bytes: &[u8]) -> Result<(), LoadError> {
-        for line in bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).split(|&b| b == b'\n') {
+        let line_end = line_end(bytes);
+        for line in bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).split(|&b| b == line_end) {
             self.line += 1;
             self.read_line(line.trim_ascii()).map_err(|problem| LoadError::Obj {
                 path: self.path.into(),
@@ -215,7 +216,7 @@ impl<'a> Reader<'a> {
     fn texture(&mut self, arguments: &[u8]) -> Option<ParsedTexture> {
         let text = String::from_utf8_lossy(arguments).into_owned();
         let options = MapOptions::parse(&text);
-        let path = self.path.parent().unwrap_or(Path::new("")).join(relative_path(options.file_name)?);
+        let path = locate(self.path.parent().unwrap_or(Path::new("")), &relative_path(options.file_name)?);
         let wrap = if options.clamp { WrapMode::Clamp } else { WrapMode::Repeat };
         let texture = TextureRef {
             image: self.image(path),

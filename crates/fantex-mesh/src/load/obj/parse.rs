@@ -5,7 +5,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, Vec2, Vec3};
 
-use super::{ObjProblem, number, shown, words};
+use super::{ObjProblem, line_end, number, shown, words};
 use crate::load::{LoadError, SourceFile};
 
 /// Marks a corner without texture coordinate or normal.
@@ -54,8 +54,9 @@ pub(super) struct ObjText {
 pub(super) fn parse(file: &SourceFile) -> Result<ObjText, LoadError> {
     let mut parser = Parser::new(file);
     let mut rest = file.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(file.bytes);
+    let line_end = line_end(rest);
     while !rest.is_empty() {
-        let (line, lines) = take_line(&mut rest);
+        let (line, lines) = take_line(&mut rest, line_end);
         parser.read_line(&line).map_err(|problem| parser.located(problem))?;
         parser.line += lines;
         parser.check_limits()?;
@@ -64,15 +65,15 @@ pub(super) fn parse(file: &SourceFile) -> Result<ObjText, LoadError> {
 }
 
 /// Takes a line off `rest`, joined with those that a backslash at its end continues. Also says how many it took.
-fn take_line<'a>(rest: &mut &'a [u8]) -> (Cow<'a, [u8]>, usize) {
-    let first = take_physical_line(rest);
+fn take_line<'a>(rest: &mut &'a [u8], line_end: u8) -> (Cow<'a, [u8]>, usize) {
+    let first = take_physical_line(rest, line_end);
     let Some(start) = first.strip_suffix(b"\\") else {
         return (Cow::Borrowed(first), 1);
     };
     let mut joined = start.to_vec();
     let mut lines = 1;
     while !rest.is_empty() {
-        let next = take_physical_line(rest);
+        let next = take_physical_line(rest, line_end);
         lines += 1;
         joined.push(b' ');
         match next.strip_suffix(b"\\") {
@@ -86,8 +87,8 @@ fn take_line<'a>(rest: &mut &'a [u8]) -> (Cow<'a, [u8]>, usize) {
     (Cow::Owned(joined), lines)
 }
 
-fn take_physical_line<'a>(rest: &mut &'a [u8]) -> &'a [u8] {
-    let end = rest.iter().position(|&b| b == b'\n');
+fn take_physical_line<'a>(rest: &mut &'a [u8], line_end: u8) -> &'a [u8] {
+    let end = rest.iter().position(|&b| b == line_end);
     let line = &rest[..end.unwrap_or(rest.len())];
     *rest = end.map_or(&[], |end| &rest[end + 1..]);
     line.trim_ascii_end()

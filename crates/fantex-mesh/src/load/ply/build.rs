@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::body::{Content, Faces};
 use super::header::Header;
 use crate::load::polygon::Triangulator;
-use crate::load::{LoadError, SourceFile, builder, relative_path, srgb};
+use crate::load::{LoadError, SourceFile, builder, locate, relative_path, srgb};
 use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
 /// Cuts the polygons and spreads attributes over the corners.
@@ -127,7 +127,7 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
             Material { name: name.clone(), base_color_texture: Some(texture), ..Material::default() };
         model.materials.push(material);
         let path = relative_path(name).unwrap_or_else(|| PathBuf::from(name));
-        model.images.push(ImageSource::File(file.folder().join(path)));
+        model.images.push(ImageSource::File(locate(file.folder(), &path)));
     }
     if header.texture_files.len() > 1 {
         let last = header.texture_files.len() as i64 - 1;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
-#[path = "../../../tests/common/mod.rs"]
+#[path = "../../../tests/store/common/mod.rs"]
 mod common;
 mod crash;
 mod failing;

@@ -10,12 +10,15 @@
 //! look-ups four times as fast as one by one. What differs by look-up (level, position, shares) lies in arrays.
 //!
 //! Steps are those of `inner.rs` and `lod.rs`, without fused multiplications: the results do not depend on the processor. Bytes
-//! are decoded to 16 bits, as which the coarser levels are stored. Look-ups at the edges of a level are left to the caller, and so are
+//! are decoded to 16 bits, as which the coarser levels are stored. Where texels count alike (`weigh.rs`), neighbours are
+//! interpolated in whole numbers. Look-ups at the edges of a level are left to the caller, and so are
 //! images that are not stored as one, three or four fixed-point channels.
 
 mod decode;
+mod grids;
 mod place;
 mod texels;
+mod weigh;
 mod widen;
 
 use std::ops::Range;
@@ -25,9 +28,11 @@ use fearless_simd::{Level, Simd, dispatch, prelude::*};
 use glam::Vec2;
 
 use self::decode::{blend, mix};
-use self::place::{Places, Quads, fold_all, locate};
+pub use self::grids::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
+use self::place::{Quads, locate};
 pub(crate) use self::texels::Levels;
 use self::texels::Pairs;
+use self::weigh::{mix_texels, store_texels, weigh};
 pub(super) use self::{
     decode::{UNIT, load_four, store_rgba},
     texels::eight,
@@ -58,8 +63,7 @@ impl<T: Copy> Block<T> {
 #[derive(Clone, Debug)]
 pub(crate) struct Probes {
     /// Texture coordinates.
-    u: Block<f32>,
-    v: Block<f32>,
+    places: Block<[f32; 2]>,
     /// The finer one of two neighbouring levels, and the share of the coarser one.
     fine: Block<u32>,
     share: Block<f32>,
@@ -69,17 +73,15 @@ pub(crate) struct Probes {
 impl Probes {
     /// None yet.
     pub(crate) fn new() -> Self {
-        Self { u: Block::of(0.0), v: Block::of(0.0), fine: Block::of(0), share: Block::of(0.0), count: 0 }
+        Self { places: Block::of([0.0; 2]), fine: Block::of(0), share: Block::of(0.0), count: 0 }
     }
 
-    /// Up to a block of points of level 0.
-    pub(crate) fn of_points(points: impl ExactSizeIterator<Item = Vec2>) -> Self {
-        let mut probes = Self::new();
-        probes.count = points.len();
-        for (index, point) in points.enumerate() {
-            (probes.u.0[index], probes.v.0[index]) = (point.x, point.y);
+    /// Up to a block of other points, on the levels of those before: level 0 if there were none.
+    pub(crate) fn place(&mut self, points: impl ExactSizeIterator<Item = Vec2>) {
+        self.count = points.len();
+        for (place, point) in self.places.0.iter_mut().zip(points) {
+            *place = point.to_array();
         }
-        probes
     }
 
     /// Chooses the levels by footprints: `steps` are the footprints' edges in uv, `size` is that of level 0.
@@ -90,9 +92,8 @@ impl Probes {
     /// Adds points of a row on equal levels, `first + step * number`; the block must have room for them.
     pub(crate) fn push_row(&mut self, [first, step]: [Vec2; 2], numbers: Range<u32>, fine: u32, share: f32) {
         let range = self.count..self.count + numbers.len();
-        let places = self.u.0[range.clone()].iter_mut().zip(&mut self.v.0[range.clone()]);
-        for ((u, v), number) in places.zip(numbers) {
-            (*u, *v) = (first.x + step.x * number as f32, first.y + step.y * number as f32);
+        for (place, number) in self.places.0[range.clone()].iter_mut().zip(numbers) {
+            *place = (first + step * number as f32).to_array();
         }
         self.fine.0[range.clone()].fill(fine);
         self.share.0[range.clone()].fill(share);
@@ -111,24 +112,25 @@ impl Probes {
 
     /// Where a probe is.
     pub(crate) fn at(&self, index: usize) -> (Vec2, u32, f32) {
-        (Vec2::new(self.u.0[index], self.v.0[index]), self.fine.0[index], self.share.0[index])
+        (Vec2::from_array(self.places.0[index]), self.fine.0[index], self.share.0[index])
     }
 }
 
 /// The edges of a block's footprints, in uv: `x` and `y` of the first, then of the second.
 #[derive(Clone, Debug)]
-pub(crate) struct Steps([Block<f32>; 4]);
+pub(crate) struct Steps(Block<[f32; 4]>);
 
 impl Steps {
-    /// Up to a block of them.
-    pub(crate) fn new(footprints: impl Iterator<Item = [Vec2; 2]>) -> Self {
-        let mut steps = Self([Block::of(0.0); 4]);
-        for (index, [dx, dy]) in footprints.enumerate() {
-            for (block, number) in steps.0.iter_mut().zip([dx.x, dx.y, dy.x, dy.y]) {
-                block.0[index] = number;
-            }
+    /// None yet.
+    pub(crate) fn new() -> Self {
+        Self(Block::of([0.0; 4]))
+    }
+
+    /// Up to a block of others.
+    pub(crate) fn place(&mut self, footprints: impl Iterator<Item = [Vec2; 2]>) {
+        for (numbers, [dx, dy]) in self.0.0.iter_mut().zip(footprints) {
+            *numbers = [dx.x, dx.y, dy.x, dy.y];
         }
-        steps
     }
 }
 
@@ -144,7 +146,6 @@ impl Colors {
 
 /// What the steps hand on, kept from block to block.
 pub(crate) struct Workspace {
-    places: Places,
     /// In the finer and in the coarser level of every probe.
     quads: [Quads; 2],
     pairs: [Pairs; 2],
@@ -153,11 +154,7 @@ pub(crate) struct Workspace {
 impl Workspace {
     /// Not yet used.
     pub(crate) fn new() -> Self {
-        Self {
-            places: Places::new(),
-            quads: [Quads::new(), Quads::new()],
-            pairs: [Pairs::new(), Pairs::new()],
-        }
+        Self { quads: [Quads::new(), Quads::new()], pairs: [Pairs::new(), Pairs::new()] }
     }
 }
 
@@ -204,26 +201,35 @@ fn sums<S: Simd, const C: usize>(
     if count == 0 {
         return 0;
     }
-    let Workspace { places, quads: [fine, coarse], pairs: [fine_pairs, coarse_pairs] } = workspace;
-    let is_coverage = look_up.alpha == AlphaUse::Coverage;
-    fold_all(simd, probes, look_up.wrap, places);
-    locate(simd, probes, places, levels, 0, fine);
-    let missed = fine_pairs.read::<S, C>(simd, levels, fine, count);
+    let Workspace { quads: [fine, coarse], pairs: [fine_pairs, coarse_pairs] } = workspace;
+    let is_weighted = C == 4 && look_up.alpha == AlphaUse::Coverage;
+    locate(simd, probes, look_up.wrap, levels, 0, fine);
+    let missed = fine_pairs.read::<S, C>(simd, levels, fine, count, !is_weighted);
     // Magnified, nothing is seen of coarser levels.
     if probes.share.0[..count].iter().all(|&share| share == 0.0) {
         for first in (0..count).step_by(S::f32s::LEN) {
-            let value = blend::<S, C>(simd, fine, fine_pairs, is_coverage, first);
-            store_rgba::<S, C>(simd, value, out, first);
+            if is_weighted {
+                store_rgba::<S, C>(simd, blend::<S, C>(simd, fine, fine_pairs, true, first), out, first);
+            } else {
+                let value = weigh::<S, C>(simd, fine, fine_pairs, levels.meaning(), first);
+                store_texels::<S, C>(simd, value, out, first);
+            }
         }
         return missed;
     }
-    locate(simd, probes, places, levels, 1, coarse);
-    let missed = missed | coarse_pairs.read::<S, C>(simd, levels, coarse, count);
+    locate(simd, probes, look_up.wrap, levels, 1, coarse);
+    let missed = missed | coarse_pairs.read::<S, C>(simd, levels, coarse, count, !is_weighted);
     for first in (0..count).step_by(S::f32s::LEN) {
         let share = S::f32s::from_slice(simd, &probes.share.0[first..first + S::f32s::LEN]);
-        let from = blend::<S, C>(simd, fine, fine_pairs, is_coverage, first);
-        let to = blend::<S, C>(simd, coarse, coarse_pairs, is_coverage, first);
-        store_rgba::<S, C>(simd, mix::<S, C>(from, to, share), out, first);
+        if is_weighted {
+            let from = blend::<S, C>(simd, fine, fine_pairs, true, first);
+            let to = blend::<S, C>(simd, coarse, coarse_pairs, true, first);
+            store_rgba::<S, C>(simd, mix::<S, C>(from, to, share), out, first);
+        } else {
+            let from = weigh::<S, C>(simd, fine, fine_pairs, levels.meaning(), first);
+            let to = weigh::<S, C>(simd, coarse, coarse_pairs, levels.meaning(), first);
+            store_texels::<S, C>(simd, mix_texels::<S>(from, to, share), out, first);
+        }
     }
     missed
 }

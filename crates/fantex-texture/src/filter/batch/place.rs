@@ -17,11 +17,9 @@ use crate::Wrap;
 pub(super) fn choose_levels<S: Simd>(simd: S, probes: &mut Probes, steps: &Steps, size: Vec2, last: u32) {
     for first in (0..probes.count).step_by(S::f32s::LEN) {
         let range = first..first + S::f32s::LEN;
-        let [dxx, dxy, dyx, dyy] = &steps.0;
-        let dxx = S::f32s::from_slice(simd, &dxx.0[range.clone()]) * size.x;
-        let dxy = S::f32s::from_slice(simd, &dxy.0[range.clone()]) * size.y;
-        let dyx = S::f32s::from_slice(simd, &dyx.0[range.clone()]) * size.x;
-        let dyy = S::f32s::from_slice(simd, &dyy.0[range.clone()]) * size.y;
+        let [dxx, dxy, dyx, dyy] = load_steps(simd, steps, first);
+        let (dxx, dxy) = (dxx * size.x, dxy * size.y);
+        let (dyx, dyy) = (dyx * size.x, dyy * size.y);
         let (xx, yy) = (dxx * dxx + dxy * dxy, dyx * dyx + dyy * dyy);
         let (half_difference, xy) = ((xx - yy) * 0.5, dxx * dyx + dxy * dyy);
         let squared = (xx + yy) * 0.5 + (half_difference * half_difference + xy * xy).sqrt();
@@ -52,27 +50,24 @@ fn log2<S: Simd>(x: S::f32s) -> S::f32s {
     exponent.to_float::<S::f32s>() + s * (2.0 / LN_2) * series
 }
 
-/// Texture coordinates folded into `[0,1]` as far as the wrap mode repeats.
-pub(super) struct Places {
-    u: Block<f32>,
-    v: Block<f32>,
-}
-
-impl Places {
-    pub(super) fn new() -> Self {
-        Self { u: Block::of(0.0), v: Block::of(0.0) }
-    }
-}
-
+/// Two numbers of every look-up from `first` on, those of equal place together.
 #[inline(always)]
-pub(super) fn fold_all<S: Simd>(simd: S, probes: &Probes, wrap: [Wrap; 2], places: &mut Places) {
-    for first in (0..probes.count).step_by(S::f32s::LEN) {
-        let range = first..first + S::f32s::LEN;
-        let u = S::f32s::from_slice(simd, &probes.u.0[range.clone()]);
-        let v = S::f32s::from_slice(simd, &probes.v.0[range.clone()]);
-        fold(simd, u, wrap[0]).store_slice(&mut places.u.0[range.clone()]);
-        fold(simd, v, wrap[1]).store_slice(&mut places.v.0[range]);
-    }
+fn load_two<S: Simd>(simd: S, points: &Block<[f32; 2]>, first: usize) -> (S::f32s, S::f32s) {
+    let lanes = S::f32s::LEN;
+    let numbers = &points.0.as_flattened()[2 * first..2 * (first + lanes)];
+    S::f32s::from_slice(simd, &numbers[..lanes]).deinterleave(S::f32s::from_slice(simd, &numbers[lanes..]))
+}
+
+/// The four numbers of every footprint from `first` on.
+#[inline(always)]
+fn load_steps<S: Simd>(simd: S, steps: &Steps, first: usize) -> [S::f32s; 4] {
+    let lanes = S::f32s::LEN;
+    let numbers = &steps.0.0.as_flattened()[4 * first..4 * (first + lanes)];
+    let part = |part: usize| S::f32s::from_slice(simd, &numbers[part * lanes..(part + 1) * lanes]);
+    let ((even_low, odd_low), (even_high, odd_high)) =
+        (part(0).deinterleave(part(1)), part(2).deinterleave(part(3)));
+    let ((dxx, dyx), (dxy, dyy)) = (even_low.deinterleave(even_high), odd_low.deinterleave(odd_high));
+    [dxx, dxy, dyx, dyy]
 }
 
 /// As the scalar `fold`.
@@ -125,7 +120,7 @@ pub(super) const NONE: u32 = u32::MAX;
 pub(super) fn locate<S: Simd>(
     simd: S,
     probes: &Probes,
-    places: &Places,
+    wrap: [Wrap; 2],
     levels: &Levels<'_>,
     above: u32,
     quads: &mut Quads,
@@ -138,8 +133,8 @@ pub(super) fn locate<S: Simd>(
         let level = (fine + above).min(levels.last());
         let width = (S::u32s::splat(simd, width) >> level).max(one);
         let height = (S::u32s::splat(simd, height) >> level).max(one);
-        let u = S::f32s::from_slice(simd, &places.u.0[range.clone()]);
-        let v = S::f32s::from_slice(simd, &places.v.0[range.clone()]);
+        let (u, v) = load_two(simd, &probes.places, first);
+        let (u, v) = (fold(simd, u, wrap[0]), fold(simd, v, wrap[1]));
         let (column, right) = split::<S>(u * width.to_float::<S::f32s>() - 0.5);
         let (row, lower) = split::<S>(v * height.to_float::<S::f32s>() - 0.5);
         let is_inside = column.simd_lt(width - 1) & row.simd_lt(height - 1);

@@ -4,9 +4,9 @@ use arrayvec::ArrayVec;
 
 use fearless_simd::Simd;
 
-use super::Block;
 use super::place::Quads;
-use super::widen::{Meaning, widen, widened};
+use super::widen::{Meaning, has_byte_tables, widen, widened};
+use super::{BLOCK, Block};
 use crate::image::{ColorSpace, Image, Samples};
 
 /// Levels of the largest image.
@@ -58,7 +58,8 @@ impl<'a> Levels<'a> {
         self.channels
     }
 
-    fn meaning(&self) -> Meaning {
+    /// How stored bytes are to be understood.
+    pub(super) fn meaning(&self) -> Meaning {
         Meaning { is_srgb: self.is_srgb, has_alpha: self.channels == 4 }
     }
 
@@ -76,18 +77,26 @@ pub(super) struct Pairs {
     /// Eight samples from the lower left texel on.
     pub(super) lower: Block<[u64; 2]>,
     /// The same as bytes, where they are stored so.
-    upper_bytes: Block<u64>,
-    lower_bytes: Block<u64>,
+    pub(super) upper_bytes: Block<u64>,
+    pub(super) lower_bytes: Block<u64>,
+    /// Whether they are there as bytes only.
+    pub(super) are_bytes: bool,
 }
 
 impl Pairs {
     pub(super) fn new() -> Self {
         let (no_words, no_bytes) = (Block::of([0; 2]), Block::of(0));
-        Self { upper: no_words, lower: no_words, upper_bytes: no_bytes, lower_bytes: no_bytes }
+        Self {
+            upper: no_words,
+            lower: no_words,
+            upper_bytes: no_bytes,
+            lower_bytes: no_bytes,
+            are_bytes: false,
+        }
     }
 
     /// Copies the texels of every quad; returns the set of those (a bit each) that are at the edges or too near to the end of
-    /// the memory.
+    /// the memory. Bytes may be left as such where `weigh` decodes them as fast.
     #[inline(always)]
     pub(super) fn read<S: Simd, const C: usize>(
         &mut self,
@@ -95,32 +104,39 @@ impl Pairs {
         levels: &Levels<'_>,
         quads: &Quads,
         count: usize,
+        may_be_bytes: bool,
     ) -> u64 {
+        let count = count.min(BLOCK);
         let level_of = |index: usize| quads.level.0[index] as usize;
         let is_one_level = (1..count).fold(true, |same, index| same & (level_of(index) == level_of(0)));
         let meaning = levels.meaning();
         let mut missed = 0;
+        self.are_bytes = false;
         // The fewer instructions between them, the more cache lines are under way at once.
         match levels.stored[level_of(0)] {
             Stored::U8(bytes) if is_one_level => {
                 for index in 0..count {
-                    let pair = quads.read_pair::<C, _>(bytes, index);
-                    missed |= u64::from(pair.is_none()) << index;
-                    if let Some([upper, lower]) = pair {
-                        self.upper_bytes.0[index] = u64::from_le_bytes(*upper);
-                        self.lower_bytes.0[index] = u64::from_le_bytes(*lower);
-                    }
+                    let Some([upper, lower]) = quads.read_pair::<C, _>(bytes, index) else {
+                        missed |= 1 << index;
+                        continue;
+                    };
+                    self.upper_bytes.0[index] = u64::from_le_bytes(*upper);
+                    self.lower_bytes.0[index] = u64::from_le_bytes(*lower);
                 }
-                widen(simd, &self.upper_bytes, meaning, &mut self.upper, count);
-                widen(simd, &self.lower_bytes, meaning, &mut self.lower, count);
+                self.are_bytes = may_be_bytes && has_byte_tables::<S>();
+                if !self.are_bytes {
+                    widen(simd, &self.upper_bytes, meaning, &mut self.upper, count);
+                    widen(simd, &self.lower_bytes, meaning, &mut self.lower, count);
+                }
             }
             Stored::U16(values) if is_one_level => {
                 for index in 0..count {
-                    let pair = quads.read_pair::<C, _>(values, index);
-                    missed |= u64::from(pair.is_none()) << index;
-                    if let Some(pair) = pair {
-                        [self.upper.0[index], self.lower.0[index]] = pair.map(joined);
-                    }
+                    let Some([upper, lower]) = quads.read_pair::<C, _>(values, index) else {
+                        missed |= 1 << index;
+                        continue;
+                    };
+                    self.upper.0[index] = joined(upper);
+                    self.lower.0[index] = joined(lower);
                 }
             }
             _ => {
@@ -158,6 +174,8 @@ pub(in crate::filter) fn eight<T>(samples: &[T], first: usize) -> Option<&[T; 8]
 
 #[inline(always)]
 fn joined(values: &[u16; 8]) -> [u64; 2] {
-    let [a, b, c, d, e, f, g, h] = values.map(u64::from);
-    [a | b << 16 | c << 32 | d << 48, e | f << 16 | g << 32 | h << 48]
+    let word =
+        |[a, b, c, d]: [u16; 4]| u64::from(a) | u64::from(b) << 16 | u64::from(c) << 32 | u64::from(d) << 48;
+    let [a, b, c, d, e, f, g, h] = *values;
+    [word([a, b, c, d]), word([e, f, g, h])]
 }

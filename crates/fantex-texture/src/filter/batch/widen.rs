@@ -48,6 +48,12 @@ pub(super) fn widened(bytes: u64, meaning: Meaning) -> [u64; 2] {
     [word(0), word(4)]
 }
 
+/// Whether one instruction looks up 64 bytes in tables of 128; with shorter vectors, one by one is as fast.
+#[inline(always)]
+pub(super) fn has_byte_tables<S: Simd>() -> bool {
+    S::u8s::LEN == 64
+}
+
 /// [`widened`] for a block.
 #[inline(always)]
 pub(in crate::filter) fn widen<S: Simd>(
@@ -57,19 +63,11 @@ pub(in crate::filter) fn widen<S: Simd>(
     out: &mut Block<[u64; 2]>,
     count: usize,
 ) {
-    // Tables of 128 bytes are looked up by one instruction for 64 bytes; with shorter vectors, one by one is as fast.
-    if S::u8s::LEN == 64 {
-        let curve = &*CURVE;
+    if has_byte_tables::<S>() {
         for first in (0..count).step_by(8) {
             let codes = S::u64s::from_slice(simd, &bytes.0[first..first + 8]).bitcast::<S::u8s>();
-            let (mut low, mut high) = (codes, codes);
-            if meaning.is_srgb {
-                (low, high) = (look_up(simd, &curve.low, codes), look_up(simd, &curve.high, codes));
-                if meaning.has_alpha {
-                    let alpha = S::u32s::splat(simd, 0xff00_0000).bitcast::<S::u8s>();
-                    (low, high) = ((low & !alpha) | (codes & alpha), (high & !alpha) | (codes & alpha));
-                }
-            }
+            let alpha = S::u32s::splat(simd, 0xff00_0000).bitcast::<S::u8s>();
+            let (low, high) = numbers(simd, codes, meaning, alpha);
             let (near, far) = low.interleave(high);
             let out = out.0[first..first + 8].as_flattened_mut();
             near.bitcast::<S::u64s>().store_slice(&mut out[..8]);
@@ -80,6 +78,30 @@ pub(in crate::filter) fn widen<S: Simd>(
             *out = widened(*bytes, meaning);
         }
     }
+}
+
+/// [`widened`] less a half, so that numbers have a sign, for vectors of 64 bytes in which the bytes of two texels stand in pairs
+/// by channel.
+#[inline(always)]
+pub(super) fn signed_pairs<S: Simd>(simd: S, codes: S::u8s, meaning: Meaning) -> [S::i16s; 2] {
+    let alpha = S::u64s::splat(simd, 0xffff_0000_0000_0000).bitcast::<S::u8s>();
+    let (low, high) = numbers(simd, codes, meaning, alpha);
+    let (near, far) = low.interleave(high ^ 0x80);
+    [near.bitcast::<S::i16s>(), far.bitcast::<S::i16s>()]
+}
+
+/// The lower and the upper bytes of the linear numbers. Bits of `alpha` are set where there is alpha.
+#[inline(always)]
+fn numbers<S: Simd>(simd: S, codes: S::u8s, meaning: Meaning, alpha: S::u8s) -> (S::u8s, S::u8s) {
+    if !meaning.is_srgb {
+        return (codes, codes);
+    }
+    let curve = &*CURVE;
+    let (low, high) = (look_up(simd, &curve.low, codes), look_up(simd, &curve.high, codes));
+    if !meaning.has_alpha {
+        return (low, high);
+    }
+    ((low & !alpha) | (codes & alpha), (high & !alpha) | (codes & alpha))
 }
 
 /// The table's entries, for vectors of 64 bytes.

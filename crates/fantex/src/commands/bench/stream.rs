@@ -286,7 +286,7 @@ impl Flight {
     fn count(&mut self, streamer: &Streamer) {
         let figures = streamer.statistics();
         self.frames += 1;
-        self.hit_rate += 1.0 - figures.missing_pages as f64 / figures.needed.pages.max(1) as f64;
+        self.hit_rate += 1.0 - figures.missing as f64 / figures.needed.parcels.max(1) as f64;
         self.complete_share += figures.complete_share();
         self.peak_occupancy = self.peak_occupancy.max(figures.occupancy());
         self.peak_bias = self.peak_bias.max(figures.bias_levels);
@@ -300,7 +300,7 @@ impl Flight {
         percentiles(&mut rows, "frame", &mut self.frame_times);
         percentiles(&mut rows, "deciding, per frame", &mut self.update_times);
         rows.push(Row::new(
-            "pages resident when needed",
+            "parcels resident when needed",
             100.0 * self.hit_rate / self.frames.max(1) as f64,
             "%",
         ));
@@ -317,7 +317,7 @@ impl Flight {
             Row::new("read, beside what was needed", megabytes(loader.bytes_read), "MB").beside(needed),
         );
         rows.push(Row::new("reads", loader.reads as f64, ""));
-        rows.push(Row::new("pages that failed", loader.pages_failed as f64, ""));
+        rows.push(Row::new("parcels that failed", loader.parcels_failed as f64, ""));
         rows
     }
 }
@@ -347,7 +347,7 @@ fn simulated_rows(report: &SimulationReport) -> Vec<Row> {
     let sharp: Vec<f64> = report.seconds_to_sharp.iter().flatten().copied().collect();
     sharpness(&mut rows, &sharp, (report.seconds_to_sharp.len() - sharp.len()) as u64);
     rows.extend([
-        Row::new("pages resident when needed", 100.0 * report.hit_rate, "%"),
+        Row::new("parcels resident when needed", 100.0 * report.hit_rate, "%"),
         Row::new("visible tiles at their level", 100.0 * report.complete_share, "%"),
         Row::new("pool in use, at most", 100.0 * report.peak_occupancy, "%"),
         Row::new("level bias, at most", f64::from(report.peak_bias_levels), "levels"),

@@ -274,6 +274,10 @@ fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Co
         let (name, option) = match kind {
             ChannelKind::Displacement => ("heights", "displacement"),
             ChannelKind::Light => ("light map", "light"),
+            ChannelKind::Anisotropy => {
+                context.note(format!("{output}: stretched highlights are left out"));
+                continue;
+            }
             _ => continue,
         };
         context

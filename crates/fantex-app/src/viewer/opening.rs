@@ -1,0 +1,202 @@
+//! Files and addresses on their way to the screen.
+
+use std::sync::Arc;
+
+use super::Viewer;
+use crate::camera::{CameraMode, ViewPreset, Walker};
+use crate::document::{Document, OpenDocumentError, OpenProgress, Place, Stage};
+use crate::job::{Job, JobState};
+use crate::paint::{Painting, asset_beside};
+use crate::scene_view::{PrepareScene, SceneModel};
+
+/// Something that is being opened.
+#[derive(Debug)]
+pub struct Opening {
+    /// From where.
+    pub place: Place,
+    progress: Arc<OpenProgress>,
+    job: Job<Result<Loaded, OpenDocumentError>>,
+    /// Whether the camera stays where it is.
+    keeps_camera: bool,
+}
+
+impl Opening {
+    /// How far it is.
+    pub fn stage(&self) -> Stage {
+        self.progress.stage()
+    }
+
+    /// How much of the stage is done, 0..1, where that is known.
+    pub fn share(&self) -> Option<f32> {
+        self.progress.share()
+    }
+
+    /// Seconds since it began.
+    pub fn seconds(&self) -> f64 {
+        self.job.seconds()
+    }
+}
+
+/// What opening gives.
+#[derive(Debug)]
+struct Loaded {
+    document: Document,
+    model: Option<SceneModel>,
+    painting: Option<Painting>,
+}
+
+impl Viewer {
+    /// Draws with another GPU from now on. What was brought to the one before is gone, so the document is brought anew, in
+    /// the background; everything else goes on as it is.
+    pub fn draw_with(&mut self, prepare: PrepareScene, seconds: f64) {
+        self.prepare = Some(prepare.clone());
+        self.new_model = None;
+        self.pacing.lost();
+        if let Some(Opening { place, keeps_camera, .. }) = &self.opening {
+            self.begin_opening(place.clone(), *keeps_camera, seconds);
+        }
+        let Some(document) = self.document.clone() else { return };
+        let streaming = self.settings.streaming;
+        match Job::spawn("move", self.waker(), move || prepare(&document, streaming)) {
+            Ok(job) => self.moving = Some(job),
+            Err(error) => {
+                self.notices.error(format!("cannot start a thread to draw again: {error}"), seconds)
+            }
+        }
+    }
+
+    /// Whether something is on its way to the screen.
+    pub fn is_opening(&self) -> bool {
+        self.opening.is_some() || self.moving.is_some()
+    }
+
+    /// Begins to open a file or address. What is being opened is given up.
+    pub fn open(&mut self, text: &str, seconds: f64) {
+        self.begin_opening(Place::parse(text), false, seconds);
+    }
+
+    pub(super) fn begin_opening(&mut self, place: Place, keeps_camera: bool, seconds: f64) {
+        // One that is given up may still keep the file for itself.
+        let before = self.opening.take();
+        if let Some(opening) = &before {
+            opening.progress.cancel();
+        }
+        let progress = Arc::new(OpenProgress::default());
+        let (for_thread, from, prepare) = (progress.clone(), place.clone(), self.prepare.clone());
+        let streaming = self.settings.streaming;
+        // Only one writer can have an asset open; it ends with its last commit.
+        let is_same = self.document.as_ref().is_some_and(|document| {
+            let beside = match &place {
+                Place::File(path) => Place::File(asset_beside(path)),
+                Place::Url(_) => place.clone(),
+            };
+            document.place == place || document.place == beside
+        });
+        let leaving = if is_same || !self.paints { self.painting.take() } else { None };
+        let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.wake.clone());
+        let memory = self.paint_memory_bytes;
+        let work = move || {
+            drop(leaving);
+            drop(before.and_then(|opening| opening.job.wait()));
+            let (document, painting) = if paints {
+                let (mut document, painter) = Document::open_for_painting(&from, memory, &for_thread)?;
+                let path = painter.editor().asset().path().to_owned();
+                let painting = Painting::new(painter, brushes_file, wake)
+                    .map_err(|source| OpenDocumentError::Thread { path, source })?;
+                document.exchange = Some(painting.exchange().clone());
+                (document, Some(painting))
+            } else {
+                (Document::open(&from, &for_thread)?, None)
+            };
+            for_thread.enter(Stage::Preparing)?;
+            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose();
+            let model = model.map_err(|reason| OpenDocumentError::Graphics { reason })?;
+            // Those who gave up meanwhile do not want it.
+            for_thread.enter(Stage::Preparing)?;
+            Ok(Loaded { document, model, painting })
+        };
+        match Job::spawn("open", self.waker(), work) {
+            Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera }),
+            Err(error) => {
+                self.notices.error(format!("cannot start a thread to open {place}: {error}"), seconds)
+            }
+        }
+    }
+
+    /// Gives up what is being opened.
+    pub fn cancel_opening(&mut self) {
+        if let Some(opening) = self.opening.take() {
+            opening.progress.cancel();
+        }
+    }
+
+    pub(super) fn poll_moving(&mut self, seconds: f64) {
+        let result = match self.moving.as_ref().map(Job::poll) {
+            None | Some(JobState::Running) => return,
+            Some(JobState::Done(result)) => result,
+            Some(JobState::Lost) => {
+                Err("The model could not be drawn again: the program failed on it".into())
+            }
+        };
+        self.moving = None;
+        match result {
+            Ok(model) => self.new_model = Some(Some(model)),
+            Err(reason) => self.notices.error(format!("{reason}."), seconds),
+        }
+    }
+
+    pub(super) fn poll_opening(&mut self, seconds: f64) {
+        let Some(opening) = &self.opening else { return };
+        let (place, keeps_camera) = (opening.place.clone(), opening.keeps_camera);
+        let result = match opening.job.poll() {
+            JobState::Running => return,
+            JobState::Done(result) => result,
+            JobState::Lost => {
+                self.opening = None;
+                let text =
+                    format!("{place} could not be opened: the program failed on it; please report the file");
+                return self.notices.error(text, seconds);
+            }
+        };
+        self.opening = None;
+        match result {
+            Ok(Loaded { document, model, painting }) => {
+                self.settings.remember(&absolute(&place));
+                for note in document.notes.iter().filter(|_| painting.is_some()) {
+                    self.notices.info(note.clone(), seconds);
+                }
+                self.painting = painting;
+                if let Some(painting) = &mut self.painting {
+                    painting.load_presets(&mut self.notices, seconds);
+                    self.settings.camera.mode = CameraMode::Orbit;
+                }
+                self.forget_scene();
+                self.walker = Walker::new(
+                    self.settings.camera.eye_height.unwrap_or_else(|| document.scale.eye_height()),
+                );
+                self.document = Some(document);
+                self.new_model = Some(model);
+                if !keeps_camera {
+                    self.show(ViewPreset::ThreeQuarter);
+                    self.is_unframed = true;
+                }
+                self.want_ground(seconds);
+            }
+            Err(OpenDocumentError::Cancelled) => {}
+            Err(error) => {
+                self.notices.error(error.to_string(), seconds);
+                self.leave_lost_painting();
+            }
+        }
+    }
+}
+
+/// A place that means the same from every folder.
+fn absolute(place: &Place) -> String {
+    match place {
+        Place::Url(url) => url.clone(),
+        Place::File(path) => {
+            std::path::absolute(path).unwrap_or_else(|_| path.clone()).to_string_lossy().into_owned()
+        }
+    }
+}

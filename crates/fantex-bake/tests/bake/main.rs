@@ -1,0 +1,10 @@
+//! Tests of the crate `fantex-bake` from outside.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod assets;
+mod common;
+mod light;
+mod sources;
+mod transfer;
+mod values;

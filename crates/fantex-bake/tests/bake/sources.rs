@@ -1,0 +1,249 @@
+//! The sources that come with fantex, read back through the texture function.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::common::{baked, barycentric_points, cleaned, cover, float_options, sample};
+use fantex_bake::{Fit, MappedImageSource, NoVertexColors, Source, UvSource, VertexColorSource, WorldSpace};
+use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, generate};
+use fantex_store::{ChannelKind, PageCache};
+use fantex_texture::{Image, ImageTexture, MappingKind, Wrap};
+use glam::{Mat3, Vec2, Vec3, Vec4};
+
+fn corner_positions(mesh: &Mesh) -> Vec<Vec3> {
+    mesh.triangles.iter().flatten().map(|&v| mesh.positions[v as usize]).collect()
+}
+
+/// Compares the finest level with a function of triangle and position.
+#[track_caller]
+fn assert_gives(
+    cache: &PageCache,
+    channel: usize,
+    tolerance: f32,
+    expected: impl Fn(usize, Vec3) -> Option<Vec4>,
+) {
+    let mesh = cache.asset().mesh();
+    for triangle in 0..mesh.triangles.len() {
+        let [a, b, c] = mesh.triangle_positions(triangle);
+        for lambda in barycentric_points(7) {
+            if let Some(expected) = expected(triangle, a * lambda.x + b * lambda.y + c * lambda.z) {
+                let value = sample(cache, channel, 0, triangle, lambda);
+                let difference = (value - expected).abs().max_element();
+                assert!(difference < tolerance, "{value} for {expected}, triangle {triangle} {lambda}");
+            }
+        }
+    }
+}
+
+#[test]
+fn vertex_colors_are_interpolated() {
+    let mut mesh = cleaned(generate::grid(5));
+    assert_eq!(VertexColorSource::new(&mesh).unwrap_err(), NoVertexColors);
+    let color = |p: Vec3| Vec4::new(0.5 + 0.5 * p.x, 0.5 - 0.5 * p.z, 0.25, 0.75 + 0.25 * p.x);
+    mesh.corners.colors = corner_positions(&mesh).into_iter().map(color).collect();
+    let source = VertexColorSource::new(&mesh).unwrap();
+    assert!(source.channels()[0].has_alpha);
+    let baked = baked(&mesh, &cover(&mesh, 64, 100_000), &source, &float_options(Fit::Sharp));
+    // At the border of the mesh the texels beyond it hold the border's colour: a texel's share of the slope.
+    assert_gives(&baked.cache, 0, 0.01, |_, p| Some(color(p)));
+    assert_gives(&baked.cache, 0, 1e-4, |_, p| (p.abs().max_element() < 0.95).then(|| color(p)));
+
+    mesh.corners.colors.iter_mut().for_each(|c| c.w = 1.0);
+    assert!(!VertexColorSource::new(&mesh).unwrap().channels()[0].has_alpha);
+    mesh.corners.colors.pop();
+    assert!(VertexColorSource::new(&mesh).is_err());
+}
+
+#[test]
+fn constant_images_are_constant_through_every_mapping() {
+    let mesh = cleaned(generate::torus(16, 10));
+    let cover = cover(&mesh, 64, 30_000);
+    for kind in MappingKind::ALL {
+        let image = Image::from_linear_rgba(8, 8, &[[0.2, 0.4, 0.6, 0.8]; 64]);
+        let texture = ImageTexture::new(Arc::new(image));
+        let mapping = kind.fit(WorldSpace::bounds(&mesh));
+        let source = MappedImageSource::new(&mesh, texture, mapping, [Wrap::Repeat; 2]);
+        let baked = baked(&mesh, &cover, &source, &float_options(Fit::Sharp));
+        assert_gives(&baked.cache, 0, 1e-4, |_, _| Some(Vec4::new(0.2, 0.4, 0.6, 0.8)));
+    }
+}
+
+/// The image of a ramp, seen through the planar mapping, rises steadily along one axis of the model.
+#[test]
+fn a_planar_image_lies_on_the_model() {
+    let mesh = cleaned(generate::grid(4));
+    let ramp: Vec<[f32; 4]> = (0..64 * 64).map(|i| [((i % 64) as f32 + 0.5) / 64.0; 4]).collect();
+    let texture = ImageTexture::new(Arc::new(Image::from_linear_rgb(64, 64, &ramp)));
+    let mapping = MappingKind::Planar.fit(WorldSpace::bounds(&mesh));
+    let source = MappedImageSource::new(&mesh, texture, mapping, [Wrap::Clamp; 2]);
+    assert!(!source.channels()[0].has_alpha);
+    let baked = baked(&mesh, &cover(&mesh, 0, 200_000), &source, &float_options(Fit::Point));
+    let value = |p: Vec3| {
+        let triangle = (0..mesh.triangles.len())
+            .find_map(|t| {
+                let [a, b, c] = mesh.triangle_positions(t);
+                let area = (b - a).cross(c - a).y;
+                let l =
+                    Vec3::new((b - p).cross(c - p).y, (c - p).cross(a - p).y, (a - p).cross(b - p).y) / area;
+                (l.min_element() >= -1e-6).then_some((t, l))
+            })
+            .unwrap();
+        sample(&baked.cache, 0, 0, triangle.0, triangle.1).x
+    };
+    let along = |axis: Vec3| [-0.8f32, -0.3, 0.1, 0.7].map(|s| value(axis * s + Vec3::new(0.01, 0.0, 0.02)));
+    let (x, z) = (along(Vec3::X), along(Vec3::Z));
+    let expected = [-0.8f32, -0.3, 0.1, 0.7].map(|s| 0.5 + 0.5 * s);
+    let near = |found: [f32; 4], sign: f32| {
+        found.iter().zip(expected).all(|(f, e)| (f - (0.5 + sign * (e - 0.5))).abs() < 0.02)
+    };
+    let flat = |found: [f32; 4]| found.iter().all(|f| (f - found[0]).abs() < 0.02);
+    let runs = |rising: [f32; 4], level: [f32; 4]| (near(rising, 1.0) || near(rising, -1.0)) && flat(level);
+    assert!(runs(x, z) || runs(z, x), "{x:?} {z:?}");
+}
+
+fn image_file(folder: &Path, name: &str, texels: &[[f32; 4]]) -> ImageSource {
+    let side = texels.len().isqrt() as u32;
+    let path = folder.join(name);
+    Image::from_linear_rgba(side, side, texels)
+        .converted(fantex_texture::Depth::U8, fantex_texture::ColorSpace::Linear)
+        .save(&path)
+        .unwrap();
+    ImageSource::File(path)
+}
+
+fn texture(image: usize, uv_set: usize) -> Option<TextureRef> {
+    let wrap = [WrapMode::Clamp; 2];
+    Some(TextureRef { image, uv_set, uv_transform: Mat3::IDENTITY, wrap, nearest: false })
+}
+
+/// A flat grid with texture coordinates 0..1 over it; material 1 for every triangle on the right.
+fn two_materials(materials: [Material; 2], images: Vec<ImageSource>) -> Mesh {
+    let mut mesh = cleaned(generate::grid(4));
+    let uv = corner_positions(&mesh).iter().map(|p| 0.5 + 0.5 * Vec2::new(p.x, p.z)).collect();
+    mesh.corners.uv_sets = vec![uv];
+    mesh.triangle_materials = (0..mesh.triangles.len()).map(|t| u32::from(is_right(&mesh, t))).collect();
+    mesh.materials = materials.to_vec();
+    mesh.images = images;
+    mesh
+}
+
+fn is_right(mesh: &Mesh, triangle: usize) -> bool {
+    mesh.triangle_positions(triangle).iter().map(|p| p.x).sum::<f32>() > 0.0
+}
+
+/// The expected value of points that lie well inside one of the two materials.
+fn by_side(left: Vec4, right: Vec4) -> impl Fn(usize, Vec3) -> Option<Vec4> {
+    move |_, p| (p.x.abs() > 0.1).then_some(if p.x < 0.0 { left } else { right })
+}
+
+#[test]
+fn two_materials_keep_to_their_triangles() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = vec![
+        image_file(folder.path(), "white.png", &[[1.0, 1.0, 1.0, 0.2]; 4]),
+        image_file(folder.path(), "surface.png", &[[0.4, 0.6, 0.2, 1.0]; 16]),
+    ];
+    let left = Material {
+        base_color: Vec4::new(0.1, 0.5, 0.9, 1.0),
+        base_color_texture: texture(0, 0),
+        metallic: 1.0,
+        roughness: 1.0,
+        metallic_roughness_texture: texture(1, 0),
+        occlusion_texture: texture(1, 0),
+        occlusion_strength: 0.5,
+        alpha: AlphaMode::Mask(0.5),
+        ..Material::default()
+    };
+    let right = Material {
+        base_color: Vec4::new(0.7, 0.2, 0.3, 0.5),
+        roughness: 0.25,
+        emission: Vec3::new(6.0, 0.0, 2.0),
+        ..Material::default()
+    };
+    let mesh = two_materials([left, right], images);
+    let source = UvSource::new(&mesh).unwrap();
+    assert!(source.has_textures());
+    let kinds: Vec<ChannelKind> = source.channels().iter().map(|c| c.kind).collect();
+    use ChannelKind::{BaseColor, Emission, OcclusionRoughnessMetallic};
+    assert_eq!(kinds, [BaseColor, OcclusionRoughnessMetallic, Emission]);
+    assert!(source.channels()[0].has_alpha && !source.channels()[1].has_alpha);
+    let density = source.density();
+    assert!(density.len() == mesh.triangles.len() && density.iter().all(|&d| d > 0.0 && d.is_finite()));
+
+    let baked = baked(&mesh, &cover(&mesh, 64, 60_000), &source, &float_options(Fit::Sharp));
+    let at_white = Vec4::new(0.1, 0.5, 0.9, 0.2);
+    assert_gives(&baked.cache, 0, 0.01, by_side(at_white, Vec4::new(0.7, 0.2, 0.3, 0.5)));
+    assert_gives(
+        &baked.cache,
+        1,
+        0.01,
+        by_side(Vec4::new(0.7, 0.6, 0.2, 1.0), Vec4::new(1.0, 0.25, 0.0, 1.0)),
+    );
+    assert_gives(&baked.cache, 2, 0.01, by_side(Vec4::W, Vec4::new(6.0, 0.0, 2.0, 1.0)));
+}
+
+#[test]
+fn opaque_materials_have_no_alpha_and_alike_ones_no_extra_channels() {
+    let mesh = two_materials([Material::default(), Material::default()], Vec::new());
+    let source = UvSource::new(&mesh).unwrap();
+    assert!(!source.has_textures());
+    let channels = source.channels();
+    assert!(channels.len() == 1 && !channels[0].has_alpha);
+    assert!(source.density().iter().all(|&d| d > 0.0));
+    let baked = baked(&mesh, &cover(&mesh, 64, 10_000), &source, &float_options(Fit::Sharp));
+    assert_gives(&baked.cache, 0, 1e-5, |_, _| Some(Vec4::ONE));
+}
+
+/// A texture whose coordinates are not there counts as none: white, the factor alone.
+#[test]
+fn missing_coordinates_and_images_give_the_factor() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = vec![image_file(folder.path(), "black.png", &[[0.0, 0.0, 0.0, 1.0]; 4])];
+    let color = Vec4::new(0.5, 0.25, 0.75, 1.0);
+    for reference in [texture(0, 5), texture(9, 0)] {
+        let material = Material {
+            base_color: color,
+            base_color_texture: reference.clone(),
+            normal_texture: reference.clone(),
+            emission_texture: reference,
+            ..Material::default()
+        };
+        let mesh = two_materials([material.clone(), material], images.clone());
+        let source = UvSource::new(&mesh).unwrap();
+        assert!(!source.has_textures() && source.channels().len() == 1);
+        let baked = baked(&mesh, &cover(&mesh, 64, 10_000), &source, &float_options(Fit::Sharp));
+        assert_gives(&baked.cache, 0, 1e-5, |_, _| Some(color));
+    }
+    let gone = ImageSource::File(folder.path().join("gone.png"));
+    let material = Material { base_color_texture: texture(0, 0), ..Material::default() };
+    let mesh = two_materials([material.clone(), material], vec![gone]);
+    assert!(UvSource::new(&mesh).unwrap_err().to_string().contains("gone.png"));
+}
+
+/// An emission texture over a factor of zero is black, and a normal map that is flat gives the vertex normal.
+#[test]
+fn dark_emission_and_flat_normals() {
+    let folder = tempfile::tempdir().unwrap();
+    let half = 128.0 / 255.0;
+    let images = vec![
+        image_file(folder.path(), "glow.png", &[[1.0; 4]; 4]),
+        image_file(folder.path(), "flat.png", &[[half, half, 1.0, 1.0]; 4]),
+    ];
+    let material = Material {
+        emission: Vec3::ZERO,
+        emission_texture: texture(0, 0),
+        normal_texture: texture(1, 0),
+        ..Material::default()
+    };
+    let mesh = two_materials([material.clone(), material], images);
+    let source = UvSource::new(&mesh).unwrap();
+    let kinds: Vec<ChannelKind> = source.channels().iter().map(|c| c.kind).collect();
+    assert_eq!(kinds, [ChannelKind::BaseColor, ChannelKind::Normal, ChannelKind::Emission]);
+    let baked = baked(&mesh, &cover(&mesh, 64, 10_000), &source, &float_options(Fit::Sharp));
+    assert_gives(&baked.cache, 2, 1e-5, |_, _| Some(Vec4::W));
+    // x and y of the normal in the tile's own frame.
+    for triangle in 0..mesh.triangles.len() {
+        let value = sample(&baked.cache, 1, 0, triangle, Vec3::splat(1.0 / 3.0));
+        assert!((value.truncate().truncate() - 0.5).abs().max_element() < 0.01, "{value}");
+    }
+}

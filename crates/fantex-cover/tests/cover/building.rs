@@ -1,0 +1,340 @@
+//! Budgets, densities, modes, threads, options and hostile meshes.
+
+use crate::common::{
+    cleaned, covered, data_folder, fans_of, generated, landscape, leaf, loaded, model, options, raw, saddle,
+    spike,
+};
+use fantex_cover::{Cover, CoverError, CoverOptions, GroupKind, MAX_EXTENT, TexelBudget, build_cover};
+use fantex_mesh::{Mesh, generate};
+use glam::{DVec3, Vec3};
+
+fn built(mesh: &Mesh, tile: u32, budget: TexelBudget) -> Cover {
+    build_cover(mesh, &options(tile, budget)).unwrap().0
+}
+
+#[test]
+fn a_total_is_kept_and_used_up() {
+    let mut meshes = vec![("landscape", landscape(8_000))];
+    if let Some(folder) = data_folder() {
+        meshes.push(("spot", loaded(&folder, "meshes/spot/spot_triangulated.obj")));
+        meshes.push(("bottle", loaded(&folder, "meshes/WaterBottle/WaterBottle.gltf")));
+    }
+    for (name, mesh) in meshes {
+        for tile in [0, 64, 128] {
+            for total in [300_000, 1 << 20, 5_590_000, 64 << 20] {
+                let cover = built(&mesh, tile, TexelBudget::Total(total));
+                let share = cover.texels() as f64 / total as f64;
+                assert!(share <= 1.0 && share > 0.98, "{name}, tile {tile}, {total}: {share}");
+            }
+        }
+    }
+}
+
+/// Where tiles are alike they all grow at once, and a step may be wide; but no tile grows beyond the budget.
+#[test]
+fn alike_tiles_take_what_fits() {
+    for total in [10_000, 100_000, 1 << 20, 16 << 20] {
+        let cover = built(&cleaned(generate::cube(1)), 0, TexelBudget::Total(total));
+        let shorter = cover.groups.iter().flat_map(|g| g.extent).min().unwrap();
+        let step = if shorter >= 1000 { 32.0 } else { 4.0 };
+        let next = f64::from(shorter).mul_add(1.0, step) / f64::from(shorter);
+        let share = cover.texels() as f64 / total as f64;
+        assert!(share <= 1.0 && share * next * next > 0.98, "{total}: {share}");
+    }
+}
+
+#[test]
+fn a_budget_below_the_smallest_tiles_gives_the_smallest_tiles() {
+    let mesh = cleaned(generate::icosphere(2));
+    let cover = built(&mesh, 0, TexelBudget::Total(1));
+    assert!(cover.groups.iter().all(|g| g.extent == [4, 4]));
+}
+
+/// Rounding a tile's sides costs at most 6 % of the nominal density, and gives at most four texels per side.
+#[test]
+fn densities_stay_near_the_nominal() {
+    for (name, mesh) in generated() {
+        for (tile, density) in [(0, 40.0), (0, 700.0), (64, 60.0), (256, 200.0)] {
+            let cover = built(&mesh, tile, TexelBudget::Density(density));
+            assert_eq!(cover.density, density as f32);
+            for group in cover.groups {
+                for (scale, extent) in group.uv_scale.to_array().into_iter().zip(group.extent) {
+                    let ratio = f64::from(scale) * f64::from(extent) / density;
+                    let texels = f64::from(extent);
+                    let most = if extent == 4 { 6.0 } else { (texels - 1.0) / (texels - 5.0) };
+                    let most = if extent > 1000 { 1.02 } else { most };
+                    assert!(
+                        ratio > 0.94 - 1e-4 && ratio < most + 1e-3,
+                        "{name}, tile {tile}: {ratio} at {extent}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_triangle_gets_its_density_in_single_fans() {
+    let mesh = landscape(3_000);
+    let field: Vec<f32> = (0..mesh.triangles.len()).map(|t| 20.0 * (1.0 + (t * 7 % 13) as f32)).collect();
+    let cover = built(&mesh, 0, TexelBudget::PerTriangle(field.clone()));
+    for (groups, density) in cover.corner_groups.iter().zip(field) {
+        for group in groups.map(|g| &cover.groups[g as usize]) {
+            for k in 0..2 {
+                assert!(group.uv_scale[k] * group.extent[k] as f32 > 0.939 * density);
+            }
+        }
+    }
+}
+
+#[test]
+fn one_fan_per_tile_is_the_thesis() {
+    let mut meshes = generated();
+    if let Some(folder) = data_folder() {
+        meshes.push(("chair", loaded(&folder, "meshes/broken/chair_model.obj")));
+        meshes.push(("bunny", loaded(&folder, "meshes/broken/bunny_nonmanifold.ply")));
+    }
+    for (name, mesh) in meshes {
+        let (cover, stats) = build_cover(&mesh, &options(0, TexelBudget::Total(1 << 20))).unwrap();
+        let fans = fans_of(&mesh);
+        let mut pairs: Vec<(u32, u32)> = (0..mesh.triangles.len())
+            .flat_map(|t| (0..3).map(move |k| (t, k)))
+            .map(|(t, k)| (fans.of_corner(3 * t + k), cover.corner_groups[t][k]))
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        // No tile serves two fans; a fan has one tile, or one per triangle if it was split.
+        let mut groups: Vec<u32> = pairs.iter().map(|p| p.1).collect();
+        groups.sort_unstable();
+        assert!(groups.windows(2).all(|w| w[0] != w[1]) && groups.len() == cover.groups.len(), "{name}");
+        let mut split = 0;
+        for run in pairs.chunk_by(|a, b| a.0 == b.0) {
+            if run.len() > 1 {
+                assert_eq!(run.len(), fans.corners(run[0].0 as usize).len(), "{name}");
+                split += 1;
+            } else if fans.corners(run[0].0 as usize).len() == 1 {
+                continue;
+            }
+        }
+        assert!(split <= stats.fans.split, "{name}: {split} of {:?}", stats.fans);
+        let unfolded = cover.groups.iter().filter(|g| g.kind == GroupKind::Unfolded).count() as u64;
+        assert_eq!(unfolded, stats.fans.unfolded, "{name}");
+    }
+}
+
+#[test]
+fn groups_are_fewer_and_denser_than_fans() {
+    let mesh = cleaned(generate::icosphere(5));
+    let [thesis, grouped] =
+        [0, 64].map(|tile| build_cover(&mesh, &options(tile, TexelBudget::Total(1 << 20))).unwrap());
+    assert!(grouped.0.groups.len() * 4 < thesis.0.groups.len());
+    assert!(grouped.1.density_share > 1.2 * thesis.1.density_share, "{:?} {:?}", grouped.1, thesis.1);
+    assert!(grouped.1.lookups_per_sample < thesis.1.lookups_per_sample);
+    let longest = grouped.0.groups.iter().flat_map(|g| g.extent).max().unwrap();
+    assert!(longest <= 100, "{longest}");
+}
+
+#[test]
+fn covers_do_not_depend_on_threads() {
+    let mut meshes =
+        vec![("landscape", landscape(30_000)), ("sphere", cleaned(generate::uv_sphere(300, 60)))];
+    if let Some(folder) = data_folder() {
+        meshes.push(("chair", loaded(&folder, "meshes/broken/chair_model.obj")));
+    }
+    for (name, mesh) in meshes {
+        for tile in [0, 128] {
+            let [one, two, four] = [1, 2, 4].map(|threads| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| built(&mesh, tile, TexelBudget::Total(4 << 20)))
+            });
+            assert!(one == two && one == four, "{name}, tile {tile}");
+        }
+    }
+}
+
+#[test]
+fn a_spike_is_unfolded() {
+    let mesh = spike(16, 25.0);
+    let (cover, stats) = covered("spike", &mesh, &options(128, TexelBudget::Total(1 << 18)));
+    assert!(stats.fans.unfolded >= 1 && stats.fans.split == 0, "{:?}", stats.fans);
+    let tip = (0..mesh.positions.len())
+        .max_by(|&a, &b| mesh.positions[a].y.total_cmp(&mesh.positions[b].y))
+        .unwrap();
+    let at_tip = |t: usize| mesh.triangles[t].iter().position(|&v| v as usize == tip);
+    for (t, groups) in cover.corner_groups.iter().enumerate() {
+        if let Some(k) = at_tip(t) {
+            assert_eq!(cover.groups[groups[k] as usize].kind, GroupKind::Unfolded);
+        }
+    }
+}
+
+#[test]
+fn a_fan_that_folds_is_unfolded_and_counted() {
+    // Angles sum up to far more than a full turn, and no direction sees all triangles.
+    for (n, height) in [(6, 1.0), (10, 1.2), (24, 2.0)] {
+        let (_, stats) = covered("saddle", &saddle(n, height, 1.4), &options(0, TexelBudget::Total(1 << 16)));
+        assert_eq!((stats.fans.folding, stats.fans.split), (1, 0), "{:?}", stats.fans);
+        assert!(stats.fans.unfolded >= 1);
+    }
+}
+
+#[test]
+fn twins_have_fans_of_their_own() {
+    let mesh = cleaned(model(vec![DVec3::X, DVec3::Y, DVec3::Z], vec![[0, 1, 2], [0, 2, 1]]));
+    for tile in [0, 64] {
+        let (cover, stats) = covered("twins", &mesh, &options(tile, TexelBudget::Total(10_000)));
+        assert_eq!((stats.fans.total, stats.fans.split, stats.fans.folding), (6, 0, 0));
+        // Front and back share no tile.
+        assert!(cover.corner_groups[0].iter().all(|g| !cover.corner_groups[1].contains(g)));
+    }
+}
+
+/// Both sides of a sheet are grouped as the sheet alone is: twice as many tiles, not one for every triangle.
+#[test]
+fn both_sides_of_a_leaf_are_grouped() {
+    let (_, front) = covered("grid", &cleaned(generate::grid(8)), &options(64, TexelBudget::Total(10_000)));
+    let (cover, both) = covered("leaf", &leaf(), &options(64, TexelBudget::Total(20_000)));
+    assert_eq!((both.fans.total, both.fans.split), (2 * front.fans.total, 0));
+    assert!(both.groups <= 2 * front.groups + 4, "{} {}", both.groups, front.groups);
+    let triangles = cover.corner_groups.len() / 2;
+    for t in 0..triangles {
+        let back = cover.corner_groups[t + triangles];
+        assert!(cover.corner_groups[t].iter().all(|g| !back.contains(g)), "front and back share no tile");
+    }
+}
+
+#[test]
+fn bad_options_are_refused_with_what_was_given() {
+    let mesh = cleaned(generate::cube(1));
+    let refused = |options: CoverOptions| build_cover(&mesh, &options).unwrap_err();
+    let with = |budget| CoverOptions { budget, ..CoverOptions::default() };
+    for delta in [0.0, -0.1, 0.34, f32::INFINITY] {
+        let error = refused(CoverOptions { delta, ..CoverOptions::default() });
+        assert_eq!(error, CoverError::BadDelta { given: delta });
+        assert!(error.to_string().contains("1/3"));
+    }
+    assert!(matches!(
+        refused(CoverOptions { delta: f32::NAN, ..CoverOptions::default() }),
+        CoverError::BadDelta { .. }
+    ));
+    assert_eq!(refused(with(TexelBudget::Total(0))), CoverError::BadBudget { given: 0.0 });
+    // Neither 1e-60 nor 1e60 is a number of single precision, in which densities are kept.
+    for given in [0.0, -3.0, f64::INFINITY, 1e-60, 1e60] {
+        assert_eq!(refused(with(TexelBudget::Density(given))), CoverError::BadBudget { given });
+    }
+    assert!(matches!(refused(with(TexelBudget::Density(f64::NAN))), CoverError::BadBudget { .. }));
+    let mut field = vec![3.0; 12];
+    field[7] = -1.0;
+    assert_eq!(refused(with(TexelBudget::PerTriangle(field))), CoverError::BadBudget { given: -1.0 });
+    assert_eq!(
+        refused(with(TexelBudget::PerTriangle(vec![1.0; 11]))),
+        CoverError::DensityFieldLength { given: 11, triangles: 12 }
+    );
+    assert_eq!(build_cover(&Mesh::default(), &CoverOptions::default()).unwrap_err(), CoverError::NoTriangles);
+}
+
+#[test]
+fn tiles_that_no_format_holds_are_refused() {
+    let mesh = cleaned(generate::grid(1));
+    for budget in [TexelBudget::Density(1e6), TexelBudget::Density(1e30), TexelBudget::Total(u64::MAX)] {
+        for tile in [0, 128, u32::MAX] {
+            let error = build_cover(&mesh, &options(tile, budget.clone())).unwrap_err();
+            let CoverError::TileTooLarge { wanted, limit } = error else { panic!("{error:?}") };
+            assert!(limit == MAX_EXTENT && wanted > u64::from(MAX_EXTENT));
+        }
+    }
+}
+
+#[test]
+fn odd_limits_still_give_covers() {
+    let mesh = cleaned(generate::torus(12, 8));
+    for (facing, patch_facing) in [(2.0, 0.85), (-1.0, -1.0), (0.999, 2.0), (f32::NAN, f32::NAN)] {
+        let options = CoverOptions { facing, patch_facing, ..options(64, TexelBudget::Total(100_000)) };
+        covered("torus", &mesh, &options);
+    }
+}
+
+/// Triangles a unit long and `width` wide, side by side and around a tip.
+fn needles(width: f64) -> Mesh {
+    let mut positions = vec![DVec3::ZERO];
+    positions.extend((0..12).map(|i| DVec3::new(1.0, f64::from(i) * width, 0.1 * f64::from(i % 3))));
+    let fan = (1..12u32).map(|i| [0, i, i + 1]);
+    cleaned(model(positions, fan.collect()))
+}
+
+#[test]
+fn needles_and_caps() {
+    for width in [1e-3, 1e-5, 1e-7] {
+        for tile in [0, 64] {
+            for budget in [TexelBudget::Total(1000), TexelBudget::Total(1 << 20)] {
+                covered("needles", &needles(width), &options(tile, budget));
+            }
+        }
+        // A cap: an obtuse angle of nearly half a turn, between two ordinary triangles.
+        let positions = vec![DVec3::ZERO, DVec3::X, DVec3::new(0.5, width, 0.0), DVec3::Y, -DVec3::Y];
+        let mesh = cleaned(model(positions, vec![[0, 1, 2], [0, 2, 3], [2, 1, 3], [1, 0, 4]]));
+        for tile in [0, 64] {
+            covered("cap", &mesh, &options(tile, TexelBudget::Total(1 << 16)));
+        }
+    }
+}
+
+#[test]
+fn needles_in_all_directions() {
+    // Ten million times as long as wide, in a mesh that was not cleaned of anything.
+    let positions =
+        vec![Vec3::ZERO, Vec3::new(1.0, 1e-7, 0.0), Vec3::X, Vec3::new(0.0, 1.0, 1e-7), Vec3::Y, Vec3::Z];
+    let mesh = raw(positions, vec![[0, 2, 1], [0, 3, 4], [0, 4, 5], [0, 1, 4]]);
+    for tile in [0, 64] {
+        covered("needles", &mesh, &options(tile, TexelBudget::Total(1 << 16)));
+    }
+}
+
+#[test]
+fn a_hundred_thousand_components() {
+    let positions: Vec<DVec3> = (0..300_000u32)
+        .map(|i| {
+            let (c, k) = (i / 3, i % 3);
+            let corner = DVec3::new(f64::from(c % 317), f64::from(c / 317), f64::from(c % 7));
+            corner + 0.7 * [DVec3::ZERO, DVec3::X, DVec3::new(0.2, 0.9, 0.3)][k as usize]
+        })
+        .collect();
+    let mesh = cleaned(model(positions, (0..100_000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect()));
+    for tile in [0, 128] {
+        let (cover, stats) = build_cover(&mesh, &options(tile, TexelBudget::Total(64 << 20))).unwrap();
+        assert_eq!(stats.fans.projected, 300_000);
+        let count = cover.groups.len();
+        assert!(if tile == 0 { count == 300_000 } else { (100_000..200_000).contains(&count) }, "{count}");
+        // No tile serves two components.
+        let mut owner = vec![None; count];
+        for (t, groups) in cover.corner_groups.iter().enumerate() {
+            assert!(groups.iter().all(|&g| owner[g as usize].replace(t).is_none_or(|other| other == t)));
+        }
+        assert!(cover.groups.iter().all(|g| g.uv_scale.is_finite() && g.uv_offset.is_finite()));
+    }
+}
+
+#[test]
+fn extreme_gradation() {
+    // A spiral of triangles, each nine tenths as long as the one before: from one to a millionth.
+    let mut positions = vec![DVec3::ZERO];
+    positions.extend((0..130).map(|i| {
+        let (sin, cos) = (0.35 * f64::from(i)).sin_cos();
+        0.9f64.powi(i) * DVec3::new(cos, sin, 0.05 * f64::from(i % 2))
+    }));
+    let mesh = cleaned(model(positions, (1..130).map(|i| [0, i, i + 1]).collect()));
+    for tile in [0, 64] {
+        for total in [2_000, 1 << 20] {
+            covered("spiral", &mesh, &options(tile, TexelBudget::Total(total)));
+        }
+    }
+    // A grid whose cells shrink geometrically to one corner.
+    let at = |i: u32| 0.5f64.powi(i as i32);
+    let positions = (0..400u32).map(|v| DVec3::new(at(v % 20), at(v / 20), 0.2 * at(v % 20))).collect();
+    let quad = |v: u32| [[v, v + 20, v + 21], [v, v + 21, v + 1]];
+    let triangles = (0..380u32).filter(|v| v % 20 < 19).flat_map(quad).collect();
+    let mesh = cleaned(model(positions, triangles));
+    for tile in [0, 64] {
+        covered("graded grid", &mesh, &options(tile, TexelBudget::Total(1 << 20)));
+    }
+}

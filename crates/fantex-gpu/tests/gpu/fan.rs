@@ -1,0 +1,433 @@
+//! Fan models against the CPU renderer's `FanSurface`: the same camera, lights and filter.
+
+use crate::fan_common;
+use crate::fan_common::{Baked, Comparison, Residents, compare, gpu, rendered};
+use fantex_bake::{BakeFormat, BakeOptions, Source, SourceChannel, SurfacePoint, UvSource};
+use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
+use fantex_gpu::{DrawOptions, Gpu, GpuError, Model as _, Overlay, StreamedModel, stream_view};
+use fantex_mesh::{Mesh, Model, clean, generate};
+use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading};
+use fantex_store::{ChannelKind, PAGE};
+use fantex_stream::{AtlasFormat, FrameOptions, PageTable};
+use fantex_texture::Filter;
+use glam::{DVec3, Vec3, Vec4};
+
+/// A colour with detail of a few texels.
+fn color(p: Vec3) -> Vec4 {
+    let wave = |k: Vec3| 0.5 + 0.45 * p.dot(k).sin();
+    Vec4::new(
+        wave(Vec3::new(60.0, 13.0, 0.0)),
+        wave(Vec3::new(-9.0, 70.0, 20.0)),
+        wave(Vec3::splat(31.0)),
+        1.0,
+    )
+}
+
+struct Colors;
+
+impl Source for Colors {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> fantex_bake::Prefilter {
+        fantex_bake::Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        values[0] = color(point.position);
+    }
+}
+
+fn cover(mesh: &Mesh, tile: u32, texels: u64) -> Cover {
+    let budget = TexelBudget::Total(texels);
+    build_cover(mesh, &CoverOptions { tile, budget, ..CoverOptions::default() }).unwrap().0
+}
+
+fn cleaned(model: Model) -> Mesh {
+    clean(model, &Default::default()).unwrap().0
+}
+
+fn baked(mesh: &Mesh, cover: &Cover, format: BakeFormat) -> Baked {
+    Baked::new(mesh, cover, &Colors, &BakeOptions { format, ..BakeOptions::default() })
+}
+
+fn options(shading: Shading, filter: Filter) -> DrawOptions {
+    DrawOptions {
+        shading,
+        filter: FilterOptions { filter, max_anisotropy: 8.0 },
+        background: Background::Transparent,
+        tone_map: None,
+        samples: 1,
+        ..DrawOptions::default()
+    }
+}
+
+/// The same view of an asset by both renderers.
+fn both(name: &str, baked: &Baked, direction: DVec3, options: &DrawOptions) -> Option<Comparison> {
+    let gpu = gpu()?;
+    let mesh = baked.asset().mesh();
+    let camera = Camera::framing_mesh(mesh, direction, 1.5);
+    let lights = Lights::sun(Vec3::new(0.3, 0.8, 0.5));
+    Some(compare(name, &gpu, baked, &camera, &lights, options))
+}
+
+const FILTERS: [Filter; 4] = [Filter::Nearest, Filter::Bilinear, Filter::Trilinear, Filter::Anisotropic];
+
+/// Where the pictures of an asset may differ, and by how much.
+///
+/// The GPU reads the same texels at the same places. What differs: samplers weigh texels in steps of 1/256; derivatives are
+/// differences within a block of 2x2 pixels, so that the level is off by some hundredths where a surface curves, and by
+/// more in the blocks along a triangle's edge; normals have 16 bits; half floats round to 1/2048. The mean says whether
+/// the look-ups agree; single pixels may differ as much as neighbouring pixels do.
+fn assert_close(seen: &Comparison, mean: f32, most: f32) {
+    assert!(seen.mean < mean, "{}: mean difference {}", seen.name, seen.mean);
+    assert!(seen.quantile < most, "{}: 999 of 1000 differ by less than {}", seen.name, seen.quantile);
+}
+
+#[test]
+fn all_filters_on_a_curved_surface() {
+    let mesh = cleaned(generate::torus(96, 48));
+    let baked = baked(&mesh, &cover(&mesh, 96, 1 << 20), BakeFormat::Rgba8);
+    for filter in FILTERS {
+        let name = format!("torus {filter:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter))
+        else {
+            return;
+        };
+        // The nearest texel flips where rounding does.
+        let most = if filter == Filter::Nearest { 0.1 } else { 0.02 };
+        assert_close(&seen, 0.002, most);
+    }
+}
+
+#[test]
+fn a_scanned_model_under_a_lamp() {
+    let Some(mesh) = fan_common::loaded("meshes/bunny/stanford_bunny.ply") else { return };
+    let baked = baked(&mesh, &cover(&mesh, 128, 1 << 21), BakeFormat::Bc7);
+    for (shading, filter) in
+        [(Shading::MetallicRoughness, Filter::Anisotropic), (Shading::BlinnPhong, Filter::Trilinear)]
+    {
+        let name = format!("bunny {shading:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(shading, filter)) else {
+            return;
+        };
+        assert_close(&seen, 0.002, 0.015);
+    }
+}
+
+#[test]
+fn all_channels_of_a_material() {
+    let Some(mesh) = fan_common::loaded("meshes/WaterBottle/WaterBottle.gltf") else { return };
+    let cover = cover(&mesh, 128, 1 << 20);
+    let source = UvSource::new(&mesh).unwrap();
+    let baked = Baked::new(&mesh, &cover, &source, &BakeOptions::default());
+    assert!(baked.asset().channels().len() >= 3);
+    for shading in [
+        Shading::BaseColor,
+        Shading::Normal,
+        Shading::OcclusionRoughnessMetallic,
+        Shading::Emission,
+        Shading::MetallicRoughness,
+    ] {
+        let name = format!("bottle {shading:?}");
+        let options = options(shading, Filter::Trilinear);
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options) else { return };
+        assert_close(&seen, 0.002, 0.04);
+    }
+}
+
+#[test]
+fn one_fan_per_tile() {
+    let mesh = cleaned(generate::icosphere(3));
+    let cover = cover(&mesh, 0, 1 << 19);
+    assert!(cover.groups.len() > 500);
+    let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
+    for filter in [Filter::Trilinear, Filter::Anisotropic] {
+        let name = format!("fans {filter:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter))
+        else {
+            return;
+        };
+        assert_close(&seen, 0.002, 0.015);
+    }
+}
+
+/// A cube whose tiles are cut into several pages.
+fn paged() -> Baked {
+    let mesh = cleaned(generate::cube(3));
+    let cover = cover(&mesh, 1024, 4 << 20);
+    assert!(cover.groups.iter().any(|g| g.extent[0] > 2 * PAGE && g.extent[1] > 2 * PAGE));
+    baked(&mesh, &cover, BakeFormat::Rgba8)
+}
+
+#[test]
+fn tiles_of_several_pages() {
+    let baked = paged();
+    for filter in FILTERS {
+        let name = format!("pages {filter:?}");
+        let Some(seen) = both(&name, &baked, Camera::THREE_QUARTER, &options(Shading::BaseColor, filter))
+        else {
+            return;
+        };
+        let most = if filter == Filter::Nearest { 0.1 } else { 0.02 };
+        assert_close(&seen, 0.002, most);
+    }
+}
+
+/// A many-pointed star: its points fold under any projection.
+fn star() -> Mesh {
+    let mut model = generate::icosphere(2);
+    for (i, p) in model.positions.iter_mut().enumerate() {
+        *p *= if i % 5 == 0 { 3.5 } else { 1.0 };
+    }
+    cleaned(model)
+}
+
+#[test]
+fn unfolded_fans() {
+    let mesh = star();
+    let cover = cover(&mesh, 96, 1 << 19);
+    let unfolded = cover.groups.iter().filter(|g| g.kind == GroupKind::Unfolded).count();
+    assert!(unfolded > 0, "the star has no fan that folds");
+    let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
+    let options = options(Shading::BaseColor, Filter::Trilinear);
+    let Some(seen) = both("unfolded", &baked, Camera::THREE_QUARTER, &options) else { return };
+    assert_close(&seen, 0.002, 0.02);
+}
+
+#[test]
+fn a_model_without_any_texture() {
+    let mesh = cleaned(generate::torus(48, 24));
+    let baked = Baked::without_channels(&mesh, &cover(&mesh, 96, 1 << 18));
+    let options = options(Shading::MetallicRoughness, Filter::Anisotropic);
+    let Some(seen) = both("untextured", &baked, Camera::THREE_QUARTER, &options) else { return };
+    assert_close(&seen, 0.002, 0.02);
+}
+
+/// Only what is at least as coarse as a level.
+#[test]
+fn coarse_levels_stand_in_for_missing_ones() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::torus(96, 48));
+    let baked = baked(&mesh, &cover(&mesh, 128, 1 << 20), BakeFormat::Rgba8);
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+    let options = options(Shading::BaseColor, Filter::Bilinear);
+    for level in [1, 2, 4, 99] {
+        let residents = Residents::of_level(level);
+        let seen = rendered(&gpu, &baked, &residents, &camera, &Lights::default(), &options);
+        let expected = fan_common::cpu_with_stand_ins(&baked, |asked| asked.max(level), &camera, &options);
+        let seen = Comparison::of(&format!("level {level}"), &seen, &expected);
+        assert_close(&seen, 0.002, 0.01);
+    }
+}
+
+/// A level that cannot be read: finer ones are shown, and where it would be, the one after it.
+#[test]
+fn look_ups_climb_past_a_hole() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::torus(96, 48));
+    for (tile, filter) in [(128, Filter::Trilinear), (128, Filter::Anisotropic), (1024, Filter::Trilinear)] {
+        let baked = baked(&mesh, &cover(&mesh, tile, 1 << 20), BakeFormat::Rgba8);
+        let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+        let options = options(Shading::BaseColor, filter);
+        for hole in [0, 1, 2, 3] {
+            let residents = Residents::without_level(hole);
+            let seen = rendered(&gpu, &baked, &residents, &camera, &Lights::default(), &options);
+            let shown = |asked| if asked == hole { hole + 1 } else { asked };
+            let expected = fan_common::cpu_with_stand_ins(&baked, shown, &camera, &options);
+            let name = format!("tiles of {tile}, {filter:?}, without level {hole}");
+            assert_close(&Comparison::of(&name, &seen, &expected), 0.002, 0.02);
+        }
+    }
+}
+
+/// Whatever is resident, neighbouring pixels of a smooth colour differ no more than they should.
+#[test]
+fn any_residency_is_continuous() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::cube(3));
+    let cover = cover(&mesh, 1024, 4 << 20);
+    let baked = baked(&mesh, &cover, BakeFormat::Rgba8);
+    // So close that a texel is larger than a pixel.
+    let camera = Camera {
+        eye: DVec3::new(0.2, 0.1, 0.62),
+        target: DVec3::new(0.0, 0.0, 0.5),
+        up: DVec3::Y,
+        fov_degrees: 40.0,
+    };
+    let options = options(Shading::BaseColor, Filter::Trilinear);
+    let whole = rendered(&gpu, &baked, &Residents::all(), &camera, &Lights::default(), &options);
+    let limit = 1.5 * fan_common::largest_step(&whole) + 0.02;
+    for seed in 0..4 {
+        let residents = Residents::random(seed);
+        let seen = rendered(&gpu, &baked, &residents, &camera, &Lights::default(), &options);
+        fan_common::save(&format!("residency {seed}"), &seen);
+        let step = fan_common::largest_step(&seen);
+        assert!(step < limit, "seed {seed}: a step of {step}, {limit} where all is resident");
+    }
+}
+
+/// The same blocks, decoded by the device or on their way to it.
+#[test]
+fn block_compressed_texels_look_as_decoded_ones() {
+    let Some(gpu) = gpu() else { return };
+    if !gpu.device.features().contains(wgpu::Features::TEXTURE_COMPRESSION_BC) {
+        eprintln!("SKIPPED: the device has no block-compressed textures");
+        return;
+    }
+    let mesh = cleaned(generate::torus(48, 24));
+    let options = options(Shading::BaseColor, Filter::Trilinear);
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+    for format in [BakeFormat::Bc1, BakeFormat::Bc7] {
+        let baked = baked(&mesh, &cover(&mesh, 96, 1 << 19), format);
+        let decoded = rendered(&gpu, &baked, &Residents::all(), &camera, &Lights::default(), &options);
+        let table = PageTable::new(baked.asset().cover());
+        let formats: Vec<_> =
+            baked.channels().iter().map(|channel| AtlasFormat::of(channel.format, true)).collect();
+        let mut model = fan_common::model(&gpu, &baked, &table, &formats);
+        fan_common::upload(&gpu, &mut model, baked.asset(), &table, &Residents::all());
+        let compressed = fan_common::draw(&gpu, &mut model, &camera, &Lights::default(), &options);
+        let seen = Comparison::of(&format!("blocks {format:?}"), &compressed, &decoded);
+        // BC1's palette is rounded to 8 bits by our decoder, but not by every device.
+        assert_close(&seen, 0.002, 0.01);
+    }
+}
+
+/// Overlays, to be looked at; each shows something else than the material.
+#[test]
+fn overlays_explain() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::torus(96, 48));
+    let baked = baked(&mesh, &cover(&mesh, 96, 1 << 20), BakeFormat::Rgba8);
+    let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+    let lights = Lights::sun(Vec3::new(0.3, 0.8, 0.5));
+    let plain = options(Shading::MetallicRoughness, Filter::Trilinear);
+    let residents = Residents::random(7);
+    let material = rendered(&gpu, &baked, &residents, &camera, &lights, &plain);
+    let overlays = [Overlay::Groups, Overlay::Fans, Overlay::Levels, Overlay::Residency, Overlay::BlendBands];
+    let mut pictures = vec![material];
+    for overlay in overlays {
+        let seen = rendered(&gpu, &baked, &residents, &camera, &lights, &DrawOptions { overlay, ..plain });
+        fan_common::save(&format!("overlay {overlay:?}"), &seen);
+        assert!(pictures.iter().all(|other| *other != seen), "{overlay:?} looks like another");
+        pictures.push(seen);
+    }
+}
+
+/// What a streamer brings for a view is enough for the CPU's picture of it; the live atlas shows it.
+#[test]
+fn a_streamed_view_becomes_sharp() {
+    let Some(gpu) = gpu() else { return };
+    let mesh = cleaned(generate::torus(96, 48));
+    let baked = baked(&mesh, &cover(&mesh, 96, 1 << 21), BakeFormat::Bc7);
+    let camera = Camera::framing_mesh(&mesh, DVec3::new(0.1, 0.3, 1.0), 1.5);
+    let options = options(Shading::BaseColor, Filter::Anisotropic);
+    let lights = Lights::default();
+    let mut streamed = StreamedModel::open(&gpu, baked.asset().clone(), 32 << 20).unwrap();
+    assert!(streamed.model.texel_bytes() <= 32 << 20);
+    let view = stream_view(&camera, fan_common::SIZE, streamed.model.space());
+    let patience = std::time::Duration::from_secs(60);
+    assert!(streamed.wait_until_sharp(&gpu, &view, &options.filter, patience).unwrap());
+    let statistics = streamed.streamer.statistics();
+    assert!(statistics.resident.parcels > 0 && statistics.missing == 0, "{statistics:?}");
+    let seen = fan_common::draw(&gpu, &mut streamed.model, &camera, &lights, &options);
+    let expected = fan_common::cpu_with_stand_ins(&baked, |asked| asked, &camera, &options);
+    assert_close(&Comparison::of("streamed", &seen, &expected), 0.002, 0.015);
+    let atlas = fan_common::live_atlas(&gpu, &streamed.model, ChannelKind::BaseColor);
+    fan_common::save("live atlas", &atlas);
+    let bright = atlas.rgba.iter().filter(|p| p[0] + p[1] + p[2] > 0.3).count();
+    assert!(bright * 50 > atlas.rgba.len(), "{bright} pixels of the live atlas show texels");
+}
+
+/// An asset that is opened with a view of it, and the picture by what is resident.
+struct Streaming {
+    baked: Baked,
+    camera: Camera,
+    options: DrawOptions,
+}
+
+impl Streaming {
+    fn torus() -> Self {
+        let mesh = cleaned(generate::torus(96, 48));
+        let baked = baked(&mesh, &cover(&mesh, 96, 1 << 20), BakeFormat::Rgba8);
+        let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
+        Self { baked, camera, options: options(Shading::BaseColor, Filter::Trilinear) }
+    }
+
+    fn open(&self, gpu: &Gpu) -> StreamedModel {
+        StreamedModel::open(gpu, self.baked.asset().clone(), 16 << 20).unwrap()
+    }
+
+    fn sharp(&self, gpu: &Gpu, streamed: &mut StreamedModel) -> Picture {
+        let view = stream_view(&self.camera, fan_common::SIZE, streamed.model.space());
+        let patience = std::time::Duration::from_secs(60);
+        assert!(streamed.wait_until_sharp(gpu, &view, &self.options.filter, patience).unwrap());
+        self.draw(gpu, streamed)
+    }
+
+    fn draw(&self, gpu: &Gpu, streamed: &mut StreamedModel) -> Picture {
+        fan_common::draw(gpu, &mut streamed.model, &self.camera, &Lights::default(), &self.options)
+    }
+}
+
+/// Pages lie elsewhere in another atlas, where samplers round otherwise.
+fn assert_looks_the_same(seen: &Picture, expected: &Picture) {
+    let differences =
+        seen.rgba.iter().zip(&expected.rgba).flat_map(|(a, b)| [0, 1, 2, 3].map(|c| (a[c] - b[c]).abs()));
+    let largest = differences.fold(0.0, f32::max);
+    assert!(largest < 0.01, "the pictures differ by {largest}");
+}
+
+/// Nothing panics while the device is lost, and the asset looks on another one as it did.
+#[test]
+fn a_streamed_model_goes_on_with_another_device() {
+    let Some(gpu) = gpu() else { return };
+    let scene = Streaming::torus();
+    let mut streamed = scene.open(&gpu);
+    let before = scene.sharp(&gpu, &mut streamed);
+    gpu.device.destroy();
+    gpu.wait().ok();
+    assert!(gpu.lost().is_some());
+    // Another view, so that pages arrive.
+    let near = Camera { eye: scene.camera.eye * 0.6, ..scene.camera };
+    let view = stream_view(&near, fan_common::SIZE, streamed.model.space());
+    let patience = std::time::Duration::from_secs(60);
+    let error = streamed.wait_until_sharp(&gpu, &view, &scene.options.filter, patience).unwrap_err();
+    assert!(matches!(error, GpuError::DeviceLost { .. }), "{error}");
+    // A device that was lost meanwhile is told by the next call; nothing fails on the way there.
+    scene.open(&gpu);
+    drop(streamed);
+    let another = fan_common::gpu().unwrap();
+    assert_looks_the_same(&scene.sharp(&another, &mut scene.open(&another)), &before);
+}
+
+/// A larger and a smaller atlas: the picture stays as it is until the new one can show it.
+#[test]
+fn another_budget_leaves_the_picture() {
+    let Some(gpu) = gpu() else { return };
+    let scene = Streaming::torus();
+    let mut streamed = scene.open(&gpu);
+    let mut before = scene.sharp(&gpu, &mut streamed);
+    let view = stream_view(&scene.camera, fan_common::SIZE, streamed.model.space());
+    for budget in [48 << 20, 12 << 20] {
+        streamed.set_budget(&gpu, budget).unwrap();
+        assert!(streamed.model.has_hidden_atlas() && streamed.model.texel_bytes() <= budget);
+        // A page per frame: nothing is sharp in the first ones.
+        let frame = FrameOptions { upload_bytes: 1, ..FrameOptions::default() };
+        for _ in 0..3 {
+            streamed.advance(&gpu, Some(&view), frame);
+            assert!(scene.draw(&gpu, &mut streamed) == before, "the atlas that is shown has changed");
+        }
+        assert!(streamed.model.has_hidden_atlas());
+        let after = scene.sharp(&gpu, &mut streamed);
+        assert_looks_the_same(&after, &before);
+        before = after;
+        assert!(!streamed.model.has_hidden_atlas());
+    }
+    // What cannot be brought in time is not waited for.
+    streamed.set_budget(&gpu, 48 << 20).unwrap();
+    let late = FrameOptions { upload_bytes: 1, elapsed_seconds: 4.0 };
+    streamed.advance(&gpu, Some(&view), late);
+    assert!(!streamed.model.has_hidden_atlas());
+}

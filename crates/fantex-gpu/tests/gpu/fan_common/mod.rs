@@ -1,0 +1,467 @@
+//! Assets, their pages on the device, and pictures by both renderers.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_bake::{BakeOptions, NoProgress, Source, bake};
+use fantex_cover::Cover;
+use fantex_gpu::{
+    AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture,
+};
+use fantex_mesh::{LoadOptions, Mesh, clean, load};
+use fantex_render::{FanSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render};
+use fantex_scene::{Camera, Lights, Picture};
+use fantex_store::{Asset, PageCache, PageId, TexelFormat, Tile, decode, group_pages, page_extent};
+use fantex_stream::{
+    AtlasFormat, AtlasPlace, FrameChanges, PageTable, ParcelTexels, ParcelUpload, TableChange, TableEntry,
+};
+use glam::Vec2;
+
+/// A device, or a visible note that there is none.
+pub(crate) fn gpu() -> Option<Gpu> {
+    match Gpu::headless(&GpuOptions::default()) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => {
+            eprintln!("SKIPPED: {error}");
+            None
+        }
+    }
+}
+
+/// A model of the test data.
+pub(crate) fn loaded(name: &str) -> Option<Mesh> {
+    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
+    let path = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from).join(name);
+    if !path.is_file() {
+        eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", path.display());
+        return None;
+    }
+    Some(clean(load(&path, &LoadOptions::default()).unwrap(), &Default::default()).unwrap().0)
+}
+
+/// An asset in a folder that lives as long.
+pub(crate) struct Baked {
+    cache: PageCache,
+    /// Without any channel.
+    is_bare: bool,
+    _folder: tempfile::TempDir,
+}
+
+impl Baked {
+    pub(crate) fn new(mesh: &Mesh, cover: &Cover, source: &dyn Source, options: &BakeOptions) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.fan");
+        bake(mesh, cover, source, &path, options, &NoProgress).unwrap();
+        let cache = PageCache::new(Arc::new(Asset::open(&path).unwrap()), 1 << 28);
+        Self { cache, is_bare: false, _folder: folder }
+    }
+
+    /// As if the asset had no channels (which the format does not allow).
+    pub(crate) fn without_channels(mesh: &Mesh, cover: &Cover) -> Self {
+        struct Nothing;
+        impl Source for Nothing {
+            fn channels(&self) -> Vec<fantex_bake::SourceChannel> {
+                let kind = fantex_store::ChannelKind::Displacement;
+                vec![fantex_bake::SourceChannel { kind, has_alpha: false, exceeds_one: false }]
+            }
+            fn prefilter(&self) -> fantex_bake::Prefilter {
+                fantex_bake::Prefilter::Point
+            }
+            fn evaluate(&self, _: &fantex_bake::SurfacePoint, _: &mut [glam::Vec4]) {}
+        }
+        Self { is_bare: true, ..Self::new(mesh, cover, &Nothing, &BakeOptions::default()) }
+    }
+
+    pub(crate) fn asset(&self) -> &Arc<Asset> {
+        self.cache.asset()
+    }
+
+    pub(crate) fn channels(&self) -> &[fantex_store::Channel] {
+        if self.is_bare { &[] } else { self.asset().channels() }
+    }
+
+    pub(crate) fn cache(&self) -> &PageCache {
+        &self.cache
+    }
+
+    pub(crate) fn surface<S: TileSource>(&self, tiles: S, options: &DrawOptions) -> FanSurface<'_, S> {
+        let asset = self.asset();
+        FanSurface::new(asset.mesh(), asset.cover(), self.channels(), tiles, options.filter)
+    }
+}
+
+/// Which pages are resident; a page only where the coarser pages beneath it are, too.
+pub(crate) struct Residents {
+    /// Whether a page may be resident.
+    allowed: Box<dyn Fn(PageId) -> bool>,
+    /// A level that cannot be read.
+    hole: Option<u32>,
+}
+
+impl Residents {
+    pub(crate) fn all() -> Self {
+        Self { allowed: Box::new(|_| true), hole: None }
+    }
+
+    /// Nothing finer than a level.
+    pub(crate) fn of_level(level: u32) -> Self {
+        Self { allowed: Box::new(move |page| page.level >= level), hole: None }
+    }
+
+    /// Three quarters of what is possible.
+    pub(crate) fn random(seed: u64) -> Self {
+        let hash = move |page: PageId| {
+            let mixed = [page.group, page.level, page.page[0], page.page[1]]
+                .iter()
+                .fold(seed.wrapping_add(1), |h, &v| {
+                    (h ^ u64::from(v)).wrapping_mul(0x9E37_79B9_7F4A_7C15).rotate_left(23)
+                });
+            mixed >> 40 & 3 != 0
+        };
+        Self { allowed: Box::new(hash), hole: None }
+    }
+
+    /// Everything but a level: finer pages come without it.
+    pub(crate) fn without_level(level: u32) -> Self {
+        Self { hole: Some(level), ..Self::all() }
+    }
+
+    fn has(&self, cover: &Cover, page: PageId) -> bool {
+        self.hole != Some(page.level) && self.is_possible(cover, page)
+    }
+
+    fn is_possible(&self, cover: &Cover, page: PageId) -> bool {
+        let group = &cover.groups[page.group as usize];
+        (self.allowed)(page)
+            && (page.level + 1 == group.level_count() || {
+                let coarser = coarser_pages(cover, page);
+                coarser.into_iter().all(|page| self.is_possible(cover, page))
+            })
+    }
+}
+
+/// The pages of the next level that cover a page.
+fn coarser_pages(cover: &Cover, page: PageId) -> Vec<PageId> {
+    let group = &cover.groups[page.group as usize];
+    let (fine, coarse) = (group.level_extent(page.level), group.level_extent(page.level + 1));
+    let range = |axis: usize| {
+        let scale = f64::from(coarse[axis]) / f64::from(fine[axis]);
+        let first = f64::from(page.page[axis] * 256) * scale;
+        let end = f64::from((page.page[axis] * 256 + 256).min(fine[axis])) * scale;
+        let last = ((end.ceil() as u32).max(1) - 1).min(coarse[axis] - 1);
+        (first as u32).min(coarse[axis] - 1) / 256..=last / 256
+    };
+    let [columns, rows] = [range(0), range(1)];
+    rows.flat_map(|y| columns.clone().map(move |x| (x, y)))
+        .map(|(x, y)| PageId { group: page.group, level: page.level + 1, page: [x, y] })
+        .collect()
+}
+
+/// A page's texels of a channel in an atlas format.
+fn texels(asset: &Asset, channel: usize, page: PageId, format: AtlasFormat) -> Arc<[u8]> {
+    let stored = asset.channels()[channel].format;
+    let raw = asset.read_page_raw(channel, page).unwrap();
+    let is_same = matches!(stored, TexelFormat::R8 | TexelFormat::Rg8 | TexelFormat::Rgba8);
+    if format.is_compressed() || is_same {
+        return raw.into();
+    }
+    let group = &asset.cover().groups[page.group as usize];
+    let extent = page_extent(group.level_extent(page.level), page.page);
+    let values = decode(stored, extent, &raw).unwrap();
+    let byte = |v: f32| (v * 255.0).round() as u8;
+    match format {
+        AtlasFormat::R8 => values.iter().map(|v| byte(v[0])).collect(),
+        AtlasFormat::Rg8 => values.iter().flat_map(|v| [byte(v[0]), byte(v[1])]).collect(),
+        AtlasFormat::Rgba8 => values.iter().flat_map(|v| v.map(byte)).collect(),
+        AtlasFormat::Rgba16F => {
+            values.iter().flatten().flat_map(|&v| half::f16::from_f32(v).to_le_bytes()).collect()
+        }
+        _ => unreachable!("compressed"),
+    }
+}
+
+/// Brings pages to the device, packed shelf by shelf, in two updates.
+pub(crate) fn upload(
+    gpu: &Gpu,
+    model: &mut FanModel,
+    asset: &Asset,
+    table: &PageTable,
+    residents: &Residents,
+) {
+    let cover = asset.cover();
+    let pages = (0..cover.groups.len()).flat_map(|g| group_pages(g as u32, &cover.groups[g]));
+    let extent =
+        |page: &PageId| page_extent(cover.groups[page.group as usize].level_extent(page.level), page.page);
+    let mut pages: Vec<PageId> = pages.filter(|&page| residents.has(cover, page)).collect();
+    pages.sort_by_key(|page| std::cmp::Reverse(extent(page)[1]));
+    let side = model.shape().side;
+    let (mut layer, mut at, mut height) = (0, [0, 0], 0);
+    let mut changes = FrameChanges::default();
+    for page in pages {
+        let [columns, rows] = extent(&page);
+        if at[0] + columns > side {
+            (at, height) = ([0, at[1] + height], 0);
+        }
+        if at[1] + rows > side {
+            (layer, at, height) = (layer + 1, [0, 0], 0);
+        }
+        assert!(layer < model.shape().layers, "the atlas is too small for the test");
+        let place = AtlasPlace { layer: layer as u16, x: at[0] as u16, y: at[1] as u16 };
+        (at[0], height) = (at[0] + columns, height.max(rows));
+        let formats = model.formats().iter().enumerate();
+        let channels = formats.map(|(channel, &format)| texels(asset, channel, page, format)).collect();
+        let texels = ParcelTexels { extent: [columns, rows], channels };
+        changes.uploads.push(ParcelUpload { parcel: page.into(), place, texels });
+        changes.entries.push(TableChange { index: table.index(cover, page), entry: TableEntry::at(place) });
+    }
+    changes.entries.sort_by_key(|change| change.index);
+    let later = FrameChanges {
+        uploads: changes.uploads.split_off(changes.uploads.len() / 2),
+        entries: std::mem::take(&mut changes.entries),
+    };
+    model.update(gpu, &changes);
+    model.update(gpu, &later);
+}
+
+/// Columns and rows of all pictures.
+pub(crate) const SIZE: [u32; 2] = [480, 320];
+
+/// The GPU's picture.
+pub(crate) fn rendered(
+    gpu: &Gpu,
+    baked: &Baked,
+    residents: &Residents,
+    camera: &Camera,
+    lights: &Lights,
+    options: &DrawOptions,
+) -> Picture {
+    let asset = baked.asset();
+    let table = PageTable::new(asset.cover());
+    let formats = FanModel::atlas_formats(gpu, baked.channels());
+    let mut model = model(gpu, baked, &table, &formats);
+    upload(gpu, &mut model, asset, &table, residents);
+    draw(gpu, &mut model, camera, lights, options)
+}
+
+/// A model without any page.
+pub(crate) fn model(gpu: &Gpu, baked: &Baked, pages: &PageTable, formats: &[AtlasFormat]) -> FanModel {
+    let asset = baked.asset();
+    let shape = FanModel::atlas_shape(gpu, 128 << 20, formats);
+    let channels = baked.channels();
+    let source = FanModelSource { mesh: asset.mesh(), cover: asset.cover(), channels, formats, pages, shape };
+    FanModel::new(gpu, &source, |channel, group| asset.mean(channel, group)).unwrap()
+}
+
+/// The GPU's picture of a model.
+pub(crate) fn draw(
+    gpu: &Gpu,
+    model: &mut FanModel,
+    camera: &Camera,
+    lights: &Lights,
+    options: &DrawOptions,
+) -> Picture {
+    render_to_picture(gpu, &mut Frame { size: SIZE, camera, lights, model, options }).unwrap()
+}
+
+/// The CPU's picture of a surface.
+pub(crate) fn cpu(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    camera: &Camera,
+    lights: &Lights,
+    options: &DrawOptions,
+) -> Picture {
+    let options = RenderOptions {
+        width: SIZE[0],
+        height: SIZE[1],
+        samples: 1,
+        shading: options.shading,
+        background: options.background,
+        shading_rate: ShadingRate::PerPixel,
+        ..RenderOptions::default()
+    };
+    render(mesh, surface, camera, lights, &options).unwrap().picture
+}
+
+/// The same picture by both renderers.
+pub(crate) fn compare(
+    name: &str,
+    gpu: &Gpu,
+    baked: &Baked,
+    camera: &Camera,
+    lights: &Lights,
+    options: &DrawOptions,
+) -> Comparison {
+    let seen = rendered(gpu, baked, &Residents::all(), camera, lights, options);
+    let surface = baked.surface(&baked.cache, options);
+    let expected = cpu(baked.asset().mesh(), &surface, camera, lights, options);
+    Comparison::of(name, &seen, &expected)
+}
+
+/// Tiles in which a coarser level stands in for some, and the mean beyond the last.
+struct StandIns<'a, F> {
+    cache: &'a PageCache,
+    /// The level that is shown for one that is asked for.
+    shown: F,
+}
+
+enum TileOrMean {
+    Tile(Tile),
+    Mean([f32; 4]),
+}
+
+impl<F: Fn(u32) -> u32 + Sync> TileSource for StandIns<'_, F> {
+    type Tile = TileOrMean;
+
+    fn tile(&self, channel: usize, group: u32, level: u32) -> TileOrMean {
+        let asset = self.cache.asset();
+        let wanted = (self.shown)(level);
+        if wanted < asset.cover().groups[group as usize].level_count() {
+            TileOrMean::Tile(self.cache.tile(channel, group, wanted))
+        } else {
+            TileOrMean::Mean(asset.mean(channel, group))
+        }
+    }
+
+    fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
+        self.cache.asset().mean(channel, group)
+    }
+}
+
+impl TileTexels for TileOrMean {
+    fn extent(&self) -> [u32; 2] {
+        match self {
+            Self::Tile(tile) => Tile::extent(tile),
+            Self::Mean(_) => [1, 1],
+        }
+    }
+
+    fn bilinear(&self, uv: Vec2) -> [f32; 4] {
+        match self {
+            Self::Tile(tile) => Tile::bilinear(tile, uv),
+            Self::Mean(mean) => *mean,
+        }
+    }
+
+    fn texel(&self, x: u32, y: u32) -> [f32; 4] {
+        match self {
+            Self::Tile(tile) => Tile::texel(tile, x, y),
+            Self::Mean(mean) => *mean,
+        }
+    }
+}
+
+/// The CPU's picture with a coarser level `shown` for each that is asked for.
+pub(crate) fn cpu_with_stand_ins(
+    baked: &Baked,
+    shown: impl Fn(u32) -> u32 + Sync,
+    camera: &Camera,
+    options: &DrawOptions,
+) -> Picture {
+    let surface = baked.surface(StandIns { cache: &baked.cache, shown }, options);
+    cpu(baked.asset().mesh(), &surface, camera, &Lights::default(), options)
+}
+
+/// How two pictures differ.
+#[derive(Debug)]
+pub(crate) struct Comparison {
+    pub(crate) name: String,
+    /// Of all channels where both pictures show the surface and so do all neighbours.
+    pub(crate) mean: f32,
+    /// 999 of 1000 differ by less.
+    pub(crate) quantile: f32,
+}
+
+impl Comparison {
+    pub(crate) fn of(name: &str, seen: &Picture, expected: &Picture) -> Self {
+        save(&format!("{name} gpu"), seen);
+        save(&format!("{name} cpu"), expected);
+        let shows = |p: &Picture, x: u32, y: u32| p.pixel(x, y)[3] == 1.0;
+        let mut differences = Vec::new();
+        let (mut only_one, mut both) = (0, 0);
+        for y in 1..SIZE[1] - 1 {
+            for x in 1..SIZE[0] - 1 {
+                let (a, b) = (seen.pixel(x, y), expected.pixel(x, y));
+                only_one += u32::from(shows(seen, x, y) != shows(expected, x, y));
+                let around = (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y)));
+                if around.into_iter().all(|(x, y)| shows(seen, x, y) && shows(expected, x, y)) {
+                    both += 1;
+                    differences.extend([0, 1, 2].map(|c| (a[c] - b[c]).abs()));
+                }
+            }
+        }
+        assert!(both > 5000, "{name}: the pictures show {both} common pixels");
+        assert!(only_one * 100 < both, "{name}: {only_one} pixels are covered in one picture only");
+        assert!(differences.iter().all(|d| d.is_finite()), "{name}: not a number");
+        differences.sort_by(f32::total_cmp);
+        let mean = differences.iter().sum::<f32>() / differences.len() as f32;
+        let quantile = differences[differences.len() - 1 - differences.len() / 1000];
+        let largest = differences[differences.len() - 1];
+        eprintln!("{name}: mean difference {mean:.5}, 999 of 1000 below {quantile:.4}, largest {largest:.3}");
+        Self { name: name.to_owned(), mean, quantile }
+    }
+}
+
+/// The largest difference of neighbouring pixels that show the surface.
+pub(crate) fn largest_step(picture: &Picture) -> f32 {
+    let mut largest = 0f32;
+    for y in 0..SIZE[1] - 1 {
+        for x in 0..SIZE[0] - 1 {
+            let here = picture.pixel(x, y);
+            for there in [picture.pixel(x + 1, y), picture.pixel(x, y + 1)] {
+                if here[3] == 1.0 && there[3] == 1.0 {
+                    largest = [0, 1, 2].iter().map(|&c| (here[c] - there[c]).abs()).fold(largest, f32::max);
+                }
+            }
+        }
+    }
+    largest
+}
+
+/// Keeps a picture where FANTEX_PICTURES names a folder.
+pub(crate) fn save(name: &str, picture: &Picture) {
+    if let Some(folder) = std::env::var_os("FANTEX_PICTURES") {
+        let path = PathBuf::from(folder).join(format!("{}.png", name.replace(' ', "-")));
+        picture.to_srgb_image().save(&path).unwrap();
+    }
+}
+
+/// The live atlas, 256x256.
+pub(crate) fn live_atlas(gpu: &Gpu, model: &FanModel, kind: fantex_store::ChannelKind) -> Picture {
+    const SIDE: u32 = 256;
+    let format = wgpu::TextureFormat::Rgba8UnormSrgb;
+    let size = wgpu::Extent3d { width: SIDE, height: SIDE, depth_or_array_layers: 1 };
+    let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
+        view_formats: &[],
+    });
+    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: u64::from(4 * SIDE * SIDE),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+        mapped_at_creation: false,
+    });
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let view = target.create_view(&Default::default());
+    let viewer = AtlasViewer::new(gpu, format);
+    assert!(viewer.draw(gpu, &mut encoder, &view, [SIDE; 2], model, kind));
+    let layout =
+        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIDE), rows_per_image: None };
+    encoder.copy_texture_to_buffer(
+        target.as_image_copy(),
+        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
+        size,
+    );
+    gpu.queue.submit([encoder.finish()]);
+    buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
+    gpu.wait().unwrap();
+    let bytes = buffer.get_mapped_range(..).unwrap();
+    let unit = |&[r, g, b, a]: &[u8; 4]| [r, g, b, a].map(|v| f32::from(v) / 255.0);
+    Picture { width: SIDE, height: SIDE, rgba: bytes.as_chunks::<4>().0.iter().map(unit).collect() }
+}

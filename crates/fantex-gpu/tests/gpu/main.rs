@@ -1,0 +1,10 @@
+//! Tests of the crate `fantex-gpu` from outside.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod common;
+mod fan;
+mod fan_common;
+mod faults;
+mod looks;
+mod pictures;

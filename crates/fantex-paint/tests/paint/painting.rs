@@ -1,0 +1,390 @@
+//! Strokes onto baked assets.
+
+use std::sync::Arc;
+
+use crate::common::{
+    Baked, cleaned, contents, cover, data_folder, loaded, paint_stroke, plate, red, sample, stroke,
+};
+use fantex_bake::BakeFormat;
+use fantex_mesh::generate;
+use fantex_paint::{
+    FillScope, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles, replay,
+};
+use fantex_store::{JUMP_BOUND, VerifyOptions, verify};
+use glam::{Vec3, Vec4};
+
+fn ball(texels: u64, format: BakeFormat) -> Baked {
+    let mesh = cleaned(generate::icosphere(4));
+    Baked::new(&mesh, &cover(&mesh, 64, texels), format)
+}
+
+/// Over the ball, through many tiles.
+fn arc() -> Vec<Vec3> {
+    (0..9).map(|i| Vec3::new((0.25 * i as f32).cos(), 0.5, (0.25 * i as f32).sin())).collect()
+}
+
+#[test]
+fn tiles_agree_under_a_stroke_and_the_certificate_holds() {
+    let baked = ball(300_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let arc = stroke(painter.surface(), 60.0, &arc());
+    paint_stroke(&mut painter, red(1.0), &arc);
+    painter.commit().unwrap();
+    let report = verify(&baked.path, &VerifyOptions::default()).unwrap();
+    assert!(report.ok && report.continuity.largest_jump <= JUMP_BOUND, "{report:?}");
+    let cache = baked.cache();
+    let mesh = cache.asset().mesh();
+    let (mut overlaps, mut red, mut worst) = (0, 0, 0.0f32);
+    for triangle in 0..mesh.triangles.len() {
+        for lambda in [Vec3::new(0.5, 0.5, 0.0), Vec3::new(0.1, 0.46, 0.44), Vec3::splat(1.0 / 3.0)] {
+            let (value, parts) = sample(&cache, 0, 0, triangle, lambda);
+            red += u32::from(value.x > 0.8);
+            for part in &parts {
+                overlaps += u32::from(parts.len() > 1);
+                worst = worst.max((*part - value).abs().max_element());
+            }
+        }
+    }
+    assert!(overlaps > 500 && red > 100, "{overlaps} {red}");
+    assert!(worst < 1.0 / 255.0, "{worst}");
+}
+
+#[test]
+fn a_stroke_covers_at_most_its_opacity() {
+    let baked = ball(60_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let mut back_and_forth = arc();
+    back_and_forth.extend(arc().into_iter().rev());
+    let arc = stroke(painter.surface(), 40.0, &back_and_forth);
+    let before = contents(&painter);
+    paint_stroke(&mut painter, red(0.5), &arc);
+    let editor = painter.editor();
+    let mut most = 0.0f32;
+    for (i, (id, old)) in before.0.iter().enumerate() {
+        if i % 2 == 0 && id.level == 0 {
+            let old = editor.asset().decode_page_raw(0, *id, old).unwrap();
+            let new = editor.read_page(0, *id).unwrap();
+            for (old, new) in old.rgba.iter().zip(&new.rgba) {
+                let (old, new) = (Vec4::from(*old), Vec4::from(*new));
+                most = most.max((new.x - old.x) / (0.9 - old.x));
+            }
+        }
+    }
+    assert!((0.499..0.5001).contains(&most), "{most}");
+}
+
+#[test]
+fn undo_gives_back_every_byte_and_survives_a_restart() {
+    for format in [BakeFormat::Bc7, BakeFormat::Rgba8] {
+        let baked = ball(80_000, format);
+        let mut painter = baked.painter();
+        let mut states = vec![contents(&painter)];
+        for turn in 0..3 {
+            let moved: Vec<Vec3> = arc().iter().map(|p| p.with_y(0.4 * turn as f32 - 0.5)).collect();
+            let arc = stroke(painter.surface(), 30.0, &moved);
+            paint_stroke(&mut painter, red(0.8), &arc);
+            states.push(contents(&painter));
+        }
+        assert!(states.windows(2).all(|pair| pair[0] != pair[1]));
+        painter.commit().unwrap();
+        drop(painter);
+        let mut painter = baked.painter();
+        assert_eq!(painter.history().done().len(), 3);
+        for state in states[..3].iter().rev() {
+            assert!(painter.undo().unwrap());
+            assert!(contents(&painter) == *state, "{format:?}");
+        }
+        assert!(!painter.undo().unwrap());
+        painter.commit().unwrap();
+        drop(painter);
+        let mut painter = baked.painter();
+        for state in &states[1..] {
+            assert!(painter.redo().unwrap());
+            assert!(contents(&painter) == *state, "{format:?}");
+        }
+        assert!(!painter.redo().unwrap());
+        // A new stroke ends what could be redone.
+        assert!(painter.undo().unwrap());
+        let arc = stroke(painter.surface(), 30.0, &arc());
+        paint_stroke(&mut painter, red(0.3), &arc);
+        assert!(!painter.redo().unwrap());
+    }
+}
+
+#[test]
+fn only_pages_under_the_brush_change() {
+    let baked = ball(200_000, BakeFormat::Bc7);
+    let mut painter = baked.painter();
+    let before = contents(&painter);
+    let dot = stroke(painter.surface(), 20.0, &[Vec3::new(0.1, 1.0, 0.2)]);
+    let surface = Arc::clone(painter.surface());
+    painter.begin("dot", red(1.0)).unwrap();
+    painter.dab(&dabs_of(&surface, &dot)).unwrap();
+    let shown = painter.show().unwrap();
+    let summary = painter.end().unwrap();
+    assert_eq!((summary.dabs, summary.pages), (1, shown.len()));
+    let after = contents(&painter);
+    let changed: Vec<_> = before.0.iter().zip(&after.0).filter(|(a, b)| a != b).map(|(a, _)| a.0).collect();
+    assert!(!changed.is_empty() && changed.len() <= 6 * 2 * shown.len(), "{changed:?}");
+    assert!(changed.iter().all(|id| shown.iter().any(|page| page.group == id.group)));
+    // Blocks away from the dab keep their bytes.
+    let page = before.0.iter().zip(&after.0).find(|(a, b)| a != b && a.0.level == 0).unwrap();
+    let same = page.0.1.chunks(16).zip(page.1.1.chunks(16)).filter(|(a, b)| a == b).count();
+    assert!(same > 0);
+}
+
+/// What the screen shows dab by dab is what a replay gives at once.
+#[test]
+fn showing_every_dab_changes_nothing() {
+    let [a, b] = [0, 1].map(|_| ball(100_000, BakeFormat::Bc7));
+    let [mut every, mut once] = [a.painter(), b.painter()];
+    let surface = Arc::clone(every.surface());
+    let mut line = stroke(&surface, 40.0, &arc());
+    line.brush.flow = 0.3;
+    let dabs = dabs_of(&surface, &line);
+    every.begin("stroke", red(0.8)).unwrap();
+    for dab in &dabs {
+        every.dab(std::slice::from_ref(dab)).unwrap();
+        every.show().unwrap();
+    }
+    every.end().unwrap();
+    paint_stroke(&mut once, red(0.8), &line);
+    assert!(contents(&every) == contents(&once));
+}
+
+#[test]
+fn paint_stays_on_its_side_of_a_plate() {
+    let mesh = plate(12, 0.002);
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 100_000), BakeFormat::Float);
+    let before = baked.cache();
+    let mut painter = baked.painter();
+    let line = stroke(painter.surface(), 40.0, &[Vec3::new(-0.4, 0.1, 0.0), Vec3::new(0.4, 0.1, 0.1)]);
+    paint_stroke(&mut painter, red(1.0), &line);
+    painter.commit().unwrap();
+    let after = baked.cache();
+    let mesh = after.asset().mesh();
+    let mut painted = 0;
+    for triangle in 0..mesh.triangles.len() {
+        let lambda = Vec3::splat(1.0 / 3.0);
+        let [old, new] = [&before, &after].map(|cache| sample(cache, 0, 0, triangle, lambda).0);
+        let is_top = painter.surface().facet_normal(triangle as u32).y > 0.5;
+        painted += u32::from(is_top && old.distance(new) > 0.1);
+        assert!(is_top || old == new, "the other side of triangle {triangle} changed");
+    }
+    assert!(painted > 10, "{painted}");
+}
+
+#[test]
+fn a_fill_reaches_all_levels_and_means() {
+    let mesh = cleaned(generate::icosphere(3));
+    for (tile, texels) in [(64, 40_000), (0, 40_000), (512, 1_500_000)] {
+        let baked = Baked::new(&mesh, &cover(&mesh, tile, texels), BakeFormat::Rgba8);
+        let mut painter = baked.painter();
+        let start = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
+        let all = fill_triangles(painter.surface(), start, FillScope::Connected);
+        assert_eq!(all.len(), mesh.triangles.len());
+        painter.begin("fill", red(1.0)).unwrap();
+        painter.fill(&all).unwrap();
+        painter.end().unwrap();
+        painter.commit().unwrap();
+        let cache = baked.cache();
+        let levels = cache.asset().level_count();
+        for triangle in (0..mesh.triangles.len()).step_by(7) {
+            for level in 0..levels {
+                let (value, _) = sample(&cache, 0, level, triangle, Vec3::new(0.2, 0.3, 0.5));
+                let expected = Vec4::new(0.9, 0.05, 0.05, 1.0);
+                assert!((value - expected).abs().max_element() < 0.005, "level {level}: {value}");
+            }
+        }
+        let mean = Vec4::from(cache.asset().mean(1, 0));
+        assert!((mean - Vec4::new(1.0, 0.1, 1.0, 1.0)).abs().max_element() < 0.005, "{mean}");
+        assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    }
+}
+
+#[test]
+fn a_fill_by_angle_ends_at_edges() {
+    let mesh = cleaned(generate::cube(4));
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 20_000), BakeFormat::Rgba8);
+    let painter = baked.painter();
+    let start = painter.surface().hit(Vec3::new(0.1, 2.0, 0.1), Vec3::NEG_Y).unwrap();
+    let face = fill_triangles(painter.surface(), start, FillScope::Angle(30.0));
+    assert_eq!(face.len(), mesh.triangles.len() / 6);
+    assert!(face.iter().all(|&t| painter.surface().facet_normal(t).y > 0.9));
+}
+
+#[test]
+fn symmetric_strokes_have_their_copies() {
+    let baked = ball(60_000, BakeFormat::Rgba8);
+    let painter = baked.painter();
+    let surface = painter.surface();
+    let mut line = stroke(surface, 20.0, &arc()[..3]);
+    let one = dabs_of(surface, &line);
+    line.symmetry = Symmetry::Mirror { axis: 0, offset: 0.0 };
+    let two = dabs_of(surface, &line);
+    assert_eq!(two.len(), 2 * one.len());
+    for (a, b) in two[..one.len()].iter().zip(&two[one.len()..]) {
+        let [p, q] = [a, b].map(|dab| surface.position(dab.center));
+        assert!((p.x + q.x).abs() < 0.01 && (p.y - q.y).abs() < 0.01 && (p.z - q.z).abs() < 0.01, "{p} {q}");
+    }
+    line.symmetry = Symmetry::Radial { axis: 1, center: [0.0; 3], count: 5 };
+    let five = dabs_of(surface, &line);
+    assert!(five.len().abs_diff(5 * one.len()) <= 5, "{} {}", five.len(), one.len());
+}
+
+#[test]
+fn dabs_are_evenly_spaced_along_the_surface() {
+    let baked = ball(60_000, BakeFormat::Rgba8);
+    let painter = baked.painter();
+    let surface = painter.surface();
+    let mut line = stroke(surface, 20.0, &arc());
+    line.brush.spacing = 0.25;
+    let dabs = dabs_of(surface, &line);
+    let spacing = 5.0 / f64::from(surface.cover().density);
+    assert!(dabs.len() > 20);
+    for pair in dabs.windows(2) {
+        let [p, q] = [0, 1].map(|k| surface.position(pair[k].center));
+        assert!((p.distance(q) / spacing - 1.0).abs() < 0.05, "{}", p.distance(q) / spacing);
+    }
+    // Jitter moves them, the same way every time.
+    line.brush.jitter.position = 0.5;
+    line.brush.size = Size::World(0.05);
+    let moved = dabs_of(surface, &line);
+    let again = dabs_of(surface, &line);
+    assert!(moved.iter().zip(&again).all(|(a, b)| a.center == b.center));
+    line.brush.seed = 9;
+    assert!(moved.iter().zip(&dabs_of(surface, &line)).any(|(a, b)| a.center != b.center));
+}
+
+const STROKES: &str = r#"{
+  "version": 1,
+  "strokes": [
+    { "label": "line", "brush": { "size": { "texels": 30 }, "flow": 0.4, "jitter": { "position": 0.3, "size": 0.5 } },
+      "channels": [{ "kind": "base_color", "color": { "srgb": [0.1, 0.3, 0.9] } },
+                   { "kind": "occlusion_roughness_metallic", "color": { "linear": [1, 0.2, 0, 1] } }],
+      "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] }, "pressure": 0.4 },
+                  { "at": { "position": [-1, 0.2, 0.3] } }] },
+    { "label": "marble", "brush": { "size": { "world": 0.5 } }, "tool": { "paint": "multiply" },
+      "layer": { "name": "stones", "blend": "overlay", "opacity": 0.7 },
+      "channels": [{ "kind": "base_color", "color": { "solid": { "name": "marble" } } }],
+      "samples": [{ "at": { "ray": { "origin": [0, 0, 9], "direction": [0, 0, -1] } } }] },
+    { "label": "cap", "fill": { "angle": 12 }, "tool": { "paint": "screen" },
+      "channels": [{ "kind": "base_color", "color": { "linear": [0.0, 0.2, 0.0, 1.0] } }],
+      "samples": [{ "at": { "position": [0, -1, 0] } }] }
+  ]
+}"#;
+
+#[test]
+fn a_replay_is_the_same_on_any_number_of_threads_and_in_any_memory() {
+    let file: StrokeFile = serde_json::from_str(STROKES).unwrap();
+    let baked = ball(150_000, BakeFormat::Bc7);
+    let mut results = Vec::new();
+    for (threads, memory_bytes) in [(1, 512 << 20), (4, 512 << 20), (2, 600 << 10)] {
+        let path = baked.folder.path().join("copy.fan");
+        std::fs::copy(&baked.path, &path).unwrap();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let (summary, texels) = pool.install(|| {
+            let options = PaintOptions { memory_bytes, history: true };
+            let mut painter = Painter::open(&path, &options).unwrap();
+            let summary = replay(&mut painter, &file, baked.folder.path()).unwrap();
+            painter.commit().unwrap();
+            (summary, contents(&painter))
+        });
+        assert_eq!(summary.strokes, 3);
+        assert!(summary.dabs > 20 && summary.pages > 10, "{summary:?}");
+        assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
+        results.push((std::fs::read(&path).unwrap(), texels));
+    }
+    assert!(results[0].0 == results[1].0, "the files differ");
+    assert!(results[0].1 == results[2].1, "texels differ");
+}
+
+#[test]
+fn mistakes_in_stroke_files_are_named() {
+    let baked = ball(10_000, BakeFormat::Rgba8);
+    let mut painter = baked.painter();
+    let mut wrong = |from: &str, to: &str| {
+        let text = STROKES.replacen(from, to, 1);
+        assert_ne!(text, STROKES);
+        match serde_json::from_str::<StrokeFile>(&text) {
+            Ok(file) => replay(&mut painter, &file, baked.folder.path()).unwrap_err().to_string(),
+            Err(error) => error.to_string(),
+        }
+    };
+    for (from, to, expected) in [
+        ("base_color", "emission", "stroke 0 paints the channel Emission"),
+        ("occlusion_roughness_metallic", "base_color", "twice"),
+        ("\"marble\"}", "\"cheese\"}", "cheese"),
+        ("\"texels\": 30", "\"texels\": -3", "above 0"),
+        ("\"flow\"", "\"flou\"", "unknown field"),
+        ("\"position\": [1, 0, 0]", "\"point\": {\"triangle\": 99999, \"lambda\": [1, 0, 0]}", "no point"),
+    ] {
+        let from = if from.contains('}') { "\"marble\" }" } else { from };
+        let to = to.replace("\"cheese\"}", "\"cheese\" }");
+        let message = wrong(from, &to);
+        assert!(message.contains(expected), "{message}");
+    }
+    assert!(!painter.editor().has_changes(), "nothing was applied");
+}
+
+#[test]
+fn a_painted_bunny_is_certified() {
+    let Some(folder) = data_folder() else { return };
+    let mesh = loaded(&folder, "meshes/bunny/stanford_bunny.ply");
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 1 << 20), BakeFormat::Bc7);
+    let mut painter = baked.painter();
+    let line = stroke(painter.surface(), 50.0, &[Vec3::new(-0.5, 0.2, 1.0), Vec3::new(0.5, 0.1, 1.0)]);
+    paint_stroke(&mut painter, red(0.9), &line);
+    painter.commit().unwrap();
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}
+
+/// A red dot on grey; returns the mean of red, and its greatest difference between neighbouring points along a line.
+fn profile(baked: &Baked, line: impl Fn(f32) -> Vec3) -> (f32, f32) {
+    let cache = baked.cache();
+    let surface = fantex_paint::Surface::of(cache.asset());
+    let values: Vec<f32> = (0..=200)
+        .map(|i| {
+            let point = surface.nearest(line(i as f32 / 200.0), f32::INFINITY).unwrap();
+            sample(&cache, 0, 0, point.triangle as usize, point.lambda).0.x
+        })
+        .collect();
+    let steepest = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max);
+    (values.iter().sum::<f32>() / values.len() as f32, steepest)
+}
+
+#[test]
+fn blur_softens_and_clone_copies() {
+    let baked = ball(200_000, BakeFormat::Float);
+    let mut painter = baked.painter();
+    let mut dot = stroke(painter.surface(), 40.0, &[Vec3::X]);
+    dot.brush.hardness = 1.0;
+    paint_stroke(&mut painter, red(1.0), &dot);
+    painter.commit().unwrap();
+    let through = |t: f32| Vec3::new(1.0, 0.0, 0.4 * (t - 0.5));
+    let copied = |t: f32| Vec3::new(0.4 * (t - 0.5), 0.0, 1.0);
+    let (mean, steepest) = profile(&baked, through);
+    let (bare, _) = profile(&baked, copied);
+    let texel = 1.0 / painter.surface().cover().density;
+
+    let mut blur = red(1.0);
+    blur.tool = Tool::Blur { radius: 8.0 * texel };
+    let wide = stroke(painter.surface(), 120.0, &[Vec3::X]);
+    paint_stroke(&mut painter, blur, &wide);
+    painter.commit().unwrap();
+    let (blurred_mean, blurred) = profile(&baked, through);
+    assert!(blurred < 0.5 * steepest && (blurred_mean - mean).abs() < 0.05, "{blurred} {steepest}");
+
+    let start = painter.surface().nearest(Vec3::Z, f32::INFINITY).unwrap();
+    let source = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
+    let [to, from] = [start, source].map(|p| painter.surface().position(p).as_vec3());
+    let mut clone = red(1.0);
+    clone.tool = Tool::Clone { offset: from - to, reach: 0.3 };
+    let place = stroke(painter.surface(), 80.0, &[Vec3::Z]);
+    paint_stroke(&mut painter, clone, &place);
+    painter.commit().unwrap();
+    let value = painter.pick(0, start).unwrap();
+    assert!(value.x > 0.8 && value.y < 0.15, "{value}");
+    assert!(profile(&baked, copied).0 > bare + 0.02);
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+}

@@ -1,0 +1,336 @@
+//! Stencils and slides through a camera, symmetric fills and stickers, tilted pens, looks that move with the asset.
+
+use crate::common;
+use std::path::Path;
+use std::sync::Arc;
+
+use crate::common::{Baked, cleaned, contents, cover, data_folder, loaded, sample};
+use fantex_bake::BakeFormat;
+use fantex_mesh::generate;
+use fantex_paint::{PaintOptions, Painter, StrokeFile, StrokeLog, replay};
+use fantex_store::{Asset, PageCache, VerifyOptions, verify};
+use fantex_texture::Image;
+use glam::{Vec3, Vec4};
+
+fn ball(texels: u64, format: BakeFormat) -> Baked {
+    let mesh = cleaned(generate::icosphere(4));
+    Baked::new(&mesh, &cover(&mesh, 64, texels), format)
+}
+
+fn strokes(text: &str) -> StrokeFile {
+    serde_json::from_str(&format!(r#"{{ "version": 1, "strokes": [{text}] }}"#)).unwrap()
+}
+
+fn run(baked: &Baked, text: &str) -> Painter {
+    let mut painter = baked.painter();
+    replay(&mut painter, &strokes(text), baked.folder.path()).unwrap();
+    painter.commit().unwrap();
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    painter
+}
+
+fn color_at(cache: &PageCache, painter: &Painter, at: Vec3) -> Vec4 {
+    let point = painter.surface().nearest(at, f32::INFINITY).unwrap();
+    sample(cache, 0, 0, point.triangle as usize, point.lambda).0
+}
+
+/// Left half white, right half black, opaque; with `alpha` the right half is transparent instead.
+fn save_halves(folder: &Path, name: &str, alpha: bool) {
+    let texel = |i: usize| {
+        let is_left = i % 64 < 32;
+        let light = if is_left { 1.0 } else { 0.0 };
+        if alpha { [1.0, 0.5, 0.0, light] } else { [light, light, light, 1.0] }
+    };
+    let texels: Vec<[f32; 4]> = (0..64 * 64).map(texel).collect();
+    let image = if alpha {
+        Image::from_linear_rgba(64, 64, &texels)
+    } else {
+        Image::from_linear_rgb(64, 64, &texels)
+    };
+    image.save(folder.join(name)).unwrap();
+}
+
+const CAMERA: &str =
+    r#""projection": { "eye": [0, 0, 5], "target": [0, 0, 0], "lens": { "parallel": 3.0 } }"#;
+
+/// A broad stroke over the front of the ball, from left to right, and the same from behind.
+fn swipe(stencil: &str, camera: &str) -> String {
+    format!(
+        r#"{{ "label": "swipe", "brush": {{ "size": {{ "world": 1.2 }}, "hardness": 1, "spacing": 0.05 }}, {camera}, {stencil},
+            "channels": [{{ "kind": "base_color", "color": {{ "linear": [1, 0, 0, 1] }} }}],
+            "samples": [{{ "at": {{ "position": [-1, 0, 0.2] }} }}, {{ "at": {{ "position": [0, 0, 1] }} }},
+                        {{ "at": {{ "position": [1, 0, 0.2] }} }}, {{ "at": {{ "position": [0, 0, -1] }} }}] }}"#
+    )
+}
+
+#[test]
+fn a_stroke_is_laid_on_through_its_stencil() {
+    let baked = ball(200_000, BakeFormat::Float);
+    save_halves(baked.folder.path(), "halves.exr", false);
+    let before = baked.cache();
+    let painter = run(&baked, &swipe(r#""stencil": { "image": "halves.exr" }"#, CAMERA));
+    let after = baked.cache();
+    let is_red =
+        |p: Vec3| color_at(&after, &painter, p.normalize()).distance(Vec4::new(1.0, 0.0, 0.0, 1.0)) < 0.02;
+    let stays =
+        |p: Vec3| color_at(&after, &painter, p.normalize()) == color_at(&before, &painter, p.normalize());
+    assert!(is_red(Vec3::new(-0.4, 0.1, 0.9)) && is_red(Vec3::new(-0.1, -0.2, 1.0)));
+    assert!(
+        stays(Vec3::new(0.4, 0.1, 0.9)) && stays(Vec3::new(0.1, -0.2, 1.0)),
+        "black lets nothing through"
+    );
+    assert!(stays(Vec3::new(-0.2, 0.0, -1.0)), "what the camera does not see stays");
+
+    // The picture moved to the right by half the view's height, and turned over: other parts pass.
+    let place =
+        r#""lens": { "parallel": 3.0 }, "place": { "center": [0.5, 0], "height": 0.5, "angle": 180 }"#;
+    let camera = CAMERA.replace(r#""lens": { "parallel": 3.0 }"#, place);
+    let moved = ball(200_000, BakeFormat::Float);
+    save_halves(moved.folder.path(), "halves.exr", false);
+    let painter = run(&moved, &swipe(r#""stencil": { "image": "halves.exr" }"#, &camera));
+    let cache = moved.cache();
+    // The plate is 1.5 wide around x = 0.75 and white in its right half.
+    let red = |x: f32| color_at(&cache, &painter, Vec3::new(x, 0.05, (1.0 - x * x).sqrt())).x > 0.9;
+    assert!(!red(-0.3) && !red(0.3) && !red(0.65) && red(0.85));
+}
+
+#[test]
+fn a_slide_is_painted_with_the_brush_or_at_once() {
+    let [brushed, projected] = [0, 1].map(|_| ball(200_000, BakeFormat::Float));
+    let colors = |fill: &str| {
+        let text = swipe(r#""stencil": { "image": "slide.exr", "by": "alpha" }"#, CAMERA);
+        let text = text.replace(r#"{ "linear": [1, 0, 0, 1] }"#, r#"{ "image": "slide.exr" }"#);
+        text.replace(r#""label": "swipe""#, &format!(r#""label": "slide"{fill}"#))
+    };
+    for (baked, fill) in [(&brushed, ""), (&projected, r#", "fill": "whole""#)] {
+        save_halves(baked.folder.path(), "slide.exr", true);
+        let before = baked.cache();
+        let painter = run(baked, &colors(fill));
+        let after = baked.cache();
+        let left = color_at(&after, &painter, Vec3::new(-0.4, 0.1, 0.9).normalize());
+        assert!(left.distance(Vec4::new(1.0, 0.5, 0.0, 1.0)) < 0.02, "{left}");
+        for p in [Vec3::new(0.4, 0.1, 0.9), Vec3::new(-0.4, 0.1, -0.9)] {
+            assert_eq!(color_at(&after, &painter, p.normalize()), color_at(&before, &painter, p.normalize()));
+        }
+        // Beyond the brush only the projection reaches.
+        let above = color_at(&after, &painter, Vec3::new(-0.3, 0.8, 0.52));
+        assert_eq!(above.distance(Vec4::new(1.0, 0.5, 0.0, 1.0)) < 0.02, !fill.is_empty(), "{above}");
+    }
+    // Logged with its picture, it is the same again on another density.
+    let log = StrokeLog::of(&Asset::open(&projected.path).unwrap()).unwrap();
+    let again = ball(400_000, BakeFormat::Float);
+    let mut painter = again.painter();
+    assert_eq!(log.replay(&mut painter).unwrap().unrecorded, 0);
+    painter.commit().unwrap();
+    let left = color_at(&again.cache(), &painter, Vec3::new(-0.4, 0.1, 0.9).normalize());
+    assert!(left.distance(Vec4::new(1.0, 0.5, 0.0, 1.0)) < 0.02, "{left}");
+}
+
+#[test]
+fn stencils_are_the_same_on_any_number_of_threads_and_with_little_memory() {
+    let text = swipe(r#""stencil": { "image": "halves.exr" }"#, CAMERA);
+    let mut found = Vec::new();
+    for (threads, memory) in [(1, 512 << 20), (3, 512 << 20), (2, 1 << 20)] {
+        let baked = ball(300_000, BakeFormat::Bc7);
+        save_halves(baked.folder.path(), "halves.exr", false);
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        found.push(pool.install(|| {
+            let options = PaintOptions { memory_bytes: memory, history: true };
+            let mut painter = Painter::open(&baked.path, &options).unwrap();
+            replay(&mut painter, &strokes(&text), baked.folder.path()).unwrap();
+            contents(&painter)
+        }));
+    }
+    assert!(found[0] == found[1], "threads");
+    assert!(found[0] == found[2], "memory");
+}
+
+#[test]
+fn fills_and_stickers_have_mirror_images() {
+    let baked = ball(300_000, BakeFormat::Float);
+    save_halves(baked.folder.path(), "flag.exr", true);
+    let before = baked.cache();
+    // A mirrored picture; its opaque half is at the left.
+    let painter = run(
+        &baked,
+        r#"{ "decal": { "size": { "world": 0.5 } }, "symmetry": { "mirror": { "axis": 0 } },
+             "channels": [{ "kind": "base_color", "color": { "image": "flag.exr" } }],
+             "samples": [{ "at": { "position": [0.6, 0, 0.8] } }] }"#,
+    );
+    let after = baked.cache();
+    let painted = |x: f32, y: f32| {
+        let at = Vec3::new(x, y, (1.0 - x * x - y * y).sqrt());
+        color_at(&before, &painter, at).distance(color_at(&after, &painter, at)) > 0.1
+    };
+    for (x, is_painted) in [(0.5, true), (0.7, false)] {
+        assert_eq!((painted(x, 0.05), painted(-x, 0.05)), (is_painted, is_painted), "{x}");
+    }
+    drop(painter);
+
+    // A text stays readable: an F has its bars at the right on both sides.
+    let baked = ball(300_000, BakeFormat::Float);
+    let before = baked.cache();
+    let painter = run(
+        &baked,
+        r#"{ "text": { "text": "F", "size": { "world": 0.7 } }, "symmetry": { "mirror": { "axis": 0 } },
+             "channels": [{ "kind": "base_color", "color": { "linear": [1, 0, 1, 1] } }],
+             "samples": [{ "at": { "position": [0.6, 0, 0.8] } }] }"#,
+    );
+    let after = baked.cache();
+    let painter = &painter;
+    // Horizontal balance of the ink around a middle, along the surface.
+    let balance = |middle: f32| {
+        let mut sum = 0.0;
+        for i in 0..60 {
+            for j in 0..60 {
+                let (a, b) = ((i as f32 - 29.5) / 120.0, (j as f32 - 29.5) / 120.0);
+                let angle = middle.atan2((1.0 - middle * middle).sqrt()) + a;
+                let at = Vec3::new(angle.sin(), b, angle.cos()).normalize();
+                let ink = color_at(&before, painter, at).distance(color_at(&after, painter, at));
+                // Above the middle there are bars at the right, below there is the stem alone.
+                sum += ink * a * if b > 0.0 { 1.0 } else { -1.0 };
+            }
+        }
+        sum
+    };
+    let (right, left) = (balance(0.6), balance(-0.6));
+    assert!(right > 0.05 && left > 0.05, "{right} {left}");
+
+    drop(after);
+
+    // A fill by colour takes what looks alike around each start: four white dots.
+    let baked = ball(200_000, BakeFormat::Float);
+    let dots = r#"{ "brush": { "size": { "world": 0.4 }, "hardness": 1 }, "symmetry": { "radial": { "axis": 1, "count": 4 } },
+             "channels": [{ "kind": "base_color", "color": { "linear": [1, 1, 1, 1] } }],
+             "samples": [{ "at": { "position": [0.6, 0.1, 0.8] } }] }"#;
+    let fill = dots
+        .replace(r#""brush""#, r#""fill": { "color": {} }, "brush""#)
+        .replace("[1, 1, 1, 1]", "[0, 1, 0, 1]");
+    let painter = run(&baked, &format!("{dots}, {fill}"));
+    let cache = baked.cache();
+    for [x, z] in [[0.6, 0.8], [0.8, -0.6], [-0.6, -0.8], [-0.8, 0.6]] {
+        let color = color_at(&cache, &painter, Vec3::new(x, 0.1, z));
+        assert!(color.distance(Vec4::new(0.0, 1.0, 0.0, 1.0)) < 0.02, "{x} {z}: {color}");
+    }
+}
+
+#[test]
+fn fills_of_triangles_start_on_all_sides() {
+    use fantex_paint::{FillScope, Surface, Symmetry, fill_triangles, fill_triangles_with};
+    let mesh = common::plate(6, 0.4);
+    let surface = Surface::new(Arc::new(mesh.clone()), Arc::new(cover(&mesh, 64, 4000)));
+    let side = surface.hit(Vec3::new(5.0, 0.0, 0.05), Vec3::NEG_X).unwrap();
+    let scope = FillScope::Angle(20.0);
+    let one = fill_triangles(&surface, side, scope);
+    let mirrored = fill_triangles_with(&surface, side, scope, &Symmetry::Mirror { axis: 0, offset: 0.0 });
+    let radial = Symmetry::Radial { axis: 1, center: [0.0; 3], count: 4 };
+    let around = fill_triangles_with(&surface, side, scope, &radial);
+    assert_eq!([mirrored.len(), around.len()], [2 * one.len(), 4 * one.len()]);
+    assert!(one.iter().all(|t| around.binary_search(t).is_ok()));
+}
+
+#[test]
+fn a_tilted_pen_leaves_ellipses() {
+    let dot = |tilt: &str| {
+        let baked = ball(300_000, BakeFormat::Float);
+        let before = baked.cache();
+        let painter = run(
+            &baked,
+            &format!(
+                r#"{{ "brush": {{ "size": {{ "world": 0.5 }}, "hardness": 1, "follow_tilt": true }},
+                     "channels": [{{ "kind": "base_color", "color": {{ "linear": [1, 0, 1, 1] }} }}],
+                     "samples": [{{ "at": {{ "position": [0, 0, 1] }}, "tilt": {tilt} }}] }}"#
+            ),
+        );
+        let after = baked.cache();
+        [Vec3::X, Vec3::Y].map(|axis| {
+            let is_painted = |i: &i32| {
+                let at = (Vec3::Z + axis * (*i as f32 * 0.005)).normalize();
+                color_at(&before, &painter, at).distance(color_at(&after, &painter, at)) > 0.3
+            };
+            (-80..80).filter(is_painted).count() as f32 * 0.005
+        })
+    };
+    let upright = dot("[0, 0]");
+    assert!((upright[0] - 0.5).abs() < 0.04 && (upright[1] - 0.5).abs() < 0.04, "{upright:?}");
+    // 60 degrees: half as wide as long, along the lean.
+    let [along, across] = dot("[1.0472, 0]");
+    assert!((along - 0.5).abs() < 0.04 && (across - 0.25).abs() < 0.04, "{along} {across}");
+    let [across, along] = dot("[0, 1.0472]");
+    assert!((along - 0.5).abs() < 0.04 && (across - 0.25).abs() < 0.04, "{along} {across}");
+}
+
+#[test]
+fn looks_are_found_where_asset_and_look_have_moved_to() {
+    let baked = ball(60_000, BakeFormat::Float);
+    let folder = baked.folder.path();
+    std::fs::create_dir(folder.join("looks")).unwrap();
+    save_halves(folder, "looks/picture.exr", false);
+    let look = "[textures.halves]\nkind = \"image\"\nimage = \"picture.exr\"\ncoordinates = \"box\"\n";
+    std::fs::write(folder.join("looks/a.toml"), look).unwrap();
+    let texture = r#"{ "texture": { "look": { "file": "looks/a.toml" }, "name": "halves" } }"#;
+    let layer = r#"{ "layer": { "name": "all", "fill": { "look": { "file": "looks/a.toml" },
+        "textures": [{ "kind": "base_color", "texture": "halves" }] } } }"#;
+    let stroke = format!(
+        r#"{{ "brush": {{ "size": {{ "world": 0.5 }} }}, "channels": [{{ "kind": "base_color", "color": {texture} }}],
+            "samples": [{{ "at": {{ "position": [0, 0, 1] }} }}] }}, {layer}"#
+    );
+    let painter = run(&baked, &stroke);
+    let painted = contents(&painter);
+    drop(painter);
+    // Both move together.
+    let elsewhere = tempfile::tempdir().unwrap();
+    let moved = elsewhere.path().join("a.fan");
+    std::fs::rename(&baked.path, &moved).unwrap();
+    std::fs::create_dir(elsewhere.path().join("looks")).unwrap();
+    std::fs::rename(folder.join("looks/picture.exr"), elsewhere.path().join("looks/picture.exr")).unwrap();
+    let log = || StrokeLog::of(&Asset::open(&moved).unwrap()).unwrap();
+    let again = ball(60_000, BakeFormat::Float);
+    let mut painter = again.painter();
+    log().replay(&mut painter).unwrap();
+    assert!(contents(&painter) == painted);
+    drop(painter);
+    // The layer is shown again, too.
+    let mut painter = Painter::open(&moved, &PaintOptions::default()).unwrap();
+    painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
+    painter.edit_layers("show", |layers| layers[0].visible = true).unwrap();
+    drop(painter);
+    // Where it is not found, it is said what and where.
+    std::fs::remove_dir_all(elsewhere.path().join("looks")).unwrap();
+    let refused = log().replay(&mut again.painter()).unwrap_err().to_string();
+    let wanted = elsewhere.path().join("looks");
+    assert!(refused.contains("halves") && refused.contains(&*wanted.to_string_lossy()), "{refused}");
+    assert!(refused.contains("move asset and look together"), "{refused}");
+}
+
+#[test]
+fn a_stencil_on_the_bunny_stays_on_what_is_seen() {
+    let Some(folder) = data_folder() else { return };
+    let mesh = loaded(&folder, "meshes/bunny/stanford_bunny.ply");
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 1 << 19), BakeFormat::Bc7);
+    save_halves(baked.folder.path(), "slide.exr", true);
+    let before = baked.cache();
+    let place = mesh.world_from_mesh;
+    let [eye, target] = [Vec3::new(0.0, 0.2, 4.0), Vec3::ZERO].map(|p| place.point(p).to_array());
+    let text = format!(
+        r#"{{ "fill": "whole", "projection": {{ "eye": {eye:?}, "target": {target:?}, "lens": {{ "perspective": 40 }} }},
+            "stencil": {{ "image": "slide.exr", "by": "alpha" }},
+            "channels": [{{ "kind": "base_color", "color": {{ "image": "slide.exr" }} }}], "samples": [] }}"#
+    );
+    let painter = run(&baked, &text);
+    let after = baked.cache();
+    let (mut seen, mut hidden) = (0, 0);
+    for triangle in (0..mesh.triangles.len()).step_by(37) {
+        let lambda = Vec3::splat(1.0 / 3.0);
+        let value = |cache: &PageCache| sample(cache, 0, 0, triangle, lambda).0;
+        if value(&before).distance(value(&after)) < 0.05 {
+            continue;
+        }
+        let [a, b, c] = mesh.triangle_positions(triangle);
+        let (point, from) = ((a + b + c) / 3.0, Vec3::new(0.0, 0.2, 4.0));
+        let hit = painter.surface().hit(from, (point - from).normalize()).unwrap();
+        let is_seen = painter.surface().position(hit).as_vec3().distance(point) < 0.02;
+        (seen, hidden) = (seen + usize::from(is_seen), hidden + usize::from(!is_seen));
+    }
+    assert!(seen > 100 && hidden * 100 <= seen, "{seen} {hidden}");
+}

@@ -1,0 +1,265 @@
+//! `transforms.json`: cameras as NeRF's data sets and nerfstudio write them.
+//!
+//! Matrices take camera to world space, with OpenGL's camera axes: x to the right, y upwards, z towards the viewer. What describes the
+//! camera may stand at the top for all frames or in each frame.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use glam::{DMat3, DVec2, DVec3};
+use serde::Deserialize;
+
+use super::model::checked_camera;
+use super::{
+    CameraFrame, CameraProblem, EntryProblem, MOST_ENTRIES, ReadCamerasError, checked_name, mask_beside,
+    open_within,
+};
+use crate::{CameraFromWorld, Distortion, PhotoCamera, Photograph};
+
+const MOST_BYTES: u64 = 256 << 20;
+/// How far the columns of a rotation may be from orthonormal: files are written with few digits.
+const ROTATION_TOLERANCE: f64 = 1e-2;
+/// Extensions that are tried for names without one.
+const EXTENSIONS: [&str; 6] = ["png", "jpg", "jpeg", "JPG", "PNG", "exr"];
+
+#[derive(Debug, Deserialize)]
+struct Document {
+    #[serde(flatten)]
+    camera: Intrinsics,
+    frames: Vec<Frame>,
+    /// How the cameras were moved before they were written: three or four rows of four numbers.
+    applied_transform: Option<Vec<Vec<f64>>>,
+    /// By what they were scaled after that.
+    applied_scale: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+struct Frame {
+    file_path: String,
+    mask_path: Option<String>,
+    transform_matrix: Vec<Vec<f64>>,
+    #[serde(flatten)]
+    camera: Intrinsics,
+}
+
+#[derive(Clone, Debug, Default, Deserialize)]
+struct Intrinsics {
+    camera_model: Option<String>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    w: Option<f64>,
+    h: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    k5: Option<f64>,
+    k6: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+}
+
+pub(super) fn read(
+    path: &Path,
+    images: Option<&Path>,
+    camera_frame: CameraFrame,
+) -> Result<Vec<Photograph>, ReadCamerasError> {
+    let failed = |source| ReadCamerasError::Read { path: path.into(), source };
+    let mut text = Vec::new();
+    open_within(path, MOST_BYTES)?.take(MOST_BYTES).read_to_end(&mut text).map_err(failed)?;
+    let document: Document = serde_json::from_slice(&text)
+        .map_err(|source| ReadCamerasError::Json { path: path.into(), source })?;
+    if document.frames.is_empty() {
+        return Err(ReadCamerasError::NoPhotographs { path: path.into() });
+    }
+    let wrong = |frame: usize, problem| ReadCamerasError::Frame { path: path.into(), frame, problem };
+    if document.frames.len() > MOST_ENTRIES {
+        let problem = EntryProblem::TooMany { what: "photographs", limit: MOST_ENTRIES };
+        return Err(wrong(MOST_ENTRIES, problem));
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let moved = match camera_frame {
+        CameraFrame::OfFile => Moved::NOT,
+        CameraFrame::Original => {
+            document.moved().ok_or(ReadCamerasError::AppliedTransform { path: path.into() })?
+        }
+    };
+    let frames = document.frames.iter().enumerate();
+    frames
+        .map(|(i, frame)| {
+            let photograph = frame.photograph(&document.camera, folder, images).map_err(|p| wrong(i, p))?;
+            Ok(Photograph { camera_from_world: moved.undone(photograph.camera_from_world), ..photograph })
+        })
+        .collect()
+}
+
+/// How cameras were moved: `p_file = scale * (rotation * p_original + translation)`.
+struct Moved {
+    rotation: DMat3,
+    translation: DVec3,
+    scale: f64,
+}
+
+impl Moved {
+    const NOT: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO, scale: 1.0 };
+
+    /// The pose of a camera before it was moved. Its own space is scaled with the world, which changes no picture.
+    fn undone(&self, pose: CameraFromWorld) -> CameraFromWorld {
+        CameraFromWorld {
+            rotation: pose.rotation * self.rotation,
+            translation: pose.rotation * self.translation + pose.translation / self.scale,
+        }
+    }
+}
+
+impl Document {
+    /// None where it is no motion.
+    fn moved(&self) -> Option<Moved> {
+        let scale = self.applied_scale.unwrap_or(1.0);
+        let (axes, translation) = match &self.applied_transform {
+            None => (DMat3::IDENTITY, DVec3::ZERO),
+            Some(rows) => columns(rows)?,
+        };
+        (is_rotation(axes) && translation.is_finite() && scale.is_finite() && scale > 0.0).then_some(Moved {
+            rotation: axes,
+            translation,
+            scale,
+        })
+    }
+}
+
+impl Frame {
+    fn photograph(
+        &self,
+        shared: &Intrinsics,
+        folder: &Path,
+        images: Option<&Path>,
+    ) -> Result<Photograph, EntryProblem> {
+        let name = checked_name(&self.file_path)?;
+        let path = image_path(&name, folder, images);
+        let camera = self.camera.clone().or(shared).camera(&path)?;
+        let mask = match &self.mask_path {
+            Some(mask) => Some(folder.join(checked_name(mask)?)),
+            None => images.and_then(|images| mask_beside(images, &name)),
+        };
+        Ok(Photograph { camera, camera_from_world: pose(&self.transform_matrix)?, name, path, mask })
+    }
+}
+
+/// Where a photograph is. With a folder given, the name is looked for there with and without its own folders.
+fn image_path(name: &str, folder: &Path, images: Option<&Path>) -> PathBuf {
+    let places = match images {
+        None => vec![folder.join(name)],
+        Some(images) => {
+            let file_name = Path::new(name).file_name().unwrap_or_default();
+            vec![images.join(name), images.join(file_name)]
+        }
+    };
+    let with_extensions = places.iter().flat_map(|place| {
+        let extended = |extension: &&str| PathBuf::from(format!("{}.{extension}", place.display()));
+        std::iter::once(place.clone()).chain(EXTENSIONS.iter().map(extended))
+    });
+    let missing = places[places.len() - 1].clone();
+    with_extensions.into_iter().find(|path| path.is_file()).unwrap_or(missing)
+}
+
+impl Intrinsics {
+    /// What a frame does not say itself is said for all.
+    fn or(self, shared: &Self) -> Self {
+        // An angle at the top must not go before a focal length of the frame, nor the other way round.
+        let has_focal = self.fl_x.is_some() || self.camera_angle_x.is_some();
+        let focal = |shared: Option<f64>| if has_focal { None } else { shared };
+        Self {
+            camera_model: self.camera_model.or_else(|| shared.camera_model.clone()),
+            camera_angle_x: self.camera_angle_x.or(focal(shared.camera_angle_x)),
+            camera_angle_y: self.camera_angle_y.or(focal(shared.camera_angle_y)),
+            fl_x: self.fl_x.or(focal(shared.fl_x)),
+            fl_y: self.fl_y.or(focal(shared.fl_y)),
+            cx: self.cx.or(shared.cx),
+            cy: self.cy.or(shared.cy),
+            w: self.w.or(shared.w),
+            h: self.h.or(shared.h),
+            k1: self.k1.or(shared.k1),
+            k2: self.k2.or(shared.k2),
+            k3: self.k3.or(shared.k3),
+            k4: self.k4.or(shared.k4),
+            k5: self.k5.or(shared.k5),
+            k6: self.k6.or(shared.k6),
+            p1: self.p1.or(shared.p1),
+            p2: self.p2.or(shared.p2),
+        }
+    }
+
+    fn camera(&self, path: &Path) -> Result<PhotoCamera, EntryProblem> {
+        let size = match (self.w, self.h) {
+            (Some(width), Some(height)) => [width, height],
+            _ => <[u32; 2]>::from(
+                image::image_dimensions(path)
+                    .map_err(|source| EntryProblem::Size { path: path.into(), source })?,
+            )
+            .map(f64::from),
+        };
+        let of_angle = |angle: Option<f64>, side: f64| angle.map(|angle| 0.5 * side / (0.5 * angle).tan());
+        let focal_x =
+            self.fl_x.or(of_angle(self.camera_angle_x, size[0])).ok_or(EntryProblem::NoFocalLength)?;
+        let focal_y = self.fl_y.or(of_angle(self.camera_angle_y, size[1])).unwrap_or(focal_x);
+        let center = DVec2::new(self.cx.unwrap_or(0.5 * size[0]), self.cy.unwrap_or(0.5 * size[1]));
+        // Numbers that are no sizes become 0 here, and are refused with it.
+        let size = size.map(|side| if side.fract() == 0.0 { side.max(0.0) as u64 } else { 0 });
+        Ok(checked_camera(size, DVec2::new(focal_x, focal_y), center, self.distortion()?)?)
+    }
+
+    fn distortion(&self) -> Result<Distortion, CameraProblem> {
+        let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|k| k.unwrap_or(0.0));
+        match self.camera_model.as_deref() {
+            Some("SIMPLE_PINHOLE" | "PINHOLE") => Ok(Distortion::PINHOLE),
+            // In files of nerfstudio, k4 is left over from other models; the polynomial's denominator is FULL_OPENCV's.
+            None | Some("SIMPLE_RADIAL" | "RADIAL" | "OPENCV") => Ok(Distortion::Perspective {
+                radial: [k[0], k[1], k[2], 0.0, 0.0, 0.0],
+                tangential: [self.p1.unwrap_or(0.0), self.p2.unwrap_or(0.0)],
+            }),
+            Some("FULL_OPENCV") => Ok(Distortion::Perspective {
+                radial: k,
+                tangential: [self.p1.unwrap_or(0.0), self.p2.unwrap_or(0.0)],
+            }),
+            Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE") => {
+                Ok(Distortion::Fisheye { radial: [k[0], k[1], k[2], k[3]] })
+            }
+            Some(name) => Err(CameraProblem::UnknownModel { name: name.chars().take(40).collect() }),
+        }
+    }
+}
+
+/// The inverse of a matrix that takes camera to world, with y and z turned round.
+fn pose(rows: &[Vec<f64>]) -> Result<CameraFromWorld, EntryProblem> {
+    let wrong = |reason| EntryProblem::Camera(CameraProblem::Pose(reason));
+    let (axes, eye) =
+        columns(rows).ok_or_else(|| wrong("transform_matrix has not four rows of four numbers"))?;
+    if !(is_rotation(axes) && eye.is_finite()) {
+        return Err(wrong("the columns of transform_matrix are no right-handed frame of unit vectors"));
+    }
+    let x = axes.x_axis.normalize();
+    let z = x.cross(axes.y_axis).normalize();
+    let rotation = DMat3::from_cols(x, -z.cross(x), -z).transpose();
+    Ok(CameraFromWorld { rotation, translation: -(rotation * eye) })
+}
+
+/// The linear part and the last column of three or four rows of four numbers.
+fn columns(rows: &[Vec<f64>]) -> Option<(DMat3, DVec3)> {
+    if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
+        return None;
+    }
+    let column = |k: usize| DVec3::new(rows[0][k], rows[1][k], rows[2][k]);
+    Some((DMat3::from_cols(column(0), column(1), column(2)), column(3)))
+}
+
+/// Whether axes are orthonormal and right-handed, but for a few digits.
+fn is_rotation(axes: DMat3) -> bool {
+    let off = axes.transpose() * axes - DMat3::IDENTITY;
+    let is_small = off.to_cols_array().into_iter().all(|e| e.abs() < ROTATION_TOLERANCE);
+    axes.is_finite() && is_small && axes.determinant() > 0.0
+}

@@ -1,0 +1,373 @@
+//! Files of cameras: what is written is read again, what is wrong is said, and nothing panics.
+
+use std::fs;
+use std::path::Path;
+
+use fantex_photos::{
+    CameraFrame, CameraFromWorld, Distortion, Lens, PhotoCamera, Photograph, read_cameras, read_cameras_in,
+    write_colmap_binary, write_colmap_text, write_transforms,
+};
+use glam::{DMat3, DVec2, DVec3};
+use proptest::prelude::*;
+
+fn lenses() -> [Lens; 3] {
+    [
+        Distortion::PINHOLE,
+        Distortion::Perspective { radial: [-0.1, 0.02, 0.0, 0.0, 0.0, 0.0], tangential: [1e-3, -2e-3] },
+        Distortion::Perspective {
+            radial: [-0.1, 0.02, 0.003, 0.01, -0.02, 0.001],
+            tangential: [1e-3, -2e-3],
+        },
+    ]
+    .map(Lens::new)
+}
+
+/// Cameras that differ in everything. Their pictures lie in `folder`.
+fn set(folder: &Path, lenses: &[Lens]) -> Vec<Photograph> {
+    fs::create_dir_all(folder).unwrap();
+    (0..6)
+        .map(|i| {
+            let name = format!("photo {i}.png");
+            fs::write(folder.join(&name), b"not looked at").unwrap();
+            let eye = DVec3::new(3.0 + i as f64, 1.5 - i as f64, 2.0 * i as f64 - 5.0);
+            let mut camera = PhotoCamera::pinhole([640 + i as u32, 480], 500.25 + i as f64);
+            camera.focal.y += 2.5;
+            camera.center += DVec2::new(3.5, -1.25);
+            camera.lens = lenses[i % lenses.len()];
+            Photograph {
+                path: folder.join(&name),
+                mask: None,
+                name,
+                camera,
+                camera_from_world: CameraFromWorld::looking_at(eye, DVec3::new(0.1, 0.2, 0.3), DVec3::Y),
+            }
+        })
+        .collect()
+}
+
+fn assert_alike(read: &[Photograph], written: &[Photograph]) {
+    assert_eq!(read.len(), written.len());
+    for (read, written) in read.iter().zip(written) {
+        assert!(read.name.ends_with(&written.name), "{} {}", read.name, written.name);
+        assert_eq!(read.path.canonicalize().unwrap(), written.path.canonicalize().unwrap());
+        assert_eq!(read.camera, written.camera);
+        let turn = read.camera_from_world.rotation - written.camera_from_world.rotation;
+        assert!(turn.to_cols_array().iter().all(|d| d.abs() < 1e-12));
+        assert!(read.camera_from_world.eye().distance(written.camera_from_world.eye()) < 1e-10);
+    }
+}
+
+/// The folders of a set: pictures, sparse model.
+fn folders(root: &Path) -> [std::path::PathBuf; 2] {
+    let sparse = root.join("sparse/0");
+    fs::create_dir_all(&sparse).unwrap();
+    [root.join("images"), sparse]
+}
+
+#[test]
+fn what_is_written_is_read_again() {
+    let root = tempfile::tempdir().unwrap();
+    let [images, sparse] = folders(root.path());
+    let written = set(&images, &lenses());
+    let transforms = root.path().join("transforms.json");
+    write_transforms(&transforms, &written, "images").unwrap();
+    assert_alike(&read_cameras(&transforms, None).unwrap(), &written);
+    assert_alike(&read_cameras(root.path(), None).unwrap(), &written);
+    write_colmap_text(&sparse, &written).unwrap();
+    for path in [root.path(), &sparse] {
+        assert_alike(&read_cameras(path, None).unwrap(), &written);
+    }
+    // Binary files go before text.
+    write_colmap_binary(&sparse, &written).unwrap();
+    fs::write(sparse.join("cameras.txt"), "rubbish").unwrap();
+    assert_alike(&read_cameras(&sparse, Some(&images)).unwrap(), &written);
+    let fisheyes = set(&images, &[Lens::new(Distortion::Fisheye { radial: [0.1, -0.02, 0.003, 0.0] })]);
+    write_transforms(&transforms, &fisheyes, "images").unwrap();
+    assert_alike(&read_cameras(&transforms, None).unwrap(), &fisheyes);
+    write_colmap_binary(&sparse, &fisheyes).unwrap();
+    assert_alike(&read_cameras(root.path(), None).unwrap(), &fisheyes);
+    let mixed: Vec<_> = [&written[..1], &fisheyes[..1]].concat();
+    assert!(write_transforms(&transforms, &mixed, "images").unwrap_err().to_string().contains("fisheyes"));
+}
+
+#[test]
+fn masks_are_found_where_others_put_them() {
+    let root = tempfile::tempdir().unwrap();
+    let [images, sparse] = folders(root.path());
+    let written = set(&images, &lenses());
+    write_colmap_text(&sparse, &written).unwrap();
+    let masks = root.path().join("masks");
+    fs::create_dir_all(&masks).unwrap();
+    fs::write(masks.join("photo 1.png.png"), b"not looked at").unwrap();
+    let masked = |photographs: &[Photograph]| -> Vec<bool> {
+        photographs.iter().map(|photograph| photograph.mask.is_some()).collect()
+    };
+    let read = read_cameras(root.path(), None).unwrap();
+    assert_eq!(masked(&read).iter().filter(|&&is_masked| is_masked).count(), 1);
+    assert_eq!(read[1].mask.as_ref().unwrap(), &masks.join("photo 1.png.png"));
+    // By name, in a transforms.json.
+    let transforms = root.path().join("transforms.json");
+    write_transforms(&transforms, &written, "images").unwrap();
+    let mut json: serde_json::Value = serde_json::from_slice(&fs::read(&transforms).unwrap()).unwrap();
+    json["frames"][0]["mask_path"] = "masks/photo 1.png.png".into();
+    fs::write(&transforms, json.to_string()).unwrap();
+    assert!(masked(&read_cameras(&transforms, None).unwrap())[0]);
+    json["frames"][0]["mask_path"] = "masks/none.png".into();
+    fs::write(&transforms, json.to_string()).unwrap();
+    let error = read_cameras(&transforms, None).unwrap_err().to_string();
+    assert!(error.contains("masks/none.png is missing"), "{error}");
+}
+
+/// A world that nerfstudio has turned (and another program has scaled) is turned back.
+#[test]
+fn an_applied_transform_is_undone_on_request() {
+    let root = tempfile::tempdir().unwrap();
+    let [images, _] = folders(root.path());
+    let original = set(&images, &lenses()[..1]);
+    // x, y, z become x, z, -y; then all moves by (0, 0, 2) and doubles.
+    let (turn, shift, scale) =
+        (DMat3::from_cols(DVec3::X, DVec3::NEG_Z, DVec3::Y), DVec3::new(0.0, 0.0, 2.0), 2.0);
+    let moved: Vec<Photograph> = original
+        .iter()
+        .map(|photograph| {
+            let CameraFromWorld { rotation, translation } = photograph.camera_from_world;
+            let rotation = rotation * turn.transpose();
+            let translation = scale * (translation - rotation * shift);
+            Photograph { camera_from_world: CameraFromWorld { rotation, translation }, ..photograph.clone() }
+        })
+        .collect();
+    let path = root.path().join("transforms.json");
+    write_transforms(&path, &moved, "images").unwrap();
+    let text = fs::read_to_string(&path).unwrap();
+    let with = |applied: &str| fs::write(&path, text.replacen('{', &format!("{{{applied}"), 1)).unwrap();
+    with(r#""applied_transform":[[1,0,0,0],[0,0,1,0],[0,-1,0,2]],"applied_scale":2,"#);
+    assert_alike(&read_cameras(&path, None).unwrap(), &moved);
+    let read = read_cameras_in(root.path(), None, CameraFrame::Original).unwrap();
+    for (read, original) in read.iter().zip(&original) {
+        let (a, b) = (read.camera_from_world, original.camera_from_world);
+        assert!((a.eye() - b.eye()).length() < 1e-9, "{} {}", a.eye(), b.eye());
+        assert!((a.rotation - b.rotation).to_cols_array().iter().all(|e| e.abs() < 1e-9));
+    }
+    with(r#""applied_transform":[[2,0,0,0],[0,0,1,0],[0,-1,0,2]],"#);
+    assert!(read_cameras(&path, None).is_ok());
+    let refused = read_cameras_in(&path, None, CameraFrame::Original).unwrap_err().to_string();
+    assert!(refused.contains("applied_transform is not a rotation"), "{refused}");
+}
+
+#[test]
+fn colmap_texts_are_read_as_they_come() {
+    let root = tempfile::tempdir().unwrap();
+    let write = |name: &str, text: &str| fs::write(root.path().join(name), text).unwrap();
+    fs::create_dir(root.path().join("images")).unwrap();
+    for name in ["b 1.jpg", "a.jpg"] {
+        fs::write(root.path().join("images").join(name), b"").unwrap();
+    }
+    write("cameras.txt", "# comment\n\n3 SIMPLE_RADIAL 100 80 90.5 50 40 -0.01\r\n");
+    // A line of points, then an empty one, then none.
+    write(
+        "images.txt",
+        "# c\n7 1 0 0 0 0 0 2 3 b 1.jpg\n1.5 2.5 -1 3 4 17\n\n9 0.5 0.5 0.5 0.5 1 2 3 3 a.jpg\n",
+    );
+    let read = read_cameras(root.path(), None).unwrap();
+    assert_eq!(read.iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["a.jpg", "b 1.jpg"]);
+    assert_eq!(read[1].camera_from_world.eye(), DVec3::new(0.0, 0.0, -2.0));
+    assert_eq!(read[1].camera.focal, DVec2::splat(90.5));
+    // The quaternion (1,1,1,1)/2 turns x to y to z to x.
+    let turned = read[0].camera_from_world.rotation * DVec3::X;
+    assert!(turned.distance(DVec3::Y) < 1e-12);
+    let cases = [
+        ("cameras.txt", "1 FOV 10 10 1 2 3 4 5\n", "line 1: the camera model 'FOV' is not supported"),
+        ("cameras.txt", "1 PINHOLE 10 10 1 2 3\n", "line 1: PINHOLE has 4 parameters, not 3"),
+        ("cameras.txt", "\n1 PINHOLE ten 10 1 1 5 5\n", "line 2: expected the width in pixels, found 'ten'"),
+        ("cameras.txt", "1 PINHOLE 9 9 1 1 5 5\n1 PINHOLE 9 9 1 1 5 5\n", "line 2: there are two cameras 1"),
+        ("images.txt", "1 1 0 0 0 0 0 2 4 x.jpg\n", "'x.jpg' is of camera 4"),
+        ("images.txt", "1 1 0 0 0 0 0 2 3\n", "name of a photograph is empty"),
+        ("images.txt", "1 0 0 0 0 0 0 2 3 x.jpg\n", "quaternion is zero"),
+        ("images.txt", "1 1 0 0\n", "expected QW QX QY QZ"),
+        ("images.txt", "# nothing\n", "names no photograph"),
+        ("images.txt", "1 1 0 0 0 0 0 2 3 gone.jpg\n", "1 of 1 photographs are missing"),
+    ];
+    let [cameras, images] = ["cameras.txt", "images.txt"].map(|n| fs::read(root.path().join(n)).unwrap());
+    for (file, text, expected) in cases {
+        fs::write(root.path().join("cameras.txt"), &cameras).unwrap();
+        fs::write(root.path().join("images.txt"), &images).unwrap();
+        write(file, text);
+        let message = read_cameras(root.path(), None).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    }
+    let empty = tempfile::tempdir().unwrap();
+    assert!(read_cameras(empty.path(), None).unwrap_err().to_string().contains("holds no cameras"));
+    assert!(read_cameras(&empty.path().join("no"), None).unwrap_err().to_string().contains("cannot read"));
+}
+
+#[test]
+fn transforms_of_other_programs_are_read() {
+    let root = tempfile::tempdir().unwrap();
+    let file = root.path().join("transforms_train.json");
+    let picture = fantex_texture::Image::from_linear(40, 20, 3, vec![0.5; 40 * 20 * 3]);
+    fs::create_dir(root.path().join("train")).unwrap();
+    picture.save(root.path().join("train/r_0.png")).unwrap();
+    // NeRF's synthetic sets: an angle, no size, no extension.
+    let matrix = "[[1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]]";
+    let text = format!(
+        r#"{{"camera_angle_x": 1.5707963267948966, "frames": [{{"file_path": "./train/r_0", "rotation": 0.01,
+            "transform_matrix": {matrix}}}]}}"#
+    );
+    fs::write(&file, &text).unwrap();
+    let read = read_cameras(&file, None).unwrap();
+    assert!((read[0].camera.focal - 20.0).abs().max_element() < 1e-9);
+    assert_eq!(read[0].camera.center, DVec2::new(20.0, 10.0));
+    // The camera looks along -z: what is in front of it is seen in the middle, +y above.
+    let pose = read[0].camera_from_world;
+    assert_eq!(pose.eye(), DVec3::new(0.0, 0.0, 4.0));
+    let seen = |p: DVec3| read[0].camera.project(pose.rotation * p + pose.translation).unwrap().pixel;
+    assert!(seen(DVec3::ZERO).distance(DVec2::new(20.0, 10.0)) < 1e-9);
+    assert!(seen(DVec3::Y).y < 10.0 && seen(DVec3::X).x > 20.0);
+    assert_eq!(read_cameras(&file, Some(&root.path().join("train"))).unwrap().len(), 1);
+    let wrong = |from: &str, to: &str, expected: &str| {
+        fs::write(&file, text.replacen(from, to, 1)).unwrap();
+        let message = read_cameras(&file, None).unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+    };
+    wrong(r#""camera_angle_x": 1.5707963267948966, "#, "", "frame 0: there is no focal length");
+    wrong("[1,0,0,0]", "[2,0,0,0]", "frame 0: the camera's place");
+    wrong("[1,0,0,0]", "[-1,0,0,0]", "right-handed");
+    wrong("[1,0,0,0]", "[1,0,0]", "four rows of four");
+    wrong(
+        "\"frames\"",
+        "\"camera_model\": \"EQUIRECTANGULAR\", \"frames\"",
+        "'EQUIRECTANGULAR' is not supported",
+    );
+    wrong("\"frames\"", "\"w\": 1e30, \"h\": 20, \"frames\"", "a side must be");
+    wrong("train/r_0", "train/r_9", "r_9");
+    wrong("\"frames\"", "\"frame\"", "missing field `frames`");
+    wrong("1.57", "oops", "line 1");
+    fs::write(&file, r#"{"frames": []}"#).unwrap();
+    assert!(read_cameras(&file, None).unwrap_err().to_string().contains("names no photograph"));
+}
+
+/// A small set as files: names and bytes.
+fn samples() -> Vec<(&'static str, Vec<u8>)> {
+    let root = tempfile::tempdir().unwrap();
+    let [images, sparse] = folders(root.path());
+    let written = set(&images, &lenses());
+    write_colmap_text(&sparse, &written).unwrap();
+    write_colmap_binary(&sparse, &written).unwrap();
+    write_transforms(&sparse.join("transforms.json"), &written, "images").unwrap();
+    ["cameras.bin", "images.bin", "cameras.txt", "images.txt", "transforms.json"]
+        .map(|name| (name, fs::read(sparse.join(name)).unwrap()))
+        .to_vec()
+}
+
+/// Puts damaged bytes in the place of one file of a set and reads it. Photographs must be sound, errors must name the file.
+fn read_damaged(samples: &[(&'static str, Vec<u8>)], name: &str, bytes: &[u8]) -> Result<(), String> {
+    let root = tempfile::tempdir().unwrap();
+    let kind = name.rsplit('.').next().unwrap_or_default();
+    for (other, content) in samples.iter().filter(|(other, _)| other.ends_with(kind)) {
+        let content = if *other == name { bytes } else { content };
+        fs::write(root.path().join(other), content).unwrap();
+    }
+    match read_cameras(root.path(), None) {
+        Ok(photographs) => {
+            for photograph in photographs {
+                let camera = photograph.camera;
+                let sound = camera.focal.is_finite()
+                    && camera.focal.min_element() > 0.0
+                    && camera.size.iter().all(|&side| side > 0)
+                    && photograph.camera_from_world.eye().is_finite();
+                assert!(sound, "{photograph:?}");
+                // Any point may be projected.
+                let _seen = camera.project(DVec3::new(0.3, -0.2, 1.0));
+            }
+            Ok(())
+        }
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+#[test]
+fn files_cut_off_at_any_byte_are_refused_or_sound() {
+    let samples = samples();
+    for (name, bytes) in &samples {
+        for length in (0..bytes.len()).step_by(7) {
+            let outcome = read_damaged(&samples, name, &bytes[..length]);
+            // Binary files state their lengths: every truncation is noticed.
+            assert!(
+                !name.ends_with(".bin") || outcome.is_err_and(|e| e.contains("the file ends here")),
+                "{length}"
+            );
+        }
+    }
+}
+
+#[test]
+fn absurd_counts_are_refused_before_memory_is_taken() {
+    let samples = samples();
+    for name in ["cameras.bin", "images.bin"] {
+        for count in [1_u64 << 17, 1 << 40, u64::MAX] {
+            let mut bytes = samples.iter().find(|s| s.0 == name).unwrap().1.clone();
+            bytes[..8].copy_from_slice(&count.to_le_bytes());
+            assert!(read_damaged(&samples, name, &bytes).unwrap_err().contains("more than 65536"));
+        }
+    }
+    // A photograph that sees 2^60 points.
+    let mut bytes = samples[1].1.clone();
+    let last = bytes.len() - 8;
+    bytes[last..].copy_from_slice(&(1_u64 << 60).to_le_bytes());
+    assert!(read_damaged(&samples, "images.bin", &bytes).unwrap_err().contains("points of a photograph"));
+    // A name without an end.
+    let mut bytes = samples[1].1[..72].to_vec();
+    bytes.resize(10_000, b'x');
+    assert!(read_damaged(&samples, "images.bin", &bytes).unwrap_err().contains("longer than 4096"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 3_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn damaged_files_are_refused_or_sound(
+        sample in 0usize..5,
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+    ) {
+        let samples = samples_once();
+        let (name, mut bytes) = samples[sample].clone();
+        for (place, value) in damage {
+            let place = place.index(bytes.len());
+            bytes[place] = value;
+        }
+        if let Err(message) = read_damaged(samples, name, &bytes) {
+            prop_assert!(!message.is_empty() && !message.contains('\n'), "{}", message);
+        }
+    }
+
+    #[test]
+    fn noise_is_refused_or_sound(sample in 0usize..5, noise in prop::collection::vec(any::<u8>(), 0..400)) {
+        let samples = samples_once();
+        let _outcome = read_damaged(samples, samples[sample].0, &noise);
+    }
+
+    #[test]
+    fn lenses_of_any_numbers_never_see_what_is_not_finite(
+        k in prop::array::uniform6(-2.0f64..2.0),
+        p in prop::array::uniform2(-0.1f64..0.1),
+        at in prop::array::uniform3(-3.0f64..3.0),
+    ) {
+        for distortion in [
+            Distortion::Perspective { radial: k, tangential: p },
+            Distortion::Fisheye { radial: [k[0], k[1], k[2], k[3]] },
+        ] {
+            let lens = Lens::new(distortion);
+            if let Some(seen) = lens.project(DVec3::from(at)) {
+                prop_assert!(seen.position.is_finite() && seen.room > 0.0 && seen.room <= 1.0);
+            }
+            if let Some(direction) = lens.direction(DVec2::new(at[0], at[1])) {
+                prop_assert!((direction.length() - 1.0).abs() < 1e-9);
+            }
+        }
+    }
+}
+
+fn samples_once() -> &'static [(&'static str, Vec<u8>)] {
+    static SAMPLES: std::sync::OnceLock<Vec<(&'static str, Vec<u8>)>> = std::sync::OnceLock::new();
+    SAMPLES.get_or_init(samples)
+}

@@ -1,0 +1,287 @@
+//! Photographs of a real model, laid on it again: they must look like the model itself.
+
+use std::f32::consts::TAU;
+use std::sync::OnceLock;
+
+use fantex_bake::{NoProgress, Progress, Source};
+use fantex_mesh::Mesh;
+use fantex_photos::{Distortion, Lens, PhotoError, PhotoOptions, PhotoSource, Photograph};
+use fantex_texture::{ColorSpace, Depth, Image, Samples};
+use glam::{DVec3, Quat, Vec3};
+use tempfile::TempDir;
+
+use crate::common::{barrel, bottle, cameras, difference, encoded_color, fisheye, own_look, point_of, take};
+
+/// Mesh units: the model is two long.
+const TEXEL: f32 = 0.004;
+
+/// The model and photographs of it, taken once: every second one through a lens, all exposed differently, none from straight below.
+struct Shoot {
+    mesh: Mesh,
+    photographs: Vec<Photograph>,
+    exposures: Vec<Vec3>,
+    _folder: TempDir,
+}
+
+fn shoot() -> &'static Shoot {
+    static SHOOT: OnceLock<Shoot> = OnceLock::new();
+    SHOOT.get_or_init(|| {
+        let mesh = bottle();
+        let folder = tempfile::tempdir().unwrap();
+        let lenses = [Lens::new(Distortion::PINHOLE), barrel(), fisheye()];
+        let photographs = cameras(&mesh, 12, [360, 480], &lenses, folder.path());
+        let exposures: Vec<Vec3> = (0..photographs.len())
+            .map(|i| Vec3::new(1.0, 0.95, 1.08) * (1.0 + 0.25 * (i as f32 * 1.9).sin()))
+            .collect();
+        take(&mesh, &own_look(&mesh), &photographs, |i| exposures[i]);
+        Shoot { mesh, photographs, exposures, _folder: folder }
+    })
+}
+
+fn options() -> PhotoOptions {
+    PhotoOptions { texel_size: Some(TEXEL), ..PhotoOptions::default() }
+}
+
+#[test]
+fn photographs_of_a_model_look_like_the_model() {
+    let Shoot { mesh, photographs, exposures, .. } = shoot();
+    let truth = own_look(mesh);
+    let source = PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap();
+    let report = source.report();
+    assert_eq!((report.photographs, report.used), (12, 12));
+    // Exposure is found up to a common factor, which no photograph tells.
+    let products: Vec<Vec3> = report.gains.iter().zip(exposures).map(|(g, e)| *g * *e).collect();
+    let common = products.iter().sum::<Vec3>() / products.len() as f32;
+    let off = products.iter().map(|p| (*p / common - 1.0).abs().max_element()).fold(0.0, f32::max);
+    assert!(off < 0.02, "gains are off by {off}");
+    let leveled = Leveled { source: &source, factor: common.recip() };
+    let sure = |p: &fantex_bake::SurfacePoint| source.confidence(p.triangle, p.lambda) > 0.3;
+    let seen = difference(mesh, [&truth, &leveled], TEXEL, sure);
+    eprintln!("seen surface: rms {:.4}, p95 {:.4} at {} points", seen.rms, seen.p95, seen.count);
+    assert!(seen.count > 2000 && seen.rms < 0.07 && seen.p95 < 0.02, "{} {}", seen.rms, seen.p95);
+    // Without exposure it is far off.
+    let raw = PhotoOptions { exposure: false, ..options() };
+    let raw = PhotoSource::new(mesh, photographs, &raw, &NoProgress).unwrap();
+    assert!(raw.report().gains.iter().all(|&gain| gain == Vec3::ONE));
+    assert!(difference(mesh, [&truth, &raw], TEXEL, sure).p95 > 0.05);
+}
+
+/// A source times a factor.
+struct Leveled<'a> {
+    source: &'a PhotoSource<'a>,
+    factor: Vec3,
+}
+
+impl Source for Leveled<'_> {
+    fn channels(&self) -> Vec<fantex_bake::SourceChannel> {
+        self.source.channels()
+    }
+
+    fn prefilter(&self) -> fantex_bake::Prefilter {
+        self.source.prefilter()
+    }
+
+    fn evaluate(&self, point: &fantex_bake::SurfacePoint, values: &mut [glam::Vec4]) {
+        self.source.evaluate(point, values);
+        values[0] = (values[0].truncate() * self.factor).extend(1.0);
+    }
+}
+
+/// Along lines over the surface, and across the edges of the triangles, colours and confidences make no steps.
+#[test]
+fn weights_fall_to_zero_without_a_step() {
+    let Shoot { photographs, .. } = shoot();
+    // A ball, on which nothing but photographs changes the colour; their cameras see most of it.
+    let (mesh, _) = fantex_mesh::clean(fantex_mesh::generate::icosphere(5), &Default::default()).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let photographs = cameras(&mesh, 7, [300, 300], &[photographs[1].camera.lens], folder.path());
+    // Every photograph has another colour: transitions between them are as bad as can be.
+    for (i, photograph) in photographs.iter().enumerate() {
+        let hue = Vec3::new((i as f32).sin(), (i as f32 * 2.0).sin(), (i as f32 * 3.0).sin()) * 0.5 + 0.5;
+        let color = Image::from_linear_rgb(300, 300, &vec![hue.extend(1.0).to_array(); 90_000]);
+        color.save(&photograph.path).unwrap();
+    }
+    let options = PhotoOptions { exposure: false, ..options() };
+    let source = PhotoSource::new(&mesh, &photographs, &options, &NoProgress).unwrap();
+    assert!(source.report().unseen_share > 0.01, "{:?}", source.report());
+    let bvh = fantex_mesh::TriangleBvh::new(&mesh);
+    let color = |direction: Vec3| {
+        let hit = bvh.first_hit(Vec3::ZERO, direction, f32::INFINITY).unwrap();
+        let point =
+            point_of(mesh.triangle_positions(hit.triangle), hit.triangle, hit.lambda, direction, 1e-3);
+        encoded_color(&source, &point)
+    };
+    let mut largest = [0.0_f32; 2];
+    for turn in 0..6 {
+        let axis = Vec3::new(0.3, turn as f32 * 0.4 - 1.0, 0.5).normalize();
+        let across = axis.any_orthonormal_vector();
+        for (largest, steps) in largest.iter_mut().zip([5000, 40_000]) {
+            let at = |i: u32| color(Quat::from_axis_angle(axis, i as f32 / steps as f32 * TAU) * across);
+            let mut before = at(0);
+            for i in 1..=steps {
+                let now = at(i);
+                *largest = largest.max((now - before).abs().max_element());
+                before = now;
+            }
+        }
+    }
+    // Where a poor view takes over from a good one at the border of a picture, colours may change within a pixel or two, which is
+    // three of the coarser steps; but eight times finer steps are nearly eight times smaller, as those of a jump would not be.
+    let [coarse, fine] = largest;
+    assert!(coarse < 0.5 && fine < 0.25 * coarse, "{largest:?}");
+}
+
+/// Something magenta stands before every camera, and a mask says so.
+#[test]
+fn what_a_mask_leaves_out_is_not_laid_on() {
+    let Shoot { mesh, photographs, .. } = shoot();
+    let folder = tempfile::tempdir().unwrap();
+    let spoiled: Vec<Photograph> = photographs
+        .iter()
+        .map(|photograph| {
+            let mut image = Image::load(&photograph.path).unwrap();
+            let Samples::U8(samples) = &mut image.samples else { panic!("pictures of bytes") };
+            let is_before = |pixel: usize| pixel % 360 > 200;
+            for (pixel, sample) in samples.chunks_mut(usize::from(image.channels)).enumerate() {
+                if is_before(pixel) {
+                    sample[..3].copy_from_slice(&[255, 0, 255]);
+                }
+            }
+            let path = folder.path().join(&photograph.name);
+            image.save(&path).unwrap();
+            // A mask of half the size: a file that says the same as well as it can, a pixel more on the side of safety.
+            let used: Vec<f32> =
+                (0..180 * 240).map(|pixel| f32::from(u8::from(pixel % 180 * 2 < 198))).collect();
+            let mask = path.with_extension("mask.png");
+            Image::from_linear(180, 240, 1, used)
+                .converted(Depth::U8, ColorSpace::Linear)
+                .save(&mask)
+                .unwrap();
+            Photograph { path, mask: Some(mask), ..photograph.clone() }
+        })
+        .collect();
+    let unmasked: Vec<Photograph> = spoiled.iter().map(|p| Photograph { mask: None, ..p.clone() }).collect();
+    let options = PhotoOptions { exposure: false, ..options() };
+    let share_of_magenta = |photographs: &[Photograph]| {
+        let source = PhotoSource::new(mesh, photographs, &options, &NoProgress).unwrap();
+        let is_magenta = |triangle: usize| {
+            let corners = mesh.triangle_positions(triangle);
+            let point = point_of(corners, triangle, Vec3::splat(1.0 / 3.0), Vec3::Y, TEXEL);
+            let Vec3 { x, y, z } = encoded_color(&source, &point);
+            x.min(z) - y > 0.3
+        };
+        let triangles = (0..mesh.triangles.len()).step_by(3);
+        let count = triangles.len();
+        (
+            triangles.filter(|&triangle| is_magenta(triangle)).count() as f32 / count as f32,
+            source.report().masked,
+        )
+    };
+    let [(spoiled_share, none), (share, all)] = [&unmasked, &spoiled].map(|set| share_of_magenta(set));
+    assert!(spoiled_share > 0.1 && share == 0.0, "{spoiled_share} {share}");
+    assert_eq!((none, all), (0, photographs.len()));
+    // A mask of another shape is refused.
+    let mut wrong = spoiled;
+    wrong[0].mask = Some(wrong[0].path.with_extension("wide.png"));
+    let wide = Image::from_linear(64, 16, 1, vec![1.0; 1024]);
+    wide.converted(Depth::U8, ColorSpace::Linear).save(wrong[0].mask.as_ref().unwrap()).unwrap();
+    let error = PhotoSource::new(mesh, &wrong, &options, &NoProgress).unwrap_err();
+    assert!(matches!(error, PhotoError::MaskShape { found: [64, 16], .. }), "{error}");
+}
+
+#[test]
+fn unseen_surface_takes_the_colours_around_it_or_a_given_one() {
+    let Shoot { mesh, photographs, .. } = shoot();
+    let source = PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap();
+    let given = PhotoOptions { unseen: Some(Vec3::X), ..options() };
+    let given = PhotoSource::new(mesh, photographs, &given, &NoProgress).unwrap();
+    let mut unseen = 0;
+    for triangle in 0..mesh.triangles.len() {
+        let lambda = Vec3::splat(1.0 / 3.0);
+        if source.confidence(triangle, lambda) == 0.0 {
+            let point = point_of(mesh.triangle_positions(triangle), triangle, lambda, Vec3::Y, TEXEL);
+            assert!(encoded_color(&given, &point).abs_diff_eq(Vec3::X, 1e-6));
+            // Colours of the bottle, not of the grey wall behind it, nor none.
+            let spread = encoded_color(&source, &point);
+            assert!(spread.is_finite() && spread.max_element() > 0.0);
+            unseen += 1;
+        }
+    }
+    let share = source.report().unseen_share;
+    assert!(unseen > 100 && (0.05..0.5).contains(&share), "{unseen} {share}");
+}
+
+/// With next to no memory, pages come from the scratch file, and colours stay the same to the bit.
+#[test]
+fn little_memory_changes_no_colour() {
+    let Shoot { mesh, photographs, .. } = shoot();
+    let plenty = PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap();
+    let scratch = tempfile::tempdir().unwrap();
+    let little = PhotoOptions { memory_bytes: 1 << 20, scratch: scratch.path().into(), ..options() };
+    let little = PhotoSource::new(mesh, photographs, &little, &NoProgress).unwrap();
+    assert_eq!(plenty.report().scratch_bytes, 0);
+    assert!(little.report().memory_bytes <= 1 << 19 && little.report().scratch_bytes > 4 << 20);
+    assert_eq!(std::fs::read_dir(scratch.path()).unwrap().count(), 0, "the scratch file has no name");
+    assert_eq!(little.report().gains, plenty.report().gains);
+    for triangle in (0..mesh.triangles.len()).step_by(3) {
+        let point =
+            point_of(mesh.triangle_positions(triangle), triangle, Vec3::new(0.2, 0.3, 0.5), Vec3::Y, TEXEL);
+        assert_eq!(encoded_color(&little, &point), encoded_color(&plenty, &point));
+    }
+    assert!(little.failure().is_none());
+}
+
+#[test]
+fn what_cannot_be_used_is_said() {
+    let Shoot { mesh, photographs, .. } = shoot();
+    let failure = |photographs: &[Photograph], progress: &dyn Progress| {
+        PhotoSource::new(mesh, photographs, &options(), progress).unwrap_err()
+    };
+    let mut away = photographs[..2].to_vec();
+    for photograph in &mut away {
+        photograph.camera_from_world.translation += DVec3::new(0.0, 0.0, -1e4);
+    }
+    let message = failure(&away, &NoProgress).to_string();
+    assert!(message.contains("none of the 2 photographs sees the model"), "{message}");
+    let mut squeezed = photographs[..1].to_vec();
+    squeezed[0].camera.size[0] *= 2;
+    let message = failure(&squeezed, &NoProgress).to_string();
+    assert!(message.contains("another shape"), "{message}");
+    struct Cancelled;
+    impl Progress for Cancelled {
+        fn report(&self, _: u64, _: u64) {}
+        fn is_cancelled(&self) -> bool {
+            true
+        }
+    }
+    assert!(matches!(failure(photographs, &Cancelled), PhotoError::Cancelled));
+    let folder = tempfile::tempdir().unwrap();
+    let mut broken = photographs[..1].to_vec();
+    broken[0].path = folder.path().join("broken.png");
+    std::fs::write(&broken[0].path, b"\x89PNG\r\n\x1a\n rubbish").unwrap();
+    let message = failure(&broken, &NoProgress).to_string();
+    assert!(message.contains("broken.png"), "{message}");
+    // No room for pages.
+    let nowhere = PhotoOptions { memory_bytes: 0, scratch: folder.path().join("missing"), ..options() };
+    let message = PhotoSource::new(mesh, photographs, &nowhere, &NoProgress).unwrap_err().to_string();
+    assert!(message.contains("cannot keep photographs in"), "{message}");
+}
+
+/// Photographs that were made smaller after their calibration fit their cameras all the same.
+#[test]
+fn smaller_photographs_fit_their_cameras() {
+    let Shoot { mesh, photographs, .. } = shoot();
+    let folder = tempfile::tempdir().unwrap();
+    let mut smaller = photographs.clone();
+    for photograph in &mut smaller {
+        let image = fantex_texture::Image::load(&photograph.path).unwrap();
+        photograph.path = folder.path().join(&photograph.name);
+        image.resized(180, 240, fantex_texture::AlphaUse::Independent).save(&photograph.path).unwrap();
+    }
+    let [large, small] = [photographs, &smaller]
+        .map(|photographs| PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap());
+    let sure = |p: &fantex_bake::SurfacePoint| large.confidence(p.triangle, p.lambda) > 0.5;
+    let apart = difference(mesh, [&large, &small], 0.012, sure);
+    assert!(apart.p95 < 0.03, "{} {}", apart.rms, apart.p95);
+    assert!(small.density().iter().zip(large.density()).all(|(s, l)| (s * 2.0 - l).abs() < 0.02 * l));
+}

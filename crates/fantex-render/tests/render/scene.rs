@@ -1,0 +1,337 @@
+//! Several objects in one picture, and their lamps.
+
+use std::sync::Arc;
+
+use crate::common::looks::{Function, ground, look};
+use crate::common::staging::{above, lit_by, matte, on_ground, options, picture};
+use crate::common::{frontal, golden, ray, sphere, square, triangle_color};
+use fantex_render::{
+    AmbientLight, Camera, Falloff, FilterOptions, FlatShading, FlatSurface, Interpolation, Lens, Light,
+    LightKind, Lights, LookSurface, MeshSurface, Penumbra, Projector, RenderError, RenderOptions, Scene,
+    SceneError, SceneObject, Shading, ShadowOptions, Slide, SpotLight, render,
+};
+use fantex_texture::look::{LookMaterial, Slot};
+use fantex_texture::{Image, ImageTexture, SampleOptions, Texture};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3, Vec4};
+
+#[test]
+fn an_ellipsoid_has_its_own_normals() {
+    let ball = sphere(48, 0.5);
+    let surface = LookSurface::new(&ball, look(LookMaterial { double_sided: false, ..matte() }));
+    for mirror in [1.0, -1.0] {
+        let stretch = DMat3::from_quat(DQuat::from_rotation_z(0.6))
+            * DMat3::from_diagonal(DVec3::new(2.0 * mirror, 0.7, 1.0));
+        let place = DAffine3 { matrix3: stretch, translation: DVec3::new(100.0, -20.0, 5.0) };
+        let scene = Scene::new(vec![SceneObject::new(&ball, &surface).placed(place)]).unwrap();
+        let camera = Camera {
+            eye: place.translation + DVec3::Z * 4.0,
+            target: place.translation,
+            up: DVec3::Y,
+            fov_degrees: 40.0,
+        };
+        let seen = picture(&scene, &camera, &Lights::default(), &options(Shading::Normal));
+        let mut compared = 0;
+        for y in 0..90 {
+            for x in 0..120 {
+                // The ray in the ball's own space meets a sphere.
+                let inverse = place.inverse();
+                let way = inverse.transform_vector3(ray(
+                    &camera,
+                    [120, 90],
+                    f64::from(x) + 0.5,
+                    f64::from(y) + 0.5,
+                ));
+                let eye = inverse.transform_point3(camera.eye);
+                let (a, b, c) = (way.length_squared(), eye.dot(way), eye.length_squared() - 0.25);
+                let under_root = b * b - a * c;
+                if under_root < 0.1 * a * 0.25 {
+                    continue;
+                }
+                let p = eye + way * ((-b - under_root.sqrt()) / a);
+                let normal = (stretch.inverse().transpose() * p).normalize().as_vec3();
+                let [r, g, b, _] = seen.pixel(x, y);
+                let shown = Vec3::new(r, g, b) * 2.0 - 1.0;
+                assert!((shown - normal).length() < 0.03, "{mirror} {x},{y}: {shown} instead of {normal}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 500, "{compared}");
+    }
+}
+
+#[test]
+fn objects_hide_each_other_and_keep_their_triangles() {
+    let (near, far) = (square(), sphere(8, 0.5));
+    let [one, two] = [&near, &far].map(|mesh| FlatSurface::new(mesh, FlatShading::Unlit, triangle_color));
+    let scene = Scene::new(vec![
+        SceneObject::new(&far, &two),
+        SceneObject::new(&near, &one).placed(DAffine3::from_translation(DVec3::new(0.3, 0.0, 1.0))),
+    ])
+    .unwrap();
+    assert_eq!(scene.object_of(0), (0, 0));
+    assert_eq!(scene.object_of(far.triangles.len() + 1), (1, 1));
+    assert!((scene.bounds().max - DVec3::new(0.8, 0.5, 1.0)).length() < 1e-6, "{:?}", scene.bounds());
+    let options = RenderOptions { samples: 1, ..options(Shading::BaseColor) };
+    let both = picture(&scene, &frontal(3.0, 40.0), &Lights::default(), &options);
+    let alone = Scene::new(vec![SceneObject::new(&far, &two)]).unwrap();
+    let alone = picture(&alone, &frontal(3.0, 40.0), &Lights::default(), &options);
+    // Left of the square the ball is as if it were alone; only pixels at edges may differ.
+    let left = (0..90).flat_map(|y| (0..46).map(move |x| (x, y)));
+    let differ = left.filter(|&(x, y)| {
+        let [a, b] = [&both, &alone].map(|p| Vec4::from_array(p.pixel(x, y)));
+        (a - b).length() > 1e-4
+    });
+    let differ = differ.count();
+    assert!(differ < 20, "{differ} pixels");
+    let [r, g, b, _] = both.pixel(75, 45);
+    let colors = [0, 1].map(|t| {
+        triangle_color(&fantex_render::Hit {
+            triangle: t,
+            lambda: Vec3::X,
+            dlambda_dx: Vec3::ZERO,
+            dlambda_dy: Vec3::ZERO,
+            front: true,
+            to_eye: Vec3::Z,
+        })
+    });
+    assert!(colors.iter().any(|c| (*c - Vec3::new(r, g, b)).length() < 1e-5), "the square is in front");
+}
+
+#[test]
+fn affine_interpolation_works_on_scenes() {
+    let mesh = square();
+    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let flat = FlatSurface::new(&mesh, FlatShading::Unlit, |hit| hit.lambda);
+    let camera =
+        Camera { eye: DVec3::new(0.1, -0.75, 0.25), target: DVec3::ZERO, up: DVec3::Z, fov_degrees: 60.0 };
+    let away = DAffine3::from_translation(DVec3::X * 5.0);
+    let objects = || vec![SceneObject::new(&mesh, &flat), SceneObject::new(&mesh, &surface).placed(away)];
+    let scene = Scene::new(objects()).unwrap();
+    let mut pictures = Vec::new();
+    for interpolation in [Interpolation::Perspective, Interpolation::Affine] {
+        let options = RenderOptions { interpolation, ..options(Shading::BaseColor) };
+        let alone = render(&mesh, &flat, &camera, &Lights::default(), &options).unwrap().picture;
+        let within = picture(&scene, &camera, &Lights::default(), &options);
+        let off = alone
+            .rgba
+            .iter()
+            .zip(&within.rgba)
+            .filter(|(a, b)| (Vec4::from_array(**a) - Vec4::from_array(**b)).length() > 0.02);
+        assert!(off.count() < 80, "only pixels at edges may differ");
+        pictures.push(within);
+    }
+    assert_ne!(pictures[0], pictures[1]);
+}
+
+#[test]
+fn impossible_scenes_and_lamps_are_refused() {
+    let mesh = square();
+    let surface = LookSurface::new(&mesh, Vec::new());
+    let flattened = SceneObject::new(&mesh, &surface).placed(DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)));
+    let error = Scene::new(vec![SceneObject::new(&mesh, &surface), flattened]).unwrap_err();
+    assert_eq!(error, SceneError::Placement { object: 1 });
+    let spot = |inner_degrees, outer_degrees| {
+        LightKind::Spot(SpotLight {
+            position: DVec3::Y,
+            direction: Vec3::NEG_Y,
+            inner_degrees,
+            outer_degrees,
+            falloff: Falloff::None,
+        })
+    };
+    let huge = ShadowOptions { resolution: 1 << 20, ..ShadowOptions::default() };
+    for bad in [
+        Light::directional(Vec3::ZERO, Vec3::ONE),
+        Light::directional(Vec3::Y, Vec3::splat(f32::NAN)),
+        Light::new(spot(40.0, 30.0), Vec3::ONE),
+        Light::new(spot(10.0, 120.0), Vec3::ONE),
+        Light::directional(Vec3::Y, Vec3::ONE).with_shadow(huge),
+    ] {
+        let lights = lit_by(vec![Light::directional(Vec3::Y, Vec3::ONE), bad]);
+        let error = render(&mesh, &surface, &frontal(2.0, 40.0), &lights, &options(Shading::BaseColor));
+        assert!(matches!(error, Err(RenderError::Light { lamp: 1, .. })), "{error:?}");
+    }
+}
+
+#[test]
+fn projectors_land_where_the_inverse_projection_says() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let place = DAffine3::from_scale(DVec3::splat(6.0));
+    let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
+    let (position, target) = (DVec3::new(-0.5, 2.0, 0.7), DVec3::new(0.2, 0.0, -0.1));
+    let forward = (target - position).normalize();
+    let right = forward.cross(DVec3::Y).normalize();
+    let up = right.cross(forward);
+    let aspect = 1.5;
+    for lens in [Lens::Perspective { fov_degrees: 30.0 }, Lens::Orthographic { height: 1.1 }] {
+        let slide = Slide::Texture(Arc::new(Function(|at: &fantex_texture::ShadingPoint<'_>| {
+            at.uv[0].uv.extend(0.5).extend(1.0)
+        })));
+        let kind = LightKind::Projector(Projector {
+            position,
+            target,
+            up: DVec3::Y,
+            lens,
+            aspect,
+            slide,
+            falloff: Falloff::None,
+        });
+        let lights = lit_by(vec![Light::new(kind, Vec3::ONE)]);
+        let camera = above(2.5);
+        let seen =
+            picture(&scene, &camera, &lights, &RenderOptions { samples: 1, ..options(Shading::BlinnPhong) });
+        let (mut lit, mut dark) = (0, 0);
+        for y in 0..90 {
+            for x in 0..120 {
+                let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+                let d = p - position;
+                let (half, to_light) = match lens {
+                    Lens::Perspective { fov_degrees } => {
+                        ((fov_degrees / 2.0).to_radians().tan() * d.dot(forward), -d.normalize())
+                    }
+                    Lens::Orthographic { height } => (0.5 * height, -forward),
+                };
+                let u = 0.5 + 0.5 * d.dot(right) / (half * aspect);
+                let v = 0.5 - 0.5 * d.dot(up) / half;
+                let border = (u - 0.5).abs().max((v - 0.5).abs()) - 0.5;
+                let [r, g, b, _] = seen.pixel(x, y);
+                if border < -0.02 {
+                    let expected = DVec3::new(u, v, 0.5) * to_light.y;
+                    let off = (Vec3::new(r, g, b).as_dvec3() - expected).length();
+                    assert!(off < 4e-3, "{lens:?} {x},{y}: {r} {g} {b} instead of {expected}");
+                    lit += 1;
+                } else if border > 0.02 {
+                    assert_eq!([r, g, b], [0.0; 3], "{x},{y}");
+                    dark += 1;
+                }
+            }
+        }
+        assert!(lit > 500 && dark > 500, "{lens:?}: {lit} lit, {dark} dark");
+    }
+}
+
+#[test]
+fn slides_are_filtered_and_move_with_time() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let place = DAffine3::from_scale(DVec3::splat(6.0));
+    let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
+    let lit_by_slide = |slide| {
+        lit_by(vec![Light::new(
+            LightKind::Projector(Projector {
+                position: DVec3::Y * 2.0,
+                target: DVec3::ZERO,
+                up: DVec3::NEG_Z,
+                lens: Lens::Orthographic { height: 4.0 },
+                aspect: 1.0,
+                slide,
+                falloff: Falloff::None,
+            }),
+            Vec3::ONE,
+        )])
+    };
+    let camera = above(2.5);
+    let seen = |slide, seconds| {
+        let options = RenderOptions { samples: 1, time: seconds, ..options(Shading::BlinnPhong) };
+        picture(&scene, &camera, &lit_by_slide(slide), &options)
+    };
+    // Checks far smaller than pixels are grey.
+    let checks: Vec<_> = (0..1024 * 1024).map(|i| [((i ^ (i >> 10)) & 1) as f32; 4]).collect();
+    let image = Image::from_linear_rgb(1024, 1024, &checks);
+    let image = Arc::new(ImageTexture::new(Arc::new(image)));
+    let grey = seen(Slide::Image { image, options: SampleOptions::default() }, 0.0);
+    for (x, y) in [(60, 45), (40, 30), (80, 60)] {
+        assert!((grey.pixel(x, y)[0] - 0.5).abs() < 0.02, "{x},{y}: {}", grey.pixel(x, y)[0]);
+    }
+    // A spot that moves to the right.
+    let spot = Function(|at: &fantex_texture::ShadingPoint<'_>| {
+        let middle = 0.4 + 0.2 * at.time;
+        Vec4::splat(if (at.uv[0].uv.x - middle).abs() < 0.06 { 1.0 } else { 0.0 }).with_w(1.0)
+    });
+    let spot: Arc<dyn Texture> = Arc::new(spot);
+    let brightest = |seconds| {
+        let seen = seen(Slide::Texture(Arc::clone(&spot)), seconds);
+        (0..120).filter(|&x| seen.pixel(x, 45)[0] > 0.5).sum::<u32>() as f32
+            / (0..120).filter(|&x| seen.pixel(x, 45)[0] > 0.5).count() as f32
+    };
+    assert!(brightest(1.0) > brightest(0.0) + 15.0, "{} {}", brightest(0.0), brightest(1.0));
+}
+
+#[test]
+fn spots_light_their_cone() {
+    let floor = ground();
+    let surface = LookSurface::new(&floor, look(matte()));
+    let place = DAffine3::from_scale(DVec3::splat(6.0));
+    let scene = Scene::new(vec![SceneObject::new(&floor, &surface).placed(place)]).unwrap();
+    let spot = SpotLight {
+        position: DVec3::Y * 2.0,
+        direction: Vec3::NEG_Y,
+        inner_degrees: 15.0,
+        outer_degrees: 20.0,
+        falloff: Falloff::InverseSquare { reference: 2.0, range: None },
+    };
+    let camera = above(2.5);
+    for shadow in [None, Some(ShadowOptions { resolution: 512, ..ShadowOptions::default() })] {
+        let light = Light { shadow, ..Light::new(LightKind::Spot(spot), Vec3::ONE) };
+        let seen = picture(&scene, &camera, &lit_by(vec![light]), &options(Shading::BlinnPhong));
+        for y in 0..90 {
+            for x in 0..120 {
+                let Some(p) = on_ground(&camera, [120, 90], x, y) else { continue };
+                let angle = (p.length() / 2.0).atan().to_degrees();
+                let light = seen.pixel(x, y)[0];
+                if angle < 14.5 {
+                    let cosine = angle.to_radians().cos();
+                    // The cosine of incidence times the square of the distance's.
+                    assert!((f64::from(light) - cosine.powi(3)).abs() < 5e-3, "{x},{y} at {angle}: {light}");
+                } else if angle > 20.5 {
+                    assert_eq!(light, 0.0, "{x},{y} at {angle}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn pictures() {
+    let (floor, ball) = (ground(), sphere(32, 0.5));
+    let plain = || LookMaterial { base_color: Slot::color(Vec3::splat(0.7)), ..LookMaterial::default() };
+    let [below, on_it] = [&floor, &ball].map(|mesh| LookSurface::new(mesh, look(plain())));
+    let scene = Scene::new(vec![
+        SceneObject::new(&floor, &below).placed(DAffine3::from_scale(DVec3::splat(4.0))),
+        SceneObject::new(&ball, &on_it).placed(DAffine3::from_translation(DVec3::Y * 0.5)),
+    ])
+    .unwrap();
+    let camera = Camera {
+        eye: DVec3::new(1.2, 1.6, 2.6),
+        target: DVec3::new(0.1, 0.3, 0.0),
+        up: DVec3::Y,
+        fov_degrees: 35.0,
+    };
+    let options = RenderOptions { width: 96, height: 64, ..RenderOptions::default() };
+    let sun = |penumbra| {
+        let shadow = ShadowOptions { resolution: 512, penumbra, ..ShadowOptions::default() };
+        Lights::sun(Vec3::new(-0.9, 0.8, 0.4)).with_shadows(shadow)
+    };
+    golden::check("scene_sharp_shadow", &picture(&scene, &camera, &sun(Penumbra::Sharp), &options));
+    golden::check("scene_soft_shadow", &picture(&scene, &camera, &sun(Penumbra::Lamp(0.15)), &options));
+    let stripes = Function(|at: &fantex_texture::ShadingPoint<'_>| {
+        let wave = (at.uv[0].uv * 25.0).to_array().map(|c| 0.5 + 0.5 * c.sin());
+        Vec4::new(wave[0], wave[1], 0.3, 1.0)
+    });
+    let projector = LightKind::Projector(Projector {
+        position: DVec3::new(-0.8, 1.8, 2.0),
+        target: DVec3::Y * 0.3,
+        up: DVec3::Y,
+        lens: Lens::Perspective { fov_degrees: 40.0 },
+        aspect: 1.5,
+        slide: Slide::Texture(Arc::new(stripes)),
+        falloff: Falloff::None,
+    });
+    let shadow = ShadowOptions { resolution: 512, ..ShadowOptions::default() };
+    let lights = Lights {
+        ambient: AmbientLight::uniform(Vec3::splat(0.1)),
+        lamps: vec![Light::new(projector, Vec3::ONE).with_shadow(shadow)],
+    };
+    golden::check("scene_projector", &picture(&scene, &camera, &lights, &options));
+}

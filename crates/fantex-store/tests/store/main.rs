@@ -1,0 +1,12 @@
+//! Tests of the crate `fantex-store` from outside.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod cache;
+mod common;
+mod damage;
+mod format;
+mod killed;
+mod round_trip;
+mod source;
+mod verify;

@@ -1,0 +1,164 @@
+//! Looks resolved: values of textures and materials.
+
+use std::path::Path;
+
+use fantex_look::LookFile;
+use fantex_mesh::{CleanOptions, Mesh, clean, generate};
+use fantex_texture::look::{
+    LightingModel, LookImages, LookMaterial, Opacity, Relief, ResolveOptions, Resolver, Slot,
+};
+use fantex_texture::{Filtering, ShadingPoint, UvPoint};
+use glam::{Vec2, Vec3, Vec4};
+
+fn cube() -> Mesh {
+    clean(generate::cube(1), &CleanOptions::default()).unwrap().0
+}
+
+fn file(text: &str) -> LookFile {
+    LookFile::parse(text, Path::new("/no/where/look.toml")).unwrap()
+}
+
+fn at(position: Vec3, time: f32, uv: &[UvPoint]) -> ShadingPoint<'_> {
+    ShadingPoint {
+        position,
+        position_steps: [Vec3::X * 1e-4, Vec3::Y * 1e-4],
+        normal: Vec3::Z,
+        normal_steps: [Vec3::ZERO; 2],
+        uv,
+        vertex_color: Vec4::new(0.1, 0.2, 0.3, 1.0),
+        to_eye: Some(Vec3::new(0.6, 0.0, 0.8)),
+        time,
+        filtering: Filtering::Own,
+    }
+}
+
+/// The value of the texture `t` at a point.
+fn value(text: &str, position: Vec3, time: f32) -> Vec4 {
+    let (file, mesh, images) = (file(text), cube(), LookImages::default());
+    let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+    let uv = [UvPoint { uv: Vec2::new(0.25, 0.75), steps: [Vec2::ZERO; 2] }];
+    resolver.texture("t").unwrap().evaluate(&at(position, time, &uv))
+}
+
+#[track_caller]
+fn close(a: Vec4, b: [f32; 4]) {
+    assert!((a - Vec4::from_array(b)).abs().max_element() < 1e-5, "{a} against {b:?}");
+}
+
+const COLOR: &str = "[textures.c]\nkind = \"color\"\ncolor = [0.2, 0.4, 0.6, 0.5]\n";
+
+#[test]
+fn inputs_select_scale_and_shift() {
+    let remap = |input: &str| format!("{COLOR}[textures.t]\nkind = \"remap\"\ninput = {input}\n");
+    close(value(&remap("\"c\""), Vec3::ZERO, 0.0), [0.2, 0.4, 0.6, 0.5]);
+    close(value(&remap("\"c.g\""), Vec3::ZERO, 0.0), [0.4, 0.4, 0.4, 1.0]);
+    close(value(&remap("0.25"), Vec3::ZERO, 0.0), [0.25, 0.25, 0.25, 1.0]);
+    close(value(&remap("\"#ff0000\""), Vec3::ZERO, 0.0), [1.0, 0.0, 0.0, 1.0]);
+    let table = "{ texture = \"c\", channel = \"b\", factor = 0.5, offset = 0.1 }";
+    close(value(&remap(table), Vec3::ZERO, 0.0), [0.4, 0.4, 0.4, 1.0]);
+    let tint = "{ texture = \"c\", factor = [2, 1, 0, 1] }";
+    close(value(&remap(tint), Vec3::ZERO, 0.0), [0.4, 0.4, 0.0, 0.5]);
+}
+
+#[test]
+fn textures_combine() {
+    let combine = |mode: &str| {
+        format!(
+            "{COLOR}[textures.t]\nkind = \"combine\"\nmode = \"{mode}\"\ntexture = \"c\"\nfragment = [1, 0.5, 0]\n"
+        )
+    };
+    close(value(&combine("replace"), Vec3::ZERO, 0.0), [0.2, 0.4, 0.6, 0.5]);
+    close(value(&combine("modulate"), Vec3::ZERO, 0.0), [0.2, 0.2, 0.0, 0.5]);
+    close(value(&combine("decal"), Vec3::ZERO, 0.0), [0.6, 0.45, 0.3, 1.0]);
+    let math = format!("{COLOR}[textures.t]\nkind = \"math\"\noperation = \"maximum\"\na = \"c\"\nb = 0.5\n");
+    close(value(&math, Vec3::ZERO, 0.0), [0.5, 0.5, 0.6, 0.5]);
+}
+
+#[test]
+fn fields_say_where_a_point_is() {
+    let field = |kind: &str| format!("[textures.t]\nkind = \"{kind}\"\n");
+    let p = Vec3::new(0.5, -1.0, 1.0);
+    close(value(&field("height"), p, 0.0), [0.0, 0.0, 0.0, 1.0]);
+    close(value(&field("height"), -p, 0.0), [1.0, 1.0, 1.0, 1.0]);
+    close(value(&field("position"), p, 0.0), [0.75, 0.0, 1.0, 1.0]);
+    close(value(&field("uv"), p, 0.0), [0.25, 0.75, 0.0, 1.0]);
+    close(value(&field("facing"), p, 0.0), [0.8, 0.8, 0.8, 1.0]);
+    close(value(&field("time"), p, 2.5), [2.5, 2.5, 2.5, 1.0]);
+    close(value(&field("vertex_color"), p, 0.0), [0.1, 0.2, 0.3, 1.0]);
+}
+
+#[test]
+fn places_move_scale_and_animate_patterns() {
+    let checker = |place: &str| {
+        format!(
+            "[textures.t]\nkind = \"checker\"\ncell = 1\neven = [1, 1, 1]\nodd = [0, 0, 0]\nplace = {{ unit = \"world\"{place} }}\n"
+        )
+    };
+    let is_even =
+        |place: &str, x: f32, time: f32| value(&checker(place), Vec3::new(x, 0.5, 0.5), time).x > 0.5;
+    assert!(is_even("", 0.5, 0.0) && !is_even("", 1.5, 0.0));
+    assert!(is_even(", scale = 2", 1.5, 0.0) && !is_even(", scale = 2", 2.5, 0.0));
+    assert!(is_even(", center = [1, 0, 0]", 1.5, 0.0) && !is_even(", center = [1, 0, 0]", 0.5, 0.0));
+    // After a second the pattern has moved by one cell.
+    assert!(is_even(", move = [1, 0, 0]", 1.5, 1.0) && !is_even(", move = [1, 0, 0]", 0.5, 1.0));
+}
+
+#[test]
+fn materials_take_what_is_said_and_keep_the_rest() {
+    let text = "[materials.m]\nfrom = \"model\"\nroughness = 0.25\nlighting = \"blinn_phong\"\nopacity = \"mask\"\n\
+                threshold = 0.75\nbump = { texture = \"n\", height = 0.5 }\n[textures.n]\nkind = \"noise\"\n";
+    let (file, mesh, images) = (file(text), cube(), LookImages::default());
+    let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+    let own = LookMaterial { metallic: Slot::number(0.5), ..LookMaterial::default() };
+    let material = resolver.material("m", &own).unwrap();
+    assert_eq!(material.lighting, LightingModel::BlinnPhong);
+    let point = at(Vec3::ZERO, 0.0, &[]);
+    assert_eq!(material.roughness.evaluate_number(&point), 0.25);
+    assert_eq!(material.metallic.evaluate_number(&point), 0.5);
+    assert!(matches!(material.opacity, Opacity::Mask { threshold } if threshold == 0.75));
+    assert!(matches!(material.relief.as_slice(), [Relief::Bump { height, .. }] if *height == 0.5));
+}
+
+#[test]
+fn what_cannot_be_made_is_named_with_its_line() {
+    let refused = |text: &str, part: &str| {
+        let (file, mesh, images) = (file(text), cube(), LookImages::default());
+        let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+        let message = resolver.all_textures().unwrap_err().to_string();
+        assert!(message.starts_with("/no/where/look.toml:") && message.contains(part), "{message}");
+    };
+    refused("[textures.a]\nkind = \"image\"\nimage = \"gone.png\"\n", "look.toml:3: textures.a.image: ");
+    refused("[textures.a]\nkind = \"image\"\n", "one of the keys image and model_image is needed");
+    refused("[textures.a]\nkind = \"image\"\nmodel_image = 3\n", "there is no image 3");
+    refused("[textures.a]\nkind = \"image\"\nimage = \"a\"\nmodel_image = 3\n", "exclude each other");
+    let ramp =
+        "[textures.a]\nkind = \"ramp\"\ninput = 0\nstops = [{ at = 1, color = 1 }, { at = 0, color = 1 }]\n";
+    let ramp = ramp.replace("color = 1", "color = \"#ffffff\"");
+    refused(&ramp, "look.toml:4: textures.a.stops: ");
+    let wave = "[textures.a]\nkind = \"sines\"\nwaves = [{ direction = [0, 0, 0] }]\n";
+    refused(wave, "look.toml:3: textures.a.waves[1].direction: ");
+    let matrix = "[textures.t]\nkind = \"remap\"\ninput = 1\nfrom = [2, 2]\n";
+    refused(matrix, "look.toml:1: textures.t: ");
+}
+
+#[test]
+fn volumes_are_read_and_bounded_by_the_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("v.raw"), [0, 255, 0, 255, 0, 255, 0, 255]).unwrap();
+    let text = "[textures.t]\nkind = \"volume\"\nraw = \"v.raw\"\nsize = [2, 2, 2]\n\
+                [textures.n]\nkind = \"noise\"\n[textures.a]\nkind = \"table\"\ntexture = \"n\"\nsize = 64\n";
+    let file = LookFile::parse(text, &folder.path().join("look.toml")).unwrap();
+    let (mesh, images) = (cube(), LookImages::default());
+    let mut resolver = Resolver::new(&file, &mesh, &images, ResolveOptions::default());
+    // Two voxels along x, over two units of the model's radius.
+    let volume = resolver.texture("t").unwrap();
+    let [left, right] = [-0.9, 0.9].map(|x| volume.evaluate(&at(Vec3::new(x, 0.0, 0.0), 0.0, &[])).x);
+    assert!(left < 0.1 && right > 0.9, "{left} {right}");
+    let (noise, table) = (resolver.texture("n").unwrap(), resolver.texture("a").unwrap());
+    let p = at(Vec3::new(0.31, -0.2, 0.44), 0.0, &[]);
+    assert!((noise.evaluate(&p) - table.evaluate(&p)).abs().max_element() < 0.1);
+    let tight = ResolveOptions { memory_bytes: 1000, ..ResolveOptions::default() };
+    let mut resolver = Resolver::new(&file, &mesh, &images, tight);
+    let message = resolver.texture("a").unwrap_err().to_string();
+    assert!(message.contains("look.toml:10: textures.a.size: ") && message.contains("1000"), "{message}");
+}

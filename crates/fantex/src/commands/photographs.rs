@@ -1,0 +1,194 @@
+//! `fantex generate photographs`: a model photographed from all sides, with its cameras, to try out `--source photos`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use fantex::mesh::{Mesh, TriangleBvh};
+use fantex::photos::{
+    CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture, write_colmap_binary,
+    write_colmap_text, write_transforms,
+};
+use fantex::render::Camera;
+use fantex::texture::{ColorSpace, Depth};
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::error::CliError;
+use crate::input::CleanModel;
+use crate::scene::SizeArg;
+use crate::size::share;
+use crate::sources::{OpenSource, SourceArg};
+
+/// Photographs of a model from all sides, with the files that photogrammetry programs write about their cameras: images/,
+/// sparse/0/ (COLMAP, binary and text) and transforms.json.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex generate photographs bottle.gltf -o shoot --count 24
+  fantex generate photographs bottle.gltf -o shoot --count 24 --lens radial --exposure 0.4 --standing
+  fantex bake bottle.gltf -o bottle.fan --source photos=shoot
+
+The model is lit from everywhere, before a grey wall, so photographs show its base colour.")]
+pub(super) struct PhotographsArgs {
+    /// A model (.glb .gltf .obj .ply .stl)
+    model: PathBuf,
+    /// The folder to write into
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Number of photographs, spread evenly around the model
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    count: u32,
+    /// Width and height in pixels
+    #[arg(long, value_name = "WxH", default_value = "1200x900")]
+    size: SizeArg,
+    /// What the camera sees through
+    #[arg(long, value_enum, default_value_t)]
+    lens: LensArg,
+    /// How far exposure and tint of the photographs differ, 0 to 1: up to half as light again or as dark at 0.5
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    exposure: f64,
+    /// The model stands on something: no photograph from below
+    #[arg(long)]
+    standing: bool,
+    /// Rays along each side of a pixel
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    samples: u32,
+    /// What the model looks like: uv, vertex, image=PATH,mapping=NAME or solid=NAME; its own look by default
+    #[arg(long)]
+    source: Option<SourceArg>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum LensArg {
+    /// No distortion
+    Pinhole,
+    /// Radial and tangential distortion, as of a wide lens
+    #[default]
+    Radial,
+    /// A fisheye
+    Fisheye,
+}
+
+impl LensArg {
+    fn lens(self) -> Lens {
+        Lens::new(match self {
+            Self::Pinhole => Distortion::PINHOLE,
+            Self::Radial => Distortion::Perspective {
+                radial: [-0.12, 0.03, 0.0, 0.0, 0.0, 0.0],
+                tangential: [0.0008, -0.0012],
+            },
+            Self::Fisheye => Distortion::Fisheye { radial: [-0.02, 0.003, -0.001, 0.0] },
+        })
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct PhotographsInfo {
+    output: PathBuf,
+    photos: u64,
+    width: u32,
+    height: u32,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(super) fn run(args: &PhotographsArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    let model = CleanModel::open(&args.model)?;
+    model.show_notes(&args.model, context);
+    let mesh = &model.mesh;
+    let look = match &args.source {
+        Some(source) => source.clone(),
+        None => SourceArg::default_of(mesh, &args.model)?,
+    };
+    let look = OpenSource::open(&look, mesh, &args.model, context.seed)?;
+    let [images, sparse] = [args.output.join("images"), args.output.join("sparse/0")];
+    let transforms = args.output.join("transforms.json");
+    for path in [&images, &args.output.join("sparse"), &transforms] {
+        if !context.force && path.symlink_metadata().is_ok() {
+            return Err(CliError::Exists { path: path.clone() });
+        }
+    }
+    [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
+    let photographs = set_up(args, mesh, &images);
+    let bvh = TriangleBvh::new(mesh);
+    for (i, photograph) in photographs.iter().enumerate() {
+        context.check_interrupt()?;
+        let exposure = exposure(i, args.exposure as f32);
+        let options = CaptureOptions { samples: args.samples, exposure, ..CaptureOptions::default() };
+        let picture = capture(mesh, &bvh, look.as_source(), photograph, &options);
+        let _deferral = context.defer_interrupt();
+        picture.converted(Depth::U8, ColorSpace::Srgb).save(&photograph.path)?;
+    }
+    {
+        let _deferral = context.defer_interrupt();
+        write_colmap_binary(&sparse, &photographs)?;
+        write_colmap_text(&sparse, &photographs)?;
+        write_transforms(&transforms, &photographs, "images")?;
+    }
+    let [width, height] = args.size.0;
+    let info = PhotographsInfo {
+        output: args.output.clone(),
+        photos: photographs.len() as u64,
+        width,
+        height,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| {
+        let PhotographsInfo { output, photos, width, height, seconds } = info;
+        format!("{}: {photos} photographs of {width} x {height} pixels, {seconds:.1} s", output.display())
+    })
+}
+
+/// Cameras all around the model that show it whole.
+fn set_up(args: &PhotographsArgs, mesh: &Mesh, images: &Path) -> Vec<Photograph> {
+    let size = args.size.0;
+    let [width, height] = size.map(f64::from);
+    let framed = Camera::orbit(mesh, args.count as usize, width / height);
+    let photograph = |(i, camera): (usize, Camera)| {
+        let camera = match args.standing {
+            true => {
+                let direction = camera.eye - camera.target;
+                Camera::framing_mesh(
+                    mesh,
+                    DVec3::new(direction.x, direction.y.abs(), direction.z),
+                    width / height,
+                )
+            }
+            false => camera,
+        };
+        let focal = 0.5 * height / (0.5 * camera.fov_degrees.to_radians()).tan();
+        let name = format!("{i:04}.png");
+        Photograph {
+            path: images.join(&name),
+            mask: None,
+            name,
+            camera: PhotoCamera { lens: args.lens.lens(), ..PhotoCamera::pinhole(size, focal) },
+            camera_from_world: CameraFromWorld::looking_at(camera.eye, camera.target, camera.up),
+        }
+    };
+    framed.into_iter().enumerate().map(photograph).collect()
+}
+
+/// Factors of red, green and blue of a photograph, all different, around 1.
+fn exposure(number: usize, spread: f32) -> Vec3 {
+    // Three turns by the golden angle, so that neighbours differ.
+    let wave = |turn: f32| (number as f32 * 2.4 + turn).sin();
+    let tint = Vec3::new(wave(1.0), 0.0, wave(2.5)) * 0.15;
+    (Vec3::splat(wave(0.0)) + tint).map(|x| (1.0 + spread).powf(x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposures_differ_as_far_as_they_are_told_to() {
+        assert!((0..50).all(|i| exposure(i, 0.0) == Vec3::ONE));
+        let greens: Vec<f32> = (0..50).map(|i| exposure(i, 0.5).y).collect();
+        assert!(greens.iter().all(|g| (1.0 / 1.51..1.51).contains(g)));
+        assert!(greens.iter().any(|&g| g > 1.45) && greens.iter().any(|&g| g < 0.69));
+    }
+}
