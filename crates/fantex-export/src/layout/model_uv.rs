@@ -45,7 +45,9 @@ pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>, E
         let &(other, other_first) = by_key.get(&points).ok_or(ExportError::OtherModel { triangle: t })?;
         Ok([0, 1, 2].map(|k| uv[other][(k + 3 - first + other_first) % 3]))
     };
-    (0..mesh.triangles.len()).into_par_iter().map(found).collect()
+    // Collected as they are: a parallel collection into one `Result` names any of the errors, not the first.
+    let all: Vec<Result<_, _>> = (0..mesh.triangles.len()).into_par_iter().map(found).collect();
+    all.into_iter().collect()
 }
 
 /// Positions closer than this share of the model's half size count as equal.
