@@ -6,6 +6,7 @@ mod noise;
 mod paint;
 mod speed;
 mod stream;
+mod terrain;
 
 use std::path::PathBuf;
 
@@ -38,7 +39,7 @@ enum What {
     Bake(ModelArgs),
     /// Speed of single look-ups through the texture function, beside plain image look-ups, and of images by filter
     Sample(ModelArgs),
-    /// Speed of rendering an asset, beside the model itself
+    /// Speed of rendering an asset, beside the model itself, and of a million triangles, beside a software rasteriser
     Render(ModelArgs),
     /// Speed of gradient noise and of solids on one thread, beside the crate `noise`
     Noise,

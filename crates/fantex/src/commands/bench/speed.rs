@@ -6,16 +6,16 @@ use std::time::Instant;
 
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, sample_finest};
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
-use fantex::mesh::generate::{LandscapeOptions, grid, landscape};
-use fantex::mesh::{self, CleanOptions, ImageSource, Mesh, Model, TextureRef, WrapMode};
-use fantex::render::{Camera, FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{self, CleanOptions, Mesh, Model};
+use fantex::render::{FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, Quality, TexelFormat, TexelSlice, encode_many};
-use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples};
-use glam::{DVec3, Mat3, Vec2, Vec3};
+use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use tempfile::TempDir;
 
-use super::{ModelArgs, Row};
+use super::{ModelArgs, Row, terrain};
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::{self, CleanModel};
@@ -120,63 +120,8 @@ pub(super) fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, Cl
         let model = seconds(&MeshSurface::load(&bench.mesh, filter)?)?;
         rows.push(Row::new(format!("render 1280x720, {name}"), 1e3 * fans, "ms").beside(1e3 * model));
     }
-    rows.extend(render_terrain()?);
+    rows.extend(terrain::rows(context)?);
     Ok(rows)
-}
-
-/// Rendering a million triangles with a texture of 4096 x 4096 texels at one sample per pixel.
-fn render_terrain() -> Result<Vec<Row>, CliError> {
-    let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
-    let mesh = textured_terrain(707, folder.path())?;
-    let camera = Camera::framing_mesh(&mesh, DVec3::new(0.3, 0.8, 1.0), 1280.0 / 720.0);
-    let options = RenderOptions { samples: 1, ..RenderOptions::default() };
-    [("trilinear", Filter::Trilinear), ("anisotropic 8:1", Filter::Anisotropic)]
-        .into_iter()
-        .map(|(name, filter)| {
-            let surface = MeshSurface::load(&mesh, FilterOptions { filter, max_anisotropy: 8.0 })?;
-            let seconds = fastest(|| photograph(&mesh, &surface, &camera, &options).map(|_| ()))?;
-            let name = format!("render 1 M triangles, 1280x720, {name}");
-            Ok(Row::new(name, 1e3 * seconds, "ms"))
-        })
-        .collect()
-}
-
-/// Hills of `2 n n` triangles under one image of 4096 x 4096 texels.
-fn textured_terrain(n: u32, folder: &Path) -> Result<Mesh, CliError> {
-    let mut model = grid(n);
-    for p in &mut model.positions {
-        p.y = 0.1 * (15.0 * p.x).sin() * (10.0 * p.z).cos() + 0.02 * (85.0 * p.x + 15.0 * p.z).sin();
-    }
-    let corners = model.triangles.iter().flatten();
-    let uv =
-        corners.map(|&v| model.positions[v as usize]).map(|p| 0.5 * Vec2::new(p.x as f32, p.z as f32) + 0.5);
-    model.corners.uv_sets = vec![uv.collect()];
-    let side = 4096;
-    let texels = (0..side * side)
-        .map(|i| {
-            let [x, y] = [i % side, i / side];
-            let dark = (x / 64 + y / 64) % 2 == 0;
-            [if dark { 40 } else { 220 }, (x >> 4) as u8, (y >> 4) as u8, 255]
-        })
-        .collect::<Vec<[u8; 4]>>();
-    let image = Image {
-        width: side,
-        height: side,
-        channels: 4,
-        space: ColorSpace::Srgb,
-        samples: Samples::U8(texels.into_flattened()),
-    };
-    let path = folder.join("checks.png");
-    image.save(&path)?;
-    model.images.push(ImageSource::File(path));
-    model.materials[0].base_color_texture = Some(TextureRef {
-        image: 0,
-        uv_set: 0,
-        uv_transform: Mat3::IDENTITY,
-        wrap: [WrapMode::Repeat; 2],
-        nearest: false,
-    });
-    Ok(mesh::clean(model, &CleanOptions::default())?.0)
 }
 
 /// Block encoders on a noisy gradient, all threads.
@@ -275,7 +220,7 @@ fn cover_options(args: &ModelArgs, tile: u32) -> CoverOptions {
 }
 
 /// Seconds of the fastest repetition.
-fn fastest<E: Into<CliError>>(mut work: impl FnMut() -> Result<(), E>) -> Result<f64, CliError> {
+pub(super) fn fastest<E: Into<CliError>>(mut work: impl FnMut() -> Result<(), E>) -> Result<f64, CliError> {
     let mut best = f64::INFINITY;
     for _ in 0..REPETITIONS {
         let started = Instant::now();
