@@ -1,15 +1,20 @@
 //! Lenses: from directions to the picture plane and back.
 //!
 //! *Camera space* is that of computer vision: x to the right, y downwards, z into the scene. The *picture plane* is at
-//! distance 1: a pinhole takes `(x, y, z)` to `(x/z, y/z)`. Real lenses bend that. Two families are known here, both as OpenCV
+//! distance 1: a pinhole takes `(x, y, z)` to `(x/z, y/z)`. Real lenses bend that. Three families are known here, all as OpenCV
 //! and COLMAP write them:
 //!
 //! - rational radial and tangential distortion (D. C. Brown, "Decentering distortion of lenses", 1966);
 //! - the equidistant fisheye with a polynomial of the angle (J. Kannala and S. Brandt, "A generic camera model and
-//!   calibration method for conventional, wide-angle, and fish-eye lenses", 2006).
+//!   calibration method for conventional, wide-angle, and fish-eye lenses", 2006), and with the tangential and thin-prism terms
+//!   of J. Weng, P. Cohen and M. Herniou ("Camera calibration with distortion models and accuracy evaluation", 1992);
+//! - the field-of-view lens with one angle (F. Devernay and O. Faugeras, "Straight lines have to be straight", 2001).
 //!
-//! Their polynomials are fitted inside of the picture. Farther out they may turn round and fold directions from
+//! All of them bend points of a plane, a fisheye those of the plane on which the distance from the middle is the angle off the axis.
+//! Polynomials are fitted inside of the picture. Farther out they may turn round and fold directions from
 //! far outside back into the picture, so every lens knows the radius up to which it grows, and sees nothing beyond.
+
+use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
@@ -24,10 +29,20 @@ pub enum Distortion {
         /// `p1` and `p2`.
         tangential: [f64; 2],
     },
-    /// `theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)` from the middle, for a direction that is `theta` off the axis.
+    /// `theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8)` from the middle, for a direction that is `theta` off the axis,
+    /// and the tangential and thin-prism shifts there.
     Fisheye {
         /// `k1` to `k4`.
         radial: [f64; 4],
+        /// `p1` and `p2`.
+        tangential: [f64; 2],
+        /// `s1` and `s2`, which shift along x and y by `theta^2`.
+        prism: [f64; 2],
+    },
+    /// `atan(2 r tan(omega / 2)) / omega` from the middle.
+    FieldOfView {
+        /// Radians, -pi to pi; at 0 a pinhole.
+        omega: f64,
     },
 }
 
@@ -35,13 +50,42 @@ impl Distortion {
     /// No distortion.
     pub const PINHOLE: Self = Self::Perspective { radial: [0.0; 6], tangential: [0.0; 2] };
 
-    /// True where all coefficients are numbers.
-    pub(crate) fn is_finite(&self) -> bool {
+    /// A fisheye without tangential and thin-prism shifts, by `k1` to `k4`.
+    pub const fn fisheye(radial: [f64; 4]) -> Self {
+        Self::Fisheye { radial, tangential: [0.0; 2], prism: [0.0; 2] }
+    }
+
+    /// True where all coefficients are numbers in their range.
+    pub(crate) fn is_valid(&self) -> bool {
+        let are_finite = |numbers: &[f64]| numbers.iter().all(|k| k.is_finite());
         match self {
-            Self::Perspective { radial, tangential } => {
-                radial.iter().chain(tangential).all(|k| k.is_finite())
+            Self::Perspective { radial, tangential } => are_finite(radial) && are_finite(tangential),
+            Self::Fisheye { radial, tangential, prism } => {
+                are_finite(radial) && are_finite(tangential) && are_finite(prism)
             }
-            Self::Fisheye { radial } => radial.iter().all(|k| k.is_finite()),
+            Self::FieldOfView { omega } => omega.abs() < PI,
+        }
+    }
+
+    /// Where a point of the plane is seen.
+    fn bend(&self, n: DVec2) -> DVec2 {
+        let r2 = n.length_squared();
+        let (tangential, prism) = match *self {
+            Self::Perspective { tangential, .. } => (tangential, [0.0; 2]),
+            Self::Fisheye { tangential, prism, .. } => (tangential, prism),
+            Self::FieldOfView { .. } => ([0.0; 2], [0.0; 2]),
+        };
+        n * self.radial_factor(r2) + tangential_shift(n, r2, tangential) + DVec2::from(prism) * r2
+    }
+
+    /// The factor of the radial distortion, of a squared radius.
+    fn radial_factor(&self, r2: f64) -> f64 {
+        match self {
+            Self::Perspective { radial: k, .. } => {
+                (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) / (1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5])))
+            }
+            Self::Fisheye { radial: k, .. } => 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * (k[2] + r2 * k[3]))),
+            Self::FieldOfView { omega } => field_of_view_factor(r2, *omega),
         }
     }
 }
@@ -50,7 +94,7 @@ impl Distortion {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lens {
     distortion: Distortion,
-    /// On the picture plane for a perspective lens, an angle for a fisheye.
+    /// On the plane that is bent: an angle for a fisheye.
     valid_radius: f64,
 }
 
@@ -96,118 +140,95 @@ impl Lens {
 
     /// Where a point of camera space is seen; `None` behind a perspective lens and beyond the valid radius.
     pub fn project(&self, p_camera: DVec3) -> Option<OnPlane> {
-        let (radius, position) = match self.distortion {
-            Distortion::Perspective { radial, tangential } => {
-                if p_camera.z <= 0.0 {
-                    return None;
-                }
-                let n = p_camera.truncate() / p_camera.z;
-                (n.length(), bent(n, &radial, tangential))
-            }
-            Distortion::Fisheye { radial } => {
-                let across = p_camera.truncate();
-                let length = across.length();
-                let theta = length.atan2(p_camera.z);
-                let scale = if length > 0.0 { fisheye_radius(theta, &radial) / length } else { 0.0 };
-                (theta, across * scale)
-            }
-        };
-        let room = 1.0 - radius / self.valid_radius;
+        let n = self.on_plane(p_camera)?;
+        let position = self.distortion.bend(n);
+        let room = 1.0 - n.length() / self.valid_radius;
         (room > 0.0 && position.is_finite()).then_some(OnPlane { position, room })
     }
 
     /// The unit direction that is seen at a position of the picture plane; `None` where no valid direction is.
     pub fn direction(&self, position: DVec2) -> Option<DVec3> {
-        let direction = match self.distortion {
-            Distortion::Perspective { radial, tangential } => {
-                straight(position, &radial, tangential)?.extend(1.0).normalize()
-            }
-            Distortion::Fisheye { radial } => {
-                let bent = position.length();
-                let mut theta = bent;
-                for _ in 0..MOST_STEPS {
-                    let slope = (fisheye_radius(theta + 1e-6, &radial)
-                        - fisheye_radius(theta - 1e-6, &radial))
-                        / 2e-6;
-                    let step = (fisheye_radius(theta, &radial) - bent) / slope;
-                    theta = (theta - step).clamp(0.0, std::f64::consts::PI);
-                    if step.abs() < 1e-12 {
-                        break;
-                    }
-                }
-                (position.normalize_or_zero() * theta.sin()).extend(theta.cos())
-            }
+        let n = self.straight(position)?;
+        let direction = if self.is_fisheye() {
+            let theta = n.length().min(PI);
+            (n.normalize_or_zero() * theta.sin()).extend(theta.cos())
+        } else {
+            n.extend(1.0).normalize()
         };
         let back = self.project(direction)?;
         ((back.position - position).length() < 1e-6).then_some(direction)
     }
 
+    /// The point of the plane that is bent.
+    fn on_plane(&self, p_camera: DVec3) -> Option<DVec2> {
+        let across = p_camera.truncate();
+        if !self.is_fisheye() {
+            return (p_camera.z > 0.0).then(|| across / p_camera.z);
+        }
+        let length = across.length();
+        if length == 0.0 {
+            return (p_camera.z > 0.0).then_some(DVec2::ZERO);
+        }
+        Some(across * (length.atan2(p_camera.z) / length))
+    }
+
+    /// The inverse of [`Distortion::bend`], by Newton's method with differences for derivatives.
+    fn straight(&self, position: DVec2) -> Option<DVec2> {
+        let at = |n: DVec2| self.distortion.bend(n);
+        let mut n = position;
+        for _ in 0..MOST_STEPS {
+            let h = 1e-6;
+            let dx = (at(n + DVec2::X * h) - at(n - DVec2::X * h)) / (2.0 * h);
+            let dy = (at(n + DVec2::Y * h) - at(n - DVec2::Y * h)) / (2.0 * h);
+            let determinant = dx.perp_dot(dy);
+            let off = at(n) - position;
+            let step = DVec2::new(off.perp_dot(dy), dx.perp_dot(off)) / determinant;
+            if !step.is_finite() {
+                return None;
+            }
+            // Shortened, so that strong lenses do not throw it out of the valid radius.
+            n -= step.clamp_length_max(0.5);
+            if step.length_squared() < 1e-24 {
+                break;
+            }
+        }
+        Some(n)
+    }
+
     /// How far out the distorted radius grows with the radius.
     fn growing_radius(&self) -> f64 {
-        let (widest, radius_at): (f64, Box<dyn Fn(f64) -> [f64; 2]>) = match self.distortion {
-            Distortion::Perspective { radial, .. } => (
-                WIDEST_PERSPECTIVE,
-                Box::new(move |angle: f64| {
-                    [angle.tan(), angle.tan() * radial_factor(angle.tan().powi(2), &radial)]
-                }),
-            ),
-            Distortion::Fisheye { radial } => {
-                (std::f64::consts::PI, Box::new(move |angle| [angle, fisheye_radius(angle, &radial)]))
-            }
-        };
+        let widest = if self.is_fisheye() { PI } else { WIDEST_PERSPECTIVE };
         let mut before = [0.0; 2];
         for step in 1..=RADIUS_STEPS {
-            let now = radius_at(widest * f64::from(step) / f64::from(RADIUS_STEPS));
-            if now[1].is_nan() || now[1] <= before[1] {
+            let angle = widest * f64::from(step) / f64::from(RADIUS_STEPS);
+            let radius = if self.is_fisheye() { angle } else { angle.tan() };
+            let bent = radius * self.distortion.radial_factor(radius * radius);
+            if bent.is_nan() || bent <= before[1] {
                 return before[0];
             }
-            before = now;
+            before = [radius, bent];
         }
         before[0]
     }
 }
 
-/// The factor of the radial distortion.
-fn radial_factor(r2: f64, k: &[f64; 6]) -> f64 {
-    (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) / (1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5])))
+/// `atan(2 r tan(omega / 2)) / (r omega)`, of a squared radius.
+fn field_of_view_factor(r2: f64, omega: f64) -> f64 {
+    // Below, series lose fewer digits than quotients of small numbers.
+    const SMALL: f64 = 1e-8;
+    let stretch = if omega.abs() < SMALL { 1.0 } else { 2.0 * (0.5 * omega).tan() / omega };
+    let argument = 2.0 * r2.sqrt() * (0.5 * omega).tan();
+    let flattening =
+        if argument.abs() < 1e-4 { 1.0 - argument * argument / 3.0 } else { argument.atan() / argument };
+    stretch * flattening
 }
 
-/// Radial and tangential distortion.
-fn bent(n: DVec2, radial: &[f64; 6], [p1, p2]: [f64; 2]) -> DVec2 {
-    let r2 = n.length_squared();
-    let shift = DVec2::new(
+/// The shift of lens elements whose middles are not on one line.
+fn tangential_shift(n: DVec2, r2: f64, [p1, p2]: [f64; 2]) -> DVec2 {
+    DVec2::new(
         2.0 * p1 * n.x * n.y + p2 * (r2 + 2.0 * n.x * n.x),
         p1 * (r2 + 2.0 * n.y * n.y) + 2.0 * p2 * n.x * n.y,
-    );
-    n * radial_factor(r2, radial) + shift
-}
-
-/// The inverse of [`bent`], by Newton's method with differences for derivatives.
-fn straight(position: DVec2, radial: &[f64; 6], tangential: [f64; 2]) -> Option<DVec2> {
-    let at = |n: DVec2| bent(n, radial, tangential);
-    let mut n = position;
-    for _ in 0..MOST_STEPS {
-        let h = 1e-6;
-        let dx = (at(n + DVec2::X * h) - at(n - DVec2::X * h)) / (2.0 * h);
-        let dy = (at(n + DVec2::Y * h) - at(n - DVec2::Y * h)) / (2.0 * h);
-        let determinant = dx.perp_dot(dy);
-        let off = at(n) - position;
-        let step = DVec2::new(off.perp_dot(dy), dx.perp_dot(off)) / determinant;
-        if !step.is_finite() {
-            return None;
-        }
-        // Shortened, so that strong lenses do not throw it out of the valid radius.
-        n -= step.clamp_length_max(0.5);
-        if step.length_squared() < 1e-24 {
-            break;
-        }
-    }
-    Some(n)
-}
-
-fn fisheye_radius(theta: f64, k: &[f64; 4]) -> f64 {
-    let t2 = theta * theta;
-    theta * (1.0 + t2 * (k[0] + t2 * (k[1] + t2 * (k[2] + t2 * k[3]))))
+    )
 }
 
 #[cfg(test)]
@@ -216,7 +237,13 @@ mod tests {
 
     const BARREL: Distortion =
         Distortion::Perspective { radial: [-0.2, 0.03, 0.0, 0.0, 0.0, 0.0], tangential: [0.001, -0.002] };
-    const FISHEYE: Distortion = Distortion::Fisheye { radial: [-0.02, 0.003, -0.001, 0.0] };
+    const FISHEYE: Distortion = Distortion::fisheye([-0.02, 0.003, -0.001, 0.0]);
+    const PRISM: Distortion = Distortion::Fisheye {
+        radial: [0.1, -0.05, 0.0, 0.0],
+        tangential: [0.002, -0.001],
+        prism: [0.01, -0.02],
+    };
+    const FIELD_OF_VIEW: Distortion = Distortion::FieldOfView { omega: 0.9 };
 
     #[test]
     fn distortion_is_that_of_the_formulas() {
@@ -229,13 +256,29 @@ mod tests {
         let t2 = 0.463_647_61_f64.powi(2);
         let radius = 0.463_647_61 * (1.0 - 0.02 * t2 + 0.003 * t2 * t2 - 0.001 * t2 * t2 * t2);
         assert!((seen.position - DVec2::new(0.0, radius)).length() < 1e-8);
+        // theta = atan(0.5), along (0.6, 0.8); n = theta * (0.6, 0.8) = (0.27818857, 0.37091809), r^2 = 0.21496911; radial
+        // 1 + 0.1 * 0.21496911 - 0.05 * 0.04621172 = 1.01918633; x: 0.28352596 + 2 * 0.002 * 0.10318517
+        // - 0.001 * (0.21496911 + 0.15477776) + 0.01 * 0.21496911, y: 0.37803465 + 0.002 * (0.21496911 + 0.27516046)
+        // - 2 * 0.001 * 0.10318517 - 0.02 * 0.21496911.
+        let seen = Lens::new(PRISM).project(DVec3::new(0.6, 0.8, 2.0)).unwrap();
+        assert!((seen.position - DVec2::new(0.285_718_65, 0.374_509_16)).length() < 1e-7, "{seen:?}");
+        // At r = 0.5, atan(2 * 0.5 * tan(0.45)) / 0.9 = atan(0.48305507) / 0.9 = 0.5.
+        let seen = Lens::new(FIELD_OF_VIEW).project(DVec3::new(0.0, 1.0, 2.0)).unwrap();
+        assert!((seen.position - DVec2::new(0.0, 0.5)).length() < 1e-12, "{seen:?}");
+        let seen = Lens::new(FIELD_OF_VIEW).project(DVec3::new(1.0, 0.0, 1.0)).unwrap();
+        assert!((seen.position.x - (2.0 * 0.45_f64.tan()).atan() / 0.9).abs() < 1e-12, "{seen:?}");
+        for omega in [0.0, 1e-9, -1e-9] {
+            let seen =
+                Lens::new(Distortion::FieldOfView { omega }).project(DVec3::new(1.0, 2.0, 4.0)).unwrap();
+            assert!((seen.position - DVec2::new(0.25, 0.5)).length() < 1e-12, "{omega}");
+        }
         let pinhole = Lens::new(Distortion::PINHOLE).project(DVec3::new(1.0, 2.0, 4.0)).unwrap();
         assert_eq!(pinhole.position, DVec2::new(0.25, 0.5));
     }
 
     #[test]
     fn the_way_back_is_the_way() {
-        for distortion in [Distortion::PINHOLE, BARREL, FISHEYE] {
+        for distortion in [Distortion::PINHOLE, BARREL, FISHEYE, PRISM, FIELD_OF_VIEW] {
             let lens = Lens::new(distortion);
             for i in 0..200_u32 {
                 let angle = f64::from(i) * 2.399;
@@ -261,8 +304,7 @@ mod tests {
         // Nothing is seen where the lens reaches no more.
         assert_eq!(lens.direction(DVec2::new(0.9, 0.0)), None);
         // A fisheye sees behind.
-        assert!(
-            Lens::new(Distortion::Fisheye { radial: [0.0; 4] }).project(DVec3::new(1.0, 0.0, -0.2)).is_some()
-        );
+        assert!(Lens::new(Distortion::fisheye([0.0; 4])).project(DVec3::new(1.0, 0.0, -0.2)).is_some());
+        assert_eq!(Lens::new(Distortion::fisheye([0.0; 4])).project(DVec3::NEG_Z), None);
     }
 }

@@ -181,7 +181,10 @@ pub enum WriteCamerasError {
         /// The operating system's reason.
         source: io::Error,
     },
-    /// Photographs of one set of different lenses, which one `transforms.json` cannot hold.
-    #[error("transforms.json cannot hold fisheyes beside other lenses; write COLMAP's files instead")]
-    MixedLenses,
+    /// Lenses that a `transforms.json` cannot hold.
+    #[error(
+        "transforms.json cannot hold fisheyes beside other lenses, thin prisms or field-of-view lenses; write COLMAP's files \
+         instead"
+    )]
+    Lenses,
 }

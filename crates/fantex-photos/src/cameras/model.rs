@@ -40,7 +40,7 @@ pub enum CameraProblem {
         height: u64,
     },
     /// A parameter that is no number, or a focal length that is not positive.
-    #[error("a parameter of the lens is not finite, or a focal length is not above 0")]
+    #[error("a parameter of the lens is not finite or far out of range, or a focal length is not above 0")]
     Parameters,
     /// A position or rotation that is none.
     #[error("the camera's place is no rotation and translation: {0}")]
@@ -65,7 +65,7 @@ fn perspective<const N: usize>(radial: [f64; N], tangential: [f64; 2]) -> Distor
 }
 
 /// The models that are known, with the numbers that binary files use.
-pub(crate) const MODELS: [CameraModel; 9] = [
+pub(crate) const MODELS: [CameraModel; 11] = [
     CameraModel {
         name: "SIMPLE_PINHOLE",
         number: 0,
@@ -106,7 +106,7 @@ pub(crate) const MODELS: [CameraModel; 9] = [
         number: 5,
         parameters: 8,
         two_focals: true,
-        lens: |k| Distortion::Fisheye { radial: [k[0], k[1], k[2], k[3]] },
+        lens: |k| Distortion::fisheye([k[0], k[1], k[2], k[3]]),
     },
     CameraModel {
         name: "FULL_OPENCV",
@@ -116,18 +116,36 @@ pub(crate) const MODELS: [CameraModel; 9] = [
         lens: |k| perspective([k[0], k[1], k[4], k[5], k[6], k[7]], [k[2], k[3]]),
     },
     CameraModel {
+        name: "FOV",
+        number: 7,
+        parameters: 5,
+        two_focals: true,
+        lens: |k| Distortion::FieldOfView { omega: k[0] },
+    },
+    CameraModel {
         name: "SIMPLE_RADIAL_FISHEYE",
         number: 8,
         parameters: 4,
         two_focals: false,
-        lens: |k| Distortion::Fisheye { radial: [k[0], 0.0, 0.0, 0.0] },
+        lens: |k| Distortion::fisheye([k[0], 0.0, 0.0, 0.0]),
     },
     CameraModel {
         name: "RADIAL_FISHEYE",
         number: 9,
         parameters: 5,
         two_focals: false,
-        lens: |k| Distortion::Fisheye { radial: [k[0], k[1], 0.0, 0.0] },
+        lens: |k| Distortion::fisheye([k[0], k[1], 0.0, 0.0]),
+    },
+    CameraModel {
+        name: "THIN_PRISM_FISHEYE",
+        number: 10,
+        parameters: 12,
+        two_focals: true,
+        lens: |k| Distortion::Fisheye {
+            radial: [k[0], k[1], k[4], k[5]],
+            tangential: [k[2], k[3]],
+            prism: [k[6], k[7]],
+        },
     },
 ];
 
@@ -142,12 +160,8 @@ impl CameraModel {
     }
 
     pub(crate) fn by_number(number: i32) -> Result<&'static Self, CameraProblem> {
-        let name = || match number {
-            7 => "FOV".to_owned(),
-            10 => "THIN_PRISM_FISHEYE".to_owned(),
-            other => other.to_string(),
-        };
-        MODELS.iter().find(|m| m.number == number).ok_or_else(|| CameraProblem::UnknownModel { name: name() })
+        let unknown = || CameraProblem::UnknownModel { name: number.to_string() };
+        MODELS.iter().find(|m| m.number == number).ok_or_else(unknown)
     }
 
     /// The camera with these parameters: focal lengths, middle, distortion.
@@ -177,7 +191,7 @@ pub(crate) fn checked_camera(
     }
     // Far beyond every lens; products of such numbers are still finite.
     let sane = |v: DVec2| v.is_finite() && v.abs().max_element() < 1e9;
-    if !(sane(focal) && sane(center) && focal.min_element() > 1e-3 && distortion.is_finite()) {
+    if !(sane(focal) && sane(center) && focal.min_element() > 1e-3 && distortion.is_valid()) {
         return Err(CameraProblem::Parameters);
     }
     Ok(PhotoCamera { size: [width as u32, height as u32], focal, center, lens: Lens::new(distortion) })
@@ -214,6 +228,13 @@ mod tests {
             camera.lens.distortion(),
             Distortion::Perspective { radial: [5.0, 6.0, 9.0, 10.0, 11.0, 12.0], tangential: [7.0, 8.0] }
         );
+        let prism = CameraModel::by_name("THIN_PRISM_FISHEYE").unwrap().camera([8, 6], &numbers).unwrap();
+        let expected = Distortion::Fisheye {
+            radial: [5.0, 6.0, 9.0, 10.0],
+            tangential: [7.0, 8.0],
+            prism: [11.0, 12.0],
+        };
+        assert_eq!(prism.lens.distortion(), expected);
         for model in &MODELS {
             let mut numbers = vec![0.01; model.parameters];
             numbers[0] = 500.0;
@@ -227,8 +248,10 @@ mod tests {
 
     #[test]
     fn bad_cameras_are_refused_in_a_sentence() {
-        assert!(CameraModel::by_name("FOV").unwrap_err().to_string().contains("'FOV' is not supported"));
-        assert!(CameraModel::by_number(10).unwrap_err().to_string().contains("THIN_PRISM_FISHEYE"));
+        assert!(CameraModel::by_name("EUCM").unwrap_err().to_string().contains("'EUCM' is not supported"));
+        assert!(CameraModel::by_number(99).unwrap_err().to_string().contains("'99' is not supported"));
+        let wide = CameraModel::by_name("FOV").unwrap().camera([8, 6], &[1.0, 1.0, 4.0, 3.0, 3.2]);
+        assert_eq!(wide.unwrap_err(), CameraProblem::Parameters);
         let pinhole = CameraModel::by_number(1).unwrap();
         let message = |size, numbers: &[f64]| pinhole.camera(size, numbers).unwrap_err().to_string();
         assert!(message([8, 6], &[1.0; 3]).contains("4 parameters, not 3"));

@@ -227,7 +227,7 @@ impl Intrinsics {
                 tangential: [self.p1.unwrap_or(0.0), self.p2.unwrap_or(0.0)],
             }),
             Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE") => {
-                Ok(Distortion::Fisheye { radial: [k[0], k[1], k[2], k[3]] })
+                Ok(Distortion::fisheye([k[0], k[1], k[2], k[3]]))
             }
             Some(name) => Err(CameraProblem::UnknownModel { name: name.chars().take(40).collect() }),
         }

@@ -61,7 +61,8 @@ pub fn write_colmap_binary(folder: &Path, photographs: &[Photograph]) -> Result<
 ///
 /// # Errors
 ///
-/// The file cannot be written, or there are fisheyes beside other lenses.
+/// The file cannot be written, or there are lenses that such a file cannot hold: fisheyes beside others, fisheyes with tangential
+/// or thin-prism shifts, field-of-view lenses.
 pub fn write_transforms(
     path: &Path,
     photographs: &[Photograph],
@@ -69,9 +70,10 @@ pub fn write_transforms(
 ) -> Result<(), WriteCamerasError> {
     let fisheyes = photographs.iter().filter(|p| p.camera.lens.is_fisheye()).count();
     if fisheyes != 0 && fisheyes != photographs.len() {
-        return Err(WriteCamerasError::MixedLenses);
+        return Err(WriteCamerasError::Lenses);
     }
-    let frames: Vec<Value> = photographs.iter().map(|photograph| frame(photograph, image_folder)).collect();
+    let frames = photographs.iter().map(|photograph| frame(photograph, image_folder));
+    let frames: Vec<Value> = frames.collect::<Option<_>>().ok_or(WriteCamerasError::Lenses)?;
     let document = json!({
         "camera_model": if fisheyes == 0 { "OPENCV" } else { "OPENCV_FISHEYE" },
         "frames": frames,
@@ -79,7 +81,8 @@ pub fn write_transforms(
     write(path.into(), format!("{document:#}\n").as_bytes())
 }
 
-fn frame(photograph: &Photograph, image_folder: &str) -> Value {
+/// `None` for a lens that has no place there.
+fn frame(photograph: &Photograph, image_folder: &str) -> Option<Value> {
     let PhotoCamera { size, focal, center, lens } = photograph.camera;
     let world_from_camera = photograph.camera_from_world.rotation.transpose();
     let gl = world_from_camera * DMat3::from_diagonal(glam::DVec3::new(1.0, -1.0, -1.0));
@@ -105,13 +108,14 @@ fn frame(photograph: &Photograph, image_folder: &str) -> Value {
                 }
             }
         }
-        Distortion::Fisheye { radial } => {
+        Distortion::Fisheye { radial, tangential: [0.0, 0.0], prism: [0.0, 0.0] } => {
             for (name, value) in ["k1", "k2", "k3", "k4"].into_iter().zip(radial) {
                 frame[name] = value.into();
             }
         }
+        Distortion::Fisheye { .. } | Distortion::FieldOfView { .. } => return None,
     }
-    frame
+    Some(frame)
 }
 
 /// The simplest model that holds a camera: name, number, parameters.
@@ -126,7 +130,14 @@ fn parameters(camera: &PhotoCamera) -> (&'static str, i32, Vec<f64>) {
         Distortion::Perspective { radial: [k1, k2, rest @ ..], tangential } => {
             ("FULL_OPENCV", 6, [&start[..], &[k1, k2], &tangential, &rest].concat())
         }
-        Distortion::Fisheye { radial } => ("OPENCV_FISHEYE", 5, [&start[..], &radial].concat()),
+        Distortion::Fisheye { radial, tangential: [0.0, 0.0], prism: [0.0, 0.0] } => {
+            ("OPENCV_FISHEYE", 5, [&start[..], &radial].concat())
+        }
+        Distortion::Fisheye { radial: [k1, k2, k3, k4], tangential, prism } => {
+            let numbers = [&start[..], &[k1, k2], &tangential, &[k3, k4], &prism].concat();
+            ("THIN_PRISM_FISHEYE", 10, numbers)
+        }
+        Distortion::FieldOfView { omega } => ("FOV", 7, [&start[..], &[omega]].concat()),
     }
 }
 

@@ -22,6 +22,19 @@ fn lenses() -> [Lens; 3] {
     .map(Lens::new)
 }
 
+/// Lenses that only COLMAP's files can hold.
+fn rare_lenses() -> [Lens; 2] {
+    [
+        Distortion::FieldOfView { omega: 0.9 },
+        Distortion::Fisheye {
+            radial: [0.1, -0.02, 0.003, 0.1],
+            tangential: [1e-3, -2e-3],
+            prism: [3e-3, 4e-3],
+        },
+    ]
+    .map(Lens::new)
+}
+
 /// Cameras that differ in everything. Their pictures lie in `folder`.
 fn set(folder: &Path, lenses: &[Lens]) -> Vec<Photograph> {
     fs::create_dir_all(folder).unwrap();
@@ -81,13 +94,23 @@ fn what_is_written_is_read_again() {
     write_colmap_binary(&sparse, &written).unwrap();
     fs::write(sparse.join("cameras.txt"), "rubbish").unwrap();
     assert_alike(&read_cameras(&sparse, Some(&images)).unwrap(), &written);
-    let fisheyes = set(&images, &[Lens::new(Distortion::Fisheye { radial: [0.1, -0.02, 0.003, 0.0] })]);
+    let fisheyes = set(&images, &[Lens::new(Distortion::fisheye([0.1, -0.02, 0.003, 0.0]))]);
     write_transforms(&transforms, &fisheyes, "images").unwrap();
     assert_alike(&read_cameras(&transforms, None).unwrap(), &fisheyes);
     write_colmap_binary(&sparse, &fisheyes).unwrap();
     assert_alike(&read_cameras(root.path(), None).unwrap(), &fisheyes);
     let mixed: Vec<_> = [&written[..1], &fisheyes[..1]].concat();
     assert!(write_transforms(&transforms, &mixed, "images").unwrap_err().to_string().contains("fisheyes"));
+    let rare = set(&images, &rare_lenses());
+    write_colmap_binary(&sparse, &rare).unwrap();
+    assert_alike(&read_cameras(&sparse, Some(&images)).unwrap(), &rare);
+    fs::remove_file(sparse.join("cameras.bin")).unwrap();
+    write_colmap_text(&sparse, &rare).unwrap();
+    assert_alike(&read_cameras(&sparse, Some(&images)).unwrap(), &rare);
+    for photograph in &rare[..2] {
+        let refused = write_transforms(&transforms, std::slice::from_ref(photograph), "images");
+        assert!(refused.unwrap_err().to_string().contains("thin prisms"));
+    }
 }
 
 #[test]
@@ -176,7 +199,7 @@ fn colmap_texts_are_read_as_they_come() {
     let turned = read[0].camera_from_world.rotation * DVec3::X;
     assert!(turned.distance(DVec3::Y) < 1e-12);
     let cases = [
-        ("cameras.txt", "1 FOV 10 10 1 2 3 4 5\n", "line 1: the camera model 'FOV' is not supported"),
+        ("cameras.txt", "1 EUCM 10 10 1 2 3 4 5\n", "line 1: the camera model 'EUCM' is not supported"),
         ("cameras.txt", "1 PINHOLE 10 10 1 2 3\n", "line 1: PINHOLE has 4 parameters, not 3"),
         ("cameras.txt", "\n1 PINHOLE ten 10 1 1 5 5\n", "line 2: expected the width in pixels, found 'ten'"),
         ("cameras.txt", "1 PINHOLE 9 9 1 1 5 5\n1 PINHOLE 9 9 1 1 5 5\n", "line 2: there are two cameras 1"),
@@ -354,7 +377,8 @@ proptest! {
     ) {
         for distortion in [
             Distortion::Perspective { radial: k, tangential: p },
-            Distortion::Fisheye { radial: [k[0], k[1], k[2], k[3]] },
+            Distortion::Fisheye { radial: [k[0], k[1], k[2], k[3]], tangential: p, prism: [k[4], k[5]] },
+            Distortion::FieldOfView { omega: k[0] },
         ] {
             let lens = Lens::new(distortion);
             if let Some(seen) = lens.project(DVec3::from(at)) {

@@ -10,7 +10,10 @@ use fantex_texture::{ColorSpace, Depth, Image, Samples};
 use glam::{DVec3, Quat, Vec3};
 use tempfile::TempDir;
 
-use crate::common::{barrel, bottle, cameras, difference, encoded_color, fisheye, own_look, point_of, take};
+use crate::common::{
+    barrel, bottle, cameras, difference, encoded_color, field_of_view, fisheye, own_look, point_of, take,
+    thin_prism,
+};
 
 /// Mesh units: the model is two long.
 const TEXEL: f32 = 0.004;
@@ -28,7 +31,7 @@ fn shoot() -> &'static Shoot {
     SHOOT.get_or_init(|| {
         let mesh = bottle();
         let folder = tempfile::tempdir().unwrap();
-        let lenses = [Lens::new(Distortion::PINHOLE), barrel(), fisheye()];
+        let lenses = [Lens::new(Distortion::PINHOLE), barrel(), fisheye(), thin_prism(), field_of_view()];
         let photographs = cameras(&mesh, 12, [360, 480], &lenses, folder.path());
         let exposures: Vec<Vec3> = (0..photographs.len())
             .map(|i| Vec3::new(1.0, 0.95, 1.08) * (1.0 + 0.25 * (i as f32 * 1.9).sin()))

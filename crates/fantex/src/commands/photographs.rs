@@ -79,7 +79,7 @@ impl LensArg {
                 radial: [-0.12, 0.03, 0.0, 0.0, 0.0, 0.0],
                 tangential: [0.0008, -0.0012],
             },
-            Self::Fisheye => Distortion::Fisheye { radial: [-0.02, 0.003, -0.001, 0.0] },
+            Self::Fisheye => Distortion::fisheye([-0.02, 0.003, -0.001, 0.0]),
         })
     }
 }

@@ -28,7 +28,19 @@ pub(crate) fn barrel() -> Lens {
 }
 
 pub(crate) fn fisheye() -> Lens {
-    Lens::new(Distortion::Fisheye { radial: [-0.03, 0.004, -0.002, 0.0] })
+    Lens::new(Distortion::fisheye([-0.03, 0.004, -0.002, 0.0]))
+}
+
+pub(crate) fn thin_prism() -> Lens {
+    Lens::new(Distortion::Fisheye {
+        radial: [0.05, -0.01, 0.0, 0.0],
+        tangential: [4e-3, -3e-3],
+        prism: [8e-3, -5e-3],
+    })
+}
+
+pub(crate) fn field_of_view() -> Lens {
+    Lens::new(Distortion::FieldOfView { omega: 0.8 })
 }
 
 /// Cameras on rings around a mesh, from above and below, that show it whole; none looks at it from straight below.
