@@ -55,6 +55,8 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "fantex-paint",
         ],
     ),
+    // Only tests use it.
+    ("fantex-test", &["fantex-mesh"]),
     ("xtask", &[]),
 ];
 

@@ -65,6 +65,8 @@ pub enum AlphaMode {
 pub struct Material {
     /// The file's name for it, or empty.
     pub name: String,
+    /// Where a model file defines it, for messages: `material 3`, `line 12 of chair.mtl`; empty for materials from elsewhere.
+    pub place: String,
     /// Linear RGBA, 0..1.
     pub base_color: Vec4,
     /// sRGB colour, linear alpha.
@@ -129,6 +131,7 @@ impl Default for Material {
     fn default() -> Self {
         Self {
             name: String::new(),
+            place: String::new(),
             base_color: Vec4::ONE,
             base_color_texture: None,
             metallic: 0.0,

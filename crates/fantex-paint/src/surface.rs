@@ -3,10 +3,9 @@
 use std::sync::{Arc, OnceLock};
 
 use fantex_cover::Cover;
-use fantex_mesh::{EdgeSide, Mesh, TriangleBvh, continued, shading_normals};
+use fantex_mesh::{Edges, Mesh, TriangleBvh, shading_normals};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 
 /// A point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -174,30 +173,12 @@ fn is_inside_out(mesh: &Mesh) -> bool {
     balance.length() < 0.05 * area && volume < 0.0
 }
 
-/// Pairs the half-edges of triangles that [continue](continued) each other.
+/// Pairs the half-edges of triangles that [continue](fantex_mesh::continued) each other.
 fn opposite_edges(triangles: &[[u32; 3]]) -> Vec<u32> {
-    let mut edges: Vec<(u64, u32)> = triangles
-        .par_iter()
-        .enumerate()
-        .flat_map_iter(|(t, triangle)| {
-            (0..3).map(move |k| {
-                let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
-                ((u64::from(a.min(b)) << 32) | u64::from(a.max(b)), (3 * t + k) as u32)
-            })
-        })
-        .collect();
-    edges.par_sort_unstable();
     let mut opposite = vec![NONE; 3 * triangles.len()];
-    let mut sides = Vec::new();
-    for edge in edges.chunk_by(|x, y| x.0 == y.0).filter(|edge| edge.len() > 1) {
-        sides.clear();
-        sides.extend(edge.iter().map(|&(vertices, half_edge)| {
-            EdgeSide::of_half_edge(triangles, half_edge, (vertices >> 32) as u32)
-        }));
-        for [first, second] in continued(&sides) {
-            opposite[edge[first].1 as usize] = edge[second].1;
-            opposite[edge[second].1 as usize] = edge[first].1;
-        }
+    for [first, second] in Edges::of(triangles).iter().flat_map(|edge| edge.continued()) {
+        opposite[first as usize] = second;
+        opposite[second as usize] = first;
     }
     opposite
 }

@@ -7,7 +7,7 @@
 use std::collections::VecDeque;
 
 use fantex_mesh::Mesh;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use crate::gains::conjugate_gradients;
 
@@ -18,13 +18,17 @@ const TOLERANCE: f64 = 1e-4;
 /// What a model looks like that no photograph sees.
 const GREY: Vec3 = Vec3::splat(0.18);
 
-/// One colour per vertex. `seen` says which are known; the others are found.
-pub(crate) fn spread(mesh: &Mesh, seen: &[Option<Vec3>]) -> Vec<Vec3> {
+/// The mean of what is seen.
+pub(crate) fn mean(seen: impl Iterator<Item = Vec3>) -> Vec3 {
+    let (sum, count) =
+        seen.fold((DVec3::ZERO, 0.0), |(sum, count), color| (sum + color.as_dvec3(), count + 1.0));
+    if count > 0.0 { (sum / count).as_vec3() } else { GREY }
+}
+
+/// One colour per vertex. `seen` says which are known; the others are found. `mean` is that of the whole surface that is seen: of a
+/// coarse mesh that may be much, without a single vertex.
+pub(crate) fn spread(mesh: &Mesh, seen: &[Option<Vec3>], mean: Vec3) -> Vec<Vec3> {
     let known: Vec<Vec3> = seen.iter().copied().flatten().collect();
-    let mean = match known.len() {
-        0 => GREY,
-        count => (known.iter().map(|c| c.as_dvec3()).sum::<glam::DVec3>() / count as f64).as_vec3(),
-    };
     if known.len() == seen.len() {
         return known;
     }
@@ -132,7 +136,7 @@ mod tests {
             .iter()
             .map(|p| (p.y.abs() > 0.4).then_some(if p.y > 0.0 { Vec3::X } else { Vec3::Z }))
             .collect();
-        let colors = spread(&mesh, &seen);
+        let colors = spread(&mesh, &seen, mean(seen.iter().copied().flatten()));
         for (color, seen) in colors.iter().zip(&seen) {
             assert!(seen.is_none_or(|seen| seen == *color));
             assert!(color.min_element() >= 0.0 && color.max_element() <= 1.0);
@@ -157,8 +161,11 @@ mod tests {
     fn nothing_seen_is_grey_and_everything_seen_stays() {
         let mesh = sphere();
         let count = mesh.positions.len();
-        assert_eq!(spread(&mesh, &vec![None; count]), vec![GREY; count]);
+        assert_eq!(mean(std::iter::empty()), GREY);
+        // Seen, though no vertex is.
+        let red = mean([Vec3::X, 0.5 * Vec3::X].into_iter());
+        assert_eq!(spread(&mesh, &vec![None; count], red), vec![0.75 * Vec3::X; count]);
         let all: Vec<Option<Vec3>> = mesh.positions.iter().map(|&p| Some(p.abs())).collect();
-        assert_eq!(spread(&mesh, &all), mesh.positions.iter().map(|p| p.abs()).collect::<Vec<_>>());
+        assert_eq!(spread(&mesh, &all, GREY), mesh.positions.iter().map(|p| p.abs()).collect::<Vec<_>>());
     }
 }

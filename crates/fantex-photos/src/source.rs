@@ -82,8 +82,9 @@ impl<'a> PhotoSource<'a> {
             None => {
                 let known =
                     |best: &BestViews| best.color(&gains).filter(|_| best.confidence() >= SEEN_CONFIDENCE);
+                let mean = fill::mean(spread.iter().filter_map(known));
                 let known: Vec<Option<Vec3>> = of_vertices.iter().map(known).collect();
-                Fill::Spread(fill::spread(mesh, &known))
+                Fill::Spread(fill::spread(mesh, &known, mean))
             }
         };
         let unseen = spread.iter().filter(|best| seen_share(best.confidence()) < 0.5).count();

@@ -2,10 +2,11 @@
 
 use fantex_mesh::{Material, Mesh};
 use fantex_texture::material::{
-    MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
-    normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
+    MaterialImageError, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
+    load_material_textures, normal_map_tangents, occlusion_roughness_metallic, preserve_coverage,
+    vertex_color,
 };
-use fantex_texture::{Filter, LoadImageError, SampleOptions, UvPoint};
+use fantex_texture::{Filter, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::normals::CornerNormals;
@@ -28,7 +29,7 @@ impl<'a> MeshSurface<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, LoadImageError> {
+    pub fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, MaterialImageError> {
         let mut textures = load_material_textures(mesh)?;
         preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);

@@ -112,6 +112,17 @@ impl Context {
         Ok(())
     }
 
+    /// As [`Context::check_output`]; what is made of a file does not replace it either, whatever is asked.
+    pub(crate) fn check_output_of(&self, path: &Path, input: &Path) -> Result<(), CliError> {
+        if let (Ok(output), Ok(input)) = (path.canonicalize(), input.canonicalize())
+            && output == input
+            && output.is_file()
+        {
+            return Err(CliError::OutputIsInput { path: path.into() });
+        }
+        self.check_output(path)
+    }
+
     /// Makes a folder for output, and those above it.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<(), CliError> {
         std::fs::create_dir_all(folder)

@@ -29,6 +29,8 @@ pub(crate) enum CliError {
     #[error(transparent)]
     LoadImage(#[from] texture::LoadImageError),
     #[error(transparent)]
+    MaterialImage(#[from] texture::material::MaterialImageError),
+    #[error(transparent)]
     ReadCameras(Box<photos::ReadCamerasError>),
     #[error(transparent)]
     WriteCameras(#[from] photos::WriteCamerasError),
@@ -117,6 +119,8 @@ pub(crate) enum CliError {
     Read { path: PathBuf, source: io::Error },
     #[error("cannot write {}: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
+    #[error("{} is what is read; give what is written another name", path.display())]
+    OutputIsInput { path: PathBuf },
     #[error("{} exists already; use --force to overwrite it", path.display())]
     Exists { path: PathBuf },
     #[error("cannot write {}: it is a folder", path.display())]

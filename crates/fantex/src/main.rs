@@ -9,6 +9,7 @@ mod gallery;
 mod input;
 mod interrupt;
 mod memory;
+mod overdraft;
 mod pictures;
 mod progress;
 mod scene;

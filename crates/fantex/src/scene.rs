@@ -16,6 +16,7 @@ use glam::{DVec3, Vec3, Vec4};
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::{CleanModel, Input};
+use crate::size::counted;
 
 /// A model or an asset, open.
 #[derive(Debug)]
@@ -74,9 +75,9 @@ impl Scene {
         let damage = cache.damage();
         if let Some((_, page, reason)) = damage.first.first() {
             context.note(format!(
-                "{}: {} damaged tiles were replaced by coarser ones; the first: {page}: {reason}",
+                "{}: coarser texels stand in for {}; the first: {page}: {reason}",
                 self.path.display(),
-                damage.pages
+                counted(damage.pages, "damaged tile")
             ));
         }
     }

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use fantex::mesh::numbered;
+
 /// A number of things (texels, triangles): `64k` is 64 000, `4M` four million, `16G` sixteen thousand million.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Count(pub(crate) u64);
@@ -102,6 +104,11 @@ pub(crate) fn share(text: &str) -> Result<f64, String> {
 
 fn within(text: &str, range: &str, is_inside: impl Fn(f64) -> bool) -> Result<f64, String> {
     text.parse().ok().filter(|&value| is_inside(value)).ok_or_else(|| format!("expected a number {range}"))
+}
+
+/// A count in words: `1 tile`, `69 451 tiles`.
+pub(crate) fn counted(number: u64, noun: &str) -> String {
+    format!("{} {}", grouped(number), numbered(number, noun))
 }
 
 /// Digits in groups of three: `69 451`.

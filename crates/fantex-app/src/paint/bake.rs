@@ -9,7 +9,7 @@ use fantex_bake::{
 use fantex_cover::{CoverError, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
-use fantex_texture::LoadImageError;
+use fantex_texture::material::MaterialImageError;
 use glam::{Vec3, Vec4};
 
 /// Texels of a model whose own textures say nothing about how many it needs: with them a screen is filled sharply from nearby.
@@ -26,7 +26,7 @@ const PLAIN_MATERIAL: Vec4 = Vec4::new(1.0, 0.6, 0.0, 1.0);
 pub enum BakeForPainting {
     /// Its images cannot be read.
     #[error(transparent)]
-    Image(#[from] LoadImageError),
+    Image(#[from] MaterialImageError),
     /// It cannot be covered.
     #[error(transparent)]
     Cover(#[from] CoverError),

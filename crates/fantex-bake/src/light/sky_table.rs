@@ -262,6 +262,19 @@ mod tests {
     }
 
     #[test]
+    fn tables_do_not_depend_on_the_number_of_threads() {
+        let sky = sunny(0.05);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let table = pool.install(|| SkyTable::new(&sky)).unwrap();
+            let bits = |sums: &[f32]| sums.iter().map(|sum| sum.to_bits()).collect::<Vec<_>>();
+            (bits(&table.rows), bits(&table.cells))
+        };
+        let one = on(1);
+        assert!(one == on(2) && one == on(7));
+    }
+
+    #[test]
     fn even_skies_and_darkness_have_no_table() {
         let skies: [&dyn Sky; 4] =
             [&|_: Vec3| Vec3::ZERO, &|_: Vec3| Vec3::ONE, &|d: Vec3| Vec3::splat(1.0 + d.y), &|_: Vec3| {

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::material::{
-    MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
-    normal_map_tangents, occlusion_roughness_metallic, vertex_color,
+    MaterialImageError, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
+    load_material_textures, normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
-use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas, LoadImageError};
+use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
@@ -30,7 +30,7 @@ impl<'a> UvSource<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn new(mesh: &'a Mesh) -> Result<Self, LoadImageError> {
+    pub fn new(mesh: &'a Mesh) -> Result<Self, MaterialImageError> {
         let materials = load_material_textures(mesh)?;
         let has_normal_maps = materials.iter().any(|m| m.normal.is_some());
         let normals = if has_normal_maps { shading_normals(mesh) } else { Vec::new() };
@@ -46,16 +46,18 @@ impl<'a> UvSource<'a> {
     }
 
     /// Texels of the finest texture per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without
-    /// texture, or with degenerate coordinates, take the mean of the others.
+    /// texture, with degenerate coordinates, or too slender to show any take the mean of the others, by area.
     pub fn density(&self) -> Vec<f32> {
         let mut densities: Vec<f32> =
             (0..self.mesh.triangles.len()).map(|t| self.triangle_density(t)).collect();
-        let (mut sum, mut count) = (0.0, 0.0);
-        for &d in densities.iter().filter(|&&d| d > 0.0) {
-            sum += f64::from(d);
-            count += 1.0;
+        let (mut texels, mut area) = (0.0, 0.0);
+        for (triangle, &density) in densities.iter().enumerate().filter(|(_, d)| **d > 0.0) {
+            let [a, b, c] = self.mesh.triangle_positions(triangle);
+            let of_triangle = f64::from((b - a).cross(c - a).length());
+            texels += of_triangle * f64::from(density).powi(2);
+            area += of_triangle;
         }
-        let mean = if count > 0.0 { (sum / count) as f32 } else { 256.0 };
+        let mean = if area > 0.0 { (texels / area).sqrt() as f32 } else { 256.0 };
         // A sliver in the atlas can have any density; sixteen times the mean linear one is no intention.
         densities
             .iter_mut()
@@ -66,6 +68,10 @@ impl<'a> UvSource<'a> {
     fn triangle_density(&self, triangle: usize) -> f32 {
         let [a, b, c] = self.mesh.triangle_positions(triangle);
         let area = (b - a).cross(c - a).length();
+        let longest2 = [b - a, c - b, a - c].map(Vec3::length_squared).into_iter().fold(0.0, f32::max);
+        if area < LEAST_SLENDERNESS * longest2 {
+            return 0.0;
+        }
         let texel_area = |layer: &TextureLayer| {
             let [ta, tb, tc] = layer.corner_uv(self.mesh, triangle);
             let [width, height] = layer.texture.size().map(|n| n as f32);
@@ -90,6 +96,10 @@ impl<'a> UvSource<'a> {
         Some(LayerSampler { layer, corners, edges, smooth, follows: false })
     }
 }
+
+/// Height of a triangle as a share of its longest side below which it shows no texture: the pole of a sphere whose vertices lie
+/// beside each other by rounding errors has such triangles, with whole stripes of the image on them.
+const LEAST_SLENDERNESS: f32 = 1e-5;
 
 /// One layer on one triangle.
 struct LayerSampler<'s> {

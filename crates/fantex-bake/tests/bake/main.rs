@@ -5,6 +5,7 @@
 mod assets;
 mod common;
 mod light;
+mod looks;
 mod sources;
 mod transfer;
 mod values;

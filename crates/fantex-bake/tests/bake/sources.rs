@@ -247,3 +247,48 @@ fn dark_emission_and_flat_normals() {
         assert!((value.truncate().truncate() - 0.5).abs().max_element() < 0.01, "{value}");
     }
 }
+
+/// A needle with a whole image on it, as poles of spheres have where rounding keeps their vertices apart, says nothing about how dense
+/// the others are.
+#[test]
+fn needles_do_not_ask_for_texels() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = vec![image_file(folder.path(), "grey.png", &[[0.5; 4]; 64 * 64])];
+    let material = Material { base_color_texture: texture(0, 0), ..Material::default() };
+    let mut mesh = two_materials([material.clone(), material], images);
+    let usual = UvSource::new(&mesh).unwrap().density();
+    let count = mesh.positions.len() as u32;
+    mesh.positions.extend([Vec3::ZERO, Vec3::X, Vec3::new(0.5, 1e-7, 0.0)]);
+    mesh.triangles.push([count, count + 1, count + 2]);
+    mesh.triangle_materials.push(0);
+    mesh.corners.uv_sets[0].extend([Vec2::ZERO, Vec2::X, Vec2::ONE]);
+    let densities = UvSource::new(&mesh).unwrap().density();
+    let mean = usual[0];
+    assert!(densities.iter().all(|d| (d / mean - 1.0).abs() < 0.01), "{densities:?} instead of {mean}");
+}
+
+#[test]
+fn images_that_cannot_be_read_are_named_with_what_wants_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let images = vec![
+        image_file(folder.path(), "there.png", &[[0.5; 4]; 4]),
+        ImageSource::File(folder.path().join("gone.png")),
+    ];
+    let named = Material {
+        name: "wood".into(),
+        place: "line 3 of a.mtl".into(),
+        base_color_texture: texture(0, 0),
+        normal_texture: texture(1, 0),
+        ..Material::default()
+    };
+    let message = |materials: [Material; 2]| {
+        let mesh = two_materials(materials, images.clone());
+        UvSource::new(&mesh).unwrap_err().to_string()
+    };
+    let text = message([Material::default(), named.clone()]);
+    assert!(text.starts_with("the normal map of material \"wood\" (line 3 of a.mtl): cannot read"), "{text}");
+    assert!(text.contains("gone.png"), "{text}");
+    let nameless = Material { name: String::new(), place: String::new(), ..named };
+    let text = message([Material::default(), nameless]);
+    assert!(text.starts_with("the normal map of material 1: "), "{text}");
+}

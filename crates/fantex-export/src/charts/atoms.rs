@@ -1,7 +1,7 @@
 //! The smallest pieces: connected triangles that belong to one group of the cover.
 
 use fantex_cover::{Cover, GroupKind};
-use fantex_mesh::{EdgeSide, Mesh, continued};
+use fantex_mesh::{Edges, Mesh};
 use rayon::prelude::*;
 
 use super::{facet_normal, root};
@@ -18,29 +18,17 @@ pub(crate) struct Edge {
 /// A group that sees a triangle worse than this does not get it.
 const LEAST_FACING: f32 = 0.3;
 
-/// All edges that triangles [continue](continued) each other across, ordered by their vertices.
+/// All edges that triangles [continue](fantex_mesh::continued) each other across, ordered by their vertices.
 pub(crate) fn edges(mesh: &Mesh) -> Vec<Edge> {
-    let sides = |(t, v): (usize, &[u32; 3])| {
-        let v = *v;
-        [0, 1, 2].map(|k| {
-            let (a, b) = (v[k], v[(k + 1) % 3]);
-            (a.min(b), a.max(b), 3 * t as u32 + k as u32)
-        })
+    let shared = Edges::of(&mesh.triangles);
+    let of_pairs = |edge: fantex_mesh::Edge<'_>| {
+        let [a, b] = edge.vertices().map(|v| mesh.positions[v as usize]);
+        let length = a.distance(b);
+        edge.continued()
+            .into_iter()
+            .map(move |pair| Edge { triangles: pair.map(|half_edge| half_edge / 3), length })
     };
-    let mut sides: Vec<(u32, u32, u32)> =
-        mesh.triangles.par_iter().enumerate().flat_map_iter(sides).collect();
-    sides.par_sort_unstable();
-    let mut edges = Vec::new();
-    let mut here = Vec::new();
-    for edge in sides.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).filter(|edge| edge.len() > 1) {
-        let (a, b, _) = edge[0];
-        here.clear();
-        here.extend(edge.iter().map(|side| EdgeSide::of_half_edge(&mesh.triangles, side.2, a)));
-        let length = mesh.positions[a as usize].distance(mesh.positions[b as usize]);
-        let of_pair = |pair: [usize; 2]| Edge { triangles: pair.map(|i| edge[i].2 / 3), length };
-        edges.extend(continued(&here).into_iter().map(of_pair));
-    }
-    edges
+    shared.iter().flat_map(of_pairs).collect()
 }
 
 /// The atom of every triangle, numbered from 0 in the order of their first triangles.

@@ -10,7 +10,7 @@ use fantex_store::PageCache;
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::support::{Waves, baked, cleaned, loaded, worst_psnr_db};
+use crate::support::{Waves, baked, cleaned, opened, worst_psnr_db};
 
 /// A cube each of whose sides fills a repeated picture or the same unit square.
 fn with_uv(mut model: Model, scale: f32) -> Mesh {
@@ -72,7 +72,7 @@ fn another_models_coordinates_are_taken_where_its_triangles_are_the_same() {
     let options = ExportOptions { uv: UvChoice::OfModel(&other), ..ExportOptions::default() };
     export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
     let expected = with_uv(cube(3), 1.0);
-    assert_eq!(loaded(&path).corners.uv_sets[0], expected.corners.uv_sets[0]);
+    assert_eq!(opened(&path).corners.uv_sets[0], expected.corners.uv_sets[0]);
     let wrong = with_uv(icosphere(1), 1.0);
     let options = ExportOptions { uv: UvChoice::OfModel(&wrong), force: true, ..ExportOptions::default() };
     let refused = export_model(&baked.asset, &path, &options, &NoProgress);
@@ -102,7 +102,7 @@ fn pictures_hold_the_texture_function_at_equal_density() {
         let image = Image::load_as(&picture, ColorSpace::Linear).unwrap();
         let Samples::F32(samples) = &image.samples else { panic!("floats") };
         let texel = |x: u32, y: u32| samples[3 * (y.min(511) * 512 + x.min(511)) as usize];
-        let back = loaded(&model);
+        let back = opened(&model);
         let cache = PageCache::new(Arc::clone(&baked.asset), 64 << 20);
         let (mut squares, mut count) = (0.0, 0.0);
         for t in 0..mesh.triangles.len() {

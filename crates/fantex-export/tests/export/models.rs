@@ -11,7 +11,7 @@ use gltf::Semantic;
 use gltf::accessor::{DataType, Dimensions};
 
 use crate::support::{
-    Baked, Waves, baked, baked_bottle, bottle, cleaned, data_folder, files, loaded, worst_psnr_db,
+    Baked, Waves, baked, baked_bottle, bottle, cleaned, data_folder, files, opened, worst_psnr_db,
 };
 
 /// Exports as GLB with default options, checks the file, and returns the worst PSNR.
@@ -90,7 +90,7 @@ fn the_bottle_looks_the_same_in_all_its_channels() {
 #[test]
 fn the_bunny_looks_the_same() {
     let Some(folder) = data_folder() else { return };
-    let mesh = loaded(&folder.join("meshes/bunny/stanford_bunny.ply"));
+    let mesh = opened(&folder.join("meshes/bunny/stanford_bunny.ply"));
     let baked = baked(&mesh, &Waves::color(40.0), 1 << 20, BakeFormat::Rgba8);
     let db = round_trip(&baked);
     assert!(db > 40.0, "{db} dB");
@@ -119,7 +119,7 @@ fn bright_light_keeps_its_strength() {
     let baked = baked(&cleaned(icosphere(3)), &waves, 1 << 16, BakeFormat::Rgba8);
     let path = baked.path("out.glb");
     export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
-    let strength = loaded(&path).materials[0].emission;
+    let strength = opened(&path).materials[0].emission;
     assert!((strength.x - 5.4).abs() < 0.2, "{strength}");
     assert_eq!(strength.x, strength.z);
     assert!(worst_psnr_db(&baked.asset, &path) > 35.0);
@@ -139,7 +139,7 @@ fn cut_outs_and_materials_stay_what_they_are() {
     let baked = baked(&cleaned(model), &waves, 1 << 17, BakeFormat::Rgba8);
     let db = round_trip(&baked);
     assert!(db > 38.0, "{db} dB");
-    let mesh = loaded(&baked.path("out.glb"));
+    let mesh = opened(&baked.path("out.glb"));
     assert_eq!(mesh.materials[0].name, "leaf");
     assert_eq!(mesh.materials[0].alpha, AlphaMode::Mask(0.4));
     assert_eq!(mesh.materials[1].alpha, AlphaMode::Blend);
@@ -155,7 +155,7 @@ fn a_channel_that_is_missing_leaves_the_factor() {
     let path = baked.path("out.glb");
     let summary = export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
     assert_eq!(summary.maps, [ChannelMap::BaseColor]);
-    let material = &loaded(&path).materials[0];
+    let material = &opened(&path).materials[0];
     assert_eq!((material.roughness, material.metallic), (0.25, 1.0));
     assert!(material.metallic_roughness_texture.is_none() && material.normal_texture.is_none());
 }
@@ -184,7 +184,7 @@ fn coordinates_far_from_the_origin_keep_their_precision() {
     let baked = baked(&cleaned(model), &Waves::color(4.0), 1 << 14, BakeFormat::Rgba8);
     let path = baked.path("out.glb");
     export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
-    let (own, back) = (baked.asset.mesh(), loaded(&path));
+    let (own, back) = (baked.asset.mesh(), opened(&path));
     let bounds = |mesh: &Mesh| fantex_render::Bounds::of_mesh(mesh);
     assert!(bounds(own).min.distance(bounds(&back).min) < 1e-4);
     assert!(worst_psnr_db(&baked.asset, &path) > 40.0);
@@ -215,7 +215,7 @@ fn the_models_own_coordinates_come_back() {
     let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
     eprintln!("{summary:?}");
     check_glb(&path);
-    let back = loaded(&path);
+    let back = opened(&path);
     assert_eq!(back.corners.uv_sets[0], mesh.corners.uv_sets[0]);
     let db = worst_psnr_db(&baked.asset, &path);
     assert!(db > 38.0, "{db} dB");
@@ -232,7 +232,7 @@ fn broken_models_are_exported_whole() {
         "wallhole.obj",
         "two_objects.obj",
     ] {
-        let mesh = loaded(&folder.join("meshes/broken").join(name));
+        let mesh = opened(&folder.join("meshes/broken").join(name));
         let baked = baked(&mesh, &Waves::color(8.0), 1 << 18, BakeFormat::Rgba8);
         let path = baked.path("out.glb");
         let summary = export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();

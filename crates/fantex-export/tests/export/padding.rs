@@ -9,7 +9,7 @@ use fantex_store::PageCache;
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{Vec2, Vec3};
 
-use crate::support::{Waves, baked, cleaned, loaded};
+use crate::support::{Waves, baked, cleaned, opened};
 
 /// Level `l` of a grey picture as the mean of 2 x 2 texels, again and again.
 fn halved(texels: &[f32], side: usize) -> Vec<f32> {
@@ -57,7 +57,7 @@ fn no_foreign_texel_is_read_down_to_the_level_that_is_promised() {
     let options = ExportOptions { side: Some(1024), padding: Some(16), ..ExportOptions::default() };
     let summary = export_model(&baked.asset, &path, &options, &NoProgress).unwrap();
     assert!(summary.charts > 3 && summary.padding == 16, "{summary:?}");
-    let mesh = loaded(&path);
+    let mesh = opened(&path);
     let pieces = pieces(&mesh);
     let side = 1024usize;
     let uv = &mesh.corners.uv_sets[0];
@@ -125,7 +125,7 @@ fn borders_keep_their_colours_at_every_level_that_is_promised() {
     let mut level: Vec<f32> = samples.as_chunks::<3>().0.iter().map(|t| t[0]).collect();
     // Nothing is left empty.
     assert!(level.iter().all(|&red| red > 0.05));
-    let uv = &loaded(&model).corners.uv_sets[0];
+    let uv = &opened(&model).corners.uv_sets[0];
     let cache = PageCache::new(Arc::clone(&baked.asset), 64 << 20);
     let mut level_side = side;
     // The colours go from 0.1 to 0.9 and change by 0.8 per mesh unit, over which there are about 150 texels: a texel of the

@@ -7,41 +7,14 @@ use fantex_bake::{
     BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, UvSource, bake,
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::{CleanOptions, LoadOptions, Mesh, Model, clean, load};
+use fantex_mesh::Mesh;
 use fantex_render::{Camera, FanSurface, FilterOptions, Lights, MeshSurface, RenderOptions, Surface, render};
 use fantex_store::{Asset, ChannelKind, PageCache};
+pub(crate) use fantex_test::{bottle, cleaned, data_folder, opened};
 use fantex_texture::Image;
 use fantex_texture::compare::psnr_db;
 use glam::Vec4;
 use tempfile::TempDir;
-
-/// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace.
-pub(crate) fn data_folder() -> Option<PathBuf> {
-    let beside = || workspace().join("../shared/data");
-    let folder = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", folder.display());
-    None
-}
-
-/// The model that comes with the repository.
-pub(crate) fn bottle() -> Mesh {
-    loaded(&workspace().join("assets/WaterBottle/WaterBottle.gltf"))
-}
-
-fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
-}
-
-pub(crate) fn loaded(path: &Path) -> Mesh {
-    cleaned(load(path, &LoadOptions::default()).unwrap())
-}
-
-pub(crate) fn cleaned(model: Model) -> Mesh {
-    clean(model, &CleanOptions::default()).unwrap().0
-}
 
 /// A smooth function of the position, in some channels.
 pub(crate) struct Waves {
@@ -128,7 +101,7 @@ fn picture(mesh: &Mesh, surface: &dyn Surface, camera: &Camera) -> Image {
 
 /// The worst likeness of an exported model to its asset over five cameras, in dB.
 pub(crate) fn worst_psnr_db(asset: &Arc<Asset>, model: &Path) -> f64 {
-    let model = loaded(model);
+    let model = opened(model);
     let filter = FilterOptions::default();
     let model_surface = MeshSurface::load(&model, filter).unwrap();
     let cache = PageCache::new(Arc::clone(asset), 256 << 20);

@@ -16,8 +16,9 @@ use std::ops::Range;
 
 use fantex_mesh::{AlphaMode, Material, Mesh};
 use fantex_scene::FilterOptions;
-use fantex_texture::LoadImageError;
-use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
+use fantex_texture::material::{
+    MaterialImageError, MaterialTextures, load_material_textures, preserve_coverage,
+};
 
 use crate::sorted::{Run, SortedTriangle, SortedTriangles};
 use crate::{FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey};
@@ -33,7 +34,7 @@ use vertices::{MOST_UV_SETS, Vertices, used_uv_sets};
 pub enum UvModelError {
     /// An image that is used cannot be read.
     #[error(transparent)]
-    Image(#[from] LoadImageError),
+    Image(#[from] MaterialImageError),
     /// The device cannot take it.
     #[error(transparent)]
     Gpu(#[from] GpuError),

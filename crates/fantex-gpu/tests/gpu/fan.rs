@@ -5,10 +5,11 @@ use crate::fan_common::{Baked, Comparison, Residents, compare, gpu, rendered};
 use fantex_bake::{BakeFormat, BakeOptions, Source, SourceChannel, SurfacePoint, UvSource};
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_gpu::{DrawOptions, Gpu, GpuError, Model as _, Overlay, StreamedModel, stream_view};
-use fantex_mesh::{Mesh, Model, clean, generate};
+use fantex_mesh::{Mesh, generate};
 use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading};
 use fantex_store::{ChannelKind, PAGE};
 use fantex_stream::{AtlasFormat, FrameOptions, PageTable};
+use fantex_test::cleaned;
 use fantex_texture::Filter;
 use glam::{DVec3, Vec3, Vec4};
 
@@ -42,10 +43,6 @@ impl Source for Colors {
 fn cover(mesh: &Mesh, tile: u32, texels: u64) -> Cover {
     let budget = TexelBudget::Total(texels);
     build_cover(mesh, &CoverOptions { tile, budget, ..CoverOptions::default() }).unwrap().0
-}
-
-fn cleaned(model: Model) -> Mesh {
-    clean(model, &Default::default()).unwrap().0
 }
 
 fn baked(mesh: &Mesh, cover: &Cover, format: BakeFormat) -> Baked {

@@ -298,10 +298,13 @@ fn one_of(text: &str, allowed: &[&str], place: &Place<'_, '_>) -> Checked {
 fn number(schema: &Value, place: &Place<'_, '_>) -> Checked {
     let (number, text) = match place.value {
         DeValue::Integer(integer) => (integer_value(integer), integer.to_string()),
-        DeValue::Float(float) => (float.as_str().parse().unwrap_or(f64::NAN), float.to_string()),
+        DeValue::Float(float) => (float.as_str().parse().ok(), float.to_string()),
         _ => return Ok(()),
     };
     let refuse = |allowed: String| Err(place.mistake(LookProblem::Range { allowed, found: text.clone() }));
+    let Some(number) = number else {
+        return refuse("of at most 64 bits; longer ones are written like 1e20".into());
+    };
     if !number.is_finite() {
         return refuse("that is finite".into());
     }
@@ -314,8 +317,9 @@ fn number(schema: &Value, place: &Place<'_, '_>) -> Checked {
     Ok(())
 }
 
-fn integer_value(integer: &DeInteger<'_>) -> f64 {
-    i128::from_str_radix(integer.as_str(), integer.radix()).map_or(f64::NAN, |n| n as f64)
+/// `None` beyond the 64 bits that TOML's whole numbers have.
+fn integer_value(integer: &DeInteger<'_>) -> Option<f64> {
+    i64::from_str_radix(integer.as_str(), integer.radix()).ok().map(|n| n as f64)
 }
 
 /// What a number would have to be, if it is not.

@@ -226,3 +226,10 @@ fn missing_files_are_refused() {
     let message = LookFile::read(Path::new("/no/such/look.toml")).unwrap_err().to_string();
     assert!(message.starts_with("/no/such/look.toml: the look cannot be read:"), "{message}");
 }
+
+#[test]
+fn whole_numbers_beyond_64_bits_are_named() {
+    let expected = "expected a number of at most 64 bits";
+    refused("[camera]\nfov = 99999999999999999999\n", &["scene.toml:2: camera.fov", expected]);
+    refused("[picture]\nsamples = -99999999999999999999\n", &["scene.toml:2: picture.samples", expected]);
+}

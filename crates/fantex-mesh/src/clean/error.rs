@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::CleanReport;
-use crate::Model;
+use crate::{Model, counted};
 
 /// One corner index per corner must fit 32 bits, with one value to spare.
 const MAX_TRIANGLES: usize = (u32::MAX / 3 - 1) as usize;
@@ -15,7 +15,7 @@ const MAX_VERTICES: usize = u32::MAX as usize - 1;
 #[derive(Debug, Error, PartialEq)]
 pub enum CleanError {
     /// The model has no triangles at all.
-    #[error("{name} has no triangles ({vertices} vertices); a textured surface needs at least one triangle")]
+    #[error("{name} has no triangles ({}); a textured surface needs at least one triangle", counted(*vertices, "vertex"))]
     NoTriangles {
         /// The model.
         name: String,
@@ -24,8 +24,8 @@ pub enum CleanError {
     },
     /// Every triangle had to be dropped.
     #[error(
-        "nothing is left of {name}: of its {} triangles, {} have unusable positions (NaN, infinite) and {} have no area",
-        report.triangles_in, report.triangles_non_finite, report.triangles_degenerate
+        "nothing is left of {name}, which has {}: {} with unusable positions (NaN, infinite), {} without area",
+        counted(report.triangles_in, "triangle"), report.triangles_non_finite, report.triangles_degenerate
     )]
     NothingLeft {
         /// The model.
@@ -46,7 +46,9 @@ pub enum CleanError {
         limit: usize,
     },
     /// A triangle names a vertex that does not exist.
-    #[error("triangle {triangle} of {name} refers to vertex {index}, but there are only {vertices} vertices")]
+    #[error(
+        "triangle {triangle} of {name} refers to vertex {index}, but there are {vertices} (counting starts at 0)"
+    )]
     IndexOutOfRange {
         /// The model.
         name: String,
@@ -58,7 +60,7 @@ pub enum CleanError {
         vertices: usize,
     },
     /// An attribute array does not fit the number of triangles.
-    #[error("{name} has {found} {what} for {triangles} triangles; expected {expected} or none")]
+    #[error("{name} has {found} {what} for {}; expected {expected} or none", counted(*triangles, "triangle"))]
     AttributeCount {
         /// The model.
         name: String,

@@ -11,6 +11,7 @@
 //! a landscape of 1.9 M triangles takes 0.21 s of processor time, of which 0.06 s go into the report's topology, 0.05 s
 //! into the corners at each vertex and the rest into finding equal vertices and equal triangles.
 
+mod attributes;
 mod degenerate;
 mod duplicates;
 mod error;
@@ -115,7 +116,9 @@ pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanRep
         let corners = VertexCorners::of(&surface.triangles, positions.len());
         report.topology = Topology::of(&surface.triangles, &corners);
     }
-    Ok((surface.into_mesh(model, positions, &turned, world_from_mesh), report))
+    let mut mesh = surface.into_mesh(model, positions, &turned, world_from_mesh);
+    report.corner_values_non_finite = attributes::replace_unusable(&mut mesh.corners);
+    Ok((mesh, report))
 }
 
 /// All used positions in mesh space; unused ones are zero.

@@ -1,6 +1,7 @@
 //! What cleaning found and did.
 
 use super::Topology;
+use crate::counted;
 
 /// Counts of everything that cleaning changed or noticed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,6 +20,9 @@ pub struct CleanReport {
     pub triangles_degenerate: u64,
     /// Triangles dropped because an earlier one has the same vertices in the same order.
     pub triangles_duplicate: u64,
+    /// Texture coordinates, colours, normals and tangents of corners that are NaN or infinite: replaced by zero, white, or the
+    /// triangle's own.
+    pub corner_values_non_finite: u64,
     /// Pairs of triangles with the same vertices in opposite order; both are kept.
     pub double_sided_pairs: u64,
     /// Triangles turned round to agree with their neighbours.
@@ -37,6 +41,11 @@ impl CleanReport {
             (self.triangles_non_finite, "triangle", "dropped: a position is not a usable number"),
             (self.triangles_degenerate, "triangle", "dropped: no area"),
             (self.triangles_duplicate, "triangle", "dropped: the same vertices as an earlier triangle"),
+            (
+                self.corner_values_non_finite,
+                "corner value",
+                "replaced: a texture coordinate, colour or normal is not a usable number",
+            ),
             (self.vertices_welded, "vertex", "welded to an earlier vertex at the same place"),
             (self.vertices_isolated, "vertex", "dropped: no triangle uses it"),
             (
@@ -51,19 +60,9 @@ impl CleanReport {
             (shape.vertices_non_manifold, "vertex", "whose triangles do not form a single fan"),
             (shape.edges_boundary, "edge", "on the boundary"),
         ];
-        findings.into_iter().filter(|f| f.0 > 0).map(|(n, what, fact)| sentence(n, what, fact)).collect()
+        let sentence = |(n, noun, fact)| format!("{} {fact}.", counted(n, noun));
+        findings.into_iter().filter(|f| f.0 > 0).map(sentence).collect()
     }
-}
-
-/// `12 vertices dropped: ...` with the noun in its number.
-fn sentence(count: u64, noun: &str, fact: &str) -> String {
-    let noun = match (count, noun) {
-        (1, _) => noun.to_owned(),
-        (_, "vertex") => "vertices".to_owned(),
-        (_, "patch") => "patches".to_owned(),
-        _ => format!("{noun}s"),
-    };
-    format!("{count} {noun} {fact}.")
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-use crate::{GltfProblem, ModelFormat, ObjProblem, PlyProblem, StlProblem};
+use crate::{GltfProblem, ModelFormat, ObjProblem, PlyProblem, StlProblem, counted};
 
 /// Why a model could not be loaded. Each message is one sentence that names the file and the place.
 #[derive(Debug, thiserror::Error)]
@@ -84,7 +84,7 @@ pub enum LoadError {
         limit: usize,
     },
     /// The file was read, but there is no triangle in it.
-    #[error("{} holds no triangles, only {positions} positions{notes}", path.display())]
+    #[error("{} holds no triangles, only {}{notes}", path.display(), counted(*positions, "position"))]
     NoTriangles {
         /// The file.
         path: PathBuf,

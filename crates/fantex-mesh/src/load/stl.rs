@@ -6,7 +6,7 @@
 use glam::DVec3;
 
 use super::{LoadError, SourceFile, builder};
-use crate::Model;
+use crate::{Model, counted};
 
 const HEADER_BYTES: usize = 84;
 const FACET_BYTES: usize = 50;
@@ -16,7 +16,8 @@ const FACET_BYTES: usize = 50;
 pub enum StlProblem {
     /// Shorter than a binary header and not ASCII.
     #[error(
-        "it is neither ASCII STL (it lacks the words solid and facet) nor binary STL (it has {bytes} bytes, fewer than the header's 84)"
+        "it is neither ASCII STL (it lacks the words solid and facet) nor binary STL (it has {}, fewer than the header's 84)",
+        counted(*bytes, "byte")
     )]
     TooShort {
         /// Length of the file.
@@ -24,7 +25,8 @@ pub enum StlProblem {
     },
     /// The file ends before the facets that its header announces.
     #[error(
-        "its header announces {facets} facets, which take {needed} bytes, but the file has {bytes}; it is truncated or not STL"
+        "its header announces {}, which takes {needed} bytes, but the file has {bytes}; it is truncated or not STL",
+        counted(*facets, "facet")
     )]
     Truncated {
         /// Facets announced.
@@ -114,7 +116,7 @@ fn read_binary(file: &SourceFile, facets: u32) -> Result<Model, LoadError> {
     let mut model = soup(positions);
     let trailing = file.bytes.len() as u64 - needed;
     if trailing > 0 {
-        model.notes.push(format!("{trailing} bytes after the last facet were ignored"));
+        model.notes.push(format!("ignored {} after the last facet", counted(trailing, "byte")));
     }
     Ok(model)
 }

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use crate::common::{check, cleaned, soup, try_clean};
 use fantex_mesh::generate::{book, cube, grid, icosphere, torus};
 use fantex_mesh::{CleanError, CleanOptions, Model, Topology, clean};
-use glam::{DVec3, Vec2};
+use glam::{DVec3, Vec2, Vec3, Vec4};
 
 fn circle(n: u32) -> impl Iterator<Item = [f64; 3]> {
     (0..n).map(move |i| (TAU * f64::from(i) / f64::from(n)).sin_cos()).map(|(s, c)| [c, s, 0.0])
@@ -221,7 +221,7 @@ fn nothing_left_is_an_error_that_says_why() {
     assert!(matches!(try_clean(point), Err(CleanError::NothingLeft { .. })));
     let nan = soup([[f64::NAN; 3], [0.0; 3], [1.0; 3]], [[0, 1, 2]]);
     let message = try_clean(nan).unwrap_err().to_string();
-    assert!(message.contains("1 triangles, 1 have unusable positions"), "{message}");
+    assert!(message.contains("1 triangle: 1 with unusable positions"), "{message}");
 }
 
 #[test]
@@ -368,4 +368,19 @@ fn split_vertices_are_welded_in_the_order_they_first_appear() {
         assert!(v <= next, "vertex {v} before {next}");
         next = next.max(v + 1);
     }
+}
+
+#[test]
+fn corner_values_that_are_no_numbers_are_replaced() {
+    let mut model = soup([[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], [[0, 1, 2]]);
+    let good = Vec2::new(1e30, -2.0);
+    model.corners.uv_sets = vec![vec![good, Vec2::new(f32::NAN, 0.0), Vec2::new(0.0, f32::INFINITY)]];
+    model.corners.colors = vec![Vec4::splat(0.5), Vec4::NAN, Vec4::ONE];
+    model.corners.normals = vec![Vec3::Z, Vec3::Z, Vec3::NAN];
+    let (mesh, report) = cleaned(model);
+    assert_eq!(report.corner_values_non_finite, 4);
+    assert_eq!(mesh.corners.uv_sets[0], [good, Vec2::ZERO, Vec2::ZERO]);
+    assert_eq!(mesh.corners.colors, [Vec4::splat(0.5), Vec4::ONE, Vec4::ONE]);
+    assert_eq!(mesh.corners.normals, [Vec3::Z, Vec3::Z, Vec3::ZERO]);
+    assert!(report.lines()[0].starts_with("4 corner values replaced"), "{:?}", report.lines());
 }

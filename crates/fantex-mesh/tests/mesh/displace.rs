@@ -2,22 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
-use std::path::Path;
 
 use crate::common::data_folder;
 use fantex_mesh::{
-    CleanOptions, DisplaceError, DisplaceOptions, DisplacePoint, LoadOptions, Mesh, Model, Refinement,
-    Topology, VertexCorners, clean, displace, generate, load,
+    DisplaceError, DisplaceOptions, DisplacePoint, Mesh, Model, Refinement, Topology, VertexCorners,
+    displace, generate,
 };
+use fantex_test::{cleaned, loaded};
 use glam::{Vec2, Vec3, Vec4};
-
-fn cleaned(model: Model) -> Mesh {
-    clean(model, &CleanOptions::default()).unwrap().0
-}
-
-fn loaded(folder: &Path, name: &str) -> Mesh {
-    cleaned(load(&folder.join("meshes").join(name), &LoadOptions::default()).unwrap())
-}
 
 fn topology(mesh: &Mesh) -> Topology {
     Topology::of(&mesh.triangles, &VertexCorners::of(&mesh.triangles, mesh.positions.len()))
@@ -110,7 +102,7 @@ fn real_meshes_stay_without_cracks() {
         ("WaterBottle/WaterBottle.gltf", 0.03),
         ("mengerSponge3.glb", 0.1),
     ] {
-        let mesh = loaded(&folder, name);
+        let mesh = loaded(&folder.join("meshes"), name);
         let height = |p: &DisplacePoint| 0.01 * waves(p.position, 40.0);
         let (even, report) = displace(&mesh, &uniform(fine), height).unwrap();
         eprintln!(
@@ -137,7 +129,7 @@ fn real_meshes_stay_without_cracks() {
 #[test]
 fn heights_that_disagree_do_not_tear_the_surface() {
     let Some(folder) = data_folder() else { return };
-    let mesh = loaded(&folder, "WaterBottle/WaterBottle.gltf");
+    let mesh = loaded(&folder.join("meshes"), "WaterBottle/WaterBottle.gltf");
     let uv = &mesh.corners.uv_sets[0];
     let by_uv = |p: &DisplacePoint| {
         let at = |k: usize| uv[3 * p.triangle + k] * p.lambda[k];

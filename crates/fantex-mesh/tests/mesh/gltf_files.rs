@@ -85,7 +85,7 @@ fn lists_strips_and_fans_have_one_orientation() {
             assert_eq!(normal_of(&model, triangle), DVec3::Z, "mode {mode}");
         }
         assert!(
-            model.notes.iter().any(|n| n.contains("1 primitives of points or lines")),
+            model.notes.iter().any(|n| n == "skipped 1 primitive of points or lines"),
             "{:?}",
             model.notes
         );
@@ -298,6 +298,69 @@ fn wrong_references_are_named() {
     assert_mentions(&message("a.gltf", version.as_bytes()), &["version \"1.0\"", "2.0"]);
     assert_mentions(&message("a.gltf", b"{\"asset\":"), &["JSON", "line 1"]);
     assert_mentions(&message("a.glb", b"glTF\x01\0\0\0\x0c\0\0\0"), &["container of version 1"]);
+}
+
+/// Two instances of a triangle below a node that is itself moved; `attributes` and `accessors` go into the file.
+fn instanced_gltf(attributes: &str, accessors: &str, rest: &str) -> String {
+    let mut buffer = triangle_buffer();
+    buffer.extend(floats(&[1., 0., 0., 0., 5., 0.]));
+    // A half turn about z in normalised bytes, and none.
+    buffer.extend([0i8, 0, 127, 0, 0, 0, 0, 127].map(|b| b as u8));
+    buffer.extend(floats(&[1., 1., 1., -2., 1., 1.]));
+    gltf_with_buffer(
+        &format!(
+            r#""extensionsRequired":["EXT_mesh_gpu_instancing"],"nodes":[{{"mesh":0,"translation":[100,0,0],"extensions":{{"EXT_mesh_gpu_instancing":{{"attributes":{{{attributes}}}}}}}}}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}}}},{{"attributes":{{"POSITION":0}},"mode":1}}]}}],"bufferViews":[{{"buffer":0,"byteLength":{}}}],"accessors":[{{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}},{{"bufferView":0,"byteOffset":40,"componentType":5126,"count":2,"type":"VEC3"}},{{"bufferView":0,"byteOffset":64,"componentType":5120,"normalized":true,"count":2,"type":"VEC4"}},{{"bufferView":0,"byteOffset":72,"componentType":5126,"count":2,"type":"VEC3"}}{accessors}]{rest}"#,
+            buffer.len()
+        ),
+        &buffer,
+    )
+}
+
+#[test]
+fn every_instance_is_loaded_scaled_turned_and_moved_below_its_node() {
+    let attributes = r#""TRANSLATION":1,"ROTATION":2,"SCALE":3,"_ID":77"#;
+    let model = load_text("a.gltf", &instanced_gltf(attributes, "", "")).unwrap();
+    assert_consistent(&model);
+    let expected = [
+        [101.0, 0.0, 0.0],
+        [100.0, 0.0, 0.0],
+        [101.0, -1.0, 0.0],
+        [100.0, 5.0, 0.0],
+        [98.0, 5.0, 0.0],
+        [100.0, 6.0, 0.0],
+    ];
+    for (found, expected) in model.positions.iter().zip(expected.map(DVec3::from)) {
+        assert!((*found - expected).length() < 1e-6, "{found} for {expected}");
+    }
+    // The second is mirrored, and both look along z.
+    assert_eq!(model.triangles.len(), 2);
+    assert!((0..2).all(|t| normal_of(&model, t).z > 0.0));
+    // What is to be said of a mesh is said once.
+    assert_eq!(model.notes, ["skipped 1 primitive of points or lines"]);
+
+    let model = load_text("a.gltf", &instanced_gltf(r#""SCALE":3"#, "", "")).unwrap();
+    assert_eq!(model.positions[4], DVec3::new(98.0, 0.0, 0.0));
+    let model = load_text("a.gltf", &instanced_gltf("", "", "")).unwrap();
+    assert_eq!(model.triangles.len(), 1);
+}
+
+#[test]
+fn instances_that_make_no_sense_are_refused() {
+    let refuse = |attributes: &str, accessors: &str| {
+        message("a.gltf", instanced_gltf(attributes, accessors, "").as_bytes())
+    };
+    assert_mentions(
+        &refuse(r#""TRANSLATION":9"#, ""),
+        &["TRANSLATION of the instances of node 0 refers to accessor 9"],
+    );
+    assert_mentions(&refuse(r#""TRANSLATION":2"#, ""), &["accessor 2", "TRANSLATION needs three floats"]);
+    assert_mentions(
+        &refuse(r#""TRANSLATION":0,"SCALE":3"#, ""),
+        &["node 0 has 3 values of TRANSLATION for its instances, but 2 of SCALE"],
+    );
+    // A few letters must not ask for any amount of memory.
+    let zeros = r#",{"componentType":5126,"count":4000000000000,"type":"VEC3"}"#;
+    assert_mentions(&refuse(r#""TRANSLATION":4"#, zeros), &["triangles", "limit"]);
 }
 
 /// A 16-fold nested chain of nodes is fine, and so is one of a hundred thousand: nothing recurses.

@@ -80,7 +80,7 @@ fn lines_may_end_with_a_carriage_return_alone() {
 fn errors_name_the_line() {
     let refuse = |text: &str| message("a.obj", text.as_bytes());
     assert_mentions(&refuse("v 0 0 0\nv 1 x 0\n"), &["a.obj, line 2:", "number", "\"x\""]);
-    assert_mentions(&refuse("v 0 0\n"), &["line 1:", "v needs at least 3 numbers", "there are 2"]);
+    assert_mentions(&refuse("v 0 0\n"), &["line 1:", "v needs at least 3 numbers", "has 2"]);
     assert_mentions(&refuse("v 0 0 0\n\nf 1 1 0\n"), &["line 3:", "position 0", "there are 1"]);
     assert_mentions(&refuse("v 0 0 0\nf 1 1 2\nf 1 1 1\n"), &["line 2:", "position 2", "there are 1"]);
     assert_mentions(&refuse("v 0 0 0\nf 1 1 -2\n"), &["line 2:", "position -2"]);
@@ -124,7 +124,11 @@ fn material_libraries_are_read() {
     let notes = model.notes.join("\n");
     assert_mentions(
         &notes,
-        &["\"shiny\": map_Ks", "default materials: none", "bump map of material \"cut\""],
+        &[
+            "\"shiny\": map_Ks",
+            "took the default for 1 material without a definition: none",
+            "bump map of material \"cut\"",
+        ],
     );
 }
 
@@ -132,7 +136,10 @@ fn material_libraries_are_read() {
 fn a_missing_library_is_a_note_and_a_broken_one_an_error() {
     let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
     let model = load_text("a.obj", text).unwrap();
-    assert_mentions(&model.notes.join("\n"), &["material file a.mtl cannot be read", "default materials: m"]);
+    assert_mentions(
+        &model.notes.join("\n"),
+        &["material file a.mtl cannot be read", "took the default for 1 material without a definition: m"],
+    );
     let broken = |library: &str| {
         load_files(&[("a.obj", text.as_bytes()), ("a.mtl", library.as_bytes())])
             .expect_err("refused")

@@ -1,20 +1,9 @@
 //! Rays and nearest points on real meshes, compared with asking every triangle.
 
-use std::path::Path;
-
 use crate::common::data_folder;
-use fantex_mesh::{
-    CleanOptions, LoadOptions, Mesh, Model, SURFACE_OFFSET, TriangleBvh, clean, generate, load, origin_beside,
-};
+use fantex_mesh::{Mesh, SURFACE_OFFSET, TriangleBvh, generate, origin_beside};
+use fantex_test::{cleaned, loaded};
 use glam::{DVec3, Vec3};
-
-fn cleaned(model: Model) -> Mesh {
-    clean(model, &CleanOptions::default()).unwrap().0
-}
-
-fn loaded(folder: &Path, name: &str) -> Mesh {
-    cleaned(load(&folder.join("meshes").join(name), &LoadOptions::default()).unwrap())
-}
 
 /// Deterministic numbers in -1..1.
 struct Numbers(u64);
@@ -74,7 +63,7 @@ fn slowly(mesh: &Mesh, origin: Vec3, direction: Vec3) -> Option<(f64, usize)> {
 fn hits_are_those_of_asking_every_triangle() {
     let Some(folder) = data_folder() else { return };
     for name in ["suzanne.ply", "teapot.stl", "WaterBottle/WaterBottle.gltf"] {
-        let mesh = loaded(&folder, name);
+        let mesh = loaded(&folder.join("meshes"), name);
         let bvh = TriangleBvh::new(&mesh);
         let mut numbers = Numbers(1);
         let mut hits = 0;
@@ -161,7 +150,7 @@ fn rays_from_the_surface_do_not_see_where_they_start() {
 #[test]
 fn nearest_points_are_those_of_asking_every_triangle() {
     let Some(folder) = data_folder() else { return };
-    let mesh = loaded(&folder, "suzanne.ply");
+    let mesh = loaded(&folder.join("meshes"), "suzanne.ply");
     let bvh = TriangleBvh::new(&mesh);
     let mut numbers = Numbers(4);
     for _ in 0..2000 {

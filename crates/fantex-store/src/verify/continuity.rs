@@ -1,5 +1,5 @@
 //! The continuity certificate: on every edge the texture function, evaluated from either of the triangles that continue each
-//! other there ([`continued`]) on the texels as they are stored, gives the same value.
+//! other there ([`continued`](fantex_mesh::continued)) on the texels as they are stored, gives the same value.
 //!
 //! ```text
 //!          c             on the edge ab the weight of the fans around c and d is zero,
@@ -15,7 +15,7 @@
 //! before they are turned into a common frame). Values beyond 1, in float channels, are compared relative to their size.
 
 use fantex_cover::unflattenable_vertices;
-use fantex_mesh::{EdgeSide, continued};
+use fantex_mesh::Edges;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -126,35 +126,21 @@ pub(super) fn certify(cache: &PageCache) -> Continuity {
 /// All edges of the mesh that can be compared; counts the others.
 fn compared_edges(asset: &Asset, counts: &mut Continuity) -> Vec<Edge> {
     let (mesh, cover) = (asset.mesh(), asset.cover());
-    let mut sides: Vec<([u32; 2], u32)> = (0..3 * mesh.triangles.len() as u32)
-        .into_par_iter()
-        .map(|corner| {
-            let triangle = mesh.triangles[corner as usize / 3];
-            let (a, b) = (triangle[corner as usize % 3], triangle[(corner as usize + 1) % 3]);
-            ([a.min(b), a.max(b)], corner)
-        })
-        .collect();
-    sides.par_sort_unstable();
     let mut edges = Vec::new();
     let mut split_at: Vec<Vec<u32>> = Vec::new();
-    let mut sides_here = Vec::new();
-    for edge in sides.chunk_by(|a, b| a.0 == b.0) {
-        if edge.len() == 1 {
+    for edge in Edges::of(&mesh.triangles).iter() {
+        if edge.triangle_count() == 1 {
             counts.boundary_edges += 1;
             continue;
         }
-        let vertices = edge[0].0;
-        sides_here.clear();
-        sides_here.extend(
-            edge.iter().map(|&(_, corner)| EdgeSide::of_half_edge(&mesh.triangles, corner, vertices[0])),
-        );
-        let pairs = continued(&sides_here);
+        let vertices = edge.vertices();
+        let pairs = edge.continued();
         if pairs.is_empty() {
             let exempt = &mut counts.exempt;
-            *if edge.len() == 2 { &mut exempt.rim } else { &mut exempt.non_manifold } += 1;
+            *if edge.triangle_count() == 2 { &mut exempt.rim } else { &mut exempt.non_manifold } += 1;
         }
         for pair in pairs {
-            let triangles = pair.map(|i| edge[i].1 / 3);
+            let triangles = pair.map(|half_edge| half_edge / 3);
             let slots = triangles.map(|t| vertices.map(|v| slot_of(mesh.triangles[t as usize], v)));
             let groups = [0, 1].map(|side| {
                 slots[side].map(|slot| cover.corner_groups[triangles[side] as usize][usize::from(slot)])

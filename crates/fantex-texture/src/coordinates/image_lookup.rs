@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Vec2, Vec4};
 
 use super::{Coordinates, TextureMatrix};
-use crate::{Filter, Filtering, ImageTexture, SampleOptions, ShadingPoint, Texture, UvPoint};
+use crate::{AREAS_AT_ONCE, Filter, Filtering, ImageTexture, SampleOptions, ShadingPoint, Texture, UvPoint};
 
 /// An image, looked up by any coordinates.
 #[derive(Clone, Debug)]
@@ -41,10 +41,29 @@ impl ImageLookup {
         UvPoint { uv, steps: steps.map(shortened) }
     }
 
-    /// Whether every point takes one look-up with the image's own filter.
-    fn is_plain(&self, at: &[ShadingPoint<'_>]) -> bool {
-        let is_single = !matches!(self.coordinates, Coordinates::Triplanar(_));
-        is_single && !self.square_texels && at.iter().all(|at| at.filtering == Filtering::Own)
+    /// Whether every point takes one look-up of smooth texels.
+    fn is_plain(&self) -> bool {
+        !matches!(self.coordinates, Coordinates::Triplanar(_)) && !self.square_texels
+    }
+
+    /// Means over parallelograms. Those of a triangle's texels are alike, and prepared once for all.
+    fn sample_areas(&self, places: &[UvPoint], values: &mut [Vec4]) {
+        let same = |a: &UvPoint, b: &UvPoint| a.steps == b.steps;
+        let mut rest = values;
+        for alike in places.chunk_by(same).flat_map(|alike| alike.chunks(AREAS_AT_ONCE)) {
+            let (values, after) = rest.split_at_mut(alike.len());
+            rest = after;
+            if alike.len() < FEW {
+                let value = |place: &UvPoint| Vec4::from_array(self.sample_area(*place));
+                alike.iter().zip(values).for_each(|(place, out)| *out = value(place));
+                continue;
+            }
+            let sampler = self.texture.area_sampler(alike[0].steps, self.options.wrap);
+            let mut points = [Vec2::ZERO; AREAS_AT_ONCE];
+            points.iter_mut().zip(alike).for_each(|(point, place)| *point = place.uv);
+            let areas = sampler.areas(&points[..alike.len()]);
+            sampler.sample_areas(&areas, bytemuck::cast_slice_mut(values));
+        }
     }
 
     fn sample(&self, UvPoint { uv, steps }: UvPoint) -> [f32; 4] {
@@ -69,6 +88,9 @@ impl ImageLookup {
         steps.iter().all(|step| (*step * texels).length_squared() <= 1.0)
     }
 }
+
+/// Fewer means over like parallelograms than this are not worth preparing.
+const FEW: usize = 4;
 
 /// Edges of a footprint, in images, that are longer are cut: they occur near poles and horizons, show the mean of the whole
 /// image anyway, and would cost the exact mean many subsamples.
@@ -98,7 +120,9 @@ impl Texture for ImageLookup {
     }
 
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        if !self.is_plain(at) {
+        let own = at.iter().filter(|at| at.filtering == Filtering::Own).count();
+        let is_area = own == 0 && self.options.filter != Filter::Nearest;
+        if !self.is_plain() || !(own == at.len() || is_area) {
             at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
             return;
         }
@@ -111,7 +135,10 @@ impl Texture for ImageLookup {
             place
         };
         let places: Vec<UvPoint> = at.iter().map(place).collect();
-        self.texture.sample_all(&places, &self.options, bytemuck::cast_slice_mut(values));
+        match is_area {
+            true => self.sample_areas(&places, values),
+            false => self.texture.sample_all(&places, &self.options, bytemuck::cast_slice_mut(values)),
+        }
     }
 
     fn is_view_dependent(&self) -> bool {

@@ -61,7 +61,10 @@ impl AreaPlan {
     }
 
     fn new(level: &Image, edges: [Vec2; 2], wrap: [Wrap; 2], count: impl Fn(f32) -> f32) -> Self {
-        let size = level_size(level);
+        // Along a side of one texel all places are alike, unless there is something else beside it.
+        let varies =
+            |texels: u32, wrap: Wrap| if texels > 1 || wrap == Wrap::Border { texels as f32 } else { 0.0 };
+        let size = Vec2::new(varies(level.width, wrap[0]), varies(level.height, wrap[1]));
         // A NaN becomes one subsample.
         let [columns, rows] =
             edges.map(|edge| (count((edge * size).length()).min(MAX_SUBSAMPLES) + 0.9999).max(1.0) as u32);
@@ -242,5 +245,33 @@ impl<const N: usize> Kernel for Window<N> {
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{ColorSpace, Samples};
+
+    /// However large a footprint, an image of one texel is asked once, and along a row of texels only lengths count.
+    #[test]
+    fn sides_of_one_texel_take_no_subsamples() {
+        let image = |width: u32, height: u32| Image {
+            width,
+            height,
+            channels: 1,
+            space: ColorSpace::Linear,
+            samples: Samples::U8(vec![7; (width * height) as usize]),
+        };
+        let count = |image: &Image, edges: [Vec2; 2], wrap: Wrap| {
+            let plans = [AreaPlan::bilinear, AreaPlan::nearest].map(|plan| plan(image, edges, [wrap; 2]));
+            plans.map(|plan| plan.subsamples.count())
+        };
+        for edges in [[Vec2::splat(1e30), Vec2::splat(-1e30)], [Vec2::X * 40.0, Vec2::Y * 40.0]] {
+            assert_eq!(count(&image(1, 1), edges, Wrap::Repeat), [1, 1]);
+        }
+        let long = [Vec2::new(0.5, 300.0), Vec2::Y * 300.0];
+        assert_eq!(count(&image(8, 1), long, Wrap::Clamp), [5, 16]);
+        assert!(count(&image(1, 1), long, Wrap::Border)[0] > 1000);
     }
 }

@@ -1,6 +1,7 @@
 //! Decoding of the images that materials use.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
+use std::fmt;
 use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode};
@@ -19,29 +20,82 @@ struct ImageUse {
 
 type Textures = BTreeMap<ImageUse, Arc<ImageTexture>>;
 
+/// An image that a material wants cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("the {channel} of {material}: {cause}")]
+pub struct MaterialImageError {
+    /// Which material, as its model file knows it; the first one of those that use the image alike.
+    pub material: MaterialLabel,
+    /// What the image is for, such as `base colour`.
+    pub channel: &'static str,
+    /// What is wrong with the image.
+    #[source]
+    pub cause: Box<LoadImageError>,
+}
+
+/// A material in messages: its name and its place in the model file, as far as there are any.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MaterialLabel {
+    /// Counted from 0.
+    pub index: usize,
+    /// [`Material::name`].
+    pub name: String,
+    /// [`Material::place`].
+    pub place: String,
+}
+
+impl MaterialLabel {
+    fn new(index: usize, material: &Material) -> Self {
+        Self { index, name: material.name.clone(), place: material.place.clone() }
+    }
+}
+
+impl fmt::Display for MaterialLabel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match (self.name.as_str(), self.place.as_str()) {
+            ("", "") => write!(f, "material {}", self.index),
+            ("", place) => f.write_str(place),
+            (name, "") => write!(f, "material {name:?}"),
+            (name, place) => write!(f, "material {name:?} ({place})"),
+        }
+    }
+}
+
 /// Decodes all images that a mesh's materials use, each once per way of use, in parallel; one entry per material.
 ///
 /// # Errors
 ///
-/// An image that is used cannot be read.
-pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>, LoadImageError> {
-    let uses: BTreeSet<ImageUse> = mesh
-        .materials
-        .iter()
-        .flat_map(|m| channels(m).map(|(texture, srgb)| Some(image_use(m, texture?, srgb))))
-        .flatten()
-        .filter(|u| u.image < mesh.images.len())
-        .collect();
-    let textures = uses
+/// An image that is used cannot be read; where several cannot, the one with the lowest index.
+pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>, MaterialImageError> {
+    // Each with the material and the channel that want it first.
+    let mut wanted: BTreeMap<ImageUse, (usize, &'static str)> = BTreeMap::new();
+    for (index, material) in mesh.materials.iter().enumerate() {
+        for (channel, texture, srgb) in channels(material) {
+            if let Some(texture) = texture.filter(|t| t.image < mesh.images.len()) {
+                wanted.entry(image_use(material, texture, srgb)).or_insert((index, channel));
+            }
+        }
+    }
+    let decoded: Vec<_> = wanted
         .into_par_iter()
-        .map(|u| Ok((u, Arc::new(decode(&mesh.images[u.image], u)?))))
-        .collect::<Result<Textures, LoadImageError>>()?;
+        .map(|(image_use, (index, channel))| {
+            let decoded = decode(&mesh.images[image_use.image], image_use);
+            let failed = |cause| MaterialImageError {
+                material: MaterialLabel::new(index, &mesh.materials[index]),
+                channel,
+                cause: Box::new(cause),
+            };
+            decoded.map(|texture| (image_use, Arc::new(texture))).map_err(failed)
+        })
+        .collect();
+    // Not collected as one result in parallel: which of several errors that gives is left to chance.
+    let textures = decoded.into_iter().collect::<Result<Textures, _>>()?;
     Ok(mesh.materials.iter().map(|m| of_material(mesh, m, &textures)).collect())
 }
 
 fn of_material(mesh: &Mesh, material: &Material, textures: &Textures) -> MaterialTextures {
     let [base_color, metallic_roughness, normal, occlusion, emission] =
-        channels(material).map(|(texture, srgb)| {
+        channels(material).map(|(_, texture, srgb)| {
             let texture_ref = texture?;
             let texture = textures.get(&image_use(material, texture_ref, srgb))?;
             let set = mesh.corners.uv_sets.get(texture_ref.uv_set)?;
@@ -56,14 +110,14 @@ fn of_material(mesh: &Mesh, material: &Material, textures: &Textures) -> Materia
     MaterialTextures { base_color, metallic_roughness, normal, occlusion, emission }
 }
 
-/// The texture of each channel, and whether its colours are sRGB-encoded.
-fn channels(material: &Material) -> [(Option<&TextureRef>, bool); 5] {
+/// Each channel's name and texture, and whether its colours are sRGB-encoded.
+fn channels(material: &Material) -> [(&'static str, Option<&TextureRef>, bool); 5] {
     [
-        (material.base_color_texture.as_ref(), true),
-        (material.metallic_roughness_texture.as_ref(), false),
-        (material.normal_texture.as_ref(), false),
-        (material.occlusion_texture.as_ref(), false),
-        (material.emission_texture.as_ref(), true),
+        ("base colour", material.base_color_texture.as_ref(), true),
+        ("metallic-roughness texture", material.metallic_roughness_texture.as_ref(), false),
+        ("normal map", material.normal_texture.as_ref(), false),
+        ("occlusion texture", material.occlusion_texture.as_ref(), false),
+        ("emission texture", material.emission_texture.as_ref(), true),
     ]
 }
 

@@ -22,7 +22,7 @@ use crate::{ImageTexture, Wrap};
 
 pub use coverage::{AlphaCoverage, preserve_coverage};
 pub use evaluate::*;
-pub use load::load_material_textures;
+pub use load::{MaterialImageError, MaterialLabel, load_material_textures};
 pub use variance::*;
 
 /// A material's textures; those whose texture coordinates the mesh lacks are left out.

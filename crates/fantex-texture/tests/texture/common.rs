@@ -1,27 +1,13 @@
 //! What the tests share.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
+pub(crate) use fantex_test::data as data_folder;
 use fantex_texture::{Filter, Filtering, Image, ImageTexture, ShadingPoint};
 use glam::{Vec3, Vec4};
 
 pub(crate) const FILTERS: [Filter; 6] =
     [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
-
-/// A folder of the test data, or `None` (said on standard error) where it is not installed.
-pub(crate) fn data_folder(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("FANTEX_DATA").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let folder = root.join(name);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no test data in {}", folder.display());
-    None
-}
 
 /// A small generator of test numbers (SplitMix64).
 pub(crate) struct Random(pub(crate) u64);

@@ -13,7 +13,7 @@ use fantex_texture::look::Slot;
 use fantex_texture::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily};
 use fantex_texture::{
     ColorSpace, Filter, Filtering, Image, ImageTexture, Marble, NoiseTexture, Rock, SampleOptions, Samples,
-    ShadingPoint, SolidTexture, Texture, TriplanarMap, UvPoint,
+    ShadingPoint, SolidTexture, Texture, TriplanarMap, UvPoint, Wrap,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -121,6 +121,38 @@ fn textures() -> Vec<(&'static str, Slot)> {
         ),
         ("layers", slot(Layers { base: perlin(), layers })),
     ]
+}
+
+/// Texels of one triangle: parallelograms alike, one at a time and many at once.
+#[test]
+fn means_over_like_texels_are_what_single_ones_are() {
+    let mut random = Random(5);
+    for (texels, wrap) in [(0.7, Wrap::Repeat), (1.4, Wrap::Clamp), (30.0, Wrap::Mirror)] {
+        let steps = [Vec2::new(1.0, 0.2), Vec2::new(-0.1, 0.8)].map(|step| step * texels / 64.0);
+        let uv: Vec<UvPoint> = (0..150)
+            .map(|_| UvPoint { uv: Vec2::new(random.unit(), random.unit()) * 3.0 - 1.0, steps })
+            .collect();
+        let points: Vec<ShadingPoint<'_>> = uv
+            .iter()
+            .map(|uv| ShadingPoint {
+                uv: std::slice::from_ref(uv),
+                filtering: Filtering::Area,
+                ..shading_point(Vec3::ZERO, Vec3::Z)
+            })
+            .collect();
+        for filter in [Filter::Trilinear, Filter::Nearest] {
+            let texture = ImageLookup {
+                options: SampleOptions { filter, wrap: [wrap; 2], ..SampleOptions::default() },
+                ..lookup(filter)
+            };
+            let mut values = vec![Vec4::NAN; points.len()];
+            texture.evaluate_all(&points, &mut values);
+            for (point, value) in points.iter().zip(values) {
+                let difference = (value - texture.evaluate(point)).abs().max_element();
+                assert!(difference <= 1e-5, "{filter:?}, {texels} texels: {difference}");
+            }
+        }
+    }
 }
 
 #[test]

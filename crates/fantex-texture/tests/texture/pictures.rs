@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_mesh::{CleanOptions, LoadOptions, Mesh, Model, clean, generate, load, shading_normals};
+use fantex_mesh::{LoadOptions, Mesh, generate, load, shading_normals};
+use fantex_test::cleaned;
 use fantex_texture::combine::{Channel, Contours, LineWidth, RampTexture};
 use fantex_texture::coordinates::{Coordinates, ImageLookup, Parameter};
 use fantex_texture::look::Slot;
@@ -98,10 +99,6 @@ fn save_sheet(name: &str, size: u32, rows: &[Vec<Vec<Vec4>>]) {
     let image = Image::from_linear_rgb(width, height, &texels).converted(Depth::U8, ColorSpace::Srgb);
     image.save(&path).expect("the folder of temporary files is writable");
     eprintln!("see {}", path.display());
-}
-
-fn cleaned(model: Model) -> Mesh {
-    clean(model, &CleanOptions::default()).expect("the model has a surface").0
 }
 
 fn bounds(mesh: &Mesh) -> Bounds {

@@ -22,8 +22,9 @@ use crate::context::Context;
 use crate::error::CliError;
 use crate::input::CleanModel;
 use crate::memory;
+use crate::overdraft::{overdraft, texels_asked};
 use crate::progress::Bar;
-use crate::size::{grouped, megabytes};
+use crate::size::{counted, megabytes};
 use crate::sources::{DetailedModel, OpenSource, PhotosArg, SourceArg};
 
 /// Bake a model and a source of colour into one seamless asset.
@@ -42,7 +43,8 @@ along the smooth normal, outwards and inwards, not farther than the cage, which 
 
 Photographs (photos=PATH) need their cameras: a sparse model of COLMAP (text or binary) or a transforms.json, in whose coordinates
 the model lies. They are brought to one exposure unless exposure=off; what none of them sees takes the colours of its surroundings, or
-those of unseen=RRGGBB (docs/photographs.md).
+those of unseen=RRGGBB (docs/photographs.md). With --json the result then has photos, photos_used, photos_masked, unseen_share, gains and
+scratch_bytes, too.
 
 Without --source a model's own textures are baked, or else its vertex colours. Textures are baked at their own
 density unless --texels or --density says otherwise; other sources get 4M texels.")]
@@ -181,6 +183,8 @@ pub(crate) struct BakeInfo {
     triangles: u64,
     groups: u64,
     texels: u64,
+    /// Where a number was asked for. Many small tiles may hold more.
+    texels_asked: Option<u64>,
     bytes: u64,
     channels: Vec<String>,
     /// `bake` and `encode` are seconds of all threads together, the others wall clock.
@@ -223,7 +227,7 @@ impl From<&PhotoReport> for PhotosInfo {
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     let mut model = CleanModel::open(&args.model)?;
-    context.check_output(&args.output)?;
+    context.check_output_of(&args.output, &args.model)?;
     model.show_notes(&args.model, context);
     let source_arg = match (&args.look, &args.source) {
         (Some(look), _) => SourceArg::Look(look.clone()),
@@ -316,7 +320,10 @@ fn bake_photos(
     let name = format!("photos={photos}");
     if report.used < report.photographs {
         let unused = report.photographs - report.used;
-        context.note(format!("{name}: {unused} of {} photographs do not show the model", report.photographs));
+        context.note(format!(
+            "{name}: of {}, {unused} without the model",
+            counted(report.photographs as u64, "photograph")
+        ));
     }
     if report.unseen_share >= 0.0005 {
         let share = 100.0 * report.unseen_share;
@@ -420,7 +427,11 @@ impl BakeJob<'_> {
     ) -> Result<BakeInfo, CliError> {
         let Self { mesh, output, started, load_seconds, .. } = self;
         let cover_started = Instant::now();
+        let texels_asked = texels_asked(&self.budget);
         let (cover, stats) = build_cover(mesh, &self.cover.options(self.budget))?;
+        if let Some(note) = overdraft(texels_asked, &stats) {
+            context.note(format!("{}: {note}", output.display()));
+        }
         let cover_seconds = cover_started.elapsed().as_secs_f64();
         let options = BakeOptions { memory_bytes: self.memory_bytes, ..self.encoding.options(context) };
         let _deferral = context.defer_interrupt();
@@ -434,6 +445,7 @@ impl BakeJob<'_> {
             triangles: mesh.triangles.len() as u64,
             groups: stats.groups,
             texels,
+            texels_asked,
             bytes,
             channels,
             seconds: Seconds {
@@ -478,10 +490,10 @@ fn budget(
 /// One line on a finished bake.
 pub(crate) fn text(info: &BakeInfo) -> String {
     format!(
-        "{}: {} texels in {} tiles, {}, {} in {:.1} s",
+        "{}: {} in {}, {}, {} in {:.1} s",
         info.output.display(),
-        grouped(info.texels),
-        grouped(info.groups),
+        counted(info.texels, "texel"),
+        counted(info.groups, "tile"),
         info.channels.join(", "),
         megabytes(info.bytes),
         info.seconds.total

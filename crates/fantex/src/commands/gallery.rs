@@ -9,6 +9,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::gallery::{self, GalleryOptions};
+use crate::size::counted;
 
 /// Render one picture for every technique, and a page that explains them.
 #[derive(Args, Debug)]
@@ -46,6 +47,7 @@ pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<(), CliError>
         seconds: started.elapsed().as_secs_f64(),
     };
     context.print(&info, |info| {
-        format!("{} pictures in {:.1} s: {}", info.pictures.len(), info.seconds, info.page.display())
+        let pictures = counted(info.pictures.len() as u64, "picture");
+        format!("{pictures} in {:.1} s: {}", info.seconds, info.page.display())
     })
 }

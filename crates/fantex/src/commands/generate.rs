@@ -14,7 +14,7 @@ use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
 use crate::commands::photographs::{self, PhotographsArgs};
 use crate::context::Context;
 use crate::error::CliError;
-use crate::size::{Count, grouped, positive, share};
+use crate::size::{Count, counted, positive, share};
 use crate::sources::solid_source;
 
 /// Generate a procedural model, or photographs of a model.
@@ -130,12 +130,12 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
     };
     context.print(&info, |info| {
         format!(
-            "{}: {} triangles, genus {} ({} tunnels, {} arches), {:.1} s",
+            "{}: {}, genus {} ({}, {}), {:.1} s",
             info.output.display(),
-            grouped(info.triangles),
+            counted(info.triangles, "triangle"),
             info.genus,
-            info.tunnels,
-            info.arches,
+            counted(u64::from(info.tunnels), "tunnel"),
+            counted(u64::from(info.arches), "arch"),
             info.seconds
         )
     })

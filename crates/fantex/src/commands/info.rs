@@ -13,8 +13,9 @@ use crate::commands::look;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::{CleanModel, Input};
+use crate::overdraft::{overdraft, texels_asked};
 use crate::pictures;
-use crate::size::{Count, grouped, megabytes, positive};
+use crate::size::{Count, counted, grouped, megabytes, positive};
 use crate::table::Table;
 
 /// Show what is in a model, an asset or a look, and the cover that a model would get.
@@ -132,6 +133,8 @@ struct ModelInfo {
     groups: u64,
     tiles: u64,
     texels: u64,
+    /// Where a number was asked for. Many small tiles may hold more.
+    texels_asked: Option<u64>,
     density_share: f64,
     texels_per_ideal_texel: f64,
     lookups_per_sample: f64,
@@ -194,12 +197,14 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
     let mesh = &model.mesh;
     let started = Instant::now();
     let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
+    let texels_asked = texels_asked(&budget);
     let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
     let seconds = Seconds {
         load: model.load_seconds,
         clean: model.clean_seconds,
         cover: started.elapsed().as_secs_f64(),
     };
+    let overdraft = overdraft(texels_asked, &stats);
     let CoverStats {
         fans,
         split_centers,
@@ -212,6 +217,7 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         ..
     } = stats;
     let mut report = model.notes.clone();
+    report.extend(overdraft.map(|note| format!("{note}.")));
     report.extend(split_centers.iter().map(|&center| {
         let [x, y, z] = mesh.world_from_mesh.point(center).to_array();
         format!(
@@ -220,7 +226,8 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         )
     }));
     if fans.split > split_centers.len() as u64 {
-        report.push(format!("{} more fans are split.", fans.split - split_centers.len() as u64));
+        let more = counted(fans.split - split_centers.len() as u64, "more fan");
+        report.push(format!("the same holds for {more}."));
     }
     let shape = &model.report.topology;
     Ok(ModelInfo {
@@ -240,6 +247,7 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         groups,
         tiles: groups,
         texels,
+        texels_asked,
         density_share,
         texels_per_ideal_texel: 1.0 / density_share,
         lookups_per_sample,

@@ -12,7 +12,7 @@ use super::view;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::open_asset;
-use crate::size::{grouped, megabytes};
+use crate::size::{counted, megabytes};
 
 /// Paint on a model or an asset, in a window or by a file of strokes.
 #[derive(Args, Debug)]
@@ -130,10 +130,10 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     info.seconds = started.elapsed().as_secs_f64();
     context.print(&info, |info| {
         format!(
-            "{}: {} strokes, {} dabs, {}, {:.1} s{}",
+            "{}: {}, {}, {}, {:.1} s{}",
             info.output.display(),
-            grouped(info.strokes as u64),
-            grouped(info.dabs as u64),
+            counted(info.strokes as u64, "stroke"),
+            counted(info.dabs as u64, "dab"),
             megabytes(info.bytes),
             info.seconds,
             missing(info.unrecorded)
@@ -144,7 +144,7 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
 fn missing(unrecorded: usize) -> String {
     match unrecorded {
         0 => String::new(),
-        count => format!("; {} strokes are missing: they could not be recorded", grouped(count as u64)),
+        count => format!("; without {} that could not be recorded", counted(count as u64, "stroke")),
     }
 }
 
@@ -156,8 +156,8 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<(), CliError
     let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
     let info = ExportInfo { output: output.to_owned(), strokes: strokes.len() - unrecorded, unrecorded };
     context.print(&info, |info| {
-        let count = grouped(info.strokes as u64);
-        format!("{}: {count} strokes{}", info.output.display(), missing(info.unrecorded))
+        let strokes = counted(info.strokes as u64, "stroke");
+        format!("{}: {strokes}{}", info.output.display(), missing(info.unrecorded))
     })
 }
 

@@ -18,7 +18,7 @@ use crate::context::Context;
 use crate::error::CliError;
 use crate::input::CleanModel;
 use crate::scene::SizeArg;
-use crate::size::share;
+use crate::size::{counted, share};
 use crate::sources::{OpenSource, SourceArg};
 
 /// Photographs of a model from all sides, with the files that photogrammetry programs write about their cameras: images/,
@@ -138,7 +138,8 @@ pub(super) fn run(args: &PhotographsArgs, context: &Context) -> Result<(), CliEr
     };
     context.print(&info, |info| {
         let PhotographsInfo { output, photos, width, height, seconds } = info;
-        format!("{}: {photos} photographs of {width} x {height} pixels, {seconds:.1} s", output.display())
+        let photos = counted(*photos, "photograph");
+        format!("{}: {photos} of {width} x {height} pixels, {seconds:.1} s", output.display())
     })
 }
 

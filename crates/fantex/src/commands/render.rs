@@ -13,7 +13,7 @@ use crate::context::Context;
 use crate::error::CliError;
 use crate::input::is_look;
 use crate::scene::{FilterArg, Scene, SizeArg, VectorArg, portrait};
-use crate::size::{Bytes, grouped};
+use crate::size::{Bytes, counted};
 use crate::surroundings::SurroundingsArgs;
 
 /// Render a model, an asset or a look.
@@ -157,13 +157,13 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
 
 fn text(info: &RenderInfo) -> String {
     let RenderInfo { output, width, height, seconds, .. } = info;
-    let triangles = grouped(info.triangles);
+    let triangles = counted(info.triangles, "triangle");
     let how = match (&info.lookups, &info.adapter) {
-        (Some(lookups), _) => format!("{} look-ups", grouped(*lookups)),
+        (Some(lookups), _) => counted(*lookups, "look-up"),
         (None, Some(adapter)) => format!("on {adapter}"),
         (None, None) => String::new(),
     };
-    format!("{}: {width} x {height} pixels, {triangles} triangles, {how}, {seconds:.2} s", output.display())
+    format!("{}: {width} x {height} pixels, {triangles}, {how}, {seconds:.2} s", output.display())
 }
 
 /// The camera that was asked for; what was not is taken from the view that shows the whole model.

@@ -13,7 +13,7 @@ use crate::commands::render::{RenderArgs, save};
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::CleanModel;
-use crate::size::grouped;
+use crate::size::counted;
 
 #[derive(Debug, Serialize)]
 struct LookRenderInfo {
@@ -69,7 +69,7 @@ pub(crate) fn run(
 pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) {
     match scene.damaged_tiles() {
         0 => {}
-        count => context.note(format!("{count} damaged tiles were replaced by coarser ones")),
+        count => context.note(format!("coarser texels stand in for {}", counted(count, "damaged tile"))),
     }
 }
 
@@ -121,11 +121,11 @@ fn text(info: &LookRenderInfo) -> String {
         [] => String::new(),
     };
     format!(
-        "{what}: {} x {} pixels, {} triangles, {} look-ups, {:.2} s",
+        "{what}: {} x {} pixels, {}, {}, {:.2} s",
         info.width,
         info.height,
-        grouped(info.triangles),
-        grouped(info.lookups),
+        counted(info.triangles, "triangle"),
+        counted(info.lookups, "look-up"),
         info.seconds
     )
 }

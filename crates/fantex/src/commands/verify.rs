@@ -10,7 +10,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::input::open_asset;
-use crate::size::{grouped, megabytes};
+use crate::size::{counted, grouped, megabytes};
 use crate::table::Table;
 
 /// Check an asset: structure, checksums, and that its texture is continuous across every edge.
@@ -84,18 +84,18 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> 
 pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
     let jump = report.continuity.largest_jump;
     let reason = if let Some(damage) = report.first_damage.first() {
-        format!("{} tiles are damaged; the first: {damage}", grouped(report.damaged_tiles))
+        format!("it has {}; the first: {damage}", counted(report.damaged_tiles, "damaged tile"))
     } else if let Some(fault) = report.mesh_faults.first() {
         format!("its mesh breaks a rule of the format: {fault}")
     } else if report.damaged_headers > 0 {
         "one of its two headers is damaged; the other one still opens it".to_owned()
     } else if report.damaged_attachments > 0 {
-        let count = grouped(report.damaged_attachments);
-        format!("{count} attachments (layers, history) are damaged; its texels are not")
+        let attachments = counted(report.damaged_attachments, "damaged attachment");
+        format!("it has {attachments} (layers, history); its texels are sound")
     } else if report.continuity.needless_splits > 0 {
-        let edges = grouped(report.continuity.needless_splits);
+        let edges = counted(report.continuity.needless_splits, "edge");
         format!(
-            "at {edges} edges the two triangles name different groups, so the texture may jump there; bake it again"
+            "at {edges} the two triangles name different groups, so the texture may jump there; bake it again"
         )
     } else {
         format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")

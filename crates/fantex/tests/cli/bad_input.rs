@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::support::{COLORED_PLY, bottle, fails, files, run, succeeds, write};
+use crate::support::{COLORED_PLY, CUBE_OBJ, bottle, fails, files, json, run, stderr, succeeds, write};
 
 #[test]
 fn missing_files_are_named() {
@@ -54,6 +54,48 @@ fn an_image_that_is_missing_or_damaged_is_named() {
         fails(1, &[image], &[&"bake", &model, &"-o", &asset, &"--source", &source(image)]);
     }
     assert_eq!(files(folder.path()), ["broken.png", "colored.ply"]);
+}
+
+#[test]
+fn a_texture_that_is_missing_is_named_with_its_material() {
+    let folder = tempfile::tempdir().unwrap();
+    let obj = "mtllib a.mtl\nusemtl oak\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+    let model = write(folder.path(), "a.obj", obj);
+    write(folder.path(), "a.mtl", "# made by hand\nnewmtl oak\nmap_Kd bark.png\n");
+    let asset = folder.path().join("x.fan");
+    let words = ["the base colour of material \"oak\" (line 2 of a.mtl)", "bark.png"];
+    fails(1, &words, &[&"bake", &model, &"-o", &asset]);
+    fails(1, &words, &[&"render", &model, &"-o", &folder.path().join("x.png")]);
+    assert_eq!(files(folder.path()), ["a.mtl", "a.obj"]);
+}
+
+#[test]
+fn what_is_read_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let words = ["cube.obj is what is read"];
+    fails(1, &words, &[&"bake", &model, &"-o", &model, &"--source", &"solid=wood", &"--force"]);
+    assert_eq!(std::fs::read_to_string(&model).unwrap(), CUBE_OBJ);
+}
+
+/// Each tile has at least 16 texels.
+#[test]
+fn more_texels_than_were_asked_for_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let asset = folder.path().join("x.fan");
+    let arguments: [&dyn AsRef<std::ffi::OsStr>; 9] =
+        [&"bake", &model, &"-o", &asset, &"--source", &"solid=wood", &"--tile=0", &"--texels=10", &"--json"];
+    let output = succeeds(&arguments);
+    let note = "128 texels instead of the 10 asked for: 8 tiles cannot be smaller";
+    assert!(stderr(&output).contains(note), "{}", stderr(&output));
+    let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&info["texels"], &info["texels_asked"]), (&128.into(), &10.into()));
+    let info = json(&[&"info", &model, &"--tile=0", &"--texels=10"]);
+    assert_eq!((&info["texels"], &info["texels_asked"]), (&128.into(), &10.into()));
+    assert!(info["report"].to_string().contains("instead of the 10"), "{info}");
+    let info = json(&[&"info", &model, &"--density=4"]);
+    assert!(info["texels_asked"].is_null());
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+pub(crate) use fantex_test::{data_folder as data, workspace};
 use serde_json::Value;
 
 /// The program, quiet threads, in the workspace's folder.
@@ -11,10 +12,6 @@ pub(crate) fn fantex() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_fantex"));
     command.current_dir(workspace());
     command
-}
-
-pub(crate) fn workspace() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
 /// The model that comes with the repository.
@@ -92,17 +89,6 @@ pub(crate) fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) -> Pat
     let path = folder.join(name);
     std::fs::write(&path, content).unwrap();
     path
-}
-
-/// The folder of real models, if it is there.
-pub(crate) fn data() -> Option<PathBuf> {
-    let folder =
-        std::env::var_os("FANTEX_DATA").map_or_else(|| workspace().join("../shared/data"), PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no real models at {} (set FANTEX_DATA)", folder.display());
-    None
 }
 
 fn shown(arguments: &[&dyn AsRef<OsStr>]) -> String {

@@ -1,5 +1,6 @@
 //! Materials whose properties are textures: what does not depend on the eye, as tiles.
 
+mod answers;
 mod point;
 mod relief;
 
@@ -10,9 +11,10 @@ use fantex_store::ChannelKind;
 use fantex_texture::look::{Anisotropy, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot};
 use fantex_texture::material::TangentFrame;
 use fantex_texture::{ShadingPoint, Texture};
-use glam::{Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
+use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
+use answers::{Answers, Ask, ask_at};
 use point::PointFinder;
 
 /// Why a look cannot be baked.
@@ -84,8 +86,8 @@ impl<'a> LookSource<'a> {
     }
 
     /// The direction of a stretched highlight, mesh space, and its strength; the direction need not lie in the surface.
-    fn direction(&self, anisotropy: &Anisotropy, point: &SurfacePoint, at: &ShadingPoint<'_>) -> Vec4 {
-        let [along, across, ..] = (anisotropy.direction.evaluate(at) * 2.0 - 1.0).to_array();
+    fn direction(&self, anisotropy: &Anisotropy, point: &SurfacePoint, ask: &Ask<'_>) -> Vec4 {
+        let [along, across, ..] = (value_of(&anisotropy.direction, ask) * 2.0 - 1.0).to_array();
         let tangents = self.tangents.get(anisotropy.uv_set).filter(|tangents| !tangents.is_empty());
         let direction = match tangents {
             Some(tangents) => {
@@ -98,7 +100,7 @@ impl<'a> LookSource<'a> {
                 tangent * along + point.normal.cross(tangent) * across
             }
         };
-        direction.extend(anisotropy.strength.evaluate_number(at).clamp(-1.0, 1.0))
+        direction.extend(value_of(&anisotropy.strength, ask).x.clamp(-1.0, 1.0))
     }
 }
 
@@ -114,40 +116,77 @@ impl Source for LookSource<'_> {
     fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
         let material = self.material_of(point.triangle);
         self.finder.at(point, |at| {
-            for (channel, value) in self.channels.iter().zip(values) {
-                *value = match channel.kind {
-                    ChannelKind::BaseColor => {
-                        let base = material.base_color.evaluate(at);
-                        base.truncate().max(Vec3::ZERO).extend(base.w * material.alpha.evaluate_number(at))
-                    }
-                    ChannelKind::Normal => {
-                        let reliefs = relief::Reliefs {
-                            relief: &material.relief,
-                            tangents: &self.tangents,
-                            normals: &self.finder.normals,
-                            least_step: relief::LEAST_STEP * self.finder.mesh.world_from_mesh.scale as f32,
-                        };
-                        reliefs.bend(point, at).extend(0.0)
-                    }
-                    ChannelKind::OcclusionRoughnessMetallic => {
-                        let number = |slot: &Slot| slot.evaluate_number(at).clamp(0.0, 1.0);
-                        let roughness = match &material.shininess {
-                            Some(exponent) => roughness_of(exponent.evaluate_number(at)),
-                            None => number(&material.roughness),
-                        };
-                        Vec4::new(number(&material.occlusion), roughness, number(&material.metallic), 1.0)
-                    }
-                    ChannelKind::Emission => {
-                        material.emission.evaluate(at).truncate().max(Vec3::ZERO).extend(1.0)
-                    }
-                    ChannelKind::Anisotropy => {
-                        let anisotropy = material.anisotropy.as_ref();
-                        anisotropy.map_or(Vec4::ZERO, |anisotropy| self.direction(anisotropy, point, at))
-                    }
-                    ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
-                };
-            }
+            let ask = |texture: &dyn Texture, offset: Vec2| ask_at(at, texture, offset);
+            self.values(material, point, at, &ask, values);
         });
+    }
+
+    fn on_triangle(&self, on: &TriangleFootprint) -> TriangleSource<'_> {
+        let material = self.material_of(on.triangle);
+        let channels = self.channels.len();
+        Box::new(move |points, values| {
+            self.finder.at_all(points, |at| {
+                let answers = Answers::new(at);
+                let of_points = points.iter().zip(at).zip(values.chunks_mut(channels));
+                for (index, ((point, at), values)) in of_points.enumerate() {
+                    let ask = |texture: &dyn Texture, offset: Vec2| answers.ask(index, texture, offset);
+                    self.values(material, point, at, &ask, values);
+                }
+            });
+        })
+    }
+}
+
+impl LookSource<'_> {
+    /// Writes one value per channel. `ask` answers for the point.
+    fn values(
+        &self,
+        material: &LookMaterial,
+        point: &SurfacePoint,
+        at: &ShadingPoint<'_>,
+        ask: &Ask<'_>,
+        values: &mut [Vec4],
+    ) {
+        let value = |slot: &Slot| value_of(slot, ask);
+        let number = |slot: &Slot| value(slot).x.clamp(0.0, 1.0);
+        let color = |value: Vec4| value.truncate().max(Vec3::ZERO);
+        for (channel, out) in self.channels.iter().zip(values) {
+            *out = match channel.kind {
+                ChannelKind::BaseColor => {
+                    let base = value(&material.base_color);
+                    color(base).extend(base.w * value(&material.alpha).x)
+                }
+                ChannelKind::Normal => {
+                    let reliefs = relief::Reliefs {
+                        relief: &material.relief,
+                        tangents: &self.tangents,
+                        normals: &self.finder.normals,
+                        least_step: relief::LEAST_STEP * self.finder.mesh.world_from_mesh.scale as f32,
+                    };
+                    reliefs.bend(point, at, ask).extend(0.0)
+                }
+                ChannelKind::OcclusionRoughnessMetallic => {
+                    let roughness = match &material.shininess {
+                        Some(exponent) => roughness_of(value(exponent).x),
+                        None => number(&material.roughness),
+                    };
+                    Vec4::new(number(&material.occlusion), roughness, number(&material.metallic), 1.0)
+                }
+                ChannelKind::Emission => color(value(&material.emission)).extend(1.0),
+                ChannelKind::Anisotropy => {
+                    let anisotropy = material.anisotropy.as_ref();
+                    anisotropy.map_or(Vec4::ZERO, |anisotropy| self.direction(anisotropy, point, ask))
+                }
+                ChannelKind::Displacement | ChannelKind::Light => Vec4::ZERO,
+            };
+        }
+    }
+}
+
+fn value_of(slot: &Slot, ask: &Ask<'_>) -> Vec4 {
+    match slot {
+        Slot::Constant(value) => *value,
+        Slot::Texture(texture) => ask(&**texture, Vec2::ZERO),
     }
 }
 

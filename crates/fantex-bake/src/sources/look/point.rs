@@ -23,7 +23,6 @@ pub(super) struct PointFinder<'a> {
 impl PointFinder<'_> {
     /// Asks at a texel: object space, averaging over the texel, without an eye.
     pub(super) fn at<R>(&self, point: &SurfacePoint, ask: impl FnOnce(&ShadingPoint<'_>) -> R) -> R {
-        let scale = self.mesh.world_from_mesh.scale as f32;
         let sets = &self.mesh.corners.uv_sets;
         let (mut inline, heap);
         let uv = if sets.len() <= INLINE_SETS {
@@ -34,9 +33,25 @@ impl PointFinder<'_> {
             heap = sets.iter().map(|set| uv_point(set, point)).collect::<Vec<_>>();
             &heap
         };
+        ask(&self.shading_point(point, uv))
+    }
+
+    /// As [`PointFinder::at`], at many texels together.
+    pub(super) fn at_all<R>(&self, points: &[SurfacePoint], ask: impl FnOnce(&[ShadingPoint<'_>]) -> R) -> R {
+        let sets = &self.mesh.corners.uv_sets;
+        let uv: Vec<UvPoint> =
+            points.iter().flat_map(|point| sets.iter().map(|set| uv_point(set, point))).collect();
+        let of = |index: usize| &uv[index * sets.len()..(index + 1) * sets.len()];
+        let at: Vec<ShadingPoint<'_>> =
+            points.iter().enumerate().map(|(index, point)| self.shading_point(point, of(index))).collect();
+        ask(&at)
+    }
+
+    fn shading_point<'u>(&self, point: &SurfacePoint, uv: &'u [UvPoint]) -> ShadingPoint<'u> {
+        let scale = self.mesh.world_from_mesh.scale as f32;
         // Off the triangle, colours must not be extrapolated.
         let inside = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        ask(&ShadingPoint {
+        ShadingPoint {
             position: point.position * scale,
             position_steps: point.position_steps.map(|step| step * scale),
             normal: point.normal,
@@ -46,7 +61,7 @@ impl PointFinder<'_> {
             to_eye: None,
             time: self.time,
             filtering: Filtering::Area,
-        })
+        }
     }
 
     /// Derivatives of the normalised blend of the corners' normals.

@@ -3,11 +3,12 @@
 //! Bump mapping in the form that needs no parametrisation (M. Mikkelsen, "Bump Mapping Unparametrized Surfaces on the GPU",
 //! 2010): the texel's edges are two directions in the surface along which the height's change is known.
 
+use fantex_texture::ShadingPoint;
 use fantex_texture::look::{Difference, NormalSpace, Relief};
 use fantex_texture::material::TangentFrame;
-use fantex_texture::{ShadingPoint, Texture};
 use glam::{Quat, Vec2, Vec3, Vec4};
 
+use super::answers::Ask;
 use crate::SurfacePoint;
 
 /// Shortest step of a difference as a share of the mesh's unit: below, single precision would be seen.
@@ -23,18 +24,19 @@ pub(super) struct Reliefs<'a> {
 }
 
 impl Reliefs<'_> {
-    /// The unit normal after all relief.
-    pub(super) fn bend(&self, point: &SurfacePoint, at: &ShadingPoint<'_>) -> Vec3 {
+    /// The unit normal after all relief. `ask` answers for the point.
+    pub(super) fn bend(&self, point: &SurfacePoint, at: &ShadingPoint<'_>, ask: &Ask<'_>) -> Vec3 {
         self.relief.iter().fold(at.normal, |normal, relief| {
             let bent = match relief {
                 Relief::Bump { texture, height, difference } => {
-                    self.by_height(&**texture, *height, *difference, normal, at)
+                    let height_at = |offset: Vec2| ask(&**texture, offset).x;
+                    self.by_height(height_at, *height, *difference, normal, at)
                 }
                 Relief::Derivatives { texture, uv_set, height, range } => {
-                    by_derivatives(texture.evaluate(at), *uv_set, height * range, normal, at)
+                    by_derivatives(ask(&**texture, Vec2::ZERO), *uv_set, height * range, normal, at)
                 }
                 Relief::Normal { texture, scale, space } => {
-                    let texel = texture.evaluate(at).truncate() * 2.0 - 1.0;
+                    let texel = ask(&**texture, Vec2::ZERO).truncate() * 2.0 - 1.0;
                     self.by_normal(texel, *scale, *space, normal, point)
                 }
             };
@@ -44,13 +46,12 @@ impl Reliefs<'_> {
 
     fn by_height(
         &self,
-        texture: &dyn Texture,
+        ask: impl Fn(Vec2) -> f32,
         height: f32,
         difference: Difference,
         normal: Vec3,
         at: &ShadingPoint<'_>,
     ) -> Option<Vec3> {
-        let ask = |offset: Vec2| at.shifted(offset.x, offset.y, |there| texture.evaluate(there).x);
         let along = |axis: Vec2, edge: Vec3| {
             // Neighbouring texels' heights; farther only where that would be below the digits.
             let step = (self.least_step / edge.length().max(f32::MIN_POSITIVE)).clamp(1.0, 1e6);

@@ -1,33 +1,11 @@
 //! Meshes to cover, and what must hold for every cover.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
 
 use fantex_cover::{Cover, CoverOptions, CoverStats, GroupKind, TexelBudget, build_cover};
-use fantex_mesh::{
-    CleanOptions, EdgeSide, Fans, LoadOptions, Material, Mesh, Model, VertexCorners, clean, continued,
-    generate, load,
-};
+use fantex_mesh::{EdgeSide, Fans, Material, Mesh, Model, VertexCorners, continued, generate};
+pub(crate) use fantex_test::{cleaned, data_folder, loaded};
 use glam::{DVec2, DVec3, Vec2, Vec3};
-
-/// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace.
-pub(crate) fn data_folder() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", folder.display());
-    None
-}
-
-pub(crate) fn cleaned(model: Model) -> Mesh {
-    clean(model, &CleanOptions::default()).unwrap().0
-}
-
-pub(crate) fn loaded(folder: &Path, name: &str) -> Mesh {
-    cleaned(load(&folder.join(name), &LoadOptions::default()).unwrap())
-}
 
 /// A mesh of positions and triangles as they are, in mesh space already.
 pub(crate) fn raw(positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Mesh {

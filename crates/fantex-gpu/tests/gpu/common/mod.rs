@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_gpu::{DrawOptions, Frame, Gpu, GpuError, GpuOptions, Model, UvModel, render_to_picture};
-use fantex_mesh::{CleanOptions, ImageSource, LoadOptions, Mesh, clean, load};
+use fantex_mesh::{ImageSource, Mesh};
 use fantex_render::{MeshSurface, RenderOptions, render};
 use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading};
+pub(crate) use fantex_test::{data, opened as loaded_from};
 use fantex_texture::{Filter, Image};
 
 /// The GPU, or nothing and a line that says so.
@@ -28,21 +29,6 @@ pub(crate) fn asset(name: &str) -> PathBuf {
 
 pub(crate) fn loaded(name: &str) -> Mesh {
     loaded_from(&asset(name))
-}
-
-pub(crate) fn loaded_from(path: &Path) -> Mesh {
-    clean(load(path, &LoadOptions::default()).unwrap(), &CleanOptions::default()).unwrap().0
-}
-
-/// A folder of test data, `FANTEX_DATA` or `../shared/data` beside the workspace; or nothing and a line that says so.
-pub(crate) fn data(name: &str) -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let path = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from).join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", path.display());
-    None
 }
 
 /// An image as a material refers to it.

@@ -1,6 +1,6 @@
 //! Assets, their pages on the device, and pictures by both renderers.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex_bake::{BakeOptions, NoProgress, Source, bake};
@@ -8,7 +8,7 @@ use fantex_cover::Cover;
 use fantex_gpu::{
     AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, render_to_picture,
 };
-use fantex_mesh::{LoadOptions, Mesh, clean, load};
+use fantex_mesh::Mesh;
 use fantex_render::{FanSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render};
 use fantex_scene::{Camera, Lights, Picture};
 use fantex_store::{Asset, PageCache, PageId, TexelFormat, Tile, decode, group_pages, page_extent};
@@ -30,13 +30,7 @@ pub(crate) fn gpu() -> Option<Gpu> {
 
 /// A model of the test data.
 pub(crate) fn loaded(name: &str) -> Option<Mesh> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let path = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from).join(name);
-    if !path.is_file() {
-        eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", path.display());
-        return None;
-    }
-    Some(clean(load(&path, &LoadOptions::default()).unwrap(), &Default::default()).unwrap().0)
+    fantex_test::data(name).map(|path| fantex_test::opened(&path))
 }
 
 /// An asset in a folder that lives as long.

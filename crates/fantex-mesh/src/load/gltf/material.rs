@@ -58,6 +58,7 @@ impl MaterialReader<'_> {
         let occlusion_strength = source.occlusion_texture.as_ref().and_then(|t| t.strength);
         Ok(Material {
             name: source.name.clone(),
+            place: format!("material {}", self.index),
             base_color: pbr.base_color_factor.map_or(Vec4::ONE, Vec4::from),
             base_color_texture: self.texture(pbr.base_color_texture.as_ref())?,
             metallic: pbr.metallic_factor.unwrap_or(1.0),

@@ -7,12 +7,13 @@
 //! ```
 //!
 //! Extensions that are read: KHR_mesh_quantization, KHR_texture_transform, KHR_materials_unlit,
-//! KHR_materials_emissive_strength, EXT_texture_webp. Other material extensions and lights are noted and ignored; any
+//! KHR_materials_emissive_strength, EXT_texture_webp, EXT_mesh_gpu_instancing. Other material extensions and lights are noted and ignored; any
 //! other extension that a file *requires* (compression, most of all) makes it unreadable.
 
 mod accessor;
 mod buffers;
 mod container;
+mod instancing;
 mod material;
 mod primitive;
 mod problem;
@@ -115,13 +116,14 @@ fn check_version(root: &Root) -> Result<(), GltfProblem> {
 }
 
 fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<(), GltfProblem> {
-    const READ: [&str; 6] = [
+    const READ: [&str; 7] = [
         "KHR_mesh_quantization",
         "KHR_texture_transform",
         "KHR_materials_unlit",
         "KHR_materials_emissive_strength",
         "KHR_materials_pbrSpecularGlossiness",
         "EXT_texture_webp",
+        instancing::EXTENSION,
     ];
     // These change how light acts, not what the surface is; without them the model is still the model.
     let is_ignorable = |name: &str| {

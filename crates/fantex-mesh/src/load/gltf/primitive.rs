@@ -6,8 +6,8 @@ use super::accessor::Reader;
 use super::scene::MeshInstance;
 use super::schema::{Accessor, Primitive};
 use super::{Document, Error, GltfProblem, get, material};
-use crate::Model;
 use crate::load::builder::pad;
+use crate::{Model, counted};
 
 /// More sets than this are not read: nobody needs them, and a set's number must not decide how much is allocated.
 const MAX_UV_SETS: usize = 8;
@@ -18,8 +18,10 @@ pub(super) fn load_all(
     instances: &[MeshInstance],
     model: &mut Model,
 ) -> Result<(), Error> {
-    let mut loader = Loader { document, model, default_material: None, skipped: 0, without_positions: 0 };
+    let mut loader = Loader { document, model, default_material: None, skipped: Skipped::default() };
+    let mut is_loaded = vec![false; document.root.meshes.len()];
     for instance in instances {
+        let said_so_far = (loader.skipped, loader.model.notes.len());
         let mesh = &document.root.meshes[instance.mesh];
         if mesh.weights.iter().any(|&w| w != 0.0) {
             loader.model.notes.push(format!("the morph targets of mesh {} were left out", instance.mesh));
@@ -28,9 +30,21 @@ pub(super) fn load_all(
             let label = format!("primitive {index} of mesh {}", instance.mesh);
             loader.load(primitive, &label, &instance.world_from_mesh)?;
         }
+        // What is to be said of a mesh is said once, however often it stands in the world.
+        if std::mem::replace(&mut is_loaded[instance.mesh], true) {
+            loader.skipped = said_so_far.0;
+            loader.model.notes.truncate(said_so_far.1);
+        }
     }
     loader.finish();
     Ok(())
+}
+
+/// Primitives that are not loaded.
+#[derive(Clone, Copy, Default)]
+struct Skipped {
+    points_or_lines: usize,
+    without_positions: usize,
 }
 
 struct Loader<'a, 'm> {
@@ -38,9 +52,7 @@ struct Loader<'a, 'm> {
     model: &'m mut Model,
     /// Index of the material for primitives without one, once needed.
     default_material: Option<u32>,
-    /// Primitives of points or lines.
-    skipped: usize,
-    without_positions: usize,
+    skipped: Skipped,
 }
 
 /// How vertices make triangles.
@@ -54,11 +66,14 @@ enum Mode {
 impl Loader<'_, '_> {
     fn finish(self) {
         let notes = &mut self.model.notes;
-        if self.skipped > 0 {
-            notes.push(format!("{} primitives of points or lines were skipped", self.skipped));
+        let Skipped { points_or_lines, without_positions } = self.skipped;
+        if points_or_lines > 0 {
+            let primitives = counted(points_or_lines, "primitive");
+            notes.push(format!("skipped {primitives} of points or lines"));
         }
-        if self.without_positions > 0 {
-            notes.push(format!("{} primitives without positions were skipped", self.without_positions));
+        if without_positions > 0 {
+            let primitives = counted(without_positions, "primitive");
+            notes.push(format!("skipped {primitives} without positions"));
         }
         // One material everywhere needs no list.
         if self.model.materials.len() <= 1 {
@@ -69,7 +84,7 @@ impl Loader<'_, '_> {
     fn load(&mut self, primitive: &Primitive, label: &str, world_from_mesh: &DAffine3) -> Result<(), Error> {
         let mode = match primitive.mode.unwrap_or(4) {
             0..=3 => {
-                self.skipped += 1;
+                self.skipped.points_or_lines += 1;
                 return Ok(());
             }
             4 => Mode::List,
@@ -78,7 +93,7 @@ impl Loader<'_, '_> {
             mode => return Err(GltfProblem::Mode { primitive: label.to_owned(), mode }.into()),
         };
         let Some(&positions) = primitive.attributes.get("POSITION") else {
-            self.without_positions += 1;
+            self.skipped.without_positions += 1;
             return Ok(());
         };
         check_compression(self.document, primitive, positions)?;
@@ -127,9 +142,8 @@ impl Loader<'_, '_> {
         Ok(match mode {
             Mode::List => {
                 if !rest.is_empty() {
-                    let note =
-                        format!("{label}: {} indices after the last whole triangle were ignored", rest.len());
-                    self.model.notes.push(note);
+                    let rest = counted(rest.len(), "index");
+                    self.model.notes.push(format!("{label}: ignored {rest} after the last whole triangle"));
                 }
                 lists.to_vec()
             }

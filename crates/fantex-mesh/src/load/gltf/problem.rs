@@ -1,5 +1,7 @@
 //! What can be wrong with a glTF file.
 
+use crate::counted;
+
 /// What is wrong with a glTF or GLB file.
 #[derive(Debug, thiserror::Error)]
 pub enum GltfProblem {
@@ -75,7 +77,7 @@ pub enum GltfProblem {
         problem: AccessorProblem,
     },
     /// An attribute that has not one value per position.
-    #[error("{primitive} has {positions} positions, but {count} values of {attribute}")]
+    #[error("{primitive} has {}, but {} of {attribute}", counted(*positions, "position"), counted(*count, "value"))]
     AttributeCount {
         /// Which primitive.
         primitive: String,
@@ -104,6 +106,14 @@ pub enum GltfProblem {
         /// The mode.
         mode: u64,
     },
+    /// Attributes of instances that do not agree on how many there are.
+    #[error("node {node} has {} of {} for its instances, but {} of {}", counted(counts[0].1, "value"), counts[0].0, counts[1].1, counts[1].0)]
+    InstanceCount {
+        /// Its index.
+        node: usize,
+        /// Two attributes that differ, with their counts.
+        counts: [(&'static str, usize); 2],
+    },
     /// A node that is its own ancestor or has several parents.
     #[error("node {node} is reached twice; nodes must form a tree")]
     NodeReachedTwice {
@@ -127,7 +137,7 @@ pub enum BufferProblem {
     #[error("it names no data (no URI, and no binary chunk or buffer view stands for it)")]
     NoData,
     /// Shorter than `byteLength`.
-    #[error("it should have {expected} bytes, but there are {found}")]
+    #[error("it should have {}, but there are {found}", counted(*expected, "byte"))]
     TooShort {
         /// `byteLength`.
         expected: usize,
@@ -172,7 +182,8 @@ pub enum AccessorProblem {
     },
     /// The data lie outside their buffer view.
     #[error(
-        "its {count} elements take {needed} bytes, but buffer view {view} has {available} from its offset on"
+        "it needs {needed} bytes for {}, but buffer view {view} has {available} from its offset on",
+        counted(*count, "element")
     )]
     Range {
         /// Elements.
@@ -185,7 +196,7 @@ pub enum AccessorProblem {
         available: usize,
     },
     /// A stride shorter than an element.
-    #[error("buffer view {view} has a stride of {stride} bytes, shorter than an element of {element}")]
+    #[error("buffer view {view} has a stride of {}, shorter than an element of {element}", counted(*stride, "byte"))]
     Stride {
         /// The buffer view.
         view: usize,

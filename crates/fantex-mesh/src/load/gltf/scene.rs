@@ -3,7 +3,8 @@
 use glam::{DAffine3, DMat4, DQuat, DVec3};
 
 use super::schema::Node;
-use super::{Document, GltfProblem, get};
+use super::{Document, Error, GltfProblem, get, instancing};
+use crate::counted;
 
 /// A mesh placed in the world.
 pub(super) struct MeshInstance {
@@ -15,7 +16,7 @@ pub(super) struct MeshInstance {
 pub(super) fn mesh_instances(
     document: &Document,
     notes: &mut Vec<String>,
-) -> Result<Vec<MeshInstance>, GltfProblem> {
+) -> Result<Vec<MeshInstance>, Error> {
     let nodes = &document.root.nodes;
     let roots = scene_roots(document, notes)?;
     let mut is_reached = vec![false; nodes.len()];
@@ -26,23 +27,27 @@ pub(super) fn mesh_instances(
     while let Some((index, world_from_parent)) = pending.pop() {
         let node = get(nodes, index, "node", || "the node hierarchy".to_owned())?;
         if std::mem::replace(&mut is_reached[index], true) {
-            return Err(GltfProblem::NodeReachedTwice { node: index });
+            return Err(GltfProblem::NodeReachedTwice { node: index }.into());
         }
         let world_from_node = world_from_parent * parent_from_node(node);
         if let Some(mesh) = node.mesh {
             get(&document.root.meshes, mesh, "mesh", || format!("node {index}"))?;
-            instances.push(MeshInstance { mesh, world_from_mesh: world_from_node });
             skinned += usize::from(node.skin.is_some());
-            if node.extensions.contains_key("EXT_mesh_gpu_instancing") {
-                notes.push(format!(
-                    "the instances of node {index} (EXT_mesh_gpu_instancing) were left out but one"
-                ));
+            match &node.extensions.instancing {
+                None => instances.push(MeshInstance { mesh, world_from_mesh: world_from_node }),
+                Some(instancing) => {
+                    let placed = instancing::node_from_instances(document, index, mesh, instancing)?;
+                    instances.extend(placed.into_iter().map(|node_from_mesh| MeshInstance {
+                        mesh,
+                        world_from_mesh: world_from_node * node_from_mesh,
+                    }));
+                }
             }
         }
         pending.extend(node.children.iter().rev().map(|&child| (child, world_from_node)));
     }
     if skinned > 0 {
-        notes.push(format!("{skinned} skinned meshes are shown as modelled, without their skeleton"));
+        notes.push(format!("read {} as modelled, without skeleton", counted(skinned, "skinned mesh")));
     }
     Ok(instances)
 }
@@ -70,12 +75,16 @@ fn parent_from_node(node: &Node) -> DAffine3 {
     if let Some(matrix) = &node.matrix {
         return DAffine3::from_mat4(DMat4::from_cols_array(matrix));
     }
-    let rotation = node.rotation.map_or(DQuat::IDENTITY, DQuat::from_array);
+    affine(
+        node.translation.map_or(DVec3::ZERO, DVec3::from),
+        node.rotation.map_or(DQuat::IDENTITY, DQuat::from_array),
+        node.scale.map_or(DVec3::ONE, DVec3::from),
+    )
+}
+
+/// Scale first, then rotation, then translation.
+pub(super) fn affine(translation: DVec3, rotation: DQuat, scale: DVec3) -> DAffine3 {
     // Exporters write rotations with few digits; a zero one means none.
     let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
-    DAffine3::from_scale_rotation_translation(
-        node.scale.map_or(DVec3::ONE, DVec3::from),
-        rotation,
-        node.translation.map_or(DVec3::ZERO, DVec3::from),
-    )
+    DAffine3::from_scale_rotation_translation(scale, rotation, translation)
 }

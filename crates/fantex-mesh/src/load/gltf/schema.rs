@@ -66,7 +66,20 @@ pub(super) struct Node {
     pub(super) mesh: Option<usize>,
     pub(super) skin: Option<usize>,
     #[serde(default)]
-    pub(super) extensions: Map<String, Value>,
+    pub(super) extensions: NodeExtensions,
+}
+
+#[derive(Default, Deserialize)]
+pub(super) struct NodeExtensions {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub(super) instancing: Option<Instancing>,
+}
+
+#[derive(Deserialize)]
+pub(super) struct Instancing {
+    /// From `TRANSLATION`, `ROTATION`, `SCALE` and whatever else to accessors with one element per instance.
+    #[serde(default)]
+    pub(super) attributes: std::collections::BTreeMap<String, usize>,
 }
 
 #[derive(Deserialize)]

@@ -7,7 +7,7 @@ use super::mtl::Library;
 use super::parse::{Corner, NONE, ObjText};
 use crate::load::polygon::Triangulator;
 use crate::load::{LoadError, SourceFile, builder, srgb};
-use crate::{Material, Model};
+use crate::{Material, Model, counted};
 
 /// Cuts the polygons and spreads attributes over the corners.
 pub(super) fn build(file: &SourceFile, mut text: ObjText, library: Library) -> Result<Model, LoadError> {
@@ -64,7 +64,7 @@ fn spread_attributes(model: &mut Model, text: &ObjText, corners: &[Corner]) {
 fn linear_colors(text: &ObjText, notes: &mut Vec<String>) -> Vec<Vec4> {
     let broken = text.colors_srgb.iter().filter(|c| !c.is_finite()).count();
     if broken > 0 {
-        notes.push(format!("{broken} vertex colours are not numbers and became white"));
+        notes.push(format!("made {} white that had no numbers", counted(broken, "vertex colour")));
     }
     let is_bytes = text.colors_srgb.iter().any(|c| c.is_finite() && c.max_element() > 1.0);
     if is_bytes {
@@ -95,9 +95,8 @@ fn assign_materials(model: &mut Model, names: &[String], of_triangle: Vec<u32>, 
     if !undefined.is_empty() {
         let (count, list) = (undefined.len(), undefined[..undefined.len().min(5)].join(", "));
         let rest = if count > 5 { ", ..." } else { "" };
-        model
-            .notes
-            .push(format!("{count} materials without a definition became default materials: {list}{rest}"));
+        let materials = counted(count, "material");
+        model.notes.push(format!("took the default for {materials} without a definition: {list}{rest}"));
     }
     if model.materials.len() <= 1 {
         model.triangle_materials.clear();

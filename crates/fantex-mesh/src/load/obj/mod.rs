@@ -13,7 +13,7 @@ mod mtl;
 mod parse;
 
 use super::{LoadError, SourceFile};
-use crate::Model;
+use crate::{Model, counted};
 
 /// What is wrong with a line of an OBJ or MTL file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -25,7 +25,7 @@ pub enum ObjProblem {
         found: String,
     },
     /// Too few numbers.
-    #[error("{keyword} needs at least {needed} numbers, but there are {found}")]
+    #[error("{keyword} needs at least {}, but has {found}", counted(*needed, "number"))]
     TooFewNumbers {
         /// The line's first word.
         keyword: &'static str,

@@ -99,8 +99,10 @@ impl<'a> Reader<'a> {
         if keyword == b"newmtl" {
             self.end_material();
             let name = String::from_utf8_lossy(arguments).into_owned();
-            self.current =
-                Some(Pending { material: Material { name, ..Material::default() }, ..Pending::default() });
+            let file = self.path.file_name().unwrap_or_default().to_string_lossy();
+            let place = format!("line {} of {file}", self.line);
+            let material = Material { name, place, ..Material::default() };
+            self.current = Some(Pending { material, ..Pending::default() });
             return Ok(());
         }
         let Some(mut pending) = self.current.take() else {

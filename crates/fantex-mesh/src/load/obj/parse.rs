@@ -6,6 +6,7 @@ use std::collections::HashMap;
 use glam::{DVec3, Vec2, Vec3};
 
 use super::{ObjProblem, line_end, number, shown, words};
+use crate::counted;
 use crate::load::{LoadError, SourceFile};
 
 /// Marks a corner without texture coordinate or normal.
@@ -290,15 +291,16 @@ impl<'a> Parser<'a> {
     fn write_notes(&mut self) {
         let notes = &mut self.text.notes;
         if self.points_and_lines > 0 {
-            notes.push(format!("{} elements of points or lines were skipped", self.points_and_lines));
+            notes.push(format!("skipped {} of points or lines", counted(self.points_and_lines, "element")));
         }
         if self.short_faces > 0 {
-            notes.push(format!("{} faces with fewer than three corners were skipped", self.short_faces));
+            notes
+                .push(format!("skipped {} with fewer than three corners", counted(self.short_faces, "face")));
         }
         if let Some((line, keyword)) = &self.first_unknown {
-            let count = self.unknown;
+            let lines = counted(self.unknown, "line");
             notes.push(format!(
-                "{count} lines with unknown keywords were skipped, the first in line {line}: {keyword}"
+                "skipped {lines} with an unknown keyword, the first is line {line}: {keyword}"
             ));
         }
     }

@@ -9,7 +9,7 @@ use super::body::{Content, Faces};
 use super::header::Header;
 use crate::load::polygon::Triangulator;
 use crate::load::{LoadError, SourceFile, builder, locate, relative_path, srgb};
-use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
+use crate::{ImageSource, Material, Model, TextureRef, WrapMode, counted};
 
 /// Cuts the polygons and spreads attributes over the corners.
 pub(super) fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model, LoadError> {
@@ -123,8 +123,12 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
             wrap: [WrapMode::Repeat; 2],
             nearest: false,
         };
-        let material =
-            Material { name: name.clone(), base_color_texture: Some(texture), ..Material::default() };
+        let material = Material {
+            name: name.clone(),
+            place: "a TextureFile comment".to_owned(),
+            base_color_texture: Some(texture),
+            ..Material::default()
+        };
         model.materials.push(material);
         let path = relative_path(name).unwrap_or_else(|| PathBuf::from(name));
         model.images.push(ImageSource::File(locate(file.folder(), &path)));
@@ -138,7 +142,9 @@ fn attach_textures(model: &mut Model, file: &SourceFile, header: &Header, faces:
 
 fn write_notes(model: &mut Model, content: &Content) {
     if content.faces.short > 0 {
-        model.notes.push(format!("{} faces with fewer than three corners were skipped", content.faces.short));
+        model
+            .notes
+            .push(format!("skipped {} with fewer than three corners", counted(content.faces.short, "face")));
     }
     if !content.skipped_elements.is_empty() {
         model.notes.push(format!(

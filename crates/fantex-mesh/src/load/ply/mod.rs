@@ -18,7 +18,7 @@ mod header;
 mod source;
 
 use super::{LoadError, SourceFile};
-use crate::Model;
+use crate::{Model, counted};
 
 /// What is wrong with a PLY file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -38,7 +38,8 @@ pub enum PlyProblem {
     HeaderEnd,
     /// The file is too short for what the header announces.
     #[error(
-        "its header announces {count} elements {element:?}, which take at least {needed} bytes, but only {left} follow; it is truncated or damaged"
+        "its header announces {} {element:?}, at least {needed} bytes, but only {left} follow; it is truncated or damaged",
+        counted(*count, "element")
     )]
     Count {
         /// Name of the element.

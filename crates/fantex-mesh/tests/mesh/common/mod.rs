@@ -1,19 +1,9 @@
 //! Helpers of the loader tests.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use fantex_mesh::{LoadError, LoadOptions, Model, load, load_bytes};
-
-/// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace.
-pub(crate) fn data_folder() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", folder.display());
-    None
-}
+pub(crate) use fantex_test::data_folder;
 
 /// Loads the first file, with the others beside it (in a temporary folder; a single file needs none).
 pub(crate) fn load_files(files: &[(&str, &[u8])]) -> Result<Model, LoadError> {

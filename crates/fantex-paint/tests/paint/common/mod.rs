@@ -1,43 +1,20 @@
 //! Meshes, baked assets and strokes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex_bake::{
     BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint as BakedPoint, bake,
 };
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, Model, clean, load};
+use fantex_mesh::Mesh;
 use fantex_paint::{
     BlendMode, Brush, ChannelPaint, Paint, PaintColor, PaintOptions, Painter, Sample, Size, Stroke, Surface,
     Symmetry, Tool, dabs_of,
 };
 use fantex_store::{Asset, ChannelKind, PageCache, PageId, group_pages};
+pub(crate) use fantex_test::{cleaned, data_folder, loaded, mesh_of};
 use glam::{DVec3, Vec3, Vec4};
-
-/// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace.
-pub(crate) fn data_folder() -> Option<PathBuf> {
-    let beside = || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let folder = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", folder.display());
-    None
-}
-
-pub(crate) fn cleaned(model: Model) -> Mesh {
-    clean(model, &CleanOptions::default()).unwrap().0
-}
-
-pub(crate) fn loaded(folder: &Path, name: &str) -> Mesh {
-    cleaned(load(&folder.join(name), &LoadOptions::default()).unwrap())
-}
-
-pub(crate) fn mesh_of(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Mesh {
-    let materials = vec![Material::default()];
-    cleaned(Model { name: "test".into(), positions, triangles, materials, ..Model::default() })
-}
 
 /// A closed plate of 2 x 2, so thick: `n` by `n` squares above and below.
 pub(crate) fn plate(n: u32, thickness: f64) -> Mesh {

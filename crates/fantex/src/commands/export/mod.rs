@@ -16,7 +16,7 @@ use crate::context::Context;
 use crate::error::CliError;
 use crate::input::{CleanModel, open_asset};
 use crate::scene::{FilterArg, SizeArg};
-use crate::size::{grouped, megabytes};
+use crate::size::{counted, megabytes};
 use crate::surroundings::SurroundingsArgs;
 
 /// Export an asset for other programs: a model with texture coordinates, single channels, a turntable.
@@ -222,7 +222,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> 
     };
     let started = Instant::now();
     let asset = open_asset(&args.asset)?;
-    context.check_output(&args.output)?;
+    context.check_output_of(&args.output, &args.asset)?;
     let model = args.model.as_ref().map(|path| CleanModel::open(path)).transpose()?;
     let options = ExportOptions {
         uv: match (&model, args.uv) {
@@ -285,8 +285,9 @@ fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Co
     }
     if let Some((pages, first)) = &summary.damage {
         context.note(format!(
-            "{}: {pages} damaged tiles were replaced by coarser ones; the first: {first}",
-            asset.path().display()
+            "{}: coarser texels stand in for {}; the first: {first}",
+            asset.path().display(),
+            counted(*pages, "damaged tile")
         ));
     }
 }
@@ -318,17 +319,16 @@ fn text(info: &ExportInfo) -> String {
     let sizes: Vec<String> = info.sizes.iter().map(|n| format!("{n} x {n}")).collect();
     let pieces = match info.charts {
         0 => "the model's coordinates".to_owned(),
-        charts => format!("{} pieces, padding {}", grouped(charts as u64), info.padding),
+        charts => format!("{}, padding {}", counted(charts as u64, "piece"), info.padding),
     };
     let mut text = format!(
-        "{}: {} texels ({:.0} % used; {pieces}), {} triangles, {} in {} file{}, {:.1} s\n",
+        "{}: {} texels ({:.0} % used; {pieces}), {}, {} in {}, {:.1} s\n",
         info.output.display(),
         sizes.join(" and "),
         100.0 * info.used_share,
-        grouped(info.triangles as u64),
+        counted(info.triangles as u64, "triangle"),
         megabytes(bytes),
-        info.files.len(),
-        if info.files.len() == 1 { "" } else { "s" },
+        counted(info.files.len() as u64, "file"),
         info.seconds
     );
     for file in info.files.iter().filter(|f| f.path != info.output) {

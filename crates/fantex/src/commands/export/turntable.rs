@@ -14,6 +14,7 @@ use crate::animation::Animation;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::scene::{Scene, aspect};
+use crate::size::counted;
 use crate::surroundings::Surroundings;
 
 #[derive(Debug, Serialize)]
@@ -83,9 +84,9 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     let info = TurntableInfo { output, pictures: files, frames: count, width, height, seconds };
     context.print(&info, |info| {
         format!(
-            "{}: {} pictures of {width} x {height} pixels, {:.1} s",
+            "{}: {} of {width} x {height} pixels, {:.1} s",
             info.output.display(),
-            info.frames,
+            counted(info.frames as u64, "picture"),
             info.seconds
         )
     })

@@ -1,0 +1,58 @@
+//! What tests of several crates share: where test data are, and short ways to meshes.
+//!
+//! Only tests depend on this crate. What fails here fails the test.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+use std::path::{Path, PathBuf};
+
+use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, Model, clean, load};
+use glam::DVec3;
+
+/// The folder of the workspace.
+pub fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+/// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace. Where there is none, that is said on standard
+/// error, and the test passes without it.
+pub fn data_folder() -> Option<PathBuf> {
+    data("")
+}
+
+/// A file or folder of the test data, as [`data_folder`].
+pub fn data(name: &str) -> Option<PathBuf> {
+    let beside = || workspace().join("../shared/data");
+    let path = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from).join(name);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", path.display());
+    None
+}
+
+/// A model with the default options of cleaning.
+pub fn cleaned(model: Model) -> Mesh {
+    clean(model, &CleanOptions::default()).unwrap().0
+}
+
+/// A model file, cleaned.
+pub fn opened(path: &Path) -> Mesh {
+    cleaned(load(path, &LoadOptions::default()).unwrap())
+}
+
+/// A model file of a folder, cleaned.
+pub fn loaded(folder: &Path, name: &str) -> Mesh {
+    opened(&folder.join(name))
+}
+
+/// The bottle that comes with the repository: textures in every channel.
+pub fn bottle() -> Mesh {
+    opened(&workspace().join("assets/WaterBottle/WaterBottle.gltf"))
+}
+
+/// A mesh of world-space positions and triangles, cleaned, with one material.
+pub fn mesh_of(positions: Vec<DVec3>, triangles: Vec<[u32; 3]>) -> Mesh {
+    let materials = vec![Material::default()];
+    cleaned(Model { name: "test".into(), positions, triangles, materials, ..Model::default() })
+}
