@@ -25,6 +25,7 @@ mod normals;
 mod ray;
 mod sheets;
 mod tangents;
+mod twins;
 mod write;
 
 pub use adjacency::*;
@@ -40,4 +41,5 @@ pub use normals::*;
 pub use ray::*;
 pub use sheets::*;
 pub use tangents::*;
+pub use twins::*;
 pub use write::*;
