@@ -245,6 +245,26 @@ impl OpenProgress {
     }
 }
 
+impl Place {
+    /// Whether something can be read there that may be shown: what can be told at once, before a window is opened for it. Addresses
+    /// are not asked.
+    ///
+    /// # Errors
+    ///
+    /// [`OpenDocumentError`]: one sentence for the user.
+    pub fn check(&self) -> Result<(), OpenDocumentError> {
+        match self {
+            Self::File(path) if is_look(path) => Err(OpenDocumentError::Look { path: path.clone() }),
+            Self::File(path) => {
+                let found = std::fs::metadata(path).map(drop);
+                found.map_err(|source| OpenDocumentError::Read { path: path.clone(), source })?;
+                is_asset(path).map(drop)
+            }
+            Self::Url(_) => Ok(()),
+        }
+    }
+}
+
 impl Document {
     /// Opens a model or an asset.
     ///
@@ -485,13 +505,16 @@ pub fn bytes_text(bytes: f64) -> String {
     format!("{value:.decimals$} {}", units[unit])
 }
 
-/// Three significant digits, without exponents where that is readable.
+/// Three significant digits, or all before the point, without exponents where that is readable.
 pub fn short_number(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 {
         "0".into()
-    } else if !(1e-3..1e6).contains(&size) {
+    } else if !(1e-3..1e9).contains(&size) {
         format!("{value:.2e}")
+    } else if size >= 999.5 {
+        let sign = if value < 0.0 { "-" } else { "" };
+        format!("{sign}{}", grouped(size.round() as u64))
     } else {
         let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
         format!("{value:.decimals$}")
@@ -517,7 +540,9 @@ mod tests {
         assert_eq!(bytes_text(64.0 * 1024.0 * 1024.0), "64.0 MiB");
         assert_eq!(bytes_text(12.0), "12 B");
         assert_eq!(short_number(0.012_345), "0.0123");
-        assert_eq!(short_number(12_345.6), "12346");
+        assert_eq!(short_number(12_345.6), "12\u{a0}346");
+        assert_eq!(short_number(-1e6), "-1\u{a0}000\u{a0}000");
+        assert_eq!(short_number(999.4), "999");
         assert_eq!(short_number(1.5e9), "1.50e9");
     }
 

@@ -163,6 +163,8 @@ pub enum Step {
     Hover([f64; 2]),
     /// Does something with layers.
     Layer(LayerStep),
+    /// Waits until something that takes long has done a part of its work, at most so many seconds.
+    WaitWorking(f64),
     /// Waits until all that was asked for is painted, at most so many seconds.
     WaitPainted(f64),
     /// Waits until all is in the file, at most so many seconds.
@@ -371,6 +373,8 @@ pub struct Situation {
     pub are_hands_busy: bool,
     /// Whether a painter has something to do, or the hands have.
     pub is_painting: bool,
+    /// Whether a painter has done a part of something that takes long.
+    pub is_working: bool,
     /// Whether something is not in the file yet.
     pub is_unsaved: bool,
     /// Layers and steps of the history.
@@ -424,6 +428,9 @@ enum Until {
     Drawn {
         frame: u64,
     },
+    Working {
+        seconds: f64,
+    },
     Painted {
         seconds: f64,
         frame: u64,
@@ -475,6 +482,7 @@ impl SessionRunner {
                     }),
                 };
             }
+            Step::WaitWorking(seconds) => wait(Until::Working { seconds: *seconds }),
             Step::WaitPainted(seconds) => wait(Until::Painted { seconds: *seconds, frame: now.frame + 2 }),
             Step::WaitSaved(seconds) => wait(Until::Saved { seconds: *seconds, frame: now.frame + 2 }),
             Step::ExpectPainting { layers, steps } => {
@@ -500,6 +508,7 @@ impl SessionRunner {
             Step::WaitFrames(_)
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)
+            | Step::WaitWorking(_)
             | Step::WaitPainted(_)
             | Step::WaitSaved(_) => Ok(Act::Wait),
             step => Ok(Act::Do(step)),
@@ -520,6 +529,7 @@ impl SessionRunner {
                 (is_sharp, seconds, "the picture was not sharp")
             }
             Until::Drawn { frame } => (now.frame >= frame && !now.are_hands_busy, f64::INFINITY, ""),
+            Until::Working { seconds } => (now.is_working, seconds, "nothing that takes long was under way"),
             Until::Painted { seconds, frame } => (
                 now.frame >= frame && !now.is_opening && !now.is_painting,
                 seconds,

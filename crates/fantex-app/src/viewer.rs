@@ -148,6 +148,8 @@ pub struct Viewer {
     pub tape: Tape,
     /// Messages.
     pub notices: Notices,
+    /// Why the program is to end.
+    pub failure: Option<String>,
     /// What streaming tells.
     pub figures: StreamFigures,
     /// Figures over time.
@@ -218,6 +220,7 @@ impl Viewer {
             path: None,
             tape: Tape::Still,
             notices: Notices::default(),
+            failure: None,
             figures: StreamFigures::default(),
             graphs: Graphs::default(),
             pacing: Pacing::default(),
@@ -297,6 +300,11 @@ impl Viewer {
     /// Whether somebody wants to walk and cannot yet.
     pub fn is_waiting_for_ground(&self) -> bool {
         self.settings.camera.mode == CameraMode::Walk && self.ground.is_none() && self.ground_job.is_some()
+    }
+
+    /// Whether somebody wants to walk where no ground is below or above the camera.
+    pub fn is_beside_ground(&self) -> bool {
+        self.settings.camera.mode == CameraMode::Walk && self.walker.is_lost()
     }
 
     /// The map in use: that of the settings, or while the sun of a sky is moving the one before.

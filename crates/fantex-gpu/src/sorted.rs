@@ -24,12 +24,16 @@ pub(crate) struct SortedTriangle {
     pub(crate) centre: Vec3,
     pub(crate) corners: [u32; 3],
     pub(crate) material: u32,
+    /// It is not seen from behind.
+    pub(crate) has_twin: bool,
 }
 
 /// Triangles of one material that follow each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Run {
     pub(crate) material: u32,
+    /// Whether they have twins, and so are not seen from behind.
+    pub(crate) has_twins: bool,
     /// Of the sorted indices.
     pub(crate) indices: std::ops::Range<u32>,
 }
@@ -65,8 +69,14 @@ impl SortedTriangles {
         let mut runs: Vec<Run> = Vec::new();
         for (triangle, first) in sorted.clone().zip((0u32..).step_by(3)) {
             match runs.last_mut() {
-                Some(run) if run.material == triangle.material => run.indices.end = first + 3,
-                _ => runs.push(Run { material: triangle.material, indices: first..first + 3 }),
+                Some(run) if run.material == triangle.material && run.has_twins == triangle.has_twin => {
+                    run.indices.end = first + 3;
+                }
+                _ => runs.push(Run {
+                    material: triangle.material,
+                    has_twins: triangle.has_twin,
+                    indices: first..first + 3,
+                }),
             }
         }
         Some((sorted.map(|t| t.corners).collect(), runs))
@@ -81,8 +91,12 @@ mod tests {
 
     #[test]
     fn the_farthest_comes_first() {
-        let triangle =
-            |z: f32, material| SortedTriangle { centre: Vec3::Z * z, corners: [material; 3], material };
+        let triangle = |z: f32, material| SortedTriangle {
+            centre: Vec3::Z * z,
+            corners: [material; 3],
+            material,
+            has_twin: false,
+        };
         let mut sorted = SortedTriangles::new(vec![triangle(0.5, 1), triangle(-0.5, 1), triangle(0.0, 2)]);
         let mut view =
             View { size: [8, 8], eye: DVec3::Z * 3.0, axes: Mat3::IDENTITY, fov_radians: 1.0, near: 0.1 };
@@ -93,6 +107,6 @@ mod tests {
         view.axes.z_axis = Vec3::NEG_Z;
         let (corners, runs) = sorted.sort(&view).unwrap();
         assert_eq!(corners.len(), 3);
-        assert_eq!(runs[0], Run { material: 1, indices: 0..3 });
+        assert_eq!(runs[0], Run { material: 1, has_twins: false, indices: 0..3 });
     }
 }

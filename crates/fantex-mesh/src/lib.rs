@@ -26,6 +26,7 @@ mod normals;
 mod ray;
 mod sheets;
 mod tangents;
+mod twins;
 mod words;
 mod write;
 
@@ -43,5 +44,6 @@ pub use normals::*;
 pub use ray::*;
 pub use sheets::*;
 pub use tangents::*;
+pub use twins::*;
 pub use words::*;
 pub use write::*;

@@ -55,6 +55,9 @@ pub(crate) struct ColorSearch<'a> {
     pub(crate) fill: ColorFill,
 }
 
+/// Pages with the coverage of their texels.
+pub(crate) type Reached = BTreeMap<PageId, Vec<f32>>;
+
 /// A page on the way of a connected fill.
 struct ReachedPage {
     map: Arc<TexelPage>,
@@ -79,12 +82,12 @@ impl ColorSearch<'_> {
         map.owner.par_iter().enumerate().map(of_texel).collect()
     }
 
-    /// What hangs together with a point: pages with the coverage of their texels. `map_of` finds or makes pages.
+    /// What hangs together with a point. `map_of` finds or makes pages.
     pub(crate) fn connected(
         &self,
         start: SurfacePoint,
         mut map_of: impl FnMut(&BTreeSet<PageId>) -> Vec<Arc<TexelPage>>,
-    ) -> BTreeMap<PageId, Vec<f32>> {
+    ) -> Reached {
         let mut pages: BTreeMap<PageId, ReachedPage> = BTreeMap::new();
         let mut front: Vec<(PageId, u32)> = self.places_of(start, None);
         // Wave after wave: within the pages that are there, then with those that were asked for.

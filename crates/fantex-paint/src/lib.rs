@@ -50,7 +50,7 @@ pub use color_fill::ColorFill;
 pub use dab::{Dab, Region, RegionTriangle};
 pub use decal::Decal;
 pub use error::PaintError;
-pub use fill::{FillScope, fill_starts, fill_triangles, fill_triangles_with};
+pub use fill::{FillArea, FillScope, fill_starts, fill_triangles, fill_triangles_with};
 pub use graph::{GraphError, TextureGraph};
 pub use history::{History, HistoryStep};
 pub use layers::{GraphFill, Layer, LayerContent, Target};

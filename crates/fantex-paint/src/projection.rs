@@ -127,8 +127,12 @@ impl Projection {
     fn look(&self, surface: &Surface, point: SurfacePoint, steps: [Vec3; 2]) -> Option<(Vec4, f32)> {
         let position = surface.position(point).as_vec3();
         let (place, unit) = self.place(position)?;
+        let to_eye = self.to_eye(position);
+        if !surface.is_seen_from(point.triangle, to_eye) {
+            return None;
+        }
         // The smooth surface's, so that the picture's border does not follow the facets.
-        let cosine = surface.normal(point).dot(self.to_eye(position)).abs();
+        let cosine = surface.normal(point).dot(to_eye).abs();
         let s = ((cosine - GRAZING[0]) / (GRAZING[1] - GRAZING[0])).clamp(0.0, 1.0);
         let value = self.picture.at(place, width_of(steps) * cosine.max(0.2) * unit);
         Some((value, s * s * (3.0 - 2.0 * s)))

@@ -3,7 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use fantex_cover::Cover;
-use fantex_mesh::{Edges, Mesh, TriangleBvh, shading_normals};
+use fantex_mesh::{Edges, Mesh, RayHit, TriangleBvh, Twins, shading_normals};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
 
@@ -29,6 +29,7 @@ pub struct Surface {
     /// Row `g` of `group_triangles` starts here.
     group_starts: Vec<u32>,
     group_triangles: Vec<u32>,
+    twins: Twins,
     /// The mesh is closed and wound so that its facets face inwards.
     is_inside_out: bool,
     /// Per corner; made when first asked for.
@@ -52,8 +53,9 @@ impl Surface {
         let opposite = opposite_edges(&mesh.triangles);
         let (group_starts, group_triangles) = triangles_of_groups(&cover);
         let bvh = TriangleBvh::new(&mesh);
+        let twins = Twins::of(&mesh.triangles);
         let (is_inside_out, normals) = (is_inside_out(&mesh), OnceLock::new());
-        Self { mesh, cover, bvh, opposite, group_starts, group_triangles, is_inside_out, normals }
+        Self { mesh, cover, bvh, opposite, group_starts, group_triangles, twins, is_inside_out, normals }
     }
 
     /// The mesh.
@@ -91,10 +93,16 @@ impl Surface {
         Some(found.unwrap_or(nearest))
     }
 
-    /// The first point on a ray in mesh space.
+    /// The first point on a ray in mesh space; of two sides of a leaf that which is seen.
     pub fn hit(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
-        let hit = self.bvh.first_hit(origin, direction, f32::INFINITY)?;
+        let is_seen = |hit: &RayHit| self.is_seen_from(hit.triangle as u32, -direction);
+        let hit = self.bvh.first_hit_where(origin, direction, f32::INFINITY, is_seen)?;
         Some(SurfacePoint { triangle: hit.triangle as u32, lambda: hit.lambda })
+    }
+
+    /// Whether a triangle is seen by someone in that direction: all are but those that have a twin, from behind.
+    pub(crate) fn is_seen_from(&self, triangle: u32, to_eye: Vec3) -> bool {
+        !self.twins.contains(triangle as usize) || self.facet_normal(triangle).dot(to_eye.as_dvec3()) >= 0.0
     }
 
     /// Mesh-space position of a point.

@@ -3,7 +3,7 @@
 mod batch;
 
 use fantex_cover::{Cover, Group};
-use fantex_mesh::{Material, Mesh};
+use fantex_mesh::{Material, Mesh, Twins};
 use fantex_store::{Channel, ChannelKind, PageCache};
 use fantex_texture::ColorRamp;
 use glam::{Vec2, Vec3, Vec4};
@@ -37,6 +37,7 @@ pub struct FanSurface<'a, S> {
     anisotropy: Option<usize>,
     /// Per material.
     toon: Vec<Option<ColorRamp>>,
+    twins: Twins,
 }
 
 impl<'a> FanSurface<'a, &'a PageCache> {
@@ -70,6 +71,7 @@ impl<'a, S: TileSource> FanSurface<'a, S> {
             light: channel_of(ChannelKind::Light),
             anisotropy: channel_of(ChannelKind::Anisotropy),
             toon: mesh.materials.iter().map(toon_ramp).collect(),
+            twins: Twins::of(&mesh.triangles),
         }
     }
 
@@ -288,6 +290,6 @@ impl<S: TileSource> Surface for FanSurface<'_, S> {
     }
 
     fn is_double_sided(&self, triangle: usize) -> bool {
-        self.material(triangle).is_none_or(|m| m.double_sided)
+        self.material(triangle).is_none_or(|m| m.double_sided) && !self.twins.contains(triangle)
     }
 }

@@ -1,6 +1,6 @@
 //! A mesh with its own materials: images through texture coordinates, vertex colours, factors.
 
-use fantex_mesh::{Material, Mesh};
+use fantex_mesh::{Material, Mesh, Twins};
 use fantex_texture::material::{
     MaterialImageError, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
     load_material_textures, normal_map_tangents, occlusion_roughness_metallic, preserve_coverage,
@@ -21,6 +21,7 @@ pub struct MeshSurface<'a> {
     tangents: Vec<Vec4>,
     textures: Vec<MaterialTextures>,
     filter: FilterOptions,
+    twins: Twins,
 }
 
 impl<'a> MeshSurface<'a> {
@@ -34,7 +35,7 @@ impl<'a> MeshSurface<'a> {
         preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);
         let tangents = normal_map_tangents(mesh, normals.all(), &textures);
-        Ok(Self { mesh, normals, tangents, textures, filter })
+        Ok(Self { mesh, normals, tangents, textures, filter, twins: Twins::of(&mesh.triangles) })
     }
 
     fn material(&self, triangle: usize) -> Option<(&Material, &MaterialTextures)> {
@@ -214,6 +215,7 @@ impl Surface for MeshSurface<'_> {
     }
 
     fn is_double_sided(&self, triangle: usize) -> bool {
-        self.material(triangle).is_none_or(|(material, _)| material.double_sided)
+        let is_double_sided = self.material(triangle).is_none_or(|(material, _)| material.double_sided);
+        is_double_sided && !self.twins.contains(triangle)
     }
 }

@@ -166,8 +166,11 @@ pub(crate) enum CliError {
     NoViewer,
     #[error("cannot start the viewer {}: {source}", path.display())]
     StartViewer { path: PathBuf, source: io::Error },
-    #[error("the viewer ended with {status}; what was wrong stands above")]
+    #[error("the viewer ended unexpectedly ({status})")]
     Viewer { status: std::process::ExitStatus },
+    /// Not to be told once more.
+    #[error("the viewer has said what was wrong")]
+    ViewerFailed { exit_code: u8 },
     #[error("{} did not pass: {reason}", path.display())]
     NotVerified { path: PathBuf, reason: String },
     #[error("{}", interrupt::MESSAGE)]
@@ -179,6 +182,7 @@ impl CliError {
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Interrupted => interrupt::EXIT_INTERRUPTED,
+            Self::ViewerFailed { exit_code } => *exit_code,
             Self::NothingToBake { .. }
             | Self::NoTextures { .. }
             | Self::NotForAssets { .. }

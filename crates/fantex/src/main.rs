@@ -32,6 +32,7 @@ fn main() -> ExitCode {
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(CliError::OutputClosed) => ExitCode::SUCCESS,
+        Err(error @ CliError::ViewerFailed { .. }) => ExitCode::from(error.exit_code()),
         Err(error) => {
             eprintln!("fantex: {error}");
             ExitCode::from(error.exit_code())

@@ -42,22 +42,38 @@ pub struct Walker {
     lag: f64,
     /// Whether the feet have been set.
     is_placed: bool,
+    /// Whether they were to be, and there is no ground below or above.
+    is_lost: bool,
 }
 
 impl Walker {
     /// A walker who has not been put anywhere.
     pub fn new(eye_height: f64) -> Self {
-        Self { eye_height, speed: 1.0, feet: DVec3::ZERO, falling: 0.0, lag: 0.0, is_placed: false }
+        Self {
+            eye_height,
+            speed: 1.0,
+            feet: DVec3::ZERO,
+            falling: 0.0,
+            lag: 0.0,
+            is_placed: false,
+            is_lost: false,
+        }
     }
 
     /// Forgets where it stood: the next step starts from the camera.
     pub fn leave(&mut self) {
-        self.is_placed = false;
+        (self.is_placed, self.is_lost) = (false, false);
+    }
+
+    /// Whether there is no ground to stand on below or above the camera.
+    pub fn is_lost(&self) -> bool {
+        self.is_lost
     }
 
     /// Moves for a frame. Returns whether the picture may still change without any wish: while falling or settling.
     pub fn step(&mut self, rig: &mut CameraRig, wish: &Wish, ground: &dyn Ground, seconds: f64) -> bool {
-        if !self.is_placed && !self.place(rig, ground) {
+        self.is_lost = !self.is_placed && !self.place(rig, ground);
+        if self.is_lost {
             return false;
         }
         let height = self.eye_height;
@@ -270,6 +286,24 @@ mod tests {
         assert!((rig.eye.y + 10.3).abs() < 0.05, "{}", rig.eye);
         assert!(eyes.iter().all(|e| e.y >= -10.4));
         assert!(eyes.iter().filter(|e| (-9.0..0.0).contains(&e.y)).count() > 5, "a fall takes time");
+    }
+
+    #[test]
+    fn without_ground_nobody_stands() {
+        let mut rig = CameraRig { eye: DVec3::new(9.0 * HALF, 3.0, 0.0), ..CameraRig::default() };
+        let before = rig;
+        let mut walker = Walker::new(1.7);
+        struct Nothing;
+        impl Ground for Nothing {
+            fn first(&self, _: DVec3, _: DVec3, _: f64) -> Option<GroundHit> {
+                None
+            }
+        }
+        assert!(!walker.is_lost());
+        assert!(!walker.step(&mut rig, &FORWARD, &Nothing, 0.1));
+        assert!(walker.is_lost() && rig == before);
+        walker.leave();
+        assert!(!walker.is_lost());
     }
 
     #[test]

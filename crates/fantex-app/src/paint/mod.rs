@@ -53,5 +53,5 @@ pub use settings::PaintSettings;
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{SymmetryKind, SymmetrySettings, plane_outline};
 pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice, TextureChoiceError};
-pub use tool::{Fill, FillReach, PaintTool, StickerKind};
+pub use tool::{FillReach, PaintTool, StickerKind};
 pub use worker::PaintThread;

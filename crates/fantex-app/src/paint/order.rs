@@ -3,13 +3,14 @@
 use std::sync::Arc;
 
 use fantex_paint::{
-    Brush, Decal, Layer, Paint, Sample, StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress,
+    Brush, Decal, FillSettings, Layer, Paint, Sample, StrokeSettings, SurfacePoint, Symmetry, Target,
+    WorkProgress,
 };
 use fantex_store::Asset;
 use fantex_stream::ParcelLoader;
 use glam::Vec4;
 
-use super::{Fill, Viewpoint};
+use super::Viewpoint;
 
 /// A change of all layers.
 pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
@@ -41,12 +42,10 @@ pub enum Order {
     Lift,
     /// End the stroke, at a sample where one is still to be reached.
     End(Option<Sample>),
-    /// Fill triangles around a point, for `StrokeStart` without its brush.
-    Fill(Box<StrokeStart>, SurfacePoint, Fill),
+    /// Fill, from a point where there is one, with `StrokeStart` without its brush.
+    Fill(Box<StrokeStart>, Option<SurfacePoint>, FillSettings),
     /// Lay a picture onto the surface, for `StrokeStart` without its brush. A text is to stay readable in mirror images.
     Lay(Box<StrokeStart>, Decal, bool),
-    /// Cover all that the stroke's stencil lets through.
-    Project(Box<StrokeStart>),
     /// It is seen from here: what takes long begins with what is seen.
     Look(Viewpoint),
     /// Give up what takes long.

@@ -23,6 +23,9 @@ use super::{
 use crate::notices::Notices;
 use crate::viewer::Wake;
 
+/// For so long it is told that the pen went down beside the model.
+const MISSED_SECONDS: f64 = 4.0;
+
 /// What the hand is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 enum Hand {
@@ -50,6 +53,8 @@ pub struct Painting {
     presets: Presets,
     presets_file: Option<PathBuf>,
     hand: Hand,
+    /// When the pen last went down beside the model, seconds; none once it has met it.
+    missed: Option<f64>,
     /// Where cloning copies from.
     source: Option<SurfacePoint>,
     /// Where the last stroke ended.
@@ -90,6 +95,7 @@ impl Painting {
             presets: Presets::default(),
             presets_file,
             hand: Hand::default(),
+            missed: None,
             source: None,
             last: None,
             stamp: None,
@@ -218,6 +224,15 @@ impl Painting {
     /// Whether the hand turns the view.
     pub fn is_turning(&self) -> bool {
         self.hand == Hand::Turn
+    }
+
+    /// Seconds for which it is still to be told that the pen went down beside the model; none where it did not, or long ago.
+    pub fn missed_for(&self, seconds: f64) -> Option<f64> {
+        let since = self.missed?;
+        if self.is_turning() {
+            return Some(MISSED_SECONDS);
+        }
+        Some(since + MISSED_SECONDS - seconds).filter(|left| *left > 0.0)
     }
 
     /// The line where symmetry's plane cuts the model, as far as it is seen; `offset` is from the model's middle, world units.

@@ -379,6 +379,72 @@ fn large_asset(folder: &Path) -> PathBuf {
     path
 }
 
+/// Waits until a share of what takes long is done.
+fn wait_for_work(studio: &mut Studio) {
+    let started = Instant::now();
+    while studio.painting.work().is_none_or(|work| work.share < 0.1) {
+        assert!(started.elapsed() < Duration::from_secs(60) && studio.painting.is_busy(), "it is told of");
+        studio.painting.poll(&mut studio.settings, &mut studio.notices, 0.0);
+        studio.painting.look_from(&studio.view);
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+/// Each of them is told of, can be given up, and goes on where it was when the program was closed.
+#[test]
+fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
+    let fill: fn(&mut Studio) = |studio| {
+        (studio.settings.tool, studio.settings.fill) = (PaintTool::Fill, FillReach::Whole);
+        studio.pen(PenPhase::Down, 0.5, 0.85, [false; 2]);
+        studio.pen(PenPhase::Up, 0.5, 0.85, [false; 2]);
+    };
+    let project: fn(&mut Studio) = |studio| {
+        let image = Some(save_slide(studio.path.parent().unwrap()));
+        studio.settings.stencil = StencilSettings { is_on: true, image, ..Default::default() };
+        let Studio { painting, settings, view, notices, .. } = studio;
+        painting.project(settings, view, notices, 0.0);
+    };
+    for (begin, label) in [(fill, "fill"), (project, "project")] {
+        let folder = tempfile::tempdir().unwrap();
+        let path = large_asset(folder.path());
+        let mut studio = Studio::open_at(folder, path.clone(), None);
+        let before = picked(&mut studio, 0.3, 0.75);
+        begin(&mut studio);
+        wait_for_work(&mut studio);
+        studio.painting.give_up_work();
+        studio.wait();
+        assert!(studio.painting.work().is_none() && studio.painting.snapshot().done.is_empty());
+        assert_eq!(picked(&mut studio, 0.3, 0.75), before);
+        // Closed in the middle of it, it goes on when it is opened again.
+        begin(&mut studio);
+        wait_for_work(&mut studio);
+        let folder = studio.close();
+        assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
+        let mut studio = Studio::open_at(folder, path, None);
+        assert_eq!(studio.painting.snapshot().done, [label]);
+        assert_ne!(picked(&mut studio, 0.3, 0.75), before);
+        studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
+        studio.wait();
+        assert_eq!(picked(&mut studio, 0.3, 0.75), before);
+        assert_eq!(studio.notices.error_count(), 0);
+    }
+}
+
+/// Why nothing is painted is told for a while, and no longer once the pen meets the model.
+#[test]
+fn a_stroke_beside_the_model_is_told_of() {
+    let mut studio = Studio::open();
+    assert_eq!(studio.painting.missed_for(0.0), None);
+    studio.pen(PenPhase::Down, 0.02, 0.02, [false; 2]);
+    assert!(studio.painting.is_turning() && studio.painting.missed_for(100.0).is_some(), "while it is down");
+    studio.pen(PenPhase::Up, 0.02, 0.02, [false; 2]);
+    assert!(studio.painting.missed_for(1.0).is_some_and(|left| left < 4.0));
+    assert_eq!(studio.painting.missed_for(100.0), None);
+    studio.stroke();
+    assert_eq!(studio.painting.missed_for(1.0), None);
+    assert_eq!(studio.painting.snapshot().done, ["paint"]);
+}
+
 #[test]
 fn a_fill_of_everything_is_told_of_given_up_and_taken_up_again() {
     let folder = tempfile::tempdir().unwrap();
@@ -387,16 +453,7 @@ fn a_fill_of_everything_is_told_of_given_up_and_taken_up_again() {
     studio.settings.texture = TextureChoice { source: ColorSource::Solid, ..Default::default() };
     let start = |studio: &mut Studio| {
         studio.painting.layer_action(&LayerAction::AddFill(true), &studio.settings).unwrap();
-        let started = Instant::now();
-        while studio.painting.work().is_none_or(|work| work.share < 0.1) {
-            assert!(
-                started.elapsed() < Duration::from_secs(60) && studio.painting.is_busy(),
-                "it is told of"
-            );
-            studio.painting.poll(&mut studio.settings, &mut studio.notices, 0.0);
-            studio.painting.look_from(&studio.view);
-            std::thread::sleep(Duration::from_millis(1));
-        }
+        wait_for_work(studio);
     };
     start(&mut studio);
     // Meanwhile the layer is there, and a stroke waits.

@@ -1,6 +1,6 @@
 //! What the pen does.
 
-use fantex_paint::{ColorFill, FillScope};
+use fantex_paint::{ColorFill, FillSettings};
 use serde::{Deserialize, Serialize};
 
 /// A tool of the strip.
@@ -78,15 +78,6 @@ impl PaintTool {
     }
 }
 
-/// How a fill finds what it fills.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Fill {
-    /// By the mesh.
-    Triangles(FillScope),
-    /// By what is seen.
-    Color(ColorFill),
-}
-
 /// How far a fill goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -145,12 +136,13 @@ impl FillReach {
 
     /// As the engine knows it; an edge bends by more than `degrees`. Colours differ by at most
     /// `tolerance`, 0..2.
-    pub fn fill(self, degrees: f32, tolerance: f32) -> Fill {
-        let by_color = |connected| Fill::Color(ColorFill { tolerance, softness: 0.5 * tolerance, connected });
+    pub fn fill(self, degrees: f32, tolerance: f32) -> FillSettings {
+        let by_color =
+            |connected| FillSettings::Color(ColorFill { tolerance, softness: 0.5 * tolerance, connected });
         match self {
-            Self::Connected => Fill::Triangles(FillScope::Connected),
-            Self::Angle => Fill::Triangles(FillScope::Angle(degrees)),
-            Self::Whole => Fill::Triangles(FillScope::Whole),
+            Self::Connected => FillSettings::Connected,
+            Self::Angle => FillSettings::Angle(degrees),
+            Self::Whole => FillSettings::Whole,
             Self::Color => by_color(true),
             Self::AllOfColor => by_color(false),
         }

@@ -11,13 +11,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fantex_paint::{
-    LiveStroke, PaintError, Painter, Sample, StrokeSettings, fill_starts, fill_triangles_with,
-};
+use fantex_paint::{FillArea, LiveStroke, PaintError, Painter, Sample};
 use fantex_store::{EditError, PageId};
 use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions};
 
-use super::Fill;
 use super::Viewpoint;
 use super::exchange::Exchange;
 use super::order::{Order, Report, SaveState, Snapshot, StrokeStart};
@@ -294,27 +291,21 @@ impl Worker {
                 self.painter.end_in_background()?;
                 self.has_levels_due = true;
             }
-            Order::Fill(start, point, scope) => {
-                let surface = self.painter.surface().clone();
-                let channel = start.paint.channels.first().map_or(0, |painted| painted.channel);
-                let symmetry = start.symmetry;
-                self.at_once(*start, |painter| match scope {
-                    Fill::Triangles(scope) => {
-                        painter.fill(&fill_triangles_with(&surface, point, scope, &symmetry))
-                    }
-                    Fill::Color(fill) => {
-                        painter.fill_color(channel, &fill_starts(&surface, point, &symmetry), fill)
-                    }
-                })?;
+            Order::Fill(start, point, fill) => {
+                let surface = self.painter.surface();
+                let area = FillArea::of(surface, fill, &start.paint, point, &start.symmetry);
+                self.open(*start)?;
+                if let Some(area) = area {
+                    self.painter.start_fill(area)?;
+                }
             }
             Order::Lay(start, decal, readable) => {
                 let decals = decal.copies(self.painter.surface(), &start.symmetry, readable);
-                self.at_once(*start, |painter| decals.iter().try_for_each(|decal| painter.decal(decal)))?;
-            }
-            Order::Project(start) => {
-                let stencil = start.paint.stencil.clone();
-                let triangles = stencil.map(|stencil| stencil.triangles(self.painter.surface()));
-                self.at_once(*start, |painter| painter.fill(&triangles.unwrap_or_default()))?;
+                self.open(*start)?;
+                let laid = decals.iter().try_for_each(|decal| self.painter.decal(decal));
+                self.painter.end()?;
+                self.tell_state();
+                laid?;
             }
             Order::AddLayer(layer, above) => {
                 let id = self.painter.start_add_layer(*layer, above)?;
@@ -346,31 +337,19 @@ impl Worker {
     }
 
     fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<(), PaintError> {
-        self.stroke = None;
-        self.painter.begin_on(start.target, &start.label, start.paint)?;
-        self.record(start.recorded);
-        self.stroke = Some(LiveStroke::new(self.painter.surface(), start.brush, start.symmetry));
+        let (brush, symmetry) = (start.brush.clone(), start.symmetry);
+        self.open(start)?;
+        self.stroke = Some(LiveStroke::new(self.painter.surface(), brush, symmetry));
         self.go_to(sample, false)
     }
 
-    /// A stroke that is done as soon as it begins.
-    fn at_once(
-        &mut self,
-        start: StrokeStart,
-        cover: impl FnOnce(&mut Painter) -> Result<(), PaintError>,
-    ) -> Result<(), PaintError> {
+    /// Opens a stroke for the painter.
+    fn open(&mut self, start: StrokeStart) -> Result<(), PaintError> {
         self.stroke = None;
         self.painter.begin_on(start.target, &start.label, start.paint)?;
-        self.record(start.recorded);
-        let covered = cover(&mut self.painter);
-        self.painter.end()?;
-        self.tell_state();
-        covered
-    }
-
-    /// Says for the log what the stroke that has just begun is. Where that cannot be, it is painted all the same.
-    fn record(&mut self, recorded: StrokeSettings) {
-        self.check(|worker| worker.painter.record(recorded, Path::new("")));
+        // For the log. Where it cannot be told, it is painted all the same.
+        self.check(|worker| worker.painter.record(start.recorded, Path::new("")));
+        Ok(())
     }
 
     fn go_to(&mut self, sample: &Sample, is_end: bool) -> Result<(), PaintError> {

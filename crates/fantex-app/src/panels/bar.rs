@@ -14,6 +14,9 @@ use crate::viewer::Viewer;
 /// A window of a painter that is narrower shows less in the bar.
 const WIDE_POINTS: f32 = 1250.0;
 
+/// Room for a choice and the switches after it.
+const CHOICE_POINTS: f32 = 330.0;
+
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let mut commands = Vec::new();
     ui.horizontal(|ui| {
@@ -130,6 +133,9 @@ fn item(ui: &mut Ui, is_enabled: bool, text: &str, command: Command, commands: &
 fn choices(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
     let is_asset = viewer.document.as_ref().is_some_and(|document| document.asset().is_some());
     let display = &mut viewer.settings.display;
+    if ui.available_width() < CHOICE_POINTS {
+        return;
+    }
     // What looks into the engine is left out where painting needs the room.
     let is_narrow = viewer.painting.is_some() && ui.ctx().content_rect().width() < WIDE_POINTS;
     named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL, |s| s.label().into());

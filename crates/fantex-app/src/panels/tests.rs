@@ -51,6 +51,24 @@ fn the_welcome_asks_for_a_file() {
     assert!(harness.state().opening.is_some());
 }
 
+/// In a narrow window the line below the scene leaves out what it has no room for, and nothing lies over anything else.
+#[test]
+fn the_status_line_fits_into_narrow_windows() {
+    for (width, has_adapter) in [(1280.0, true), (700.0, false), (480.0, false)] {
+        let mut viewer = with_model();
+        viewer.adapter = "some card".into();
+        let harness = harness(viewer, [width, 320.0]);
+        assert_eq!(harness.query_by_label("some card").is_some(), has_adapter, "{width}");
+        let [name, hint] = ["torus.ply", "Drag turns"]
+            .map(|text| harness.query_all_by_label_contains(text).map(|node| node.rect()))
+            .map(|all| all.max_by(|a, b| a.top().total_cmp(&b.top())).unwrap());
+        assert!(name.right() < hint.left() && hint.right() <= width, "{width}: {name} {hint}");
+        if let Some(card) = harness.query_by_label("some card") {
+            assert!(hint.right() < card.rect().left(), "{width}");
+        }
+    }
+}
+
 #[test]
 fn camera_modes_are_buttons() {
     let mut harness = harness(with_model(), [1280.0, 800.0]);

@@ -61,6 +61,11 @@ impl Driver {
             is_playing: matches!(viewer.tape, Tape::Playing { .. }),
             are_hands_busy: self.hands.are_busy(),
             is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.hands.are_busy(),
+            is_working: viewer
+                .painting
+                .as_ref()
+                .and_then(Painting::work)
+                .is_some_and(|work| !work.is_undo && work.share > 0.0),
             is_unsaved: viewer.painting.as_ref().is_some_and(|p| *p.save() != SaveState::Saved),
             painted: viewer.painting.as_ref().map_or([0; 2], |p| {
                 let snapshot = p.snapshot();
@@ -165,6 +170,7 @@ impl Driver {
             | Step::WaitFrames(_)
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)
+            | Step::WaitWorking(_)
             | Step::WaitPainted(_)
             | Step::WaitSaved(_)
             | Step::ExpectPainting { .. }

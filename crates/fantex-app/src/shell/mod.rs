@@ -20,6 +20,7 @@ use eframe::{egui_wgpu, wgpu};
 use fantex_gpu::Gpu;
 
 use crate::command::{Command, command_while};
+use crate::document::Place;
 use crate::light::Surroundings;
 use crate::panels::{self, AtlasTexture, SceneTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
@@ -43,6 +44,9 @@ pub fn run(arguments: Arguments) -> ExitCode {
         Ok(session) => session,
         Err(error) => return failed(&error),
     };
+    if let Some(Err(error)) = arguments.file.as_deref().map(|file| Place::parse(file).check()) {
+        return failed(&error);
+    }
     let settings_file = arguments.settings_file();
     let (settings, problem) = settings_file.as_deref().map_or((Settings::default(), None), Settings::load);
     let mut size = arguments.window_size();
@@ -73,7 +77,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
     }
     workspace.finish();
     match (workspace.failure, workspace.lost) {
-        (Some(error), _) => failed(&error),
+        (Some(failure), _) => failed(&failure),
         (None, Some(reason)) => failed(&fantex_gpu::GpuError::DeviceLost { reason }),
         (None, None) => ExitCode::SUCCESS,
     }
@@ -99,7 +103,7 @@ fn why_no_window(error: &eframe::Error) -> String {
     }
 }
 
-fn failed(error: &dyn std::error::Error) -> ExitCode {
+fn failed(error: &dyn std::fmt::Display) -> ExitCode {
     eprintln!("fantex-app: {error}");
     ExitCode::FAILURE
 }
@@ -175,7 +179,7 @@ impl<'a> Shell<'a> {
             viewer.notices.warning(text, seconds);
         }
         if let Some(place) = workspace.to_open.take() {
-            viewer.open(&place, 0.0);
+            viewer.open_or_fail(&place, 0.0);
         }
         Some(Self {
             scene: SceneView::new(gpu),
@@ -438,11 +442,16 @@ impl<'a> Shell<'a> {
                 ctx.send_viewport_cmd(ViewportCommand::Close);
             }
             Err(error) => {
-                self.workspace.failure = Some(error);
-                self.workspace.driver = None;
-                ctx.send_viewport_cmd(ViewportCommand::Close);
+                self.fail(ctx, error.to_string());
             }
         }
+    }
+
+    /// Ends the program with a sentence for who started it.
+    fn fail(&mut self, ctx: &egui::Context, failure: String) {
+        self.workspace.failure = Some(failure);
+        self.workspace.driver = None;
+        ctx.send_viewport_cmd(ViewportCommand::Close);
     }
 }
 
@@ -453,6 +462,9 @@ impl eframe::App for Shell<'_> {
             return;
         }
         self.workspace.viewer.poll(seconds);
+        if let Some(failure) = self.workspace.viewer.failure.take() {
+            self.fail(ctx, failure);
+        }
         if ctx.input(|i| i.viewport().close_requested()) && !self.workspace.viewer.may_close(seconds) {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
         }

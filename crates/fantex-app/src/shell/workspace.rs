@@ -10,7 +10,7 @@ use super::Arguments;
 use super::dialogs::Dialogs;
 use super::driver::Driver;
 use super::pictures::PictureFiles;
-use crate::session::{Session, SessionError, SessionRunner};
+use crate::session::{Session, SessionRunner};
 use crate::settings::{Settings, SettingsError};
 use crate::viewer::{Viewer, Wake};
 
@@ -35,8 +35,8 @@ pub(super) struct Workspace {
     pub(super) dialogs: Dialogs,
     pub(super) pictures: PictureFiles,
     pub(super) driver: Option<Driver>,
-    /// How the session ended, where it failed.
-    pub(super) failure: Option<SessionError>,
+    /// Why the program ends, where it has failed.
+    pub(super) failure: Option<String>,
     pub(super) settings_file: Option<PathBuf>,
     /// To be opened with the first window.
     pub(super) to_open: Option<String>,

@@ -18,6 +18,8 @@ pub struct Opening {
     job: Job<Result<Loaded, OpenDocumentError>>,
     /// Whether the camera stays where it is.
     keeps_camera: bool,
+    /// Whether there is nothing else to show: where it fails, the program does.
+    is_all: bool,
 }
 
 impl Opening {
@@ -52,8 +54,10 @@ impl Viewer {
         self.prepare = Some(prepare.clone());
         self.new_model = None;
         self.pacing.lost();
-        if let Some(Opening { place, keeps_camera, .. }) = &self.opening {
-            self.begin_opening(place.clone(), *keeps_camera, seconds);
+        if let Some(Opening { place, keeps_camera, is_all, .. }) = &self.opening {
+            let (place, keeps_camera, is_all) = (place.clone(), *keeps_camera, *is_all);
+            self.begin_opening(place, keeps_camera, seconds);
+            self.opening.iter_mut().for_each(|opening| opening.is_all = is_all);
         }
         let Some(document) = self.document.clone() else { return };
         let streaming = self.settings.streaming;
@@ -73,6 +77,12 @@ impl Viewer {
     /// Begins to open a file or address. What is being opened is given up.
     pub fn open(&mut self, text: &str, seconds: f64) {
         self.begin_opening(Place::parse(text), false, seconds);
+    }
+
+    /// The same for what the program was started with: where it cannot be opened there is a [`failure`](Self::failure).
+    pub fn open_or_fail(&mut self, text: &str, seconds: f64) {
+        self.open(text, seconds);
+        self.opening.iter_mut().for_each(|opening| opening.is_all = true);
     }
 
     pub(super) fn begin_opening(&mut self, place: Place, keeps_camera: bool, seconds: f64) {
@@ -116,7 +126,7 @@ impl Viewer {
             Ok(Loaded { document, model, painting })
         };
         match Job::spawn("open", self.waker(), work) {
-            Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera }),
+            Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera, is_all: false }),
             Err(error) => {
                 self.notices.error(format!("cannot start a thread to open {place}: {error}"), seconds)
             }
@@ -147,7 +157,7 @@ impl Viewer {
 
     pub(super) fn poll_opening(&mut self, seconds: f64) {
         let Some(opening) = &self.opening else { return };
-        let (place, keeps_camera) = (opening.place.clone(), opening.keeps_camera);
+        let (place, keeps_camera, is_all) = (opening.place.clone(), opening.keeps_camera, opening.is_all);
         let result = match opening.job.poll() {
             JobState::Running => return,
             JobState::Done(result) => result,
@@ -155,7 +165,7 @@ impl Viewer {
                 self.opening = None;
                 let text =
                     format!("{place} could not be opened: the program failed on it; please report the file");
-                return self.notices.error(text, seconds);
+                return self.fail_opening(text, is_all, seconds);
             }
         };
         self.opening = None;
@@ -184,9 +194,17 @@ impl Viewer {
             }
             Err(OpenDocumentError::Cancelled) => {}
             Err(error) => {
-                self.notices.error(error.to_string(), seconds);
+                self.fail_opening(error.to_string(), is_all, seconds);
                 self.leave_lost_painting();
             }
+        }
+    }
+
+    fn fail_opening(&mut self, reason: String, is_all: bool, seconds: f64) {
+        if is_all {
+            self.failure = Some(reason);
+        } else {
+            self.notices.error(reason, seconds);
         }
     }
 }

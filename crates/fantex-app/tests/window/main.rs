@@ -27,9 +27,13 @@ fn save_model(folder: &Path) -> PathBuf {
 }
 
 fn save_asset(folder: &Path) -> PathBuf {
+    save_asset_of(folder, 600_000)
+}
+
+fn save_asset_of(folder: &Path, texels: u64) -> PathBuf {
     let path = folder.join("torus.fan");
     let (mesh, _) = clean(torus(64, 32), &CleanOptions::default()).unwrap();
-    let options = CoverOptions { budget: TexelBudget::Total(600_000), ..CoverOptions::default() };
+    let options = CoverOptions { budget: TexelBudget::Total(texels), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options).unwrap();
     bake(&mesh, &cover, &SineSource { k: 20.0 }, &path, &BakeOptions::default(), &NoProgress).unwrap();
     path
@@ -151,6 +155,26 @@ fn damage_and_odd_windows_are_survived() {
     check_success(&display.run(folder.path(), &[&damaged.to_string_lossy()], steps));
     assert!(colors(folder.path(), "means.png") > 30, "groups show their mean colours");
     assert!(colors(folder.path(), "after.png") > 60);
+}
+
+/// What the command line names and cannot be opened ends the program with one sentence.
+#[test]
+fn missing_and_broken_files_on_the_command_line_are_failures() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let whole = save_asset(folder.path());
+    std::fs::write(folder.path().join("cut.fan"), &std::fs::read(&whole).unwrap()[..5000]).unwrap();
+    std::fs::write(folder.path().join("text.obj"), "no model at all").unwrap();
+    std::fs::write(folder.path().join("a.toml"), "").unwrap();
+    for name in ["none.glb", "none.fan", "cut.fan", "text.obj", "a.toml", "."] {
+        for arguments in [&[name][..], &["--paint", name]] {
+            let output = display.run(folder.path(), arguments, r#"{"wait_frames":100000}"#);
+            let told = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{name}: {told}");
+            assert!(told.starts_with("fantex-app: ") && told.lines().count() == 1, "{name}: {told}");
+            assert!(name == "." || told.contains(name), "{name}: {told}");
+        }
+    }
 }
 
 /// The same picture before and after, from where the camera was left, with what was chosen.

@@ -3,7 +3,7 @@
 use fantex_store::{VerifyOptions, verify};
 
 use super::display::Display;
-use super::{check_success, difference, save_asset, save_model};
+use super::{check_success, difference, save_asset, save_asset_of, save_model};
 
 #[test]
 fn strokes_show_in_the_next_frame_are_undone_and_come_back() {
@@ -127,6 +127,31 @@ fn pictures_over_the_view_and_textures_are_painted_with() {
         assert!(difference(at, before, after) > least, "{before} {after}");
     }
     assert_eq!(difference(at, "marble.png", "undone.png"), 0.0);
+    assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
+}
+
+/// A fill of all the texels and a projection, each stopped in the middle; a click beside the model.
+#[test]
+fn what_takes_long_is_stopped_by_a_key() {
+    let Some(display) = Display::start() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = save_asset_of(folder.path(), 6_000_000);
+    save_pictures(folder.path());
+    let steps = r##"{"wait_loaded":120},{"wait_frames":3},{"view":"top"},{"wait_sharp":120},{"screenshot":{"path":"before.png"}},
+        {"window_screenshot":{"path":"hint.png"}},{"stroke":{"points":[[0.02,0.02]]}},{"wait_frames":3},
+        {"window_screenshot":{"path":"missed.png"}},
+        {"color":"#ff2000"},{"paint_tool":"fill"},{"fill":"whole"},{"stroke":{"points":[[0.5,0.75]]}},{"wait_working":60},{"key":"Escape"},
+        {"wait_painted":120},{"expect_painting":{"steps":0}},
+        {"stencil":{"is_on":true,"image":"rings.png"}},"fit_stencil","project",{"wait_working":60},{"key":"Escape"},
+        {"wait_painted":120},{"expect_painting":{"steps":0}},
+        {"stencil":{}},{"hover":[0.02,0.02]},{"wait_sharp":120},{"screenshot":{"path":"stopped.png"}},
+        {"paint_tool":"fill"},{"stroke":{"points":[[0.5,0.75]]}},{"wait_painted":240},{"expect_painting":{"steps":1}},
+        {"hover":[0.02,0.02]},{"wait_sharp":120},{"screenshot":{"path":"filled.png"}},"quit""##;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let at = folder.path();
+    assert!(difference(at, "hint.png", "missed.png") > 0.0005, "the status line tells");
+    assert_eq!(difference(at, "before.png", "stopped.png"), 0.0);
+    assert!(difference(at, "before.png", "filled.png") > 0.1);
     assert!(verify(&asset, &VerifyOptions::default()).unwrap().ok);
 }
 

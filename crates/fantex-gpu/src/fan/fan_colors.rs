@@ -1,6 +1,7 @@
 //! The overlay that gives every partial fan a colour: of all triangles, whichever groups their fans are in.
 
 use bytemuck::{Pod, Zeroable};
+use fantex_mesh::Twins;
 
 use super::bindings::FanBindings;
 use super::materials::FanMaterials;
@@ -22,10 +23,11 @@ const CHUNK: usize = 1 << 19;
 
 #[derive(Debug)]
 pub(crate) struct FanColors {
-    /// Buffers and their numbers of vertices.
-    chunks: Vec<(wgpu::Buffer, u32)>,
+    /// Buffers and their numbers of vertices: of triangles without twins and with them.
+    chunks: [Vec<(wgpu::Buffer, u32)>; 2],
     module: wgpu::ShaderModule,
-    pipeline: Option<(SurfaceKey, wgpu::RenderPipeline)>,
+    /// For the same.
+    pipelines: Option<(SurfaceKey, [wgpu::RenderPipeline; 2])>,
 }
 
 impl FanColors {
@@ -38,11 +40,18 @@ impl FanColors {
             let bytes = bytemuck::cast_slice(&vertices);
             (gpu.buffer("fan colours", bytes, wgpu::BufferUsages::VERTEX), vertices.len() as u32)
         };
+        let twins = Twins::of(&space.triangles);
+        let of_kind = |has_twin: bool| -> Vec<_> {
+            let triangles = space.triangles.iter().enumerate();
+            let chosen =
+                triangles.filter(|(t, _)| twins.contains(*t) == has_twin).map(|(_, triangle)| *triangle);
+            chosen.collect::<Vec<[u32; 3]>>().chunks(CHUNK).map(chunk).collect()
+        };
         let source = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS]);
         Self {
-            chunks: space.triangles.chunks(CHUNK).map(chunk).collect(),
+            chunks: [false, true].map(of_kind),
             module: module(&gpu.device, "fan colours", &source),
-            pipeline: None,
+            pipelines: None,
         }
     }
 
@@ -53,36 +62,37 @@ impl FanColors {
         bindings: &FanBindings,
         materials: &FanMaterials,
     ) {
-        if self.pipeline.as_ref().is_some_and(|(of, _)| *of == key) {
+        if self.pipelines.as_ref().is_some_and(|(of, _)| *of == key) {
             return;
         }
         let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Uint32x3];
-        let layout = wgpu::VertexBufferLayout {
+        let layout = [Some(wgpu::VertexBufferLayout {
             array_stride: size_of::<FanVertex>() as u64,
             step_mode: wgpu::VertexStepMode::Vertex,
             attributes: &attributes,
-        };
-        let pipeline = SurfacePipeline {
+        })];
+        let groups = [&bindings.layout, &materials.layout];
+        let pipeline = |is_double_sided| SurfacePipeline {
             label: "fan colours",
             module: &self.module,
             vertex: "vs_fan_colors",
             fragment: "fs_fan_colors",
-            buffers: &[Some(layout)],
-            groups: &[&bindings.layout, &materials.layout],
+            buffers: &layout,
+            groups: &groups,
             constants: &[],
             coat: Coat::Opaque,
-            is_double_sided: true,
+            is_double_sided,
             topology: wgpu::PrimitiveTopology::TriangleList,
         };
-        self.pipeline = Some((key, pipeline.build(gpu, key)));
+        self.pipelines = Some((key, [true, false].map(|sides| pipeline(sides).build(gpu, key))));
     }
 
     /// Groups 1 and 2 are bound.
     pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: SurfaceKey) {
-        let Some((of, pipeline)) = &self.pipeline else { return };
-        if *of == key {
+        let Some((of, pipelines)) = &self.pipelines else { return };
+        for (pipeline, chunks) in pipelines.iter().zip(&self.chunks).filter(|_| *of == key) {
             pass.set_pipeline(pipeline);
-            for (buffer, count) in &self.chunks {
+            for (buffer, count) in chunks {
                 pass.set_vertex_buffer(0, buffer.slice(..));
                 pass.draw(0..*count, 0..1);
             }

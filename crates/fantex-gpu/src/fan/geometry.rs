@@ -12,7 +12,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use fantex_cover::{Cover, Group, GroupKind};
-use fantex_mesh::{AlphaMode, Mesh};
+use fantex_mesh::{AlphaMode, Mesh, Twins};
 use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -63,6 +63,8 @@ pub(crate) struct MaterialRun {
     pub(crate) material: u32,
     /// Whether any of their tiles is larger than a page.
     pub(crate) is_paged: bool,
+    /// Whether they have twins, and so are not seen from behind.
+    pub(crate) has_twins: bool,
     /// Into the indices of plain triangles.
     pub(crate) plain: std::ops::Range<u32>,
     /// Into the vertices of border triangles.
@@ -76,11 +78,13 @@ pub(crate) struct GeometrySource<'a> {
     pub(crate) cover: &'a Cover,
     /// Unit normals, one per corner.
     pub(crate) normals: &'a [Vec3],
+    /// Of the mesh's triangles.
+    pub(crate) twins: &'a Twins,
 }
 
 impl<'a> GeometrySource<'a> {
     /// Numbers of the triangles that hide what lies behind them or are cut out, and of those that are blended; by material
-    /// and kind of tile, else in the mesh's order.
+    /// and what else is drawn apart, else in the mesh's order.
     pub(crate) fn order(&self) -> [Vec<u32>; 2] {
         let materials = &self.mesh.materials;
         let is_blended = |t: u32| {
@@ -89,7 +93,8 @@ impl<'a> GeometrySource<'a> {
         };
         let (blended, mut solid): (Vec<u32>, Vec<u32>) =
             (0..self.mesh.triangles.len() as u32).partition(|&t| is_blended(t));
-        let is_uniform = materials.len() <= 1 && self.cover.groups.iter().all(|g| !is_paged(g));
+        let is_uniform =
+            materials.len() <= 1 && self.twins.is_empty() && self.cover.groups.iter().all(|g| !is_paged(g));
         if !is_uniform {
             solid.par_sort_by_key(|&t| self.run_key(t));
         }
@@ -120,10 +125,11 @@ impl<'a> GeometrySource<'a> {
                     None => chunk.border_vertices.extend(self.border_corners(triangle as usize)),
                 }
             }
-            let (material, is_paged) = self.run_key(run[0]);
+            let (material, has_twins, is_paged) = self.run_key(run[0]);
             chunk.runs.push(MaterialRun {
                 material,
                 is_paged,
+                has_twins,
                 plain: plain_first as u32..chunk.plain_indices.len() as u32,
                 border: border_first as u32..chunk.border_vertices.len() as u32,
             });
@@ -135,10 +141,11 @@ impl<'a> GeometrySource<'a> {
         self.mesh.material_of(triangle as usize) as u32
     }
 
-    /// Material, and whether any tile is larger than a page.
-    fn run_key(&self, triangle: u32) -> (u32, bool) {
+    /// Material, whether it has a twin, and whether any tile is larger than a page.
+    fn run_key(&self, triangle: u32) -> (u32, bool, bool) {
         let groups = self.cover.corner_groups[triangle as usize];
-        (self.material(triangle), groups.iter().any(|&g| is_paged(&self.cover.groups[g as usize])))
+        let is_paged = groups.iter().any(|&g| is_paged(&self.cover.groups[g as usize]));
+        (self.material(triangle), self.twins.contains(triangle as usize), is_paged)
     }
 
     /// The projected group that all corners share, if there is one.
@@ -253,7 +260,8 @@ mod tests {
             CoverOptions { tile: 48, budget: TexelBudget::Total(1 << 18), ..CoverOptions::default() };
         let cover = build_cover(&mesh, &options).unwrap().0;
         let normals = shading_normals(&mesh);
-        let source = GeometrySource { mesh: &mesh, cover: &cover, normals: &normals };
+        let twins = Twins::of(&mesh.triangles);
+        let source = GeometrySource { mesh: &mesh, cover: &cover, normals: &normals, twins: &twins };
         let [order, blended] = source.order();
         assert!(blended.is_empty());
         let chunk = source.chunk(&order, &mut vec![0; mesh.positions.len()]);

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use fantex_cover::Cover;
-use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
+use fantex_mesh::{AlphaMode, Material, Mesh, Twins, shading_normals};
 use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_stream::{AtlasFormat, AtlasShape, FrameChanges, PageTable};
 use glam::Vec3;
@@ -141,7 +141,8 @@ impl FanModel {
         let parts = BindingSource { cover, channels, formats, grid, pages };
         let bindings = FanBindings::new(gpu, parts, mean);
         let normals = shading_normals(mesh);
-        let geometry = GeometrySource { mesh, cover, normals: &normals };
+        let twins = Twins::of(&mesh.triangles);
+        let geometry = GeometrySource { mesh, cover, normals: &normals, twins: &twins };
         let [solid, blended] = geometry.order();
         let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(gpu, chunk)).collect();
         let blended = Blended::new(gpu, &geometry, &blended)?;
@@ -304,11 +305,13 @@ impl FanModel {
     }
 
     fn part(&self, shape: Shape, run: &MaterialRun) -> Part {
-        Part { shape, surface: self.surfaces[run.material as usize], is_paged: run.is_paged }
+        let surface = self.surfaces[run.material as usize].with_twins(run.has_twins);
+        Part { shape, surface, is_paged: run.is_paged }
     }
 
     fn blended_part(&self, run: &Run) -> Part {
-        Part { shape: Shape::Border, surface: self.surfaces[run.material as usize], is_paged: true }
+        let surface = self.surfaces[run.material as usize].with_twins(run.has_twins);
+        Part { shape: Shape::Border, surface, is_paged: true }
     }
 
     /// All that is drawn.
@@ -417,10 +420,12 @@ impl Blended {
         if bytes > allowed {
             return Err(gpu.too_large("the blended part of a model", bytes, allowed, "bytes"));
         }
+        let twins = geometry.twins;
         let sorted = triangles.iter().zip(0u32..).map(|(&t, i)| SortedTriangle {
             centre: geometry.mesh.triangle_positions(t as usize).iter().sum::<Vec3>() / 3.0,
             corners: [3 * i, 3 * i + 1, 3 * i + 2],
             material: geometry.material(t),
+            has_twin: twins.contains(t as usize),
         });
         let sorted = SortedTriangles::new(sorted.collect());
         let indices = (!sorted.is_empty()).then(|| {

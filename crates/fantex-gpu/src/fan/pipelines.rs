@@ -36,6 +36,11 @@ impl Surface {
             is_toon: material.toon.is_some(),
         }
     }
+
+    /// The same for triangles that may have twins: these are not seen from behind.
+    pub(crate) fn with_twins(self, has_twins: bool) -> Self {
+        Self { is_double_sided: self.is_double_sided && !has_twins, ..self }
+    }
 }
 
 /// What is drawn with one pipeline.

@@ -12,9 +12,7 @@ mod pipelines;
 mod textures;
 mod vertices;
 
-use std::ops::Range;
-
-use fantex_mesh::{AlphaMode, Material, Mesh};
+use fantex_mesh::{AlphaMode, Material, Mesh, Twins};
 use fantex_scene::FilterOptions;
 use fantex_texture::material::{
     MaterialImageError, MaterialTextures, load_material_textures, preserve_coverage,
@@ -55,9 +53,11 @@ pub struct UvModel {
     space: ModelSpace,
     buffers: Buffers,
     /// What hides everything behind it, then what is cut out.
-    solid: Vec<Part>,
+    solid: Vec<Run>,
     sorted: SortedTriangles,
     runs: Vec<Run>,
+    /// Whether any triangles have twins.
+    has_twins: bool,
     materials: Vec<UvMaterial>,
     layout: wgpu::BindGroupLayout,
     filter: FilterOptions,
@@ -65,13 +65,6 @@ pub struct UvModel {
     texture_bytes: u64,
     /// Of the current frame.
     key: Option<SurfaceKey>,
-}
-
-/// Triangles of one material.
-#[derive(Clone, Debug)]
-struct Part {
-    material: u32,
-    indices: Range<u32>,
 }
 
 impl UvModel {
@@ -112,13 +105,15 @@ impl UvModel {
             })
             .collect::<Result<Vec<_>, GpuError>>()?;
         let vertices = Vertices::of_mesh(mesh, textures, &uv_sets);
-        let (solid, indices, sorted) = arrange(mesh, &vertices, &materials);
+        let twins = Twins::of(&mesh.triangles);
+        let (solid, indices, sorted) = arrange(mesh, &twins, &vertices, &materials);
         Ok(Self {
             space: ModelSpace::of_mesh(mesh),
             buffers: Buffers::new(gpu, &vertices, &indices, &sorted)?,
             solid,
             sorted,
             runs: Vec::new(),
+            has_twins: !twins.is_empty(),
             materials,
             layout,
             filter,
@@ -133,22 +128,22 @@ impl UvModel {
         self.texture_bytes
     }
 
-    fn draw_part(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
+    fn draw_part(&self, pass: &mut wgpu::RenderPass<'_>, part: &Run) {
         let Some(frame) = self.key else { return };
-        let material = &self.materials[material as usize];
-        if let Some(pipeline) = self.pipelines.surface(PipelineKey::new(material, frame)) {
+        let material = &self.materials[part.material as usize];
+        if let Some(pipeline) = self.pipelines.surface(PipelineKey::new(material, part.has_twins, frame)) {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &material.group, &[]);
-            pass.draw_indexed(indices.clone(), 0, 0..1);
+            pass.draw_indexed(part.indices.clone(), 0, 0..1);
         }
     }
 
-    fn draw_caster(&self, pass: &mut wgpu::RenderPass<'_>, material: u32, indices: &Range<u32>) {
-        let material = &self.materials[material as usize];
+    fn draw_caster(&self, pass: &mut wgpu::RenderPass<'_>, part: &Run) {
+        let material = &self.materials[part.material as usize];
         if let Some(pipeline) = self.pipelines.caster(material) {
             pass.set_pipeline(pipeline);
             pass.set_bind_group(1, &material.group, &[]);
-            pass.draw_indexed(indices.clone(), 0, 0..1);
+            pass.draw_indexed(part.indices.clone(), 0, 0..1);
         }
     }
 }
@@ -171,8 +166,10 @@ impl Model for UvModel {
         }
         self.key = Some(frame.key);
         for material in &self.materials {
-            let key = PipelineKey::new(material, frame.key);
-            self.pipelines.make_surface(gpu, &self.layout, &self.buffers, key);
+            for has_twins in [false, true].into_iter().take(1 + usize::from(self.has_twins)) {
+                let key = PipelineKey::new(material, has_twins, frame.key);
+                self.pipelines.make_surface(gpu, &self.layout, &self.buffers, key);
+            }
             if frame.draws_shadows {
                 self.pipelines.make_caster(gpu, &self.layout, &self.buffers, material);
             }
@@ -189,53 +186,58 @@ impl Model for UvModel {
     fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
         self.buffers.set_vertices(pass);
         pass.set_index_buffer(self.buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
-        self.solid.iter().for_each(|part| self.draw_caster(pass, part.material, &part.indices));
+        self.solid.iter().for_each(|part| self.draw_caster(pass, part));
         pass.set_index_buffer(self.buffers.sorted.slice(..), wgpu::IndexFormat::Uint32);
-        self.runs.iter().for_each(|run| self.draw_caster(pass, run.material, &run.indices));
+        self.runs.iter().for_each(|run| self.draw_caster(pass, run));
     }
 
     fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
         self.buffers.set_vertices(pass);
         pass.set_index_buffer(self.buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
-        self.solid.iter().for_each(|part| self.draw_part(pass, part.material, &part.indices));
+        self.solid.iter().for_each(|part| self.draw_part(pass, part));
     }
 
     fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
         self.buffers.set_vertices(pass);
         pass.set_index_buffer(self.buffers.sorted.slice(..), wgpu::IndexFormat::Uint32);
-        self.runs.iter().for_each(|run| self.draw_part(pass, run.material, &run.indices));
+        self.runs.iter().for_each(|run| self.draw_part(pass, run));
     }
 }
 
 /// Solid parts with their indices, one after the other, and the triangles that are blended.
 fn arrange(
     mesh: &Mesh,
+    twins: &Twins,
     vertices: &Vertices,
     materials: &[UvMaterial],
-) -> (Vec<Part>, Vec<[u32; 3]>, SortedTriangles) {
-    let mut of_material: Vec<Vec<[u32; 3]>> = vec![Vec::new(); materials.len()];
+) -> (Vec<Run>, Vec<[u32; 3]>, SortedTriangles) {
+    // Per material those without and those with twins.
+    let mut of_material: Vec<[Vec<[u32; 3]>; 2]> = vec![Default::default(); materials.len()];
     let mut blended = Vec::new();
-    for (t, corners) in vertices.triangles.iter().enumerate() {
-        let material = mesh.material_of(t).min(materials.len() - 1);
+    for (t, &corners) in vertices.triangles.iter().enumerate() {
+        let (material, has_twin) = (mesh.material_of(t).min(materials.len() - 1), twins.contains(t));
         if materials[material].alpha == AlphaMode::Blend {
             let [a, b, c] = mesh.triangle_positions(t);
             let centre = (a + b + c) / 3.0;
-            blended.push(SortedTriangle { centre, corners: *corners, material: material as u32 });
+            blended.push(SortedTriangle { centre, corners, material: material as u32, has_twin });
         } else {
-            of_material[material].push(*corners);
+            of_material[material][usize::from(has_twin)].push(corners);
         }
     }
-    let mut order: Vec<usize> = (0..materials.len()).filter(|&m| !of_material[m].is_empty()).collect();
+    let mut order: Vec<usize> = (0..materials.len()).collect();
     order.sort_by_key(|&m| {
         (alpha_code(materials[m].alpha), materials[m].is_double_sided, materials[m].layers)
     });
-    let mut next = 0;
-    let parts = order.iter().map(|&material| {
-        let count = 3 * of_material[material].len() as u32;
-        next += count;
-        Part { material: material as u32, indices: next - count..next }
-    });
-    let parts = parts.collect();
-    let indices = order.iter().flat_map(|&material| of_material[material].iter().copied()).collect();
+    let (mut parts, mut indices) = (Vec::new(), Vec::new());
+    for material in order {
+        for (triangles, has_twins) in of_material[material].iter().zip([false, true]) {
+            let first = 3 * indices.len() as u32;
+            indices.extend(triangles);
+            let last = 3 * indices.len() as u32;
+            if first < last {
+                parts.push(Run { material: material as u32, has_twins, indices: first..last });
+            }
+        }
+    }
     (parts, indices, SortedTriangles::new(blended))
 }

@@ -30,12 +30,13 @@ pub(super) struct Pipelines {
 }
 
 impl PipelineKey {
-    pub(super) fn new(material: &UvMaterial, frame: SurfaceKey) -> Self {
+    /// `has_twins`: for triangles that are not seen from behind, whatever the material says.
+    pub(super) fn new(material: &UvMaterial, has_twins: bool, frame: SurfaceKey) -> Self {
         Self {
             frame,
             layers: material.layers,
             alpha: alpha_code(material.alpha),
-            is_double_sided: material.is_double_sided,
+            is_double_sided: material.is_double_sided && !has_twins,
         }
     }
 }

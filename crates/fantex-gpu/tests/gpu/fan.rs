@@ -150,6 +150,21 @@ fn one_fan_per_tile() {
     }
 }
 
+/// Front and back of a sheet, which are equally near, each from its front.
+#[test]
+fn both_sides_of_a_sheet() {
+    let mesh = crate::pictures::two_sided_sheet();
+    let source = UvSource::new(&mesh).unwrap();
+    let baked = Baked::new(&mesh, &cover(&mesh, 96, 1 << 18), &source, &BakeOptions::default());
+    for z in [1.0, -1.0] {
+        let options = options(Shading::BaseColor, Filter::Trilinear);
+        let Some(seen) = both(&format!("sheet {z}"), &baked, DVec3::new(0.3, 0.2, z), &options) else {
+            return;
+        };
+        assert_close(&seen, 0.002, 0.02);
+    }
+}
+
 /// A cube whose tiles are cut into several pages.
 fn paged() -> Baked {
     let mesh = cleaned(generate::cube(3));

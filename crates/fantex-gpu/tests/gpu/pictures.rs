@@ -170,6 +170,52 @@ fn layers_behind_each_other() {
     Scene::of(mesh).compare(&gpu, "glass-ball").assert_below(0.1, 8, 0.001);
 }
 
+/// A sheet with both of its sides as triangles, bent so that no depth is like another: in front red, behind green.
+pub(crate) fn two_sided_sheet() -> Mesh {
+    let n = 24;
+    let at = |i: u32| f64::from(i) / f64::from(n) * 2.0 - 1.0;
+    let mut model = Model { materials: vec![Material::default(); 2], ..Model::default() };
+    for (y, x) in (0..=n).flat_map(|y| (0..=n).map(move |x| (y, x))) {
+        model.positions.push(DVec3::new(at(x), at(y), 0.3 * (at(x) * 2.0).sin() * at(y)));
+    }
+    for (y, x) in (0..n).flat_map(|y| (0..n).map(move |x| (y, x))) {
+        let [a, b, c, d] = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)].map(|(x, y)| y * (n + 1) + x);
+        // Now the one side comes first, now the other.
+        for [a, b, c] in [[a, b, c], [c, b, d]] {
+            let (front, back) = (([a, b, c], 0), ([a, c, b], 1));
+            for (triangle, material) in if (x + y) % 2 == 0 { [front, back] } else { [back, front] } {
+                model.triangles.push(triangle);
+                model.triangle_materials.push(material);
+            }
+        }
+    }
+    model.materials[0].base_color = Vec4::new(0.9, 0.05, 0.05, 1.0);
+    model.materials[1].base_color = Vec4::new(0.05, 0.7, 0.1, 1.0);
+    model.materials.iter_mut().for_each(|material| material.double_sided = true);
+    clean(model, &CleanOptions::default()).unwrap().0
+}
+
+/// Each side is seen from its front, though both are double-sided and equally near.
+#[test]
+fn both_sides_of_a_sheet() {
+    let Some(gpu) = gpu() else { return };
+    for alpha in [AlphaMode::Opaque, AlphaMode::Mask(0.5), AlphaMode::Blend] {
+        let mut mesh = two_sided_sheet();
+        mesh.materials.iter_mut().for_each(|material| material.alpha = alpha);
+        let mut scene = Scene::of(mesh);
+        scene.shading = Shading::BaseColor;
+        for (z, red) in [(1.0, true), (-1.0, false)] {
+            scene.camera = Camera::framing_mesh(&scene.mesh, DVec3::new(0.3, 0.2, z), 4.0 / 3.0);
+            scene.compare(&gpu, "sheet").assert_below(0.05, 4, 0.001);
+            for picture in [scene.on_cpu(), scene.on_gpu(&gpu)] {
+                let coloured = || picture.rgba.iter().filter(|p| (p[0] - p[1]).abs() > 0.2);
+                assert!(coloured().count() > 10_000);
+                assert!(coloured().all(|p| (p[0] > p[1]) == red), "{alpha:?} from {z}");
+            }
+        }
+    }
+}
+
 #[test]
 fn vertex_colors_and_single_sides() {
     let Some(gpu) = gpu() else { return };

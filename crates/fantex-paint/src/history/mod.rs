@@ -2,7 +2,8 @@
 //!
 //! A step is what a stroke changed: of every page and channel the bytes before, exclusive-or the bytes after, and of every
 //! mean and attachment (of the layers) both values. Blocks that did not change are zeros, which pack to nothing, and one record serves both directions, back to
-//! the very bytes. Steps are attachments `history/STEP/PART` of the asset (a part has some megabytes, so that a long stroke needs
+//! the very bytes. Of a page that is put aside as the base of the layers it is only said that it was: taken back it is dropped, done
+//! again it is the page as it is then. Steps are attachments `history/STEP/PART` of the asset (a part has some megabytes, so that a long stroke needs
 //! no more memory than a short one); `history/index` names them. They are committed together with the texels, so a
 //! restart finds both in agreement.
 
@@ -15,6 +16,7 @@ use fantex_store::{AssetEditor, PageId};
 use record::Record;
 use serde::{Deserialize, Serialize};
 
+use crate::layers::{base_bytes, base_name};
 use crate::{PaintError, log};
 
 const INDEX: &str = "history/index";
@@ -54,6 +56,16 @@ pub struct History {
 struct OpenStep {
     step: HistoryStep,
     bytes: Vec<u8>,
+}
+
+/// What a step changes on a page. It comes into one part of the step, as a whole.
+#[derive(Debug)]
+pub(crate) struct PageStep {
+    pub(crate) id: PageId,
+    /// Channels with the bytes before and after.
+    pub(crate) channels: Vec<(usize, Vec<u8>, Vec<u8>)>,
+    /// The page as it was is put aside as the base of the layers, and not once more in the history.
+    pub(crate) is_first_layered: bool,
 }
 
 /// Whether a step is taken back or done again.
@@ -107,17 +119,16 @@ impl History {
         self.open = Some(OpenStep { step, bytes: Vec::new() });
     }
 
-    pub(crate) fn add_page(
-        &mut self,
-        id: PageId,
-        channel: usize,
-        before: &[u8],
-        after: &[u8],
-        editor: &mut AssetEditor,
-    ) -> Result<(), PaintError> {
+    pub(crate) fn add_page(&mut self, step: PageStep, editor: &mut AssetEditor) -> Result<(), PaintError> {
         let Some(open) = &mut self.open else { return Ok(()) };
-        Record::Page { id, channel, change: before.iter().zip(after).map(|(a, b)| a ^ b).collect() }
-            .encode(&mut open.bytes);
+        let PageStep { id, channels, is_first_layered } = step;
+        if is_first_layered {
+            Record::Base(id).encode(&mut open.bytes);
+        }
+        for (channel, before, after) in channels {
+            let change = before.iter().zip(after).map(|(a, b)| a ^ b).collect();
+            Record::Page { id, channel, change }.encode(&mut open.bytes);
+        }
         if open.bytes.len() >= PART_BYTES { open.write_part(editor) } else { Ok(()) }
     }
 
@@ -210,6 +221,7 @@ impl History {
         let mut rest = bytes.as_slice();
         // All is read before anything is changed: a part is applied once or not at all.
         let mut pages: BTreeMap<(PageId, usize), Vec<u8>> = BTreeMap::new();
+        let mut bases = Vec::new();
         let mut others = Vec::new();
         while !rest.is_empty() {
             match Record::decode(&mut rest).ok_or_else(|| damaged(editor, "a step cannot be read"))? {
@@ -220,7 +232,17 @@ impl History {
                     };
                     page.iter_mut().zip(change).for_each(|(byte, change)| *byte ^= change);
                 }
+                Record::Base(id) => bases.push(match direction {
+                    Direction::Back => (id, None),
+                    Direction::Forth => (id, Some(base_bytes(editor, id, None)?.concat())),
+                }),
                 other => others.push(other),
+            }
+        }
+        for (id, base) in bases {
+            match base {
+                None => editor.detach(&base_name(id)),
+                Some(base) => editor.attach(&base_name(id), base)?,
             }
         }
         for ((id, channel), page) in pages {
@@ -247,8 +269,8 @@ impl OpenStep {
 /// Changes the asset by a record that is no page.
 fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Result<(), PaintError> {
     match record {
-        // Pages are put together before.
-        Record::Page { .. } => {}
+        // They are put together before.
+        Record::Page { .. } | Record::Base(_) => {}
         Record::Attachment { name, contents: [before, after] } => {
             let contents = match direction {
                 Direction::Back => before,

@@ -5,6 +5,7 @@
 //! | page | u32 0; u32 group, level, column, row, channel, length; bytes before xor bytes after |
 //! | attachment | u32 2; u32 lengths of name, contents before, contents after; these (of length 0: none) |
 //! | mean | u32 1; u32 group, channel; f32[4] before; f32[4] after |
+//! | base | u32 3; u32 group, column, row: of a page of level 0, which is put aside as the base of the layers |
 
 use fantex_store::PageId;
 
@@ -14,11 +15,13 @@ pub(super) enum Record {
     Page { id: PageId, channel: usize, change: Vec<u8> },
     Mean { channel: usize, group: u32, values: [[f32; 4]; 2] },
     Attachment { name: String, contents: [Vec<u8>; 2] },
+    Base(PageId),
 }
 
 const PAGE: u32 = 0;
 const MEAN: u32 = 1;
 const ATTACHMENT: u32 = 2;
+const BASE: u32 = 3;
 
 impl Record {
     pub(super) fn encode(&self, out: &mut Vec<u8>) {
@@ -37,6 +40,9 @@ impl Record {
                 let lengths = [name.len(), before.len(), after.len()].map(|n| n as u32);
                 out.extend([ATTACHMENT].into_iter().chain(lengths).flat_map(u32::to_le_bytes));
                 [name.as_bytes(), before, after].into_iter().for_each(|part| out.extend(part));
+            }
+            Self::Base(PageId { group, page: [column, row], .. }) => {
+                out.extend([BASE, *group, *column, *row].into_iter().flat_map(u32::to_le_bytes));
             }
         }
     }
@@ -61,6 +67,10 @@ impl Record {
                 let before = rest.split_off(..before as usize)?.to_vec();
                 let after = rest.split_off(..after as usize)?.to_vec();
                 Some(Self::Attachment { name, contents: [before, after] })
+            }
+            BASE => {
+                let [group, column, row] = words(rest)?;
+                Some(Self::Base(PageId { group, level: 0, page: [column, row] }))
             }
             _ => None,
         }
@@ -91,6 +101,7 @@ mod tests {
             Record::Page { id, channel: 1, change: vec![1, 2, 3] },
             Record::Mean { channel: 0, group: 9, values: [[0.5; 4], [1.5; 4]] },
             Record::Attachment { name: "a/b".into(), contents: [vec![], vec![4, 5]] },
+            Record::Base(PageId { level: 0, ..id }),
         ];
         let mut bytes = Vec::new();
         records.iter().for_each(|record| record.encode(&mut bytes));
@@ -98,6 +109,7 @@ mod tests {
         assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[0]));
         assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[1]));
         assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[2]));
+        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[3]));
         assert!(rest.is_empty());
         for end in 1..30 {
             assert_eq!(Record::decode(&mut &bytes[..end]), None);

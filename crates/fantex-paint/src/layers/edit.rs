@@ -9,8 +9,9 @@ use super::{
     BASE_PREFIX, INDEX, Layer, LayerContent, LayerStack, base_name, flatten, keep_folders, mask_prefix,
     page_of_suffix,
 };
+use crate::history::PageStep;
 use crate::layers::flatten::base_bytes;
-use crate::tile_paint::{Changes, PageChange, Rect};
+use crate::tile_paint::{Changes, Rect};
 use crate::work::{FlattenWork, Work};
 use crate::{PaintError, Painter, StrokeSettings};
 
@@ -108,12 +109,6 @@ impl Painter {
     }
 
     pub(crate) fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<(), PaintError> {
-        for &id in ids {
-            if self.editor.attachment(&base_name(id))?.is_none() {
-                let base = base_bytes(&self.editor, id, None)?.concat();
-                self.attach(&base_name(id), base)?;
-            }
-        }
         let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
         let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
         let flat: Vec<Vec<Vec<u8>>> = ids
@@ -127,20 +122,28 @@ impl Painter {
                 flatten(&LayerStack { editor, layers, id, extent, surface, map, fills, rect, replaced })
             })
             .collect::<Result<_, _>>()?;
-        for (&id, channels) in ids.iter().zip(flat) {
-            for (channel, after) in channels.into_iter().enumerate() {
-                let before = self.editor.read_page_raw(channel, id)?;
+        for (&id, flat) in ids.iter().zip(flat) {
+            let before = base_bytes(&self.editor, id, None)?;
+            // The base is kept from the moment on at which something lies over it.
+            let is_first_layered = !self.editor.has_attachment(&base_name(id));
+            if is_first_layered {
+                self.editor.attach(&base_name(id), before.concat())?;
+            }
+            let mut channels = Vec::with_capacity(flat.len());
+            for (channel, (before, after)) in before.into_iter().zip(flat).enumerate() {
                 if before != after {
-                    let change = PageChange { id, channel, before, after };
-                    self.remember(&change)?;
-                    self.editor.replace(id, channel, change.after)?;
-                    let group = &self.editor.asset().cover().groups[id.group as usize];
-                    let extent = page_extent(group.level_extent(0), id.page);
-                    changes.add(id, Rect { low: [0; 2], high: extent });
+                    self.editor.replace(id, channel, after.clone())?;
+                    channels.push((channel, before, after));
                 }
             }
+            if !channels.is_empty() {
+                let group = &self.editor.asset().cover().groups[id.group as usize];
+                let extent = page_extent(group.level_extent(0), id.page);
+                changes.add(id, Rect { low: [0; 2], high: extent });
+            }
+            self.remember(PageStep { id, channels, is_first_layered })?;
         }
-        self.relieve()
+        Ok(())
     }
 
     /// Pages on which some layer shows or has shown something, ascending.

@@ -23,7 +23,7 @@ use fantex_store::{AssetEditor, PageId};
 use glam::Vec4;
 use serde::{Deserialize, Serialize};
 
-pub(crate) use flatten::{LayerStack, flatten};
+pub(crate) use flatten::{LayerStack, base_bytes, flatten};
 pub(crate) use graph::FillTextures;
 pub use graph::GraphFill;
 pub(crate) use page::{decode_mask, decode_values, encode_mask, encode_values};
@@ -104,7 +104,7 @@ impl Layer {
 }
 
 /// What a stroke paints on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Target {
     /// What lies under all layers.
     #[default]

@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use fantex_store::{AssetEditor, PageId};
+use fantex_store::{AssetEditor, EditError, PageId};
 use glam::Vec3;
 
 use super::flatten::base_bytes;
@@ -20,6 +20,21 @@ pub(crate) struct ShownPage {
     pub(crate) channels: Vec<Vec<u8>>,
     /// Attachments that change, with their contents.
     pub(crate) attachments: Vec<(String, Vec<u8>)>,
+}
+
+impl ShownPage {
+    /// Puts it in its place.
+    pub(crate) fn put(
+        self,
+        editor: &mut AssetEditor,
+        id: PageId,
+        affected: &[usize],
+    ) -> Result<(), EditError> {
+        for (&channel, bytes) in affected.iter().zip(self.channels) {
+            editor.replace(id, channel, bytes)?;
+        }
+        self.attachments.into_iter().try_for_each(|(name, contents)| editor.attach(&name, contents))
+    }
 }
 
 /// A stroke on a page with layers.

@@ -14,8 +14,8 @@ use std::path::{Path, PathBuf};
 
 use fantex_store::{Asset, AssetEditor};
 
-use crate::replay::{ReplayError, ReplaySummary, StrokeFile, StrokeSettings, replay};
-use crate::{PaintError, Painter};
+use crate::replay::{ReplayError, ReplaySummary, StrokeFile, StrokeSettings, prepare_fill, replay};
+use crate::{FillArea, Paint, PaintError, Painter};
 
 pub(crate) use portable::{Portable, Recording, portable};
 
@@ -37,6 +37,27 @@ pub(crate) fn next_number(editor: &AssetEditor) -> u64 {
     let names = editor.attachment_names();
     let numbers = names.iter().filter_map(|name| name.strip_prefix(PREFIX)?.parse::<u64>().ok());
     numbers.max().map_or(0, |number| number + 1)
+}
+
+/// What a stroke of the log fills, and with what; none where that cannot be told any more.
+pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, FillArea)> {
+    let editor = painter.editor();
+    let bytes = editor.attachment(&stroke_name(number)).ok()??;
+    let mut stroke: StrokeSettings =
+        serde_json::from_slice(&bytes).ok().filter(|s: &StrokeSettings| !s.unrecorded)?;
+    portable::find_looks(&mut stroke, editor.asset().path());
+    let folder = tempfile::tempdir().ok()?;
+    for name in editor.attachment_names().iter().filter(|name| name.starts_with(FILES)) {
+        let contents = editor.attachment(name).ok()??;
+        save_file(folder.path(), Path::new(name.strip_prefix(PREFIX)?), &contents).ok()?;
+    }
+    prepare_fill(painter, &stroke, folder.path()).ok()?
+}
+
+fn save_file(folder: &Path, path: &Path, contents: &[u8]) -> std::io::Result<()> {
+    let path = folder.join(path);
+    path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+    std::fs::write(path, contents)
 }
 
 /// The strokes of an asset, with the files that they mention.
@@ -96,11 +117,6 @@ impl StrokeLog {
     }
 
     fn save_files(&self, folder: &Path) -> std::io::Result<()> {
-        for (path, bytes) in &self.files {
-            let path = folder.join(path);
-            path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
-            std::fs::write(path, bytes)?;
-        }
-        Ok(())
+        self.files.iter().try_for_each(|(path, bytes)| save_file(folder, path, bytes))
     }
 }

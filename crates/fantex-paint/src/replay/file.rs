@@ -189,18 +189,6 @@ pub enum FillSettings {
     Color(ColorFill),
 }
 
-impl FillSettings {
-    /// The triangles to fill, where it is triangles.
-    pub(crate) fn scope(self) -> Option<FillScope> {
-        match self {
-            Self::Whole => Some(FillScope::Whole),
-            Self::Connected => Some(FillScope::Connected),
-            Self::Angle(degrees) => Some(FillScope::Angle(degrees)),
-            Self::Color(_) => None,
-        }
-    }
-}
-
 impl From<FillScope> for FillSettings {
     fn from(scope: FillScope) -> Self {
         match scope {

@@ -28,4 +28,5 @@ pub use file::{
     Where,
 };
 pub(crate) use prepare::place_on;
+pub(crate) use run::prepare_fill;
 pub use run::{ReplayError, ReplaySummary, replay};

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use fantex_store::ChannelKind;
 use fantex_texture::{LoadImageError, UnknownSolid};
 
-use super::file::{FillSettings, LayerSettings, StrokeFile, StrokeSettings, Where};
+use super::file::{LayerSettings, StrokeFile, StrokeSettings, Where};
 use super::prepare::{Preparation, Prepared};
 use crate::{
-    GraphError, GraphFill, Layer, LayerContent, PaintError, Painter, StrokeSummary, Target, TextError,
-    dabs_of, fill_starts, fill_triangles_with,
+    FillArea, GraphError, GraphFill, Layer, LayerContent, Paint, PaintError, Painter, Stroke, StrokeSummary,
+    Surface, Target, TextError, dabs_of,
 };
 
 /// A stroke file could not be applied.
@@ -196,34 +196,36 @@ fn apply(
     if paint.channels.is_empty() {
         return Ok(StrokeSummary::default());
     }
-    let compared = paint.channels[0].channel;
-    let stencil = paint.stencil.clone();
+    let surface = Arc::clone(painter.surface());
+    let area = area_of(&surface, settings, &paint, &stroke);
     painter.begin_on(target, &settings.label, paint)?;
     painter.record(settings.clone(), folder)?;
-    let surface = Arc::clone(painter.surface());
-    let start = stroke.samples.first().map(|sample| sample.point);
-    match (settings.fill, start) {
-        (Some(FillSettings::Color(fill)), Some(start)) => {
-            painter.fill_color(compared, &fill_starts(&surface, start, &stroke.symmetry), fill)?;
-        }
-        // Nothing else can be covered.
-        (Some(FillSettings::Whole), _) if stencil.is_some() => {
-            let triangles = stencil.map(|stencil| stencil.triangles(&surface));
-            painter.fill(&triangles.unwrap_or_default())?;
-        }
-        (Some(fill), Some(start)) => {
-            let symmetry = &stroke.symmetry;
-            let triangles = fill.scope().map(|scope| fill_triangles_with(&surface, start, scope, symmetry));
-            painter.fill(&triangles.unwrap_or_default())?;
-        }
-        _ if !decals.is_empty() => decals.iter().try_for_each(|decal| painter.decal(decal))?,
-        _ if settings.decal.is_some() || settings.text.is_some() => {}
-        _ => {
-            painter.dab(&dabs)?;
-            painter.dab(&dabs_of(&surface, &stroke))?;
-        }
+    if let Some(area) = area {
+        return painter.fill(area);
+    }
+    if !decals.is_empty() {
+        decals.iter().try_for_each(|decal| painter.decal(decal))?;
+    } else if settings.decal.is_none() && settings.text.is_none() {
+        painter.dab(&dabs)?;
+        painter.dab(&dabs_of(&surface, &stroke))?;
     }
     painter.end()
+}
+
+fn area_of(surface: &Surface, settings: &StrokeSettings, paint: &Paint, stroke: &Stroke) -> Option<FillArea> {
+    let start = stroke.samples.first().map(|sample| sample.point);
+    FillArea::of(surface, settings.fill?, paint, start, &stroke.symmetry)
+}
+
+/// What a stroke fills, and with what; none where it fills nothing.
+pub(crate) fn prepare_fill(
+    painter: &Painter,
+    settings: &StrokeSettings,
+    folder: &Path,
+) -> Result<Option<(Paint, FillArea)>, ReplayError> {
+    let prepared = Preparation { painter, stroke: 0, settings, folder }.run(&mut 0)?;
+    let area = area_of(painter.surface(), settings, &prepared.paint, &prepared.stroke);
+    Ok(area.map(|area| (prepared.paint, area)))
 }
 
 /// The layer that a stroke names; made where there is none.

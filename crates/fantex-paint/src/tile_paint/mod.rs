@@ -29,15 +29,16 @@ mod stroke_page;
 mod texel_page;
 
 pub(crate) use composite::composite;
-pub(crate) use cover::{Patch, TexelUnder};
+pub(crate) use cover::{Patch, TexelUnder, cover_texels, fill_page, for_each_page};
 pub(crate) use encode::{copy_blocks, replace_blocks};
 pub(crate) use ink::{Ink, look_up, nearest_inside};
-pub(crate) use levels::PageChange;
 pub(crate) use normals::tangent_from_picture;
+pub(crate) use painter::OpenStroke;
 pub use painter::{PaintOptions, Painter, StrokeSummary};
 pub use preview::PreviewPage;
 pub(crate) use rect::Rect;
 pub(crate) use shade::shade;
+pub(crate) use stencil::see_through;
 pub(crate) use step::Changes;
 pub(crate) use stroke_page::StrokePage;
 pub(crate) use texel_page::TexelPage;

@@ -1,6 +1,5 @@
 //! The painter: an asset that is being painted on.
 
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
@@ -9,10 +8,8 @@ use glam::Vec4;
 use rayon::prelude::*;
 
 use super::composite::composite;
-use super::cover::{
-    Patch, cover_page, cover_page_colored, cover_texels, fill_page, for_each_page, touched_pages,
-};
-use super::ink::{Ink, look_up, look_up_now};
+use super::cover::{Patch, cover_page, cover_page_colored, touched_pages};
+use super::ink::{Ink, look_up_now};
 use super::level_work::LevelsUnderway;
 use super::rect::Rect;
 use super::room::Room;
@@ -20,14 +17,13 @@ use super::smudge::{Finger, LaidDown, PagesUnder, SmudgeDab, finger_of};
 use super::stencil::see_through;
 use super::stroke_page::{StrokePage, StrokePages};
 use super::texel_page::{TexelPage, TexelPages};
-use crate::color_fill::ColorSearch;
 use crate::dab::PlacedDab;
 use crate::decal::PlacedDecal;
 use crate::history::History;
 use crate::layers::{FillTextures, LayeredPage, Layers, ShownPage, target_name};
 use crate::log::{self, Portable, Recording};
 use crate::work::Work;
-use crate::{ColorFill, Dab, Decal, Paint, PaintError, StrokeSettings, Surface, SurfacePoint, Target, Tool};
+use crate::{Dab, Decal, Paint, PaintError, StrokeSettings, Surface, SurfacePoint, Target, Tool};
 
 /// How to paint.
 #[derive(Clone, Debug)]
@@ -74,33 +70,33 @@ pub struct Painter {
     pub(crate) layers: Layers,
     /// The textures of the layers; made when they are needed.
     pub(crate) fills: FillTextures,
-    pub(super) stroke: Option<OpenStroke>,
-    pub(super) room: Room,
+    pub(crate) stroke: Option<OpenStroke>,
+    pub(crate) room: Room,
     /// Coarser levels that another thread computes, and its texel maps.
     pub(super) levels: Option<LevelsUnderway>,
     pub(super) level_maps: Arc<Mutex<TexelPages>>,
     /// The number of the next stroke in the log.
-    pub(super) next_stroke: u64,
+    pub(crate) next_stroke: u64,
     /// What takes long.
     pub(crate) work: Option<Work>,
 }
 
 /// A stroke that has begun.
 #[derive(Debug)]
-pub(super) struct OpenStroke {
-    pub(super) label: String,
-    pub(super) target: Target,
-    pub(super) paint: Paint,
+pub(crate) struct OpenStroke {
+    pub(crate) label: String,
+    pub(crate) target: Target,
+    pub(crate) paint: Paint,
     /// What was seen before, for tools that ask for it.
     before: Option<PageCache>,
     /// What a smudge carries.
     fingers: Vec<Finger>,
     /// For the log.
-    pub(super) recording: Recording,
+    pub(crate) recording: Recording,
     /// Channels of the asset that it can change, ascending or as painted.
-    pub(super) affected: Vec<usize>,
-    pub(super) pages: StrokePages,
-    pub(super) dabs: usize,
+    pub(crate) affected: Vec<usize>,
+    pub(crate) pages: StrokePages,
+    pub(crate) dabs: usize,
 }
 
 impl Painter {
@@ -270,63 +266,7 @@ impl Painter {
         Ok(())
     }
 
-    /// Covers triangles (ascending) fully. Does nothing where no stroke is open.
-    pub fn fill(&mut self, triangles: &[u32]) -> Result<(), PaintError> {
-        if let Some(stroke) = &mut self.stroke {
-            stroke.recording.lose();
-        }
-        let mut touched: BTreeMap<PageId, ()> = BTreeMap::new();
-        for &triangle in triangles {
-            for_each_page(&self.surface, triangle, |id| {
-                touched.insert(id, ());
-            });
-        }
-        let touched: Vec<(PageId, ())> = touched.into_iter().collect();
-        self.cover(&touched, |_, map, (), page| {
-            fill_page(map, |t| triangles.binary_search(&t).is_ok(), page);
-        })
-    }
-
-    /// Covers what looks like points of the surface do in a channel: around each what looks like that one. Does nothing where no
-    /// stroke is open. Commits first (unless the disk is full), so that what is compared is what is seen; does not see the open
-    /// stroke itself.
-    pub fn fill_color(
-        &mut self,
-        channel: usize,
-        starts: &[SurfacePoint],
-        fill: ColorFill,
-    ) -> Result<(), PaintError> {
-        self.check_channel(channel)?;
-        let Some(stroke) = &mut self.stroke else { return Ok(()) };
-        stroke.recording.lose();
-        let before = self.state_before()?;
-        starts.iter().try_for_each(|&start| self.fill_like(channel, start, fill, &before))
-    }
-
-    fn fill_like(
-        &mut self,
-        channel: usize,
-        start: SurfacePoint,
-        fill: ColorFill,
-        before: &PageCache,
-    ) -> Result<(), PaintError> {
-        let surface = Arc::clone(&self.surface);
-        let value = look_up(&surface, before, channel, start);
-        let search = ColorSearch { surface: &surface, before, channel, start: value, fill };
-        if !fill.connected {
-            let all: Vec<(PageId, ())> = self.all_pages().into_iter().map(|id| (id, ())).collect();
-            return self.cover(&all, |_, map, (), page| cover_texels(&search.coverage(map), map, page));
-        }
-        let (maps, budget) = (&mut self.maps, self.options.memory_bytes / 4);
-        let reached = search.connected(start, |ids| {
-            let ids: Vec<PageId> = ids.iter().copied().collect();
-            maps.get(&surface, &ids, budget)
-        });
-        let touched: Vec<(PageId, Vec<f32>)> = reached.into_iter().collect();
-        self.cover(&touched, |_, map, coverage, page| cover_texels(coverage, map, page))
-    }
-
-    fn check_channel(&self, channel: usize) -> Result<(), PaintError> {
+    pub(crate) fn check_channel(&self, channel: usize) -> Result<(), PaintError> {
         let count = self.editor.asset().channels().len();
         if channel < count { Ok(()) } else { Err(PaintError::NoChannel { channel, count }) }
     }
@@ -391,12 +331,7 @@ impl Painter {
                 .map(|((id, page), map)| stroke_now.shown(surface, editor, layers, map, *id, page))
                 .collect::<Result<_, _>>()?;
             for ((id, mut page), shown) in pages.into_iter().zip(shown) {
-                for (&channel, bytes) in stroke.affected.iter().zip(shown.channels) {
-                    self.editor.replace(id, channel, bytes)?;
-                }
-                for (name, contents) in shown.attachments {
-                    self.editor.attach(&name, contents)?;
-                }
+                shown.put(&mut self.editor, id, &stroke.affected)?;
                 page.stale = Rect::EMPTY;
                 stroke.pages.put(id, page, budget)?;
             }
@@ -451,7 +386,7 @@ impl Painter {
 impl OpenStroke {
     /// The bytes of a page before the stroke, per affected channel; where layers lie over it, also (last) the contents of
     /// the attachment that the stroke changes.
-    fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>, PaintError> {
+    pub(crate) fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>, PaintError> {
         let channels = self.affected.iter().map(|&channel| editor.read_page_raw(channel, id));
         let mut originals = channels.collect::<Result<Vec<_>, _>>()?;
         let contents = editor.attachment(&target_name(self.target, id))?;
@@ -466,7 +401,8 @@ impl OpenStroke {
         page.originals.len() > self.affected.len()
     }
 
-    fn shown(
+    /// The page with the stroke.
+    pub(crate) fn shown(
         &self,
         surface: &Surface,
         editor: &AssetEditor,

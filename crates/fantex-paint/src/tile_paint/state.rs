@@ -10,7 +10,7 @@ use crate::PaintError;
 impl Painter {
     /// The asset as it is seen now, to stay so while the stroke is open. A commit gives such a state. Where the disk is full
     /// the changes in memory are looked through instead, and nothing is written before the stroke ends.
-    pub(super) fn state_before(&mut self) -> Result<PageCache, PaintError> {
+    pub(crate) fn state_before(&mut self) -> Result<PageCache, PaintError> {
         let budget = self.options.memory_bytes / 8;
         match self.commit() {
             Ok(_) => Ok(PageCache::new(Arc::clone(self.editor.asset()), budget)),

@@ -9,6 +9,8 @@ use super::level_work::{GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway};
 use super::levels::{Dirty, PageChange};
 use super::painter::{OpenStroke, Painter, StrokeSummary};
 use super::rect::Rect;
+use super::stroke_page::StrokePage;
+use crate::history::PageStep;
 use crate::layers::{base_name, target_name};
 use crate::log::{self, Portable, portable};
 use crate::{PaintError, StrokeSettings, Target};
@@ -18,7 +20,7 @@ use crate::{PaintError, StrokeSettings, Target};
 const MOST_PAGES_IN_BACKGROUND: usize = 2048;
 
 /// Changed texels of level 0, group by group.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Changes(BTreeMap<u32, Dirty>);
 
 impl Changes {
@@ -103,27 +105,41 @@ impl Painter {
         self.begin_step(&stroke.label);
         let mut changes = Changes::default();
         for &id in &ids {
-            let Some(mut page) = stroke.pages.take(id)? else { continue };
+            let Some(page) = stroke.pages.take(id)? else { continue };
             changes.add(id, page.touched);
-            if stroke.is_layered(&page) {
-                let before = page.originals.pop().unwrap_or_default();
-                // The base is kept from the moment on at which something lies over it.
-                if before.is_empty() && stroke.target != Target::Base {
-                    self.remember_new_base(id, &page.originals, &stroke.affected)?;
-                }
-                self.remember_attachment(&target_name(stroke.target, id), before)?;
-            }
-            for (&channel, before) in stroke.affected.iter().zip(page.originals) {
-                let after = self.editor.read_page_raw(channel, id)?;
-                self.remember(&PageChange { id, channel, before, after })?;
-            }
+            self.remember_page(&stroke, id, page)?;
+            self.relieve()?;
         }
         self.log_stroke(&stroke)?;
         Ok(Some((summary, changes, stroke.affected)))
     }
 
-    /// Enters a stroke that has ended into the log.
-    fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<(), PaintError> {
+    /// Enters into the history what a stroke has changed on a page of level 0.
+    pub(crate) fn remember_page(
+        &mut self,
+        stroke: &OpenStroke,
+        id: PageId,
+        mut page: StrokePage,
+    ) -> Result<(), PaintError> {
+        if !self.options.history {
+            return Ok(());
+        }
+        let mut change = PageStep { id, channels: Vec::new(), is_first_layered: false };
+        if stroke.is_layered(&page) {
+            let before = page.originals.pop().unwrap_or_default();
+            change.is_first_layered = before.is_empty()
+                && stroke.target != Target::Base
+                && self.is_new_base(id, &page.originals, &stroke.affected)?;
+            self.remember_attachment(&target_name(stroke.target, id), before)?;
+        }
+        for (&channel, before) in stroke.affected.iter().zip(page.originals) {
+            change.channels.push((channel, before, self.editor.read_page_raw(channel, id)?));
+        }
+        self.history.add_page(change, &mut self.editor)
+    }
+
+    /// Enters a stroke into the log.
+    pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<(), PaintError> {
         let asset = self.editor.asset();
         let Portable { stroke: mut settings, files, .. } =
             portable(&self.surface, asset, &stroke.paint, stroke.recording.clone())?;
@@ -221,9 +237,11 @@ impl Painter {
         let mut ids = Vec::new();
         for (group, result) in results {
             for change in result.pages {
-                ids.push(change.id);
-                self.remember(&change)?;
-                self.editor.replace(change.id, change.channel, change.after)?;
+                let PageChange { id, channel, before, after } = change;
+                ids.push(id);
+                let channels = vec![(channel, before, after.clone())];
+                self.remember(PageStep { id, channels, is_first_layered: false })?;
+                self.editor.replace(id, channel, after)?;
             }
             for (channel, mean) in result.means {
                 let before = self.editor.mean(channel, group);
@@ -239,10 +257,9 @@ impl Painter {
     }
 
     /// Enters a page's change into the history.
-    pub(crate) fn remember(&mut self, change: &PageChange) -> Result<(), PaintError> {
-        let PageChange { id, channel, before, after } = change;
+    pub(crate) fn remember(&mut self, change: PageStep) -> Result<(), PaintError> {
         if self.options.history {
-            self.history.add_page(*id, *channel, before, after, &mut self.editor)?;
+            self.history.add_page(change, &mut self.editor)?;
         }
         self.relieve()
     }
@@ -251,7 +268,8 @@ impl Painter {
     pub(crate) fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<(), PaintError> {
         let before = self.editor.attachment(name)?.unwrap_or_default();
         self.editor.attach(name, contents)?;
-        self.remember_attachment(name, before)
+        self.remember_attachment(name, before)?;
+        self.relieve()
     }
 
     fn remember_attachment(&mut self, name: &str, before: Vec<u8>) -> Result<(), PaintError> {
@@ -261,18 +279,12 @@ impl Painter {
                 self.history.add_attachment(name, before, after, &mut self.editor)?;
             }
         }
-        self.relieve()
+        Ok(())
     }
 
-    /// Enters into the history that the base of a page was put aside, if this stroke did so: then it is the page as it was.
-    fn remember_new_base(
-        &mut self,
-        id: PageId,
-        originals: &[Vec<u8>],
-        affected: &[usize],
-    ) -> Result<(), PaintError> {
-        let name = base_name(id);
-        let Some(base) = self.editor.attachment(&name)? else { return Ok(()) };
+    /// True where this stroke has put the base of a page aside: then it is the page as it was.
+    fn is_new_base(&self, id: PageId, originals: &[Vec<u8>], affected: &[usize]) -> Result<bool, PaintError> {
+        let Some(base) = self.editor.attachment(&base_name(id))? else { return Ok(false) };
         let channels = self.editor.asset().channels().len();
         let mut page = Vec::with_capacity(base.len());
         for channel in 0..channels {
@@ -281,7 +293,7 @@ impl Painter {
                 None => page.extend(self.editor.read_page_raw(channel, id)?),
             }
         }
-        if page == base { self.remember_attachment(&name, Vec::new()) } else { Ok(()) }
+        Ok(page == base)
     }
 
     /// Moves changes from memory to the file where they exceed the budget.

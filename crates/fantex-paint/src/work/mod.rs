@@ -1,4 +1,4 @@
-//! Work that takes long on a large asset: evaluating layers on all pages, taking back steps that changed them.
+//! Work that takes long on a large asset: filling, evaluating layers on all pages, taking back steps that changed them.
 //!
 //! ```text
 //!  start --> Work --work_on(until)--> ... --> done, one step of the history
@@ -11,7 +11,9 @@
 //! commit. Doing it at once (as [`Painter::edit_layers`] and [`Painter::undo`] do) takes the same slices to the end. Memory is bounded
 //! by a slice. A commit in the middle holds texels, the records that undo them, and an attachment that says what is left.
 
+mod fill;
 mod flatten;
+mod slices;
 mod steps;
 
 use std::time::Instant;
@@ -19,6 +21,7 @@ use std::time::Instant;
 use fantex_store::AssetEditor;
 use serde::{Deserialize, Serialize};
 
+pub(crate) use fill::FillWork;
 pub(crate) use flatten::FlattenWork;
 pub(crate) use steps::{Afterwards, StepWork};
 
@@ -32,6 +35,8 @@ const KEPT: &str = "history/unfinished";
 /// Work under way.
 #[derive(Debug)]
 pub(crate) enum Work {
+    /// A stroke fills.
+    Fill(Box<FillWork>),
     /// Layers have changed.
     Flatten(FlattenWork),
     /// A step is taken back or done again.
@@ -52,6 +57,7 @@ pub struct WorkProgress {
 /// The same in an asset.
 #[derive(Debug, Serialize, Deserialize)]
 enum Kept {
+    Fill(fill::Kept),
     Flatten(flatten::Kept),
     Step(steps::Kept),
 }
@@ -65,6 +71,7 @@ impl Painter {
     /// How far it is; none where there is none.
     pub fn work_progress(&self) -> Option<WorkProgress> {
         Some(match self.work.as_ref()? {
+            Work::Fill(work) => work.progress(),
             Work::Flatten(work) => work.progress(),
             Work::Step(work) => work.progress(),
         })
@@ -78,6 +85,7 @@ impl Painter {
     pub fn work_on(&mut self, until: Instant) -> Result<bool, PaintError> {
         while let Some(work) = self.work.take() {
             match work {
+                Work::Fill(work) => drop(self.fill_on(work)?),
                 Work::Flatten(work) => self.flatten_on(work)?,
                 Work::Step(work) => self.step_on(work)?,
             }
@@ -105,19 +113,31 @@ impl Painter {
     /// The history cannot be written.
     pub fn cancel_work(&mut self) -> Result<(), PaintError> {
         match self.work.take() {
-            Some(Work::Flatten(work)) => self.give_up_flattening(work),
-            Some(Work::Step(work)) => {
-                self.work = Some(Work::Step(work.turned_back()));
-                Ok(())
-            }
-            None => Ok(()),
+            Some(Work::Step(work)) => self.work = Some(Work::Step(work.turned_back())),
+            // There is no way back but to the end and from there.
+            work if !self.options.history => self.work = work,
+            Some(Work::Fill(_) | Work::Flatten(_)) => self.take_back()?,
+            None => {}
         }
+        Ok(())
+    }
+
+    /// Ends the open step, which has something in it, and begins to take it back.
+    fn take_back(&mut self) -> Result<(), PaintError> {
+        self.room.let_go();
+        self.finish_history()?;
+        if let Some(step) = self.history.next_step(Direction::Back).cloned() {
+            self.work = Some(Work::Step(StepWork::then(step, Direction::Back, Afterwards::Forget)));
+        }
+        Ok(())
     }
 
     /// Does what is seen first: groups of less urgency come later.
     pub fn prefer_groups(&mut self, urgency: impl Fn(u32) -> f32) {
-        if let Some(Work::Flatten(work)) = &mut self.work {
-            work.prefer(urgency);
+        match &mut self.work {
+            Some(Work::Fill(work)) => work.prefer(urgency),
+            Some(Work::Flatten(work)) => work.slices.prefer(urgency),
+            Some(Work::Step(_)) | None => {}
         }
     }
 
@@ -129,6 +149,7 @@ impl Painter {
                 return Ok(());
             }
             None => return Ok(()),
+            Some(Work::Fill(work)) => Kept::Fill(work.kept(self.history.keep_open(&mut self.editor)?)),
             Some(Work::Flatten(work)) => {
                 let step = self.history.keep_open(&mut self.editor)?;
                 Kept::Flatten(work.kept(step, self.editor.asset().path()))
@@ -144,6 +165,15 @@ impl Painter {
         let Some(bytes) = self.editor.attachment(KEPT)? else { return Ok(()) };
         let kept = serde_json::from_slice(&bytes).map_err(|_| damaged(&self.editor))?;
         self.work = Some(match kept {
+            Kept::Fill(kept) => {
+                if let Some(step) = &kept.step {
+                    self.history.take_up(step.clone());
+                }
+                match self.fill_left(&kept)? {
+                    Some(work) => Work::Fill(Box::new(work)),
+                    None => return self.take_back(),
+                }
+            }
             Kept::Flatten(kept) => {
                 self.fills.update(&self.surface, &self.layers)?;
                 if let Some(step) = &kept.step {

@@ -13,9 +13,10 @@ use crate::{PaintError, Painter};
 pub(crate) struct StepWork {
     step: HistoryStep,
     direction: Direction,
-    /// Parts that are left, and how many there were.
+    /// Parts that are left: forth from the first one, back from the last one.
     left: Range<u32>,
-    parts: u32,
+    /// How many there were.
+    count: u32,
     afterwards: Afterwards,
 }
 
@@ -36,6 +37,7 @@ pub(super) struct Kept {
     step: HistoryStep,
     direction: Direction,
     left: Range<u32>,
+    count: u32,
     afterwards: Afterwards,
 }
 
@@ -45,34 +47,43 @@ impl StepWork {
     }
 
     pub(super) fn then(step: HistoryStep, direction: Direction, afterwards: Afterwards) -> Self {
-        let parts = step.parts();
-        Self { step, direction, left: 0..parts, parts, afterwards }
+        let count = step.parts();
+        Self { step, direction, left: 0..count, count, afterwards }
     }
 
     pub(super) fn left(kept: Kept) -> Self {
-        let Kept { step, direction, left, afterwards } = kept;
-        Self { parts: left.end, step, direction, left, afterwards }
+        let Kept { step, direction, left, count, afterwards } = kept;
+        Self { step, direction, left, count, afterwards }
     }
 
     pub(super) fn kept(&self) -> Kept {
-        let Self { step, direction, left, afterwards, .. } = self;
-        Kept { step: step.clone(), direction: *direction, left: left.clone(), afterwards: *afterwards }
+        let Self { step, direction, left, count, afterwards } = self;
+        Kept {
+            step: step.clone(),
+            direction: *direction,
+            left: left.clone(),
+            count: *count,
+            afterwards: *afterwards,
+        }
     }
 
-    /// The way back to where it started. (Each part changes other pages and attachments, so their order does not matter.)
+    /// The way back to where it started.
     pub(super) fn turned_back(self) -> Self {
         if self.afterwards != Afterwards::Move {
             return self;
         }
-        let parts = self.left.start;
-        let direction = self.direction.opposite();
-        Self { step: self.step, direction, left: 0..parts, parts, afterwards: Afterwards::Stay }
+        let done = match self.direction {
+            Direction::Forth => 0..self.left.start,
+            Direction::Back => self.left.end..self.count,
+        };
+        let (direction, count) = (self.direction.opposite(), done.len() as u32);
+        Self { step: self.step, direction, left: done, count, afterwards: Afterwards::Stay }
     }
 
     pub(super) fn progress(&self) -> WorkProgress {
         WorkProgress {
             label: self.step.label.clone(),
-            share: self.left.start as f32 / self.parts.max(1) as f32,
+            share: 1.0 - self.left.len() as f32 / self.count.max(1) as f32,
             is_undo: self.direction == Direction::Back,
         }
     }
@@ -81,10 +92,15 @@ impl StepWork {
 impl Painter {
     /// Applies the next part.
     pub(super) fn step_on(&mut self, mut work: StepWork) -> Result<(), PaintError> {
-        let Some(part) = work.left.clone().next() else { return self.end_step(work) };
+        let mut left = work.left.clone();
+        let next = match work.direction {
+            Direction::Forth => left.next(),
+            Direction::Back => left.next_back(),
+        };
+        let Some(part) = next else { return self.end_step(work) };
         let applied = self.history.apply_part(&work.step, part, work.direction, &mut self.editor);
         if applied.is_ok() {
-            work.left.start += 1;
+            work.left = left;
         }
         self.work = Some(Work::Step(work));
         applied?;

@@ -110,7 +110,7 @@ fn a_full_disk_costs_nothing_but_memory() {
 
 #[test]
 fn tools_that_read_the_surface_work_on_a_full_disk() {
-    use fantex_paint::{ColorFill, Tool};
+    use fantex_paint::{ColorFill, FillArea, Tool};
     let [free, full] = [0, 1].map(|_| ball(200_000));
     let options = PaintOptions { memory_bytes: 400 << 10, history: true };
     let [mut a, mut b] = [&free, &full].map(|baked| Painter::open(&baked.path, &options).unwrap());
@@ -137,8 +137,8 @@ fn tools_that_read_the_surface_work_on_a_full_disk() {
         }
         let start = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
         painter.begin("fill", red(0.5)).unwrap();
-        painter.fill_color(0, &[start], ColorFill { tolerance: 0.2, ..ColorFill::default() }).unwrap();
-        painter.end().unwrap();
+        let fill = ColorFill { tolerance: 0.2, ..ColorFill::default() };
+        painter.fill(FillArea::Color { channel: 0, starts: vec![start], fill }).unwrap();
     }
     assert!(b.is_disk_full() && !a.is_disk_full());
     assert!(contents(&a) == contents(&b), "what they read is what is seen");

@@ -4,6 +4,7 @@
 
 mod background;
 mod common;
+mod fills;
 mod layers;
 mod log;
 mod normals;

@@ -8,7 +8,8 @@ use crate::common::{
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
 use fantex_paint::{
-    FillScope, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles, replay,
+    FillArea, FillScope, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles,
+    replay,
 };
 use fantex_store::{JUMP_BOUND, VerifyOptions, verify};
 use glam::{Vec3, Vec4};
@@ -184,8 +185,7 @@ fn a_fill_reaches_all_levels_and_means() {
         let all = fill_triangles(painter.surface(), start, FillScope::Connected);
         assert_eq!(all.len(), mesh.triangles.len());
         painter.begin("fill", red(1.0)).unwrap();
-        painter.fill(&all).unwrap();
-        painter.end().unwrap();
+        painter.fill(FillArea::Triangles(all)).unwrap();
         painter.commit().unwrap();
         let cache = baked.cache();
         let levels = cache.asset().level_count();

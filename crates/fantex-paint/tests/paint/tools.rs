@@ -7,8 +7,8 @@ use crate::common::{Baked, cleaned, contents, cover, paint_stroke, plate, red, s
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
 use fantex_paint::{
-    BlendMode, ChannelPaint, ColorFill, FillScope, Paint, PaintColor, Painter, StrokeFile, Tool, dabs_of,
-    fill_triangles, replay,
+    BlendMode, ChannelPaint, ColorFill, FillArea, FillScope, Paint, PaintColor, Painter, StrokeFile, Tool,
+    dabs_of, fill_triangles, replay,
 };
 use fantex_store::{PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
@@ -107,8 +107,7 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
     let surface = Arc::clone(painter.surface());
     let start = surface.nearest(Vec3::X, f32::INFINITY).unwrap();
     painter.begin("white", flat(Vec4::ONE)).unwrap();
-    painter.fill(&fill_triangles(&surface, start, FillScope::Whole)).unwrap();
-    painter.end().unwrap();
+    painter.fill(FillArea::Everything).unwrap();
     for at in [Vec3::X, Vec3::Z] {
         let mut dot = stroke(&surface, 60.0, &[at]);
         dot.brush.hardness = 1.0;
@@ -117,8 +116,8 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
     let green = Vec4::new(0.0, 1.0, 0.0, 1.0);
     for (connected, other_is_green) in [(true, false), (false, true)] {
         painter.begin("green", flat(green)).unwrap();
-        painter.fill_color(0, &[start], ColorFill { connected, ..ColorFill::default() }).unwrap();
-        painter.end().unwrap();
+        let fill = ColorFill { connected, ..ColorFill::default() };
+        painter.fill(FillArea::Color { channel: 0, starts: vec![start], fill }).unwrap();
         painter.commit().unwrap();
         let cache = baked.cache();
         assert!(color_at(&cache, &painter, Vec3::X).distance(green) < 0.01);
@@ -130,8 +129,8 @@ fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
     // The white is one piece around both dots.
     let white = surface.nearest(Vec3::NEG_Y, f32::INFINITY).unwrap();
     painter.begin("green", flat(green)).unwrap();
-    painter.fill_color(0, &[white], ColorFill::default()).unwrap();
-    painter.end().unwrap();
+    let fill = ColorFill::default();
+    painter.fill(FillArea::Color { channel: 0, starts: vec![white], fill }).unwrap();
     painter.commit().unwrap();
     let cache = baked.cache();
     for i in 0..400 {

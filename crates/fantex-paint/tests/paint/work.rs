@@ -108,7 +108,7 @@ fn what_is_given_up_leaves_nothing_behind() {
     painter.add_layer(wood()).unwrap();
     let after = contents(&painter);
     assert!(painter.start_undo().unwrap());
-    slices(&mut painter, 2);
+    slices(&mut painter, 1);
     painter.cancel_work().unwrap();
     painter.finish_work().unwrap();
     assert!(contents(&painter) == after);

@@ -13,7 +13,7 @@ mod slots;
 
 use std::sync::Arc;
 
-use fantex_mesh::{Mesh, corner_tangents};
+use fantex_mesh::{Mesh, Twins, corner_tangents};
 use fantex_texture::ShadingPoint;
 use fantex_texture::look::{Anisotropy, LightingModel, LookMaterial, NormalSpace, Opacity, Relief};
 use fantex_texture::material::{TangentFrame, roughness_with_variance};
@@ -34,6 +34,7 @@ pub struct LookSurface<'a> {
     tangents: Vec<Vec<Vec4>>,
     materials: Vec<Arc<LookMaterial>>,
     time: f32,
+    twins: Twins,
 }
 
 impl<'a> LookSurface<'a> {
@@ -50,7 +51,7 @@ impl<'a> LookSurface<'a> {
                 if is_asked { set_tangents(mesh, &normals, set) } else { Vec::new() }
             })
             .collect();
-        Self { mesh, normals, tangents, materials, time: 0.0 }
+        Self { mesh, normals, tangents, materials, time: 0.0, twins: Twins::of(&mesh.triangles) }
     }
 
     /// The surface at another time of an animation, seconds.
@@ -243,7 +244,7 @@ impl Surface for LookSurface<'_> {
     }
 
     fn is_double_sided(&self, triangle: usize) -> bool {
-        self.material_of(triangle).double_sided
+        self.material_of(triangle).double_sided && !self.twins.contains(triangle)
     }
 }
 

@@ -104,9 +104,6 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     let opens = || open_asset(&args.asset).map(drop);
     let strokes = match (&args.replay, &args.replay_log) {
         (None, None) => {
-            // Told here, not in a window.
-            let found = std::fs::metadata(&args.asset);
-            found.map_err(|source| CliError::Read { path: args.asset.clone(), source })?;
             let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
             return view::start(&["--paint".into(), memory.into(), args.asset.clone().into()]);
         }

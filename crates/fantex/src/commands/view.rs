@@ -42,7 +42,11 @@ pub(super) fn start(arguments: &[OsString]) -> Result<(), CliError> {
         .args(arguments)
         .status()
         .map_err(|source| CliError::StartViewer { path: viewer, source })?;
-    if status.success() { Ok(()) } else { Err(CliError::Viewer { status }) }
+    match status.code().map(u8::try_from) {
+        Some(Ok(0)) => Ok(()),
+        Some(Ok(exit_code @ 1..=2)) => Err(CliError::ViewerFailed { exit_code }),
+        _ => Err(CliError::Viewer { status }),
+    }
 }
 
 /// The viewer beside this program, else on the search path.

@@ -17,8 +17,7 @@ use crate::paint::record::{Ingredients, recorded, sample_at};
 use crate::paint::stencil::{recorded_use, recorded_view};
 use crate::paint::sticker::{sticker, text_lines};
 use crate::paint::{
-    ColorSource, Fill, Order, PaintSettings, PaintTool, PenEvent, PenPhase, StickerKind, StrokeStart,
-    Viewpoint,
+    ColorSource, Order, PaintSettings, PaintTool, PenEvent, PenPhase, StickerKind, StrokeStart, Viewpoint,
 };
 
 impl Painting {
@@ -36,9 +35,15 @@ impl Painting {
         for event in events {
             let hit = view.hit(&self.surface, event.at);
             let sample = hit.map(|point| Sample { pressure: event.pressure, ..Sample::at(point) });
+            if event.phase == PenPhase::Down && sample.is_some() {
+                self.missed = None;
+            }
             match event.phase {
                 PenPhase::Down => match sample {
-                    None => self.hand = Hand::Turn,
+                    None => {
+                        self.hand = Hand::Turn;
+                        self.missed = Some(seconds);
+                    }
                     Some(sample) if is_pick || settings.tool == PaintTool::Pick => {
                         self.pick(sample.point, settings, notices, seconds);
                     }
@@ -97,12 +102,9 @@ impl Painting {
         }
         if settings.tool == PaintTool::Fill {
             let fill = settings.fill.fill(settings.fill_degrees, settings.fill_tolerance);
-            start.recorded.fill = Some(match fill {
-                Fill::Triangles(scope) => scope.into(),
-                Fill::Color(fill) => FillSettings::Color(fill),
-            });
+            start.recorded.fill = Some(fill);
             start.recorded.samples = vec![sample_at(&self.surface, sample.point)];
-            self.thread.order(Order::Fill(start, sample.point, fill));
+            self.thread.order(Order::Fill(start, Some(sample.point), fill));
             return;
         }
         if settings.tool == PaintTool::Sticker {
@@ -151,7 +153,7 @@ impl Painting {
                 start.label = "project".into();
                 start.recorded.label.clone_from(&start.label);
                 start.recorded.fill = Some(FillSettings::Whole);
-                self.leave_stroke(Order::Project(start));
+                self.leave_stroke(Order::Fill(start, None, FillSettings::Whole));
             }
             Err(reason) => notices.warning(reason, seconds),
         }

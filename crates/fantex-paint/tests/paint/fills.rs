@@ -1,0 +1,272 @@
+//! Fills in slices: interrupted, given up, taken up again after a crash; and what a history of them takes.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use crate::common::{Baked, Contents, cleaned, contents, cover, paint_stroke, plate, red, stroke};
+use fantex_bake::BakeFormat;
+use fantex_mesh::generate;
+use fantex_paint::{
+    ChannelPaint, ColorFill, FillArea, Layer, Paint, PaintColor, PaintOptions, Painter, Picture,
+    PicturePlace, Projection, ProjectionView, StrokeFile, StrokeSettings, Target,
+};
+use fantex_store::{VerifyOptions, verify};
+use fantex_texture::Image;
+use glam::{DVec3, Vec3, Vec4};
+
+/// With so little memory that changes and steps go to the file in parts.
+fn open(baked: &Baked) -> Painter {
+    Painter::open(&baked.path, &PaintOptions { memory_bytes: 2 << 20, history: true }).unwrap()
+}
+
+/// As a crash leaves it: what came after the last commit is gone.
+fn crash(painter: Painter, baked: &Baked) -> Painter {
+    drop(painter);
+    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
+    open(baked)
+}
+
+/// A stroke that is there before.
+fn start(baked: &Baked) -> (Painter, Contents) {
+    let mut painter = open(baked);
+    let line = stroke(painter.surface(), 40.0, &[Vec3::X, Vec3::new(0.5, 0.5, 0.7), Vec3::Z]);
+    paint_stroke(&mut painter, red(0.9), &line);
+    painter.commit().unwrap();
+    let before = contents(&painter);
+    (painter, before)
+}
+
+/// Slices, of which none is the last.
+fn slices(painter: &mut Painter, count: usize) {
+    (0..count).for_each(|_| assert!(!painter.work_on(Instant::now()).unwrap(), "there is more to do"));
+}
+
+/// A stroke of a file, as it is recorded.
+fn settings(text: &str) -> StrokeSettings {
+    let file: StrokeFile =
+        serde_json::from_str(&format!(r#"{{ "version": 1, "strokes": [{text}] }}"#)).unwrap();
+    file.strokes.into_iter().next().unwrap()
+}
+
+fn ball() -> Baked {
+    let mesh = cleaned(generate::icosphere(5));
+    Baked::new(&mesh, &cover(&mesh, 64, 1_500_000), BakeFormat::Bc7)
+}
+
+/// A few tiles of dozens of pages.
+fn sheet() -> Baked {
+    let mesh = plate(4, 0.1);
+    Baked::new(&mesh, &cover(&mesh, 2048, 6_000_000), BakeFormat::Rgba8)
+}
+
+/// Begins to fill everything half.
+fn start_half(painter: &mut Painter) {
+    let text = r#"{ "label": "fill", "fill": "whole", "brush": { "opacity": 0.5 }, "channels": [
+        { "kind": "base_color", "color": { "linear": [0.9, 0.05, 0.05, 1] } },
+        { "kind": "occlusion_roughness_metallic", "color": { "linear": [1, 0.1, 1, 1] } }] }"#;
+    painter.begin("fill", red(0.5)).unwrap();
+    painter.record(settings(text), Path::new("")).unwrap();
+    painter.start_fill(FillArea::Everything).unwrap();
+}
+
+/// Begins to project a picture from the front, whose right half shows nothing.
+fn start_projection(painter: &mut Painter, folder: &Path) {
+    let path = folder.join("slide.exr");
+    let texel = |i: usize| [1.0, 0.5, 0.0, if i % 64 < 32 { 1.0 } else { 0.0 }];
+    Image::from_linear_rgba(64, 64, &(0..64 * 64).map(texel).collect::<Vec<_>>()).save(&path).unwrap();
+    let text = r#"{ "label": "project", "fill": "whole",
+        "projection": { "eye": [0, 0, 5], "target": [0, 0, 0], "lens": { "parallel": 3.0 } },
+        "stencil": { "image": "slide.exr", "by": "alpha" },
+        "channels": [{ "kind": "base_color", "color": { "image": "slide.exr" } }] }"#;
+    let surface = Arc::clone(painter.surface());
+    let view = ProjectionView {
+        eye: DVec3::Z * 5.0,
+        target: DVec3::ZERO,
+        up: DVec3::Y,
+        lens: fantex_paint::Lens::Parallel(3.0),
+        place: PicturePlace::default(),
+    };
+    let picture = Arc::new(Picture::new(&Image::load(&path).unwrap()));
+    let thrown = Arc::new(Projection::new(&surface, &view, picture).unwrap());
+    let paint = Paint {
+        channels: vec![ChannelPaint { channel: 0, color: PaintColor::Projected(Arc::clone(&thrown)) }],
+        stencil: Some(Arc::clone(&thrown)),
+        ..red(1.0)
+    };
+    painter.begin("project", paint).unwrap();
+    painter.record(settings(text), folder).unwrap();
+    painter.start_fill(FillArea::Triangles(thrown.triangles(&surface))).unwrap();
+}
+
+/// Begun, interrupted twice by crashes and ended, it is the same as without them, and one step.
+fn goes_on(bakes: [Baked; 2], slices_at_a_time: usize, begin: impl Fn(&mut Painter, &Path)) {
+    let [whole, cut] = bakes;
+    let (mut at_once, before) = start(&whole);
+    begin(&mut at_once, whole.folder.path());
+    at_once.finish_work().unwrap();
+    let after = contents(&at_once);
+    assert!(after != before);
+
+    let (mut painter, _) = start(&cut);
+    begin(&mut painter, cut.folder.path());
+    painter.prefer_groups(|group| -(group as f32));
+    for _ in 0..2 {
+        slices(&mut painter, slices_at_a_time);
+        let share = painter.work_progress().unwrap().share;
+        assert!(share > 0.0 && share < 1.0, "{share}");
+        painter.commit().unwrap();
+        // More, which is lost.
+        slices(&mut painter, 1);
+        painter = crash(painter, &cut);
+        assert!(painter.has_work());
+        assert!((painter.work_progress().unwrap().share - share).abs() < 1e-6, "it goes on from there");
+        assert_eq!(painter.history().done().len(), 1, "the step is not there before it is whole");
+    }
+    painter.finish_work().unwrap();
+    assert!(contents(&painter) == after);
+    painter.commit().unwrap();
+    painter = crash(painter, &cut);
+    assert!(!painter.has_work());
+    assert_eq!(painter.history().done().len(), 2);
+    assert!(painter.undo().unwrap());
+    assert!(contents(&painter) == before);
+    assert!(painter.redo().unwrap());
+    assert!(contents(&painter) == after);
+}
+
+#[test]
+fn a_fill_of_everything_goes_on_after_a_crash() {
+    goes_on([ball(), ball()], 3, |painter, _| start_half(painter));
+}
+
+/// Half is laid over each page once, though the crash is in the middle of a tile.
+#[test]
+fn a_fill_of_large_tiles_goes_on_page_by_page() {
+    goes_on([sheet(), sheet()], 1, |painter, _| start_half(painter));
+}
+
+#[test]
+fn a_projection_goes_on_after_a_crash() {
+    goes_on([ball(), ball()], 3, start_projection);
+}
+
+#[test]
+fn what_is_given_up_leaves_the_asset_as_it_was() {
+    for baked in [ball(), sheet()] {
+        let (mut painter, before) = start(&baked);
+        let names = painter.editor().attachment_names();
+        start_half(&mut painter);
+        slices(&mut painter, 2);
+        assert!(contents(&painter) != before);
+        // Whether or not somebody else takes it up in between.
+        painter.commit().unwrap();
+        let mut painter = crash(painter, &baked);
+        painter.cancel_work().unwrap();
+        painter.finish_work().unwrap();
+        assert!(contents(&painter) == before);
+        assert_eq!((painter.history().done().len(), painter.history().undone().len()), (1, 0));
+        painter.commit().unwrap();
+        assert_eq!(painter.editor().attachment_names(), names, "neither log nor history knows of it");
+        start_projection(&mut painter, baked.folder.path());
+        painter.cancel_work().unwrap();
+        painter.finish_work().unwrap();
+        assert!(contents(&painter) == before);
+        // The step before is still the one that is taken back.
+        assert!(painter.undo().unwrap() && painter.history().done().is_empty());
+    }
+}
+
+/// What a fill by colour compares is what was seen before it, which a crash takes away.
+#[test]
+fn a_fill_by_colour_is_taken_back_after_a_crash() {
+    let baked = ball();
+    let (mut painter, before) = start(&baked);
+    let point = painter.surface().nearest(Vec3::NEG_Y, f32::INFINITY).unwrap();
+    let fill = ColorFill { tolerance: 2.0, softness: 0.1, connected: false };
+    painter.begin("fill", red(0.5)).unwrap();
+    painter.start_fill(FillArea::Color { channel: 0, starts: vec![point], fill }).unwrap();
+    slices(&mut painter, 2);
+    painter.commit().unwrap();
+    slices(&mut painter, 1);
+    let mut painter = crash(painter, &baked);
+    assert!(painter.work_progress().is_some_and(|work| work.is_undo));
+    painter.finish_work().unwrap();
+    assert!(contents(&painter) == before);
+    assert_eq!(painter.history().done().len(), 1);
+}
+
+/// What dabs have covered counts, too, once.
+#[test]
+fn a_fill_takes_the_dabs_before_it_along() {
+    let baked = ball();
+    let mut painter = open(&baked);
+    let surface = Arc::clone(painter.surface());
+    let dabs = fantex_paint::dabs_of(&surface, &stroke(&surface, 60.0, &[Vec3::X, Vec3::Y]));
+    let near_z = surface.nearest(Vec3::Z, f32::INFINITY).unwrap().triangle;
+    painter.begin("both", red(1.0)).unwrap();
+    painter.dab(&dabs).unwrap();
+    painter.show().unwrap();
+    let summary = painter.fill(FillArea::Triangles(vec![near_z])).unwrap();
+    assert!(summary.dabs == dabs.len() && summary.pages > 3 && summary.coarser_pages > 0, "{summary:?}");
+    assert_eq!(painter.history().done().len(), 1);
+    for at in [Vec3::X, Vec3::Y] {
+        let point = surface.nearest(at, f32::INFINITY).unwrap();
+        let color = painter.pick(0, point).unwrap();
+        assert!(color.distance(Vec4::new(0.9, 0.05, 0.05, 1.0)) < 0.1, "{color}");
+    }
+    assert!(painter.undo().unwrap() && !painter.undo().unwrap());
+}
+
+/// The base that lies under the layers is in the asset once, not in the history as well.
+#[test]
+fn the_history_of_a_layer_over_everything_keeps_no_bases() {
+    let baked = ball();
+    let (mut painter, before) = start(&baked);
+    let bytes = |painter: &Painter, prefix: &str| -> usize {
+        let names = painter.editor().attachment_names();
+        let kept = names.iter().filter(|name| name.starts_with(prefix));
+        kept.map(|name| painter.editor().attachment(name).unwrap().unwrap().len()).sum()
+    };
+    let earlier = bytes(&painter, "history/");
+    let mut layer = Layer::fill("hidden", &[Vec4::ONE; 2]);
+    (layer.mask, layer.visible) = (None, false);
+    let id = painter.add_layer(layer).unwrap();
+    let bases = bytes(&painter, "layers/base/");
+    let finest: usize = before.0.iter().filter(|(id, _)| id.level == 0).map(|(_, bytes)| bytes.len()).sum();
+    assert_eq!(bases, finest);
+    let history = bytes(&painter, "history/") - earlier;
+    assert!(history < bases / 100, "{history} bytes for {bases}");
+    assert!(painter.undo().unwrap());
+    assert!(bytes(&painter, "layers/base/") == 0 && contents(&painter) == before);
+    assert!(painter.redo().unwrap());
+    assert_eq!(bytes(&painter, "layers/base/"), bases);
+    // And they are right: over them the layer shows, without it they do.
+    painter.edit_layers("show", |layers| layers[0].visible = true).unwrap();
+    assert!(contents(&painter) != before);
+    painter.commit().unwrap();
+    let mut painter = crash(painter, &baked);
+    painter.edit_layers("delete", |layers| layers.retain(|layer| layer.id() != id)).unwrap();
+    // (Coarser levels are not those of the bake any more, but made from these.)
+    let finest = |contents: &Contents| -> Vec<_> {
+        contents.0.iter().filter(|(id, _)| id.level == 0).cloned().collect()
+    };
+    assert!(finest(&contents(&painter)) == finest(&before));
+    // A stroke on a layer puts bases aside as well.
+    let top = painter.add_layer(Layer::painted("top")).unwrap();
+    for _ in 0..3 {
+        assert!(painter.undo().unwrap());
+    }
+    assert!(painter.undo().unwrap() && bytes(&painter, "layers/base/") == 0);
+    let id = painter.add_layer(Layer::painted("own")).unwrap();
+    assert!(id <= top);
+    let line = stroke(painter.surface(), 40.0, &[Vec3::NEG_Y, Vec3::NEG_X]);
+    painter.begin_on(Target::Layer(id), "on it", red(0.9)).unwrap();
+    painter.dab(&fantex_paint::dabs_of(&Arc::clone(painter.surface()), &line)).unwrap();
+    painter.end().unwrap();
+    let (painted, kept) = (contents(&painter), bytes(&painter, "layers/base/"));
+    assert!(kept > 0);
+    assert!(painter.undo().unwrap() && bytes(&painter, "layers/base/") == 0 && contents(&painter) == before);
+    assert!(painter.redo().unwrap() && contents(&painter) == painted);
+    assert_eq!(bytes(&painter, "layers/base/"), kept);
+}
