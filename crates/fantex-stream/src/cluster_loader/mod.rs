@@ -29,6 +29,7 @@ mod by_urgency;
 mod cluster_cache;
 mod file_order;
 mod inbox;
+mod ready;
 mod scheduler;
 mod shared_board;
 mod statistics;
