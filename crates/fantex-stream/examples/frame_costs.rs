@@ -176,7 +176,7 @@ enum Of {
 }
 
 #[cfg(target_os = "linux")]
-#[allow(unsafe_code)]
+#[allow(unsafe_code, reason = "the processor time of a thread is known to the system only")]
 fn processor_nanoseconds(of: Of) -> f64 {
     let clock = match of {
         Of::Thread => libc::CLOCK_THREAD_CPUTIME_ID,
