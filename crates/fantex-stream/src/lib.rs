@@ -46,7 +46,7 @@ pub use geometry::*;
 pub use loader::*;
 pub use location::*;
 pub use parcel::*;
-pub use residency::{ParcelCount, RequestLimits};
+pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
 pub use sharpness::*;
 pub use streamer::*;
 pub use table::*;

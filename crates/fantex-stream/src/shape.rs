@@ -225,6 +225,8 @@ pub(crate) struct TileShapes {
     bundle_firsts: [u32; SHARED_LEVELS as usize + 1],
     /// Per bundle columns and rows, in units of 4 texels; zero where no tile has the level.
     bundle_extents: Vec<[u8; 2]>,
+    /// Per step and group where its level lies in the bundle, in units of 4 texels; zero where it has none.
+    places_in_bundle: [Vec<[u8; 2]>; SHARED_LEVELS as usize],
     /// Per group the number of its first own page; at the end that of all parcels.
     own_firsts: Vec<u32>,
 }
@@ -248,21 +250,36 @@ impl TileShapes {
             bundle_firsts[step + 1] = bundle_firsts[step] + (of_group.len() as u32).div_ceil(tiles);
         }
         let (bundle_extents, own_firsts) = (Vec::new(), Vec::new());
-        let mut all = Self { of_group, shapes, bundle_firsts, bundle_extents, own_firsts };
+        let places_in_bundle = [const { Vec::new() }; SHARED_LEVELS as usize];
+        let mut all = Self { of_group, shapes, bundle_firsts, bundle_extents, places_in_bundle, own_firsts };
         let mut next = all.bundle_count();
         for group in 0..all.of_group.len() as u32 {
             all.own_firsts.push(next);
             next += all.of(group).own_pages();
         }
         all.own_firsts.push(next);
-        let extent = |index| match all.parcel(index) {
-            Parcel::Bundle { bundle, step } => {
-                ParcelLayout::new(all.slots(bundle, step)).extent.map(|n| (n / 4) as u8)
-            }
-            Parcel::Page(_) => [0, 0],
-        };
-        all.bundle_extents = (0..all.bundle_count()).into_par_iter().map(extent).collect();
+        for step in 0..SHARED_LEVELS {
+            let (mut extents, places) = all.layouts(step);
+            all.bundle_extents.append(&mut extents);
+            all.places_in_bundle[step as usize] = places;
+        }
         all
+    }
+
+    /// How the bundles of a step are laid out: their extents, and per group its place, in units of 4 texels.
+    fn layouts(&self, step: u32) -> (Vec<[u8; 2]>, Vec<[u8; 2]>) {
+        let tiles = BUNDLE_TILES[step as usize];
+        let mut places = vec![[0; 2]; self.of_group.len()];
+        let lay_out = |(bundle, places): (usize, &mut [[u8; 2]])| {
+            let bundle = bundle as u32;
+            let layout = ParcelLayout::new(self.slots(bundle, step));
+            for slot in layout.slots {
+                places[(slot.page.group - bundle * tiles) as usize] = slot.at.map(|n| (n / 4) as u8);
+            }
+            layout.extent.map(|n| (n / 4) as u8)
+        };
+        let extents = places.par_chunks_mut(tiles as usize).enumerate().map(lay_out).collect();
+        (extents, places)
     }
 
     #[inline]
@@ -355,10 +372,10 @@ impl TileShapes {
         columns * rows
     }
 
-    /// Where the levels of a bundle's tiles lie.
-    pub(crate) fn layout(&self, bundle: u32, step: u32) -> ParcelLayout {
-        let [width, _] = self.extent(Parcel::Bundle { bundle, step });
-        ParcelLayout::of_width(self.slots(bundle, step), width)
+    /// Column and row of a group's level in the bundle of a step.
+    #[inline]
+    pub(crate) fn place_in_bundle(&self, group: u32, step: u32) -> [u16; 2] {
+        self.places_in_bundle[step as usize][group as usize].map(|n| 4 * u16::from(n))
     }
 
     fn slots(&self, bundle: u32, step: u32) -> Vec<Slot> {

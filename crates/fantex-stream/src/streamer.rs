@@ -7,7 +7,7 @@ use fantex_store::{PageError, PageId};
 use glam::{Mat3, Quat, Vec3};
 
 use crate::demand::{Demand, DemandSurface, DemandWork};
-use crate::residency::{COUNTED_LEVELS, ParcelCount, RequestLimits, Residency};
+use crate::residency::{COUNTED_LEVELS, FrameWork, ParcelCount, RequestLimits, Residency};
 use crate::shape::TileShapes;
 use crate::{AtlasShape, Detail, FrameChanges, Geometry, PageTable, Parcel, ParcelLoader, StreamView};
 
@@ -102,15 +102,15 @@ impl Streamer {
     pub fn update(&mut self, view: Option<&StreamView>, frame: FrameOptions) -> FrameChanges {
         let started = Instant::now();
         let loader = &mut *self.loader;
-        self.residency.begin_frame(frame.elapsed_seconds);
+        let is_moving = self.motion.advance(view, frame.elapsed_seconds);
+        self.residency.begin_frame(frame.elapsed_seconds, self.motion.is_cut);
         // What has been said since the last frame, as of texels that have changed, comes before what arrives.
         self.residency.tell(loader);
         let mut changes = self.residency.arrive(frame.upload_bytes, loader);
         let arrived = Instant::now();
         self.changed.clear();
-        self.demand.update(&mut self.surface, view, &mut self.changed);
+        self.demand.update(&mut self.surface, view, self.residency.bounding_nanoseconds(), &mut self.changed);
         let demanded = Instant::now();
-        let is_moving = self.motion.advance(view, frame.elapsed_seconds);
         self.residency.want(&self.changed, &self.demand);
         self.residency.adapt(&self.demand, is_moving);
         self.residency.request(&self.demand, &self.options.limits);
@@ -140,7 +140,11 @@ impl Streamer {
             return;
         }
         self.changed.clear();
-        self.predicted.update(&mut self.surface, Some(&view), &mut self.changed);
+        // Where the last prediction has not been taken over yet, that comes first.
+        if !self.residency.has_unforeseen() {
+            let nanoseconds = self.residency.bounding_nanoseconds();
+            self.predicted.update(&mut self.surface, Some(&view), nanoseconds, &mut self.changed);
+        }
         self.residency.expect(&self.changed, &self.predicted);
         self.residency.request_ahead(&self.predicted, &self.options.limits);
     }
@@ -247,6 +251,7 @@ impl Streamer {
             complete_groups: visible_groups - lacking_groups,
             damaged: self.residency.damaged().len(),
             work: self.demand.work(),
+            frame_work: *self.residency.work_done(),
             times: self.times,
         }
     }
@@ -301,8 +306,10 @@ pub struct StreamStatistics {
     pub complete_groups: u64,
     /// Parcels that could not be loaded.
     pub damaged: usize,
-    /// Work of the last update.
+    /// Bounding of the last update.
     pub work: DemandWork,
+    /// Work of the last update by which it was limited.
+    pub frame_work: FrameWork,
     /// Time of the last update.
     pub times: UpdateTimes,
 }
@@ -325,6 +332,7 @@ struct Motion {
     view: Option<StreamView>,
     velocity: Option<Velocity>,
     is_steady: bool,
+    is_cut: bool,
 }
 
 /// Way and turn per second: frames are of uneven length.
@@ -339,6 +347,11 @@ struct Velocity {
 /// A prediction turns the camera by no more than this, radians.
 const MOST_PREDICTED_TURN: f32 = 0.5;
 
+/// A camera that turns by more than this in one frame has jumped, radians; so has one that
+const CUT_TURN: f32 = 0.2;
+/// goes more than so many times as far as in the frame before. (One that begins to move has, too. It does no harm.)
+const CUT_TRAVEL: f32 = 4.0;
+
 /// Turns that differ by so many radians per second count as the same.
 const STEADY_TURN: f32 = 0.06;
 
@@ -347,7 +360,7 @@ impl Motion {
     fn advance(&mut self, view: Option<&StreamView>, seconds: f32) -> bool {
         let last = std::mem::replace(&mut self.view, view.copied());
         let (Some(last), Some(view), true) = (last, view, seconds > 0.0) else {
-            (self.velocity, self.is_steady) = (None, false);
+            (self.velocity, self.is_steady, self.is_cut) = (None, false, view.is_some());
             return true;
         };
         let turn = Quat::from_mat3(&(view.axes * last.axes.transpose())).normalize().to_scaled_axis();
@@ -356,6 +369,8 @@ impl Motion {
         let shorter = if angle > std::f32::consts::PI { 1.0 - std::f32::consts::TAU / angle } else { 1.0 };
         let velocity = Velocity { travel: (view.eye - last.eye) / seconds, turn: turn * shorter / seconds };
         let is_moving = last != *view;
+        let usual = self.velocity.map_or(0.0, |before| before.travel.length());
+        self.is_cut = (turn * shorter).length() > CUT_TURN || velocity.travel.length() > CUT_TRAVEL * usual;
         // Steady is what goes on nearly as it did: neither a cut nor a hand that trembles.
         self.is_steady = is_moving
             && self.velocity.is_some_and(|before| {

@@ -12,6 +12,7 @@ use fantex_store::{ClusterId, ClusterPages, PageError};
 
 use super::by_urgency::{ByUrgency, Urgency};
 use super::cluster_cache::{ClusterCache, Kept};
+use super::ready::Ready;
 use super::{ClusterLoaderOptions, LoaderStatistics};
 use crate::read::{ReadBuffer, RetryPolicy, is_transient};
 use crate::{LoadedParcel, Parcel, ParcelTexels};
@@ -107,10 +108,7 @@ pub(super) struct Board {
     /// The same clusters. Urgencies are upper bounds.
     job_order: ByUrgency<ClusterId>,
     cache: ClusterCache,
-    ready: BTreeMap<Parcel, Result<ParcelTexels, PageError>>,
-    /// The same parcels.
-    ready_order: ByUrgency<Parcel>,
-    ready_bytes: usize,
+    ready: Ready,
     ready_budget: usize,
     flight_bytes: usize,
     flight_budget: usize,
@@ -132,9 +130,7 @@ impl Board {
             jobs: BTreeMap::new(),
             job_order: ByUrgency::default(),
             cache: ClusterCache::new(options),
-            ready: BTreeMap::new(),
-            ready_order: ByUrgency::default(),
-            ready_bytes: 0,
+            ready: Ready::default(),
             ready_budget: options.ready_bytes,
             flight_bytes: 0,
             flight_budget: options.flight_bytes,
@@ -150,8 +146,7 @@ impl Board {
     /// A parcel is wanted, whose pages lie in these clusters.
     pub(super) fn request(&mut self, parcel: Parcel, clusters: &[ClusterId], urgency: f32) -> Change {
         let urgency = Urgency(urgency);
-        if self.ready_order.contains(parcel) {
-            self.ready_order.set(parcel, urgency);
+        if self.ready.set_urgency(parcel, urgency) {
             return Change::default();
         }
         let assembled = match clusters.len() {
@@ -195,16 +190,16 @@ impl Board {
 
     /// A parcel that no cluster holds arrives as an error.
     pub(super) fn refuse(&mut self, parcel: Parcel, urgency: f32, error: PageError) {
-        self.make_ready(parcel, Urgency(urgency), Err(error));
+        self.ready.insert(parcel, Urgency(urgency), Err(error));
     }
 
     pub(super) fn cancel_refused(&mut self, parcel: Parcel) {
-        self.remove_ready(parcel);
+        self.ready.remove(parcel);
     }
 
     /// A parcel is no longer wanted. True if the scheduler may give up a read.
     pub(super) fn cancel(&mut self, parcel: Parcel, clusters: &[ClusterId]) -> bool {
-        if self.remove_ready(parcel).is_some() {
+        if self.ready.remove(parcel) {
             return false;
         }
         let awaited = self.assemblies.remove(&parcel).map(|assembly| assembly.awaited);
@@ -254,23 +249,18 @@ impl Board {
 
     /// The most urgent ready parcels of at most so many bytes, at least one if there is any.
     pub(super) fn take_ready(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
-        let (mut parcels, mut sum) = (Vec::new(), 0);
-        while let Some((parcel, _)) = self.ready_order.first() {
-            let bytes = self.ready.get(&parcel).map_or(0, ready_bytes);
-            if !parcels.is_empty() && sum + bytes > max_bytes {
-                break;
-            }
-            sum += bytes;
-            if let Some(texels) = self.remove_ready(parcel) {
-                match &texels {
-                    Ok(texels) => {
-                        self.counts.parcels += 1;
-                        self.counts.parcel_bytes += texels.bytes() as u64;
-                    }
-                    Err(_) => self.counts.parcels_failed += 1,
+        let (mut parcels, mut left) = (Vec::new(), usize::MAX);
+        while let Some((parcel, texels)) = self.ready.take_first(left) {
+            let bytes = texels.as_ref().map_or(0, ParcelTexels::bytes);
+            left = left.min(max_bytes).saturating_sub(bytes);
+            match &texels {
+                Ok(texels) => {
+                    self.counts.parcels += 1;
+                    self.counts.parcel_bytes += texels.bytes() as u64;
                 }
-                parcels.push(LoadedParcel { parcel, texels });
+                Err(_) => self.counts.parcels_failed += 1,
             }
+            parcels.push(LoadedParcel { parcel, texels });
         }
         parcels
     }
@@ -280,7 +270,7 @@ impl Board {
     }
 
     pub(super) fn ready_is_full(&self) -> bool {
-        self.ready_bytes >= self.ready_budget
+        self.ready.bytes() >= self.ready_budget
     }
 
     pub(super) fn statistics(&self) -> LoaderStatistics {
@@ -289,7 +279,7 @@ impl Board {
             flight_bytes: self.flight_bytes,
             cache_bytes: self.cache.unpacked_bytes(),
             stored_cache_bytes: self.cache.stored_bytes(),
-            ready_bytes: self.ready_bytes,
+            ready_bytes: self.ready.bytes(),
             pending: self.pending(),
             ..self.counts
         }
@@ -504,7 +494,7 @@ impl Board {
             return Vec::new();
         }
         let mut by_urgency: Vec<(Urgency, Parcel)> = wanted.parcels.iter().map(|(id, u)| (*u, *id)).collect();
-        if self.ready_bytes >= self.ready_budget {
+        if self.ready_is_full() {
             self.add_job(cluster, Job::Cached);
             return Vec::new();
         }
@@ -534,7 +524,7 @@ impl Board {
                 self.waiting -= 1;
                 // Were it cancelled and asked for again meanwhile, others would be awaited.
                 self.end_assembly(parcel, cluster);
-                self.make_ready(parcel, urgency, texels);
+                self.ready.insert(parcel, urgency, texels);
             }
         }
     }
@@ -560,27 +550,7 @@ impl Board {
         self.waiting -= wanted.parcels.len();
         for (parcel, urgency) in wanted.parcels {
             self.end_assembly(parcel, cluster);
-            self.make_ready(parcel, urgency, Err(error.clone()));
+            self.ready.insert(parcel, urgency, Err(error.clone()));
         }
     }
-
-    fn make_ready(&mut self, parcel: Parcel, urgency: Urgency, texels: Result<ParcelTexels, PageError>) {
-        self.ready_bytes += ready_bytes(&texels);
-        if let Some(old) = self.ready.insert(parcel, texels) {
-            self.ready_bytes -= ready_bytes(&old);
-        }
-        self.ready_order.set(parcel, urgency);
-    }
-
-    fn remove_ready(&mut self, parcel: Parcel) -> Option<Result<ParcelTexels, PageError>> {
-        self.ready_order.remove(parcel);
-        let texels = self.ready.remove(&parcel)?;
-        self.ready_bytes -= ready_bytes(&texels);
-        Some(texels)
-    }
-}
-
-/// What a ready parcel counts for: its texels, if any.
-fn ready_bytes(texels: &Result<ParcelTexels, PageError>) -> usize {
-    texels.as_ref().map_or(0, ParcelTexels::bytes)
 }

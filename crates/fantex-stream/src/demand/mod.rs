@@ -17,7 +17,8 @@
 //! **What it costs.** A landscape of 950 k fans with a tile each, most of them in the picture, 1920x1080
 //! (`examples/demand_cost.rs`), medians of a frame in three runs on two cores that did other work, too: still 0 us; 0.1 m per
 //! frame in a square of 1 km, 60 to 110 us; 0.5 m per frame, 0.5 to 1.6 ms; 3 m per frame, 3 to 5 ms; a cut in every frame, 24
-//! to 28 ms while one update bounded all of it. Now an update does no more than 2 to 3 ms of that ([`WORK_PER_UPDATE`]).
+//! to 28 ms while one update bounded all of it. Now an update is told how long it may take, and after a cut in a view of hundreds of thousands of tiles
+//! some wait for the next one.
 //!
 //! **What it gives away.** Mean excess over the reference with anisotropic look-ups: 0.1 to 0.3 levels (bunny 0.25); with
 //! trilinear ones, whose level hangs on the pixel's longer axis, 0.3 to 0.4 (a landscape 0.36; a cube of large tiles, where the
@@ -66,12 +67,9 @@ const UNIFORM_TURN: f32 = 0.03;
 /// A block whose farthest point is at most so many times as far as its nearest is bounded as a whole: a fifth of a level.
 const UNIFORM_DEPTH: f32 = 1.15;
 
-/// Groups that are bounded in one update, [`GROUP_NANOSECONDS`] each; a block that is bounded as a whole counts as [`BLOCK_WORK`]. After a
-/// cut in a view of hundreds of thousands of tiles some wait for the next update.
-const WORK_PER_UPDATE: usize = 1 << 15;
-/// What bounding a group takes.
-const GROUP_NANOSECONDS: u32 = 60;
-/// See [`WORK_PER_UPDATE`].
+/// What bounding a group takes: the unit of work.
+const GROUP_NANOSECONDS: u32 = 85;
+/// So many units is bounding a block as a whole.
 const BLOCK_WORK: usize = 4;
 /// The same where each of the block's reliefs is looked at.
 const RELIEF_BLOCK_WORK: usize = 16;
@@ -131,8 +129,9 @@ pub(crate) struct Demand {
     view: Option<StreamView>,
     course: Course,
     work: DemandWork,
-    work_per_update: usize,
-    /// Of these the last update left so many.
+    /// The last update might do so much,
+    may_do: usize,
+    /// and left so much.
     left: usize,
     /// The block at which the last update ran out of work; the next one begins there, so that all have their turn.
     resume: Option<usize>,
@@ -150,8 +149,8 @@ impl Demand {
             view: None,
             course: Course::START,
             work: DemandWork::default(),
-            work_per_update: WORK_PER_UPDATE,
-            left: WORK_PER_UPDATE,
+            may_do: 0,
+            left: 0,
             resume: None,
         }
     }
@@ -183,7 +182,7 @@ impl Demand {
 
     /// Nanoseconds that the last update should have taken.
     pub(crate) fn nanoseconds(&self) -> u32 {
-        (self.work_per_update - self.left) as u32 * GROUP_NANOSECONDS
+        (self.may_do - self.left) as u32 * GROUP_NANOSECONDS
     }
 
     /// Honours another greatest anisotropy from the next update on.
@@ -194,14 +193,17 @@ impl Demand {
         }
     }
 
-    /// Moves the view; `None` sees nothing. Groups whose demand is another one now are added to `changed`.
+    /// Moves the view; `None` sees nothing. Groups whose demand is another one now are added to `changed`. Takes about as long as
+    /// it may, or less.
     pub(crate) fn update(
         &mut self,
         surface: &mut DemandSurface,
         view: Option<&StreamView>,
+        nanoseconds: u32,
         changed: &mut Vec<u32>,
     ) {
-        (self.work, self.left) = (DemandWork::default(), self.work_per_update);
+        self.may_do = (nanoseconds / GROUP_NANOSECONDS).max(1) as usize;
+        (self.work, self.left) = (DemandWork::default(), self.may_do);
         let root = self.nodes.len() - 1;
         if self.details.is_empty() {
             return;

@@ -166,7 +166,7 @@ fn excess(name: &str, geometry: &CoveredMesh, anisotropy: f32, distances: &[f32]
         for step in 0..3 {
             let eye = eye * (1.0 + 0.004 * step as f32);
             let view = look(eye, Vec3::new(0.1, 0.0, 0.0), 50.0);
-            demand.update(&mut surface, Some(&view), &mut Vec::new());
+            demand.update(&mut surface, Some(&view), u32::MAX, &mut Vec::new());
             compare(geometry, &surface, &demand, &view, anisotropy, 5, &mut excess);
         }
     }
@@ -255,14 +255,14 @@ proptest! {
                 }
                 let view = look(eye, target, 60.0);
                 let mut changed = Vec::new();
-                demand.update(&mut surface, Some(&view), &mut changed);
+                demand.update(&mut surface, Some(&view), u32::MAX, &mut changed);
                 for group in changed {
                     details[group as usize] = demand.detail(group);
                 }
                 prop_assert_eq!(&details[..], demand.details(), "a change was not told");
                 compare(&geometry, &surface, &demand, &view, anisotropy, 2, &mut Excess::default());
                 let mut fresh = Demand::new(&surface, anisotropy);
-                fresh.update(&mut surface, Some(&view), &mut Vec::new());
+                fresh.update(&mut surface, Some(&view), u32::MAX, &mut Vec::new());
                 for (kept, fresh) in demand.details().iter().zip(fresh.details()) {
                     if kept.is_visible() && fresh.is_visible() {
                         prop_assert!(kept.0.abs_diff(fresh.0) <= 4 || kept.0.min(fresh.0) < 8, "{kept:?} {fresh:?}");
@@ -277,14 +277,13 @@ proptest! {
 fn a_cut_that_is_too_much_work_is_spread_over_updates() {
     let geometry = covered(generate::icosphere(4), 1 << 20, 0, false);
     let (mut surface, mut demand) = demand_for(&geometry, 16.0);
-    demand.work_per_update = 200;
     let mut details = vec![Detail::HIDDEN; geometry.cover.groups.len()];
     for eye in [Vec3::Z * 3.0, Vec3::X * 1.3, Vec3::new(-0.2, 1.1, -0.3)] {
         let view = look(eye, Vec3::new(0.0, 0.1, 0.0), 60.0);
         let mut updates = 0;
         loop {
             let mut changed = Vec::new();
-            demand.update(&mut surface, Some(&view), &mut changed);
+            demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut changed);
             let work = demand.work();
             assert!(
                 work.groups as usize + BLOCK_WORK * work.uniform_blocks as usize <= 200 + BLOCK,
@@ -299,14 +298,14 @@ fn a_cut_that_is_too_much_work_is_spread_over_updates() {
         }
         assert!(updates > 3, "{updates}");
         compare(&geometry, &surface, &demand, &view, 16.0, 2, &mut Excess::default());
-        demand.update(&mut surface, Some(&view), &mut Vec::new());
+        demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
         assert_eq!(demand.work(), DemandWork::default(), "nothing is left to do");
     }
     // A camera that never rests leaves nobody behind for long: all have been looked at within a few updates.
     let mut course = Vec::new();
     for step in 0..100 {
         let view = look(Vec3::new((step as f32).sin() * 2.0, 0.5, 2.5), Vec3::ZERO, 60.0);
-        demand.update(&mut surface, Some(&view), &mut Vec::new());
+        demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
         course.push(demand.course.travel);
     }
     let seen: Vec<_> = demand.nodes[0].iter().filter(|state| !state.is_hidden).collect();
@@ -320,20 +319,20 @@ fn no_picture_and_no_mesh_need_nothing() {
     let (mut surface, mut demand) = demand_for(&geometry, 16.0);
     let view = look(Vec3::Z * 3.0, Vec3::ZERO, 50.0);
     let mut changed = Vec::new();
-    demand.update(&mut surface, Some(&view), &mut changed);
+    demand.update(&mut surface, Some(&view), u32::MAX, &mut changed);
     assert_eq!(changed.len(), geometry.cover.groups.len());
-    demand.update(&mut surface, Some(&view), &mut changed);
+    demand.update(&mut surface, Some(&view), u32::MAX, &mut changed);
     assert_eq!(demand.work(), DemandWork::default(), "a still camera costs nothing");
     for absent in [None, Some(StreamView { focal_pixels: f32::NAN, ..view })] {
-        demand.update(&mut surface, absent.as_ref(), &mut changed);
+        demand.update(&mut surface, absent.as_ref(), u32::MAX, &mut changed);
         assert!(demand.details().iter().all(|d| !d.is_visible()));
-        demand.update(&mut surface, Some(&view), &mut changed);
+        demand.update(&mut surface, Some(&view), u32::MAX, &mut changed);
         assert!(demand.details().iter().all(|d| d.is_visible()));
     }
     let mut cover = geometry.cover.clone();
     (cover.groups, cover.corner_groups, cover.unfolded) = (Vec::new(), Vec::new(), Vec::new());
     let nothing = CoveredMesh { mesh: Mesh::default(), cover };
     let (mut surface, mut demand) = demand_for(&nothing, 16.0);
-    demand.update(&mut surface, Some(&view), &mut changed);
+    demand.update(&mut surface, Some(&view), u32::MAX, &mut changed);
     assert_eq!(PageTable::new(nothing.cover()).len(), 0);
 }

@@ -1,6 +1,6 @@
 //! What the camera will see if it goes on as it does, fetched while there is nothing better to do.
 
-use super::work::Task;
+use super::work::{Item, Task};
 use super::{Flight, RequestLimits, Residency};
 use crate::Parcel;
 use crate::demand::Demand;
@@ -13,9 +13,14 @@ impl Residency {
     /// Groups whose demand in the predicted view has changed: what is no longer expected is cancelled, what is now expected
     /// is asked for when there is nothing better to do.
     pub(crate) fn expect(&mut self, changed: &[u32], predicted: &Demand) {
-        self.work.spend(predicted.nanoseconds());
+        if !self.has_unforeseen() {
+            self.work.spend(Item::Bounding, predicted.nanoseconds());
+        }
+        self.unforeseen.extend(changed);
         let mut last_family = None;
-        for &group in changed {
+        while self.work.may(Task::Ask)
+            && let Some(group) = self.unforeseen.pop_front()
+        {
             let family = group / FAMILY;
             if last_family.replace(family) != Some(family) {
                 for step in 0..SHARED_LEVELS {
@@ -31,6 +36,7 @@ impl Residency {
     }
 
     fn expect_owner(&mut self, owner: u32, predicted: &Demand) {
+        self.work.spend(Item::Foresee, 1);
         let unexpected: Vec<(Parcel, u32)> = self
             .parcels_of(owner)
             .filter(|&index| self.flight(index) == Flight::Ahead)
@@ -104,8 +110,14 @@ impl Residency {
         }
     }
 
+    /// Whether some groups whose demand in the predicted view has changed wait for the next frame.
+    pub(crate) fn has_unforeseen(&self) -> bool {
+        !self.unforeseen.is_empty()
+    }
+
     /// Nothing is expected any more.
     pub(crate) fn expect_nothing(&mut self) {
+        self.unforeseen.clear();
         self.ahead.clear();
         let ahead: Vec<(Parcel, u32)> =
             self.asked_ahead.iter().map(|(&index, &parcel)| (parcel, index)).collect();

@@ -2,9 +2,9 @@
 
 use fantex_store::PageError;
 
-use super::work::{ARRIVE, PLACE, PLACE_TILE, Task};
+use super::work::{Item, Task};
 use super::{Flight, Residency};
-use crate::{FrameChanges, LoadedParcel, Parcel, ParcelLoader, ParcelUpload};
+use crate::{FrameChanges, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, ParcelUpload};
 
 /// Frames after which a parcel that is not needed makes room for one that is fetched ahead: about as many as it is fetched
 /// ahead. (With four times as many, a camera that flew on after a cut found no room for what it foresaw.)
@@ -46,7 +46,7 @@ impl Residency {
 
     fn take_in(&mut self, loaded: LoadedParcel, frame: &mut Arrivals) {
         let LoadedParcel { parcel, texels } = loaded;
-        self.work.spend(ARRIVE);
+        self.work.spend(Item::Arrival, 1);
         let index = self.shapes.index(parcel);
         // What was cancelled in the meantime is not wanted any more.
         if !matches!(self.flight(index), Flight::Asked | Flight::Ahead) {
@@ -64,8 +64,7 @@ impl Residency {
                 }
                 None => {
                     self.set_flight(parcel, index, Flight::Waiting);
-                    self.waiting.insert(index, (parcel, texels));
-                    self.ready.push_back(index);
+                    self.settle_parcel(parcel, index, texels, frame);
                 }
             },
         }
@@ -99,41 +98,54 @@ impl Residency {
         });
     }
 
-    /// Gives places to parcels whose coarser ones are resident.
+    /// Gives places to parcels that have waited and need wait no longer.
     fn settle(&mut self, frame: &mut Arrivals) {
         while self.has_room(frame) {
             let Some(index) = self.ready.pop_front() else { return };
-            if self.flight(index) == Flight::Waiting
-                && let Some(&(parcel, _)) = self.waiting.get(&index)
-            {
-                self.settle_parcel(parcel, index, frame);
+            if let Some((parcel, texels)) = self.waiting.remove(&index) {
+                self.settle_parcel(parcel, index, texels, frame);
             }
         }
     }
 
-    fn settle_parcel(&mut self, parcel: Parcel, index: u32, frame: &mut Arrivals) {
+    /// Gives a parcel a place, or lets it wait for what it needs: those over it, room, or the next frame.
+    fn settle_parcel(&mut self, parcel: Parcel, index: u32, texels: ParcelTexels, frame: &mut Arrivals) {
         let is_needed = self.pool.is_needed(index);
-        if let Some(missing) = self.pool.blocker(parcel) {
-            // It becomes ready when that one is placed.
-            if self.flight(missing) == Flight::None && !is_needed {
-                self.forget(parcel, index);
-            }
+        let blocker = self.pool.blocker(parcel);
+        if let Some(missing) = blocker
+            && !is_needed
+            && self.flight(missing) == Flight::None
+        {
+            self.forget(parcel, index);
             return;
         }
-        match self.pool.insert(parcel, index, if is_needed { 0 } else { AHEAD_AGE }) {
+        if blocker.is_some() || !self.has_room(frame) {
+            if blocker.is_none() {
+                self.ready.push_back(index);
+            }
+            // Otherwise it becomes ready when that one is placed.
+            self.waiting.insert(index, (parcel, texels));
+            return;
+        }
+        let evictions = self.pool.evictions();
+        let place = self.pool.insert(parcel, index, if is_needed { 0 } else { AHEAD_AGE });
+        self.work.spend(Item::Evict, (self.pool.evictions() - evictions) as u32);
+        match place {
             Some(place) => {
-                self.work.spend(PLACE + PLACE_TILE * parcel.most_tiles());
+                self.work.spend(Item::Place, 1);
+                self.work.spend(Item::PlaceTile, parcel.most_tiles());
                 self.set_flight(parcel, index, Flight::None);
-                if let Some((_, texels)) = self.waiting.remove(&index) {
-                    frame.upload(ParcelUpload { parcel, place, texels });
-                }
+                frame.upload(ParcelUpload { parcel, place, texels });
                 if is_needed {
                     self.count_missing(parcel, false);
                     self.update_lacks(parcel);
                 }
                 self.wake_under(parcel);
             }
-            None if is_needed => frame.stuck.push(index),
+            None if is_needed => {
+                frame.stuck.push(index);
+                self.waiting.insert(index, (parcel, texels));
+            }
             None => self.forget(parcel, index),
         }
     }

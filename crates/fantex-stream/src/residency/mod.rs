@@ -25,6 +25,7 @@ mod work;
 pub(crate) use pool::COUNTED_LEVELS;
 pub use pool::ParcelCount;
 pub use wants::RequestLimits;
+pub use work::{FrameWork, WORK_COSTS, WORK_KINDS};
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -80,6 +81,8 @@ pub(crate) struct Residency {
     visible_groups: u64,
     lacking_groups: u64,
     wishes: Wishes,
+    /// Groups whose demand in the predicted view has changed and is not taken over yet.
+    unforeseen: VecDeque<u32>,
     /// Owners of what may be needed soon.
     ahead: VecDeque<u32>,
     /// Per parcel.
@@ -102,6 +105,8 @@ pub(crate) struct Residency {
     work: Work,
     /// Nanoseconds for a sixtieth of a second.
     frame_work: u32,
+    /// The camera has jumped, and so many seconds of filling are left.
+    filling_seconds: f32,
 }
 
 impl Residency {
@@ -122,6 +127,7 @@ impl Residency {
             visible_groups: 0,
             lacking_groups: 0,
             wishes: Wishes::new(shapes.owner_count()),
+            unforeseen: VecDeque::new(),
             ahead: VecDeque::new(),
             flights: vec![Flight::None; shapes.parcel_count()],
             pending: 0,
@@ -134,8 +140,9 @@ impl Residency {
             damaged: BTreeMap::new(),
             uploaded_bytes: 0,
             requests: 0,
-            work: Work::of_frame(work::FRAME, 0.0),
+            work: Work::default(),
             frame_work: work::FRAME,
+            filling_seconds: 0.0,
             pool: Pool::new(shapes.clone(), table, atlas),
             shapes,
         }
@@ -229,14 +236,33 @@ impl Residency {
             .find_map(|step| shape.level_at_step(step))
     }
 
-    /// A frame begins, so long after the last one.
-    pub(crate) fn begin_frame(&mut self, elapsed_seconds: f32) {
-        self.work = Work::of_frame(self.frame_work, elapsed_seconds);
+    /// A frame begins, so long after the last one. `is_cut`: the camera has jumped.
+    pub(crate) fn begin_frame(&mut self, elapsed_seconds: f32, is_cut: bool) {
+        self.filling_seconds = match is_cut {
+            true => work::FILLING_SECONDS,
+            false => (self.filling_seconds - elapsed_seconds).max(0.0),
+        };
+        let lacking = match self.visible_groups {
+            _ if self.filling_seconds > 0.0 => 1.0,
+            0 => 0.0,
+            visible => self.lacking_groups as f32 / visible as f32,
+        };
+        self.work = self.work.next_frame(self.frame_work, elapsed_seconds, lacking);
         self.pool.begin_frame();
     }
 
     pub(crate) fn take_changes(&mut self) -> Vec<TableChange> {
         self.pool.take_changes()
+    }
+
+    /// How long demand may take now.
+    pub(crate) fn bounding_nanoseconds(&self) -> u32 {
+        self.work.bounding_nanoseconds()
+    }
+
+    /// What has been done since the frame began.
+    pub(crate) fn work_done(&self) -> &FrameWork {
+        self.work.done()
     }
 
     /// Needed parcels that are not resident.

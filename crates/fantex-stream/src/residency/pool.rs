@@ -8,8 +8,6 @@ use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
-use fantex_store::PageId;
-
 use super::packer::{KINDS, Packer};
 use crate::shape::TileShapes;
 use crate::{AtlasPlace, AtlasShape, PageTable, Parcel, TableChange, TableEntry};
@@ -340,29 +338,23 @@ impl Pool {
     /// Adds the entries of a parcel's pages, ascending.
     fn push_entries(&self, index: u32, parcel: Parcel, changes: &mut Vec<TableChange>) {
         let place = self.entry(index).place();
-        let change = |page: PageId, entry: TableEntry| {
-            let in_tile = self.shapes.of(page.group).page_index(page.level, page.page);
-            TableChange { index: self.table.first(page.group) + in_tile, entry }
-        };
-        match (parcel, place) {
-            (Parcel::Page(page), place) => {
-                changes.push(change(page, place.map_or(TableEntry::ABSENT, TableEntry::at)));
+        match parcel {
+            Parcel::Page(page) => {
+                let in_tile = self.shapes.of(page.group).page_index(page.level, page.page);
+                let entry = place.map_or(TableEntry::ABSENT, TableEntry::at);
+                changes.push(TableChange { index: self.table.first(page.group) + in_tile, entry });
             }
-            (Parcel::Bundle { bundle, step }, None) => {
+            Parcel::Bundle { bundle, step } => {
                 for group in self.shapes.groups(bundle, step) {
-                    if let Some(level) = self.shapes.of(group).level_at_step(step) {
-                        let page = PageId { group, level, page: [0, 0] };
-                        changes.push(change(page, TableEntry::ABSENT));
-                    }
+                    let shape = self.shapes.of(group);
+                    let Some(level) = shape.level_at_step(step) else { continue };
+                    let entry = place.map_or(TableEntry::ABSENT, |AtlasPlace { layer, x, y }| {
+                        let [right, down] = self.shapes.place_in_bundle(group, step);
+                        TableEntry::at(AtlasPlace { layer, x: x + right, y: y + down })
+                    });
+                    let index = self.table.first(group) + shape.page_index(level, [0, 0]);
+                    changes.push(TableChange { index, entry });
                 }
-            }
-            (Parcel::Bundle { bundle, step }, Some(AtlasPlace { layer, x, y })) => {
-                let begin = changes.len();
-                for slot in self.shapes.layout(bundle, step).slots {
-                    let [x, y] = [x + slot.at[0] as u16, y + slot.at[1] as u16];
-                    changes.push(change(slot.page, TableEntry::at(AtlasPlace { layer, x, y })));
-                }
-                changes[begin..].sort_unstable_by_key(|change| change.index);
             }
         }
     }

@@ -287,7 +287,7 @@ fn a_cut_to_many_tiles_is_spread_over_frames() {
     let view = camera.view(&geometry.mesh.world_from_mesh, [1280, 720]);
     let [first, second] = [(); 2].map(|()| {
         let mut stage = Stage::new(&geometry, AtlasShape { side: 2048, layers: 2 }, disk);
-        stage.streamer.set_frame_work(super::work::FRAME / 2);
+        stage.streamer.set_frame_work(super::work::FRAME / 5);
         let mut uploads = Vec::new();
         let mut waiting_frames = 0;
         while uploads.is_empty() || !stage.streamer.is_settled() {
@@ -308,6 +308,38 @@ fn a_cut_to_many_tiles_is_spread_over_frames() {
         uploads
     });
     assert_eq!(first, second, "work is counted, not timed");
+}
+
+#[test]
+fn frames_do_twice_as_much_after_a_cut_and_no_more_once_half_a_second_has_passed() {
+    let geometry = covered(generate::torus(300, 150), 45_000 * 100, 0);
+    let disk = DiskModel { latency_seconds: 0.0, bandwidth: 1e9, ..DiskModel::default() };
+    let mut stage = Stage::new(&geometry, AtlasShape { side: 2048, layers: 2 }, disk);
+    for (eye, most_frames) in [(DVec3::new(0.5, 0.6, 2.5), 8), (DVec3::new(-1.0, 2.0, -1.0), 8)] {
+        let camera = CameraKeyframe::looking(0.0, eye, DVec3::ZERO);
+        let view = camera.view(&geometry.mesh.world_from_mesh, [1280, 720]);
+        let mut frames = 0;
+        let mut update = |stage: &mut Stage| {
+            stage.clock.set(stage.clock.seconds() + FRAME_SECONDS);
+            stage
+                .streamer
+                .update(view.as_ref(), FrameOptions { upload_bytes: 64 << 20, ..FrameOptions::default() });
+            frames += 1;
+            (frames, stage.streamer.work().1)
+        };
+        loop {
+            let (frames, most) = update(&mut stage);
+            assert_eq!(most, 2 * super::work::FRAME);
+            assert!(frames <= most_frames, "{:?}", stage.streamer.statistics());
+            if stage.streamer.is_settled() {
+                break;
+            }
+        }
+        let figures = stage.streamer.statistics();
+        assert!(figures.complete_groups == figures.visible_groups && figures.visible_groups > 10_000);
+        while update(&mut stage).0 < 32 {}
+        assert_eq!(update(&mut stage).1, super::work::FRAME);
+    }
 }
 
 #[test]

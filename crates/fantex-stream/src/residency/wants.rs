@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use fantex_store::PageId;
 
-use super::work::{ASK, NEED, Task, WANT_FAMILY, WANT_GROUP};
+use super::work::{Item, Task};
 use super::{Flight, Residency};
 use crate::demand::Demand;
 use crate::parcel::{FAMILY, SHARED_LEVELS};
@@ -45,7 +45,7 @@ impl Residency {
     /// Takes over the demand of the groups for which it has changed, of so many families per frame: a cut to a view of hundreds
     /// of thousands of tiles, or another bias for them, is spread over some frames.
     pub(crate) fn want(&mut self, changed: &[u32], demand: &Demand) {
-        self.work.spend(demand.nanoseconds());
+        self.work.spend(Item::Bounding, demand.nanoseconds());
         let mut last = None;
         for family in changed.iter().map(|group| group / FAMILY) {
             if last.replace(family) != Some(family) {
@@ -90,7 +90,8 @@ impl Residency {
                 self.want_with(group, demand, reluctance);
             }
         }
-        self.work.spend(WANT_FAMILY + changed.count_ones() * WANT_GROUP);
+        self.work.spend(Item::Family, 1);
+        self.work.spend(Item::Group, changed.count_ones());
         if self.want_bundles(family, reluctance) {
             changed = u32::MAX;
         }
@@ -230,7 +231,7 @@ impl Residency {
     }
 
     fn need(&mut self, parcel: Parcel, index: u32) {
-        self.work.spend(NEED);
+        self.work.spend(Item::Need, 1);
         self.pool.need(parcel, index);
         if let Some(over) = parcel.bundle_over() {
             self.needed_under[self.shapes.index(over) as usize] += 1;
@@ -243,7 +244,7 @@ impl Residency {
     }
 
     fn release(&mut self, parcel: Parcel, index: u32) {
-        self.work.spend(NEED);
+        self.work.spend(Item::Need, 1);
         self.pool.release(parcel, index);
         if let Some(over) = parcel.bundle_over() {
             self.needed_under[self.shapes.index(over) as usize] -= 1;
@@ -257,7 +258,10 @@ impl Residency {
     /// Cancels a parcel that is on its way, or drops it.
     pub(super) fn forget(&mut self, parcel: Parcel, index: u32) {
         match self.set_flight(parcel, index, Flight::None) {
-            Flight::Asked | Flight::Ahead => self.cancels.push(parcel),
+            Flight::Asked | Flight::Ahead => {
+                self.work.spend(Item::Cancel, 1);
+                self.cancels.push(parcel);
+            }
             Flight::Waiting => {
                 self.waiting.remove(&index);
             }
@@ -354,7 +358,7 @@ impl Residency {
     }
 
     pub(super) fn ask(&mut self, parcel: Parcel, index: u32, urgency: f32, is_ahead: bool) {
-        self.work.spend(ASK);
+        self.work.spend(Item::Ask, 1);
         self.asks.push((parcel, urgency));
         let flight = if is_ahead { Flight::Ahead } else { Flight::Asked };
         if self.set_flight(parcel, index, flight) == Flight::None {
