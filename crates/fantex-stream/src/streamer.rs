@@ -102,7 +102,7 @@ impl Streamer {
     pub fn update(&mut self, view: Option<&StreamView>, frame: FrameOptions) -> FrameChanges {
         let started = Instant::now();
         let loader = &mut *self.loader;
-        let is_moving = self.motion.advance(view, frame.elapsed_seconds);
+        let is_moving = self.motion.advance(view, frame.elapsed_seconds, self.surface.radius());
         self.residency.begin_frame(frame.elapsed_seconds, self.motion.is_cut);
         // What has been said since the last frame, as of texels that have changed, comes before what arrives.
         self.residency.tell(loader);
@@ -349,15 +349,15 @@ const MOST_PREDICTED_TURN: f32 = 0.5;
 
 /// A camera that turns by more than this in one frame has jumped, radians; so has one that
 const CUT_TURN: f32 = 0.2;
-/// goes more than so many times as far as in the frame before. (One that begins to move has, too. It does no harm.)
-const CUT_TRAVEL: f32 = 4.0;
+/// goes farther than this share of the mesh's radius. (Other jumps are seen by what they lack.)
+const CUT_TRAVEL: f32 = 0.05;
 
 /// Turns that differ by so many radians per second count as the same.
 const STEADY_TURN: f32 = 0.06;
 
 impl Motion {
-    /// The next view, so many seconds after the last one; whether it differs from that.
-    fn advance(&mut self, view: Option<&StreamView>, seconds: f32) -> bool {
+    /// The next view, so many seconds after the last one, of a mesh of some radius; whether it differs from that.
+    fn advance(&mut self, view: Option<&StreamView>, seconds: f32, mesh_radius: f32) -> bool {
         let last = std::mem::replace(&mut self.view, view.copied());
         let (Some(last), Some(view), true) = (last, view, seconds > 0.0) else {
             (self.velocity, self.is_steady, self.is_cut) = (None, false, view.is_some());
@@ -369,8 +369,8 @@ impl Motion {
         let shorter = if angle > std::f32::consts::PI { 1.0 - std::f32::consts::TAU / angle } else { 1.0 };
         let velocity = Velocity { travel: (view.eye - last.eye) / seconds, turn: turn * shorter / seconds };
         let is_moving = last != *view;
-        let usual = self.velocity.map_or(0.0, |before| before.travel.length());
-        self.is_cut = (turn * shorter).length() > CUT_TURN || velocity.travel.length() > CUT_TRAVEL * usual;
+        self.is_cut =
+            (turn * shorter).length() > CUT_TURN || last.eye.distance(view.eye) > CUT_TRAVEL * mesh_radius;
         // Steady is what goes on nearly as it did: neither a cut nor a hand that trembles.
         self.is_steady = is_moving
             && self.velocity.is_some_and(|before| {

@@ -56,4 +56,9 @@ impl DemandSurface {
         let densities = groups.iter().map(|bounds| bounds.density).collect();
         Self { geometry, shapes, groups, reliefs, densities, nodes, paged, has_paged }
     }
+
+    /// Of a ball around everything, mesh units; zero where there is nothing.
+    pub(crate) fn radius(&self) -> f32 {
+        self.nodes.last().and_then(|root| root.first()).map_or(0.0, |root| root.sphere.radius)
+    }
 }
