@@ -303,7 +303,7 @@ fn number(schema: &Value, place: &Place<'_, '_>) -> Checked {
     };
     let refuse = |allowed: String| Err(place.mistake(LookProblem::Range { allowed, found: text.clone() }));
     let Some(number) = number else {
-        return refuse("of at most 64 bits; longer ones are written like 1e20".into());
+        return refuse("of at most 64 bits (longer ones are written like 1e20)".into());
     };
     if !number.is_finite() {
         return refuse("that is finite".into());
