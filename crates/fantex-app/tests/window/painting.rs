@@ -70,8 +70,15 @@ fn two_painters_do_not_share_an_asset() {
     let folder = tempfile::tempdir().unwrap();
     let asset = save_asset(folder.path());
     let _other = fantex_store::AssetEditor::open(&asset, &Default::default()).unwrap();
-    let steps = r#"{"wait_loaded":60},{"expect_message":"being edited by another program"},"quit""#;
-    check_success(&display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps));
+    let steps = r#"{"wait_loaded":60},"quit""#;
+    let output = display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps);
+    let told = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{told}");
+    assert!(told.contains("being edited by another program") && told.lines().count() == 1, "{told}");
+    // In a window that shows it, it is a message.
+    let steps = r#"{"wait_loaded":60},{"wait_frames":3},{"key":"Ctrl+T"},{"wait_loaded":60},
+        {"expect_message":"being edited by another program"},"quit""#;
+    check_success(&display.run(folder.path(), &[&asset.to_string_lossy()], steps));
 }
 
 /// White rings on black, and a look with a texture.
