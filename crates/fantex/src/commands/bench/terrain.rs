@@ -46,7 +46,7 @@ pub(super) fn rows(context: &Context) -> Result<Vec<Row>, CliError> {
 
 /// The driver that draws without a graphics card, or a note that there is none.
 fn software_gpu(context: &Context) -> Result<Option<Gpu>, CliError> {
-    match Gpu::headless(&GpuOptions { software: true, ..GpuOptions::default() }) {
+    match Gpu::headless(&GpuOptions { software: true }) {
         Ok(gpu) => {
             context.note(format!("the peer of pictures of a million triangles is {}", gpu.info().name));
             Ok(Some(gpu))
