@@ -347,9 +347,9 @@ struct Velocity {
 /// A prediction turns the camera by no more than this, radians.
 const MOST_PREDICTED_TURN: f32 = 0.5;
 
-/// A camera that turns by more than this in one frame has jumped, radians; so has one that
+/// A camera that turns by more than this in one frame has jumped, radians.
 const CUT_TURN: f32 = 0.2;
-/// goes farther than this share of the mesh's radius. (Other jumps are seen by what they lack.)
+/// So has one that goes farther than this share of the mesh's radius. (Other jumps are seen by what they lack.)
 const CUT_TRAVEL: f32 = 0.05;
 
 /// Turns that differ by so many radians per second count as the same.
