@@ -5,27 +5,17 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::common::sphere;
-use fantex_mesh::{CleanOptions, LoadOptions, Mesh, clean, load};
+use fantex_mesh::Mesh;
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, EnvironmentLight, FlatShading, FlatSurface, Hit,
     Lights, MaterialSample, ObjectReflection, Picture, ReflectingSurface, RenderOptions, Surface,
     capture_environment, render,
 };
+use fantex_test::{data, opened};
 use fantex_texture::environment::{
     EnvironmentForm, EnvironmentLayout, EnvironmentMap, PrefilteredEnvironment, Sky,
 };
 use glam::{DVec3, Vec3};
-
-fn data(name: &str) -> Option<PathBuf> {
-    let root = std::env::var_os("FANTEX_DATA")
-        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"), PathBuf::from);
-    let path = root.join(name);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: no test data {}", path.display());
-    None
-}
 
 fn folder() -> PathBuf {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/environment-pictures");
@@ -88,7 +78,7 @@ fn save(picture: &Picture, name: &str) {
 #[ignore = "writes pictures to look at"]
 fn metals_in_environments() {
     let Some(bunny) = data("meshes/bunny/stanford_bunny.ply") else { return };
-    let (mesh, _) = clean(load(&bunny, &LoadOptions::default()).unwrap(), &CleanOptions::default()).unwrap();
+    let mesh = opened(&bunny);
     let camera = Camera::framing_mesh(&mesh, DVec3::new(0.3, 0.1, 1.0), 1.2);
     for name in ["forest.exr", "spiaggia_di_mondello_1k.hdr"] {
         let Some(path) = data(&format!("images/{name}")) else { return };

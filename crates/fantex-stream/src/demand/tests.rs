@@ -212,21 +212,8 @@ fn a_bunny_is_demanded_as_it_is_seen() {
 }
 
 fn bunny(tile: u32) -> Option<CoveredMesh> {
-    let data = std::env::var_os("FANTEX_DATA").map_or_else(
-        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        std::path::PathBuf::from,
-    );
-    let folder = data.join("meshes/bunny");
-    let file = std::fs::read_dir(&folder).ok().and_then(|files| {
-        let mut paths: Vec<_> = files.flatten().map(|f| f.path()).collect();
-        paths.sort();
-        paths.into_iter().find(|p| p.extension().is_some_and(|e| e == "ply" || e == "obj"))
-    });
-    let Some(file) = file else {
-        eprintln!("SKIPPED: no bunny in {}", folder.display());
-        return None;
-    };
-    let model = fantex_mesh::load(&file, &fantex_mesh::LoadOptions::default()).unwrap();
+    let path = fantex_test::data("meshes/bunny/stanford_bunny.ply")?;
+    let model = fantex_mesh::load(&path, &fantex_mesh::LoadOptions::default()).unwrap();
     Some(covered(model, 4 << 20, tile, false))
 }
 

@@ -1,10 +1,10 @@
 //! Models, images and textures for looks.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_mesh::{CleanOptions, LoadOptions, Mesh, clean, load};
+use fantex_mesh::Mesh;
 use fantex_render::{Bounds, Camera};
+use fantex_test::{data, opened};
 use fantex_texture::look::LookMaterial;
 use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, ShadingPoint, Texture};
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
@@ -41,20 +41,8 @@ impl<F: Fn(&ShadingPoint<'_>) -> Vec4 + Send + Sync> Texture for Function<F> {
     }
 }
 
-/// A file of the test data, or nothing (and a line that says so) where it is missing.
-pub(crate) fn data(name: &str) -> Option<PathBuf> {
-    let beside = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let path = std::env::var_os("FANTEX_DATA").map_or(beside, PathBuf::from).join(name);
-    if !path.exists() {
-        eprintln!("SKIPPED: {} is missing", path.display());
-        return None;
-    }
-    Some(path)
-}
-
 pub(crate) fn model(name: &str) -> Option<Mesh> {
-    let model = load(&data(name)?, &LoadOptions::default()).unwrap();
-    Some(clean(model, &CleanOptions::default()).unwrap().0)
+    Some(opened(&data(name)?))
 }
 
 pub(crate) fn image(name: &str) -> Option<Image> {
