@@ -2,45 +2,17 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
 
-use crate::common::{Baked, Contents, cleaned, contents, cover, paint_stroke, plate, red, stroke};
+use crate::common::slices::{crash, open, slices, start};
+use crate::common::{Baked, Contents, cleaned, contents, cover, plate, red, stroke};
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
 use fantex_paint::{
-    ChannelPaint, ColorFill, FillArea, Layer, Paint, PaintColor, PaintOptions, Painter, Picture,
-    PicturePlace, Projection, ProjectionView, StrokeFile, StrokeSettings, Target,
+    ChannelPaint, ColorFill, FillArea, Layer, Paint, PaintColor, Painter, Picture, PicturePlace, Projection,
+    ProjectionView, StrokeFile, StrokeSettings, Target,
 };
-use fantex_store::{VerifyOptions, verify};
 use fantex_texture::Image;
 use glam::{DVec3, Vec3, Vec4};
-
-/// With so little memory that changes and steps go to the file in parts.
-fn open(baked: &Baked) -> Painter {
-    Painter::open(&baked.path, &PaintOptions { memory_bytes: 2 << 20, history: true }).unwrap()
-}
-
-/// As a crash leaves it: what came after the last commit is gone.
-fn crash(painter: Painter, baked: &Baked) -> Painter {
-    drop(painter);
-    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
-    open(baked)
-}
-
-/// A stroke that is there before.
-fn start(baked: &Baked) -> (Painter, Contents) {
-    let mut painter = open(baked);
-    let line = stroke(painter.surface(), 40.0, &[Vec3::X, Vec3::new(0.5, 0.5, 0.7), Vec3::Z]);
-    paint_stroke(&mut painter, red(0.9), &line);
-    painter.commit().unwrap();
-    let before = contents(&painter);
-    (painter, before)
-}
-
-/// Slices, of which none is the last.
-fn slices(painter: &mut Painter, count: usize) {
-    (0..count).for_each(|_| assert!(!painter.work_on(Instant::now()).unwrap(), "there is more to do"));
-}
 
 /// A stroke of a file, as it is recorded.
 fn settings(text: &str) -> StrokeSettings {

@@ -1,11 +1,10 @@
 //! Work in slices: layers on all pages and long steps, interrupted, given up, and taken up again after a crash.
 
-use std::time::Instant;
-
-use crate::common::{Baked, Contents, cleaned, contents, cover, paint_stroke, red, stroke};
+use crate::common::slices::{crash, slices, start};
+use crate::common::{Baked, cleaned, contents, cover, paint_stroke, red, stroke};
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
-use fantex_paint::{GraphFill, Layer, PaintOptions, Painter, TextureGraph};
+use fantex_paint::{GraphFill, Layer, TextureGraph};
 use fantex_store::{VerifyOptions, verify};
 use glam::Vec3;
 
@@ -14,36 +13,10 @@ fn ball() -> Baked {
     Baked::new(&mesh, &cover(&mesh, 64, 2_000_000), BakeFormat::Bc7)
 }
 
-/// With so little memory that changes and steps go to the file in parts.
-fn open(baked: &Baked) -> Painter {
-    Painter::open(&baked.path, &PaintOptions { memory_bytes: 2 << 20, history: true }).unwrap()
-}
-
 fn wood() -> Layer {
     let look = "[textures.plank]\nkind = \"wood\"\nseed = 3\n".to_owned();
     let graph = TextureGraph { look, folder: std::env::temp_dir() };
     Layer::graph("wood", GraphFill { graph, textures: vec![Some("plank".to_owned())] })
-}
-
-fn slices(painter: &mut Painter, count: usize) {
-    (0..count).for_each(|_| assert!(!painter.work_on(Instant::now()).unwrap(), "there is more to do"));
-}
-
-/// As a crash leaves it: what came after the last commit is gone.
-fn crash(painter: Painter, baked: &Baked) -> Painter {
-    drop(painter);
-    assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
-    open(baked)
-}
-
-/// A stroke on the base, so that there are layers over something painted.
-fn start(baked: &Baked) -> (Painter, Contents) {
-    let mut painter = open(baked);
-    let line = stroke(painter.surface(), 40.0, &[Vec3::X, Vec3::new(0.5, 0.5, 0.7), Vec3::Z]);
-    paint_stroke(&mut painter, red(0.9), &line);
-    painter.commit().unwrap();
-    let before = contents(&painter);
-    (painter, before)
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Meshes, baked assets and strokes.
 
+pub(crate) mod slices;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
