@@ -1,0 +1,23 @@
+//! What every crate of fantex needs and none owns.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`error`] | one error type: a kind for programs, a sentence for people, the file and the place in it |
+//! | [`aabb`] | axis-aligned boxes |
+//! | [`random`] | repeatable random numbers |
+//! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
+//! | [`text`] | counts in messages |
+//! | [`union_find`] | disjoint sets |
+
+pub mod aabb;
+pub mod error;
+pub mod random;
+pub mod srgb;
+pub mod text;
+pub mod union_find;
+
+pub use aabb::Aabb;
+pub use error::{Error, ErrorKind, Place, Result};
+pub use random::{Random, mix64};
+pub use text::{counted, grouped, numbered};
+pub use union_find::UnionFind;

@@ -1,0 +1,91 @@
+//! Repeatable random numbers: SplitMix64 (G. L. Steele, D. Lea, C. H. Flood, "Fast Splittable Pseudorandom Number Generators",
+//! 2014). Good enough to choose samples; not for secrets.
+
+const GOLDEN_GAMMA: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// A sequence of random numbers that depends on its seed only.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Random(u64);
+
+impl Random {
+    /// The sequence of a seed.
+    pub fn new(seed: u64) -> Self {
+        Self(seed)
+    }
+
+    /// The sequence of several numbers together.
+    pub fn of_seeds(seeds: impl IntoIterator<Item = u64>) -> Self {
+        let mut random = Self(0);
+        for seed in seeds {
+            random.0 ^= seed;
+            random.0 = random.next_u64();
+        }
+        random
+    }
+
+    /// Uniform over all 64-bit numbers.
+    #[inline]
+    pub fn next_u64(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(GOLDEN_GAMMA);
+        mix64(self.0)
+    }
+
+    /// Uniform in `[0, 1)`, 53 bits.
+    #[inline]
+    pub fn unit(&mut self) -> f64 {
+        (self.next_u64() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// True with a probability, 0..1.
+    pub fn chance(&mut self, probability: f64) -> bool {
+        ((self.next_u64() >> 11) as f64) < probability * (1u64 << 53) as f64
+    }
+
+    /// Uniform in `0..limit`; `limit` is not zero.
+    pub fn below(&mut self, limit: u64) -> u64 {
+        ((u128::from(self.next_u64()) * u128::from(limit)) >> 64) as u64
+    }
+}
+
+/// The output function of SplitMix64: a bijection whose bits each depend on all bits of the argument.
+#[inline]
+pub fn mix64(x: u64) -> u64 {
+    let x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ (x >> 31)
+}
+
+/// The number at `index` of the sequence of a seed: `Random::new(seed)` after `index` calls gives it next.
+#[inline]
+pub fn nth_random(seed: u64, index: u64) -> u64 {
+    mix64(seed.wrapping_add(GOLDEN_GAMMA.wrapping_mul(index.wrapping_add(1))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_those_of_the_reference_implementation() {
+        // Sebastiano Vigna's splitmix64.c with the state 1234567.
+        let mut random = Random::new(1_234_567);
+        let expected = [6_457_827_717_110_365_317, 3_203_168_211_198_807_973, 9_817_491_932_198_370_423];
+        assert_eq!([(); 3].map(|()| random.next_u64()), expected);
+        assert_eq!([0, 1, 2].map(|index| nth_random(1_234_567, index)), expected);
+    }
+
+    #[test]
+    fn units_and_limits_hold() {
+        let mut random = Random::new(5);
+        let mut sum = 0.0;
+        for _ in 0..10_000 {
+            let unit = random.unit();
+            assert!((0.0..1.0).contains(&unit));
+            sum += unit;
+            assert!(random.below(7) < 7);
+        }
+        assert!((sum / 10_000.0 - 0.5).abs() < 0.02);
+        assert!(!random.chance(0.0));
+        assert!(random.chance(1.0));
+    }
+}

@@ -1,0 +1,148 @@
+//! The sRGB transfer curve (IEC 61966-2-1) between encoded and linear-light values.
+//!
+//! Eight-bit values are decoded by a table of 256 floats and encoded by a table over the exponent and the leading mantissa
+//! bits of the float, which leaves one comparison: both are exact, i.e. equal to rounding the formula.
+
+use std::sync::LazyLock;
+
+/// Linear-light value of an sRGB-encoded one, both in `[0,1]`. Outside, the curve is continued (mirrored below 0).
+pub fn linear_from_srgb(encoded: f32) -> f32 {
+    let magnitude = encoded.abs();
+    let linear =
+        if magnitude <= 0.04045 { magnitude / 12.92 } else { ((magnitude + 0.055) / 1.055).powf(2.4) };
+    linear.copysign(encoded)
+}
+
+/// sRGB-encoded value of a linear-light one, both in `[0,1]`. Outside, the curve is continued (mirrored below 0).
+pub fn srgb_from_linear(linear: f32) -> f32 {
+    let magnitude = linear.abs();
+    let encoded =
+        if magnitude <= 0.003_130_8 { magnitude * 12.92 } else { 1.055 * magnitude.powf(1.0 / 2.4) - 0.055 };
+    encoded.copysign(linear)
+}
+
+/// The same curve in double precision, from which the tables are made.
+fn linear_from_srgb_f64(encoded: f64) -> f64 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// Linear light of all 256 sRGB-encoded bytes.
+pub fn linear_from_srgb8_table() -> &'static [f32; 256] {
+    static TABLE: LazyLock<[f32; 256]> =
+        LazyLock::new(|| std::array::from_fn(|code| linear_from_srgb_f64(code as f64 / 255.0) as f32));
+    &TABLE
+}
+
+/// Linear light of all 65 536 sRGB-encoded 16-bit values.
+pub fn linear_from_srgb16_table() -> &'static [f32] {
+    static TABLE: LazyLock<Vec<f32>> =
+        LazyLock::new(|| (0..65536).map(|code| linear_from_srgb_f64(code as f64 / 65535.0) as f32).collect());
+    &TABLE
+}
+
+/// `code / 255` of all 256 bytes.
+pub fn unit_from_u8_table() -> &'static [f32; 256] {
+    static TABLE: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| code as f32 / 255.0));
+    &TABLE
+}
+
+/// The encoder's tables: a float's exponent and seven mantissa bits give the code at the start of its bucket; at most one
+/// rounding threshold lies inside a bucket (a code spans at least 1/106 of its value, a bucket at most 1/128).
+struct Srgb8Encoder {
+    code_of_bucket: Vec<u8>,
+    /// `threshold[c]` is the smallest linear value that rounds to code `c`.
+    threshold: [f32; 257],
+}
+
+const ENCODER_MANTISSA_BITS: u32 = 7;
+const ENCODER_SHIFT: u32 = 23 - ENCODER_MANTISSA_BITS;
+/// 2^-13 is below the smallest threshold, 0.5 / 255 / 12.92 = 1.52e-4 = 2^-12.68.
+const ENCODER_SMALLEST: f32 = 1.0 / 8192.0;
+
+impl Srgb8Encoder {
+    fn new() -> Self {
+        let mut threshold = [f32::INFINITY; 257];
+        for (code, value) in threshold[..256].iter_mut().enumerate() {
+            *value = linear_from_srgb_f64((code as f64 - 0.5).max(0.0) / 255.0) as f32;
+        }
+        let first = ENCODER_SMALLEST.to_bits() >> ENCODER_SHIFT;
+        let last = 1.0_f32.to_bits() >> ENCODER_SHIFT;
+        let code_of_bucket = (first..=last)
+            .map(|bucket| {
+                let start = f32::from_bits(bucket << ENCODER_SHIFT);
+                (threshold[..256].partition_point(|&t| t <= start) - 1) as u8
+            })
+            .collect();
+        Self { code_of_bucket, threshold }
+    }
+}
+
+/// The sRGB byte nearest to a linear-light value; values outside `[0,1]` are clamped, NaN gives 0.
+pub fn srgb8_from_linear(linear: f32) -> u8 {
+    static ENCODER: LazyLock<Srgb8Encoder> = LazyLock::new(Srgb8Encoder::new);
+    if linear.is_nan() || linear <= ENCODER_SMALLEST {
+        return 0;
+    }
+    let linear = linear.min(1.0);
+    let first = ENCODER_SMALLEST.to_bits() >> ENCODER_SHIFT;
+    let code = ENCODER.code_of_bucket[((linear.to_bits() >> ENCODER_SHIFT) - first) as usize];
+    code + u8::from(linear >= ENCODER.threshold[usize::from(code) + 1])
+}
+
+/// The 16-bit sRGB value nearest to a linear-light value, clamped to `[0,1]`; NaN gives 0.
+pub fn srgb16_from_linear(linear: f32) -> u16 {
+    unorm16(srgb_from_linear(linear))
+}
+
+/// The byte nearest to `255 * value`, clamped; NaN gives 0.
+pub fn unorm8(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
+}
+
+/// The 16-bit number nearest to `65535 * value`, clamped; NaN gives 0.
+pub fn unorm16(value: f32) -> u16 {
+    (value.clamp(0.0, 1.0) * 65535.0 + 0.5) as u16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_survive_decoding_and_encoding() {
+        for code in 0..=255_u8 {
+            assert_eq!(srgb8_from_linear(linear_from_srgb8_table()[usize::from(code)]), code);
+        }
+        for code in 0..=65535_u16 {
+            assert_eq!(srgb16_from_linear(linear_from_srgb16_table()[usize::from(code)]), code);
+        }
+    }
+
+    #[test]
+    fn encoder_equals_the_rounded_formula() {
+        for i in 0..2_000_000_u32 {
+            let linear = i as f32 / 1_999_999.0;
+            let exact = srgb_from_linear(linear) * 255.0;
+            let code = f32::from(srgb8_from_linear(linear));
+            assert!((exact - code).abs() <= 0.5 + 2e-4, "{linear} gave {code}, the curve says {exact}");
+        }
+    }
+
+    #[test]
+    fn encoder_takes_any_float() {
+        assert_eq!(srgb8_from_linear(f32::NAN), 0);
+        assert_eq!(srgb8_from_linear(-1.0), 0);
+        assert_eq!(srgb8_from_linear(f32::INFINITY), 255);
+        assert_eq!(srgb8_from_linear(f32::MIN_POSITIVE), 0);
+        assert_eq!(unorm8(f32::NAN), 0);
+        assert_eq!(unorm16(f32::NEG_INFINITY), 0);
+    }
+
+    #[test]
+    fn curve_and_inverse_agree() {
+        for i in -100..=200 {
+            let encoded = i as f32 / 100.0;
+            assert!((srgb_from_linear(linear_from_srgb(encoded)) - encoded).abs() < 2e-6);
+        }
+    }
+}

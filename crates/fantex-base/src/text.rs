@@ -1,0 +1,64 @@
+//! Counts in messages: `1 triangle`, `2 triangles`, `69 451 tiles`.
+
+use std::borrow::Cow;
+use std::fmt;
+
+/// A count with its noun, in the number that the count asks for.
+///
+/// ```
+/// use fantex_base::counted;
+///
+/// assert_eq!(counted(1, "vertex").to_string(), "1 vertex");
+/// assert_eq!(counted(3, "vertex").to_string(), "3 vertices");
+/// ```
+pub fn counted<N: Copy + fmt::Display + PartialEq + From<u8>>(count: N, noun: &str) -> impl fmt::Display {
+    format!("{count} {}", numbered(count, noun))
+}
+
+/// A noun in the number that a count asks for, for counts that are written in another way than as digits.
+pub fn numbered<N: PartialEq + From<u8>>(count: N, noun: &str) -> Cow<'_, str> {
+    if count == N::from(1) {
+        return noun.into();
+    }
+    let plural = match noun.strip_suffix("ex") {
+        Some(stem) => format!("{stem}ices"),
+        None if ["ch", "sh", "x"].iter().any(|end| noun.ends_with(end)) => format!("{noun}es"),
+        None => format!("{noun}s"),
+    };
+    plural.into()
+}
+
+/// Digits in groups of three, separated by `separator`: `69 451`.
+pub fn grouped(number: u64, separator: char) -> String {
+    let digits = number.to_string();
+    let mut text = String::with_capacity(digits.len() * 4 / 3);
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            text.push(separator);
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nouns_follow_their_counts() {
+        let text = |count: u64, noun| counted(count, noun).to_string();
+        assert_eq!(text(0, "triangle"), "0 triangles");
+        assert_eq!(text(1, "index"), "1 index");
+        assert_eq!(text(2, "index"), "2 indices");
+        assert_eq!(text(2, "patch"), "2 patches");
+        assert_eq!(text(7, "box"), "7 boxes");
+    }
+
+    #[test]
+    fn digits_stand_in_groups_of_three() {
+        assert_eq!(grouped(7, ' '), "7");
+        assert_eq!(grouped(69_451, ' '), "69 451");
+        assert_eq!(grouped(1_234_567, ','), "1,234,567");
+    }
+}

@@ -1,0 +1,46 @@
+//! Disjoint sets (R. E. Tarjan, "Efficiency of a Good But Not Linear Set Union Algorithm", 1975), with path halving. The smallest member
+//! stands for a set, so that results do not depend on the order of unions; that is why this is not a crate's.
+
+/// A partition of `0..n`.
+#[derive(Clone, Debug)]
+pub struct UnionFind(Vec<u32>);
+
+impl UnionFind {
+    /// Every element on its own.
+    pub fn new(elements: usize) -> Self {
+        Self((0..elements as u32).collect())
+    }
+
+    /// The smallest element of a set.
+    #[inline]
+    pub fn find(&mut self, mut element: u32) -> u32 {
+        let parents = &mut self.0;
+        while parents[element as usize] != element {
+            parents[element as usize] = parents[parents[element as usize] as usize];
+            element = parents[element as usize];
+        }
+        element
+    }
+
+    /// Joins the sets of two elements; false where they are one already.
+    #[inline]
+    pub fn union(&mut self, a: u32, b: u32) -> bool {
+        let (a, b) = (self.find(a), self.find(b));
+        self.0[a.max(b) as usize] = a.min(b);
+        a != b
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sets_are_named_by_their_smallest_element() {
+        let mut sets = UnionFind::new(6);
+        assert!(sets.union(5, 3));
+        assert!(sets.union(3, 1));
+        assert!(!sets.union(1, 5));
+        assert_eq!([0, 1, 2, 3, 4, 5].map(|e| sets.find(e)), [0, 1, 2, 1, 4, 1]);
+    }
+}
