@@ -1,6 +1,7 @@
 //! What a cover *is*: the data that the texture function needs at run time. Building one is in `build`.
 
-use fantex_mesh::Mesh;
+use arrayvec::ArrayVec;
+use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use glam::{Vec2, Vec3};
 
 /// How a group's surface is laid into its tile.
@@ -94,6 +95,29 @@ impl Cover {
         self.groups.iter().map(|g| u64::from(g.extent[0]) * u64::from(g.extent[1])).sum()
     }
 
+    /// The look-ups of the texture function at a point of the surface.
+    #[inline]
+    pub fn taps(&self, mesh: &Mesh, point: SurfacePoint) -> Taps {
+        let triangle = point.triangle as usize;
+        let corners_of = |slot| self.tile_corners(mesh, triangle, slot);
+        Taps::new(self.corner_groups[triangle], point.lambda, self.delta, corners_of)
+    }
+
+    /// A triangle as the texture function sees it, for its points one after the other.
+    pub fn triangle_tiles(&self, mesh: &Mesh, triangle: u32) -> TriangleTiles {
+        TriangleTiles {
+            groups: self.corner_groups[triangle as usize],
+            corners: [0, 1, 2].map(|slot| self.tile_corners(mesh, triangle as usize, slot)),
+            delta: self.delta,
+        }
+    }
+
+    /// The groups of a triangle's corners, each once.
+    #[inline]
+    pub fn groups_of(&self, triangle: u32) -> impl Iterator<Item = u32> + use<> {
+        distinct(self.corner_groups[triangle as usize])
+    }
+
     /// The groups that the texture function reads at a point of a triangle, with their weights.
     #[inline]
     pub fn weights(&self, triangle: usize, lambda: Vec3) -> GroupWeights {
@@ -121,23 +145,210 @@ impl Group {
         [x_axis, normal.cross(x_axis)]
     }
 
-    /// Number of detail levels of the tile: level 0 is `extent`, the last is 4x4.
-    pub fn level_count(&self) -> u32 {
-        // The first level `l` at which the longer side is less than `6 * 2^l` texels long is rounded to 4.
-        let sixths = self.extent[0].max(self.extent[1]) / 6;
-        if sixths == 0 { 1 } else { sixths.ilog2() + 2 }
+    /// The part of a stored normal (see [`Group::normal_from_stored`]) along the surface, mesh space.
+    #[inline]
+    pub fn tangent_from_stored(&self, stored: Vec2, vertex_normal: Vec3) -> Vec3 {
+        let [x, y] = stored.to_array().map(|c| c * 2.0 - 1.0);
+        let [x_axis, y_axis] = self.shading_axes(vertex_normal);
+        x_axis * x + y_axis * y
     }
 
-    /// Tile extent in texels at a level: half as long per level, rounded to the nearest multiple of 4, at least 4.
+    /// Turns a stored normal into a unit vector in mesh space. Tiles store the x and y coordinate in their
+    /// [shading frame](Group::shading_axes), mapped from -1..1 to 0..1.
+    #[inline]
+    pub fn normal_from_stored(&self, stored: Vec2, vertex_normal: Vec3) -> Vec3 {
+        let [x, y] = stored.to_array().map(|c| c * 2.0 - 1.0);
+        let z = (1.0 - x * x - y * y).max(0.0).sqrt();
+        let [x_axis, y_axis] = self.shading_axes(vertex_normal);
+        (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
+    }
+
+    /// A unit normal in mesh space as the tile stores it: the inverse of [`Group::normal_from_stored`] on the front side.
+    #[inline]
+    pub fn stored_from_normal(&self, normal: Vec3, vertex_normal: Vec3) -> Vec2 {
+        let [x_axis, y_axis] = self.shading_axes(vertex_normal);
+        Vec2::new(normal.dot(x_axis), normal.dot(y_axis)) * 0.5 + 0.5
+    }
+
+    /// The normal whose part along the surface is `tangent`, as the tile stores it; shortened to a unit vector if it is longer.
+    #[inline]
+    pub fn stored_from_tangent(&self, tangent: Vec3, vertex_normal: Vec3) -> Vec2 {
+        let [x_axis, y_axis] = self.shading_axes(vertex_normal);
+        let (x, y) = (tangent.dot(x_axis), tangent.dot(y_axis));
+        let half = 0.5 / x.hypot(y).max(1.0);
+        Vec2::new(0.5 + half * x, 0.5 + half * y)
+    }
+
+    /// Turns a stored stretch, the doubled angle of a direction times a strength, from the tile's shading frame to
+    /// [`stretch_axes`].
+    #[inline]
+    pub fn stretch_from_stored(&self, stored: Vec2, vertex_normal: Vec3) -> Vec2 {
+        let [x_axis, _] = self.shading_axes(vertex_normal);
+        let axis = Vec2::from(stretch_axes(vertex_normal).map(|axis| axis.dot(x_axis)));
+        // Angles are doubled, so that between the frames is, too.
+        (stored * 2.0 - 1.0).rotate(axis.rotate(axis))
+    }
+
+    /// A direction in mesh space and a strength as the tile stores them: the angle doubled, times the strength.
+    #[inline]
+    pub fn stored_from_stretch(&self, direction: Vec3, strength: f32, vertex_normal: Vec3) -> Vec2 {
+        let [x_axis, y_axis] = self.shading_axes(vertex_normal);
+        let unit = Vec2::new(direction.dot(x_axis), direction.dot(y_axis)).normalize_or_zero();
+        unit.rotate(unit) * strength * 0.5 + 0.5
+    }
+
+    /// See [`level_count`].
+    pub fn level_count(&self) -> u32 {
+        level_count(self.extent)
+    }
+
+    /// See [`level_extent`].
     pub fn level_extent(&self, level: u32) -> [u32; 2] {
-        self.extent.map(|n| level_length(n, level))
+        level_extent(self.extent, level)
     }
 }
 
-/// `n / 2^level` rounded to the nearest multiple of 4 (halves up), at least 4.
-fn level_length(n: u32, level: u32) -> u32 {
+/// Axes in the surface to which the stretches of all tiles are turned before they are blended. Which ones makes no difference.
+#[inline]
+pub fn stretch_axes(vertex_normal: Vec3) -> [Vec3; 2] {
+    let x = vertex_normal.any_orthonormal_vector();
+    [x, vertex_normal.cross(x)]
+}
+
+/// Number of levels of a tile of `extent` texels at level 0: the last is 4x4.
+pub fn level_count(extent: [u32; 2]) -> u32 {
+    // The first level `l` at which the longer side is less than `6 * 2^l` texels long is rounded to 4.
+    let sixths = extent[0].max(extent[1]) / 6;
+    if sixths == 0 { 1 } else { sixths.ilog2() + 2 }
+}
+
+/// Extent of a level in texels, of the extent of level 0: half as long per level, rounded to the nearest multiple of 4, at
+/// least 4.
+pub fn level_extent(extent: [u32; 2], level: u32) -> [u32; 2] {
+    extent.map(|n| level_length(n, level))
+}
+
+/// `n / 2^level` rounded to the nearest multiple of 4 (halves up), at least 4; `level` is below 32.
+pub fn level_length(n: u32, level: u32) -> u32 {
     let quarters = (u64::from(n) + (2 << level)) >> (level + 2);
     4 * (quarters as u32).max(1)
+}
+
+/// The different numbers among three.
+fn distinct([a, b, c]: [u32; 3]) -> impl Iterator<Item = u32> {
+    [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
+}
+
+/// For every group the triangles with a corner in it, ascending, in compressed rows.
+#[derive(Clone, Debug)]
+pub struct GroupTriangles {
+    /// Row `g` is `triangles[starts[g]..starts[g + 1]]`.
+    starts: Vec<u32>,
+    triangles: Vec<u32>,
+}
+
+impl GroupTriangles {
+    /// Of all groups of a cover.
+    pub fn of(cover: &Cover) -> Self {
+        let mut starts = vec![0u32; cover.groups.len() + 1];
+        for group in cover.corner_groups.iter().copied().flat_map(distinct) {
+            starts[group as usize + 1] += 1;
+        }
+        for group in 1..starts.len() {
+            starts[group] += starts[group - 1];
+        }
+        let mut next = starts.clone();
+        let mut triangles = vec![0; starts[starts.len() - 1] as usize];
+        for (t, &groups) in (0u32..).zip(&cover.corner_groups) {
+            for group in distinct(groups) {
+                triangles[next[group as usize] as usize] = t;
+                next[group as usize] += 1;
+            }
+        }
+        Self { starts, triangles }
+    }
+
+    /// The triangles with a corner in a group.
+    #[inline]
+    pub fn of_group(&self, group: u32) -> &[u32] {
+        &self.triangles[self.starts[group as usize] as usize..self.starts[group as usize + 1] as usize]
+    }
+}
+
+/// A look-up of the texture function.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tap {
+    /// The triangle's corner whose group is read.
+    pub slot: usize,
+    /// Index of the group, which is also the tile's.
+    pub group: u32,
+    /// Share of the value; those of a point sum to one.
+    pub weight: f32,
+    /// Tile coordinates of the point, 0..1.
+    pub uv: Vec2,
+    /// Tile coordinates of the triangle's corners.
+    pub corners: [Vec2; 3],
+}
+
+impl Tap {
+    /// Change of the tile coordinates for two changes of the barycentric coordinates, as those of a footprint.
+    #[inline]
+    pub fn steps(&self, lambda_steps: [Vec3; 2]) -> [Vec2; 2] {
+        lambda_steps.map(|step| interpolate(self.corners, step))
+    }
+}
+
+/// The look-ups of the texture function at a point: one to three, of different groups.
+#[derive(Clone, Debug)]
+pub struct Taps(ArrayVec<Tap, 3>);
+
+impl Taps {
+    #[inline]
+    fn new(groups: [u32; 3], lambda: Vec3, delta: f32, corners_of: impl Fn(usize) -> [Vec2; 3]) -> Self {
+        let tap = |(slot, weight): (usize, f32)| {
+            let corners = corners_of(slot);
+            Tap { slot, group: groups[slot], weight, uv: interpolate(corners, lambda), corners }
+        };
+        Self(GroupWeights::new(groups, lambda, delta).iter().map(tap).collect())
+    }
+}
+
+impl std::ops::Deref for Taps {
+    type Target = [Tap];
+
+    #[inline]
+    fn deref(&self) -> &[Tap] {
+        &self.0
+    }
+}
+
+impl IntoIterator for Taps {
+    type Item = Tap;
+    type IntoIter = arrayvec::IntoIter<Tap, 3>;
+
+    #[inline]
+    fn into_iter(self) -> Self::IntoIter {
+        self.0.into_iter()
+    }
+}
+
+/// A triangle as the texture function sees it.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleTiles {
+    /// The groups of its corners.
+    pub groups: [u32; 3],
+    /// For each of them the tile coordinates of the three corners.
+    pub corners: [[Vec2; 3]; 3],
+    /// See [`Cover::delta`].
+    pub delta: f32,
+}
+
+impl TriangleTiles {
+    /// The look-ups at a point.
+    #[inline]
+    pub fn taps(&self, lambda: Vec3) -> Taps {
+        Taps::new(self.groups, lambda, self.delta, |slot| self.corners[slot])
+    }
 }
 
 /// The normalised weights of the texture function at one point: up to three groups.
@@ -204,14 +415,78 @@ mod tests {
     fn levels_end_with_the_first_that_is_four_texels_long() {
         for longest in (1..5000).chain([16_384, 65_532, 65_536]) {
             let first = (0..).find(|&level| level_length(longest, level) == 4).unwrap();
-            let group = Group {
-                kind: GroupKind::Projected,
-                frame: Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X },
-                uv_scale: Vec2::ONE,
-                uv_offset: Vec2::ZERO,
-                extent: [4, longest],
-            };
-            assert_eq!(group.level_count(), first + 1, "{longest}");
+            assert_eq!(level_count([4, longest]), first + 1, "{longest}");
+        }
+    }
+
+    fn group() -> Group {
+        let direction = Vec3::new(0.2, -0.4, 0.8).normalize();
+        Group {
+            kind: GroupKind::Projected,
+            frame: Frame { origin: Vec3::ZERO, direction, x_axis: direction.any_orthonormal_vector() },
+            uv_scale: Vec2::ONE,
+            uv_offset: Vec2::ZERO,
+            extent: [4, 4],
+        }
+    }
+
+    #[test]
+    fn normals_return_from_a_tile_as_they_were() {
+        let (group, vertex_normal) = (group(), Vec3::new(-0.3, 0.1, 0.9).normalize());
+        for normal in [Vec3::Z, vertex_normal, Vec3::new(-0.6, 0.5, 0.4).normalize()] {
+            let stored = group.stored_from_normal(normal, vertex_normal);
+            assert!(group.normal_from_stored(stored, vertex_normal).distance(normal) < 1e-6);
+            let tangent = group.tangent_from_stored(stored, vertex_normal);
+            assert!((tangent + vertex_normal * normal.dot(vertex_normal)).distance(normal) < 1e-6);
+            assert!(group.stored_from_tangent(tangent, vertex_normal).distance(stored) < 1e-6);
+        }
+        assert!(group.stored_from_tangent(Vec3::X * 9.0, Vec3::Z).distance(Vec2::splat(0.5)) < 0.5001);
+    }
+
+    #[test]
+    fn stretches_of_opposite_directions_are_the_same() {
+        let (group, vertex_normal) = (group(), Vec3::Z);
+        let [x, y] = stretch_axes(vertex_normal);
+        let direction = x * 0.6 + y * 0.8;
+        for along in [direction, -direction] {
+            let stored = group.stored_from_stretch(along, 0.5, vertex_normal);
+            let stretch = group.stretch_from_stored(stored, vertex_normal);
+            assert!(stretch.distance(Vec2::new(0.6, 0.8).rotate(Vec2::new(0.6, 0.8)) * 0.5) < 1e-6);
+        }
+    }
+
+    #[test]
+    fn every_group_gets_the_triangles_that_name_it_once() {
+        let corner_groups = vec![[0, 1, 2], [2, 2, 2], [1, 0, 1], [0, 0, 3]];
+        let groups = vec![group(); 4];
+        let cover = Cover { delta: 0.2, density: 1.0, corner_groups, groups, unfolded: Vec::new() };
+        let triangles = GroupTriangles::of(&cover);
+        let rows = [0, 1, 2, 3].map(|g| triangles.of_group(g));
+        assert_eq!(rows, [[0, 2, 3].as_slice(), &[0, 2], &[0, 1], &[3]]);
+        assert!(cover.groups_of(0).eq(0..3));
+        assert!(cover.groups_of(2).eq([1, 0]));
+    }
+
+    #[test]
+    fn taps_are_the_weighted_tiles_of_the_corners() {
+        let positions = vec![Vec3::ZERO, Vec3::X, Vec3::Y];
+        let mesh = Mesh { positions, triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        let groups = vec![group(); 3];
+        let corner_groups = vec![[2, 0, 1]];
+        let cover = Cover { delta: 0.25, density: 1.0, corner_groups, groups, unfolded: Vec::new() };
+        for lambda in [Vec3::X, Vec3::splat(1.0 / 3.0), Vec3::new(0.1, 0.4, 0.5)] {
+            let point = SurfacePoint { triangle: 0, lambda };
+            let taps = cover.taps(&mesh, point);
+            assert_eq!(*taps, *cover.triangle_tiles(&mesh, 0).taps(lambda));
+            let weights = cover.weights(0, lambda);
+            assert!(taps.iter().map(|tap| (tap.slot, tap.weight)).eq(weights.iter()));
+            for tap in taps {
+                assert_eq!(tap.corners, cover.tile_corners(&mesh, 0, tap.slot));
+                assert_eq!(tap.group, cover.corner_groups[0][tap.slot]);
+                let group = &cover.groups[tap.group as usize];
+                assert!(tap.uv.distance(group.tile_from_mesh(point.position(&mesh))) < 1e-6);
+                assert_eq!(tap.steps([Vec3::X, Vec3::Y]), [tap.corners[0], tap.corners[1]]);
+            }
         }
     }
 }

@@ -62,6 +62,13 @@ impl Mesh {
         self.triangles[triangle].map(|v| self.positions[v as usize])
     }
 
+    /// Unit normal of a triangle's front, from which its corners run counter-clockwise; zero for one without area, which no
+    /// cleaned mesh has.
+    pub fn facet_normal(&self, triangle: usize) -> DVec3 {
+        let [a, b, c] = self.triangle_positions(triangle).map(|p| p.as_dvec3());
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
     /// Index into `materials` for a triangle.
     #[inline]
     pub fn material_of(&self, triangle: usize) -> usize {

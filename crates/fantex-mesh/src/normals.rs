@@ -1,10 +1,12 @@
 //! Smooth shading normals for meshes that come without.
 
+use std::ops::Deref;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::clean::{Star, root};
-use crate::{Mesh, VertexCorners, angle_between};
+use crate::{Mesh, SurfacePoint, VertexCorners, angle_between};
 
 /// Vertices per parallel task.
 const BLOCK: usize = 1 << 12;
@@ -14,6 +16,39 @@ const MOST_AT_EDGE: usize = 16;
 /// Where a mesh has no normals of its own, edges that bend less than this are shown smooth.
 pub const CREASE_DEGREES: f32 = 60.0;
 
+/// Unit normals of the smooth surface, one per corner of a mesh.
+#[derive(Clone, Debug)]
+pub struct CornerNormals(Vec<Vec3>);
+
+impl CornerNormals {
+    /// The [`shading_normals`] of a mesh.
+    pub fn of(mesh: &Mesh) -> Self {
+        Self(shading_normals(mesh))
+    }
+
+    /// Those at the corners of a triangle.
+    #[inline]
+    pub fn of_triangle(&self, triangle: u32) -> [Vec3; 3] {
+        let first = 3 * triangle as usize;
+        [self.0[first], self.0[first + 1], self.0[first + 2]]
+    }
+
+    /// The interpolated unit normal at a point; the facet's where those of its corners cancel out.
+    #[inline]
+    pub fn at(&self, mesh: &Mesh, point: SurfacePoint) -> Vec3 {
+        let normal = point.interpolate(self.of_triangle(point.triangle));
+        normal.try_normalize().unwrap_or_else(|| point.facet_normal(mesh))
+    }
+}
+
+impl Deref for CornerNormals {
+    type Target = [Vec3];
+
+    fn deref(&self) -> &[Vec3] {
+        &self.0
+    }
+}
+
 /// The unit normals, one per corner, that everything shades with: the mesh's own (a facet's where one is no direction), or
 /// smooth ones with creases at [`CREASE_DEGREES`].
 pub fn shading_normals(mesh: &Mesh) -> Vec<Vec3> {
@@ -22,7 +57,7 @@ pub fn shading_normals(mesh: &Mesh) -> Vec<Vec3> {
         return corner_normals(mesh, CREASE_DEGREES);
     }
     let checked = |(corner, &n): (usize, &Vec3)| {
-        if n.is_finite() && n.length_squared() > 0.25 { n } else { face_normal(mesh, corner / 3).as_vec3() }
+        if n.is_finite() && n.length_squared() > 0.25 { n } else { mesh.facet_normal(corner / 3).as_vec3() }
     };
     own.par_iter().with_min_len(BLOCK).enumerate().map(checked).collect()
 }
@@ -36,7 +71,7 @@ pub fn shading_normals(mesh: &Mesh) -> Vec<Vec3> {
 pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
     let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let faces: Vec<DVec3> =
-        (0..mesh.triangles.len()).into_par_iter().with_min_len(BLOCK).map(|t| face_normal(mesh, t)).collect();
+        (0..mesh.triangles.len()).into_par_iter().with_min_len(BLOCK).map(|t| mesh.facet_normal(t)).collect();
     let softest = libm::cos(f64::from(crease_degrees).to_radians().min(std::f64::consts::PI)) - 1e-6;
     let blocks: Vec<Vec<Vec3>> = (0..corners.len().div_ceil(BLOCK))
         .into_par_iter()
@@ -54,12 +89,6 @@ pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
         by_corner[corner as usize] = normal;
     }
     by_corner
-}
-
-/// Unit normal of a triangle.
-fn face_normal(mesh: &Mesh, triangle: usize) -> DVec3 {
-    let [a, b, c] = mesh.triangle_positions(triangle).map(|p| p.as_dvec3());
-    (b - a).cross(c - a).normalize_or_zero()
 }
 
 /// Working memory for one vertex after the other.
@@ -159,7 +188,7 @@ mod tests {
     #[test]
     fn pages_of_a_book_and_separate_fans_do_not_mix() {
         let mesh = cleaned(book(7));
-        let faces: Vec<DVec3> = (0..7).map(|t| face_normal(&mesh, t)).collect();
+        let faces: Vec<DVec3> = (0..7).map(|t| mesh.facet_normal(t)).collect();
         for (corner, normal) in corner_normals(&mesh, 40.0).iter().enumerate() {
             assert!(normal.as_dvec3().distance(faces[corner / 3]) < 1e-6);
         }
