@@ -86,7 +86,9 @@ fn wrong_dependencies(package: &Value) -> Vec<String> {
         .iter()
         .filter(|dependency| dependency["kind"] != "dev")
         .filter_map(|dependency| dependency["name"].as_str())
-        .filter(|used| *used != BASE && ALLOWED.iter().any(|(known, _)| known == used) && !allowed.contains(used))
+        .filter(|used| {
+            *used != BASE && ALLOWED.iter().any(|(known, _)| known == used) && !allowed.contains(used)
+        })
         .map(|used| format!("{name} must not depend on {used}"))
         .collect()
 }

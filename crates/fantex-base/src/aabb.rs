@@ -5,7 +5,9 @@ use std::ops::{Add, Mul, Sub};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 /// A vector whose components can be compared one by one.
-pub trait Corner: Copy + PartialEq + Add<Output = Self> + Sub<Output = Self> + Mul<Self::Scalar, Output = Self> {
+pub trait Corner:
+    Copy + PartialEq + Add<Output = Self> + Sub<Output = Self> + Mul<Self::Scalar, Output = Self>
+{
     /// Type of a component.
     type Scalar;
     /// All components plus infinity.
