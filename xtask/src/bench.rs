@@ -14,7 +14,7 @@ const LANDSCAPES: [&str; 3] = ["100k", "500k", "2M"];
 
 /// Runs all rows in release, prints them and writes `target/bench.json`.
 pub(crate) fn run() -> Result<(), Failure> {
-    cargo(&["build", "--release", "--package", "fantex"])?;
+    cargo(&["build", "--release", "--package", "fantex-cli"])?;
     let fantex = Fantex { program: root().join("target/release/fantex") };
     let mut rows = Vec::new();
     if let Some(bunny) = data("meshes/bunny/stanford_bunny.ply") {

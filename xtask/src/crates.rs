@@ -44,6 +44,7 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "fantex-export",
         ],
     ),
+    ("fantex-cli", &["fantex"]),
     (
         "fantex-app",
         &[

@@ -1,0 +1,449 @@
+//! `fantex bench`: figures of fidelity and speed.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::{Args, Subcommand};
+use fantex::bake::{BakeFormat, BakeOptions, SineSource, fidelity, sample_finest};
+use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{CleanOptions, Mesh, Model};
+use fantex::render::{FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
+use fantex::store::{Asset, PageCache, Quality, TexelFormat, TexelSlice, encode_many};
+use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
+use fantex::{bake as baking, mesh};
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+use serde::Serialize;
+use tempfile::TempDir;
+
+use crate::commands::bake::FitArg;
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::{CleanModel, photograph, portrait};
+use crate::sources::{OpenSource, SourceArg};
+use crate::text::{Count, Table, columns, grouped};
+
+mod lookup;
+mod noise;
+mod paint;
+mod stream;
+mod terrain;
+
+/// Measure fidelity and speed.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex bench fidelity bunny.ply --texels 5.59M --wavelength 16
+  fantex bench cover --triangles 2M --json")]
+pub(crate) struct BenchArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    Fidelity(FidelityArgs),
+    /// Speed of covering, from welding to tile extents: grouped, and with one fan per tile
+    Cover(ModelArgs),
+    /// Speed of baking: uncompressed and BC7
+    Bake(ModelArgs),
+    /// Speed of single look-ups through the texture function, beside plain image look-ups, and of images by filter
+    Sample(ModelArgs),
+    /// Speed of rendering an asset, beside the model itself, and of a million triangles, beside a software rasteriser
+    Render(ModelArgs),
+    /// Speed of gradient noise and of solids on one thread, beside the crate `noise`
+    Noise,
+    /// Speed of the block encoders
+    Encode,
+    Stream(stream::StreamArgs),
+    Paint(paint::PaintBenchArgs),
+}
+
+/// Bake a sum of sine waves into float tiles and compare it with the function at 400 000 points of the surface.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex bench fidelity bunny.ply --texels 5.59M --wavelength 16")]
+struct FidelityArgs {
+    /// A model (.glb .gltf .obj .ply .stl)
+    model: PathBuf,
+    /// Texels in all
+    #[arg(long, value_name = "N", default_value = "4M")]
+    texels: Count,
+    /// Wavelength in texels of the ideal density
+    #[arg(long, value_name = "W", default_value_t = 16.0)]
+    wavelength: f64,
+    /// Target extent of a tile in texels; 0 gives every fan its own tile
+    #[arg(long, value_name = "N")]
+    tile: Option<u32>,
+    /// How texels are found from the function
+    #[arg(long, value_enum, default_value_t)]
+    fit: FitArg,
+}
+
+/// What is measured on.
+#[derive(Args, Debug)]
+struct ModelArgs {
+    /// A model; a generated landscape by default
+    model: Option<PathBuf>,
+    /// Triangles of the generated landscape
+    #[arg(long, value_name = "N", default_value = "200k")]
+    triangles: Count,
+    /// Texels in all
+    #[arg(long, value_name = "N", default_value = "16M")]
+    texels: Count,
+}
+
+/// One measured figure.
+#[derive(Clone, Debug, Serialize)]
+struct Row {
+    name: String,
+    value: f64,
+    unit: &'static str,
+    /// The same measured for the usual way of doing it, where there is one.
+    peer: Option<f64>,
+    /// `value / peer`.
+    ratio: Option<f64>,
+}
+
+impl Row {
+    fn new(name: impl Into<String>, value: f64, unit: &'static str) -> Self {
+        Self { name: name.into(), value, unit, peer: None, ratio: None }
+    }
+
+    fn beside(self, peer: f64) -> Self {
+        Self { peer: Some(peer), ratio: Some(self.value / peer), ..self }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct Rows {
+    rows: Vec<Row>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
+    let rows = match &args.what {
+        What::Fidelity(args) => return measure_fidelity(args, context),
+        What::Cover(args) => cover(args, context)?,
+        What::Bake(args) => bake(args, context)?,
+        What::Sample(args) => {
+            let mut rows = sample(args, context)?;
+            rows.extend(lookup::rows(context.seed));
+            rows
+        }
+        What::Render(args) => render(args, context)?,
+        What::Noise => noise::run()?,
+        What::Encode => encode(context)?,
+        What::Stream(args) => stream::stream(args, context)?,
+        What::Paint(args) => paint::paint(args, context)?,
+    };
+    context.print(&Rows { rows }, |result| text(&result.rows))
+}
+
+fn text(rows: &[Row]) -> String {
+    let number = |value: f64| match value {
+        v if v >= 100.0 => format!("{v:.0}"),
+        v if v >= 1.0 => format!("{v:.2}"),
+        v => format!("{v:.4}"),
+    };
+    let optional = |value: Option<f64>| value.map_or(String::new(), number);
+    let mut cells = vec![["", "value", "unit", "peer", "ratio"].map(str::to_owned).to_vec()];
+    cells.extend(rows.iter().map(|row| {
+        let unit = row.unit.to_owned();
+        vec![row.name.clone(), number(row.value), unit, optional(row.peer), optional(row.ratio)]
+    }));
+    columns(&cells)
+}
+
+/// Points of the surface that are compared.
+const SAMPLES: u64 = 400_000;
+
+#[derive(Debug, Serialize)]
+struct FidelityInfo {
+    psnr_db: f64,
+    density_share: f64,
+    lookups_per_sample: f64,
+    texels: u64,
+    largest_error: f32,
+    samples: u64,
+    groups: u64,
+    tile: u32,
+    wavelength: f64,
+}
+
+fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<(), CliError> {
+    let model = CleanModel::open(&args.model)?;
+    let mesh = &model.mesh;
+    let default = CoverOptions::default();
+    let tile = args.tile.unwrap_or(default.tile);
+    let budget = TexelBudget::Total(args.texels.0);
+    let (cover, stats) = build_cover(mesh, &CoverOptions { budget, tile, ..default })?;
+    let ideal_texel = (mesh.area() / args.texels.0 as f64).sqrt();
+    let k = std::f64::consts::TAU / (args.wavelength * ideal_texel);
+    let source = SineSource { k: k as f32 };
+
+    let options = BakeOptions {
+        fit: args.fit.into(),
+        format: BakeFormat::Float,
+        memory_bytes: context.memory_bytes,
+        ..BakeOptions::default()
+    };
+    let _deferral = context.defer_interrupt();
+    let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
+    let path = folder.path().join("fidelity.fan");
+    baking::bake(mesh, &cover, &source, &path, &options, &context.progress("baking"))?;
+    let cache = PageCache::new(Arc::new(Asset::open(&path)?), context.memory_bytes as usize);
+    let measured = fidelity(&cache, SAMPLES, context.seed, &|p| source.value(p));
+    let info = FidelityInfo {
+        psnr_db: measured.psnr_db,
+        density_share: stats.density_share,
+        lookups_per_sample: measured.lookups_per_sample,
+        texels: stats.texels,
+        largest_error: measured.largest,
+        samples: measured.samples,
+        groups: stats.groups,
+        tile,
+        wavelength: args.wavelength,
+    };
+    context.print(&info, fidelity_text)
+}
+
+fn fidelity_text(info: &FidelityInfo) -> String {
+    let mut table = Table::default();
+    table
+        .row("fidelity", format!("{:.2} dB", info.psnr_db))
+        .row("largest error", format!("{:.5}", info.largest_error))
+        .row("share of ideal density", format!("{:.3}", info.density_share))
+        .row("look-ups per sample", format!("{:.3}", info.lookups_per_sample))
+        .row("texels", grouped(info.texels))
+        .row("groups", grouped(info.groups));
+    table.to_text()
+}
+
+/// Repetitions of quick measurements; the fastest counts.
+const REPETITIONS: usize = 3;
+
+/// Covering: all steps from welding to tile extents, cleaning and its report included.
+fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let model = open_model(args, context)?;
+    let mut rows = Vec::new();
+    for (name, tile) in [("cover, grouped", CoverOptions::default().tile), ("cover, one fan per tile", 0)] {
+        let options = cover_options(args, tile);
+        let mut best_seconds = f64::INFINITY;
+        for _ in 0..REPETITIONS {
+            let model = model.clone();
+            let started = Instant::now();
+            let (mesh, _) = mesh::clean(model, &CleanOptions::default())?;
+            build_cover(&mesh, &options)?;
+            best_seconds = best_seconds.min(started.elapsed().as_secs_f64());
+        }
+        rows.push(Row::new(name, model.triangles.len() as f64 / best_seconds / 1e6, "M triangles/s"));
+    }
+    Ok(rows)
+}
+
+/// Baking from the model's textures, or from marble.
+fn bake(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let bench = Bench::open(args, context)?;
+    let mut rows = Vec::new();
+    for (format_name, format) in [("rgba8", BakeFormat::Rgba8), ("bc7", BakeFormat::Bc7)] {
+        let name = format!("bake {}, {format_name}", bench.source);
+        let baked = bench.bake(format, context)?;
+        let texels = baked.texels as f64 * baked.channels as f64;
+        rows.push(Row::new(&name, texels / baked.seconds / 1e6, "M texels/s"));
+        rows.push(Row::new(format!("{name}, size"), baked.bytes as f64 / texels, "bytes/texel"));
+    }
+    Ok(rows)
+}
+
+/// Bilinear look-ups at random points, beside bilinear look-ups in one image of as many texels.
+fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    const SAMPLES: u64 = 4_000_000;
+    let bench = Bench::open(args, context)?;
+    let baked = bench.bake(BakeFormat::Rgba8, context)?;
+    let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), context.memory_bytes as usize);
+    let triangles = bench.mesh.triangles.len() as u64;
+    let points = |i: u64| {
+        let [r, s] = [2 * i, 2 * i + 1].map(|n| unit(context.seed, n));
+        let lambda =
+            if r + s < 1.0 { Vec3::new(r, s, 1.0 - r - s) } else { Vec3::new(1.0 - r, 1.0 - s, r + s - 1.0) };
+        ((i * triangles / SAMPLES) as usize, lambda)
+    };
+    let fans = || {
+        (0..SAMPLES as usize)
+            .into_par_iter()
+            .with_min_len(1 << 14)
+            .map(|i| {
+                let (triangle, lambda) = points(i as u64);
+                sample_finest(&cache, 0, triangle, lambda).0.x
+            })
+            .sum::<f32>()
+    };
+    std::hint::black_box(fans());
+    let fan_seconds = fastest_of(|| std::hint::black_box(fans()));
+
+    let side = (baked.texels as f64).sqrt() as u32;
+    let texels = vec![[0.25_f32, 0.5, 0.75, 1.0]; side as usize * side as usize];
+    let texture = ImageTexture::new(Arc::new(Image::from_linear_rgba(side, side, &texels)));
+    let options = SampleOptions { filter: Filter::Bilinear, ..SampleOptions::default() };
+    let plain = || {
+        (0..SAMPLES as usize)
+            .into_par_iter()
+            .with_min_len(1 << 14)
+            .map(|i| {
+                let uv = Vec2::new(unit(context.seed, 2 * i as u64), i as f32 / SAMPLES as f32);
+                texture.sample(uv, [Vec2::ZERO; 2], &options)[0]
+            })
+            .sum::<f32>()
+    };
+    let plain_seconds = fastest_of(|| std::hint::black_box(plain()));
+    let rate = |seconds: f64| SAMPLES as f64 / seconds / 1e6;
+    Ok(vec![Row::new("sample, bilinear", rate(fan_seconds), "M samples/s").beside(rate(plain_seconds))])
+}
+
+/// Rendering an asset, beside rendering the model with its own textures.
+fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let bench = Bench::open(args, context)?;
+    let baked = bench.bake(BakeFormat::Bc7, context)?;
+    let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), context.memory_bytes as usize);
+    let options = RenderOptions { samples: 4, ..RenderOptions::default() };
+    let camera = portrait(&bench.mesh, &options);
+    let mut rows = Vec::new();
+    for (name, filter) in [("trilinear", Filter::Trilinear), ("anisotropic", Filter::Anisotropic)] {
+        let filter = FilterOptions { filter, ..FilterOptions::default() };
+        let seconds = |surface: &dyn Surface| {
+            fastest(|| photograph(&bench.mesh, surface, &camera, &options).map(|_| ()))
+        };
+        let fans = seconds(&FanSurface::of_asset(&cache, filter))?;
+        let model = seconds(&MeshSurface::load(&bench.mesh, filter)?)?;
+        rows.push(Row::new(format!("render 1280x720, {name}"), 1e3 * fans, "ms").beside(1e3 * model));
+    }
+    rows.extend(terrain::rows(context)?);
+    Ok(rows)
+}
+
+/// Block encoders on a noisy gradient, all threads.
+fn encode(_context: &Context) -> Result<Vec<Row>, CliError> {
+    const SIDE: u32 = 256;
+    const TILES: u64 = 64;
+    let tile: Vec<[u8; 4]> = (0..SIDE * SIDE)
+        .map(|i| {
+            let [x, y] = [i % SIDE, i / SIDE];
+            let noise = (unit(1, u64::from(i)) * 24.0) as u32;
+            [(x / 2 + noise) as u8, (y / 2 + noise) as u8, ((x + y) / 4 + noise) as u8, 255]
+        })
+        .collect();
+    let formats = [
+        ("encode bc1", TexelFormat::Bc1, Quality::UltraFast),
+        ("encode bc4", TexelFormat::Bc4, Quality::UltraFast),
+        ("encode bc5", TexelFormat::Bc5, Quality::UltraFast),
+        ("encode bc7, ultra-fast", TexelFormat::Bc7, Quality::UltraFast),
+        ("encode bc7, very-fast", TexelFormat::Bc7, Quality::VeryFast),
+        ("encode bc7, basic", TexelFormat::Bc7, Quality::Basic),
+    ];
+    let tiles: Vec<_> = (0..TILES).map(|_| ([SIDE; 2], TexelSlice::U8(&tile))).collect();
+    let texels = TILES as f64 * f64::from(SIDE * SIDE);
+    formats
+        .into_iter()
+        .map(|(name, format, quality)| {
+            let seconds = fastest(|| encode_many(format, quality, &tiles).map(|_| ()))?;
+            Ok(Row::new(name, texels / seconds / 1e6, "M texels/s"))
+        })
+        .collect()
+}
+
+/// A model with its cover, and a folder for assets.
+struct Bench {
+    mesh: Mesh,
+    cover: Cover,
+    source: SourceArg,
+    folder: TempDir,
+}
+
+struct Baked {
+    path: PathBuf,
+    texels: u64,
+    channels: usize,
+    bytes: u64,
+    seconds: f64,
+}
+
+impl Bench {
+    fn open(args: &ModelArgs, context: &Context) -> Result<Self, CliError> {
+        let mesh = open(args, context)?;
+        let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
+        let source =
+            SourceArg::default_of(&mesh, Path::new("")).unwrap_or(SourceArg::Solid("marble".to_owned()));
+        let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
+        Ok(Self { mesh, cover, source, folder })
+    }
+
+    fn bake(&self, format: BakeFormat, context: &Context) -> Result<Baked, CliError> {
+        let path = self.folder.path().join(format!("{format:?}.fan"));
+        let source = OpenSource::open(&self.source, &self.mesh, Path::new(""), context.seed)?;
+        let options = BakeOptions { format, memory_bytes: context.memory_bytes, ..BakeOptions::default() };
+        let _deferral = context.defer_interrupt();
+        let started = Instant::now();
+        let progress = context.progress("baking");
+        let summary = baking::bake(&self.mesh, &self.cover, source.as_source(), &path, &options, &progress)?;
+        Ok(Baked {
+            path,
+            texels: summary.texels,
+            channels: summary.channels.len(),
+            bytes: summary.bytes,
+            seconds: started.elapsed().as_secs_f64(),
+        })
+    }
+}
+
+fn open(args: &ModelArgs, context: &Context) -> Result<Mesh, CliError> {
+    if let Some(path) = &args.model {
+        return Ok(CleanModel::open(path)?.mesh);
+    }
+    Ok(mesh::clean(open_model(args, context)?, &CleanOptions::default())?.0)
+}
+
+/// The model as its file says, or a landscape.
+fn open_model(args: &ModelArgs, context: &Context) -> Result<Model, CliError> {
+    if let Some(path) = &args.model {
+        return crate::scene::open_model(path);
+    }
+    let options =
+        LandscapeOptions { triangles: args.triangles.0, seed: context.seed, ..LandscapeOptions::default() };
+    Ok(landscape(&options).into())
+}
+
+fn cover_options(args: &ModelArgs, tile: u32) -> CoverOptions {
+    CoverOptions { budget: TexelBudget::Total(args.texels.0), tile, ..CoverOptions::default() }
+}
+
+/// Seconds of the fastest repetition.
+fn fastest<E: Into<CliError>>(mut work: impl FnMut() -> Result<(), E>) -> Result<f64, CliError> {
+    let mut best = f64::INFINITY;
+    for _ in 0..REPETITIONS {
+        let started = Instant::now();
+        work().map_err(Into::into)?;
+        best = best.min(started.elapsed().as_secs_f64());
+    }
+    Ok(best)
+}
+
+fn fastest_of<T>(mut work: impl FnMut() -> T) -> f64 {
+    let times = (0..REPETITIONS).map(|_| {
+        let started = Instant::now();
+        work();
+        started.elapsed().as_secs_f64()
+    });
+    times.fold(f64::INFINITY, f64::min)
+}
+
+/// A number in [0, 1) that depends on seed and index: the output mix of SplitMix64 (S. Vigna, 2015).
+fn unit(seed: u64, index: u64) -> f32 {
+    let mut z = seed.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
+    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ z >> 31) >> 40) as f32 / (1 << 24) as f32
+}

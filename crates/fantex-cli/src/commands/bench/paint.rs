@@ -1,0 +1,126 @@
+//! How fast painting is: opening, dabs, the end of a stroke, undo.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use fantex::paint::{
+    BlendMode, Brush, ChannelPaint, Dab, Paint, PaintColor, PaintOptions, Painter, Sample, Size, Stroke,
+    Surface, Symmetry, Tool, dabs_of,
+};
+use glam::{Vec3, Vec4};
+
+use super::Row;
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::open_asset;
+
+/// Paint a long stroke onto a copy of an asset, dab by dab: what a dab takes up to the visible update, the end of the stroke,
+/// undo, redo, the commit; and how long opening takes, of each asset that is named.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex bench paint statue.fan
+  fantex bench paint small.fan large.fan --json")]
+pub(super) struct PaintBenchArgs {
+    /// Assets (.fan): the first one is painted on, all are opened
+    #[arg(required = true)]
+    assets: Vec<PathBuf>,
+    /// Diameter of the brush in texels
+    #[arg(long, value_name = "TEXELS", default_value_t = 200.0, value_parser = crate::text::positive)]
+    brush: f64,
+    /// Dabs of the stroke
+    #[arg(long, value_name = "N", default_value_t = 300)]
+    dabs: usize,
+}
+
+/// Runs the benchmark.
+pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let options = PaintOptions { memory_bytes: context.memory_bytes as usize, ..PaintOptions::default() };
+    let mut rows = Vec::new();
+    for asset in &args.assets {
+        rows.extend(opening(asset, &options)?);
+    }
+    let folder =
+        tempfile::tempdir().map_err(|source| CliError::Write { path: std::env::temp_dir(), source })?;
+    let copy = folder.path().join("painted.fan");
+    std::fs::copy(&args.assets[0], &copy)
+        .map_err(|source| CliError::Read { path: args.assets[0].clone(), source })?;
+    let mut painter = Painter::open(&copy, &options)?;
+    rows.extend(stroke(&mut painter, args)?);
+    Ok(rows)
+}
+
+fn milliseconds(since: Instant) -> f64 {
+    1e3 * since.elapsed().as_secs_f64()
+}
+
+fn opening(asset: &Path, options: &PaintOptions) -> Result<Vec<Row>, CliError> {
+    // Opening to read says what is wrong with files of other kinds.
+    drop(open_asset(asset)?);
+    let started = Instant::now();
+    let opened = Painter::open(asset, options)?;
+    let time = milliseconds(started);
+    let cover = opened.surface().cover();
+    let texels: f64 = cover.groups.iter().map(|g| f64::from(g.extent[0]) * f64::from(g.extent[1])).sum();
+    let triangles = opened.surface().mesh().triangles.len();
+    let name = format!("open {}: {:.1} M texels, {triangles} triangles", asset.display(), 1e-6 * texels);
+    Ok(vec![Row::new(name, time, "ms")])
+}
+
+fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>, CliError> {
+    let surface = Arc::clone(painter.surface());
+    let dabs = dabs_around(&surface, args.brush as f32, args.dabs);
+    let color = PaintColor::Constant(Vec4::new(0.8, 0.1, 0.05, 1.0));
+    let channels = vec![ChannelPaint { channel: 0, color }];
+    let tool = Tool::Paint(BlendMode::Normal);
+    painter.begin("bench", Paint { tool, opacity: 0.9, channels, stencil: None })?;
+    let mut times = Vec::with_capacity(dabs.len());
+    for dab in &dabs {
+        let started = Instant::now();
+        painter.dab(std::slice::from_ref(dab))?;
+        painter.show()?;
+        times.push(milliseconds(started));
+    }
+    times.sort_by(f64::total_cmp);
+    let share = |share: f64| times.get((times.len().saturating_sub(1) as f64 * share) as usize).copied();
+    let mut rows = vec![
+        Row::new("dab, median", share(0.5).unwrap_or(0.0), "ms"),
+        Row::new("dab, 99 of 100", share(0.99).unwrap_or(0.0), "ms"),
+    ];
+    let mut timed = |name: &str, run: &mut dyn FnMut() -> Result<(), CliError>| {
+        let started = Instant::now();
+        run()?;
+        rows.push(Row::new(name, milliseconds(started), "ms"));
+        Ok::<(), CliError>(())
+    };
+    timed("end of the stroke", &mut || Ok(painter.end_in_background().map(|_| ())?))?;
+    timed("its coarser levels", &mut || Ok(painter.finish_levels().map(|_| ())?))?;
+    timed("undo", &mut || Ok(painter.undo().map(|_| ())?))?;
+    timed("redo", &mut || Ok(painter.redo().map(|_| ())?))?;
+    timed("commit", &mut || Ok(painter.commit().map(|_| ())?))?;
+    rows.push(Row::new("dabs of the stroke", dabs.len() as f64, ""));
+    Ok(rows)
+}
+
+/// A stroke around the model, about its upright axis, over and over at changing heights.
+fn dabs_around(surface: &Surface, texels: f32, count: usize) -> Vec<Dab> {
+    let at = |i: usize| {
+        let angle = 0.05 * i as f32;
+        Vec3::new(angle.cos(), 0.3 * (0.07 * i as f32).sin(), angle.sin())
+    };
+    let brush = Brush { size: Size::Texels(texels), hardness: 0.2, ..Brush::default() };
+    let mut samples = Vec::new();
+    loop {
+        let more = (samples.len()..samples.len() + 64).filter_map(|i| surface.nearest(at(i), f32::INFINITY));
+        samples.extend(more.map(Sample::at));
+        let stroke =
+            Stroke { brush: brush.clone(), samples: samples.clone(), line: false, symmetry: Symmetry::None };
+        let mut dabs = dabs_of(surface, &stroke);
+        if dabs.len() >= count || samples.len() > 4096 || samples.is_empty() {
+            dabs.truncate(count);
+            return dabs;
+        }
+    }
+}

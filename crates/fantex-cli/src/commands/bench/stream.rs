@@ -1,0 +1,381 @@
+//! How well an asset streams: a camera flies a path, pages come from where the asset is.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use fantex::gpu::{DrawOptions, FanModel, Frame, Gpu, GpuOptions, HiddenScreen};
+use fantex::scene::{Bounds, Camera, Lights};
+use fantex::store::Asset;
+use fantex::stream::simulate::{
+    CameraKeyframe, CameraPath, DiskModel, SimulationOptions, SimulationReport, simulate,
+};
+use fantex::stream::{
+    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, CutWatch, DiskLoad, FrameChanges,
+    FrameOptions, LoaderStatistics, PageTable, Streamer, StreamerOptions, loaded_clusters,
+    mean_cluster_bytes, open_asset, plain_reads, queued_reads, unpacked_clusters, url_of,
+};
+use glam::DVec3;
+
+use super::Row;
+use crate::context::{Context, peak_memory_bytes};
+use crate::error::CliError;
+use crate::scene::SizeArg;
+use crate::text::{Bytes, positive};
+
+/// Fly through an asset: frame times, time until views are sharp, bytes read against bytes needed, the disk beside it.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex bench stream world.fan
+  fantex bench stream world.fan --pool 16M --path flight.json
+  fantex bench stream world.fan --gpu --size 1920x1080
+  fantex bench stream world.fan --simulate
+
+A path is a JSON file as 'fantex view' records it: {\"keys\": [{\"seconds\": 0,
+\"eye\": [0, 2, 5], \"target\": [0, 1, 0],
+\"up\": [0, 1, 0], \"fov_degrees\": 50}, ...]}. Without one the camera circles the model, flies through it
+and jumps around.")]
+pub(super) struct StreamArgs {
+    /// An asset (.fan) or its URL
+    asset: PathBuf,
+    /// A recorded camera path (.json)
+    #[arg(long, value_name = "PATH")]
+    path: Option<PathBuf>,
+    /// Graphics memory for texels
+    #[arg(long, value_name = "SIZE", default_value = "64M")]
+    pool: Bytes,
+    /// Width and height of the picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720")]
+    size: SizeArg,
+    /// Frames per second
+    #[arg(long, value_name = "RATE", default_value_t = 60.0, value_parser = positive)]
+    rate: f64,
+    /// Draw every frame on the graphics card, as fast as it can
+    #[arg(long, conflicts_with = "simulate")]
+    gpu: bool,
+    /// Replay the path against a modelled disk, in simulated time: the same figures on every machine
+    #[arg(long)]
+    simulate: bool,
+}
+
+/// Seconds of each part of the path that is flown where none is given.
+const PART_SECONDS: f64 = 3.0;
+
+/// Seconds that the camera stands still at the end.
+const REST_SECONDS: f64 = 1.0;
+
+/// The camera goes no farther than this in one frame, seconds of its path: where frames take longer, the flight does.
+const LONGEST_STEP: f64 = 0.1;
+
+/// A slow frame may upload as much as so many quick ones.
+const MOST_QUICK_FRAMES: f64 = 16.0;
+
+/// Runs the benchmark.
+pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+    let started = Instant::now();
+    let asset = Arc::new(open_asset(&args.asset)?);
+    let opened = started.elapsed();
+    let path = match &args.path {
+        Some(path) => read_path(path)?,
+        None => tour(&asset),
+    };
+    if args.simulate {
+        return Ok(simulated_rows(&simulate(asset.clone(), &path, &simulation(&asset, args))));
+    }
+    let mut rows = vec![Row::new("asset opened", 1e3 * opened.as_secs_f64(), "ms")];
+    rows.extend(fly(&asset, &path, args, context, started)?);
+    rows.extend(disk_rows(&asset)?);
+    rows.extend(peak_memory_bytes().map(|bytes| Row::new("peak of main memory", bytes as f64 / 1e6, "MB")));
+    Ok(rows)
+}
+
+/// Formats of the texels in an atlas.
+fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
+    asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, block_compressed)).collect()
+}
+
+fn simulation(asset: &Asset, args: &StreamArgs) -> SimulationOptions {
+    let formats = formats(asset, true);
+    let texel_bytes = formats.iter().map(|f| f.block_bytes()).sum::<usize>() as f64 / 16.0;
+    let defaults = SimulationOptions::default();
+    SimulationOptions {
+        streamer: StreamerOptions { atlas: AtlasShape::within(args.pool.0, &formats), ..defaults.streamer },
+        disk: DiskModel { texel_bytes, ..DiskModel::default() },
+        size: args.size.0,
+        frame_rate: args.rate,
+        ..defaults
+    }
+}
+
+fn read_path(path: &Path) -> Result<CameraPath, CliError> {
+    let text =
+        std::fs::read_to_string(path).map_err(|source| CliError::Read { path: path.into(), source })?;
+    let parsed: CameraPath =
+        serde_json::from_str(&text).map_err(|source| CliError::CameraPath { path: path.into(), source })?;
+    if parsed.keyframes.is_empty() {
+        return Err(CliError::EmptyCameraPath { path: path.into() });
+    }
+    Ok(parsed)
+}
+
+/// Around the model, close over it, and jumps between far and near.
+fn tour(asset: &Asset) -> CameraPath {
+    let bounds = Bounds::of_mesh(asset.mesh());
+    let center = bounds.center();
+    let radius = 0.5 * (bounds.max - bounds.min).length();
+    let along = DVec3::new(0.7, 0.0, 0.7) * radius;
+    let above = DVec3::Y * (bounds.max.y - center.y + 0.05 * radius);
+    let parts = [
+        CameraPath::orbit(center, 1.2 * radius, 0.6 * radius, PART_SECONDS),
+        CameraPath::fly(center - along + above, center + along + above, PART_SECONDS),
+        CameraPath::cuts(center, &[2.0, 0.8, 1.2, 0.6, 1.0].map(|d| d * radius), 0.4 * PART_SECONDS),
+    ];
+    let mut tour = CameraPath::default();
+    for part in parts {
+        let begin = tour.duration_seconds();
+        let shifted = part.keyframes.into_iter().enumerate().map(|(i, keyframe)| CameraKeyframe {
+            seconds: begin + keyframe.seconds,
+            is_cut: keyframe.is_cut || i == 0,
+            ..keyframe
+        });
+        tour.keyframes.extend(shifted);
+    }
+    tour
+}
+
+/// What a flight in real time came to.
+#[derive(Debug, Default)]
+struct Flight {
+    update_times: Vec<Duration>,
+    frame_times: Vec<Duration>,
+    /// From the program's start to the end of the first frame.
+    first_frame: Option<Duration>,
+    seconds_to_sharp: Vec<f64>,
+    never_sharp: u64,
+    /// From a cut to the first frame that lacks nothing, whatever the camera has come to need since.
+    seconds_to_complete: Vec<f64>,
+    complete_share: f64,
+    peak_occupancy: f64,
+    peak_bias: f32,
+    hit_rate: f64,
+    frames: u64,
+}
+
+/// Flies in real time, as long as frames are not too slow for that ([`LONGEST_STEP`]). Unless pictures are drawn, what is measured is deciding, reading, unpacking and handing over.
+fn fly(
+    asset: &Arc<Asset>,
+    path: &CameraPath,
+    args: &StreamArgs,
+    context: &Context,
+    program_started: Instant,
+) -> Result<Vec<Row>, CliError> {
+    let gpu = if args.gpu { Some(Gpu::headless(&GpuOptions::default())?) } else { None };
+    let block_compressed = gpu.as_ref().is_none_or(Gpu::has_block_compression);
+    let formats = formats(asset, block_compressed);
+    let atlas = match &gpu {
+        Some(gpu) => FanModel::atlas_shape(gpu, args.pool.0, &formats),
+        None => AtlasShape::within(args.pool.0, &formats),
+    };
+    let loader = ClusterLoader::open(
+        Arc::clone(asset),
+        &ClusterLoaderOptions { block_compressed, ..ClusterLoaderOptions::default() },
+    )?;
+    let monitor = loader.monitor();
+    context.note(format!("{}: {}", args.asset.display(), loader.reader_info()));
+    let options = StreamerOptions { atlas, ..StreamerOptions::default() };
+    let mut streamer = Streamer::new(Arc::clone(asset) as _, Box::new(loader), options);
+    let mut screen = match gpu {
+        Some(gpu) => Some(Screen::new(gpu, asset, streamer.table(), args)?),
+        None => None,
+    };
+    let mut flight = Flight::default();
+    let mut cuts = path.cuts_seconds().into_iter().peekable();
+    let mut watch: Option<(f64, CutWatch)> = None;
+    let mut incomplete_since: Option<f64> = None;
+    let end = path.duration_seconds() + REST_SECONDS;
+    let began = Instant::now();
+    let mut last = began;
+    let mut path_seconds = 0.0;
+    while path_seconds <= end {
+        let started = Instant::now();
+        let elapsed = (started - last).as_secs_f64().max(1e-6);
+        last = started;
+        let step = elapsed.min(LONGEST_STEP);
+        path_seconds += step;
+        while cuts.next_if(|&cut| cut <= path_seconds).is_some() {
+            let seconds = (started - began).as_secs_f64();
+            flight.never_sharp += u64::from(watch.replace((seconds, CutWatch::new())).is_some());
+            incomplete_since = Some(seconds);
+        }
+        let Some(camera) = path.at(path_seconds) else { break };
+        let view = camera.view(&asset.mesh().world_from_mesh, args.size.0);
+        let budget = FrameOptions::default();
+        let quick_frames = (elapsed * args.rate).clamp(1.0, MOST_QUICK_FRAMES);
+        let frame = FrameOptions {
+            upload_bytes: (budget.upload_bytes as f64 * quick_frames) as usize,
+            elapsed_seconds: step as f32,
+        };
+        let changes = streamer.update(view.as_ref(), frame);
+        flight.update_times.push(started.elapsed());
+        flight.count(&streamer);
+        let so_far = began.elapsed().as_secs_f64();
+        if watch.as_mut().is_some_and(|(_, watch)| watch.update(&streamer))
+            && let Some((since, _)) = watch.take()
+        {
+            flight.seconds_to_sharp.push(so_far - since);
+        }
+        let figures = streamer.statistics();
+        if figures.complete_groups == figures.visible_groups
+            && let Some(since) = incomplete_since.take()
+        {
+            flight.seconds_to_complete.push(so_far - since);
+        }
+        match &mut screen {
+            Some(screen) => {
+                screen.draw(&camera, &changes)?;
+                flight.first_frame.get_or_insert_with(|| program_started.elapsed());
+                flight.frame_times.push(started.elapsed());
+            }
+            None => {
+                flight.first_frame.get_or_insert_with(|| program_started.elapsed());
+                let rest = Duration::from_secs_f64(1.0 / args.rate).saturating_sub(started.elapsed());
+                std::thread::sleep(rest);
+            }
+        }
+    }
+    flight.never_sharp += u64::from(watch.is_some());
+    Ok(flight.rows(&monitor.statistics()))
+}
+
+/// A picture on the graphics card that nobody sees.
+struct Screen {
+    gpu: Gpu,
+    hidden: HiddenScreen,
+    model: FanModel,
+    size: [u32; 2],
+    lights: Lights,
+}
+
+impl Screen {
+    fn new(gpu: Gpu, asset: &Asset, pages: &PageTable, args: &StreamArgs) -> Result<Self, CliError> {
+        let size = args.size.0;
+        let model = FanModel::of_asset(&gpu, asset, pages, args.pool.0)?;
+        Ok(Self { hidden: HiddenScreen::new(&gpu, size), gpu, model, size, lights: Lights::default() })
+    }
+
+    fn draw(&mut self, camera: &CameraKeyframe, changes: &FrameChanges) -> Result<(), CliError> {
+        self.model.update(&self.gpu, changes);
+        let camera = Camera {
+            eye: camera.eye.into(),
+            target: camera.target.into(),
+            up: camera.up.into(),
+            fov_degrees: camera.fov_degrees,
+        };
+        let options = DrawOptions { samples: 1, ..DrawOptions::default() };
+        let model = &mut self.model;
+        let mut frame =
+            Frame { size: self.size, camera: &camera, lights: &self.lights, model, options: &options };
+        Ok(self.hidden.draw(&self.gpu, &mut frame)?)
+    }
+}
+
+impl Flight {
+    fn count(&mut self, streamer: &Streamer) {
+        let figures = streamer.statistics();
+        self.frames += 1;
+        self.hit_rate += 1.0 - figures.missing as f64 / figures.needed.parcels.max(1) as f64;
+        self.complete_share += figures.complete_share();
+        self.peak_occupancy = self.peak_occupancy.max(figures.occupancy());
+        self.peak_bias = self.peak_bias.max(figures.bias_levels);
+    }
+
+    fn rows(mut self, loader: &LoaderStatistics) -> Vec<Row> {
+        let mut rows = Vec::new();
+        let first_frame = self.first_frame.unwrap_or_default();
+        rows.push(Row::new("from the start to the first frame", 1e3 * first_frame.as_secs_f64(), "ms"));
+        rows.push(Row::new("frames", self.frames as f64, ""));
+        percentiles(&mut rows, "frame", &mut self.frame_times);
+        percentiles(&mut rows, "deciding, per frame", &mut self.update_times);
+        rows.push(Row::new(
+            "parcels resident when needed",
+            100.0 * self.hit_rate / self.frames.max(1) as f64,
+            "%",
+        ));
+        let complete = 100.0 * self.complete_share / self.frames.max(1) as f64;
+        rows.push(Row::new("visible tiles at their level", complete, "%"));
+        sharpness(&mut rows, &self.seconds_to_sharp, self.never_sharp);
+        let complete = self.seconds_to_complete.iter().copied().fold(0.0, f64::max);
+        rows.push(Row::new("from a cut to a frame that lacks nothing, longest", 1e3 * complete, "ms"));
+        rows.push(Row::new("pool in use, at most", 100.0 * self.peak_occupancy, "%"));
+        rows.push(Row::new("level bias, at most", f64::from(self.peak_bias), "levels"));
+        let megabytes = |bytes: u64| bytes as f64 / 1e6;
+        let needed = megabytes(loader.bytes_needed);
+        rows.push(
+            Row::new("read, beside what was needed", megabytes(loader.bytes_read), "MB").beside(needed),
+        );
+        rows.push(Row::new("reads", loader.reads as f64, ""));
+        rows.push(Row::new("parcels that failed", loader.parcels_failed as f64, ""));
+        rows
+    }
+}
+
+fn percentiles(rows: &mut Vec<Row>, name: &str, times: &mut [Duration]) {
+    times.sort_unstable();
+    let Some(last) = times.len().checked_sub(1) else { return };
+    for (label, index) in [("median", last / 2), ("p99", last * 99 / 100), ("longest", last)] {
+        rows.push(Row::new(format!("{name}, {label}"), 1e3 * times[index].as_secs_f64(), "ms"));
+    }
+}
+
+fn sharpness(rows: &mut Vec<Row>, seconds: &[f64], never: u64) {
+    let mut sorted = seconds.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    if let (Some(median), Some(longest)) = (sorted.get(sorted.len() / 2), sorted.last()) {
+        rows.push(Row::new("from a cut to sharp, median", 1e3 * median, "ms"));
+        rows.push(Row::new("from a cut to sharp, longest", 1e3 * longest, "ms"));
+    }
+    rows.push(Row::new("cuts that came before the view was sharp", never as f64, ""));
+}
+
+fn simulated_rows(report: &SimulationReport) -> Vec<Row> {
+    let mut rows = Vec::new();
+    percentiles(&mut rows, "demand, per frame", &mut report.demand_times.clone());
+    percentiles(&mut rows, "residency, per frame", &mut report.residency_times.clone());
+    let sharp: Vec<f64> = report.seconds_to_sharp.iter().flatten().copied().collect();
+    sharpness(&mut rows, &sharp, (report.seconds_to_sharp.len() - sharp.len()) as u64);
+    rows.extend([
+        Row::new("parcels resident when needed", 100.0 * report.hit_rate, "%"),
+        Row::new("visible tiles at their level", 100.0 * report.complete_share, "%"),
+        Row::new("pool in use, at most", 100.0 * report.peak_occupancy, "%"),
+        Row::new("level bias, at most", f64::from(report.peak_bias_levels), "levels"),
+        Row::new("handed over", report.bytes as f64 / 1e6, "MB"),
+        Row::new("requests", report.requests as f64, ""),
+        Row::new("evictions", report.evictions as f64, ""),
+    ]);
+    rows
+}
+
+/// What the loader gets out of the disk, beside a plain loop of reads of the same size. None for URLs.
+fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>, CliError> {
+    if url_of(asset.path()).is_some() {
+        return Ok(Vec::new());
+    }
+    let load = DiskLoad::default();
+    let read_error = |source| CliError::Read { path: asset.path().into(), source };
+    let plain = plain_reads(asset.path(), mean_cluster_bytes(asset), &load).map_err(read_error)?;
+    let queued = queued_reads(asset, &load).map_err(read_error)?;
+    let (loaded, counts) = loaded_clusters(asset, &ClusterLoaderOptions::default(), &load)?;
+    let unpacked = unpacked_clusters(asset, &load).map_err(read_error)?;
+    let disk = plain.megabytes_per_second();
+    let delivered = counts.unpacked_bytes as f64 / loaded.seconds.max(1e-9) / 1e6;
+    Ok(vec![
+        Row::new("plain loop of direct reads", plain.reads_per_second(), "reads/s"),
+        Row::new("clusters read, beside the plain loop", queued.megabytes_per_second(), "MB/s").beside(disk),
+        Row::new("clusters read and unpacked, beside the plain loop", loaded.megabytes_per_second(), "MB/s")
+            .beside(disk),
+        Row::new("texels delivered by these, beside the plain loop", delivered, "MB/s").beside(disk),
+        Row::new("clusters unpacked from memory", unpacked.megabytes_per_second(), "MB/s"),
+    ])
+}

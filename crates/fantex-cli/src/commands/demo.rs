@@ -1,0 +1,258 @@
+//! `fantex demo`: the whole path, on a generated landscape and on a model with textures.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use fantex::bake::{self as baking, BakeOptions};
+use fantex::cover::{CoverOptions, TexelBudget, build_cover};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{self, CleanOptions, Mesh, WriteGeometry, write_model};
+use fantex::render::{Camera, FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
+use fantex::store::{Asset, PageCache, VerifyOptions, verify};
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+
+use crate::commands::compare::{Subject, mean_psnr_db};
+use crate::commands::render::save;
+use crate::commands::verify::not_verified;
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::CleanModel;
+use crate::scene::{aspect, photograph, source_surface};
+use crate::sources::{OpenSource, SourceArg};
+use crate::text::columns;
+use crate::text::{Count, grouped};
+
+/// Generate, bake, verify, render and compare: the tour of the README, in under a minute.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex demo
+  fantex demo -o somewhere --triangles 2M --texels 64M
+
+Without -o the folder out/demo is used, and what an earlier demo left in it is overwritten.")]
+pub(crate) struct DemoArgs {
+    /// Folder for everything that is made [default: out/demo]
+    #[arg(short, long, value_name = "DIR")]
+    output: Option<PathBuf>,
+    /// Triangles of the landscape
+    #[arg(long, value_name = "N", default_value = "300k")]
+    triangles: Count,
+    /// Texels of the landscape
+    #[arg(long, value_name = "N", default_value = "12M")]
+    texels: Count,
+}
+
+/// The model with textures that comes with fantex.
+const BOTTLE: &str = "assets/WaterBottle/WaterBottle.gltf";
+/// Cameras of the comparison.
+const VIEWS: usize = 4;
+
+#[derive(Debug, Serialize)]
+struct Part {
+    name: &'static str,
+    triangles: u64,
+    texels: u64,
+    channels: u64,
+    bytes: u64,
+    /// From the mesh to the finished asset.
+    seconds: f64,
+    largest_jump: f32,
+    /// Mean over some views, against the original.
+    psnr_db: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct DemoInfo {
+    folder: PathBuf,
+    parts: Vec<Part>,
+    models: Vec<PathBuf>,
+    assets: Vec<PathBuf>,
+    pictures: Vec<PathBuf>,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    let folder = args.output.clone().unwrap_or_else(|| PathBuf::from("out/demo"));
+    let bottle = CleanModel::open(&bottle_path()?)?;
+    context.make_folder(&folder)?;
+    let mut demo = Demo {
+        context,
+        force: context.force || args.output.is_none(),
+        info: DemoInfo {
+            folder,
+            parts: Vec::new(),
+            models: Vec::new(),
+            assets: Vec::new(),
+            pictures: Vec::new(),
+            seconds: 0.0,
+        },
+    };
+    demo.landscape(args)?;
+    demo.bottle(&bottle)?;
+    demo.info.seconds = started.elapsed().as_secs_f64();
+    context.print(&demo.info, text)
+}
+
+struct Demo<'a> {
+    context: &'a Context,
+    force: bool,
+    info: DemoInfo,
+}
+
+/// A mesh and what is baked onto it.
+struct Subtask<'a> {
+    name: &'static str,
+    mesh: &'a Mesh,
+    source: &'a OpenSource<'a>,
+    budget: TexelBudget,
+    camera: Camera,
+}
+
+impl Demo<'_> {
+    fn landscape(&mut self, args: &DemoArgs) -> Result<(), CliError> {
+        let model_path = self.target("landscape.ply")?;
+        self.context.note(format!("generating a landscape of {} triangles", args.triangles));
+        let options = LandscapeOptions {
+            triangles: args.triangles.0,
+            seed: self.context.seed,
+            ..LandscapeOptions::default()
+        };
+        let made = landscape(&options);
+        let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
+        {
+            let _deferral = self.context.defer_interrupt();
+            let geometry = WriteGeometry { positions: &positions, triangles: &made.triangles, colors: None };
+            write_model(&model_path, &geometry, self.force)?;
+        }
+        self.info.models.push(model_path.clone());
+        let (mesh, _) = mesh::clean(made.into(), &CleanOptions::default())?;
+        let solid = SourceArg::Solid("landscape".to_owned());
+        let source = OpenSource::open(&solid, &mesh, &model_path, self.context.seed)?;
+        let budget = TexelBudget::Total(args.texels.0);
+        let truth = source_surface(&mesh, source.as_source());
+        let camera = self.camera(&mesh, DVec3::new(0.5, 0.55, 1.0));
+        self.make(&Subtask { name: "landscape", mesh: &mesh, source: &source, budget, camera }, &truth)
+    }
+
+    fn bottle(&mut self, bottle: &CleanModel) -> Result<(), CliError> {
+        let mesh = &bottle.mesh;
+        let source = OpenSource::open(&SourceArg::Uv, mesh, Path::new(BOTTLE), self.context.seed)?;
+        let budget = source.own_density().map_or(TexelBudget::Total(4_000_000), TexelBudget::PerTriangle);
+        let original = MeshSurface::load(mesh, FilterOptions::default())?;
+        let camera = self.camera(mesh, Camera::THREE_QUARTER);
+        self.make(&Subtask { name: "bottle", mesh, source: &source, budget, camera }, &original)
+    }
+
+    /// Bakes, verifies, renders and compares.
+    fn make(&mut self, task: &Subtask, original: &dyn Surface) -> Result<(), CliError> {
+        let Subtask { name, mesh, camera, .. } = task;
+        let asset_path = self.target(&format!("{name}.fan"))?;
+        let mut part = self.bake(task, &asset_path)?;
+        self.context.note(format!("verifying {}", asset_path.display()));
+        let memory_bytes = self.context.memory_bytes as usize;
+        let report = verify(&asset_path, &VerifyOptions { memory_bytes })?;
+        if !report.ok {
+            return Err(not_verified(&asset_path, &report));
+        }
+        part.largest_jump = report.continuity.largest_jump;
+
+        self.context.note(format!("rendering the {name}, baked and original"));
+        let cache = PageCache::new(Arc::new(Asset::open(&asset_path)?), memory_bytes);
+        let baked = FanSurface::of_asset(&cache, FilterOptions::default());
+        let options = picture_options();
+        for (suffix, surface) in [("baked", &baked as &dyn Surface), ("original", original)] {
+            let path = self.target(&format!("{name}-{suffix}.png"))?;
+            save(&photograph(mesh, surface, camera, &options)?.picture, &path, self.context)?;
+            self.info.pictures.push(path);
+        }
+        let small = RenderOptions { width: 640, height: 480, samples: 4, ..options };
+        let cameras = Camera::orbit(mesh, VIEWS, aspect(&small));
+        let subjects = [Subject { mesh, surface: original }, Subject { mesh, surface: &baked }];
+        part.psnr_db = mean_psnr_db(subjects, &cameras, &small, self.context)?;
+        self.info.assets.push(asset_path);
+        self.info.parts.push(part);
+        Ok(())
+    }
+
+    fn bake(&self, task: &Subtask, path: &Path) -> Result<Part, CliError> {
+        self.context.note(format!("baking {}", path.display()));
+        let started = Instant::now();
+        let options = CoverOptions { budget: task.budget.clone(), ..CoverOptions::default() };
+        let (cover, _) = build_cover(task.mesh, &options)?;
+        let options = BakeOptions {
+            force: self.force,
+            memory_bytes: self.context.memory_bytes,
+            ..BakeOptions::default()
+        };
+        let _deferral = self.context.defer_interrupt();
+        let progress = self.context.progress(task.name);
+        let source = task.source.as_source();
+        let summary = baking::bake(task.mesh, &cover, source, path, &options, &progress)?;
+        Ok(Part {
+            name: task.name,
+            triangles: task.mesh.triangles.len() as u64,
+            texels: summary.texels,
+            channels: summary.channels.len() as u64,
+            bytes: summary.bytes,
+            seconds: started.elapsed().as_secs_f64(),
+            largest_jump: 0.0,
+            psnr_db: 0.0,
+        })
+    }
+
+    fn camera(&self, mesh: &Mesh, direction: DVec3) -> Camera {
+        Camera::framing_mesh(mesh, direction, aspect(&picture_options()))
+    }
+
+    /// A file in the demo's folder that may be written.
+    fn target(&self, name: &str) -> Result<PathBuf, CliError> {
+        let path = self.info.folder.join(name);
+        if self.force {
+            return Ok(path);
+        }
+        self.context.check_output(&path).map(|()| path)
+    }
+}
+
+fn picture_options() -> RenderOptions {
+    RenderOptions::default()
+}
+
+/// The shipped model: in the current folder, beside the program, or where the program was built.
+fn bottle_path() -> Result<PathBuf, CliError> {
+    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(BOTTLE)));
+    let built = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(BOTTLE);
+    [Some(PathBuf::from(BOTTLE)), beside, Some(built)]
+        .into_iter()
+        .flatten()
+        .find(|path| path.is_file())
+        .ok_or_else(|| CliError::DemoModel { path: BOTTLE.into() })
+}
+
+fn text(info: &DemoInfo) -> String {
+    let heading = ["", "triangles", "texels", "channels", "MB", "seconds", "largest jump", "PSNR dB"];
+    let mut rows = vec![heading.map(str::to_owned).to_vec()];
+    rows.extend(info.parts.iter().map(|part| {
+        vec![
+            part.name.to_owned(),
+            grouped(part.triangles),
+            grouped(part.texels),
+            part.channels.to_string(),
+            format!("{:.1}", part.bytes as f64 / 1e6),
+            format!("{:.1}", part.seconds),
+            format!("{:.1e}", part.largest_jump),
+            format!("{:.1}", part.psnr_db),
+        ]
+    }));
+    let mut text = columns(&rows);
+    text.push_str(&format!("\nall in {:.1} s; made:\n", info.seconds));
+    for path in info.models.iter().chain(&info.assets).chain(&info.pictures) {
+        text.push_str(&format!("  {}\n", path.display()));
+    }
+    text
+}

@@ -1,0 +1,342 @@
+//! `fantex export`: assets for programs that know no fans.
+
+pub(super) mod turntable;
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use fantex::export::{
+    ChannelMap, Depth, ExportOptions, ExportSummary, UvChoice, export_channel, export_model,
+};
+use fantex::store::{Asset, ChannelKind};
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::SurroundingsArgs;
+use crate::scene::{CleanModel, open_asset};
+use crate::scene::{FilterArg, SizeArg};
+use crate::text::{counted, megabytes};
+
+/// Export an asset for other programs: a model with texture coordinates, single channels, a turntable.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex export bottle.fan -o bottle.glb
+  fantex export bottle.fan -o bottle.gltf --size 4096 --textures png+ktx2
+  fantex export bottle.fan -o bottle.glb --uv source
+  fantex export bottle.fan -o normal.png --channel normal --depth 16
+  fantex export bottle.fan -o turn.png --turntable 48 --size 640x640
+  fantex export bottle.fan -o pictures --turntable 120
+
+A .glb has its pictures inside; a .gltf has a .bin and PNG files beside it. A single channel becomes .png, .exr or
+.ktx2 and lies as in the model. A turntable becomes one animated PNG (.png) or numbered pictures in a folder.
+Padding keeps foreign texels away from every piece at each level at which a texel covers up to --padding texels.")]
+pub(crate) struct ExportArgs {
+    /// An asset (.fan)
+    asset: PathBuf,
+    /// What to write: .glb or .gltf; with --channel .png, .exr or .ktx2; with --turntable .png or a folder
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Texture coordinates: a packing of its own, or those of the model that was baked
+    #[arg(long, value_enum, default_value_t)]
+    uv: UvArg,
+    /// The model whose texture coordinates are used, if the asset has kept none; it must have the asset's triangles
+    #[arg(long, value_name = "MODEL", conflicts_with = "turntable")]
+    model: Option<PathBuf>,
+    /// Side of the pictures, a power of two [default: the asset's density]; or WxH of a turntable's [default: 800x600]
+    #[arg(long, value_name = "N|WxH")]
+    size: Option<PictureSizeArg>,
+    /// The largest side that is taken by default
+    #[arg(long, value_name = "N", default_value_t = 8192)]
+    max_size: u32,
+    /// Texels around each piece of an own packing, a power of two [default: a 128th of the side, 2 to 16]
+    #[arg(long, value_name = "N")]
+    padding: Option<u32>,
+    /// The pictures of a model; KTX2 files (BC7, BC5, all levels, zstd) come beside it
+    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["channel", "turntable"])]
+    textures: TexturesArg,
+    /// Write one channel alone
+    #[arg(long, value_enum, conflicts_with = "turntable")]
+    channel: Option<ChannelArg>,
+    /// Bits per sample of a channel's PNG
+    #[arg(long, value_enum, default_value_t, requires = "channel")]
+    depth: DepthArg,
+    /// Number of pictures around the model
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
+    turntable: Option<u32>,
+    /// Seconds of a whole turn of an animated PNG
+    #[arg(long, value_name = "SECONDS", default_value_t = 4.0, requires = "turntable", value_parser = crate::text::positive)]
+    seconds: f64,
+    /// Samples per pixel of a turntable, 1 to 64
+    #[arg(long, value_name = "N", default_value_t = 8, requires = "turntable")]
+    samples: u32,
+    /// How a turntable's textures are filtered
+    #[arg(long, value_enum, default_value_t, requires = "turntable")]
+    filter: FilterArg,
+    #[command(flatten)]
+    surroundings: SurroundingsArgs,
+}
+
+/// Whose texture coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum UvArg {
+    /// An own packing of few large pieces
+    #[default]
+    Atlas,
+    /// The model's
+    Source,
+}
+
+/// Pictures of a model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum TexturesArg {
+    /// PNG, which every program reads
+    #[default]
+    Png,
+    /// PNG, and the same pictures as KTX2 files for engines
+    #[value(name = "png+ktx2")]
+    PngAndKtx2,
+}
+
+/// A single channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum ChannelArg {
+    /// Colour, with opacity where something shows through
+    BaseColor,
+    /// Opacity alone
+    Opacity,
+    /// Normals in tangent space, +y up
+    Normal,
+    /// Red = occlusion, green = roughness, blue = metallic
+    Orm,
+    /// Occlusion alone
+    Occlusion,
+    /// Roughness alone
+    Roughness,
+    /// Metallic alone
+    Metallic,
+    /// Emitted light
+    Emission,
+    /// Height
+    Displacement,
+    /// Light that arrives
+    Light,
+}
+
+/// Bits per sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum DepthArg {
+    /// Eight bits
+    #[default]
+    #[value(name = "8")]
+    Eight,
+    /// Sixteen bits
+    #[value(name = "16")]
+    Sixteen,
+}
+
+/// One side, or two.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum PictureSizeArg {
+    Side(u32),
+    WidthHeight(SizeArg),
+}
+
+impl std::str::FromStr for PictureSizeArg {
+    type Err = PictureSizeArgError;
+
+    fn from_str(text: &str) -> Result<Self, PictureSizeArgError> {
+        let side = text.parse().ok().filter(|&n: &u32| n > 0).map(Self::Side);
+        side.or_else(|| text.parse().ok().map(Self::WidthHeight)).ok_or(PictureSizeArgError)
+    }
+}
+
+/// Why a text is no size.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error("expected a side such as 2048, or for a turntable width x height such as 800x600")]
+struct PictureSizeArgError;
+
+impl ChannelArg {
+    fn map(self) -> ChannelMap {
+        match self {
+            Self::BaseColor => ChannelMap::BaseColor,
+            Self::Opacity => ChannelMap::Opacity,
+            Self::Normal => ChannelMap::Normal,
+            Self::Orm => ChannelMap::OcclusionRoughnessMetallic,
+            Self::Occlusion => ChannelMap::Occlusion,
+            Self::Roughness => ChannelMap::Roughness,
+            Self::Metallic => ChannelMap::Metallic,
+            Self::Emission => ChannelMap::Emission,
+            Self::Displacement => ChannelMap::Displacement,
+            Self::Light => ChannelMap::Light,
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct FileInfo {
+    path: PathBuf,
+    bytes: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct ExportInfo {
+    output: PathBuf,
+    files: Vec<FileInfo>,
+    /// Sides of the pictures in texels, one per page.
+    sizes: Vec<u32>,
+    channels: Vec<&'static str>,
+    /// Pieces of an own packing.
+    charts: usize,
+    padding: u32,
+    /// Share of the texels that lie on the surface.
+    used_share: f64,
+    /// Share of those that several triangles claim.
+    overlapping_share: f64,
+    /// Texels per length relative to the asset's.
+    density_share: f64,
+    texels: u64,
+    triangles: usize,
+    vertices: usize,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> {
+    if let Some(count) = args.turntable {
+        return turntable::run(args, count, context);
+    }
+    if args.surroundings.is_given() {
+        return Err(CliError::TurntableOption { option: "--environment" });
+    }
+    let is_picture = ["png", "exr", "ktx2"].iter().any(|e| has_extension(&args.output, e));
+    if args.channel.is_none() && is_picture {
+        return Err(CliError::WhichPicture { path: args.output.clone() });
+    }
+    let side = match args.size {
+        Some(PictureSizeArg::WidthHeight(size)) => return Err(CliError::NotSquare { size }),
+        Some(PictureSizeArg::Side(side)) => Some(side),
+        None => None,
+    };
+    let started = Instant::now();
+    let asset = open_asset(&args.asset)?;
+    context.check_output_of(&args.output, &args.asset)?;
+    let model = args.model.as_ref().map(|path| CleanModel::open(path)).transpose()?;
+    let options = ExportOptions {
+        uv: match (&model, args.uv) {
+            (Some(model), _) => UvChoice::OfModel(&model.mesh),
+            (None, UvArg::Source) => UvChoice::OfAsset,
+            (None, UvArg::Atlas) => UvChoice::Atlas,
+        },
+        side,
+        largest_side: args.max_size,
+        padding: args.padding,
+        with_ktx2: args.textures == TexturesArg::PngAndKtx2,
+        force: context.force,
+        memory_bytes: context.memory_bytes,
+    };
+    let summary = {
+        let _deferral = context.defer_interrupt();
+        let progress = context.progress("export");
+        match args.channel {
+            None => export_model(&asset, &args.output, &options, &progress),
+            Some(channel) => {
+                let depth = if args.depth == DepthArg::Eight { Depth::Eight } else { Depth::Sixteen };
+                export_channel(&asset, channel.map(), depth, &args.output, &options, &progress)
+            }
+        }?
+    };
+    notes(args, &asset, &summary, context);
+    let seconds = started.elapsed().as_secs_f64();
+    context.print(&info(args, &asset, &summary, seconds), text)
+}
+
+/// What the user should know about the result.
+fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Context) {
+    let output = args.output.display();
+    if summary.density_share < 0.9 {
+        let percent = 100.0 * summary.density_share;
+        let side = summary.sides.iter().max().copied().unwrap_or(0);
+        context.note(format!(
+            "{output}: {side} texels a side hold {percent:.0} % of the asset's density; give a larger --size for all of it"
+        ));
+    }
+    if summary.overlapping_share > 1e-3 {
+        context.note(format!(
+            "{output}: {:.1} % of the used texels are claimed by several triangles, and one of these shows there; without \
+             '--uv source' every triangle has texels of its own",
+            100.0 * summary.overlapping_share
+        ));
+    }
+    for kind in &summary.left_out {
+        let (name, option) = match kind {
+            ChannelKind::Displacement => ("heights", "displacement"),
+            ChannelKind::Light => ("light map", "light"),
+            ChannelKind::Anisotropy => {
+                context.note(format!("{output}: stretched highlights are left out"));
+                continue;
+            }
+            _ => continue,
+        };
+        context
+            .note(format!("{output}: glTF has no place for the {name}; write them with --channel {option}"));
+    }
+    if let Some((pages, first)) = &summary.damage {
+        context.note(format!(
+            "{}: coarser texels stand in for {}; the first: {first}",
+            asset.path().display(),
+            counted(*pages, "damaged tile")
+        ));
+    }
+}
+
+fn info(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, seconds: f64) -> ExportInfo {
+    ExportInfo {
+        output: args.output.clone(),
+        files: summary
+            .files
+            .iter()
+            .map(|(path, bytes)| FileInfo { path: path.clone(), bytes: *bytes })
+            .collect(),
+        sizes: summary.sides.clone(),
+        channels: summary.maps.iter().map(|m| m.name()).collect(),
+        charts: summary.charts,
+        padding: summary.padding,
+        used_share: summary.used_share,
+        overlapping_share: summary.overlapping_share,
+        density_share: summary.density_share,
+        texels: summary.texels,
+        triangles: asset.mesh().triangles.len(),
+        vertices: summary.vertices,
+        seconds,
+    }
+}
+
+fn text(info: &ExportInfo) -> String {
+    let bytes = info.files.iter().map(|f| f.bytes).sum();
+    let sizes: Vec<String> = info.sizes.iter().map(|n| format!("{n} x {n}")).collect();
+    let pieces = match info.charts {
+        0 => "the model's coordinates".to_owned(),
+        charts => format!("{}, padding {}", counted(charts as u64, "piece"), info.padding),
+    };
+    let mut text = format!(
+        "{}: {} texels ({:.0} % used; {pieces}), {}, {} in {}, {:.1} s\n",
+        info.output.display(),
+        sizes.join(" and "),
+        100.0 * info.used_share,
+        counted(info.triangles as u64, "triangle"),
+        megabytes(bytes),
+        counted(info.files.len() as u64, "file"),
+        info.seconds
+    );
+    for file in info.files.iter().filter(|f| f.path != info.output) {
+        text.push_str(&format!("  {} {}\n", file.path.display(), megabytes(file.bytes)));
+    }
+    text
+}
+
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}

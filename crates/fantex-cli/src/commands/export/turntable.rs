@@ -1,0 +1,191 @@
+//! Pictures around the model.
+
+use std::fs::File;
+use std::io;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use fantex::mesh::Mesh;
+use fantex::render::{AmbientLight, Camera, Lights, RenderOptions, render};
+use fantex::scene::Bounds;
+use fantex::texture::{Image, Samples};
+use glam::DQuat;
+use serde::Serialize;
+use tempfile::NamedTempFile;
+
+use super::{ExportArgs, PictureSizeArg, UvArg, has_extension};
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::{Scene, Surroundings, aspect};
+use crate::text::counted;
+
+#[derive(Debug, Serialize)]
+struct TurntableInfo {
+    output: PathBuf,
+    pictures: Vec<PathBuf>,
+    frames: u32,
+    width: u32,
+    height: u32,
+    seconds: f64,
+}
+
+/// Renders `count` pictures: an animation where the output is a PNG, numbered files in a folder else.
+pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<(), CliError> {
+    if args.uv != UvArg::Atlas || args.padding.is_some() {
+        return Err(CliError::NoTurntableOption { option: "--uv and --padding" });
+    }
+    let started = Instant::now();
+    let scene = Scene::open(&args.asset, context)?;
+    let [width, height] = match args.size {
+        None => [800, 600],
+        Some(PictureSizeArg::Side(side)) => [side, side],
+        Some(PictureSizeArg::WidthHeight(size)) => size.0,
+    };
+    let mut options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
+    let is_animation = has_extension(&args.output, "png");
+    let files: Vec<PathBuf> = match is_animation {
+        true => vec![args.output.clone()],
+        false => (1..=count).map(|i| args.output.join(format!("turn-{i:04}.png"))).collect(),
+    };
+    if !is_animation {
+        context.make_folder(&args.output)?;
+    }
+    files.iter().try_for_each(|file| context.check_output(file))?;
+    let surroundings = args.surroundings.load(None)?;
+    if let Some(surroundings) = &surroundings {
+        options.background = surroundings.background();
+    }
+    let surface = scene.surface(args.filter.options())?;
+    // An unfinished animation must not stay behind.
+    let _deferral = context.defer_interrupt();
+    let mut animation = None;
+    for (i, camera) in (0..).zip(cameras(scene.mesh(), count, aspect(&options))) {
+        context.check_interrupt()?;
+        let lights = lights(&camera, surroundings.as_ref());
+        let picture =
+            render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?.picture.to_srgb_image();
+        if is_animation {
+            let animation = match &mut animation {
+                Some(animation) => animation,
+                None => {
+                    let rate = f64::from(count) / args.seconds;
+                    animation.insert(Animation::new(&args.output, &picture, count, rate)?)
+                }
+            };
+            animation.add(&picture)?;
+        } else {
+            picture.save(&files[i])?;
+        }
+    }
+    if let Some(animation) = animation {
+        animation.finish()?;
+    }
+    scene.show_damage(context);
+    let seconds = started.elapsed().as_secs_f64();
+    let output = args.output.clone();
+    let info = TurntableInfo { output, pictures: files, frames: count, width, height, seconds };
+    context.print(&info, |info| {
+        format!(
+            "{}: {} of {width} x {height} pixels, {:.1} s",
+            info.output.display(),
+            counted(info.frames as u64, "picture"),
+            info.seconds
+        )
+    })
+}
+
+/// Cameras on a circle around the middle of the model, all at the distance from which every side is seen whole. The model
+/// turns to the right.
+fn cameras(mesh: &Mesh, count: u32, aspect: f64) -> Vec<Camera> {
+    let target = Bounds::of_mesh(mesh).center();
+    let turned = |i: u32, of: u32| {
+        let angle = -std::f64::consts::TAU * f64::from(i) / f64::from(of);
+        DQuat::from_rotation_y(angle) * Camera::THREE_QUARTER.normalize()
+    };
+    let framed = (0..DIRECTIONS).map(|i| Camera::framing_mesh(mesh, turned(i, DIRECTIONS), aspect));
+    let farthest = framed.map(|c| (c.eye.distance(target), c.fov_degrees));
+    let (distance, fov_degrees) = farthest.fold((0.0, 35.0), |a, b| if b.0 > a.0 { b } else { a });
+    let camera =
+        |i| Camera { eye: target + turned(i, count) * distance, target, up: glam::DVec3::Y, fov_degrees };
+    (0..count).map(camera).collect()
+}
+
+/// Directions that the distance is chosen for, whatever the number of pictures.
+const DIRECTIONS: u32 = 24;
+
+/// The sun stays behind the camera, so that it is the model that turns; surroundings turn with the model.
+fn lights(camera: &Camera, surroundings: Option<&Surroundings>) -> Lights {
+    let mut lights = Lights::behind(camera);
+    if let Some(surroundings) = surroundings {
+        lights.ambient = AmbientLight::environment(surroundings.light.clone());
+        lights.lamps.retain_mut(|lamp| {
+            surroundings.sun.is_some_and(|color| {
+                lamp.color = color;
+                true
+            })
+        });
+    }
+    lights
+}
+
+/// An animated PNG that is being written, picture by picture, and repeats for ever; programs that know none show its first
+/// picture. Whoever holds one holds a deferral of interrupts, too, since dropping it removes the unfinished file.
+pub(crate) struct Animation {
+    file: NamedTempFile,
+    writer: png::Writer<BufWriter<File>>,
+    target: PathBuf,
+}
+
+impl Animation {
+    /// Begins a file of `count` pictures of the size of `first`.
+    pub(crate) fn new(
+        target: &Path,
+        first: &Image,
+        count: u32,
+        frames_per_second: f64,
+    ) -> Result<Self, CliError> {
+        let failed = |source| CliError::Write { path: target.into(), source };
+        let folder =
+            target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let mut builder = tempfile::Builder::new();
+        // Temporary files are private by default.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.prefix(".fantex-").tempfile_in(folder).map_err(failed)?;
+        let copy = file.as_file().try_clone().map_err(failed)?;
+        let writer = header(first, count, frames_per_second, copy).map_err(|error| failed(error.into()))?;
+        Ok(Self { file, writer, target: target.into() })
+    }
+
+    /// Adds a picture: 8 bits, of the first one's size.
+    pub(crate) fn add(&mut self, image: &Image) -> Result<(), CliError> {
+        let Samples::U8(bytes) = &image.samples else { return Ok(()) };
+        let failed =
+            |error: png::EncodingError| CliError::Write { path: self.target.clone(), source: error.into() };
+        self.writer.write_image_data(bytes).map_err(failed)
+    }
+
+    /// Gives the file its name.
+    pub(crate) fn finish(self) -> Result<(), CliError> {
+        let Self { file, writer, target } = self;
+        let named = |file: NamedTempFile| file.persist(&target).map(drop).map_err(|error| error.error);
+        let finished = writer.finish().map_err(io::Error::from).and_then(|()| named(file));
+        finished.map_err(|source| CliError::Write { path: target.clone(), source })
+    }
+}
+
+fn header(
+    first: &Image,
+    count: u32,
+    frames_per_second: f64,
+    file: File,
+) -> Result<png::Writer<BufWriter<File>>, png::EncodingError> {
+    let mut encoder = png::Encoder::new(BufWriter::new(file), first.width, first.height);
+    encoder.set_color(if first.channels == 4 { png::ColorType::Rgba } else { png::ColorType::Rgb });
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    encoder.set_animated(count, 0)?;
+    encoder.set_frame_delay(1000, (1000.0 * frames_per_second).round().clamp(1.0, 60_000.0) as u16)?;
+    encoder.write_header()
+}

@@ -1,0 +1,345 @@
+//! `fantex generate`: procedural models, and photographs of models.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, Subcommand, ValueEnum};
+use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::{CleanOptions, Mesh, Model, TriangleBvh, WriteGeometry, clean, write_model};
+use fantex::photos::{
+    CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture, write_colmap_binary,
+    write_colmap_text, write_transforms,
+};
+use fantex::render::Camera;
+use fantex::texture::{ColorSpace, Depth};
+use glam::{DVec3, Vec3};
+use serde::Serialize;
+
+use crate::commands::bake;
+use crate::commands::bake::{BakeJob, EncodingArgs};
+use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::{CleanModel, SizeArg};
+use crate::sources::{OpenSource, SourceArg, solid_source};
+use crate::text::{Count, counted, positive, share};
+
+/// Generate a procedural model, or photographs of a model.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex generate landscape -o cave.ply --triangles 500k --seed 7
+  fantex generate photographs bottle.gltf -o shoot --count 24")]
+pub(crate) struct GenerateArgs {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(Debug, Subcommand)]
+enum What {
+    Landscape(LandscapeArgs),
+    Photographs(PhotographsArgs),
+}
+
+/// A closed landscape with mountains, cliffs, overhangs, tunnels and arches; y is up, units are metres.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex generate landscape -o cave.ply --triangles 500k --seed 7
+  fantex generate landscape -o world.fan --triangles 1M --texels 16G --format bc1 --memory 512M
+
+An asset (.fan) is baked at once from the solid 'landscape': sand, grass, rock and snow by altitude and slope.")]
+struct LandscapeArgs {
+    /// The model to write: .ply, .obj or .glb; or an asset: .fan
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Triangles aimed at; the result lies within a tenth of it
+    #[arg(long, value_name = "N", default_value = "500k")]
+    triangles: Count,
+    /// Side of the square in metres
+    #[arg(long, value_name = "METRES", default_value_t = f64::from(LandscapeOptions::default().size), value_parser = positive, allow_negative_numbers = true)]
+    size: f64,
+    /// Tunnels wanted
+    #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().tunnels)]
+    tunnels: u32,
+    /// Natural arches wanted
+    #[arg(long, value_name = "N", default_value_t = LandscapeOptions::default().arches)]
+    arches: u32,
+    /// How far triangles are from regular, 0 to 1
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    irregularity: f64,
+    #[command(flatten, next_help_heading = "Assets only")]
+    cover: CoverArgs,
+    #[command(flatten, next_help_heading = "Assets only")]
+    encoding: EncodingArgs,
+}
+
+impl LandscapeArgs {
+    fn writes_asset(&self) -> bool {
+        self.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan"))
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct LandscapeInfo {
+    output: PathBuf,
+    triangles: u64,
+    vertices: u64,
+    genus: u64,
+    components: u64,
+    tunnels: u32,
+    arches: u32,
+    seed: u64,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<(), CliError> {
+    match &args.what {
+        What::Landscape(args) => run_landscape(args, context),
+        What::Photographs(args) => run_photographs(args, context),
+    }
+}
+
+fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    context.check_output(&args.output)?;
+    let made = landscape(&LandscapeOptions {
+        triangles: args.triangles.0,
+        seed: context.seed,
+        size: args.size as f32,
+        tunnels: args.tunnels,
+        arches: args.arches,
+        irregularity: args.irregularity as f32,
+    });
+    if args.writes_asset() {
+        return bake_landscape(args, made.into(), started, context);
+    }
+    if !args.cover.is_default() {
+        return Err(CliError::TexelsOfModel { path: args.output.clone() });
+    }
+    let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
+    {
+        let _deferral = context.defer_interrupt();
+        let geometry = WriteGeometry { positions: &positions, triangles: &made.triangles, colors: None };
+        write_model(&args.output, &geometry, context.force)?;
+    }
+    let info = LandscapeInfo {
+        output: args.output.clone(),
+        triangles: made.triangles.len() as u64,
+        vertices: made.positions.len() as u64,
+        genus: made.genus,
+        components: made.components,
+        tunnels: made.tunnels,
+        arches: made.arches,
+        seed: context.seed,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| {
+        format!(
+            "{}: {}, genus {} ({}, {}), {:.1} s",
+            info.output.display(),
+            counted(info.triangles, "triangle"),
+            info.genus,
+            counted(u64::from(info.tunnels), "tunnel"),
+            counted(u64::from(info.arches), "arch"),
+            info.seconds
+        )
+    })
+}
+
+fn bake_landscape(
+    args: &LandscapeArgs,
+    model: Model,
+    started: Instant,
+    context: &Context,
+) -> Result<(), CliError> {
+    let (mesh, _) = clean(model, &CleanOptions::default())?;
+    let source = solid_source("landscape", &mesh, context.seed)?;
+    let job = BakeJob {
+        mesh: &mesh,
+        budget: args.cover.budget(&mesh).unwrap_or(DEFAULT_BUDGET),
+        cover: &args.cover,
+        encoding: &args.encoding,
+        output: &args.output,
+        source_name: "solid=landscape".to_owned(),
+        started,
+        load_seconds: started.elapsed().as_secs_f64(),
+        memory_bytes: context.memory_bytes,
+    };
+    let info = job.run(&source, context)?;
+    context.print(&info, bake::text)
+}
+
+/// Photographs of a model from all sides, with the files that photogrammetry programs write about their cameras: images/,
+/// sparse/0/ (COLMAP, binary and text) and transforms.json.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex generate photographs bottle.gltf -o shoot --count 24
+  fantex generate photographs bottle.gltf -o shoot --count 24 --lens radial --exposure 0.4 --standing
+  fantex bake bottle.gltf -o bottle.fan --source photos=shoot
+
+The model is lit from everywhere, before a grey wall, so photographs show its base colour.")]
+pub(super) struct PhotographsArgs {
+    /// A model (.glb .gltf .obj .ply .stl)
+    model: PathBuf,
+    /// The folder to write into
+    #[arg(short, long, value_name = "DIR")]
+    output: PathBuf,
+    /// Number of photographs, spread evenly around the model
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    count: u32,
+    /// Width and height in pixels
+    #[arg(long, value_name = "WxH", default_value = "1200x900")]
+    size: SizeArg,
+    /// What the camera sees through
+    #[arg(long, value_enum, default_value_t)]
+    lens: LensArg,
+    /// How far exposure and tint of the photographs differ, 0 to 1: up to half as light again or as dark at 0.5
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
+    exposure: f64,
+    /// The model stands on something: no photograph from below
+    #[arg(long)]
+    standing: bool,
+    /// Rays along each side of a pixel
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=16))]
+    samples: u32,
+    /// What the model looks like: uv, vertex, image=PATH,mapping=NAME or solid=NAME; its own look by default
+    #[arg(long)]
+    source: Option<SourceArg>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+enum LensArg {
+    /// No distortion
+    Pinhole,
+    /// Radial and tangential distortion, as of a wide lens
+    #[default]
+    Radial,
+    /// A fisheye
+    Fisheye,
+}
+
+impl LensArg {
+    fn lens(self) -> Lens {
+        Lens::new(match self {
+            Self::Pinhole => Distortion::PINHOLE,
+            Self::Radial => Distortion::Perspective {
+                radial: [-0.12, 0.03, 0.0, 0.0, 0.0, 0.0],
+                tangential: [0.0008, -0.0012],
+            },
+            Self::Fisheye => Distortion::fisheye([-0.02, 0.003, -0.001, 0.0]),
+        })
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct PhotographsInfo {
+    output: PathBuf,
+    photos: u64,
+    width: u32,
+    height: u32,
+    seconds: f64,
+}
+
+/// Runs the command.
+fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    let model = CleanModel::open(&args.model)?;
+    model.show_notes(&args.model, context);
+    let mesh = &model.mesh;
+    let look = match &args.source {
+        Some(source) => source.clone(),
+        None => SourceArg::default_of(mesh, &args.model)?,
+    };
+    let look = OpenSource::open(&look, mesh, &args.model, context.seed)?;
+    let [images, sparse] = [args.output.join("images"), args.output.join("sparse/0")];
+    let transforms = args.output.join("transforms.json");
+    for path in [&images, &args.output.join("sparse"), &transforms] {
+        if !context.force && path.symlink_metadata().is_ok() {
+            return Err(CliError::Exists { path: path.clone() });
+        }
+    }
+    [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
+    let photographs = set_up(args, mesh, &images);
+    let bvh = TriangleBvh::new(mesh);
+    for (i, photograph) in photographs.iter().enumerate() {
+        context.check_interrupt()?;
+        let exposure = exposure(i, args.exposure as f32);
+        let options = CaptureOptions { samples: args.samples, exposure, ..CaptureOptions::default() };
+        let picture = capture(mesh, &bvh, look.as_source(), photograph, &options);
+        let _deferral = context.defer_interrupt();
+        picture.converted(Depth::U8, ColorSpace::Srgb).save(&photograph.path)?;
+    }
+    {
+        let _deferral = context.defer_interrupt();
+        write_colmap_binary(&sparse, &photographs)?;
+        write_colmap_text(&sparse, &photographs)?;
+        write_transforms(&transforms, &photographs, "images")?;
+    }
+    let [width, height] = args.size.0;
+    let info = PhotographsInfo {
+        output: args.output.clone(),
+        photos: photographs.len() as u64,
+        width,
+        height,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| {
+        let PhotographsInfo { output, photos, width, height, seconds } = info;
+        let photos = counted(*photos, "photograph");
+        format!("{}: {photos} of {width} x {height} pixels, {seconds:.1} s", output.display())
+    })
+}
+
+/// Cameras all around the model that show it whole.
+fn set_up(args: &PhotographsArgs, mesh: &Mesh, images: &Path) -> Vec<Photograph> {
+    let size = args.size.0;
+    let [width, height] = size.map(f64::from);
+    let framed = Camera::orbit(mesh, args.count as usize, width / height);
+    let photograph = |(i, camera): (usize, Camera)| {
+        let camera = match args.standing {
+            true => {
+                let direction = camera.eye - camera.target;
+                Camera::framing_mesh(
+                    mesh,
+                    DVec3::new(direction.x, direction.y.abs(), direction.z),
+                    width / height,
+                )
+            }
+            false => camera,
+        };
+        let focal = 0.5 * height / (0.5 * camera.fov_degrees.to_radians()).tan();
+        let name = format!("{i:04}.png");
+        Photograph {
+            path: images.join(&name),
+            mask: None,
+            name,
+            camera: PhotoCamera { lens: args.lens.lens(), ..PhotoCamera::pinhole(size, focal) },
+            camera_from_world: CameraFromWorld::looking_at(camera.eye, camera.target, camera.up),
+        }
+    };
+    framed.into_iter().enumerate().map(photograph).collect()
+}
+
+/// Factors of red, green and blue of a photograph, all different, around 1.
+fn exposure(number: usize, spread: f32) -> Vec3 {
+    // Three turns by the golden angle, so that neighbours differ.
+    let wave = |turn: f32| (number as f32 * 2.4 + turn).sin();
+    let tint = Vec3::new(wave(1.0), 0.0, wave(2.5)) * 0.15;
+    (Vec3::splat(wave(0.0)) + tint).map(|x| (1.0 + spread).powf(x))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposures_differ_as_far_as_they_are_told_to() {
+        assert!((0..50).all(|i| exposure(i, 0.0) == Vec3::ONE));
+        let greens: Vec<f32> = (0..50).map(|i| exposure(i, 0.5).y).collect();
+        assert!(greens.iter().all(|g| (1.0 / 1.51..1.51).contains(g)));
+        assert!(greens.iter().any(|&g| g > 1.45) && greens.iter().any(|&g| g < 0.69));
+    }
+}

@@ -1,0 +1,445 @@
+//! `fantex info`: what is in a file, and for a model the cover that it would get.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use fantex::cover::{Cover, CoverOptions, CoverStats, Percentiles, TexelBudget, build_cover, pack};
+use fantex::look::LookFile;
+use fantex::look::data::{FileName, Look};
+use fantex::mesh::Mesh;
+use fantex::store::Asset;
+use fantex::texture::look::look_of_model;
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::cover_pictures;
+use crate::error::CliError;
+use crate::scene::{CleanModel, Input};
+use crate::text::{Count, Table, counted, grouped, megabytes, overdraft, positive, texels_asked};
+
+/// Show what is in a model, an asset or a look, and the cover that a model would get.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex info bunny.ply --texels 5.59M
+  fantex info bunny.ply --json --picture out/bunny
+  fantex info bunny.fan
+  fantex info scene.toml
+  fantex info bottle.gltf --look > bottle.toml
+
+With --look, the model's own materials are printed as a look, which 'fantex render' and 'fantex bake --look' take.")]
+pub(crate) struct InfoArgs {
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a look (.toml)
+    file: PathBuf,
+    /// Print the model's own materials as a look
+    #[arg(long, conflicts_with_all = ["texels", "density", "tile", "picture"])]
+    look: bool,
+    #[command(flatten)]
+    cover: CoverArgs,
+    /// Draw the cover, the projection directions and the packed texture: a folder, or the start of the files' names
+    #[arg(long, value_name = "DIR|PREFIX")]
+    picture: Option<PathBuf>,
+}
+
+/// How a model is covered.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct CoverArgs {
+    /// Texels in all, e.g. 64k or 4M (1k = 1000) [default: 4M]
+    #[arg(long, value_name = "N", conflicts_with = "density")]
+    pub(crate) texels: Option<Count>,
+    /// Texels per world unit of length, everywhere
+    #[arg(long, value_name = "D", value_parser = positive, allow_negative_numbers = true)]
+    pub(crate) density: Option<f64>,
+    /// Target extent of a tile in texels; 0 gives every fan its own tile [default: 128]
+    #[arg(long, value_name = "N")]
+    pub(crate) tile: Option<u32>,
+}
+
+impl CoverArgs {
+    /// True where nothing was asked for.
+    pub(crate) fn is_default(&self) -> bool {
+        self.texels.is_none() && self.density.is_none() && self.tile.is_none()
+    }
+
+    /// The number of texels or the density that was asked for.
+    pub(crate) fn budget(&self, mesh: &Mesh) -> Option<TexelBudget> {
+        let per_world_unit = self.density.map(|d| TexelBudget::Density(d * mesh.world_from_mesh.scale));
+        self.texels.map(|texels| TexelBudget::Total(texels.0)).or(per_world_unit)
+    }
+
+    /// Options with a budget.
+    pub(crate) fn options(&self, budget: TexelBudget) -> CoverOptions {
+        let default = CoverOptions::default();
+        CoverOptions { budget, tile: self.tile.unwrap_or(default.tile), ..default }
+    }
+}
+
+/// Texels where nothing else says how many.
+pub(crate) const DEFAULT_BUDGET: TexelBudget = TexelBudget::Total(4_000_000);
+
+#[derive(Debug, Serialize)]
+struct Stretch {
+    p1: f32,
+    median: f32,
+    p99: f32,
+}
+
+impl From<Percentiles> for Stretch {
+    fn from(p: Percentiles) -> Self {
+        Self { p1: p.p1, median: p.median, p99: p.p99 }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct Seconds {
+    load: f64,
+    clean: f64,
+    cover: f64,
+}
+
+/// The virtual texture: all tiles on one sheet.
+#[derive(Debug, Serialize)]
+struct Sheet {
+    width: u32,
+    height: u32,
+    /// Share of the sheet that tiles cover.
+    fill: f64,
+}
+
+impl Sheet {
+    fn of(cover: &Cover) -> Self {
+        let extents: Vec<_> = cover.groups.iter().map(|g| g.extent).collect();
+        let packing = pack(&extents);
+        Self { width: packing.width, height: packing.height, fill: packing.fill(&extents) }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct ModelInfo {
+    kind: &'static str,
+    triangles: u64,
+    vertices: u64,
+    components: u64,
+    boundary_edges: u64,
+    nonmanifold_edges: u64,
+    nonmanifold_vertices: u64,
+    genus: Option<u64>,
+    fans: u64,
+    fans_projected: u64,
+    fans_unfolded: u64,
+    fans_split: u64,
+    fans_folding: u64,
+    groups: u64,
+    tiles: u64,
+    texels: u64,
+    /// Where a number was asked for. Many small tiles may hold more.
+    texels_asked: Option<u64>,
+    density_share: f64,
+    texels_per_ideal_texel: f64,
+    lookups_per_sample: f64,
+    stretch: Stretch,
+    density_spread: Stretch,
+    sheet: Sheet,
+    seconds: Seconds,
+    report: Vec<String>,
+    pictures: Vec<PathBuf>,
+}
+
+#[derive(Debug, Serialize)]
+struct ChannelInfo {
+    kind: String,
+    format: String,
+    srgb: bool,
+}
+
+#[derive(Debug, Serialize)]
+struct AssetInfo {
+    kind: &'static str,
+    triangles: u64,
+    vertices: u64,
+    groups: u64,
+    tiles: u64,
+    groups_projected: u64,
+    groups_unfolded: u64,
+    texels: u64,
+    bytes: u64,
+    levels: u32,
+    clusters: u64,
+    channels: Vec<ChannelInfo>,
+    sheet: Sheet,
+    pictures: Vec<PathBuf>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
+    match Input::open(&args.file)? {
+        Input::Model(model) if args.look => print_look_of_model(&model, &args.file, context),
+        Input::Asset(_) | Input::Look(_) if args.look => {
+            Err(CliError::NoMaterials { path: args.file.clone() })
+        }
+        Input::Look(file) => print_look(&file, context),
+        Input::Model(model) => {
+            let info = of_model(&model, args, context)?;
+            context.print(&info, |info| model_text(info, &args.file))
+        }
+        Input::Asset(_) if !args.cover.is_default() => {
+            Err(CliError::NotForAssets { option: "--texels, --density or --tile", path: args.file.clone() })
+        }
+        Input::Asset(asset) => {
+            let info = of_asset(&asset, args, context)?;
+            context.print(&info, |info| asset_text(info, &args.file))
+        }
+    }
+}
+
+fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<ModelInfo, CliError> {
+    let mesh = &model.mesh;
+    let started = Instant::now();
+    let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
+    let texels_asked = texels_asked(&budget);
+    let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
+    let seconds = Seconds {
+        load: model.load_seconds,
+        clean: model.clean_seconds,
+        cover: started.elapsed().as_secs_f64(),
+    };
+    let overdraft = overdraft(texels_asked, &stats);
+    let CoverStats {
+        fans,
+        split_centers,
+        groups,
+        texels,
+        density_share,
+        lookups_per_sample,
+        stretch,
+        density_spread,
+        ..
+    } = stats;
+    let mut report = model.notes.clone();
+    report.extend(overdraft.map(|note| format!("{note}.")));
+    report.extend(split_centers.iter().map(|&center| {
+        let [x, y, z] = mesh.world_from_mesh.point(center).to_array();
+        format!(
+            "the fan around ({x:.6}, {y:.6}, {z:.6}) can neither be projected nor unfolded (its triangles lie back to \
+             back): it is split, and the texture may jump across its edges."
+        )
+    }));
+    if fans.split > split_centers.len() as u64 {
+        let more = counted(fans.split - split_centers.len() as u64, "more fan");
+        report.push(format!("the same holds for {more}."));
+    }
+    let shape = &model.report.topology;
+    Ok(ModelInfo {
+        kind: "model",
+        triangles: mesh.triangles.len() as u64,
+        vertices: mesh.positions.len() as u64,
+        components: shape.components,
+        boundary_edges: shape.edges_boundary,
+        nonmanifold_edges: shape.edges_non_manifold,
+        nonmanifold_vertices: shape.vertices_non_manifold,
+        genus: shape.genus(),
+        fans: fans.total,
+        fans_projected: fans.projected,
+        fans_unfolded: fans.unfolded,
+        fans_split: fans.split,
+        fans_folding: fans.folding,
+        groups,
+        tiles: groups,
+        texels,
+        texels_asked,
+        density_share,
+        texels_per_ideal_texel: 1.0 / density_share,
+        lookups_per_sample,
+        stretch: stretch.into(),
+        density_spread: density_spread.into(),
+        sheet: Sheet::of(&cover),
+        seconds,
+        report,
+        pictures: draw(mesh, &cover, args, context)?,
+    })
+}
+
+fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetInfo, CliError> {
+    let (mesh, cover) = (asset.mesh(), asset.cover());
+    let unfolded =
+        cover.groups.iter().filter(|g| g.kind == fantex::cover::GroupKind::Unfolded).count() as u64;
+    let groups = cover.groups.len() as u64;
+    let channel = |c: &fantex::store::Channel| ChannelInfo {
+        kind: format!("{:?}", c.kind),
+        format: format!("{:?}", c.format),
+        srgb: c.srgb,
+    };
+    Ok(AssetInfo {
+        kind: "asset",
+        triangles: mesh.triangles.len() as u64,
+        vertices: mesh.positions.len() as u64,
+        groups,
+        tiles: groups,
+        groups_projected: groups - unfolded,
+        groups_unfolded: unfolded,
+        texels: cover.texels(),
+        bytes: asset.file_bytes(),
+        levels: asset.level_count(),
+        clusters: (0..asset.level_count()).map(|level| asset.cluster_ranges(level).len() as u64).sum(),
+        channels: asset.channels().iter().map(channel).collect(),
+        sheet: Sheet::of(cover),
+        pictures: draw(mesh, cover, args, context)?,
+    })
+}
+
+/// Draws the pictures that were asked for and returns their paths.
+fn draw(mesh: &Mesh, cover: &Cover, args: &InfoArgs, context: &Context) -> Result<Vec<PathBuf>, CliError> {
+    match &args.picture {
+        Some(target) => cover_pictures::draw(mesh, cover, target, context),
+        None => Ok(Vec::new()),
+    }
+}
+
+fn model_text(info: &ModelInfo, path: &Path) -> String {
+    let share = |p: &Stretch| format!("{:.3} / {:.3} / {:.3}", p.p1, p.median, p.p99);
+    let genus = info.genus.map_or(String::new(), |genus| format!(", genus {genus}"));
+    let mut table = Table::default();
+    table
+        .row("model", path.display().to_string())
+        .row("triangles", grouped(info.triangles))
+        .row("vertices", grouped(info.vertices))
+        .row("components", format!("{}{genus}", grouped(info.components)))
+        .row("fans", grouped(info.fans))
+        .row("  projected", grouped(info.fans_projected))
+        .row("  unfolded", grouped(info.fans_unfolded))
+        .row("  split", grouped(info.fans_split))
+        .row("  still folding", grouped(info.fans_folding))
+        .row("groups = tiles", grouped(info.groups))
+        .row("texels", grouped(info.texels))
+        .row("share of ideal density", format!("{:.3}", info.density_share))
+        .row("texels per ideal texel", format!("{:.3}", info.texels_per_ideal_texel))
+        .row("look-ups per sample", format!("{:.3}", info.lookups_per_sample))
+        .row("stretch, 1 % / median / 99 %", share(&info.stretch))
+        .row("density, 1 % / median / 99 %", share(&info.density_spread))
+        .row("one sheet", sheet_text(&info.sheet))
+        .row(
+            "seconds",
+            format!(
+                "load {:.3}, clean {:.3}, cover {:.3}",
+                info.seconds.load, info.seconds.clean, info.seconds.cover
+            ),
+        );
+    info.report.iter().for_each(|line| {
+        table.row("cleaning", line.as_str());
+    });
+    add_pictures(&mut table, &info.pictures);
+    table.to_text()
+}
+
+fn asset_text(info: &AssetInfo, path: &Path) -> String {
+    let mut table = Table::default();
+    table
+        .row("asset", path.display().to_string())
+        .row("triangles", grouped(info.triangles))
+        .row("vertices", grouped(info.vertices))
+        .row("groups = tiles", grouped(info.groups))
+        .row("  projected", grouped(info.groups_projected))
+        .row("  unfolded", grouped(info.groups_unfolded))
+        .row("texels per channel", grouped(info.texels))
+        .row("bytes", format!("{} ({})", grouped(info.bytes), megabytes(info.bytes)))
+        .row("levels", info.levels.to_string())
+        .row("clusters", grouped(info.clusters))
+        .row("one sheet", sheet_text(&info.sheet));
+    for channel in &info.channels {
+        let encoding = if channel.srgb { "sRGB" } else { "linear" };
+        table.row("channel", format!("{}, {}, {encoding}", channel.kind, channel.format));
+    }
+    add_pictures(&mut table, &info.pictures);
+    table.to_text()
+}
+
+fn sheet_text(sheet: &Sheet) -> String {
+    format!("{} x {} texels, {:.1} % used", sheet.width, sheet.height, 100.0 * sheet.fill)
+}
+
+fn add_pictures(table: &mut Table, pictures: &[PathBuf]) {
+    pictures.iter().for_each(|path| {
+        table.row("picture", path.display().to_string());
+    });
+}
+
+#[derive(Debug, Serialize)]
+struct LookInfo {
+    kind: &'static str,
+    file: PathBuf,
+    /// Kind of each texture by its name.
+    textures: BTreeMap<String, String>,
+    materials: Vec<String>,
+    objects: u64,
+    lights: u64,
+    has_environment: bool,
+    frames: u32,
+    /// Models and assets that the look names.
+    models: Vec<PathBuf>,
+}
+
+/// Shows what is in a look.
+pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<(), CliError> {
+    let look = file.look();
+    let resolved = |name: &FileName| file.file(name);
+    let info = LookInfo {
+        kind: "look",
+        file: file.path().into(),
+        textures: kinds(look)?,
+        materials: look.materials.keys().cloned().collect(),
+        objects: look.object.len() as u64,
+        lights: look.light.len() as u64,
+        has_environment: look.environment.is_some(),
+        frames: look.picture.frames.as_ref().map_or(1, |frames| frames.count),
+        models: look.object.iter().filter_map(|object| object.model.as_ref().map(resolved)).collect(),
+    };
+    context.print(&info, look_text)
+}
+
+/// The key `kind` of each texture.
+fn kinds(look: &Look) -> Result<BTreeMap<String, String>, CliError> {
+    let kind = |value: serde_json::Value| value["kind"].as_str().unwrap_or_default().to_owned();
+    let textures = look.textures.iter();
+    textures.map(|(name, table)| Ok((name.clone(), kind(serde_json::to_value(table)?)))).collect()
+}
+
+fn look_text(info: &LookInfo) -> String {
+    let mut table = Table::default();
+    table.row("look", info.file.display().to_string());
+    info.textures.iter().for_each(|(name, kind)| {
+        table.row("texture", format!("{name}: {kind}"));
+    });
+    info.materials.iter().for_each(|name| {
+        table.row("material", name.as_str());
+    });
+    table.row("objects", info.objects.to_string()).row("lights", info.lights.to_string());
+    table.row("environment", if info.has_environment { "yes" } else { "no" });
+    table.row("frames", info.frames.to_string());
+    info.models.iter().for_each(|path| {
+        table.row("model", path.display().to_string());
+    });
+    table.to_text()
+}
+
+#[derive(Debug, Serialize)]
+struct Translation {
+    look: Look,
+    /// For each material of the model its name in the look.
+    materials: Vec<String>,
+}
+
+/// Prints a model's own materials as a look.
+pub(crate) fn print_look_of_model(
+    model: &CleanModel,
+    path: &Path,
+    context: &Context,
+) -> Result<(), CliError> {
+    let translated = look_of_model(&model.mesh);
+    let text = translated.look.to_toml();
+    let text = text.map_err(|problem| CliError::LookContent { path: path.into(), problem })?;
+    let head = format!("# The materials of {}, as a look.\n\n", path.display());
+    let translation = Translation { look: translated.look, materials: translated.materials };
+    context.print(&translation, |_| head + &text)
+}

@@ -1,0 +1,198 @@
+//! `fantex paint`: strokes onto an asset.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use fantex::paint::{PaintOptions, Painter, ReplayError, ReplaySummary, StrokeFile, StrokeLog, replay};
+use serde::Serialize;
+
+use super::view;
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::open_asset;
+use crate::text::{counted, megabytes};
+
+/// Paint on a model or an asset, in a window or by a file of strokes.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex paint statue.fan
+  fantex paint bottle.glb
+  fantex paint statue.fan --replay strokes.json -o painted.fan
+  fantex paint denser.fan --replay-log painted.fan
+  fantex paint painted.fan --export-log strokes.json
+
+Without --replay a window is opened. A model becomes an asset beside it first (bottle.fan), which is painted on; what is
+painted is saved all the time, and every step can be undone.
+
+With --replay strokes are applied without a window. Without -o the asset itself is changed, safely: it holds either all
+strokes or none. Strokes are given by positions in the model's coordinates, so that a file fits any asset of the model. An
+asset keeps a log of what was painted on it, which fits other densities, other covers, and edited meshes.")]
+pub(crate) struct PaintArgs {
+    /// An asset (.fan); without --replay also a model (.glb .gltf .obj .ply .stl)
+    asset: PathBuf,
+    /// Strokes (.json) to apply
+    #[arg(long, value_name = "STROKES")]
+    replay: Option<PathBuf>,
+    /// Another asset, whose log of strokes to apply
+    #[arg(long, value_name = "ASSET", conflicts_with = "replay")]
+    replay_log: Option<PathBuf>,
+    /// Write the log of the asset as a stroke file (.json), with the pictures that it mentions in the folder 'files' beside it
+    #[arg(long, value_name = "STROKES", conflicts_with_all = ["replay", "replay_log", "output"])]
+    export_log: Option<PathBuf>,
+    /// The asset to write; without it the given one is changed
+    #[arg(short, long, value_name = "ASSET")]
+    output: Option<PathBuf>,
+    /// Keep nothing that undoes the strokes
+    #[arg(long)]
+    no_history: bool,
+}
+
+/// What is painted.
+enum Strokes {
+    File { file: StrokeFile, folder: PathBuf },
+    Log(StrokeLog),
+}
+
+impl Strokes {
+    fn of_file(path: &Path) -> Result<Self, CliError> {
+        let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
+        Ok(Self::File { file: StrokeFile::load(path)?, folder })
+    }
+
+    fn logged_in(asset: &Path) -> Result<Self, CliError> {
+        Ok(Self::Log(StrokeLog::of(&*open_asset(asset)?)?))
+    }
+
+    fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary, ReplayError> {
+        match self {
+            Self::File { file, folder } => replay(painter, file, folder),
+            Self::Log(log) => log.replay(painter),
+        }
+    }
+}
+
+#[derive(Debug, Serialize)]
+struct ExportInfo {
+    output: PathBuf,
+    strokes: usize,
+    unrecorded: usize,
+}
+
+#[derive(Debug, Serialize)]
+struct PaintInfo {
+    output: PathBuf,
+    strokes: usize,
+    dabs: usize,
+    pages: usize,
+    missed_samples: usize,
+    unrecorded: usize,
+    generation: u64,
+    bytes: u64,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    if let Some(output) = &args.export_log {
+        return export(&args.asset, output, context);
+    }
+    // Opening says what is wrong with files of other kinds.
+    let opens = || open_asset(&args.asset).map(drop);
+    let strokes = match (&args.replay, &args.replay_log) {
+        (None, None) => {
+            let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
+            return view::start(&["--paint".into(), memory.into(), args.asset.clone().into()]);
+        }
+        (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
+        (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
+    };
+    let mut info = match &args.output {
+        None => paint(&args.asset, &strokes, args, context)?,
+        Some(output) => {
+            context.check_output(output)?;
+            let copy = copy_beside(&args.asset, output)?;
+            let info = paint(&copy, &strokes, args, context)?;
+            let renamed = if context.force { copy.persist(output) } else { copy.persist_noclobber(output) };
+            renamed.map_err(|e| match e.error.kind() {
+                io::ErrorKind::AlreadyExists => CliError::Exists { path: output.clone() },
+                _ => CliError::Write { path: output.clone(), source: e.error },
+            })?;
+            PaintInfo { output: output.clone(), ..info }
+        }
+    };
+    info.seconds = started.elapsed().as_secs_f64();
+    context.print(&info, |info| {
+        format!(
+            "{}: {}, {}, {}, {:.1} s{}",
+            info.output.display(),
+            counted(info.strokes as u64, "stroke"),
+            counted(info.dabs as u64, "dab"),
+            megabytes(info.bytes),
+            info.seconds,
+            missing(info.unrecorded)
+        )
+    })
+}
+
+fn missing(unrecorded: usize) -> String {
+    match unrecorded {
+        0 => String::new(),
+        count => format!("; without {} that could not be recorded", counted(count as u64, "stroke")),
+    }
+}
+
+fn export(asset: &Path, output: &Path, context: &Context) -> Result<(), CliError> {
+    let log = StrokeLog::of(&*open_asset(asset)?)?;
+    context.check_output(output)?;
+    log.save(output).map_err(|source| CliError::Write { path: output.to_owned(), source })?;
+    let strokes = &log.strokes.strokes;
+    let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
+    let info = ExportInfo { output: output.to_owned(), strokes: strokes.len() - unrecorded, unrecorded };
+    context.print(&info, |info| {
+        let strokes = counted(info.strokes as u64, "stroke");
+        format!("{}: {strokes}{}", info.output.display(), missing(info.unrecorded))
+    })
+}
+
+fn paint(
+    asset: &Path,
+    strokes: &Strokes,
+    args: &PaintArgs,
+    context: &Context,
+) -> Result<PaintInfo, CliError> {
+    let options = PaintOptions { memory_bytes: context.memory_bytes as usize, history: !args.no_history };
+    let mut painter = Painter::open(asset, &options)?;
+    let summary = strokes.replay(&mut painter)?;
+    let _deferral = context.defer_interrupt();
+    let committed = painter.commit()?;
+    Ok(PaintInfo {
+        output: asset.to_owned(),
+        strokes: summary.strokes,
+        dabs: summary.dabs,
+        pages: summary.pages,
+        missed_samples: summary.missed_samples,
+        unrecorded: summary.unrecorded,
+        generation: committed.generation,
+        bytes: committed.file_bytes,
+        seconds: 0.0,
+    })
+}
+
+/// A copy in the folder of the output, which goes away unless it is renamed.
+fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath, CliError> {
+    let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let write = |source| CliError::Write { path: output.to_owned(), source };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".fantex-").suffix(".tmp");
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut copy = builder.tempfile_in(folder).map_err(write)?;
+    let mut from =
+        std::fs::File::open(asset).map_err(|source| CliError::Read { path: asset.to_owned(), source })?;
+    io::copy(&mut from, copy.as_file_mut()).map_err(write)?;
+    Ok(copy.into_temp_path())
+}

@@ -1,0 +1,373 @@
+//! `fantex render`: a picture of a model or an asset.
+
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use fantex::gpu::{
+    DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, UvModel, render_to_picture, stream_view,
+};
+use fantex::look::LookFile;
+use fantex::look_scene::{GivenModel, LookScene, PictureChanges, Wardrobe};
+use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, RenderStats, Rendering, render};
+use fantex::scene::FilterOptions;
+use fantex::texture::Filter;
+use fantex::texture::look::{LookImages, ResolveOptions};
+use glam::DVec3;
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::{CleanModel, FilterArg, Scene, SizeArg, SurroundingsArgs, VectorArg, is_look, portrait};
+use crate::text::{Bytes, counted};
+
+/// Render a model, an asset or a look.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex render bottle.fan -o bottle.png
+  fantex render scene.toml -o scene.png
+  fantex render chair.glb --look oak.toml -o chair.png
+  fantex render cave.glb -o cave.exr --size 1920x1080 --eye 3,2,5 --target 0,1,0 --fov 60 --samples 16
+  fantex render car.glb -o car.png --environment forest.exr --environment-rotation 90
+  fantex render world.fan -o world.png --gpu --pool 128M
+
+Without --eye and --target the camera shows the whole model from the front, the right and above.")]
+pub(crate) struct RenderArgs {
+    /// A model (.glb .gltf .obj .ply .stl), an asset (.fan) or a look (.toml)
+    file: PathBuf,
+    /// A look (.toml) for the model: materials, lamps, surroundings, camera
+    #[arg(long, value_name = "LOOK")]
+    look: Option<PathBuf>,
+    /// The picture to write: .png, .jpg, .webp or .tif in sRGB, .exr or .hdr in linear light
+    #[arg(short, long, value_name = "PICTURE")]
+    pub(crate) output: PathBuf,
+    /// Width and height in pixels [default: the look's, or 1280x720]
+    #[arg(long, value_name = "WxH")]
+    pub(crate) size: Option<SizeArg>,
+    /// Where the camera is, world units
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) eye: Option<VectorArg>,
+    /// What the camera looks at, world units; the model's centre by default
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) target: Option<VectorArg>,
+    /// Vertical opening angle of the camera in degrees [default: 35]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub(crate) fov: Option<f64>,
+    /// Samples per pixel, 1 to 64 [default: the look's, or 8]
+    #[arg(long, value_name = "N")]
+    pub(crate) samples: Option<u32>,
+    /// How textures are filtered [default: the look's, or anisotropic]
+    #[arg(long, value_enum)]
+    pub(crate) filter: Option<FilterArg>,
+    /// Direction to the sun, world axes; over the camera's left shoulder by default, none beside an environment
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    light: Option<VectorArg>,
+    #[command(flatten)]
+    surroundings: SurroundingsArgs,
+    /// Draw on the graphics card (any Vulkan, Metal or DirectX 12 adapter; software too) with 1 or 4 samples
+    #[arg(long)]
+    gpu: bool,
+    /// Graphics memory for an asset's texels
+    #[arg(long, value_name = "SIZE", default_value = "64M", requires = "gpu")]
+    pool: Bytes,
+}
+
+#[derive(Debug, Serialize)]
+struct RenderInfo {
+    output: PathBuf,
+    width: u32,
+    height: u32,
+    seconds: f64,
+    triangles: u64,
+    /// Points at which materials were evaluated; unknown on the graphics card.
+    shaded: Option<u64>,
+    /// Filtered look-ups of all channels; unknown on the graphics card.
+    lookups: Option<u64>,
+    lookups_per_shading: Option<f64>,
+    /// The graphics card, if one was used.
+    adapter: Option<String>,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> {
+    if (args.look.is_some() || is_look(&args.file)) && (args.light.is_some() || args.surroundings.is_given())
+    {
+        let path = args.look.clone().unwrap_or_else(|| args.file.clone());
+        return Err(CliError::NotForLooks { option: "--light and --environment", path });
+    }
+    if (args.look.is_some() || is_look(&args.file)) && args.gpu {
+        let path = args.look.clone().unwrap_or_else(|| args.file.clone());
+        return Err(CliError::NotForLooks { option: "--gpu", path });
+    }
+    if let Some(path) = &args.look {
+        return render_look(args, &LookFile::read(path)?, Some(&args.file), context);
+    }
+    if is_look(&args.file) {
+        return render_look(args, &LookFile::read(&args.file)?, None, context);
+    }
+    let scene = Scene::open(&args.file, context)?;
+    context.check_output(&args.output)?;
+    let mut options = RenderOptions::default();
+    [options.width, options.height] = args.size.map_or([options.width, options.height], |size| size.0);
+    options.samples = args.samples.unwrap_or(options.samples);
+    let [width, height] = [options.width, options.height];
+    let camera = camera(args, &scene, &options);
+    let sun = args.light.map(|VectorArg(to_light)| to_light.as_vec3());
+    let mut lights = sun.map_or_else(|| Lights::behind(&camera), Lights::sun);
+    if let Some(surroundings) = args.surroundings.load(sun)? {
+        options.background = surroundings.background();
+        lights.ambient = AmbientLight::environment(surroundings.light);
+        lights.lamps.retain_mut(|lamp| match surroundings.sun {
+            Some(color) => {
+                lamp.color = color;
+                true
+            }
+            None => sun.is_some(),
+        });
+    }
+    let filter = args.filter.unwrap_or_default().options();
+    let mut info = RenderInfo {
+        output: args.output.clone(),
+        width,
+        height,
+        seconds: 0.0,
+        triangles: scene.mesh().triangles.len() as u64,
+        shaded: None,
+        lookups: None,
+        lookups_per_shading: None,
+        adapter: None,
+    };
+    let picture = if args.gpu {
+        options.samples = args.samples.unwrap_or(4);
+        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool.0, context)?;
+        info.seconds = drawn.elapsed.as_secs_f64();
+        info.adapter = Some(drawn.adapter);
+        drawn.picture
+    } else {
+        let surface = scene.surface(filter)?;
+        let Rendering { picture, stats } =
+            render(scene.mesh(), surface.as_ref(), &camera, &lights, &options)?;
+        scene.show_damage(context);
+        info.seconds = stats.elapsed.as_secs_f64();
+        info.triangles = stats.triangles;
+        info.shaded = Some(stats.shaded);
+        info.lookups = Some(stats.lookups);
+        info.lookups_per_shading = Some(stats.lookups as f64 / stats.shaded.max(1) as f64);
+        picture
+    };
+    save(&picture, &args.output, context)?;
+    context.print(&info, text)
+}
+
+fn text(info: &RenderInfo) -> String {
+    let RenderInfo { output, width, height, seconds, .. } = info;
+    let triangles = counted(info.triangles, "triangle");
+    let how = match (&info.lookups, &info.adapter) {
+        (Some(lookups), _) => counted(*lookups, "look-up"),
+        (None, Some(adapter)) => format!("on {adapter}"),
+        (None, None) => String::new(),
+    };
+    format!("{}: {width} x {height} pixels, {triangles}, {how}, {seconds:.2} s", output.display())
+}
+
+/// The camera that was asked for; what was not is taken from the view that shows the whole model.
+fn camera(args: &RenderArgs, scene: &Scene, options: &RenderOptions) -> Camera {
+    let framed = portrait(scene.mesh(), options);
+    let center = scene.mesh().world_from_mesh.offset;
+    let target = args.target.map_or(center, |v| v.0);
+    let fov_degrees = args.fov.unwrap_or(framed.fov_degrees);
+    match (args.eye, args.target) {
+        (Some(VectorArg(eye)), _) => Camera { eye, target, up: DVec3::Y, fov_degrees },
+        (None, Some(_)) => Camera { target, up: DVec3::Y, fov_degrees, ..framed },
+        (None, None) => Camera { fov_degrees, ..framed },
+    }
+}
+
+/// Writes a picture: in linear light where the format holds it, else in sRGB.
+pub(crate) fn save(picture: &Picture, path: &Path, context: &Context) -> Result<(), CliError> {
+    let _deferral = context.defer_interrupt();
+    let holds_light =
+        path.extension().is_some_and(|e| ["exr", "hdr"].iter().any(|name| e.eq_ignore_ascii_case(name)));
+    let image = if holds_light { picture.to_linear_image() } else { picture.to_srgb_image() };
+    image.save(path)?;
+    Ok(())
+}
+
+/// The longest that tiles are waited for.
+const PATIENCE: Duration = Duration::from_secs(600);
+
+/// What was drawn, and on what.
+pub(super) struct GpuRendering {
+    pub(super) picture: Picture,
+    /// The adapter's name.
+    pub(super) adapter: String,
+    /// Drawing and reading back, without loading.
+    pub(super) elapsed: Duration,
+}
+
+/// Draws a model with its own textures, or an asset through an atlas of at most `pool_bytes`.
+fn render_on_gpu(
+    scene: &Scene,
+    camera: &Camera,
+    lights: &Lights,
+    options: &RenderOptions,
+    filter: FilterOptions,
+    pool_bytes: u64,
+    context: &Context,
+) -> Result<GpuRendering, CliError> {
+    let gpu = Gpu::headless(&GpuOptions::default())?;
+    let size = [options.width, options.height];
+    let draw = DrawOptions {
+        shading: options.shading,
+        filter,
+        background: options.background,
+        exposure: options.exposure,
+        // Whoever saves the picture brings it into its range.
+        tone_map: None,
+        samples: options.samples,
+        ..DrawOptions::default()
+    };
+    let picture_of = |model: &mut dyn Model| {
+        let started = Instant::now();
+        let mut frame = Frame { size, camera, lights, model, options: &draw };
+        let picture = render_to_picture(&gpu, &mut frame)?;
+        let adapter = gpu.info().name.clone();
+        Ok(GpuRendering { picture, adapter, elapsed: started.elapsed() })
+    };
+    let Some(asset) = scene.asset() else {
+        return picture_of(&mut UvModel::load(&gpu, scene.mesh())?);
+    };
+    let mut streamed = StreamedModel::open(&gpu, asset.clone(), pool_bytes)?;
+    let view = stream_view(camera, size, streamed.model.space());
+    let is_sharp = streamed.wait_until_sharp(&gpu, &view, &filter, PATIENCE)?;
+    let figures = streamed.streamer.statistics();
+    if figures.bias_levels > 0.0 {
+        context.note(format!(
+            "the view does not fit into the pool: tiles are up to {:.1} levels coarser than they should be; give it more \
+             memory by --pool",
+            figures.bias_levels
+        ));
+    } else if !is_sharp {
+        context.note(format!("tiles were still missing after {} s", PATIENCE.as_secs()));
+    }
+    for (parcel, error) in streamed.streamer.damaged().take(4) {
+        context.note(format!("{parcel} cannot be read, a coarser level takes its place: {error}"));
+    }
+    picture_of(&mut streamed.model)
+}
+
+#[derive(Debug, Serialize)]
+struct LookRenderInfo {
+    output: PathBuf,
+    /// All pictures that were written.
+    pictures: Vec<PathBuf>,
+    width: u32,
+    height: u32,
+    seconds: f64,
+    triangles: u64,
+    shaded: u64,
+    lookups: u64,
+}
+
+/// Renders a look, on a model where one is given.
+fn render_look(
+    args: &RenderArgs,
+    file: &LookFile,
+    model: Option<&Path>,
+    context: &Context,
+) -> Result<(), CliError> {
+    let given = model.map(|path| given_model(path, context)).transpose()?;
+    let images = LookImages::default();
+    let options = ResolveOptions { filter: args.filter.map(filter_of), ..context.resolve_options() };
+    let wardrobe = Wardrobe { file, images: &images, options };
+    let scene = LookScene::new(wardrobe, given.as_ref(), changes(args))?;
+    let times = scene.times();
+    let pictures = names(&args.output, times.len());
+    pictures.iter().try_for_each(|path| context.check_output(path))?;
+    let mut info = LookRenderInfo {
+        output: args.output.clone(),
+        pictures: Vec::new(),
+        width: 0,
+        height: 0,
+        seconds: 0.0,
+        triangles: 0,
+        shaded: 0,
+        lookups: 0,
+    };
+    for (time, path) in times.into_iter().zip(pictures) {
+        let Rendering { picture, stats } = scene.render(time)?;
+        save(&picture, &path, context)?;
+        (info.width, info.height) = (picture.width, picture.height);
+        info.add(&stats);
+        info.pictures.push(path);
+        context.check_interrupt()?;
+    }
+    show_damaged_tiles(&scene, context);
+    context.print(&info, look_text)
+}
+
+/// Tells the user about tiles of assets that could not be read, after they were looked at.
+pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) {
+    match scene.damaged_tiles() {
+        0 => {}
+        count => context.note(format!("coarser texels stand in for {}", counted(count, "damaged tile"))),
+    }
+}
+
+fn given_model(path: &Path, context: &Context) -> Result<GivenModel, CliError> {
+    let model = CleanModel::open(path)?;
+    model.show_notes(path, context);
+    Ok(GivenModel { path: path.into(), mesh: model.mesh })
+}
+
+fn changes(args: &RenderArgs) -> PictureChanges {
+    PictureChanges {
+        size: args.size.map(|size| size.0),
+        samples: args.samples,
+        filter: args.filter.map(filter_of),
+        eye: args.eye.map(|v| v.0),
+        target: args.target.map(|v| v.0),
+        fov_degrees: args.fov,
+        background: None,
+    }
+}
+
+pub(crate) fn filter_of(filter: crate::scene::FilterArg) -> Filter {
+    filter.options().filter
+}
+
+/// `picture.png` for one picture, `picture-0001.png` and so on for several.
+fn names(output: &Path, count: usize) -> Vec<PathBuf> {
+    if count == 1 {
+        return vec![output.into()];
+    }
+    let stem = output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let extension = output.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
+    (1..=count).map(|i| output.with_file_name(format!("{stem}-{i:04}{extension}"))).collect()
+}
+
+impl LookRenderInfo {
+    fn add(&mut self, stats: &RenderStats) {
+        self.seconds += stats.elapsed.as_secs_f64();
+        self.triangles = stats.triangles;
+        self.shaded += stats.shaded;
+        self.lookups += stats.lookups;
+    }
+}
+
+fn look_text(info: &LookRenderInfo) -> String {
+    let what = match info.pictures.as_slice() {
+        [only] => only.display().to_string(),
+        [first, .., last] => format!("{} to {}", first.display(), last.display()),
+        [] => String::new(),
+    };
+    format!(
+        "{what}: {} x {} pixels, {}, {}, {:.2} s",
+        info.width,
+        info.height,
+        counted(info.triangles, "triangle"),
+        counted(info.lookups, "look-up"),
+        info.seconds
+    )
+}

@@ -1,0 +1,119 @@
+//! `fantex verify`: structure, checksums and the continuity certificate of an asset.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use fantex::store::{self, JUMP_BOUND, VerifyOptions, VerifyReport};
+use serde::Serialize;
+
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::open_asset;
+use crate::text::Table;
+use crate::text::{counted, grouped, megabytes};
+
+/// Check an asset: structure, checksums, and that its texture is continuous across every edge.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex verify bottle.fan
+  fantex verify bottle.fan --json")]
+pub(crate) struct VerifyArgs {
+    /// An asset (.fan)
+    asset: PathBuf,
+}
+
+#[derive(Debug, Serialize)]
+struct ContinuityInfo {
+    largest_jump: f32,
+    bound: f32,
+    edges: u64,
+    levels: u32,
+    samples: u64,
+    exempt_edges: u64,
+    needless_splits: u64,
+}
+
+#[derive(Debug, Serialize)]
+struct VerifyInfo {
+    ok: bool,
+    damaged_tiles: u64,
+    damaged_headers: u32,
+    damaged_attachments: u64,
+    damage: Vec<String>,
+    mesh_faults: Vec<String>,
+    continuity: ContinuityInfo,
+    levels: u32,
+    bytes: u64,
+    seconds: f64,
+}
+
+/// Runs the command.
+pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> {
+    let started = Instant::now();
+    // Opening says what is wrong with files of other kinds.
+    drop(open_asset(&args.asset)?);
+    let report = store::verify(&args.asset, &VerifyOptions { memory_bytes: context.memory_bytes as usize })?;
+    let continuity = &report.continuity;
+    let info = VerifyInfo {
+        ok: report.ok,
+        damaged_tiles: report.damaged_tiles,
+        damaged_headers: report.damaged_headers,
+        damaged_attachments: report.damaged_attachments,
+        damage: report.first_damage.clone(),
+        mesh_faults: report.mesh_faults.iter().map(ToString::to_string).collect(),
+        continuity: ContinuityInfo {
+            largest_jump: continuity.largest_jump,
+            bound: JUMP_BOUND,
+            edges: continuity.edges,
+            levels: continuity.levels,
+            samples: continuity.samples,
+            exempt_edges: continuity.exempt_edges,
+            needless_splits: continuity.needless_splits,
+        },
+        levels: report.levels,
+        bytes: report.bytes,
+        seconds: started.elapsed().as_secs_f64(),
+    };
+    context.print(&info, |info| text(info, &args.asset))?;
+    if report.ok { Ok(()) } else { Err(not_verified(&args.asset, &report)) }
+}
+
+/// The sentence that says why.
+pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
+    let jump = report.continuity.largest_jump;
+    let reason = if let Some(damage) = report.first_damage.first() {
+        format!("it has {}; the first: {damage}", counted(report.damaged_tiles, "damaged tile"))
+    } else if let Some(fault) = report.mesh_faults.first() {
+        format!("its mesh breaks a rule of the format: {fault}")
+    } else if report.damaged_headers > 0 {
+        "one of its two headers is damaged; the other one still opens it".to_owned()
+    } else if report.damaged_attachments > 0 {
+        let attachments = counted(report.damaged_attachments, "damaged attachment");
+        format!("it has {attachments} (layers, history); its texels are sound")
+    } else if report.continuity.needless_splits > 0 {
+        let edges = counted(report.continuity.needless_splits, "edge");
+        format!(
+            "at {edges} the two triangles name different groups, so the texture may jump there; bake it again"
+        )
+    } else {
+        format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
+    };
+    CliError::NotVerified { path: path.into(), reason }
+}
+
+fn text(info: &VerifyInfo, path: &Path) -> String {
+    let continuity = &info.continuity;
+    let mut table = Table::default();
+    table
+        .row("asset", format!("{}, {}", path.display(), megabytes(info.bytes)))
+        .row("damaged tiles", grouped(info.damaged_tiles))
+        .row("largest jump", format!("{:.2e} (bound {:.0e})", continuity.largest_jump, continuity.bound))
+        .row("edges compared", grouped(continuity.edges))
+        .row("edges left out", grouped(continuity.exempt_edges))
+        .row("levels compared", continuity.levels.to_string())
+        .row("values compared", grouped(continuity.samples))
+        .row("result", if info.ok { "passed" } else { "NOT PASSED" });
+    table.to_text()
+}

@@ -1,0 +1,83 @@
+//! `fantex view`: starts the viewer, a program of its own beside this one.
+
+use std::env::consts::EXE_SUFFIX;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use clap::Args;
+
+use crate::error::CliError;
+
+/// The viewer's name.
+const VIEWER: &str = "fantex-app";
+
+/// Show a model or an asset in a window.
+#[derive(Args, Debug)]
+#[command(after_help = "\
+Example:
+  fantex view bunny.fan
+  fantex view bottle.glb --size 1920x1080
+  fantex view https://example.org/landscape.fan
+
+Everything after 'view' goes to the viewer; 'fantex view -- --help' lists its options.")]
+pub(crate) struct ViewArgs {
+    /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan, also at an http:// or https:// address), and options of the
+    /// viewer
+    #[arg(value_name = "FILE", trailing_var_arg = true, allow_hyphen_values = true)]
+    arguments: Vec<OsString>,
+}
+
+/// Runs the command: waits until the window is closed.
+pub(crate) fn run(args: &ViewArgs) -> Result<(), CliError> {
+    start(&args.arguments)
+}
+
+/// Starts the viewer and waits until its window is closed.
+pub(super) fn start(arguments: &[OsString]) -> Result<(), CliError> {
+    let beside = std::env::current_exe().ok().and_then(|this| this.parent().map(Path::to_owned));
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let viewer = find(beside.as_deref(), &path).ok_or(CliError::NoViewer)?;
+    let status = Command::new(&viewer)
+        .args(arguments)
+        .status()
+        .map_err(|source| CliError::StartViewer { path: viewer, source })?;
+    match status.code().map(u8::try_from) {
+        Some(Ok(0)) => Ok(()),
+        Some(Ok(exit_code @ 1..=2)) => Err(CliError::ViewerFailed { exit_code }),
+        _ => Err(CliError::Viewer { status }),
+    }
+}
+
+/// The viewer beside this program, else on the search path.
+fn find(beside: Option<&Path>, path: &std::ffi::OsStr) -> Option<PathBuf> {
+    let name = format!("{VIEWER}{EXE_SUFFIX}");
+    let folders = beside.map(Path::to_owned).into_iter().chain(std::env::split_paths(path));
+    folders.map(|folder| folder.join(&name)).find(|candidate| candidate.is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_viewer_beside_the_program_comes_first() {
+        let (beside, elsewhere) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let name = format!("{VIEWER}{EXE_SUFFIX}");
+        let path = elsewhere.path().as_os_str();
+        assert_eq!(find(Some(beside.path()), path), None);
+        std::fs::write(elsewhere.path().join(&name), "").unwrap();
+        assert_eq!(find(Some(beside.path()), path), Some(elsewhere.path().join(&name)));
+        std::fs::write(beside.path().join(&name), "").unwrap();
+        assert_eq!(find(Some(beside.path()), path), Some(beside.path().join(&name)));
+    }
+
+    #[test]
+    fn everything_goes_to_the_viewer() {
+        use clap::Parser;
+
+        let cli = crate::Cli::parse_from(["fantex", "view", "a.fan", "--size", "800x600"]);
+        let crate::Command::View(args) = cli.command else { panic!("another command") };
+        assert_eq!(args.arguments, ["a.fan", "--size", "800x600"]);
+    }
+}

@@ -1,0 +1,272 @@
+//! What every command needs: where to print, what is allowed, progress, and whether the user wants to stop.
+//!
+//! Most of the time there is nothing to undo, and Ctrl-C ends the program at once. While something is being written, a
+//! [`Deferral`] is held: Ctrl-C then only sets a flag, the operation notices it, removes its temporary file, and the
+//! command ends by itself.
+
+use std::fmt;
+use std::io::{self, Write};
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use fantex::bake::Progress;
+use fantex::texture::look::ResolveOptions;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
+use serde::Serialize;
+
+use crate::CommonArgs;
+use crate::error::CliError;
+use crate::sources::folded_seed;
+
+/// The common flags at work.
+#[derive(Debug)]
+pub(crate) struct Context {
+    /// Overwrite existing files.
+    pub(crate) force: bool,
+    /// Bytes that texels in flight or in caches may take.
+    pub(crate) memory_bytes: u64,
+    /// Seed of everything random.
+    pub(crate) seed: u64,
+    json: bool,
+    quiet: bool,
+    interrupt: Interrupt,
+}
+
+impl Context {
+    /// Sets up threads and Ctrl-C.
+    pub(crate) fn new(common: &CommonArgs) -> Result<Self, CliError> {
+        if let Some(threads) = common.threads {
+            rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global()?;
+        }
+        Ok(Self {
+            force: common.force,
+            memory_bytes: common.memory.0,
+            seed: common.seed,
+            json: common.json,
+            quiet: common.quiet,
+            interrupt: Interrupt::listen()?,
+        })
+    }
+
+    /// Tells the user something that is not the result.
+    pub(crate) fn note(&self, text: impl AsRef<str>) {
+        if !self.quiet {
+            eprintln!("{}", text.as_ref());
+        }
+    }
+
+    /// Prints the result: as JSON if that is wanted, else as text.
+    pub(crate) fn print<T: Serialize>(
+        &self,
+        result: &T,
+        text: impl FnOnce(&T) -> String,
+    ) -> Result<(), CliError> {
+        let mut output = match self.json {
+            true => serde_json::to_string_pretty(result)?,
+            false => text(result),
+        };
+        if !output.ends_with('\n') {
+            output.push('\n');
+        }
+        let mut stdout = io::stdout().lock();
+        match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(CliError::OutputClosed),
+            result => result.map_err(CliError::Print),
+        }
+    }
+
+    /// A progress bar, drawn only for a person at a terminal.
+    pub(crate) fn progress(&self, label: &str) -> Bar<'_> {
+        Bar::new(label, !self.quiet && !self.json, &self.interrupt)
+    }
+
+    /// Keeps Ctrl-C from ending the program while a file is written.
+    pub(crate) fn defer_interrupt(&self) -> Deferral<'_> {
+        self.interrupt.defer()
+    }
+
+    /// How the textures of a look are made.
+    pub(crate) fn resolve_options(&self) -> ResolveOptions {
+        ResolveOptions {
+            memory_bytes: self.memory_bytes,
+            seed: folded_seed(self.seed),
+            ..ResolveOptions::default()
+        }
+    }
+
+    /// Ends the command if Ctrl-C came meanwhile.
+    pub(crate) fn check_interrupt(&self) -> Result<(), CliError> {
+        if self.interrupt.is_requested() { Err(CliError::Interrupted) } else { Ok(()) }
+    }
+
+    /// Refuses to overwrite a file before any work is done for it.
+    pub(crate) fn check_output(&self, path: &Path) -> Result<(), CliError> {
+        if path.is_dir() {
+            return Err(CliError::OutputIsFolder { path: path.into() });
+        }
+        // A device or a pipe would be replaced by a file of its name.
+        if path.metadata().is_ok_and(|m| !m.is_file()) {
+            return Err(CliError::OutputIsNoFile { path: path.into() });
+        }
+        if !self.force && path.symlink_metadata().is_ok() {
+            return Err(CliError::Exists { path: path.into() });
+        }
+        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(CliError::NoFolder { path: path.into(), folder: folder.into() });
+        }
+        Ok(())
+    }
+
+    /// As [`Context::check_output`]; what is made of a file does not replace it either, whatever is asked.
+    pub(crate) fn check_output_of(&self, path: &Path, input: &Path) -> Result<(), CliError> {
+        if let (Ok(output), Ok(input)) = (path.canonicalize(), input.canonicalize())
+            && output == input
+            && output.is_file()
+        {
+            return Err(CliError::OutputIsInput { path: path.into() });
+        }
+        self.check_output(path)
+    }
+
+    /// Makes a folder for output, and those above it.
+    pub(crate) fn make_folder(&self, folder: &Path) -> Result<(), CliError> {
+        std::fs::create_dir_all(folder)
+            .map_err(|source| CliError::MakeFolder { folder: folder.into(), source })
+    }
+}
+
+/// The exit code of a program that was interrupted: 128 + SIGINT.
+pub(crate) const EXIT_INTERRUPTED: u8 = 130;
+
+/// What the user is told.
+pub(crate) const INTERRUPTED: &str = "interrupted; no unfinished file was left behind";
+
+/// Whether the user wants to stop, shared with the signal handler's thread.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Interrupt {
+    state: Arc<Mutex<State>>,
+}
+
+#[derive(Debug, Default)]
+struct State {
+    requested: bool,
+    deferrals: u32,
+}
+
+impl Interrupt {
+    /// Listens to Ctrl-C (and termination requests) from now on.
+    pub(crate) fn listen() -> Result<Self, ctrlc::Error> {
+        let interrupt = Self::default();
+        let heard = interrupt.clone();
+        ctrlc::set_handler(move || heard.request())?;
+        Ok(interrupt)
+    }
+
+    /// True after Ctrl-C.
+    pub(crate) fn is_requested(&self) -> bool {
+        self.lock().requested
+    }
+
+    /// Until the result is dropped, Ctrl-C does not end the program at once.
+    pub(crate) fn defer(&self) -> Deferral<'_> {
+        self.lock().deferrals += 1;
+        Deferral { interrupt: self }
+    }
+
+    fn request(&self) {
+        let mut state = self.lock();
+        state.requested = true;
+        // The lock stays taken: no operation can begin to write now.
+        if state.deferrals == 0 {
+            eprintln!("\nfantex: {INTERRUPTED}");
+            std::process::exit(i32::from(EXIT_INTERRUPTED));
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Keeps Ctrl-C from ending the program at once.
+#[derive(Debug)]
+pub(crate) struct Deferral<'a> {
+    interrupt: &'a Interrupt,
+}
+
+impl Drop for Deferral<'_> {
+    fn drop(&mut self) {
+        self.interrupt.lock().deferrals -= 1;
+    }
+}
+
+/// Shows how far a long operation is, and ends it on Ctrl-C.
+pub(crate) struct Bar<'a> {
+    bar: ProgressBar,
+    /// The most that was reported: threads may report out of order.
+    done: AtomicU64,
+    interrupt: &'a Interrupt,
+}
+
+impl<'a> Bar<'a> {
+    /// A bar on standard error, or one that is not drawn. Without a terminal nothing is drawn in any case.
+    pub(crate) fn new(label: &str, is_shown: bool, interrupt: &'a Interrupt) -> Self {
+        let target =
+            if is_shown { ProgressDrawTarget::stderr_with_hz(8) } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(None, target).with_message(label.to_owned());
+        if let Ok(style) =
+            ProgressStyle::with_template("{msg} {wide_bar} {percent:>3} %  {texels}, {eta} left")
+        {
+            bar.set_style(style.with_key("texels", write_texels));
+        }
+        bar.enable_steady_tick(Duration::from_millis(250));
+        Self { bar, done: AtomicU64::new(0), interrupt }
+    }
+}
+
+/// `12.0 of 64.0 M texels, 3.1 M/s`.
+fn write_texels(state: &ProgressState, text: &mut dyn fmt::Write) {
+    let millions = |texels: f64| texels / 1e6;
+    let (done, total) = (millions(state.pos() as f64), millions(state.len().unwrap_or(0) as f64));
+    let _drawing_cannot_fail =
+        write!(text, "{done:.1} of {total:.1} M texels, {:.1} M/s", millions(state.per_sec()));
+}
+
+impl Progress for Bar<'_> {
+    fn report(&self, done: u64, total: u64) {
+        if self.bar.length() != Some(total) {
+            self.bar.set_length(total);
+        }
+        let before = self.done.fetch_max(done, Relaxed);
+        self.bar.inc(done.saturating_sub(before));
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.interrupt.is_requested()
+    }
+}
+
+impl Drop for Bar<'_> {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// The most physical memory that the process has held at once, in bytes; unknown on systems without `/proc`.
+pub(crate) fn peak_memory_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kibibytes * 1024)
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    #[test]
+    fn a_process_uses_some_memory() {
+        assert!(super::peak_memory_bytes().unwrap() > 100_000);
+    }
+}

@@ -1,0 +1,145 @@
+//! The command line of fantex.
+
+use std::process::ExitCode;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::commands::{
+    bake, bench, compare, demo, export, gallery, generate, info, paint, render, verify, view,
+};
+use crate::context::Context;
+use crate::error::CliError;
+use crate::text::Bytes;
+
+mod context;
+mod cover_pictures;
+mod error;
+mod scene;
+mod sources;
+mod text;
+
+/// The commands, one file each.
+mod commands {
+    pub(crate) mod bake;
+    pub(crate) mod bench;
+    pub(crate) mod compare;
+    pub(crate) mod demo;
+    pub(crate) mod export;
+    pub(crate) mod gallery;
+    pub(crate) mod generate;
+    pub(crate) mod info;
+    pub(crate) mod paint;
+    pub(crate) mod render;
+    pub(crate) mod verify;
+    pub(crate) mod view;
+}
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result = Context::new(&cli.common).and_then(|context| run(&cli.command, &context));
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(CliError::OutputClosed) => ExitCode::SUCCESS,
+        Err(error @ CliError::ViewerFailed { .. }) => ExitCode::from(error.exit_code()),
+        Err(error) => {
+            eprintln!("fantex: {error}");
+            ExitCode::from(error.exit_code())
+        }
+    }
+}
+
+/// Seamless textures without UV coordinates: cover a model by parts of its triangle fans, bake, verify, render.
+#[derive(Debug, Parser)]
+#[command(name = "fantex", version, max_term_width = 110, after_help = EXAMPLE)]
+pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) common: CommonArgs,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+const EXAMPLE: &str = "\
+Example:
+  fantex bake bottle.gltf -o bottle.fan
+  fantex verify bottle.fan
+  fantex render bottle.fan -o bottle.png
+
+Exit codes: 0 done, 1 failed (bad input, input or output error, check not passed), 2 wrong usage, 130 interrupted.";
+
+/// Flags of every command.
+#[derive(Args, Debug)]
+pub(crate) struct CommonArgs {
+    /// Print the result as one JSON object on standard output
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// No progress and no notes on standard error, only errors
+    #[arg(long, short, global = true)]
+    pub(crate) quiet: bool,
+    /// Number of threads; all processors by default
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) threads: Option<u32>,
+    /// Memory that texels may take, e.g. 512M or 4G
+    #[arg(long, global = true, value_name = "SIZE", default_value = "1G")]
+    pub(crate) memory: Bytes,
+    /// Overwrite existing files
+    #[arg(long, global = true)]
+    pub(crate) force: bool,
+    /// Seed of everything random
+    #[arg(long, global = true, value_name = "N", default_value_t = 1)]
+    pub(crate) seed: u64,
+}
+
+/// What to do.
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Info(info::InfoArgs),
+    Bake(bake::BakeArgs),
+    Verify(verify::VerifyArgs),
+    Render(render::RenderArgs),
+    Compare(compare::CompareArgs),
+    Export(export::ExportArgs),
+    Gallery(gallery::GalleryArgs),
+    Generate(generate::GenerateArgs),
+    Paint(paint::PaintArgs),
+    Bench(bench::BenchArgs),
+    Demo(demo::DemoArgs),
+    View(view::ViewArgs),
+}
+
+/// Runs a command.
+fn run(command: &Command, context: &Context) -> Result<(), CliError> {
+    match command {
+        Command::Info(args) => info::run(args, context),
+        Command::Bake(args) => bake::run(args, context),
+        Command::Verify(args) => verify::run(args, context),
+        Command::Render(args) => render::run(args, context),
+        Command::Compare(args) => compare::run(args, context),
+        Command::Export(args) => export::run(args, context),
+        Command::Gallery(args) => gallery::run(args, context),
+        Command::Generate(args) => generate::run(args, context),
+        Command::Paint(args) => paint::run(args, context),
+        Command::Bench(args) => bench::run(args, context),
+        Command::Demo(args) => demo::run(args, context),
+        Command::View(args) => view::run(args),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+
+    #[test]
+    fn the_arguments_are_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn every_command_shows_an_example() {
+        for command in Cli::command().get_subcommands().filter(|c| c.get_name() != "help") {
+            let help = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            assert!(help.contains("Example"), "{} has no example", command.get_name());
+        }
+    }
+}

@@ -1,0 +1,422 @@
+//! Files as things that can be rendered.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+use clap::Args;
+use fantex::bake::{Source, SurfacePoint};
+use fantex::look::LookFile;
+use fantex::mesh;
+use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, Model, shading_normals};
+use fantex::render::{
+    Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
+    MeshSurface, RenderOptions, Rendering, Surface, render,
+};
+use fantex::store::{Asset, PageCache};
+use fantex::texture::Filter;
+use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
+use glam::{DVec3, Vec3, Vec4};
+
+use crate::context::Context;
+use crate::error::CliError;
+use crate::text::counted;
+
+/// A model or an asset, open.
+#[derive(Debug)]
+pub(crate) struct Scene {
+    path: PathBuf,
+    content: Content,
+}
+
+#[derive(Debug)]
+enum Content {
+    Model(Box<CleanModel>),
+    Asset(PageCache),
+}
+
+impl Scene {
+    /// Opens a file. An asset's decoded tiles stay within the common memory budget.
+    pub(crate) fn open(path: &Path, context: &Context) -> Result<Self, CliError> {
+        let content = match Input::open(path)? {
+            Input::Model(model) => {
+                model.show_notes(path, context);
+                Content::Model(model)
+            }
+            Input::Look(_) => return Err(CliError::LookInstead { path: path.into() }),
+            Input::Asset(asset) => Content::Asset(PageCache::new(asset, context.memory_bytes as usize)),
+        };
+        Ok(Self { path: path.into(), content })
+    }
+
+    /// Its geometry.
+    pub(crate) fn mesh(&self) -> &Mesh {
+        match &self.content {
+            Content::Model(model) => &model.mesh,
+            Content::Asset(cache) => cache.asset().mesh(),
+        }
+    }
+
+    /// The asset, if it is one.
+    pub(crate) fn asset(&self) -> Option<&Arc<Asset>> {
+        match &self.content {
+            Content::Model(_) => None,
+            Content::Asset(cache) => Some(cache.asset()),
+        }
+    }
+
+    /// Its appearance.
+    pub(crate) fn surface(&self, filter: FilterOptions) -> Result<Box<dyn Surface + '_>, CliError> {
+        Ok(match &self.content {
+            Content::Model(model) => Box::new(MeshSurface::load(&model.mesh, filter)?),
+            Content::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
+        })
+    }
+
+    /// Tells the user about tiles that could not be read, after they were looked at.
+    pub(crate) fn show_damage(&self, context: &Context) {
+        let Content::Asset(cache) = &self.content else { return };
+        let damage = cache.damage();
+        if let Some((_, page, reason)) = damage.first.first() {
+            context.note(format!(
+                "{}: coarser texels stand in for {}; the first: {page}: {reason}",
+                self.path.display(),
+                counted(damage.pages, "damaged tile")
+            ));
+        }
+    }
+}
+
+/// The filters of `--filter`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum FilterArg {
+    /// The nearest texel
+    Nearest,
+    /// Four texels, no anti-aliasing
+    Bilinear,
+    /// Sixteen texels, no anti-aliasing
+    Bicubic,
+    /// Two detail levels
+    Trilinear,
+    /// Several trilinear probes along the footprint
+    #[default]
+    Anisotropic,
+    /// Elliptical weighted average, the reference
+    Ewa,
+}
+
+impl FilterArg {
+    /// The renderer's options.
+    pub(crate) fn options(self) -> FilterOptions {
+        let filter = match self {
+            Self::Nearest => Filter::Nearest,
+            Self::Bilinear => Filter::Bilinear,
+            Self::Bicubic => Filter::Bicubic,
+            Self::Trilinear => Filter::Trilinear,
+            Self::Anisotropic => Filter::Anisotropic,
+            Self::Ewa => Filter::Ewa,
+        };
+        FilterOptions { filter, ..FilterOptions::default() }
+    }
+}
+
+/// A surface that asks a bake source itself: the truth that a baked asset is compared with. Base colour only.
+pub(crate) fn source_surface<'a>(
+    mesh: &'a Mesh,
+    source: &'a dyn Source,
+) -> FlatSurface<'a, impl Fn(&fantex::render::Hit) -> Vec3 + Sync + 'a> {
+    let normals = shading_normals(mesh);
+    let channels = source.channels().len();
+    FlatSurface::new(mesh, FlatShading::Smooth, move |hit| {
+        let corners = mesh.triangle_positions(hit.triangle);
+        let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+        let point = SurfacePoint {
+            triangle: hit.triangle,
+            lambda: hit.lambda,
+            lambda_steps: [hit.dlambda_dx, hit.dlambda_dy],
+            position: along(hit.lambda),
+            position_steps: [along(hit.dlambda_dx), along(hit.dlambda_dy)],
+            normal: hit.blend([0, 1, 2].map(|k| normals[3 * hit.triangle + k])).normalize_or(Vec3::Z),
+        };
+        let mut values = vec![Vec4::ZERO; channels];
+        source.evaluate(&point, &mut values);
+        values[0].truncate()
+    })
+}
+
+/// Renders with the sun behind the camera.
+pub(crate) fn photograph(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    camera: &Camera,
+    options: &RenderOptions,
+) -> Result<Rendering, CliError> {
+    Ok(render(mesh, surface, camera, &Lights::behind(camera), options)?)
+}
+
+/// The three-quarter view that shows a whole mesh.
+pub(crate) fn portrait(mesh: &Mesh, options: &RenderOptions) -> Camera {
+    Camera::framing_mesh(mesh, Camera::THREE_QUARTER, aspect(options))
+}
+
+/// Width by height.
+pub(crate) fn aspect(options: &RenderOptions) -> f64 {
+    f64::from(options.width) / f64::from(options.height)
+}
+
+/// A point or direction of the command line: `X,Y,Z`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct VectorArg(pub(crate) DVec3);
+
+/// Why a text is no vector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected three numbers with commas between them, such as 1,0.5,-2")]
+pub(crate) struct VectorError;
+
+impl std::str::FromStr for VectorArg {
+    type Err = VectorError;
+
+    fn from_str(text: &str) -> Result<Self, VectorError> {
+        let numbers: Vec<f64> =
+            text.split(',').map(|n| n.trim().parse().map_err(|_| VectorError)).collect::<Result<_, _>>()?;
+        match numbers[..] {
+            [x, y, z] if numbers.iter().all(|n| n.is_finite()) => Ok(Self(DVec3::new(x, y, z))),
+            _ => Err(VectorError),
+        }
+    }
+}
+
+/// A picture's size on the command line: `1280x720`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct SizeArg(pub(crate) [u32; 2]);
+
+/// Why a text is no picture size.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("expected width x height in pixels, such as 1280x720")]
+pub(crate) struct PictureSizeError;
+
+impl std::str::FromStr for SizeArg {
+    type Err = PictureSizeError;
+
+    fn from_str(text: &str) -> Result<Self, PictureSizeError> {
+        let (width, height) = text.split_once(['x', 'X']).ok_or(PictureSizeError)?;
+        let side = |s: &str| s.parse().ok().filter(|&n| n > 0).ok_or(PictureSizeError);
+        Ok(Self([side(width)?, side(height)?]))
+    }
+}
+
+impl std::fmt::Display for SizeArg {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}x{}", self.0[0], self.0[1])
+    }
+}
+
+/// A model, cleaned.
+#[derive(Debug)]
+pub(crate) struct CleanModel {
+    pub(crate) mesh: Mesh,
+    pub(crate) report: CleanReport,
+    /// What the loader noticed, then what cleaning did: one sentence each.
+    pub(crate) notes: Vec<String>,
+    pub(crate) load_seconds: f64,
+    pub(crate) clean_seconds: f64,
+}
+
+/// What a file holds.
+#[derive(Debug)]
+pub(crate) enum Input {
+    Model(Box<CleanModel>),
+    Asset(Arc<Asset>),
+    Look(Box<LookFile>),
+}
+
+impl Input {
+    /// Opens a model, an asset or a look.
+    pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
+        if is_look(path) {
+            return Ok(Self::Look(Box::new(LookFile::read(path)?)));
+        }
+        if is_asset(path)? {
+            return Ok(Self::Asset(Arc::new(Asset::open(path)?)));
+        }
+        Ok(Self::Model(Box::new(CleanModel::load(path)?)))
+    }
+}
+
+impl CleanModel {
+    /// Loads and cleans a model; an asset is refused.
+    pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
+        refuse_asset(path)?;
+        Self::load(path)
+    }
+
+    fn load(path: &Path) -> Result<Self, CliError> {
+        let started = Instant::now();
+        let model = mesh::load(path, &LoadOptions::default())?;
+        let load_seconds = started.elapsed().as_secs_f64();
+        let mut notes = model.notes.clone();
+        let started = Instant::now();
+        let (mesh, report) = mesh::clean(model, &CleanOptions::default())?;
+        notes.extend(report.lines());
+        Ok(Self { mesh, report, notes, load_seconds, clean_seconds: started.elapsed().as_secs_f64() })
+    }
+
+    /// Tells the user what was noticed.
+    pub(crate) fn show_notes(&self, path: &Path, context: &Context) {
+        self.notes.iter().for_each(|note| context.note(format!("{}: {note}", path.display())));
+    }
+}
+
+/// Loads a model as its file says; an asset is refused.
+pub(crate) fn open_model(path: &Path) -> Result<Model, CliError> {
+    refuse_asset(path)?;
+    Ok(mesh::load(path, &LoadOptions::default())?)
+}
+
+fn refuse_asset(path: &Path) -> Result<(), CliError> {
+    refuse_look(path)?;
+    if is_asset(path)? { Err(CliError::AssetInsteadOfModel { path: path.into() }) } else { Ok(()) }
+}
+
+/// Opens an asset; a model is refused.
+pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>, CliError> {
+    refuse_look(path)?;
+    if !is_asset(path)? {
+        return Err(CliError::ModelInsteadOfAsset { path: path.into() });
+    }
+    Ok(Arc::new(Asset::open(path)?))
+}
+
+/// True for files that are named `.toml`.
+pub(crate) fn is_look(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
+}
+
+fn refuse_look(path: &Path) -> Result<(), CliError> {
+    if is_look(path) { Err(CliError::LookInstead { path: path.into() }) } else { Ok(()) }
+}
+
+/// True for files that are named `.fan` or start like an asset, whatever they are named.
+fn is_asset(path: &Path) -> Result<bool, CliError> {
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
+        return Ok(true);
+    }
+    let mut start = Vec::with_capacity(4);
+    match File::open(path).and_then(|file| file.take(4).read_to_end(&mut start)) {
+        Ok(_) => Ok(start == *b"\x89FAN"),
+        // The loader has a sentence for folders.
+        Err(_) if path.is_dir() => Ok(false),
+        Err(source) => Err(CliError::Read { path: path.into(), source }),
+    }
+}
+
+/// The name that stands for a computed sky instead of a file.
+const COMPUTED_SKY: &str = "sky";
+
+/// Side of the faces of a computed sky.
+const SKY_SIDE: u32 = 512;
+
+/// Options about surroundings.
+#[derive(Args, Debug)]
+pub(crate) struct SurroundingsArgs {
+    /// Light and background from a picture of the surroundings (.hdr .exr .png ...): a panorama (2:1), a cube's cross (4:3
+    /// or 3:4) or a strip of its faces (6:1, 1:6); or "sky" for a computed one with the sun at --light
+    #[arg(long, value_name = "FILE|sky")]
+    environment: Option<PathBuf>,
+    /// Degrees by which the environment is turned to the left
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true, requires = "environment", value_parser = finite)]
+    environment_rotation: f32,
+    /// Factor of the environment's light
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, requires = "environment", value_parser = not_negative)]
+    environment_strength: f32,
+    /// What is seen behind the model
+    #[arg(long, value_enum, default_value_t, requires = "environment")]
+    background: BackgroundArg,
+    /// How much the environment is blurred behind the model, 0 to 1; its light and reflections stay as they are
+    #[arg(long, value_name = "0..1", default_value_t = 0.0, requires = "environment", value_parser = share)]
+    background_blur: f32,
+}
+
+/// What is seen behind the model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+enum BackgroundArg {
+    /// The environment
+    #[default]
+    Environment,
+    /// A grey gradient, as without an environment
+    Gradient,
+    /// Nothing: the picture gets an alpha channel
+    Transparent,
+}
+
+/// A text is no number in the range.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+enum NumberError {
+    #[error("expected a finite number")]
+    Finite,
+    #[error("expected a finite number that is not negative")]
+    Negative,
+    #[error("expected a number from 0 to 1")]
+    Share,
+}
+
+fn finite(text: &str) -> Result<f32, NumberError> {
+    text.parse().ok().filter(|number: &f32| number.is_finite()).ok_or(NumberError::Finite)
+}
+
+fn not_negative(text: &str) -> Result<f32, NumberError> {
+    finite(text).ok().filter(|&number| number >= 0.0).ok_or(NumberError::Negative)
+}
+
+fn share(text: &str) -> Result<f32, NumberError> {
+    finite(text).ok().filter(|number| (0.0..=1.0).contains(number)).ok_or(NumberError::Share)
+}
+
+/// An environment, ready for lighting.
+pub(crate) struct Surroundings {
+    /// Its light.
+    pub(crate) light: EnvironmentLight,
+    /// Colour of the lamp that stands for the sun of a computed sky.
+    pub(crate) sun: Option<Vec3>,
+    background: BackgroundArg,
+    blur: f32,
+}
+
+impl SurroundingsArgs {
+    /// Whether an environment was asked for.
+    pub(crate) fn is_given(&self) -> bool {
+        self.environment.is_some()
+    }
+
+    /// Reads or computes the environment that was asked for. `to_sun` is where a computed sky has its sun.
+    pub(crate) fn load(&self, to_sun: Option<Vec3>) -> Result<Option<Surroundings>, CliError> {
+        let Some(path) = &self.environment else { return Ok(None) };
+        let (map, sun) = if path == Path::new(COMPUTED_SKY) {
+            let sky = Sky { to_sun: to_sun.unwrap_or(Sky::default().to_sun), ..Sky::default() };
+            // The disc would be seen, but also light the model a second time: the lamp stands for it.
+            (sky.to_map(SKY_SIDE)?, Some(sky.sun_color()))
+        } else {
+            (EnvironmentMap::load(path)?, None)
+        };
+        let map = Arc::new(PrefilteredEnvironment::new(Arc::new(map)));
+        let light = EnvironmentLight {
+            map,
+            strength: self.environment_strength,
+            rotation_degrees: self.environment_rotation,
+        };
+        Ok(Some(Surroundings { light, sun, background: self.background, blur: self.background_blur }))
+    }
+}
+
+impl Surroundings {
+    /// What is seen behind the model.
+    pub(crate) fn background(&self) -> Background {
+        match self.background {
+            BackgroundArg::Environment => Background::Environment { blur: self.blur },
+            BackgroundArg::Gradient => Background::default(),
+            BackgroundArg::Transparent => Background::Transparent,
+        }
+    }
+}

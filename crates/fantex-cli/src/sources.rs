@@ -1,0 +1,387 @@
+//! What to bake, as the command line says it.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+use std::sync::Arc;
+
+use fantex::bake::{
+    MappedImageSource, SolidSource, Source, TransferOptions, TransferSource, UvSource, VertexColorSource,
+    WorldSpace,
+};
+use fantex::mesh::{Material, Mesh};
+use fantex::photos::CameraFrame;
+use fantex::texture::{
+    Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
+};
+
+use glam::{Vec3, Vec4};
+
+use crate::context::Context;
+use crate::error::CliError;
+use crate::scene::CleanModel;
+
+/// The value of `--source`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum SourceArg {
+    /// The model's own textures.
+    Uv,
+    /// The model's vertex colours.
+    Vertex,
+    /// An image through a mapping.
+    Image {
+        /// The image file.
+        path: PathBuf,
+        /// How it is laid over the model.
+        mapping: MappingKind,
+    },
+    /// A solid recipe, one of [`SOLID_NAMES`].
+    Solid(String),
+    /// A look's materials.
+    Look(PathBuf),
+    /// Another model's look and shape.
+    Mesh {
+        /// The model file.
+        path: PathBuf,
+        /// How far its surface is looked for, world units; measured where it is not given.
+        cage: Option<f64>,
+    },
+    /// Photographs with cameras.
+    Photos(PhotosArg),
+}
+
+/// The value of `--source photos=...`.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct PhotosArg {
+    /// A sparse model of COLMAP, a folder with one, or a `transforms.json`.
+    pub(crate) path: PathBuf,
+    /// Where the photographs are, if not beside it.
+    pub(crate) images: Option<PathBuf>,
+    /// In which coordinates the cameras are taken.
+    pub(crate) frame: CameraFrame,
+    /// Bring the photographs to one exposure.
+    pub(crate) exposure: bool,
+    /// sRGB bytes of what no photograph sees; its surroundings' colours where it is not given.
+    pub(crate) unseen: Option<[u8; 3]>,
+}
+
+/// Why a text is no source.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum SourceArgError {
+    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME, mesh=PATH, photos=PATH or look=PATH")]
+    Syntax,
+    #[error(
+        "photographs need a path, behind which images=FOLDER, frame=file|original, exposure=on|off and \
+         unseen=spread|RRGGBB may stand: \
+         photos=scan/sparse/0,images=scan/images"
+    )]
+    PhotosSyntax,
+    #[error(
+        "another model needs a path, and its cage is a length above 0 in world units: mesh=PATH or mesh=PATH,cage=0.05"
+    )]
+    MeshSyntax,
+    #[error("an image needs a path and a mapping: image=PATH,mapping=planar|box|cylinder|sphere|triplanar")]
+    ImageSyntax,
+    #[error(transparent)]
+    Mapping(#[from] UnknownMapping),
+    #[error(transparent)]
+    Solid(#[from] UnknownSolid),
+}
+
+impl FromStr for SourceArg {
+    type Err = SourceArgError;
+
+    fn from_str(text: &str) -> Result<Self, SourceArgError> {
+        match text.split_once('=') {
+            None if text == "uv" => Ok(Self::Uv),
+            None if text == "vertex" => Ok(Self::Vertex),
+            Some(("solid", name)) if SOLID_NAMES.contains(&name) => Ok(Self::Solid(name.to_owned())),
+            Some(("solid", name)) => Err(UnknownSolid { name: name.to_owned() }.into()),
+            Some(("look", path)) if !path.is_empty() => Ok(Self::Look(path.into())),
+            Some(("mesh", rest)) => {
+                let (path, cage) = match rest.rsplit_once(",cage=") {
+                    None => (rest, None),
+                    Some((path, cage)) => {
+                        let cage = cage.parse().ok().filter(|cage: &f64| cage.is_finite() && *cage > 0.0);
+                        (path, Some(cage.ok_or(SourceArgError::MeshSyntax)?))
+                    }
+                };
+                if path.is_empty() {
+                    return Err(SourceArgError::MeshSyntax);
+                }
+                Ok(Self::Mesh { path: path.into(), cage })
+            }
+            Some(("photos", rest)) => Ok(Self::Photos(rest.parse()?)),
+            Some(("image", rest)) => {
+                // A path may hold commas, the mapping's name does not.
+                let (path, mapping) = rest.rsplit_once(",mapping=").ok_or(SourceArgError::ImageSyntax)?;
+                if path.is_empty() {
+                    return Err(SourceArgError::ImageSyntax);
+                }
+                Ok(Self::Image { path: path.into(), mapping: mapping.parse()? })
+            }
+            _ => Err(SourceArgError::Syntax),
+        }
+    }
+}
+
+impl fmt::Display for SourceArg {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Uv => f.write_str("uv"),
+            Self::Vertex => f.write_str("vertex"),
+            Self::Image { path, mapping } => write!(f, "image={},mapping={}", path.display(), mapping.name()),
+            Self::Solid(name) => write!(f, "solid={name}"),
+            Self::Look(path) => write!(f, "look={}", path.display()),
+            Self::Mesh { path, cage: None } => write!(f, "mesh={}", path.display()),
+            Self::Mesh { path, cage: Some(cage) } => write!(f, "mesh={},cage={cage}", path.display()),
+            Self::Photos(photos) => write!(f, "photos={photos}"),
+        }
+    }
+}
+
+impl FromStr for PhotosArg {
+    type Err = SourceArgError;
+
+    /// Options are looked for from the end: a path may hold commas.
+    fn from_str(text: &str) -> Result<Self, SourceArgError> {
+        let mut photos = Self {
+            path: PathBuf::new(),
+            images: None,
+            frame: CameraFrame::OfFile,
+            exposure: true,
+            unseen: None,
+        };
+        let mut rest = text;
+        while let Some((before, key, value)) = last_option(rest) {
+            match (key, value) {
+                ("images", folder) if !folder.is_empty() => photos.images = Some(folder.into()),
+                ("frame", "file") => photos.frame = CameraFrame::OfFile,
+                ("frame", "original") => photos.frame = CameraFrame::Original,
+                ("exposure", "on") => photos.exposure = true,
+                ("exposure", "off") => photos.exposure = false,
+                ("unseen", "spread") => photos.unseen = None,
+                ("unseen", color) => {
+                    photos.unseen = Some(srgb_bytes(color).ok_or(SourceArgError::PhotosSyntax)?);
+                }
+                _ => return Err(SourceArgError::PhotosSyntax),
+            }
+            rest = before;
+        }
+        if rest.is_empty() {
+            return Err(SourceArgError::PhotosSyntax);
+        }
+        photos.path = rest.into();
+        Ok(photos)
+    }
+}
+
+/// What stands before the last option of photographs, its key and its value.
+fn last_option(text: &str) -> Option<(&str, &str, &str)> {
+    let options = ["images", "frame", "exposure", "unseen"].into_iter().filter_map(|key| {
+        let (before, value) = text.rsplit_once(&format!(",{key}="))?;
+        Some((before, key, value))
+    });
+    options.max_by_key(|(before, ..)| before.len())
+}
+
+/// `ff8000`.
+fn srgb_bytes(text: &str) -> Option<[u8; 3]> {
+    let is_color = text.len() == 6 && text.bytes().all(|b| b.is_ascii_hexdigit());
+    let number = u32::from_str_radix(text, 16).ok().filter(|_| is_color)?;
+    let [_, r, g, b] = number.to_be_bytes();
+    Some([r, g, b])
+}
+
+impl fmt::Display for PhotosArg {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.path.display())?;
+        if let Some(images) = &self.images {
+            write!(f, ",images={}", images.display())?;
+        }
+        if self.frame == CameraFrame::Original {
+            f.write_str(",frame=original")?;
+        }
+        if !self.exposure {
+            f.write_str(",exposure=off")?;
+        }
+        match self.unseen {
+            Some([r, g, b]) => write!(f, ",unseen={r:02x}{g:02x}{b:02x}"),
+            None => Ok(()),
+        }
+    }
+}
+
+impl SourceArg {
+    /// What a model offers by itself: its materials (which take its vertex colours in), else its vertex colours.
+    pub(crate) fn default_of(mesh: &Mesh, path: &Path) -> Result<Self, CliError> {
+        if has_materials(mesh) {
+            Ok(Self::Uv)
+        } else if !mesh.corners.colors.is_empty() {
+            Ok(Self::Vertex)
+        } else {
+            Err(CliError::NothingToBake { path: path.into() })
+        }
+    }
+}
+
+/// Another model whose look and shape a source takes over.
+#[derive(Debug)]
+pub(crate) struct DetailedModel {
+    model: CleanModel,
+    path: PathBuf,
+    cage: Option<f64>,
+}
+
+impl DetailedModel {
+    /// Reads the model that a source names, if it names one.
+    pub(crate) fn of(arg: &SourceArg, context: &Context) -> Result<Option<Self>, CliError> {
+        let SourceArg::Mesh { path, cage } = arg else { return Ok(None) };
+        let model = CleanModel::open(path)?;
+        model.show_notes(path, context);
+        Ok(Some(Self { model, path: path.clone(), cage: *cage }))
+    }
+
+    /// Its own textures or vertex colours; nothing where it has only its shape.
+    pub(crate) fn colors(&self, seed: u64) -> Result<Option<OpenSource<'_>>, CliError> {
+        match SourceArg::default_of(&self.model.mesh, &self.path) {
+            Ok(arg) => OpenSource::open(&arg, &self.model.mesh, &self.path, seed).map(Some),
+            Err(_) => Ok(None),
+        }
+    }
+
+    /// As a source for `coarse`: shape and, where there are any, colours.
+    pub(crate) fn onto<'a>(
+        &'a self,
+        coarse: &'a Mesh,
+        colors: Option<&'a dyn Source>,
+    ) -> Result<TransferSource<'a>, CliError> {
+        let options = TransferOptions { cage: self.cage, ..TransferOptions::default() };
+        Ok(TransferSource::new(coarse, &self.model.mesh, colors, &options)?)
+    }
+}
+
+/// A source ready to be baked.
+pub(crate) enum OpenSource<'a> {
+    Uv(UvSource<'a>),
+    Vertex(VertexColorSource<'a>),
+    Image(MappedImageSource),
+    Solid(SolidSource),
+}
+
+impl<'a> OpenSource<'a> {
+    /// Reads what the source needs. `path` is the model's, for messages.
+    pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
+        match arg {
+            SourceArg::Look(_) | SourceArg::Mesh { .. } | SourceArg::Photos(_) => Err(CliError::OnlyBaked),
+            SourceArg::Uv if !has_materials(mesh) => Err(CliError::NoTextures { path: path.into() }),
+            SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
+            SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
+            SourceArg::Image { path, mapping } => {
+                let texture = ImageTexture::new(Arc::new(Image::load(path)?));
+                let mapping = mapping.fit(WorldSpace::bounds(mesh));
+                Ok(Self::Image(MappedImageSource::new(mesh, texture, mapping, [Wrap::Repeat; 2])))
+            }
+            SourceArg::Solid(name) => Ok(Self::Solid(solid_source(name, mesh, seed)?)),
+        }
+    }
+
+    /// As what can be baked.
+    pub(crate) fn as_source(&self) -> &dyn Source {
+        match self {
+            Self::Uv(source) => source,
+            Self::Vertex(source) => source,
+            Self::Image(source) => source,
+            Self::Solid(source) => source,
+        }
+    }
+
+    /// Texels per mesh unit of the source's own texels, per triangle, where it has texels.
+    pub(crate) fn own_density(&self) -> Option<Vec<f32>> {
+        match self {
+            Self::Uv(source) if source.has_textures() => Some(source.density()),
+            _ => None,
+        }
+    }
+}
+
+/// A solid recipe fitted to a mesh.
+pub(crate) fn solid_source(name: &str, mesh: &Mesh, seed: u64) -> Result<SolidSource, CliError> {
+    Ok(SolidSource::new(mesh, solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed))?))
+}
+
+/// Both halves of a seed count.
+pub(crate) fn folded_seed(seed: u64) -> u32 {
+    (seed ^ seed >> 32) as u32
+}
+
+/// True where the materials say more than "white": by textures, colours or light of their own.
+fn has_materials(mesh: &Mesh) -> bool {
+    let is_plain = |m: &Material| m.base_color == Vec4::ONE && m.emission == Vec3::ZERO;
+    has_textures(mesh) || !mesh.materials.iter().all(is_plain)
+}
+
+/// True where a material uses an image and the mesh has the coordinates for it.
+pub(crate) fn has_textures(mesh: &Mesh) -> bool {
+    mesh.materials.iter().any(|m| {
+        let textures = [
+            &m.base_color_texture,
+            &m.metallic_roughness_texture,
+            &m.normal_texture,
+            &m.occlusion_texture,
+            &m.emission_texture,
+        ];
+        textures
+            .into_iter()
+            .flatten()
+            .any(|t| mesh.corners.uv_sets.get(t.uv_set).is_some_and(|s| !s.is_empty()))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sources_parse_and_print_alike() {
+        for text in [
+            "uv",
+            "vertex",
+            "image=a,b=c.png,mapping=sphere",
+            "solid=wood",
+            "look=a/b.toml",
+            "mesh=a,b.ply",
+            "mesh=a.ply,cage=0.25",
+            "photos=a,b/transforms.json",
+            "photos=scan/sparse/0,images=a, b,exposure=off,unseen=ff8000",
+            "photos=scan,frame=original,exposure=off",
+        ] {
+            assert_eq!(text.parse::<SourceArg>().unwrap().to_string(), text);
+        }
+    }
+
+    #[test]
+    fn mistakes_are_named() {
+        let message = |text: &str| text.parse::<SourceArg>().unwrap_err().to_string();
+        assert!(message("solid=cheese").contains("'cheese' is no solid"));
+        assert!(message("image=a.png,mapping=fold").contains("'fold' is no mapping"));
+        assert!(message("image=a.png").contains("mapping="));
+        assert!(message("image=,mapping=box").contains("needs a path"));
+        assert!(message("uvs").contains("expected uv"));
+        assert!(message("mesh=").contains("needs a path"));
+        assert!(message("mesh=a.ply,cage=-1").contains("length above 0"));
+        for wrong in [
+            "",
+            ",images=b",
+            "a,images=",
+            "a,exposure=maybe",
+            "a,frame=mine",
+            "a,unseen=red",
+            "a,unseen=ff80000",
+        ] {
+            assert!(message(&format!("photos={wrong}")).contains("photographs need a path"), "{wrong}");
+        }
+        let spread = "photos=a,exposure=on,unseen=spread".parse::<SourceArg>().unwrap();
+        assert_eq!(spread.to_string(), "photos=a");
+    }
+}

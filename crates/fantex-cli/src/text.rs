@@ -1,0 +1,255 @@
+//! Numbers as people type them (`64k`, `5.59M`, `16G`), and text in columns.
+
+use std::fmt::{self, Write as _};
+use std::str::FromStr;
+
+use fantex::base::numbered;
+use fantex::cover::{CoverStats, TexelBudget};
+
+/// A number of things (texels, triangles): `64k` is 64 000, `4M` four million, `16G` sixteen thousand million.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Count(pub(crate) u64);
+
+/// A number of bytes: `512M` is 512 MiB, `4G` 4 GiB.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Bytes(pub(crate) u64);
+
+/// Why a text is not a size.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum SizeError {
+    /// Not digits with at most one point and one known letter.
+    #[error("expected a number such as 500, 64k, 5.59M or 16G")]
+    Syntax,
+    /// Zero is never meant.
+    #[error("expected a number above zero")]
+    Zero,
+    /// Beyond 64 bits.
+    #[error("the number is too large")]
+    TooLarge,
+}
+
+impl FromStr for Count {
+    type Err = SizeError;
+
+    fn from_str(text: &str) -> Result<Self, SizeError> {
+        parse(text, 1000).map(Self)
+    }
+}
+
+impl FromStr for Bytes {
+    type Err = SizeError;
+
+    fn from_str(text: &str) -> Result<Self, SizeError> {
+        parse(text, 1024).map(Self)
+    }
+}
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_shortest(self.0, 1000, f)
+    }
+}
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write_shortest(self.0, 1024, f)
+    }
+}
+
+const LETTERS: [char; 4] = ['k', 'M', 'G', 'T'];
+
+fn parse(text: &str, kilo: u64) -> Result<u64, SizeError> {
+    let last = text.chars().last().ok_or(SizeError::Syntax)?;
+    let power = LETTERS.iter().position(|l| l.eq_ignore_ascii_case(&last)).map_or(0, |p| p as u32 + 1);
+    let number = if power > 0 { &text[..text.len() - 1] } else { text };
+    let unit = u128::from(kilo.pow(power));
+    let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
+    let is_digits = |s: &str| s.bytes().all(|b| b.is_ascii_digit());
+    if whole.is_empty() && fraction.is_empty() || !is_digits(whole) || !is_digits(fraction) {
+        return Err(SizeError::Syntax);
+    }
+    if whole.len() > 20 || fraction.len() > 15 {
+        return Err(SizeError::TooLarge);
+    }
+    let digits = |s: &str| s.bytes().fold(0_u128, |n, b| n * 10 + u128::from(b - b'0'));
+    let value = digits(whole) * unit + digits(fraction) * unit / 10_u128.pow(fraction.len() as u32);
+    match u64::try_from(value) {
+        Ok(0) => Err(SizeError::Zero),
+        Ok(value) => Ok(value),
+        Err(_) => Err(SizeError::TooLarge),
+    }
+}
+
+fn write_shortest(value: u64, kilo: u64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let mut power = 0;
+    let mut rest = value;
+    while rest > 0 && rest.is_multiple_of(kilo) && power < LETTERS.len() {
+        rest /= kilo;
+        power += 1;
+    }
+    match power.checked_sub(1) {
+        Some(letter) => write!(f, "{rest}{}", LETTERS[letter]),
+        None => write!(f, "{rest}"),
+    }
+}
+
+/// A number above zero, for argument parsing. Single precision holds it.
+pub(crate) fn positive(text: &str) -> Result<f64, String> {
+    within(text, "above zero", |value| value > f64::from(f32::MIN_POSITIVE) && value < f64::from(f32::MAX))
+}
+
+/// A number from 0 to 1, for argument parsing.
+pub(crate) fn share(text: &str) -> Result<f64, String> {
+    within(text, "from 0 to 1", |value| (0.0..=1.0).contains(&value))
+}
+
+fn within(text: &str, range: &str, is_inside: impl Fn(f64) -> bool) -> Result<f64, String> {
+    text.parse().ok().filter(|&value| is_inside(value)).ok_or_else(|| format!("expected a number {range}"))
+}
+
+/// A count in words: `1 tile`, `69 451 tiles`.
+pub(crate) fn counted(number: u64, noun: &str) -> String {
+    format!("{} {}", grouped(number), numbered(number, noun))
+}
+
+/// Digits in groups of three: `69 451`.
+pub(crate) fn grouped(number: u64) -> String {
+    fantex::base::grouped(number, ' ')
+}
+
+/// Megabytes (of a million bytes) with as many digits as matter.
+pub(crate) fn megabytes(bytes: u64) -> String {
+    let megabytes = bytes as f64 / 1e6;
+    match megabytes {
+        m if m >= 100.0 => format!("{m:.0} MB"),
+        m if m >= 1.0 => format!("{m:.1} MB"),
+        _ => format!("{:.1} kB", bytes as f64 / 1e3),
+    }
+}
+
+/// Lines of a label and a value, the values below each other.
+#[derive(Debug, Default)]
+pub(crate) struct Table {
+    rows: Vec<(String, String)>,
+}
+
+impl Table {
+    /// Adds a line.
+    pub(crate) fn row(&mut self, label: &str, value: impl Into<String>) -> &mut Self {
+        self.rows.push((label.to_owned(), value.into()));
+        self
+    }
+
+    /// The lines, each with its end.
+    pub(crate) fn to_text(&self) -> String {
+        let width = self.rows.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0);
+        self.rows.iter().fold(String::new(), |mut text, (label, value)| {
+            let _infallible = writeln!(text, "{label:<width$}  {value}");
+            text
+        })
+    }
+}
+
+/// Rows of cells in aligned columns: the first column to the left, the others to the right. The first row is the heading.
+pub(crate) fn columns(rows: &[Vec<String>]) -> String {
+    let count = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |column: usize| {
+        rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..count).map(width).collect();
+    let mut text = String::new();
+    for row in rows {
+        let cells: Vec<String> = row
+            .iter()
+            .zip(&widths)
+            .enumerate()
+            .map(|(i, (cell, &width))| match i {
+                0 => format!("{cell:<width$}"),
+                _ => format!("{cell:>width$}"),
+            })
+            .collect();
+        text.push_str(cells.join("  ").trim_end());
+        text.push('\n');
+    }
+    text
+}
+
+/// The number of texels that was asked for, where it was a number of texels.
+pub(crate) fn texels_asked(budget: &TexelBudget) -> Option<u64> {
+    match budget {
+        TexelBudget::Total(texels) => Some(*texels),
+        _ => None,
+    }
+}
+
+/// A sentence on texels beyond those that were asked for. Sides of tiles have at least 4 texels, so many tiles of little surface
+/// can take more than the budget.
+pub(crate) fn overdraft(asked: Option<u64>, stats: &CoverStats) -> Option<String> {
+    let asked = asked.filter(|&asked| stats.texels > asked)?;
+    let tiles = counted(stats.groups, "tile");
+    Some(format!(
+        "{} instead of the {} asked for: {tiles} cannot be smaller, as their sides have at least 4 texels",
+        counted(stats.texels, "texel"),
+        grouped(asked)
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_multiply() {
+        assert_eq!("64k".parse(), Ok(Count(64_000)));
+        assert_eq!("5.59M".parse(), Ok(Count(5_590_000)));
+        assert_eq!("16g".parse(), Ok(Count(16_000_000_000)));
+        assert_eq!("0.5k".parse(), Ok(Count(500)));
+        assert_eq!("512M".parse(), Ok(Bytes(512 << 20)));
+        assert_eq!("1.5G".parse(), Ok(Bytes(3 << 29)));
+        assert_eq!("7".parse(), Ok(Bytes(7)));
+    }
+
+    #[test]
+    fn nonsense_is_refused() {
+        for text in ["", "k", ".", "-5", "1e6", "4 M", "4MB", "1.2.3", "\u{664}", "5\u{b5}"] {
+            assert_eq!(text.parse::<Count>(), Err(SizeError::Syntax), "{text}");
+        }
+        assert_eq!("0".parse::<Count>(), Err(SizeError::Zero));
+        assert_eq!("0.0001".parse::<Bytes>(), Err(SizeError::Zero));
+        assert_eq!("99999999T".parse::<Count>(), Err(SizeError::TooLarge));
+        assert_eq!("123456789012345678901234567890".parse::<Count>(), Err(SizeError::TooLarge));
+    }
+
+    #[test]
+    fn sizes_print_as_they_are_typed() {
+        for text in ["64k", "4M", "5590k", "7"] {
+            assert_eq!(text.parse::<Count>().unwrap().to_string(), text);
+        }
+        assert_eq!(Bytes(1 << 30).to_string(), "1G");
+        assert_eq!(grouped(1_234_567), "1 234 567");
+        assert_eq!(grouped(12), "12");
+        assert_eq!(megabytes(12_345_678), "12.3 MB");
+    }
+
+    #[test]
+    fn values_stand_below_each_other() {
+        let mut table = Table::default();
+        table.row("a", "1").row("longer", "2");
+        assert_eq!(table.to_text(), "a       1\nlonger  2\n");
+    }
+
+    #[test]
+    fn numbers_end_below_each_other() {
+        let rows = [vec!["name".to_owned(), "MB".to_owned()], vec!["x".to_owned(), "12.5".to_owned()]];
+        assert_eq!(columns(&rows), "name    MB\nx     12.5\n");
+    }
+
+    #[test]
+    fn only_what_exceeds_a_number_is_said() {
+        let stats = CoverStats { texels: 1600, groups: 100, ..CoverStats::default() };
+        assert_eq!(overdraft(texels_asked(&TexelBudget::Total(1600)), &stats), None);
+        assert_eq!(overdraft(texels_asked(&TexelBudget::Density(1.0)), &stats), None);
+        let text = overdraft(texels_asked(&TexelBudget::Total(1000)), &stats).unwrap();
+        assert!(text.starts_with("1 600 texels instead of the 1 000 asked for: 100 tiles"), "{text}");
+    }
+}

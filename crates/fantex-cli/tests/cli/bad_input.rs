@@ -1,0 +1,323 @@
+//! Help, wrong command lines, bad files, and interruption.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::{COLORED_PLY, CUBE_OBJ, bottle, fails, fantex, files, json, run, stderr, succeeds, write};
+
+const COMMANDS: [&str; 9] =
+    ["info", "bake", "verify", "render", "compare", "export", "generate", "bench", "demo"];
+
+#[test]
+fn every_command_explains_itself_with_an_example() {
+    for command in COMMANDS {
+        let output = succeeds(&[&command, &"--help"]);
+        let help = String::from_utf8(output.stdout).unwrap();
+        assert!(help.contains(&format!("Example:\n  fantex {command}")), "{help}");
+    }
+    succeeds(&[&"--version"]);
+}
+
+#[test]
+fn wrong_command_lines_end_with_two() {
+    fails(2, &["Usage"], &[]);
+    fails(2, &["unrecognized"], &[&"fold"]);
+    fails(2, &["unexpected argument '--fold'"], &[&"info", &"x.ply", &"--fold"]);
+    fails(2, &["--texels", "expected a number such as"], &[&"info", &"x.ply", &"--texels", &"lots"]);
+    fails(2, &["above zero"], &[&"info", &"x.ply", &"--density", &"-3"]);
+    fails(2, &["cannot be used with"], &[&"info", &"x.ply", &"--density", &"3", &"--texels", &"4M"]);
+    fails(2, &["--memory"], &[&"info", &"x.ply", &"--memory", &"big"]);
+    fails(2, &["--threads"], &[&"info", &"x.ply", &"--threads", &"0"]);
+    fails(2, &["'cheese' is no solid"], &[&"bake", &"x.ply", &"-o", &"x.fan", &"--source", &"solid=cheese"]);
+    fails(2, &["1280x720"], &[&"render", &"x.ply", &"-o", &"x.png", &"--size", &"big"]);
+    fails(2, &["three numbers"], &[&"render", &"x.ply", &"-o", &"x.png", &"--eye", &"1,2"]);
+}
+
+#[test]
+fn a_source_that_the_model_lacks_is_a_usage_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let cube = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let colored = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("x.fan");
+    fails(2, &["neither textures nor colours", "--source"], &[&"bake", &cube, &"-o", &asset]);
+    fails(2, &["no textures"], &[&"bake", &colored, &"-o", &asset, &"--source", &"uv"]);
+    fails(2, &["--match", "vertex"], &[&"bake", &colored, &"-o", &asset, &"--match"]);
+    assert!(!asset.exists());
+}
+
+#[test]
+fn models_and_assets_are_not_mistaken_for_each_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("colored.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"4k"]);
+    fails(1, &["already baked"], &[&"bake", &asset, &"-o", &folder.path().join("again.fan")]);
+    fails(1, &["is not an asset"], &[&"verify", &bottle()]);
+    fails(2, &["has its cover already"], &[&"info", &asset, &"--texels", &"4M"]);
+    // An asset by another name is still an asset.
+    let renamed = folder.path().join("colored.glb");
+    std::fs::rename(&asset, &renamed).unwrap();
+    succeeds(&[&"verify", &renamed]);
+}
+
+#[test]
+fn missing_files_are_named() {
+    for command in ["info", "verify"] {
+        fails(1, &["nowhere.glb", "No such file"], &[&command, &"nowhere.glb"]);
+    }
+    fails(1, &["nowhere.fan"], &[&"verify", &"nowhere.fan"]);
+    fails(1, &["nowhere.ply"], &[&"bake", &"nowhere.ply", &"-o", &"x.fan"]);
+    fails(1, &["nowhere.ply"], &[&"render", &"nowhere.ply", &"-o", &"x.png"]);
+    fails(1, &["nowhere.ply"], &[&"compare", &bottle(), &"nowhere.ply"]);
+    assert!(!Path::new("x.fan").exists());
+}
+
+#[test]
+fn files_that_hold_something_else_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str, content: &[u8]| write(folder.path(), name, content);
+    fails(1, &["empty"], &[&"info", &path("empty.glb", b"")]);
+    fails(1, &["zeros.stl"], &[&"info", &path("zeros.stl", &[0; 84])]);
+    fails(1, &["PNG"], &[&"info", &path("picture.glb", b"\x89PNG\r\n\x1a\n and so on")]);
+    fails(1, &["noise.xyz"], &[&"info", &path("noise.xyz", &[7, 200, 3, 0, 1, 99])]);
+    fails(1, &["points.obj"], &[&"info", &path("points.obj", b"v 0 0 0\nv 1 0 0\n")]);
+    fails(1, &["flat.obj"], &[&"info", &path("flat.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n")]);
+    fails(1, &["nan.obj"], &[&"info", &path("nan.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")]);
+    fails(1, &["model.fan", "not a .fan asset"], &[&"info", &path("model.fan", COLORED_PLY.as_bytes())]);
+    fails(1, &["empty.fan"], &[&"verify", &path("empty.fan", b"")]);
+    fails(1, &["folder"], &[&"info", &folder.path()]);
+}
+
+#[test]
+fn a_model_cut_off_anywhere_is_refused_or_loads() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = COLORED_PLY.as_bytes();
+    for length in (0..model.len()).step_by(31) {
+        let path = write(folder.path(), "cut.ply", &model[..length]);
+        let output = run(&[&"info", &path]);
+        assert!(matches!(output.status.code(), Some(0 | 1)), "{length} bytes");
+    }
+}
+
+#[test]
+fn an_image_that_is_missing_or_damaged_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("x.fan");
+    let source = |image: &str| format!("image={},mapping=box", folder.path().join(image).display());
+    write(folder.path(), "broken.png", b"\x89PNG\r\n\x1a\nnonsense");
+    for image in ["missing.png", "broken.png"] {
+        fails(1, &[image], &[&"bake", &model, &"-o", &asset, &"--source", &source(image)]);
+    }
+    assert_eq!(files(folder.path()), ["broken.png", "colored.ply"]);
+}
+
+#[test]
+fn a_texture_that_is_missing_is_named_with_its_material() {
+    let folder = tempfile::tempdir().unwrap();
+    let obj = "mtllib a.mtl\nusemtl oak\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+    let model = write(folder.path(), "a.obj", obj);
+    write(folder.path(), "a.mtl", "# made by hand\nnewmtl oak\nmap_Kd bark.png\n");
+    let asset = folder.path().join("x.fan");
+    let words = ["the base colour of material \"oak\" (line 2 of a.mtl)", "bark.png"];
+    fails(1, &words, &[&"bake", &model, &"-o", &asset]);
+    fails(1, &words, &[&"render", &model, &"-o", &folder.path().join("x.png")]);
+    assert_eq!(files(folder.path()), ["a.mtl", "a.obj"]);
+}
+
+#[test]
+fn what_is_read_is_not_overwritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let words = ["cube.obj is what is read"];
+    fails(1, &words, &[&"bake", &model, &"-o", &model, &"--source", &"solid=wood", &"--force"]);
+    assert_eq!(std::fs::read_to_string(&model).unwrap(), CUBE_OBJ);
+}
+
+/// Each tile has at least 16 texels.
+#[test]
+fn more_texels_than_were_asked_for_are_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let asset = folder.path().join("x.fan");
+    let arguments: [&dyn AsRef<std::ffi::OsStr>; 9] =
+        [&"bake", &model, &"-o", &asset, &"--source", &"solid=wood", &"--tile=0", &"--texels=10", &"--json"];
+    let output = succeeds(&arguments);
+    let note = "128 texels instead of the 10 asked for: 8 tiles cannot be smaller";
+    assert!(stderr(&output).contains(note), "{}", stderr(&output));
+    let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!((&info["texels"], &info["texels_asked"]), (&128.into(), &10.into()));
+    let info = json(&[&"info", &model, &"--tile=0", &"--texels=10"]);
+    assert_eq!((&info["texels"], &info["texels_asked"]), (&128.into(), &10.into()));
+    assert!(info["report"].to_string().contains("instead of the 10"), "{info}");
+    let info = json(&[&"info", &model, &"--density=4"]);
+    assert!(info["texels_asked"].is_null());
+}
+
+#[test]
+fn nothing_is_overwritten_without_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    for (command, name) in [("bake", "out.fan"), ("render", "out.png")] {
+        let path = write(folder.path(), name, "precious");
+        fails(1, &[name, "--force"], &[&command, &model, &"-o", &path]);
+        assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+        succeeds(&[&command, &model, &"-o", &path, &"--force"]);
+        assert_ne!(std::fs::read(&path).unwrap(), b"precious");
+    }
+    let land = write(folder.path(), "land.ply", "precious");
+    fails(1, &["land.ply"], &[&"generate", &"landscape", &"-o", &land, &"--triangles", &"1k"]);
+    assert_eq!(std::fs::read(&land).unwrap(), b"precious");
+    assert_eq!(files(folder.path()), ["colored.ply", "land.ply", "out.fan", "out.png"]);
+}
+
+#[test]
+fn places_that_cannot_be_written_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let missing = folder.path().join("no/such/out");
+    for (command, extension) in [("bake", "fan"), ("render", "png")] {
+        let path = missing.with_extension(extension);
+        fails(1, &["there is no folder"], &[&command, &model, &"-o", &path]);
+        fails(1, &["is a folder"], &[&command, &model, &"-o", &folder.path()]);
+    }
+    fails(1, &["out.xyz"], &[&"render", &model, &"-o", &folder.path().join("out.xyz")]);
+    fails(
+        1,
+        &["out.stl"],
+        &[&"generate", &"landscape", &"-o", &folder.path().join("out.stl"), &"--triangles", &"1k"],
+    );
+    assert_eq!(files(folder.path()), ["colored.ply"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn devices_are_not_replaced_by_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    for command in ["bake", "render"] {
+        fails(1, &["/dev/null", "no ordinary file"], &[&command, &model, &"-o", &"/dev/null", &"--force"]);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn full_disks_leave_no_partial_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    // A limit on the size of files fails like a full disk, once its signal is ignored.
+    let limited = |arguments: &str| {
+        let program = env!("CARGO_BIN_EXE_fantex");
+        let script = format!("trap '' XFSZ; ulimit -f 8; exec '{program}' {arguments}");
+        std::process::Command::new("bash").args(["-c", &script]).current_dir(folder.path()).output().unwrap()
+    };
+    let model = model.display();
+    for arguments in [
+        format!("bake {model} -o out.fan --texels 1M --format float"),
+        format!("render {model} -o out.exr --size 400x400"),
+        "generate landscape -o out.ply --triangles 20k".to_owned(),
+    ] {
+        let output = limited(&arguments);
+        let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(1), "{arguments}: {errors}");
+        let sentence = errors.lines().last().unwrap_or_default();
+        assert!(sentence.starts_with("fantex: cannot write") && sentence.contains("out."), "{errors}");
+        assert_eq!(files(folder.path()), ["colored.ply"], "{arguments}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_standard_output_is_an_error() {
+    let full = std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    let output = crate::fantex().arg("info").arg(bottle()).stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("cannot write to standard output"));
+}
+
+#[test]
+fn damaged_assets_do_not_pass() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("good.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"64k", &"--format", &"rgba8"]);
+    succeeds(&[&"verify", &asset]);
+    let bytes = std::fs::read(&asset).unwrap();
+    // The last cluster ends within the last block of the file; texels lie before it.
+    let mut flipped = bytes.clone();
+    let texel = bytes.len() - 4096;
+    flipped[texel] ^= 0x10;
+    let path = write(folder.path(), "flipped.fan", &flipped);
+    let output = run(&[&"verify", &path, &"--json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["ok"], false);
+    assert!(report["damaged_tiles"].as_u64().unwrap() > 0);
+    // A damaged asset is still shown, from coarser levels.
+    succeeds(&[&"render", &path, &"-o", &folder.path().join("flipped.png"), &"--size", &"64x64"]);
+    for length in [0, 7, 4096, 9000, bytes.len() - 5000] {
+        let path = write(folder.path(), "cut.fan", &bytes[..length]);
+        fails(1, &["cut.fan"], &[&"verify", &path]);
+        fails(1, &["cut.fan"], &[&"render", &path, &"-o", &folder.path().join("cut.png")]);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_bake_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("out.fan");
+    let mut bake = fantex()
+        .arg("bake")
+        .arg(bottle())
+        .args(["--source", "solid=marble", "--texels", "200M", "-o"])
+        .arg(&asset)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    // The temporary file appears once the bake has begun.
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while files(folder.path()).is_empty() {
+        assert!(bake.try_wait().unwrap().is_none(), "the bake ended before it could be interrupted");
+        assert!(Instant::now() < deadline, "the bake did not begin");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let sent = Command::new("kill").args(["-INT", &bake.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = bake.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130));
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.contains("interrupted; no unfinished file was left behind"), "{errors}");
+    assert!(files(folder.path()).is_empty(), "{:?}", files(folder.path()));
+}
+
+#[cfg(unix)]
+#[test]
+fn an_interrupted_export_leaves_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("bottle.fan");
+    succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--texels", &"64k"]);
+    let output_folder = folder.path().join("out");
+    std::fs::create_dir(&output_folder).unwrap();
+    let mut export = fantex()
+        .arg("export")
+        .arg(&asset)
+        .args(["--channel", "base-color", "--size", "16384", "-o"])
+        .arg(output_folder.join("out.png"))
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let deadline = Instant::now() + Duration::from_secs(120);
+    while files(&output_folder).is_empty() {
+        assert!(export.try_wait().unwrap().is_none(), "the export ended before it could be interrupted");
+        assert!(Instant::now() < deadline, "the export did not begin");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let sent = Command::new("kill").args(["-INT", &export.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = export.wait_with_output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(130), "{errors}");
+    assert!(files(&output_folder).is_empty(), "{:?}", files(&output_folder));
+}

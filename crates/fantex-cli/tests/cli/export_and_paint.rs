@@ -1,0 +1,182 @@
+//! `fantex export` and `fantex paint`.
+
+use std::path::Path;
+
+use crate::{COLORED_PLY, bottle, fails, fantex, files, json, succeeds, write};
+
+/// The bottle, baked small.
+fn baked(folder: &Path) -> std::path::PathBuf {
+    let asset = folder.join("bottle.fan");
+    succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--texels", &"200k"]);
+    asset
+}
+
+#[test]
+fn a_bottle_becomes_a_model_that_looks_the_same() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = baked(folder.path());
+    let model = folder.path().join("out.glb");
+    let info = json(&[&"export", &asset, &"-o", &model]);
+    assert_eq!(info["channels"], serde_json::json!(["base-color", "orm", "normal", "emission"]));
+    assert!(info["charts"].as_u64().unwrap() > 1 && info["density_share"].as_f64().unwrap() >= 0.95);
+    let compared = json(&[&"compare", &asset, &model, &"--views", &"3", &"--size", &"320x240"]);
+    assert!(compared["psnr_db"]["min"].as_f64().unwrap() > 38.0, "{compared}");
+    fails(1, &["exists already"], &[&"export", &asset, &"-o", &model]);
+    let reduced = fails_not(&[&"export", &asset, &"-o", &model, &"--force", &"--size", &"128"]);
+    assert!(reduced.contains("% of the asset's density"), "{reduced}");
+}
+
+/// Runs the program, which must succeed, and returns its notes.
+fn fails_not(arguments: &[&dyn AsRef<std::ffi::OsStr>]) -> String {
+    crate::stderr(&succeeds(arguments))
+}
+
+#[test]
+fn single_channels_and_turntables_are_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = baked(folder.path());
+    let out = |name: &str| folder.path().join(name);
+    let size: [&dyn AsRef<std::ffi::OsStr>; 2] = [&"--size", &"256"];
+    for (name, channel, depth) in
+        [("a.png", "normal", "16"), ("b.ktx2", "base-color", "8"), ("c.exr", "roughness", "8")]
+    {
+        let path = out(name);
+        let info = json(&[
+            &"export",
+            &asset,
+            &"-o",
+            &path,
+            &"--channel",
+            &channel,
+            &"--depth",
+            &depth,
+            size[0],
+            size[1],
+        ]);
+        assert_eq!(info["sizes"], serde_json::json!([256]));
+        assert!(path.exists());
+    }
+    let turn = json(&[&"export", &asset, &"-o", &out("turn.png"), &"--turntable", &"3", &"--size", &"64x48"]);
+    assert_eq!(turn["frames"], 3);
+    let animated = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(out("turn.png")).unwrap()));
+    assert_eq!(animated.read_info().unwrap().info().animation_control.unwrap().num_frames, 3);
+    json(&[&"export", &asset, &"-o", &out("turn"), &"--turntable", &"2", &"--size", &"64"]);
+    assert_eq!(files(&out("turn")), ["turn-0001.png", "turn-0002.png"]);
+}
+
+#[test]
+fn what_makes_no_sense_is_said_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("colored.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"4k"]);
+    let out = |name: &str| folder.path().join(name);
+    fails(2, &["say which with --channel"], &[&"export", &asset, &"-o", &out("x.png")]);
+    fails(2, &[".glb or .gltf"], &[&"export", &asset, &"-o", &out("x.fbx")]);
+    fails(2, &["square"], &[&"export", &asset, &"-o", &out("x.glb"), &"--size", &"640x480"]);
+    fails(2, &["power of two"], &[&"export", &asset, &"-o", &out("x.glb"), &"--size", &"1000"]);
+    fails(2, &["--turntable"], &[&"export", &asset, &"-o", &out("x.glb"), &"--environment", &"sky"]);
+    fails(
+        1,
+        &["no channel for normal", "base-color"],
+        &[&"export", &asset, &"-o", &out("x.png"), &"--channel", &"normal"],
+    );
+    fails(1, &["no texture coordinates"], &[&"export", &asset, &"-o", &out("x.glb"), &"--uv", &"source"]);
+    fails(1, &["no texture coordinates"], &[&"export", &asset, &"-o", &out("x.glb"), &"--model", &model]);
+    fails(1, &["is not an asset"], &[&"export", &model, &"-o", &out("x.glb")]);
+    assert_eq!(files(folder.path()), ["colored.fan", "colored.ply"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_full_disk_is_one_sentence_and_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = baked(folder.path());
+    std::fs::create_dir(folder.path().join("out")).unwrap();
+    for name in ["x.glb", "x.gltf", "x.ktx2"] {
+        let program = fantex().get_program().to_owned();
+        let path = folder.path().join("out").join(name);
+        let channel: &[&str] = if name == "x.ktx2" { &["--channel", "base-color"] } else { &[] };
+        // Files may not grow beyond a few blocks, and the signal that would end the program is ignored.
+        let output = std::process::Command::new("sh")
+            .args(["-c", "trap '' XFSZ; ulimit -f 8; exec \"$0\" \"$@\""])
+            .arg(program)
+            .args(["export".as_ref(), asset.as_os_str(), "-o".as_ref(), path.as_os_str()])
+            .args(channel)
+            .output()
+            .unwrap();
+        let said = crate::stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert_eq!(said.lines().count(), 1, "{said}");
+        assert!(said.starts_with("fantex: cannot write "), "{said}");
+        assert!(files(&folder.path().join("out")).is_empty());
+    }
+}
+
+const STROKES: &str = r#"{ "version": 1, "strokes": [{
+    "brush": { "size": { "texels": 30 } },
+    "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }],
+    "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] } }] }] }"#;
+
+const TETRAHEDRON: &str = "v 1 1 1\nv 1 -1 -1\nv -1 1 -1\nv -1 -1 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
+
+#[test]
+fn strokes_are_replayed_and_the_result_is_certified() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    std::fs::write(at("strokes.json"), STROKES).unwrap();
+    std::fs::write(at("wrong.json"), STROKES.replace("base_color", "normal")).unwrap();
+    let (model, asset, painted) = (at("model.obj"), at("a.fan"), at("painted.fan"));
+    json(&[&"bake", &model, &"-o", &asset, &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let before = std::fs::read(&asset).unwrap();
+    let done = json(&[&"paint", &asset, &"--replay", &at("strokes.json"), &"-o", &painted]);
+    assert_eq!((&done["strokes"], &done["generation"]), (&1.into(), &2.into()));
+    assert!(done["dabs"].as_u64().unwrap() > 5);
+    assert!(std::fs::read(&asset).unwrap() == before && std::fs::read(&painted).unwrap() != before);
+    assert_eq!(json(&[&"verify", &painted])["ok"], true);
+    // In place.
+    json(&[&"paint", &asset, &"--replay", &at("strokes.json")]);
+    assert!(std::fs::read(&asset).unwrap() == std::fs::read(&painted).unwrap());
+
+    fails(1, &["exists already"], &[&"paint", &asset, &"--replay", &at("strokes.json"), &"-o", &painted]);
+    fails(1, &["channel Normal"], &[&"paint", &asset, &"--replay", &at("wrong.json")]);
+    fails(1, &["not a stroke file"], &[&"paint", &asset, &"--replay", &model]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 5, "nothing is left behind");
+}
+
+#[test]
+fn the_log_of_an_asset_is_replayed_on_a_denser_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    std::fs::write(at("strokes.json"), STROKES).unwrap();
+    let (model, painted, denser) = (at("model.obj"), at("painted.fan"), at("denser.fan"));
+    json(&[&"bake", &model, &"-o", &painted, &"--source", &"solid=wood", &"--texels", &"20k"]);
+    json(&[&"bake", &model, &"-o", &denser, &"--source", &"solid=wood", &"--texels", &"60k"]);
+    json(&[&"paint", &painted, &"--replay", &at("strokes.json")]);
+    let done = json(&[&"paint", &denser, &"--replay-log", &painted]);
+    assert_eq!((&done["strokes"], &done["unrecorded"]), (&1.into(), &0.into()));
+    assert_eq!(json(&[&"verify", &denser])["ok"], true);
+    let exported = json(&[&"paint", &denser, &"--export-log", &at("log.json")]);
+    assert_eq!(exported["strokes"], 1);
+    // What was exported can be replayed.
+    json(&[&"paint", &painted, &"--replay", &at("log.json"), &"-o", &at("twice.fan")]);
+    fails(1, &["exists already"], &[&"paint", &denser, &"--export-log", &at("log.json")]);
+}
+
+#[test]
+fn painting_is_measured() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    std::fs::write(at("model.obj"), TETRAHEDRON).unwrap();
+    json(&[&"bake", &at("model.obj"), &"-o", &at("a.fan"), &"--source", &"solid=wood", &"--texels", &"20k"]);
+    let before = std::fs::read(at("a.fan")).unwrap();
+    let measured = json(&[&"bench", &"paint", &at("a.fan"), &"--dabs", &"5", &"--brush", &"20"]);
+    let names: Vec<&str> =
+        measured["rows"].as_array().unwrap().iter().filter_map(|r| r["name"].as_str()).collect();
+    for expected in ["dab, median", "dab, 99 of 100", "undo", "end of the stroke"] {
+        assert!(names.contains(&expected), "{names:?}");
+    }
+    assert!(std::fs::read(at("a.fan")).unwrap() == before, "it works on a copy");
+}

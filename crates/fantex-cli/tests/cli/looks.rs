@@ -1,0 +1,416 @@
+//! Looks through the binary: pictures, bakes, translations, and what is refused.
+
+use std::fs;
+use std::path::Path;
+
+use fantex::texture::{Depth, Image, Samples};
+use serde_json::Value;
+
+use crate::{COLORED_PLY, CUBE_OBJ, bottle, fails, files, json, run, succeeds, workspace, write};
+
+const SCENE: &str = r##"
+[picture]
+size = [64, 48]
+samples = 2
+
+[camera]
+eye = [0, 1.5, 3]
+target = [0, 0, 0]
+
+[[light]]
+kind = "sun"
+to_light = [1, 2, 1]
+shadow = { size = 128 }
+
+[[light]]
+kind = "ambient"
+sky = "#8090a0"
+
+[textures.rings]
+kind = "wood"
+
+[textures.bumps]
+kind = "noise"
+cell = 0.1
+
+[materials.oak]
+base_color = "rings"
+roughness = { texture = "bumps", factor = 0.3, offset = 0.4 }
+bump = { texture = "bumps", height = 0.02 }
+
+[[object]]
+shape = { kind = "torus" }
+material = "oak"
+
+[[object]]
+shape = { kind = "plane", size = [4, 1, 4] }
+translate = [0, -0.25, 0]
+"##;
+
+fn pixels(path: &Path) -> (u32, u32, Vec<u8>) {
+    let image = fantex::texture::Image::load(path).unwrap();
+    let fantex::texture::Samples::U8(samples) = image.samples else { panic!("8 bits") };
+    (image.width, image.height, samples)
+}
+
+#[test]
+fn a_scene_becomes_a_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(folder.path(), "scene.toml", SCENE);
+    let picture = folder.path().join("scene.png");
+    let info = json(&[&"render", &look, &"-o", &picture]);
+    assert_eq!((info["width"].as_u64(), info["height"].as_u64()), (Some(64), Some(48)));
+    let (width, height, samples) = pixels(&picture);
+    assert_eq!((width, height), (64, 48));
+    let distinct: std::collections::BTreeSet<&[u8]> = samples.chunks(3).collect();
+    assert!(distinct.len() > 100, "{} colours", distinct.len());
+    // The command line overrides the look.
+    let small = folder.path().join("small.png");
+    succeeds(&[&"render", &look, &"-o", &small, &"--size", &"20x10"]);
+    assert_eq!((pixels(&small).0, pixels(&small).1), (20, 10));
+    let summary = json(&[&"info", &look]);
+    assert_eq!(summary["textures"]["rings"], "wood");
+    assert_eq!(summary["objects"], 2);
+}
+
+#[test]
+fn animations_are_numbered_pictures_that_differ() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "[picture]\nsize = [32, 32]\nframes = { count = 3, to = 1 }\n[textures.a]\nkind = \"checker\"\n\
+                place = { move = [0.3, 0, 0] }\n[materials.a]\nlighting = \"unlit\"\nbase_color = \"a\"\n\
+                [[object]]\nshape = { kind = \"box\" }\nmaterial = \"a\"\n";
+    let look = write(folder.path(), "moving.toml", text);
+    let info = json(&[&"render", &look, &"-o", &folder.path().join("out.png")]);
+    assert_eq!(info["pictures"].as_array().unwrap().len(), 3);
+    assert_eq!(files(folder.path()), ["moving.toml", "out-0001.png", "out-0002.png", "out-0003.png"]);
+    let [first, last] = ["out-0001.png", "out-0003.png"].map(|name| pixels(&folder.path().join(name)).2);
+    assert!(first != last);
+}
+
+#[test]
+fn looks_are_baked_and_pass() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let text = SCENE.split("[[object]]").next().unwrap();
+    let look = write(folder.path(), "oak.toml", text);
+    let asset = folder.path().join("oak.fan");
+    let baked = json(&[&"bake", &model, &"-o", &asset, &"--look", &look, &"--texels", &"32k"]);
+    let channels: Vec<&str> =
+        baked["channels"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!(channels, ["BaseColor", "Normal", "OcclusionRoughnessMetallic"]);
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    // The other way to say it.
+    let source = format!("look={}", look.display());
+    let again = folder.path().join("again.fan");
+    succeeds(&[&"bake", &model, &"-o", &again, &"--source", &source, &"--texels", &"32k"]);
+    assert!(std::fs::read(&asset).unwrap() == std::fs::read(&again).unwrap());
+}
+
+#[test]
+fn a_solid_of_a_look_is_the_solid_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let text = "[textures.stone]\nkind = \"marble\"\n[bake]\ntexture = \"stone\"\n";
+    let look = write(folder.path(), "stone.toml", text);
+    let [a, b] = ["a.fan", "b.fan"].map(|name| folder.path().join(name));
+    let bake = |asset: &Path, option: &str, value: &Path| {
+        let size: [&str; 4] = ["--texels", "64k", "--format", "float"];
+        succeeds(&[&"bake", &model, &"-o", &asset, &option, &value, &size[0], &size[1], &size[2], &size[3]]);
+    };
+    bake(&a, "--look", &look);
+    bake(&b, "--source", Path::new("solid=marble"));
+    let compared = json(&[&"compare", &a, &b, &"--views", &"1", &"--size", &"64x64"]);
+    let psnr = compared["psnr_db"]["mean"].as_f64();
+    assert!(psnr.is_none_or(|psnr| psnr > 50.0), "{compared:#}");
+}
+
+#[test]
+fn finished_light_is_baked() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let text = "[materials.white]\nbase_color = 0.8\n[bake]\nlight = { samples = 16, bounces = 1 }\n\
+                [[light]]\nkind = \"sun\"\nto_light = [1, 2, 3]\n[environment]\ncolor = [0.2, 0.3, 0.4]\n";
+    let look = write(folder.path(), "lit.toml", text);
+    let asset = folder.path().join("lit.fan");
+    let baked = json(&[&"bake", &model, &"-o", &asset, &"--look", &look, &"--texels", &"16k"]);
+    assert_eq!(baked["channels"].as_array().unwrap().len(), 1);
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+}
+
+#[test]
+fn a_translation_bakes_what_the_model_itself_bakes() {
+    let folder = tempfile::tempdir().unwrap();
+    let translated = succeeds(&[&"info", &bottle(), &"--look"]);
+    let text = String::from_utf8(translated.stdout).unwrap();
+    assert!(text.contains("model_image") && text.contains("normal_map"), "{text}");
+    let look = write(folder.path(), "bottle.toml", &text);
+    let [own, dressed] = ["own.fan", "dressed.fan"].map(|name| folder.path().join(name));
+    succeeds(&[&"bake", &bottle(), &"-o", &own, &"--texels", &"300k"]);
+    let baked = json(&[&"bake", &bottle(), &"-o", &dressed, &"--look", &look, &"--texels", &"300k"]);
+    assert_eq!(baked["channels"].as_array().unwrap().len(), 4);
+    let compared = json(&[&"compare", &own, &dressed, &"--views", &"2", &"--size", &"200x200"]);
+    assert!(compared["psnr_db"]["mean"].as_f64().is_none_or(|psnr| psnr > 40.0), "{compared:#}");
+    let machine = json(&[&"info", &bottle(), &"--look"]);
+    assert_eq!(machine["materials"].as_array().unwrap().len(), 1);
+}
+
+#[test]
+fn bad_looks_are_refused_with_file_line_and_key() {
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("out.png");
+    let image = |name: &str| format!("[textures.a]\nkind = \"image\"\nimage = \"{name}\"\n");
+    let object =
+        "[materials.m]\nbase_color = \"a\"\n[[object]]\nshape = { kind = \"sphere\" }\nmaterial = \"m\"\n";
+    let cases: [(String, &[&str]); 8] = [
+        ("[picture]\nsizes = [1, 1]\n".into(), &["look.toml:2", "picture", "did you mean 'size'?"]),
+        ("[camera]\nfov = \"wide\"\n".into(), &["look.toml:2", "camera.fov", "expected a number"]),
+        ("[camera]\nfov = nan\n".into(), &["look.toml:2", "camera.fov", "finite"]),
+        (image("missing.png") + object, &["look.toml:3", "textures.a.image", "missing.png"]),
+        (image("empty.png") + object, &["look.toml:3", "textures.a.image", "empty.png"]),
+        ("[materials.m]\nbase_color = \"b\"\n".into(), &["look.toml:2", "there is no texture 'b'"]),
+        (
+            "[textures.a]\nkind = \"mix\"\na = \"a\"\nb = 1\nmask = 1\n".into(),
+            &["look.toml:3", "textures.a.a", "a -> a"],
+        ),
+        ("[picture]\n".into(), &["look.toml", "names no model"]),
+    ];
+    write(folder.path(), "empty.png", "");
+    for (text, parts) in cases {
+        let look = write(folder.path(), "look.toml", &text);
+        fails(1, parts, &[&"render", &look, &"-o", &picture]);
+        assert_eq!(files(folder.path()), ["empty.png", "look.toml"], "{text}");
+    }
+}
+
+#[test]
+fn what_has_no_sense_with_looks_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(
+        folder.path(),
+        "look.toml",
+        "[materials.m]\nbase_color = \"rim\"\n[textures.rim]\nkind = \"facing\"\n",
+    );
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("out.fan");
+    fails(1, &["depends on the eye"], &[&"bake", &model, &"-o", &asset, &"--look", &look]);
+    fails(1, &["is a look"], &[&"bake", &look, &"-o", &asset]);
+    fails(1, &["is a look"], &[&"verify", &look]);
+    fails(
+        2,
+        &["leave --light"],
+        &[&"render", &look, &"-o", &folder.path().join("a.png"), &"--light", &"1,1,1"],
+    );
+    fails(1, &["no model"], &[&"info", &look, &"--look"]);
+    assert!(run(&[&"render", &"no.toml", &"-o", &folder.path().join("a.png")]).status.code() == Some(1));
+    assert_eq!(files(folder.path()), ["colored.ply", "look.toml"]);
+}
+
+#[test]
+fn the_schema_is_json() {
+    let text = std::fs::read_to_string(workspace().join("docs/look.schema.json")).unwrap();
+    let schema: Value = serde_json::from_str(&text).unwrap();
+    assert!(schema["$defs"]["TextureTable"]["oneOf"].as_array().unwrap().len() > 20);
+}
+
+#[test]
+fn looks_are_compared_with_what_was_baked_from_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(
+        folder.path(),
+        "marble.toml",
+        "[textures.stone]\nkind = \"marble\"\n[materials.stone]\nbase_color = \"stone\"\n\n[environment]\n\
+         sky = { }\nvisible = true\n",
+    );
+    let own = write(
+        folder.path(),
+        "own.toml",
+        "[textures.stone]\nkind = \"marble\"\n[materials.stone]\nbase_color = \"stone\"\n",
+    );
+    let model = write(folder.path(), "cube.obj", crate::CUBE_OBJ);
+    let asset = folder.path().join("cube.fan");
+    json(&[&"bake", &model, &"-o", &asset, &"--look", &own, &"--texels", &"200k"]);
+    // The look dresses the other file's model, and cameras stand around it.
+    let flags = ["--views", "2", "--size", "120x90"];
+    let flags: Vec<&dyn AsRef<std::ffi::OsStr>> = flags.iter().map(|f| f as _).collect();
+    let compared = |a: &Path, b: &Path| {
+        json(&[&[&"compare" as &dyn AsRef<std::ffi::OsStr>, &a, &b][..], &flags].concat())
+    };
+    let both_ways = [compared(&own, &asset), compared(&asset, &own)];
+    for info in &both_ways {
+        assert!(info["psnr_db"]["min"].as_f64().unwrap() > 34.0, "{info:#}");
+    }
+    // Another light.
+    let lit = compared(&look, &asset);
+    assert!(lit["psnr_db"]["min"].as_f64().unwrap() < 30.0, "{lit:#}");
+    fails(1, &["names no model"], &[&"compare", &own, &own]);
+}
+
+#[test]
+fn displacements_become_the_geometry_of_the_asset() {
+    let folder = tempfile::tempdir().unwrap();
+    let look = write(
+        folder.path(),
+        "clods.toml",
+        "[textures.clods]\nkind = \"noise\"\ncell = 0.6\n[materials.earth]\nbase_color = \"#8a6a4a\"\n\
+         displacement = { texture = \"clods\", height = 0.3, middle = 0, edge = 0.1 }\n",
+    );
+    let model = write(folder.path(), "cube.obj", crate::CUBE_OBJ);
+    let asset = folder.path().join("clods.fan");
+    let info = json(&[&"bake", &model, &"-o", &asset, &"--look", &look, &"--texels", &"100k"]);
+    assert!(info["triangles"].as_u64().unwrap() > 1000, "{info:#}");
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    // The picture of the look on the model is that of the asset, silhouette and all.
+    let pictures = [folder.path().join("look.png"), folder.path().join("asset.png")];
+    let camera = ["--size", "160x120", "--eye", "3,2,5", "--target", "0,0,0"];
+    let camera: Vec<&dyn AsRef<std::ffi::OsStr>> = camera.iter().map(|f| f as _).collect();
+    let render = |input: &[&dyn AsRef<std::ffi::OsStr>]| {
+        succeeds(&[&[&"render" as &dyn AsRef<std::ffi::OsStr>][..], input, &camera].concat());
+    };
+    render(&[&model, &"--look", &look, &"-o", &pictures[0]]);
+    render(&[&asset, &"-o", &pictures[1]]);
+    let [look, asset] = pictures.map(|path| fantex::texture::Image::load(path).unwrap());
+    let compared = fantex::texture::compare::compare(&look, &asset).unwrap();
+    assert!(compared.psnr_db > 35.0, "{}", compared.psnr_db);
+}
+
+/// A Radiance picture of one colour.
+fn radiance(width: u32, height: u32, rgbe: [u8; 4]) -> Vec<u8> {
+    let mut bytes = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n").into_bytes();
+    (0..width * height).for_each(|_| bytes.extend(rgbe));
+    bytes
+}
+
+#[test]
+fn a_panorama_lights_the_model_and_is_seen_behind_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    // A green world: 0.5 is 128 / 256 * 2^0.
+    let world = write(folder.path(), "world.hdr", radiance(8, 4, [0, 128, 0, 128]));
+    let picture = folder.path().join("picture.png");
+    json(&[&"render", &model, &"-o", &picture, &"--size", &"32x24", &"--environment", &world]);
+    let image = fantex::texture::Image::load(&picture).unwrap();
+    let [corner, middle] = [(0, 0), (16, 12)].map(|(x, y)| image.linear_texel(x, y));
+    assert!((corner[1] - 0.5).abs() < 0.01 && corner[0] == 0.0, "{corner:?}");
+    assert!(middle[1] > 0.3 && middle[0] == 0.0, "{middle:?}");
+    let through = folder.path().join("through.png");
+    let transparent: [&dyn AsRef<std::ffi::OsStr>; 9] = [
+        &"render",
+        &model,
+        &"-o",
+        &through,
+        &"--environment",
+        &world,
+        &"--background",
+        &"transparent",
+        &"--size=32x24",
+    ];
+    json(&transparent);
+    assert_eq!(fantex::texture::Image::load(&through).unwrap().linear_texel(0, 0)[3], 0.0);
+}
+
+#[test]
+fn a_computed_sky_needs_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let picture = folder.path().join("sky.png");
+    json(&[
+        &"render",
+        &model,
+        &"-o",
+        &picture,
+        &"--size=48x32",
+        &"--environment",
+        &"sky",
+        &"--light=1,1,1",
+        &"--eye=0,0,4",
+        &"--target=0,3,0",
+    ]);
+    let [red, _, blue, _] = fantex::texture::Image::load(&picture).unwrap().linear_texel(24, 1);
+    assert!(blue > red, "the sky is blue: {red} {blue}");
+}
+
+#[test]
+fn what_is_no_environment_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "cube.obj", CUBE_OBJ);
+    let picture = folder.path().join("picture.png");
+    let odd = write(folder.path(), "odd.hdr", radiance(9, 7, [9, 9, 9, 128]));
+    let empty = write(folder.path(), "empty.hdr", radiance(0, 0, [0; 4]));
+    let missing = folder.path().join("missing.exr");
+    for (path, words) in [
+        (&odd, vec!["odd.hdr", "9 x 7", "2:1"]),
+        (&empty, vec!["empty.hdr"]),
+        (&missing, vec!["missing.exr"]),
+    ] {
+        fails(1, &words, &[&"render", &model, &"-o", &picture, &"--environment", path]);
+    }
+    assert_eq!(files(folder.path()), ["cube.obj", "empty.hdr", "odd.hdr"]);
+    for option in ["--environment-rotation=nan", "--environment-strength=-1", "--background-blur=2"] {
+        fails(2, &["expected"], &[&"render", &model, &"-o", &picture, &"--environment=sky", &option]);
+    }
+    fails(2, &["--environment"], &[&"render", &model, &"-o", &picture, &"--background=transparent"]);
+}
+
+/// Width of the goldens, as `cargo xtask goldens` draws them.
+const WIDTH: &str = "120";
+/// Mean difference per channel of 255: other processors round and encode blocks a little differently.
+const MEAN_TOLERANCE: f64 = 1.0;
+/// A pixel that differs by more, in any channel of 255, counts as wrong; at an outline rounding can turn one over.
+const PIXEL_TOLERANCE: u8 = 24;
+/// Share of wrong pixels that is let through.
+const WRONG_SHARE: f64 = 0.01;
+
+#[test]
+fn every_picture_looks_like_its_golden() {
+    let folder = tempfile::tempdir().unwrap();
+    let info = json(&[&"gallery", &"-o", &folder.path(), &"--width", &WIDTH]);
+    let page = fs::read_to_string(folder.path().join("index.html")).unwrap();
+    let goldens = workspace().join("gallery/goldens");
+    let mut drawn = Vec::new();
+    for picture in info["pictures"].as_array().unwrap() {
+        let path = Path::new(picture.as_str().unwrap());
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(page.contains(&format!("src=\"{name}\"")), "the page shows {name}");
+        compare(&name, &bytes(path), &bytes(&goldens.join(&name)));
+        drawn.push(name);
+    }
+    drawn.sort();
+    assert_eq!(drawn, files(&goldens), "pictures without a golden, or goldens without a picture");
+}
+
+/// Rows of pixels, four bytes each. An animation's first picture.
+fn bytes(path: &Path) -> ([u32; 2], Vec<u8>) {
+    let image =
+        Image::load(path).unwrap_or_else(|error| panic!("{error}; draw goldens with cargo xtask goldens"));
+    let image = image.converted(Depth::U8, image.space);
+    let channels = usize::from(image.channels);
+    let Samples::U8(samples) = image.samples else { panic!("converted to bytes") };
+    (
+        [image.width, image.height],
+        samples.chunks(channels).flat_map(|p| [p[0], p[1 % channels], p[2 % channels]]).collect(),
+    )
+}
+
+fn compare(name: &str, (size, drawn): &([u32; 2], Vec<u8>), (golden_size, golden): &([u32; 2], Vec<u8>)) {
+    assert_eq!(size, golden_size, "{name}");
+    let differences: Vec<u8> = drawn.iter().zip(golden).map(|(a, b)| a.abs_diff(*b)).collect();
+    let mean = differences.iter().map(|&d| f64::from(d)).sum::<f64>() / differences.len() as f64;
+    let wrong = differences.chunks(3).filter(|p| p.iter().any(|&d| d > PIXEL_TOLERANCE)).count();
+    let share = wrong as f64 / (differences.len() / 3) as f64;
+    assert!(
+        mean <= MEAN_TOLERANCE && share <= WRONG_SHARE,
+        "{name}: mean difference {mean:.2}, {share:.4} of the pixels wrong"
+    );
+}
+
+#[test]
+fn entries_are_drawn_by_name_and_by_row() {
+    let folder = tempfile::tempdir().unwrap();
+    succeeds(&[&"gallery", &"-o", &folder.path(), &"--width", &"32", &"sines", &"T8"]);
+    let made = files(folder.path());
+    assert_eq!(
+        made,
+        ["index.html", "sines-1.png", "wraps-1.png", "wraps-2.png", "wraps-3.png", "wraps-4.png"]
+    );
+    fails(1, &["no picture 'nonsense'", "sines"], &[&"gallery", &"-o", &folder.path(), &"nonsense"]);
+}

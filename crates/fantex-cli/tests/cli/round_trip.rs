@@ -1,0 +1,415 @@
+//! The whole path: generate, bake, verify, render, compare; and the keys of the machine output.
+
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use crate::{COLORED_PLY, bottle, data, fails, files, json, run, stderr, succeeds, workspace, write};
+
+/// The value must hold all keys; `a.b` is key b within a.
+fn assert_keys(value: &Value, keys: &[&str]) {
+    for key in keys {
+        let found = key.split('.').try_fold(value, |value, part| value.get(part));
+        assert!(found.is_some(), "{key} is missing in {value:#}");
+    }
+}
+
+#[test]
+fn info_has_all_keys() {
+    let info = json(&[&"info", &bottle()]);
+    assert_keys(
+        &info,
+        &[
+            "triangles",
+            "vertices",
+            "fans",
+            "fans_projected",
+            "fans_unfolded",
+            "fans_split",
+            "groups",
+            "tiles",
+            "texels",
+            "density_share",
+            "lookups_per_sample",
+            "stretch.p1",
+            "stretch.median",
+            "stretch.p99",
+            "seconds.load",
+            "seconds.clean",
+            "seconds.cover",
+            "report",
+        ],
+    );
+    assert_eq!(info["triangles"], 4510);
+    assert_eq!(info["vertices"], 2385);
+    assert_eq!(info["fans"], 2385);
+    assert!(
+        info["report"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|line| line.as_str().unwrap().contains("164 vertices welded"))
+    );
+    let share = info["density_share"].as_f64().unwrap();
+    assert!(share > 0.3 && share < 1.0, "{share}");
+}
+
+#[test]
+fn one_fan_per_tile_gives_as_many_tiles_as_fans() {
+    let info = json(&[&"info", &bottle(), &"--tile", &"0", &"--texels", &"1M"]);
+    assert_eq!(info["tiles"], info["fans"]);
+    let wanted = json(&[&"info", &bottle(), &"--texels", &"1M"])["texels"].as_f64().unwrap();
+    assert!((wanted / 1e6 - 1.0).abs() < 0.02, "{wanted}");
+}
+
+#[test]
+fn density_is_per_world_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    // Two squares of side 10: 200 square units, at 20 texels per unit 80 000 texels and margins.
+    let square = "v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 0\nv 20 0 0\nv 20 10 0\nf 1 2 3 4\nf 2 5 6 3\n";
+    let model = write(folder.path(), "square.obj", square);
+    let info = json(&[&"info", &model, &"--density", &"20", &"--tile", &"1000"]);
+    let texels = info["texels"].as_f64().unwrap();
+    assert!((80_000.0..100_000.0).contains(&texels), "{texels}");
+}
+
+#[test]
+fn a_landscape_goes_all_the_way() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let made =
+        json(&[&"generate", &"landscape", &"-o", &path("land.ply"), &"--triangles", &"10k", &"--seed", &"3"]);
+    assert_keys(&made, &["triangles", "genus", "components"]);
+    let triangles = made["triangles"].as_f64().unwrap();
+    assert!((9e3..1.1e4).contains(&triangles), "{triangles}");
+
+    let baked = json(&[
+        &"bake",
+        &path("land.ply"),
+        &"-o",
+        &path("land.fan"),
+        &"--source",
+        &"solid=landscape",
+        &"--texels",
+        &"1M",
+    ]);
+    assert_keys(
+        &baked,
+        &[
+            "texels",
+            "bytes",
+            "seconds.cover",
+            "seconds.bake",
+            "seconds.encode",
+            "seconds.write",
+            "peak_memory_bytes",
+            "channels",
+        ],
+    );
+    assert_eq!(baked["bytes"].as_u64().unwrap(), std::fs::metadata(path("land.fan")).unwrap().len());
+
+    let verified = json(&[&"verify", &path("land.fan")]);
+    assert_eq!(verified["ok"], true);
+    assert_eq!(verified["damaged_tiles"], 0);
+    assert_keys(
+        &verified,
+        &["continuity.edges", "continuity.levels", "continuity.samples", "continuity.exempt_edges"],
+    );
+    assert!(verified["continuity"]["largest_jump"].as_f64().unwrap() < 1e-4);
+    assert!(verified["continuity"]["edges"].as_u64().unwrap() > 10_000);
+
+    let info = json(&[&"info", &path("land.fan")]);
+    assert_eq!(info["triangles"], made["triangles"]);
+    assert_eq!(info["bytes"], baked["bytes"]);
+
+    let rendered = json(&[&"render", &path("land.fan"), &"-o", &path("land.png"), &"--size", &"320x240"]);
+    assert_keys(&rendered, &["seconds", "triangles", "lookups"]);
+    assert!(rendered["lookups"].as_u64().unwrap() > 10_000);
+
+    // The same seed gives the same file.
+    succeeds(&[
+        &"generate",
+        &"landscape",
+        &"-o",
+        &path("again.ply"),
+        &"--triangles",
+        &"10k",
+        &"--seed",
+        &"3",
+    ]);
+    assert!(std::fs::read(path("land.ply")).unwrap() == std::fs::read(path("again.ply")).unwrap());
+}
+
+#[test]
+fn a_landscape_becomes_an_asset_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("land.fan");
+    let command: [&dyn AsRef<OsStr>; 7] =
+        [&"generate", &"landscape", &"-o", &asset, &"--triangles", &"5k", &"--texels"];
+    let baked = json(&[&command[..], &[&"300k", &"--format", &"bc1"]].concat());
+    assert_keys(&baked, &["texels", "bytes", "seconds.bake", "peak_memory_bytes", "channels"]);
+    let texels = baked["texels"].as_u64().unwrap();
+    assert!(texels.abs_diff(300_000) < 6_000, "{texels}");
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+
+    // Flown through with a modelled disk, it is sharp in the end.
+    let flight = json(&[&"bench", &"stream", &asset, &"--simulate"]);
+    let row = |name: &str| {
+        let rows = flight["rows"].as_array().unwrap();
+        rows.iter().find(|row| row["name"] == name).unwrap()["value"].as_f64().unwrap()
+    };
+    assert_eq!(row("cuts that came before the view was sharp"), 0.0);
+    assert!(row("parcels resident when needed") > 90.0 && row("pool in use, at most") < 100.0, "{flight:#}");
+
+    let model = folder.path().join("land.ply");
+    let command: [&dyn AsRef<OsStr>; 6] = [&"generate", &"landscape", &"-o", &model, &"--texels", &"1M"];
+    fails(2, &["--texels", ".fan"], &command);
+    assert_eq!(files(folder.path()), ["land.fan"]);
+}
+
+#[test]
+fn the_bottle_looks_like_its_original() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("bottle.fan");
+    let baked = json(&[&"bake", &bottle(), &"-o", &asset]);
+    let channels: Vec<_> =
+        baked["channels"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!(channels, ["BaseColor", "Normal", "OcclusionRoughnessMetallic", "Emission"]);
+    let pictures = folder.path().join("views");
+    let compared =
+        json(&[&"compare", &bottle(), &asset, &"--views", &"3", &"--size", &"320x240", &"-o", &pictures]);
+    assert_keys(&compared, &["psnr_db.mean", "psnr_db.min", "ssim", "flip", "views"]);
+    assert!(compared["psnr_db"]["mean"].as_f64().unwrap() > 38.0, "{compared:#}");
+    assert_eq!(files(&pictures).len(), 9);
+
+    // Equal pictures have no finite ratio.
+    let same = json(&[&"compare", &bottle(), &bottle(), &"--views", &"1", &"--size", &"64x64"]);
+    assert_eq!(same["psnr_db"]["mean"], Value::Null);
+    assert_eq!(same["flip"], 0.0);
+}
+
+#[test]
+fn any_number_of_threads_bakes_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let bake = |threads: &str| {
+        let asset = folder.path().join(format!("{threads}.fan"));
+        succeeds(&[
+            &"bake",
+            &bottle(),
+            &"-o",
+            &asset,
+            &"--source",
+            &"solid=wood",
+            &"--texels",
+            &"300k",
+            &"--threads",
+            &threads,
+        ]);
+        std::fs::read(asset).unwrap()
+    };
+    assert!(bake("1") == bake("3"));
+}
+
+#[test]
+fn factors_of_textures_that_are_not_baked_do_not_cover_the_source() {
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("wood.fan");
+    let material = |source: &str| {
+        succeeds(&[&"bake", &bottle(), &"-o", &asset, &"--source", &source, &"--texels", &"20k", &"--force"]);
+        fantex::store::Asset::open(&asset).unwrap().mesh().materials[0].clone()
+    };
+    // The bottle's factors scale textures: white light, all metal.
+    assert_eq!((material("uv").emission.x, material("uv").metallic), (1.0, 1.0));
+    let material = material("solid=wood");
+    assert_eq!((material.emission.x, material.metallic, material.roughness), (0.0, 0.0, 0.9));
+}
+
+#[test]
+fn every_source_bakes_and_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let image = workspace().join("assets/WaterBottle/WaterBottle_emissive.png");
+    let mut sources = vec!["vertex".to_owned()];
+    sources.extend(["wood", "marble", "rock", "landscape"].map(|name| format!("solid={name}")));
+    sources.extend(
+        ["planar", "box", "cylinder", "sphere", "triplanar"]
+            .map(|mapping| format!("image={},mapping={mapping}", image.display())),
+    );
+    let asset = folder.path().join("out.fan");
+    let formats = ["bc7", "bc1", "rgba8", "float"];
+    for (source, format) in sources.iter().zip(formats.iter().cycle()) {
+        let arguments: [&dyn AsRef<OsStr>; 11] = [
+            &"bake",
+            &model,
+            &"-o",
+            &asset,
+            &"--source",
+            source,
+            &"--texels",
+            &"16k",
+            &"--format",
+            format,
+            &"--force",
+        ];
+        succeeds(&arguments);
+        let verified = json(&[&"verify", &asset]);
+        assert_eq!(verified["ok"], true, "{source} as {format}: {verified:#}");
+    }
+}
+
+#[test]
+fn pictures_of_the_cover_are_drawn_for_models_and_assets() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = write(folder.path(), "colored.ply", COLORED_PLY);
+    let asset = folder.path().join("colored.fan");
+    succeeds(&[&"bake", &model, &"-o", &asset, &"--texels", &"16k"]);
+    let pictures = folder.path().join("pictures/");
+    let info = json(&[&"info", &model, &"--texels", &"16k", &"--picture", &pictures]);
+    assert_eq!(info["pictures"].as_array().unwrap().len(), 3);
+    json(&[&"info", &asset, &"--picture", &folder.path().join("pictures/asset")]);
+    assert_eq!(
+        files(&pictures),
+        [
+            "asset-cover.png",
+            "asset-directions.png",
+            "asset-tiles.png",
+            "cover.png",
+            "directions.png",
+            "tiles.png"
+        ]
+    );
+}
+
+#[test]
+fn fidelity_is_measured() {
+    let figures = json(&[&"bench", &"fidelity", &bottle(), &"--texels", &"1M", &"--wavelength", &"16"]);
+    assert_keys(&figures, &["psnr_db", "density_share", "lookups_per_sample", "texels"]);
+    assert!(figures["psnr_db"].as_f64().unwrap() > 40.0, "{figures:#}");
+    // Point samples of the same function are worse.
+    let point = json(&[&"bench", &"fidelity", &bottle(), &"--texels", &"1M", &"--fit", &"point"]);
+    assert!(point["psnr_db"].as_f64().unwrap() < figures["psnr_db"].as_f64().unwrap() - 3.0);
+}
+
+#[test]
+fn messages_and_results_do_not_mix() {
+    let noisy = succeeds(&[&"info", &bottle(), &"--json"]);
+    serde_json::from_slice::<Value>(&noisy.stdout).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("out.png");
+    let quiet = succeeds(&[&"render", &bottle(), &"-o", &picture, &"--size", &"32x32", &"--quiet"]);
+    assert!(quiet.stderr.is_empty());
+}
+
+#[test]
+fn another_model_gives_its_colours_and_its_shape() {
+    let folder = tempfile::tempdir().unwrap();
+    // A coarse cube takes over the corners' colours of a finer, slightly larger one.
+    let coarse = write(folder.path(), "coarse.obj", crate::CUBE_OBJ);
+    let mut fine = String::new();
+    let corners = [-1.02_f32, 1.02];
+    for z in corners {
+        for y in corners {
+            for x in corners {
+                let channel = |v: f32| if v > 0.0 { 255 } else { 0 };
+                fine += &format!("{x} {y} {z} {} {} {}\n", channel(x), channel(y), channel(z));
+            }
+        }
+    }
+    let header = "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+        property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 6\nproperty list uchar int vertex_indices\n\
+        end_header\n";
+    let faces = "4 0 2 3 1\n4 4 5 7 6\n4 0 1 5 4\n4 2 6 7 3\n4 0 4 6 2\n4 1 3 7 5\n";
+    let fine = write(folder.path(), "fine.ply", format!("{header}{fine}{faces}"));
+    let asset = folder.path().join("coarse.fan");
+    let source = format!("mesh={}", fine.display());
+    let info = json(&[&"bake", &coarse, &"-o", &asset, &"--source", &source, &"--texels", &"60k"]);
+    assert_eq!(info["source"], source);
+    let channels: Vec<&str> =
+        info["channels"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!(channels, ["Normal", "BaseColor"]);
+    assert_eq!(json(&[&"verify", &asset])["ok"], true);
+    // The same pictures as of the finer model itself, but for its size.
+    let compared = json(&[&"compare", &fine, &asset, &"--views", &"2", &"--size", &"160x120"]);
+    assert!(compared["psnr_db"]["mean"].as_f64().unwrap() > 25.0, "{compared:#}");
+    // A cage that is too short is told.
+    let source = format!("mesh={},cage=0.001", fine.display());
+    let output =
+        succeeds(&[&"bake", &coarse, &"-o", &asset, &"--force", &"--source", &source, &"--texels", &"10k"]);
+    assert!(String::from_utf8_lossy(&output.stderr).contains("found nothing within the cage of 0.0010"));
+    fails(2, &["length above 0"], &[&"bake", &coarse, &"-o", &asset, &"--source", &"mesh=a.ply,cage=0"]);
+    fails(
+        1,
+        &["cannot read", "missing.ply"],
+        &[&"bake", &coarse, &"-o", &asset, &"--force", &"--source", &"mesh=missing.ply"],
+    );
+}
+
+/// Files in `meshes/` that must be refused, with a word of the reason.
+const REFUSED: [(&str, &str); 0] = [];
+
+#[test]
+fn every_model_is_described_or_refused_with_a_reason() {
+    let Some(data) = data() else { return };
+    let mut count = 0;
+    for path in models(&data.join("meshes")).into_iter().chain(models(&data.join("landscapes"))) {
+        let output = run(&[&"info", &path, &"--json", &"--texels", &"1M"]);
+        let errors = stderr(&output);
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        match REFUSED.iter().find(|(refused, _)| *refused == name) {
+            Some((_, reason)) => {
+                assert_eq!(output.status.code(), Some(1), "{name}: {errors}");
+                assert!(errors.contains(reason) && errors.lines().count() == 1, "{name}: {errors}");
+            }
+            None => {
+                assert_eq!(output.status.code(), Some(0), "{name}: {errors}");
+                let info: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+                let count = |key: &str| info[key].as_u64().unwrap();
+                assert!(count("triangles") > 0, "{name}");
+                let laid_flat = count("fans_projected") + count("fans_unfolded");
+                assert!(laid_flat + 2 * count("fans_split") >= count("fans"), "{name}: {info:#}");
+            }
+        }
+        count += 1;
+    }
+    assert!(count >= 20, "only {count} models in {}", data.display());
+}
+
+#[test]
+fn every_model_bakes_without_a_jump() {
+    let Some(data) = data() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let asset = folder.path().join("out.fan");
+    for path in models(&data.join("meshes")) {
+        succeeds(&[
+            &"bake",
+            &path,
+            &"-o",
+            &asset,
+            &"--source",
+            &"solid=marble",
+            &"--texels",
+            &"1M",
+            &"--force",
+            &"--quiet",
+        ]);
+        let verified = json(&[&"verify", &asset]);
+        assert_eq!(verified["ok"], true, "{}: {verified:#}", path.display());
+    }
+}
+
+/// All model files below a folder, sorted.
+fn models(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    let mut entries: Vec<_> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    entries.sort();
+    for path in entries {
+        let extension = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+        if path.is_dir() {
+            found.extend(models(&path));
+        } else if matches!(extension.as_deref(), Some("gltf" | "glb" | "obj" | "ply" | "stl")) {
+            found.push(path);
+        }
+    }
+    found
+}
