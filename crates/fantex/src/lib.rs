@@ -66,8 +66,8 @@
 pub mod look_scene;
 
 pub use {
-    fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_export as export, fantex_gpu as gpu,
-    fantex_look as look, fantex_mesh as mesh, fantex_paint as paint, fantex_photos as photos,
-    fantex_render as render, fantex_scene as scene, fantex_store as store, fantex_stream as stream,
-    fantex_texture as texture,
+    fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_export as export,
+    fantex_gpu as gpu, fantex_look as look, fantex_mesh as mesh, fantex_paint as paint,
+    fantex_photos as photos, fantex_render as render, fantex_scene as scene, fantex_store as store,
+    fantex_stream as stream, fantex_texture as texture,
 };
