@@ -40,22 +40,14 @@ macro_rules! choice {
     )*};
 }
 
-mod coordinates;
-mod environment;
-mod light;
 mod material;
-mod procedural;
 mod scene;
 mod texture;
 mod values;
 
 use std::collections::BTreeMap;
 
-pub use coordinates::*;
-pub use environment::*;
-pub use light::*;
 pub use material::*;
-pub use procedural::*;
 pub use scene::*;
 pub use texture::*;
 pub use values::*;

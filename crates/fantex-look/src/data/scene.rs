@@ -1,8 +1,13 @@
-//! Camera, picture, objects, and what is baked.
+//! Camera, picture, lamps, surroundings, objects, and what is baked.
 
 use std::collections::BTreeMap;
 
-use super::{Color, FileName, MaterialName, Scale, TextureName};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{Color, FileName, MaterialName, ObjectName, Scale, TextureName};
+
+// Camera, picture, objects, and what is baked.
 
 table! {
     /// A pinhole camera, world space.
@@ -223,5 +228,257 @@ choice! {
         AmbientOcclusion,
         /// All light.
         Full,
+    }
+}
+
+// Lamps.
+
+/// A lamp.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum LightTable {
+    /// Light from one direction.
+    Sun(SunTable),
+    /// Light from a point to all sides.
+    Point(PointTable),
+    /// Light from a point into a cone.
+    Spot(SpotTable),
+    /// Light through a slide.
+    Projector(ProjectorTable),
+    /// Light from everywhere.
+    Ambient(AmbientTable),
+}
+
+table! {
+    /// Light from one direction.
+    #[schemars(extend("required" = ["to_light"]))]
+    pub struct SunTable {
+        /// From the surface to the light, of any length but zero, world axes.
+        pub to_light: [f64; 3] = [0.0, 1.0, 0.0],
+        /// Colour: what a white surface that faces the light reflects.
+        pub color: Color = Color::WHITE,
+        /// Factor of the colour.
+        #[schemars(range(min = 0))]
+        pub strength: f64 = 1.0,
+        /// Half the angle under which the light is seen, in degrees: soft shadows in baked light.
+        #[schemars(range(min = 0, max = 90))]
+        pub radius: f64 = 0.27,
+        /// Shadows; none where it is left out.
+        pub shadow: Option<ShadowTable> = None,
+    }
+
+    /// Light from a point.
+    #[schemars(extend("required" = ["position"]))]
+    pub struct PointTable {
+        /// Where it is, world units.
+        pub position: [f64; 3] = [0.0; 3],
+        /// Colour: what a white surface that faces the light at the distance `full_at` reflects.
+        pub color: Color = Color::WHITE,
+        /// Factor of the colour.
+        #[schemars(range(min = 0))]
+        pub strength: f64 = 1.0,
+        /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
+        /// distance; without it, it does not weaken.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub full_at: Option<f64> = None,
+        /// Distance in world units beyond which there is no light; needs `full_at`.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub range: Option<f64> = None,
+        /// Radius of the lamp in world units: soft shadows in baked light.
+        #[schemars(range(min = 0))]
+        pub radius: f64 = 0.0,
+        /// Shadows; none where it is left out.
+        pub shadow: Option<ShadowTable> = None,
+    }
+
+    /// Light from a point into a cone.
+    #[schemars(extend("required" = ["position", "target"]))]
+    pub struct SpotTable {
+        /// Where it is, world units.
+        pub position: [f64; 3] = [0.0; 3],
+        /// A point on the cone's axis, world units.
+        pub target: [f64; 3] = [0.0; 3],
+        /// Angle between the axis and the border of the full light, in degrees.
+        #[schemars(range(min = 0, max = 90))]
+        pub inner: f64 = 20.0,
+        /// Angle between the axis and the border of all light, in degrees; not below `inner`.
+        #[schemars(range(min = 0, max = 90))]
+        pub outer: f64 = 25.0,
+        /// Colour: what a white surface that faces the light reflects.
+        pub color: Color = Color::WHITE,
+        /// Factor of the colour.
+        #[schemars(range(min = 0))]
+        pub strength: f64 = 1.0,
+        /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
+        /// distance; without it, it does not weaken.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub full_at: Option<f64> = None,
+        /// Distance in world units beyond which there is no light; needs `full_at`.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub range: Option<f64> = None,
+        /// Radius of the lamp in world units: soft shadows in baked light.
+        #[schemars(range(min = 0))]
+        pub radius: f64 = 0.0,
+        /// Shadows; none where it is left out.
+        pub shadow: Option<ShadowTable> = None,
+    }
+
+    /// Light through a slide: an image or any texture.
+    #[schemars(extend("required" = ["position", "target"]))]
+    pub struct ProjectorTable {
+        /// The pinhole, world units.
+        pub position: [f64; 3] = [0.0; 3],
+        /// Where the middle of the slide falls, world units.
+        pub target: [f64; 3] = [0.0; 3],
+        /// To the top of the slide.
+        pub up: [f64; 3] = [0.0, 1.0, 0.0],
+        /// Vertical opening angle in degrees.
+        #[schemars(extend("exclusiveMinimum" = 0, "exclusiveMaximum" = 180))]
+        pub fov: f64 = 30.0,
+        /// Height of the picture in world units, for parallel light instead of light from a point.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub height: Option<f64> = None,
+        /// Width of the slide over its height; the image's where it is left out, else 1.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub aspect: Option<f64> = None,
+        /// The slide, an image.
+        pub image: Option<FileName> = None,
+        /// The slide, a texture: its coordinates run over the slide from 0 to 1.
+        pub texture: Option<TextureName> = None,
+        /// Colour of the lamp behind the slide.
+        pub color: Color = Color::WHITE,
+        /// Factor of the colour.
+        #[schemars(range(min = 0))]
+        pub strength: f64 = 1.0,
+        /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
+        /// distance; without it, it does not weaken.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub full_at: Option<f64> = None,
+        /// Distance in world units beyond which there is no light; needs `full_at`.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub range: Option<f64> = None,
+        /// Shadows; none where it is left out.
+        pub shadow: Option<ShadowTable> = None,
+    }
+
+    /// Light from everywhere.
+    pub struct AmbientTable {
+        /// From straight above.
+        pub sky: Color = Color::WHITE,
+        /// From straight below; as from above where it is left out.
+        pub ground: Option<Color> = None,
+        /// Factor of both.
+        #[schemars(range(min = 0))]
+        pub strength: f64 = 1.0,
+    }
+
+    /// A shadow map.
+    pub struct ShadowTable {
+        /// Texels along each side of the map.
+        #[schemars(range(min = 16, max = 16384))]
+        pub size: u32 = 2048,
+        /// How far a receiver is lifted towards the lamp, in texels of the map.
+        #[schemars(range(min = 0, max = 1000))]
+        pub bias: f64 = 1.0,
+        /// How far a receiver is lifted along its normal where light grazes it, in texels of the map.
+        #[schemars(range(min = 0, max = 1000))]
+        pub normal_bias: f64 = 1.5,
+        /// Half the width of the border, in world units.
+        #[schemars(range(min = 0))]
+        pub softness: f64 = 0.0,
+        /// Radius of the lamp in world units (of the sun: the tangent of its angle): borders grow wider with the distance.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub lamp_radius: Option<f64> = None,
+    }
+}
+
+// What surrounds the scene.
+
+table! {
+    /// The surroundings: one of `image`, `faces`, `sky`, `capture` or `color` says what they are.
+    pub struct EnvironmentTable {
+        /// A picture of the surroundings, usually HDR: latitude-longitude, an unfolded cube, a strip of faces or a mirror ball.
+        pub image: Option<FileName> = None,
+        /// Six pictures: right, left, up, down, front, back.
+        pub faces: Option<[FileName; 6]> = None,
+        /// A clear sky, computed.
+        pub sky: Option<SkyTable> = None,
+        /// What is seen from an object, rendered in six passes.
+        pub capture: Option<CaptureTable> = None,
+        /// The same colour on all sides.
+        pub color: Option<Color> = None,
+        /// How `image` is laid out; recognised by its proportions where it is left out.
+        pub layout: Option<EnvironmentLayoutName> = None,
+        /// Factor of its light.
+        #[schemars(range(min = 0))]
+        pub strength: f64 = 1.0,
+        /// Turned about the vertical axis, in degrees.
+        pub rotation: f64 = 0.0,
+        /// Whether it is the background of the picture.
+        pub visible: bool = true,
+        /// The form into which it is converted; it keeps its own where this is left out.
+        pub form: Option<EnvironmentFormName> = None,
+        /// Texels along a face of the cube, a disc or the height of the sphere after conversion, and of a sky.
+        #[schemars(range(min = 4, max = 8192))]
+        pub size: u32 = 512,
+    }
+
+    /// A clear sky over a plain.
+    pub struct SkyTable {
+        /// To the sun, of any length but zero, world axes.
+        pub to_sun: [f64; 3] = [-0.5, 0.72, 0.7],
+        /// Haze, from 2 (after rain) to 10.
+        #[schemars(range(min = 2, max = 10))]
+        pub turbidity: f64 = 3.0,
+        /// Colour of the ground.
+        pub ground: Color = Color::rgb([0.18, 0.17, 0.12]),
+        /// Whether the sun's disc is drawn.
+        pub sun: bool = false,
+    }
+
+    /// The scene as an object sees it.
+    pub struct CaptureTable {
+        /// The object that is left out, and from whose middle the scene is rendered; the first one where it is left out.
+        pub object: Option<ObjectName> = None,
+        /// From where instead, world units.
+        pub position: Option<[f64; 3]> = None,
+        /// What is behind the scene.
+        pub sky: Option<SkyTable> = None,
+        /// Texels along a face.
+        #[schemars(range(min = 4, max = 4096))]
+        pub size: u32 = 256,
+        /// Samples per texel.
+        #[schemars(range(min = 1, max = 64))]
+        pub samples: u32 = 4,
+    }
+}
+
+choice! {
+    /// How an environment is kept.
+    pub enum EnvironmentFormName {
+        /// Latitude and longitude.
+        Sphere,
+        /// Six faces.
+        Cube,
+        /// Two paraboloids.
+        Paraboloid,
+    }
+
+    /// How a picture shows an environment.
+    pub enum EnvironmentLayoutName {
+        /// Latitude and longitude, twice as wide as high.
+        Panorama,
+        /// An unfolded cube, lying: 4 by 3 faces.
+        HorizontalCross,
+        /// An unfolded cube, standing: 3 by 4 faces.
+        VerticalCross,
+        /// Six faces side by side.
+        HorizontalStrip,
+        /// Six faces one below the other.
+        VerticalStrip,
+        /// Two paraboloids side by side.
+        Paraboloids,
+        /// A mirror ball, photographed from afar.
+        MirrorBall,
     }
 }

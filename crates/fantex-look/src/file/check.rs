@@ -4,15 +4,18 @@
 //! the line of everything. Only those parts of JSON Schema are understood that the schema of a look uses.
 
 use std::ops::Range;
+use std::sync::LazyLock;
 
+use schemars::Schema;
+use schemars::generate::SchemaSettings;
+use schemars::transform::RecursiveTransform;
 use serde_json::Value;
 use toml::Spanned;
 use toml::de::{DeArray, DeInteger, DeTable, DeValue};
 
+use super::Key;
 use super::error::LookProblem;
-use super::key::Key;
-use super::suggest::nearest;
-use crate::data::{Color, split_channel};
+use crate::data::{Color, Look, split_channel};
 
 /// No number of a look is farther from 0, and none but 0 itself closer: within this range single precision is safe.
 const MAGNITUDES: Range<f64> = 1e-30..1e30;
@@ -382,5 +385,110 @@ fn phrase(schema: &Value) -> String {
         Some("boolean") => "true or false".into(),
         Some("integer") => "a whole number".into(),
         _ => "a number".into(),
+    }
+}
+
+// The JSON schema of a look.
+
+/// The JSON schema (draft 2020-12) of a look, made from the types that hold it. Keys that may be left out have their default
+/// beside them.
+pub fn look_schema() -> &'static Value {
+    static SCHEMA: LazyLock<Value> = LazyLock::new(|| {
+        let settings = SchemaSettings::draft2020_12().with_transform(RecursiveTransform(without_null));
+        settings.into_generator().into_root_schema_for::<Look>().to_value()
+    });
+    &SCHEMA
+}
+
+/// TOML knows no null: a key that may be left out is left out.
+fn without_null(schema: &mut Schema) {
+    let Some(object) = schema.as_object_mut() else { return };
+    if object.get("default").is_some_and(Value::is_null) {
+        object.remove("default");
+    }
+    if object.get("format").is_some_and(is_number_format) {
+        let format = object.remove("format");
+        if format.is_some_and(|f| f == "uint32") {
+            object.entry("maximum").or_insert(Value::from(u32::MAX));
+        }
+    }
+    if let Some(Value::Array(types)) = object.get_mut("type") {
+        types.retain(|t| t != "null");
+        if let [only] = types.as_slice() {
+            let only = only.clone();
+            object.insert("type".into(), only);
+        }
+    }
+    if let Some(Value::Array(alternatives)) = object.get_mut("anyOf") {
+        alternatives.retain(|a| a.get("type").is_none_or(|t| t != "null"));
+        if let [Value::Object(only)] = alternatives.as_slice() {
+            let only = only.clone();
+            object.remove("anyOf");
+            object.extend(only);
+        }
+    }
+}
+
+/// Formats such as `double`, which are Rust's, not the user's.
+fn is_number_format(format: &Value) -> bool {
+    format
+        .as_str()
+        .is_some_and(|f| f.starts_with("uint") || f.starts_with("int") || matches!(f, "float" | "double"))
+}
+
+// What somebody may have meant.
+
+/// The candidate that is written most like `name`, if any is close enough to be a slip: at most a third of the letters differ.
+pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    let limit = (name.chars().count() / 3).max(1);
+    candidates
+        .into_iter()
+        .map(|candidate| (edit_distance(name, candidate), candidate))
+        .filter(|&(distance, _)| distance <= limit)
+        .min_by_key(|&(distance, _)| distance)
+        .map(|(_, candidate)| candidate.to_owned())
+}
+
+/// Insertions, deletions, replacements and swaps of neighbours that turn one text into the other, ignoring case (optimal
+/// string alignment).
+fn edit_distance(a: &str, b: &str) -> usize {
+    let [a, b]: [Vec<char>; 2] = [a, b].map(|s| s.to_lowercase().chars().take(64).collect());
+    let mut before_last: Vec<usize> = Vec::new();
+    let mut last: Vec<usize> = (0..=b.len()).collect();
+    for (i, &from) in a.iter().enumerate() {
+        let mut row = vec![i + 1];
+        for (j, &to) in b.iter().enumerate() {
+            let replaced = last[j] + usize::from(from != to);
+            let mut best = replaced.min(last[j + 1] + 1).min(row[j] + 1);
+            if i > 0 && j > 0 && from == b[j - 1] && to == a[i - 1] {
+                best = best.min(before_last[j - 1] + 1);
+            }
+            row.push(best);
+        }
+        before_last = std::mem::replace(&mut last, row);
+    }
+    last[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slips_are_recognised_and_strangers_are_not() {
+        let known = ["roughness", "metallic", "base_color", "kind"];
+        assert_eq!(nearest("rougness", known).as_deref(), Some("roughness"));
+        assert_eq!(nearest("base_colour", known).as_deref(), Some("base_color"));
+        assert_eq!(nearest("knid", known).as_deref(), Some("kind"));
+        assert_eq!(nearest("Metallic", known).as_deref(), Some("metallic"));
+        assert_eq!(nearest("velvet", known), None);
+        assert_eq!(nearest("", known), None);
+    }
+
+    #[test]
+    fn distances_count_edits() {
+        assert_eq!(edit_distance("", "abc"), 3);
+        assert_eq!(edit_distance("kitten", "sitting"), 3);
+        assert_eq!(edit_distance("ab", "ba"), 1);
     }
 }

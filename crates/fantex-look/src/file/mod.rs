@@ -6,26 +6,21 @@
 
 mod check;
 mod error;
-mod key;
-mod names;
-mod schema;
-mod suggest;
-mod tree;
 
-use std::fs;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::{fmt, fs};
 
+use serde_json::{Map, Number, Value};
 use toml::Spanned;
-use toml::de::{DeTable, DeValue};
-
-use check::{Checker, Mistake};
-use key::Step;
+use toml::de::{DeInteger, DeTable, DeValue};
 
 use crate::data::{FileName, Look};
 
+use check::{Checker, Mistake, Reference, ReferenceKind, nearest};
+
+pub use check::look_schema;
 pub use error::{LookError, LookProblem};
-pub use key::Key;
-pub use schema::look_schema;
 
 /// Longest text of a look, in bytes.
 const MAX_BYTES: u64 = 16 << 20;
@@ -74,9 +69,9 @@ impl LookFile {
         })?;
         let mut checker = Checker::new(look_schema());
         checker.document(&document).map_err(|m| file.mistake(m))?;
-        let look = serde_json::from_value(tree::json_of_table(document.get_ref()))
+        let look = serde_json::from_value(json_of_table(document.get_ref()))
             .map_err(|error| file.error(&Key::default(), LookProblem::refused(error)))?;
-        names::check_names(&look, &checker.references).map_err(|m| file.mistake(m))?;
+        check_names(&look, &checker.references).map_err(|m| file.mistake(m))?;
         Ok(Self { look, ..file })
     }
 
@@ -143,8 +138,8 @@ impl Look {
     pub fn to_toml(&self) -> Result<String, LookProblem> {
         let mut value = serde_json::to_value(self).map_err(LookProblem::refused)?;
         let schema = look_schema();
-        tree::without_defaults(&mut value, schema, schema);
-        let table = tree::toml_of(&value).unwrap_or(toml::Value::Table(toml::Table::new()));
+        without_defaults(&mut value, schema, schema);
+        let table = toml_of(&value).unwrap_or(toml::Value::Table(toml::Table::new()));
         toml::to_string(&table).map_err(LookProblem::refused)
     }
 }
@@ -178,4 +173,244 @@ fn span_of(document: &Spanned<DeTable<'_>>, key: &Key) -> Option<usize> {
         };
     }
     start
+}
+
+// Places in a look.
+
+/// The way to a value, as in `textures.bark.layers[2].mask`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Key(Vec<Step>);
+
+/// From a table to one of its values, or from a list to one of its entries.
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Step {
+    Name(String),
+    Index(usize),
+}
+
+impl Key {
+    /// The way through tables.
+    pub fn of<const N: usize>(names: [&str; N]) -> Self {
+        Self(names.iter().map(|name| Step::Name((*name).to_owned())).collect())
+    }
+
+    /// A value of the table.
+    #[must_use]
+    pub fn name(&self, name: &str) -> Self {
+        self.with(Step::Name(name.to_owned()))
+    }
+
+    /// An entry of the list, from 0.
+    #[must_use]
+    pub fn index(&self, index: usize) -> Self {
+        self.with(Step::Index(index))
+    }
+
+    fn with(&self, step: Step) -> Self {
+        let mut steps = self.0.clone();
+        steps.push(step);
+        Self(steps)
+    }
+
+    fn steps(&self) -> &[Step] {
+        &self.0
+    }
+
+    /// The name in `NAMES.NAME...`, if the key lies within the table of that name.
+    fn member_of(&self, table: &str) -> Option<&str> {
+        match self.0.as_slice() {
+            [Step::Name(first), Step::Name(name), ..] if first == table => Some(name),
+            _ => None,
+        }
+    }
+}
+
+impl fmt::Display for Key {
+    /// Entries of lists are counted from 1.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (position, step) in self.0.iter().enumerate() {
+            match step {
+                Step::Name(name) if position == 0 => f.write_str(name)?,
+                Step::Name(name) => write!(f, ".{name}")?,
+                Step::Index(index) => write!(f, "[{}]", index + 1)?,
+            }
+        }
+        Ok(())
+    }
+}
+
+// Names that stand for textures, materials and objects of the look.
+
+/// Textures that may need each other in a row: evaluation calls them one within the other.
+const MAX_DEPTH: usize = 64;
+
+/// Checks that every name is defined and no texture needs itself.
+fn check_names(look: &Look, references: &[Reference]) -> Result<(), Mistake> {
+    references.iter().try_for_each(|reference| check_defined(look, reference))?;
+    let mut needs: BTreeMap<&str, Vec<&Reference>> = BTreeMap::new();
+    for reference in references.iter().filter(|r| r.kind == ReferenceKind::Texture) {
+        if let Some(owner) = reference.key.member_of("textures") {
+            needs.entry(owner).or_default().push(reference);
+        }
+    }
+    let mut walk = Walk { needs: &needs, path: Vec::new(), depths: BTreeMap::new() };
+    needs.keys().try_for_each(|&name| walk.depth(name).map(drop))
+}
+
+fn check_defined(look: &Look, reference: &Reference) -> Result<(), Mistake> {
+    let known: Vec<&str> = match reference.kind {
+        ReferenceKind::Texture => look.textures.keys().map(String::as_str).collect(),
+        ReferenceKind::Material => look.materials.keys().map(String::as_str).collect(),
+        ReferenceKind::Object => look.object.iter().filter_map(|o| o.name.as_deref()).collect(),
+    };
+    if known.contains(&reference.name.as_str()) {
+        return Ok(());
+    }
+    let what = match reference.kind {
+        ReferenceKind::Texture => "texture",
+        ReferenceKind::Material => "material",
+        ReferenceKind::Object => "object",
+    };
+    let nearest = nearest(&reference.name, known.iter().copied());
+    let known = known.into_iter().map(str::to_owned).collect();
+    Err(mistake(reference, LookProblem::Undefined { what, name: reference.name.clone(), nearest, known }))
+}
+
+fn mistake(reference: &Reference, problem: LookProblem) -> Mistake {
+    Mistake { key: reference.key.clone(), span: reference.span.clone(), problem: Box::new(problem) }
+}
+
+/// A depth-first walk through the textures.
+struct Walk<'r> {
+    needs: &'r BTreeMap<&'r str, Vec<&'r Reference>>,
+    /// From the first texture to the one that is visited.
+    path: Vec<&'r str>,
+    /// Textures in the longest row from here on, of those that are done.
+    depths: BTreeMap<&'r str, usize>,
+}
+
+impl<'r> Walk<'r> {
+    fn depth(&mut self, name: &'r str) -> Result<usize, Mistake> {
+        if let Some(&depth) = self.depths.get(name) {
+            return Ok(depth);
+        }
+        self.path.push(name);
+        let mut deepest = 0;
+        for &reference in self.needs.get(name).into_iter().flatten() {
+            if let Some(start) = self.path.iter().position(|&other| other == reference.name) {
+                let circle = self.path[start..].iter().copied().chain([reference.name.as_str()]);
+                let circle = circle.map(str::to_owned).collect();
+                return Err(mistake(reference, LookProblem::Cycle(circle)));
+            }
+            let too_deep = || mistake(reference, LookProblem::TooDeep { limit: MAX_DEPTH });
+            // Bounds the recursion, too.
+            if self.path.len() > MAX_DEPTH {
+                return Err(too_deep());
+            }
+            deepest = deepest.max(self.depth(&reference.name)?);
+            if deepest >= MAX_DEPTH {
+                return Err(too_deep());
+            }
+        }
+        self.path.pop();
+        self.depths.insert(name, deepest + 1);
+        Ok(deepest + 1)
+    }
+}
+
+// Documents as JSON values and back: the types of a look are read from and written to these only.
+
+/// A document without its spans. Dates become their text.
+fn json_of_table(table: &DeTable<'_>) -> Value {
+    let members = table.iter().map(|(name, value)| (name.get_ref().to_string(), json_of(value.get_ref())));
+    Value::Object(members.collect())
+}
+
+fn json_of(value: &DeValue<'_>) -> Value {
+    match value {
+        DeValue::String(text) => Value::String(text.to_string()),
+        DeValue::Integer(integer) => json_of_integer(integer),
+        DeValue::Float(float) => {
+            float.as_str().parse().ok().and_then(Number::from_f64).map_or(Value::Null, Value::Number)
+        }
+        DeValue::Boolean(value) => Value::Bool(*value),
+        DeValue::Datetime(date) => Value::String(date.to_string()),
+        DeValue::Array(list) => list.iter().map(|entry| json_of(entry.get_ref())).collect(),
+        DeValue::Table(table) => json_of_table(table),
+    }
+}
+
+fn json_of_integer(integer: &DeInteger<'_>) -> Value {
+    i64::from_str_radix(integer.as_str(), integer.radix()).map_or(Value::Null, Value::from)
+}
+
+/// The TOML of a JSON value without nulls; empty tables are left out.
+fn toml_of(value: &Value) -> Option<toml::Value> {
+    Some(match value {
+        Value::Null => return None,
+        Value::Bool(value) => toml::Value::Boolean(*value),
+        Value::Number(number) => match number.as_i64() {
+            Some(integer) => toml::Value::Integer(integer),
+            None => toml::Value::Float(number.as_f64()?),
+        },
+        Value::String(text) => toml::Value::String(text.clone()),
+        Value::Array(list) => toml::Value::Array(list.iter().filter_map(toml_of).collect()),
+        Value::Object(members) => toml::Value::Table(toml_table(members)),
+    })
+}
+
+fn toml_table(members: &Map<String, Value>) -> toml::Table {
+    members.iter().filter_map(|(name, value)| Some((name.clone(), toml_of(value)?))).collect()
+}
+
+/// Removes what says no more than the schema's defaults do.
+fn without_defaults(value: &mut Value, schema: &Value, root: &Value) {
+    let schema = target(schema, root);
+    match value {
+        Value::Object(members) => {
+            let schema = alternative(schema, members, root);
+            for (name, member) in members.iter_mut() {
+                let property = schema.get("properties").and_then(|p| p.get(name));
+                if let Some(inner) = property.or_else(|| schema.get("additionalProperties")) {
+                    without_defaults(member, inner, root);
+                }
+            }
+            let required = schema.get("required").and_then(Value::as_array);
+            let is_required = |name: &str| required.is_some_and(|r| r.iter().any(|n| n == name));
+            members.retain(|name, member| {
+                let default = schema.get("properties").and_then(|p| p.get(name)?.get("default"));
+                let says_nothing = member.is_null()
+                    || member.as_object().is_some_and(Map::is_empty) && default.is_some()
+                    || default == Some(member);
+                !says_nothing || is_required(name)
+            });
+        }
+        Value::Array(list) => {
+            if let Some(items) = schema.get("items") {
+                list.iter_mut().for_each(|entry| without_defaults(entry, items, root));
+            }
+        }
+        _ => {}
+    }
+}
+
+fn target<'s>(schema: &'s Value, root: &'s Value) -> &'s Value {
+    let name = schema.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
+    name.and_then(|name| root.get("$defs")?.get(name)).unwrap_or(schema)
+}
+
+/// The alternative of a schema whose fixed texts a table has.
+fn alternative<'s>(schema: &'s Value, members: &Map<String, Value>, root: &'s Value) -> &'s Value {
+    let Some(list) = schema.get("anyOf").or_else(|| schema.get("oneOf")).and_then(Value::as_array) else {
+        return schema;
+    };
+    let fits = |schema: &Value| {
+        let properties = schema.get("properties").and_then(Value::as_object);
+        properties.is_some_and(|p| {
+            p.iter()
+                .all(|(name, property)| property.get("const").is_none_or(|c| members.get(name) == Some(c)))
+        })
+    };
+    let candidates = list.iter().map(|a| alternative(target(a, root), members, root));
+    candidates.into_iter().find(|a| fits(a)).unwrap_or(schema)
 }

@@ -7,21 +7,18 @@
 //! | solids and volumes | position | [`SpaceMatrix`] |
 //! | ramps | [`Parameter`] | scale and offset |
 
-mod direction;
 mod image_lookup;
-mod parameter;
-mod space_matrix;
-mod texture_matrix;
+mod matrix;
 
 use glam::{Vec2, Vec3, Vec4};
 
-pub use direction::{Direction, DirectionPoint};
-pub use image_lookup::ImageLookup;
-pub use parameter::Parameter;
-pub use space_matrix::{InSpace, SpaceMatrix, SpaceMatrixOptions, SpacePoint};
-pub use texture_matrix::{TextureMatrix, TextureMatrixOptions};
+use crate::mapping::reflected;
+use crate::{
+    Allowed, InvalidOption, Mapping, SMap, ShadingPoint, Texture, TriplanarMap, TwoPartMapping, UvPoint,
+};
 
-use crate::{InvalidOption, Mapping, SMap, ShadingPoint, Texture, TriplanarMap, TwoPartMapping, UvPoint};
+pub use image_lookup::ImageLookup;
+pub use matrix::{InSpace, SpaceMatrix, SpaceMatrixOptions, SpacePoint, TextureMatrix, TextureMatrixOptions};
 
 /// Two-dimensional texture coordinates of a shading point.
 #[derive(Clone, Debug, PartialEq)]
@@ -112,4 +109,190 @@ impl Coordinates {
 fn surface_point(map: &SMap, at: &ShadingPoint<'_>) -> UvPoint {
     let [dx, dy] = at.position_steps;
     UvPoint { uv: map.uv(at.position, at.normal), steps: map.uv_footprint(at.position, at.normal, dx, dy) }
+}
+
+// Directions by which cube and environment maps are looked up.
+
+/// A direction that every surface point has.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Direction {
+    /// The view ray, reflected. Without an eye, the normal.
+    #[default]
+    Reflection,
+    /// The normal.
+    Normal,
+    /// From the eye to the point. Without an eye, against the normal.
+    View,
+    /// From a point to the surface.
+    From {
+        /// The point, object space.
+        center: Vec3,
+    },
+}
+
+/// A direction with its change along the footprint's edges.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DirectionPoint {
+    /// Unit vector, object space.
+    pub direction: Vec3,
+    /// Change along the footprint's edges. The eye counts as far away: what a plane mirror shows changes more.
+    pub steps: [Vec3; 2],
+}
+
+impl Direction {
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        match self {
+            Self::From { center } => Allowed::Finite.check("a direction", "the centre", &center.to_array()),
+            Self::Reflection | Self::Normal | Self::View => Ok(()),
+        }
+    }
+
+    /// Whether it depends on the eye.
+    pub fn is_view_dependent(&self) -> bool {
+        matches!(self, Self::Reflection | Self::View)
+    }
+
+    /// The direction at a point.
+    pub fn at(&self, at: &ShadingPoint<'_>) -> DirectionPoint {
+        let (n, normal_steps) = (at.normal, at.normal_steps);
+        match (*self, at.to_eye) {
+            (Self::Normal, _) | (Self::Reflection, None) => {
+                DirectionPoint { direction: n, steps: normal_steps }
+            }
+            (Self::Reflection, Some(to_eye)) => DirectionPoint {
+                direction: reflected(to_eye, n),
+                steps: normal_steps.map(|dn| 2.0 * (dn.dot(to_eye) * n + n.dot(to_eye) * dn)),
+            },
+            (Self::View, to_eye) => {
+                DirectionPoint { direction: -to_eye.unwrap_or(n), steps: [Vec3::ZERO; 2] }
+            }
+            (Self::From { center }, _) => {
+                let arm = at.position - center;
+                let direction = arm.normalize_or(n);
+                // A step longer than the arm turns the direction by a radian at most.
+                let reach = |dp: Vec3| arm.length().max(dp.length()).max(f32::MIN_POSITIVE);
+                let across = |dp: Vec3| (dp - direction * direction.dot(dp)) / reach(dp);
+                DirectionPoint { direction, steps: at.position_steps.map(across) }
+            }
+        }
+    }
+}
+
+// Single numbers of a surface point: the coordinates of one-dimensional textures.
+
+/// A number that every surface point has. As a texture, it gives that number as red, green and blue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Parameter {
+    /// The distance from the plane through `origin` across `direction`, in units of one over `direction`'s length. The
+    /// height, for a direction upwards.
+    Along {
+        /// Where it is 0.
+        origin: Vec3,
+        /// In which direction it grows, by its length per unit; not 0.
+        direction: Vec3,
+    },
+    /// The distance from a point, in units of length.
+    Distance {
+        /// The point.
+        center: Vec3,
+    },
+    /// The angle between the normal and `up` in degrees: 0 on level ground, 90 on a wall, 180 under a ceiling.
+    Slope {
+        /// The upward direction; of any length but 0.
+        up: Vec3,
+    },
+    /// The cosine between the normal and the direction to the eye, at least 0. Without an eye, 1.
+    Facing,
+    /// The first texture coordinate; 0 without that set.
+    U {
+        /// Which set, from 0.
+        set: usize,
+    },
+    /// The second texture coordinate; 0 without that set.
+    V {
+        /// Which set, from 0.
+        set: usize,
+    },
+    /// Seconds since the start of the animation.
+    Time,
+}
+
+impl Default for Parameter {
+    /// The height: y.
+    fn default() -> Self {
+        Self::Along { origin: Vec3::ZERO, direction: Vec3::Y }
+    }
+}
+
+impl Parameter {
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        match self {
+            Self::Along { origin, direction } => {
+                Allowed::Finite.check("a height", "the origin", &origin.to_array())?;
+                Allowed::Finite.check("a height", "the direction", &direction.to_array())?;
+                Allowed::Positive.check("a height", "the length of the direction", &[direction.length()])
+            }
+            Self::Distance { center } => {
+                Allowed::Finite.check("a distance", "the centre", &center.to_array())
+            }
+            Self::Slope { up } => {
+                Allowed::Finite.check("a slope", "the upward direction", &up.to_array())?;
+                Allowed::Positive.check("a slope", "the length of the upward direction", &[up.length()])
+            }
+            Self::Facing | Self::U { .. } | Self::V { .. } | Self::Time => Ok(()),
+        }
+    }
+
+    /// The number at a point.
+    pub fn value(&self, at: &ShadingPoint<'_>) -> f32 {
+        match *self {
+            Self::Along { origin, direction } => direction.dot(at.position - origin),
+            Self::Distance { center } => at.position.distance(center),
+            // Unlike the arc cosine, precise on level ground, too.
+            Self::Slope { up } => at.normal.cross(up).length().atan2(at.normal.dot(up)).to_degrees(),
+            Self::Facing => at.to_eye.map_or(1.0, |to_eye| at.normal.dot(to_eye).max(0.0)),
+            Self::U { set } => at.uv.get(set).map_or(0.0, |point| point.uv.x),
+            Self::V { set } => at.uv.get(set).map_or(0.0, |point| point.uv.y),
+            Self::Time => at.time,
+        }
+    }
+
+    /// The change along the footprint's edges: for all that is not linear in the point, by central differences.
+    pub fn steps(&self, at: &ShadingPoint<'_>) -> [f32; 2] {
+        let of_set = |set: usize| at.uv.get(set).map_or([Vec2::ZERO; 2], |point| point.steps);
+        match *self {
+            Self::Along { direction, .. } => at.position_steps.map(|step| direction.dot(step)),
+            Self::U { set } => of_set(set).map(|step| step.x),
+            Self::V { set } => of_set(set).map(|step| step.y),
+            Self::Time => [0.0; 2],
+            Self::Distance { .. } | Self::Slope { .. } | Self::Facing => {
+                let beside = |a: f32, b: f32| at.shifted(a, b, |point| self.value(point));
+                [beside(0.5, 0.0) - beside(-0.5, 0.0), beside(0.0, 0.5) - beside(0.0, -0.5)]
+            }
+        }
+    }
+}
+
+impl Texture for Parameter {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        Vec3::splat(self.value(at)).extend(1.0)
+    }
+
+    fn is_view_dependent(&self) -> bool {
+        *self == Self::Facing
+    }
+
+    fn is_animated(&self) -> bool {
+        *self == Self::Time
+    }
 }

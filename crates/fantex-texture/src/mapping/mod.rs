@@ -8,28 +8,18 @@
 //! A mapping gives the coordinates of a point and their derivatives. The derivatives are analytic, so a footprint that lies
 //! across a seam (where the angle of a cylinder jumps) is as small as its neighbours', and at a pole it is merely long.
 
-mod box_map;
-mod cylinder;
-mod hemispheres;
-mod o_map;
-mod planar;
-mod s_map;
-mod sphere;
+mod shape;
 mod triplanar;
+mod two_part;
 
 use std::str::FromStr;
 
 use glam::{Vec2, Vec3};
 
-pub use box_map::BoxMap;
-pub use cylinder::CylinderMap;
-pub use hemispheres::{HemisphereLayout, HemisphereMap};
-pub(crate) use o_map::reflected;
-pub use o_map::{OMap, TwoPartMapping};
-pub use planar::PlanarMap;
-pub use s_map::{Placement, SMap, Shape, ShapeKind, SurfacePoint};
-pub use sphere::SphereMap;
+pub use shape::{BoxMap, CylinderMap, HemisphereLayout, HemisphereMap, PlanarMap, SphereMap};
 pub use triplanar::{TriplanarMap, TriplanarTap};
+pub(crate) use two_part::reflected;
+pub use two_part::{OMap, Placement, SMap, Shape, ShapeKind, SurfacePoint, TwoPartMapping};
 
 /// An axis-aligned box.
 #[derive(Clone, Copy, Debug, PartialEq)]

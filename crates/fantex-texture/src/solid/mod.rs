@@ -2,14 +2,9 @@
 //!
 //! Recipes are written for a model whose bounding sphere has radius 1 about the origin; [`Placed`] brings a point there.
 
-mod brick;
-mod checker;
-mod clouds;
-mod granite;
 mod landscape;
-mod marble;
-mod rock;
-mod wood;
+mod pattern;
+mod stone;
 
 use arrayvec::ArrayVec;
 use glam::{Vec3, Vec4};
@@ -18,14 +13,9 @@ use crate::noise::{Fractal, Noise};
 
 use crate::{Bounds, ShadingPoint, Texture};
 
-pub use brick::Brick;
-pub use checker::Checker;
-pub use clouds::Clouds;
-pub use granite::Granite;
 pub use landscape::Landscape;
-pub use marble::Marble;
-pub use rock::Rock;
-pub use wood::Wood;
+pub use pattern::{Brick, Checker, Clouds};
+pub use stone::{Granite, Marble, Rock, Wood};
 
 /// Where a solid is asked for its colour.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,10 +1,37 @@
-//! Contour lines.
+//! Numbers as colours: colour scales, contour lines, and what the surface itself says.
 
-use glam::Vec4;
+use std::sync::Arc;
+
+use glam::{Vec3, Vec4};
 
 use super::{Channel, interval, mix};
 use crate::look::Slot;
-use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
+use crate::{Allowed, ColorRamp, InvalidOption, ShadingPoint, Texture};
+
+// A scalar in false colours.
+
+/// A number of a texture as index of a colour scale, averaged over the numbers within the footprint, so that jumps of the
+/// scale have smooth edges.
+#[derive(Clone, Debug)]
+pub struct RampTexture {
+    /// Where the number comes from.
+    pub input: Slot,
+    /// Which number of it.
+    pub channel: Channel,
+    /// The colours.
+    pub ramp: Arc<ColorRamp>,
+}
+
+impl Texture for RampTexture {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        let (center, width) = interval(&self.input, self.channel, at);
+        self.ramp.mean(center - 0.5 * width, center + 0.5 * width)
+    }
+
+    depends_on!(input);
+}
+
+// Contour lines.
 
 /// How wide a contour line is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,9 +136,60 @@ impl Texture for Contours {
     depends_on!(input, color, over);
 }
 
+// What the surface itself says, as colours.
+
+/// A colour that every surface point has. (Single numbers are [`Parameter`](crate::coordinates::Parameter)s.)
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Field {
+    /// The model's vertex colours.
+    VertexColor,
+    /// The normal, `[-1,1]` as `[0,1]`.
+    Normal,
+    /// The position, `min` black and `max` white.
+    Position {
+        /// Smallest coordinates.
+        min: Vec3,
+        /// Largest coordinates; different from the smallest along each axis.
+        max: Vec3,
+    },
+    /// Texture coordinates as red and green; black without that set.
+    Uv {
+        /// Which set, from 0.
+        set: usize,
+    },
+}
+
+impl Field {
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        let Self::Position { min, max } = self else { return Ok(()) };
+        Allowed::Finite.check("a position field", "'min'", &min.to_array())?;
+        Allowed::Finite.check("a position field", "'max'", &max.to_array())?;
+        Allowed::NotZero.check("a position field", "'max' minus 'min'", &(*max - *min).to_array())
+    }
+}
+
+impl Texture for Field {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        match *self {
+            Self::VertexColor => at.vertex_color,
+            Self::Normal => (0.5 + 0.5 * at.normal).extend(1.0),
+            Self::Position { min, max } => ((at.position - min) / (max - min)).extend(1.0),
+            Self::Uv { set } => {
+                let uv = at.uv.get(set).map_or(glam::Vec2::ZERO, |point| point.uv);
+                Vec4::new(uv.x, uv.y, 0.0, 1.0)
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::line_share;
+    use super::*;
 
     #[test]
     fn shares_equal_counted_ones() {
