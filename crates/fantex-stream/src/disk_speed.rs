@@ -16,13 +16,13 @@ use std::time::{Duration, Instant};
 
 use compio::buf::{BufResult, IntoInner, IoBuf};
 use compio::io::AsyncReadAt;
+use fantex_base::Random;
 use fantex_store::{Asset, ByteSource, ClusterId, FileSource};
 use rayon::prelude::*;
 
-use crate::read::random::Random;
 use crate::read::{
-    BufferPool, FileReadOptions, QueuedReader, ReadRequest, ReaderInfo, ThreadedReader, open_file_reader,
-    open_in_runtime, ring_runtime, takes_direct_io,
+    BufferPool, FileReadOptions, QueuedReader, ReadRequest, ReaderInfo, open_file_reader, open_in_runtime,
+    ring_runtime, takes_direct_io, threaded_reader,
 };
 use crate::{ClusterLoader, ClusterLoaderOptions, LoaderError, LoaderStatistics, Parcel, ParcelLoader};
 
@@ -91,7 +91,7 @@ pub fn plain_reads(path: &Path, block_bytes: usize, load: &DiskLoad) -> io::Resu
     let direct = takes_direct_io(path);
     let blocks = std::fs::metadata(path)?.len().saturating_sub(block_bytes as u64) / ALIGNMENT + 1;
     let Ok((runtime, kind)) = ring_runtime(load.depth) else {
-        let mut reader = ThreadedReader::open(path, load.depth, direct)?;
+        let mut reader = threaded_reader(path, load.depth, direct)?;
         return random_reads(&mut reader, load, |random| (ALIGNMENT * random.below(blocks), block_bytes));
     };
     let reader = Some(ReaderInfo { kind, direct, depth: load.depth });
@@ -102,7 +102,7 @@ pub fn plain_reads(path: &Path, block_bytes: usize, load: &DiskLoad) -> io::Resu
         let (reads, bytes) = (Rc::new(Cell::new(0)), Rc::new(Cell::new(0)));
         let lanes = (0..load.depth).map(|lane| {
             let (file, reads, bytes) = (Rc::clone(&file), Rc::clone(&reads), Rc::clone(&bytes));
-            let mut random = Random::new([load.seed, lane as u64, 0]);
+            let mut random = Random::of_seeds([load.seed, lane as u64, 0]);
             compio::runtime::spawn(async move {
                 let mut memory = BufferPool::new(0).take(block_bytes);
                 let part = memory.start..memory.start + block_bytes;
@@ -146,7 +146,7 @@ fn random_reads(
     load: &DiskLoad,
     place: impl Fn(&mut Random) -> (u64, usize),
 ) -> io::Result<DiskSpeed> {
-    let mut random = Random::new([load.seed, 0, 0]);
+    let mut random = Random::of_seeds([load.seed, 0, 0]);
     let begin = Instant::now();
     let end = begin + Duration::from_secs_f64(load.seconds);
     let mut speed = DiskSpeed { reads: 0, bytes: 0, seconds: 0.0, reader: Some(reader.info()) };
@@ -187,7 +187,7 @@ pub fn loaded_clusters(
     let clusters: Vec<ClusterId> = asset.clusters().collect();
     // Enough to keep the reader busy between two looks, and not so many that all clusters are pending.
     let most_pending = (4 * load.depth).min(clusters.len() / 2);
-    let mut random = Random::new([load.seed, 0, 0]);
+    let mut random = Random::of_seeds([load.seed, 0, 0]);
     let begin = Instant::now();
     let end = begin + Duration::from_secs_f64(load.seconds);
     while Instant::now() < end {
@@ -216,7 +216,7 @@ pub fn loaded_clusters(
 /// Checks and unpacks random clusters from memory, on all of the global pool's threads. Clusters that cannot be read are left out.
 pub fn unpacked_clusters(asset: &Asset, load: &DiskLoad) -> io::Result<DiskSpeed> {
     let clusters: Vec<ClusterId> = asset.clusters().collect();
-    let mut random = Random::new([load.seed, 0, 0]);
+    let mut random = Random::of_seeds([load.seed, 0, 0]);
     let source = FileSource::open(asset.path())?;
     let (mut stored, mut bytes) = (Vec::new(), 0);
     while bytes < UNPACK_BYTES && stored.len() < 4 * clusters.len() {

@@ -16,38 +16,26 @@
 //! What moves is a [`Parcel`]: a page of a tile, or a coarse level of up to 32 neighbouring tiles. The [`PageTable`] that shaders read
 //! knows pages only.
 
-mod assemble;
 mod atlas;
-mod changes;
+mod camera_path;
 mod cluster_loader;
 mod demand;
 mod disk_speed;
-mod geometry;
+mod faulty;
 mod loader;
-mod location;
 mod parcel;
 pub mod read;
 mod residency;
 mod shape;
-mod sharpness;
 pub mod simulate;
-mod sparse_lists;
 mod streamer;
-mod table;
-mod view;
 
-pub use assemble::*;
 pub use atlas::*;
-pub use changes::*;
 pub use cluster_loader::*;
 pub use demand::{DemandWork, Detail, PageDemand};
 pub use disk_speed::*;
-pub use geometry::*;
 pub use loader::*;
-pub use location::*;
 pub use parcel::*;
+pub use read::{open_asset, url_of};
 pub use residency::{FrameWork, ParcelCount, RequestLimits, WORK_COSTS, WORK_KINDS};
-pub use sharpness::*;
 pub use streamer::*;
-pub use table::*;
-pub use view::*;

@@ -1,10 +1,11 @@
 //! The seam between what decides and what reads.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use fantex_store::PageError;
+use fantex_store::{PageError, PageId};
 
-use crate::Parcel;
+use crate::{AtlasFormat, Parcel, ParcelLayout};
 
 /// Texels of a parcel in the formats of the atlas.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,4 +63,102 @@ pub trait ParcelLoader: Send {
 
     /// Parcels that were asked for and have neither arrived (in [`ParcelLoader::poll`]) nor been cancelled.
     fn pending(&self) -> usize;
+}
+
+// From the texels of pages to those of the parcel that they lie in.
+
+/// Puts pages together. `page` gives a page's bytes in a channel, in the channel's format among `formats`: rows of blocks, or of
+/// texels.
+pub fn assemble<'p, E>(
+    layout: &ParcelLayout,
+    formats: &[AtlasFormat],
+    mut page: impl FnMut(usize, PageId) -> Result<Cow<'p, [u8]>, E>,
+) -> Result<ParcelTexels, E> {
+    let mut channels: Vec<Arc<[u8]>> = Vec::with_capacity(formats.len());
+    for (channel, &format) in formats.iter().enumerate() {
+        if let [slot] = layout.slots[..] {
+            channels.push(Arc::from(page(channel, slot.page)?));
+            continue;
+        }
+        let rows = Rows::of(format, layout.extent);
+        let mut texels = vec![0; rows.pitch * rows.count];
+        for slot in &layout.slots {
+            let bytes = page(channel, slot.page)?;
+            let [own, before] = [slot.extent, slot.at].map(|n| Rows::of(format, n));
+            for (row, source) in bytes.chunks_exact(own.pitch.max(1)).enumerate() {
+                let start = (before.count + row) * rows.pitch + before.pitch;
+                texels[start..start + own.pitch].copy_from_slice(source);
+            }
+        }
+        channels.push(Arc::from(texels));
+    }
+    Ok(ParcelTexels { extent: layout.extent, channels })
+}
+
+/// Rows of a rectangle of texels: of blocks, or of texels.
+struct Rows {
+    count: usize,
+    /// Bytes of a row.
+    pitch: usize,
+}
+
+impl Rows {
+    fn of(format: AtlasFormat, [columns, rows]: [u32; 2]) -> Self {
+        let (columns, rows) = (columns as usize, rows as usize);
+        if format.is_compressed() {
+            Self { count: rows / 4, pitch: columns / 4 * format.block_bytes() }
+        } else {
+            Self { count: rows, pitch: columns * format.block_bytes() / 16 }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Slot;
+    use crate::parcel::slots;
+
+    #[test]
+    fn pages_lie_where_the_layout_says() {
+        let extents = [[4, 4], [8, 4], [8, 8], [4, 12], [12, 4]];
+        let layout = ParcelLayout::new(slots(0, 1, 5, |group| Some((1, extents[group as usize]))));
+        assert_eq!(layout.slots.len(), 5);
+        for format in [AtlasFormat::R8, AtlasFormat::Rgba16F, AtlasFormat::Bc1, AtlasFormat::Bc7] {
+            let blocks = |slot: &Slot| (slot.extent[0] * slot.extent[1] / 16) as usize;
+            // Every byte tells its page and its place in it.
+            let value = |group: u32, i: usize| (50 * group as usize + i % 49) as u8;
+            let assembled = assemble(&layout, &[format], |_, page| {
+                let slot = layout.slots.iter().find(|slot| slot.page == page).unwrap();
+                let bytes = blocks(slot) * format.block_bytes();
+                Ok::<_, ()>(Cow::Owned((0..bytes).map(|i| value(page.group, i)).collect()))
+            });
+            let texels = assembled.unwrap();
+            // The cell is what copies move: a block, or a texel.
+            let (cell, cell_bytes) = if format.is_compressed() {
+                (4, format.block_bytes())
+            } else {
+                (1, format.block_bytes() / 16)
+            };
+            let columns = (layout.extent[0] / cell) as usize;
+            let mut used = 0;
+            for slot in &layout.slots {
+                let [width, height] = slot.extent.map(|n| (n / cell) as usize);
+                let [x, y] = slot.at.map(|n| (n / cell) as usize);
+                for (row, column, byte) in (0..height)
+                    .flat_map(|r| (0..width).flat_map(move |c| (0..cell_bytes).map(move |b| (r, c, b))))
+                {
+                    let found = texels.channels[0][((y + row) * columns + x + column) * cell_bytes + byte];
+                    let expected = value(slot.page.group, (row * width + column) * cell_bytes + byte);
+                    assert_eq!(found, expected, "{format:?} {slot:?}");
+                    used += 1;
+                }
+            }
+            assert_eq!(used, layout.slots.iter().map(blocks).sum::<usize>() * format.block_bytes());
+            assert_eq!(
+                texels.channels[0].len(),
+                (layout.extent[0] * layout.extent[1] / 16) as usize * format.block_bytes()
+            );
+        }
+    }
 }

@@ -3,13 +3,15 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fantex_store::{PageError, PageId};
+use fantex_cover::Cover;
+use fantex_mesh::Mesh;
+use fantex_store::{Asset, PageError, PageId};
 use glam::{Mat3, Quat, Vec3};
 
 use crate::demand::{Demand, DemandSurface, DemandWork};
 use crate::residency::{COUNTED_LEVELS, FrameWork, ParcelCount, RequestLimits, Residency};
 use crate::shape::TileShapes;
-use crate::{AtlasShape, Detail, FrameChanges, Geometry, PageTable, Parcel, ParcelLoader, StreamView};
+use crate::{AtlasShape, Detail, FrameChanges, PageTable, Parcel, ParcelLoader};
 
 /// What a streamer is built with.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -392,5 +394,111 @@ impl Motion {
             axes: Mat3::from_quat(Quat::from_scaled_axis(turn)) * view.axes,
             ..view
         })
+    }
+}
+
+// The camera, as far as demand needs to know it.
+
+/// A perspective view of a mesh, mesh space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StreamView {
+    /// The pinhole.
+    pub eye: Vec3,
+    /// Right, up and backward (towards the viewer) unit vectors as columns.
+    pub axes: Mat3,
+    /// Half the picture's width and height at depth one.
+    pub half_extent: [f32; 2],
+    /// Pixels per unit of length at depth one, facing the camera.
+    pub focal_pixels: f32,
+}
+
+impl StreamView {
+    /// A view with a vertical opening angle onto a picture of `size` pixels (at least 1x1).
+    pub fn new(eye: Vec3, axes: Mat3, fov_radians: f32, size: [u32; 2]) -> Self {
+        let tangent = (0.5 * fov_radians).tan();
+        let [width, height] = size.map(|n| n.max(1) as f32);
+        Self {
+            eye,
+            axes,
+            half_extent: [tangent * width / height, tangent],
+            focal_pixels: 0.5 * height / tangent,
+        }
+    }
+}
+
+// Where mesh and cover come from.
+
+/// A covered mesh: an open asset, or one made for a test.
+pub trait Geometry: Send + Sync {
+    /// The mesh, mesh space.
+    fn mesh(&self) -> &Mesh;
+
+    /// Its cover.
+    fn cover(&self) -> &Cover;
+}
+
+impl Geometry for Asset {
+    fn mesh(&self) -> &Mesh {
+        self.mesh()
+    }
+
+    fn cover(&self) -> &Cover {
+        self.cover()
+    }
+}
+
+/// A covered mesh without texels.
+#[derive(Clone, Debug)]
+pub struct CoveredMesh {
+    /// The mesh.
+    pub mesh: Mesh,
+    /// Its cover.
+    pub cover: Cover,
+}
+
+impl Geometry for CoveredMesh {
+    fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    fn cover(&self) -> &Cover {
+        &self.cover
+    }
+}
+
+// When a view is sharp after a cut.
+
+/// Waits until what a view needed when the camera cut to it has come.
+///
+/// A camera that goes on moving after the cut needs other parcels in every frame, and one that becomes needed now is there in
+/// the next frame at the earliest, unless it was foreseen. So a frame that lacks nothing at all may be far off although all that
+/// the cut uncovered came at once. What is awaited is what the view lacked at the cut; what the camera has left behind
+/// since then is awaited no longer, nor what cannot be read.
+#[derive(Clone, Debug, Default)]
+pub struct CutWatch {
+    awaited: Vec<Parcel>,
+    is_known: bool,
+}
+
+impl CutWatch {
+    /// To be updated from the cut's own frame on.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Looks at a streamer after its update; whether all visible tiles have the levels that the cut asked of them. Costs
+    /// next to nothing per frame but one look at all groups: parcels are looked at until the first that is missing.
+    pub fn update(&mut self, streamer: &Streamer) -> bool {
+        if !self.is_known && !streamer.has_backlog() {
+            self.awaited = streamer.missing();
+            self.is_known = true;
+        }
+        while self.awaited.pop_if(|parcel| !streamer.is_missing(*parcel)).is_some() {}
+        self.is_known && self.awaited.is_empty()
+    }
+
+    /// Parcels that are still awaited, and some that have come meanwhile.
+    pub fn awaited(&self) -> &[Parcel] {
+        &self.awaited
     }
 }

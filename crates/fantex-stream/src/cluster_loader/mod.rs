@@ -31,35 +31,24 @@
 //! counts as missing would each have to know of tiles within a parcel, on the way of every parcel, for a file that has to be replaced anyway.
 
 mod board;
-mod by_urgency;
-mod cluster_cache;
-mod file_order;
-mod inbox;
-mod ready;
 mod scheduler;
-mod shared_board;
-mod statistics;
 mod worker;
 
+use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
 
-use board::Board;
+use board::{Board, Order};
 use fantex_store::{Asset, ClusterId, PageError, PageId};
-use file_order::FileOrder;
-use inbox::{Effects, Inbox, Message};
-use scheduler::Scheduler;
-use shared_board::SharedBoard;
-pub use statistics::LoaderStatistics;
+use scheduler::{FileOrder, Scheduler};
 use worker::Worker;
 
-use crate::location::url_of;
 use crate::read::{
     FileReadOptions, HttpSource, QueuedReader, ReadWaker, ReaderInfo, ReaderKind, RetryPolicy, http_reader,
-    open_file_reader,
+    open_file_reader, url_of,
 };
 use crate::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader};
 
@@ -403,5 +392,211 @@ impl Drop for ClusterLoader {
         if let Some(scheduler) = self.scheduler.take() {
             scheduler.join().unwrap_or_default();
         }
+    }
+}
+
+// What a loader has done and is doing.
+
+/// Counts since the loader was opened, then the present state. For tables and graphs.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LoaderStatistics {
+    /// Reads made.
+    pub reads: u64,
+    /// Bytes read, with gaps between clusters and what alignment adds.
+    pub bytes_read: u64,
+    /// Clusters read.
+    pub clusters_read: u64,
+    /// Stored bytes of those.
+    pub cluster_bytes: u64,
+    /// Bytes of the pages of clusters that were unpacked, as they are stored without packing: block-compressed texels.
+    pub unpacked_bytes: u64,
+    /// Stored bytes of the parcels that were handed over: their shares of their clusters. With [`Self::bytes_read`] it tells how
+    /// much was read in vain (less than nothing where the cache served parcels more than once).
+    pub bytes_needed: u64,
+    /// Clusters that were read although, when they came, nobody wanted anything of them any more.
+    pub clusters_dropped: u64,
+    /// Clusters that were read again after an error.
+    pub retries: u64,
+    /// Clusters that were given up.
+    pub clusters_failed: u64,
+    /// Parcels that arrived.
+    pub parcels: u64,
+    /// Their bytes in the atlas' formats.
+    pub parcel_bytes: u64,
+    /// Parcels that came from a cluster which was at hand.
+    pub cache_hits: u64,
+    /// Parcels that arrived as errors.
+    pub parcels_failed: u64,
+    /// Time from submission to completion, summed over reads.
+    pub read_seconds: f64,
+    /// Time of checksums, unpacking, decoding and assembling, summed over workers.
+    pub unpack_seconds: f64,
+
+    /// Clusters that wait to be read.
+    pub queued_clusters: usize,
+    /// Reads in flight.
+    pub reads_in_flight: usize,
+    /// The most reads there have been in flight.
+    pub most_reads_in_flight: usize,
+    /// Stored bytes that are being read or wait to be unpacked.
+    pub flight_bytes: usize,
+    /// Bytes of unpacked clusters that are kept.
+    pub cache_bytes: usize,
+    /// Bytes of clusters that are kept as they are stored.
+    pub stored_cache_bytes: usize,
+    /// Bytes of texels that wait to be taken.
+    pub ready_bytes: usize,
+    /// Parcels that were asked for and have not been handed over.
+    pub pending: usize,
+}
+
+// The board as threads share it.
+
+/// The board behind its lock.
+#[derive(Debug)]
+struct SharedBoard {
+    board: Mutex<Board>,
+    /// For workers: there are jobs, or room for ready pages, or an end.
+    work: Condvar,
+}
+
+impl SharedBoard {
+    fn new(board: Board) -> Self {
+        Self { board: Mutex::new(board), work: Condvar::new() }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Board> {
+        self.board.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// None where somebody else has it.
+    fn try_lock(&self) -> Option<MutexGuard<'_, Board>> {
+        match self.board.try_lock() {
+            Ok(board) => Some(board),
+            Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+            Err(TryLockError::WouldBlock) => None,
+        }
+    }
+
+    /// Jobs are on the board: wakes a worker for each.
+    fn jobs_arrived(&self, count: usize) {
+        match count {
+            0 => {}
+            1 => self.work.notify_one(),
+            _ => self.work.notify_all(),
+        }
+    }
+
+    fn room_arrived(&self) {
+        self.work.notify_all();
+    }
+
+    /// Waits for something to do.
+    fn wait_for_order(&self) -> Order {
+        let mut board = self.lock();
+        loop {
+            if let Some(order) = board.next_order() {
+                return order;
+            }
+            board = self.work.wait(board).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    fn close(&self) {
+        self.lock().close();
+        self.work.notify_all();
+    }
+}
+
+// What the caller has asked for and the board does not know yet.
+//
+// The caller's thread draws pictures and must not wait. So it puts its messages here, under a lock that is held for no longer
+// than it takes to move them, and whoever holds the board next takes them over: the scheduler, as a rule.
+
+/// Messages that are taken over before others may have the board.
+const CHUNK: usize = 256;
+
+/// What a caller says of a parcel, with the clusters that hold its pages.
+#[derive(Debug)]
+enum Message {
+    /// It is wanted, so urgently.
+    Request(Parcel, f32, Result<Vec<ClusterId>, PageError>),
+    /// It is not wanted any more.
+    Cancel(Parcel, Option<Vec<ClusterId>>),
+}
+
+/// Messages in the order in which they came.
+#[derive(Debug, Default)]
+struct Inbox {
+    messages: Mutex<VecDeque<Message>>,
+}
+
+/// What there is to do when messages have been taken over.
+#[derive(Clone, Copy, Debug, Default)]
+struct Effects {
+    /// There are clusters to read, or reads to give up.
+    for_scheduler: bool,
+    /// So many jobs have come.
+    jobs: usize,
+    /// There is room for ready parcels again.
+    has_room: bool,
+    /// Messages are left.
+    has_more: bool,
+}
+
+impl Inbox {
+    fn lock(&self) -> MutexGuard<'_, VecDeque<Message>> {
+        self.messages.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn add(&self, messages: impl Iterator<Item = Message>) {
+        // Made before the lock is taken.
+        let mut messages: VecDeque<Message> = messages.collect();
+        self.lock().append(&mut messages);
+    }
+
+    /// Whether there are more messages than are taken over at a time.
+    fn is_long(&self) -> bool {
+        self.lock().len() > CHUNK
+    }
+
+    /// Takes over some messages. Whoever holds the board sees each either here or there.
+    fn take_some(&self, board: &mut Board) -> Effects {
+        let mut inbox = self.lock();
+        let count = inbox.len().min(CHUNK);
+        let messages: Vec<Message> = inbox.drain(..count).collect();
+        let has_more = !inbox.is_empty();
+        drop(inbox);
+        let mut effects = Effects { has_more, ..Effects::default() };
+        let was_full = board.ready_is_full();
+        for message in messages {
+            match message {
+                Message::Request(parcel, urgency, Ok(clusters)) => {
+                    let change = board.request(parcel, &clusters, urgency);
+                    effects.for_scheduler |= change.reads;
+                    effects.jobs += change.jobs;
+                }
+                Message::Request(parcel, urgency, Err(error)) => board.refuse(parcel, urgency, error),
+                Message::Cancel(parcel, Some(clusters)) => {
+                    effects.for_scheduler |= board.cancel(parcel, &clusters);
+                }
+                Message::Cancel(parcel, None) => board.cancel_refused(parcel),
+            }
+        }
+        effects.has_room = was_full && !board.ready_is_full();
+        effects
+    }
+
+    /// Takes over all messages.
+    fn take_all(&self, board: &mut Board) -> Effects {
+        let mut all = self.take_some(board);
+        while all.has_more {
+            let some = self.take_some(board);
+            all.for_scheduler |= some.for_scheduler;
+            all.jobs += some.jobs;
+            all.has_room |= some.has_room;
+            all.has_more = some.has_more;
+        }
+        all
     }
 }

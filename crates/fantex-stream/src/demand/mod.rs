@@ -33,28 +33,23 @@
 //! only for the last picture. Whether it would pay was not measured. What hidden surfaces cost is room in the pool, of which the bias takes account.
 
 mod bounds;
-mod group_triangles;
-mod kites;
-mod lens;
 mod paged;
-mod relief;
-mod surface;
 #[cfg(test)]
 mod tests;
 
-pub use crate::shape::Detail;
-pub use paged::PageDemand;
-pub(crate) use surface::DemandSurface;
-
+use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::Arc;
 
+use bounds::{Bounds, Lens, LogDensities, Relief, Sight, Slack, group_bounds};
+use fantex_cover::Cover;
 use glam::{Mat3, Vec3};
+pub use paged::PageDemand;
+use paged::PagedTile;
 
-use crate::StreamView;
-use crate::sparse_lists::SparseLists;
-use bounds::{Bounds, LogDensities};
-use lens::{Lens, Sight, Slack};
-use surface::{BLOCK, FAN_OUT};
+pub use crate::shape::Detail;
+use crate::shape::{SparseLists, TileShapes};
+use crate::{Geometry, StreamView};
 
 /// The camera may move by this share of its distance from a block before the block is looked at again.
 const TRAVEL: f32 = 0.02;
@@ -469,4 +464,107 @@ fn is_usable(view: &StreamView) -> bool {
         && view.focal_pixels.is_finite()
         && view.focal_pixels > 0.0
         && view.half_extent.iter().all(|&n| n.is_finite() && n > 0.0)
+}
+
+// The surface as demand sees it: bounds of groups, of blocks of groups, of blocks of blocks.
+//
+// Groups are ordered along a space-filling curve over the surface, so consecutive ones are neighbours, and a tree needs no
+// pointers: block `b` holds groups `32 b ..`, the nodes above hold eight each. Memory: 116 bytes per group, 60 of them for reliefs.
+
+/// Groups of a block.
+pub(crate) const BLOCK: usize = 32;
+/// Children of a node.
+pub(crate) const FAN_OUT: usize = 8;
+
+/// What all views of a covered mesh share.
+pub(crate) struct DemandSurface {
+    pub(crate) geometry: Arc<dyn Geometry>,
+    pub(crate) shapes: Arc<TileShapes>,
+    pub(crate) groups: Vec<Bounds>,
+    pub(crate) reliefs: Vec<Relief>,
+    /// The groups' densities, close together.
+    pub(crate) densities: Vec<LogDensities>,
+    /// Blocks, then the nodes over them, up to a single one.
+    pub(crate) nodes: Vec<Vec<Bounds>>,
+    pub(crate) paged: HashMap<u32, PagedTile>,
+    /// Per block whether a tile in it has several pages.
+    pub(crate) has_paged: Vec<bool>,
+}
+
+impl DemandSurface {
+    pub(crate) fn new(geometry: Arc<dyn Geometry>, shapes: Arc<TileShapes>) -> Self {
+        let (mesh, cover) = (geometry.mesh(), geometry.cover());
+        let count = mesh.triangles.len().min(cover.corner_groups.len());
+        let triangles = GroupTriangles::new(cover, count);
+        let (groups, reliefs) = group_bounds(mesh, cover, &triangles);
+        let mut nodes = vec![groups.chunks(BLOCK).map(Bounds::around).collect::<Vec<_>>()];
+        while nodes[nodes.len() - 1].len() > 1 {
+            let next = nodes[nodes.len() - 1].chunks(FAN_OUT).map(Bounds::around).collect();
+            nodes.push(next);
+        }
+        let paged: HashMap<u32, PagedTile> = (0..groups.len() as u32)
+            .filter(|&g| shapes.of(g).is_paged())
+            .map(|g| (g, PagedTile::new(g, triangles.of(g).to_vec())))
+            .collect();
+        let has_paged = (0..groups.len() as u32)
+            .collect::<Vec<_>>()
+            .chunks(BLOCK)
+            .map(|block| block.iter().any(|g| paged.contains_key(g)))
+            .collect();
+        let densities = groups.iter().map(|bounds| bounds.density).collect();
+        Self { geometry, shapes, groups, reliefs, densities, nodes, paged, has_paged }
+    }
+
+    /// Of a ball around everything, mesh units; zero where there is nothing.
+    pub(crate) fn radius(&self) -> f32 {
+        self.nodes.last().and_then(|root| root.first()).map_or(0.0, |root| root.sphere.radius)
+    }
+}
+
+// Which triangles a group is looked up on.
+
+/// The triangles of all groups.
+#[derive(Debug)]
+pub(crate) struct GroupTriangles {
+    /// Per group where its triangles begin, and their number.
+    firsts: Vec<u32>,
+    /// Group by group, ascending.
+    triangles: Vec<u32>,
+}
+
+impl GroupTriangles {
+    /// Of the first so many triangles of a cover.
+    pub(crate) fn new(cover: &Cover, count: usize) -> Self {
+        let corners = &cover.corner_groups[..count];
+        let mut firsts = vec![0u32; cover.groups.len() + 1];
+        for groups in corners {
+            distinct(groups).for_each(|group| firsts[group as usize + 1] += 1);
+        }
+        let mut sum = 0;
+        for first in &mut firsts {
+            sum += *first;
+            *first = sum;
+        }
+        let mut next = firsts.clone();
+        let mut triangles = vec![0; sum as usize];
+        for (t, groups) in (0..).zip(corners) {
+            for group in distinct(groups) {
+                let place = &mut next[group as usize];
+                triangles[*place as usize] = t;
+                *place += 1;
+            }
+        }
+        Self { firsts, triangles }
+    }
+
+    /// Those with a corner in a group, ascending.
+    pub(crate) fn of(&self, group: u32) -> &[u32] {
+        let group = group as usize;
+        &self.triangles[self.firsts[group] as usize..self.firsts[group + 1] as usize]
+    }
+}
+
+/// The groups of a triangle's corners, each once.
+fn distinct(groups: &[u32; 3]) -> impl Iterator<Item = u32> {
+    (0..3).filter(|&i| !groups[..i].contains(&groups[i])).map(|i| groups[i])
 }

@@ -11,37 +11,30 @@
 //! - The owner of a [`QueuedReader`] submits, cancels and waits on one thread. Anybody may interrupt its wait by a
 //!   [`ReadWaker`].
 //! - A back end has *lanes*, as many as reads shall be in flight. A lane takes a request, reads it, reports, and takes the
-//!   next. In [`RingReader`] lanes are tasks on one thread that owns an io_uring (or a completion port); in
-//!   [`ThreadedReader`] they are threads.
+//!   next. In [`ring_reader`] lanes are tasks on one thread that owns an io_uring (or a completion port); in
+//!   [`threaded_reader`] they are threads.
 //! - The bytes of a read lie in a [`ReadBuffer`], which whoever holds it may send anywhere; when dropped it goes back to the
 //!   back end's [`BufferPool`] and is used again.
 //!
 //! [`open_file_reader`] chooses the back end by trying: a ring where the system has one, else threads; direct I/O where the
 //! file system takes it, else buffered. [`FaultyReader`] makes any reader slow or unreliable, for tests and simulations.
 
-mod buffer;
-mod direct_file;
-mod faulty;
+mod file;
 mod http;
-mod queue;
-pub(crate) mod random;
-mod retry;
-mod ring;
-mod threaded;
 
+use std::collections::VecDeque;
 use std::io;
 use std::path::Path;
-use std::time::Duration;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::task::{Poll, Waker};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
-pub use buffer::{BufferPool, ReadBuffer};
-pub(crate) use direct_file::takes_direct_io;
-pub use faulty::{FaultyReader, ReadFaults};
-pub use http::{HttpSource, http_reader};
-pub use queue::ReadWaker;
-pub use retry::{RetryPolicy, is_transient};
-pub use ring::RingReader;
-pub(crate) use ring::{open_in_runtime, ring_runtime};
-pub use threaded::ThreadedReader;
+pub use crate::faulty::{FaultyReader, ReadFaults};
+pub use file::{BufferPool, ReadBuffer, ring_reader, threaded_reader};
+pub(crate) use file::{open_in_runtime, ring_runtime, takes_direct_io};
+pub use http::{HttpSource, http_reader, open_asset, url_of};
 
 /// A read to be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -170,9 +163,238 @@ pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Bo
     let options = FileReadOptions { depth: options.depth.clamp(1, 256), ..*options };
     let direct = options.direct && takes_direct_io(path);
     if options.ring
-        && let Ok(reader) = RingReader::open(path, options.depth, direct)
+        && let Ok(reader) = ring_reader(path, options.depth, direct)
     {
         return Ok(Box::new(reader));
     }
-    Ok(Box::new(ThreadedReader::open(path, options.depth, direct)?))
+    Ok(Box::new(threaded_reader(path, options.depth, direct)?))
+}
+
+// Which errors pass, and how long to wait for that.
+
+/// How often and how soon to try again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RetryPolicy {
+    /// Attempts after the first.
+    pub retries: u32,
+    /// Pause before the first retry; doubled before each further one.
+    pub first_pause: Duration,
+}
+
+impl Default for RetryPolicy {
+    /// Three retries after 5, 10 and 20 ms: what a flaky cable or a busy disk needs.
+    fn default() -> Self {
+        Self { retries: 3, first_pause: Duration::from_millis(5) }
+    }
+}
+
+impl RetryPolicy {
+    /// For servers: three retries after 0.1, 0.2 and 0.4 s.
+    pub const NETWORK: Self = Self { retries: 3, first_pause: Duration::from_millis(100) };
+
+    /// The pause before retry `attempt` (0 is the first).
+    pub fn pause(&self, attempt: u32) -> Duration {
+        self.first_pause * (1 << attempt.min(16))
+    }
+}
+
+/// Whether the same read may well succeed a moment later. Where there is no such file, no permission, no support, or too few
+/// bytes, it will not.
+pub fn is_transient(error: &io::Error) -> bool {
+    use io::ErrorKind::{
+        InvalidData, InvalidInput, NotFound, PermissionDenied, StorageFull, UnexpectedEof, Unsupported,
+    };
+    !matches!(
+        error.kind(),
+        InvalidData | InvalidInput | NotFound | PermissionDenied | StorageFull | UnexpectedEof | Unsupported
+    )
+}
+
+// What the owner of a reader and its lanes share.
+
+/// What comes through the channel to the owner.
+enum Event {
+    Completed(ReadCompletion),
+    Woken,
+}
+
+/// Interrupts a reader's wait, from any thread.
+#[derive(Clone, Debug)]
+pub struct ReadWaker(Sender<Event>);
+
+impl std::fmt::Debug for Event {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Completed(_) => "Completed",
+            Self::Woken => "Woken",
+        })
+    }
+}
+
+impl ReadWaker {
+    /// Interrupts. No effect on a reader that is gone.
+    pub fn wake(&self) {
+        self.0.send(Event::Woken).unwrap_or_default();
+    }
+}
+
+/// Requests that wait for a lane.
+#[derive(Debug, Default)]
+struct Waiting {
+    requests: VecDeque<ReadRequest>,
+    /// Lanes that are tasks and have nothing to do, each once.
+    idle_tasks: Vec<(usize, Waker)>,
+    closed: bool,
+}
+
+/// The queue from the owner to the lanes.
+#[derive(Debug, Default)]
+struct RequestQueue {
+    waiting: Mutex<Waiting>,
+    arrived: Condvar,
+}
+
+impl RequestQueue {
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The next request, for a lane that is a thread; none after closing.
+    fn next(&self) -> Option<ReadRequest> {
+        let mut waiting = self.lock();
+        loop {
+            if waiting.closed {
+                return None;
+            }
+            if let Some(request) = waiting.requests.pop_front() {
+                return Some(request);
+            }
+            waiting = self.arrived.wait(waiting).unwrap_or_else(PoisonError::into_inner);
+        }
+    }
+
+    /// The next request, for a lane that is a task and has this number; none after closing.
+    fn next_async(&self, lane: usize) -> impl Future<Output = Option<ReadRequest>> + '_ {
+        std::future::poll_fn(move |context| {
+            let mut waiting = self.lock();
+            waiting.idle_tasks.retain(|(idle, _)| *idle != lane);
+            if waiting.closed {
+                return Poll::Ready(None);
+            }
+            if let Some(request) = waiting.requests.pop_front() {
+                return Poll::Ready(Some(request));
+            }
+            waiting.idle_tasks.push((lane, context.waker().clone()));
+            Poll::Pending
+        })
+    }
+
+    fn push(&self, request: ReadRequest) {
+        let idle_task = {
+            let mut waiting = self.lock();
+            waiting.requests.push_back(request);
+            waiting.idle_tasks.pop()
+        };
+        self.arrived.notify_one();
+        if let Some((_, task)) = idle_task {
+            task.wake();
+        }
+    }
+
+    /// True if the request had not begun.
+    fn remove(&self, token: u64) -> bool {
+        let mut waiting = self.lock();
+        let place = waiting.requests.iter().position(|request| request.token == token);
+        place.and_then(|place| waiting.requests.remove(place)).is_some()
+    }
+
+    /// Lets all lanes end. Requests that have not begun are dropped.
+    fn close(&self) {
+        let idle_tasks = {
+            let mut waiting = self.lock();
+            waiting.closed = true;
+            waiting.requests.clear();
+            std::mem::take(&mut waiting.idle_tasks)
+        };
+        self.arrived.notify_all();
+        idle_tasks.into_iter().for_each(|(_, task)| task.wake());
+    }
+}
+
+/// Where lanes report.
+#[derive(Clone, Debug)]
+struct Reports(Sender<Event>);
+
+impl Reports {
+    /// Hands a completion to the owner, if there is one still.
+    fn send(&self, completion: ReadCompletion) {
+        self.0.send(Event::Completed(completion)).unwrap_or_default();
+    }
+}
+
+/// A reader over lanes: a queue towards them, a channel back.
+#[derive(Debug)]
+pub struct LaneReader {
+    queue: Arc<RequestQueue>,
+    events: Receiver<Event>,
+    sender: Sender<Event>,
+    info: ReaderInfo,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl LaneReader {
+    /// A reader without lanes yet.
+    fn new(info: ReaderInfo) -> Self {
+        let (sender, events) = channel();
+        Self { queue: Arc::default(), events, sender, info, threads: Vec::new() }
+    }
+
+    fn reports(&self) -> Reports {
+        Reports(self.sender.clone())
+    }
+}
+
+impl QueuedReader for LaneReader {
+    fn submit(&mut self, request: ReadRequest) {
+        self.queue.push(request);
+    }
+
+    fn cancel(&mut self, token: u64) -> bool {
+        self.queue.remove(token)
+    }
+
+    fn wait(&mut self, timeout: Option<Duration>) -> Option<ReadCompletion> {
+        let event = match timeout {
+            // A disconnected channel cannot be: this end holds a sender.
+            None => self.events.recv().ok(),
+            Some(timeout) => self.events.recv_timeout(timeout).ok(),
+        };
+        match event {
+            Some(Event::Completed(completion)) => Some(completion),
+            Some(Event::Woken) | None => None,
+        }
+    }
+
+    fn waker(&self) -> ReadWaker {
+        ReadWaker(self.sender.clone())
+    }
+
+    fn info(&self) -> ReaderInfo {
+        self.info
+    }
+}
+
+impl Drop for LaneReader {
+    fn drop(&mut self) {
+        self.queue.close();
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so.
+            thread.join().unwrap_or_default();
+        }
+    }
+}
+
+/// The time until `deadline`, as a limit for a wait.
+pub(crate) fn time_until(deadline: Instant) -> Duration {
+    deadline.saturating_duration_since(Instant::now())
 }

@@ -207,7 +207,7 @@ proptest! {
         latency_seconds in prop::sample::select(vec![0.0, 0.005, 0.08]),
         bandwidth in prop::sample::select(vec![2e6, 1e8]),
         // The covers are small: with as much work as a frame has for large ones nothing would ever wait for the next frame.
-        frame_work in prop::sample::select(vec![super::work::FRAME, 120_000]),
+        frame_work in prop::sample::select(vec![super::limits::FRAME, 120_000]),
     ) {
         let disk = DiskModel { damaged_share, latency_seconds, bandwidth, ..DiskModel::default() };
         let mut stage = Stage::new(&GEOMETRIES[which], atlas, disk);
@@ -287,7 +287,7 @@ fn a_cut_to_many_tiles_is_spread_over_frames() {
     let view = camera.view(&geometry.mesh.world_from_mesh, [1280, 720]);
     let [first, second] = [(); 2].map(|()| {
         let mut stage = Stage::new(&geometry, AtlasShape { side: 2048, layers: 2 }, disk);
-        stage.streamer.set_frame_work(super::work::FRAME / 5);
+        stage.streamer.set_frame_work(super::limits::FRAME / 5);
         let mut uploads = Vec::new();
         let mut waiting_frames = 0;
         while uploads.is_empty() || !stage.streamer.is_settled() {
@@ -329,7 +329,7 @@ fn frames_do_twice_as_much_after_a_cut_and_no_more_once_half_a_second_has_passed
         };
         loop {
             let (frames, most) = update(&mut stage);
-            assert_eq!(most, 2 * super::work::FRAME);
+            assert_eq!(most, 2 * super::limits::FRAME);
             assert!(frames <= most_frames, "{:?}", stage.streamer.statistics());
             if stage.streamer.is_settled() {
                 break;
@@ -338,7 +338,7 @@ fn frames_do_twice_as_much_after_a_cut_and_no_more_once_half_a_second_has_passed
         let figures = stage.streamer.statistics();
         assert!(figures.complete_groups == figures.visible_groups && figures.visible_groups > 10_000);
         while update(&mut stage).0 < 32 {}
-        assert_eq!(update(&mut stage).1, super::work::FRAME);
+        assert_eq!(update(&mut stage).1, super::limits::FRAME);
     }
 }
 

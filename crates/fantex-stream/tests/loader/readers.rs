@@ -1,13 +1,24 @@
 //! All back ends read what is there.
 
 use std::collections::BTreeMap;
-use std::io::{self, Write};
+use std::io;
+use std::io::{BufRead, BufReader, Write};
+use std::net::{TcpListener, TcpStream};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use fantex_bake::BakeFormat;
+use fantex_store::{ByteSource, OpenError};
 use fantex_stream::read::{
-    FileReadOptions, QueuedReader, ReadRequest, ReaderKind, RingReader, ThreadedReader, open_file_reader,
+    FileReadOptions, HttpSource, QueuedReader, ReadRequest, ReaderKind, RetryPolicy, http_reader,
+    open_file_reader, ring_reader, threaded_reader,
 };
+use fantex_stream::{ClusterLoader, ClusterLoaderOptions, open_asset};
+
+use crate::{Baked, all_parcels, baked, check_all, load};
 
 /// A file of repeatable bytes, of a length that is a multiple of nothing.
 fn some_file(folder: &Path) -> (std::path::PathBuf, Vec<u8>) {
@@ -134,10 +145,244 @@ fn where_direct_reading_is_refused_reads_are_buffered() {
     eprintln!("/dev/shm: {}", reader.info());
     check_reader(&mut *reader, &bytes);
     // A reader that was promised direct I/O and is refused it falls back, read by read, or says so when it opens.
-    if let Ok(mut reader) = ThreadedReader::open(&path, 4, true) {
+    if let Ok(mut reader) = threaded_reader(&path, 4, true) {
         check_reader(&mut reader, &bytes);
     }
-    if let Ok(mut reader) = RingReader::open(&path, 4, true) {
+    if let Ok(mut reader) = ring_reader(&path, 4, true) {
         check_reader(&mut reader, &bytes);
+    }
+}
+
+// Assets on a web server.
+
+fn served(manner: Manner) -> (Baked, Server) {
+    let baked = baked(BakeFormat::Bc7);
+    let server = Server::start(std::fs::read(&baked.path).unwrap(), manner);
+    (baked, server)
+}
+
+/// Options that do not let a test wait for long.
+fn quick() -> ClusterLoaderOptions {
+    let retry = Some(RetryPolicy { retries: 8, first_pause: Duration::from_millis(1) });
+    ClusterLoaderOptions { retry, ..ClusterLoaderOptions::default() }
+}
+
+#[test]
+fn two_requests_open_an_asset_and_few_more_bring_its_pages() {
+    let (baked, server) = served(Manner::Ranges);
+    let asset = Arc::new(open_asset(Path::new(&server.url())).unwrap());
+    let ranges = server.ranges();
+    assert_eq!(ranges.len(), 2, "{ranges:?}");
+    assert_eq!(ranges[0], (0, 8191));
+    assert_eq!(ranges[1].0, 8192);
+    assert!(asset.mesh() == baked.asset.mesh() && asset.cover() == baked.asset.cover());
+    let mut loader = ClusterLoader::open(Arc::clone(&asset), &quick()).unwrap();
+    assert_eq!(loader.reader_info().kind, ReaderKind::Http);
+    check_all(&mut loader, &baked.asset, true);
+    let counts = loader.statistics();
+    assert_eq!(server.ranges().len() as u64, 2 + counts.reads);
+    assert!(counts.reads < counts.clusters_read, "{counts:?}");
+}
+
+#[test]
+fn ranges_of_a_server_are_read_like_those_of_a_file() {
+    let bytes: Vec<u8> = (0..200_000u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 13) as u8).collect();
+    let server = Server::start(bytes.clone(), Manner::Ranges);
+    let source = Arc::new(HttpSource::new(&server.url(), 4));
+    assert_eq!(source.length().unwrap(), 200_000);
+    let mut reader = http_reader(source, 4).unwrap();
+    assert_eq!(reader.info().to_string(), "HTTP, 4 connections");
+    check_reader(&mut reader, &bytes);
+}
+
+#[test]
+fn a_server_without_ranges_is_refused_with_a_reason() {
+    let (_, server) = served(Manner::WholeFiles);
+    let error = open_asset(Path::new(&server.url())).unwrap_err();
+    assert!(matches!(&error, OpenError::Io { source, .. } if source.kind() == io::ErrorKind::Unsupported));
+    let message = error.to_string();
+    assert!(message.contains(&server.url()) && message.contains("range requests"), "{message}");
+}
+
+#[test]
+fn a_file_that_is_not_there_is_named() {
+    let (_, server) = served(Manner::Nothing);
+    let error = open_asset(Path::new(&server.url())).unwrap_err();
+    let message = error.to_string();
+    assert!(message.contains(&server.url()) && message.contains("404"), "{message}");
+    assert_eq!(server.ranges().len(), 1, "a missing file was asked for again");
+}
+
+#[test]
+fn broken_connections_and_busy_servers_are_asked_again() {
+    for manner in [Manner::Drops, Manner::Busy] {
+        let (baked, server) = served(manner);
+        let asset = Arc::new(open_asset(Path::new(&server.url())).unwrap());
+        let mut loader = ClusterLoader::open(asset, &quick()).unwrap();
+        check_all(&mut loader, &baked.asset, true);
+        assert!(loader.statistics().retries > 0, "{manner:?}");
+    }
+}
+
+#[test]
+fn a_server_that_goes_away_gives_errors_that_name_it() {
+    let (baked, server) = served(Manner::Ranges);
+    let url = server.url();
+    let asset = Arc::new(open_asset(Path::new(&url)).unwrap());
+    drop(server);
+    let retry = Some(RetryPolicy { retries: 1, first_pause: Duration::from_millis(1) });
+    let options = ClusterLoaderOptions { retry, ..ClusterLoaderOptions::default() };
+    let mut loader = ClusterLoader::open(asset, &options).unwrap();
+    for texels in load(&mut loader, &all_parcels(&baked.asset)[..20]).into_values() {
+        let message = texels.unwrap_err().to_string();
+        assert!(message.contains(&url), "{message}");
+    }
+}
+
+// A web server of one file, written for these tests.
+
+/// How the server behaves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Manner {
+    /// Answers ranges.
+    Ranges,
+    /// Knows no ranges.
+    WholeFiles,
+    /// Breaks every third connection in the middle of an answer.
+    Drops,
+    /// Answers every third request with "503 Service Unavailable".
+    Busy,
+    /// Has no such file.
+    Nothing,
+}
+
+struct Site {
+    manner: Manner,
+    bytes: Vec<u8>,
+    ranges: Mutex<Vec<(u64, u64)>>,
+    requests: AtomicU64,
+    closed: AtomicBool,
+}
+
+/// Serves a file until it is dropped.
+pub(crate) struct Server {
+    site: Arc<Site>,
+    port: u16,
+    listener: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    pub(crate) fn start(bytes: Vec<u8>, manner: Manner) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let site = Arc::new(Site {
+            manner,
+            bytes,
+            ranges: Mutex::default(),
+            requests: AtomicU64::new(0),
+            closed: AtomicBool::new(false),
+        });
+        let shared = Arc::clone(&site);
+        let listener = std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                if shared.closed.load(Ordering::SeqCst) {
+                    return;
+                }
+                let site = Arc::clone(&shared);
+                // Ends when the client closes the connection.
+                std::thread::spawn(move || site.serve(stream.unwrap()).unwrap_or_default());
+            }
+        });
+        Self { site, port, listener: Some(listener) }
+    }
+
+    pub(crate) fn url(&self) -> String {
+        format!("http://127.0.0.1:{}/torus.fan", self.port)
+    }
+
+    /// First and last bytes that were asked for so far.
+    pub(crate) fn ranges(&self) -> Vec<(u64, u64)> {
+        self.site.ranges.lock().unwrap().clone()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.site.closed.store(true, Ordering::SeqCst);
+        // One last connection, so that the listener looks.
+        drop(TcpStream::connect(("127.0.0.1", self.port)));
+        self.listener.take().unwrap().join().unwrap();
+    }
+}
+
+impl Site {
+    /// Answers the requests of a connection, one after the other.
+    fn serve(&self, stream: TcpStream) -> std::io::Result<()> {
+        stream.set_nodelay(true)?;
+        let mut input = BufReader::new(stream.try_clone()?);
+        let mut output = stream;
+        loop {
+            let mut range = None;
+            let mut line = String::new();
+            if input.read_line(&mut line)? == 0 {
+                return Ok(());
+            }
+            loop {
+                line.clear();
+                if input.read_line(&mut line)? == 0 || line == "\r\n" {
+                    break;
+                }
+                let lower = line.trim().to_ascii_lowercase();
+                if let Some(bytes) = lower.strip_prefix("range: bytes=") {
+                    let (first, last) = bytes.split_once('-').unwrap();
+                    range = Some((first.parse::<u64>().unwrap(), last.parse::<u64>().unwrap()));
+                }
+            }
+            self.ranges.lock().unwrap().extend(range);
+            let is_third = self.requests.fetch_add(1, Ordering::SeqCst) % 3 == 2;
+            if self.closed.load(Ordering::SeqCst) || !self.answer(&mut output, range, is_third)? {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Answers one request. False where the connection ends with it.
+    fn answer(
+        &self,
+        output: &mut TcpStream,
+        range: Option<(u64, u64)>,
+        is_third: bool,
+    ) -> std::io::Result<bool> {
+        let length = self.bytes.len() as u64;
+        if self.manner == Manner::Nothing {
+            output.write_all(b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n")?;
+            return Ok(true);
+        }
+        if self.manner == Manner::Busy && is_third {
+            output.write_all(b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\n\r\n")?;
+            return Ok(true);
+        }
+        let Some((first, last)) = range.filter(|_| self.manner != Manner::WholeFiles) else {
+            write!(output, "HTTP/1.1 200 OK\r\nContent-Length: {length}\r\n\r\n")?;
+            output.write_all(&self.bytes)?;
+            return Ok(true);
+        };
+        if first >= length {
+            write!(
+                output,
+                "HTTP/1.1 416 Range Not Satisfiable\r\nContent-Range: bytes */{length}\r\nContent-Length: 0\r\n\r\n"
+            )?;
+            return Ok(true);
+        }
+        let last = last.min(length - 1);
+        let body = &self.bytes[first as usize..=last as usize];
+        write!(
+            output,
+            "HTTP/1.1 206 Partial Content\r\nContent-Range: bytes {first}-{last}/{length}\r\nContent-Length: {}\r\n\r\n",
+            body.len()
+        )?;
+        let drops = self.manner == Manner::Drops && is_third;
+        output.write_all(if drops { &body[..body.len() / 2] } else { body })?;
+        Ok(!drops)
     }
 }

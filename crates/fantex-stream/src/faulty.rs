@@ -4,9 +4,9 @@ use std::collections::HashMap;
 use std::io;
 use std::time::{Duration, Instant};
 
-use super::queue::time_until;
-use super::random::Random;
-use super::{QueuedReader, ReadCompletion, ReadRequest, ReadWaker, ReaderInfo};
+use crate::read::time_until;
+use crate::read::{QueuedReader, ReadCompletion, ReadRequest, ReadWaker, ReaderInfo};
+use fantex_base::Random;
 
 /// What goes wrong, and how often. Probabilities are of 0..1 and per read. Which reads are hit follows from the seed, the read's
 /// offset and how often that offset has been read, not from time or threads.
@@ -81,7 +81,7 @@ impl<R: QueuedReader> QueuedReader for FaultyReader<R> {
     fn submit(&mut self, request: ReadRequest) {
         let attempt = self.attempts.entry(request.offset).or_default();
         *attempt += 1;
-        let mut random = Random::new([self.faults.seed, request.offset, *attempt]);
+        let mut random = Random::of_seeds([self.faults.seed, request.offset, *attempt]);
         let due = self.due_time(request.length);
         let failure = if random.chance(self.faults.error_probability) {
             Some(io::Error::other("an injected fault"))
@@ -97,7 +97,7 @@ impl<R: QueuedReader> QueuedReader for FaultyReader<R> {
             return;
         }
         if random.chance(self.faults.corruption_probability) {
-            self.corruptions.insert(request.token, random.next());
+            self.corruptions.insert(request.token, random.next_u64());
         }
         self.due.insert(request.token, due);
         self.inner.submit(request);
