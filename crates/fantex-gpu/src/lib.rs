@@ -30,32 +30,24 @@
 //!   scales, stretched highlights and baked light included (`tests/gpu/looks.rs`), by the metallic-roughness model in both
 //!   renderers. Models with their own textures have none of these three.
 
-mod error;
 mod fan;
 mod frame;
 mod gpu;
 mod model;
-mod options;
 mod picture;
 mod renderer;
-mod screen;
 pub mod shader;
-mod sorted;
 mod surface_pipeline;
-mod timing;
 mod uv;
 mod wireframe;
 
-pub use error::GpuError;
 pub use fan::{
     AtlasViewer, FanModel, FanModelSource, StreamedModel, StreamedModelError, max_anisotropy, stream_view,
 };
 pub use frame::{FrameLayout, View};
-pub use gpu::{Gpu, GpuInfo, GpuOptions};
-pub use model::{FrameContext, Model, ModelSpace};
-pub use options::{DrawOptions, Overlay, WireframeOptions};
-pub use picture::{PictureRenderer, render_to_picture};
+pub use gpu::{Gpu, GpuError, GpuInfo, GpuOptions};
+pub use model::{DrawOptions, FrameContext, Model, ModelSpace, Overlay, WireframeOptions};
+pub use picture::{FrameTimes, HiddenScreen, PictureRenderer, frame_times, render_to_picture};
 pub use renderer::{Frame, Renderer};
 pub use surface_pipeline::{CasterPipeline, Coat, SurfaceKey, SurfacePipeline};
-pub use timing::{FrameTimes, HiddenScreen, frame_times};
 pub use uv::{UvModel, UvModelError};

@@ -1,15 +1,24 @@
 //! Bind group 1 of fan shaders: texture function and atlas.
 
-use fantex_cover::Cover;
+use std::collections::HashMap;
+use std::num::NonZeroU64;
+
+use bytemuck::{Pod, Zeroable};
+use fantex_cover::{Cover, Group};
+use fantex_mesh::{AlphaMode, Material, ToonInterpolation, ToonScale};
 use fantex_scene::FilterOptions;
-use fantex_store::Channel;
+use fantex_store::{Channel, ChannelKind};
 use fantex_stream::{AtlasFormat, PageTable};
+use fantex_texture::Filter;
+use half::f16;
 use wgpu::{BindingResource, BindingType, BufferBindingType, ShaderStages};
 
-use super::atlas::{ChannelAtlas, DRAWN_KINDS, KINDS, no_channel};
-use super::grid::AtlasGrid;
-use super::tables::{FanParams, FanTables};
-use crate::Gpu;
+use super::alpha_code;
+use super::atlas::{AtlasGrid, ChannelAtlas, DRAWN_KINDS, KINDS, PageWords, no_channel};
+use crate::shader::{
+    CASTER, FAN, FAN_CASTER, FAN_FINISH, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module,
+};
+use crate::{CasterPipeline, Coat, Gpu, GpuError, SurfaceKey, SurfacePipeline};
 
 /// What an asset's texture function is made of, as far as the GPU is concerned.
 #[derive(Clone, Copy, Debug)]
@@ -171,4 +180,432 @@ fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
         label: Some("fan model"),
         entries: &entries,
     })
+}
+
+// What the texture function needs on the GPU besides triangles and texels: groups, pages, means, frames.
+
+/// The uniform block of `fan_lookup.wgsl`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct FanParams {
+    /// One over the atlas' sides in texels.
+    atlas_scale: [f32; 2],
+    delta: f32,
+    max_anisotropy: f32,
+    /// Per drawn kind but the last two the asset's channel, or 0.
+    mean_of: [u32; 4],
+    mean_of_light: u32,
+    channels: u32,
+    mean_of_anisotropy: u32,
+    pad: u32,
+}
+
+impl FanParams {
+    pub(crate) fn new(cover: &Cover, channels: &[Channel], grid: AtlasGrid, filter: &FilterOptions) -> Self {
+        let channel_of = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind).unwrap_or(0) as u32;
+        let [base_color, normal, material, emission, light, anisotropy] = DRAWN_KINDS.map(channel_of);
+        Self {
+            atlas_scale: atlas_scale(grid),
+            delta: cover.delta,
+            max_anisotropy: max_anisotropy(filter),
+            mean_of: [base_color, normal, material, emission],
+            mean_of_light: light,
+            channels: channels.len() as u32,
+            mean_of_anisotropy: anisotropy,
+            pad: 0,
+        }
+    }
+
+    /// Of another atlas.
+    pub(crate) fn with_grid(self, grid: AtlasGrid) -> Self {
+        Self { atlas_scale: atlas_scale(grid), ..self }
+    }
+
+    /// With a filter's parameters.
+    pub(crate) fn with_filter(self, filter: &FilterOptions) -> Self {
+        Self { max_anisotropy: max_anisotropy(filter), ..self }
+    }
+}
+
+fn atlas_scale(grid: AtlasGrid) -> [f32; 2] {
+    grid.extent().map(|n| 1.0 / n as f32)
+}
+
+fn max_anisotropy(filter: &FilterOptions) -> f32 {
+    filter.max_anisotropy.clamp(1.0, fantex_texture::filter::MAX_ANISOTROPY)
+}
+
+/// The filter as the shader's constant `FAN_FILTER` names it. The two filters that only the CPU has are replaced by their
+/// nearest relatives: bicubic by bilinear, the elliptical weighted average by anisotropic probes.
+pub(crate) fn shader_filter(filter: Filter) -> u32 {
+    match filter {
+        Filter::Nearest => 0,
+        Filter::Bilinear | Filter::Bicubic => 1,
+        Filter::Trilinear => 2,
+        Filter::Anisotropic | Filter::Ewa => 3,
+    }
+}
+
+/// The tables of `fan_lookup.wgsl`: storage buffers, and a texture of [`PageWords`].
+#[derive(Debug)]
+pub(crate) struct FanTables {
+    pub(crate) groups: wgpu::Buffer,
+    pub(crate) pages: wgpu::Texture,
+    pub(crate) means: wgpu::Buffer,
+    pub(crate) frames: wgpu::Buffer,
+}
+
+impl FanTables {
+    /// The longest of the buffers for a cover, in bytes.
+    pub(crate) fn longest_bytes(cover: &Cover, channels: &[Channel]) -> u64 {
+        let groups = cover.groups.len() as u64;
+        (groups * 8 * channels.len().max(1) as u64).max(groups * FRAME_BYTES)
+    }
+
+    /// Nothing is resident. `mean` gives the mean linear RGBA of a channel and group.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        cover: &Cover,
+        channels: &[Channel],
+        pages: &PageTable,
+        mean: impl Fn(usize, u32) -> [f32; 4],
+    ) -> Self {
+        let groups = cover.groups.iter().zip(0..).map(|(group, index)| {
+            let [columns, rows] = group.extent.map(|n| n / 4);
+            [pages.first(index), columns | rows << 16]
+        });
+        let means = (0..cover.groups.len() as u32).flat_map(|group| {
+            let mean = &mean;
+            (0..channels.len()).map(move |channel| mean(channel, group).map(f16::from_f32))
+        });
+        // Frames turn normals and directions; without those nothing reads them.
+        let is_turned = |kind| matches!(kind, ChannelKind::Normal | ChannelKind::Anisotropy);
+        let has_vectors = channels.iter().any(|channel| is_turned(channel.kind));
+        let frames = cover.groups.iter().filter(|_| has_vectors).map(frame);
+        Self {
+            groups: storage(gpu, "fan groups", &groups.collect::<Vec<[u32; 2]>>()),
+            pages: page_texture(&gpu.device, PageWords::extent(pages.len())),
+            means: storage(gpu, "fan means", &means.collect::<Vec<[f16; 4]>>()),
+            frames: storage(gpu, "fan frames", &frames.collect::<Vec<[f32; 6]>>()),
+        }
+    }
+
+    /// The same tables, but nothing is resident.
+    pub(crate) fn without_pages(&self, device: &wgpu::Device) -> Self {
+        let pages = page_texture(device, [self.pages.width(), self.pages.height()]);
+        let [groups, means, frames] = [&self.groups, &self.means, &self.frames].map(wgpu::Buffer::clone);
+        Self { groups, pages, means, frames }
+    }
+}
+
+/// All zero: nothing is resident.
+fn page_texture(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("fan pages"),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::R32Uint,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+/// Bytes of a group's frame.
+const FRAME_BYTES: u64 = 24;
+
+fn frame(group: &Group) -> [f32; 6] {
+    let (d, x) = (group.frame.direction, group.frame.x_axis);
+    [d.x, d.y, d.z, x.x, x.y, x.z]
+}
+
+/// A buffer for shaders to read; with one zero item where there is none.
+fn storage<T: Pod>(gpu: &Gpu, label: &str, items: &[T]) -> wgpu::Buffer {
+    let nothing = [T::zeroed()];
+    let items = if items.is_empty() { &nothing } else { items };
+    gpu.buffer(label, bytemuck::cast_slice(items), wgpu::BufferUsages::STORAGE)
+}
+
+// Bind group 2 of fan shaders: what a material says where an asset has no channel.
+
+/// A material as `fan_geometry.wgsl` reads it.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct MaterialRecord {
+    base_color: [f32; 4],
+    emission: [f32; 3],
+    metallic: f32,
+    roughness: f32,
+    alpha_threshold: f32,
+    unlit: u32,
+    /// 0 for none.
+    toon_stops: u32,
+    /// 0 linear, 1 smooth, 2 constant.
+    toon_interpolation: u32,
+    pad: [u32; 3],
+    /// Linear RGB and the place.
+    toon: [[f32; 4]; ToonScale::MOST_STOPS],
+}
+
+impl MaterialRecord {
+    pub(crate) fn new(material: &Material) -> Self {
+        let alpha_threshold = if let AlphaMode::Mask(threshold) = material.alpha { threshold } else { 0.0 };
+        let mut toon = [[0.0; 4]; ToonScale::MOST_STOPS];
+        let stops = material.toon.iter().flat_map(|scale| &scale.stops);
+        for (place, &(at, color)) in toon.iter_mut().zip(stops) {
+            *place = color.extend(at).to_array();
+        }
+        let scale = material.toon.as_ref();
+        Self {
+            base_color: material.base_color.to_array(),
+            emission: material.emission.to_array(),
+            metallic: material.metallic,
+            roughness: material.roughness,
+            alpha_threshold,
+            unlit: material.unlit.into(),
+            toon_stops: scale.map_or(0, |scale| scale.stops.len().min(ToonScale::MOST_STOPS) as u32),
+            toon_interpolation: match scale.map(|scale| scale.interpolation) {
+                None | Some(ToonInterpolation::Linear) => 0,
+                Some(ToonInterpolation::Smooth) => 1,
+                Some(ToonInterpolation::Constant) => 2,
+            },
+            pad: [0; 3],
+            toon,
+        }
+    }
+}
+
+/// All materials of a model, one of them bound at a time.
+#[derive(Debug)]
+pub(crate) struct FanMaterials {
+    pub(crate) layout: wgpu::BindGroupLayout,
+    group: wgpu::BindGroup,
+    /// Bytes from one material to the next.
+    stride: u32,
+}
+
+impl FanMaterials {
+    pub(crate) fn new(gpu: &Gpu, materials: &[Material]) -> Result<Self, GpuError> {
+        let (device, limits) = (&gpu.device, gpu.limits());
+        let stride =
+            size_of::<MaterialRecord>().next_multiple_of(limits.min_uniform_buffer_offset_alignment as usize);
+        let (bytes, allowed) =
+            ((stride * materials.len()) as u64, limits.max_buffer_size.min(u32::MAX.into()));
+        if bytes > allowed {
+            return Err(gpu.too_large("the materials of a model", bytes, allowed, "bytes"));
+        }
+        let mut contents = vec![0; stride * materials.len()];
+        for (place, material) in contents.chunks_exact_mut(stride).zip(materials) {
+            place[..size_of::<MaterialRecord>()]
+                .copy_from_slice(bytemuck::bytes_of(&MaterialRecord::new(material)));
+        }
+        let buffer = gpu.buffer("fan materials", &contents, wgpu::BufferUsages::UNIFORM);
+        let size = NonZeroU64::new(size_of::<MaterialRecord>() as u64);
+        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some("fan material"),
+            entries: &[wgpu::BindGroupLayoutEntry {
+                binding: 0,
+                visibility: wgpu::ShaderStages::FRAGMENT,
+                ty: wgpu::BindingType::Buffer {
+                    ty: wgpu::BufferBindingType::Uniform,
+                    has_dynamic_offset: true,
+                    min_binding_size: size,
+                },
+                count: None,
+            }],
+        });
+        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("fan material"),
+            layout: &layout,
+            entries: &[wgpu::BindGroupEntry {
+                binding: 0,
+                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer: &buffer,
+                    offset: 0,
+                    size,
+                }),
+            }],
+        });
+        Ok(Self { layout, group, stride: stride as u32 })
+    }
+
+    /// Binds a material to group 2.
+    pub(crate) fn bind(&self, pass: &mut wgpu::RenderPass<'_>, material: u32) {
+        pass.set_bind_group(2, &self.group, &[material * self.stride]);
+    }
+}
+
+// Pipelines of fan-textured triangles, made when they are first needed.
+
+/// The two kinds of triangles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Shape {
+    Plain,
+    Border,
+}
+
+/// What a material asks of pipelines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Surface {
+    /// See [`alpha_code`].
+    pub(crate) alpha_mode: u32,
+    pub(crate) is_double_sided: bool,
+    pub(crate) is_toon: bool,
+}
+
+impl Surface {
+    pub(crate) fn of(material: &Material) -> Self {
+        Self {
+            alpha_mode: alpha_code(material.alpha),
+            is_double_sided: material.double_sided,
+            is_toon: material.toon.is_some(),
+        }
+    }
+
+    /// The same for triangles that may have twins: these are not seen from behind.
+    pub(crate) fn with_twins(self, has_twins: bool) -> Self {
+        Self { is_double_sided: self.is_double_sided && !has_twins, ..self }
+    }
+}
+
+/// What is drawn with one pipeline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Part {
+    pub(crate) shape: Shape,
+    pub(crate) surface: Surface,
+    /// Whether any tile is larger than a page.
+    pub(crate) is_paged: bool,
+}
+
+/// All pipelines that were needed so far.
+#[derive(Debug)]
+pub(crate) struct FanPipelines {
+    surface: wgpu::ShaderModule,
+    caster: wgpu::ShaderModule,
+    surfaces: HashMap<(SurfaceKey, Part), wgpu::RenderPipeline>,
+    /// By shape and alpha mode.
+    casters: HashMap<(Shape, u32), wgpu::RenderPipeline>,
+}
+
+const PLAIN_VERTEX: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+    array_stride: size_of::<super::geometry::PlainVertex>() as u64,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Uint32],
+};
+
+const BORDER_VERTEX: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
+    array_stride: size_of::<super::geometry::BorderVertex>() as u64,
+    step_mode: wgpu::VertexStepMode::Vertex,
+    attributes: &wgpu::vertex_attr_array![
+        0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Float32x2, 4 => Float32x2, 5 => Uint32x3
+    ],
+};
+
+impl Shape {
+    fn layout(self) -> wgpu::VertexBufferLayout<'static> {
+        match self {
+            Self::Plain => PLAIN_VERTEX,
+            Self::Border => BORDER_VERTEX,
+        }
+    }
+}
+
+impl FanPipelines {
+    pub(crate) fn new(device: &wgpu::Device) -> Self {
+        let surface = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_FINISH, FAN]);
+        let caster = compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER]);
+        Self {
+            surface: module(device, "fan", &surface),
+            caster: module(device, "fan caster", &caster),
+            surfaces: HashMap::new(),
+            casters: HashMap::new(),
+        }
+    }
+
+    pub(crate) fn prepare_surface(
+        &mut self,
+        gpu: &Gpu,
+        bindings: &FanBindings,
+        material: &wgpu::BindGroupLayout,
+        frame: SurfaceKey,
+        part: Part,
+    ) {
+        let Part { shape, surface, is_paged } = part;
+        self.surfaces.entry((frame, part)).or_insert_with(|| {
+            let mut constants = bindings.channel_constants().to_vec();
+            constants.push(("FAN_FILTER", shader_filter(frame.filter).into()));
+            constants.push(("FAN_PAGED", u8::from(is_paged).into()));
+            constants.push(("FAN_OVERLAY", frame.overlay.code().into()));
+            constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
+            constants.push(("FAN_TOON", u8::from(surface.is_toon).into()));
+            let (vertex, fragment) = match shape {
+                Shape::Plain => ("vs_fan_plain", "fs_fan_plain"),
+                Shape::Border => ("vs_fan_border", "fs_fan_border"),
+            };
+            let pipeline = SurfacePipeline {
+                label: "fan",
+                module: &self.surface,
+                vertex,
+                fragment,
+                buffers: &[Some(shape.layout())],
+                groups: &[&bindings.layout, material],
+                constants: &constants,
+                coat: if surface.alpha_mode == 2 { Coat::Layered } else { Coat::Opaque },
+                is_double_sided: surface.is_double_sided,
+                topology: wgpu::PrimitiveTopology::TriangleList,
+            };
+            pipeline.build(gpu, frame)
+        });
+    }
+
+    pub(crate) fn surface(&self, frame: SurfaceKey, part: Part) -> Option<&wgpu::RenderPipeline> {
+        self.surfaces.get(&(frame, part))
+    }
+
+    pub(crate) fn prepare_caster(
+        &mut self,
+        gpu: &Gpu,
+        bindings: &FanBindings,
+        material: &wgpu::BindGroupLayout,
+        shape: Shape,
+        surface: Surface,
+    ) {
+        self.casters.entry((shape, surface.alpha_mode)).or_insert_with(|| {
+            let mut constants = bindings.channel_constants().to_vec();
+            constants.push(("FAN_FILTER", shader_filter(fantex_texture::Filter::Trilinear).into()));
+            constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
+            let is_solid = surface.alpha_mode == 0;
+            let pipeline = CasterPipeline {
+                label: "fan caster",
+                module: &self.caster,
+                vertex: match shape {
+                    _ if is_solid => "vs_fan_solid",
+                    Shape::Plain => "vs_fan_plain_caster",
+                    Shape::Border => "vs_fan_border_caster",
+                },
+                fragment: (!is_solid).then_some("fs_fan_caster"),
+                buffers: &[Some(shape.layout())],
+                groups: &[&bindings.layout, material],
+                constants: &constants,
+            };
+            pipeline.build(gpu)
+        });
+    }
+
+    pub(crate) fn caster(&self, shape: Shape, surface: Surface) -> Option<&wgpu::RenderPipeline> {
+        self.casters.get(&(shape, surface.alpha_mode))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_uniform_block_has_the_layout_of_the_shader() {
+        assert_eq!(std::mem::offset_of!(FanParams, mean_of), 16);
+        assert_eq!(std::mem::offset_of!(FanParams, mean_of_light), 32);
+        assert_eq!(size_of::<FanParams>(), 48);
+    }
 }

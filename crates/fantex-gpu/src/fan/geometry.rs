@@ -17,6 +17,10 @@ use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use super::bindings::{FanBindings, FanMaterials};
+use crate::shader::{FAN_COLORS, FAN_GEOMETRY, FAN_LOOKUP, compose_surface, module};
+use crate::{Coat, Gpu, ModelSpace, SurfaceKey, SurfacePipeline};
+
 /// A corner of plain triangles.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
@@ -228,11 +232,103 @@ pub(crate) fn octahedral(n: Vec3) -> [i16; 2] {
     folded.to_array().map(|v| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16)
 }
 
+// The overlay that gives every partial fan a colour: of all triangles, whichever groups their fans are in.
+
+/// A corner of a triangle.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+struct FanVertex {
+    /// Mesh space.
+    position: [f32; 3],
+    /// The fans at the triangle's corners, by their vertices.
+    fans: [u32; 3],
+}
+
+#[derive(Debug)]
+pub(crate) struct FanColors {
+    /// Buffers and their numbers of vertices: of triangles without twins and with them.
+    chunks: [Vec<(wgpu::Buffer, u32)>; 2],
+    module: wgpu::ShaderModule,
+    /// For the same.
+    pipelines: Option<(SurfaceKey, [wgpu::RenderPipeline; 2])>,
+}
+
+impl FanColors {
+    pub(crate) fn new(gpu: &Gpu, space: &ModelSpace) -> Self {
+        let corners = |triangle: &[u32; 3]| {
+            triangle.map(|v| FanVertex { position: space.points[v as usize].to_array(), fans: *triangle })
+        };
+        let chunk = |triangles: &[[u32; 3]]| {
+            let vertices: Vec<FanVertex> = triangles.iter().flat_map(corners).collect();
+            let bytes = bytemuck::cast_slice(&vertices);
+            (gpu.buffer("fan colours", bytes, wgpu::BufferUsages::VERTEX), vertices.len() as u32)
+        };
+        let twins = Twins::of(&space.triangles);
+        let of_kind = |has_twin: bool| -> Vec<_> {
+            let triangles = space.triangles.iter().enumerate();
+            let chosen =
+                triangles.filter(|(t, _)| twins.contains(*t) == has_twin).map(|(_, triangle)| *triangle);
+            chosen.collect::<Vec<[u32; 3]>>().chunks(CHUNK).map(chunk).collect()
+        };
+        let source = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS]);
+        Self {
+            chunks: [false, true].map(of_kind),
+            module: module(&gpu.device, "fan colours", &source),
+            pipelines: None,
+        }
+    }
+
+    pub(crate) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        key: SurfaceKey,
+        bindings: &FanBindings,
+        materials: &FanMaterials,
+    ) {
+        if self.pipelines.as_ref().is_some_and(|(of, _)| *of == key) {
+            return;
+        }
+        let attributes = wgpu::vertex_attr_array![0 => Float32x3, 1 => Uint32x3];
+        let layout = [Some(wgpu::VertexBufferLayout {
+            array_stride: size_of::<FanVertex>() as u64,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: &attributes,
+        })];
+        let groups = [&bindings.layout, &materials.layout];
+        let pipeline = |is_double_sided| SurfacePipeline {
+            label: "fan colours",
+            module: &self.module,
+            vertex: "vs_fan_colors",
+            fragment: "fs_fan_colors",
+            buffers: &layout,
+            groups: &groups,
+            constants: &[],
+            coat: Coat::Opaque,
+            is_double_sided,
+            topology: wgpu::PrimitiveTopology::TriangleList,
+        };
+        self.pipelines = Some((key, [true, false].map(|sides| pipeline(sides).build(gpu, key))));
+    }
+
+    /// Groups 1 and 2 are bound.
+    pub(crate) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, key: SurfaceKey) {
+        let Some((of, pipelines)) = &self.pipelines else { return };
+        for (pipeline, chunks) in pipelines.iter().zip(&self.chunks).filter(|_| *of == key) {
+            pass.set_pipeline(pipeline);
+            for (buffer, count) in chunks {
+                pass.set_vertex_buffer(0, buffer.slice(..));
+                pass.draw(0..*count, 0..1);
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::*;
     use fantex_cover::{CoverOptions, TexelBudget, build_cover};
     use fantex_mesh::{CleanOptions, clean, generate, shading_normals};
+
+    use super::*;
 
     fn from_octahedral([x, y]: [i16; 2]) -> Vec3 {
         let [x, y] = [x, y].map(|v| f32::from(v) / 32767.0);

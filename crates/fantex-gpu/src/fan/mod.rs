@@ -78,19 +78,630 @@
 //! buffer in every call, the ring none, and so the ring it is.
 
 mod atlas;
-mod atlas_view;
 mod bindings;
-mod fan_colors;
 mod geometry;
-mod grid;
-mod load;
-mod materials;
-mod model;
-mod page_words;
-mod pipelines;
-mod tables;
-mod upload;
 
-pub use atlas_view::AtlasViewer;
-pub use load::{StreamedModel, StreamedModelError, max_anisotropy, stream_view};
-pub use model::{FanModel, FanModelSource};
+use std::ops::Range;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+pub use atlas::AtlasViewer;
+use atlas::{AtlasGrid, ChannelAtlas, DRAWN_KINDS, PageWords, Uploader, atlas_formats};
+use bindings::{BindingSource, FanBindings, FanMaterials, FanPipelines, FanTables, Part, Shape, Surface};
+use fantex_cover::Cover;
+use fantex_mesh::{AlphaMode, Material, Mesh, Twins, shading_normals};
+use fantex_scene::{Camera, FilterOptions};
+use fantex_store::{Asset, Channel, ChannelKind};
+use fantex_stream::{
+    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, FrameChanges, FrameOptions, Geometry,
+    LoaderError, PageTable, ParcelLoader, StreamView, Streamer, StreamerOptions,
+};
+use fantex_texture::Filter;
+use geometry::{FanColors, GeometryChunk, GeometrySource, MaterialRun};
+use glam::Vec3;
+
+use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
+use crate::{FrameContext, Gpu, GpuError, Model, ModelSpace, Overlay, SurfaceKey, View};
+
+// A fan-textured model.
+
+/// A mesh with the tiles of its cover on the device. Which pages are in its atlas is decided elsewhere and told to
+/// [`FanModel::update`]; until then groups show their mean colours.
+#[derive(Debug)]
+pub struct FanModel {
+    space: ModelSpace,
+    shape: AtlasShape,
+    formats: Vec<AtlasFormat>,
+    bindings: FanBindings,
+    chunks: Vec<Chunk>,
+    blended: Blended,
+    materials: FanMaterials,
+    /// One per material.
+    surfaces: Vec<Surface>,
+    uploader: Uploader,
+    /// The atlas that takes the place of the present one.
+    next: Option<(FanBindings, Uploader)>,
+    pipelines: FanPipelines,
+    fan_colors: Option<FanColors>,
+    /// Of the current frame.
+    key: Option<SurfaceKey>,
+    shadow_revision: u64,
+}
+
+/// What a model is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct FanModelSource<'a> {
+    /// The mesh.
+    pub mesh: &'a Mesh,
+    /// Its cover.
+    pub cover: &'a Cover,
+    /// The channels of the tiles.
+    pub channels: &'a [Channel],
+    /// The formats of their texels, see [`FanModel::atlas_formats`].
+    pub formats: &'a [AtlasFormat],
+    /// Numbering of the pages.
+    pub pages: &'a PageTable,
+    /// The atlas, see [`FanModel::atlas_shape`].
+    pub shape: AtlasShape,
+}
+
+/// Buffers of one [`GeometryChunk`]; none where they would be empty.
+#[derive(Debug)]
+struct Chunk {
+    plain: Option<(wgpu::Buffer, wgpu::Buffer)>,
+    border: Option<wgpu::Buffer>,
+    runs: Vec<MaterialRun>,
+}
+
+/// Blended triangles: all as border triangles, the farthest first.
+#[derive(Debug)]
+struct Blended {
+    vertices: Option<wgpu::Buffer>,
+    indices: Option<wgpu::Buffer>,
+    sorted: SortedTriangles,
+    runs: Vec<Run>,
+}
+
+impl FanModel {
+    /// The formats in which [`FanModel::update`] takes the channels' texels.
+    pub fn atlas_formats(gpu: &Gpu, channels: &[Channel]) -> Vec<AtlasFormat> {
+        atlas_formats(channels, gpu.has_block_compression())
+    }
+
+    /// The largest atlas for these formats within a budget that the device's textures can hold.
+    pub fn atlas_shape(gpu: &Gpu, budget_bytes: u64, formats: &[AtlasFormat]) -> AtlasShape {
+        AtlasGrid::fitting(AtlasShape::within(budget_bytes, formats), gpu.limits().max_texture_dimension_2d)
+    }
+
+    /// A model of an open asset whose texels take at most `budget_bytes` of graphics memory.
+    ///
+    /// # Errors
+    ///
+    /// As [`FanModel::new`].
+    pub fn of_asset(
+        gpu: &Gpu,
+        asset: &Asset,
+        pages: &PageTable,
+        budget_bytes: u64,
+    ) -> Result<Self, GpuError> {
+        let formats = Self::atlas_formats(gpu, asset.channels());
+        let source = FanModelSource {
+            mesh: asset.mesh(),
+            cover: asset.cover(),
+            channels: asset.channels(),
+            formats: &formats,
+            pages,
+            shape: Self::atlas_shape(gpu, budget_bytes, &formats),
+        };
+        Self::new(gpu, &source, |channel, group| asset.mean(channel, group))
+    }
+
+    /// A model; `mean` gives the mean linear RGBA of a channel and group.
+    ///
+    /// # Errors
+    ///
+    /// The device cannot hold the cover's tables or the atlas.
+    pub fn new(
+        gpu: &Gpu,
+        source: &FanModelSource<'_>,
+        mean: impl Fn(usize, u32) -> [f32; 4],
+    ) -> Result<Self, GpuError> {
+        let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
+        let limits = gpu.limits();
+        let longest = FanTables::longest_bytes(cover, channels);
+        let allowed = limits.max_storage_buffer_binding_size;
+        if longest > allowed {
+            return Err(gpu.too_large("the tables of a cover", longest, allowed, "bytes"));
+        }
+        let allowed = limits.max_texture_dimension_2d;
+        let rows = PageWords::extent(pages.len()).into_iter().fold(0, u32::max);
+        if rows > allowed {
+            return Err(gpu.too_large("the page table", rows.into(), allowed.into(), "texels per side"));
+        }
+        if AtlasGrid::fitting(shape, allowed) != shape {
+            return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
+        }
+        let grid = AtlasGrid::new(shape, allowed);
+        let parts = BindingSource { cover, channels, formats, grid, pages };
+        let bindings = FanBindings::new(gpu, parts, mean);
+        let normals = shading_normals(mesh);
+        let twins = Twins::of(&mesh.triangles);
+        let geometry = GeometrySource { mesh, cover, normals: &normals, twins: &twins };
+        let [solid, blended] = geometry.order();
+        let chunks: Vec<_> = geometry.chunks(&solid).map(|chunk| Chunk::new(gpu, chunk)).collect();
+        let blended = Blended::new(gpu, &geometry, &blended)?;
+        let default_material = [Material::default()];
+        let materials =
+            if mesh.materials.is_empty() { &default_material[..] } else { mesh.materials.as_slice() };
+        Ok(Self {
+            space: ModelSpace::of_mesh(mesh),
+            shape,
+            uploader: Uploader::new(&gpu.device, grid, PageWords::new(cover, pages)),
+            next: None,
+            pipelines: FanPipelines::new(&gpu.device),
+            surfaces: materials.iter().map(Surface::of).collect(),
+            materials: FanMaterials::new(gpu, materials)?,
+            formats: formats.to_vec(),
+            bindings,
+            chunks,
+            blended,
+            fan_colors: None,
+            key: None,
+            shadow_revision: 0,
+        })
+    }
+
+    /// Begins to replace the atlas by an empty one of another shape. From now on [`FanModel::update`] fills that one, while
+    /// pictures show the present one as it is, until [`FanModel::finish_atlas`]; for that time both take graphics memory.
+    /// `pages` is the numbering that the model was made with.
+    ///
+    /// # Errors
+    ///
+    /// The device cannot hold it.
+    pub fn begin_atlas(
+        &mut self,
+        gpu: &Gpu,
+        cover: &Cover,
+        pages: &PageTable,
+        shape: AtlasShape,
+    ) -> Result<(), GpuError> {
+        let allowed = gpu.limits().max_texture_dimension_2d;
+        if AtlasGrid::fitting(shape, allowed) != shape {
+            return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
+        }
+        // One that is being filled goes first.
+        self.next = None;
+        let grid = AtlasGrid::new(shape, allowed);
+        let bindings = self.bindings.with_atlas(gpu, grid, &self.formats);
+        let uploader = Uploader::new(&gpu.device, grid, PageWords::new(cover, pages));
+        self.next = Some((bindings, uploader));
+        self.shape = shape;
+        Ok(())
+    }
+
+    /// Whether an atlas is being filled that is not shown yet.
+    pub fn has_hidden_atlas(&self) -> bool {
+        self.next.is_some()
+    }
+
+    /// Shows the atlas that was begun, if any, and lets go of the one before.
+    pub fn finish_atlas(&mut self) {
+        if let Some((bindings, uploader)) = self.next.take() {
+            (self.bindings, self.uploader) = (bindings, uploader);
+            self.shadow_revision += 1;
+        }
+    }
+
+    /// The bindings whose atlas takes pages.
+    fn filled(&self) -> &FanBindings {
+        self.next.as_ref().map_or(&self.bindings, |(bindings, _)| bindings)
+    }
+
+    /// The shape of the atlas that takes pages.
+    pub fn shape(&self) -> AtlasShape {
+        self.shape
+    }
+
+    /// The atlas of one of the asset's channels, to be looked at: layers beside each other. None for channels that are not drawn.
+    pub fn atlas_texture(&self, channel: usize) -> Option<&wgpu::Texture> {
+        self.filled().atlases.get(channel)?.as_ref().map(|atlas| &atlas.texture)
+    }
+
+    /// Bytes of graphics memory that texels take: those of the channels that are drawn, in the atlas that takes pages.
+    pub fn texel_bytes(&self) -> u64 {
+        let drawn = self.bindings.atlases.iter().flatten().map(|atlas| atlas.format);
+        self.shape.bytes(&drawn.collect::<Vec<_>>())
+    }
+
+    /// The formats of the channels' texels in [`FanModel::update`].
+    pub fn formats(&self) -> &[AtlasFormat] {
+        &self.formats
+    }
+
+    /// Brings pages into the atlas and entries into the page table, before the next frame that is submitted.
+    pub fn update(&mut self, gpu: &Gpu, changes: &FrameChanges) {
+        if changes.uploads.is_empty() && changes.entries.is_empty() {
+            return;
+        }
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let (bindings, uploader) = match &mut self.next {
+            Some((bindings, uploader)) => (bindings, uploader),
+            None => (&mut self.bindings, &mut self.uploader),
+        };
+        uploader.record(&mut encoder, changes, &bindings.atlases, &bindings.tables.pages);
+        gpu.queue.submit([encoder.finish()]);
+        if self.surfaces.iter().any(|m| m.alpha_mode != 0) {
+            self.shadow_revision += 1;
+        }
+    }
+
+    /// The atlas of a channel, if it is drawn.
+    pub(crate) fn atlas(&self, kind: ChannelKind) -> Option<&ChannelAtlas> {
+        let kind = DRAWN_KINDS.iter().position(|&k| k == kind)?;
+        let bindings = self.filled();
+        bindings.drawn[kind].and_then(|channel| bindings.atlases[channel].as_ref())
+    }
+
+    /// Draws the chunks: `pipeline` says with which pipeline a surface is drawn, if at all.
+    fn draw_chunks<'a>(
+        &'a self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipeline: impl Fn(Part) -> Option<&'a wgpu::RenderPipeline>,
+    ) {
+        let mut current = None;
+        for chunk in &self.chunks {
+            for shape in [Shape::Plain, Shape::Border] {
+                if !chunk.bind(pass, shape) {
+                    continue;
+                }
+                for run in &chunk.runs {
+                    let Some(next) = pipeline(self.part(shape, run)) else { continue };
+                    if current != Some(next) {
+                        pass.set_pipeline(next);
+                        current = Some(next);
+                    }
+                    self.materials.bind(pass, run.material);
+                    match shape {
+                        Shape::Plain => pass.draw_indexed(run.plain.clone(), 0, 0..1),
+                        Shape::Border => pass.draw(run.border.clone(), 0..1),
+                    }
+                }
+            }
+        }
+    }
+
+    /// Draws blended triangles.
+    fn draw_blended<'a>(
+        &'a self,
+        pass: &mut wgpu::RenderPass<'_>,
+        pipeline: impl Fn(Part) -> Option<&'a wgpu::RenderPipeline>,
+    ) {
+        let (Some(vertices), Some(indices)) = (&self.blended.vertices, &self.blended.indices) else { return };
+        pass.set_vertex_buffer(0, vertices.slice(..));
+        pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+        for run in &self.blended.runs {
+            if let Some(pipeline) = pipeline(self.blended_part(run)) {
+                pass.set_pipeline(pipeline);
+                self.materials.bind(pass, run.material);
+                pass.draw_indexed(run.indices.clone(), 0, 0..1);
+            }
+        }
+    }
+
+    fn part(&self, shape: Shape, run: &MaterialRun) -> Part {
+        let surface = self.surfaces[run.material as usize].with_twins(run.has_twins);
+        Part { shape, surface, is_paged: run.is_paged }
+    }
+
+    fn blended_part(&self, run: &Run) -> Part {
+        let surface = self.surfaces[run.material as usize].with_twins(run.has_twins);
+        Part { shape: Shape::Border, surface, is_paged: true }
+    }
+
+    /// All that is drawn.
+    fn parts(&self) -> impl Iterator<Item = Part> {
+        let solid = self.chunks.iter().flat_map(|chunk| &chunk.runs).flat_map(move |run| {
+            let shapes = [(Shape::Plain, &run.plain), (Shape::Border, &run.border)];
+            let drawn = shapes.into_iter().filter(|(_, range): &(_, &Range<u32>)| !range.is_empty());
+            drawn.map(move |(shape, _)| self.part(shape, run))
+        });
+        solid.chain(self.blended.runs.iter().map(|run| self.blended_part(run)))
+    }
+}
+
+impl Model for FanModel {
+    fn space(&self) -> &ModelSpace {
+        &self.space
+    }
+
+    fn shadow_revision(&self) -> u64 {
+        self.shadow_revision
+    }
+
+    fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        _encoder: &mut wgpu::CommandEncoder,
+        frame: &FrameContext<'_>,
+    ) -> Result<(), GpuError> {
+        self.bindings.set_filter(&gpu.queue, &frame.options.filter);
+        self.blended.sort(gpu, frame);
+        self.key = Some(frame.key);
+        if frame.key.overlay == Overlay::Fans {
+            let colors = self.fan_colors.get_or_insert_with(|| FanColors::new(gpu, &self.space));
+            colors.prepare(gpu, frame.key, &self.bindings, &self.materials);
+        }
+        let parts: Vec<_> = self.parts().collect();
+        let material = &self.materials.layout;
+        for part in parts {
+            self.pipelines.prepare_surface(gpu, &self.bindings, material, frame.key, part);
+            if frame.draws_shadows {
+                self.pipelines.prepare_caster(gpu, &self.bindings, material, part.shape, part.surface);
+            }
+        }
+        Ok(())
+    }
+
+    fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_bind_group(1, &self.bindings.group, &[]);
+        self.draw_chunks(pass, |part| self.pipelines.caster(part.shape, part.surface));
+        self.draw_blended(pass, |part| self.pipelines.caster(part.shape, part.surface));
+    }
+
+    fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let Some(key) = self.key else { return };
+        pass.set_bind_group(1, &self.bindings.group, &[]);
+        match &self.fan_colors {
+            Some(colors) if key.overlay == Overlay::Fans => {
+                self.materials.bind(pass, 0);
+                colors.draw(pass, key);
+            }
+            _ => self.draw_chunks(pass, |part| self.pipelines.surface(key, part)),
+        }
+    }
+
+    fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let Some(key) = self.key else { return };
+        if key.overlay != Overlay::Fans {
+            pass.set_bind_group(1, &self.bindings.group, &[]);
+            self.draw_blended(pass, |part| self.pipelines.surface(key, part));
+        }
+    }
+}
+
+impl Chunk {
+    fn new(gpu: &Gpu, chunk: GeometryChunk) -> Self {
+        use wgpu::BufferUsages as U;
+        let plain = geometry_buffer(gpu, &chunk.plain_vertices, U::VERTEX).zip(geometry_buffer(
+            gpu,
+            &chunk.plain_indices,
+            U::INDEX,
+        ));
+        Self { plain, border: geometry_buffer(gpu, &chunk.border_vertices, U::VERTEX), runs: chunk.runs }
+    }
+
+    /// Binds the buffers of a shape, if there is any of it.
+    fn bind(&self, pass: &mut wgpu::RenderPass<'_>, shape: Shape) -> bool {
+        match (shape, &self.plain, &self.border) {
+            (Shape::Plain, Some((vertices, indices)), _) => {
+                pass.set_vertex_buffer(0, vertices.slice(..));
+                pass.set_index_buffer(indices.slice(..), wgpu::IndexFormat::Uint32);
+                true
+            }
+            (Shape::Border, _, Some(vertices)) => {
+                pass.set_vertex_buffer(0, vertices.slice(..));
+                true
+            }
+            _ => false,
+        }
+    }
+}
+
+impl Blended {
+    fn new(gpu: &Gpu, geometry: &GeometrySource<'_>, triangles: &[u32]) -> Result<Self, GpuError> {
+        let corners: Vec<_> = triangles.iter().flat_map(|&t| geometry.border_corners(t as usize)).collect();
+        let (bytes, allowed) = (size_of_val(corners.as_slice()) as u64, gpu.limits().max_buffer_size);
+        if bytes > allowed {
+            return Err(gpu.too_large("the blended part of a model", bytes, allowed, "bytes"));
+        }
+        let twins = geometry.twins;
+        let sorted = triangles.iter().zip(0u32..).map(|(&t, i)| SortedTriangle {
+            centre: geometry.mesh.triangle_positions(t as usize).iter().sum::<Vec3>() / 3.0,
+            corners: [3 * i, 3 * i + 1, 3 * i + 2],
+            material: geometry.material(t),
+            has_twin: twins.contains(t as usize),
+        });
+        let sorted = SortedTriangles::new(sorted.collect());
+        let indices = (!sorted.is_empty()).then(|| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("blended fan triangles"),
+                size: 4 * sorted.index_count() as u64,
+                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        });
+        let vertices = geometry_buffer(gpu, &corners, wgpu::BufferUsages::VERTEX);
+        Ok(Self { vertices, indices, sorted, runs: Vec::new() })
+    }
+
+    fn sort(&mut self, gpu: &Gpu, frame: &FrameContext<'_>) {
+        let Some(indices) = &self.indices else { return };
+        if let Some((corners, runs)) = self.sorted.sort(frame.view) {
+            gpu.queue.write_buffer(indices, 0, bytemuck::cast_slice(&corners));
+            self.runs = runs;
+        }
+    }
+}
+
+/// Vertices or indices; nothing where there are none.
+fn geometry_buffer<T: bytemuck::Pod>(
+    gpu: &Gpu,
+    items: &[T],
+    usage: wgpu::BufferUsages,
+) -> Option<wgpu::Buffer> {
+    (!items.is_empty()).then(|| gpu.buffer("fan triangles", bytemuck::cast_slice(items), usage))
+}
+
+/// What alpha means, as shaders know it.
+pub(crate) fn alpha_code(mode: AlphaMode) -> u32 {
+    match mode {
+        AlphaMode::Opaque => 0,
+        AlphaMode::Mask(_) => 1,
+        AlphaMode::Blend => 2,
+    }
+}
+
+// Models that bring their own pages: a streamer and a model put together.
+
+/// An asset cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum StreamedModelError {
+    /// Its file cannot be read.
+    #[error(transparent)]
+    Loader(#[from] LoaderError),
+    /// The device cannot take it.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+/// An asset on the device, whose pages come as views need them.
+pub struct StreamedModel {
+    /// What is drawn.
+    pub model: FanModel,
+    /// What decides which pages are resident.
+    pub streamer: Streamer,
+    /// Seconds for which another atlas has been filled.
+    filling_seconds: f32,
+}
+
+impl std::fmt::Debug for StreamedModel {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("StreamedModel").field("model", &self.model).finish_non_exhaustive()
+    }
+}
+
+/// Between two looks at what has arrived.
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// Another atlas is shown after so long, whatever it still lacks.
+const LONGEST_FILLING_SECONDS: f32 = 3.0;
+
+impl StreamedModel {
+    /// An open asset, read where it was opened, with texels in at most `budget_bytes` of graphics memory.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be opened for streaming; the device cannot take the model.
+    pub fn open(gpu: &Gpu, asset: Arc<Asset>, budget_bytes: u64) -> Result<Self, StreamedModelError> {
+        let loader = Self::loader(gpu, &asset)?;
+        Ok(Self::with_pages(gpu, &asset, asset.clone(), Box::new(loader), budget_bytes)?)
+    }
+
+    /// What reads an asset's pages as a device wants them.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be opened for streaming.
+    pub fn loader(gpu: &Gpu, asset: &Arc<Asset>) -> Result<ClusterLoader, LoaderError> {
+        let options =
+            ClusterLoaderOptions { block_compressed: gpu.has_block_compression(), ..Default::default() };
+        ClusterLoader::open(Arc::clone(asset), &options)
+    }
+
+    /// An asset whose pages come from `loader`. Mesh and cover are kept as `geometry`, which is the asset's own or a copy; of
+    /// the asset nothing else is.
+    ///
+    /// # Errors
+    ///
+    /// The device cannot take the model.
+    pub fn with_pages(
+        gpu: &Gpu,
+        asset: &Asset,
+        geometry: Arc<dyn Geometry>,
+        loader: Box<dyn ParcelLoader>,
+        budget_bytes: u64,
+    ) -> Result<Self, GpuError> {
+        let atlas = FanModel::atlas_shape(gpu, budget_bytes, &FanModel::atlas_formats(gpu, asset.channels()));
+        let options = StreamerOptions { atlas, ..StreamerOptions::default() };
+        let streamer = Streamer::new(geometry, loader, options);
+        let model = FanModel::of_asset(gpu, asset, streamer.table(), budget_bytes)?;
+        Ok(Self { model, streamer, filling_seconds: 0.0 })
+    }
+
+    /// Brings to the device what has arrived, and asks for what a view needs; `None` where nothing is seen. Returns what has
+    /// changed.
+    pub fn advance(&mut self, gpu: &Gpu, view: Option<&StreamView>, frame: FrameOptions) -> FrameChanges {
+        let changes = self.streamer.update(view, frame);
+        self.model.update(gpu, &changes);
+        if self.model.has_hidden_atlas() {
+            self.filling_seconds += frame.elapsed_seconds;
+            if self.streamer.is_settled() || self.filling_seconds > LONGEST_FILLING_SECONDS {
+                self.model.finish_atlas();
+            }
+        }
+        changes
+    }
+
+    /// Gives texels another budget, without a pause: the new atlas is filled as pages arrive, and the present one is shown, as
+    /// it is, until the new one has what the view needs, for a few seconds at most. For that time there are both.
+    ///
+    /// # Errors
+    ///
+    /// The device cannot take the atlas; then everything is as it was.
+    pub fn set_budget(&mut self, gpu: &Gpu, budget_bytes: u64) -> Result<(), GpuError> {
+        let shape = FanModel::atlas_shape(gpu, budget_bytes, self.model.formats());
+        if shape == self.model.shape() {
+            return Ok(());
+        }
+        let geometry = self.streamer.geometry().clone();
+        self.model.begin_atlas(gpu, geometry.cover(), self.streamer.table(), shape)?;
+        self.streamer.set_atlas(shape);
+        self.filling_seconds = 0.0;
+        Ok(())
+    }
+
+    /// Waits until all that a view needs is resident, or for `patience`; whether it is. For pictures that nobody waits
+    /// for; windows call [`StreamedModel::advance`].
+    ///
+    /// # Errors
+    ///
+    /// The device is lost or refuses an upload.
+    pub fn wait_until_sharp(
+        &mut self,
+        gpu: &Gpu,
+        view: &StreamView,
+        filter: &FilterOptions,
+        patience: Duration,
+    ) -> Result<bool, GpuError> {
+        self.streamer.set_max_anisotropy(max_anisotropy(filter));
+        let frame = FrameOptions { upload_bytes: 16 << 20, ..FrameOptions::default() };
+        let started = Instant::now();
+        loop {
+            self.advance(gpu, Some(view), frame);
+            // Frees the staging buffers that the device is done with.
+            gpu.wait()?;
+            if self.streamer.is_settled() {
+                return Ok(true);
+            }
+            if started.elapsed() > patience {
+                return Ok(false);
+            }
+            std::thread::sleep(PAUSE);
+        }
+    }
+}
+
+/// What a filter asks of the demand: the greatest ratio of a pixel's axes that it honours.
+pub fn max_anisotropy(filter: &FilterOptions) -> f32 {
+    match filter.filter {
+        Filter::Anisotropic | Filter::Ewa => filter.max_anisotropy,
+        Filter::Nearest | Filter::Bilinear | Filter::Bicubic | Filter::Trilinear => 1.0,
+    }
+}
+
+/// A camera's view onto `size` pixels of a model, as demand needs to know it.
+pub fn stream_view(camera: &Camera, size: [u32; 2], space: &ModelSpace) -> StreamView {
+    let view = View::new(camera, size, space);
+    StreamView::new(view.eye.as_vec3(), view.axes, view.fov_radians, view.size)
+}

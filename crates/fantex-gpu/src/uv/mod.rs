@@ -6,25 +6,24 @@
 //!  per frame: opaque and cut-out materials one draw each, blended triangles sorted back to front
 //! ```
 
-mod buffers;
 mod materials;
-mod pipelines;
-mod textures;
 mod vertices;
+
+use std::collections::HashMap;
 
 use fantex_mesh::{AlphaMode, Material, Mesh, Twins};
 use fantex_scene::FilterOptions;
 use fantex_texture::material::{
     MaterialImageError, MaterialTextures, load_material_textures, preserve_coverage,
 };
+use materials::{TexturePool, UvMaterial, material_layout};
+use vertices::{Attributes, MOST_UV_SETS, Vertices, used_uv_sets};
 
-use crate::sorted::{Run, SortedTriangle, SortedTriangles};
-use crate::{FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey};
-use buffers::Buffers;
-use materials::{UvMaterial, material_layout};
-use pipelines::{PipelineKey, Pipelines, alpha_code};
-use textures::TexturePool;
-use vertices::{MOST_UV_SETS, Vertices, used_uv_sets};
+use crate::shader::{CASTER, UV, UV_CASTER, UV_MATERIAL, compose, compose_surface, module};
+use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
+use crate::{
+    CasterPipeline, Coat, FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey, SurfacePipeline,
+};
 
 /// A model cannot be brought to the device.
 #[derive(Debug, thiserror::Error)]
@@ -240,4 +239,220 @@ fn arrange(
         }
     }
     (parts, indices, SortedTriangles::new(blended))
+}
+
+// Pipelines of meshes with their own materials, made when they are first needed.
+
+/// What a surface pipeline of this model depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct PipelineKey {
+    frame: SurfaceKey,
+    layers: u32,
+    alpha: u8,
+    is_double_sided: bool,
+}
+
+/// Pipelines, made when they are first needed.
+#[derive(Debug)]
+struct Pipelines {
+    surface_module: wgpu::ShaderModule,
+    caster_module: wgpu::ShaderModule,
+    surfaces: HashMap<PipelineKey, wgpu::RenderPipeline>,
+    solid_caster: Option<wgpu::RenderPipeline>,
+    /// By layers and alpha mode.
+    casters: HashMap<(u32, u8), wgpu::RenderPipeline>,
+}
+
+impl PipelineKey {
+    /// `has_twins`: for triangles that are not seen from behind, whatever the material says.
+    fn new(material: &UvMaterial, has_twins: bool, frame: SurfaceKey) -> Self {
+        Self {
+            frame,
+            layers: material.layers,
+            alpha: alpha_code(material.alpha),
+            is_double_sided: material.is_double_sided && !has_twins,
+        }
+    }
+}
+
+impl Pipelines {
+    fn new(gpu: &Gpu) -> Self {
+        Self {
+            surface_module: module(&gpu.device, "mesh", &compose_surface(&[UV_MATERIAL, UV])),
+            caster_module: module(&gpu.device, "mesh shadow", &compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
+            surfaces: HashMap::new(),
+            solid_caster: None,
+            casters: HashMap::new(),
+        }
+    }
+
+    /// The pipeline that draws a surface, if it was made.
+    fn surface(&self, key: PipelineKey) -> Option<&wgpu::RenderPipeline> {
+        self.surfaces.get(&key)
+    }
+
+    /// The pipeline that draws a material's shadow, if it was made.
+    fn caster(&self, material: &UvMaterial) -> Option<&wgpu::RenderPipeline> {
+        match material.alpha {
+            AlphaMode::Opaque => self.solid_caster.as_ref(),
+            AlphaMode::Mask(_) | AlphaMode::Blend => {
+                self.casters.get(&(material.layers, alpha_code(material.alpha)))
+            }
+        }
+    }
+
+    /// Compiles the pipeline of a surface, if it was not.
+    fn make_surface(
+        &mut self,
+        gpu: &Gpu,
+        layout: &wgpu::BindGroupLayout,
+        buffers: &Buffers,
+        key: PipelineKey,
+    ) {
+        let Self { surface_module, surfaces, .. } = self;
+        surfaces.entry(key).or_insert_with(|| {
+            buffers.with_layout(|buffers| {
+                let pipeline = SurfacePipeline {
+                    label: "mesh",
+                    module: surface_module,
+                    vertex: "vs_uv",
+                    fragment: "fs_uv",
+                    buffers,
+                    groups: &[layout],
+                    constants: &[("UV_LAYERS", f64::from(key.layers)), ("ALPHA_MODE", f64::from(key.alpha))],
+                    coat: if key.alpha == 2 { Coat::Layered } else { Coat::Opaque },
+                    is_double_sided: key.is_double_sided,
+                    topology: wgpu::PrimitiveTopology::TriangleList,
+                };
+                pipeline.build(gpu, key.frame)
+            })
+        });
+    }
+
+    /// Compiles the pipeline of a material's shadow, if it was not.
+    fn make_caster(
+        &mut self,
+        gpu: &Gpu,
+        layout: &wgpu::BindGroupLayout,
+        buffers: &Buffers,
+        material: &UvMaterial,
+    ) {
+        let Self { caster_module, solid_caster, casters, .. } = self;
+        let build = |vertex, fragment, constants: &[(&str, f64)]| {
+            buffers.with_layout(|buffers| {
+                let pipeline = CasterPipeline {
+                    label: "mesh shadow",
+                    module: caster_module,
+                    vertex,
+                    fragment,
+                    buffers,
+                    groups: &[layout],
+                    constants,
+                };
+                pipeline.build(gpu)
+            })
+        };
+        let alpha = alpha_code(material.alpha);
+        if material.alpha == AlphaMode::Opaque {
+            solid_caster.get_or_insert_with(|| build("vs_uv_solid", None, &[]));
+        } else {
+            casters.entry((material.layers, alpha)).or_insert_with(|| {
+                let constants = [("UV_LAYERS", f64::from(material.layers)), ("ALPHA_MODE", f64::from(alpha))];
+                build("vs_uv_caster", Some("fs_uv_caster"), &constants)
+            });
+        }
+    }
+}
+
+/// `ALPHA_MODE` of `uv_material.wgsl`.
+fn alpha_code(alpha: AlphaMode) -> u8 {
+    match alpha {
+        AlphaMode::Opaque => 0,
+        AlphaMode::Mask(_) => 1,
+        AlphaMode::Blend => 2,
+    }
+}
+
+// Vertices and indices on the device.
+
+/// Vertices and indices on the device.
+#[derive(Debug)]
+struct Buffers {
+    positions: wgpu::Buffer,
+    attributes: wgpu::Buffer,
+    uv: Option<wgpu::Buffer>,
+    uv_pairs: usize,
+    /// Of what is not blended.
+    indices: wgpu::Buffer,
+    /// Of what is blended, in drawing order.
+    sorted: wgpu::Buffer,
+}
+
+impl Buffers {
+    /// Uploads vertices and the indices of what is not blended.
+    fn new(
+        gpu: &Gpu,
+        vertices: &Vertices,
+        indices: &[[u32; 3]],
+        sorted: &SortedTriangles,
+    ) -> Result<Self, GpuError> {
+        let allowed = gpu.limits().max_buffer_size;
+        let buffer = |label: &str, contents: &[u8], usage| {
+            if contents.len() as u64 > allowed {
+                return Err(gpu.too_large("the mesh", contents.len() as u64, allowed, "bytes of a buffer"));
+            }
+            Ok(gpu.buffer(label, contents, usage))
+        };
+        let vertex = wgpu::BufferUsages::VERTEX;
+        let has_uv = vertices.uv_pairs > 0;
+        let uv = has_uv.then(|| buffer("texture coordinates", bytemuck::cast_slice(&vertices.uv), vertex));
+        Ok(Self {
+            positions: buffer("positions", bytemuck::cast_slice(&vertices.positions), vertex)?,
+            attributes: buffer("attributes", bytemuck::cast_slice(&vertices.attributes), vertex)?,
+            uv: uv.transpose()?,
+            uv_pairs: vertices.uv_pairs,
+            indices: buffer("triangles", bytemuck::cast_slice(indices), wgpu::BufferUsages::INDEX)?,
+            sorted: gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("sorted triangles"),
+                size: (4 * sorted.index_count() as u64).max(16),
+                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+        })
+    }
+
+    /// Binds the vertex buffers.
+    fn set_vertices(&self, pass: &mut wgpu::RenderPass<'_>) {
+        pass.set_vertex_buffer(0, self.positions.slice(..));
+        pass.set_vertex_buffer(1, self.attributes.slice(..));
+        pass.set_vertex_buffer(2, self.uv.as_ref().unwrap_or(&self.attributes).slice(..));
+    }
+
+    /// Calls `with` with the layout of the vertex buffers. Without a second pair of texture coordinates the first is read
+    /// twice, and without any the attributes stand in for them: no texture asks.
+    fn with_layout<R>(&self, with: impl FnOnce(&[Option<wgpu::VertexBufferLayout<'_>>]) -> R) -> R {
+        use wgpu::VertexFormat::Float32x4;
+        let buffer = |array_stride: usize, attributes| wgpu::VertexBufferLayout {
+            array_stride: array_stride as u64,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes,
+        };
+        let position = wgpu::vertex_attr_array![0 => Float32x3];
+        let attributes = wgpu::vertex_attr_array![1 => Snorm16x4, 2 => Snorm16x4, 5 => Unorm16x4];
+        let (stride, second) = match self.uv_pairs {
+            0 => (size_of::<Attributes>(), 0),
+            1 => (16, 0),
+            _ => (32, 16),
+        };
+        let uv = [(3, 0), (4, second)].map(|(shader_location, offset)| wgpu::VertexAttribute {
+            format: Float32x4,
+            offset,
+            shader_location,
+        });
+        with(&[
+            Some(buffer(12, &position)),
+            Some(buffer(size_of::<Attributes>(), &attributes)),
+            Some(buffer(stride, &uv)),
+        ])
+    }
 }

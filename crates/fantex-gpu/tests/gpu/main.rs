@@ -4,7 +4,5 @@
 
 mod common;
 mod fan;
-mod fan_common;
 mod faults;
-mod looks;
 mod pictures;

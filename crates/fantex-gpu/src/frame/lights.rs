@@ -1,13 +1,190 @@
-//! Shadow maps: where they look, their texture, when they must be drawn again.
+//! Lamps as shaders want them.
 
 use std::sync::Arc;
 
-use fantex_scene::{FittedView, Light, Penumbra, ShadowOptions, Spread, lamp_views};
-use glam::{Mat4, Vec3, Vec4};
+use fantex_mesh::WorldFromMesh;
+use fantex_scene::{
+    Falloff, FittedView, LampView, Lens, Light, LightKind, Penumbra, Projector, ShadowOptions, Slide,
+    SpotLight, Spread, lamp_views, projector_view,
+};
+use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+use half::f16;
+use rayon::prelude::*;
 
-use super::layout::SHADOW_FORMAT;
-use super::records::{LampRecord, ShadowFaceRecord};
+use super::environment::{half_texel, write_level};
+use super::{LampRecord, SHADOW_FORMAT, ShadowFaceRecord};
 use crate::{Gpu, GpuError, ModelSpace};
+
+/// The records of lamps that have no defect, without their shadow maps. Slides are numbered in the order of the projectors.
+pub(super) fn lamp_records(lamps: &[Light], space: &WorldFromMesh) -> Vec<LampRecord> {
+    let mut slides = 0..;
+    lamps
+        .iter()
+        .map(|light| {
+            let record = LampRecord { color: light.color, ..of_kind(&light.kind, space) };
+            let is_projector = matches!(light.kind, LightKind::Projector(_));
+            LampRecord { slide: if is_projector { slides.next().unwrap_or(0) } else { 0 }, ..record }
+        })
+        .collect()
+}
+
+fn of_kind(kind: &LightKind, space: &WorldFromMesh) -> LampRecord {
+    match kind {
+        LightKind::Directional { to_light } => {
+            LampRecord { kind: 0, direction: to_light.normalize_or(Vec3::Y), ..LampRecord::default() }
+        }
+        LightKind::Point { position, falloff } => placed(1, *position, falloff, space),
+        LightKind::Spot(light) => spot(light, space),
+        LightKind::Projector(light) => projector(light, space),
+    }
+}
+
+fn placed(kind: u32, position: DVec3, falloff: &Falloff, space: &WorldFromMesh) -> LampRecord {
+    let [inverse_reference, inverse_range] = match *falloff {
+        Falloff::None => [0.0; 2],
+        Falloff::InverseSquare { reference, range } => {
+            [1.0 / reference, range.map_or(0.0, |range| 1.0 / range)].map(|v| v as f32)
+        }
+    };
+    let position = space.inverse_point(position);
+    LampRecord { kind, position, inverse_reference, inverse_range, ..LampRecord::default() }
+}
+
+fn spot(light: &SpotLight, space: &WorldFromMesh) -> LampRecord {
+    let [inner, outer] = [light.inner_degrees, light.outer_degrees].map(|a| a.to_radians().cos());
+    LampRecord {
+        direction: light.direction.normalize_or(Vec3::NEG_Y),
+        cosine_outer: outer,
+        inverse_cosine_range: 1.0 / (inner - outer).max(1e-4),
+        ..placed(2, light.position, &light.falloff, space)
+    }
+}
+
+fn projector(light: &Projector, space: &WorldFromMesh) -> LampRecord {
+    let kind = match light.lens {
+        Lens::Perspective { .. } => 3,
+        Lens::Orthographic { .. } => 4,
+    };
+    let view: LampView = projector_view(light, space);
+    LampRecord {
+        direction: view.forward().as_vec3(),
+        slide_from_mesh: view.matrix().as_mat4(),
+        ..placed(kind, light.position, &light.falloff, space)
+    }
+}
+
+// What projectors project, as the layers of one texture.
+
+/// Texels along the sides of a slide; sharper images and procedural textures are reduced to it.
+const SIDE: u32 = 1024;
+
+/// The slides of a scene's projectors.
+#[derive(Debug)]
+pub(super) struct SlideTextures {
+    shown: Vec<(Slide, f32)>,
+    pub(super) view: wgpu::TextureView,
+}
+
+impl SlideTextures {
+    /// None.
+    pub(super) fn none(gpu: &Gpu) -> Self {
+        let texture = texture(gpu, 1, 1);
+        Self { shown: Vec::new(), view: array_view(&texture) }
+    }
+
+    /// Draws the slides of all projectors among the lamps, in their order, unless they are there already.
+    pub(super) fn update(&mut self, gpu: &Gpu, lamps: &[Light], seconds: f32) -> bool {
+        let slides = lamps.iter().filter_map(|lamp| match &lamp.kind {
+            LightKind::Projector(projector) => Some(&projector.slide),
+            _ => None,
+        });
+        let wanted: Vec<_> = slides.map(|slide| (slide.clone(), shown_time(slide, seconds))).collect();
+        let same = |(a, b): (&(Slide, f32), &(Slide, f32))| a.1 == b.1 && is_same(&a.0, &b.0);
+        if wanted.is_empty() || wanted.len() == self.shown.len() && wanted.iter().zip(&self.shown).all(same) {
+            return false;
+        }
+        let texture = texture(gpu, SIDE, wanted.len() as u32);
+        for level in 0..texture.mip_level_count() {
+            let side = SIDE >> level;
+            let texels: Vec<[f16; 4]> =
+                wanted.iter().flat_map(|(slide, seconds)| draw(slide, side, *seconds)).collect();
+            write_level(gpu, &texture, level, [side, side, wanted.len() as u32], &texels);
+        }
+        self.view = array_view(&texture);
+        self.shown = wanted;
+        true
+    }
+}
+
+/// The time of an animation; of a still the same always.
+fn shown_time(slide: &Slide, seconds: f32) -> f32 {
+    match slide {
+        Slide::Texture(texture) if texture.is_animated() => seconds,
+        _ => 0.0,
+    }
+}
+
+fn is_same(a: &Slide, b: &Slide) -> bool {
+    match (a, b) {
+        (Slide::Image { image: a, options: x }, Slide::Image { image: b, options: y }) => {
+            Arc::ptr_eq(a, b) && x == y
+        }
+        (Slide::Texture(a), Slide::Texture(b)) => Arc::ptr_eq(a, b),
+        _ => false,
+    }
+}
+
+/// Colour times alpha at the texels of a square of the given side.
+fn draw(slide: &Slide, side: u32, seconds: f32) -> Vec<[f16; 4]> {
+    let texel = 1.0 / side as f32;
+    let steps = [Vec2::X * texel, Vec2::Y * texel];
+    let value = |uv: Vec2| match slide {
+        Slide::Image { image, options } => {
+            let options = SampleOptions { wrap: [Wrap::Clamp; 2], ..*options };
+            Vec4::from_array(image.sample(uv, steps, &options))
+        }
+        Slide::Texture(texture) => texture.evaluate(&ShadingPoint {
+            position: Vec3::new(uv.x - 0.5, 0.5 - uv.y, 0.0),
+            position_steps: steps.map(|step| Vec3::new(step.x, -step.y, 0.0)),
+            normal: Vec3::Z,
+            normal_steps: [Vec3::ZERO; 2],
+            uv: &[UvPoint { uv, steps }],
+            vertex_color: Vec4::ONE,
+            to_eye: None,
+            time: seconds,
+            filtering: Filtering::Own,
+        }),
+    };
+    let pixel = |i: u32| {
+        let uv = (Vec2::new((i % side) as f32, (i / side) as f32) + 0.5) * texel;
+        let value = value(uv);
+        half_texel((value.truncate() * value.w).max(Vec3::ZERO).extend(1.0))
+    };
+    (0..side * side).into_par_iter().map(pixel).collect()
+}
+
+fn texture(gpu: &Gpu, side: u32, layers: u32) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("slides"),
+        size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
+        mip_level_count: side.ilog2() + 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::Rgba16Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    })
+}
+
+fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    })
+}
+
+// Shadow maps: where they look, their texture, when they must be drawn again.
 
 /// The near plane of a lamp as a share of the farthest depth.
 const NEAREST_SHARE: f64 = 1e-4;
@@ -209,12 +386,5 @@ fn create(gpu: &Gpu, side: u32, layers: u32) -> wgpu::Texture {
         format: SHADOW_FORMAT,
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT,
         view_formats: &[],
-    })
-}
-
-fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
-    texture.create_view(&wgpu::TextureViewDescriptor {
-        dimension: Some(wgpu::TextureViewDimension::D2Array),
-        ..Default::default()
     })
 }
