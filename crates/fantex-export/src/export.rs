@@ -6,19 +6,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
-use fantex_mesh::{corner_tangents, shading_normals};
+use fantex_mesh::{AlphaMode, corner_tangents, shading_normals};
 use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::error::ExportError;
-use crate::files::{
-    Depth, Document, FloatSink, Geometry, ImageFile, Ktx2Sink, Outputs, PngSink, folder_of, write_glb,
-    write_gltf,
-};
+
 use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
-use crate::maps::{ChannelMap, Map};
-use crate::options::{ExportOptions, UvChoice};
+use crate::model_file::{Document, Geometry, ImageFile, Outputs, folder_of, write_glb, write_gltf};
+use crate::pictures::{Depth, FloatSink, Ktx2Sink, PngSink};
 use crate::texels::{RowSink, Sampler, make_page};
 
 /// What was exported.
@@ -334,4 +331,217 @@ fn name_of(kind: ChannelKind) -> &'static str {
 
 fn extension(path: &Path) -> String {
     path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default()
+}
+
+// ---- What an export is asked for.
+
+/// Texture coordinates of an exported model.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum UvChoice<'a> {
+    /// A packing of its own.
+    #[default]
+    Atlas,
+    /// Those that the asset kept of its model.
+    OfAsset,
+    /// Those of this model, which must have the asset's triangles.
+    OfModel(&'a fantex_mesh::Mesh),
+}
+
+/// How to export.
+#[derive(Clone, Debug)]
+pub struct ExportOptions<'a> {
+    /// Whose texture coordinates.
+    pub uv: UvChoice<'a>,
+    /// Columns and rows of the pictures, a power of two; without it, as many as give the density of the asset.
+    pub side: Option<u32>,
+    /// The most columns that are chosen without `side`.
+    pub largest_side: u32,
+    /// Texels around the charts of an own packing, a power of two; without it, a 128th of the side, 2 to 16.
+    pub padding: Option<u32>,
+    /// Write each picture of a model as KTX2, too, beside it.
+    pub with_ktx2: bool,
+    /// Overwrite existing files.
+    pub force: bool,
+    /// Bytes that texels may take.
+    pub memory_bytes: u64,
+}
+
+impl Default for ExportOptions<'_> {
+    /// An own packing of at most 8192 columns, PNG alone, no overwriting, 1 GiB.
+    fn default() -> Self {
+        Self {
+            uv: UvChoice::default(),
+            side: None,
+            largest_side: 8192,
+            padding: None,
+            with_ktx2: false,
+            force: false,
+            memory_bytes: 1 << 30,
+        }
+    }
+}
+
+/// The smallest picture.
+pub const LEAST_SIDE: u32 = 16;
+
+/// The largest picture.
+pub const MOST_SIDE: u32 = 32_768;
+
+/// The widest padding.
+pub const MOST_PADDING: u32 = 64;
+
+impl ExportOptions<'_> {
+    /// Refuses sizes that no picture has.
+    pub(crate) fn check(&self) -> Result<(), ExportError> {
+        for side in self.side.into_iter().chain([self.largest_side]) {
+            if !side.is_power_of_two() || !(LEAST_SIDE..=MOST_SIDE).contains(&side) {
+                return Err(ExportError::Side { side, least: LEAST_SIDE, most: MOST_SIDE });
+            }
+        }
+        match self.padding {
+            Some(padding) if !padding.is_power_of_two() || padding > MOST_PADDING => {
+                Err(ExportError::Padding { padding, most: MOST_PADDING })
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+// ---- The pictures that an asset gives.
+
+/// A picture of one channel, or of one component of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ChannelMap {
+    /// RGB colour; with opacity where a material lets something show through.
+    BaseColor,
+    /// The alpha of the base colour.
+    Opacity,
+    /// Normals in tangent space, +y up.
+    Normal,
+    /// Red = occlusion, green = roughness, blue = metallic.
+    OcclusionRoughnessMetallic,
+    /// Occlusion alone.
+    Occlusion,
+    /// Roughness alone.
+    Roughness,
+    /// Metallic alone.
+    Metallic,
+    /// Emitted light.
+    Emission,
+    /// Height.
+    Displacement,
+    /// Light that arrives.
+    Light,
+}
+
+impl ChannelMap {
+    /// The channel that it is taken from.
+    pub fn channel(self) -> ChannelKind {
+        match self {
+            Self::BaseColor | Self::Opacity => ChannelKind::BaseColor,
+            Self::Normal => ChannelKind::Normal,
+            Self::OcclusionRoughnessMetallic | Self::Occlusion | Self::Roughness | Self::Metallic => {
+                ChannelKind::OcclusionRoughnessMetallic
+            }
+            Self::Emission => ChannelKind::Emission,
+            Self::Displacement => ChannelKind::Displacement,
+            Self::Light => ChannelKind::Light,
+        }
+    }
+
+    /// What it is called in names of files and on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::BaseColor => "base-color",
+            Self::Opacity => "opacity",
+            Self::Normal => "normal",
+            Self::OcclusionRoughnessMetallic => "orm",
+            Self::Occlusion => "occlusion",
+            Self::Roughness => "roughness",
+            Self::Metallic => "metallic",
+            Self::Emission => "emission",
+            Self::Displacement => "displacement",
+            Self::Light => "light",
+        }
+    }
+}
+
+/// Which numbers of a value a picture keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Components {
+    /// One of them, as grey.
+    One(usize),
+    /// Red, green, blue.
+    Rgb,
+    /// All.
+    Rgba,
+}
+
+impl Components {
+    /// How many numbers a texel has.
+    pub(crate) fn count(self) -> usize {
+        match self {
+            Self::One(_) => 1,
+            Self::Rgb => 3,
+            Self::Rgba => 4,
+        }
+    }
+}
+
+/// A picture that is made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Map {
+    pub(crate) kind: ChannelMap,
+    /// Index of the asset's channel.
+    pub(crate) channel: usize,
+    pub(crate) components: Components,
+    /// True where fixed-point numbers of red, green and blue are sRGB-encoded.
+    pub(crate) is_srgb: bool,
+    /// Values are divided by this, so that fixed-point numbers hold them.
+    pub(crate) scale: f32,
+    /// What unused texels hold, linear.
+    pub(crate) background: [f32; 4],
+}
+
+impl Map {
+    /// The map of an asset; none where it has no such channel.
+    pub(crate) fn of(asset: &Asset, kind: ChannelMap) -> Option<Self> {
+        let channel = asset.channel_of_kind(kind.channel())?;
+        let shows_through = asset.mesh().materials.iter().any(|m| m.alpha != AlphaMode::Opaque);
+        let components = match kind {
+            ChannelMap::BaseColor if shows_through => Components::Rgba,
+            ChannelMap::BaseColor
+            | ChannelMap::Normal
+            | ChannelMap::OcclusionRoughnessMetallic
+            | ChannelMap::Emission
+            | ChannelMap::Light => Components::Rgb,
+            ChannelMap::Occlusion | ChannelMap::Displacement => Components::One(0),
+            ChannelMap::Roughness => Components::One(1),
+            ChannelMap::Metallic => Components::One(2),
+            ChannelMap::Opacity => Components::One(3),
+        };
+        let is_srgb = matches!(kind, ChannelMap::BaseColor | ChannelMap::Emission | ChannelMap::Light);
+        let background = match kind {
+            ChannelMap::Normal => [0.5, 0.5, 1.0, 1.0],
+            _ => mean(asset, channel),
+        };
+        Some(Self { kind, channel, components, is_srgb, scale: 1.0, background })
+    }
+
+    /// The same with values divided by a number.
+    pub(crate) fn scaled(self, scale: f32) -> Self {
+        Self { scale, background: self.background.map(|x| x / scale), ..self }
+    }
+}
+
+/// Mean of a channel over all tiles.
+fn mean(asset: &Asset, channel: usize) -> [f32; 4] {
+    let (mut sum, mut texels) = ([0.0f64; 4], 0.0);
+    for (i, group) in (0u32..).zip(&asset.cover().groups) {
+        let weight = f64::from(group.extent[0]) * f64::from(group.extent[1]);
+        let value = asset.mean(channel, i);
+        (0..4).for_each(|k| sum[k] += weight * f64::from(value[k]));
+        texels += weight;
+    }
+    sum.map(|s| (s / f64::max(texels, 1.0)) as f32)
 }

@@ -8,19 +8,16 @@
 //! ```
 //!
 //! Texels hold the texture function at their point of the surface, in linear light; where the picture is coarser than the
-//! tiles, its mean over the texel. Padding is described in `layout/atlas.rs`.
+//! tiles, its mean over the texel. Padding is described in `layout.rs`.
 
 mod charts;
 mod error;
 mod export;
-mod files;
 mod layout;
-mod maps;
-mod options;
+mod model_file;
+mod pictures;
 mod texels;
 
 pub use error::ExportError;
-pub use export::{ExportSummary, export_channel, export_model};
-pub use files::Depth;
-pub use maps::ChannelMap;
-pub use options::*;
+pub use export::*;
+pub use pictures::Depth;

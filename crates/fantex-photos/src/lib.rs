@@ -12,21 +12,11 @@
 //! ```
 //!
 //! Per point, photographs count by how well they see it (`view.rs`), all factors being continuous; those that are far from the best
-//! do not count (`blend.rs`). Photographs are decoded once and kept as pages, in memory or in a scratch file (`pages.rs`), no finer
+//! do not count (`source.rs`). Photographs are decoded once and kept as pages, in memory or in a scratch file (`pyramid.rs`), no finer
 //! than texels are. [`capture`] takes photographs of a model, for sets with known answers.
 
-mod blend;
 mod cameras;
-mod capture;
-mod clusters;
-mod fill;
-mod gains;
 mod lens;
-mod mask;
-mod options;
-mod pages;
-mod photograph;
-mod probes;
 mod pyramid;
 mod sight;
 mod source;
@@ -34,8 +24,6 @@ mod survey;
 mod view;
 
 pub use cameras::*;
-pub use capture::*;
 pub use lens::*;
-pub use options::*;
-pub use photograph::*;
 pub use source::*;
+pub use view::*;

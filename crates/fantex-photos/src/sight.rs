@@ -18,8 +18,8 @@ use glam::{DMat3, DVec2, DVec3, Vec2};
 use rayon::prelude::*;
 
 use crate::PhotoCamera;
-use crate::pages::{PAGE, PageReader, PageStore, Stored};
 use crate::pyramid::PixelRect;
+use crate::pyramid::{PAGE, PageReader, PageStore, Stored};
 
 /// Longest side of a map: a quarter of the photograph's, within these bounds and no more than the photograph's own.
 const SIDES: std::ops::RangeInclusive<u32> = 1024..=2048;

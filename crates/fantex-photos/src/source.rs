@@ -1,19 +1,21 @@
 //! Photographs as a source for a bake.
 
+use std::collections::VecDeque;
+use std::io;
+use std::path::PathBuf;
+
 use fantex_bake::{
     Prefilter, Progress, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource,
 };
 use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
+use fantex_texture::LoadImageError;
 use glam::{DVec3, Vec3, Vec4};
 
-use crate::blend::{Doubt, KEPT_SHARE, SEEN_CONFIDENCE, kept_weight, seen_share};
-use crate::clusters::Clusters;
-use crate::pages::{PageReader, PageStore};
-use crate::probes::face_normal;
-use crate::survey::{BestViews, Survey, survey};
+use crate::Photograph;
+use crate::pyramid::{PageReader, PageStore};
+use crate::survey::{BestViews, Clusters, Survey, conjugate_gradients, face_normal, solve_gains, survey};
 use crate::view::{Seen, Spot, View};
-use crate::{PhotoError, PhotoOptions, PhotoReport, Photograph, fill, gains};
 
 /// Photographs laid on a mesh: per point, the views of the photographs that see it best, brought to one exposure, and what is
 /// spread along the surface where none does.
@@ -70,7 +72,7 @@ impl<'a> PhotoSource<'a> {
         let gains = match options.exposure {
             true => {
                 let points: Vec<_> = spread.iter().map(BestViews::observations).collect();
-                gains::solve(views.len(), &points)
+                solve_gains(views.len(), &points)
             }
             false => vec![Vec3::ONE; views.len()],
         };
@@ -82,9 +84,9 @@ impl<'a> PhotoSource<'a> {
             None => {
                 let known =
                     |best: &BestViews| best.color(&gains).filter(|_| best.confidence() >= SEEN_CONFIDENCE);
-                let mean = fill::mean(spread.iter().filter_map(known));
+                let mean = mean(spread.iter().filter_map(known));
                 let known: Vec<Option<Vec3>> = of_vertices.iter().map(known).collect();
-                Fill::Spread(fill::spread(mesh, &known, mean))
+                Fill::Spread(spread_known(mesh, &known, mean))
             }
         };
         let unseen = spread.iter().filter(|best| seen_share(best.confidence()) < 0.5).count();
@@ -232,5 +234,331 @@ impl Source for PhotoSource<'_> {
                 *value = self.color(&views, &reader, point).extend(1.0);
             }
         })
+    }
+}
+
+// ---- Which photographs count at a point, and how much.
+
+/// A photograph counts at a point if its weight is more than this share of the largest one there.
+pub(crate) const KEPT_SHARE: f32 = 0.1;
+
+/// What a photograph counts at a point, if it does: its weight, and that beyond the share it must have. Both are continuous, so
+/// photographs come and go without a step, and the best one always stays.
+pub(crate) fn kept_weight(weight: f32, largest: f32) -> f32 {
+    weight / largest * (weight / largest - KEPT_SHARE).max(0.0)
+}
+
+/// How sure it is that a point is seen at all, from the confidences of the photographs: 1 if one of them is sure.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Doubt(f32);
+
+impl Doubt {
+    /// Nobody has seen anything.
+    pub(crate) const WHOLE: Self = Self(1.0);
+
+    /// With another photograph of this confidence.
+    pub(crate) fn less(self, confidence: f32) -> Self {
+        Self(self.0 * (1.0 - confidence.clamp(0.0, 1.0)))
+    }
+
+    /// In 0..=1.
+    pub(crate) fn confidence(self) -> f32 {
+        1.0 - self.0
+    }
+}
+
+/// The confidence from which on the fill of unseen surface does not count.
+pub(crate) const SEEN_CONFIDENCE: f32 = 0.1;
+
+/// The share of what was seen, beside what is filled in.
+pub(crate) fn seen_share(confidence: f32) -> f32 {
+    crate::view::smooth(f64::from(confidence / SEEN_CONFIDENCE))
+}
+
+// ---- Colours for what no photograph sees: those of the surroundings, spread along the surface.
+//
+// Vertices that are seen keep their colours; those in between become the mean of their neighbours, weighted by one over the length of
+// the edge: the solution of Laplace's equation on the graph of edges. It has no extremes of its own, is smooth,
+// and meets what is seen. Parts of the mesh where nothing is seen at all get the mean of everything that is.
+
+/// Steps of the solver per channel.
+const MOST_STEPS: usize = 400;
+/// The residual that is small enough, relative to the start.
+const TOLERANCE: f64 = 1e-4;
+/// What a model looks like that no photograph sees.
+const GREY: Vec3 = Vec3::splat(0.18);
+
+/// The mean of what is seen.
+pub(crate) fn mean(seen: impl Iterator<Item = Vec3>) -> Vec3 {
+    let (sum, count) =
+        seen.fold((DVec3::ZERO, 0.0), |(sum, count), color| (sum + color.as_dvec3(), count + 1.0));
+    if count > 0.0 { (sum / count).as_vec3() } else { GREY }
+}
+
+/// One colour per vertex. `seen` says which are known; the others are found. `mean` is that of the whole surface that is seen: of a
+/// coarse mesh that may be much, without a single vertex.
+pub(crate) fn spread_known(mesh: &Mesh, seen: &[Option<Vec3>], mean: Vec3) -> Vec<Vec3> {
+    let known: Vec<Vec3> = seen.iter().copied().flatten().collect();
+    if known.len() == seen.len() {
+        return known;
+    }
+    let edges = Edges::of(mesh);
+    let mut colors = nearest_known(&edges, seen, mean);
+    // Unknown vertices that are connected with known ones, in the order of their numbers.
+    let unknowns: Vec<u32> =
+        (0..seen.len() as u32).filter(|&v| seen[v as usize].is_none() && colors[v as usize].1).collect();
+    let mut place = vec![u32::MAX; seen.len()];
+    for (i, &v) in (0..).zip(&unknowns) {
+        place[v as usize] = i;
+    }
+    for channel in 0..3 {
+        let start: Vec<f64> = unknowns.iter().map(|&v| f64::from(colors[v as usize].0[channel])).collect();
+        let apply = |x: &[f64]| {
+            let row = |(&v, &own): (&u32, &f64)| {
+                edges
+                    .of_vertex(v)
+                    .map(|(n, w)| w * (own - x.get(place[n as usize] as usize).unwrap_or(&0.0)))
+                    .sum()
+            };
+            unknowns.iter().zip(x).map(row).collect::<Vec<f64>>()
+        };
+        let right: Vec<f64> = unknowns
+            .iter()
+            .map(|&v| {
+                let known =
+                    edges.of_vertex(v).filter_map(|(n, w)| Some(w * f64::from(seen[n as usize]?[channel])));
+                known.sum()
+            })
+            .collect();
+        let solved = conjugate_gradients(apply, &right, start, MOST_STEPS, TOLERANCE);
+        for (&v, value) in unknowns.iter().zip(solved) {
+            colors[v as usize].0[channel] = value as f32;
+        }
+    }
+    let (low, high) =
+        known.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &c| (low.min(c), high.max(c)));
+    let bounded = |color: Vec3| if known.is_empty() { color } else { color.clamp(low, high) };
+    colors.into_iter().map(|(color, _)| bounded(color)).collect()
+}
+
+/// The colour of a known vertex that is the fewest edges away, and whether there is one: where the solver starts.
+fn nearest_known(edges: &Edges, seen: &[Option<Vec3>], mean: Vec3) -> Vec<(Vec3, bool)> {
+    let mut colors: Vec<(Vec3, bool)> = seen.iter().map(|c| (c.unwrap_or(mean), c.is_some())).collect();
+    let mut front: VecDeque<u32> = (0..seen.len() as u32).filter(|&v| seen[v as usize].is_some()).collect();
+    while let Some(v) = front.pop_front() {
+        let color = colors[v as usize].0;
+        for (neighbour, _) in edges.of_vertex(v) {
+            let slot = &mut colors[neighbour as usize];
+            if !slot.1 {
+                *slot = (color, true);
+                front.push_back(neighbour);
+            }
+        }
+    }
+    colors
+}
+
+/// The edges at every vertex, with one over their length.
+struct Edges {
+    first: Vec<u32>,
+    neighbours: Vec<(u32, f32)>,
+}
+
+impl Edges {
+    fn of(mesh: &Mesh) -> Self {
+        let mut pairs: Vec<[u32; 2]> = mesh
+            .triangles
+            .iter()
+            .flat_map(|&[a, b, c]| [[a, b], [b, a], [b, c], [c, b], [c, a], [a, c]])
+            .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
+        let mut first = vec![0_u32; mesh.positions.len() + 1];
+        pairs.iter().for_each(|&[v, _]| first[v as usize + 1] += 1);
+        (1..first.len()).for_each(|v| first[v] += first[v - 1]);
+        let length = |[a, b]: [u32; 2]| mesh.positions[a as usize].distance(mesh.positions[b as usize]);
+        let neighbours = pairs.into_iter().map(|pair| (pair[1], 1.0 / length(pair).max(1e-6))).collect();
+        Self { first, neighbours }
+    }
+
+    fn of_vertex(&self, v: u32) -> impl Iterator<Item = (u32, f64)> {
+        let range = self.first[v as usize] as usize..self.first[v as usize + 1] as usize;
+        self.neighbours[range].iter().map(|&(n, w)| (n, f64::from(w)))
+    }
+}
+
+// ---- Options, outcome and errors.
+
+/// How photographs are laid on a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhotoOptions {
+    /// Bytes that photographs may take: half for their pages in memory, half for those that are being read.
+    pub memory_bytes: u64,
+    /// Folder for a file (without a name) of what does not fit into memory.
+    pub scratch: PathBuf,
+    /// Solve for a factor per photograph and channel such that they agree.
+    pub exposure: bool,
+    /// Linear colour of what no photograph sees; `None` spreads the colours of its surroundings.
+    pub unseen: Option<Vec3>,
+    /// Length of a texel's side on the surface, mesh units: photographs are kept no finer than that needs. `None` keeps every pixel.
+    pub texel_size: Option<f32>,
+}
+
+impl Default for PhotoOptions {
+    /// 1 GiB, the system's folder of temporary files, exposure solved, unseen surface filled, every pixel kept.
+    fn default() -> Self {
+        Self {
+            memory_bytes: 1 << 30,
+            scratch: std::env::temp_dir(),
+            exposure: true,
+            unseen: None,
+            texel_size: None,
+        }
+    }
+}
+
+/// What was found out about a set of photographs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhotoReport {
+    /// Photographs of the set.
+    pub photographs: usize,
+    /// Those that see some of the surface.
+    pub used: usize,
+    /// Those that have a mask in a file of its own.
+    pub masked: usize,
+    /// Share of the area that no photograph sees, 0..=1, measured at 32 768 points.
+    pub unseen_share: f64,
+    /// Factors of red, green and blue, linear light, per photograph in the set's order; 1 where exposure is not solved for.
+    pub gains: Vec<Vec3>,
+    /// Bytes of pages in memory.
+    pub memory_bytes: u64,
+    /// Bytes of pages in the scratch file.
+    pub scratch_bytes: u64,
+}
+
+/// Why photographs cannot be a source.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PhotoError {
+    /// A photograph could not be read.
+    #[error(transparent)]
+    Load(#[from] LoadImageError),
+    /// A photograph is not what its camera took.
+    #[error(
+        "{} has {found:?} pixels, but its camera took {expected:?}, which is another shape; give the photographs that the cameras \
+         were calibrated with, or the same made smaller", path.display()
+    )]
+    Shape {
+        /// The photograph.
+        path: PathBuf,
+        /// Pixels of the file.
+        found: [u32; 2],
+        /// Pixels of the camera.
+        expected: [u32; 2],
+    },
+    /// A mask does not fit its photograph.
+    #[error(
+        "the mask {} has {found:?} pixels, but its photograph has {expected:?}, which is another shape; give masks that were \
+         made for these photographs", path.display()
+    )]
+    MaskShape {
+        /// The mask.
+        path: PathBuf,
+        /// Pixels of the mask.
+        found: [u32; 2],
+        /// Pixels of the photograph.
+        expected: [u32; 2],
+    },
+    /// Not one photograph shows the model.
+    #[error(
+        "none of the {photographs} photographs sees the model: it must lie in the coordinates of the cameras, whose middle is at \
+         {middle}, and its triangles must be seen from outside"
+    )]
+    NothingSeen {
+        /// How many there are.
+        photographs: usize,
+        /// Mean of the cameras' places, world units.
+        middle: glam::DVec3,
+    },
+    /// Pages could not be written to or read from the scratch file.
+    #[error("cannot keep photographs in {}: {source}", folder.display())]
+    Scratch {
+        /// Its folder.
+        folder: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// The progress receiver asked to stop.
+    #[error("reading photographs was cancelled")]
+    Cancelled,
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::{CleanOptions, clean, generate};
+
+    use super::*;
+
+    #[test]
+    fn weights_are_continuous_and_the_best_stays() {
+        let mut before = kept_weight(0.0, 1.0);
+        for i in 0..=1000 {
+            let now = kept_weight(i as f32 * 1e-3, 1.0);
+            assert!(now >= before && now - before < 0.003);
+            before = now;
+        }
+        assert_eq!(kept_weight(KEPT_SHARE, 1.0), 0.0);
+        assert!(kept_weight(7.0, 7.0) > 0.89);
+        assert_eq!(seen_share(0.0), 0.0);
+        assert_eq!(seen_share(Doubt::WHOLE.less(0.3).less(0.0).confidence()), 1.0);
+    }
+
+    fn sphere() -> Mesh {
+        clean(generate::icosphere(4), &CleanOptions::default()).unwrap().0
+    }
+
+    #[test]
+    fn the_fill_is_smooth_and_within_what_is_known() {
+        let mesh = sphere();
+        // Red above, blue below, nothing in the middle.
+        let seen: Vec<Option<Vec3>> = mesh
+            .positions
+            .iter()
+            .map(|p| (p.y.abs() > 0.4).then_some(if p.y > 0.0 { Vec3::X } else { Vec3::Z }))
+            .collect();
+        let colors = spread_known(&mesh, &seen, mean(seen.iter().copied().flatten()));
+        for (color, seen) in colors.iter().zip(&seen) {
+            assert!(seen.is_none_or(|seen| seen == *color));
+            assert!(color.min_element() >= 0.0 && color.max_element() <= 1.0);
+        }
+        // Half of each on the equator, more red above it.
+        for (p, color) in mesh.positions.iter().zip(&colors) {
+            if p.y.abs() < 0.02 {
+                assert!((color.x - 0.5).abs() < 0.05 && (color.z - 0.5).abs() < 0.05, "{p} {color}");
+            }
+            if p.y > 0.2 && p.y < 0.35 {
+                assert!(color.x > 0.6, "{p} {color}");
+            }
+        }
+        let steps = mesh.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        let largest = steps
+            .map(|[a, b]| (colors[a as usize] - colors[b as usize]).abs().max_element())
+            .fold(0.0, f32::max);
+        assert!(largest < 0.25, "{largest}");
+    }
+
+    #[test]
+    fn nothing_seen_is_grey_and_everything_seen_stays() {
+        let mesh = sphere();
+        let count = mesh.positions.len();
+        assert_eq!(mean(std::iter::empty()), GREY);
+        // Seen, though no vertex is.
+        let red = mean([Vec3::X, 0.5 * Vec3::X].into_iter());
+        assert_eq!(spread_known(&mesh, &vec![None; count], red), vec![0.75 * Vec3::X; count]);
+        let all: Vec<Option<Vec3>> = mesh.positions.iter().map(|&p| Some(p.abs())).collect();
+        assert_eq!(
+            spread_known(&mesh, &all, GREY),
+            mesh.positions.iter().map(|p| p.abs()).collect::<Vec<_>>()
+        );
     }
 }

@@ -10,13 +10,18 @@
 //! turns away. (Only where a crease turns a triangle away at once do they fall at once, along the crease.) The high power makes the best view dominate, so that photographs which do not fit exactly are not mixed more than the
 //! transition between them needs.
 
-use fantex_mesh::Mesh;
-use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use std::path::{Path, PathBuf};
 
-use crate::Photograph;
-use crate::pages::PageReader;
-use crate::pyramid::Pyramid;
+use fantex_bake::{Source, SurfacePoint};
+use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
+use fantex_store::ChannelKind;
+use fantex_texture::{ColorSpace, Image};
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::pyramid::{PageReader, Pyramid};
 use crate::sight::{MeshCamera, Sight};
+use crate::{Distortion, Lens, OnPlane, PhotoError};
 
 /// Surfaces that are seen under a smaller cosine are not taken from a photograph.
 const SMALLEST_COSINE: f32 = 0.15;
@@ -164,5 +169,264 @@ impl View {
     /// Pixels of the file per pixel of the camera: photographs may have been made smaller after their calibration.
     fn pixel_scale(&self) -> DVec2 {
         DVec2::from(self.pyramid.size.map(f64::from)) / DVec2::from(self.camera.camera.size.map(f64::from))
+    }
+}
+
+// ---- A photograph and the camera that took it.
+
+/// A calibrated camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PhotoCamera {
+    /// Width and height in pixels, as the calibration knows them.
+    pub size: [u32; 2],
+    /// Focal lengths along x and y, pixels.
+    pub focal: DVec2,
+    /// Where the axis meets the picture, pixels from the top left corner (pixel centres at half integers).
+    pub center: DVec2,
+    /// The lens.
+    pub lens: Lens,
+}
+
+/// Where a point is seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OnPicture {
+    /// Pixels from the top left corner.
+    pub pixel: DVec2,
+    /// [`OnPlane::room`].
+    pub room: f64,
+}
+
+impl PhotoCamera {
+    /// A camera without distortion, its axis in the middle of the picture, square pixels.
+    pub fn pinhole(size: [u32; 2], focal: f64) -> Self {
+        let center = DVec2::from(size.map(f64::from)) * 0.5;
+        Self { size, focal: DVec2::splat(focal), center, lens: Lens::new(Distortion::PINHOLE) }
+    }
+
+    /// Where a point of camera space is seen; it may lie outside of the picture.
+    pub fn project(&self, p_camera: DVec3) -> Option<OnPicture> {
+        let OnPlane { position, room } = self.lens.project(p_camera)?;
+        Some(OnPicture { pixel: self.center + position * self.focal, room })
+    }
+
+    /// The unit direction, camera space, that is seen at a position in pixels.
+    pub fn direction(&self, pixel: DVec2) -> Option<DVec3> {
+        self.lens.direction((pixel - self.center) / self.focal)
+    }
+}
+
+/// The rigid motion that takes world space to camera space: `p_camera = rotation * p_world + translation`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraFromWorld {
+    /// A rotation.
+    pub rotation: DMat3,
+    /// World units.
+    pub translation: DVec3,
+}
+
+impl CameraFromWorld {
+    /// A camera at `eye` that looks at `target`, both world space, with `up` upwards in the picture.
+    pub fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> Self {
+        let forward = (target - eye).try_normalize().unwrap_or(DVec3::NEG_Z);
+        let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
+        let rotation = DMat3::from_cols(right, forward.cross(right), forward).transpose();
+        Self { rotation, translation: -(rotation * eye) }
+    }
+
+    /// The pinhole, world space.
+    pub fn eye(&self) -> DVec3 {
+        -(self.rotation.transpose() * self.translation)
+    }
+}
+
+/// One photograph of a set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photograph {
+    /// As the set of cameras names it.
+    pub name: String,
+    /// The image file.
+    pub path: PathBuf,
+    /// An image of the same shape that is black where the photograph is not to be used.
+    pub mask: Option<PathBuf>,
+    /// What took it.
+    pub camera: PhotoCamera,
+    /// Where it stood.
+    pub camera_from_world: CameraFromWorld,
+}
+
+/// How far the sides' ratio of a picture may be from that of another one of the same shape, but for a rounded pixel.
+const SHAPE_TOLERANCE: f64 = 0.01;
+
+/// Whether a picture of so many pixels may be another one at another size.
+pub(crate) fn have_one_shape(found: [u32; 2], expected: [u32; 2]) -> bool {
+    let scale = DVec2::from(found.map(f64::from)) / DVec2::from(expected.map(f64::from));
+    (scale.x / scale.y - 1.0).abs() <= SHAPE_TOLERANCE + 1.0 / f64::from(found[0].min(found[1]).max(1))
+}
+
+// ---- Masks: which pixels of a photograph are to be used.
+
+/// An image that is black where a photograph is not to be used.
+pub(crate) struct Mask {
+    image: Image,
+    /// Pixels of the photograph.
+    size: [u32; 2],
+}
+
+impl Mask {
+    /// The mask of a photograph of `size` pixels; it may be smaller or larger.
+    pub(crate) fn load(path: &Path, size: [u32; 2]) -> Result<Self, PhotoError> {
+        let image = Image::load_as(path, ColorSpace::Linear)?;
+        let found = [image.width, image.height];
+        match have_one_shape(found, size) {
+            true => Ok(Self { image, size }),
+            false => Err(PhotoError::MaskShape { path: path.into(), found, expected: size }),
+        }
+    }
+
+    /// How much of a pixel of the photograph is to be used: 0 for none of it, 1 for all.
+    pub(crate) fn share(&self, x: u32, y: u32) -> f32 {
+        let there =
+            |at: u32, found: u32, size: u32| (u64::from(at) * u64::from(found) / u64::from(size)) as u32;
+        let [width, height] = self.size;
+        let at = [there(x, self.image.width, width), there(y, self.image.height, height)];
+        let [value, .., alpha] = self.image.linear_texel(at[0], at[1]);
+        (value * alpha).clamp(0.0, 1.0)
+    }
+}
+
+// ---- Taking photographs of a model: sets with known cameras, to try things out and to measure against.
+
+/// How to take a photograph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CaptureOptions {
+    /// Rays along each side of a pixel, at least 1.
+    pub samples: u32,
+    /// Factor of red, green and blue, linear light.
+    pub exposure: Vec3,
+    /// What is seen beside the model, linear; exposed, too.
+    pub background: Vec3,
+}
+
+impl Default for CaptureOptions {
+    /// Nine rays per pixel, exposed as it is, before a grey wall.
+    fn default() -> Self {
+        Self { samples: 3, exposure: Vec3::ONE, background: Vec3::splat(0.18) }
+    }
+}
+
+/// The picture that a photograph's camera takes of the base colour of a mesh, through its lens: linear RGB, as if lit from everywhere.
+/// Rays go through the lens, so any distortion is exact.
+pub fn capture(
+    mesh: &Mesh,
+    bvh: &TriangleBvh,
+    source: &dyn Source,
+    photograph: &Photograph,
+    options: &CaptureOptions,
+) -> Image {
+    let channels = source.channels();
+    let camera = mesh_camera(photograph, mesh);
+    let taker = Taker {
+        mesh,
+        bvh,
+        source,
+        base_color: channels.iter().position(|c| c.kind == ChannelKind::BaseColor),
+        channels: channels.len(),
+        normals: shading_normals(mesh),
+        mesh_from_camera: camera.rotation.transpose(),
+        camera,
+        options,
+    };
+    let [width, height] = photograph.camera.size;
+    let pixels: Vec<f32> = (0..height)
+        .into_par_iter()
+        .flat_map_iter(|y| (0..width).map(move |x| [x, y]))
+        .flat_map_iter(|pixel| taker.pixel(pixel).to_array())
+        .collect();
+    Image::from_linear(width, height, 3, pixels)
+}
+
+struct Taker<'a> {
+    mesh: &'a Mesh,
+    bvh: &'a TriangleBvh,
+    source: &'a dyn Source,
+    base_color: Option<usize>,
+    channels: usize,
+    normals: Vec<Vec3>,
+    mesh_from_camera: glam::DMat3,
+    camera: MeshCamera,
+    options: &'a CaptureOptions,
+}
+
+impl Taker<'_> {
+    fn pixel(&self, [x, y]: [u32; 2]) -> Vec3 {
+        let samples = self.options.samples.max(1);
+        let step = 1.0 / f64::from(samples);
+        let mut sum = Vec3::ZERO;
+        for i in 0..samples * samples {
+            let offset = DVec2::new(f64::from(i % samples) + 0.5, f64::from(i / samples) + 0.5) * step;
+            let at = DVec2::new(f64::from(x), f64::from(y)) + offset;
+            sum += self.seen(at, step).unwrap_or(self.options.background);
+        }
+        sum / (samples * samples) as f32 * self.options.exposure
+    }
+
+    fn direction(&self, at: DVec2) -> Option<DVec3> {
+        Some(self.mesh_from_camera * self.camera.camera.direction(at)?)
+    }
+
+    fn seen(&self, at: DVec2, step: f64) -> Option<Vec3> {
+        let direction = self.direction(at)?;
+        // Rays begin near the mesh, where single precision is enough.
+        let start = self.camera.eye + direction * (self.camera.eye.length() - 2.0).max(0.0);
+        let hit = self.bvh.first_hit(start.as_vec3(), direction.as_vec3(), f32::INFINITY)?;
+        let corners = self.mesh.triangle_positions(hit.triangle).map(|c| c.as_dvec3());
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let on_plane = |direction: DVec3| {
+            self.camera.eye + direction * (normal.dot(corners[0] - self.camera.eye) / normal.dot(direction))
+        };
+        let middle = on_plane(direction);
+        let steps = [DVec2::X, DVec2::Y].map(|axis| {
+            let beside = self.direction(at + axis * step).map(on_plane);
+            beside.filter(|p| p.is_finite()).map_or(DVec3::ZERO, |p| p - middle)
+        });
+        let squared = normal.length_squared();
+        let lambda_step = |step: DVec3| {
+            let along = |from: DVec3, to: DVec3| normal.cross(to - from).dot(step) / squared;
+            let [a, b, c] = corners;
+            DVec3::new(along(b, c), along(c, a), along(a, b)).as_vec3()
+        };
+        let vertex_normals = [0, 1, 2].map(|k| self.normals[3 * hit.triangle + k]);
+        let blend = |v: [Vec3; 3]| v[0] * hit.lambda.x + v[1] * hit.lambda.y + v[2] * hit.lambda.z;
+        let point = SurfacePoint {
+            triangle: hit.triangle,
+            lambda: hit.lambda,
+            lambda_steps: steps.map(lambda_step),
+            position: blend(self.mesh.triangle_positions(hit.triangle)),
+            position_steps: steps.map(|s| s.as_vec3()),
+            normal: blend(vertex_normals).try_normalize().unwrap_or(normal.normalize().as_vec3()),
+        };
+        let mut values = vec![Vec4::ZERO; self.channels];
+        self.source.evaluate(&point, &mut values);
+        Some(self.base_color.map_or(Vec3::ONE, |channel| values[channel].truncate()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cameras_look_where_they_are_told_to() {
+        let pose =
+            CameraFromWorld::looking_at(DVec3::new(0.0, 1.0, 5.0), DVec3::new(0.0, 1.0, 0.0), DVec3::Y);
+        assert!((pose.eye() - DVec3::new(0.0, 1.0, 5.0)).length() < 1e-12);
+        assert!((pose.rotation.determinant() - 1.0).abs() < 1e-12);
+        let seen = |p: DVec3| {
+            let camera = PhotoCamera::pinhole([200, 100], 100.0);
+            camera.project(pose.rotation * p + pose.translation).unwrap().pixel
+        };
+        assert!((seen(DVec3::new(0.0, 1.0, 0.0)) - DVec2::new(100.0, 50.0)).length() < 1e-9);
+        assert!(seen(DVec3::new(1.0, 1.0, 0.0)).x > 100.0, "+x is on the right of a camera on +z");
+        assert!(seen(DVec3::new(0.0, 2.0, 0.0)).y < 50.0, "up is up");
     }
 }

@@ -17,7 +17,6 @@ pub mod filter;
 mod frames;
 mod image;
 mod image_file;
-mod image_resize;
 mod image_texture;
 mod invalid_option;
 pub mod look;

@@ -2,9 +2,6 @@
 
 #![expect(clippy::unwrap_used, reason = "tests may unwrap, in their helpers too")]
 
-mod channels;
-mod failures;
-mod layouts;
 mod models;
-mod padding;
+mod pictures;
 mod support;

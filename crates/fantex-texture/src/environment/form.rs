@@ -12,7 +12,8 @@ use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
 
-use super::CubeFace;
+use super::EnvironmentMap;
+use crate::Image;
 
 /// How a map's directions are laid out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -218,6 +219,269 @@ fn ball_divisor(d: Vec3) -> f32 {
     (2.0 * one_plus_z).sqrt().max(1e-6)
 }
 
+// ---- The six faces of a cube map.
+//
+// KTX, OpenGL and Direct3D agree on a left-handed system for cube maps (x right, y up, z *forward*), in which the pictures
+// of the faces are what is seen from inside. The world is right-handed. The two meet by mirroring z: the face that those
+// formats call `+z`, the picture ahead, lies in the world's direction `-z`. All others keep their axes.
+
+/// A face of a cube map, in the order of KTX and OpenGL (`+x -x +y -y +z -z` there).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum CubeFace {
+    /// World `+x`; KTX `+x`.
+    Right,
+    /// World `-x`; KTX `-x`.
+    Left,
+    /// World `+y`; KTX `+y`.
+    Up,
+    /// World `-y`; KTX `-y`.
+    Down,
+    /// World `-z`; KTX `+z`.
+    Front,
+    /// World `+z`; KTX `-z`.
+    Back,
+}
+
+impl CubeFace {
+    /// All faces in storage order.
+    pub const ALL: [Self; 6] = [Self::Right, Self::Left, Self::Up, Self::Down, Self::Front, Self::Back];
+
+    /// The direction of the face's middle.
+    pub fn forward(self) -> Vec3 {
+        match self {
+            Self::Right => Vec3::X,
+            Self::Left => Vec3::NEG_X,
+            Self::Up => Vec3::Y,
+            Self::Down => Vec3::NEG_Y,
+            Self::Front => Vec3::NEG_Z,
+            Self::Back => Vec3::Z,
+        }
+    }
+
+    /// Upwards in the face's picture.
+    pub fn up(self) -> Vec3 {
+        match self {
+            Self::Up => Vec3::Z,
+            Self::Down => Vec3::NEG_Z,
+            _ => Vec3::Y,
+        }
+    }
+
+    /// To the right in the face's picture, seen from inside.
+    pub fn right(self) -> Vec3 {
+        self.forward().cross(self.up())
+    }
+
+    /// The face that a direction meets, and where: `s` to the right and `t` downwards, both in `[-1,1]`. Also the
+    /// direction's component along the face's axis, which is its largest.
+    #[inline]
+    pub(super) fn meet(direction: Vec3) -> (Self, [f32; 2], f32) {
+        let [x, y, z] = direction.to_array();
+        let [ax, ay, az] = direction.abs().to_array();
+        if ax >= ay && ax >= az {
+            let (face, side) = if x >= 0.0 { (Self::Right, z) } else { (Self::Left, -z) };
+            (face, [side / ax, -y / ax], ax)
+        } else if ay >= az {
+            let (face, down) = if y >= 0.0 { (Self::Up, -z) } else { (Self::Down, z) };
+            (face, [x / ay, down / ay], ay)
+        } else {
+            let (face, side) = if z <= 0.0 { (Self::Front, x) } else { (Self::Back, -x) };
+            (face, [side / az, -y / az], az)
+        }
+    }
+}
+
+// ---- Maps from and to pictures.
+//
+// ```text
+//  horizontal cross 4:3      vertical cross 3:4     strips 6:1, 1:6
+//      +y                        +y                  +x -x +y -y +z -z
+//  -x  +z  +x  -z            -x  +z  +x
+//      -y                        -y                 (names of KTX; see cube_face.rs)
+//                                -z upside down
+// ```
+
+/// How a picture shows an environment.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum EnvironmentLayout {
+    /// Latitude-longitude, 2:1: all the way round, `-z` in the middle.
+    Panorama,
+    /// Six faces, 4:3: `-x +z +x -z` in the middle row (names of KTX), `+y` above and `-y` below `+z`.
+    HorizontalCross,
+    /// Six faces, 3:4: as the horizontal cross, but `-z` stands on its head below `-y`.
+    VerticalCross,
+    /// Six faces side by side, 6:1, in the order of [`CubeFace::ALL`].
+    HorizontalStrip,
+    /// Six faces one below the other, 1:6, in the order of [`CubeFace::ALL`].
+    VerticalStrip,
+    /// Two discs side by side, 2:1: around `-z`, around `+z`. Never recognised by its sides: a panorama has the same.
+    DualParaboloid,
+    /// One disc, 1:1: a mirror ball.
+    MirrorBall,
+}
+
+/// A texel of a picture that is a texel of a chart.
+type ChartTexel = (usize, [u32; 2]);
+
+impl EnvironmentLayout {
+    /// The layout of pictures with these sides: 2:1, 4:3, 3:4, 6:1 or 1:6; nothing for others.
+    pub fn of_size(width: u32, height: u32) -> Option<Self> {
+        let recognised = [
+            Self::Panorama,
+            Self::HorizontalCross,
+            Self::VerticalCross,
+            Self::HorizontalStrip,
+            Self::VerticalStrip,
+        ];
+        recognised.into_iter().find(|layout| layout.side_of(width, height).is_some())
+    }
+
+    /// The form of maps in this layout.
+    pub fn form(self) -> EnvironmentForm {
+        match self {
+            Self::Panorama => EnvironmentForm::Sphere,
+            Self::DualParaboloid => EnvironmentForm::DualParaboloid,
+            Self::MirrorBall => EnvironmentForm::MirrorBall,
+            _ => EnvironmentForm::Cube,
+        }
+    }
+
+    /// Columns and rows of pictures in this layout, in charts' sides.
+    pub fn cells(self) -> [u32; 2] {
+        match self {
+            Self::Panorama | Self::DualParaboloid => [2, 1],
+            Self::HorizontalCross => [4, 3],
+            Self::VerticalCross => [3, 4],
+            Self::HorizontalStrip => [6, 1],
+            Self::VerticalStrip => [1, 6],
+            Self::MirrorBall => [1, 1],
+        }
+    }
+
+    /// The side of a chart in a picture of this size, if it has the right proportions.
+    pub(super) fn side_of(self, width: u32, height: u32) -> Option<u32> {
+        let [columns, rows] = self.cells();
+        let fits = width > 0 && u64::from(width) * u64::from(rows) == u64::from(height) * u64::from(columns);
+        (fits && width.is_multiple_of(columns)).then_some(width / columns)
+    }
+
+    /// The picture's cell of a cube's face, and whether it stands on its head there.
+    fn face_cell(self, face: CubeFace) -> ([u32; 2], bool) {
+        let index = face as u32;
+        match (self, face) {
+            (Self::HorizontalStrip, _) => ([index, 0], false),
+            (Self::VerticalStrip, _) => ([0, index], false),
+            (_, CubeFace::Left) => ([0, 1], false),
+            (_, CubeFace::Front) => ([1, 1], false),
+            (_, CubeFace::Right) => ([2, 1], false),
+            (_, CubeFace::Up) => ([1, 0], false),
+            (_, CubeFace::Down) => ([1, 2], false),
+            (Self::VerticalCross, CubeFace::Back) => ([1, 3], true),
+            (_, CubeFace::Back) => ([3, 1], false),
+        }
+    }
+
+    /// Where the picture shows a texel of a chart with `side` rows.
+    fn pixel_of(self, (chart, [x, y]): ChartTexel, side: u32) -> [u32; 2] {
+        match self {
+            Self::Panorama | Self::MirrorBall => [x, y],
+            Self::DualParaboloid => [x + chart as u32 * side, y],
+            _ => {
+                let ([column, row], upside_down) = self.face_cell(CubeFace::ALL[chart]);
+                let [x, y] = if upside_down { [side - 1 - x, side - 1 - y] } else { [x, y] };
+                [column * side + x, row * side + y]
+            }
+        }
+    }
+}
+
+impl EnvironmentMap {
+    /// A map from a picture, texel by texel; nothing if the picture's sides do not have the layout's proportions. Alpha
+    /// is ignored.
+    pub fn from_image(image: &Image, layout: EnvironmentLayout) -> Option<Self> {
+        let side = layout.side_of(image.width, image.height)?;
+        let form = layout.form();
+        Some(Self::from_texels(form, form.chart_size(side), |chart, x, y| {
+            let [column, row] = layout.pixel_of((chart, [x, y]), side);
+            let [r, g, b, _] = image.linear_texel(column, row);
+            Vec3::new(r, g, b)
+        }))
+    }
+
+    /// A cube from the pictures of its faces in the order of [`CubeFace::ALL`], each as seen from inside; nothing if they
+    /// are not squares of one size.
+    pub fn from_faces(faces: &[Image; 6]) -> Option<Self> {
+        let side = faces[0].width;
+        if side == 0 || faces.iter().any(|face| face.width != side || face.height != side) {
+            return None;
+        }
+        Some(Self::from_texels(EnvironmentForm::Cube, [side; 2], |chart, x, y| {
+            let [r, g, b, _] = faces[chart].linear_texel(x, y);
+            Vec3::new(r, g, b)
+        }))
+    }
+
+    /// Linear RGBA picture of the map. Where the layout belongs to another form than the map's, the map is converted
+    /// first, with about as many texels. What no chart covers (the empty cells of a cross, the corners around discs)
+    /// is transparent.
+    pub fn to_image(&self, layout: EnvironmentLayout) -> Image {
+        if layout.form() != self.form() {
+            return self.converted(layout.form(), self.like_side(layout.form())).to_image(layout);
+        }
+        let [width, side] = self.chart_size();
+        let [columns, rows] = layout.cells();
+        let columns = if layout == EnvironmentLayout::Panorama { width } else { columns * side };
+        let mut texels = vec![[0.0; 4]; columns as usize * (rows * side) as usize];
+        for chart in 0..self.form().charts() {
+            for (x, y) in (0..side).flat_map(|y| (0..width).map(move |x| (x, y))) {
+                if self.form().is_inside(self.level(0).texel_uv(x as i32, y as i32)) {
+                    let [column, row] = layout.pixel_of((chart, [x, y]), side);
+                    let color = self.texel(0, chart, x, y).extend(1.0).to_array();
+                    texels[row as usize * columns as usize + column as usize] = color;
+                }
+            }
+        }
+        Image::from_linear_rgba(columns, rows * side, &texels)
+    }
+
+    /// The cube unfolded to a horizontal cross, as [`EnvironmentMap::to_image`] makes it.
+    pub fn unfolded(&self) -> Image {
+        self.to_image(EnvironmentLayout::HorizontalCross)
+    }
+
+    /// The side at which another form resolves about as much as this map.
+    fn like_side(&self, form: EnvironmentForm) -> u32 {
+        let quarter_turns = |form| match form {
+            EnvironmentForm::Cube => 1,
+            EnvironmentForm::Sphere | EnvironmentForm::DualParaboloid => 2,
+            EnvironmentForm::MirrorBall => 3,
+        };
+        (self.chart_size()[1] * quarter_turns(form)).div_ceil(quarter_turns(self.form()))
+    }
+}
+
+// ---- Mirrored view rays and their footprints.
+
+/// The direction that a mirror with the unit `normal` shows to an eye in the unit direction `to_eye`.
+pub fn mirrored(normal: Vec3, to_eye: Vec3) -> Vec3 {
+    normal * (2.0 * normal.dot(to_eye)) - to_eye
+}
+
+/// The change of [`mirrored`] along a footprint's edges, to first order, from those of normal and eye direction: on
+/// curved or bumpy mirrors neighbouring pixels look far apart.
+pub fn mirrored_steps(
+    normal: Vec3,
+    normal_steps: [Vec3; 2],
+    to_eye: Vec3,
+    to_eye_steps: [Vec3; 2],
+) -> [Vec3; 2] {
+    [0, 1].map(|edge| {
+        let (dn, dv) = (normal_steps[edge], to_eye_steps[edge]);
+        let turned = dn.dot(to_eye) + normal.dot(dv);
+        normal * (2.0 * turned) + dn * (2.0 * normal.dot(to_eye)) - dv
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -290,5 +554,37 @@ mod tests {
             let right = form.direction(ChartPoint { chart: 0, uv: Vec2::new(0.6, 0.5) });
             assert!(right.x > 0.1, "{form:?}: {right}");
         }
+    }
+
+    #[test]
+    fn pictures_are_seen_from_inside_without_mirroring() {
+        for face in CubeFace::ALL {
+            let axes = glam::Mat3::from_cols(face.right(), face.up(), -face.forward());
+            assert!((axes.determinant() - 1.0).abs() < 1e-6, "{face:?} is a right-handed camera");
+        }
+        assert_eq!(CubeFace::Front.right(), Vec3::X);
+    }
+
+    #[test]
+    fn meeting_agrees_with_the_axes() {
+        for face in CubeFace::ALL {
+            for (s, t) in [(0.0, 0.0), (0.3, -0.6), (-0.9, 0.5)] {
+                let d = face.forward() + face.right() * s - face.up() * t;
+                let (met, [s2, t2], length) = CubeFace::meet(d * 2.0);
+                assert_eq!(met, face);
+                assert!((s - s2).abs() < 1e-6 && (t - t2).abs() < 1e-6 && (length - 2.0).abs() < 1e-6);
+            }
+        }
+    }
+
+    #[test]
+    fn steps_of_mirrored_directions_are_the_limits_of_differences() {
+        let n = Vec3::new(0.2, 0.9, 0.1).normalize();
+        let v = Vec3::new(-0.5, 0.6, 0.4).normalize();
+        let (dn, dv) = (Vec3::new(1e-3, 0.0, -5e-4), Vec3::new(0.0, 4e-4, 1e-3));
+        let seen = mirrored(n + dn * 0.5, v + dv * 0.5) - mirrored(n - dn * 0.5, v - dv * 0.5);
+        let [stated, _] = mirrored_steps(n, [dn, dn], v, [dv, dv]);
+        assert!((stated - seen).length() < 1e-5, "{stated} {seen}");
+        assert!((mirrored(n, v).dot(n) - v.dot(n)).abs() < 1e-6);
     }
 }

@@ -1,13 +1,16 @@
 //! A map and its look-ups.
 
 use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use glam::{Vec2, Vec3, Vec3A};
+use glam::{Vec2, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
-use super::level::Level;
-use super::reduce::halve;
-use super::{ChartPoint, EnvironmentForm};
+use super::form::{mirrored, mirrored_steps};
+use super::level::{Level, halve};
+use super::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout};
+use crate::{Image, LoadImageError, ShadingPoint, Texture};
 
 /// Longest ratio of a footprint's axes that [`EnvironmentMap::sample`] honours.
 pub const MAX_ENVIRONMENT_ANISOTROPY: f32 = 16.0;
@@ -221,4 +224,310 @@ impl EnvironmentMap {
 fn allowed(color: Vec3) -> Vec3A {
     // Not `clamp`, which keeps NaN.
     Vec3A::from(color.to_array().map(|c| if c > 0.0 { c.min(BRIGHTEST) } else { 0.0 }))
+}
+
+// ---- Maps from files.
+
+/// Why an environment could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadEnvironmentError {
+    /// The picture itself.
+    #[error(transparent)]
+    Image(#[from] LoadImageError),
+    /// No layout has these proportions.
+    #[error(
+        "'{path}' has {width} x {height} texels, which is no environment; give a panorama (2:1), a cube's cross (4:3 or \
+         3:4) or a strip of its faces (6:1 or 1:6)"
+    )]
+    Proportions {
+        /// The file.
+        path: PathBuf,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+    },
+    /// The layout that was asked for has other proportions.
+    #[error("'{path}' has {width} x {height} texels, but its layout needs {columns} : {rows}")]
+    Layout {
+        /// The file.
+        path: PathBuf,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Proportion of the columns.
+        columns: u32,
+        /// Proportion of the rows.
+        rows: u32,
+    },
+    /// The faces of a cube do not match.
+    #[error(
+        "face '{path}' of a cube has {width} x {height} texels; all six must be squares of {side} x {side}, as the first is \
+         wide"
+    )]
+    Face {
+        /// The face's file.
+        path: PathBuf,
+        /// Its columns.
+        width: u32,
+        /// Its rows.
+        height: u32,
+        /// Columns of the first face.
+        side: u32,
+    },
+    /// Too much memory.
+    #[error(
+        "'{path}' has {width} x {height} texels, more than the {limit} that an environment may have; scale it down"
+    )]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Columns.
+        width: u32,
+        /// Rows.
+        height: u32,
+        /// Most texels.
+        limit: u64,
+    },
+}
+
+/// Most texels of a picture: a map takes 21 bytes per texel.
+const MAX_TEXELS: u64 = 1 << 27;
+
+impl EnvironmentMap {
+    /// Reads a panorama, a cube's cross or a strip of its faces, told apart by their proportions, in any format that
+    /// [`Image::load`] reads. See [`EnvironmentLayout`] for the orientation.
+    ///
+    /// # Errors
+    /// The file is no image, is too large or has other proportions.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self, LoadEnvironmentError> {
+        let (path, image) = load_within_limit(path.as_ref())?;
+        let (width, height) = (image.width, image.height);
+        EnvironmentLayout::of_size(width, height)
+            .and_then(|layout| Self::from_image(&image, layout))
+            .ok_or(LoadEnvironmentError::Proportions { path, width, height })
+    }
+
+    /// As [`EnvironmentMap::load`], with the layout said.
+    ///
+    /// # Errors
+    /// The file is no image, is too large or does not have the layout's proportions.
+    pub fn load_as(path: impl AsRef<Path>, layout: EnvironmentLayout) -> Result<Self, LoadEnvironmentError> {
+        let (path, image) = load_within_limit(path.as_ref())?;
+        let (width, height, [columns, rows]) = (image.width, image.height, layout.cells());
+        Self::from_image(&image, layout).ok_or(LoadEnvironmentError::Layout {
+            path,
+            width,
+            height,
+            columns,
+            rows,
+        })
+    }
+
+    /// Reads the six faces of a cube in the order of [`CubeFace::ALL`], which is that of KTX, each as seen from inside.
+    ///
+    /// # Errors
+    /// A file is no image, or they are not squares of one size.
+    pub fn load_faces(paths: [&Path; CubeFace::ALL.len()]) -> Result<Self, LoadEnvironmentError> {
+        let mut faces = Vec::with_capacity(paths.len());
+        for path in paths {
+            let (path, image) = load_within_limit(path)?;
+            let side = faces.first().map_or(image.width, |first: &Image| first.width);
+            let (width, height) = (image.width, image.height);
+            if width != side || height != side {
+                return Err(LoadEnvironmentError::Face { path, width, height, side });
+            }
+            faces.push(image);
+        }
+        let side = faces[0].width;
+        Ok(Self::from_texels(super::EnvironmentForm::Cube, [side; 2], |chart, x, y| {
+            let [r, g, b, _] = faces[chart].linear_texel(x, y);
+            glam::Vec3::new(r, g, b)
+        }))
+    }
+}
+
+fn load_within_limit(path: &Path) -> Result<(PathBuf, Image), LoadEnvironmentError> {
+    let image = Image::load(path)?;
+    let (path, width, height) = (path.to_owned(), image.width, image.height);
+    if u64::from(width) * u64::from(height) > MAX_TEXELS {
+        return Err(LoadEnvironmentError::TooLarge { path, width, height, limit: MAX_TEXELS });
+    }
+    Ok((path, image))
+}
+
+// ---- An environment as a texture of a material: reflection mapping as a colour, a picture around an object.
+
+/// Which direction looks a map up.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum DirectionSource {
+    /// The view ray, mirrored at the normal (J. Blinn and M. Newell 1976). Without an eye, as in a bake, the normal.
+    #[default]
+    Reflection,
+    /// The normal.
+    Normal,
+    /// From a centre to the point: the map as paint on the object.
+    Position {
+        /// The centre, object space.
+        center: Vec3,
+    },
+    /// The view ray as it goes on behind the surface: the surface is a window. Without an eye, against the normal.
+    View,
+}
+
+/// An environment map looked up by a direction of the surface point; alpha is 1.
+#[derive(Clone, Debug)]
+pub struct CubeTexture {
+    /// The map; of any form.
+    pub map: Arc<EnvironmentMap>,
+    /// Which direction looks it up.
+    pub source: DirectionSource,
+    /// Degrees by which the map is turned to the left (seen from above: counter-clockwise) about `+y`.
+    pub rotation_degrees: f32,
+    /// A shape for the surroundings, object space, with the place where the map was taken; without, they are infinitely
+    /// far away. For reflections and views.
+    pub proxy: Option<(EnvironmentProxy, Vec3)>,
+}
+
+impl CubeTexture {
+    /// A map as it stands, infinitely far away.
+    pub fn new(map: Arc<EnvironmentMap>, source: DirectionSource) -> Self {
+        Self { map, source, rotation_degrees: 0.0, proxy: None }
+    }
+
+    /// Unit direction and its change along the footprint's edges.
+    fn direction(&self, at: &ShadingPoint<'_>) -> (Vec3, [Vec3; 2]) {
+        match (self.source, at.to_eye) {
+            (DirectionSource::Reflection, Some(to_eye)) => {
+                let steps = mirrored_steps(at.normal, at.normal_steps, to_eye, [Vec3::ZERO; 2]);
+                (mirrored(at.normal, to_eye), steps)
+            }
+            (DirectionSource::Reflection | DirectionSource::Normal, _) => (at.normal, at.normal_steps),
+            (DirectionSource::Position { center }, _) => {
+                let from_center = at.position - center;
+                let scale = from_center.length_recip();
+                let scale = if scale.is_finite() { scale } else { 0.0 };
+                ((from_center * scale).normalize_or(at.normal), at.position_steps.map(|step| step * scale))
+            }
+            (DirectionSource::View, Some(to_eye)) => (-to_eye, [Vec3::ZERO; 2]),
+            (DirectionSource::View, None) => (-at.normal, at.normal_steps.map(|step| -step)),
+        }
+    }
+}
+
+impl Texture for CubeTexture {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        let (mut direction, mut steps) = self.direction(at);
+        if let Some((proxy, center)) = self.proxy
+            && matches!(self.source, DirectionSource::Reflection | DirectionSource::View)
+        {
+            (direction, steps) =
+                proxy.corrected_footprint(at.position, at.position_steps, direction, steps, center);
+        }
+        let map_from_object = glam::Quat::from_rotation_y(-self.rotation_degrees.to_radians());
+        let color = self.map.sample(map_from_object * direction, steps.map(|step| map_from_object * step));
+        color.extend(1.0)
+    }
+
+    fn is_view_dependent(&self) -> bool {
+        matches!(self.source, DirectionSource::Reflection | DirectionSource::View)
+    }
+}
+
+// ---- Reflections of surroundings that are not infinitely far away.
+//
+// A map shows what is seen from its centre. A point beside the centre sees the walls of a room in other directions; if the
+// room is roughly a box or a ball, those follow from where the point's ray meets it (S. Lagarde and A. Zanuttini, "Local
+// image-based lighting with parallax-corrected cubemaps", 2012).
+
+/// The shape that stands for the surroundings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum EnvironmentProxy {
+    /// An axis-aligned box.
+    Box {
+        /// Smallest coordinates.
+        min: Vec3,
+        /// Largest coordinates.
+        max: Vec3,
+    },
+    /// A ball.
+    Ball {
+        /// Its centre.
+        center: Vec3,
+        /// Its radius.
+        radius: f32,
+    },
+}
+
+impl EnvironmentProxy {
+    /// The direction in which a map taken at `map_center` shows what a ray from `position` along `direction` meets. Rays
+    /// that do not start inside the shape keep their direction. All in one space, of the same units.
+    pub fn corrected(&self, position: Vec3, direction: Vec3, map_center: Vec3) -> Vec3 {
+        let distance = match *self {
+            Self::Box { min, max } => {
+                if position.cmplt(min).any() || position.cmpgt(max).any() {
+                    return direction;
+                }
+                // Along each axis to the wall that lies ahead; an axis along which the ray stands still has none.
+                let ahead = Vec3::select(direction.cmpgt(Vec3::ZERO), max, min);
+                let distances = (ahead - position) / direction;
+                let bounded = Vec3::select(direction.cmpeq(Vec3::ZERO), Vec3::INFINITY, distances);
+                bounded.min_element()
+            }
+            Self::Ball { center, radius } => {
+                let from_center = position - center;
+                let length2 = direction.length_squared();
+                let along = from_center.dot(direction);
+                let outside = from_center.length_squared() - radius * radius;
+                if outside > 0.0 {
+                    return direction;
+                }
+                ((along * along - length2 * outside).sqrt() - along) / length2
+            }
+        };
+        let corrected = position + direction * distance - map_center;
+        if corrected.is_finite() && corrected != Vec3::ZERO { corrected } else { direction }
+    }
+
+    /// As [`EnvironmentProxy::corrected`], as a unit direction, with its change along a footprint's edges (by differences:
+    /// where an edge reaches over a corner of the box, it is the chord).
+    pub fn corrected_footprint(
+        &self,
+        position: Vec3,
+        position_steps: [Vec3; 2],
+        direction: Vec3,
+        direction_steps: [Vec3; 2],
+        map_center: Vec3,
+    ) -> (Vec3, [Vec3; 2]) {
+        let at =
+            |position, direction| self.corrected(position, direction, map_center).normalize_or(direction);
+        let middle = at(position, direction);
+        let steps = [0, 1].map(|i| at(position + position_steps[i], direction + direction_steps[i]) - middle);
+        (middle, steps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn walls_are_seen_where_they_are() {
+        let walls = EnvironmentProxy::Box { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
+        let ball = EnvironmentProxy::Ball { center: Vec3::ZERO, radius: 1.0 };
+        // From the centre nothing changes.
+        let d = Vec3::new(0.3, -0.4, 0.5).normalize();
+        for proxy in [walls, ball] {
+            assert!(proxy.corrected(Vec3::ZERO, d, Vec3::ZERO).normalize().distance(d) < 1e-6);
+        }
+        let beside = Vec3::new(0.5, 0.0, 0.0);
+        assert_eq!(walls.corrected(beside, Vec3::Z, Vec3::ZERO), Vec3::new(0.5, 0.0, 1.0));
+        let met = ball.corrected(beside, Vec3::Z, Vec3::ZERO);
+        assert!((met.length() - 1.0).abs() < 1e-6 && met.x == 0.5, "{met}");
+        // Outside, and without a direction.
+        assert_eq!(walls.corrected(Vec3::X * 2.0, d, Vec3::ZERO), d);
+        assert_eq!(ball.corrected(Vec3::X * 2.0, d, Vec3::ZERO), d);
+        assert_eq!(walls.corrected(beside, Vec3::ZERO, Vec3::ZERO), Vec3::ZERO);
+    }
 }

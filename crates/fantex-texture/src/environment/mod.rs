@@ -15,29 +15,16 @@
 //! cube, lies in the direction `-z`, with `+x` to its right; so a camera that looks along `-z` sees every picture as it is
 //! in its file, not mirrored.
 
-mod convert;
-mod cube_face;
-mod cube_texture;
 mod form;
-mod harmonics;
-mod layout;
 mod level;
-mod load;
+mod lighting;
 mod map;
-mod mirror;
-mod prefilter;
-mod proxy;
-mod reduce;
 mod sky;
 
-pub use cube_face::CubeFace;
-pub use cube_texture::{CubeTexture, DirectionSource};
-pub use form::{ChartPoint, EnvironmentForm};
-pub use harmonics::IrradianceHarmonics;
-pub use layout::EnvironmentLayout;
-pub use load::LoadEnvironmentError;
-pub use map::{EnvironmentMap, MAX_ENVIRONMENT_ANISOTROPY};
-pub use mirror::{mirrored, mirrored_steps};
-pub use prefilter::{PREFILTERED_LEVELS, PrefilteredEnvironment};
-pub use proxy::EnvironmentProxy;
+pub use form::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout, mirrored, mirrored_steps};
+pub use lighting::{IrradianceHarmonics, PREFILTERED_LEVELS, PrefilteredEnvironment};
+pub use map::{
+    CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy, LoadEnvironmentError,
+    MAX_ENVIRONMENT_ANISOTROPY,
+};
 pub use sky::{MAX_TURBIDITY, Sky, SkyError};

@@ -10,7 +10,7 @@
 use glam::Vec4;
 use rayon::prelude::*;
 
-use super::texel::{Kernel, TexelSource, resolve, with_texels};
+use super::taps::{Kernel, TexelSource, resolve, with_texels};
 use crate::AlphaUse;
 use crate::color::unorm16;
 use crate::image::{ColorSpace, Depth, Image, Samples};

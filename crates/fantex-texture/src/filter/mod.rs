@@ -10,23 +10,21 @@
 
 mod area;
 mod batch;
-mod ewa;
+mod batch_texels;
 mod footprint;
-mod inner;
-mod lod;
 mod mipmap;
 mod taps;
-mod texel;
 
 pub use batch::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
-pub use ewa::{EWA_MINOR_TEXELS, EllipseRow, WeightedEllipse};
-pub use footprint::{FootprintAxes, MAX_ANISOTROPY};
+pub use footprint::{EWA_MINOR_TEXELS, EllipseRow, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse};
 pub use taps::catmull_rom_weights;
 
 pub(crate) use area::{AreaBlock, AreaPlan};
-pub(crate) use batch::{BLOCK, Colors, Levels, LookUp, Probes, Steps, Workspace};
-pub(crate) use ewa::ewa;
-pub(crate) use lod::LevelPair;
+pub(crate) use batch::{BLOCK, Colors, LookUp, Probes, Steps, Workspace};
+pub(crate) use batch_texels::Levels;
+pub(crate) use footprint::{LevelPair, ewa};
 pub(crate) use mipmap::{Stretch, build_levels, stored_channels, stretches};
-pub(crate) use taps::{Reconstruction, Taps, bicubic, bilinear, bilinear_reference, bilinear_row, nearest};
-pub(crate) use texel::{Kernel, TexelSource, TexelUse, resolve, with_samples, with_texels};
+pub(crate) use taps::{
+    Kernel, Reconstruction, Taps, TexelSource, TexelUse, bicubic, bilinear, bilinear_reference, bilinear_row,
+    nearest, resolve, with_samples, with_texels,
+};

@@ -4,19 +4,15 @@
 
 mod combine;
 mod common;
-mod comparisons;
 mod conformance;
 mod coordinates;
 mod environments;
-mod fast_paths;
-mod files;
 mod filters;
-mod horizon;
+mod images;
 mod looks;
 mod many_points;
 mod mappings;
 mod pictures;
-mod resizing;
 mod solids;
 mod speed;
 mod surface_detail;

@@ -1,0 +1,579 @@
+//! Cutting the surface into pieces that are laid flat: from the groups of the cover to a few large charts.
+//!
+//! ```text
+//!  groups --every triangle to one--> atoms --join neighbours that face alike--> patches --cut where they overlap--> charts
+//! ```
+//!
+//! A group sees its own triangles well and its neighbours mostly too, so groups are joined as long as one projection serves
+//! the union: fewer charts have less border, and border costs padding.
+
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BinaryHeap};
+
+use fantex_cover::{Cover, GroupKind};
+use fantex_mesh::{Edges, Mesh};
+use glam::{IVec2, Vec2, Vec2Swizzles, Vec3};
+use rayon::prelude::*;
+
+/// A piece of the surface in one orthogonal projection, none of whose triangles overlap.
+#[derive(Clone, Debug)]
+pub(crate) struct Chart {
+    /// Its triangles, ascending.
+    pub(crate) triangles: Vec<u32>,
+    /// Unit vectors, mesh space: those of growing u and of growing v. (`v_axis x u_axis` faces the surface, since v points
+    /// downwards in a picture.)
+    axes: [Vec3; 2],
+    /// Lower corner of its rectangle in the plane, mesh units.
+    low: Vec2,
+    /// Sides of its rectangle, mesh units.
+    pub(crate) extent: Vec2,
+}
+
+impl Chart {
+    /// The projection along `direction` (unit) in which the piece's rectangle is smallest, lying on its long side.
+    pub(crate) fn new(mesh: &Mesh, triangles: Vec<u32>, direction: Vec3) -> Self {
+        let (first, second) = direction.any_orthonormal_pair();
+        let points: Vec<Vec2> = triangles
+            .iter()
+            .flat_map(|&t| mesh.triangle_positions(t as usize))
+            .map(|p| Vec2::new(p.dot(first), p.dot(second)))
+            .collect();
+        let turned = (0..TURNS).map(|turn| {
+            let x = Vec2::from_angle(turn as f32 * std::f32::consts::PI / TURNS as f32);
+            let y = x.perp();
+            let low_high = points.iter().fold((Vec2::INFINITY, Vec2::NEG_INFINITY), |(low, high), p| {
+                let q = Vec2::new(p.dot(x), -p.dot(y));
+                (low.min(q), high.max(q))
+            });
+            (x, low_high.0, low_high.1 - low_high.0)
+        });
+        let lying = turned.filter(|(_, _, extent)| extent.x >= extent.y);
+        let smallest = lying.min_by(|a, b| a.2.element_product().total_cmp(&b.2.element_product()));
+        // Of two directions at a right angle, at least one lies.
+        let (x, low, extent) = smallest.unwrap_or((Vec2::X, Vec2::ZERO, Vec2::ZERO));
+        let y = x.perp();
+        Self { triangles, axes: [first * x.x + second * x.y, -(first * y.x + second * y.y)], low, extent }
+    }
+
+    /// Plane coordinates of a point, mesh units, not negative for points of the chart.
+    pub(crate) fn plane_from_mesh(&self, p_mesh: Vec3) -> Vec2 {
+        Vec2::new(p_mesh.dot(self.axes[0]), p_mesh.dot(self.axes[1])) - self.low
+    }
+
+    /// Plane coordinates of a triangle's corners.
+    pub(crate) fn corners(&self, mesh: &Mesh, triangle: u32) -> [Vec2; 3] {
+        mesh.triangle_positions(triangle as usize).map(|p| self.plane_from_mesh(p))
+    }
+
+    /// The cosine of the angle between the projection's direction and a triangle's normal.
+    pub(crate) fn facing(&self, mesh: &Mesh, triangle: u32) -> f32 {
+        facet_normal(mesh, triangle as usize).dot(self.axes[1].cross(self.axes[0]))
+    }
+}
+
+/// Directions that are tried for a chart's sides, over half a turn. Even, so that right angles are among them.
+const TURNS: u32 = 32;
+
+/// All charts of a mesh; every triangle lies in exactly one. The same on any number of threads.
+pub(crate) fn charts(mesh: &Mesh, cover: &Cover, texels_per_unit: f32) -> Vec<Chart> {
+    let edges = edges(mesh);
+    let atoms = atoms(mesh, cover, &edges);
+    let patches = join(mesh, &atoms, &edges, texels_per_unit);
+    patches.into_iter().flat_map(|patch| charts_of(mesh, patch, texels_per_unit)).collect()
+}
+
+/// Unit normal of a triangle by its winding.
+fn facet_normal(mesh: &Mesh, triangle: usize) -> Vec3 {
+    facet(mesh, triangle).normalize_or(Vec3::Z)
+}
+
+/// The normal of a triangle, as long as twice its area.
+fn facet(mesh: &Mesh, triangle: usize) -> Vec3 {
+    let [a, b, c] = mesh.triangle_positions(triangle).map(Vec3::as_dvec3);
+    (b - a).cross(c - a).as_vec3()
+}
+
+/// Twice the area of a triangle, square mesh units.
+pub(crate) fn doubled_area(mesh: &Mesh, triangle: usize) -> f32 {
+    facet(mesh, triangle).length()
+}
+
+/// The root of an element in a union-find forest; shortens paths.
+fn root(parents: &mut [u32], mut index: u32) -> u32 {
+    while parents[index as usize] != index {
+        parents[index as usize] = parents[parents[index as usize] as usize];
+        index = parents[index as usize];
+    }
+    index
+}
+
+// ---- The smallest pieces: connected triangles that belong to one group of the cover.
+
+/// An edge that two triangles continue each other across.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edge {
+    /// The triangles.
+    pub(crate) triangles: [u32; 2],
+    /// Mesh units.
+    pub(crate) length: f32,
+}
+
+/// A group that sees a triangle worse than this does not get it.
+const MIN_FACING_OF_GROUP: f32 = 0.3;
+
+/// All edges that triangles [continue](fantex_mesh::continued) each other across, ordered by their vertices.
+pub(crate) fn edges(mesh: &Mesh) -> Vec<Edge> {
+    let shared = Edges::of(&mesh.triangles);
+    let of_pairs = |edge: fantex_mesh::Edge<'_>| {
+        let [a, b] = edge.vertices().map(|v| mesh.positions[v as usize]);
+        let length = a.distance(b);
+        edge.continued()
+            .into_iter()
+            .map(move |pair| Edge { triangles: pair.map(|half_edge| half_edge / 3), length })
+    };
+    shared.iter().flat_map(of_pairs).collect()
+}
+
+/// The atom of every triangle, numbered from 0 in the order of their first triangles.
+fn atoms(mesh: &Mesh, cover: &Cover, edges: &[Edge]) -> Vec<u32> {
+    let groups: Vec<Option<u32>> = (0..mesh.triangles.len())
+        .into_par_iter()
+        .with_min_len(1 << 12)
+        .map(|t| group_of(mesh, cover, t))
+        .collect();
+    let mut parents: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+    for [a, b] in edges.iter().map(|e| e.triangles) {
+        if groups[a as usize].is_some() && groups[a as usize] == groups[b as usize] {
+            let (a, b) = (root(&mut parents, a), root(&mut parents, b));
+            parents[a.max(b) as usize] = a.min(b);
+        }
+    }
+    let mut numbers = vec![u32::MAX; parents.len()];
+    let mut count = 0;
+    (0..parents.len() as u32)
+        .map(|t| {
+            let number = &mut numbers[root(&mut parents, t) as usize];
+            if *number == u32::MAX {
+                *number = count;
+                count += 1;
+            }
+            *number
+        })
+        .collect()
+}
+
+/// The projected group that has most of a triangle's corners and, among those, sees it best. None where no group sees it well.
+fn group_of(mesh: &Mesh, cover: &Cover, triangle: usize) -> Option<u32> {
+    let corner_groups = cover.corner_groups[triangle];
+    let normal = facet_normal(mesh, triangle);
+    let facing = |g: u32| {
+        let group = &cover.groups[g as usize];
+        if group.kind == GroupKind::Projected { group.frame.direction.dot(normal) } else { -1.0 }
+    };
+    let corners = |g: u32| corner_groups.iter().filter(|&&other| other == g).count();
+    let seen = corner_groups.into_iter().filter(|&g| facing(g) >= MIN_FACING_OF_GROUP);
+    seen.max_by(|&a, &b| corners(a).cmp(&corners(b)).then(facing(a).total_cmp(&facing(b))).then(b.cmp(&a)))
+}
+
+// ---- Joining neighbouring pieces that one projection can show.
+
+/// Pieces are joined while no triangle is turned away from the common direction by more than this, degrees: a texel then
+/// covers at most 1.4 times its length.
+const WIDEST_DEGREES: f32 = 45.0;
+
+/// Crumbs may be turned away more: they are not worth charts of their own.
+const WIDEST_DEGREES_OF_CRUMBS: f32 = 68.0;
+
+/// Pieces with less area than a square of this many texels are crumbs.
+const CRUMB_TEXELS: f32 = 24.0;
+
+/// A connected set of triangles that one direction sees.
+#[derive(Clone, Debug)]
+struct Patch {
+    /// Ascending.
+    triangles: Vec<u32>,
+    /// Mean normal, unit.
+    direction: Vec3,
+}
+
+/// A piece while pieces are joined.
+#[derive(Clone, Debug, Default)]
+struct Piece {
+    normals: NormalSet,
+    /// Sum of the normals of its triangles by twice their area.
+    facing: Vec3,
+    area: f32,
+    perimeter: f32,
+    /// Length of the border with each neighbour.
+    borders: BTreeMap<u32, f32>,
+    /// Counts its changes; what was planned before is void.
+    version: u32,
+}
+
+/// A union that may be made. Ordered so that the heap gives the cheapest first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Plan {
+    cost: f32,
+    pieces: [u32; 2],
+    versions: [u32; 2],
+}
+
+impl Eq for Plan {}
+
+impl Ord for Plan {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.cost.total_cmp(&self.cost).then_with(|| other.pieces.cmp(&self.pieces))
+    }
+}
+
+impl PartialOrd for Plan {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// Joins atoms (given by triangle) into patches.
+fn join(mesh: &Mesh, atoms: &[u32], edges: &[Edge], texels_per_unit: f32) -> Vec<Patch> {
+    let mut joiner = Joiner::new(mesh, atoms, edges);
+    joiner.run(WIDEST_DEGREES, f32::INFINITY);
+    joiner.run(WIDEST_DEGREES_OF_CRUMBS, (CRUMB_TEXELS / texels_per_unit).powi(2));
+    joiner.patches(atoms)
+}
+
+struct Joiner {
+    pieces: Vec<Piece>,
+    parents: Vec<u32>,
+}
+
+impl Joiner {
+    fn new(mesh: &Mesh, atoms: &[u32], edges: &[Edge]) -> Self {
+        let count = atoms.iter().max().map_or(0, |&last| last as usize + 1);
+        let mut pieces = vec![Piece::default(); count];
+        for (t, &atom) in atoms.iter().enumerate() {
+            let piece = &mut pieces[atom as usize];
+            let normal = facet(mesh, t);
+            piece.facing += normal;
+            piece.area += 0.5 * normal.length();
+            piece.normals.insert(normal);
+            let [a, b, c] = mesh.triangle_positions(t);
+            piece.perimeter += a.distance(b) + b.distance(c) + c.distance(a);
+        }
+        for edge in edges {
+            let [a, b] = edge.triangles.map(|t| atoms[t as usize]);
+            if a == b {
+                pieces[a as usize].perimeter -= 2.0 * edge.length;
+            } else {
+                *pieces[a as usize].borders.entry(b).or_default() += edge.length;
+                *pieces[b as usize].borders.entry(a).or_default() += edge.length;
+            }
+        }
+        Self { pieces, parents: (0..count as u32).collect() }
+    }
+
+    /// Makes the cheapest union as long as there is one in which no normal is farther than `widest_degrees` from the
+    /// mean and one of the two pieces is not larger than `largest_area`.
+    fn run(&mut self, widest_degrees: f32, largest_area: f32) {
+        let limits = (widest_degrees.to_radians().cos(), largest_area);
+        let mut plans = BinaryHeap::new();
+        for a in 0..self.pieces.len() as u32 {
+            if self.parents[a as usize] == a {
+                let later = self.pieces[a as usize].borders.range(a + 1..);
+                plans.extend(later.filter_map(|(&b, _)| self.plan(a, b, limits)));
+            }
+        }
+        while let Some(plan) = plans.pop() {
+            let is_current = |k: usize| {
+                let index = plan.pieces[k] as usize;
+                self.parents[index] == plan.pieces[k] && self.pieces[index].version == plan.versions[k]
+            };
+            if is_current(0) && is_current(1) {
+                let joined = self.unite(plan.pieces);
+                let neighbours = self.pieces[joined as usize].borders.keys();
+                plans.extend(neighbours.filter_map(|&b| self.plan(joined, b, limits)));
+            }
+        }
+    }
+
+    /// The union of two neighbours, if it is allowed: flat ones with a long common border first.
+    fn plan(&self, a: u32, b: u32, (least_cosine, largest_area): (f32, f32)) -> Option<Plan> {
+        let [first, second] = [&self.pieces[a as usize], &self.pieces[b as usize]];
+        if first.area.min(second.area) > largest_area {
+            return None;
+        }
+        let direction = (first.facing + second.facing).try_normalize()?;
+        let cosine = first.normals.least_cosine(direction).min(second.normals.least_cosine(direction));
+        if cosine < least_cosine {
+            return None;
+        }
+        let border = first.borders.get(&b).copied().unwrap_or(0.0);
+        let share = border / first.perimeter.min(second.perimeter).max(f32::MIN_POSITIVE);
+        let cost = 2.0 * (1.0 - cosine) + (1.0 - share);
+        Some(Plan { cost, pieces: [a, b], versions: [first.version, second.version] })
+    }
+
+    /// Joins two pieces into that with more neighbours, and returns it.
+    fn unite(&mut self, [a, b]: [u32; 2]) -> u32 {
+        let neighbours = |i: u32| self.pieces[i as usize].borders.len();
+        let (kept, gone) = if neighbours(a) >= neighbours(b) { (a, b) } else { (b, a) };
+        let lost = std::mem::take(&mut self.pieces[gone as usize]);
+        self.parents[gone as usize] = kept;
+        for (&neighbour, &length) in &lost.borders {
+            let theirs = &mut self.pieces[neighbour as usize].borders;
+            theirs.remove(&gone);
+            if neighbour != kept {
+                *theirs.entry(kept).or_default() += length;
+                *self.pieces[kept as usize].borders.entry(neighbour).or_default() += length;
+            }
+        }
+        let piece = &mut self.pieces[kept as usize];
+        let border = lost.borders.get(&kept).copied().unwrap_or(0.0);
+        piece.normals = piece.normals.union(&lost.normals);
+        piece.facing += lost.facing;
+        piece.area += lost.area;
+        piece.perimeter += lost.perimeter - 2.0 * border;
+        piece.version += 1;
+        kept
+    }
+
+    /// The pieces, in the order of their first triangles.
+    fn patches(mut self, atoms: &[u32]) -> Vec<Patch> {
+        let mut numbers = vec![usize::MAX; self.pieces.len()];
+        let mut patches: Vec<Patch> = Vec::new();
+        for (t, &atom) in atoms.iter().enumerate() {
+            let piece = root(&mut self.parents, atom) as usize;
+            if numbers[piece] == usize::MAX {
+                numbers[piece] = patches.len();
+                let direction = self.pieces[piece].facing.normalize_or(Vec3::Z);
+                patches.push(Patch { triangles: Vec::new(), direction });
+            }
+            patches[numbers[piece]].triangles.push(t as u32);
+        }
+        patches
+    }
+}
+
+// ---- Sets of directions, coarse and of constant size.
+
+/// Cells along a side of the octahedral map (Q. Meyer et al., "On Floating-Point Normal Vectors", 2010): a cell is within 8 degrees of its middle.
+const CELLS: usize = 32;
+
+/// Which cells of the sphere a piece's normals fall into. What one projection can show is decided by the extreme normals, and
+/// they survive joining without looking at triangles again.
+#[derive(Clone, Copy, Debug, Default)]
+struct NormalSet([u64; CELLS * CELLS / 64]);
+
+impl NormalSet {
+    fn insert(&mut self, normal: Vec3) {
+        let n = normal / normal.abs().element_sum().max(f32::MIN_POSITIVE);
+        let mut p = n.truncate();
+        if n.z < 0.0 {
+            p = folded(p);
+        }
+        let cell = |c: f32| ((c * 0.5 + 0.5) * CELLS as f32).clamp(0.0, CELLS as f32 - 1.0) as usize;
+        let index = cell(p.y) * CELLS + cell(p.x);
+        self.0[index / 64] |= 1 << (index % 64);
+    }
+
+    fn union(&self, other: &Self) -> Self {
+        let mut union = *self;
+        union.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a |= b);
+        union
+    }
+
+    /// The least cosine between a unit direction and the middles of the cells.
+    fn least_cosine(&self, direction: Vec3) -> f32 {
+        let mut least = 1.0f32;
+        for (word, &bits) in self.0.iter().enumerate() {
+            let mut bits = bits;
+            while bits != 0 {
+                let index = 64 * word + bits.trailing_zeros() as usize;
+                least = least.min(direction.dot(middle(index)));
+                bits &= bits - 1;
+            }
+        }
+        least
+    }
+}
+
+/// The lower half of the octahedron is folded outwards.
+fn folded(p: Vec2) -> Vec2 {
+    (1.0 - p.yx().abs()) * Vec2::ONE.copysign(p)
+}
+
+/// The direction in the middle of a cell.
+fn middle(index: usize) -> Vec3 {
+    let coordinate = |cell: usize| (cell as f32 + 0.5) / CELLS as f32 * 2.0 - 1.0;
+    let p = Vec2::new(coordinate(index % CELLS), coordinate(index / CELLS));
+    let z = 1.0 - p.x.abs() - p.y.abs();
+    let p = if z < 0.0 { folded(p) } else { p };
+    p.extend(z).normalize_or(Vec3::Z)
+}
+
+// ---- Cutting patches whose projection overlaps itself.
+
+/// Triangles that the common direction sees worse than this get charts of their own.
+const MIN_FACING_OF_CHART: f32 = 0.2;
+
+/// Cells along the longer side of a patch in which overlaps are looked for, at most.
+const MOST_CELLS: f32 = 4096.0;
+
+/// How much a triangle is shrunk before its cells are taken, so that neighbours never meet: share of a cell.
+const SHRINK: f32 = 1e-3;
+
+/// The charts of a patch: mostly one.
+fn charts_of(mesh: &Mesh, patch: Patch, texels_per_unit: f32) -> Vec<Chart> {
+    let mut charts = Vec::new();
+    let (mut rest, hidden): (Vec<u32>, Vec<u32>) = patch
+        .triangles
+        .into_iter()
+        .partition(|&t| facet_normal(mesh, t as usize).dot(patch.direction) >= MIN_FACING_OF_CHART);
+    while !rest.is_empty() {
+        let chart = Chart::new(mesh, rest, patch.direction);
+        let taken = without_overlap(mesh, &chart, texels_per_unit);
+        if taken.len() == chart.triangles.len() {
+            charts.push(chart);
+            break;
+        }
+        rest = Vec::with_capacity(chart.triangles.len() - taken.len());
+        let mut taken_iter = taken.iter().peekable();
+        for t in chart.triangles {
+            if taken_iter.next_if_eq(&&t).is_none() {
+                rest.push(t);
+            }
+        }
+        charts.push(Chart::new(mesh, taken, patch.direction));
+    }
+    charts.extend(hidden.into_iter().map(|t| Chart::new(mesh, vec![t], facet_normal(mesh, t as usize))));
+    charts
+}
+
+/// Triangles, ascending, that share no cell; taken in the order in which they hang together, so that what is left over hangs
+/// together as well.
+fn without_overlap(mesh: &Mesh, chart: &Chart, texels_per_unit: f32) -> Vec<u32> {
+    let longest = chart.extent.max_element();
+    let cells_per_unit = texels_per_unit.min(MOST_CELLS / longest.max(f32::MIN_POSITIVE));
+    let width = (chart.extent.x * cells_per_unit) as usize + 2;
+    let height = (chart.extent.y * cells_per_unit) as usize + 2;
+    let mut is_taken = vec![0u64; (width * height).div_ceil(64)];
+    let mut accepted = Vec::with_capacity(chart.triangles.len());
+    let mut cells = Vec::new();
+    for t in connected_order(mesh, &chart.triangles) {
+        cells.clear();
+        let corners = chart.corners(mesh, t).map(|q| q * cells_per_unit);
+        visit_cells(corners, |cell| cells.push(cell.y as usize * width + cell.x as usize));
+        if cells.iter().all(|&c| is_taken[c / 64] >> (c % 64) & 1 == 0) {
+            cells.iter().for_each(|&c| is_taken[c / 64] |= 1 << (c % 64));
+            accepted.push(t);
+        }
+    }
+    accepted.sort_unstable();
+    accepted
+}
+
+/// The triangles, each after one that it shares a vertex with, as far as they hang together.
+fn connected_order(mesh: &Mesh, triangles: &[u32]) -> Vec<u32> {
+    let mut around: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for (i, &t) in (0u32..).zip(triangles) {
+        mesh.triangles[t as usize].iter().for_each(|&v| around.entry(v).or_default().push(i));
+    }
+    let mut order = Vec::with_capacity(triangles.len());
+    let mut is_seen = vec![false; triangles.len()];
+    for start in 0..triangles.len() {
+        if std::mem::replace(&mut is_seen[start], true) {
+            continue;
+        }
+        let mut next = order.len();
+        order.push(start as u32);
+        while next < order.len() {
+            let t = triangles[order[next] as usize];
+            next += 1;
+            for v in mesh.triangles[t as usize] {
+                // A vertex' triangles are needed once.
+                for i in around.get_mut(&v).map(std::mem::take).unwrap_or_default() {
+                    if !std::mem::replace(&mut is_seen[i as usize], true) {
+                        order.push(i);
+                    }
+                }
+            }
+        }
+    }
+    order.into_iter().map(|i| triangles[i as usize]).collect()
+}
+
+/// Visits the cells whose middles lie inside a triangle (in cells, not negative), not on its border.
+fn visit_cells(corners: [Vec2; 3], mut visit: impl FnMut(IVec2)) {
+    let [a, b, c] = corners;
+    let area = (b - a).perp_dot(c - a);
+    if area.abs() < 1e-9 {
+        return;
+    }
+    let sides =
+        [[b, c], [c, a], [a, b]].map(|[from, to]| (from, (to - from).normalize_or_zero() * area.signum()));
+    let (low, high) = (a.min(b).min(c), a.max(b).max(c));
+    let (first, last) = ((low - 0.5).ceil().max(Vec2::ZERO).as_ivec2(), (high - 0.5).floor().as_ivec2());
+    for y in first.y..=last.y {
+        for x in first.x..=last.x {
+            let p = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+            if sides.iter().all(|(from, along)| along.perp_dot(p - *from) > SHRINK) {
+                visit(IVec2::new(x, y));
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_set_knows_its_normals_to_a_few_degrees() {
+        for i in 0..1000 {
+            let angle = i as f32;
+            let z = (i as f32 / 500.0) - 1.0;
+            let r = (1.0 - z * z).max(0.0).sqrt();
+            let normal = Vec3::new(r * angle.cos(), r * angle.sin(), z);
+            let mut set = NormalSet::default();
+            set.insert(normal);
+            let off = set.least_cosine(normal).acos().to_degrees();
+            assert!(off < 8.0, "{normal}: {off} degrees");
+        }
+    }
+
+    /// A strip that winds one and a half times around the z axis, slowly rising: it overlaps itself seen from above.
+    fn helix() -> Mesh {
+        let steps = 48;
+        let mut mesh = Mesh::default();
+        for i in 0..=steps {
+            let angle = i as f32 / 32.0 * std::f32::consts::TAU;
+            let z = i as f32 * 0.005;
+            for radius in [0.4, 0.9] {
+                mesh.positions.push(Vec3::new(radius * angle.cos(), radius * angle.sin(), z));
+            }
+        }
+        for i in 0..steps {
+            mesh.triangles.extend([[2 * i, 2 * i + 1, 2 * i + 3], [2 * i, 2 * i + 3, 2 * i + 2]]);
+        }
+        mesh
+    }
+
+    #[test]
+    fn a_winding_strip_is_cut_where_it_comes_round() {
+        let mesh = helix();
+        let all: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+        let charts = charts_of(&mesh, Patch { triangles: all.clone(), direction: Vec3::Z }, 200.0);
+        assert_eq!(charts.len(), 2);
+        let mut triangles: Vec<u32> = charts.iter().flat_map(|c| c.triangles.clone()).collect();
+        triangles.sort_unstable();
+        assert_eq!(triangles, all);
+    }
+
+    #[test]
+    fn neighbours_share_no_cell() {
+        let mut count = vec![0; 100];
+        for corners in [[[0.0, 0.0], [9.3, 0.0], [9.3, 9.3]], [[0.0, 0.0], [9.3, 9.3], [0.0, 9.3]]] {
+            visit_cells(corners.map(Vec2::from), |c| count[(c.y * 10 + c.x) as usize] += 1);
+        }
+        assert!(count.iter().all(|&n| n <= 1));
+        assert!(count.iter().sum::<i32>() > 70);
+    }
+}

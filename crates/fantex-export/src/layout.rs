@@ -1,0 +1,715 @@
+//! Where every triangle lies in which picture.
+
+use std::collections::HashMap;
+
+use fantex_bake::Progress;
+use fantex_mesh::{Mesh, VertexCorners};
+use glam::Vec2;
+use rayon::prelude::*;
+
+use crate::charts::{Chart, charts};
+use crate::error::ExportError;
+
+/// No chart.
+pub(crate) const NOBODY: u32 = u32::MAX;
+
+/// Texture coordinates of all triangles and the pictures they refer to.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Layout {
+    /// Texture coordinates of each triangle's corners, origin top left, v downwards.
+    pub(crate) uv: Vec<[Vec2; 3]>,
+    /// The pictures.
+    pub(crate) pages: Vec<Page>,
+    /// Index into `pages` for every material; none where no triangle has it.
+    pub(crate) page_of_material: Vec<Option<usize>>,
+    /// True where coordinates go beyond 0..1 and the pictures repeat.
+    pub(crate) repeats: bool,
+    /// Charts of an own packing; 0 for the model's coordinates.
+    pub(crate) charts: usize,
+    /// Texels that an own packing keeps around charts: no foreign texel is read down to the level at which a texel covers
+    /// this many. 0 for the model's coordinates.
+    pub(crate) padding: u32,
+    /// Mean texels per mesh unit over the surface.
+    pub(crate) texels_per_unit: f32,
+}
+
+/// One square picture (of every map).
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Page {
+    /// Columns and rows, a power of two.
+    pub(crate) side: u32,
+    /// The triangles that lie in it.
+    pub(crate) placed: Vec<Placed>,
+    /// Blocks are squares of this many texels.
+    pub(crate) block: u32,
+    /// The chart that each block belongs to or `NOBODY`, row-major; empty where texels belong to whoever is nearest.
+    pub(crate) owners: Vec<u32>,
+}
+
+/// A triangle in a picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Placed {
+    /// Index in the mesh.
+    pub(crate) triangle: u32,
+    /// Which chart's blocks it may use; 0 where there are no owners.
+    pub(crate) chart: u32,
+    /// Corners in texels, texel centres at half integers.
+    pub(crate) corners: [Vec2; 3],
+    /// True for a neighbour of the chart, which continues the surface into the padding and is not seen itself.
+    pub(crate) is_beyond: bool,
+}
+
+impl Page {
+    /// The chart that a texel belongs to: `NOBODY` in unused blocks, 0 where there are no owners.
+    pub(crate) fn owner(&self, x: u32, y: u32) -> u32 {
+        if self.owners.is_empty() {
+            return 0;
+        }
+        let blocks = self.side / self.block;
+        self.owners[(y / self.block * blocks + x / self.block) as usize]
+    }
+}
+
+// ---- The own packing: charts in a square picture, as dense as they fit.
+//
+// The picture is divided into blocks of `b x b` texels, `b` a power of two, and every block belongs to one chart at most. A
+// chart gets all blocks within `b / 2` texels of its triangles, and all texels of its blocks are filled with its own colours.
+// At the level at which a texel is the mean of a block, a bilinear look-up at a point of the chart reads the blocks whose
+// centres are around the point; these hold the chart's colours alone, and so do those of all finer levels.
+
+/// What the packing is asked for.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct AtlasRequest {
+    /// Texels per mesh unit of the asset.
+    pub(crate) texels_per_unit: f32,
+    /// The side, if it is given.
+    pub(crate) side: Option<u32>,
+    /// The largest side that is taken by itself.
+    pub(crate) largest_side: u32,
+    /// The padding (a power of two), if it is given.
+    pub(crate) padding: Option<u32>,
+}
+
+/// The side below which no picture is made by itself.
+const SMALLEST_SIDE: u32 = 64;
+
+/// Levels down to this many columns keep their charts apart, or those up to `MOST_PADDING`.
+const LEAST_LEVEL_SIDE: u32 = 128;
+
+/// A larger side is taken rather than less padding.
+const LEAST_PADDING: u32 = 2;
+
+/// Padding beyond this many texels is of no use to any filter.
+const MOST_PADDING: u32 = 16;
+
+/// A share of the wanted density that nobody misses.
+const NEARLY: f32 = 0.95;
+
+/// Cuts the mesh into charts and packs them.
+///
+/// # Errors
+///
+/// There are too many charts for the picture, or it was cancelled.
+pub(crate) fn atlas(
+    mesh: &Mesh,
+    cover: &fantex_cover::Cover,
+    request: &AtlasRequest,
+    progress: &dyn Progress,
+) -> Result<Layout, ExportError> {
+    let charts = charts(mesh, cover, request.texels_per_unit);
+    let packed = match request.side {
+        Some(side) => densest(mesh, &charts, side, request, progress),
+        None => {
+            let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
+            let texels = (0.5 * area).sqrt() * request.texels_per_unit;
+            let least = request.largest_side.min(SMALLEST_SIDE);
+            let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
+            loop {
+                let packed = densest(mesh, &charts, side, request, progress);
+                let is_good = |p: &Packed| {
+                    p.density >= NEARLY * request.texels_per_unit
+                        && (p.block >= LEAST_PADDING || request.padding.is_some())
+                };
+                let is_last = side >= request.largest_side || progress.is_cancelled();
+                if is_last || packed.as_ref().is_some_and(is_good) {
+                    break packed;
+                }
+                side *= 2;
+            }
+        }
+    };
+    if progress.is_cancelled() {
+        return Err(ExportError::Cancelled);
+    }
+    let packed = packed.ok_or(ExportError::TooManyCharts {
+        charts: charts.len(),
+        side: request.side.unwrap_or(request.largest_side),
+    })?;
+    Ok(laid_out(mesh, &charts, &packed))
+}
+
+/// Charts with their places.
+struct Packed {
+    side: u32,
+    block: u32,
+    /// Texels per mesh unit.
+    density: f32,
+    /// Columns and rows in blocks.
+    places: Vec<[u32; 2]>,
+    masks: Vec<Mask>,
+}
+
+/// The padding for a number of charts: what the levels ask for, less where charts would consist of padding mostly.
+fn padding(charts: usize, side: u32, request: &AtlasRequest) -> u32 {
+    let mut padding =
+        request.padding.unwrap_or((side / LEAST_LEVEL_SIDE).clamp(2, MOST_PADDING)).min(side / 4);
+    while request.padding.is_none()
+        && padding > 1
+        && charts as f64 * f64::from(3 * padding).powi(2) > 0.25 * f64::from(side).powi(2)
+    {
+        padding /= 2;
+    }
+    padding.max(1)
+}
+
+/// The largest density at which the charts fit a side, to about two percent; any or none once it is cancelled.
+fn densest(
+    mesh: &Mesh,
+    charts: &[Chart],
+    side: u32,
+    request: &AtlasRequest,
+    progress: &dyn Progress,
+) -> Option<Packed> {
+    let block = padding(charts.len(), side, request);
+    let at = |density: f32| try_density(mesh, charts, side, block, density, progress);
+    let longest = charts.iter().map(|c| c.extent.max_element()).fold(f32::MIN_POSITIVE, f32::max);
+    // The longest chart fills the side, or all of them fill the picture; nothing larger can fit.
+    let area: f64 = charts.iter().map(|chart| flat_area(mesh, chart)).sum();
+    let filled = f64::from(side) / area.max(f64::MIN_POSITIVE).sqrt();
+    let mut high = ((side - block) as f32 / longest).min(filled as f32);
+    let mut best = None;
+    let mut low = high;
+    for _ in 0..40 {
+        low *= 0.75;
+        best = at(low);
+        if best.is_some() {
+            break;
+        }
+        high = low;
+    }
+    best.as_ref()?;
+    for _ in 0..5 {
+        let middle = (low * high).sqrt();
+        match at(middle) {
+            Some(packed) => (low, best) = (middle, Some(packed)),
+            None => high = middle,
+        }
+    }
+    best
+}
+
+/// The area of a chart's triangles in their plane, square mesh units.
+fn flat_area(mesh: &Mesh, chart: &Chart) -> f64 {
+    let area = |&t: &u32| {
+        let [a, b, c] = chart.corners(mesh, t);
+        0.5 * f64::from((b - a).perp_dot(c - a).abs())
+    };
+    chart.triangles.iter().map(area).sum()
+}
+
+fn try_density(
+    mesh: &Mesh,
+    charts: &[Chart],
+    side: u32,
+    block: u32,
+    density: f32,
+    progress: &dyn Progress,
+) -> Option<Packed> {
+    let blocks = side / block;
+    let scale = density / block as f32;
+    let mask_of = |chart: &Chart| {
+        let extent = (chart.extent * scale + 1.0).ceil().max(Vec2::ONE).as_uvec2();
+        let fits = extent.x <= blocks && extent.y <= blocks && !progress.is_cancelled();
+        let corners = |&t: &u32| chart.corners(mesh, t).map(|q| q * scale + 0.5);
+        fits.then(|| Mask::around(extent.x, extent.y, chart.triangles.iter().map(corners)))
+    };
+    let masks: Vec<Mask> = charts.par_iter().map(mask_of).collect::<Option<_>>()?;
+    let places = pack(&masks, blocks)?;
+    Some(Packed { side, block, density, places, masks })
+}
+
+/// Corners of a chart's triangles in the picture: half a block away from the chart's own blocks' corner.
+fn corners_in_picture(
+    mesh: &Mesh,
+    chart: &Chart,
+    triangle: u32,
+    place: [u32; 2],
+    packed: &Packed,
+) -> [Vec2; 3] {
+    let origin = (Vec2::from(place.map(|n| n as f32)) + 0.5) * packed.block as f32;
+    chart.corners(mesh, triangle).map(|q| q * packed.density + origin)
+}
+
+fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
+    let blocks = packed.side / packed.block;
+    let mut owners = vec![NOBODY; blocks as usize * blocks as usize];
+    for (i, (mask, place)) in (0u32..).zip(packed.masks.iter().zip(&packed.places)) {
+        mask.blocks().for_each(|[x, y]| owners[((place[1] + y) * blocks + place[0] + x) as usize] = i);
+    }
+    let mut uv = vec![[Vec2::ZERO; 3]; mesh.triangles.len()];
+    let mut chart_of = vec![NOBODY; mesh.triangles.len()];
+    let mut placed = Vec::with_capacity(mesh.triangles.len());
+    for (i, (chart, &place)) in (0u32..).zip(charts.iter().zip(&packed.places)) {
+        for &triangle in &chart.triangles {
+            let corners = corners_in_picture(mesh, chart, triangle, place, packed);
+            uv[triangle as usize] = corners.map(|c| c / packed.side as f32);
+            chart_of[triangle as usize] = i;
+            placed.push(Placed { triangle, chart: i, corners, is_beyond: false });
+        }
+    }
+    let around = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+    let beyond = charts.par_iter().enumerate().flat_map_iter(|(i, chart)| {
+        let beyond = neighbours(mesh, chart, i as u32, &chart_of, &around);
+        beyond.into_iter().map(move |triangle| Placed {
+            triangle,
+            chart: i as u32,
+            corners: corners_in_picture(mesh, chart, triangle, packed.places[i], packed),
+            is_beyond: true,
+        })
+    });
+    placed.extend(beyond.collect::<Vec<_>>());
+    let page = Page { side: packed.side, placed, block: packed.block, owners };
+    Layout {
+        uv,
+        pages: vec![page],
+        page_of_material: vec![Some(0); mesh.materials.len()],
+        repeats: false,
+        charts: charts.len(),
+        padding: packed.block,
+        texels_per_unit: packed.density,
+    }
+}
+
+/// Neighbours of a chart worse seen than this are no continuation of it.
+const LEAST_FACING: f32 = 0.2;
+
+/// At a vertex of more triangles, those that share nothing but the vertex with a chart are no neighbours: tips of a hundred
+/// needles around the apex of a cone would take more work than they show.
+const MOST_AROUND: usize = 64;
+
+/// Triangles of other charts that touch a chart and that its projection sees, ascending.
+fn neighbours(mesh: &Mesh, chart: &Chart, index: u32, chart_of: &[u32], around: &VertexCorners) -> Vec<u32> {
+    let mut vertices: Vec<u32> = chart.triangles.iter().flat_map(|&t| mesh.triangles[t as usize]).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    let shares_edge = |t: u32| {
+        let is_shared = |v: &&u32| vertices.binary_search(v).is_ok();
+        mesh.triangles[t as usize].iter().filter(is_shared).count() > 1
+    };
+    let mut beyond = Vec::new();
+    for &v in &vertices {
+        let touching = around.at(v as usize);
+        let of_others = touching.iter().map(|&corner| corner / 3).filter(|&t| chart_of[t as usize] != index);
+        beyond.extend(of_others.filter(|&t| touching.len() <= MOST_AROUND || shares_edge(t)));
+    }
+    beyond.sort_unstable();
+    beyond.dedup();
+    beyond.retain(|&t| chart.facing(mesh, t) >= LEAST_FACING);
+    beyond
+}
+
+// ---- The blocks of texels that a chart needs.
+
+/// A set of blocks in a small rectangle, one bit each.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Mask {
+    /// Columns in blocks.
+    width: u32,
+    /// Rows in blocks.
+    height: u32,
+    words_per_row: usize,
+    words: Vec<u64>,
+}
+
+impl Mask {
+    /// No block of a rectangle.
+    fn empty(width: u32, height: u32) -> Self {
+        let words_per_row = (width as usize).div_ceil(64);
+        Self { width, height, words_per_row, words: vec![0; words_per_row * height as usize] }
+    }
+
+    /// The blocks within half a block of any triangle. Corners are in blocks and at least half a block inside the rectangle.
+    fn around(width: u32, height: u32, triangles: impl Iterator<Item = [Vec2; 3]>) -> Self {
+        let mut mask = Self::empty(width, height);
+        for corners in triangles {
+            mask.add(corners);
+        }
+        mask
+    }
+
+    fn add(&mut self, corners: [Vec2; 3]) {
+        let [a, b, c] = corners;
+        let (low, high) = (a.min(b).min(c) - 0.5, a.max(b).max(c) + 0.5);
+        let first = low.floor().max(Vec2::ZERO).as_uvec2();
+        let last = high.floor().max(Vec2::ZERO).as_uvec2();
+        for y in first.y..=last.y.min(self.height - 1) {
+            for x in first.x..=last.x.min(self.width - 1) {
+                let middle = Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                if !self.contains(x, y) && touches_square(corners, middle, 1.0) {
+                    self.insert(x, y);
+                }
+            }
+        }
+    }
+
+    fn insert(&mut self, x: u32, y: u32) {
+        self.words[y as usize * self.words_per_row + x as usize / 64] |= 1 << (x % 64);
+    }
+
+    fn contains(&self, x: u32, y: u32) -> bool {
+        self.words[y as usize * self.words_per_row + x as usize / 64] >> (x % 64) & 1 == 1
+    }
+
+    /// The first column from `x` on whose block in row `y` is not in the set; none where all are.
+    fn next_free(&self, x: u32, y: u32) -> Option<u32> {
+        let row = &self.words[y as usize * self.words_per_row..][..self.words_per_row];
+        let mut word = x as usize / 64;
+        let mut taken = *row.get(word)? | ((1 << (x % 64)) - 1);
+        while taken == u64::MAX {
+            word += 1;
+            taken = *row.get(word)?;
+        }
+        Some(64 * word as u32 + taken.trailing_ones()).filter(|&free| free < self.width)
+    }
+
+    /// Number of blocks.
+    fn count(&self) -> u64 {
+        self.words.iter().map(|w| u64::from(w.count_ones())).sum()
+    }
+
+    /// All its blocks.
+    fn blocks(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
+        (0..self.height)
+            .flat_map(move |y| (0..self.width).map(move |x| [x, y]))
+            .filter(|&[x, y]| self.contains(x, y))
+    }
+
+    /// Whether a block of `self` is one of `other`'s, moved to (x, y), inside `self`.
+    fn collides(&self, other: &Mask, x: u32, y: u32) -> bool {
+        let (word, shift) = (x as usize / 64, x % 64);
+        (0..other.height as usize).any(|row| {
+            let own = &self.words[(y as usize + row) * self.words_per_row..][..self.words_per_row];
+            let theirs = &other.words[row * other.words_per_row..][..other.words_per_row];
+            theirs.iter().enumerate().any(|(i, &bits)| {
+                let spilled = if shift == 0 { 0 } else { bits >> (64 - shift) };
+                own[word + i] & bits << shift != 0 || spilled != 0 && own[word + i + 1] & spilled != 0
+            })
+        })
+    }
+
+    /// Adds the blocks of `other`, moved to (x, y), inside `self`.
+    fn stamp(&mut self, other: &Mask, x: u32, y: u32) {
+        other.blocks().for_each(|[i, j]| self.insert(x + i, y + j));
+    }
+}
+
+/// Whether a triangle meets an axis-parallel square of half side `half`: no side of either separates them.
+fn touches_square(corners: [Vec2; 3], middle: Vec2, half: f32) -> bool {
+    let q = corners.map(|c| c - middle);
+    let (low, high) = (q[0].min(q[1]).min(q[2]), q[0].max(q[1]).max(q[2]));
+    if low.max_element() > half || high.min_element() < -half {
+        return false;
+    }
+    (0..3).all(|k| {
+        let normal = (q[(k + 1) % 3] - q[k]).perp();
+        let reach = half * (normal.x.abs() + normal.y.abs());
+        let along = q.map(|p| p.dot(normal));
+        along.iter().any(|&d| d <= reach) && along.iter().any(|&d| d >= -reach)
+    })
+}
+
+// ---- Packing masks of blocks into a square.
+
+/// Where each mask lies (in blocks) in a square of `side` blocks, the largest first into the topmost, then leftmost free
+/// place; none where they do not fit.
+fn pack(masks: &[Mask], side: u32) -> Option<Vec<[u32; 2]>> {
+    let counts: Vec<u64> = masks.iter().map(Mask::count).collect();
+    if counts.iter().sum::<u64>() > u64::from(side) * u64::from(side) {
+        return None;
+    }
+    let mut order: Vec<usize> = (0..masks.len()).collect();
+    order.sort_by_key(|&i| (std::cmp::Reverse(counts[i]), i));
+    let mut grid = Mask::empty(side, side);
+    let mut places = vec![[0, 0]; masks.len()];
+    // Where one of a size was placed, another one of that size rarely finds a place further up.
+    let mut first_rows = [0; 64];
+    for i in order {
+        let mask = &masks[i];
+        let first_row = &mut first_rows[counts[i].max(1).ilog2() as usize];
+        let place = find(&grid, mask, *first_row..side).or_else(|| find(&grid, mask, 0..*first_row))?;
+        *first_row = (*first_row).max(place[1]);
+        grid.stamp(mask, place[0], place[1]);
+        places[i] = place;
+    }
+    Some(places)
+}
+
+/// The first free place whose upper row is in `rows`.
+fn find(grid: &Mask, mask: &Mask, rows: std::ops::Range<u32>) -> Option<[u32; 2]> {
+    let (columns, last_row) = (grid.width.checked_sub(mask.width)?, grid.height.checked_sub(mask.height)?);
+    let first_column = (0..mask.width).find(|&x| mask.contains(x, 0)).unwrap_or(0);
+    (rows.start..rows.end.min(last_row + 1)).find_map(|y| {
+        let mut x = 0;
+        loop {
+            // Whatever else collides, the first block of the mask needs a free one.
+            x = grid.next_free(x + first_column, y)? - first_column;
+            if x > columns {
+                return None;
+            }
+            if !grid.collides(mask, x, y) {
+                return Some([x, y]);
+            }
+            x += 1;
+        }
+    })
+}
+
+// ---- The model's own texture coordinates.
+
+/// Pictures that a triangle's coordinates may reach over.
+const MOST_REPEATS: i32 = 64;
+
+/// The texture coordinates that the asset kept of its model.
+pub(crate) fn uv_of_asset(mesh: &Mesh) -> Result<Vec<[Vec2; 3]>, ExportError> {
+    let uv = mesh.corners.uv_sets.first().filter(|uv| uv.len() == 3 * mesh.triangles.len());
+    uv.map(|uv| uv.as_chunks().0.to_vec()).ok_or(ExportError::NoUv)
+}
+
+/// The texture coordinates of a model with the same triangles, in whatever order.
+///
+/// # Errors
+///
+/// The model has none, or a triangle of the asset is not one of its triangles.
+pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>, ExportError> {
+    let uv = uv_of_asset(model).map_err(|_| ExportError::NoUvInModel)?;
+    // Both are rounded to the same grid, so that equal points are equal whatever their mesh space is.
+    let scale = mesh.world_from_mesh.scale.abs() * MATCH_SHARE;
+    let key = |mesh: &Mesh, t: usize| {
+        let points = mesh.triangles[t].map(|v| {
+            let world = mesh.world_from_mesh.point(mesh.positions[v as usize]);
+            (world / scale).round().to_array().map(|x| x as i64)
+        });
+        let first = (0..3).min_by_key(|&k| points[k]).unwrap_or(0);
+        ([points[first], points[(first + 1) % 3], points[(first + 2) % 3]], first)
+    };
+    let mut by_key = HashMap::with_capacity(model.triangles.len());
+    for t in 0..model.triangles.len() {
+        let (points, first) = key(model, t);
+        by_key.entry(points).or_insert((t, first));
+    }
+    let found = |t: usize| {
+        let (points, first) = key(mesh, t);
+        let &(other, other_first) = by_key.get(&points).ok_or(ExportError::OtherModel { triangle: t })?;
+        Ok([0, 1, 2].map(|k| uv[other][(k + 3 - first + other_first) % 3]))
+    };
+    // Collected as they are: a parallel collection into one `Result` names any of the errors, not the first.
+    let all: Vec<Result<_, _>> = (0..mesh.triangles.len()).into_par_iter().map(found).collect();
+    all.into_iter().collect()
+}
+
+/// Positions closer than this share of the model's half size count as equal.
+const MATCH_SHARE: f64 = 1e-5;
+
+/// Lays the triangles out by given coordinates: a picture for every material, since materials may use the same coordinates.
+///
+/// # Errors
+///
+/// Coordinates that are not finite, or reach over too many pictures.
+pub(crate) fn model_uv(
+    mesh: &Mesh,
+    uv: Vec<[Vec2; 3]>,
+    texels_per_unit: f32,
+    side: Option<u32>,
+    largest_side: u32,
+) -> Result<Layout, ExportError> {
+    let mut by_material: Vec<Vec<u32>> = vec![Vec::new(); mesh.materials.len().max(1)];
+    (0..mesh.triangles.len()).for_each(|t| by_material[mesh.material_of(t)].push(t as u32));
+    let mut layout = Layout { page_of_material: vec![None; by_material.len()], ..Layout::default() };
+    let (mut texels, mut area) = (0.0, 0.0);
+    for (material, triangles) in by_material.iter().enumerate().filter(|(_, t)| !t.is_empty()) {
+        let size =
+            |area_of: &dyn Fn(usize) -> f32| -> f32 { triangles.iter().map(|&t| area_of(t as usize)).sum() };
+        let uv_area = size(&|t| 0.5 * (uv[t][1] - uv[t][0]).perp_dot(uv[t][2] - uv[t][0]).abs());
+        let mesh_area = size(&|t| 0.5 * crate::charts::doubled_area(mesh, t));
+        let wanted = texels_per_unit * (mesh_area / uv_area.max(1e-12)).sqrt();
+        let side = side.unwrap_or_else(|| {
+            // A few percent are not worth four times the texels.
+            let wanted = (wanted * 0.9).clamp(64.0, largest_side as f32).ceil() as u32;
+            wanted.next_power_of_two().min(largest_side)
+        });
+        texels += uv_area * (side as f32).powi(2);
+        area += mesh_area;
+        let mut page = Page { side, block: side, ..Page::default() };
+        for &t in triangles {
+            layout.repeats |= place(t, uv[t as usize], &mut page)?;
+        }
+        layout.page_of_material[material] = Some(layout.pages.len());
+        layout.pages.push(page);
+    }
+    layout.texels_per_unit = (texels / area.max(f32::MIN_POSITIVE)).sqrt();
+    layout.uv = uv;
+    Ok(layout)
+}
+
+/// Puts a triangle into a picture as often as its repetitions meet it. True where it goes beyond 0..1.
+fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool, ExportError> {
+    let (low, high) = (uv[0].min(uv[1]).min(uv[2]), uv[0].max(uv[1]).max(uv[2]));
+    let range =
+        || ExportError::UvRange { triangle: triangle as usize, low: low.to_array(), high: high.to_array() };
+    if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() < 1e6) {
+        return Err(range());
+    }
+    let first = low.floor().as_ivec2();
+    let last = (high.ceil().as_ivec2() - 1).max(first);
+    let count = last - first + 1;
+    if count.x.max(count.y) > MOST_REPEATS {
+        return Err(range());
+    }
+    for y in first.y..=last.y {
+        for x in first.x..=last.x {
+            let shift = Vec2::new(x as f32, y as f32);
+            let corners = uv.map(|c| (c - shift) * page.side as f32);
+            page.placed.push(Placed { triangle, chart: 0, corners, is_beyond: false });
+        }
+    }
+    Ok(first != glam::IVec2::ZERO || last != glam::IVec2::ZERO)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicUsize;
+    use std::sync::atomic::Ordering::Relaxed;
+
+    use glam::Vec3;
+
+    use super::*;
+
+    /// Counts how often it is asked whether to stop: once per chart and density.
+    #[derive(Default)]
+    struct Asked(AtomicUsize);
+
+    impl Progress for Asked {
+        fn report(&self, _done: u64, _total: u64) {}
+
+        fn is_cancelled(&self) -> bool {
+            self.0.fetch_add(1, Relaxed);
+            false
+        }
+    }
+
+    /// Thousands of loose triangles are packed in few tries: densities at which they could not fill the picture even without
+    /// borders are not tried. (One chart's blocks at such a density are as many as the whole picture's.)
+    #[test]
+    fn many_small_charts_are_packed_quickly() {
+        let mut mesh = Mesh::default();
+        let count = 4_000;
+        for i in 0..count {
+            let at = Vec3::new(3.0 * i as f32, 0.0, 0.0);
+            mesh.positions.extend([at, at + Vec3::X, at + Vec3::Y]);
+            mesh.triangles.push([0, 1, 2].map(|k| 3 * i + k));
+        }
+        let charts: Vec<Chart> = (0..count).map(|t| Chart::new(&mesh, vec![t], Vec3::Z)).collect();
+        let request = AtlasRequest { texels_per_unit: 10.0, side: None, largest_side: 1024, padding: None };
+        let asked = Asked::default();
+        let packed = densest(&mesh, &charts, 1024, &request, &asked).unwrap();
+        assert!(packed.density > 10.0, "{}", packed.density);
+        let tries = asked.0.into_inner() as f32 / count as f32;
+        assert!(tries <= 12.0, "{tries} densities were tried");
+    }
+
+    /// Half of a disc of many narrow triangles: the other half touches it at the centre, but two triangles continue it.
+    #[test]
+    fn of_the_many_triangles_around_a_vertex_those_beside_the_chart_continue_it() {
+        let count = 20_000;
+        let rim = |i: u32| Vec2::from_angle(i as f32 / count as f32 * std::f32::consts::TAU).extend(0.0);
+        let mut mesh = Mesh { positions: vec![Vec3::ZERO], ..Mesh::default() };
+        mesh.positions.extend((0..count).map(rim));
+        mesh.triangles.extend((0..count).map(|i| [0, 1 + i, 1 + (i + 1) % count]));
+        let chart = Chart::new(&mesh, (0..count / 2).collect(), Vec3::Z);
+        let chart_of: Vec<u32> = (0..count).map(|i| u32::from(i >= count / 2)).collect();
+        let around = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+        assert_eq!(neighbours(&mesh, &chart, 0, &chart_of, &around), [count / 2, count - 1]);
+    }
+
+    #[test]
+    fn a_mask_holds_all_blocks_within_half_a_block() {
+        let corners = [[0.6, 0.7], [7.2, 0.9], [1.3, 5.8]].map(Vec2::from);
+        let mask = Mask::around(9, 8, std::iter::once(corners));
+        for i in 0..=200 {
+            for j in 0..=(200 - i) {
+                let (s, t) = (i as f32 / 200.0, j as f32 / 200.0);
+                let p = corners[0] * (1.0 - s - t) + corners[1] * s + corners[2] * t;
+                for d in [[-0.5, -0.5], [0.49, -0.5], [-0.5, 0.49], [0.49, 0.49]] {
+                    let block = (p + Vec2::from(d)).floor().as_uvec2();
+                    assert!(mask.contains(block.x, block.y), "{p} {block}");
+                }
+            }
+        }
+        assert!(!mask.contains(8, 7) && !mask.contains(7, 5));
+    }
+
+    #[test]
+    fn free_blocks_are_found_across_words() {
+        let mut row = Mask::empty(150, 2);
+        (3..140).for_each(|x| row.insert(x, 1));
+        let found = [0, 2, 3, 64, 139, 140, 149].map(|x| row.next_free(x, 1));
+        assert_eq!(found, [0, 2, 140, 140, 140, 140, 149].map(Some));
+        (140..150).for_each(|x| row.insert(x, 1));
+        assert_eq!(
+            (row.next_free(100, 1), row.next_free(150, 0), row.next_free(149, 0)),
+            (None, None, Some(149))
+        );
+    }
+
+    #[test]
+    fn collisions_are_seen_across_words() {
+        let mut grid = Mask::empty(200, 4);
+        grid.insert(130, 2);
+        let mut piece = Mask::empty(70, 2);
+        piece.insert(69, 1);
+        for x in 0..=130 {
+            assert_eq!(grid.collides(&piece, x, 1), x + 69 == 130, "{x}");
+        }
+    }
+
+    fn rectangle(width: u32, height: u32) -> Mask {
+        let mut mask = Mask::empty(width, height);
+        (0..height).for_each(|y| (0..width).for_each(|x| mask.insert(x, y)));
+        mask
+    }
+
+    #[test]
+    fn squares_that_fill_a_square_are_packed() {
+        let masks = vec![rectangle(16, 16); 16];
+        let places = pack(&masks, 64).unwrap();
+        let mut sorted = places.clone();
+        sorted.sort_unstable();
+        sorted.dedup();
+        assert_eq!(sorted.len(), 16);
+        assert!(pack(&[masks, vec![rectangle(1, 1)]].concat(), 64).is_none());
+    }
+
+    #[test]
+    fn a_small_piece_goes_into_the_hollow_of_a_large_one() {
+        let mut frame = rectangle(10, 10);
+        frame = {
+            let mut hollow = Mask::empty(10, 10);
+            frame
+                .blocks()
+                .filter(|&[x, y]| x < 2 || y < 2 || x > 7 || y > 7)
+                .for_each(|[x, y]| hollow.insert(x, y));
+            hollow
+        };
+        assert_eq!(pack(&[rectangle(6, 6), frame], 10).unwrap(), [[2, 2], [0, 0]]);
+    }
+}

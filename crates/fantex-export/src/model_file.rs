@@ -1,0 +1,461 @@
+//! The files that are written.
+
+use std::fs::File;
+use std::io;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use fantex_mesh::{AlphaMode, Material, Mesh, VertexCorners};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use serde_json::{Value, json};
+use tempfile::NamedTempFile;
+
+use crate::error::ExportError;
+use crate::export::{ChannelMap, Map};
+use crate::layout::Layout;
+
+// ---- glTF 2.0: one buffer with the geometry, one mesh with a primitive per material, one picture per map and page.
+
+/// Everything that the JSON text speaks of.
+pub(crate) struct Document<'a> {
+    /// The model's name.
+    pub(crate) name: &'a str,
+    pub(crate) geometry: &'a Geometry,
+    pub(crate) layout: &'a Layout,
+    /// The mesh's materials.
+    pub(crate) materials: &'a [Material],
+    pub(crate) maps: &'a [Map],
+}
+
+/// An encoded picture.
+pub(crate) struct ImageFile {
+    /// The name of the file beside a .gltf; the picture's name inside a .glb.
+    pub(crate) name: String,
+    /// Its PNG.
+    pub(crate) file: File,
+    /// Its length.
+    pub(crate) bytes: u64,
+}
+
+/// Where pictures and buffer are.
+enum Place<'a> {
+    /// In the buffer of the file itself, from these offsets on.
+    Inside(&'a [u64]),
+    /// In files; this one is the buffer.
+    Beside(&'a str),
+}
+
+const FLOAT: u32 = 5126;
+const UNSIGNED_INT: u32 = 5125;
+const ARRAY_BUFFER: u32 = 34962;
+const ELEMENT_ARRAY_BUFFER: u32 = 34963;
+const LINEAR: u32 = 9729;
+const LINEAR_MIPMAP_LINEAR: u32 = 9987;
+const CLAMP_TO_EDGE: u32 = 33071;
+const REPEAT: u32 = 10497;
+
+/// Writes a binary glTF with pictures inside; fails with its size where that exceeds 4 GiB.
+pub(crate) fn write_glb(
+    document: &Document<'_>,
+    images: &mut [ImageFile],
+    out: &File,
+) -> Result<io::Result<()>, u64> {
+    let mut binary_bytes = document.geometry.section_bytes().iter().sum::<u64>();
+    let mut offsets = Vec::with_capacity(images.len());
+    for image in images.iter() {
+        offsets.push(binary_bytes);
+        binary_bytes += image.bytes.next_multiple_of(4);
+    }
+    let mut json = document.json(images, &Place::Inside(&offsets), binary_bytes).to_string();
+    json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
+    // A header of 12 bytes and two chunks with headers of 8.
+    let bytes = 28 + json.len() as u64 + binary_bytes;
+    let file_bytes = u32::try_from(bytes).map_err(|_| bytes)?;
+    let write = || {
+        let mut out = BufWriter::with_capacity(1 << 20, out);
+        out.write_all(b"glTF")?;
+        for word in [2, file_bytes, json.len() as u32] {
+            out.write_all(&word.to_le_bytes())?;
+        }
+        out.write_all(b"JSON")?;
+        out.write_all(json.as_bytes())?;
+        out.write_all(&(binary_bytes as u32).to_le_bytes())?;
+        out.write_all(b"BIN\0")?;
+        document.geometry.write(&mut out)?;
+        for image in images {
+            io::copy(&mut image.file, &mut out)?;
+            out.write_all(&[0; 3][..(image.bytes.wrapping_neg() % 4) as usize])?;
+        }
+        out.flush()
+    };
+    Ok(write())
+}
+
+/// Writes a glTF text and its buffer; pictures lie beside it already.
+pub(crate) fn write_gltf(
+    document: &Document<'_>,
+    images: &[ImageFile],
+    buffer_name: &str,
+    text: &File,
+    buffer: &File,
+) -> io::Result<()> {
+    let bytes = document.geometry.section_bytes().iter().sum();
+    let json = document.json(images, &Place::Beside(buffer_name), bytes);
+    let mut out = BufWriter::new(text);
+    serde_json::to_writer_pretty(&mut out, &json)?;
+    out.write_all(b"\n")?;
+    out.flush()?;
+    let mut out = BufWriter::with_capacity(1 << 20, buffer);
+    document.geometry.write(&mut out)?;
+    out.flush()
+}
+
+impl Document<'_> {
+    fn json(&self, images: &[ImageFile], place: &Place<'_>, binary_bytes: u64) -> Value {
+        let (mut views, accessors, primitives) = self.geometry_json();
+        let image_json: Vec<Value> = images
+            .iter()
+            .enumerate()
+            .map(|(i, image)| match place {
+                Place::Inside(offsets) => {
+                    views.push(json!({ "buffer": 0, "byteOffset": offsets[i], "byteLength": image.bytes }));
+                    json!({ "name": image.name, "mimeType": "image/png", "bufferView": views.len() - 1 })
+                }
+                Place::Beside(_) => json!({ "name": image.name, "uri": uri(&image.name) }),
+            })
+            .collect();
+        let materials: Vec<Value> =
+            self.geometry.by_material.iter().map(|(m, _)| self.material_json(*m)).collect();
+        let mut used: Vec<&str> = materials
+            .iter()
+            .filter_map(|m| m.get("extensions")?.as_object())
+            .flat_map(|e| e.keys().map(String::as_str))
+            .collect();
+        used.sort_unstable();
+        used.dedup();
+        let mut buffer = json!({ "byteLength": binary_bytes });
+        if let Place::Beside(name) = place {
+            buffer["uri"] = uri(name).into();
+        }
+        let mut node = json!({ "name": self.name, "mesh": 0 });
+        if self.geometry.translation != glam::DVec3::ZERO {
+            node["translation"] = json!(self.geometry.translation.to_array());
+        }
+        let mut document = json!({
+            "asset": { "version": "2.0", "generator": "fantex" },
+            "scene": 0,
+            "scenes": [{ "nodes": [0] }],
+            "nodes": [node],
+            "meshes": [{ "name": self.name, "primitives": primitives }],
+            "materials": materials,
+            "buffers": [buffer],
+            "bufferViews": views,
+            "accessors": accessors,
+        });
+        if !used.is_empty() {
+            document["extensionsUsed"] = json!(used);
+        }
+        if !images.is_empty() {
+            let wrap = if self.layout.repeats { REPEAT } else { CLAMP_TO_EDGE };
+            let textures: Vec<Value> =
+                (0..images.len()).map(|i| json!({ "source": i, "sampler": 0 })).collect();
+            document["images"] = json!(image_json);
+            document["textures"] = json!(textures);
+            document["samplers"] = json!([{
+                "magFilter": LINEAR, "minFilter": LINEAR_MIPMAP_LINEAR, "wrapS": wrap, "wrapT": wrap,
+            }]);
+        }
+        document
+    }
+
+    /// Buffer views, accessors and primitives.
+    fn geometry_json(&self) -> (Vec<Value>, Vec<Value>, Vec<Value>) {
+        let geometry = self.geometry;
+        let vertices = geometry.positions.len();
+        let (low, high) = geometry
+            .positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
+        let names = ["POSITION", "NORMAL", "TANGENT", "TEXCOORD_0"];
+        let types = ["VEC3", "VEC3", "VEC4", "VEC2"];
+        let sections = geometry.section_bytes();
+        let (mut views, mut accessors, mut offset) = (Vec::new(), Vec::new(), 0);
+        let mut attributes = json!({});
+        for (k, &bytes) in sections[..4].iter().enumerate().filter(|(_, bytes)| **bytes > 0) {
+            attributes[names[k]] = accessors.len().into();
+            accessors.push(json!({
+                "bufferView": views.len(), "componentType": FLOAT, "count": vertices, "type": types[k],
+            }));
+            views.push(json!({
+                "buffer": 0, "byteOffset": offset, "byteLength": bytes, "target": ARRAY_BUFFER,
+            }));
+            offset += bytes;
+        }
+        accessors[0]["min"] = json!(low.to_array());
+        accessors[0]["max"] = json!(high.to_array());
+        let index_view = views.len();
+        views.push(json!({
+            "buffer": 0, "byteOffset": offset, "byteLength": sections[4], "target": ELEMENT_ARRAY_BUFFER,
+        }));
+        let (mut primitives, mut first) = (Vec::new(), 0);
+        for (material, (_, triangles)) in geometry.by_material.iter().enumerate() {
+            primitives.push(json!({
+                "attributes": attributes, "indices": accessors.len(), "material": material, "mode": 4,
+            }));
+            accessors.push(json!({
+                "bufferView": index_view, "byteOffset": 12 * first, "componentType": UNSIGNED_INT,
+                "count": 3 * triangles.len(), "type": "SCALAR",
+            }));
+            first += triangles.len();
+        }
+        (views, accessors, primitives)
+    }
+
+    /// A material: pictures where the asset has a channel, its factors elsewhere.
+    fn material_json(&self, index: usize) -> Value {
+        let default_material = Material::default();
+        let material = self.materials.get(index).unwrap_or(&default_material);
+        let page = self.layout.page_of_material.get(index).copied().flatten().unwrap_or(0);
+        let texture = |kind: ChannelMap| {
+            let map = self.maps.iter().position(|m| m.kind == kind)?;
+            Some(json!({ "index": page * self.maps.len() + map }))
+        };
+        let orm = texture(ChannelMap::OcclusionRoughnessMetallic);
+        let mut pbr = match &orm {
+            Some(orm) => json!({ "metallicRoughnessTexture": orm }),
+            None => json!({
+                "metallicFactor": material.metallic.clamp(0.0, 1.0),
+                "roughnessFactor": material.roughness.clamp(0.0, 1.0),
+            }),
+        };
+        match texture(ChannelMap::BaseColor) {
+            Some(texture) => pbr["baseColorTexture"] = texture,
+            None => {
+                let color = material.base_color.clamp(glam::Vec4::ZERO, glam::Vec4::ONE);
+                pbr["baseColorFactor"] = json!(color.to_array());
+            }
+        }
+        let mut value = json!({ "pbrMetallicRoughness": pbr, "doubleSided": material.double_sided });
+        if !material.name.is_empty() {
+            value["name"] = material.name.as_str().into();
+        }
+        if let Some(orm) = orm {
+            value["occlusionTexture"] = orm;
+        }
+        if let Some(normal) = texture(ChannelMap::Normal) {
+            value["normalTexture"] = normal;
+        }
+        let emission = self.maps.iter().find(|m| m.kind == ChannelMap::Emission);
+        let light = emission.map_or(material.emission, |map| Vec3::splat(map.scale)).max(Vec3::ZERO);
+        let strength = light.max_element().max(1.0);
+        if light != Vec3::ZERO {
+            value["emissiveFactor"] = json!((light / strength).to_array());
+        }
+        if let Some(texture) = texture(ChannelMap::Emission) {
+            value["emissiveTexture"] = texture;
+        }
+        match material.alpha {
+            AlphaMode::Opaque => {}
+            AlphaMode::Mask(cutoff) => {
+                value["alphaMode"] = "MASK".into();
+                value["alphaCutoff"] = cutoff.max(0.0).into();
+            }
+            AlphaMode::Blend => value["alphaMode"] = "BLEND".into(),
+        }
+        let mut extensions = json!({});
+        if strength > 1.0 {
+            extensions["KHR_materials_emissive_strength"] = json!({ "emissiveStrength": strength });
+        }
+        if material.unlit {
+            extensions["KHR_materials_unlit"] = json!({});
+        }
+        if extensions.as_object().is_some_and(|e| !e.is_empty()) {
+            value["extensions"] = extensions;
+        }
+        value
+    }
+}
+
+/// A file's name as a relative URI: all but unreserved characters as escaped bytes.
+fn uri(name: &str) -> String {
+    let mut uri = String::with_capacity(name.len());
+    for byte in name.bytes() {
+        if byte.is_ascii_alphanumeric() || b"-._~".contains(&byte) {
+            uri.push(char::from(byte));
+        } else {
+            uri.push_str(&format!("%{byte:02X}"));
+        }
+    }
+    uri
+}
+
+// ---- Vertices as glTF wants them: one index for position, normal, tangent and texture coordinates.
+
+/// The mesh with its layout, split where attributes differ.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Geometry {
+    /// World units, relative to `translation`.
+    pub(crate) positions: Vec<Vec3>,
+    /// Unit.
+    pub(crate) normals: Vec<Vec3>,
+    /// Unit, handedness in w; empty where none are needed.
+    pub(crate) tangents: Vec<Vec4>,
+    /// Origin top left.
+    pub(crate) uv: Vec<Vec2>,
+    /// The triangles of each material that has some, counter-clockwise seen from outside.
+    pub(crate) by_material: Vec<(usize, Vec<[u32; 3]>)>,
+    /// Zero unless single precision is too coarse for the world's coordinates.
+    pub(crate) translation: DVec3,
+}
+
+impl Geometry {
+    /// `normals` has an entry per corner; `tangents` too, or is empty.
+    pub(crate) fn new(mesh: &Mesh, layout: &Layout, normals: &[Vec3], tangents: &[Vec4]) -> Self {
+        let world = |v: usize| mesh.world_from_mesh.point(mesh.positions[v]);
+        let is_exact = (0..mesh.positions.len()).all(|v| world(v).as_vec3().as_dvec3() == world(v));
+        let translation = if is_exact { DVec3::ZERO } else { mesh.world_from_mesh.offset };
+        let mut geometry = Self { translation, ..Self::default() };
+        let mut vertex_of_corner = vec![0; 3 * mesh.triangles.len()];
+        let around = VertexCorners::of(&mesh.triangles, mesh.positions.len());
+        let uv = |corner: usize| layout.uv[corner / 3][corner % 3];
+        let attributes = |corner: usize| {
+            let tangent = tangents.get(corner).copied().unwrap_or_default();
+            let (n, t) = (normals[corner], uv(corner));
+            [n.x, n.y, n.z, t.x, t.y, tangent.x, tangent.y, tangent.z, tangent.w].map(f32::to_bits)
+        };
+        let mut distinct: Vec<([u32; 9], u32)> = Vec::new();
+        for v in 0..around.len() {
+            distinct.clear();
+            for &corner in around.at(v) {
+                let corner = corner as usize;
+                let own = attributes(corner);
+                let known = distinct.iter().find(|(other, _)| *other == own).map(|d| d.1);
+                vertex_of_corner[corner] = known.unwrap_or_else(|| {
+                    let index = geometry.positions.len() as u32;
+                    geometry.positions.push((world(v) - translation).as_vec3());
+                    geometry.normals.push(normals[corner]);
+                    geometry.tangents.extend(tangents.get(corner));
+                    geometry.uv.push(uv(corner));
+                    distinct.push((own, index));
+                    index
+                });
+            }
+        }
+        for material in 0..mesh.materials.len().max(1) {
+            let own = (0..mesh.triangles.len()).filter(|&t| mesh.material_of(t) == material);
+            let triangles: Vec<[u32; 3]> =
+                own.map(|t| [0, 1, 2].map(|k| vertex_of_corner[3 * t + k])).collect();
+            if !triangles.is_empty() {
+                geometry.by_material.push((material, triangles));
+            }
+        }
+        geometry
+    }
+
+    /// Number of triangles.
+    pub(crate) fn triangle_count(&self) -> usize {
+        self.by_material.iter().map(|(_, triangles)| triangles.len()).sum()
+    }
+
+    /// The sections of the binary buffer, in order: positions, normals, tangents, texture coordinates, indices. None is
+    /// empty but that of the tangents.
+    pub(crate) fn section_bytes(&self) -> [u64; 5] {
+        let vertices = self.positions.len() as u64;
+        let tangents = self.tangents.len() as u64;
+        [12 * vertices, 12 * vertices, 16 * tangents, 8 * vertices, 12 * self.triangle_count() as u64]
+    }
+
+    /// Writes the sections.
+    pub(crate) fn write(&self, out: &mut impl std::io::Write) -> std::io::Result<()> {
+        write_floats(self.positions.iter().map(Vec3::to_array), out)?;
+        write_floats(self.normals.iter().map(Vec3::to_array), out)?;
+        write_floats(self.tangents.iter().map(Vec4::to_array), out)?;
+        write_floats(self.uv.iter().map(Vec2::to_array), out)?;
+        let indices = self.by_material.iter().flat_map(|(_, triangles)| triangles.as_flattened());
+        indices.copied().try_for_each(|i| out.write_all(&i.to_le_bytes()))
+    }
+}
+
+fn write_floats<const N: usize>(
+    vectors: impl Iterator<Item = [f32; N]>,
+    out: &mut impl std::io::Write,
+) -> std::io::Result<()> {
+    vectors.flatten().try_for_each(|x| out.write_all(&x.to_le_bytes()))
+}
+
+// ---- Files that appear together, whole, or not at all.
+
+/// Files under temporary names beside their places. Dropping them removes them.
+#[derive(Debug)]
+pub(crate) struct Outputs {
+    force: bool,
+    files: Vec<(NamedTempFile, PathBuf)>,
+}
+
+/// The folder that a file lies in.
+pub(crate) fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+impl Outputs {
+    /// Nothing yet. With `force`, files that exist are replaced.
+    pub(crate) fn new(force: bool) -> Self {
+        Self { force, files: Vec::new() }
+    }
+
+    /// A file that will be `path`, open for writing, and its temporary path.
+    pub(crate) fn create(&mut self, path: &Path) -> Result<(File, PathBuf), ExportError> {
+        let failed = |source| ExportError::Write { path: path.into(), source };
+        if !self.force && path.symlink_metadata().is_ok() {
+            return Err(ExportError::Exists { path: path.into() });
+        }
+        let suffix = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".fantex-").suffix(&suffix);
+        // Temporary files are private by default.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(folder_of(path)).map_err(failed)?;
+        let opened = (file.as_file().try_clone().map_err(failed)?, file.path().to_owned());
+        self.files.push((file, path.into()));
+        Ok(opened)
+    }
+
+    /// Makes all files durable, then gives them their names, in the order in which they were made. Returns these with
+    /// lengths in bytes.
+    pub(crate) fn commit(self) -> Result<Vec<(PathBuf, u64)>, ExportError> {
+        let mut lengths = Vec::with_capacity(self.files.len());
+        for (file, path) in &self.files {
+            // By name: a writer may have put another file there.
+            let synced = File::open(file.path()).and_then(|f| f.sync_all().and_then(|()| f.metadata()));
+            let metadata = synced.map_err(|source| ExportError::Write { path: path.clone(), source })?;
+            lengths.push(metadata.len());
+        }
+        let mut named: Vec<PathBuf> = Vec::with_capacity(self.files.len());
+        for (file, path) in self.files {
+            let persisted = if self.force { file.persist(&path) } else { file.persist_noclobber(&path) };
+            if let Err(error) = persisted {
+                // Only what was new is taken back; what was replaced is gone.
+                if !self.force {
+                    named.iter().for_each(|path| drop(std::fs::remove_file(path)));
+                }
+                return Err(match error.error.kind() {
+                    io::ErrorKind::AlreadyExists => ExportError::Exists { path },
+                    _ => ExportError::Write { path, source: error.error },
+                });
+            }
+            named.push(path);
+        }
+        Ok(named.into_iter().zip(lengths).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_become_uris() {
+        assert_eq!(uri("a b#1-\u{e9}.png"), "a%20b%231-%C3%A9.png");
+    }
+}

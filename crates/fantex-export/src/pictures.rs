@@ -1,0 +1,511 @@
+//! Pictures of floats, which are kept whole until they are written.
+
+use std::fs::File;
+use std::io;
+use std::io::{BufWriter, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use fantex_store::{Quality, TexelFormat, TexelSlice, encode};
+use fantex_texture::Image;
+use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, srgb16_from_linear, unorm8, unorm16};
+use half::f16;
+use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent, StreamWriter};
+use rayon::prelude::*;
+
+use crate::error::ExportError;
+use crate::export::{ChannelMap, Components, Map};
+use crate::model_file::folder_of;
+use crate::texels::RowSink;
+
+/// Collects a map and writes it as OpenEXR.
+pub(crate) struct FloatSink {
+    /// Where it is written, and what errors name.
+    temporary: PathBuf,
+    side: u32,
+    components: Components,
+    samples: Vec<f32>,
+}
+
+impl FloatSink {
+    /// Bytes that a picture takes.
+    pub(crate) fn memory_bytes(side: u32, map: &Map) -> u64 {
+        // The samples, their copy on the way, and the encoded file.
+        3 * 4 * u64::from(side) * u64::from(side) * map.components.count() as u64
+    }
+
+    /// Begins a square picture that is written to `temporary`.
+    pub(crate) fn new(temporary: PathBuf, side: u32, map: &Map) -> Self {
+        Self { temporary, side, components: map.components, samples: Vec::new() }
+    }
+}
+
+impl RowSink for FloatSink {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+        match self.components {
+            Components::One(k) => self.samples.extend(values.iter().map(|v| v[k])),
+            Components::Rgb => self.samples.extend(values.iter().flat_map(|v| [v[0], v[1], v[2]])),
+            Components::Rgba => self.samples.extend_from_slice(values.as_flattened()),
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<(), ExportError> {
+        let samples = std::mem::take(&mut self.samples);
+        let channels = self.components.count() as u8;
+        Ok(Image::from_linear(self.side, self.side, channels, samples).save(&self.temporary)?)
+    }
+}
+
+// ---- Detail levels, row by row.
+
+/// Halves rows of values on and on: level `l + 1` is the mean of 2 x 2 texels of level `l`, in linear light. Rows of all
+/// levels come out as soon as they are known; one row per level is kept.
+#[derive(Clone, Debug)]
+struct Pyramid {
+    side: usize,
+    /// The upper row of a pair, per level.
+    waiting: Vec<Option<Vec<[f32; 4]>>>,
+}
+
+impl Pyramid {
+    /// For a square picture; `side` is a power of two.
+    fn new(side: u32) -> Self {
+        Self { side: side as usize, waiting: vec![None; level_count(side) as usize] }
+    }
+
+    /// Takes whole rows of level 0 and visits every row of every level that is complete, with its level.
+    fn push(&mut self, rows: &[[f32; 4]], mut visit: impl FnMut(usize, &[[f32; 4]])) {
+        for row in rows.chunks_exact(self.side) {
+            let mut row = row.to_vec();
+            for level in 0..self.waiting.len() {
+                visit(level, &row);
+                match self.waiting[level].take() {
+                    Some(upper) => row = halved(&upper, &row),
+                    None => {
+                        self.waiting[level] = Some(row);
+                        break;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Levels down to one texel.
+fn level_count(side: u32) -> u32 {
+    side.ilog2() + 1
+}
+
+fn halved(upper: &[[f32; 4]], lower: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    let pairs = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
+    pairs.map(|([a, b], [c, d])| std::array::from_fn(|k| 0.25 * (a[k] + b[k] + c[k] + d[k]))).collect()
+}
+
+// ---- PNG, row by row.
+
+/// Bits per sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Depth {
+    /// Eight.
+    #[default]
+    Eight,
+    /// Sixteen.
+    Sixteen,
+}
+
+/// Writes a map as PNG.
+pub(crate) struct PngSink {
+    path: PathBuf,
+    writer: Option<StreamWriter<'static, BufWriter<File>>>,
+    map: Map,
+    depth: Depth,
+}
+
+impl PngSink {
+    /// Begins a square picture in `file`; `path` is what errors name.
+    pub(crate) fn new(
+        file: File,
+        path: PathBuf,
+        side: u32,
+        map: Map,
+        depth: Depth,
+    ) -> Result<Self, ExportError> {
+        let mut encoder = Encoder::new(BufWriter::with_capacity(1 << 20, file), side, side);
+        encoder.set_color(match map.components {
+            Components::One(_) => ColorType::Grayscale,
+            Components::Rgb => ColorType::Rgb,
+            Components::Rgba => ColorType::Rgba,
+        });
+        encoder.set_depth(if depth == Depth::Eight { BitDepth::Eight } else { BitDepth::Sixteen });
+        if map.is_srgb {
+            encoder.set_source_srgb(SrgbRenderingIntent::Perceptual);
+        }
+        let writer = encoder.write_header().and_then(png::Writer::into_stream_writer);
+        match writer {
+            Ok(writer) => Ok(Self { path, writer: Some(writer), map, depth }),
+            Err(error) => Err(ExportError::Write { path, source: error.into() }),
+        }
+    }
+}
+
+impl RowSink for PngSink {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+        let Self { map, depth, .. } = *self;
+        let bytes: Vec<Vec<u8>> = values.par_chunks(1 << 14).map(|v| samples(v, &map, depth)).collect();
+        let Some(writer) = &mut self.writer else { return Ok(()) };
+        bytes
+            .iter()
+            .try_for_each(|bytes| writer.write_all(bytes))
+            .map_err(|source| ExportError::Write { path: self.path.clone(), source })
+    }
+
+    fn finish(&mut self) -> Result<(), ExportError> {
+        let Some(writer) = self.writer.take() else { return Ok(()) };
+        writer.finish().map_err(|error| ExportError::Write { path: self.path.clone(), source: error.into() })
+    }
+}
+
+/// The numbers of texels as PNG stores them.
+fn samples(values: &[[f32; 4]], map: &Map, depth: Depth) -> Vec<u8> {
+    let mut bytes = Vec::with_capacity(values.len() * map.components.count() * 2);
+    let mut put = |value: f32, is_color: bool| match (depth, is_color && map.is_srgb) {
+        (Depth::Eight, true) => bytes.push(srgb8_from_linear(value)),
+        (Depth::Eight, false) => bytes.push(unorm8(value)),
+        (Depth::Sixteen, true) => bytes.extend(srgb16_from_linear(value).to_be_bytes()),
+        (Depth::Sixteen, false) => bytes.extend(unorm16(value).to_be_bytes()),
+    };
+    for value in values {
+        match map.components {
+            Components::One(k) => put(value[k], true),
+            Components::Rgb => value[..3].iter().for_each(|&v| put(v, true)),
+            Components::Rgba => (0..4).for_each(|k| put(value[k], k < 3)),
+        }
+    }
+    bytes
+}
+
+// ---- KTX2 with block-compressed texels, all detail levels, packed with zstd (Khronos, "KTX File Format Specification",
+// version 2.0, and "Khronos Data Format Specification", version 1.3).
+
+/// How texels are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Packing {
+    /// RGBA in 16 bytes per 4 x 4 texels.
+    Bc7 {
+        /// Red, green and blue are sRGB-encoded.
+        is_srgb: bool,
+    },
+    /// Red and green in 16 bytes per 4 x 4 texels.
+    Bc5,
+    /// Grey in 8 bytes per 4 x 4 texels.
+    Bc4,
+    /// Grey in 16 bits.
+    R16,
+    /// RGBA in half floats.
+    Rgba16F,
+}
+
+impl Packing {
+    /// What suits a map: two coordinates for normals, 16 bits where steps would show, floats where values exceed 1.
+    pub(crate) fn of(map: &Map) -> Self {
+        match (map.kind, map.components) {
+            (ChannelMap::Normal, _) => Self::Bc5,
+            (ChannelMap::Displacement, _) => Self::R16,
+            (ChannelMap::Light, _) => Self::Rgba16F,
+            (_, Components::One(_)) => Self::Bc4,
+            _ => Self::Bc7 { is_srgb: map.is_srgb },
+        }
+    }
+
+    /// Vulkan's number of the format.
+    fn vk_format(self) -> u32 {
+        match self {
+            Self::Bc7 { is_srgb: false } => 145,
+            Self::Bc7 { is_srgb: true } => 146,
+            Self::Bc5 => 141,
+            Self::Bc4 => 139,
+            Self::R16 => 70,
+            Self::Rgba16F => 97,
+        }
+    }
+
+    /// Bytes of the numbers that a reader of another byte order would have to swap.
+    fn type_size(self) -> u32 {
+        if self.block_format().is_some() { 1 } else { 2 }
+    }
+
+    fn block_format(self) -> Option<TexelFormat> {
+        match self {
+            Self::Bc7 { .. } => Some(TexelFormat::Bc7),
+            Self::Bc5 => Some(TexelFormat::Bc5),
+            Self::Bc4 => Some(TexelFormat::Bc4),
+            Self::R16 | Self::Rgba16F => None,
+        }
+    }
+
+    /// Bytes of a block, or of a texel where there are no blocks.
+    fn unit_bytes(self) -> u32 {
+        match self {
+            Self::Bc7 { .. } | Self::Bc5 => 16,
+            Self::Bc4 | Self::Rgba16F => 8,
+            Self::R16 => 2,
+        }
+    }
+
+    fn level_bytes(self, side: u32) -> u64 {
+        let units = if self.block_format().is_some() { u64::from(side.div_ceil(4)) } else { u64::from(side) };
+        units * units * u64::from(self.unit_bytes())
+    }
+
+    /// The data format descriptor: a basic block, version 2.
+    fn descriptor(self) -> Vec<u8> {
+        // Models of the data format specification; channel numbers of each.
+        let (model, samples): (u32, &[[u32; 2]]) = match self {
+            Self::Bc7 { .. } => (134, &[[0, 128]]),
+            Self::Bc5 => (132, &[[0, 64], [1, 64]]),
+            Self::Bc4 => (131, &[[0, 64]]),
+            Self::R16 => (1, &[[0, 16]]),
+            Self::Rgba16F => (1, &[[0, 16], [1, 16], [2, 16], [15, 16]]),
+        };
+        let is_block = self.block_format().is_some();
+        let transfer = if self == (Self::Bc7 { is_srgb: true }) { TRANSFER_SRGB } else { TRANSFER_LINEAR };
+        let block_bytes = 24 + 16 * samples.len() as u32;
+        let dimensions = if is_block { 3 | 3 << 8 } else { 0 };
+        let mut words = vec![
+            4 + block_bytes,
+            0,
+            2 | block_bytes << 16,
+            model | PRIMARIES_BT709 << 8 | transfer << 16,
+            dimensions,
+            self.unit_bytes(),
+            0,
+        ];
+        let mut offset = 0;
+        for &[channel, bits] in samples {
+            let (qualifiers, low, high) = match self {
+                // Float and signed; the range that is meant is -1..1.
+                Self::Rgba16F => (0xc0, (-1f32).to_bits(), 1f32.to_bits()),
+                Self::R16 => (0, 0, 0xffff),
+                _ => (0, 0, u32::MAX),
+            };
+            words.extend([offset | (bits - 1) << 16 | (channel | qualifiers) << 24, 0, low, high]);
+            offset += bits;
+        }
+        words.into_iter().flat_map(u32::to_le_bytes).collect()
+    }
+}
+
+const PRIMARIES_BT709: u32 = 1;
+const TRANSFER_LINEAR: u32 = 1;
+const TRANSFER_SRGB: u32 = 2;
+const ZSTANDARD: u32 = 2;
+
+/// zstd level: beyond it block-compressed texels gain little.
+const ZSTD_LEVEL: i32 = 5;
+
+/// Writes a map as KTX2.
+pub(crate) struct Ktx2Sink {
+    file: File,
+    path: PathBuf,
+    side: u32,
+    packing: Packing,
+    is_normal: bool,
+    components: Components,
+    pyramid: Pyramid,
+    levels: Vec<Level>,
+}
+
+/// A level while its rows come.
+struct Level {
+    side: u32,
+    /// Rows that wait for others of their blocks.
+    rows: Vec<[f32; 4]>,
+    /// An unnamed file.
+    packed: Option<zstd::Encoder<'static, BufWriter<File>>>,
+}
+
+impl Ktx2Sink {
+    /// Begins a square picture in `file`, whose side is a power of two; `path` is what errors name and beside which levels
+    /// wait.
+    pub(crate) fn new(file: File, path: &Path, side: u32, map: &Map) -> Result<Self, ExportError> {
+        let failed = |source| ExportError::Write { path: path.into(), source };
+        let packing = Packing::of(map);
+        let level = |l: u32| {
+            let side = side >> l;
+            let file = tempfile::tempfile_in(folder_of(path))?;
+            let mut packed = zstd::Encoder::new(BufWriter::with_capacity(1 << 16, file), ZSTD_LEVEL)?;
+            packed.set_pledged_src_size(Some(packing.level_bytes(side)))?;
+            Ok(Level { side, rows: Vec::new(), packed: Some(packed) })
+        };
+        Ok(Self {
+            file,
+            path: path.into(),
+            side,
+            packing,
+            is_normal: map.kind == ChannelMap::Normal,
+            components: map.components,
+            pyramid: Pyramid::new(side),
+            levels: (0..level_count(side)).map(level).collect::<io::Result<_>>().map_err(failed)?,
+        })
+    }
+
+    /// Values as they are stored, before blocks.
+    fn stored(&self, value: [f32; 4]) -> [f32; 4] {
+        let [r, g, b, a] = value;
+        if self.is_normal {
+            // Means of unit vectors are shorter.
+            let n = (glam::Vec3::new(r, g, b) * 2.0 - 1.0).normalize_or(glam::Vec3::Z) * 0.5 + 0.5;
+            return [n.x, n.y, n.z, 1.0];
+        }
+        match self.components {
+            Components::One(k) => [value[k], 0.0, 0.0, 1.0],
+            _ => {
+                let alpha = if self.components == Components::Rgba { a } else { 1.0 };
+                let code = |x| {
+                    if self.packing == (Packing::Bc7 { is_srgb: true }) { srgb_from_linear(x) } else { x }
+                };
+                [code(r.max(0.0)), code(g.max(0.0)), code(b.max(0.0)), alpha]
+            }
+        }
+    }
+
+    /// The bytes of whole rows of blocks (or of whole rows) of a level.
+    fn encoded(&self, side: u32, rows: &[[f32; 4]]) -> Result<Vec<u8>, ExportError> {
+        let stored: Vec<[f32; 4]> = rows.iter().map(|&v| self.stored(v)).collect();
+        match self.packing.block_format() {
+            Some(format) => {
+                let strip = padded_strip(side, &stored);
+                let width = side.max(4);
+                Ok(encode(format, quality(self.packing), [width, 4], TexelSlice::F32(&strip))?)
+            }
+            None if self.packing == Packing::R16 => Ok(stored
+                .iter()
+                .flat_map(|v| ((v[0].clamp(0.0, 1.0) * 65535.0).round() as u16).to_le_bytes())
+                .collect()),
+            None => {
+                let half = |x: f32| f16::from_f32(x.clamp(-65504.0, 65504.0)).to_le_bytes();
+                Ok(stored.iter().flatten().flat_map(|&x| half(x)).collect())
+            }
+        }
+    }
+
+    /// Encodes the rows of a level that are complete.
+    fn flush(&mut self, index: usize, is_last: bool) -> Result<(), ExportError> {
+        let level = &mut self.levels[index];
+        let strip = 4 * level.side as usize;
+        let count = if is_last { level.rows.len() } else { level.rows.len() / strip * strip };
+        if count == 0 {
+            return Ok(());
+        }
+        let rest = level.rows.split_off(count);
+        let rows = std::mem::replace(&mut level.rows, rest);
+        let side = level.side;
+        let bytes: Vec<Vec<u8>> =
+            rows.par_chunks(strip).map(|rows| self.encoded(side, rows)).collect::<Result<_, _>>()?;
+        let Some(packed) = &mut self.levels[index].packed else { return Ok(()) };
+        let written = bytes.iter().try_for_each(|b| packed.write_all(b));
+        written.map_err(|source| ExportError::Write { path: self.path.clone(), source })
+    }
+
+    /// Puts header, descriptor and levels together.
+    fn assemble(&mut self) -> io::Result<()> {
+        let mut packed = Vec::with_capacity(self.levels.len());
+        for level in &mut self.levels {
+            let Some(encoder) = level.packed.take() else { continue };
+            let mut file = encoder.finish()?.into_inner().map_err(io::IntoInnerError::into_error)?;
+            let bytes = file.stream_position()?;
+            file.rewind()?;
+            packed.push((file, bytes, self.packing.level_bytes(level.side)));
+        }
+        let descriptor = self.packing.descriptor();
+        let pairs = key_values();
+        let index_end = 80 + 24 * packed.len() as u64;
+        let pairs_at = index_end + descriptor.len() as u64;
+        let mut out = BufWriter::new(&self.file);
+        out.write_all(b"\xabKTX 20\xbb\r\n\x1a\n")?;
+        let side = self.side;
+        let header = [self.packing.vk_format(), self.packing.type_size(), side, side, 0, 0, 1];
+        let index = [index_end as u32, descriptor.len() as u32, pairs_at as u32, pairs.len() as u32];
+        for word in header.into_iter().chain([packed.len() as u32, ZSTANDARD]).chain(index) {
+            out.write_all(&word.to_le_bytes())?;
+        }
+        out.write_all(&[0; 16])?;
+        // The smallest level lies first, so that it is there first where a file comes slowly.
+        let mut offset = pairs_at + pairs.len() as u64;
+        let mut offsets = vec![0; packed.len()];
+        for (level, (_, bytes, _)) in packed.iter().enumerate().rev() {
+            offsets[level] = offset;
+            offset += bytes;
+        }
+        for (offset, (_, bytes, unpacked)) in offsets.into_iter().zip(&packed) {
+            for wide in [offset, *bytes, *unpacked] {
+                out.write_all(&wide.to_le_bytes())?;
+            }
+        }
+        out.write_all(&descriptor)?;
+        out.write_all(&pairs)?;
+        for (file, ..) in packed.iter_mut().rev() {
+            io::copy(file, &mut out)?;
+        }
+        out.flush()
+    }
+}
+
+impl RowSink for Ktx2Sink {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+        let levels = &mut self.levels;
+        self.pyramid.push(values, |level, row| levels[level].rows.extend_from_slice(row));
+        (0..self.levels.len()).try_for_each(|level| self.flush(level, false))
+    }
+
+    fn finish(&mut self) -> Result<(), ExportError> {
+        (0..self.levels.len()).try_for_each(|level| self.flush(level, true))?;
+        self.assemble().map_err(|source| ExportError::Write { path: self.path.clone(), source })
+    }
+}
+
+/// What a program may want to know: rows go down, and who wrote the file.
+fn key_values() -> Vec<u8> {
+    let mut bytes = Vec::new();
+    for (key, value) in [("KTXorientation", "rd"), ("KTXwriter", "fantex")] {
+        let entry = [key.as_bytes(), b"\0", value.as_bytes(), b"\0"].concat();
+        bytes.extend((entry.len() as u32).to_le_bytes());
+        bytes.extend(&entry);
+        bytes.resize(bytes.len().next_multiple_of(4), 0);
+    }
+    bytes
+}
+
+/// Components that do not go together (roughness, metallic) need the better encoder.
+fn quality(packing: Packing) -> Quality {
+    if packing == (Packing::Bc7 { is_srgb: false }) { Quality::VeryFast } else { Quality::UltraFast }
+}
+
+/// Four rows, of levels smaller than a block filled up with their last texels.
+fn padded_strip(side: u32, rows: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    let side = side as usize;
+    if side >= 4 {
+        return rows.to_vec();
+    }
+    let texel = |i: usize| rows[(i / 4).min(side - 1) * side + (i % 4).min(side - 1)];
+    (0..16).map(texel).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_levels_come_out_and_keep_the_mean() {
+        let side = 8u32;
+        let rows: Vec<[f32; 4]> = (0..64).map(|i| [i as f32, 1.0, 0.0, (i % 2) as f32]).collect();
+        let mut pyramid = Pyramid::new(side);
+        let mut levels = vec![Vec::new(); level_count(side) as usize];
+        for band in rows.chunks(24) {
+            pyramid.push(band, |level, row| levels[level].extend_from_slice(row));
+        }
+        assert_eq!(levels.iter().map(Vec::len).collect::<Vec<_>>(), [64, 16, 4, 1]);
+        assert_eq!(levels[3][0], [31.5, 1.0, 0.0, 0.5]);
+        assert_eq!(levels[1][5], [(18 + 19 + 26 + 27) as f32 / 4.0, 1.0, 0.0, 0.5]);
+    }
+}

@@ -1,0 +1,734 @@
+//! From the layout of a picture to its texels: the texture function of the asset at every texel's point of the surface.
+//!
+//! ```text
+//!  Page --regions--> Region (which point under which texel) --Sampler--> linear values --fit--> rows --> files
+//! ```
+//!
+//! A picture is made in bands of rows, a band in square regions in parallel; nothing but one band of all maps is in memory.
+
+use std::collections::HashMap;
+
+use fantex_bake::Progress;
+use fantex_cover::{Cover, Group};
+use fantex_mesh::Mesh;
+use fantex_store::{ChannelKind, PageCache, Tile};
+use fantex_texture::material::TangentFrame;
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::error::ExportError;
+use crate::export::Map;
+use crate::layout::{NOBODY, Page, Placed};
+
+/// Columns of a region.
+const REGION: u32 = 256;
+
+/// Rows of a band, at least.
+const FEWEST_ROWS: u32 = 16;
+
+/// Linear values of a rectangle of texels, row-major.
+pub(crate) type Values = Vec<[f32; 4]>;
+
+/// What was seen while a page was made.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PageStats {
+    /// Texels whose centre lies on a triangle.
+    pub(crate) covered: u64,
+    /// Of these, texels that several triangles claim.
+    pub(crate) contested: u64,
+}
+
+/// Takes rows of a map from the top.
+pub(crate) trait RowSink: Send {
+    /// Linear values of whole rows.
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError>;
+
+    /// After the last row.
+    fn finish(&mut self) -> Result<(), ExportError>;
+}
+
+/// Makes the maps of a page and hands their rows to `sinks`, one per map. `texels_done` counts up over all pages.
+///
+/// # Errors
+///
+/// A sink's, or the user's wish to stop.
+pub(crate) fn make_page(
+    page: &Page,
+    maps: &[Map],
+    sampler: &Sampler<'_>,
+    memory_bytes: u64,
+    sinks: &mut [Box<dyn RowSink + '_>],
+    progress: (&dyn Progress, &mut u64, u64),
+) -> Result<PageStats, ExportError> {
+    let (watch, texels_done, total) = progress;
+    let rows = band_rows(page.side, maps.len(), memory_bytes);
+    let columns = page.side.div_ceil(REGION);
+    let bins = Bins::new(page, rows);
+    let mut stats = PageStats::default();
+    for band in 0..page.side.div_ceil(rows) {
+        let height = rows.min(page.side - band * rows);
+        let make = |column: u32| {
+            if watch.is_cancelled() {
+                return (Vec::new(), PageStats::default());
+            }
+            let origin = [column * REGION, band * rows];
+            let extent = [REGION.min(page.side - origin[0]), height];
+            let members = bins.members((band * columns + column) as usize);
+            let region = Region::find(page, members, origin, extent);
+            let values = sampler.values(page, &region, maps);
+            let fitted = maps.iter().zip(&values).map(|(map, values)| fitted(values, &region, map));
+            (fitted.collect(), region.stats)
+        };
+        let regions: Vec<(Vec<Values>, PageStats)> = (0..columns).into_par_iter().map(make).collect();
+        if watch.is_cancelled() {
+            return Err(ExportError::Cancelled);
+        }
+        for (_, region) in &regions {
+            stats.covered += region.covered;
+            stats.contested += region.contested;
+        }
+        sinks.par_iter_mut().enumerate().try_for_each(|(map, sink)| {
+            let mut row_values = Vec::with_capacity(page.side as usize * height as usize);
+            for row in 0..height as usize {
+                for (values, _) in &regions {
+                    let width = values[map].len() / height as usize;
+                    row_values.extend_from_slice(&values[map][row * width..(row + 1) * width]);
+                }
+            }
+            sink.rows(&row_values)
+        })?;
+        *texels_done += u64::from(page.side) * u64::from(height);
+        watch.report(*texels_done, total);
+    }
+    sinks.par_iter_mut().try_for_each(|sink| sink.finish())?;
+    Ok(stats)
+}
+
+/// Rows of a band: its values, twice, take a quarter of the memory at most.
+fn band_rows(side: u32, maps: usize, memory_bytes: u64) -> u32 {
+    let row_bytes = 2 * 16 * u64::from(side) * maps.max(1) as u64;
+    let rows = (memory_bytes / 4 / row_bytes).clamp(1, u64::from(REGION)) as u32;
+    (1 << rows.ilog2()).max(FEWEST_ROWS)
+}
+
+/// Which placed triangles may matter to which region, in rows of a compressed table.
+struct Bins {
+    starts: Vec<u32>,
+    members: Vec<u32>,
+}
+
+impl Bins {
+    fn new(page: &Page, rows: u32) -> Self {
+        let (columns, bands) = (page.side.div_ceil(REGION), page.side.div_ceil(rows));
+        let margin = (margin(page) + BORDER) as f32 + 2.0;
+        let each = |mut visit: Box<dyn FnMut(u32, usize) + '_>| {
+            for (i, placed) in (0u32..).zip(&page.placed) {
+                let [low, high] = bounds(placed);
+                let bin = |x: f32, size: u32, count: u32| ((x / size as f32).max(0.0) as u32).min(count - 1);
+                let (x0, x1) = (bin(low.x - margin, REGION, columns), bin(high.x + margin, REGION, columns));
+                let (y0, y1) = (bin(low.y - margin, rows, bands), bin(high.y + margin, rows, bands));
+                (y0..=y1).for_each(|y| (x0..=x1).for_each(|x| visit(i, (y * columns + x) as usize)));
+            }
+        };
+        let mut starts = vec![0u32; columns as usize * bands as usize + 1];
+        each(Box::new(|_, bin| starts[bin + 1] += 1));
+        (1..starts.len()).for_each(|i| starts[i] += starts[i - 1]);
+        let mut next = starts.clone();
+        let mut members = vec![0; starts[starts.len() - 1] as usize];
+        each(Box::new(|i, bin| {
+            members[next[bin] as usize] = i;
+            next[bin] += 1;
+        }));
+        Self { starts, members }
+    }
+
+    /// Indices into the page's placed triangles, ascending.
+    fn members(&self, bin: usize) -> &[u32] {
+        &self.members[self.starts[bin] as usize..self.starts[bin + 1] as usize]
+    }
+}
+
+/// Lower and upper corner of a triangle's rectangle, texels.
+fn bounds(placed: &Placed) -> [glam::Vec2; 2] {
+    let [a, b, c] = placed.corners;
+    [a.min(b).min(c), a.max(b).max(c)]
+}
+
+// ---- Which point of the surface lies under which texel.
+//
+// 1. A texel whose centre lies on a triangle takes the point under it.
+// 2. A texel beside its chart takes what a neighbouring triangle continues it with, so that bilinear look-ups along the border
+//    read what they would on an uncut surface; without one, the nearest point of the chart.
+// 3. Padding takes the point of the nearest texel of its chart.
+
+/// A texel's point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Point {
+    /// Index into the page's placed triangles, `NOBODY` where there is none.
+    placed: u32,
+    /// Barycentric coordinates, not negative.
+    lambda: Vec3,
+}
+
+const NOTHING: Point = Point { placed: NOBODY, lambda: Vec3::ZERO };
+
+/// Texels around a region that are found as well.
+const BORDER: u32 = 1;
+
+/// The points under a rectangle of texels and `BORDER` texels around it.
+struct Region {
+    /// Columns and rows, without the border.
+    extent: [u32; 2],
+    /// One per texel, row-major, with the border; equal points of padding are those of the texel that they were taken from.
+    points: Vec<Point>,
+    /// The chart of each texel whose centre lies on the surface or on its continuation, else `NOBODY`.
+    chart_on_surface: Vec<u32>,
+    /// Without the border.
+    stats: PageStats,
+}
+
+/// Texels this near to a triangle take a point of it.
+const NEAR_TEXELS: f32 = 1.5;
+
+/// Reach of the padding where texels have no owners.
+const UNOWNED_REACH: u32 = 16;
+
+/// How far a region must look beyond its border: the farthest texel of a chart's blocks from the chart.
+fn margin(page: &Page) -> u32 {
+    if page.owners.is_empty() { UNOWNED_REACH } else { page.block + page.block / 2 + 2 }
+}
+
+impl Region {
+    /// Finds the points; `members` are the placed triangles that reach the rectangle or its margin.
+    fn find(page: &Page, members: &[u32], origin: [u32; 2], extent: [u32; 2]) -> Self {
+        let border = BORDER as i32;
+        let margin = margin(page) as i32 + border;
+        let frame = Frame {
+            page,
+            origin: origin.map(|n| n as i32 - margin),
+            extent: extent.map(|n| n as i32 + 2 * margin),
+        };
+        let mut search = Search::new(frame);
+        for is_beyond in [false, true] {
+            for &i in members.iter().filter(|&&i| page.placed[i as usize].is_beyond == is_beyond) {
+                search.scan(i, &page.placed[i as usize]);
+            }
+        }
+        let [width, height] = extent.map(|n| n as i32);
+        let inner = |texel: usize| {
+            let x = texel as i32 % frame.extent[0] - margin;
+            let y = texel as i32 / frame.extent[0] - margin;
+            (0..width).contains(&x) && (0..height).contains(&y)
+        };
+        let mut stats = PageStats::default();
+        for (_, best) in search.best.iter().enumerate().filter(|(texel, _)| inner(*texel)) {
+            stats.covered += u64::from(best.kind == Kind::Inside);
+            stats.contested += u64::from(best.is_contested);
+        }
+        let sources = search.spread();
+        let count = (width + 2 * border) as usize * (height + 2 * border) as usize;
+        let (mut points, mut chart_on_surface) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        for y in -border..height + border {
+            for x in -border..width + border {
+                let texel = ((y + margin) * frame.extent[0] + x + margin) as usize;
+                let source = sources[texel];
+                points.push(if source == NOBODY { NOTHING } else { search.best[source as usize].point });
+                let is_sure = matches!(search.best[texel].kind, Kind::Inside | Kind::Beyond);
+                chart_on_surface.push(if is_sure { search.owners[texel] } else { NOBODY });
+            }
+        }
+        Self { extent, points, chart_on_surface, stats }
+    }
+}
+
+/// The rectangle that is looked at, part of which may lie outside the picture.
+#[derive(Clone, Copy)]
+struct Frame<'a> {
+    page: &'a Page,
+    origin: [i32; 2],
+    extent: [i32; 2],
+}
+
+impl Frame<'_> {
+    /// The chart that a texel of the frame belongs to.
+    fn owner(&self, x: i32, y: i32) -> u32 {
+        let (x, y) = (x + self.origin[0], y + self.origin[1]);
+        let side = self.page.side as i32;
+        if !(0..side).contains(&x) || !(0..side).contains(&y) {
+            return NOBODY;
+        }
+        self.page.owner(x as u32, y as u32)
+    }
+}
+
+/// How a texel got its point; better ones first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Kind {
+    Inside,
+    Beyond,
+    Near,
+    Nothing,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Best {
+    kind: Kind,
+    /// Texels to the triangle, squared; 0 on its border, below zero well inside.
+    distance: f32,
+    is_contested: bool,
+    point: Point,
+}
+
+struct Search<'a> {
+    frame: Frame<'a>,
+    best: Vec<Best>,
+    owners: Vec<u32>,
+}
+
+impl<'a> Search<'a> {
+    fn new(frame: Frame<'a>) -> Self {
+        let [width, height] = frame.extent;
+        let nothing =
+            Best { kind: Kind::Nothing, distance: f32::INFINITY, is_contested: false, point: NOTHING };
+        let owners = (0..height).flat_map(|y| (0..width).map(move |x| frame.owner(x, y))).collect();
+        Self { frame, best: vec![nothing; width as usize * height as usize], owners }
+    }
+
+    /// Offers a triangle to the texels under it and beside it. Those beyond a chart come after all of the chart.
+    fn scan(&mut self, index: u32, placed: &Placed) {
+        let Some(shape) = Shape::new(placed) else { return };
+        let origin = Vec2::new(self.frame.origin[0] as f32, self.frame.origin[1] as f32);
+        let [low, high] = bounds(placed).map(|p| p - origin);
+        let end = Vec2::new(self.frame.extent[0] as f32, self.frame.extent[1] as f32);
+        let first = (low - NEAR_TEXELS - 0.5).ceil().clamp(Vec2::ZERO, end).as_ivec2();
+        let last = (high + NEAR_TEXELS + 0.5).floor().clamp(Vec2::ZERO, end).as_ivec2();
+        for y in first.y..last.y {
+            for x in first.x..last.x {
+                let texel = (y * self.frame.extent[0] + x) as usize;
+                if self.owners[texel] == placed.chart {
+                    let centre = origin + Vec2::new(x as f32 + 0.5, y as f32 + 0.5);
+                    self.offer(texel, index, placed.is_beyond, &shape, centre);
+                }
+            }
+        }
+    }
+
+    fn offer(&mut self, texel: usize, index: u32, is_beyond: bool, shape: &Shape, centre: Vec2) {
+        let best = &mut self.best[texel];
+        let lambda = shape.lambda(centre);
+        if lambda.min_element() >= 0.0 {
+            match (is_beyond, best.kind) {
+                (false, Kind::Inside) => {
+                    // On a common edge both are right.
+                    best.is_contested |= lambda.min_element() > shape.border && best.distance < 0.0;
+                }
+                (false, _) => {
+                    let distance = if lambda.min_element() > shape.border { -1.0 } else { 0.0 };
+                    let point = Point { placed: index, lambda };
+                    *best = Best { kind: Kind::Inside, distance, is_contested: false, point };
+                }
+                // Only where the chart is near, so that padding farther out is the chart's own.
+                (true, Kind::Near) => {
+                    best.kind = Kind::Beyond;
+                    best.point = Point { placed: index, lambda };
+                }
+                (true, _) => {}
+            }
+            return;
+        }
+        if is_beyond || !matches!(best.kind, Kind::Near | Kind::Nothing) {
+            return;
+        }
+        let (lambda, distance) = shape.nearest(centre);
+        if distance < best.distance && distance <= NEAR_TEXELS * NEAR_TEXELS {
+            *best = Best {
+                kind: Kind::Near,
+                distance,
+                is_contested: false,
+                point: Point { placed: index, lambda },
+            };
+        }
+    }
+
+    /// For every texel the texel whose point it takes: the nearest of its chart that has one, found by two passes over the
+    /// rows that hand on the nearest so far (P.-E. Danielsson, "Euclidean Distance Mapping", 1980).
+    fn spread(&self) -> Vec<u32> {
+        let [width, height] = self.frame.extent;
+        let has_point = |i: usize| self.best[i].kind != Kind::Nothing;
+        let mut sources: Vec<u32> =
+            (0..self.best.len()).map(|i| if has_point(i) { i as u32 } else { NOBODY }).collect();
+        let mut pass = |x: i32, y: i32, steps: &[[i32; 2]]| {
+            let texel = (y * width + x) as usize;
+            if has_point(texel) || self.owners[texel] == NOBODY {
+                return;
+            }
+            let squared = |source: u32| {
+                let (sx, sy) = (source as i32 % width, source as i32 / width);
+                (sx - x).pow(2) + (sy - y).pow(2)
+            };
+            for [dx, dy] in steps {
+                let (nx, ny) = (x + dx, y + dy);
+                if !(0..width).contains(&nx) || !(0..height).contains(&ny) {
+                    continue;
+                }
+                let source = sources[(ny * width + nx) as usize];
+                let is_mine = source != NOBODY && self.owners[source as usize] == self.owners[texel];
+                if is_mine && (sources[texel] == NOBODY || squared(source) < squared(sources[texel])) {
+                    sources[texel] = source;
+                }
+            }
+        };
+        for y in 0..height {
+            (0..width).for_each(|x| pass(x, y, &[[-1, 0], [-1, -1], [0, -1], [1, -1]]));
+            (0..width).rev().for_each(|x| pass(x, y, &[[1, 0]]));
+        }
+        for y in (0..height).rev() {
+            (0..width).rev().for_each(|x| pass(x, y, &[[1, 0], [1, 1], [0, 1], [-1, 1]]));
+            (0..width).for_each(|x| pass(x, y, &[[-1, 0]]));
+        }
+        if self.frame.page.owners.is_empty() {
+            // What lies farther away would depend on where the region ends.
+            let is_far = |texel: usize, source: u32| {
+                let (x, y) = (texel as i32 % width, texel as i32 / width);
+                let (sx, sy) = (source as i32 % width, source as i32 / width);
+                (sx - x).pow(2) + (sy - y).pow(2) > (UNOWNED_REACH as i32).pow(2)
+            };
+            let far = sources.iter_mut().enumerate().filter(|(t, s)| **s != NOBODY && is_far(*t, **s));
+            far.for_each(|(_, source)| *source = NOBODY);
+        }
+        sources
+    }
+}
+
+/// A triangle in the picture, ready for questions.
+struct Shape {
+    corners: [Vec2; 3],
+    /// Barycentric coordinates change by these per texel to the right and downwards.
+    steps: [Vec3; 2],
+    /// Barycentric coordinates below this are nearer than a hundredth of a texel to a side.
+    border: f32,
+}
+
+impl Shape {
+    /// None for one without area.
+    fn new(placed: &Placed) -> Option<Self> {
+        let [a, b, c] = placed.corners.map(|p| p.as_dvec2());
+        let area = (b - a).perp_dot(c - a);
+        if !(area.abs() > 1e-9 && area.is_finite()) {
+            return None;
+        }
+        let dx = glam::DVec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area;
+        let dy = glam::DVec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area;
+        let steepest = (dx * dx + dy * dy).max_element().sqrt();
+        Some(Self {
+            corners: placed.corners,
+            steps: [dx.as_vec3(), dy.as_vec3()],
+            border: (0.01 * steepest) as f32,
+        })
+    }
+
+    fn lambda(&self, at: Vec2) -> Vec3 {
+        let d = at - self.corners[0];
+        Vec3::X + self.steps[0] * d.x + self.steps[1] * d.y
+    }
+
+    /// The nearest point of the border, and its squared distance in texels.
+    fn nearest(&self, at: Vec2) -> (Vec3, f32) {
+        let mut best = (Vec3::X, f32::INFINITY);
+        for k in 0..3 {
+            let (from, to) = (self.corners[k], self.corners[(k + 1) % 3]);
+            let along = to - from;
+            let share = ((at - from).dot(along) / along.length_squared().max(1e-20)).clamp(0.0, 1.0);
+            let distance = (from + along * share).distance_squared(at);
+            if distance < best.1 {
+                let mut lambda = Vec3::ZERO;
+                lambda[k] = 1.0 - share;
+                lambda[(k + 1) % 3] = share;
+                best = (lambda, distance);
+            }
+        }
+        best
+    }
+}
+
+// ---- The texture function at the points of texels.
+
+/// Evaluates the channels of an asset.
+pub(crate) struct Sampler<'a> {
+    pub(crate) cache: &'a PageCache,
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) cover: &'a Cover,
+    /// Unit normals, one per corner.
+    pub(crate) normals: &'a [Vec3],
+    /// Tangents of the layout's coordinates, one per corner; empty where no normals are wanted.
+    pub(crate) tangents: &'a [Vec4],
+}
+
+/// Texels of a tile that a texel may be wide before it is taken as a mean of several look-ups.
+const WIDEST_LOOKUP: f32 = 1.25;
+
+/// Tiles that are kept at hand; each may hold a page.
+const MOST_TILES: usize = 64;
+
+impl Sampler<'_> {
+    /// Linear values of every map at every texel of a region.
+    fn values(&self, page: &Page, region: &Region, maps: &[Map]) -> Vec<Values> {
+        let mut values: Vec<Values> = maps.iter().map(|m| vec![m.background; region.points.len()]).collect();
+        // Triangle by triangle, so that a tile is fetched once; equal points (in padding) follow each other.
+        let mut order: Vec<u32> =
+            (0..region.points.len() as u32).filter(|&t| region.points[t as usize].placed != NOBODY).collect();
+        let key = |t: u32| {
+            let Point { placed, lambda } = region.points[t as usize];
+            (placed, lambda.x.to_bits(), lambda.y.to_bits())
+        };
+        order.sort_by_key(|&t| key(t));
+        let mut tiles = Tiles { cache: self.cache, held: HashMap::new() };
+        for same_triangle in order.chunk_by(|&a, &b| key(a).0 == key(b).0) {
+            let placed = &page.placed[key(same_triangle[0]).0 as usize];
+            let reader = TriangleReader::new(self, placed, maps, &mut tiles);
+            for same_point in same_triangle.chunk_by(|&a, &b| key(a) == key(b)) {
+                let lambda = region.points[same_point[0] as usize].lambda;
+                for (index, (map, values)) in maps.iter().zip(&mut values).enumerate() {
+                    let value = reader.value(index, map, lambda).to_array();
+                    same_point.iter().for_each(|&t| values[t as usize] = value);
+                }
+            }
+        }
+        values
+    }
+}
+
+/// Tiles in use, so that the cache is asked once for each.
+struct Tiles<'a> {
+    cache: &'a PageCache,
+    held: HashMap<(usize, u32, u32), Tile>,
+}
+
+impl Tiles<'_> {
+    fn get(&mut self, channel: usize, group: u32, level: u32) -> Tile {
+        if self.held.len() >= MOST_TILES {
+            self.held.clear();
+        }
+        let cache = self.cache;
+        self.held.entry((channel, group, level)).or_insert_with(|| cache.tile(channel, group, level)).clone()
+    }
+}
+
+/// One of a triangle's groups.
+struct SlotReader<'a> {
+    group: &'a Group,
+    /// Tile coordinates of the triangle's corners.
+    corners: [Vec2; 3],
+    /// The level that is read, of every map's channel.
+    tiles: Vec<Tile>,
+    /// Positions, as changes of barycentric coordinates, whose mean is taken.
+    offsets: &'static [Vec2],
+}
+
+/// Reads the points of one triangle.
+struct TriangleReader<'a> {
+    sampler: &'a Sampler<'a>,
+    triangle: usize,
+    slots: [SlotReader<'a>; 3],
+    /// Barycentric coordinates change by these per texel to the right and downwards.
+    steps: [Vec3; 2],
+    normals: [Vec3; 3],
+    tangents: [Vec4; 3],
+}
+
+/// One look-up in the middle of the texel.
+const MIDDLE: &[Vec2] = &[Vec2::ZERO];
+
+/// Four look-ups in the middles of its quarters.
+const QUARTERS: &[Vec2] =
+    &[Vec2::new(-0.25, -0.25), Vec2::new(0.25, -0.25), Vec2::new(-0.25, 0.25), Vec2::new(0.25, 0.25)];
+
+impl<'a> TriangleReader<'a> {
+    fn new(sampler: &'a Sampler<'a>, placed: &Placed, maps: &[Map], tiles: &mut Tiles<'_>) -> Self {
+        let triangle = placed.triangle as usize;
+        let steps = lambda_steps(placed.corners);
+        let slots = [0, 1, 2].map(|slot| {
+            let index = sampler.cover.corner_groups[triangle][slot];
+            let group = &sampler.cover.groups[index as usize];
+            let corners = sampler.cover.tile_corners(sampler.mesh, triangle, slot);
+            let extent = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
+            let width =
+                |l: Vec3| ((corners[0] * l.x + corners[1] * l.y + corners[2] * l.z) * extent).length();
+            let width = width(steps[0]).max(width(steps[1]));
+            let (level, offsets) = match width {
+                w if w <= WIDEST_LOOKUP => (0, MIDDLE),
+                w => (w.min(65_536.0).log2().max(0.0) as u32, QUARTERS),
+            };
+            let tiles = maps.iter().map(|m| tiles.get(m.channel, index, level)).collect();
+            SlotReader { group, corners, tiles, offsets }
+        });
+        let normals = [0, 1, 2].map(|k| sampler.normals[3 * triangle + k]);
+        let tangents = match sampler.tangents.get(3 * triangle..3 * triangle + 3) {
+            Some(own) if !placed.is_beyond => [own[0], own[1], own[2]],
+            _ => tangents_of_picture(sampler.mesh, triangle, &normals, steps),
+        };
+        Self { sampler, triangle, slots, steps, normals, tangents }
+    }
+
+    /// The value of a map, which is the one of that index, at a point.
+    fn value(&self, index: usize, map: &Map, lambda: Vec3) -> Vec4 {
+        let is_normal = map.kind.channel() == ChannelKind::Normal;
+        let normal = self.normals[0] * lambda.x + self.normals[1] * lambda.y + self.normals[2] * lambda.z;
+        let normal = normal.normalize_or(Vec3::Z);
+        let mut sum = Vec4::ZERO;
+        for (slot, weight) in self.sampler.cover.weights(self.triangle, lambda).iter() {
+            let reader = &self.slots[slot];
+            let stored = self.slot_value(reader, index, lambda);
+            sum += weight
+                * if is_normal { mesh_normal(stored, reader.group, normal).extend(0.0) } else { stored };
+        }
+        if is_normal { self.tangent_space(sum.truncate(), normal, lambda) } else { sum / map.scale }
+    }
+
+    fn slot_value(&self, reader: &SlotReader<'_>, map: usize, lambda: Vec3) -> Vec4 {
+        let mut sum = Vec4::ZERO;
+        for offset in reader.offsets {
+            let l = clamped(lambda + self.steps[0] * offset.x + self.steps[1] * offset.y);
+            let uv = reader.corners[0] * l.x + reader.corners[1] * l.y + reader.corners[2] * l.z;
+            sum += Vec4::from_array(reader.tiles[map].bilinear(uv));
+        }
+        sum / reader.offsets.len() as f32
+    }
+
+    /// A normal in mesh space as the texel of a normal map.
+    fn tangent_space(&self, n_mesh: Vec3, vertex_normal: Vec3, lambda: Vec3) -> Vec4 {
+        let frame = TangentFrame::at(&self.normals, &self.tangents, 0, lambda);
+        let relative = frame.relative(n_mesh.normalize_or(vertex_normal)).unwrap_or(Vec3::Z);
+        (relative * 0.5 + 0.5).extend(1.0)
+    }
+}
+
+/// Turns a stored normal (see [`ChannelKind::Normal`]) from its tile's shading frame into mesh space.
+fn mesh_normal(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec3 {
+    let [x, y] = [stored.x, stored.y].map(|c| c * 2.0 - 1.0);
+    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
+    let [x_axis, y_axis] = group.shading_axes(vertex_normal);
+    (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
+}
+
+/// The nearest barycentric coordinates on the triangle, roughly.
+fn clamped(lambda: Vec3) -> Vec3 {
+    let inside = lambda.max(Vec3::ZERO);
+    inside / inside.element_sum().max(f32::MIN_POSITIVE)
+}
+
+/// Change of the barycentric coordinates per texel to the right and downwards.
+fn lambda_steps([a, b, c]: [Vec2; 3]) -> [Vec3; 2] {
+    let area = (b - a).perp_dot(c - a);
+    if area.abs() < 1e-9 {
+        return [Vec3::ZERO; 2];
+    }
+    [Vec3::new(b.y - c.y, c.y - a.y, a.y - b.y) / area, Vec3::new(c.x - b.x, a.x - c.x, b.x - a.x) / area]
+}
+
+/// Tangents along the picture's rows, for triangles that continue a chart.
+fn tangents_of_picture(mesh: &Mesh, triangle: usize, normals: &[Vec3; 3], steps: [Vec3; 2]) -> [Vec4; 3] {
+    let [a, b, c] = mesh.triangle_positions(triangle);
+    let along = a * steps[0].x + b * steps[0].y + c * steps[0].z;
+    normals.map(|n| (along - n * n.dot(along)).normalize_or(n.any_orthonormal_vector()).extend(1.0))
+}
+
+// ---- Texels that are right when they are read bilinearly.
+//
+// Values at texel centres, interpolated, are a blurred copy of the function. As in the bake, each texel is moved against its
+// second differences, `c - k (a - 2 c + b)` along both axes with `k = 1/12`: the second-order form of the inverse of the linear
+// spline's autocorrelation (M. Unser, "Splines: A Perfect Fit for Signal and Image Processing", 1999).
+
+const SHARE: f32 = 1.0 / 12.0;
+
+/// How far a fitted texel may lie beyond its neighbours.
+const OVERSHOOT: f32 = 1.0 / 32.0;
+
+/// And how far below the least of them, as a share of it, so that shadows do not become black.
+const UNDERSHOOT: f32 = 0.25;
+
+/// The values of the inner part of a region, fitted where the texels around lie on the surface, too.
+fn fitted(values: &[[f32; 4]], region: &Region, map: &Map) -> Values {
+    let border = BORDER as usize;
+    let stride = region.extent[0] as usize + 2 * border;
+    let is_normal = map.kind.channel() == ChannelKind::Normal;
+    let mut inner = Vec::with_capacity(region.extent[0] as usize * region.extent[1] as usize);
+    for y in border..border + region.extent[1] as usize {
+        for x in border..border + region.extent[0] as usize {
+            let value = fitted_texel(values, &region.chart_on_surface, y * stride + x, stride);
+            inner.push(if is_normal { unit(value) } else { value }.to_array());
+        }
+    }
+    inner
+}
+
+fn fitted_texel(values: &[[f32; 4]], charts: &[u32], texel: usize, stride: usize) -> Vec4 {
+    let at = |i: usize| Vec4::from_array(values[i]);
+    let centre = at(texel);
+    let chart = charts[texel];
+    let (mut bend, mut low, mut high) = (Vec4::ZERO, centre, centre);
+    for step in [1, stride] {
+        let around = [texel - step, texel + step];
+        if chart != crate::layout::NOBODY && around.iter().all(|&i| charts[i] == chart) {
+            let [a, b] = around.map(at);
+            bend += a + b - 2.0 * centre;
+            low = low.min(a).min(b);
+            high = high.max(a).max(b);
+        }
+    }
+    let least = (low - OVERSHOOT).max(low * (1.0 - UNDERSHOOT));
+    // Values below zero are none of any map; where they are, they stay.
+    (centre - SHARE * bend).clamp(least.min(low), high + OVERSHOOT)
+}
+
+/// A texel of a normal map with its normal at unit length.
+fn unit(texel: Vec4) -> Vec4 {
+    let normal = (texel.truncate() * 2.0 - 1.0).normalize_or(Vec3::Z);
+    (normal * 0.5 + 0.5).extend(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The points without the border.
+    fn inner(region: &Region) -> Vec<Point> {
+        let stride = region.extent[0] as usize + 2;
+        let rows = region.points.chunks(stride).skip(1).take(region.extent[1] as usize);
+        rows.flat_map(|row| &row[1..stride - 1]).copied().collect()
+    }
+
+    fn page(side: u32, block: u32, corners: [[f32; 2]; 3], owners: Vec<u32>) -> Page {
+        let placed = Placed { triangle: 0, chart: 0, corners: corners.map(Vec2::from), is_beyond: false };
+        Page { side, placed: vec![placed], block, owners }
+    }
+
+    #[test]
+    fn every_texel_of_a_charts_blocks_has_a_point_of_it() {
+        let page = page(16, 4, [[6.0, 6.0], [10.0, 6.0], [6.0, 10.0]], vec![0; 16]);
+        let region = Region::find(&page, &[0], [0, 0], [16, 16]);
+        let points = inner(&region);
+        assert!(points.iter().all(|p| p.placed == 0 && (p.lambda.element_sum() - 1.0).abs() < 1e-5));
+        assert!(points.iter().all(|p| p.lambda.min_element() >= 0.0));
+        assert_eq!(region.stats.covered, 10);
+        // Far to the upper left the nearest point is the corner.
+        assert!(points[0].lambda.x > 0.7);
+    }
+
+    #[test]
+    fn blocks_of_nobody_stay_empty() {
+        let mut owners = vec![NOBODY; 16];
+        owners[5] = 0;
+        let page = page(16, 4, [[4.0, 4.0], [8.0, 4.0], [4.0, 8.0]], owners);
+        let region = Region::find(&page, &[0], [0, 0], [16, 16]);
+        assert_eq!(inner(&region).iter().filter(|p| p.placed == 0).count(), 16);
+    }
+
+    #[test]
+    fn slivers_between_texel_centres_get_texels() {
+        let page = page(16, 16, [[2.0, 8.0], [14.0, 8.0], [14.0, 8.05]], Vec::new());
+        let region = Region::find(&page, &[0], [0, 0], [16, 16]);
+        assert_eq!(region.stats.covered, 0);
+        assert_eq!(inner(&region)[8 * 16 + 8].placed, 0);
+    }
+}

@@ -1,0 +1,662 @@
+//! Textures as graphics processors take them: KTX2 and DDS files, with several images and compressed blocks.
+//!
+//! Only the finest level is read: coarser ones are made anew, by the same filter for all files.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use crate::image_file::{ImageLimits, LoadImageError};
+use crate::{ColorSpace, Image, Samples};
+
+/// A kind of file that holds textures for graphics processors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ContainerFormat {
+    /// Khronos texture, version 2.
+    Ktx2,
+    /// DirectDraw surface.
+    Dds,
+}
+
+impl fmt::Display for ContainerFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ktx2 => "KTX2",
+            Self::Dds => "DDS",
+        })
+    }
+}
+
+/// What is wrong with a KTX2 or DDS file.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum ContainerFault {
+    /// The file ends too early.
+    #[error("the file ends after {got} bytes; {needed} are needed")]
+    TooShort {
+        /// Bytes needed.
+        needed: u64,
+        /// Bytes there are.
+        got: u64,
+    },
+    /// A number of the header that cannot be.
+    #[error("the header says {value} for {field}, which cannot be")]
+    Header {
+        /// Which number.
+        field: &'static str,
+        /// What it is.
+        value: u64,
+    },
+    /// Texels of a format that is not read.
+    #[error("texels of format {name} are not read; use 8-, 16- or 32-bit channels or BC1 to BC7")]
+    TexelFormat {
+        /// The format, as the file names it.
+        name: String,
+    },
+    /// The texels are Basis Universal.
+    #[error("Basis Universal textures are not read; transcode the file to BC7 or to plain texels first")]
+    Basis,
+    /// The texels are packed by a method that is not read.
+    #[error("texels packed by method {method} are not read; use Zstandard (2) or none (0)")]
+    Packing {
+        /// The method's number.
+        method: u32,
+    },
+    /// Packed texels are damaged.
+    #[error("the packed texels are damaged")]
+    Damaged,
+}
+
+/// What a header says: images of one size, one after the other.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Layout {
+    format: TexelFormat,
+    width: u32,
+    height: u32,
+    /// Layers times faces times slices.
+    images: u64,
+    /// `None` where the file does not say it.
+    space: Option<ColorSpace>,
+}
+
+impl Layout {
+    /// Bytes of one image in the file.
+    fn image_bytes(&self) -> u64 {
+        self.format.byte_len(self.width, self.height)
+    }
+
+    /// Refuses sizes that are impossible or above the limits.
+    fn check(&self, label: &str, limits: ImageLimits) -> Result<(), LoadImageError> {
+        let (width, height) = (self.width, self.height);
+        if width == 0 || height == 0 || width.max(height) > limits.side {
+            return Err(LoadImageError::Size { label: label.to_owned(), width, height, limit: limits.side });
+        }
+        let texels = (u64::from(width) * u64::from(height)).saturating_mul(self.images);
+        if texels.saturating_mul(self.format.decoded_bytes()) > limits.bytes {
+            return Err(LoadImageError::Memory { label: label.to_owned(), limit: limits.bytes });
+        }
+        Ok(())
+    }
+
+    fn decode(&self, bytes: &[u8], default_space: ColorSpace) -> Image {
+        let space = self.space.unwrap_or(default_space);
+        self.format.decode(bytes, self.width, self.height, space)
+    }
+}
+
+/// Which container the bytes begin as.
+pub(crate) fn recognise(bytes: &[u8]) -> Option<ContainerFormat> {
+    if bytes.starts_with(&KTX2_MAGIC) {
+        return Some(ContainerFormat::Ktx2);
+    }
+    bytes.starts_with(&DDS_MAGIC).then_some(ContainerFormat::Dds)
+}
+
+/// The images of the finest level, at most `most` of them: by layer, then face (right, left, up, down, front, back), then
+/// slice.
+pub(crate) fn decode(
+    container: ContainerFormat,
+    bytes: &[u8],
+    label: &str,
+    default_space: ColorSpace,
+    limits: ImageLimits,
+    most: usize,
+) -> Result<Vec<Image>, LoadImageError> {
+    let fail = |fault| LoadImageError::Container { label: label.to_owned(), format: container, fault };
+    match container {
+        ContainerFormat::Ktx2 => {
+            let header = Ktx2Header::parse(bytes).map_err(fail)?;
+            header.layout.check(label, limits)?;
+            let level = header.level(bytes).map_err(fail)?;
+            let images = level.chunks_exact(header.layout.image_bytes() as usize).take(most);
+            Ok(images.map(|image| header.layout.decode(image, default_space)).collect())
+        }
+        ContainerFormat::Dds => {
+            let header = DdsHeader::parse(bytes).map_err(fail)?;
+            header.layout.check(label, limits)?;
+            let images = header.images(bytes).map_err(fail)?;
+            let decoded =
+                images.into_iter().take(most).map(|image| header.layout.decode(image, default_space));
+            Ok(decoded.collect())
+        }
+    }
+}
+
+/// The little-endian number at an offset.
+fn u32_at(bytes: &[u8], offset: usize) -> Result<u32, ContainerFault> {
+    let too_short = || ContainerFault::TooShort { needed: offset as u64 + 4, got: bytes.len() as u64 };
+    let number = bytes.get(offset..).and_then(|rest| rest.first_chunk());
+    number.map(|number| u32::from_le_bytes(*number)).ok_or_else(too_short)
+}
+
+/// `length` bytes from `offset` on.
+fn slice_at(bytes: &[u8], offset: u64, length: u64) -> Result<&[u8], ContainerFault> {
+    let end = offset.saturating_add(length);
+    let too_short = ContainerFault::TooShort { needed: end, got: bytes.len() as u64 };
+    if end > bytes.len() as u64 { Err(too_short) } else { Ok(&bytes[offset as usize..end as usize]) }
+}
+
+// ---- The header of DDS files (Microsoft, "Programming Guide for DDS").
+
+const DDS_MAGIC: [u8; 4] = *b"DDS ";
+/// Bytes of the header with its magic number, and of the extension that follows the code `DX10`.
+const HEADER: usize = 128;
+const EXTENSION: usize = 20;
+
+const HAS_CODE: u32 = 0x4;
+const IS_CUBE: u32 = 0x200;
+const CUBE_FACES: u32 = 0xfc00;
+const IS_VOLUME: u32 = 0x20_0000;
+const EXTENDED_CUBE: u32 = 0x4;
+
+/// What is needed of a header.
+#[derive(Clone, Copy, Debug)]
+struct DdsHeader {
+    layout: Layout,
+    /// Images that follow each other without coarser levels between them: the slices of a volume.
+    slices: u64,
+    levels: u32,
+    /// Where the texels begin.
+    start: u64,
+}
+
+impl DdsHeader {
+    fn parse(bytes: &[u8]) -> Result<Self, ContainerFault> {
+        let word = |offset: usize| u32_at(bytes, offset);
+        let [height, width, depth, levels] = [word(12)?, word(16)?, word(24)?, word(28)?];
+        let [flags, code, complexity] = [word(80)?, word(84)?, word(112)?];
+        let is_volume = complexity & IS_VOLUME != 0;
+        let mut faces = if complexity & IS_CUBE != 0 { (complexity & CUBE_FACES).count_ones() } else { 1 };
+        let mut layers = 1;
+        let mut start = HEADER;
+        let (format, space) = if flags & HAS_CODE == 0 {
+            (masked_format(bytes)?, None)
+        } else if code == u32::from_le_bytes(*b"DX10") {
+            start += EXTENSION;
+            let number = word(HEADER)?;
+            faces = if word(HEADER + 8)? & EXTENDED_CUBE != 0 { 6 } else { 1 };
+            layers = word(HEADER + 12)?.max(1);
+            extended_format(number)
+                .ok_or_else(|| ContainerFault::TexelFormat { name: format!("{number} (DXGI)") })?
+        } else {
+            let name = || code.to_le_bytes().escape_ascii().to_string();
+            (coded_format(code).ok_or_else(|| ContainerFault::TexelFormat { name: name() })?, None)
+        };
+        if faces == 0 {
+            return Err(ContainerFault::Header { field: "the number of faces", value: 0 });
+        }
+        if levels > 32 {
+            return Err(ContainerFault::Header { field: "the number of levels", value: u64::from(levels) });
+        }
+        let slices = if is_volume { u64::from(depth.max(1)) } else { 1 };
+        let images = (u64::from(layers) * u64::from(faces)).saturating_mul(slices);
+        let layout = Layout { format, width, height, images, space };
+        Ok(Self { layout, slices, levels: levels.max(1), start: start as u64 })
+    }
+
+    /// The bytes of all images of the finest level; the layout must have been checked against limits.
+    fn images<'a>(&self, bytes: &'a [u8]) -> Result<Vec<&'a [u8]>, ContainerFault> {
+        let image_bytes = self.layout.image_bytes();
+        let stride: u64 = (0..self.levels).map(|level| self.level_bytes(level)).sum();
+        (0..self.layout.images)
+            .map(|image| {
+                let offset = image / self.slices * stride + image % self.slices * image_bytes;
+                slice_at(bytes, self.start.saturating_add(offset), image_bytes)
+            })
+            .collect()
+    }
+
+    /// Bytes of a level of a face or volume.
+    fn level_bytes(&self, level: u32) -> u64 {
+        let side = |n: u32| n.checked_shr(level).unwrap_or(0).max(1);
+        let slices = self.slices.checked_shr(level).unwrap_or(0).max(1);
+        self.layout.format.byte_len(side(self.layout.width), side(self.layout.height)) * slices
+    }
+}
+
+/// Uncompressed texels by the masks of their channels, each a whole byte.
+fn masked_format(bytes: &[u8]) -> Result<TexelFormat, ContainerFault> {
+    const HAS_ALPHA: u32 = 0x1;
+    const ALPHA_ONLY: u32 = 0x2;
+    let bits = u32_at(bytes, 88)?;
+    let mut masks = [u32_at(bytes, 92)?, u32_at(bytes, 96)?, u32_at(bytes, 100)?, u32_at(bytes, 104)?];
+    let flags = u32_at(bytes, 80)?;
+    if flags & (HAS_ALPHA | ALPHA_ONLY) == 0 {
+        masks[3] = 0;
+    }
+    Ok(match (bits, masks) {
+        (8, [0xff, 0, 0, 0] | [0, 0, 0, 0xff]) => TexelFormat::U8 { channels: 1 },
+        (16, [0xff, 0, 0, 0xff00]) => TexelFormat::GreyAlpha8,
+        (16, [0xff, 0xff00, 0, 0]) => TexelFormat::U8 { channels: 2 },
+        (24, [0xff, 0xff00, 0xff_0000, _]) => TexelFormat::U8 { channels: 3 },
+        (24, [0xff_0000, 0xff00, 0xff, _]) => TexelFormat::Bgr8 { channels: 3 },
+        (32, [0xff, 0xff00, 0xff_0000, 0xff00_0000]) => TexelFormat::U8 { channels: 4 },
+        (32, [0xff_0000, 0xff00, 0xff, 0xff00_0000]) => TexelFormat::Bgr8 { channels: 4 },
+        (32, [0xff_0000, 0xff00, 0xff, 0]) => TexelFormat::Bgrx8,
+        (bits, [r, g, b, a]) => {
+            let name = format!("{bits} bits with masks {r:x} {g:x} {b:x} {a:x}");
+            return Err(ContainerFault::TexelFormat { name });
+        }
+    })
+}
+
+/// By four characters, or the numbers of Direct3D 9's floating-point formats.
+fn coded_format(code: u32) -> Option<TexelFormat> {
+    Some(match &code.to_le_bytes() {
+        b"DXT1" => TexelFormat::Bc1,
+        b"DXT2" | b"DXT3" => TexelFormat::Bc2,
+        b"DXT4" | b"DXT5" => TexelFormat::Bc3,
+        b"ATI1" | b"BC4U" => TexelFormat::Bc4,
+        b"ATI2" | b"BC5U" => TexelFormat::Bc5,
+        [36, 0, 0, 0] => TexelFormat::U16 { channels: 4 },
+        [111, 0, 0, 0] => TexelFormat::F16 { channels: 1 },
+        [112, 0, 0, 0] => TexelFormat::F16 { channels: 2 },
+        [113, 0, 0, 0] => TexelFormat::F16 { channels: 4 },
+        [114, 0, 0, 0] => TexelFormat::F32 { channels: 1 },
+        [115, 0, 0, 0] => TexelFormat::F32 { channels: 2 },
+        [116, 0, 0, 0] => TexelFormat::F32 { channels: 4 },
+        _ => return None,
+    })
+}
+
+/// By the numbers of `DXGI_FORMAT`. Many programs store sRGB colours without saying so: only formats that say it count.
+fn extended_format(number: u32) -> Option<(TexelFormat, Option<ColorSpace>)> {
+    use TexelFormat as F;
+    const SRGB: Option<ColorSpace> = Some(ColorSpace::Srgb);
+    Some(match number {
+        2 => (F::F32 { channels: 4 }, None),
+        6 => (F::F32 { channels: 3 }, None),
+        10 => (F::F16 { channels: 4 }, None),
+        11 => (F::U16 { channels: 4 }, None),
+        16 => (F::F32 { channels: 2 }, None),
+        26 => (F::B10G11R11, None),
+        28 => (F::U8 { channels: 4 }, None),
+        29 => (F::U8 { channels: 4 }, SRGB),
+        34 => (F::F16 { channels: 2 }, None),
+        35 => (F::U16 { channels: 2 }, None),
+        41 => (F::F32 { channels: 1 }, None),
+        49 => (F::U8 { channels: 2 }, None),
+        54 => (F::F16 { channels: 1 }, None),
+        56 => (F::U16 { channels: 1 }, None),
+        61 => (F::U8 { channels: 1 }, None),
+        67 => (F::E5B9G9R9, None),
+        71 => (F::Bc1, None),
+        72 => (F::Bc1, SRGB),
+        74 => (F::Bc2, None),
+        75 => (F::Bc2, SRGB),
+        77 => (F::Bc3, None),
+        78 => (F::Bc3, SRGB),
+        80 => (F::Bc4, None),
+        83 => (F::Bc5, None),
+        87 => (F::Bgr8 { channels: 4 }, None),
+        88 => (F::Bgrx8, None),
+        91 => (F::Bgr8 { channels: 4 }, SRGB),
+        93 => (F::Bgrx8, SRGB),
+        95 => (F::Bc6h { is_signed: false }, None),
+        96 => (F::Bc6h { is_signed: true }, None),
+        98 => (F::Bc7, None),
+        99 => (F::Bc7, SRGB),
+        _ => return None,
+    })
+}
+
+// ---- The header of KTX2 files (Khronos, "KTX File Format Specification", version 2.0).
+
+const KTX2_MAGIC: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
+/// Where the index of the levels begins; the finest comes first.
+const LEVEL_INDEX: usize = 80;
+const ZSTANDARD: u32 = 2;
+const BASIS_LZ: u32 = 1;
+
+/// What is needed of a header.
+#[derive(Clone, Copy, Debug)]
+struct Ktx2Header {
+    layout: Layout,
+    packing: u32,
+    /// Of the finest level.
+    offset: u64,
+    packed_bytes: u64,
+}
+
+impl Ktx2Header {
+    fn parse(bytes: &[u8]) -> Result<Self, ContainerFault> {
+        let word = |index: usize| u32_at(bytes, KTX2_MAGIC.len() + 4 * index);
+        let wide = |offset: usize| {
+            Ok(u64::from(u32_at(bytes, offset)?) | u64::from(u32_at(bytes, offset + 4)?) << 32)
+        };
+        let [code, width, height, depth] = [word(0)?, word(2)?, word(3)?, word(4)?];
+        let [layers, faces, packing] = [word(5)?, word(6)?, word(8)?];
+        if packing == BASIS_LZ || code == 0 {
+            return Err(ContainerFault::Basis);
+        }
+        if ![0, ZSTANDARD].contains(&packing) {
+            return Err(ContainerFault::Packing { method: packing });
+        }
+        if ![1, 6].contains(&faces) {
+            return Err(ContainerFault::Header { field: "the number of faces", value: u64::from(faces) });
+        }
+        let (format, space) = texel_format(code)
+            .ok_or_else(|| ContainerFault::TexelFormat { name: format!("{code} (VkFormat)") })?;
+        let images = [layers, faces, depth].map(|count| u64::from(count.max(1)));
+        let images = images.into_iter().fold(1_u64, u64::saturating_mul);
+        Ok(Self {
+            layout: Layout { format, width, height: height.max(1), images, space: Some(space) },
+            packing,
+            offset: wide(LEVEL_INDEX)?,
+            packed_bytes: wide(LEVEL_INDEX + 8)?,
+        })
+    }
+
+    /// The unpacked bytes of all images of the finest level; the layout must have been checked against limits.
+    fn level<'a>(&self, bytes: &'a [u8]) -> Result<Cow<'a, [u8]>, ContainerFault> {
+        let packed = slice_at(bytes, self.offset, self.packed_bytes)?;
+        let needed = self.layout.image_bytes() * self.layout.images;
+        let level = if self.packing == ZSTANDARD {
+            let unpacked = zstd::bulk::decompress(packed, needed as usize);
+            Cow::Owned(unpacked.map_err(|_| ContainerFault::Damaged)?)
+        } else {
+            Cow::Borrowed(packed)
+        };
+        if (level.len() as u64) < needed {
+            return Err(ContainerFault::TooShort { needed, got: level.len() as u64 });
+        }
+        Ok(level)
+    }
+}
+
+/// By the numbers of Vulkan's `VkFormat`.
+fn texel_format(code: u32) -> Option<(TexelFormat, ColorSpace)> {
+    use ColorSpace::{Linear, Srgb};
+    use TexelFormat as F;
+    Some(match code {
+        9 => (F::U8 { channels: 1 }, Linear),
+        15 => (F::U8 { channels: 1 }, Srgb),
+        16 => (F::U8 { channels: 2 }, Linear),
+        22 => (F::U8 { channels: 2 }, Srgb),
+        23 => (F::U8 { channels: 3 }, Linear),
+        29 => (F::U8 { channels: 3 }, Srgb),
+        30 => (F::Bgr8 { channels: 3 }, Linear),
+        36 => (F::Bgr8 { channels: 3 }, Srgb),
+        37 => (F::U8 { channels: 4 }, Linear),
+        43 => (F::U8 { channels: 4 }, Srgb),
+        44 => (F::Bgr8 { channels: 4 }, Linear),
+        50 => (F::Bgr8 { channels: 4 }, Srgb),
+        70 => (F::U16 { channels: 1 }, Linear),
+        77 => (F::U16 { channels: 2 }, Linear),
+        84 => (F::U16 { channels: 3 }, Linear),
+        91 => (F::U16 { channels: 4 }, Linear),
+        76 => (F::F16 { channels: 1 }, Linear),
+        83 => (F::F16 { channels: 2 }, Linear),
+        90 => (F::F16 { channels: 3 }, Linear),
+        97 => (F::F16 { channels: 4 }, Linear),
+        100 => (F::F32 { channels: 1 }, Linear),
+        103 => (F::F32 { channels: 2 }, Linear),
+        106 => (F::F32 { channels: 3 }, Linear),
+        109 => (F::F32 { channels: 4 }, Linear),
+        122 => (F::B10G11R11, Linear),
+        123 => (F::E5B9G9R9, Linear),
+        131 | 133 => (F::Bc1, Linear),
+        132 | 134 => (F::Bc1, Srgb),
+        135 => (F::Bc2, Linear),
+        136 => (F::Bc2, Srgb),
+        137 => (F::Bc3, Linear),
+        138 => (F::Bc3, Srgb),
+        139 => (F::Bc4, Linear),
+        141 => (F::Bc5, Linear),
+        143 => (F::Bc6h { is_signed: false }, Linear),
+        144 => (F::Bc6h { is_signed: true }, Linear),
+        145 => (F::Bc7, Linear),
+        146 => (F::Bc7, Srgb),
+        _ => return None,
+    })
+}
+
+// ---- Texels as they lie in KTX2 and DDS files.
+
+/// The storage of texels. Formats with two channels become RGB with blue 0, since they hold no grey and alpha; all but
+/// 8- and 16-bit channels become floats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum TexelFormat {
+    /// Bytes.
+    U8 { channels: u8 },
+    /// Bytes, blue first.
+    Bgr8 { channels: u8 },
+    /// Four bytes, blue first, the last one unused.
+    Bgrx8,
+    /// Two bytes.
+    GreyAlpha8,
+    /// 16 bits, 0..65535 for 0..1.
+    U16 { channels: u8 },
+    /// Half floats.
+    F16 { channels: u8 },
+    /// Floats.
+    F32 { channels: u8 },
+    /// Three unsigned small floats in 32 bits: 11 bits of red (lowest), 11 of green, 10 of blue.
+    B10G11R11,
+    /// Three mantissas of 9 bits, red lowest, and a common exponent.
+    E5B9G9R9,
+    /// 4 x 4 texels in 8 bytes, RGBA.
+    Bc1,
+    /// In 16 bytes, RGBA.
+    Bc2,
+    /// In 16 bytes, RGBA.
+    Bc3,
+    /// In 8 bytes, grey.
+    Bc4,
+    /// In 16 bytes, red and green.
+    Bc5,
+    /// In 16 bytes, RGB floats.
+    Bc6h { is_signed: bool },
+    /// In 16 bytes, RGBA.
+    Bc7,
+}
+
+/// Texels along a side of a block.
+const BLOCK: usize = 4;
+
+impl TexelFormat {
+    /// Bytes of a block, for formats that have blocks.
+    fn block_bytes(self) -> Option<usize> {
+        match self {
+            Self::Bc1 | Self::Bc4 => Some(8),
+            Self::Bc2 | Self::Bc3 | Self::Bc5 | Self::Bc6h { .. } | Self::Bc7 => Some(16),
+            _ => None,
+        }
+    }
+
+    /// Bytes of a texel, for formats without blocks.
+    fn texel_bytes(self) -> usize {
+        match self {
+            Self::U8 { channels } | Self::Bgr8 { channels } => usize::from(channels),
+            Self::GreyAlpha8 => 2,
+            Self::U16 { channels } | Self::F16 { channels } => 2 * usize::from(channels),
+            Self::F32 { channels } => 4 * usize::from(channels),
+            _ => 4,
+        }
+    }
+
+    /// Bytes of an image in the file.
+    fn byte_len(self, width: u32, height: u32) -> u64 {
+        match self.block_bytes() {
+            Some(bytes) => u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4)) * bytes as u64,
+            None => u64::from(width) * u64::from(height) * self.texel_bytes() as u64,
+        }
+    }
+
+    /// Bytes of a texel in memory, at most.
+    fn decoded_bytes(self) -> u64 {
+        match self {
+            Self::U8 { .. } | Self::Bgr8 { .. } | Self::Bgrx8 | Self::GreyAlpha8 => 4,
+            Self::Bc1 | Self::Bc2 | Self::Bc3 | Self::Bc4 | Self::Bc5 | Self::Bc7 => 4,
+            Self::U16 { .. } => 8,
+            _ => 16,
+        }
+    }
+
+    /// The image in `bytes`, of which there are [`TexelFormat::byte_len`]. Floats are linear, whatever `space` says.
+    fn decode(self, bytes: &[u8], width: u32, height: u32, space: ColorSpace) -> Image {
+        let image = |channels, samples| Image { width, height, channels, space, samples };
+        let floats = |channels, samples| Image::from_linear(width, height, channels, samples);
+        let shorts = || bytes.as_chunks().0.iter().map(|&pair| u16::from_le_bytes(pair));
+        let words = || bytes.as_chunks().0.iter().map(|&word| u32::from_le_bytes(word));
+        let blocks = Blocks { bytes, width: width as usize, height: height as usize };
+        match self {
+            Self::U8 { channels } => {
+                let (channels, samples) = without_pairs(bytes.to_vec(), channels);
+                image(channels, Samples::U8(samples))
+            }
+            Self::Bgr8 { channels } => {
+                let mut samples = bytes.to_vec();
+                samples.chunks_exact_mut(usize::from(channels)).for_each(|texel| texel.swap(0, 2));
+                image(channels, Samples::U8(samples))
+            }
+            Self::Bgrx8 => {
+                let texels = bytes.as_chunks::<4>().0;
+                image(3, Samples::U8(texels.iter().flat_map(|&[b, g, r, _]| [r, g, b]).collect()))
+            }
+            Self::GreyAlpha8 => image(2, Samples::U8(bytes.to_vec())),
+            Self::U16 { channels } => {
+                let (channels, samples) = without_pairs(shorts().collect(), channels);
+                image(channels, Samples::U16(samples))
+            }
+            Self::F16 { channels } => {
+                let numbers = shorts().map(|bits| finite(half::f16::from_bits(bits).to_f32()));
+                let (channels, samples) = without_pairs(numbers.collect(), channels);
+                floats(channels, samples)
+            }
+            Self::F32 { channels } => {
+                let numbers = words().map(|bits| finite(f32::from_bits(bits)));
+                let (channels, samples) = without_pairs(numbers.collect(), channels);
+                floats(channels, samples)
+            }
+            Self::B10G11R11 => floats(3, words().flat_map(b10g11r11).collect()),
+            Self::E5B9G9R9 => floats(3, words().flat_map(e5b9g9r9).collect()),
+            Self::Bc1 => image(4, Samples::U8(blocks.texels::<8, _, 64>(4, bcdec_rs::bc1))),
+            Self::Bc2 => image(4, Samples::U8(blocks.texels::<16, _, 64>(4, bcdec_rs::bc2))),
+            Self::Bc3 => image(4, Samples::U8(blocks.texels::<16, _, 64>(4, bcdec_rs::bc3))),
+            Self::Bc7 => image(4, Samples::U8(blocks.texels::<16, _, 64>(4, bcdec_rs::bc7))),
+            Self::Bc4 => {
+                let decode = |block: &[u8], out: &mut [u8], pitch| bcdec_rs::bc4(block, out, pitch, false);
+                image(1, Samples::U8(blocks.texels::<8, _, 16>(1, decode)))
+            }
+            Self::Bc5 => {
+                let decode = |block: &[u8], out: &mut [u8], pitch| bcdec_rs::bc5(block, out, pitch, false);
+                let (channels, samples) = without_pairs(blocks.texels::<16, _, 32>(2, decode), 2);
+                image(channels, Samples::U8(samples))
+            }
+            Self::Bc6h { is_signed } => {
+                let decode =
+                    |block: &[u8], out: &mut [f32], pitch| bcdec_rs::bc6h_float(block, out, pitch, is_signed);
+                let numbers = blocks.texels::<16, f32, 48>(3, decode);
+                floats(3, numbers.into_iter().map(finite).collect())
+            }
+        }
+    }
+}
+
+/// Blocks of 4 x 4 texels, row by row; those at the right and lower edges are cut off.
+struct Blocks<'a> {
+    bytes: &'a [u8],
+    width: usize,
+    height: usize,
+}
+
+impl Blocks<'_> {
+    /// All samples, of blocks with `BYTES` bytes that `decode` turns into `SAMPLES` samples (with the samples of a row).
+    fn texels<const BYTES: usize, S: Copy + Default, const SAMPLES: usize>(
+        &self,
+        channels: usize,
+        decode: impl Fn(&[u8], &mut [S], usize),
+    ) -> Vec<S> {
+        let mut samples = vec![S::default(); self.width * self.height * channels];
+        let columns = self.width.div_ceil(BLOCK);
+        for (index, block) in self.bytes.as_chunks::<BYTES>().0.iter().enumerate() {
+            let (x, y) = (index % columns * BLOCK, index / columns * BLOCK);
+            let mut decoded = [S::default(); SAMPLES];
+            decode(block, &mut decoded, BLOCK * channels);
+            let run = BLOCK.min(self.width - x) * channels;
+            for (row, texels) in decoded.chunks_exact(BLOCK * channels).enumerate().take(self.height - y) {
+                let first = ((y + row) * self.width + x) * channels;
+                samples[first..first + run].copy_from_slice(&texels[..run]);
+            }
+        }
+        samples
+    }
+}
+
+/// Red and green as RGB.
+fn without_pairs<S: Copy + Default>(samples: Vec<S>, channels: u8) -> (u8, Vec<S>) {
+    if channels != 2 {
+        return (channels, samples);
+    }
+    (3, samples.as_chunks().0.iter().flat_map(|&[red, green]| [red, green, S::default()]).collect())
+}
+
+/// One infinite or undefined number would spread over all coarser levels: the largest half float instead, or 0.
+fn finite(value: f32) -> f32 {
+    match value {
+        _ if value.is_nan() => 0.0,
+        _ if value.is_infinite() => half::f16::MAX.to_f32().copysign(value),
+        _ => value,
+    }
+}
+
+/// Unsigned floats with 5 bits of exponent: half floats without their sign and lowest bits.
+fn b10g11r11(bits: u32) -> [f32; 3] {
+    let small = |bits: u32, missing: u32| finite(half::f16::from_bits((bits << missing) as u16).to_f32());
+    [small(bits & 0x7ff, 4), small(bits >> 11 & 0x7ff, 4), small(bits >> 22, 5)]
+}
+
+fn e5b9g9r9(bits: u32) -> [f32; 3] {
+    let scale = ((bits >> 27) as f32 - 24.0).exp2();
+    [0, 9, 18].map(|shift| (bits >> shift & 0x1ff) as f32 * scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_floats_are_decoded() {
+        // 1.0 has the exponent 15: shifted by 6 bits of mantissa in 11 bits, by 5 in 10.
+        assert_eq!(b10g11r11(15 << 6 | 16 << 17 | 14 << 27), [1.0, 2.0, 0.5]);
+        assert_eq!(b10g11r11(0), [0.0; 3]);
+        // Infinity and what is none.
+        assert!(b10g11r11(u32::MAX).iter().all(|value| value.is_finite()));
+        // 256 / 512 * 2^(16 - 15) = 1.
+        assert_eq!(e5b9g9r9(16 << 27 | 256 | 128 << 9), [1.0, 0.5, 0.0]);
+    }
+
+    #[test]
+    fn blocks_are_cut_at_the_edges() {
+        // Two endpoints of BC4 with all indices 0: each block is its first endpoint.
+        let block = |value: u8| [value, 0, 0, 0, 0, 0, 0, 0];
+        let bytes: Vec<u8> = [10, 20, 30, 40].into_iter().flat_map(block).collect();
+        let image = TexelFormat::Bc4.decode(&bytes, 6, 5, ColorSpace::Linear);
+        assert_eq!((image.width, image.height, image.channels), (6, 5, 1));
+        let Samples::U8(values) = image.samples else { panic!() };
+        for (index, value) in values.into_iter().enumerate() {
+            let (right, lower) = (index % 6 >= 4, index / 6 >= 4);
+            assert_eq!(value, 10 + 10 * u8::from(right) + 20 * u8::from(lower), "texel {index}");
+        }
+        assert_eq!(TexelFormat::Bc4.byte_len(6, 5), 32);
+    }
+}

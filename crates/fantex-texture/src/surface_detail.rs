@@ -1,0 +1,686 @@
+//! Surface-detail polygons: coplanar polygons attached to a base polygon (windows on a wall, letters on a sign).
+//!
+//! Visibility asks only the base polygon, so details cost nothing where it is hidden and never fight with it for depth.
+//! Lighting uses the detail: for a look-up the share of each detail in the pixel's footprint is found by exact clipping (E.
+//! Catmull, "A hidden-surface algorithm with anti-aliasing", 1978), which is anti-aliasing without a resolution.
+//!
+//! ```text
+//!  polygons --trapezoids--> convex pieces, topmost first --grid--.
+//!  uv, footprint --> parallelogram --carve out each piece that lies in it--> share of each polygon; the rest: base
+//! ```
+//!
+//! A [`SurfaceDetail`] lives in a plane: in the plane of a face ([`DetailPlane`]), or in that of texture coordinates. As a
+//! texture among others it is a [`PolygonsTexture`].
+
+use glam::{DVec2, Vec2, Vec3, Vec4};
+
+use crate::coordinates::{Coordinates, TextureMatrix};
+use crate::look::Slot;
+use crate::{ShadingPoint, Texture, UvPoint};
+
+/// A polygon on the base.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DetailPolygon {
+    /// Closed outlines without repetition of the first corner, either way round: the polygon is what lies inside an odd number
+    /// of them, so that holes are outlines, too. They must not cross themselves nor each other.
+    pub outlines: Vec<Vec<Vec2>>,
+    /// What it is made of: an index that only the caller interprets.
+    pub material: u32,
+    /// Polygons of higher priority cover those of lower; of equal ones the later covers the earlier.
+    pub priority: i32,
+}
+
+/// Why polygons cannot be attached.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DetailError {
+    /// An outline is no polygon.
+    #[error("outline {outline} of detail polygon {polygon} has {corners} corners, but at least 3 are needed")]
+    TooFewCorners {
+        /// Index of the polygon.
+        polygon: usize,
+        /// Index of its outline.
+        outline: usize,
+        /// How many corners it has.
+        corners: usize,
+    },
+    /// A coordinate is no number, or beyond 1e6.
+    #[error(
+        "corner {corner} of outline {outline} of detail polygon {polygon} is ({x}, {y}), but must lie within 1e6"
+    )]
+    Corner {
+        /// Index of the polygon.
+        polygon: usize,
+        /// Index of its outline.
+        outline: usize,
+        /// Index of the corner.
+        corner: usize,
+        /// First coordinate.
+        x: f32,
+        /// Second coordinate.
+        y: f32,
+    },
+    /// Outlines cross.
+    #[error("the outlines of detail polygon {polygon} cross; cut it into polygons that do not")]
+    Crossing {
+        /// Index of the polygon.
+        polygon: usize,
+    },
+}
+
+/// A detail's share of a footprint.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DetailWeight {
+    /// Index of the polygon, as given to [`SurfaceDetail::new`].
+    pub polygon: u32,
+    /// Its material.
+    pub material: u32,
+    /// Visible share of the footprint's area, above 0, at most 1.
+    pub weight: f32,
+}
+
+/// What is seen within a footprint; all shares add up to one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DetailCoverage {
+    /// The details, topmost first.
+    pub details: Vec<DetailWeight>,
+    /// The share in which the base itself is seen.
+    pub base: f32,
+}
+
+impl DetailCoverage {
+    /// The mean of values over the footprint: `of` gives that of a material, or of the base.
+    pub fn mean<T>(&self, of: impl Fn(Option<u32>) -> T) -> T
+    where
+        T: std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+    {
+        let base = of(None) * self.base;
+        self.details.iter().fold(base, |sum, d| sum + of(Some(d.material)) * d.weight)
+    }
+}
+
+/// Footprints with more small pieces than this in them are quartered: time is linear in the number of pieces then. Pieces that
+/// are not small would come back in every quarter.
+const MANY_PIECES: usize = 24;
+/// Quartering ends here, whatever is left.
+const DEEPEST: u32 = 12;
+/// Coordinates that are accepted.
+const FARTHEST: f32 = 1e6;
+
+/// Polygons attached to a base, ready to be looked up.
+#[derive(Clone, Debug, Default)]
+pub struct SurfaceDetail {
+    /// Convex pieces, those of topmost polygons first.
+    pieces: Vec<Piece>,
+    /// Polygon of each piece.
+    owners: Vec<u32>,
+    materials: Vec<u32>,
+    grid: Grid,
+}
+
+impl SurfaceDetail {
+    /// Prepares polygons. Outlines without area are allowed and cover nothing.
+    ///
+    /// # Errors
+    ///
+    /// An outline with too few corners, a coordinate out of range, or outlines that cross.
+    pub fn new(polygons: &[DetailPolygon]) -> Result<Self, DetailError> {
+        let mut order: Vec<usize> = (0..polygons.len()).collect();
+        order.sort_by_key(|&p| std::cmp::Reverse((polygons[p].priority, p)));
+        let (mut pieces, mut owners) = (Vec::new(), Vec::new());
+        for polygon in order {
+            let outlines = checked_outlines(polygon, &polygons[polygon])?;
+            let own = trapezoids(&outlines).ok_or(DetailError::Crossing { polygon })?;
+            owners.extend(std::iter::repeat_n(polygon as u32, own.len()));
+            pieces.extend(own);
+        }
+        let grid = Grid::new(&pieces);
+        Ok(Self { pieces, owners, materials: polygons.iter().map(|p| p.material).collect(), grid })
+    }
+
+    /// The shares of details in the parallelogram around `uv` whose sides are `footprint`. Without area it is the point `uv`.
+    ///
+    /// Time is linear in the number of pieces within the footprint; where many polygons lie over each other and each shows
+    /// a little below the last, it grows with the square of their number.
+    pub fn coverage(&self, uv: Vec2, footprint: [Vec2; 2]) -> DetailCoverage {
+        let centre = uv.as_dvec2();
+        let [mut side, other] = footprint.map(Vec2::as_dvec2);
+        let full = side.perp_dot(other);
+        if !(full.abs() > 1e-24 && full.is_finite() && centre.is_finite()) {
+            return self.coverage_of_point(uv);
+        }
+        if full < 0.0 {
+            // Counter-clockwise.
+            side = -side;
+        }
+        let corner = centre - 0.5 * (side + other);
+        let mut areas = Vec::new();
+        self.add_areas(corner, [side, other], 0, &mut areas);
+        areas.sort_unstable_by_key(|a: &(u32, f64)| a.0);
+        let mut details: Vec<(u32, f64)> = Vec::new();
+        for (piece, area) in areas {
+            let polygon = self.owners[piece as usize];
+            match details.last_mut().filter(|d| d.0 == polygon) {
+                Some(last) => last.1 += area,
+                None => details.push((polygon, area)),
+            }
+        }
+        let covered: f64 = details.iter().map(|d| d.1).sum::<f64>() / full.abs();
+        let weight = |area: f64| (area / full.abs() / covered.max(1.0)) as f32;
+        let details = details.into_iter().map(|(polygon, area)| self.weight(polygon, weight(area)));
+        DetailCoverage { details: details.collect(), base: (1.0 - covered).max(0.0) as f32 }
+    }
+
+    /// The material of each polygon, as given.
+    pub fn materials(&self) -> impl Iterator<Item = u32> + '_ {
+        self.materials.iter().copied()
+    }
+
+    /// The topmost polygon at a point; borders belong to either side.
+    pub fn topmost(&self, uv: Vec2) -> Option<u32> {
+        let p = uv.as_dvec2();
+        let holds =
+            |piece: &Piece| (0..4).all(|k| (piece[(k + 1) % 4] - piece[k]).perp_dot(p - piece[k]) >= 0.0);
+        let candidates = self.grid.pieces_in([p, p]);
+        let piece = candidates.into_iter().find(|&i| holds(&self.pieces[i as usize]))?;
+        Some(self.owners[piece as usize])
+    }
+
+    fn coverage_of_point(&self, uv: Vec2) -> DetailCoverage {
+        match self.topmost(uv) {
+            Some(polygon) => DetailCoverage { details: vec![self.weight(polygon, 1.0)], base: 0.0 },
+            None => DetailCoverage { details: Vec::new(), base: 1.0 },
+        }
+    }
+
+    fn weight(&self, polygon: u32, weight: f32) -> DetailWeight {
+        DetailWeight { polygon, material: self.materials[polygon as usize], weight }
+    }
+
+    /// Visible areas of pieces within the parallelogram at `corner`, as piece and area, in any order.
+    fn add_areas(&self, corner: DVec2, [side, other]: [DVec2; 2], depth: u32, areas: &mut Vec<(u32, f64)>) {
+        let parallelogram = [corner, corner + side, corner + side + other, corner + other];
+        let box_of_all = bounds(&parallelogram);
+        let mut near = self.grid.pieces_in(box_of_all);
+        near.retain(|&i| touch(bounds(&self.pieces[i as usize]), box_of_all));
+        let half_box = 0.5 * (box_of_all[1] - box_of_all[0]);
+        let is_small = |&&i: &&u32| {
+            let [low, high] = bounds(&self.pieces[i as usize]);
+            (high - low).cmplt(half_box).all()
+        };
+        if depth < DEEPEST && near.iter().filter(is_small).count() > MANY_PIECES {
+            let (half, other_half) = (0.5 * side, 0.5 * other);
+            for start in [DVec2::ZERO, half, other_half, half + other_half] {
+                self.add_areas(corner + start, [half, other_half], depth + 1, areas);
+            }
+            return;
+        }
+        // Pieces come topmost first; each takes what is left.
+        let mut left: Vec<Convex> = vec![parallelogram.to_vec()];
+        for index in near {
+            let piece = &self.pieces[index as usize];
+            let box_of_piece = bounds(piece);
+            let mut still_left = Vec::with_capacity(left.len());
+            let mut visible = 0.0;
+            for convex in left {
+                if touch(bounds(&convex), box_of_piece) {
+                    visible += area(&carve(convex, piece, &mut still_left));
+                } else {
+                    still_left.push(convex);
+                }
+            }
+            if visible > 0.0 {
+                areas.push((index, visible));
+            }
+            left = still_left;
+            if left.is_empty() {
+                return;
+            }
+        }
+    }
+}
+
+/// Whether two boxes have a point in common.
+fn touch(a: [DVec2; 2], b: [DVec2; 2]) -> bool {
+    a[0].cmple(b[1]).all() && b[0].cmple(a[1]).all()
+}
+
+fn checked_outlines(index: usize, polygon: &DetailPolygon) -> Result<Vec<Vec<DVec2>>, DetailError> {
+    for (outline, corners) in polygon.outlines.iter().enumerate() {
+        if corners.len() < 3 {
+            return Err(DetailError::TooFewCorners { polygon: index, outline, corners: corners.len() });
+        }
+        let bad = corners.iter().position(|c| !(c.is_finite() && c.abs().max_element() <= FARTHEST));
+        if let Some(corner) = bad {
+            let Vec2 { x, y } = corners[corner];
+            return Err(DetailError::Corner { polygon: index, outline, corner, x, y });
+        }
+    }
+    Ok(polygon.outlines.iter().map(|o| o.iter().map(|c| c.as_dvec2()).collect()).collect())
+}
+
+/// Coordinates in the plane of a face.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DetailPlane {
+    /// Where the coordinates are 0, 0.
+    pub origin: Vec3,
+    /// Unit vectors along which the first and the second coordinate grow by one per unit of length.
+    pub axes: [Vec3; 2],
+}
+
+impl DetailPlane {
+    /// The plane of a triangle: the origin at its first corner, the first axis towards the second, counter-clockwise.
+    /// `None` for a triangle without area.
+    pub fn of_triangle([a, b, c]: [Vec3; 3]) -> Option<Self> {
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        let first = (b - a).try_normalize()?;
+        Some(Self { origin: a, axes: [first, normal.cross(first)] })
+    }
+
+    /// Coordinates of a point, or of its projection onto the plane.
+    pub fn uv(&self, position: Vec3) -> Vec2 {
+        self.along(position - self.origin)
+    }
+
+    /// The footprint that steps in space make in the plane.
+    pub fn footprint(&self, position_steps: [Vec3; 2]) -> [Vec2; 2] {
+        position_steps.map(|step| self.along(step))
+    }
+
+    fn along(&self, v: Vec3) -> Vec2 {
+        Vec2::from(self.axes.map(|axis| v.dot(axis)))
+    }
+}
+
+// ---- Convex polygons cut by convex pieces, and their areas.
+
+/// Corners of a convex polygon, counter-clockwise.
+type Convex = Vec<DVec2>;
+
+/// Twice the area's half: the area, positive.
+fn area(convex: &[DVec2]) -> f64 {
+    let Some((&first, rest)) = convex.split_first() else { return 0.0 };
+    rest.windows(2).map(|pair| 0.5 * (pair[0] - first).perp_dot(pair[1] - first)).sum::<f64>().max(0.0)
+}
+
+/// The parts of a convex polygon to the left and to the right of the line from `a` to `b` (I. Sutherland and G. Hodgman,
+/// "Reentrant polygon clipping", 1974); either may be empty.
+fn split(convex: &[DVec2], a: DVec2, b: DVec2) -> [Convex; 2] {
+    let along = b - a;
+    let side = |p: DVec2| along.perp_dot(p - a);
+    let mut parts = [Vec::with_capacity(convex.len() + 1), Vec::with_capacity(convex.len() + 1)];
+    for (i, &p) in convex.iter().enumerate() {
+        let q = convex[(i + 1) % convex.len()];
+        let (at_p, at_q) = (side(p), side(q));
+        if at_p >= 0.0 {
+            parts[0].push(p);
+        }
+        if at_p <= 0.0 {
+            parts[1].push(p);
+        }
+        if at_p * at_q < 0.0 {
+            let crossing = p + (q - p) * (at_p / (at_p - at_q));
+            parts[0].push(crossing);
+            parts[1].push(crossing);
+        }
+    }
+    parts.map(|part| if part.len() < 3 { Vec::new() } else { part })
+}
+
+/// The part of `convex` inside `piece` (counter-clockwise); what is left outside goes to `outside`, in convex parts.
+fn carve(convex: Convex, piece: &[DVec2; 4], outside: &mut Vec<Convex>) -> Convex {
+    let first_part = outside.len();
+    let mut inside = convex.clone();
+    for k in 0..4 {
+        let (a, b) = (piece[k], piece[(k + 1) % 4]);
+        if a == b {
+            continue;
+        }
+        let [left, right] = split(&inside, a, b);
+        if area(&left) == 0.0 {
+            // Nothing is inside: no need to have it in parts.
+            outside.truncate(first_part);
+            outside.push(convex);
+            return Vec::new();
+        }
+        if area(&right) > 0.0 {
+            outside.push(right);
+        }
+        inside = left;
+    }
+    inside
+}
+
+// ---- Which pieces may lie in a rectangle: a grid of cells over all of them.
+
+/// About as many cells as pieces, each with the pieces whose boxes touch it (compressed rows).
+#[derive(Clone, Debug, Default)]
+struct Grid {
+    low: DVec2,
+    /// Cells per unit.
+    scale: DVec2,
+    columns: usize,
+    rows: usize,
+    starts: Vec<u32>,
+    pieces: Vec<u32>,
+}
+
+/// Lower and upper corner of a box around points.
+fn bounds(points: &[DVec2]) -> [DVec2; 2] {
+    points.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
+}
+
+impl Grid {
+    fn new(pieces: &[Piece]) -> Self {
+        if pieces.is_empty() {
+            return Self::default();
+        }
+        let all: Vec<DVec2> = pieces.iter().flatten().copied().collect();
+        let [low, high] = bounds(&all);
+        let size = (high - low).max(DVec2::splat(1e-12));
+        // Cells are about square.
+        let cell = (size.x * size.y / pieces.len() as f64).sqrt();
+        let along = |length: f64| ((length / cell).ceil() as usize).clamp(1, 4096);
+        let (columns, rows) = (along(size.x), along(size.y));
+        let scale = DVec2::new(columns as f64, rows as f64) / size;
+        let mut grid =
+            Self { low, scale, columns, rows, starts: vec![0; columns * rows + 1], pieces: Vec::new() };
+        for piece in pieces {
+            grid.cells(bounds(piece)).for_each(|cell| grid.starts[cell + 1] += 1);
+        }
+        for cell in 0..columns * rows {
+            grid.starts[cell + 1] += grid.starts[cell];
+        }
+        let mut next = grid.starts.clone();
+        grid.pieces = vec![0; next[columns * rows] as usize];
+        for (index, piece) in (0..).zip(pieces) {
+            for cell in grid.cells(bounds(piece)) {
+                grid.pieces[next[cell] as usize] = index;
+                next[cell] += 1;
+            }
+        }
+        grid
+    }
+
+    /// Numbers of the cells that a box touches.
+    fn cells(&self, [low, high]: [DVec2; 2]) -> impl Iterator<Item = usize> + use<> {
+        let (columns, rows) = (self.columns, self.rows);
+        let cell = |p: DVec2| ((p - self.low) * self.scale).floor();
+        let (first, last) = (cell(low), cell(high));
+        let outside = last.x < 0.0 || last.y < 0.0 || first.x > columns as f64 || first.y > rows as f64;
+        let range = move |first: f64, last: f64, count: usize| {
+            let most = count.saturating_sub(1);
+            if outside || count == 0 {
+                return 0..0;
+            }
+            (first.max(0.0) as usize).min(most)..(last.max(0.0) as usize).min(most) + 1
+        };
+        let column_range = range(first.x, last.x, columns);
+        range(first.y, last.y, rows).flat_map(move |row| column_range.clone().map(move |c| row * columns + c))
+    }
+
+    /// The pieces whose cells a box touches, each once.
+    fn pieces_in(&self, bounds: [DVec2; 2]) -> Vec<u32> {
+        let of_cell = |cell: usize| &self.pieces[self.starts[cell] as usize..self.starts[cell + 1] as usize];
+        let mut found: Vec<u32> = self.cells(bounds).flat_map(of_cell).copied().collect();
+        found.sort_unstable();
+        found.dedup();
+        found
+    }
+}
+
+// ---- Surface-detail polygons as a texture.
+
+/// Polygons in the plane of the coordinates, each in a colour or a texture of its own, over what lies below them. Every
+/// footprint gets the exact shares of what it covers, so that thin bars neither flicker nor vanish, however far away.
+#[derive(Clone, Debug)]
+pub struct PolygonsTexture {
+    detail: SurfaceDetail,
+    /// By the polygons' material.
+    colors: Vec<Slot>,
+    base: Slot,
+    coordinates: Coordinates,
+    matrix: TextureMatrix,
+    repeats: bool,
+}
+
+impl PolygonsTexture {
+    /// Polygons (their materials are indices of `colors`) over `base`, looked up by `coordinates` after `matrix`. With
+    /// `repeats` they come again in every unit square of the coordinates; they may reach into the neighbouring ones.
+    ///
+    /// # Errors
+    ///
+    /// As [`SurfaceDetail::new`].
+    ///
+    /// # Panics
+    ///
+    /// Where a polygon's material has no colour.
+    pub fn new(
+        polygons: &[DetailPolygon],
+        colors: Vec<Slot>,
+        base: Slot,
+        (coordinates, matrix): (Coordinates, TextureMatrix),
+        repeats: bool,
+    ) -> Result<Self, DetailError> {
+        assert!(polygons.iter().all(|p| (p.material as usize) < colors.len()), "every polygon has a colour");
+        let detail = match repeats {
+            false => SurfaceDetail::new(polygons)?,
+            true => {
+                // Mistakes are told by the polygons' own numbers.
+                SurfaceDetail::new(polygons)?;
+                SurfaceDetail::new(&with_neighbours(polygons))?
+            }
+        };
+        Ok(Self { detail, colors, base, coordinates, matrix, repeats })
+    }
+
+    /// The mean over a footprint; colours count in proportion to their alpha.
+    fn mean(&self, at: &ShadingPoint<'_>, UvPoint { uv, steps }: UvPoint) -> Vec4 {
+        let (uv, steps) = if self.repeats { in_one_square(uv, steps) } else { (uv, steps) };
+        let mean = self.detail.coverage(uv, steps).mean(|material| {
+            let color = material.map_or(&self.base, |m| &self.colors[m as usize]).evaluate(at);
+            (color.truncate() * color.w).extend(color.w)
+        });
+        if mean.w > 0.0 { (mean.truncate() / mean.w).extend(mean.w) } else { Vec4::ZERO }
+    }
+
+    fn slots(&self) -> impl Iterator<Item = &Slot> {
+        self.colors.iter().chain([&self.base])
+    }
+}
+
+impl Texture for PolygonsTexture {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        self.coordinates.evaluate(at, |point| self.mean(at, self.matrix.apply(point, at.time)))
+    }
+
+    fn is_view_dependent(&self) -> bool {
+        self.coordinates.is_view_dependent() || self.slots().any(Slot::is_view_dependent)
+    }
+
+    fn is_animated(&self) -> bool {
+        self.matrix.is_animated() || self.coordinates.is_animated() || self.slots().any(Slot::is_animated)
+    }
+}
+
+/// Each polygon in the unit square and in the eight around it.
+fn with_neighbours(polygons: &[DetailPolygon]) -> Vec<DetailPolygon> {
+    let shifts = || (0..9).map(|i| Vec2::new((i % 3) as f32 - 1.0, (i / 3) as f32 - 1.0));
+    let shifted = |polygon: &DetailPolygon, shift: Vec2| {
+        let outlines = polygon.outlines.iter().map(|outline| outline.iter().map(|&corner| corner + shift));
+        DetailPolygon { outlines: outlines.map(Iterator::collect).collect(), ..polygon.clone() }
+    };
+    polygons.iter().flat_map(|polygon| shifts().map(move |shift| shifted(polygon, shift))).collect()
+}
+
+/// The same footprint around a point of the unit square; the whole square for a footprint that is larger.
+fn in_one_square(uv: Vec2, steps: [Vec2; 2]) -> (Vec2, [Vec2; 2]) {
+    let extent = steps[0].abs() + steps[1].abs();
+    // Infinite and NaN count as large.
+    if extent.cmple(Vec2::ONE).all() {
+        (uv - uv.floor(), steps)
+    } else {
+        (Vec2::splat(0.5), [Vec2::X, Vec2::Y])
+    }
+}
+
+// ---- Polygons cut into trapezoids between horizontal lines: any outline, with holes, without a crossing.
+//
+// Between two neighbouring heights of corners no edge begins, ends or meets another, so the edges there have an order from
+// left to right, and the polygon lies between the first and the second, the third and the fourth, ... Trapezoids between the
+// same two edges join into one across such lines. (After F. Preparata and M. Shamos, "Computational Geometry", 1985.)
+
+/// A convex piece: corners with increasing angle, the last two or first two may coincide.
+type Piece = [DVec2; 4];
+
+/// An edge, upwards.
+#[derive(Clone, Copy)]
+struct Edge {
+    low: DVec2,
+    high: DVec2,
+}
+
+impl Edge {
+    fn x_at(&self, y: f64) -> f64 {
+        if y <= self.low.y {
+            self.low.x
+        } else if y >= self.high.y {
+            self.high.x
+        } else {
+            self.low.x + (self.high.x - self.low.x) * ((y - self.low.y) / (self.high.y - self.low.y))
+        }
+    }
+}
+
+/// A trapezoid that may go on above.
+struct Open {
+    edges: [usize; 2],
+    from: f64,
+}
+
+/// The pieces of the inside (points with an odd number of edges to their left); `None` where edges cross.
+fn trapezoids(outlines: &[Vec<DVec2>]) -> Option<Vec<Piece>> {
+    let edges = edges_of(outlines);
+    let mut heights: Vec<f64> = edges.iter().flat_map(|e| [e.low.y, e.high.y]).collect();
+    heights.sort_by(f64::total_cmp);
+    heights.dedup();
+    // Edges enter in the order of their lower ends.
+    let mut by_start: Vec<usize> = (0..edges.len()).collect();
+    by_start.sort_by(|&a, &b| edges[a].low.y.total_cmp(&edges[b].low.y));
+    let mut waiting = by_start.into_iter().peekable();
+    let (mut active, mut open, mut pieces) = (Vec::new(), Vec::<Open>::new(), Vec::new());
+    for slab in heights.windows(2) {
+        let [from, to] = [slab[0], slab[1]];
+        active.retain(|&e: &usize| edges[e].high.y > from);
+        while let Some(edge) = waiting.next_if(|&e| edges[e].low.y <= from) {
+            active.push(edge);
+        }
+        active.sort_by(|&a, &b| {
+            let places = |e: usize| [0.5 * (from + to), to].map(|y| edges[e].x_at(y));
+            let ([a_middle, a_top], [b_middle, b_top]) = (places(a), places(b));
+            a_middle.total_cmp(&b_middle).then(a_top.total_cmp(&b_top)).then(a.cmp(&b))
+        });
+        if !is_ordered(&edges, &active, from) || !is_ordered(&edges, &active, to) {
+            return None;
+        }
+        let now: Vec<[usize; 2]> = active.chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect();
+        let (going_on, ended): (Vec<Open>, Vec<Open>) =
+            open.into_iter().partition(|o| now.contains(&o.edges));
+        pieces.extend(ended.iter().map(|o| piece(&edges, o, from)));
+        open = going_on;
+        let new: Vec<[usize; 2]> =
+            now.into_iter().filter(|pair| open.iter().all(|o| o.edges != *pair)).collect();
+        open.extend(new.into_iter().map(|edges| Open { edges, from }));
+    }
+    let top = heights.last().copied().unwrap_or(0.0);
+    pieces.extend(open.iter().map(|o| piece(&edges, o, top)));
+    Some(pieces)
+}
+
+/// All edges that are not horizontal.
+fn edges_of(outlines: &[Vec<DVec2>]) -> Vec<Edge> {
+    let sides = outlines.iter().flat_map(|o| (0..o.len()).map(move |i| (o[i], o[(i + 1) % o.len()])));
+    sides
+        .filter(|(a, b)| a.y != b.y)
+        .map(|(a, b)| if a.y < b.y { Edge { low: a, high: b } } else { Edge { low: b, high: a } })
+        .collect()
+}
+
+/// Whether edges that are ordered within a slab keep their order on its border, up to rounding.
+fn is_ordered(edges: &[Edge], order: &[usize], y: f64) -> bool {
+    let tolerance = |x: f64| 1e-9 * (1.0 + x.abs());
+    order.windows(2).all(|pair| {
+        let [a, b] = [pair[0], pair[1]].map(|e| edges[e].x_at(y));
+        a <= b + tolerance(a)
+    })
+}
+
+fn piece(edges: &[Edge], open: &Open, to: f64) -> Piece {
+    let [left, right] = open.edges.map(|e| edges[e]);
+    let at = |edge: &Edge, y: f64| DVec2::new(edge.x_at(y), y);
+    [at(&left, open.from), at(&right, open.from), at(&right, to), at(&left, to)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_carved_out_and_what_is_left_make_the_whole() {
+        let square: Convex = vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+        let mut outside = Vec::new();
+        let half = [0.25, 0.75].map(|x| DVec2::new(x, 0.0));
+        let piece = [half[0], half[1], half[1] + DVec2::Y * 0.5, half[0] + DVec2::Y * 0.5];
+        let inside = carve(square.clone(), &piece, &mut outside);
+        assert!((shoelace(&inside) - 0.25).abs() < 1e-12);
+        let left: f64 = outside.iter().map(|p| shoelace(p)).sum();
+        assert!((left - 0.75).abs() < 1e-12);
+        let mut untouched = Vec::new();
+        let beside = piece.map(|p| p + DVec2::X * 5.0);
+        assert!(carve(square.clone(), &beside, &mut untouched).is_empty());
+        assert_eq!(untouched, [square]);
+    }
+
+    fn area(pieces: &[Piece]) -> f64 {
+        pieces.iter().map(|[a, b, c, d]| 0.5 * (*c - *a).perp_dot(*d - *b)).sum()
+    }
+
+    fn ring(n: u32, radius: impl Fn(u32) -> f64) -> Vec<DVec2> {
+        let turn = std::f64::consts::TAU / f64::from(n);
+        (0..n).map(|i| DVec2::from_angle(f64::from(i) * turn + 0.1) * radius(i)).collect()
+    }
+
+    fn shoelace(outline: &[DVec2]) -> f64 {
+        (0..outline.len()).map(|i| 0.5 * outline[i].perp_dot(outline[(i + 1) % outline.len()])).sum()
+    }
+
+    #[test]
+    fn pieces_have_the_polygon_s_area() {
+        let star = ring(20, |i| if i % 2 == 0 { 1.0 } else { 0.4 });
+        assert!((area(&trapezoids(std::slice::from_ref(&star)).unwrap()) - shoelace(&star)).abs() < 1e-12);
+        let hole = ring(7, |_| 0.3);
+        let expected = shoelace(&star) - shoelace(&hole);
+        assert!((area(&trapezoids(&[star, hole]).unwrap()) - expected).abs() < 1e-12);
+        let square = vec![DVec2::ZERO, DVec2::X, DVec2::ONE, DVec2::Y];
+        assert_eq!(trapezoids(&[square]).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn trapezoids_join_where_nothing_happens_between_them() {
+        // Corners on the right side cut only their own piece.
+        let comb: Vec<DVec2> = (0..50)
+            .map(|i| DVec2::new(if i % 2 == 0 { 1.0 } else { 2.0 }, f64::from(i)))
+            .chain([DVec2::new(0.0, 49.0), DVec2::ZERO])
+            .collect();
+        assert!(trapezoids(&[comb]).unwrap().len() <= 50);
+    }
+
+    #[test]
+    fn crossings_are_found() {
+        let bow = vec![DVec2::ZERO, DVec2::ONE, DVec2::X, DVec2::Y];
+        assert!(trapezoids(&[bow]).is_none());
+        let star =
+            (0..5).map(|i| DVec2::from_angle(f64::from(2 * i) * std::f64::consts::TAU / 5.0)).collect();
+        assert!(trapezoids(&[star]).is_none());
+    }
+}

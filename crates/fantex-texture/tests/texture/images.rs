@@ -1,0 +1,519 @@
+//! Reading and writing of image files.
+
+use std::{fs, panic};
+
+use fantex_texture::compare::{FlipOptions, compare, difference_picture, flip, psnr_db, ssim};
+use fantex_texture::{
+    AlphaUse, ColorSpace, Depth, Image, ImageLimits, LoadImageError, Samples, SaveImageError,
+};
+use proptest::prelude::*;
+
+use crate::common::{Random, assert_close, data_folder};
+
+fn sample_image(depth: Depth, channels: u8) -> Image {
+    let (width, height) = (13, 7);
+    let count = width as usize * height as usize * usize::from(channels);
+    let mut random = Random(u64::from(channels));
+    let samples = match depth {
+        Depth::U8 => Samples::U8((0..count).map(|_| random.bits() as u8).collect()),
+        Depth::U16 => Samples::U16((0..count).map(|_| random.bits() as u16).collect()),
+        Depth::F32 => Samples::F32((0..count).map(|_| 0.25 + random.unit() * 3.0).collect()),
+    };
+    let space = if depth == Depth::F32 { ColorSpace::Linear } else { ColorSpace::Srgb };
+    Image { width, height, channels, space, samples }
+}
+
+#[test]
+fn lossless_formats_give_back_what_was_saved() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, depth, channels) in [
+        ("a.png", Depth::U8, 1),
+        ("a.png", Depth::U8, 2),
+        ("a.png", Depth::U8, 3),
+        ("a.png", Depth::U8, 4),
+        ("a.png", Depth::U16, 1),
+        ("a.png", Depth::U16, 2),
+        ("a.png", Depth::U16, 3),
+        ("a.png", Depth::U16, 4),
+        ("a.tif", Depth::U8, 3),
+        ("a.tif", Depth::U16, 4),
+        ("a.tiff", Depth::F32, 3),
+        ("a.webp", Depth::U8, 3),
+        ("a.webp", Depth::U8, 4),
+        ("a.exr", Depth::F32, 3),
+        ("a.exr", Depth::F32, 4),
+    ] {
+        let image = sample_image(depth, channels);
+        let path = folder.path().join(name);
+        image.save(&path).unwrap_or_else(|error| panic!("{error}"));
+        let back = Image::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        if (depth, channels) == (Depth::F32, 4) {
+            // Multiplied and divided by alpha.
+            assert_eq!((back.width, back.height, back.channels), (image.width, image.height, 4));
+            let (Samples::F32(a), Samples::F32(b)) = (&image.samples, &back.samples) else { panic!() };
+            assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5 * a.abs()));
+        } else {
+            assert!(back == image, "{name} {depth:?} {channels}");
+        }
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 5, "no temporary file is left");
+}
+
+#[test]
+fn floats_become_srgb_bytes_in_png() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    Image::from_linear_rgba(1, 1, &[[0.5, 0.0, 2.0, 0.5]]).save(&path).unwrap();
+    let back = Image::load(&path).unwrap();
+    assert_eq!(back.samples, Samples::U8(vec![188, 0, 255, 128]));
+    // Grey goes everywhere.
+    for name in ["g.jpg", "g.hdr", "g.exr", "g.webp", "g.tif"] {
+        let grey = Image::from_linear(2, 2, 1, vec![0.5; 4]);
+        let path = folder.path().join(name);
+        grey.save(&path).unwrap_or_else(|error| panic!("{error}"));
+        let texel = Image::load(&path).unwrap_or_else(|error| panic!("{error}")).linear_texel(1, 1);
+        assert!(texel[..3].iter().all(|value| (value - 0.5).abs() < 0.01), "{name}: {texel:?}");
+    }
+}
+
+#[test]
+fn mistakes_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let missing = folder.path().join("missing.png");
+    let error = Image::load(&missing).unwrap_err();
+    assert!(matches!(error, LoadImageError::Read { .. }) && error.to_string().contains("missing.png"));
+    let error = Image::decode(b"", "empty.png", ColorSpace::Srgb).unwrap_err();
+    assert!(matches!(error, LoadImageError::UnknownFormat { .. }), "{error}");
+    let error = Image::decode(b"no picture at all", "x", ColorSpace::Srgb).unwrap_err();
+    assert!(matches!(error, LoadImageError::UnknownFormat { .. }), "{error}");
+
+    let image = sample_image(Depth::U8, 4);
+    let saved = |name: &str| image.save(folder.path().join(name));
+    assert!(matches!(saved("a.xyz"), Err(SaveImageError::UnknownExtension { .. })));
+    assert!(matches!(saved("a.jpg"), Err(SaveImageError::Channels { .. })));
+    assert!(matches!(saved("no/such/folder.png"), Err(SaveImageError::Write { .. })));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn limits_are_checked_before_decoding() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    sample_image(Depth::U8, 3).save(&path).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let within = |side, bytes_limit| {
+        let limits = ImageLimits { side, bytes: bytes_limit };
+        Image::decode_within(&bytes, "a.png", ColorSpace::Srgb, limits)
+    };
+    assert!(matches!(within(12, 1 << 20), Err(LoadImageError::Size { limit: 12, .. })));
+    assert!(matches!(within(100, 272), Err(LoadImageError::Memory { limit: 272, .. })));
+    assert!(within(13, 1 << 20).is_ok());
+}
+
+#[test]
+fn every_shipped_image_loads() {
+    let Some(folder) = data_folder("images") else { return };
+    let mut loaded = 0;
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+        if !["png", "jpg", "exr", "hdr"].contains(&extension) {
+            continue;
+        }
+        let image = Image::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        // The size as the file's own header tells it.
+        let (width, height) = image::image_dimensions(&path).unwrap();
+        assert_eq!((image.width, image.height), (width, height), "{}", path.display());
+        assert_eq!(image.samples.len(), width as usize * height as usize * usize::from(image.channels));
+        assert_eq!(image.samples.depth() == Depth::F32, ["exr", "hdr"].contains(&extension));
+        loaded += 1;
+    }
+    assert!(loaded >= 10, "only {loaded} images");
+}
+
+fn encoded_samples() -> Vec<(&'static str, Vec<u8>)> {
+    let folder = tempfile::tempdir().unwrap_or_else(|error| panic!("{error}"));
+    [
+        ("a.png", Depth::U8, 4),
+        ("b.png", Depth::U16, 3),
+        ("a.jpg", Depth::U8, 3),
+        ("a.tif", Depth::U16, 3),
+        ("a.webp", Depth::U8, 4),
+        ("a.hdr", Depth::F32, 3),
+        ("a.exr", Depth::F32, 4),
+    ]
+    .into_iter()
+    .map(|(name, depth, channels)| {
+        let path = folder.path().join(name);
+        sample_image(depth, channels).save(&path).unwrap_or_else(|error| panic!("{error}"));
+        (name, fs::read(&path).unwrap_or_else(|error| panic!("{error}")))
+    })
+    .chain(container_samples())
+    .collect()
+}
+
+fn container_samples() -> Vec<(&'static str, Vec<u8>)> {
+    let texels: Vec<u8> = (0..96).collect();
+    let packed = zstd::bulk::compress(&texels[..24], 3).unwrap_or_default();
+    vec![
+        ("a.ktx2", ktx2(43, [2, 3], 1, 2, &packed)),
+        ("b.ktx2", ktx2(143, [6, 5], 1, 0, &texels)),
+        ("c.ktx2", ktx2(146, [5, 3], 1, 0, &texels)),
+        ("a.dds", dds([2, 2, 0, 2], MASKED_BGRA, 0, &texels)),
+        ("b.dds", dds([7, 5, 0, 1], coded(b"DXT5"), 0, &texels)),
+    ]
+}
+
+/// A KTX2 file of plain RGBA bytes.
+fn ktx2(format: u32, [width, height]: [u32; 2], faces: u32, packing: u32, level: &[u8]) -> Vec<u8> {
+    let mut bytes = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
+    for word in [format, 1, width, height, 0, 0, faces, 1, packing, 0, 0, 0, 0, 0, 0, 0, 0] {
+        bytes.extend_from_slice(&word.to_le_bytes());
+    }
+    for wide in [104, level.len() as u64, level.len() as u64] {
+        bytes.extend_from_slice(&wide.to_le_bytes());
+    }
+    bytes.extend_from_slice(level);
+    bytes
+}
+
+/// A DDS file; `pixels` are the flags, the code, the bits and four masks, `complexity` says cube or volume.
+fn dds(
+    [width, height, depth, levels]: [u32; 4],
+    pixels: [u32; 7],
+    complexity: u32,
+    texels: &[u8],
+) -> Vec<u8> {
+    let mut words = vec![124, 0x1007, height, width, 0, depth, levels];
+    words.extend([0; 11]);
+    words.push(32);
+    words.extend(pixels);
+    words.extend([0x1000, complexity, 0, 0, 0]);
+    let mut bytes = b"DDS ".to_vec();
+    words.into_iter().for_each(|word: u32| bytes.extend_from_slice(&word.to_le_bytes()));
+    assert_eq!(bytes.len(), 128);
+    bytes.extend_from_slice(texels);
+    bytes
+}
+
+const MASKED_BGRA: [u32; 7] = [0x41, 0, 32, 0xff_0000, 0xff00, 0xff, 0xff00_0000];
+
+fn coded(code: &[u8; 4]) -> [u32; 7] {
+    [4, u32::from_le_bytes(*code), 0, 0, 0, 0, 0]
+}
+
+fn decode_all(bytes: &[u8]) -> Result<Vec<Image>, LoadImageError> {
+    Image::decode_all(bytes, "file", ColorSpace::Srgb, ImageLimits { side: 4096, bytes: 1 << 20 })
+}
+
+#[test]
+fn ktx2_files_are_read() {
+    let texels: Vec<u8> = (0..6 * 2 * 3 * 4).collect();
+    let cube = decode_all(&ktx2(43, [2, 3], 6, 0, &texels)).unwrap();
+    assert_eq!(cube.len(), 6);
+    for (face, image) in cube.iter().enumerate() {
+        assert_eq!((image.width, image.height, image.space), (2, 3, ColorSpace::Srgb));
+        assert_eq!(image.samples, Samples::U8(texels[face * 24..face * 24 + 24].to_vec()));
+    }
+    // Packed; the file says linear, whatever is the default.
+    let packed = zstd::bulk::compress(&texels[..24], 3).unwrap();
+    let image = Image::decode(&ktx2(37, [2, 3], 1, 2, &packed), "a.ktx2", ColorSpace::Srgb).unwrap();
+    assert_eq!((image.space, image.samples), (ColorSpace::Linear, Samples::U8(texels[..24].to_vec())));
+    // Red and green stay red and green.
+    let image = &decode_all(&ktx2(16, [2, 1], 1, 0, &[1, 2, 3, 4])).unwrap()[0];
+    assert_eq!((image.channels, &image.samples), (3, &Samples::U8(vec![1, 2, 0, 3, 4, 0])));
+    // A block of BC1: red, all indices 0.
+    let image = &decode_all(&ktx2(132, [3, 2], 1, 0, &[0, 0xf8, 0, 0, 0, 0, 0, 0])).unwrap()[0];
+    assert_eq!(image.samples, Samples::U8([255, 0, 0, 255].repeat(6)));
+
+    for (bytes, part) in [
+        (ktx2(0, [2, 3], 1, 0, &texels), "Basis Universal"),
+        (ktx2(43, [2, 3], 1, 1, &texels), "Basis Universal"),
+        (ktx2(43, [2, 3], 1, 3, &texels), "packed by method 3"),
+        (ktx2(147, [2, 3], 1, 0, &texels), "format 147 (VkFormat)"),
+        (ktx2(43, [2, 3], 5, 0, &texels), "5 for the number of faces"),
+        (ktx2(43, [2, 3], 1, 2, &texels), "damaged"),
+        (ktx2(43, [4, 30], 1, 0, &texels), "480 are needed"),
+        (ktx2(43, [0, 3], 1, 0, &texels), "each side must be 1 to 4096"),
+        (ktx2(43, [4000, 4000], 1, 0, &texels), "more than 1048576 bytes"),
+    ] {
+        let error = decode_all(&bytes).unwrap_err().to_string();
+        assert!(error.contains(part) && error.contains("'file'"), "{part}: {error}");
+    }
+}
+
+#[test]
+fn dds_files_are_read() {
+    let texels: Vec<u8> = (0..200).collect();
+    let image = &decode_all(&dds([2, 1, 0, 0], MASKED_BGRA, 0, &texels)).unwrap()[0];
+    assert_eq!(image.samples, Samples::U8(vec![2, 1, 0, 3, 6, 5, 4, 7]));
+    assert_eq!(image.space, ColorSpace::Srgb);
+    // Six faces of 2 x 2 with a second level of one texel each.
+    let cube = decode_all(&dds([2, 2, 0, 2], MASKED_BGRA, 0xfe00, &texels)).unwrap();
+    assert_eq!(cube.len(), 6);
+    for (face, image) in cube.iter().enumerate() {
+        let Samples::U8(samples) = &image.samples else { panic!() };
+        assert_eq!(samples[2], 20 * face as u8);
+    }
+    // Three slices of a volume.
+    let volume = decode_all(&dds([2, 1, 3, 1], MASKED_BGRA, 0x20_0000, &texels)).unwrap();
+    assert_eq!(volume.len(), 3);
+    let bytes = dds([4, 4, 0, 1], coded(b"DXT1"), 0, &[0xe0, 0x07, 0, 0, 0, 0, 0, 0]);
+    assert_eq!(decode_all(&bytes).unwrap()[0].samples, Samples::U8([0, 255, 0, 255].repeat(16)));
+    // The extension: BC7 in sRGB, of which there is too little.
+    let mut extended = Vec::new();
+    [99_u32, 3, 0, 1, 0].into_iter().for_each(|word| extended.extend_from_slice(&word.to_le_bytes()));
+    extended.extend_from_slice(&[0; 15]);
+    for (bytes, part) in [
+        (dds([4, 4, 0, 1], coded(b"DX10"), 0, &extended), "ends after 163 bytes; 164 are needed"),
+        (dds([4, 4, 0, 1], coded(b"WHAT"), 0, &texels), "format WHAT"),
+        (dds([4, 4, 0, 77], coded(b"DXT1"), 0, &texels), "77 for the number of levels"),
+        (dds([4, 4, 0, 1], [0x40, 0, 16, 0xf800, 0x7e0, 0x1f, 0], 0, &texels), "16 bits with masks f800"),
+        (dds([4, 4, 0, 1], MASKED_BGRA, 0x200, &texels), "0 for the number of faces"),
+    ] {
+        let error = decode_all(&bytes).unwrap_err().to_string();
+        assert!(error.contains(part), "{part}: {error}");
+    }
+    assert!(decode_all(b"DDS ").is_err());
+}
+
+#[test]
+fn shipped_light_maps_are_read() {
+    let Some(folder) = data_folder("images/lightmap") else { return };
+    // Medians of red, found with other tools.
+    for (name, median) in
+        [("CornellBox-Box", 0.6719), ("CornellBox-Large", 0.5156), ("CornellBox-Small", 0.09375)]
+    {
+        let path = folder.join(format!("{name}.zstd.ktx2"));
+        let image = Image::load(&path).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!((image.width, image.height, image.channels), (1024, 1024, 3));
+        let Samples::F32(values) = &image.samples else { panic!("light maps are floats") };
+        // A few hundred texels that no surface uses are undefined in the files.
+        assert!(values.iter().all(|value| *value >= 0.0 && value.is_finite()));
+        let mut reds: Vec<f32> = values.iter().step_by(3).copied().collect();
+        reds.sort_by(f32::total_cmp);
+        let got = reds[reds.len() / 2];
+        assert!((got - median).abs() < 0.01, "{name}: median of red {got}, expected {median}");
+    }
+}
+
+/// Decoding never panics and never gives an image whose samples do not fit its size.
+fn survives(bytes: &[u8], what: &str) {
+    let limits = ImageLimits { side: 4096, bytes: 1 << 26 };
+    let result = panic::catch_unwind(|| Image::decode_within(bytes, what, ColorSpace::Srgb, limits));
+    match result.unwrap_or_else(|_| panic!("{what} panicked")) {
+        Ok(image) => {
+            let expected = image.width as usize * image.height as usize * usize::from(image.channels);
+            assert_eq!(image.samples.len(), expected, "{what}");
+        }
+        Err(error) => assert!(error.to_string().contains(what), "{error}"),
+    }
+    let all = panic::catch_unwind(|| Image::decode_all(bytes, what, ColorSpace::Srgb, limits).is_ok());
+    assert!(all.is_ok(), "{what} panicked");
+}
+
+#[test]
+fn truncated_files_are_survived() {
+    for (name, bytes) in encoded_samples() {
+        for length in 0..bytes.len() {
+            survives(&bytes[..length], name);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+    #[test]
+    fn damaged_files_are_survived(seed in any::<u64>(), flips in 1..12_usize) {
+        static SAMPLES: std::sync::LazyLock<Vec<(&'static str, Vec<u8>)>> =
+            std::sync::LazyLock::new(encoded_samples);
+        let mut random = Random(seed);
+        for (name, bytes) in SAMPLES.iter() {
+            let mut damaged = bytes.clone();
+            for _ in 0..flips {
+                let bit = random.bits() as usize % (8 * damaged.len());
+                damaged[bit / 8] ^= 1 << (bit % 8);
+            }
+            survives(&damaged, name);
+        }
+    }
+}
+
+// ---- Images of another size.
+
+fn noise(width: u32, height: u32, channels: u8) -> Image {
+    let mut random = Random(7);
+    let count = width * height * u32::from(channels);
+    Image::from_linear(width, height, channels, (0..count).map(|_| random.unit()).collect())
+}
+
+/// The mean over a rectangle of square texels, by hand.
+fn mean(image: &Image, x: [f64; 2], y: [f64; 2]) -> f64 {
+    let overlap = |texel: u32, [from, to]: [f64; 2]| {
+        (to.min(f64::from(texel + 1)) - from.max(f64::from(texel))).max(0.0)
+    };
+    let mut sum = 0.0;
+    for row in 0..image.height {
+        for column in 0..image.width {
+            let value = f64::from(image.linear_texel(column, row)[0]);
+            sum += value * overlap(column, x) * overlap(row, y);
+        }
+    }
+    sum / ((x[1] - x[0]) * (y[1] - y[0]))
+}
+
+#[test]
+fn smaller_texels_are_exact_means() {
+    let image = noise(23, 17, 3);
+    for (width, height) in [(22, 16), (10, 17), (7, 3), (1, 1), (23, 5)] {
+        let small = image.resized(width, height, AlphaUse::Independent);
+        assert_eq!((small.width, small.height, small.channels), (width, height, 3));
+        for y in 0..height {
+            for x in 0..width {
+                let [columns, rows] = [(x, 23.0, width), (y, 17.0, height)]
+                    .map(|(i, old, new)| [i, i + 1].map(|i| f64::from(i) * old / f64::from(new)));
+                let truth = mean(&image, columns, rows);
+                let got = f64::from(small.linear_texel(x, y)[0]);
+                assert!((got - truth).abs() < 1e-5, "{width} x {height}, {x},{y}: {got} against {truth}");
+            }
+        }
+    }
+}
+
+#[test]
+fn larger_images_continue_ramps() {
+    let ramp = |x: f32, y: f32| [0.1 + 0.02 * x, 0.8 - 0.03 * y, 0.3 + 0.001 * x * x, 1.0];
+    let texels: Vec<[f32; 4]> =
+        (0..16 * 12).map(|i| ramp((i % 16) as f32 + 0.5, (i / 16) as f32 + 0.5)).collect();
+    let large = Image::from_linear_rgb(16, 12, &texels).resized(40, 31, AlphaUse::Coverage);
+    for y in 6..25 {
+        for x in 6..34 {
+            let expected = ramp((x as f32 + 0.5) * 16.0 / 40.0, (y as f32 + 0.5) * 12.0 / 31.0);
+            // A cubic of Catmull and Rom reproduces parabolas sampled at points.
+            assert_close(large.linear_texel(x, y), expected, 2e-5, "ramp");
+        }
+    }
+    // One axis up, the other down.
+    let mixed = Image::from_linear_rgb(16, 12, &texels).resized(32, 6, AlphaUse::Coverage);
+    assert_close(mixed.linear_texel(12, 3), ramp(6.25, 7.0), 1e-3, "mixed");
+}
+
+#[test]
+fn light_is_averaged_and_transparent_texels_do_not_bleed() {
+    let grey = Image {
+        width: 2,
+        height: 1,
+        channels: 1,
+        space: ColorSpace::Srgb,
+        samples: Samples::U8(vec![0, 255]),
+    };
+    assert_eq!(grey.resized(1, 1, AlphaUse::Coverage).samples, Samples::U8(vec![188]));
+    let edge = Image { channels: 4, samples: Samples::U8(vec![255, 0, 0, 255, 0, 255, 0, 0]), ..grey };
+    assert_eq!(edge.resized(1, 1, AlphaUse::Coverage).samples, Samples::U8(vec![255, 0, 0, 128]));
+    assert_eq!(edge.resized(1, 1, AlphaUse::Independent).samples, Samples::U8(vec![188, 188, 0, 128]));
+}
+
+#[test]
+fn powers_of_two_keep_kind_and_content() {
+    for channels in 1..=4 {
+        let image = noise(11, 6, channels).converted(Depth::U16, ColorSpace::Srgb);
+        let power = image.to_power_of_two(AlphaUse::Independent);
+        assert_eq!((power.width, power.height, power.channels), (8, 8, channels));
+        assert_eq!((power.samples.depth(), power.space), (Depth::U16, ColorSpace::Srgb));
+    }
+    let image = noise(8, 4, 3);
+    assert_eq!(image.to_power_of_two(AlphaUse::Coverage), image);
+}
+
+// ---- The picture measures on cases whose result is known.
+
+fn picture(width: u32, height: u32, mut texel: impl FnMut(u32, u32) -> [u8; 3]) -> Image {
+    let samples = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y));
+    Image { width, height, channels: 3, space: ColorSpace::Srgb, samples: Samples::U8(samples.collect()) }
+}
+
+fn noisy(amplitude: i32, seed: u64) -> Image {
+    let mut random = Random(seed);
+    picture(64, 48, |x, y| {
+        let noise = (random.unit() * (2 * amplitude + 1) as f32) as i32 - amplitude;
+        let value = 100 + (40.0 * (x as f32 * 0.3).sin() + 30.0 * (y as f32 * 0.2).cos()) as i32;
+        [(value + noise).clamp(0, 255) as u8; 3]
+    })
+}
+
+#[test]
+fn equal_pictures_are_equal() {
+    let image = noisy(20, 1);
+    let result = compare(&image, &image).unwrap();
+    assert_eq!(result.psnr_db, f64::INFINITY);
+    assert!((result.ssim - 1.0).abs() < 1e-6);
+    assert!(result.flip < 1e-6);
+}
+
+#[test]
+fn psnr_of_a_constant_offset() {
+    let (a, b) = (picture(9, 7, |_, _| [100; 3]), picture(9, 7, |_, _| [110; 3]));
+    let expected = 20.0 * (255.0_f64 / 10.0).log10();
+    assert!((psnr_db(&a, &b).unwrap() - expected).abs() < 1e-3);
+    let picture = difference_picture(&a, &b, 4.0).unwrap();
+    assert_eq!(picture.samples, Samples::U8(vec![40; 9 * 7 * 3]));
+}
+
+#[test]
+fn ssim_of_constants_is_the_luminance_term() {
+    let (a, b) = (picture(32, 32, |_, _| [51; 3]), picture(32, 32, |_, _| [102; 3]));
+    let (x, y, c1) = (0.2_f64, 0.4, 1e-4);
+    let expected = (2.0 * x * y + c1) / (x * x + y * y + c1);
+    assert!((ssim(&a, &b).unwrap() - expected).abs() < 1e-3);
+}
+
+#[test]
+fn ssim_of_opposite_patterns_is_negative() {
+    let mut random = Random(3);
+    let pattern: Vec<u8> = (0..40 * 40).map(|_| 128 + (random.unit() * 80.0) as u8).collect();
+    let a = picture(40, 40, |x, y| [pattern[(y * 40 + x) as usize]; 3]);
+    let b = picture(40, 40, |x, y| [255 - pattern[(y * 40 + x) as usize]; 3]);
+    assert!(ssim(&a, &b).unwrap() < -0.5);
+}
+
+#[test]
+fn flip_of_black_and_white() {
+    // Worked out by hand: distance 100^0.7, largest distance 203.3^0.7 (green against blue), knee at 0.4 of it.
+    let (a, b) = (picture(40, 30, |_, _| [0; 3]), picture(40, 30, |_, _| [255; 3]));
+    let got = flip(&a, &b, FlipOptions::default()).unwrap();
+    assert!((got - 0.9674).abs() < 1e-3, "{got}");
+    // Green against blue is the largest distance.
+    let (a, b) = (picture(40, 30, |_, _| [0, 255, 0]), picture(40, 30, |_, _| [0, 0, 255]));
+    let got = flip(&a, &b, FlipOptions::default()).unwrap();
+    assert!((got - 1.0).abs() < 1e-3, "{got}");
+}
+
+#[test]
+fn measures_grow_with_the_noise_and_are_symmetric() {
+    let clean = noisy(0, 1);
+    let mut last = (f64::INFINITY, 1.0, 0.0);
+    for amplitude in [2, 6, 18, 54] {
+        let noisy = noisy(amplitude, 2);
+        let result = compare(&clean, &noisy).unwrap();
+        let mirrored = compare(&noisy, &clean).unwrap();
+        assert!((result.flip - mirrored.flip).abs() < 1e-5 && (result.ssim - mirrored.ssim).abs() < 1e-6);
+        assert!(result.psnr_db < last.0 && result.ssim < last.1 && result.flip > last.2, "{result:?}");
+        last = (result.psnr_db, result.ssim, result.flip);
+    }
+}
+
+#[test]
+fn fine_noise_is_noticed_less_from_afar() {
+    let (a, b) = (noisy(0, 1), noisy(30, 2));
+    let near = flip(&a, &b, FlipOptions { pixels_per_degree: 20.0 }).unwrap();
+    let far = flip(&a, &b, FlipOptions { pixels_per_degree: 200.0 }).unwrap();
+    assert!(far < 0.7 * near, "{far} against {near}");
+}
+
+#[test]
+fn sizes_must_agree_and_may_be_tiny() {
+    let (a, b) = (picture(3, 2, |_, _| [1; 3]), picture(2, 3, |_, _| [1; 3]));
+    assert!(compare(&a, &b).unwrap_err().to_string().contains("3 x 2 and 2 x 3"));
+    let dot = picture(1, 1, |_, _| [9; 3]);
+    assert!(compare(&dot, &dot).unwrap().ssim > 0.999);
+}
