@@ -1,17 +1,16 @@
 //! The bake of a whole asset.
 
 use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use fantex_cover::Cover;
 use fantex_mesh::{Mesh, shading_normals};
-use fantex_store::{AssetWriter, CreateError, CreateOptions, EncodeError};
+use fantex_store::{AssetWriter, CreateError, CreateOptions, EncodeError, Quality};
 use rayon::prelude::*;
 
-use crate::progress::Meter;
-use crate::stored::ChannelPlan;
-use crate::tile::{BakedTile, TileBaker};
-use crate::{BakeOptions, BakeSummary, Progress, Source};
+use crate::Source;
+use crate::tile::{BakedTile, ChannelPlan, TileBaker};
 
 /// Why no asset was baked.
 #[derive(Debug, thiserror::Error)]
@@ -186,13 +185,132 @@ fn distinct([a, b, c]: [u32; 3], mut visit: impl FnMut(u32)) {
     }
 }
 
+// Options and outcome of a bake.
+
+/// How texel values are found from the source.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fit {
+    /// Fitted to the bilinear reconstruction (local least squares), with overshoot bounded.
+    #[default]
+    Sharp,
+    /// The source's value at the texel's centre.
+    Point,
+    /// The mean over the texel.
+    Box,
+}
+
+/// Block format of the texels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum BakeFormat {
+    /// BC7 for colours, BC5 for normals.
+    #[default]
+    Bc7,
+    /// BC1 for colours, BC5 for normals.
+    Bc1,
+    /// 8 bits per channel, uncompressed.
+    Rgba8,
+    /// 32-bit floats.
+    Float,
+}
+
+/// Options of [`bake`](crate::bake).
+#[derive(Clone, Debug)]
+pub struct BakeOptions {
+    /// How texel values are found.
+    pub fit: Fit,
+    /// Block format.
+    pub format: BakeFormat,
+    /// Effort of the block encoder.
+    pub quality: Quality,
+    /// Overwrite an existing asset.
+    pub force: bool,
+    /// Bytes that texels in flight may take, whatever the texture's size.
+    pub memory_bytes: u64,
+}
+
+impl Default for BakeOptions {
+    /// Sharp BC7, fast encoder, 512 MiB, no overwriting.
+    fn default() -> Self {
+        Self {
+            fit: Fit::default(),
+            format: BakeFormat::default(),
+            quality: Quality::default(),
+            force: false,
+            memory_bytes: 512 << 20,
+        }
+    }
+}
+
+/// What was baked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BakeSummary {
+    /// Texels at level 0, per channel.
+    pub texels: u64,
+    /// Bytes of the asset.
+    pub bytes: u64,
+    /// Of that, texels of all levels and channels, packed.
+    pub texel_bytes: u64,
+    /// Names of the channels.
+    pub channels: Vec<String>,
+    /// Seconds of all threads together spent evaluating the source.
+    pub bake_seconds: f64,
+    /// Seconds of all threads together spent encoding blocks.
+    pub encode_seconds: f64,
+    /// Seconds spent packing and writing.
+    pub write_seconds: f64,
+}
+
+// Progress of a long operation, and the wish to end it.
+
+/// Receives progress. Called from several threads.
+pub trait Progress: Sync {
+    /// `done` of `total` texels are finished.
+    fn report(&self, done: u64, total: u64);
+
+    /// True once the user wants to stop; the operation then ends soon and leaves nothing behind.
+    fn is_cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Neither shows nor stops anything.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct NoProgress;
+
+impl Progress for NoProgress {
+    fn report(&self, _done: u64, _total: u64) {}
+}
+
+/// Adds up what threads have finished.
+pub(crate) struct Meter<'a> {
+    progress: &'a dyn Progress,
+    done: AtomicU64,
+    total: u64,
+}
+
+impl<'a> Meter<'a> {
+    pub(crate) fn new(progress: &'a dyn Progress, total: u64) -> Self {
+        Self { progress, done: AtomicU64::new(0), total }
+    }
+
+    pub(crate) fn add(&self, texels: u64) {
+        let done = self.done.fetch_add(texels, Ordering::Relaxed) + texels;
+        self.progress.report(done, self.total);
+    }
+
+    pub(crate) fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use fantex_cover::{CoverOptions, TexelBudget, build_cover};
     use fantex_mesh::{CleanOptions, clean, generate};
 
-    use super::*;
     use crate::BakeFormat;
+
+    use super::*;
 
     fn cover() -> Cover {
         let (mesh, _) = clean(generate::icosphere(4), &CleanOptions::default()).unwrap();

@@ -9,20 +9,17 @@
 mod bake;
 mod fidelity;
 mod light;
-mod options;
-mod progress;
+mod look_source;
 mod raster;
 mod source;
-mod sources;
-mod stored;
 mod tile;
 mod transfer;
+mod uv_source;
 
 pub use bake::*;
 pub use fidelity::*;
 pub use light::*;
-pub use options::*;
-pub use progress::*;
+pub use look_source::{LookSource, LookSourceError, baked_materials};
 pub use source::*;
-pub use sources::*;
 pub use transfer::*;
+pub use uv_source::UvSource;

@@ -26,7 +26,7 @@ pub(crate) struct Overshoot {
     pub(crate) above: f32,
     /// Under the smallest neighbour, and at most this share of its distance to zero.
     pub(crate) below: f32,
-    pub(crate) share_below: f32,
+    share_below: f32,
 }
 
 impl Overshoot {

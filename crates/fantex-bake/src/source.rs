@@ -1,7 +1,11 @@
 //! What is baked: functions of a surface point and a texel's footprint.
 
+use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
+use fantex_texture::{AnyMapping, Bounds, ImageTexture, Solid, SolidPoint, Wrap};
 use glam::{Vec3, Vec4};
+
+use crate::LightMapSource;
 
 /// A point of the surface and the texel around it.
 #[derive(Clone, Copy, Debug)]
@@ -73,5 +77,273 @@ pub trait Source: Sync {
                 .zip(values.chunks_mut(channels))
                 .for_each(|(point, values)| self.evaluate(point, values));
         })
+    }
+}
+
+// The space in which recipes and mappings are evaluated.
+
+/// World units and axes, with the origin at the mesh's centre: recipes keep their real size, and models far from the
+/// world's origin keep their precision.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WorldSpace {
+    /// World units per mesh unit.
+    scale: f32,
+}
+
+impl WorldSpace {
+    /// That of a mesh.
+    pub fn of(mesh: &Mesh) -> Self {
+        Self { scale: mesh.world_from_mesh.scale as f32 }
+    }
+
+    /// The mesh's bounding box in this space.
+    pub fn bounds(mesh: &Mesh) -> Bounds {
+        let (low, high) = mesh
+            .positions
+            .iter()
+            .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
+        let scale = mesh.world_from_mesh.scale as f32;
+        Bounds { min: low * scale, max: high * scale }
+    }
+
+    pub(crate) fn point(&self, p_mesh: Vec3) -> Vec3 {
+        p_mesh * self.scale
+    }
+
+    pub(crate) fn steps(&self, steps_mesh: [Vec3; 2]) -> [Vec3; 2] {
+        steps_mesh.map(|s| s * self.scale)
+    }
+}
+
+// Vertex colours.
+
+/// The mesh has no vertex colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the model has no vertex colours; choose another source")]
+pub struct NoVertexColors;
+
+/// The mesh's vertex colours, interpolated over the triangles.
+#[derive(Clone, Copy, Debug)]
+pub struct VertexColorSource<'a> {
+    colors: &'a [Vec4],
+    has_alpha: bool,
+}
+
+impl<'a> VertexColorSource<'a> {
+    /// Takes the mesh's colours.
+    ///
+    /// # Errors
+    ///
+    /// The mesh has none.
+    pub fn new(mesh: &'a Mesh) -> Result<Self, NoVertexColors> {
+        let colors = mesh.corners.colors.as_slice();
+        if colors.len() != 3 * mesh.triangles.len() || colors.is_empty() {
+            return Err(NoVertexColors);
+        }
+        Ok(Self { colors, has_alpha: colors.iter().any(|c| c.w < 1.0) })
+    }
+}
+
+impl Source for VertexColorSource<'_> {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: self.has_alpha, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let c = &self.colors[3 * point.triangle..3 * point.triangle + 3];
+        let l = point.lambda;
+        let color = c[0] * l.x + c[1] * l.y + c[2] * l.z;
+        // Just off the surface the plane of colours goes on, but not beyond the corners' range.
+        values[0] = color.clamp(c[0].min(c[1]).min(c[2]), c[0].max(c[1]).max(c[2]));
+    }
+}
+
+// An image laid over the model by a mapping.
+
+/// An image through a planar, box, cylinder, sphere or triplanar mapping.
+pub struct MappedImageSource {
+    texture: ImageTexture,
+    mapping: AnyMapping,
+    wrap: [Wrap; 2],
+    space: WorldSpace,
+}
+
+impl MappedImageSource {
+    /// `mapping` takes world-space points relative to the mesh's centre ([`WorldSpace`]).
+    pub fn new(mesh: &Mesh, texture: ImageTexture, mapping: AnyMapping, wrap: [Wrap; 2]) -> Self {
+        Self { texture, mapping, wrap, space: WorldSpace::of(mesh) }
+    }
+}
+
+impl Source for MappedImageSource {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel {
+            kind: ChannelKind::BaseColor,
+            has_alpha: self.texture.level(0).has_alpha(),
+            exceeds_one: false,
+        }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Box
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let p = self.space.point(point.position);
+        let steps = self.space.steps(point.position_steps);
+        let color = self.mapping.evaluate(p, point.normal, steps, |uv, footprint| {
+            self.texture.sample_area(uv, footprint, self.wrap)
+        });
+        values[0] = Vec4::from_array(color);
+    }
+}
+
+// Solid textures.
+
+/// A recipe that is defined everywhere in space, evaluated in world space.
+pub struct SolidSource {
+    solid: Box<dyn Solid>,
+    space: WorldSpace,
+}
+
+impl SolidSource {
+    /// `solid` takes world-space points relative to the mesh's centre ([`WorldSpace`]).
+    pub fn new(mesh: &Mesh, solid: Box<dyn Solid>) -> Self {
+        Self { solid, space: WorldSpace::of(mesh) }
+    }
+
+    fn solid_point(&self, point: &SurfacePoint) -> SolidPoint {
+        let steps = self.space.steps(point.position_steps);
+        let footprint = (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt();
+        SolidPoint { p: self.space.point(point.position), n: point.normal, footprint, time: 0.0 }
+    }
+}
+
+impl Source for SolidSource {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        // Solids fade what is finer than the footprint, as a mean over the texel would.
+        Prefilter::Box
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        values[0] = Vec4::from_array(self.solid.color(&self.solid_point(point)));
+    }
+
+    fn on_triangle(&self, _footprint: &TriangleFootprint) -> TriangleSource<'_> {
+        Box::new(|points, values| {
+            let at: Vec<SolidPoint> = points.iter().map(|point| self.solid_point(point)).collect();
+            self.solid.colors(&at, bytemuck::cast_slice_mut(values));
+        })
+    }
+}
+
+// A sum of three sine waves: the test function for fidelity.
+
+/// `0.5 + (sin(k x) + sin(k y + 1) + sin(k z + 2)) / 6`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SineSource {
+    /// Angular frequency in radians per mesh unit.
+    pub k: f32,
+}
+
+impl SineSource {
+    /// The function's value at a point, mesh space. In double precision: errors of the test function are not to be
+    /// counted as errors of the texture.
+    pub fn value(&self, p: Vec3) -> f32 {
+        let q = p.as_dvec3() * f64::from(self.k);
+        (0.5 + (q.x.sin() + (q.y + 1.0).sin() + (q.z + 2.0).sin()) / 6.0) as f32
+    }
+}
+
+impl Source for SineSource {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        values[0] = Vec3::splat(self.value(point.position)).extend(1.0);
+    }
+}
+
+// The finished picture of a surface: its light, multiplied with its colour.
+
+/// Light as base colour, with the colour and the alpha of another source, or alone.
+#[derive(Debug)]
+pub struct LitSource<'a> {
+    light: LightMapSource<'a>,
+    colors: Option<Colors<'a>>,
+}
+
+/// A source that gives base colours.
+struct Colors<'a> {
+    source: &'a dyn Source,
+    channels: usize,
+    base_color: usize,
+    emission: Option<usize>,
+    has_alpha: bool,
+}
+
+impl std::fmt::Debug for Colors<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Colors").field("channels", &self.channels).finish_non_exhaustive()
+    }
+}
+
+impl<'a> LitSource<'a> {
+    /// The light, and what it falls on: without a source, or with one that has no base colour, the light alone.
+    pub fn new(light: LightMapSource<'a>, source: Option<&'a dyn Source>) -> Self {
+        let colors = source.and_then(|source| {
+            let channels = source.channels();
+            let position = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind);
+            let base_color = position(ChannelKind::BaseColor)?;
+            Some(Colors {
+                source,
+                channels: channels.len(),
+                base_color,
+                emission: position(ChannelKind::Emission),
+                has_alpha: channels[base_color].has_alpha,
+            })
+        });
+        Self { light, colors }
+    }
+
+    /// The light, for its noise.
+    pub fn light(&self) -> &LightMapSource<'a> {
+        &self.light
+    }
+}
+
+impl Source for LitSource<'_> {
+    fn channels(&self) -> Vec<SourceChannel> {
+        let has_alpha = self.colors.as_ref().is_some_and(|colors| colors.has_alpha);
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Box
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let lambda = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        let lambda = lambda / lambda.element_sum().max(f32::MIN_POSITIVE);
+        let light = self.light.illumination(point.triangle, lambda, point.lambda_steps).value;
+        let (color, emission) = self.colors.as_ref().map_or((Vec4::ONE, Vec3::ZERO), |colors| {
+            let mut all = vec![Vec4::ZERO; colors.channels];
+            colors.source.evaluate(point, &mut all);
+            (all[colors.base_color], colors.emission.map_or(Vec3::ZERO, |c| all[c].truncate()))
+        });
+        values[0] = (color.truncate() * light + emission).extend(color.w);
     }
 }

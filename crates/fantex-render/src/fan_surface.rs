@@ -8,7 +8,7 @@ use fantex_store::{Channel, ChannelKind, PageCache};
 use fantex_texture::ColorRamp;
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::normals::CornerNormals;
+use crate::surface::CornerNormals;
 use crate::surface::apply_alpha_mode;
 use crate::tile_filter::TileLookup;
 use crate::tiles::TileSource;

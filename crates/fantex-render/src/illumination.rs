@@ -1,16 +1,15 @@
 //! From the lamps of a scene to the light that arrives at a point.
 
 use fantex_mesh::Mesh;
+use fantex_scene::{
+    AmbientLight, Falloff, LampView, Light, LightKind, Lights, Projector, Slide, SpotLight, projector_view,
+};
 use fantex_texture::{Filtering, SampleOptions, ShadingPoint, UvPoint, Wrap};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::normals::face_normal;
 use crate::shadow::{Receiver, ShadowMaps};
+use crate::surface::face_normal;
 use crate::{Hit, Lens, RenderOptions, Surface};
-use fantex_scene::LampView;
-use fantex_scene::{
-    AmbientLight, Falloff, Light, LightKind, Lights, Projector, Slide, SpotLight, projector_view,
-};
 
 /// The lights of a scene, in mesh space and with their shadow maps.
 #[derive(Debug)]

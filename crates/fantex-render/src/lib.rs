@@ -16,51 +16,40 @@
 //! go through the same rasteriser. Lighting happens in mesh space: it differs from the world by a uniform scale and an
 //! offset, so directions are the same. Pictures do not depend on the number of threads.
 
-mod capture;
-mod clip;
-mod dots;
 mod fan_surface;
-mod finish;
-mod fixed;
-mod flat_surface;
-mod glow;
 mod hit;
 mod illumination;
 mod look_surface;
 mod mesh_surface;
-mod normals;
-mod options;
-mod pattern;
 mod primitive;
 mod raster;
-mod reflecting_surface;
+mod reflection;
 mod render;
-mod resolve;
 mod scene;
 mod shading;
 mod shadow;
-mod sky_box;
 mod surface;
 mod tile_filter;
 mod tiles;
 mod vectors;
 
-pub use capture::{CaptureOptions, capture_environment, capture_with, cube_cameras};
 pub use fan_surface::FanSurface;
 pub use fantex_scene::{
     AmbientLight, Background, Bounds, Camera, EnvironmentLight, Falloff, FilterOptions, Glow, Lens, Light,
     LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadowOptions, Slide, SpotLight, ToneMap,
 };
-pub use finish::{AnisotropySample, Finish};
-pub use flat_surface::{FlatShading, FlatSurface};
-pub use glow::render_with_glow;
 pub use hit::{Hit, Interpolation};
 pub use look_surface::LookSurface;
 pub use mesh_surface::MeshSurface;
-pub use options::{MAX_PICTURE_SIDE, RenderError, RenderOptions, ShadingRate};
-pub use pattern::MAX_SAMPLES;
-pub use reflecting_surface::{ObjectReflection, ReflectingSurface};
-pub use render::{RenderStats, Rendering, render};
+pub use raster::MAX_SAMPLES;
+pub use reflection::{
+    CaptureOptions, ObjectReflection, ReflectingSurface, capture_environment, capture_with, cube_cameras,
+};
+pub use render::{
+    MAX_PICTURE_SIDE, RenderError, RenderOptions, RenderStats, Rendering, ShadingRate, render,
+    render_with_glow,
+};
 pub use scene::{Scene, SceneError, SceneObject};
-pub use surface::{Coverage, MaterialSample, SmoothPoint, Surface};
+pub use shading::{AnisotropySample, Finish};
+pub use surface::{Coverage, FlatShading, FlatSurface, MaterialSample, SmoothPoint, Surface};
 pub use tiles::{TileSource, TileTexels};

@@ -9,7 +9,7 @@ use fantex_texture::material::{
 use fantex_texture::{Filter, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
 
-use crate::normals::CornerNormals;
+use crate::surface::CornerNormals;
 use crate::surface::apply_alpha_mode;
 use crate::{Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 

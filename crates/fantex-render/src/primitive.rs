@@ -1,15 +1,12 @@
 //! Triangles made ready for the rasteriser, and their distribution over the picture's tiles.
 
 use fantex_mesh::Mesh;
-use glam::DVec3;
+use fantex_scene::Projection;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::clip::{clip, screen};
-use crate::dots::{Dot, Dots, Place, PlacedDot};
-use crate::fixed::{FixedPoint, GUARD_BAND, SUBPIXELS, doubled_area, snap};
-use crate::pattern::{SamplePattern, SamplesIn};
+use crate::raster::{NearnessPlane, SamplePattern, SamplesIn};
 use crate::surface::{Coverage, Surface};
-use fantex_scene::Projection;
 
 /// Side of a tile in pixels.
 pub(crate) const TILE: u32 = 32;
@@ -318,6 +315,217 @@ impl Setup<'_> {
     }
 }
 
+// Clipping against the near plane and the guard band.
+//
+// Triangles are not clipped at the picture's border (the tiles simply end there), only where the projection has no
+// meaning (behind the near plane) or its numbers would overflow (outside the guard band). Each plane cuts an edge at a
+// point computed from its inside to its outside end, so the two triangles of a shared edge get the same point.
+
+/// A triangle clipped by five planes has at most eight corners.
+const MAX_CORNERS: usize = 8;
+
+/// A convex polygon in screen-homogeneous coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Polygon {
+    corners: [DVec3; MAX_CORNERS],
+    count: usize,
+}
+
+impl Polygon {
+    /// The corners in order.
+    pub(crate) fn corners(&self) -> &[DVec3] {
+        &self.corners[..self.count]
+    }
+
+    fn empty() -> Self {
+        Self { corners: [DVec3::ZERO; MAX_CORNERS], count: 0 }
+    }
+
+    fn push(&mut self, corner: DVec3) {
+        self.corners[self.count] = corner;
+        self.count += 1;
+    }
+
+    /// The part where `plane . h >= offset` (Sutherland and Hodgman 1974).
+    fn clipped(&self, plane: DVec3, offset: f64) -> Self {
+        let mut kept = Self::empty();
+        let corners = self.corners();
+        for (i, &a) in corners.iter().enumerate() {
+            let b = corners[(i + 1) % corners.len()];
+            let (da, db) = (plane.dot(a) - offset, plane.dot(b) - offset);
+            if da >= 0.0 {
+                kept.push(a);
+            }
+            if (da >= 0.0) != (db >= 0.0) {
+                let (inside, outside, d_in, d_out) = if da >= 0.0 { (a, b, da, db) } else { (b, a, db, da) };
+                kept.push(inside + (outside - inside) * (d_in / (d_in - d_out)));
+            }
+        }
+        kept
+    }
+}
+
+/// The part of a triangle in front of the near plane and inside the guard band. `near` is a depth, mesh units.
+/// Has fewer than three corners where nothing is left.
+pub(crate) fn clip(triangle: [DVec3; 3], near: f64) -> Polygon {
+    let mut polygon = Polygon::empty();
+    triangle.into_iter().for_each(|h| polygon.push(h));
+    if triangle.iter().any(|h| !h.is_finite()) {
+        return Polygon::empty();
+    }
+    if triangle.iter().any(|h| h.z < near) {
+        polygon = polygon.clipped(DVec3::Z, near);
+    }
+    if polygon.corners().iter().any(|h| h.x.abs().max(h.y.abs()) > GUARD_BAND * h.z) {
+        for side in [DVec3::X, DVec3::NEG_X, DVec3::Y, DVec3::NEG_Y] {
+            polygon = polygon.clipped(side + DVec3::Z * GUARD_BAND, 0.0);
+        }
+    }
+    polygon
+}
+
+/// The position on the screen in pixels.
+pub(crate) fn screen(h: DVec3) -> DVec2 {
+    h.truncate() / h.z
+}
+
+// Fixed-point screen coordinates and edge functions.
+//
+// Screen positions are rounded to 1/256 of a pixel and all coverage decisions are made in integers, so two triangles
+// that share an edge decide about each sample with the same numbers: exactly one of them owns it.
+
+/// Sub-pixel steps per pixel (24.8 fixed point).
+pub(crate) const SUBPIXELS: i32 = 256;
+
+/// Largest distance from the screen's origin, in pixels, that the clipper lets through. With 8 fractional bits the
+/// coordinates stay below 2^24 and the edge functions below 2^51: no overflow in 64 bits.
+const GUARD_BAND: f64 = 65536.0;
+
+/// A screen position in 1/256 pixel, x to the right, y downwards.
+pub(crate) type FixedPoint = [i32; 2];
+
+/// Rounds a screen position in pixels. Positions are within the guard band (plus rounding of the clipper).
+pub(crate) fn snap(screen: DVec2) -> FixedPoint {
+    let limit = GUARD_BAND + 1.0;
+    // Half up, by truncation of a number that is never negative (rounding is a library call without SSE4.1).
+    let origin = 1 << 25;
+    [screen.x, screen.y]
+        .map(|c| (c.clamp(-limit, limit) * f64::from(SUBPIXELS) + (f64::from(origin) + 0.5)) as i32 - origin)
+}
+
+/// Twice the signed area: positive where the corners run clockwise on the screen (y down).
+pub(crate) fn doubled_area(v: &[FixedPoint; 3]) -> i64 {
+    let [a, b, c] = v.map(|p| p.map(i64::from));
+    (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+}
+
+/// `value = dx * x + dy * y + constant` over fixed-point positions: not negative exactly on the samples that the edge
+/// claims for its triangle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Edge {
+    pub(crate) dx: i64,
+    pub(crate) dy: i64,
+    constant: i64,
+}
+
+impl Edge {
+    /// The edge from `a` to `b` of a triangle that runs clockwise on the screen. A sample exactly on the edge belongs
+    /// to the triangle if the edge is its top edge or one of its left edges.
+    pub(crate) fn new(a: FixedPoint, b: FixedPoint) -> Self {
+        let [ax, ay] = a.map(i64::from);
+        let [bx, by] = b.map(i64::from);
+        let (dx, dy) = (ay - by, bx - ax);
+        let is_top = ay == by && bx > ax;
+        let is_left = by < ay;
+        let bias = if is_top || is_left { 0 } else { -1 };
+        Self { dx, dy, constant: bias - dx * ax - dy * ay }
+    }
+
+    /// Value at a position.
+    pub(crate) fn at(&self, x: i64, y: i64) -> i64 {
+        self.dx * x + self.dy * y + self.constant
+    }
+}
+
+// Triangles so small that one sample alone may see them.
+//
+// With one sample per pixel, triangles of about a pixel hold one sample at most in their bounding box. Whether it lies in the
+// triangle is decided when the triangle is set up, and what is left of the triangle then is a dot: a third as large as
+// a primitive, and nothing is worked out for it a second time when its tile is drawn.
+
+/// What one sample sees of a triangle.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Dot {
+    /// Pixel index in the tile, row-major with stride [`TILE`](crate::primitive::TILE).
+    pub(crate) pixel: u32,
+    /// The mesh's triangle.
+    pub(crate) triangle: u32,
+    pub(crate) nearness: f32,
+}
+
+/// A pixel of the picture.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    pub(crate) tile: u32,
+    /// Its index in the tile.
+    pub(crate) pixel: u32,
+}
+
+/// A dot and the tile that it lies in.
+type PlacedDot = (u32, Dot);
+
+impl Place {
+    /// What this pixel's sample, which lies at `position`, sees of a primitive.
+    pub(crate) fn dot(self, primitive: &Primitive, position: FixedPoint) -> Option<PlacedDot> {
+        let [a, b, c] = primitive.corners;
+        let [x, y] = position.map(i64::from);
+        let [ab, bc, ca] = [Edge::new(a, b), Edge::new(b, c), Edge::new(c, a)].map(|edge| edge.at(x, y));
+        // Covered where no sign bit is set.
+        (ab | bc | ca >= 0).then(|| {
+            let nearness = NearnessPlane::new(primitive).at(position);
+            (self.tile, Dot { pixel: self.pixel, triangle: primitive.triangle, nearness })
+        })
+    }
+}
+
+/// Dots by tiles.
+#[derive(Debug, Default)]
+struct Dots {
+    /// Tile `t` owns `dots[starts[t]..starts[t + 1]]`; empty without dots.
+    starts: Vec<u32>,
+    dots: Vec<Dot>,
+}
+
+impl Dots {
+    /// Sorts dots into so many tiles.
+    pub(crate) fn new(placed: &[PlacedDot], tiles: usize) -> Self {
+        if placed.is_empty() {
+            return Self::default();
+        }
+        let mut starts = vec![0; tiles + 1];
+        placed.iter().for_each(|(tile, _)| starts[*tile as usize + 1] += 1);
+        for tile in 0..tiles {
+            starts[tile + 1] += starts[tile];
+        }
+        let mut next = starts.clone();
+        let mut dots = vec![Dot::default(); placed.len()];
+        for &(tile, dot) in placed {
+            let place = &mut next[tile as usize];
+            dots[*place as usize] = dot;
+            *place += 1;
+        }
+        Self { starts, dots }
+    }
+
+    /// Those of a tile.
+    pub(crate) fn in_tile(&self, tile: usize) -> &[Dot] {
+        match self.starts[..] {
+            [] => &[],
+            _ => &self.dots[self.starts[tile] as usize..self.starts[tile + 1] as usize],
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -343,5 +551,103 @@ mod tests {
         assert_eq!(touched([[31, 0], [32, 31]]), [0, 1]);
         assert_eq!(touched([[-9, -9], [900, 900]]), (0..8).collect::<Vec<_>>());
         assert!(touched([[100, 0], [101, 5]]).is_empty());
+    }
+
+    #[test]
+    fn what_lies_in_front_is_untouched() {
+        let triangle = [DVec3::new(1.0, 2.0, 1.0), DVec3::new(9.0, 2.0, 3.0), DVec3::new(1.0, 7.0, 2.0)];
+        assert_eq!(clip(triangle, 0.5).corners(), triangle);
+    }
+
+    #[test]
+    fn shared_edges_are_cut_at_the_same_points() {
+        let (a, b) = (DVec3::new(3.0, 4.0, 5.0), DVec3::new(-1e7, 2e6, -3.0));
+        let one = clip([a, b, DVec3::new(10.0, 10.0, 4.0)], 0.01);
+        let two = clip([b, a, DVec3::new(-10.0, -10.0, 4.0)], 0.01);
+        let shared = one.corners().iter().filter(|p| two.corners().contains(p)).count();
+        assert!(shared >= 2, "{one:?}\n{two:?}");
+    }
+
+    #[test]
+    fn everything_left_is_inside() {
+        let triangle = [DVec3::new(3.0, 5.0, 1.0), DVec3::new(-1e9, 3.0, 2.0), DVec3::new(5.0, 1e9, -4.0)];
+        let polygon = clip(triangle, 0.1);
+        assert!(polygon.corners().len() >= 3);
+        for h in polygon.corners() {
+            let reach = screen(*h).abs().max_element();
+            assert!(h.z >= 0.099 && reach <= GUARD_BAND + 1.0, "{h} at {reach}");
+        }
+    }
+
+    #[test]
+    fn what_lies_behind_or_is_not_finite_vanishes() {
+        let behind = [DVec3::new(0.0, 0.0, -1.0), DVec3::new(1.0, 0.0, -2.0), DVec3::new(0.0, 1.0, 0.0)];
+        assert!(clip(behind, 0.1).corners().len() < 3);
+        let broken = [DVec3::new(f64::NAN, 0.0, 1.0), DVec3::new(1.0, 0.0, 2.0), DVec3::new(0.0, 1.0, 1.0)];
+        assert!(clip(broken, 0.1).corners().is_empty());
+    }
+
+    #[test]
+    fn an_edge_and_its_reverse_split_the_plane() {
+        let points = [[0, 0], [300, 10], [-40, 256], [256, 0], [0, 256], [777, -513]];
+        for a in points {
+            for b in points {
+                if a == b {
+                    continue;
+                }
+                let (there, back) = (Edge::new(a, b), Edge::new(b, a));
+                for x in (-600..900).step_by(31) {
+                    for y in (-600..600).step_by(29) {
+                        assert!((there.at(x, y) >= 0) != (back.at(x, y) >= 0), "{a:?}-{b:?} at {x},{y}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn top_left_samples_belong_and_bottom_right_ones_do_not() {
+        // A square of one pixel, as two clockwise triangles: exactly its top left corner is inside.
+        let (o, x, xy, y) = ([0, 0], [256, 0], [256, 256], [0, 256]);
+        let inside = |t: [FixedPoint; 3], p: [i64; 2]| {
+            assert!(doubled_area(&t) > 0);
+            (0..3).all(|i| Edge::new(t[i], t[(i + 1) % 3]).at(p[0], p[1]) >= 0)
+        };
+        let hits = |p| [[o, x, xy], [o, xy, y]].iter().filter(|t| inside(**t, p)).count();
+        assert_eq!(hits([0, 0]), 1);
+        assert_eq!(hits([256, 0]), 0);
+        assert_eq!(hits([0, 256]), 0);
+        assert_eq!(hits([128, 128]), 1);
+        assert_eq!(hits([0, 128]), 1);
+        assert_eq!(hits([128, 0]), 1);
+        assert_eq!(hits([256, 128]), 0);
+    }
+
+    #[test]
+    fn every_tile_has_its_own_dots_in_order() {
+        let dot = |triangle| Dot { pixel: 7, triangle, nearness: 1.0 };
+        let placed = [(2, dot(0)), (0, dot(1)), (2, dot(2)), (3, dot(3)), (0, dot(4))];
+        let dots = Dots::new(&placed, 5);
+        let triangles = |tile| dots.in_tile(tile).iter().map(|d| d.triangle).collect::<Vec<_>>();
+        assert_eq!(
+            (0..5).map(triangles).collect::<Vec<_>>(),
+            [vec![1, 4], vec![], vec![0, 2], vec![3], vec![]]
+        );
+        assert!(Dots::new(&[], 5).in_tile(4).is_empty());
+    }
+
+    #[test]
+    fn a_dot_is_seen_where_the_triangle_covers_the_sample() {
+        let primitive = Primitive {
+            corners: [[100, 100], [300, 100], [100, 300]],
+            nearness: [1.0, 2.0, 3.0],
+            triangle: 5,
+            layered: false,
+        };
+        let place = Place { tile: 3, pixel: 9 };
+        let (tile, dot) = place.dot(&primitive, [200, 150]).unwrap();
+        assert_eq!((tile, dot.pixel, dot.triangle), (3, 9, 5));
+        assert!((dot.nearness - 2.0).abs() < 1e-6, "{dot:?}");
+        assert_eq!(place.dot(&primitive, [250, 260]), None);
     }
 }

@@ -10,16 +10,16 @@
 use std::time::{Duration, Instant};
 
 use fantex_mesh::Mesh;
+use fantex_scene::{AmbientLight, Glow, Projection};
+use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::hit::HitFinder;
+use crate::hit::{HitFinder, Seen};
 use crate::illumination::PreparedLights;
-use crate::pattern::SamplePattern;
-use crate::primitive::{Chunk, TILE, TileGrid, prepare};
-use crate::raster::TileSamples;
-use crate::resolve::{PixelColors, Resolve};
-use crate::{Camera, Lights, Picture, RenderError, RenderOptions, ShadingRate, Surface};
-use fantex_scene::Projection;
+use crate::primitive::{Chunk, SUBPIXELS, TILE, TileGrid, prepare};
+use crate::raster::{Fragment, MAX_SAMPLES, NO_TRIANGLE, SamplePattern, TileSamples, bits};
+use crate::shading::evaluate_all;
+use crate::{Background, Camera, Interpolation, Lights, Picture, Shading, Surface};
 
 /// What rendering took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -114,4 +114,378 @@ fn assemble(grid: &TileGrid, tiles: &[PixelColors]) -> Picture {
         }
     });
     Picture { width, height, rgba }
+}
+
+// How to render.
+
+/// Where materials are evaluated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShadingRate {
+    /// Once per pixel and visible triangle, in the middle of its visible samples (multi-sampling).
+    #[default]
+    PerPixel,
+    /// At every sample (supersampling), with footprints as small as the samples are close.
+    PerSample,
+}
+
+/// How to render.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderOptions {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Samples per pixel, 1..=64; 4, 8 and 16 have the best patterns.
+    pub samples: u32,
+    /// Where materials are evaluated.
+    pub shading_rate: ShadingRate,
+    /// Perspective-correct or affine.
+    pub interpolation: Interpolation,
+    /// Lighting model.
+    pub shading: Shading,
+    /// What is seen where no surface is. Of these, exposure affects environments only.
+    pub background: Background,
+    /// Factor of the light that reaches the eye.
+    pub exposure: f32,
+    /// Seconds since the start of an animation, for what lamps project. (Surfaces have a time of their own.)
+    pub time: f32,
+}
+
+impl Default for RenderOptions {
+    /// 1280x720, 8 samples.
+    fn default() -> Self {
+        Self {
+            width: 1280,
+            height: 720,
+            samples: 8,
+            shading_rate: ShadingRate::default(),
+            interpolation: Interpolation::default(),
+            shading: Shading::default(),
+            background: Background::default(),
+            exposure: 1.0,
+            time: 0.0,
+        }
+    }
+}
+
+/// Longest side of a picture in pixels.
+pub const MAX_PICTURE_SIDE: u32 = 16_384;
+
+/// A picture cannot be rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// Empty or absurdly large.
+    #[error("cannot render {width}x{height} pixels: both sides must be between 1 and {MAX_PICTURE_SIDE}")]
+    Size {
+        /// Columns asked for.
+        width: u32,
+        /// Rows asked for.
+        height: u32,
+    },
+    /// None or too many.
+    #[error("cannot render with {0} samples per pixel: ask for 1 to {MAX_SAMPLES}")]
+    Samples(u32),
+    /// Not a view.
+    #[error("cannot render from this camera: {0}")]
+    Camera(&'static str),
+    /// Not a lamp.
+    #[error("cannot render with lamp {lamp} of the scene: {defect}")]
+    Light {
+        /// Which lamp, from 0.
+        lamp: usize,
+        /// What is wrong with it.
+        defect: &'static str,
+    },
+}
+
+impl RenderOptions {
+    /// Checks options and camera.
+    pub(crate) fn check(&self, camera: &Camera) -> Result<(), RenderError> {
+        let (width, height) = (self.width, self.height);
+        if !(1..=MAX_PICTURE_SIDE).contains(&width) || !(1..=MAX_PICTURE_SIDE).contains(&height) {
+            return Err(RenderError::Size { width, height });
+        }
+        if !(1..=MAX_SAMPLES).contains(&self.samples) {
+            return Err(RenderError::Samples(self.samples));
+        }
+        camera.defect().map_or(Ok(()), |defect| Err(RenderError::Camera(defect)))
+    }
+}
+
+// From visible samples to pixel colours.
+
+/// The finished pixels of a tile.
+#[derive(Debug)]
+struct PixelColors {
+    /// Linear RGB and straight alpha, row-major over the tile's extent.
+    rgba: Vec<[f32; 4]>,
+    /// Materials evaluated.
+    pub(crate) shaded: u64,
+    /// Filtered look-ups.
+    pub(crate) lookups: u64,
+}
+
+/// All that is needed to colour pixels.
+struct Resolve<'a> {
+    pub(crate) surface: &'a dyn Surface,
+    pub(crate) hits: HitFinder<'a>,
+    pub(crate) lights: &'a PreparedLights<'a>,
+    pub(crate) options: &'a RenderOptions,
+    pub(crate) pattern: &'a SamplePattern,
+}
+
+/// Samples of a pixel that share one evaluation of the material.
+#[derive(Clone, Copy, Debug)]
+struct Piece<'a> {
+    /// Index in the tile, row-major with stride [`TILE`].
+    pixel: u32,
+    triangle: u32,
+    mask: u64,
+    /// Where the triangle lets something through.
+    layer: Option<&'a Fragment>,
+}
+
+/// Pieces that are shaded together: enough to fill vectors, few enough to stay in the cache.
+const AT_ONCE: usize = 128;
+
+impl Resolve<'_> {
+    /// Colours a tile. `rect` is its first pixel and extent.
+    pub(crate) fn tile(&self, rect: [[u32; 2]; 2], mut visibility: TileSamples) -> PixelColors {
+        let [origin, [columns, rows]] = rect;
+        let fragments = visibility.take_fragments();
+        let pieces = self.pieces([columns, rows], &visibility, &fragments);
+        let mut result = PixelColors {
+            rgba: Vec::with_capacity((columns * rows) as usize),
+            shaded: pieces.len() as u64,
+            lookups: 0,
+        };
+        let colors = self.shade(origin, &pieces, &mut result.lookups);
+        let (mut pieces, mut colors) = (pieces.as_slice(), colors.as_slice());
+        let (full, mut samples) = (self.pattern.full_mask(), vec![Vec4::ZERO; self.pattern.len()]);
+        for y in 0..rows {
+            for x in 0..columns {
+                let index = y * TILE + x;
+                let count = pieces.iter().take_while(|piece| piece.pixel == index).count();
+                let own;
+                (own, pieces) = pieces.split_at(count);
+                let shades;
+                (shades, colors) = colors.split_at(count);
+                let pixel = [origin[0] + x, origin[1] + y];
+                match (own, shades) {
+                    ([], _) => {
+                        result.rgba.push(straight(self.behind(pixel)));
+                        continue;
+                    }
+                    ([piece], [color]) if piece.layer.is_none() && piece.mask == full => {
+                        result.rgba.push(color.truncate().extend(1.0).to_array());
+                        continue;
+                    }
+                    _ => {}
+                }
+                self.background(pixel, visibility.visible(index), &mut samples);
+                for (piece, color) in own.iter().zip(shades).filter(|(piece, _)| piece.layer.is_none()) {
+                    bits(piece.mask).for_each(|s| samples[s] = color.truncate().extend(1.0));
+                }
+                self.layers(pixel, own, shades, &mut samples);
+                result.rgba.push(straight(samples.iter().sum::<Vec4>() / samples.len() as f32));
+            }
+        }
+        result
+    }
+
+    /// What is to be shaded, pixel by pixel: what is opaque, then the layers.
+    fn pieces<'f>(
+        &self,
+        [columns, rows]: [u32; 2],
+        visibility: &TileSamples,
+        fragments: &'f [Fragment],
+    ) -> Vec<Piece<'f>> {
+        let mut pieces = Vec::with_capacity((columns * rows) as usize);
+        let mut rest = fragments;
+        for y in 0..rows {
+            for x in 0..columns {
+                let pixel = y * TILE + x;
+                let visible = visibility.visible(pixel);
+                let mut open = self.pattern.full_mask();
+                while open != 0 {
+                    let triangle = visible[open.trailing_zeros() as usize];
+                    let mask = bits(open).filter(|&s| visible[s] == triangle).fold(0, |m, s| m | 1 << s);
+                    open &= !mask;
+                    if triangle != NO_TRIANGLE {
+                        let parts = self.shading_parts(mask);
+                        pieces.extend(parts.map(|mask| Piece { pixel, triangle, mask, layer: None }));
+                    }
+                }
+                let (own, later) = rest.split_at(rest.partition_point(|f| f.pixel <= pixel));
+                rest = later;
+                for fragment in own {
+                    let triangle = fragment.triangle;
+                    let parts = self.shading_parts(fragment.mask);
+                    pieces.extend(parts.map(|mask| Piece { pixel, triangle, mask, layer: Some(fragment) }));
+                }
+            }
+        }
+        pieces
+    }
+
+    /// What is seen of a pixel where no triangle is, premultiplied.
+    fn behind(&self, pixel: [u32; 2]) -> Vec4 {
+        let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
+        behind(&self.options.background, pixel, self.options, projection, ambient)
+    }
+
+    /// Fills the samples that see no triangle.
+    fn background(&self, pixel: [u32; 2], visible: &[u32], samples: &mut [Vec4]) {
+        if !visible.contains(&NO_TRIANGLE) {
+            return;
+        }
+        let color = self.behind(pixel);
+        for (sample, _) in samples.iter_mut().zip(visible).filter(|(_, seen)| **seen == NO_TRIANGLE) {
+            *sample = color;
+        }
+    }
+
+    /// Lays the layers among the pieces of a pixel over its samples, the farthest first.
+    fn layers(&self, pixel: [u32; 2], pieces: &[Piece], colors: &[Vec4], samples: &mut [Vec4]) {
+        if pieces.last().is_none_or(|piece| piece.layer.is_none()) {
+            return;
+        }
+        let corner = pixel.map(|c| c as i32 * SUBPIXELS);
+        for (s, offset) in self.pattern.offsets().iter().enumerate() {
+            let position = [corner[0] + offset[0], corner[1] + offset[1]];
+            let mut here: Vec<(f32, Vec4)> = pieces
+                .iter()
+                .zip(colors)
+                .filter(|(piece, _)| piece.mask >> s & 1 == 1)
+                .filter_map(|(piece, &color)| Some((piece.layer?.nearness.at(position), color)))
+                .collect();
+            // Stable: of equally near layers the later triangle lies on top.
+            here.sort_by(|a, b| a.0.total_cmp(&b.0));
+            for (_, color) in here {
+                let premultiplied = (color.truncate() * color.w).extend(color.w);
+                samples[s] = premultiplied + samples[s] * (1.0 - color.w);
+            }
+        }
+    }
+
+    /// The sets of samples that share one evaluation of the material.
+    fn shading_parts(&self, mask: u64) -> impl Iterator<Item = u64> + use<> {
+        let per_sample = self.options.shading_rate == ShadingRate::PerSample;
+        let count = if per_sample { mask.count_ones() } else { 1 };
+        let mut rest = mask;
+        (0..count).map(move |_| {
+            let part = if per_sample { 1 << rest.trailing_zeros() } else { mask };
+            rest &= !part;
+            part
+        })
+    }
+
+    /// The light from every piece, seen in the middle of its samples, and its opacity; adds the look-ups that it took.
+    fn shade(&self, origin: [u32; 2], pieces: &[Piece], lookups: &mut u64) -> Vec<Vec4> {
+        let mut colors = Vec::with_capacity(pieces.len());
+        let (mut seen, mut hits) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
+        let (mut materials, mut light) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
+        for pieces in pieces.chunks(AT_ONCE) {
+            seen.clear();
+            hits.clear();
+            materials.clear();
+            light.clear();
+            seen.extend(pieces.iter().map(|piece| self.seen(origin, piece)));
+            self.hits.find_all(&seen, &mut hits);
+            self.surface.shade_all(&hits, &mut materials);
+            let shaded = (hits.as_slice(), materials.as_slice());
+            let (shading, finder) = (self.options.shading, &self.hits);
+            evaluate_all(shading, shaded, finder, self.surface, self.lights, &mut light);
+            for ((material, _), &light) in materials.iter().zip(&light) {
+                *lookups += u64::from(material.lookups);
+                // One texel that is not a number must not spoil its pixel's other samples.
+                let light = if light.is_finite() { light } else { Vec3::ZERO };
+                colors.push((light * self.options.exposure).extend(material.alpha.clamp(0.0, 1.0)));
+            }
+        }
+        colors
+    }
+
+    /// The middle of a piece's samples, in pixels.
+    fn seen(&self, origin: [u32; 2], piece: &Piece) -> Seen {
+        let corner = [origin[0] + piece.pixel % TILE, origin[1] + piece.pixel / TILE];
+        let corner = Vec2::new(corner[0] as f32, corner[1] as f32);
+        (piece.triangle, corner + self.pattern.centroid(piece.mask))
+    }
+}
+
+/// Straight from premultiplied alpha.
+fn straight(premultiplied: Vec4) -> [f32; 4] {
+    match premultiplied.w {
+        w if w >= 1.0 - 1e-6 => premultiplied.truncate().extend(1.0).to_array(),
+        w if w <= 0.0 => [0.0; 4],
+        w => (premultiplied.truncate() / w).extend(w).to_array(),
+    }
+}
+
+// The surroundings as the picture's background: a sky box, infinitely far away.
+
+/// The light of the surroundings through a pixel, linear RGB: the mean over it, blurred by a perceptual roughness.
+fn seen(ambient: &AmbientLight, projection: &Projection, middle: Vec2, blur: f32) -> Vec3 {
+    let direction = |p: Vec2| projection.direction(p).as_vec3();
+    let ahead = direction(middle);
+    match &ambient.environment {
+        Some(environment) => {
+            let across = |edge: Vec2| direction(middle + edge * 0.5) - direction(middle - edge * 0.5);
+            environment.reflected(ahead, [across(Vec2::X), across(Vec2::Y)], blur)
+        }
+        None => ambient.radiance_from(ahead),
+    }
+}
+
+/// Premultiplied RGBA behind a pixel. Surroundings are light and so scaled by the exposure, as their reflections are; the
+/// other backgrounds are paint.
+pub(crate) fn behind(
+    background: &Background,
+    pixel: [u32; 2],
+    options: &RenderOptions,
+    projection: &Projection,
+    ambient: &AmbientLight,
+) -> Vec4 {
+    let middle = Vec2::new(pixel[0] as f32, pixel[1] as f32) + 0.5;
+    match *background {
+        Background::Transparent => Vec4::ZERO,
+        Background::Color(color) => color.extend(1.0),
+        Background::Gradient { top, bottom } => {
+            top.lerp(bottom, middle.y / options.height as f32).extend(1.0)
+        }
+        Background::Environment { blur } => {
+            (seen(ambient, projection, middle, blur) * options.exposure).extend(1.0)
+        }
+    }
+}
+
+// Pictures with the halo of what glows in them.
+
+/// Renders twice, the picture and what it emits, and adds the halo of the latter. The time is that of both passes and the
+/// filter.
+///
+/// # Errors
+///
+/// As [`render`].
+pub fn render_with_glow(
+    mesh: &Mesh,
+    surface: &dyn Surface,
+    camera: &Camera,
+    lights: &Lights,
+    options: &RenderOptions,
+    glow: &Glow,
+) -> Result<Rendering, RenderError> {
+    let start = std::time::Instant::now();
+    let seen = render(mesh, surface, camera, lights, options)?;
+    let emission =
+        RenderOptions { shading: Shading::Emission, background: Background::Transparent, ..options.clone() };
+    let emitted = render(mesh, surface, camera, lights, &emission)?;
+    let picture = seen.picture.with_glow(&emitted.picture, glow);
+    let mut stats = seen.stats;
+    stats.shaded += emitted.stats.shaded;
+    stats.lookups += emitted.stats.lookups;
+    stats.elapsed = start.elapsed();
+    Ok(Rendering { picture, stats })
 }

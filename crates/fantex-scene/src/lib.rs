@@ -8,30 +8,17 @@
 //!
 //! Positions are in the world's units, double precision; a [`Projection`] is relative to one mesh.
 
-mod background;
 mod camera;
-mod environment_light;
-mod filter_options;
-mod glow;
-mod lamp_fit;
 mod lamp_view;
 mod light;
 mod picture;
 mod shading;
-mod shadow;
-mod split_sum;
-mod tone_map;
 
-pub use background::Background;
 pub use camera::{Bounds, Camera, Projection, view_axes};
-pub use environment_light::{EnvironmentLight, MirrorView};
-pub use filter_options::FilterOptions;
-pub use glow::Glow;
-pub use lamp_fit::{FittedView, lamp_views, projector_view};
-pub use lamp_view::{LampView, Projected, Spread};
-pub use light::{AmbientLight, Falloff, Lens, Light, LightKind, Lights, Projector, Slide, SpotLight};
-pub use picture::Picture;
-pub use shading::Shading;
-pub use shadow::{Penumbra, ShadowOptions};
-pub use split_sum::{SPLIT_SUM_NODES, smith_visibility, split_sum, split_sum_nodes};
-pub use tone_map::{ToneMap, luminance};
+pub use lamp_view::{FittedView, LampView, Projected, Spread, lamp_views, projector_view};
+pub use light::{
+    AmbientLight, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, MirrorView, Penumbra, Projector,
+    ShadowOptions, Slide, SpotLight,
+};
+pub use picture::{Background, Glow, Picture, ToneMap, luminance};
+pub use shading::{FilterOptions, SPLIT_SUM_NODES, Shading, smith_visibility, split_sum, split_sum_nodes};

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use fantex_texture::environment::{PrefilteredEnvironment, mirrored, mirrored_steps};
 use fantex_texture::{ImageTexture, SampleOptions, Texture};
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Quat, Vec3};
 
-use crate::{Camera, EnvironmentLight, ShadowOptions};
+use crate::Camera;
 
 /// One lamp.
 #[derive(Clone, Debug)]
@@ -288,6 +289,162 @@ impl Lights {
     pub fn with_shadows(mut self, shadow: ShadowOptions) -> Self {
         self.lamps.iter_mut().for_each(|lamp| lamp.shadow = Some(shadow));
         self
+    }
+}
+
+// How lamps cast shadows.
+
+/// How a lamp casts shadows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ShadowOptions {
+    /// Texels along each side of a map, [`ShadowOptions::MIN_RESOLUTION`] to [`ShadowOptions::MAX_RESOLUTION`]. A
+    /// directional lamp has one map over the whole scene, a point light six.
+    pub resolution: u32,
+    /// How far a receiver is lifted towards the lamp before it is compared, in texels.
+    pub bias: f32,
+    /// How far a receiver is lifted along its normal, in texels, where light grazes it; less where light falls steeply.
+    pub normal_offset: f32,
+    /// How soft the border is.
+    pub penumbra: Penumbra,
+}
+
+/// How soft the border of a shadow is; never sharper than the map and the picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Penumbra {
+    /// As sharp as the map.
+    #[default]
+    Sharp,
+    /// With the same half width everywhere, world units.
+    Even(f32),
+    /// Wider the farther the shadow falls, by the lamp's radius in world units (for parallel light: the tangent of the angle
+    /// that the radius appears under, 0.0047 for the sun): R. Fernando, "Percentage-Closer Soft Shadows", 2005.
+    Lamp(f32),
+}
+
+impl Default for ShadowOptions {
+    /// Sharp shadows from a map of 2048 x 2048 texels (16 MiB).
+    fn default() -> Self {
+        Self { resolution: 2048, bias: 1.0, normal_offset: 1.5, penumbra: Penumbra::Sharp }
+    }
+}
+
+impl ShadowOptions {
+    /// Least texels along a side.
+    pub const MIN_RESOLUTION: u32 = 16;
+
+    /// Most texels along a side: 256 MiB per map.
+    pub const MAX_RESOLUTION: u32 = 8_192;
+
+    /// Why no shadow can be cast, or nothing.
+    pub fn defect(&self) -> Option<&'static str> {
+        let width = match self.penumbra {
+            Penumbra::Sharp => 0.0,
+            Penumbra::Even(width) | Penumbra::Lamp(width) => width,
+        };
+        if !(Self::MIN_RESOLUTION..=Self::MAX_RESOLUTION).contains(&self.resolution) {
+            Some("its shadow map must have between 16 and 8192 texels along a side")
+        } else if !(self.bias.is_finite() && self.normal_offset.is_finite()) {
+            Some("the bias of its shadows is not finite")
+        } else if !(width.is_finite() && width >= 0.0) {
+            Some("the penumbra of its shadows must not be negative")
+        } else {
+            None
+        }
+    }
+}
+
+// Light from the surroundings: two colours, or an environment map.
+
+/// Light from an environment map.
+#[derive(Clone, Debug)]
+pub struct EnvironmentLight {
+    /// The map and its reflections in rough surfaces.
+    pub map: Arc<PrefilteredEnvironment>,
+    /// Factor of its light.
+    pub strength: f32,
+    /// Degrees by which it is turned to the left (seen from above: counter-clockwise) about `+y`.
+    pub rotation_degrees: f32,
+}
+
+impl PartialEq for EnvironmentLight {
+    /// Maps are equal if they are the same one.
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.map, &other.map)
+            && self.strength == other.strength
+            && self.rotation_degrees == other.rotation_degrees
+    }
+}
+
+impl EnvironmentLight {
+    /// A map as it stands.
+    pub fn new(map: Arc<PrefilteredEnvironment>) -> Self {
+        Self { map, strength: 1.0, rotation_degrees: 0.0 }
+    }
+
+    /// What a white diffuse surface with a unit normal reflects, linear RGB.
+    pub fn diffuse(&self, normal: Vec3) -> Vec3 {
+        self.map.irradiance().diffuse(self.map_from_world() * normal) * self.strength
+    }
+
+    /// Light around a direction, gathered by a perceptual roughness (0..1), linear RGB; `steps` are the changes of the unit
+    /// direction along the pixel's edges. World axes.
+    pub fn reflected(&self, direction: Vec3, steps: [Vec3; 2], roughness: f32) -> Vec3 {
+        let turn = self.map_from_world();
+        self.map.reflected(turn * direction, steps.map(|step| turn * step), roughness) * self.strength
+    }
+
+    fn map_from_world(&self) -> Quat {
+        Quat::from_rotation_y(-self.rotation_degrees.to_radians())
+    }
+}
+
+/// The mirror direction of a point and how it changes over the pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct MirrorView {
+    /// Unit shading normal.
+    pub normal: Vec3,
+    /// Unit vector to where the eye looks in the mirror.
+    pub direction: Vec3,
+    /// Its change along the pixel's edges.
+    pub steps: [Vec3; 2],
+}
+
+impl MirrorView {
+    /// Neighbouring pixels look along nearly parallel rays: only the normal's change counts, which on anything but flat
+    /// mirrors is far larger.
+    pub fn new(normal: Vec3, normal_steps: [Vec3; 2], to_eye: Vec3) -> Self {
+        let steps = mirrored_steps(normal, normal_steps, to_eye, [Vec3::ZERO; 2]);
+        Self { normal, direction: mirrored(normal, to_eye), steps }
+    }
+}
+
+impl AmbientLight {
+    /// The light of an environment map.
+    pub fn environment(light: EnvironmentLight) -> Self {
+        Self { environment: Some(light), ..Self::uniform(Vec3::ZERO) }
+    }
+
+    /// What a white diffuse surface with a unit normal reflects.
+    pub fn diffuse(&self, normal: Vec3) -> Vec3 {
+        match &self.environment {
+            Some(light) => light.diffuse(normal),
+            None => self.radiance_from(normal),
+        }
+    }
+
+    /// What a surface of a perceptual roughness gathers around the mirror direction. The lobe of a rough surface leans
+    /// from there towards the normal (S. Lagarde and C. de Rousiers, "Moving Frostbite to physically based rendering",
+    /// 2014, for GGX).
+    pub fn specular(&self, view: &MirrorView, roughness: f32) -> Vec3 {
+        let alpha = (roughness * roughness).clamp(0.0, 1.0);
+        match &self.environment {
+            Some(light) => {
+                let share = (1.0 - alpha) * ((1.0 - alpha).sqrt() + alpha);
+                let middle = view.normal.lerp(view.direction, share).normalize_or(view.normal);
+                light.reflected(middle, view.steps, roughness)
+            }
+            None => self.radiance_from(view.direction.lerp(view.normal, alpha).normalize_or(view.normal)),
+        }
     }
 }
 

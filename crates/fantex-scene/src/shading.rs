@@ -1,5 +1,11 @@
 //! What a picture shows of its surfaces.
 
+use std::f32::consts::TAU;
+use std::sync::LazyLock;
+
+use fantex_texture::Filter;
+use glam::Vec3;
+
 /// A lighting model, or one of the inputs of lighting as the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Shading {
@@ -22,5 +28,111 @@ impl Shading {
     /// Whether lights make a difference.
     pub fn is_lit(self) -> bool {
         matches!(self, Self::MetallicRoughness | Self::BlinnPhong)
+    }
+}
+
+// How textures are filtered.
+
+/// How textures are filtered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FilterOptions {
+    /// Reconstruction and anti-aliasing.
+    pub filter: Filter,
+    /// Longest ratio of the footprint's axes that `Anisotropic` and `Ewa` honour.
+    pub max_anisotropy: f32,
+}
+
+impl Default for FilterOptions {
+    /// Anisotropic, up to 16.
+    fn default() -> Self {
+        Self { filter: Filter::Anisotropic, max_anisotropy: 16.0 }
+    }
+}
+
+// Total reflectance of microfacet lobes.
+
+/// Nodes of the table of [`split_sum`] along each axis.
+pub const SPLIT_SUM_NODES: usize = NODES;
+
+const NODES: usize = 24;
+
+/// Half vectors per node.
+const SAMPLES: u32 = 512;
+
+/// `[scale, bias]` per node, rows of equal roughness.
+static TABLE: LazyLock<[[f32; 2]; NODES * NODES]> = LazyLock::new(|| {
+    let node = |i: usize| i as f32 / (NODES - 1) as f32;
+    std::array::from_fn(|i| integrate(node(i / NODES), node(i % NODES).max(1e-3)))
+});
+
+/// What [`split_sum`] interpolates, for those who do so at many points at once: scale and bias at equidistant nodes from 0 to
+/// 1, rows of equal roughness.
+pub fn split_sum_nodes() -> &'static [[f32; 2]; NODES * NODES] {
+    &TABLE
+}
+
+/// Scale and bias of the mirror colour in the light that a GGX lobe of a perceptual roughness reflects to the eye from
+/// surroundings of radiance one; `n_v` is the cosine at which it is seen. The second half of the split sum (B. Karis,
+/// "Real Shading in Unreal Engine 4", 2013).
+pub fn split_sum(roughness: f32, n_v: f32) -> [f32; 2] {
+    let [row, column] = [roughness, n_v].map(|v| v.clamp(0.0, 1.0) * (NODES - 1) as f32);
+    let [y, x] = [row, column].map(|c| (c as usize).min(NODES - 2));
+    let [fy, fx] = [row - y as f32, column - x as f32];
+    let at = |dy: usize, dx: usize| TABLE[(y + dy) * NODES + x + dx];
+    [0, 1].map(|i| {
+        let lerp = |a: f32, b: f32, t: f32| a + (b - a) * t;
+        lerp(lerp(at(0, 0)[i], at(0, 1)[i], fx), lerp(at(1, 0)[i], at(1, 1)[i], fx), fy)
+    })
+}
+
+/// Half vectors drawn by the GGX density, the rest of the reflectance as their weights.
+fn integrate(roughness: f32, n_v: f32) -> [f32; 2] {
+    let a2 = (roughness * roughness).max(1e-4).powi(2);
+    let v = Vec3::new((1.0 - n_v * n_v).sqrt(), 0.0, n_v);
+    let [mut scale, mut bias] = [0.0; 2];
+    for i in 0..SAMPLES {
+        // The Hammersley point set.
+        let (e0, e1) = ((i as f32 + 0.5) / SAMPLES as f32, i.reverse_bits() as f32 / 4_294_967_296.0);
+        let z = ((1.0 - e1) / (1.0 + (a2 - 1.0) * e1)).sqrt();
+        let r = (1.0 - z * z).max(0.0).sqrt();
+        let h = Vec3::new(r * (TAU * e0).cos(), r * (TAU * e0).sin(), z);
+        let v_h = v.dot(h);
+        let n_l = 2.0 * v_h * h.z - n_v;
+        if n_l <= 0.0 || v_h <= 0.0 {
+            continue;
+        }
+        let weight = 4.0 * smith_visibility(n_l, n_v, a2) * n_l * v_h / h.z;
+        let fresnel = (1.0 - v_h).powi(5);
+        scale += weight * (1.0 - fresnel);
+        bias += weight * fresnel;
+    }
+    [scale, bias].map(|sum| sum / SAMPLES as f32)
+}
+
+/// Height-correlated Smith shadowing of GGX: `G / (4 (n.l) (n.v))` (E. Heitz 2014). `a2` is the fourth power of the
+/// perceptual roughness.
+pub fn smith_visibility(n_l: f32, n_v: f32, a2: f32) -> f32 {
+    let towards_light = n_v * (n_l * n_l * (1.0 - a2) + a2).sqrt();
+    let towards_eye = n_l * (n_v * n_v * (1.0 - a2) + a2).sqrt();
+    0.5 / (towards_light + towards_eye)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mirrors_reflect_all_and_rough_metals_less() {
+        for n_v in [0.1, 0.5, 1.0] {
+            let total = |roughness| split_sum(roughness, n_v).iter().sum::<f32>();
+            assert!((total(0.0) - 1.0).abs() < 0.01, "{}", total(0.0));
+            assert!(total(1.0) < 0.9 && total(1.0) > 0.3, "{}", total(1.0));
+        }
+    }
+
+    #[test]
+    fn grazing_mirrors_reflect_whatever_their_colour() {
+        let [scale, bias] = split_sum(0.05, 0.05);
+        assert!(bias > 0.6 && scale < 0.4, "{scale} {bias}");
     }
 }

@@ -16,7 +16,7 @@ use std::f32::consts::{FRAC_2_PI, FRAC_PI_4, PI};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::Sky;
+use crate::light::Sky;
 
 /// Cells along a side: each is 0.4 degrees wide, less than the sun.
 const SIDE: usize = 512;
@@ -28,7 +28,7 @@ const LEAST_CONTRAST: f64 = 1.0;
 
 /// A distribution of directions.
 #[derive(Debug)]
-pub(super) struct SkyTable {
+pub(crate) struct SkyTable {
     /// Sums of the rows' shares, from 0 to 1.
     rows: Vec<f32>,
     /// For each row sums of its cells' shares in it, from 0 to 1.
@@ -37,16 +37,16 @@ pub(super) struct SkyTable {
 
 /// A direction that was chosen.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SkySample {
+pub(crate) struct SkySample {
     /// Unit vector.
-    pub(super) direction: Vec3,
+    pub(crate) direction: Vec3,
     /// Per steradian.
-    pub(super) density: f32,
+    pub(crate) density: f32,
 }
 
 impl SkyTable {
     /// Looks at the sky; `None` where its brightness varies too little for choices to pay.
-    pub(super) fn new(sky: &dyn Sky) -> Option<Self> {
+    pub(crate) fn new(sky: &dyn Sky) -> Option<Self> {
         let brightness: Vec<f64> = (0..SIDE * SIDE)
             .into_par_iter()
             .with_min_len(SIDE)
@@ -69,7 +69,7 @@ impl SkyTable {
     }
 
     /// The direction of a point of the unit square.
-    pub(super) fn sample(&self, [u, v]: [f32; 2]) -> SkySample {
+    pub(crate) fn sample(&self, [u, v]: [f32; 2]) -> SkySample {
         let (row, y) = place(&self.rows, v);
         let (column, x) = place(self.row(row), u);
         let place = Vec2::new(column as f32 + x, row as f32 + y) / SIDE as f32;
@@ -77,7 +77,7 @@ impl SkyTable {
     }
 
     /// How densely directions are chosen around a unit vector, per steradian.
-    pub(super) fn density(&self, direction: Vec3) -> f32 {
+    pub(crate) fn density(&self, direction: Vec3) -> f32 {
         let cell = (square(direction) * SIDE as f32).as_uvec2().min(glam::UVec2::splat(SIDE as u32 - 1));
         self.density_in(cell.y as usize, cell.x as usize)
     }
@@ -179,8 +179,9 @@ fn square(direction: Vec3) -> Vec2 {
 
 #[cfg(test)]
 mod tests {
+    use crate::light::tracer::Sequence;
+
     use super::*;
-    use crate::light::sequence::Sequence;
 
     /// A dim sky with a sun of this radius, in radians.
     fn sunny(radius: f32) -> impl Fn(Vec3) -> Vec3 + Sync {

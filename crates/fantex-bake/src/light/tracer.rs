@@ -7,13 +7,11 @@
 
 use std::f32::consts::PI;
 
-use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, TriangleBvh, origin_beside};
-use glam::Vec3;
+use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, TriangleBvh, WorldFromMesh, origin_beside};
+use glam::{DVec3, Vec3};
 
-use super::lamp::Lamp;
-use super::sequence::Sequence;
-use super::sky_table::SkyTable;
-use super::{LightMapOptions, LightQuantity, Reflector, Sky};
+use crate::light::sky_table::SkyTable;
+use crate::light::{LightMapError, LightMapOptions, LightQuantity, Reflector, Sky};
 
 /// Vertices of a path before Russian roulette.
 const SURE_VERTICES: u32 = 3;
@@ -32,32 +30,32 @@ const FEW_LAMPS: usize = 4;
 
 /// Where light is gathered.
 #[derive(Clone, Copy)]
-pub(super) struct Receiver {
+struct Receiver {
     /// Where rays start, mesh space.
-    pub(super) origin: Vec3,
+    pub(crate) origin: Vec3,
     /// Unit normal.
-    pub(super) normal: Vec3,
+    pub(crate) normal: Vec3,
 }
 
 /// The scene in mesh space.
-pub(super) struct Tracer<'a> {
-    pub(super) mesh: &'a Mesh,
-    pub(super) bvh: TriangleBvh,
+pub(crate) struct Tracer<'a> {
+    pub(crate) mesh: &'a Mesh,
+    pub(crate) bvh: TriangleBvh,
     /// Per corner.
-    pub(super) normals: Vec<Vec3>,
-    pub(super) lamps: Vec<Lamp>,
-    pub(super) sky: &'a dyn Sky,
+    pub(crate) normals: Vec<Vec3>,
+    pub(crate) lamps: Vec<Lamp>,
+    pub(crate) sky: &'a dyn Sky,
     /// Where the sky is worth looking at on purpose.
-    pub(super) sky_table: Option<SkyTable>,
-    pub(super) reflector: &'a dyn Reflector,
-    pub(super) options: LightMapOptions,
+    pub(crate) sky_table: Option<SkyTable>,
+    pub(crate) reflector: &'a dyn Reflector,
+    pub(crate) options: LightMapOptions,
     /// Mesh units.
-    pub(super) occlusion_distance: f32,
+    pub(crate) occlusion_distance: f32,
 }
 
 impl Tracer<'_> {
     /// One sample at a point of a triangle; `lambda_steps` span the texel.
-    pub(super) fn sample(
+    pub(crate) fn sample(
         &self,
         triangle: usize,
         lambda: Vec3,
@@ -248,6 +246,310 @@ fn cosine_weighted(normal: Vec3, [u, v]: [f32; 2]) -> Vec3 {
     (x * (radius * cos) + y * (radius * sin) + normal * height).normalize()
 }
 
+// Lights that are sampled on purpose: from one direction, from a small ball, from a ball behind a cone.
+
+/// A light, in world space. Colours are linear RGB: what a white, perfectly diffuse surface that faces the light reflects (for
+/// lights with a position: at a distance of one world unit, falling off with the square of the distance).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BakeLight {
+    /// Light from one direction, as from the sun.
+    Directional {
+        /// From the surface to the light; any length but zero.
+        to_light: Vec3,
+        /// Not negative.
+        color: Vec3,
+        /// Half the angle under which the light is seen, 0 to 90 degrees (the sun: 0.27). 0 gives hard shadows.
+        radius_degrees: f32,
+    },
+    /// Light from a ball.
+    Point {
+        /// Its centre.
+        position: DVec3,
+        /// Not negative.
+        color: Vec3,
+        /// Radius, not negative; 0 gives hard shadows.
+        radius: f64,
+    },
+    /// Light from a ball, within a cone.
+    Spot {
+        /// Its centre.
+        position: DVec3,
+        /// From the light along the cone's axis; any length but zero.
+        axis: Vec3,
+        /// Not negative.
+        color: Vec3,
+        /// Radius, not negative; 0 gives hard shadows.
+        radius: f64,
+        /// Up to this angle from the axis the light has its full strength, 0 to `outer_degrees`.
+        inner_degrees: f32,
+        /// From this angle on there is none, above `inner_degrees`, at most 180.
+        outer_degrees: f32,
+    },
+}
+
+/// A light in mesh space, ready to be sampled.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Lamp {
+    Directional { to_light: Vec3, color: Vec3, cos_radius: f32 },
+    Ball { position: Vec3, color: Vec3, radius: f32, cone: Option<Cone> },
+}
+
+/// What a spot light lets through.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Cone {
+    axis: Vec3,
+    cos_inner: f32,
+    cos_outer: f32,
+}
+
+impl Cone {
+    /// The share of the light that leaves along a unit direction (KHR_lights_punctual's curve).
+    fn share(&self, from_light: Vec3) -> f32 {
+        let t = (self.axis.dot(from_light) - self.cos_outer) / (self.cos_inner - self.cos_outer).max(1e-6);
+        t.clamp(0.0, 1.0).powi(2)
+    }
+}
+
+/// A direction to a light, and what would arrive along it.
+pub(crate) struct LampSample {
+    /// Unit vector.
+    to_light: Vec3,
+    /// Nothing beyond this distance casts a shadow, mesh units.
+    pub(crate) distance: f32,
+    /// What a white surface reflects, per cosine between its normal and `to_light`.
+    pub(crate) color: Vec3,
+}
+
+/// A lamp as it is seen from a point.
+struct Appearance {
+    /// Unit vector to its middle.
+    axis: Vec3,
+    /// Cosine of half the angle under which it is seen.
+    cos_radius: f32,
+    /// As in [`LampSample`], the same in all its directions.
+    color: Vec3,
+}
+
+impl Lamp {
+    /// In the mesh's space.
+    pub(crate) fn new(mesh: &Mesh, index: usize, light: &BakeLight) -> Result<Self, LightMapError> {
+        let checks = Checks { light: index };
+        let of_mesh = &mesh.world_from_mesh;
+        match *light {
+            BakeLight::Directional { to_light, color, radius_degrees } => {
+                checks.color(color)?;
+                let cos_radius = checks.angle("radius_degrees", radius_degrees, 0.0, 90.0)?.cos();
+                Ok(Self::Directional { to_light: checks.direction("to_light", to_light)?, color, cos_radius })
+            }
+            BakeLight::Point { position, color, radius } => {
+                checks.ball(of_mesh, position, color, radius, None)
+            }
+            BakeLight::Spot { position, axis, color, radius, inner_degrees, outer_degrees } => {
+                let inner = checks.angle("inner_degrees", inner_degrees, 0.0, outer_degrees)?;
+                let outer = checks.angle("outer_degrees", outer_degrees, inner_degrees, 180.0)?;
+                let axis = checks.direction("axis", axis)?;
+                let cone = Cone { axis, cos_inner: inner.cos(), cos_outer: outer.cos() };
+                checks.ball(of_mesh, position, color, radius, Some(cone))
+            }
+        }
+    }
+
+    /// A random direction from `point` to the light; `None` where no light goes there.
+    pub(crate) fn sample(&self, point: Vec3, random: [f32; 2]) -> Option<LampSample> {
+        let Appearance { axis, cos_radius, color } = self.seen_from(point)?;
+        let to_light = in_cone(axis, cos_radius, random);
+        let distance = match *self {
+            Self::Directional { .. } => f32::INFINITY,
+            Self::Ball { position, radius, .. } => {
+                let to_centre = position - point;
+                let along = to_light.dot(to_centre);
+                let within = along * along - to_centre.length_squared() + radius * radius;
+                (along - within.max(0.0).sqrt()).max(0.0)
+            }
+        };
+        Some(LampSample { to_light, distance, color })
+    }
+
+    /// What a surface at `point` reflects at most if nothing is in between, as the mean of the channels. Where it is 0, it
+    /// reflects nothing.
+    fn most_light(&self, point: Vec3, normal: Vec3) -> f32 {
+        self.seen_from(point).map_or(0.0, |seen| {
+            let (cos, cos_radius) = (seen.axis.dot(normal).clamp(-1.0, 1.0), seen.cos_radius);
+            // The cosine to the nearest direction of the cone.
+            let highest = if cos >= cos_radius {
+                1.0
+            } else {
+                cos * cos_radius + ((1.0 - cos * cos) * (1.0 - cos_radius * cos_radius)).max(0.0).sqrt()
+            };
+            seen.color.element_sum() / 3.0 * highest.max(0.0)
+        })
+    }
+
+    /// `None` where no light goes.
+    fn seen_from(&self, point: Vec3) -> Option<Appearance> {
+        match *self {
+            Self::Directional { to_light, color, cos_radius } => {
+                Some(Appearance { axis: to_light, cos_radius, color })
+            }
+            Self::Ball { position, color, radius, cone } => {
+                let to_centre = position - point;
+                let squared = to_centre.length_squared();
+                if squared < f32::MIN_POSITIVE {
+                    return None;
+                }
+                let axis = to_centre / squared.sqrt();
+                let share = cone.map_or(1.0, |c| c.share(-axis));
+                if share == 0.0 {
+                    return None;
+                }
+                let r2 = radius * radius;
+                if r2 >= squared {
+                    // Inside the ball light comes from everywhere.
+                    return Some(Appearance { axis, cos_radius: -1.0, color: color * share * (4.0 / r2) });
+                }
+                // The ball's radiance is color / r2; a uniform direction in its cone has the density 1 / solid angle, and
+                // the solid angle divided by pi is 2 (1 - cos) = 2 sin2 / (1 + cos), which tends to r2 / squared.
+                let cos_radius = (1.0 - (r2 / squared).min(1.0)).sqrt();
+                let color = color * (share * 2.0 / (1.0 + cos_radius) / squared);
+                Some(Appearance { axis, cos_radius, color })
+            }
+        }
+    }
+}
+
+/// A direction within the cone around `axis`, uniform over its solid angle.
+fn in_cone(axis: Vec3, cos_radius: f32, [u, v]: [f32; 2]) -> Vec3 {
+    if cos_radius >= 1.0 {
+        return axis;
+    }
+    let cos = 1.0 - u * (1.0 - cos_radius);
+    let sin = (1.0 - cos * cos).max(0.0).sqrt();
+    let (sin_phi, cos_phi) = (std::f32::consts::TAU * v).sin_cos();
+    let (x, y) = axis.any_orthonormal_pair();
+    (x * (sin * cos_phi) + y * (sin * sin_phi) + axis * cos).normalize()
+}
+
+/// The ranges of a light's numbers.
+struct Checks {
+    light: usize,
+}
+
+impl Checks {
+    fn fail(&self, what: &'static str, value: f64, allowed: &'static str) -> LightMapError {
+        LightMapError::Light { light: self.light, what, value, allowed }
+    }
+
+    fn color(&self, color: Vec3) -> Result<(), LightMapError> {
+        match color.to_array().into_iter().find(|c| !(c.is_finite() && *c >= 0.0)) {
+            Some(c) => Err(self.fail("color", c.into(), "finite and not negative")),
+            None => Ok(()),
+        }
+    }
+
+    fn direction(&self, what: &'static str, v: Vec3) -> Result<Vec3, LightMapError> {
+        v.try_normalize()
+            .ok_or_else(|| self.fail(what, v.length().into(), "a vector of finite, positive length"))
+    }
+
+    /// Radians.
+    fn angle(&self, what: &'static str, degrees: f32, least: f32, most: f32) -> Result<f32, LightMapError> {
+        if (least..=most).contains(&degrees) {
+            return Ok(degrees.to_radians());
+        }
+        let allowed = match what {
+            "radius_degrees" => "0 to 90",
+            "inner_degrees" => "0 to outer_degrees",
+            _ => "inner_degrees to 180",
+        };
+        Err(self.fail(what, degrees.into(), allowed))
+    }
+
+    fn ball(
+        &self,
+        of_mesh: &WorldFromMesh,
+        position: DVec3,
+        color: Vec3,
+        radius: f64,
+        cone: Option<Cone>,
+    ) -> Result<Lamp, LightMapError> {
+        self.color(color)?;
+        if !position.is_finite() {
+            return Err(self.fail("position", position.length(), "finite"));
+        }
+        if !(radius.is_finite() && radius >= 0.0) {
+            return Err(self.fail("radius", radius, "finite and not negative"));
+        }
+        // A mesh unit is `scale` world units, and light falls off with the square of the distance.
+        let color = (color.as_dvec3() / (of_mesh.scale * of_mesh.scale)).as_vec3();
+        let radius = (radius / of_mesh.scale) as f32;
+        Ok(Lamp::Ball { position: of_mesh.inverse_point(position), color, radius, cone })
+    }
+}
+
+// Points that fill the square evenly: the first two dimensions of Sobol's sequence (I. Sobol, "On the distribution of points
+// in a cube and the approximate evaluation of integrals", 1967), randomised.
+//
+// Every pair of dimensions of an integrand takes the same two dimensions, with the order of the points shuffled and the
+// points scrambled (A. Owen, "Randomly permuted (t,m,s)-nets and (t,s)-sequences", 1995) by hashes of the pair's number
+// (B. Burley, "Practical Hash-based Owen Scrambling", 2020). So any number of pairs is available, the first 2^m points of
+// each are stratified in every way that 2^m cells can be cut, and different pairs are independent.
+
+/// One randomised copy of the sequence.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sequence {
+    seed: u32,
+}
+
+impl Sequence {
+    pub(crate) fn new(seed: u32) -> Self {
+        Self { seed: mixed(seed) }
+    }
+
+    /// Point `index` of a pair of dimensions, in 0..1 x 0..1.
+    pub(crate) fn pair(&self, index: u32, dimensions: u32) -> [f32; 2] {
+        let seed = mixed(self.seed ^ mixed(dimensions.wrapping_add(0x9e37_79b9)));
+        // Shuffling: a scrambling of the number itself, so that blocks of 2^m points stay blocks.
+        let index = scrambled(index, seed);
+        let x = scrambled(index.reverse_bits(), mixed(seed ^ 0x68bc_21eb));
+        let y = scrambled(second_dimension(index), mixed(seed ^ 0x02e5_be93));
+        [x, y].map(|bits| (bits >> 8) as f32 / (1 << 24) as f32)
+    }
+}
+
+/// A hash of 32 bits whose every output bit depends on every input bit (C. Wellons, "Prospecting for Hash Functions", 2018).
+pub(crate) fn mixed(mut x: u32) -> u32 {
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^ x >> 16
+}
+
+/// Owen scrambling of a fraction's bits, the highest first: each bit is flipped or not depending on the bits above it. Works
+/// on the reversed bits with a hash in which information moves upwards only (S. Laine and T. Karras, "Stratified Sampling
+/// for Stochastic Transparency", 2011; constants of N. Vegdahl, "Building a Better LK Hash", 2021).
+fn scrambled(fraction: u32, seed: u32) -> u32 {
+    let mut x = fraction.reverse_bits();
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^= x.wrapping_mul(0x53a2_2864);
+    x.reverse_bits()
+}
+
+/// The second dimension's fraction. Its generator matrix is Pascal's triangle modulo 2, whose entry at row r and column c is
+/// one where c has all bits of r: a sum over supersets, done bit by bit of the position.
+fn second_dimension(index: u32) -> u32 {
+    let mut x = index;
+    for (shift, kept) in
+        [(1, 0x5555_5555), (2, 0x3333_3333), (4, 0x0f0f_0f0f), (8, 0x00ff_00ff), (16, 0x0000_ffff)]
+    {
+        x ^= (x >> shift) & kept;
+    }
+    x.reverse_bits()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -292,5 +594,54 @@ mod tests {
             assert!((mean - normal * (2.0 / 3.0)).length() < 1e-3, "{mean}");
             assert!((square - 0.5).abs() < 1e-3, "{square}");
         }
+    }
+
+    /// Of 2^m points, every cell of every cut of the square into 2^m equal boxes of sides 2^-k holds exactly one.
+    #[test]
+    fn points_are_stratified_in_every_way() {
+        for seed in 0..20 {
+            let sequence = Sequence::new(seed);
+            for m in [0, 1, 4, 7, 10] {
+                // Any aligned block of them.
+                for first in [0, 3 << m] {
+                    let points: Vec<[f32; 2]> =
+                        (0..1 << m).map(|i| sequence.pair(first + i, seed + 5)).collect();
+                    for k in 0..=m {
+                        let mut held = vec![0; 1 << m];
+                        for [x, y] in &points {
+                            let column = (x * (1_u32 << k) as f32) as usize;
+                            let row = (y * (1_u32 << (m - k)) as f32) as usize;
+                            held[(row << k) | column] += 1;
+                        }
+                        assert!(held.iter().all(|&n| n == 1), "seed {seed}, {m} bits, {k} across");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn pairs_of_dimensions_are_independent() {
+        let sequence = Sequence::new(7);
+        let n = 1024;
+        for (a, b) in [(0, 1), (1, 2), (5, 600)] {
+            let mut correlation = [[0.0; 2]; 2];
+            for i in 0..n {
+                let (p, q) = (sequence.pair(i, a), sequence.pair(i, b));
+                for (row, p) in correlation.iter_mut().zip(p) {
+                    for (sum, q) in row.iter_mut().zip(q) {
+                        *sum += f64::from(p - 0.5) * f64::from(q - 0.5) * 12.0 / f64::from(n);
+                    }
+                }
+            }
+            assert!(correlation.as_flattened().iter().all(|c| c.abs() < 0.1), "{correlation:?}");
+        }
+    }
+
+    #[test]
+    fn seeds_give_different_points() {
+        let firsts: std::collections::BTreeSet<u32> =
+            (0..1000).map(|seed| Sequence::new(seed).pair(0, 0)[0].to_bits()).collect();
+        assert!(firsts.len() > 990);
     }
 }

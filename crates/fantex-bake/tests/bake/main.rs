@@ -5,7 +5,5 @@
 mod assets;
 mod common;
 mod light;
-mod looks;
 mod sources;
 mod transfer;
-mod values;

@@ -6,12 +6,13 @@
 use std::f32::consts::PI;
 
 use fantex_scene::{AmbientLight, SPLIT_SUM_NODES, Shading, split_sum_nodes};
-use fearless_simd::{Select, Simd, dispatch, prelude::*};
+use fearless_simd::prelude::*;
+use fearless_simd::{Select, Simd, dispatch};
 use glam::Vec3;
 
-use super::{DIELECTRIC, SMALLEST_ALPHA, evaluate};
 use crate::hit::HitFinder;
 use crate::illumination::{DistantLamp, PreparedLights};
+use crate::shading::{DIELECTRIC, SMALLEST_ALPHA, evaluate};
 use crate::vectors::{Vector, add, clamped, dot, lerp, level, mul, normalize_or, scaled, splat, sub};
 use crate::{Finish, Hit, MaterialSample, Surface};
 
@@ -78,7 +79,7 @@ fn set(vectors: &mut Vectors, index: usize, value: Vec3) {
 }
 
 /// Materials of hits as surfaces give them.
-pub(crate) type Shaded<'a> = (MaterialSample, Option<Finish<'a>>);
+type Shaded<'a> = (MaterialSample, Option<Finish<'a>>);
 
 /// [`evaluate`] at many points: appends linear RGB towards the eye.
 pub(crate) fn evaluate_all(
@@ -276,8 +277,9 @@ mod tests {
     use fantex_scene::{Camera, Projection};
     use glam::DVec3;
 
-    use super::*;
     use crate::{FlatShading, FlatSurface, Interpolation, Light, Lights, RenderOptions};
+
+    use super::*;
 
     /// Evenly distributed numbers.
     fn numbers() -> impl FnMut() -> f32 {

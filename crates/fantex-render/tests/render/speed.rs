@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::common::looks::{UvImage, image, look, model};
-use crate::common::tiles::fan_cover;
+use crate::common::fan_cover;
+use crate::common::{UvImage, image, look, model};
 use crate::common::{frontal, sheet, triangle_color};
 use fantex_mesh::{ImageSource, Material, Mesh, TextureRef, WrapMode};
 use fantex_render::{

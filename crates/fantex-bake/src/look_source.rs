@@ -1,21 +1,18 @@
 //! Materials whose properties are textures: what does not depend on the eye, as tiles.
 
-mod answers;
-mod point;
-mod relief;
-
+use std::cell::RefCell;
 use std::sync::Arc;
 
 use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
 use fantex_store::ChannelKind;
-use fantex_texture::look::{Anisotropy, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot};
-use fantex_texture::material::TangentFrame;
-use fantex_texture::{ShadingPoint, Texture};
-use glam::{Vec2, Vec3, Vec4};
+use fantex_texture::look::{
+    Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
+};
+use fantex_texture::material::{TangentFrame, vertex_color};
+use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
+use glam::{Quat, Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
-use answers::{Answers, Ask, ask_at};
-use point::PointFinder;
 
 /// Why a look cannot be baked.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -157,11 +154,11 @@ impl LookSource<'_> {
                     color(base).extend(base.w * value(&material.alpha).x)
                 }
                 ChannelKind::Normal => {
-                    let reliefs = relief::Reliefs {
+                    let reliefs = Reliefs {
                         relief: &material.relief,
                         tangents: &self.tangents,
                         normals: &self.finder.normals,
-                        least_step: relief::LEAST_STEP * self.finder.mesh.world_from_mesh.scale as f32,
+                        least_step: LEAST_STEP * self.finder.mesh.world_from_mesh.scale as f32,
                     };
                     reliefs.bend(point, at, ask).extend(0.0)
                 }
@@ -299,4 +296,266 @@ fn set_tangents(mesh: &Mesh, normals: &[Vec3], set: usize) -> Vec<Vec4> {
         return mesh.corners.tangents.clone();
     }
     corner_tangents(mesh, normals, |t| Some([uv[3 * t], uv[3 * t + 1], uv[3 * t + 2]]))
+}
+
+// From a texel on a mesh to what textures are asked by.
+
+/// Sets of texture coordinates that need no allocation per texel.
+const INLINE_SETS: usize = 4;
+
+/// What all points of a mesh have in common.
+#[derive(Debug)]
+struct PointFinder<'a> {
+    pub(crate) mesh: &'a Mesh,
+    /// Unit vectors, per corner.
+    pub(crate) normals: Vec<Vec3>,
+    /// Seconds.
+    pub(crate) time: f32,
+}
+
+impl PointFinder<'_> {
+    /// Asks at a texel: object space, averaging over the texel, without an eye.
+    pub(crate) fn at<R>(&self, point: &SurfacePoint, ask: impl FnOnce(&ShadingPoint<'_>) -> R) -> R {
+        let sets = &self.mesh.corners.uv_sets;
+        let (mut inline, heap);
+        let uv = if sets.len() <= INLINE_SETS {
+            inline = [UvPoint::default(); INLINE_SETS];
+            inline.iter_mut().zip(sets).for_each(|(uv, set)| *uv = uv_point(set, point));
+            &inline[..sets.len()]
+        } else {
+            heap = sets.iter().map(|set| uv_point(set, point)).collect::<Vec<_>>();
+            &heap
+        };
+        ask(&self.shading_point(point, uv))
+    }
+
+    /// As [`PointFinder::at`], at many texels together.
+    fn at_all<R>(&self, points: &[SurfacePoint], ask: impl FnOnce(&[ShadingPoint<'_>]) -> R) -> R {
+        let sets = &self.mesh.corners.uv_sets;
+        let uv: Vec<UvPoint> =
+            points.iter().flat_map(|point| sets.iter().map(|set| uv_point(set, point))).collect();
+        let of = |index: usize| &uv[index * sets.len()..(index + 1) * sets.len()];
+        let at: Vec<ShadingPoint<'_>> =
+            points.iter().enumerate().map(|(index, point)| self.shading_point(point, of(index))).collect();
+        ask(&at)
+    }
+
+    fn shading_point<'u>(&self, point: &SurfacePoint, uv: &'u [UvPoint]) -> ShadingPoint<'u> {
+        let scale = self.mesh.world_from_mesh.scale as f32;
+        // Off the triangle, colours must not be extrapolated.
+        let inside = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        ShadingPoint {
+            position: point.position * scale,
+            position_steps: point.position_steps.map(|step| step * scale),
+            normal: point.normal,
+            normal_steps: self.normal_steps(point),
+            uv,
+            vertex_color: vertex_color(self.mesh, point.triangle, inside),
+            to_eye: None,
+            time: self.time,
+            filtering: Filtering::Area,
+        }
+    }
+
+    /// Derivatives of the normalised blend of the corners' normals.
+    fn normal_steps(&self, point: &SurfacePoint) -> [Vec3; 2] {
+        let corners = [0, 1, 2].map(|k| self.normals[3 * point.triangle + k]);
+        let blend = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+        let length = blend(point.lambda).length().max(1e-3);
+        point.lambda_steps.map(|step| {
+            let change = blend(step) / length;
+            change - point.normal * point.normal.dot(change)
+        })
+    }
+}
+
+fn uv_point(set: &[Vec2], point: &SurfacePoint) -> UvPoint {
+    let Some(corners) = set.get(3 * point.triangle..3 * point.triangle + 3) else {
+        return UvPoint::default();
+    };
+    let blend = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+    UvPoint { uv: blend(point.lambda), steps: point.lambda_steps.map(blend) }
+}
+
+// Normals bent by relief, over a texel.
+//
+// Bump mapping in the form that needs no parametrisation (M. Mikkelsen, "Bump Mapping Unparametrized Surfaces on the GPU",
+// 2010): the texel's edges are two directions in the surface along which the height's change is known.
+
+/// Shortest step of a difference as a share of the mesh's unit: below, single precision would be seen.
+const LEAST_STEP: f32 = 5e-5;
+
+/// A material's relief and the frames that it is relative to.
+struct Reliefs<'a> {
+    relief: &'a [Relief],
+    pub(crate) tangents: &'a [Vec<Vec4>],
+    pub(crate) normals: &'a [Vec3],
+    /// World units.
+    least_step: f32,
+}
+
+impl Reliefs<'_> {
+    /// The unit normal after all relief. `ask` answers for the point.
+    pub(crate) fn bend(&self, point: &SurfacePoint, at: &ShadingPoint<'_>, ask: &Ask<'_>) -> Vec3 {
+        self.relief.iter().fold(at.normal, |normal, relief| {
+            let bent = match relief {
+                Relief::Bump { texture, height, difference } => {
+                    let height_at = |offset: Vec2| ask(&**texture, offset).x;
+                    self.by_height(height_at, *height, *difference, normal, at)
+                }
+                Relief::Derivatives { texture, uv_set, height, range } => {
+                    by_derivatives(ask(&**texture, Vec2::ZERO), *uv_set, height * range, normal, at)
+                }
+                Relief::Normal { texture, scale, space } => {
+                    let texel = ask(&**texture, Vec2::ZERO).truncate() * 2.0 - 1.0;
+                    self.by_normal(texel, *scale, *space, normal, point)
+                }
+            };
+            bent.unwrap_or(normal)
+        })
+    }
+
+    fn by_height(
+        &self,
+        ask: impl Fn(Vec2) -> f32,
+        height: f32,
+        difference: Difference,
+        normal: Vec3,
+        at: &ShadingPoint<'_>,
+    ) -> Option<Vec3> {
+        let along = |axis: Vec2, edge: Vec3| {
+            // Neighbouring texels' heights; farther only where that would be below the digits.
+            let step = (self.least_step / edge.length().max(f32::MIN_POSITIVE)).clamp(1.0, 1e6);
+            match difference {
+                Difference::Forward => (ask(axis * step) - ask(Vec2::ZERO)) / step,
+                Difference::Backward => (ask(Vec2::ZERO) - ask(-axis * step)) / step,
+                Difference::Central => (ask(axis * step) - ask(-axis * step)) / (2.0 * step),
+            }
+        };
+        let [x, y] = at.position_steps;
+        let change = Vec2::new(along(Vec2::X, x), along(Vec2::Y, y)) * height;
+        (normal - gradient(at, normal, change)?).try_normalize()
+    }
+
+    /// What bent the normal before is kept: the map's normal is turned as the vertex normal was.
+    fn by_normal(
+        &self,
+        texel: Vec3,
+        scale: f32,
+        space: NormalSpace,
+        normal: Vec3,
+        point: &SurfacePoint,
+    ) -> Option<Vec3> {
+        let bent = match space {
+            NormalSpace::Object => {
+                let upright = point.normal * point.normal.dot(texel);
+                upright + (texel - upright) * scale
+            }
+            NormalSpace::Tangent { uv_set } => {
+                let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
+                let lambda = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+                let frame = TangentFrame::at(self.normals, tangents, point.triangle, lambda);
+                frame.mesh_vector(texel * Vec3::new(scale, scale, 1.0))
+            }
+        };
+        let bent = bent.try_normalize()?;
+        Some(if normal == point.normal { bent } else { Quat::from_rotation_arc(point.normal, normal) * bent })
+    }
+}
+
+/// The gradient in the surface of a function that changes by `change` along the texel's edges.
+fn gradient(at: &ShadingPoint<'_>, normal: Vec3, change: Vec2) -> Option<Vec3> {
+    let [along_x, along_y] = at.position_steps;
+    let x = along_y.cross(normal);
+    let determinant = along_x.dot(x);
+    let is_plane = determinant.abs() > 1e-6 * along_x.length() * along_y.length();
+    let gradient = (x * change.x + normal.cross(along_x) * change.y) / determinant;
+    (is_plane && gradient.is_finite()).then_some(gradient)
+}
+
+/// `scale` is the world height of a derivative's code of one, per unit of `u` or `v`.
+fn by_derivatives(
+    texel: Vec4,
+    uv_set: usize,
+    scale: f32,
+    normal: Vec3,
+    at: &ShadingPoint<'_>,
+) -> Option<Vec3> {
+    let uv = at.uv.get(uv_set)?;
+    let by_uv = Vec2::new(texel.y * 2.0 - 1.0, texel.z * 2.0 - 1.0) * scale;
+    let change = Vec2::new(by_uv.dot(uv.steps[0]), by_uv.dot(uv.steps[1]));
+    (normal - gradient(at, normal, change)?).try_normalize()
+}
+
+// Textures asked once for all texels of a triangle.
+
+/// The value of a texture at the point in question, moved by so many of the texel's edges.
+type Ask<'a> = dyn Fn(&dyn Texture, Vec2) -> Vec4 + 'a;
+
+/// Asks at one point.
+fn ask_at(at: &ShadingPoint<'_>, texture: &dyn Texture, offset: Vec2) -> Vec4 {
+    if offset == Vec2::ZERO {
+        return texture.evaluate(at);
+    }
+    at.shifted(offset.x, offset.y, |there| texture.evaluate(there))
+}
+
+/// What textures answer at many points. Each is asked at all of them as soon as it is asked at one; texels of a triangle have the same
+/// material and the same edges, so that is what will be wanted.
+struct Answers<'a> {
+    at: &'a [ShadingPoint<'a>],
+    columns: RefCell<Vec<Column>>,
+}
+
+struct Column {
+    /// Where the texture lies in memory tells it from others.
+    texture: *const (),
+    offset: Vec2,
+    values: Vec<Vec4>,
+}
+
+impl<'a> Answers<'a> {
+    pub(crate) fn new(at: &'a [ShadingPoint<'a>]) -> Self {
+        Self { at, columns: RefCell::default() }
+    }
+
+    /// The answer at one of the points.
+    fn ask(&self, index: usize, texture: &dyn Texture, offset: Vec2) -> Vec4 {
+        let address = std::ptr::from_ref(texture).cast::<()>();
+        let mut columns = self.columns.borrow_mut();
+        let known = columns.iter().position(|c| c.texture == address && c.offset == offset);
+        let column = known.unwrap_or_else(|| {
+            columns.push(Column { texture: address, offset, values: self.values(texture, offset) });
+            columns.len() - 1
+        });
+        columns[column].values[index]
+    }
+
+    fn values(&self, texture: &dyn Texture, offset: Vec2) -> Vec<Vec4> {
+        let mut values = vec![Vec4::ZERO; self.at.len()];
+        if offset == Vec2::ZERO {
+            texture.evaluate_all(self.at, &mut values);
+        } else {
+            texture.evaluate_all(&self.moved(offset, &mut Vec::new()), &mut values);
+        }
+        values
+    }
+
+    /// The points moved by so many of their texels' edges; their texture coordinates lie in `uv`.
+    fn moved<'u>(&self, offset: Vec2, uv: &'u mut Vec<UvPoint>) -> Vec<ShadingPoint<'u>> {
+        let Some(sets) = self.at.first().map(|at| at.uv.len()) else { return Vec::new() };
+        let mut places = Vec::with_capacity(self.at.len());
+        for at in self.at {
+            at.shifted(offset.x, offset.y, |there| {
+                uv.extend_from_slice(there.uv);
+                places.push((there.position, there.normal));
+            });
+        }
+        let uv: &'u [UvPoint] = uv;
+        let moved = self.at.iter().zip(places).enumerate().map(|(index, (at, (position, normal)))| {
+            let uv = &uv[index * sets..(index + 1) * sets];
+            ShadingPoint { position, normal, uv, ..*at }
+        });
+        moved.collect()
+    }
 }

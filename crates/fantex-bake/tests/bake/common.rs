@@ -9,7 +9,10 @@ use fantex_bake::{
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
 use fantex_store::{Asset, ChannelKind, PageCache};
-pub(crate) use fantex_test::{cleaned, data_folder, loaded, mesh_of};
+pub(crate) use fantex_test::cleaned;
+pub(crate) use fantex_test::data_folder;
+pub(crate) use fantex_test::loaded;
+pub(crate) use fantex_test::mesh_of;
 use glam::{DVec3, Vec3, Vec4};
 
 /// A flat rectangle of two triangles.

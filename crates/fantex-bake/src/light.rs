@@ -1,0 +1,694 @@
+//! Light maps: the light that reaches every point of a surface, baked by tracing paths.
+//!
+//! Fan tiles need no texture coordinates, so a light map is an asset like any other: a cover of low density, and one channel,
+//! [`ChannelKind::Light`]. Its values are irradiance over pi, in linear RGB: what a white, perfectly diffuse surface would
+//! reflect. Multiplied by the base colour they are the picture of a diffuse surface. They may exceed one.
+//!
+//! ```text
+//!  LightScene -+-> LightMapSource --bake--> asset with channel Light
+//!  options ----'          `--> noise(): how far the values are from the truth
+//! ```
+//!
+//! Light is sought where it comes from: in directions by the cosine, in those where a sky of high contrast is bright, and at lamps,
+//! of which those that give most are asked most often. No choice changes the mean.
+//!
+//! Noise is measured, not guessed: every texel is estimated four times, independently, and the spread of the four is the
+//! standard error of their mean. Texels do not depend on threads, nor on each other.
+
+mod sky_table;
+mod tracer;
+
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+
+use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
+use fantex_store::ChannelKind;
+use glam::{DVec3, Vec3, Vec4};
+
+use crate::light::sky_table::SkyTable;
+pub use crate::light::tracer::BakeLight;
+use crate::light::tracer::{Lamp, Sequence, Tracer, mixed};
+use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
+
+/// Independent estimates of a texel.
+const ESTIMATES: u32 = 4;
+
+/// Light at a point of the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Illumination {
+    /// Irradiance over pi, linear RGB; for ambient occlusion the open share in all three.
+    pub value: Vec3,
+    /// Root mean square over the channels of the standard errors of `value`.
+    pub standard_error: f32,
+    /// Paths that were traced.
+    pub samples: u32,
+}
+
+/// The light on a mesh, as a source.
+///
+/// The mean over the texel is taken ([`Prefilter::Box`]), as far as it lies on the triangle under its centre.
+/// [`Fit::Sharp`](crate::Fit::Sharp) sharpens noise along with shadows, by a quarter.
+pub struct LightMapSource<'a> {
+    tracer: Tracer<'a>,
+    meter: NoiseMeter,
+}
+
+impl std::fmt::Debug for LightMapSource<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LightMapSource").field("options", &self.tracer.options).finish_non_exhaustive()
+    }
+}
+
+impl<'a> LightMapSource<'a> {
+    /// Prepares the mesh for rays, and looks at the sky about a million times, to know where it is bright. The mesh occludes and lights itself; its normals are those that it is shaded with.
+    ///
+    /// # Errors
+    ///
+    /// An option or a number of a light is out of its range.
+    pub fn new(
+        mesh: &'a Mesh,
+        scene: &LightScene<'a>,
+        options: LightMapOptions,
+    ) -> Result<Self, LightMapError> {
+        options.check()?;
+        let lamps = scene.lights.iter().enumerate().map(|(i, light)| Lamp::new(mesh, i, light));
+        let lamps = lamps.collect::<Result<Vec<_>, _>>()?;
+        let occlusion_distance = match options.occlusion_distance {
+            Some(distance) => (distance / mesh.world_from_mesh.scale) as f32,
+            None => f32::INFINITY,
+        };
+        let sees_light = options.quantity != LightQuantity::AmbientOcclusion;
+        let tracer = Tracer {
+            mesh,
+            bvh: TriangleBvh::new(mesh),
+            normals: shading_normals(mesh),
+            lamps,
+            sky: scene.sky,
+            sky_table: if sees_light { SkyTable::new(scene.sky) } else { None },
+            reflector: scene.reflector,
+            options,
+            occlusion_distance,
+        };
+        Ok(Self { tracer, meter: NoiseMeter::default() })
+    }
+
+    /// Light at a point; `lambda_steps` are the sides of the parallelogram around it over which the mean is taken, as changes
+    /// of the barycentric coordinates (zero: the point alone).
+    pub fn illumination(&self, triangle: usize, lambda: Vec3, lambda_steps: [Vec3; 2]) -> Illumination {
+        let options = &self.tracer.options;
+        let seed = lambda
+            .to_array()
+            .iter()
+            .fold(mixed(options.seed) ^ triangle as u32, |seed, x| mixed(seed ^ x.to_bits()));
+        let sequences: [Sequence; ESTIMATES as usize] =
+            std::array::from_fn(|i| Sequence::new(seed.wrapping_add(i as u32)));
+        let mut sums = [DVec3::ZERO; ESTIMATES as usize];
+        let (mut done, mut goal) = (0, options.samples.div_ceil(ESTIMATES));
+        let most = options.max_samples.div_ceil(ESTIMATES);
+        loop {
+            for (sequence, sum) in sequences.iter().zip(&mut sums) {
+                for index in done..goal {
+                    let light = self.tracer.sample(triangle, lambda, lambda_steps, sequence, index);
+                    *sum += light.as_dvec3();
+                }
+            }
+            done = goal;
+            let (value, standard_error) = mean_and_error(&sums, done);
+            let good = options.target_error.is_none_or(|target| standard_error <= target);
+            if good || done >= most {
+                return Illumination { value, standard_error, samples: done * ESTIMATES };
+            }
+            goal = (2 * done).min(most);
+        }
+    }
+
+    /// The noise of all texels so far. It does not depend on the number of threads.
+    pub fn noise(&self) -> LightMapNoise {
+        self.meter.report()
+    }
+}
+
+/// Mean of the estimates and its standard error, from sums of `count` samples each.
+fn mean_and_error(sums: &[DVec3; ESTIMATES as usize], count: u32) -> (Vec3, f32) {
+    let n = f64::from(ESTIMATES);
+    let estimates = sums.map(|sum| sum / f64::from(count));
+    let mean = estimates.iter().sum::<DVec3>() / n;
+    let squares: f64 = estimates.iter().map(|e| (e - mean).length_squared() / 3.0).sum();
+    (mean.as_vec3(), (squares / (n * (n - 1.0))).sqrt() as f32)
+}
+
+impl Source for LightMapSource<'_> {
+    fn channels(&self) -> Vec<SourceChannel> {
+        let exceeds_one = self.tracer.options.quantity != LightQuantity::AmbientOcclusion;
+        vec![SourceChannel { kind: ChannelKind::Light, has_alpha: false, exceeds_one }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Box
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let light = self.illumination(point.triangle, point.lambda, point.lambda_steps);
+        self.meter.add(light.value.element_sum() / 3.0, light.standard_error, light.samples);
+        values[0] = light.value.extend(1.0);
+    }
+}
+
+// Options of light maps, and what may be wrong with them.
+
+/// What a light map holds. Either is relative to a white, perfectly diffuse surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LightQuantity {
+    /// What lights, sky and glowing surfaces reach the point directly.
+    Direct,
+    /// The share of the sky that is seen from the point, weighted by the cosine to the normal; lights do not matter.
+    AmbientOcclusion,
+    /// All light that arrives, after up to [`LightMapOptions::bounces`] diffuse reflections.
+    #[default]
+    Full,
+}
+
+/// How to bake a light map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightMapOptions {
+    /// What is computed.
+    pub quantity: LightQuantity,
+    /// Paths per texel, 4 to 1048576; rounded up to a multiple of 4.
+    pub samples: u32,
+    /// Where given, texels whose standard error is larger (in units of the value) take more paths, up to `max_samples`.
+    /// Positive.
+    pub target_error: Option<f32>,
+    /// Paths per texel at most where `target_error` is given; not below `samples`, at most 1048576.
+    pub max_samples: u32,
+    /// Diffuse reflections before light reaches the point, 0 to 64. Only for [`LightQuantity::Full`].
+    pub bounces: u32,
+    /// Only for [`LightQuantity::AmbientOcclusion`]: surfaces farther away than this do not occlude, world units; all do
+    /// where it is not given. Positive.
+    pub occlusion_distance: Option<f64>,
+    /// Rays start from the smooth surface that vertex normals suggest where it lies above the triangle (J. Hanika,
+    /// "Hacking the Shadow Terminator", 2021), so that coarse round objects do not shade themselves triangle by triangle.
+    pub smooth_terminator: bool,
+    /// Other seeds give other noise.
+    pub seed: u32,
+}
+
+impl Default for LightMapOptions {
+    /// All light, 256 paths of up to 4 reflections, not adaptive.
+    fn default() -> Self {
+        Self {
+            quantity: LightQuantity::Full,
+            samples: 256,
+            target_error: None,
+            max_samples: 4096,
+            bounces: 4,
+            occlusion_distance: None,
+            smooth_terminator: true,
+            seed: 0,
+        }
+    }
+}
+
+/// Largest number of paths per texel.
+const MOST_SAMPLES: u32 = 1 << 20;
+const MOST_BOUNCES: u32 = 64;
+
+/// What is wrong with the description of a light map.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum LightMapError {
+    /// Too few or too many paths.
+    #[error("{what} is {count}, but a texel takes 4 to {MOST_SAMPLES} paths")]
+    Samples {
+        /// Which of the options.
+        what: &'static str,
+        /// Its value.
+        count: u32,
+    },
+    /// `max_samples` is below `samples`.
+    #[error("max_samples is {max_samples}, but must not be below samples, {samples}")]
+    MaxSamplesBelowSamples {
+        /// The most paths.
+        max_samples: u32,
+        /// The fewest.
+        samples: u32,
+    },
+    /// Too many reflections.
+    #[error("bounces is {0}, but at most {MOST_BOUNCES} reflections are followed")]
+    Bounces(u32),
+    /// A length or an error bound is not a positive number.
+    #[error("{what} is {value}, but must be a positive number")]
+    NotPositive {
+        /// Which of the options.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A number of a light is out of its range.
+    #[error("{what} of light {light} is {value}, but must be {allowed}")]
+    Light {
+        /// Index of the light.
+        light: usize,
+        /// Which of its numbers.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+}
+
+impl LightMapOptions {
+    /// Checks every range.
+    ///
+    /// # Errors
+    ///
+    /// The first option that is out of range.
+    pub fn check(&self) -> Result<(), LightMapError> {
+        let counts = [("samples", self.samples), ("max_samples", self.max_samples)];
+        if let Some((what, count)) = counts.into_iter().find(|c| !(4..=MOST_SAMPLES).contains(&c.1)) {
+            return Err(LightMapError::Samples { what, count });
+        }
+        if self.target_error.is_some() && self.max_samples < self.samples {
+            let (max_samples, samples) = (self.max_samples, self.samples);
+            return Err(LightMapError::MaxSamplesBelowSamples { max_samples, samples });
+        }
+        if self.bounces > MOST_BOUNCES {
+            return Err(LightMapError::Bounces(self.bounces));
+        }
+        let lengths = [
+            ("target_error", self.target_error.map(f64::from)),
+            ("occlusion_distance", self.occlusion_distance),
+        ];
+        for (what, value) in lengths {
+            if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
+                return Err(LightMapError::NotPositive { what, value });
+            }
+        }
+        Ok(())
+    }
+
+    /// Reflections that are followed.
+    pub(crate) fn reflections(&self) -> u32 {
+        if self.quantity == LightQuantity::Full { self.bounces } else { 0 }
+    }
+}
+
+// What lights a surface besides lamps: the sky, and what other surfaces reflect and emit.
+
+/// Radiance from where no surface is. Closures from unit directions (of the world, from the surface outwards) to linear RGB
+/// are skies.
+pub trait Sky: Sync {
+    /// From a unit direction.
+    fn radiance(&self, direction: Vec3) -> Vec3;
+}
+
+impl<F: Fn(Vec3) -> Vec3 + Sync> Sky for F {
+    fn radiance(&self, direction: Vec3) -> Vec3 {
+        self(direction)
+    }
+}
+
+/// What surfaces do with light. Closures from a triangle and barycentric coordinates to the albedo are reflectors that do
+/// not glow.
+pub trait Reflector: Sync {
+    /// Share of the light that is reflected diffusely, linear RGB, 0..1, on both sides.
+    fn albedo(&self, triangle: usize, lambda: Vec3) -> Vec3;
+
+    /// Emitted radiance, linear RGB, on both sides.
+    fn emission(&self, triangle: usize, lambda: Vec3) -> Vec3 {
+        let _ = (triangle, lambda);
+        Vec3::ZERO
+    }
+
+    /// False where light passes through, as in cut-outs.
+    fn is_solid(&self, triangle: usize, lambda: Vec3) -> bool {
+        let _ = (triangle, lambda);
+        true
+    }
+}
+
+impl<F: Fn(usize, Vec3) -> Vec3 + Sync> Reflector for F {
+    fn albedo(&self, triangle: usize, lambda: Vec3) -> Vec3 {
+        self(triangle, lambda)
+    }
+}
+
+/// All that lights a mesh.
+#[derive(Clone)]
+pub struct LightScene<'a> {
+    /// Lights, world space.
+    pub lights: Vec<BakeLight>,
+    /// Light from outside.
+    pub sky: &'a dyn Sky,
+    /// The mesh's surface.
+    pub reflector: &'a dyn Reflector,
+}
+
+impl std::fmt::Debug for LightScene<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("LightScene").field("lights", &self.lights).finish_non_exhaustive()
+    }
+}
+
+/// The base colour and emission that a [`Source`] would bake, as a reflector; alpha below a half lets light through.
+pub struct SourceReflector<'a> {
+    mesh: &'a Mesh,
+    source: &'a dyn Source,
+    channels: usize,
+    base_color: Option<usize>,
+    emission: Option<usize>,
+    has_alpha: bool,
+}
+
+impl<'a> SourceReflector<'a> {
+    /// `source` is a source for `mesh`; channels other than base colour and emission are ignored. Without a base colour the
+    /// surface is white.
+    pub fn new(mesh: &'a Mesh, source: &'a dyn Source) -> Self {
+        let channels = source.channels();
+        let position = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind);
+        let (base_color, emission) = (position(ChannelKind::BaseColor), position(ChannelKind::Emission));
+        let has_alpha = base_color.is_some_and(|c| channels[c].has_alpha);
+        Self { mesh, source, channels: channels.len(), base_color, emission, has_alpha }
+    }
+
+    /// One channel's value at a point.
+    fn value(&self, channel: usize, triangle: usize, lambda: Vec3) -> Vec4 {
+        let [a, b, c] = self.mesh.triangle_positions(triangle);
+        let point = SurfacePoint {
+            triangle,
+            lambda,
+            lambda_steps: [Vec3::ZERO; 2],
+            position: a * lambda.x + b * lambda.y + c * lambda.z,
+            position_steps: [Vec3::ZERO; 2],
+            normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
+        };
+        let mut values = vec![Vec4::ZERO; self.channels];
+        self.source.evaluate(&point, &mut values);
+        values[channel]
+    }
+}
+
+impl Reflector for SourceReflector<'_> {
+    fn albedo(&self, triangle: usize, lambda: Vec3) -> Vec3 {
+        let color = |c| self.value(c, triangle, lambda).truncate().clamp(Vec3::ZERO, Vec3::ONE);
+        self.base_color.map_or(Vec3::ONE, color)
+    }
+
+    fn emission(&self, triangle: usize, lambda: Vec3) -> Vec3 {
+        let color = |c| self.value(c, triangle, lambda).truncate().max(Vec3::ZERO);
+        self.emission.map_or(Vec3::ZERO, color)
+    }
+
+    fn is_solid(&self, triangle: usize, lambda: Vec3) -> bool {
+        match self.base_color {
+            Some(channel) if self.has_alpha => self.value(channel, triangle, lambda).w >= 0.5,
+            _ => true,
+        }
+    }
+}
+
+// How noisy a light map is: standard errors of all its texels, summed so that the order does not matter.
+
+/// The noise of the texels that a light map's source has computed so far. Errors are standard errors, in units of the values.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LightMapNoise {
+    /// Texels computed; where tiles overlap, points of the surface count more than once.
+    pub texels: u64,
+    /// Mean number of paths per texel.
+    pub mean_samples: f64,
+    /// Mean of the values, over texels and channels.
+    pub mean_value: f64,
+    /// Mean of the standard errors.
+    pub mean_error: f64,
+    /// 95 % of the standard errors are not above this (to a quarter of an octave).
+    pub error_95: f64,
+    /// The largest standard error (to a quarter of an octave).
+    pub largest_error: f64,
+}
+
+/// Sums are whole multiples of this.
+const UNIT: f64 = 1.0 / (1 << 24) as f64;
+/// What a single texel adds is at most this.
+const MOST: f64 = (1 << 14) as f64;
+/// Buckets of a quarter of an octave.
+const BUCKETS: usize = 160;
+/// Upper end of the first bucket.
+const FIRST: f64 = UNIT;
+
+/// Gathers errors from many threads; whole numbers, so that the sums do not depend on the order.
+#[derive(Debug)]
+struct NoiseMeter {
+    texels: AtomicU64,
+    samples: AtomicU64,
+    values: AtomicU64,
+    errors: AtomicU64,
+    buckets: Vec<AtomicU64>,
+}
+
+impl Default for NoiseMeter {
+    fn default() -> Self {
+        let zero = || AtomicU64::new(0);
+        let buckets = (0..BUCKETS).map(|_| zero()).collect();
+        Self { texels: zero(), samples: zero(), values: zero(), errors: zero(), buckets }
+    }
+}
+
+impl NoiseMeter {
+    pub(crate) fn add(&self, value: f32, error: f32, samples: u32) {
+        let units = |x: f32| (f64::from(x).clamp(0.0, MOST) / UNIT).round() as u64;
+        self.texels.fetch_add(1, Relaxed);
+        self.samples.fetch_add(samples.into(), Relaxed);
+        self.values.fetch_add(units(value), Relaxed);
+        self.errors.fetch_add(units(error), Relaxed);
+        self.buckets[bucket(error.into())].fetch_add(1, Relaxed);
+    }
+
+    pub(crate) fn report(&self) -> LightMapNoise {
+        let texels = self.texels.load(Relaxed);
+        let mean = |sum: &AtomicU64| sum.load(Relaxed) as f64 / texels.max(1) as f64;
+        let counts: Vec<u64> = self.buckets.iter().map(|b| b.load(Relaxed)).collect();
+        let mut below = 0;
+        let error_95 = counts.iter().position(|count| {
+            below += count;
+            below * 20 >= texels * 19
+        });
+        let largest = counts.iter().rposition(|&count| count > 0);
+        LightMapNoise {
+            texels,
+            mean_samples: mean(&self.samples),
+            mean_value: mean(&self.values) * UNIT,
+            mean_error: mean(&self.errors) * UNIT,
+            error_95: error_95.filter(|_| texels > 0).map_or(0.0, upper_end),
+            largest_error: largest.map_or(0.0, upper_end),
+        }
+    }
+}
+
+/// The bucket of an error: the first for all that is below its end.
+fn bucket(error: f64) -> usize {
+    if error <= FIRST {
+        return 0;
+    }
+    ((4.0 * (error / FIRST).log2()).ceil() as usize).min(BUCKETS - 1)
+}
+
+fn upper_end(bucket: usize) -> f64 {
+    if bucket == 0 { 0.0 } else { FIRST * (bucket as f64 / 4.0).exp2() }
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::{CleanOptions, Mesh, Model, clean, generate};
+    use glam::{DVec3, Vec3};
+
+    use super::*;
+
+    #[test]
+    fn every_range_is_checked() {
+        let good = LightMapOptions::default();
+        assert_eq!(good.check(), Ok(()));
+        let bad = [
+            LightMapOptions { samples: 3, ..good },
+            LightMapOptions { samples: MOST_SAMPLES + 1, max_samples: MOST_SAMPLES, ..good },
+            LightMapOptions { target_error: Some(0.1), max_samples: 8, ..good },
+            LightMapOptions { target_error: Some(0.0), ..good },
+            LightMapOptions { target_error: Some(f32::NAN), ..good },
+            LightMapOptions { bounces: 65, ..good },
+            LightMapOptions { occlusion_distance: Some(-1.0), ..good },
+            LightMapOptions { occlusion_distance: Some(f64::INFINITY), ..good },
+        ];
+        for options in bad {
+            assert!(options.check().is_err(), "{options:?}");
+        }
+    }
+
+    #[test]
+    fn means_and_percentiles_are_those_of_the_errors() {
+        let meter = NoiseMeter::default();
+        assert_eq!(meter.report(), LightMapNoise::default());
+        for i in 1..=1000_u32 {
+            meter.add(2.0, i as f32 / 1000.0, 64 + i % 2);
+        }
+        let report = meter.report();
+        assert_eq!(report.texels, 1000);
+        assert!((report.mean_samples - 64.5).abs() < 1e-9 && (report.mean_value - 2.0).abs() < 1e-6);
+        assert!((report.mean_error - 0.5005).abs() < 1e-4);
+        assert!((0.95..0.95 * 1.19).contains(&report.error_95), "{}", report.error_95);
+        assert!((1.0..1.2).contains(&report.largest_error), "{}", report.largest_error);
+    }
+
+    #[test]
+    fn what_is_exact_has_no_error() {
+        let meter = NoiseMeter::default();
+        meter.add(1.0, 0.0, 4);
+        assert_eq!((meter.report().error_95, meter.report().largest_error), (0.0, 0.0));
+    }
+
+    fn gray(_: usize, _: Vec3) -> Vec3 {
+        Vec3::splat(0.5)
+    }
+
+    /// A ball above a plane.
+    fn ball_on_a_plane() -> Mesh {
+        let mut ball = generate::icosphere(4);
+        ball.positions.iter_mut().for_each(|p| *p = *p * 0.3 + DVec3::new(0.1, 0.4, 0.0));
+        let mut model: Model = generate::grid(8);
+        let first = model.positions.len() as u32;
+        model.positions.extend(&ball.positions);
+        model.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+        clean(model, &CleanOptions::default()).unwrap().0
+    }
+
+    /// A blue sky with a sun that gives `share` of all light.
+    fn sky_with_sun(radius_degrees: f32, share: f32) -> impl Fn(Vec3) -> Vec3 + Sync {
+        let to_sun = Vec3::new(-0.5, 0.7, 0.3).normalize();
+        let cos_radius = radius_degrees.to_radians().cos();
+        let brightness = share / (1.0 - share) / (0.5 * (1.0 - cos_radius));
+        move |d: Vec3| {
+            let sky = Vec3::new(0.3, 0.4, 0.6) * (1.0 + 0.5 * d.y);
+            sky + if d.dot(to_sun) > cos_radius { Vec3::splat(brightness * 0.4) } else { Vec3::ZERO }
+        }
+    }
+
+    /// Sources with and without a table of the sky.
+    fn both<'a>(mesh: &'a Mesh, sky: &'a dyn Sky, options: LightMapOptions) -> [LightMapSource<'a>; 2] {
+        let scene = LightScene { lights: Vec::new(), sky, reflector: &gray };
+        let chosen = LightMapSource::new(mesh, &scene, options).unwrap();
+        let mut by_cosine = LightMapSource::new(mesh, &scene, options).unwrap();
+        by_cosine.tracer.sky_table = None;
+        [chosen, by_cosine]
+    }
+
+    const LAMBDA: Vec3 = Vec3::new(0.3, 0.3, 0.4);
+
+    #[test]
+    fn the_mean_is_that_of_directions_by_the_cosine() {
+        let mesh = ball_on_a_plane();
+        // A sun that the cosine finds often enough to compare with.
+        let sky = sky_with_sun(12.0, 0.5);
+        for bounces in [0, 2] {
+            let options = LightMapOptions { bounces, samples: 4096, ..LightMapOptions::default() };
+            let [chosen, by_cosine] = both(&mesh, &sky, options);
+            assert!(chosen.tracer.sky_table.is_some());
+            let (mut differences, mut variances, mut n) = (DVec3::ZERO, [0.0; 2], 0.0);
+            for triangle in (0..mesh.triangles.len()).step_by(97) {
+                let a = chosen.illumination(triangle, LAMBDA, [Vec3::ZERO; 2]);
+                let b = by_cosine.illumination(triangle, LAMBDA, [Vec3::ZERO; 2]);
+                differences += (a.value - b.value).as_dvec3();
+                for (sum, light) in variances.iter_mut().zip([a, b]) {
+                    *sum += f64::from(light.standard_error).powi(2);
+                }
+                n += 1.0;
+            }
+            let noise = (variances[0] + variances[1]).sqrt() / n;
+            let bias = differences / n;
+            eprintln!("{bounces} reflections: difference {bias}, noise {noise}");
+            assert!(bias.abs().max_element() < 5.0 * noise + 1e-4, "{bias}, noise {noise}");
+            assert!(variances[0] < 0.3 * variances[1], "{variances:?}");
+        }
+    }
+
+    /// On a plane the light of a sky with a sun is known.
+    #[test]
+    fn the_light_of_a_small_sun_is_exact() {
+        let mesh = clean(generate::grid(4), &CleanOptions::default()).unwrap().0;
+        let to_sun = Vec3::new(0.6, 0.8, 0.0);
+        for radius_degrees in [0.27_f32, 2.0, 20.0] {
+            let (sin_radius, cos_radius) = radius_degrees.to_radians().sin_cos();
+            let radiance = 2.0 / (sin_radius * sin_radius);
+            let sky = |d: Vec3| Vec3::new(if d.dot(to_sun) > cos_radius { radiance } else { 0.0 }, 0.5, 0.0);
+            let options = LightMapOptions {
+                quantity: LightQuantity::Direct,
+                samples: 4096,
+                ..LightMapOptions::default()
+            };
+            let [chosen, _] = both(&mesh, &sky, options);
+            assert!(chosen.tracer.sky_table.is_some());
+            let light = chosen.illumination(7, LAMBDA, [Vec3::ZERO; 2]);
+            // The integral of the cosine over a cap above the horizon is pi sin² times the cosine of its axis.
+            let expected = 2.0 * to_sun.y;
+            let error = (light.value - Vec3::new(expected, 0.5, 0.0)).abs();
+            assert!(
+                error.x < 0.02 * expected && error.y < 0.01,
+                "{radius_degrees}: {} {expected}",
+                light.value
+            );
+        }
+    }
+
+    /// In the open, under a sky that is one everywhere but for a table that someone made, light is one.
+    #[test]
+    fn a_furnace_stays_a_furnace_whatever_the_table() {
+        let mesh = ball_on_a_plane();
+        let white = |_: Vec3| Vec3::ONE;
+        let reflector = |_: usize, _: Vec3| Vec3::ONE;
+        let scene = LightScene { lights: Vec::new(), sky: &white, reflector: &reflector };
+        let options = LightMapOptions { bounces: 40, samples: 1024, ..LightMapOptions::default() };
+        let mut source = LightMapSource::new(&mesh, &scene, options).unwrap();
+        assert!(source.tracer.sky_table.is_none());
+        source.tracer.sky_table = SkyTable::new(&sky_with_sun(5.0, 0.5));
+        let (mut sum, mut n) = (0.0, 0.0);
+        // The ball, whose paths all end in the sky after a few reflections.
+        for triangle in (128..mesh.triangles.len()).step_by(197) {
+            let light = source.illumination(triangle, LAMBDA, [Vec3::ZERO; 2]);
+            sum += f64::from(light.value.x);
+            n += 1.0;
+            assert!((light.value.x - 1.0).abs() < 6.0 * light.standard_error + 0.02, "{triangle}: {light:?}");
+        }
+        assert!((sum / n - 1.0).abs() < 0.01, "{}", sum / n);
+    }
+
+    /// Many lamps, most of them far away or behind walls, give what each of them gives alone.
+    #[test]
+    fn chosen_lamps_give_the_light_of_all() {
+        let mesh = ball_on_a_plane();
+        let black = |_: Vec3| Vec3::ZERO;
+        let lamps: Vec<BakeLight> = (0..40)
+            .map(|i| {
+                let (sin, cos) = (f64::from(i) * 2.4).sin_cos();
+                let position = DVec3::new(cos, 0.2 + 0.02 * f64::from(i), sin) * (0.4 + 0.03 * f64::from(i));
+                let color = Vec3::new(0.02, 0.03, 0.001 * i as f32);
+                BakeLight::Point { position, color, radius: 0.02 * f64::from(i % 3) }
+            })
+            .collect();
+        let light_of = |lights: Vec<BakeLight>, samples: u32, triangle: usize| {
+            let scene = LightScene { lights, sky: &black, reflector: &gray };
+            let options = LightMapOptions { samples, bounces: 1, ..LightMapOptions::default() };
+            LightMapSource::new(&mesh, &scene, options).unwrap().illumination(
+                triangle,
+                LAMBDA,
+                [Vec3::ZERO; 2],
+            )
+        };
+        for triangle in [3, 40, 100, 1000, 4000] {
+            let together = light_of(lamps.clone(), 4096, triangle);
+            let apart: Vec<Illumination> =
+                lamps.chunks(4).map(|few| light_of(few.to_vec(), 1024, triangle)).collect();
+            let sum: Vec3 = apart.iter().map(|light| light.value).sum();
+            let noise = apart.iter().map(|light| light.standard_error.powi(2)).sum::<f32>().sqrt();
+            let noise = noise.hypot(together.standard_error);
+            let error = (together.value - sum).abs().max_element();
+            assert!(error < 6.0 * noise + 1e-4, "{triangle}: {} {sum}, noise {noise}", together.value);
+        }
+    }
+}

@@ -1,0 +1,667 @@
+//! From one mesh to another: what a detailed mesh looks like, baked onto a coarse one.
+//!
+//! Every point of the coarse mesh looks along its smooth normal, outwards and inwards, for the detailed surface (P. Cignoni,
+//! C. Montani, C. Rocchini, R. Scopigno and M. Tarini, "Preserving attribute values on simplified meshes by resampling detail
+//! textures", 1999). How far it looks is the *cage*; where nothing is found, the nearest point stands in, and is counted.
+//! The meshes are brought together by their places in the world.
+//!
+//! - [`TransferSource`] bakes normals and any [`Source`] of the detailed mesh into fan tiles;
+//! - [`bake_normal_map`] makes an ordinary image of normals for a coarse mesh with texture coordinates.
+
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+
+use fantex_mesh::{
+    Mesh, RayHit, SURFACE_OFFSET, TriangleBvh, corner_normals, corner_tangents, shading_normals,
+};
+use fantex_store::ChannelKind;
+use fantex_texture::Image;
+use fantex_texture::material::TangentFrame;
+use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
+
+/// How well two meshes fitted.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TransferReport {
+    /// How far points looked for the detailed surface, world units.
+    pub cage: f64,
+    /// Points of the coarse mesh that were looked up.
+    pub points: u64,
+    /// Those whose rays found nothing, so that the nearest point stood in.
+    pub missed: u64,
+}
+
+/// Why nothing can be transferred.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TransferError {
+    /// The cage is no length.
+    #[error(
+        "the cage is {cage} world units, but must be a positive number; leave it out to have it measured"
+    )]
+    Cage {
+        /// What was asked for.
+        cage: f64,
+    },
+    /// A mesh without triangles.
+    #[error("the {which} mesh has no triangles")]
+    Empty {
+        /// `coarse` or `detailed`.
+        which: &'static str,
+    },
+    /// Too few or too many rays.
+    #[error("samples is {samples}, but a texel takes 1 to {most} rays along each side")]
+    Samples {
+        /// What was asked for.
+        samples: u32,
+        /// The most.
+        most: u32,
+    },
+}
+
+/// Rays along a texel's side at most.
+const MOST_SAMPLES: u32 = 64;
+
+/// Checks the number of rays along a texel's side.
+fn check_samples(samples: u32) -> Result<(), TransferError> {
+    if (1..=MOST_SAMPLES).contains(&samples) {
+        Ok(())
+    } else {
+        Err(TransferError::Samples { samples, most: MOST_SAMPLES })
+    }
+}
+
+/// Centres of `n * n` cells of a texel, from -0.5 to 0.5 along its sides.
+fn cells(n: u32) -> impl Iterator<Item = [f32; 2]> {
+    let at = move |i: u32| (i as f32 + 0.5) / n as f32 - 0.5;
+    (0..n * n).map(move |i| [at(i % n), at(i / n)])
+}
+
+/// Barycentric coordinates beside a triangle, moved onto it.
+fn on_triangle(lambda: glam::Vec3) -> glam::Vec3 {
+    let inside = lambda.max(glam::Vec3::ZERO);
+    inside / inside.element_sum()
+}
+
+// From a point of the coarse mesh to the point of the detailed mesh that it stands for.
+
+/// Points at which the distance of two meshes is measured, on each of them.
+const PROBES: usize = 2048;
+/// The cage is larger than the largest distance that was measured.
+const CAGE_SLACK: f32 = 1.25;
+/// Meshes that coincide still get a cage, mesh units.
+const SMALLEST_CAGE: f32 = 1e-4;
+
+/// A point of the detailed mesh.
+#[derive(Clone, Copy, Debug)]
+struct Match {
+    pub(crate) triangle: usize,
+    pub(crate) lambda: Vec3,
+}
+
+/// Rays from one mesh to another.
+struct Projector<'a> {
+    pub(crate) coarse: &'a Mesh,
+    detailed: &'a Mesh,
+    detailed_normals: Vec<Vec3>,
+    bvh: TriangleBvh,
+    /// Smooth over creases, so that neighbouring rays do not leave gaps.
+    ray_normals: Vec<Vec3>,
+    /// From coarse to detailed mesh space: `p * scale + offset`; directions are the same.
+    scale: f64,
+    offset: DVec3,
+    /// Detailed mesh units.
+    cage: f32,
+    points: AtomicU64,
+    missed: AtomicU64,
+}
+
+impl<'a> Projector<'a> {
+    /// `cage` in world units.
+    pub(crate) fn new(
+        coarse: &'a Mesh,
+        detailed: &'a Mesh,
+        cage: Option<f64>,
+    ) -> Result<Self, TransferError> {
+        if let Some(cage) = cage.filter(|c| !(c.is_finite() && *c > 0.0)) {
+            return Err(TransferError::Cage { cage });
+        }
+        let empty =
+            [("coarse", coarse), ("detailed", detailed)].into_iter().find(|m| m.1.triangles.is_empty());
+        if let Some((which, _)) = empty {
+            return Err(TransferError::Empty { which });
+        }
+        let (from, to) = (&coarse.world_from_mesh, &detailed.world_from_mesh);
+        let mut projector = Self {
+            coarse,
+            detailed,
+            detailed_normals: shading_normals(detailed),
+            bvh: TriangleBvh::new(detailed),
+            ray_normals: corner_normals(coarse, 180.0),
+            scale: from.scale / to.scale,
+            offset: (from.offset - to.offset) / to.scale,
+            cage: 0.0,
+            points: AtomicU64::new(0),
+            missed: AtomicU64::new(0),
+        };
+        projector.cage = match cage {
+            Some(world) => (world / to.scale) as f32,
+            None => (CAGE_SLACK * projector.sampled_distance()).max(SMALLEST_CAGE),
+        };
+        Ok(projector)
+    }
+
+    /// The match of a point of a coarse triangle: along the smooth normal, outwards or inwards, whichever is nearer and faces
+    /// the same way; or else the nearest point.
+    pub(crate) fn find(&self, triangle: usize, lambda: Vec3) -> Match {
+        self.points.fetch_add(1, Relaxed);
+        let normals: [Vec3; 3] = std::array::from_fn(|k| self.ray_normals[3 * triangle + k]);
+        let corners = self.coarse.triangle_positions(triangle);
+        let blend = |v: [Vec3; 3]| v[0] * lambda.x + v[1] * lambda.y + v[2] * lambda.z;
+        let p = self.in_detailed(blend(corners));
+        let normal = blend(normals).try_normalize();
+        let by_ray = normal.and_then(|normal| {
+            let hits = [(normal, false), (-normal, true)].map(|(direction, front)| {
+                // From a little behind, since the surfaces may touch at the point itself.
+                let origin = p - direction * SURFACE_OFFSET;
+                let faces_alike = |hit: &RayHit| hit.front == front;
+                self.bvh.first_hit_where(origin, direction, self.cage + SURFACE_OFFSET, faces_alike)
+            });
+            hits.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance))
+        });
+        if let Some(hit) = by_ray {
+            return Match { triangle: hit.triangle, lambda: hit.lambda };
+        }
+        self.missed.fetch_add(1, Relaxed);
+        match self.bvh.nearest_point(p, f32::INFINITY) {
+            Some(nearest) => Match { triangle: nearest.triangle, lambda: nearest.lambda },
+            // Only where the point is no number.
+            None => Match { triangle: 0, lambda: Vec3::X },
+        }
+    }
+
+    /// Unit shading normal of the detailed mesh; directions are the same in both mesh spaces.
+    fn shading_normal(&self, at: Match) -> Vec3 {
+        let [a, b, c] = [0, 1, 2].map(|k| self.detailed_normals[3 * at.triangle + k]);
+        (a * at.lambda.x + b * at.lambda.y + c * at.lambda.z).try_normalize().unwrap_or(a)
+    }
+
+    /// A point of coarse mesh space in detailed mesh space.
+    fn in_detailed(&self, p: Vec3) -> Vec3 {
+        (p.as_dvec3() * self.scale + self.offset).as_vec3()
+    }
+
+    /// A length of coarse mesh space in detailed mesh space.
+    fn length_in_detailed(&self) -> f32 {
+        self.scale as f32
+    }
+
+    pub(crate) fn report(&self) -> TransferReport {
+        TransferReport {
+            cage: f64::from(self.cage) * self.detailed.world_from_mesh.scale,
+            points: self.points.load(Relaxed),
+            missed: self.missed.load(Relaxed),
+        }
+    }
+
+    /// The largest distance, in detailed mesh units, of a point of either mesh to the other, over points spread evenly.
+    fn sampled_distance(&self) -> f32 {
+        let to_detailed = spread_points(self.coarse).into_iter().filter_map(|p| {
+            let nearest = self.bvh.nearest_point(self.in_detailed(p), f32::INFINITY)?;
+            Some(nearest.distance)
+        });
+        let coarse_bvh = TriangleBvh::new(self.coarse);
+        let to_coarse = spread_points(self.detailed).into_iter().filter_map(|p| {
+            let p = ((p.as_dvec3() - self.offset) / self.scale).as_vec3();
+            let nearest = coarse_bvh.nearest_point(p, f32::INFINITY)?;
+            Some(nearest.distance * self.length_in_detailed())
+        });
+        to_detailed.chain(to_coarse).fold(0.0, f32::max)
+    }
+}
+
+/// `PROBES` points of a mesh, as many per area everywhere (M. Roberts, "The Unreasonable Effectiveness of Quasirandom
+/// Sequences", 2018, within triangles).
+fn spread_points(mesh: &Mesh) -> Vec<Vec3> {
+    let step = mesh.area() / PROBES as f64;
+    let mut points = Vec::with_capacity(PROBES);
+    // Area up to the next point.
+    let mut left = 0.5 * step;
+    for triangle in 0..mesh.triangles.len() {
+        let [a, b, c] = mesh.triangle_positions(triangle);
+        let mut area = 0.5 * f64::from((b - a).cross(c - a).length());
+        while area >= left && points.len() < PROBES {
+            area -= left;
+            left = step;
+            let n = points.len() as f64;
+            let (mut u, mut v) = ((n * 0.754_877_666_2).fract() as f32, (n * 0.569_840_291_0).fract() as f32);
+            if u + v > 1.0 {
+                (u, v) = (1.0 - u, 1.0 - v);
+            }
+            points.push(a + (b - a) * u + (c - a) * v);
+        }
+        left -= area;
+    }
+    points
+}
+
+// The detailed mesh as a source for the coarse one.
+
+/// How to transfer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TransferOptions {
+    /// How far the detailed surface is looked for along the normal, world units, positive. Not given: a quarter more than the
+    /// largest distance between the meshes at a few thousand points.
+    pub cage: Option<f64>,
+    /// Rays along each side of a texel, 1 to 64.
+    pub samples: u32,
+    /// Transfer the shading normal, too.
+    pub normals: bool,
+}
+
+impl Default for TransferOptions {
+    /// Normals, four rays per texel, a measured cage.
+    fn default() -> Self {
+        Self { cage: None, samples: 2, normals: true }
+    }
+}
+
+/// What a detailed mesh looks like, as a source for a coarse one: its shading normals, and all channels of any source that
+/// is made for the detailed mesh (its textures, vertex colours, a recipe).
+pub struct TransferSource<'a> {
+    projector: Projector<'a>,
+    detail: Option<&'a dyn Source>,
+    channels: Vec<SourceChannel>,
+    /// Shading normals come as an additional, first channel.
+    own_normals: bool,
+    samples: u32,
+}
+
+impl std::fmt::Debug for TransferSource<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("TransferSource").field("channels", &self.channels).finish_non_exhaustive()
+    }
+}
+
+impl<'a> TransferSource<'a> {
+    /// A source for `coarse`. `detail` is a source for `detailed`; if it gives normals, these are taken instead of the
+    /// mesh's shading normals.
+    ///
+    /// # Errors
+    ///
+    /// An option is out of its range, or a mesh is empty.
+    pub fn new(
+        coarse: &'a Mesh,
+        detailed: &'a Mesh,
+        detail: Option<&'a dyn Source>,
+        options: &TransferOptions,
+    ) -> Result<Self, TransferError> {
+        check_samples(options.samples)?;
+        let projector = Projector::new(coarse, detailed, options.cage)?;
+        let mut channels = detail.map_or_else(Vec::new, Source::channels);
+        let own_normals = options.normals && channels.iter().all(|c| c.kind != ChannelKind::Normal);
+        if own_normals {
+            let normals = SourceChannel { kind: ChannelKind::Normal, has_alpha: false, exceeds_one: false };
+            channels.insert(0, normals);
+        }
+        Ok(Self { projector, detail, channels, own_normals, samples: options.samples })
+    }
+
+    /// How well the meshes have fitted so far. It does not depend on the number of threads.
+    pub fn report(&self) -> TransferReport {
+        self.projector.report()
+    }
+
+    /// All channels at one point of the detailed mesh; `steps` are the sides of the area that it stands for, coarse mesh
+    /// space.
+    fn value_at(&self, at: Match, steps: [Vec3; 2], values: &mut [Vec4]) {
+        let (first, rest) = values.split_at_mut(usize::from(self.own_normals));
+        if let Some(normal) = first.first_mut() {
+            *normal = self.projector.shading_normal(at).extend(0.0);
+        }
+        let Some(detail) = self.detail else { return };
+        let corners = self.projector.detailed.triangle_positions(at.triangle);
+        let position_steps = steps.map(|s| s * self.projector.length_in_detailed());
+        let point = SurfacePoint {
+            triangle: at.triangle,
+            lambda: at.lambda,
+            lambda_steps: position_steps.map(|s| lambda_step(corners, s)),
+            position: corners[0] * at.lambda.x + corners[1] * at.lambda.y + corners[2] * at.lambda.z,
+            position_steps,
+            normal: self.projector.shading_normal(at),
+        };
+        detail.evaluate(&point, rest);
+    }
+}
+
+/// The change of barycentric coordinates along a step, after its projection onto the triangle's plane.
+fn lambda_step([a, b, c]: [Vec3; 3], step: Vec3) -> Vec3 {
+    let normal = (b - a).cross(c - a);
+    let squared = normal.length_squared().max(f32::MIN_POSITIVE);
+    let along = |from: Vec3, to: Vec3| normal.cross(to - from).dot(step) / squared;
+    Vec3::new(along(b, c), along(c, a), along(a, b))
+}
+
+impl Source for TransferSource<'_> {
+    fn channels(&self) -> Vec<SourceChannel> {
+        self.channels.clone()
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Box
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let share = 1.0 / self.samples as f32;
+        let steps = point.position_steps.map(|s| s * share);
+        let mut sums = vec![Vec4::ZERO; values.len()];
+        for [x, y] in cells(self.samples) {
+            let lambda = point.lambda + point.lambda_steps[0] * x + point.lambda_steps[1] * y;
+            let at = self.projector.find(point.triangle, on_triangle(lambda));
+            self.value_at(at, steps, values);
+            for ((sum, value), channel) in sums.iter_mut().zip(&*values).zip(&self.channels) {
+                // Colours count in proportion to their coverage.
+                let weight = if channel.has_alpha { value.w } else { 1.0 };
+                *sum += (value.truncate() * weight).extend(value.w);
+            }
+        }
+        for ((value, sum), channel) in values.iter_mut().zip(sums).zip(&self.channels) {
+            let mean = sum * (share * share);
+            *value = match channel.kind {
+                ChannelKind::Normal => sum.truncate().try_normalize().unwrap_or(point.normal).extend(0.0),
+                _ if channel.has_alpha && mean.w > 0.0 => (mean.truncate() / mean.w).extend(mean.w),
+                _ => mean,
+            };
+        }
+    }
+}
+
+// An ordinary normal map: an image over the coarse mesh's texture coordinates.
+
+/// The axes that a normal map's colours are relative to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NormalSpace {
+    /// Tangent, bitangent (to the top of the image) and shading normal of the coarse mesh, as glTF has them.
+    #[default]
+    Tangent,
+    /// The axes of the model.
+    Object,
+}
+
+/// How to bake a normal map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMapOptions {
+    /// Columns and rows, 1 to 8192 each.
+    pub size: [u32; 2],
+    /// The set of texture coordinates.
+    pub uv_set: usize,
+    /// What colours are relative to.
+    pub space: NormalSpace,
+    /// Texels by which the edges of charts are continued, so that filters do not read what lies beside; at most 256.
+    pub padding: u32,
+    /// Rays along each side of a texel, 1 to 64.
+    pub samples: u32,
+    /// As [`TransferOptions::cage`](super::TransferOptions::cage).
+    pub cage: Option<f64>,
+}
+
+impl Default for NormalMapOptions {
+    /// Tangent space, 1024 x 1024, 8 texels of padding, four rays per texel, a measured cage.
+    fn default() -> Self {
+        Self { size: [1024; 2], uv_set: 0, space: NormalSpace::Tangent, padding: 8, samples: 2, cage: None }
+    }
+}
+
+const MOST_TEXELS: u32 = 8192;
+const MOST_PADDING: u32 = 256;
+/// Nobody's texel.
+const EMPTY: u32 = u32::MAX;
+
+/// Why there is no normal map.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NormalMapError {
+    /// The image would have no or too many texels.
+    #[error("the size is {0} x {1} texels, but must be 1 to {MOST_TEXELS} along each side")]
+    Size(u32, u32),
+    /// Too much padding.
+    #[error("the padding is {0} texels, but must be at most {MOST_PADDING}")]
+    Padding(u32),
+    /// The coarse mesh lacks the set of texture coordinates.
+    #[error(
+        "the coarse mesh has {available} sets of texture coordinates, but set {uv_set} (from 0) is asked for"
+    )]
+    NoUvSet {
+        /// What was asked for.
+        uv_set: usize,
+        /// How many there are.
+        available: usize,
+    },
+    /// The meshes cannot be brought together.
+    #[error(transparent)]
+    Transfer(#[from] TransferError),
+}
+
+/// Bakes the shading normals of `detailed` into an image over the texture coordinates of `coarse`: linear RGB floats, with
+/// -1..1 as 0..1 (convert to the depth that you store).
+///
+/// A texel belongs to the first triangle that covers its centre; coordinates outside 0..1 wrap. Tangents are the coarse
+/// mesh's own, or those of [`corner_tangents`]. The result does not depend on the number of threads.
+///
+/// # Errors
+///
+/// An option out of range, no such texture coordinates, or an empty mesh.
+pub fn bake_normal_map(
+    coarse: &Mesh,
+    detailed: &Mesh,
+    options: &NormalMapOptions,
+) -> Result<(Image, TransferReport), NormalMapError> {
+    let uv = check(coarse, options)?;
+    let projector = Projector::new(coarse, detailed, options.cage)?;
+    let charts = Charts::new(coarse, uv, options.size);
+    let frames = Frames::new(coarse, uv, options.space);
+    let [width, height] = options.size;
+    let normal_at = |texel: usize| {
+        let owner = charts.owners[texel];
+        (owner != EMPTY).then(|| {
+            let at = |offset: [f32; 2]| charts.lambda(owner as usize, texel, offset);
+            let normal = |offset| {
+                let lambda = on_triangle(at(offset));
+                let found = projector.find(owner as usize, lambda);
+                frames.relative(owner as usize, lambda, projector.shading_normal(found))
+            };
+            let sum: Vec3 = cells(options.samples).map(normal).sum();
+            sum.try_normalize().unwrap_or(frames.nothing())
+        })
+    };
+    let mut normals: Vec<Option<Vec3>> =
+        (0..charts.owners.len()).into_par_iter().with_min_len(256).map(normal_at).collect();
+    for _ in 0..options.padding {
+        normals = grown(&normals, width as usize);
+    }
+    let encoded = |n: Option<Vec3>| (n.unwrap_or(frames.nothing()) * 0.5 + 0.5).to_array();
+    let samples = normals.into_iter().flat_map(encoded).collect();
+    Ok((Image::from_linear(width, height, 3, samples), projector.report()))
+}
+
+/// The texture coordinates, if all is well.
+fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2], NormalMapError> {
+    let [width, height] = options.size;
+    if options.size.iter().any(|n| !(1..=MOST_TEXELS).contains(n)) {
+        return Err(NormalMapError::Size(width, height));
+    }
+    if options.padding > MOST_PADDING {
+        return Err(NormalMapError::Padding(options.padding));
+    }
+    check_samples(options.samples)?;
+    let sets = &coarse.corners.uv_sets;
+    let set = sets.get(options.uv_set).filter(|set| set.len() == 3 * coarse.triangles.len());
+    set.map(Vec::as_slice).ok_or(NormalMapError::NoUvSet { uv_set: options.uv_set, available: sets.len() })
+}
+
+/// Which triangle every texel belongs to.
+struct Charts<'a> {
+    uv: &'a [Vec2],
+    size: [u32; 2],
+    /// Row by row.
+    owners: Vec<u32>,
+}
+
+impl<'a> Charts<'a> {
+    fn new(mesh: &Mesh, uv: &'a [Vec2], size: [u32; 2]) -> Self {
+        let mut owners = vec![EMPTY; size[0] as usize * size[1] as usize];
+        for triangle in 0..mesh.triangles.len() {
+            let corners = corners_in_texels(uv, size, triangle);
+            let (low, high) = corners
+                .iter()
+                .fold((DVec2::INFINITY, DVec2::NEG_INFINITY), |(low, high), &c| (low.min(c), high.max(c)));
+            if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() < 1e9) {
+                continue;
+            }
+            // Texel centres within the box; one that is larger than the image covers everything in its first copy.
+            let range = |k: usize| {
+                let first = (low[k] - 0.5).ceil() as i64;
+                first..=((high[k] - 0.5).floor() as i64).min(first + i64::from(size[k]) - 1)
+            };
+            for y in range(1) {
+                for x in range(0) {
+                    let lambda = lambda_at(corners, DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
+                    if lambda.is_some_and(|l| l.min_element() >= 0.0) {
+                        let column = x.rem_euclid(size[0].into()) as usize;
+                        let row = y.rem_euclid(size[1].into()) as usize;
+                        let owner = &mut owners[row * size[0] as usize + column];
+                        *owner = (*owner).min(triangle as u32);
+                    }
+                }
+            }
+        }
+        Self { uv, size, owners }
+    }
+
+    /// Barycentric coordinates of a place in a texel (-0.5..0.5) on its owner.
+    fn lambda(&self, owner: usize, texel: usize, offset: [f32; 2]) -> Vec3 {
+        let width = self.size[0] as usize;
+        let corners = corners_in_texels(self.uv, self.size, owner);
+        let centre = DVec2::new((texel % width) as f64 + 0.5, (texel / width) as f64 + 0.5);
+        // The copy of the image in which the texel lies on the triangle.
+        let size = DVec2::new(self.size[0].into(), self.size[1].into());
+        let low = corners[0].min(corners[1]).min(corners[2]);
+        let copy = ((low - centre) / size).ceil() * size;
+        let place = centre + copy + DVec2::new(offset[0].into(), offset[1].into());
+        lambda_at(corners, place).map_or(Vec3::splat(1.0 / 3.0), |l| l.as_vec3())
+    }
+}
+
+fn corners_in_texels(uv: &[Vec2], size: [u32; 2], triangle: usize) -> [DVec2; 3] {
+    let size = DVec2::new(size[0].into(), size[1].into());
+    [0, 1, 2].map(|k| uv[3 * triangle + k].as_dvec2() * size)
+}
+
+/// Barycentric coordinates of a point in the plane; `None` for a triangle without area.
+fn lambda_at([a, b, c]: [DVec2; 3], p: DVec2) -> Option<glam::DVec3> {
+    let area = (b - a).perp_dot(c - a);
+    let lambda =
+        glam::DVec3::new((b - p).perp_dot(c - p), (c - p).perp_dot(a - p), (a - p).perp_dot(b - p)) / area;
+    lambda.is_finite().then_some(lambda)
+}
+
+/// The axes at every point of the coarse mesh.
+enum Frames {
+    Tangent { normals: Vec<Vec3>, tangents: Vec<Vec4> },
+    Object,
+}
+
+impl Frames {
+    fn new(mesh: &Mesh, uv: &[Vec2], space: NormalSpace) -> Self {
+        if space == NormalSpace::Object {
+            return Self::Object;
+        }
+        let normals = shading_normals(mesh);
+        let tangents = match mesh.corners.tangents.len() == 3 * mesh.triangles.len() {
+            true => mesh.corners.tangents.clone(),
+            false => corner_tangents(mesh, &normals, |t| Some([0, 1, 2].map(|k| uv[3 * t + k]))),
+        };
+        Self::Tangent { normals, tangents }
+    }
+
+    /// A unit normal relative to the axes, of unit length.
+    fn relative(&self, triangle: usize, lambda: Vec3, normal: Vec3) -> Vec3 {
+        match self {
+            Self::Object => normal,
+            Self::Tangent { normals, tangents } => {
+                TangentFrame::at(normals, tangents, triangle, lambda).relative(normal).unwrap_or(Vec3::Z)
+            }
+        }
+    }
+
+    /// Where there is no surface.
+    fn nothing(&self) -> Vec3 {
+        match self {
+            Self::Object => Vec3::ZERO,
+            Self::Tangent { .. } => Vec3::Z,
+        }
+    }
+}
+
+/// Empty texels beside full ones take the mean of these.
+fn grown(normals: &[Option<Vec3>], width: usize) -> Vec<Option<Vec3>> {
+    let height = normals.len() / width;
+    let grow = |texel: usize| {
+        if normals[texel].is_some() {
+            return normals[texel];
+        }
+        let (x, y) = (texel % width, texel / width);
+        let rows = y.saturating_sub(1)..=(y + 1).min(height - 1);
+        let around = rows.flat_map(|row| {
+            let columns = x.saturating_sub(1)..=(x + 1).min(width - 1);
+            columns.filter_map(move |column| normals[row * width + column])
+        });
+        around.reduce(|a, b| a + b).map(|sum| sum.try_normalize().unwrap_or(sum))
+    };
+    (0..normals.len()).into_par_iter().with_min_len(1 << 12).map(grow).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_mesh::{CleanOptions, clean, generate};
+
+    use super::*;
+
+    #[test]
+    fn probes_cover_the_surface_evenly() {
+        let (mesh, _) = clean(generate::icosphere(3), &CleanOptions::default()).unwrap();
+        let points = spread_points(&mesh);
+        assert!(points.len().abs_diff(PROBES) <= 1);
+        let mean = points.iter().sum::<Vec3>() / points.len() as f32;
+        assert!(mean.length() < 0.03, "{mean}");
+        assert!(points.iter().all(|p| (0.98..1.001).contains(&p.length())));
+    }
+
+    #[test]
+    fn the_cage_follows_from_the_distance_of_the_meshes() {
+        let sphere = |radius: f64| {
+            let mut model = generate::icosphere(4);
+            model.positions.iter_mut().for_each(|p| *p = *p * radius + DVec3::new(3.0, 0.0, 9.0));
+            clean(model, &CleanOptions::default()).unwrap().0
+        };
+        let (inner, outer) = (sphere(2.0), sphere(2.3));
+        for (coarse, detailed) in [(&inner, &outer), (&outer, &inner)] {
+            let cage = Projector::new(coarse, detailed, None).unwrap().report().cage;
+            assert!((cage / 0.3 / f64::from(CAGE_SLACK) - 1.0).abs() < 0.05, "{cage}");
+        }
+        let cage = Projector::new(&inner, &inner, None).unwrap().report().cage;
+        assert!(cage > 0.0 && cage < 1e-3);
+    }
+
+    #[test]
+    fn lambda_steps_undo_position_steps() {
+        let corners = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.9, 0.1, -0.2), Vec3::new(0.3, 0.8, 0.1)];
+        for lambda in [Vec3::new(0.1, -0.3, 0.2), Vec3::new(-0.5, 0.25, 0.25)] {
+            let step = corners[0] * lambda.x + corners[1] * lambda.y + corners[2] * lambda.z;
+            let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+            assert!((lambda_step(corners, step + 3.0 * normal) - lambda).length() < 1e-5);
+        }
+    }
+}

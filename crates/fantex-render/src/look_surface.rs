@@ -1,0 +1,853 @@
+//! A mesh whose materials are looks: every property may be a texture.
+//!
+//! ```text
+//!  Hit --point--> ShadingPoint --slots--> numbers --finish--> MaterialSample, Finish
+//!                      |                     ^
+//!                      '--relief--> normal, slope variance (widens the highlight)
+//! ```
+
+use std::sync::Arc;
+
+use fantex_mesh::{Mesh, Twins, corner_tangents};
+use fantex_texture::look::{
+    Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
+};
+use fantex_texture::material::{TangentFrame, roughness_with_variance, vertex_color};
+use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
+use glam::{Quat, Vec2, Vec3, Vec4};
+
+use crate::surface::CornerNormals;
+use crate::{AnisotropySample, Coverage, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+
+/// A mesh with a look material for each of its materials.
+#[derive(Debug)]
+pub struct LookSurface<'a> {
+    mesh: &'a Mesh,
+    normals: CornerNormals,
+    /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
+    tangents: Vec<Vec<Vec4>>,
+    materials: Vec<Arc<LookMaterial>>,
+    time: f32,
+    twins: Twins,
+}
+
+impl<'a> LookSurface<'a> {
+    /// Material `i` of the mesh looks like `materials[i]`, those beyond the last like the last; without any, everything looks
+    /// like [`LookMaterial::default`].
+    pub fn new(mesh: &'a Mesh, mut materials: Vec<Arc<LookMaterial>>) -> Self {
+        if materials.is_empty() {
+            materials.push(Arc::default());
+        }
+        let normals = CornerNormals::of_mesh(mesh);
+        let tangents = (0..mesh.corners.uv_sets.len())
+            .map(|set| {
+                let is_asked = materials.iter().any(|m| refers_to(m, set));
+                if is_asked { set_tangents(mesh, &normals, set) } else { Vec::new() }
+            })
+            .collect();
+        Self { mesh, normals, tangents, materials, time: 0.0, twins: Twins::of(&mesh.triangles) }
+    }
+
+    /// The surface at another time of an animation, seconds.
+    pub fn at_time(self, seconds: f32) -> Self {
+        Self { time: seconds, ..self }
+    }
+
+    /// The material of a triangle.
+    pub fn material_of(&self, triangle: usize) -> &LookMaterial {
+        let last = self.materials.len() - 1;
+        &self.materials[self.mesh.material_of(triangle).min(last)]
+    }
+
+    /// The frame of tangent space, in mesh space; `None` where there are no such texture coordinates.
+    fn tangent_frame(&self, hit: &Hit, uv_set: usize) -> Option<TangentFrame> {
+        let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
+        Some(TangentFrame::at(self.normals.all(), tangents, hit.triangle, hit.lambda))
+    }
+
+    /// The normal bent by a material's relief, and what of the relief is too fine to be seen.
+    fn relief(&self, material: &LookMaterial, hit: &Hit, at: &ShadingPoint, vertex_normal: Vec3) -> Bent {
+        let mut bent = Bent { normal: vertex_normal, slope_variance: 0.0 };
+        let shows_highlights = material.lighting != LightingModel::Unlit;
+        for relief in &material.relief {
+            let next = match relief {
+                Relief::Bump { texture, height, difference } => {
+                    let bump = Bump {
+                        texture: &**texture,
+                        height: *height,
+                        difference: *difference,
+                        least_step: LEAST_STEP * self.mesh.world_from_mesh.scale as f32,
+                    };
+                    bump.bend(bent.normal, at, shows_highlights)
+                }
+                Relief::Derivatives { texture, uv_set, height, range } => {
+                    let map = DerivativeMap { texture: &**texture, uv_set: *uv_set, scale: height * range };
+                    map.bend(bent.normal, at, shows_highlights)
+                }
+                Relief::Normal { texture, scale, space } => {
+                    let texel = texture.evaluate(at).truncate() * 2.0 - 1.0;
+                    let frame = match space {
+                        NormalSpace::Object => None,
+                        NormalSpace::Tangent { uv_set } => match self.tangent_frame(hit, *uv_set) {
+                            Some(frame) => Some(frame),
+                            None => continue,
+                        },
+                    };
+                    bend_by_normal(bent.normal, vertex_normal, texel, *scale, frame.as_ref())
+                }
+            };
+            bent = Bent { normal: next.normal, slope_variance: bent.slope_variance + next.slope_variance };
+        }
+        bent
+    }
+
+    /// The material at a hit, from the values of its slots there.
+    fn shaded<'s>(
+        &self,
+        material: &'s LookMaterial,
+        hit: &Hit,
+        at: &ShadingPoint<'_>,
+        slots: &Slots<Vec4>,
+    ) -> (MaterialSample, Option<Finish<'s>>) {
+        let side = if hit.front { 1.0 } else { -1.0 };
+        // Relief rises from the front, so that a sheet seen from behind shows its dents as bumps.
+        let bent = self.relief(material, hit, at, at.normal * side);
+        let normal = bent.normal * side;
+        let base = slots.base_color;
+        let color = |value: Vec4| value.truncate().max(Vec3::ZERO);
+        let mut sample = MaterialSample {
+            base_color: color(base),
+            alpha: opacity_at(material, at, base.w),
+            normal,
+            normal_steps: at.normal_steps,
+            occlusion: slots.occlusion.x.clamp(0.0, 1.0),
+            roughness: slots.roughness.x.clamp(0.0, 1.0),
+            metallic: slots.metallic.x.clamp(0.0, 1.0),
+            emission: color(slots.emission),
+            unlit: false,
+            lookups: material.textures().count() as u32,
+        };
+        let mut finish = Finish {
+            lighting: material.lighting,
+            color_use: material.color_use,
+            ambient: color(slots.ambient),
+            specular: color(slots.specular),
+            shininess: slots.shininess.map(|exponent| exponent.x.max(0.0)),
+            reflection: color(slots.reflection),
+            light_map: slots.light_map.map(color),
+            modulate: slots.modulate.map_or(Vec3::ONE, color),
+            toon: material.toon.as_deref(),
+            normal_width: at.normal_steps[0].length().max(at.normal_steps[1].length()),
+            anisotropy: None,
+        };
+        if let Some(anisotropy) = &material.anisotropy {
+            finish.anisotropy = self.anisotropy(anisotropy, hit, at, normal);
+        }
+        if bent.slope_variance > 0.0 {
+            widen(&mut sample, &mut finish, bent.slope_variance);
+        }
+        (sample, Some(finish))
+    }
+
+    fn anisotropy(
+        &self,
+        anisotropy: &Anisotropy,
+        hit: &Hit,
+        at: &ShadingPoint,
+        normal: Vec3,
+    ) -> Option<AnisotropySample> {
+        let encoded = anisotropy.direction.evaluate(at);
+        let [along, across] = [encoded.x * 2.0 - 1.0, encoded.y * 2.0 - 1.0];
+        let direction = match self.tangent_frame(hit, anisotropy.uv_set) {
+            Some(frame) => frame.mesh_vector(Vec3::new(along, across, 0.0)),
+            None => {
+                // Around the upright axis, as on a lathe: smooth but for the poles.
+                let tangent = Vec3::Y.cross(normal).try_normalize().unwrap_or(Vec3::X);
+                tangent * along + normal.cross(tangent) * across
+            }
+        };
+        let direction = (direction - normal * normal.dot(direction)).try_normalize()?;
+        let strength = anisotropy.strength.evaluate_number(at).clamp(-1.0, 1.0);
+        Some(AnisotropySample { direction, strength })
+    }
+}
+
+/// Whether a material needs the tangents of a set of texture coordinates.
+fn refers_to(material: &LookMaterial, set: usize) -> bool {
+    let by_relief = material.relief.iter().any(|relief| {
+        matches!(relief, Relief::Normal { space: NormalSpace::Tangent { uv_set }, .. } if *uv_set == set)
+    });
+    by_relief || material.anisotropy.as_ref().is_some_and(|a| a.uv_set == set)
+}
+
+/// The mesh's own tangents belong to its first set.
+fn set_tangents(mesh: &Mesh, normals: &CornerNormals, set: usize) -> Vec<Vec4> {
+    let corners = 3 * mesh.triangles.len();
+    let uv = &mesh.corners.uv_sets[set];
+    if uv.len() != corners {
+        return Vec::new();
+    }
+    if set == 0 && mesh.corners.tangents.len() == corners {
+        return mesh.corners.tangents.clone();
+    }
+    corner_tangents(mesh, normals.all(), |t| Some([uv[3 * t], uv[3 * t + 1], uv[3 * t + 2]]))
+}
+
+impl Surface for LookSurface<'_> {
+    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        self.shade(hit).0
+    }
+
+    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+        let material = self.material_of(hit.triangle);
+        let own = SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
+        let at = own.shading_point();
+        self.shaded(material, hit, &at, &Slots::new(material, |slot| slot.evaluate(&at)))
+    }
+
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        let material_of = |hit: &Hit| self.material_of(hit.triangle);
+        for hits in hits.chunk_by(|a, b| std::ptr::eq(material_of(a), material_of(b))) {
+            let material = material_of(&hits[0]);
+            let own = |hit: &Hit| SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
+            let own: Vec<SurfacePoint> = hits.iter().map(own).collect();
+            let at: Vec<ShadingPoint<'_>> = own.iter().map(SurfacePoint::shading_point).collect();
+            let slots = Slots::new(material, |slot| Column::new(slot, &at));
+            let shaded = hits.iter().zip(&at).enumerate();
+            out.extend(shaded.map(|(index, (hit, at))| self.shaded(material, hit, at, &slots.at(index))));
+        }
+    }
+
+    fn alpha(&self, hit: &Hit) -> f32 {
+        let material = self.material_of(hit.triangle);
+        let own = SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
+        let at = own.shading_point();
+        opacity_at(material, &at, material.base_color.evaluate(&at).w)
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        Some(self.normals.smooth_point(self.mesh, hit))
+    }
+
+    fn coverage(&self, triangle: usize) -> Coverage {
+        match self.material_of(triangle).opacity {
+            Opacity::Opaque => Coverage::Opaque,
+            Opacity::Mask { .. } | Opacity::Blend => Coverage::Layered,
+        }
+    }
+
+    fn is_double_sided(&self, triangle: usize) -> bool {
+        self.material_of(triangle).double_sided && !self.twins.contains(triangle)
+    }
+}
+
+/// Turns relief that is too fine for the picture into roughness: slopes of variance `v` along each axis widen a lobe of slope
+/// `alpha` to `sqrt(alpha^2 + 2 v)` (M. Toksvig, "Mipmapping Normal Maps", 2005). Highlights keep their energy.
+fn widen(sample: &mut MaterialSample, finish: &mut Finish, slope_variance: f32) {
+    sample.roughness = roughness_with_variance(sample.roughness, slope_variance);
+    if let Some(exponent) = finish.shininess {
+        let widened = exponent / (1.0 + exponent * slope_variance);
+        finish.shininess = Some(widened);
+        finish.specular *= (widened + 2.0) / (exponent + 2.0);
+    }
+}
+
+// The values of all slots of a material.
+
+/// One `T` for every slot of a material that the shading reads at every point.
+#[derive(Clone, Copy, Debug)]
+struct Slots<T> {
+    pub(crate) base_color: T,
+    pub(crate) metallic: T,
+    pub(crate) roughness: T,
+    pub(crate) occlusion: T,
+    pub(crate) ambient: T,
+    pub(crate) specular: T,
+    pub(crate) shininess: Option<T>,
+    pub(crate) emission: T,
+    pub(crate) reflection: T,
+    pub(crate) light_map: Option<T>,
+    pub(crate) modulate: Option<T>,
+}
+
+impl<T> Slots<T> {
+    /// What `of` gives for each.
+    pub(crate) fn new(material: &LookMaterial, mut of: impl FnMut(&Slot) -> T) -> Self {
+        Self {
+            base_color: of(&material.base_color),
+            metallic: of(&material.metallic),
+            roughness: of(&material.roughness),
+            occlusion: of(&material.occlusion),
+            ambient: of(&material.ambient),
+            specular: of(&material.specular),
+            shininess: material.shininess.as_ref().map(&mut of),
+            emission: of(&material.emission),
+            reflection: of(&material.reflection),
+            light_map: material.light_map.as_ref().map(&mut of),
+            modulate: material.modulate.as_ref().map(&mut of),
+        }
+    }
+}
+
+/// The values of a slot at many points.
+#[derive(Debug)]
+pub(crate) enum Column {
+    Same(Vec4),
+    Each(Vec<Vec4>),
+}
+
+impl Column {
+    pub(crate) fn new(slot: &Slot, at: &[ShadingPoint<'_>]) -> Self {
+        match slot {
+            Slot::Constant(value) => Self::Same(*value),
+            Slot::Texture(texture) => {
+                let mut values = vec![Vec4::ZERO; at.len()];
+                texture.evaluate_all(at, &mut values);
+                Self::Each(values)
+            }
+        }
+    }
+
+    fn value(&self, index: usize) -> Vec4 {
+        match self {
+            Self::Same(value) => *value,
+            Self::Each(values) => values[index],
+        }
+    }
+}
+
+impl Slots<Column> {
+    /// The values at one of the points.
+    pub(crate) fn at(&self, index: usize) -> Slots<Vec4> {
+        let value = |column: &Column| column.value(index);
+        Slots {
+            base_color: value(&self.base_color),
+            metallic: value(&self.metallic),
+            roughness: value(&self.roughness),
+            occlusion: value(&self.occlusion),
+            ambient: value(&self.ambient),
+            specular: value(&self.specular),
+            shininess: self.shininess.as_ref().map(value),
+            emission: value(&self.emission),
+            reflection: value(&self.reflection),
+            light_map: self.light_map.as_ref().map(value),
+            modulate: self.modulate.as_ref().map(value),
+        }
+    }
+}
+
+// From a hit to the point that textures are asked at.
+
+/// Most sets of texture coordinates that textures see.
+const MAX_UV_SETS: usize = 4;
+
+/// What a [`ShadingPoint`] borrows, and the rest of it.
+#[derive(Clone, Copy, Debug)]
+struct SurfacePoint {
+    position: Vec3,
+    position_steps: [Vec3; 2],
+    normal: Vec3,
+    normal_steps: [Vec3; 2],
+    uv: [UvPoint; MAX_UV_SETS],
+    uv_sets: usize,
+    vertex_color: Vec4,
+    to_eye: Vec3,
+    time: f32,
+}
+
+impl SurfacePoint {
+    pub(crate) fn new(mesh: &Mesh, normals: &CornerNormals, hit: &Hit, time: f32) -> Self {
+        let world_per_mesh = mesh.world_from_mesh.scale as f32;
+        let positions = mesh.triangle_positions(hit.triangle).map(|p| p * world_per_mesh);
+        let steps = [hit.dlambda_dx, hit.dlambda_dy];
+        let (normal, normal_steps) = smooth_normal(mesh, normals, hit);
+        let mut uv = [UvPoint::default(); MAX_UV_SETS];
+        let sets = &mesh.corners.uv_sets;
+        for (point, set) in uv.iter_mut().zip(sets) {
+            if let Some(corners) = set.get(3 * hit.triangle..).and_then(|rest| rest.first_chunk::<3>()) {
+                let (at, steps) = hit.blend_coordinates(*corners);
+                *point = UvPoint { uv: at, steps };
+            }
+        }
+        Self {
+            position: hit.blend(positions),
+            position_steps: steps.map(|l| positions[0] * l.x + positions[1] * l.y + positions[2] * l.z),
+            normal,
+            normal_steps,
+            uv,
+            uv_sets: sets.len().min(MAX_UV_SETS),
+            vertex_color: vertex_color(mesh, hit.triangle, hit.lambda),
+            to_eye: hit.to_eye,
+            time,
+        }
+    }
+
+    fn shading_point(&self) -> ShadingPoint<'_> {
+        ShadingPoint {
+            position: self.position,
+            position_steps: self.position_steps,
+            normal: self.normal,
+            normal_steps: self.normal_steps,
+            uv: &self.uv[..self.uv_sets],
+            vertex_color: self.vertex_color,
+            to_eye: Some(self.to_eye),
+            time: self.time,
+            filtering: Filtering::Own,
+        }
+    }
+}
+
+/// The interpolated unit normal on the side that is seen, and its change along the footprint's edges: of `b / |b|` that is
+/// `(db - n (n . db)) / |b|`.
+fn smooth_normal(mesh: &Mesh, normals: &CornerNormals, hit: &Hit) -> (Vec3, [Vec3; 2]) {
+    let side = if hit.front { 1.0 } else { -1.0 };
+    let normal = normals.at(mesh, hit) * side;
+    let corners = [0, 1, 2].map(|k| normals.all()[3 * hit.triangle + k] * side);
+    let length = hit.blend(corners).length().max(1e-3);
+    let steps = [hit.dlambda_dx, hit.dlambda_dy].map(|l| {
+        let change = corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+        (change - normal * normal.dot(change)) / length
+    });
+    (normal, steps)
+}
+
+/// The value of a texture at the point moved by `offset` along the footprint's edges, over a footprint that is `share` times
+/// as wide.
+fn evaluate_beside(texture: &dyn Texture, at: &ShadingPoint, offset: Vec2, share: f32) -> Vec4 {
+    let mut uv = [UvPoint::default(); MAX_UV_SETS];
+    for (moved, own) in uv.iter_mut().zip(at.uv) {
+        let [x, y] = own.steps;
+        *moved = UvPoint { uv: own.uv + x * offset.x + y * offset.y, steps: [x * share, y * share] };
+    }
+    let [x, y] = at.position_steps;
+    let [normal_x, normal_y] = at.normal_steps;
+    let normal = at.normal + normal_x * offset.x + normal_y * offset.y;
+    texture.evaluate(&ShadingPoint {
+        position: at.position + x * offset.x + y * offset.y,
+        position_steps: [x * share, y * share],
+        normal: normal.normalize_or(at.normal),
+        normal_steps: [normal_x * share, normal_y * share],
+        uv: &uv[..at.uv.len().min(MAX_UV_SETS)],
+        ..*at
+    })
+}
+
+/// Point `i` of an even spread over the footprint, each coordinate in -0.5..0.5: the additive recurrence on the plastic
+/// number (M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018).
+pub(crate) fn spread(i: usize) -> Vec2 {
+    const STEP: Vec2 = Vec2::new(0.754_877_7, 0.569_840_3);
+    (STEP * i as f32 + 0.5).fract() - 0.5
+}
+
+// Opacity of a look material.
+
+/// Points along each axis of the footprint at which a cut-out's alpha is compared with its threshold.
+const POINTS: u32 = 4;
+
+/// Width of the points' own footprints, as a share of the pixel's: small, for what they average is lost to the comparison.
+const POINT_SHARE: f32 = 1.0 / 64.0;
+
+/// Means of alpha below and above which it is zero or one on the whole footprint.
+const NOWHERE: f32 = 1e-3;
+const EVERYWHERE: f32 = 1.0 - 1e-3;
+
+/// The opacity at a point. `base_alpha` is the base colour's alpha there.
+///
+/// A cut-out is as opaque as the share of the footprint whose alpha reaches the threshold. Comparing the filtered alpha would
+/// be all or nothing; a fence would vanish, or become a wall, as soon as its bars are narrower than pixels.
+fn opacity_at(material: &LookMaterial, at: &ShadingPoint, base_alpha: f32) -> f32 {
+    match material.opacity {
+        Opacity::Opaque => 1.0,
+        Opacity::Blend => (base_alpha * material.alpha.evaluate_number(at)).clamp(0.0, 1.0),
+        Opacity::Mask { threshold } => {
+            let mean = base_alpha * material.alpha.evaluate_number(at);
+            let slots = [&material.base_color, &material.alpha];
+            let is_constant = slots.iter().all(|slot| matches!(slot, Slot::Constant(_)));
+            if is_constant || mean <= NOWHERE || mean >= EVERYWHERE {
+                return f32::from(u8::from(mean >= threshold));
+            }
+            let mut random = Random::of_point(at);
+            let is_there = |i: &u32| {
+                let offset = (random.cell(i % POINTS, i / POINTS)) - 0.5;
+                alpha_beside(material, at, offset) >= threshold
+            };
+            (0..POINTS * POINTS).filter(is_there).count() as f32 / (POINTS * POINTS) as f32
+        }
+    }
+}
+
+/// Random points that are the same wherever and whenever a point of the surface is asked. Regular ones would beat with the
+/// regular patterns that cut-outs often have.
+struct Random(u32);
+
+impl Random {
+    fn of_point(at: &ShadingPoint) -> Self {
+        Self(at.position.to_array().iter().fold(0x9E37_79B9, |hash, x| mixed(hash ^ x.to_bits())))
+    }
+
+    /// A point of a cell of the square that is divided into [`POINTS`] times as many.
+    fn cell(&mut self, x: u32, y: u32) -> Vec2 {
+        self.0 = mixed(self.0.wrapping_add(0x9E37_79B9));
+        let [low, high] = [self.0 & 0xFFFF, self.0 >> 16].map(|bits| bits as f32 / 65536.0);
+        Vec2::new(x as f32 + low, y as f32 + high) / POINTS as f32
+    }
+}
+
+/// The finaliser of MurmurHash3 (A. Appleby, 2011).
+fn mixed(mut x: u32) -> u32 {
+    x = (x ^ x >> 16).wrapping_mul(0x85EB_CA6B);
+    x = (x ^ x >> 13).wrapping_mul(0xC2B2_AE35);
+    x ^ x >> 16
+}
+
+fn alpha_beside(material: &LookMaterial, at: &ShadingPoint, offset: Vec2) -> f32 {
+    let value = |slot: &Slot| match slot {
+        Slot::Constant(value) => *value,
+        Slot::Texture(texture) => evaluate_beside(&**texture, at, offset, POINT_SHARE),
+    };
+    value(&material.base_color).w * value(&material.alpha).x
+}
+
+// Bent normals.
+//
+// Bump mapping in the form that needs no parametrisation (M. Mikkelsen, "Bump Mapping Unparametrized Surfaces on the GPU",
+// 2010): Blinn's `N' = N + (F_u (N x P_v) - F_v (N x P_u)) / |N|` holds for any two directions in the surface, and the edges
+// of the pixel's footprint are two whose changes of position and height are at hand.
+
+/// Smallest step of a difference, as a share of the mesh's unit: below, single precision would be seen.
+const LEAST_STEP: f32 = 5e-5;
+
+/// Points of the footprint at which slopes are looked up to find their variance.
+const SLOPES: usize = 8;
+
+/// After this many points that agree with the mean slope no more are asked.
+const SLOPES_TO_AGREE: usize = 2;
+
+/// Width of the slopes' own footprints, as a share of the pixel's.
+const SLOPE_SHARE: f32 = 1.0 / 64.0;
+
+/// Variance of slopes that no highlight shows.
+const INVISIBLE_VARIANCE: f32 = 1e-5;
+
+/// What relief does to a normal.
+#[derive(Clone, Copy, Debug)]
+struct Bent {
+    /// Unit vector.
+    pub(crate) normal: Vec3,
+    /// Variance, along each axis, of the slopes within the footprint.
+    slope_variance: f32,
+}
+
+/// Two directions in a surface, as what is perpendicular to them: a function that changes by `d` along them has the surface
+/// gradient `(d.x x + d.y y)`.
+#[derive(Clone, Copy, Debug)]
+struct GradientAxes {
+    x: Vec3,
+    y: Vec3,
+}
+
+impl GradientAxes {
+    /// `None` where the directions are parallel in the plane of `normal`.
+    fn new([along_x, along_y]: [Vec3; 2], normal: Vec3) -> Option<Self> {
+        let x = along_y.cross(normal);
+        let determinant = along_x.dot(x);
+        let scale = determinant.recip();
+        let is_plane = determinant.abs() > 1e-6 * along_x.length() * along_y.length();
+        (is_plane && scale.is_finite()).then(|| Self { x: x * scale, y: normal.cross(along_x) * scale })
+    }
+
+    fn gradient(&self, change: Vec2) -> Vec3 {
+        self.x * change.x + self.y * change.y
+    }
+}
+
+/// Bump mapping by a texture of heights.
+struct Bump<'a> {
+    pub(crate) texture: &'a dyn Texture,
+    /// World units per unit of the texture.
+    pub(crate) height: f32,
+    pub(crate) difference: Difference,
+    /// World units.
+    least_step: f32,
+}
+
+impl Bump<'_> {
+    /// Bends a unit normal.
+    pub(crate) fn bend(&self, normal: Vec3, at: &ShadingPoint, with_variance: bool) -> Bent {
+        let unbent = Bent { normal, slope_variance: 0.0 };
+        let Some(axes) = GradientAxes::new(at.position_steps, normal) else { return unbent };
+        let gradient = axes.gradient(self.change(at));
+        let Some(bent) = (normal - gradient).try_normalize() else { return unbent };
+        let slope_variance = if with_variance { self.slope_variance(at, &axes, gradient) } else { 0.0 };
+        Bent { normal: bent, slope_variance }
+    }
+
+    /// Change of the height along the footprint's edges, from differences over half of them.
+    fn change(&self, at: &ShadingPoint) -> Vec2 {
+        let height = |offset: Vec2| self.height * evaluate_beside(self.texture, at, offset, 1.0).x;
+        let steps = at.position_steps.map(|edge| self.least_share(edge).max(0.5));
+        let here = match self.difference {
+            Difference::Central => 0.0,
+            Difference::Forward | Difference::Backward => height(Vec2::ZERO),
+        };
+        let along = |axis: Vec2, step: f32| match self.difference {
+            Difference::Forward => (height(axis * step) - here) / step,
+            Difference::Backward => (here - height(axis * -step)) / step,
+            Difference::Central => (height(axis * step) - height(axis * -step)) / (2.0 * step),
+        };
+        Vec2::new(along(Vec2::X, steps[0]), along(Vec2::Y, steps[1]))
+    }
+
+    /// The share of an edge that still has enough digits for a difference along it; may be larger than one.
+    fn least_share(&self, edge: Vec3) -> f32 {
+        let length = edge.length();
+        if length > 0.0 { (self.least_step / length).min(1e6) } else { 1.0 }
+    }
+
+    /// Variance of the slopes within the footprint.
+    fn slope_variance(&self, at: &ShadingPoint, axes: &GradientAxes, mean: Vec3) -> f32 {
+        let [along, across] = at.position_steps.map(|edge| self.least_share(edge));
+        let share = along.max(across).max(SLOPE_SHARE);
+        if share > 0.5 {
+            return 0.0;
+        }
+        let height = |offset: Vec2| evaluate_beside(self.texture, at, offset, share).x;
+        variance(mean, |p| {
+            let here = height(p);
+            let there = Vec2::new(height(p + Vec2::X * share), height(p + Vec2::Y * share));
+            axes.gradient((there - here) * (self.height / share))
+        })
+    }
+}
+
+/// Bump mapping by a texture that holds derivatives in green and blue.
+struct DerivativeMap<'a> {
+    pub(crate) texture: &'a dyn Texture,
+    /// Whose `u` and `v` the derivatives belong to.
+    uv_set: usize,
+    /// World height of the largest derivative that the encoding holds, per unit of `u` or `v`.
+    pub(crate) scale: f32,
+}
+
+impl DerivativeMap<'_> {
+    /// Bends a unit normal.
+    pub(crate) fn bend(&self, normal: Vec3, at: &ShadingPoint, with_variance: bool) -> Bent {
+        let unbent = Bent { normal, slope_variance: 0.0 };
+        let axes = GradientAxes::new(at.position_steps, normal);
+        let (Some(uv), Some(axes)) = (at.uv.get(self.uv_set), axes) else { return unbent };
+        let gradient = |texel: Vec4| {
+            let by_uv = Vec2::new(texel.y * 2.0 - 1.0, texel.z * 2.0 - 1.0) * self.scale;
+            axes.gradient(Vec2::new(by_uv.dot(uv.steps[0]), by_uv.dot(uv.steps[1])))
+        };
+        let mean = gradient(self.texture.evaluate(at));
+        let Some(normal) = (normal - mean).try_normalize() else { return unbent };
+        let slope = |p: Vec2| gradient(evaluate_beside(self.texture, at, p, SLOPE_SHARE));
+        let slope_variance = if with_variance { variance(mean, slope) } else { 0.0 };
+        Bent { normal, slope_variance }
+    }
+}
+
+/// Variance of the slopes along each axis, around the slope of the whole footprint. Where the footprint is smaller than the
+/// relief, the first points agree, and that was all.
+fn variance(mean: Vec3, slope: impl Fn(Vec2) -> Vec3) -> f32 {
+    let mut sum = 0.0;
+    for i in 0..SLOPES {
+        sum += 0.5 * (slope(spread(i)) - mean).length_squared();
+        if i + 1 == SLOPES_TO_AGREE && sum < INVISIBLE_VARIANCE {
+            return 0.0;
+        }
+    }
+    if sum.is_finite() { sum / SLOPES as f32 } else { 0.0 }
+}
+
+/// Bends a unit normal by a decoded texel of a normal map, in tangent space or (without a frame) in the model's axes. What
+/// bent the normal before is kept: the map's normal is turned as the vertex normal was.
+fn bend_by_normal(
+    normal: Vec3,
+    vertex_normal: Vec3,
+    texel: Vec3,
+    scale: f32,
+    frame: Option<&TangentFrame>,
+) -> Bent {
+    let unbent = Bent { normal, slope_variance: 0.0 };
+    let bent = match frame {
+        Some(frame) => frame.mesh_vector(texel * Vec3::new(scale, scale, 1.0)),
+        None => {
+            let upright = vertex_normal * vertex_normal.dot(texel);
+            upright + (texel - upright) * scale
+        }
+    };
+    let Some(bent) = bent.try_normalize() else { return unbent };
+    let turned =
+        if normal == vertex_normal { bent } else { Quat::from_rotation_arc(vertex_normal, normal) * bent };
+    Bent { normal: turned, slope_variance: scale * scale * mean_normal_variance(texel.length()) }
+}
+
+/// Shortest mean of unit normals that rounding to bytes explains.
+const ROUNDED_LENGTH: f32 = 1.0 - 1.0 / 255.0;
+
+/// Variance, along each axis, of the slopes of unit normals whose mean has this length.
+fn mean_normal_variance(length: f32) -> f32 {
+    let length = (length / ROUNDED_LENGTH).clamp(0.05, 1.0);
+    (1.0 - length) / length
+}
+
+#[cfg(test)]
+mod tests {
+    use fantex_texture::{Filtering, UvPoint};
+
+    use super::*;
+
+    /// Waves over x and y of the position.
+    struct Waves {
+        amplitude: f32,
+        frequency: f32,
+    }
+
+    impl Waves {
+        fn height(&self, p: Vec3) -> f32 {
+            self.amplitude * ((self.frequency * p.x).sin() + (0.7 * self.frequency * p.y).cos())
+        }
+
+        /// The unit normal of the plane `z = 0` displaced by the waves.
+        fn normal(&self, p: Vec3) -> Vec3 {
+            let scale = self.amplitude * self.frequency;
+            let x = scale * (self.frequency * p.x).cos();
+            let y = -0.7 * scale * (0.7 * self.frequency * p.y).sin();
+            Vec3::new(-x, -y, 1.0).normalize()
+        }
+    }
+
+    impl Texture for Waves {
+        fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+            Vec4::splat(self.height(at.position))
+        }
+    }
+
+    fn point(position: Vec3, steps: [Vec3; 2], uv: &[UvPoint]) -> ShadingPoint<'_> {
+        ShadingPoint {
+            position,
+            position_steps: steps,
+            normal: Vec3::Z,
+            normal_steps: [Vec3::ZERO; 2],
+            uv,
+            vertex_color: Vec4::ONE,
+            to_eye: None,
+            time: 0.0,
+            filtering: Filtering::Own,
+        }
+    }
+
+    /// Footprints of any shape: rectangular, mirrored, sheared, rotated.
+    fn footprints(size: f32) -> [[Vec3; 2]; 4] {
+        [
+            [Vec3::X, Vec3::Y],
+            [Vec3::X, Vec3::NEG_Y],
+            [Vec3::new(1.0, 0.8, 0.0), Vec3::new(-0.1, 0.6, 0.0)],
+            [Vec3::new(0.0, -2.0, 0.0), Vec3::new(0.5, 0.5, 0.0)],
+        ]
+        .map(|steps| steps.map(|step| step * size))
+    }
+
+    fn bump(texture: &dyn Texture, difference: Difference) -> Bump<'_> {
+        Bump { texture, height: 1.0, difference, least_step: LEAST_STEP }
+    }
+
+    #[test]
+    fn bumps_have_the_normal_of_the_displaced_plane() {
+        let waves = Waves { amplitude: 0.1, frequency: 8.0 };
+        for (difference, tolerance) in
+            [(Difference::Central, 3e-4), (Difference::Forward, 2e-2), (Difference::Backward, 2e-2)]
+        {
+            for steps in footprints(0.01) {
+                for p in [Vec3::ZERO, Vec3::new(0.3, -0.2, 0.0), Vec3::new(-0.9, 0.45, 0.0)] {
+                    let bent = bump(&waves, difference).bend(Vec3::Z, &point(p, steps, &[]), false).normal;
+                    let off = (bent - waves.normal(p)).length();
+                    assert!(off < tolerance, "{difference:?} at {p} over {steps:?}: off by {off}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tiny_footprints_do_not_drown_in_rounding() {
+        let waves = Waves { amplitude: 0.1, frequency: 8.0 };
+        let p = Vec3::new(0.913, -0.377, 0.0);
+        for size in [1e-5, 1e-7, 1e-9] {
+            let bent = bump(&waves, Difference::Central);
+            let bent = bent.bend(Vec3::Z, &point(p, footprints(size)[2], &[]), true);
+            assert!((bent.normal - waves.normal(p)).length() < 5e-3, "{size}: {}", bent.normal);
+            assert_eq!(bent.slope_variance, 0.0);
+        }
+    }
+
+    #[test]
+    fn bumps_too_fine_to_see_are_variance() {
+        // Slopes of sine waves have half their squared amplitude as variance.
+        let waves = Waves { amplitude: 1e-4, frequency: 3000.0 };
+        let expected = 0.5 * (0.5 * 0.09 + 0.5 * 0.49 * 0.09);
+        let n = 400;
+        let mean = (0..n)
+            .map(|i| {
+                let p = Vec3::new(0.013 * i as f32, 0.0077 * i as f32, 0.0) % 1.0;
+                bump(&waves, Difference::Central)
+                    .bend(Vec3::Z, &point(p, [Vec3::X * 0.02, Vec3::Y * 0.02], &[]), true)
+                    .slope_variance
+            })
+            .sum::<f32>()
+            / n as f32;
+        assert!((mean / expected - 1.0).abs() < 0.15, "{mean} against {expected}");
+        let smooth = Waves { amplitude: 0.1, frequency: 8.0 };
+        let seen = bump(&smooth, Difference::Central).bend(
+            Vec3::Z,
+            &point(Vec3::X, footprints(0.002)[2], &[]),
+            true,
+        );
+        assert!(seen.slope_variance < 1e-4, "{}", seen.slope_variance);
+    }
+
+    #[test]
+    fn stored_derivatives_bend_as_the_height_does() {
+        // The height 0.3 u + 0.1 v, with u along x and v downwards.
+        let (range, height) = (0.5, 2.0);
+        let texel = Vec4::new(0.0, 0.5 + 0.5 * 0.3 / range, 0.5 + 0.5 * 0.1 / range, 1.0);
+        let expected = Vec3::new(-0.3 * height, 0.1 * height, 1.0).normalize();
+        for steps in footprints(0.01) {
+            let uv = [UvPoint { uv: Vec2::ZERO, steps: steps.map(|s| Vec2::new(s.x, -s.y)) }];
+            let at = point(Vec3::ZERO, steps, &uv);
+            let bent =
+                DerivativeMap { texture: &texel, uv_set: 0, scale: height * range }.bend(Vec3::Z, &at, true);
+            assert_eq!(bent.slope_variance, 0.0);
+            let bent = bent.normal;
+            assert!((bent - expected).length() < 1e-5, "{bent} against {expected}");
+        }
+    }
+
+    #[test]
+    fn normal_maps_follow_their_frame() {
+        let texel = Vec3::new(0.6, 0.0, 0.8);
+        let object = bend_by_normal(Vec3::Z, Vec3::Z, texel, 1.0, None);
+        assert!((object.normal - texel).length() < 1e-6 && object.slope_variance < 1e-3);
+        let stronger = bend_by_normal(Vec3::Z, Vec3::Z, texel, 2.0, None).normal;
+        assert!((stronger - Vec3::new(1.2, 0.0, 0.8).normalize()).length() < 1e-6);
+        let normals = [Vec3::Y; 3];
+        let frame = TangentFrame::at(&normals, &[Vec4::new(0.0, 0.0, 1.0, 1.0); 3], 0, Vec3::X);
+        let tangent = bend_by_normal(Vec3::Y, Vec3::Y, texel, 1.0, Some(&frame)).normal;
+        assert!((tangent - Vec3::new(0.0, 0.8, 0.6)).length() < 1e-6, "{tangent}");
+    }
+
+    #[test]
+    fn one_relief_upon_another_adds_up() {
+        let tilt = Vec3::new(0.1, 0.0, 1.0).normalize();
+        let both = bend_by_normal(tilt, Vec3::Z, Vec3::new(0.1, 0.0, 1.0).normalize(), 1.0, None).normal;
+        assert!((both.x / both.z - 0.2).abs() < 5e-3, "{both}");
+    }
+
+    #[test]
+    fn short_mean_normals_are_rough() {
+        let spread = bend_by_normal(Vec3::Z, Vec3::Z, Vec3::Z * 0.8, 1.0, None).slope_variance;
+        assert!((spread - 0.25).abs() < 0.01, "{spread}");
+        assert_eq!(mean_normal_variance(0.998), 0.0);
+        assert!(mean_normal_variance(0.0).is_finite());
+    }
+}
