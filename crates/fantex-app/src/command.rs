@@ -3,7 +3,7 @@
 use eframe::egui::{Key, Modifiers};
 
 use crate::camera::{CameraMode, ViewPreset};
-use crate::light_presets::LightPreset;
+use crate::light::LightPreset;
 use crate::paint::{PaintCommand, paint_shortcuts};
 
 /// Something the user asks for.

@@ -16,13 +16,13 @@ use crate::command::Command;
 use crate::display::DisplaySettings;
 use crate::document::{Content, Document};
 use crate::figures::{Graphs, StreamFigures};
-use crate::files::next_free;
 use crate::job::{Job, JobState};
 use crate::light::{MapKey, SurroundingsError, SurroundingsMap};
 use crate::notices::Notices;
 use crate::pacing::Pacing;
 use crate::paint::{Painting, PenEvent};
 use crate::scene_view::{PrepareScene, SceneModel};
+use crate::settings::next_free;
 use crate::settings::{PanelSettings, Settings, StreamingSettings};
 
 pub use opening::Opening;
@@ -749,6 +749,5 @@ fn toggle(switch: &mut bool) {
 }
 
 mod opening;
-mod painting;
 #[cfg(test)]
 mod tests;

@@ -9,22 +9,18 @@
 //!
 //! All modes move one and the same [`CameraRig`], so that changing the mode never changes the picture. World space, +y is up.
 
-mod fly;
-mod ground;
-mod orbit;
-mod path;
-mod presets;
-mod walk;
+use std::f64::consts::PI;
 
+use fantex_mesh::Mesh;
 use fantex_scene::{Bounds, Camera};
 use glam::{DMat3, DVec2, DVec3};
-use serde::{Deserialize, Serialize};
-
-pub use fly::{FlyMotion, Wish};
-pub use ground::{Ground, GroundHit, MeshGround};
 pub use path::{CameraKey, CameraPath, PathError, PathRecorder};
-pub use presets::ViewPreset;
+use serde::{Deserialize, Serialize};
 pub use walk::Walker;
+pub use walk::{Ground, GroundHit, MeshGround};
+
+mod path;
+mod walk;
 
 /// Steepest look up and down: a little less than straight, so that there is always a right and a left.
 const MAX_PITCH: f64 = 89.9 * std::f64::consts::PI / 180.0;
@@ -182,8 +178,227 @@ impl CameraRig {
     }
 }
 
+/// Radians by which a drag over the whole picture's height turns.
+const TURN_PER_HEIGHT: f64 = PI;
+
+/// The eye comes no closer to the pivot than this share of the scene, and goes no farther away than so many scenes.
+const DISTANCE_RANGE: [f64; 2] = [1e-6, 50.0];
+
+impl CameraRig {
+    /// Turns about the pivot. `drag` is in units of the picture's height, downwards positive: the model follows the hand.
+    pub fn orbit(&mut self, drag: DVec2) {
+        let pivot = self.pivot();
+        self.look(-drag.x * TURN_PER_HEIGHT, -drag.y * TURN_PER_HEIGHT);
+        self.eye = pivot - self.forward() * self.distance;
+    }
+
+    /// Comes closer to a point (`factor` below one) or goes away from it. What is at the point stays where it is in the
+    /// picture.
+    pub fn zoom_to(&mut self, point: DVec3, factor: f64, scene: &SceneScale) {
+        let [nearest, farthest] = DISTANCE_RANGE.map(|share| share * scene.diagonal);
+        // The share that the limits leave of the wish.
+        let factor = (self.distance * factor).clamp(nearest, farthest) / self.distance;
+        self.eye = point + (self.eye - point) * factor;
+        self.distance *= factor;
+    }
+
+    /// The point under the cursor: `hit` world units along the ray if something is there, else at the pivot's depth.
+    pub fn point_under(&self, position: DVec2, aspect: f64, hit: Option<f64>) -> DVec3 {
+        let ray = self.ray(position, aspect);
+        let depth = self.distance / ray.dot(self.forward()).max(1e-3);
+        self.eye + ray * hit.unwrap_or(depth)
+    }
+
+    /// Shifts the camera so that the plane through the pivot follows the hand. `drag` is in units of the picture's height.
+    pub fn pan(&mut self, drag: DVec2) {
+        let height = 2.0 * self.distance * (self.fov_degrees.to_radians() * 0.5).tan();
+        let axes = self.axes();
+        self.eye += (axes.y_axis * drag.y - axes.x_axis * drag.x) * height;
+    }
+
+    /// Takes a point, such as one of the surface, as the pivot's depth: orbits then keep its distance.
+    pub fn set_pivot_depth(&mut self, point: DVec3) {
+        let depth = (point - self.eye).dot(self.forward());
+        if depth > 0.0 && depth.is_finite() {
+            self.distance = depth;
+        }
+    }
+}
+
+/// Seconds in which the motion covers most (63 %) of the way to what is wished.
+const SOFTNESS_SECONDS: f64 = 0.08;
+
+/// Below this share of the full speed the motion rests.
+const REST: f64 = 1e-3;
+
+/// Scene diagonals per second at speed factor one.
+const DIAGONALS_PER_SECOND: f64 = 0.2;
+
+/// Which way the user wants to go: -1, 0 or 1 per axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Wish {
+    /// To the right.
+    pub right: f64,
+    /// Upwards.
+    pub up: f64,
+    /// Forwards.
+    pub forward: f64,
+    /// Faster than usual.
+    pub fast: bool,
+}
+
+impl Wish {
+    /// Whether nothing is wished.
+    pub fn is_none(&self) -> bool {
+        self.right == 0.0 && self.up == 0.0 && self.forward == 0.0
+    }
+
+    /// The wish as a direction, no longer than one.
+    pub fn direction(&self, rig: &CameraRig) -> DVec3 {
+        let axes = rig.axes();
+        let wish = axes.x_axis * self.right + DVec3::Y * self.up - axes.z_axis * self.forward;
+        wish.clamp_length_max(1.0)
+    }
+
+    /// As [`Wish::direction`], but along the horizon: looking down does not slow a walker.
+    pub fn horizontal(&self, rig: &CameraRig) -> DVec3 {
+        let right = rig.axes().x_axis;
+        let ahead = DVec3::Y.cross(right);
+        (right * self.right + ahead * self.forward).clamp_length_max(1.0)
+    }
+
+    /// Factor of the speed.
+    pub fn haste(&self) -> f64 {
+        if self.fast { 4.0 } else { 1.0 }
+    }
+}
+
+/// A flight under way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FlyMotion {
+    /// Factor of the usual speed, which the wheel changes.
+    pub speed: f64,
+    /// World units per second.
+    velocity: DVec3,
+}
+
+impl Default for FlyMotion {
+    fn default() -> Self {
+        Self::new(1.0)
+    }
+}
+
+impl FlyMotion {
+    /// At rest.
+    pub fn new(speed: f64) -> Self {
+        Self { speed, velocity: DVec3::ZERO }
+    }
+
+    /// Least and greatest speed factor.
+    pub const SPEEDS: [f64; 2] = [1e-3, 100.0];
+
+    /// Faster (positive notches of the wheel) or slower.
+    pub fn change_speed(&mut self, notches: f64) {
+        let [least, most] = Self::SPEEDS;
+        self.speed = (self.speed * 1.2f64.powf(notches)).clamp(least, most);
+    }
+
+    /// World units per second at full wish.
+    pub fn full_speed(&self, scene: &SceneScale) -> f64 {
+        self.speed * DIAGONALS_PER_SECOND * scene.diagonal
+    }
+
+    /// Moves the camera for a frame. Returns whether it is still moving.
+    pub fn step(&mut self, rig: &mut CameraRig, wish: &Wish, scene: &SceneScale, seconds: f64) -> bool {
+        let full = self.full_speed(scene) * wish.haste();
+        let target = wish.direction(rig) * full;
+        // Exact for any length of frame: the rest of the difference decays exponentially.
+        let kept = (-seconds / SOFTNESS_SECONDS).exp();
+        let before = self.velocity;
+        self.velocity = target + (before - target) * kept;
+        rig.eye += target * seconds + (before - target) * (SOFTNESS_SECONDS * (1.0 - kept));
+        if wish.is_none() && self.velocity.length() < REST * full {
+            self.velocity = DVec3::ZERO;
+        }
+        !wish.is_none() || self.velocity != DVec3::ZERO
+    }
+
+    /// Stops at once.
+    pub fn stop(&mut self) {
+        self.velocity = DVec3::ZERO;
+    }
+}
+
+/// A side of the model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ViewPreset {
+    /// From the front, the right and above.
+    ThreeQuarter,
+    /// From +z.
+    Front,
+    /// From -z.
+    Back,
+    /// From -x.
+    Left,
+    /// From +x.
+    Right,
+    /// From +y, the front below.
+    Top,
+    /// From -y.
+    Bottom,
+}
+
+impl ViewPreset {
+    /// All views in the order of their keys.
+    pub const ALL: [Self; 7] =
+        [Self::ThreeQuarter, Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom];
+
+    /// Its name in menus.
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::ThreeQuarter => "Three-quarter",
+            Self::Front => "Front",
+            Self::Back => "Back",
+            Self::Left => "Left",
+            Self::Right => "Right",
+            Self::Top => "Top",
+            Self::Bottom => "Bottom",
+        }
+    }
+
+    /// From the model to the camera.
+    fn direction(self) -> DVec3 {
+        match self {
+            Self::ThreeQuarter => Camera::THREE_QUARTER,
+            Self::Front => DVec3::Z,
+            Self::Back => DVec3::NEG_Z,
+            Self::Left => DVec3::NEG_X,
+            Self::Right => DVec3::X,
+            // A little off the axis, so that the front is below in the picture.
+            Self::Top => DVec3::new(0.0, 1.0, 2e-3),
+            Self::Bottom => DVec3::new(0.0, -1.0, 2e-3),
+        }
+    }
+
+    /// The view of a mesh. `aspect` is width / height.
+    pub fn rig(self, mesh: &Mesh, aspect: f64) -> CameraRig {
+        CameraRig::of_camera(&Camera::framing_mesh(mesh, self.direction(), aspect))
+    }
+}
+
+impl CameraRig {
+    /// Shows the whole mesh from where the camera looks now.
+    pub fn frame_all(&mut self, mesh: &Mesh, aspect: f64) {
+        *self = Self::of_camera(&Camera::framing_mesh(mesh, -self.forward(), aspect));
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use fantex_mesh::generate::torus;
+    use fantex_mesh::{CleanOptions, clean};
+
     use super::*;
 
     #[test]
@@ -230,5 +445,133 @@ mod tests {
         let height = |diagonal| SceneScale { center: DVec3::ZERO, diagonal }.eye_height();
         assert_eq!(height(2000.0), 1.7);
         assert!(height(0.2) < 0.01 && height(1e6) > 100.0);
+    }
+
+    const SCENE: SceneScale = SceneScale { center: DVec3::ZERO, diagonal: 2.0 };
+
+    fn rig() -> CameraRig {
+        let mut rig = CameraRig { eye: DVec3::new(1.0, 2.0, 5.0), distance: 4.0, ..CameraRig::default() };
+        rig.look(0.4, -0.3);
+        rig
+    }
+
+    /// Where in the picture a point is, 0..1 along its sides.
+    fn seen(rig: &CameraRig, point: DVec3, aspect: f64) -> DVec2 {
+        let p = rig.axes().transpose() * (point - rig.eye);
+        let half = (rig.fov_degrees.to_radians() * 0.5).tan();
+        DVec2::new(p.x / -p.z / half / aspect, -p.y / -p.z / half) * 0.5 + 0.5
+    }
+
+    #[test]
+    fn orbits_keep_pivot_and_distance() {
+        let mut rig = rig();
+        let pivot = rig.pivot();
+        for drag in [DVec2::new(0.3, 0.1), DVec2::new(-2.0, 1.0), DVec2::new(0.0, -9.0)] {
+            rig.orbit(drag);
+            assert!((rig.pivot() - pivot).length() < 1e-9);
+            assert!(((rig.eye - pivot).length() - 4.0).abs() < 1e-9);
+            assert!(rig.axes().y_axis.y > 0.0, "up is kept");
+        }
+    }
+
+    #[test]
+    fn zoom_keeps_what_is_under_the_cursor() {
+        let mut rig = rig();
+        let cursor = DVec2::new(0.2, 0.7);
+        let point = rig.point_under(cursor, 1.6, Some(3.0));
+        assert!((seen(&rig, point, 1.6) - cursor).length() < 1e-9);
+        rig.zoom_to(point, 0.5, &SCENE);
+        assert!((seen(&rig, point, 1.6) - cursor).length() < 1e-9, "{}", seen(&rig, point, 1.6));
+        assert!((rig.eye.distance(point) - 1.5).abs() < 1e-9);
+    }
+
+    #[test]
+    fn zoom_has_limits_and_comes_back_from_them() {
+        let mut rig = rig();
+        for _ in 0..1000 {
+            rig.zoom_to(DVec3::ZERO, 0.5, &SCENE);
+        }
+        assert!(rig.is_sound() && rig.distance >= 1e-6);
+        for _ in 0..1000 {
+            rig.zoom_to(DVec3::ZERO, 2.0, &SCENE);
+        }
+        assert!(rig.is_sound() && rig.distance <= 101.0);
+    }
+
+    #[test]
+    fn panning_moves_the_pivot_with_the_hand() {
+        let mut rig = rig();
+        let point = rig.pivot();
+        rig.pan(DVec2::new(0.25, -0.125));
+        let moved = seen(&rig, point, 1.0) - 0.5;
+        assert!((moved - DVec2::new(0.25, -0.125)).length() < 1e-9, "{moved}");
+    }
+
+    const WIDE_SCENE: SceneScale = SceneScale { center: DVec3::ZERO, diagonal: 10.0 };
+
+    fn flown(seconds: f64, frames: u32) -> DVec3 {
+        let (mut rig, mut motion) = (CameraRig::default(), FlyMotion::default());
+        let wish = Wish { forward: 1.0, ..Wish::default() };
+        for _ in 0..frames {
+            assert!(motion.step(&mut rig, &wish, &WIDE_SCENE, seconds / f64::from(frames)));
+        }
+        rig.eye
+    }
+
+    #[test]
+    fn the_way_does_not_depend_on_the_frame_rate() {
+        assert!((flown(1.0, 10) - flown(1.0, 1000)).length() < 1e-9);
+        let way = (flown(2.0, 60) - CameraRig::default().eye).length();
+        assert!((3.5..4.0).contains(&way), "two units per second, and a soft start: {way}");
+    }
+
+    #[test]
+    fn flight_comes_to_rest() {
+        let (mut rig, mut motion) = (CameraRig::default(), FlyMotion::default());
+        motion.step(&mut rig, &Wish { right: 1.0, ..Wish::default() }, &WIDE_SCENE, 1.0);
+        let steps =
+            (0..200).take_while(|_| motion.step(&mut rig, &Wish::default(), &WIDE_SCENE, 0.02)).count();
+        assert!((5..100).contains(&steps), "{steps}");
+    }
+
+    #[test]
+    fn speed_stays_within_its_range() {
+        let mut motion = FlyMotion::default();
+        motion.change_speed(1e4);
+        assert_eq!(motion.speed, FlyMotion::SPEEDS[1]);
+        motion.change_speed(-1e4);
+        assert_eq!(motion.speed, FlyMotion::SPEEDS[0]);
+    }
+
+    #[test]
+    fn walking_wishes_follow_the_horizon() {
+        let mut rig = CameraRig::default();
+        rig.look(0.7, -1.5);
+        let wish = Wish { forward: 1.0, ..Wish::default() }.horizontal(&rig);
+        assert!(wish.y == 0.0 && (wish.length() - 1.0).abs() < 1e-9);
+        assert!(wish.dot(rig.forward()) > 0.0);
+    }
+
+    #[test]
+    fn every_side_is_seen_upright() {
+        let (mesh, _) = clean(torus(32, 16), &CleanOptions::default()).unwrap();
+        for preset in ViewPreset::ALL {
+            let rig = preset.rig(&mesh, 1.5);
+            assert!(rig.is_sound());
+            assert!(rig.forward().dot(-preset.direction().normalize()) > 0.999, "{preset:?}");
+        }
+        let top = ViewPreset::Top.rig(&mesh, 1.5);
+        assert!(top.axes().y_axis.dot(DVec3::NEG_Z) > 0.99, "the front is below: {}", top.axes().y_axis);
+    }
+
+    #[test]
+    fn framing_keeps_the_direction() {
+        let (mesh, _) = clean(torus(32, 16), &CleanOptions::default()).unwrap();
+        let mut rig = CameraRig { eye: DVec3::splat(90.0), ..CameraRig::default() };
+        rig.look(0.6, -0.4);
+        let before = rig.forward();
+        rig.frame_all(&mesh, 1.5);
+        assert!(rig.forward().dot(before) > 0.999_999);
+        assert!(rig.eye.length() < 20.0);
     }
 }

@@ -6,7 +6,7 @@ use fantex_scene::Camera;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::files::{WriteError, write_whole};
+use crate::settings::{WriteError, write_whole};
 
 /// Most keys of a path; at 30 per second this is an hour.
 const MAX_KEYS: usize = 108_000;

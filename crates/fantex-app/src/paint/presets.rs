@@ -7,7 +7,7 @@ use fantex_paint::{Jitter, PressureResponse};
 use serde::{Deserialize, Serialize};
 
 use super::BrushSettings;
-use crate::files::{WriteError, write_whole};
+use crate::settings::{WriteError, write_whole};
 
 /// Most bytes of a file that is read as presets.
 const MAX_FILE_BYTES: u64 = 4 << 20;

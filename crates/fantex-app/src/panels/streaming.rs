@@ -1,10 +1,14 @@
 //! The page about streaming: what is resident, what is coming, what is damaged.
 
-use eframe::egui::{DragValue, Grid, RichText, Ui};
+use eframe::egui::load::SizedTexture;
+use eframe::egui::{
+    Align, Color32, ComboBox, DragValue, Grid, Image, Layout, Rect, RichText, Sense, Ui, vec2,
+};
 
-use super::widgets::{NumberRow, dot, facts, gauge, heading, hint, row};
 use crate::document::{bytes_text, grouped};
 use crate::figures::{DamagedPart, StreamFigures};
+use crate::panels::AtlasTexture;
+use crate::panels::widgets::{Chart, NumberRow, dot, facts, gauge, heading, hint, row};
 use crate::settings::StreamingSettings;
 use crate::theme;
 use crate::viewer::Viewer;
@@ -121,5 +125,107 @@ fn damage(ui: &mut Ui, figures: &StreamFigures) {
     ui.label(RichText::new(text).color(theme::WARNING));
     for DamagedPart { part, reason } in &figures.damaged {
         ui.label(RichText::new(part).color(theme::TEXT)).on_hover_text(reason);
+    }
+}
+
+/// Returns the channel that was chosen, if another was.
+pub(super) fn show_atlas(ui: &mut Ui, viewer: &Viewer, atlas: &AtlasTexture) -> Option<usize> {
+    let mut chosen = None;
+    ui.horizontal(|ui| {
+        ui.label(RichText::new("Live atlas").color(theme::STRONG));
+        ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+            chosen = channel(ui, viewer, atlas);
+        });
+    });
+    ui.separator();
+    let Some(id) = atlas.id else {
+        hint(
+            ui,
+            match viewer.document {
+                None => "Open an asset: its tiles appear here as they are streamed.",
+                Some(_) => "Only assets (.fan) are streamed through an atlas.",
+            },
+        );
+        return None;
+    };
+    let [width, height] = atlas.extent.map(|n| n.max(1) as f32);
+    let room = ui.available_size() - vec2(0.0, 44.0);
+    let scale = (room.x / width).min(room.y / height).max(0.0);
+    let size = vec2(width, height) * scale;
+    ui.add(Image::from_texture(SizedTexture::new(id, size)).bg_fill(Color32::BLACK));
+    let figures = &viewer.figures;
+    let used = format!(
+        "{:.0} % in use, {} × {} texels",
+        figures.occupancy() * 100.0,
+        atlas.extent[0],
+        atlas.extent[1]
+    );
+    ui.label(RichText::new(used).color(theme::TEXT));
+    hint(ui, "Tiles of all levels share it; those that are not needed make room.");
+    chosen
+}
+
+fn channel(ui: &mut Ui, viewer: &Viewer, atlas: &AtlasTexture) -> Option<usize> {
+    let channels = viewer.document.as_ref().map(|document| &document.channels).filter(|all| all.len() > 1)?;
+    let mut now = atlas.channel.min(channels.len() - 1);
+    let before = now;
+    let list = ComboBox::from_id_salt("atlas channel").selected_text(channels[now].kind).show_ui(ui, |ui| {
+        for (i, channel) in channels.iter().enumerate() {
+            ui.selectable_value(&mut now, i, channel.kind);
+        }
+    });
+    list.response.on_hover_text("The channel that is shown");
+    (now != before).then_some(now)
+}
+
+/// Milliseconds of a frame at 60 per second.
+const SMOOTH_MS: f32 = 16.7;
+
+pub(super) fn show_graphs(ui: &mut Ui, viewer: &Viewer) {
+    let graphs = &viewer.graphs;
+    let milliseconds = |ms: f32| format!("{ms:.1} ms");
+    let percent = |share: f32| format!("{:.0} %", share * 100.0);
+    let pages = |count: f32| format!("{count:.0} pages");
+    let rate = |bytes: f32| format!("{}/s", bytes_text(f64::from(bytes)));
+    let charts = [
+        Chart {
+            title: "Frame",
+            history: &graphs.frame_ms,
+            color: theme::ACCENT,
+            top: 20.0,
+            limit: Some(SMOOTH_MS),
+            text: &milliseconds,
+        },
+        Chart {
+            title: "Pool",
+            history: &graphs.pool,
+            color: theme::GOOD,
+            top: 1.0,
+            limit: None,
+            text: &percent,
+        },
+        Chart {
+            title: "Queue",
+            history: &graphs.queue,
+            color: theme::WARNING,
+            top: 10.0,
+            limit: None,
+            text: &pages,
+        },
+        Chart {
+            title: "Uploads",
+            history: &graphs.bandwidth,
+            color: theme::VIOLET,
+            top: 1e6,
+            limit: None,
+            text: &rate,
+        },
+    ];
+    let gap = 8.0;
+    let (rect, _) = ui.allocate_exact_size(ui.available_size(), Sense::hover());
+    let width = (rect.width() - gap * (charts.len() - 1) as f32) / charts.len() as f32;
+    for (i, chart) in charts.iter().enumerate() {
+        let left = rect.left_top() + vec2((width + gap) * i as f32, 0.0);
+        chart.paint(ui, Rect::from_min_size(left, vec2(width, rect.height())));
     }
 }

@@ -239,5 +239,5 @@ fn tools_and_layers_are_chosen_with_the_mouse() {
     harness.run_steps(2);
     harness.get_by_label("Rim").click();
     harness.run_steps(2);
-    assert!(crate::light_presets::LightPreset::Rim.is_in(&harness.state().settings.light));
+    assert!(crate::light::LightPreset::Rim.is_in(&harness.state().settings.light));
 }

@@ -9,7 +9,7 @@ use eframe::egui::{
 };
 
 use crate::document::Fact;
-use crate::history::History;
+use crate::figures::History;
 use crate::theme;
 
 /// A heading within a page.

@@ -3,7 +3,7 @@
 use eframe::wgpu;
 use fantex_gpu::Gpu;
 
-use super::FORMAT;
+use crate::scene_view::FORMAT;
 
 /// Longest side of the picture.
 const LONGEST_SIDE: u32 = 1024;

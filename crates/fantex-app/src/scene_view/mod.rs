@@ -6,31 +6,32 @@
 //!         --capture--> picture in main memory, then a PNG file     (never waits)
 //! ```
 
-mod atlas_view;
-mod capture;
-mod fan;
-mod model;
-mod painted;
-mod picture;
-
 use std::path::PathBuf;
 use std::sync::Arc;
-
-use fantex_gpu::{DrawOptions, Frame, Gpu, GpuError, Overlay as DrawnOverlay, Renderer, WireframeOptions};
-use fantex_scene::{Camera, Lights, Shading};
-
-use crate::display::{Overlay, ShadingView};
-use crate::figures::StreamFigures;
-use crate::pacing::Draw;
-use crate::paint::Painting;
-use crate::viewer::Viewer;
-use eframe::wgpu;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
+use std::time::Instant;
 
 pub use atlas_view::AtlasPicture;
 pub use capture::{CaptureError, Captured, Capturing};
+use eframe::wgpu;
 pub use fan::FanScene;
-pub use model::{PrepareScene, SceneModel, preparer};
-use picture::Picture;
+use fantex_gpu::{
+    DrawOptions, Frame, Gpu, GpuError, Model, Overlay as DrawnOverlay, Renderer, UvModel, WireframeOptions,
+};
+use fantex_scene::{Camera, Lights, Shading};
+
+use crate::display::{Overlay, ShadingView};
+use crate::document::{Content, Document};
+use crate::figures::StreamFigures;
+use crate::pacing::Draw;
+use crate::paint::Painting;
+use crate::settings::StreamingSettings;
+use crate::viewer::Viewer;
+
+mod atlas_view;
+mod capture;
+mod fan;
 
 /// Encoded as screens want it: egui takes such texels as they are.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
@@ -253,5 +254,146 @@ fn overlay(overlay: Overlay) -> DrawnOverlay {
         Overlay::Levels => DrawnOverlay::Levels,
         Overlay::Residency => DrawnOverlay::Residency,
         Overlay::BlendBands => DrawnOverlay::BlendBands,
+    }
+}
+
+/// Brings a document to the graphics memory; takes long, so on the thread that opens it. Fails with one sentence.
+pub type PrepareScene = Arc<dyn Fn(&Document, StreamingSettings) -> Result<SceneModel, String> + Send + Sync>;
+
+/// A document in the graphics memory.
+#[derive(Debug)]
+pub enum SceneModel {
+    /// A model with its own textures.
+    Uv(Box<UvModel>),
+    /// An asset, streamed.
+    Fan(Box<FanScene>),
+}
+
+/// Brings documents to a GPU.
+pub fn preparer(gpu: Arc<Gpu>) -> PrepareScene {
+    Arc::new(move |document, settings| match &document.content {
+        Content::Model(mesh) => {
+            let model = UvModel::load(&gpu, mesh).map_err(|error| error.to_string())?;
+            Ok(SceneModel::Uv(Box::new(model)))
+        }
+        Content::Asset(asset) => {
+            let scene = FanScene::new(&gpu, asset.clone(), settings, document.exchange.clone());
+            let scene = scene.map_err(|error| error.to_string())?;
+            Ok(SceneModel::Fan(Box::new(scene)))
+        }
+    })
+}
+
+impl SceneModel {
+    /// What the renderer draws.
+    fn drawn(&mut self) -> &mut dyn Model {
+        match self {
+            Self::Uv(model) => &mut **model,
+            Self::Fan(scene) => scene.model(),
+        }
+    }
+
+    /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
+    fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool, GpuError> {
+        match self {
+            Self::Uv(_) => Ok(false),
+            Self::Fan(scene) => scene.stream(gpu, viewer, elapsed_seconds),
+        }
+    }
+
+    /// What streaming tells, where there is any.
+    fn figures(&self) -> Option<StreamFigures> {
+        match self {
+            Self::Uv(_) => None,
+            Self::Fan(scene) => Some(scene.figures()),
+        }
+    }
+
+    /// Whether the picture stays as it is until the view changes.
+    fn is_settled(&self) -> bool {
+        match self {
+            Self::Uv(_) => true,
+            Self::Fan(scene) => scene.is_settled(),
+        }
+    }
+
+    /// Whether the atlas has changed since its picture was made.
+    fn is_atlas_stale(&self) -> bool {
+        match self {
+            Self::Uv(_) => false,
+            Self::Fan(scene) => scene.is_atlas_stale(),
+        }
+    }
+
+    fn atlas(
+        &mut self,
+        gpu: &Gpu,
+        encoder: &mut wgpu::CommandEncoder,
+        channel: usize,
+        seconds: f64,
+    ) -> Option<AtlasPicture<'_>> {
+        match self {
+            Self::Uv(_) => None,
+            Self::Fan(scene) => scene.atlas(gpu, encoder, channel, seconds),
+        }
+    }
+}
+
+/// A texture to draw into and to show.
+#[derive(Debug)]
+struct Picture {
+    size: [u32; 2],
+    view: wgpu::TextureView,
+    is_new: bool,
+    /// Nanoseconds from submission to completion; zero while unknown.
+    took: Arc<AtomicU64>,
+}
+
+impl Picture {
+    fn new(gpu: &Gpu, size: [u32; 2]) -> Self {
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("scene"),
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: FORMAT,
+            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        });
+        let view = texture.create_view(&Default::default());
+        Self { size, view, is_new: true, took: Arc::default() }
+    }
+
+    fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    fn view(&self) -> &wgpu::TextureView {
+        &self.view
+    }
+
+    /// The view, and whether it is shown for the first time.
+    fn shown(&mut self) -> (&wgpu::TextureView, bool) {
+        let is_new = std::mem::take(&mut self.is_new);
+        (&self.view, is_new)
+    }
+
+    /// What draws it was submitted just now: the time starts.
+    fn submitted(&mut self, gpu: &Gpu) {
+        let started = Instant::now();
+        let took = Arc::new(AtomicU64::new(0));
+        self.took = took.clone();
+        gpu.queue.on_submitted_work_done(move || {
+            took.store((started.elapsed().as_nanos() as u64).max(1), Relaxed);
+        });
+    }
+
+    /// How long it took, once, as soon as it is known.
+    fn take_seconds(&mut self) -> Option<f64> {
+        match self.took.swap(0, Relaxed) {
+            0 => None,
+            nanoseconds => Some(nanoseconds as f64 * 1e-9),
+        }
     }
 }

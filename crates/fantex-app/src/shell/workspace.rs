@@ -1,18 +1,22 @@
 //! What outlives a window and its GPU: where a device is lost, the next window goes on with it.
 
 use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use eframe::egui;
+use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
+use fantex_texture::{ColorSpace, Image, Samples};
+use rfd::AsyncFileDialog;
 
-use super::Arguments;
-use super::dialogs::Dialogs;
-use super::driver::Driver;
-use super::pictures::PictureFiles;
+use crate::job::{Job, JobState};
+use crate::scene_view::CaptureError;
 use crate::session::{Session, SessionRunner};
 use crate::settings::{Settings, SettingsError};
-use crate::viewer::{Viewer, Wake};
+use crate::shell::Arguments;
+use crate::shell::driver::Driver;
+use crate::viewer::{Request, Viewer, Wake};
 
 /// A device that is lost more often than [`MOST_LOSSES`] in this time is given up.
 const LOSSES_WITHIN: Duration = Duration::from_secs(60);
@@ -122,4 +126,201 @@ impl Workspace {
             eprintln!("fantex-app: {error}");
         }
     }
+}
+
+/// A dialog that is gone after so few seconds was never shown.
+const SHOWN_SECONDS: f64 = 0.25;
+
+/// What the user chose.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Answer {
+    Open(PathBuf),
+    Surroundings(PathBuf),
+    Stamp(PathBuf),
+    Sticker(PathBuf),
+    Stencil(PathBuf),
+    Look(PathBuf),
+    LoadPath(PathBuf),
+    SavePath(PathBuf),
+    /// There are no dialogs.
+    Unavailable,
+}
+
+/// Dialogs that are open.
+pub(super) struct Dialogs {
+    open: Vec<(Request, Job<Option<PathBuf>>)>,
+    wake: Wake,
+}
+
+impl Dialogs {
+    pub(super) fn new(wake: Wake) -> Self {
+        Self { open: Vec::new(), wake }
+    }
+
+    /// Shows a dialog; one of a kind at a time. `stem` is the start of suggested names.
+    pub(super) fn ask(&mut self, request: Request, stem: &str) {
+        if self.open.iter().any(|(open, _)| *open == request) {
+            return;
+        }
+        let dialog = AsyncFileDialog::new();
+        let models: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fan"];
+        let pictures: &[&str] = &["hdr", "exr", "png", "jpg", "jpeg", "tif", "tiff", "webp"];
+        let path_name = format!("{stem}-path.json");
+        let chosen: std::pin::Pin<Box<dyn Future<Output = Option<rfd::FileHandle>> + Send>> = match request {
+            Request::OpenDialog => Box::pin(
+                dialog
+                    .set_title("Open a model or an asset")
+                    .add_filter("Models and assets", models)
+                    .pick_file(),
+            ),
+            Request::SurroundingsDialog => {
+                Box::pin(dialog.set_title("Choose surroundings").add_filter("Pictures", pictures).pick_file())
+            }
+            Request::StickerDialog => {
+                Box::pin(dialog.set_title("Choose a picture").add_filter("Pictures", pictures).pick_file())
+            }
+            Request::StencilDialog => Box::pin(
+                dialog
+                    .set_title("Choose a picture over the view")
+                    .add_filter("Pictures", pictures)
+                    .pick_file(),
+            ),
+            Request::LookDialog => {
+                Box::pin(dialog.set_title("Choose a look").add_filter("Looks", &["toml"]).pick_file())
+            }
+            Request::StampDialog => {
+                Box::pin(dialog.set_title("Choose a stamp").add_filter("Pictures", pictures).pick_file())
+            }
+            Request::LoadPathDialog => Box::pin(
+                dialog.set_title("Load a camera path").add_filter("Camera paths", &["json"]).pick_file(),
+            ),
+            Request::SavePathDialog => {
+                Box::pin(dialog.set_title("Save the camera path").set_file_name(path_name).save_file())
+            }
+            _ => return,
+        };
+        let wake = self.wake.clone();
+        let work = move || pollster::block_on(chosen).map(|handle| handle.path().to_owned());
+        if let Ok(job) = Job::spawn("dialog", move || wake(), work) {
+            self.open.push((request, job));
+        }
+    }
+
+    /// What was chosen since the last call.
+    pub(super) fn poll(&mut self) -> Vec<Answer> {
+        let mut answers = Vec::new();
+        self.open.retain(|(request, job)| {
+            let chosen = match job.poll() {
+                JobState::Running => return true,
+                JobState::Done(chosen) => chosen,
+                JobState::Lost => None,
+            };
+            match chosen {
+                Some(path) => answers.push(answer(request, path)),
+                None if job.seconds() < SHOWN_SECONDS => answers.push(Answer::Unavailable),
+                None => {}
+            }
+            false
+        });
+        answers
+    }
+}
+
+fn answer(request: &Request, path: PathBuf) -> Answer {
+    match request {
+        Request::SurroundingsDialog => Answer::Surroundings(path),
+        Request::StampDialog => Answer::Stamp(path),
+        Request::StickerDialog => Answer::Sticker(path),
+        Request::StencilDialog => Answer::Stencil(path),
+        Request::LookDialog => Answer::Look(path),
+        Request::LoadPathDialog => Answer::LoadPath(path),
+        Request::SavePathDialog => Answer::SavePath(path),
+        _ => Answer::Open(path),
+    }
+}
+
+/// What became of writing a picture.
+type Written = Result<(), CaptureError>;
+
+/// Writes pictures in the background.
+pub(super) struct PictureFiles {
+    jobs: Vec<(PathBuf, Job<Written>)>,
+    windows: Receiver<(PathBuf, Image)>,
+    window_sender: Sender<(PathBuf, Image)>,
+    windows_due: usize,
+    done: Vec<(PathBuf, Written)>,
+    wake: Wake,
+}
+
+impl PictureFiles {
+    pub(super) fn new(wake: Wake) -> Self {
+        let (window_sender, windows) = channel();
+        Self { jobs: Vec::new(), windows, window_sender, windows_due: 0, done: Vec::new(), wake }
+    }
+
+    /// Takes a picture of the whole window with the next frame.
+    pub(super) fn take_window(&mut self, ctx: &Context, path: PathBuf) {
+        let (sender, wake) = (self.window_sender.clone(), self.wake.clone());
+        self.windows_due += 1;
+        let callback = ScreenshotCallback::new(move |picture| {
+            // The window may be closing: then nobody waits for it.
+            sender.send((path, image_of(&picture))).ok();
+            wake();
+        });
+        ctx.send_viewport_cmd(ViewportCommand::Screenshot(callback));
+    }
+
+    /// The window is gone: nobody will take pictures of it that are not taken yet.
+    pub(super) fn forget_windows(&mut self) {
+        (self.window_sender, self.windows) = channel();
+        self.windows_due = 0;
+    }
+
+    /// Writes a picture.
+    pub(super) fn save(&mut self, path: PathBuf, image: Result<Image, CaptureError>) {
+        let (to, wake) = (path.clone(), self.wake.clone());
+        let work = move || {
+            if let Some(folder) = to.parent().filter(|folder| !folder.as_os_str().is_empty()) {
+                // Where this fails the picture's own error says more.
+                std::fs::create_dir_all(folder).ok();
+            }
+            Ok(image?.save(&to)?)
+        };
+        match Job::spawn("picture", move || wake(), work) {
+            Ok(job) => self.jobs.push((path, job)),
+            Err(_) => self.done.push((path.clone(), Err(CaptureError::Lost { path }))),
+        }
+    }
+
+    /// What has been written since the last call, or why not.
+    pub(super) fn poll(&mut self) -> Vec<(PathBuf, Written)> {
+        let arrived: Vec<_> = self.windows.try_iter().collect();
+        for (path, image) in arrived {
+            self.windows_due -= 1;
+            self.save(path, Ok(image));
+        }
+        let done = &mut self.done;
+        self.jobs.retain(|(path, job)| {
+            let written = match job.poll() {
+                JobState::Running => return true,
+                JobState::Done(written) => written,
+                JobState::Lost => Err(CaptureError::Lost { path: path.clone() }),
+            };
+            done.push((path.clone(), written));
+            false
+        });
+        std::mem::take(done)
+    }
+
+    /// Pictures that are not in their files yet.
+    pub(super) fn due(&self) -> usize {
+        self.jobs.len() + self.windows_due + self.done.len()
+    }
+}
+
+/// The window's picture, without alpha.
+fn image_of(picture: &ColorImage) -> Image {
+    let [width, height] = picture.size.map(|n| n as u32);
+    let samples = Samples::U8(picture.pixels.iter().flat_map(|c| [c.r(), c.g(), c.b()]).collect());
+    Image { width, height, channels: 3, space: ColorSpace::Srgb, samples }
 }
