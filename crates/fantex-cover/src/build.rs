@@ -6,15 +6,11 @@ use fantex_mesh::{Fans, Mesh, VertexCorners};
 use glam::Vec2;
 use rayon::prelude::*;
 
-use crate::density::NominalDensity;
-use crate::extent::{LONGEST_IN_SMALLEST, MAX_EXTENT, SMALLEST_TILE, side_texels};
 use crate::fan_shape::{FanShape, Layout};
 use crate::flatten::{Laid, unfolded_corners};
-use crate::grouping::{GroupLimits, Grouping, group_fans};
-use crate::lone;
+use crate::groups::{GroupLimits, Grouping, fan_groups, group_fans, lay_fans};
 use crate::partition::Item;
-use crate::ring::Ring;
-use crate::surface::Surface;
+use crate::surface::{Ring, Surface};
 use crate::{Cover, CoverStats, Group, GroupKind, REPORTED_FANS, UnfoldedCorner};
 
 /// How many texels the surface gets.
@@ -120,12 +116,12 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     let density = NominalDensity::new(&surface, options);
     let mut stats = CoverStats::default();
     let grouping = if options.tile == 0 {
-        let lay = |surface: &Surface<'_>| lone::lay_fans(surface, &density, options.delta);
+        let lay = |surface: &Surface<'_>| lay_fans(surface, &density, options.delta);
         let laid = decide(&mut surface, &mut stats, lay, |laid, verdict| {
             laid.iter().for_each(|l| verdict(l.fan, l.layout, l.folds));
         });
         stats.seconds_fans = started.elapsed().as_secs_f64();
-        Grouping { fan_groups: lone::fan_groups(&surface.fans, &laid), laid }
+        Grouping { fan_groups: fan_groups(&surface.fans, &laid), laid }
     } else {
         let find = |surface: &Surface<'_>| shape_fans(surface, &density);
         let (shapes, items) = decide(&mut surface, &mut stats, find, |(shapes, _), verdict| {
@@ -352,4 +348,114 @@ fn place(laid: &Laid, scale: f32) -> Group {
         Layout::Projected | Layout::Split => GroupKind::Projected,
     };
     Group { kind, frame: laid.frame, uv_scale, uv_offset, extent }
+}
+
+// How many texels the surface is meant to get, before a total is met.
+
+/// Texels per mesh unit before the total is met.
+pub(crate) enum NominalDensity<'a> {
+    Uniform(f32),
+    PerTriangle(&'a [f32]),
+}
+
+/// A guess of the share of the ideal density that a grouped cover reaches; only decides how large groups grow.
+const EXPECTED_SHARE: f64 = 0.7;
+
+impl<'a> NominalDensity<'a> {
+    pub(crate) fn new(surface: &Surface<'_>, options: &'a CoverOptions) -> Self {
+        match &options.budget {
+            TexelBudget::Total(n) => {
+                let area = surface.total(|_| 1.0).max(f64::MIN_POSITIVE);
+                Self::Uniform((EXPECTED_SHARE * *n as f64 / area).sqrt() as f32)
+            }
+            TexelBudget::Density(d) => Self::Uniform(*d as f32),
+            TexelBudget::PerTriangle(field) => Self::PerTriangle(field),
+        }
+    }
+
+    pub(crate) fn of_triangle(&self, triangle: usize) -> f32 {
+        match self {
+            Self::Uniform(d) => *d,
+            Self::PerTriangle(field) => field[triangle],
+        }
+    }
+
+    /// The densest of a fan's triangles decides, so that no detail is lost where densities meet.
+    pub(crate) fn of_fan(&self, surface: &Surface<'_>, fan: usize) -> f32 {
+        match self {
+            Self::Uniform(d) => *d,
+            Self::PerTriangle(field) => {
+                surface.fans.corners(fan).iter().map(|c| field[c.triangle()]).fold(0.0, f32::max)
+            }
+        }
+    }
+
+    /// Root of the area-weighted mean square.
+    pub(crate) fn mean(&self, surface: &Surface<'_>) -> f32 {
+        match self {
+            Self::Uniform(d) => *d,
+            Self::PerTriangle(field) => {
+                let area = surface.total(|_| 1.0).max(f64::MIN_POSITIVE);
+                let texels = surface.total(|t| f64::from(field[t]) * f64::from(field[t]));
+                (texels / area).sqrt() as f32
+            }
+        }
+    }
+}
+
+// Tile extents: how many texels a rectangle gets.
+
+/// Longest side of a tile in texels. Also keeps texel coordinates exact in single precision.
+pub const MAX_EXTENT: u32 = 1 << 18;
+
+/// Rounding a side down to a multiple of 4 may cost at most this share of the nominal density.
+const TOLERATED_LOSS: f32 = 0.06;
+
+/// Texels of the smallest tile.
+pub(crate) const SMALLEST_TILE: u64 = 4 * 4;
+
+/// The longest region in texels, rounded down a little, that gets a side of 4 texels.
+pub(crate) const LONGEST_IN_SMALLEST: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
+
+/// Sides longer than this are multiples of 32.
+const LONG: f32 = 1024.0;
+
+/// Texels along a side whose region is `length` texels long: the region plus half a texel of filter margin at both ends,
+/// rounded to a multiple of 4. The tile map is then scaled so that the region fills the tile, whichever way the rounding
+/// went, so no texel is left over; the density of the side follows by at most the tolerated loss or the gain.
+pub(crate) fn side_texels(length: f32) -> u32 {
+    let wanted = length + 1.0;
+    if wanted > LONG {
+        // Three levels halve exactly, so that long tiles can be baked in pieces.
+        return 32 * ((wanted / 32.0).round() as u32).min(MAX_EXTENT / 32);
+    }
+    let blocks = (wanted * 0.25) as u32;
+    let down = (4 * blocks) as f32;
+    let good = blocks >= 1 && down - 1.0 >= (1.0 - TOLERATED_LOSS) * length;
+    let side = if good || down == wanted { 4 * blocks } else { 4 * blocks + 4 };
+    side.clamp(4, MAX_EXTENT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sides_are_multiples_of_four_that_hold_the_region() {
+        assert_eq!(side_texels(0.0), 4);
+        assert_eq!(side_texels(3.0), 4);
+        assert_eq!(side_texels(3.2), 8);
+        assert_eq!([1.0, 1.0001].map(|f| side_texels(f * LONGEST_IN_SMALLEST)), [4, 8]);
+        assert_eq!(side_texels(64.0), 64);
+        assert_eq!(side_texels(127.9), 128);
+        for i in 0..10_000 {
+            let length = i as f32 * 0.037;
+            let side = side_texels(length);
+            assert!(
+                side.is_multiple_of(4)
+                    && (side - 1) as f32 >= (1.0 - TOLERATED_LOSS) * length
+                    && side as f32 <= length + 5.0
+            );
+        }
+    }
 }

@@ -11,9 +11,9 @@ use fantex_mesh::{Fans, unit_vector};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::extent::side_texels;
+use crate::build::side_texels;
 use crate::fan_shape::Layout;
-use crate::grouping::{Patch, facing_limit};
+use crate::groups::{Patch, facing_limit};
 use crate::rectangle::FourBounds;
 
 /// Groups with a tile smaller than this share of the target tile look for a partner.

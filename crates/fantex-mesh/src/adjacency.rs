@@ -1,7 +1,9 @@
 //! Which corners lie at which vertex: the adjacency that fans, normals and the cleaning report are built from.
 
-use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::AtomicU32;
+use std::sync::atomic::Ordering::Relaxed;
 
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 /// Vertices handled per parallel task.
@@ -107,6 +109,311 @@ fn atomic_zeros(count: usize) -> Vec<AtomicU32> {
     (0..count).map(|_| AtomicU32::new(0)).collect()
 }
 
+// The edges of a mesh with the triangles at each.
+
+/// All edges of a mesh, in the order of their vertices. Gathering them takes a sort of the half-edges, in parallel.
+///
+/// A half-edge `3 * triangle + k` runs from the triangle's corner `k` to the next one.
+#[derive(Debug)]
+pub struct Edges<'m> {
+    triangles: &'m [[u32; 3]],
+    /// Lower and higher vertex in one number, half-edge; ascending.
+    half_edges: Vec<(u64, u32)>,
+}
+
+/// An edge.
+#[derive(Clone, Copy, Debug)]
+pub struct Edge<'a> {
+    triangles: &'a [[u32; 3]],
+    half_edges: &'a [(u64, u32)],
+}
+
+impl<'m> Edges<'m> {
+    /// Of a mesh's triangles, of which there are less than 2^32 / 3.
+    pub fn of(triangles: &'m [[u32; 3]]) -> Self {
+        let of_triangle = |(t, triangle): (usize, &[u32; 3])| {
+            let [a, b, c] = *triangle;
+            [(a, b), (b, c), (c, a)].into_iter().zip(3 * t as u32..).map(|((from, to), half_edge)| {
+                (u64::from(from.min(to)) << 32 | u64::from(from.max(to)), half_edge)
+            })
+        };
+        let mut half_edges: Vec<(u64, u32)> =
+            triangles.par_iter().enumerate().flat_map_iter(of_triangle).collect();
+        half_edges.par_sort_unstable();
+        Self { triangles, half_edges }
+    }
+
+    /// Each of them once.
+    pub fn iter(&self) -> impl Iterator<Item = Edge<'_>> {
+        let edges = self.half_edges.chunk_by(|a, b| a.0 == b.0);
+        edges.map(|half_edges| Edge { triangles: self.triangles, half_edges })
+    }
+}
+
+impl Edge<'_> {
+    /// Its ends, ascending.
+    pub fn vertices(&self) -> [u32; 2] {
+        let ends = self.half_edges[0].0;
+        [(ends >> 32) as u32, ends as u32]
+    }
+
+    /// How many triangles meet there.
+    pub fn triangle_count(&self) -> usize {
+        self.half_edges.len()
+    }
+
+    /// The half-edges of triangles that [continue](continued) each other.
+    pub fn continued(&self) -> ArrayVec<[u32; 2], { MOST_AT_EDGE / 2 }> {
+        if self.half_edges.len() > MOST_AT_EDGE {
+            return ArrayVec::new();
+        }
+        let [first, _] = self.vertices();
+        let side = |&(_, half_edge): &(u64, u32)| EdgeSide::of_half_edge(self.triangles, half_edge, first);
+        let sides: ArrayVec<EdgeSide, MOST_AT_EDGE> = self.half_edges.iter().map(side).collect();
+        continued(&sides).into_iter().map(|pair| pair.map(|i| self.half_edges[i].1)).collect()
+    }
+}
+
+// Which triangles continue each other across an edge.
+//
+// At most edges there is nothing to decide: two triangles meet. Where more meet, the surface goes on where it is clear how:
+//
+// ```text
+//        p             q           a leaf or a wall modelled with both of its sides: four triangles at the edge (seen
+//         \           /            from its end), two and two with the same vertices in opposite order. The front goes on
+//     back \\       // back        with the front, the back with the back.
+//     front \\_____// front
+//            ^ edge
+// ```
+//
+// A triangle is never continued by its *twin*, which has the same three vertices: where only the two sides of a leaf meet, at its
+// rim, each of them ends.
+
+/// One triangle at an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EdgeSide {
+    /// Its third vertex.
+    pub opposite: u32,
+    /// Whether it runs along the edge in the one direction or in the other; which is called so does not matter.
+    pub is_forward: bool,
+}
+
+impl EdgeSide {
+    /// The triangle of a half-edge (its number is three times the triangle's plus that of the corner where it begins).
+    /// `first` is the end of the edge from which on a triangle runs forward.
+    #[inline]
+    pub fn of_half_edge(triangles: &[[u32; 3]], half_edge: u32, first: u32) -> Self {
+        let (triangle, k) = (triangles[half_edge as usize / 3], half_edge as usize % 3);
+        Self { opposite: triangle[(k + 2) % 3], is_forward: triangle[k] == first }
+    }
+}
+
+/// Edges of more triangles end all of them.
+pub const MOST_AT_EDGE: usize = 8;
+
+/// The pairs of triangles that continue each other at an edge, as ascending indices into `sides`, which are all triangles
+/// there. Each is in one pair at most.
+///
+/// Two triangles continue each other unless they are twins. Of more, those that run along the edge in opposite directions
+/// are candidates of each other unless they are twins, and those continue each other that have no other candidate.
+pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MOST_AT_EDGE / 2 }> {
+    let are_twins = |i: usize, j: usize| sides[i].opposite == sides[j].opposite;
+    let mut pairs = ArrayVec::new();
+    match sides.len() {
+        2 if !are_twins(0, 1) => pairs.push([0, 1]),
+        3..=MOST_AT_EDGE => {
+            let only_candidate = |i: usize| {
+                let is_candidate =
+                    |&j: &usize| sides[j].is_forward != sides[i].is_forward && !are_twins(i, j);
+                let mut candidates = (0..sides.len()).filter(is_candidate);
+                candidates.next().filter(|_| candidates.next().is_none())
+            };
+            let partners = (0..sides.len()).filter_map(|i| only_candidate(i).map(|j| [i, j]));
+            pairs.extend(partners.filter(|&[i, j]| i < j && only_candidate(j) == Some(i)));
+        }
+        _ => {}
+    }
+    pairs
+}
+
+// Triangles that are each other's back.
+//
+// A leaf or a wall modelled with both of its sides has each triangle twice, with its vertices in opposite order. Both lie at the same
+// depth, so whoever draws or meets both sees sometimes the one and sometimes the other. Seen from behind such a triangle does not
+// count, whatever its material says: what is seen there is its twin.
+
+/// The triangles that have a twin: the same three vertices in opposite order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Twins {
+    /// Per triangle; empty where there are none.
+    has_twin: Vec<bool>,
+}
+
+impl Twins {
+    /// Finds them. Of more than two with the same vertices, as cleaned meshes have none, all have twins where any two are in opposite
+    /// order.
+    pub fn of(triangles: &[[u32; 3]]) -> Self {
+        let mut keys: Vec<([u32; 3], u32)> =
+            triangles.par_iter().enumerate().map(|(t, &triangle)| (sorted(triangle), t as u32)).collect();
+        keys.par_sort_unstable();
+        let mut twins = Self::default();
+        for alike in keys.chunk_by(|a, b| a.0 == b.0).filter(|alike| alike.len() > 1) {
+            let is_even = |&(key, t): &([u32; 3], u32)| is_turned(triangles[t as usize], key);
+            let even = alike.iter().filter(|one| is_even(one)).count();
+            if even > 0 && even < alike.len() {
+                twins.has_twin.resize(triangles.len(), false);
+                alike.iter().for_each(|&(_, t)| twins.has_twin[t as usize] = true);
+            }
+        }
+        twins
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.has_twin.is_empty()
+    }
+
+    /// Whether a triangle has a twin, so that it counts from its front only.
+    #[inline]
+    pub fn contains(&self, triangle: usize) -> bool {
+        self.has_twin.get(triangle).copied().unwrap_or(false)
+    }
+}
+
+fn sorted(mut triangle: [u32; 3]) -> [u32; 3] {
+    triangle.sort_unstable();
+    triangle
+}
+
+/// Whether one has the vertices of the other in the same cyclic order.
+fn is_turned(triangle: [u32; 3], [a, b, _]: [u32; 3]) -> bool {
+    (0..3).any(|k| triangle[k] == a && triangle[(k + 1) % 3] == b)
+}
+
+// The triangles around one vertex, seen through the edges that leave it.
+//
+// All questions about edges are answered locally: the star of a vertex lists its edges sorted by their other end. No
+// table of all edges of the mesh is needed, and vertices are independent of each other.
+
+/// The edges of one vertex. Refilled for every vertex to reuse its memory.
+#[derive(Default)]
+pub(crate) struct Star {
+    vertex: u32,
+    corner_count: usize,
+    /// One entry per triangle and edge, sorted.
+    entries: Vec<Entry>,
+    /// Union-find over the corners of the star.
+    fans: Vec<u32>,
+}
+
+/// An edge of the star as one of its triangles sees it.
+#[derive(Clone, Copy)]
+struct Entry {
+    other: u32,
+    /// Index of the corner within the star.
+    slot: u32,
+    /// `3 * t + k` for the edge from corner `k` to the next one of triangle `t`.
+    half_edge: u32,
+    /// The half-edge ends in the star's vertex.
+    incoming: bool,
+}
+
+impl Star {
+    /// Fills the star with the edges of `vertex`, whose corners are given.
+    pub(crate) fn gather(&mut self, vertex: u32, corners: &[u32], triangles: &[[u32; 3]]) -> &mut Self {
+        self.vertex = vertex;
+        self.corner_count = corners.len();
+        self.entries.clear();
+        for (slot, &corner) in corners.iter().enumerate() {
+            let (slot, triangle, k) = (slot as u32, triangles[corner as usize / 3], corner % 3);
+            let (next, previous) = ((k + 1) % 3, (k + 2) % 3);
+            let incoming_half_edge = corner - k + previous;
+            self.entries.push(Entry {
+                other: triangle[next as usize],
+                slot,
+                half_edge: corner,
+                incoming: false,
+            });
+            self.entries.push(Entry {
+                other: triangle[previous as usize],
+                slot,
+                half_edge: incoming_half_edge,
+                incoming: true,
+            });
+        }
+        self.entries.sort_unstable_by_key(|e| (u64::from(e.other) << 32) | u64::from(e.half_edge));
+        self
+    }
+
+    pub(crate) fn vertex(&self) -> u32 {
+        self.vertex
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.corner_count == 0
+    }
+
+    /// The edges by ascending other end.
+    pub(crate) fn edges(&self) -> impl Iterator<Item = StarEdge<'_>> {
+        self.entries.chunk_by(|a, b| a.other == b.other).map(StarEdge)
+    }
+
+    /// True where all triangles hang together through the edges of this vertex.
+    pub(crate) fn is_single_fan(&mut self) -> bool {
+        self.fans.clear();
+        self.fans.extend(0..self.corner_count as u32);
+        let mut fan_count = self.corner_count;
+        for pair in self.entries.windows(2).filter(|pair| pair[0].other == pair[1].other) {
+            let (a, b) = (root(&mut self.fans, pair[0].slot), root(&mut self.fans, pair[1].slot));
+            if a != b {
+                self.fans[a.max(b) as usize] = a.min(b);
+                fan_count -= 1;
+            }
+        }
+        fan_count <= 1
+    }
+}
+
+/// The root of an element's set, halving the path on the way.
+pub(crate) fn root(parents: &mut [u32], mut element: u32) -> u32 {
+    while parents[element as usize] != element {
+        parents[element as usize] = parents[parents[element as usize] as usize];
+        element = parents[element as usize];
+    }
+    element
+}
+
+/// One edge with all its triangles.
+#[derive(Clone, Copy)]
+pub(crate) struct StarEdge<'a>(&'a [Entry]);
+
+impl StarEdge<'_> {
+    /// The end that is not the star's vertex.
+    pub(crate) fn other(&self) -> u32 {
+        self.0[0].other
+    }
+
+    /// Number of triangles, at least one.
+    pub(crate) fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Half-edges `3 * t + k` (from corner `k` to the next), ascending.
+    pub(crate) fn half_edges(&self) -> impl Iterator<Item = u32> + '_ {
+        self.0.iter().map(|e| e.half_edge)
+    }
+
+    /// The corners (as indices into the star's) whose triangles have this edge, by ascending half-edge.
+    pub(crate) fn slots(&self) -> impl Iterator<Item = u32> + '_ {
+        self.0.iter().map(|e| e.slot)
+    }
+
+    /// True for exactly two triangles that run along the edge in opposite directions.
+    pub(crate) fn is_consistent(&self) -> bool {
+        self.len() == 2 && self.0[0].incoming != self.0[1].incoming
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -131,5 +438,92 @@ mod tests {
     fn no_triangles_give_empty_rows() {
         assert!(VertexCorners::of(&[], 0).is_empty());
         assert_eq!(VertexCorners::of(&[], 2).at(1), &[] as &[u32]);
+    }
+
+    #[test]
+    fn edges_come_in_order_with_what_continues_across_them() {
+        // Two triangles side by side, wound alike, and the back of the second.
+        let triangles = [[0, 1, 2], [2, 1, 3], [3, 1, 2]];
+        let edges = Edges::of(&triangles);
+        let found: Vec<_> =
+            edges.iter().map(|e| (e.vertices(), e.triangle_count(), e.continued().to_vec())).collect();
+        let expected = [
+            ([0, 1], 1, vec![]),
+            ([0, 2], 1, vec![]),
+            // The first goes on with the second; the back has an end.
+            ([1, 2], 3, vec![[1, 3]]),
+            ([1, 3], 2, vec![]),
+            ([2, 3], 2, vec![]),
+        ];
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn where_too_many_meet_nothing_continues() {
+        let fan: Vec<[u32; 3]> = (2..1002).map(|v| if v % 2 == 0 { [0, 1, v] } else { [1, 0, v] }).collect();
+        let edges = Edges::of(&fan);
+        let middle = edges.iter().next().unwrap();
+        assert_eq!((middle.vertices(), middle.triangle_count()), ([0, 1], 1000));
+        assert!(middle.continued().is_empty());
+    }
+
+    fn pairs(sides: &[(u32, bool)]) -> Vec<[usize; 2]> {
+        let sides: Vec<EdgeSide> =
+            sides.iter().map(|&(opposite, is_forward)| EdgeSide { opposite, is_forward }).collect();
+        continued(&sides).to_vec()
+    }
+
+    #[test]
+    fn two_triangles_continue_each_other_however_they_are_wound() {
+        assert_eq!(pairs(&[(2, true), (3, false)]), [[0, 1]]);
+        assert_eq!(pairs(&[(2, true), (3, true)]), [[0, 1]]);
+        assert_eq!(pairs(&[(2, true)]), [[0; 2]; 0]);
+    }
+
+    #[test]
+    fn twins_do_not_continue_each_other() {
+        assert_eq!(pairs(&[(2, true), (2, false)]), [[0; 2]; 0]);
+    }
+
+    #[test]
+    fn both_sides_of_a_leaf_go_on() {
+        assert_eq!(pairs(&[(2, true), (2, false), (3, true), (3, false)]), [[0, 3], [1, 2]]);
+        // One side has an end here.
+        assert_eq!(pairs(&[(2, true), (2, false), (3, true)]), [[1, 2]]);
+    }
+
+    #[test]
+    fn where_it_is_not_clear_nothing_goes_on() {
+        assert_eq!(pairs(&[(2, true), (3, false), (4, true)]), [[0; 2]; 0]);
+        // Two blocks that touch along an edge.
+        assert_eq!(pairs(&[(2, true), (3, false), (4, true), (5, false)]), [[0; 2]; 0]);
+        // Three leaves in one stem.
+        let leaves: Vec<(u32, bool)> = (2..5).flat_map(|v| [(v, true), (v, false)]).collect();
+        assert_eq!(pairs(&leaves), [[0; 2]; 0]);
+        let many: Vec<(u32, bool)> = (2..90_000).map(|v| (v, v % 2 == 0)).collect();
+        assert_eq!(pairs(&many), [[0; 2]; 0]);
+    }
+
+    #[test]
+    fn both_of_a_pair_are_twins_and_nothing_else() {
+        let triangles = [[5, 3, 9], [0, 1, 2], [9, 3, 5], [1, 2, 3], [3, 9, 5], [2, 1, 7]];
+        // The fifth is the first once more.
+        let found = Twins::of(&triangles);
+        let all: Vec<bool> = (0..triangles.len()).map(|t| found.contains(t)).collect();
+        assert_eq!(all, [true, false, true, false, true, false]);
+        assert!(!found.contains(99));
+        // Copies in the same order are no twins.
+        assert!(Twins::of(&[[0, 1, 2], [1, 2, 0], [2, 3, 4]]).is_empty());
+        assert_eq!(Twins::of(&[]), Twins::default());
+    }
+
+    #[test]
+    fn every_pair_of_orders_is_told_apart() {
+        let orders = [[4, 6, 8], [6, 8, 4], [8, 4, 6], [4, 8, 6], [8, 6, 4], [6, 4, 8]];
+        for (i, a) in orders.into_iter().enumerate() {
+            for (j, b) in orders.into_iter().enumerate() {
+                assert_eq!(Twins::of(&[a, b]).contains(1), (i < 3) != (j < 3), "{a:?} {b:?}");
+            }
+        }
     }
 }

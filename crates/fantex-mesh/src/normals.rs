@@ -5,7 +5,7 @@ use std::ops::Deref;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::clean::{Star, root};
+use crate::adjacency::{Star, root};
 use crate::{Mesh, SurfacePoint, VertexCorners, angle_between};
 
 /// Vertices per parallel task.

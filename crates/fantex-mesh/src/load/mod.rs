@@ -7,29 +7,23 @@
 //! Nothing in a file is trusted: every index, count, offset and length is checked before it is used and before
 //! anything is allocated for it, so that a damaged or hostile file ends in one clear [`LoadError`].
 
-mod builder;
-mod companion;
-mod detect;
-mod error;
 mod gltf;
+mod mtl;
 mod obj;
 mod ply;
 mod polygon;
-mod srgb;
 mod stl;
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
+use std::{fmt, io};
 
-use crate::Model;
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
 
-pub(crate) use self::srgb::srgb_from_linear;
+use crate::{Model, counted};
 
-use self::companion::{locate, read_companion, relative_path};
-
-pub use self::detect::ModelFormat;
-pub use self::error::{LoadError, NoteList, Quantity};
 pub use self::gltf::{AccessorProblem, BufferProblem, GltfProblem};
 pub use self::obj::ObjProblem;
 pub use self::ply::PlyProblem;
@@ -99,7 +93,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Model, LoadError> {
 ///
 /// As [`load`].
 pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model, LoadError> {
-    let detected = detect::detect(path, bytes)?;
+    let detected = detect(path, bytes)?;
     let file = SourceFile { path, bytes, limits: options.limits };
     let mut model = match detected.format {
         ModelFormat::Gltf | ModelFormat::Glb => gltf::load(&file, detected.format)?,
@@ -174,4 +168,609 @@ fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
         return Err(too_large(bytes.len() as u64));
     }
     Ok(bytes)
+}
+
+// Which format a file is in.
+
+/// The model formats that fantex reads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ModelFormat {
+    /// glTF 2.0, JSON.
+    Gltf,
+    /// glTF 2.0, binary container.
+    Glb,
+    /// Wavefront OBJ with MTL.
+    Obj,
+    /// Stanford PLY.
+    Ply,
+    /// Stereolithography, binary or ASCII.
+    Stl,
+}
+
+impl ModelFormat {
+    /// All formats.
+    pub const ALL: [Self; 5] = [Self::Gltf, Self::Glb, Self::Obj, Self::Ply, Self::Stl];
+
+    /// The usual extension, lower case, without a dot.
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Gltf => "gltf",
+            Self::Glb => "glb",
+            Self::Obj => "obj",
+            Self::Ply => "ply",
+            Self::Stl => "stl",
+        }
+    }
+
+    /// The format that a path's extension names, in upper or lower case.
+    pub fn from_extension(path: &Path) -> Option<Self> {
+        let extension = path.extension()?.to_str()?;
+        Self::ALL.into_iter().find(|format| format.extension().eq_ignore_ascii_case(extension))
+    }
+
+    pub(crate) fn with_article(self) -> &'static str {
+        match self {
+            Self::Gltf => "a glTF",
+            Self::Glb => "a GLB",
+            Self::Obj => "an OBJ",
+            Self::Ply => "a PLY",
+            Self::Stl => "an STL",
+        }
+    }
+}
+
+impl fmt::Display for ModelFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Gltf => "glTF",
+            Self::Glb => "GLB",
+            Self::Obj => "OBJ",
+            Self::Ply => "PLY",
+            Self::Stl => "STL",
+        })
+    }
+}
+
+/// What [`detect`] found.
+struct Detected {
+    format: ModelFormat,
+    /// Set where the extension names another format than the content.
+    note: Option<String>,
+}
+
+/// Names the format of a file: by its content where that is recognisable, else by its extension.
+fn detect(path: &Path, bytes: &[u8]) -> Result<Detected, LoadError> {
+    if bytes.is_empty() {
+        return Err(LoadError::Empty { path: path.into() });
+    }
+    let named = ModelFormat::from_extension(path);
+    if let Some(format) = format_from_content(bytes, named) {
+        let note = named.filter(|&n| n != format && !is_gltf_pair(n, format)).map(|n| {
+            format!(
+                "the file is named like {} file, but its content is {format} and was read as such",
+                n.with_article()
+            )
+        });
+        return Ok(Detected { format, note });
+    }
+    if let Some(found) = foreign_kind(bytes) {
+        return Err(LoadError::NotAModel { path: path.into(), found });
+    }
+    let format = match named {
+        Some(named) => check_content(path, bytes, named)?,
+        None if looks_like_obj(bytes) => ModelFormat::Obj,
+        None => return Err(LoadError::UnknownFormat { path: path.into() }),
+    };
+    Ok(Detected { format, note: None })
+}
+
+/// GLB in a `.gltf` file and the reverse are so common that they deserve no note.
+fn is_gltf_pair(a: ModelFormat, b: ModelFormat) -> bool {
+    let gltf = [ModelFormat::Gltf, ModelFormat::Glb];
+    gltf.contains(&a) && gltf.contains(&b)
+}
+
+fn format_from_content(bytes: &[u8], named: Option<ModelFormat>) -> Option<ModelFormat> {
+    if bytes.starts_with(b"glTF") {
+        return Some(ModelFormat::Glb);
+    }
+    if let [b'p', b'l', b'y', next, ..] = bytes
+        && next.is_ascii_whitespace()
+    {
+        return Some(ModelFormat::Ply);
+    }
+    if first_character(bytes) == Some(b'{') {
+        return Some(ModelFormat::Gltf);
+    }
+    // An OBJ file may hold the words of an ASCII STL file in its comments, and any length by chance.
+    let may_be_stl = named != Some(ModelFormat::Obj) || bytes[..bytes.len().min(84)].contains(&0);
+    (may_be_stl && stl::looks_like_stl(bytes)).then_some(ModelFormat::Stl)
+}
+
+/// The extension decides only where the content does not contradict it.
+fn check_content(path: &Path, bytes: &[u8], named: ModelFormat) -> Result<ModelFormat, LoadError> {
+    let expected = match named {
+        ModelFormat::Glb => "a GLB file begins with the letters glTF",
+        ModelFormat::Gltf => "a glTF file begins with {",
+        ModelFormat::Ply => "a PLY file begins with a line ply",
+        ModelFormat::Obj if bytes[..bytes.len().min(4096)].contains(&0) => "an OBJ file is text",
+        ModelFormat::Obj | ModelFormat::Stl => return Ok(named),
+    };
+    Err(LoadError::Mislabelled { path: path.into(), named, expected })
+}
+
+/// The first byte after a byte order mark and white space.
+fn first_character(bytes: &[u8]) -> Option<u8> {
+    let text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    text.iter().copied().find(|b| !b.is_ascii_whitespace())
+}
+
+/// Kinds of files that are mistaken for models, by their first bytes.
+fn foreign_kind(bytes: &[u8]) -> Option<&'static str> {
+    const KINDS: [(&[u8], &str); 17] = [
+        (b"\x89PNG", "a PNG image"),
+        (b"\xff\xd8\xff", "a JPEG image"),
+        (b"GIF8", "a GIF image"),
+        (b"DDS ", "a DDS image"),
+        (b"\xabKTX", "a KTX image"),
+        (b"\x76\x2f\x31\x01", "an OpenEXR image"),
+        (b"#?RADIANCE", "a Radiance HDR image"),
+        (b"II*\0", "a TIFF image"),
+        (b"MM\0*", "a TIFF image"),
+        (b"RIFF", "a RIFF (WebP or sound) file"),
+        (b"PK\x03\x04", "a ZIP archive (perhaps 3MF or USDZ)"),
+        (b"\x1f\x8b", "a gzip archive"),
+        (b"Kaydara FBX", "an FBX file"),
+        (b"BLENDER", "a Blender file"),
+        (b"PXR-USDC", "a USD file"),
+        (b"#usda", "a USD file"),
+        (b"%PDF", "a PDF document"),
+    ];
+    let by_magic = KINDS.iter().find(|(magic, _)| bytes.starts_with(magic)).map(|&(_, kind)| kind);
+    by_magic.or_else(|| (first_character(bytes) == Some(b'<')).then_some("an XML or HTML document"))
+}
+
+/// True where the first line that is neither empty nor a comment begins with a word that OBJ files begin with.
+fn looks_like_obj(bytes: &[u8]) -> bool {
+    let head = &bytes[..bytes.len().min(64 << 10)];
+    head.split(|&b| b == b'\n')
+        .map(|line| line.trim_ascii())
+        .find(|line| !line.is_empty() && !line.starts_with(b"#"))
+        .and_then(|line| line.split(u8::is_ascii_whitespace).next())
+        .is_some_and(|word| [&b"v"[..], b"vt", b"vn", b"o", b"g", b"mtllib", b"usemtl"].contains(&word))
+}
+
+// Files that a model names: where they are, and their bytes.
+
+/// Reads a file that a model names. Only regular files: a path from a file must not make us read a device.
+fn read_companion(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
+    match std::fs::metadata(path) {
+        Ok(metadata) if !metadata.is_file() => {
+            let source = io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file");
+            Err(LoadError::Read { path: path.into(), source })
+        }
+        _ => read_file(path, limits),
+    }
+}
+
+/// A path as written in a file from any system: backslashes separate too; of an absolute path only the name is kept,
+/// because it points into the author's computer.
+fn relative_path(written: &str) -> Option<PathBuf> {
+    let path = written.trim().trim_matches('"').replace('\\', "/");
+    let is_absolute = path.starts_with('/') || path.as_bytes().get(1) == Some(&b':');
+    let path = if is_absolute { path.rsplit('/').next().unwrap_or_default() } else { &path };
+    (!path.is_empty()).then(|| PathBuf::from(path))
+}
+
+/// Where a relative path leads from a folder. Models from systems that do not tell upper from lower case name
+/// `Textures/Oak.PNG` where `textures/oak.png` lies: a name that is not there stands for the first one that differs
+/// in case only.
+fn locate(folder: &Path, relative: &Path) -> PathBuf {
+    let exact = folder.join(relative);
+    if exact.exists() {
+        return exact;
+    }
+    let mut found = folder.to_path_buf();
+    for component in relative.components() {
+        let next = found.join(component);
+        found = match component {
+            Component::Normal(name) if !next.exists() => {
+                match same_but_for_case(&found, &name.to_string_lossy()) {
+                    Some(name) => found.join(name),
+                    None => return exact,
+                }
+            }
+            _ => next,
+        };
+    }
+    found
+}
+
+/// The name in a folder that differs from `name` in upper and lower case only; the first of several.
+fn same_but_for_case(folder: &Path, name: &str) -> Option<std::ffi::OsString> {
+    // The folder of a plain file name is the current one.
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let name = name.to_lowercase();
+    let names = std::fs::read_dir(folder).ok()?.filter_map(|entry| Some(entry.ok()?.file_name()));
+    names.filter(|n| n.to_string_lossy().to_lowercase() == name).min()
+}
+
+// What all loaders do with corner attributes: parts of a model that lack one are filled in, and normals and tangents
+// are made unit vectors, so that whoever uses them need not check.
+
+/// Appends to an array of corner attributes that may be missing for earlier corners: `fill` stands in there.
+pub(crate) fn pad<T: Clone>(values: &mut Vec<T>, corners: usize, fill: T) {
+    if values.len() < corners {
+        values.resize(corners, fill);
+    }
+}
+
+/// Brings all attribute arrays to three entries per triangle (or none). Normals that are missing, zero or not finite
+/// become the triangle's own normal; such tangents follow the first UV set. Colours become white, coordinates zero.
+pub(crate) fn finish(model: &mut Model) {
+    let corners = 3 * model.triangles.len();
+    let attributes = &mut model.corners;
+    pad_if_present(&mut attributes.normals, corners, Vec3::ZERO);
+    pad_if_present(&mut attributes.colors, corners, Vec4::ONE);
+    pad_if_present(&mut attributes.tangents, corners, Vec4::ZERO);
+    attributes.uv_sets.iter_mut().for_each(|set| pad(set, corners, Vec2::ZERO));
+    if !model.triangle_materials.is_empty() {
+        pad(&mut model.triangle_materials, model.triangles.len(), 0);
+    }
+    if model.materials.is_empty() {
+        model.materials.push(crate::Material::default());
+    }
+    drop_textures_without_coordinates(model);
+    make_normals_unit(model);
+    make_tangents_unit(model);
+}
+
+/// A texture needs coordinates to be looked up with; one that names a set the model lacks is left out.
+fn drop_textures_without_coordinates(model: &mut Model) {
+    let sets = model.corners.uv_sets.len();
+    for (index, material) in model.materials.iter_mut().enumerate() {
+        let textures = [
+            &mut material.base_color_texture,
+            &mut material.metallic_roughness_texture,
+            &mut material.normal_texture,
+            &mut material.occlusion_texture,
+            &mut material.emission_texture,
+        ];
+        for texture in textures {
+            if let Some(dropped) = texture.take_if(|t| t.uv_set >= sets) {
+                let set = dropped.uv_set;
+                model.notes.push(format!(
+                    "material {index}: a texture was left out, because the model has no texture coordinates {set}"
+                ));
+            }
+        }
+    }
+}
+
+fn pad_if_present<T: Clone>(values: &mut Vec<T>, corners: usize, fill: T) {
+    if !values.is_empty() {
+        pad(values, corners, fill);
+    }
+}
+
+fn make_normals_unit(model: &mut Model) {
+    let (positions, triangles) = (&model.positions, &model.triangles);
+    model.corners.normals.par_chunks_exact_mut(3).zip(triangles).for_each(|(normals, triangle)| {
+        for normal in normals {
+            *normal = normal.try_normalize().unwrap_or_else(|| {
+                let [a, b, c] = triangle.map(|v| positions[v as usize]);
+                (b - a).cross(c - a).try_normalize().map_or(Vec3::Z, |n| n.as_vec3())
+            });
+        }
+    });
+}
+
+fn make_tangents_unit(model: &mut Model) {
+    let mut tangents = std::mem::take(&mut model.corners.tangents);
+    tangents.par_chunks_exact_mut(3).enumerate().for_each(|(triangle, tangents)| {
+        for (k, tangent) in tangents.iter_mut().enumerate() {
+            let handedness = if tangent.w < 0.0 { -1.0 } else { 1.0 };
+            *tangent = match tangent.truncate().try_normalize() {
+                Some(unit) => unit.extend(handedness),
+                None => tangent_from_uv(model, triangle, k),
+            };
+        }
+    });
+    model.corners.tangents = tangents;
+}
+
+/// The direction in which u grows, orthogonal to the corner's normal. In glTF the bitangent `w * cross(n, t)` points
+/// against v, because v runs downwards and normal maps have +y up.
+fn tangent_from_uv(model: &Model, triangle: usize, k: usize) -> Vec4 {
+    let corner = 3 * triangle + k;
+    let [a, b, c] = model.triangles[triangle].map(|v| model.positions[v as usize]);
+    let (e1, e2) = ((b - a).as_vec3(), (c - a).as_vec3());
+    let normal = match model.corners.normals.get(corner) {
+        Some(&normal) => normal,
+        None => e1.cross(e2).try_normalize().unwrap_or(Vec3::Z),
+    };
+    let [d1, d2] = match model.corners.uv_sets.first() {
+        Some(uv) => [1, 2].map(|i| uv[3 * triangle + i] - uv[3 * triangle]),
+        None => [Vec2::ZERO; 2],
+    };
+    let determinant = d1.perp_dot(d2);
+    let along_u = (e1 * d2.y - e2 * d1.y) * determinant.signum();
+    let against_v = (e1 * d2.x - e2 * d1.x) * determinant.signum();
+    let tangent = along_u.reject_from_normalized(normal).try_normalize();
+    let tangent = tangent.unwrap_or_else(|| normal.any_orthonormal_vector());
+    let handedness = if normal.cross(tangent).dot(against_v) < 0.0 { -1.0 } else { 1.0 };
+    tangent.extend(handedness)
+}
+
+// Why a model could not be loaded.
+
+/// Why a model could not be loaded. Each message is one sentence that names the file and the place.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The operating system refused.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// A folder instead of a file.
+    #[error("{} is a folder; name a model file in it", path.display())]
+    Folder {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// More bytes than [`LoadLimits::max_file_bytes`](crate::LoadLimits::max_file_bytes).
+    #[error("{} has {bytes} bytes, more than the limit of {limit}", path.display())]
+    FileTooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Its length (at least).
+        bytes: u64,
+        /// The limit.
+        limit: u64,
+    },
+    /// The file does not fit into memory.
+    #[error("{} has {bytes} bytes, more than there is memory for", path.display())]
+    OutOfMemory {
+        /// The file.
+        path: PathBuf,
+        /// Its length.
+        bytes: u64,
+    },
+    /// A file without a byte in it.
+    #[error("{} is empty", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The content is of a known kind that is not a model fantex reads.
+    #[error("{} is {found}, not a model that fantex reads; convert it to glTF, GLB, OBJ, PLY or STL", path.display())]
+    NotAModel {
+        /// The file.
+        path: PathBuf,
+        /// What it is, with its article.
+        found: &'static str,
+    },
+    /// The extension promises a format that the content is not.
+    #[error("{} is named like {named} file, but its content is not: {expected}", path.display(), named = named.with_article())]
+    Mislabelled {
+        /// The file.
+        path: PathBuf,
+        /// The format that the extension names.
+        named: ModelFormat,
+        /// What such a file would look like.
+        expected: &'static str,
+    },
+    /// Neither content nor extension name a format.
+    #[error("{} is in no format that fantex knows: its content does not tell, and its extension is none of .gltf, .glb, .obj, .ply, .stl", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// More triangles or positions than [`LoadLimits`](crate::LoadLimits) allow.
+    #[error("{} has {count} {quantity}, more than the limit of {limit}", path.display())]
+    TooMany {
+        /// The file.
+        path: PathBuf,
+        /// What there is too much of.
+        quantity: Quantity,
+        /// How many there are (at least).
+        count: usize,
+        /// The limit.
+        limit: usize,
+    },
+    /// The file was read, but there is no triangle in it.
+    #[error("{} holds no triangles, only {}{notes}", path.display(), counted(*positions, "position"))]
+    NoTriangles {
+        /// The file.
+        path: PathBuf,
+        /// Positions without a triangle.
+        positions: usize,
+        /// What was skipped.
+        notes: NoteList,
+    },
+    /// A glTF or GLB file is wrong.
+    #[error("{}: {problem}", path.display())]
+    Gltf {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: GltfProblem,
+    },
+    /// An OBJ or MTL file is wrong.
+    #[error("{}, line {line}: {problem}", path.display())]
+    Obj {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What is wrong.
+        problem: ObjProblem,
+    },
+    /// A PLY file is wrong.
+    #[error("{}: {problem}", path.display())]
+    Ply {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: PlyProblem,
+    },
+    /// An STL file is wrong.
+    #[error("{}: {problem}", path.display())]
+    Stl {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        problem: StlProblem,
+    },
+}
+
+/// What [`LoadError::TooMany`] counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// Triangles after cutting polygons.
+    Triangles,
+    /// Positions.
+    Positions,
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Triangles => "triangles",
+            Self::Positions => "positions",
+        })
+    }
+}
+
+/// A loader's notes, shown as `(first; second)`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct NoteList(pub Vec<String>);
+
+impl fmt::Display for NoteList {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0.is_empty() {
+            true => Ok(()),
+            false => write!(f, " ({})", self.0.join("; ")),
+        }
+    }
+}
+
+// The sRGB transfer curve (IEC 61966-2-1) for vertex colours.
+
+/// Linear light of an sRGB-encoded value. Values outside 0..1 are continued by the same formulas; NaN stays NaN.
+pub(crate) fn linear_from_srgb(encoded: f32) -> f32 {
+    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The inverse of [`linear_from_srgb`].
+pub(crate) fn srgb_from_linear(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Linear RGBA of an sRGB colour with linear alpha. A colour that is not a number becomes white, so that one broken
+/// vertex cannot spread through filters.
+pub(crate) fn linear_rgba(rgb_srgb: Vec3, alpha: f32) -> Vec4 {
+    let linear = rgb_srgb.to_array().map(linear_from_srgb);
+    let color = Vec3::from(linear).extend(alpha);
+    if color.is_finite() { color } else { Vec4::ONE }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    #[test]
+    fn names_are_found_whatever_their_case() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir(at("textures")).unwrap();
+        for name in ["textures/oak.png", "textures/\u{e4}.png"] {
+            std::fs::write(at(name), b"x").unwrap();
+        }
+        // Compared as files, because systems that do not tell cases apart find the name as it was written.
+        let is_at = |name: &str, expected: &str| {
+            let found = locate(folder.path(), Path::new(name)).canonicalize().unwrap();
+            let expected = at(expected).canonicalize().unwrap();
+            assert_eq!(found, expected, "{name}");
+        };
+        is_at("textures/oak.png", "textures/oak.png");
+        is_at("Textures/Oak.PNG", "textures/oak.png");
+        is_at("./Textures/\u{c4}.PNG", "textures/\u{e4}.png");
+        is_at("textures/../Textures/oak.png", "textures/oak.png");
+        // What is not there keeps its name for the message.
+        assert_eq!(locate(folder.path(), Path::new("Textures/ash.png")), at("Textures/ash.png"));
+    }
+
+    #[test]
+    fn paths_into_another_computer_become_names() {
+        let relative = |written: &str| relative_path(written).map(|p| p.display().to_string());
+        assert_eq!(relative("C:\\work\\a b.png").as_deref(), Some("a b.png"));
+        assert_eq!(relative("/home/someone/a.png").as_deref(), Some("a.png"));
+        assert_eq!(relative("tex\\a.png").as_deref(), Some("tex/a.png"));
+        assert_eq!(relative(" \"a.png\" ").as_deref(), Some("a.png"));
+        assert_eq!(relative("  "), None);
+    }
+
+    /// A unit square's half seen from +z, u to the right, v downwards.
+    fn half_square() -> Model {
+        Model {
+            positions: vec![DVec3::ZERO, DVec3::X, DVec3::Y],
+            triangles: vec![[0, 1, 2]],
+            corners: crate::CornerAttributes {
+                normals: vec![Vec3::ZERO; 3],
+                uv_sets: vec![vec![Vec2::new(0., 1.), Vec2::new(1., 1.), Vec2::new(0., 0.)]],
+                tangents: vec![Vec4::ZERO],
+                ..Default::default()
+            },
+            ..Default::default()
+        }
+    }
+
+    #[test]
+    fn missing_normals_and_tangents_follow_the_triangle() {
+        let mut model = half_square();
+        finish(&mut model);
+        assert_eq!(model.corners.normals, [Vec3::Z; 3]);
+        assert_eq!(model.corners.tangents, [Vec4::new(1., 0., 0., 1.); 3]);
+        assert_eq!(model.materials.len(), 1);
+    }
+
+    #[test]
+    fn mirrored_coordinates_turn_the_handedness() {
+        let mut model = half_square();
+        for uv in &mut model.corners.uv_sets[0] {
+            uv.x = 1.0 - uv.x;
+        }
+        finish(&mut model);
+        assert_eq!(model.corners.tangents, [Vec4::new(-1., 0., 0., -1.); 3]);
+    }
+
+    #[test]
+    fn degenerate_triangles_get_finite_vectors() {
+        let mut model = half_square();
+        model.positions = vec![DVec3::splat(f64::NAN); 3];
+        finish(&mut model);
+        assert!(model.corners.normals.iter().all(|n| n.is_normalized()));
+        assert!(model.corners.tangents.iter().all(|t| t.truncate().is_normalized()));
+    }
+
+    #[test]
+    fn the_curve_and_its_inverse_agree() {
+        for byte in 0..=255u8 {
+            let encoded = f32::from(byte) / 255.0;
+            let back = srgb_from_linear(linear_from_srgb(encoded));
+            assert!((back - encoded).abs() < 1e-5, "{byte}");
+        }
+        assert!((linear_from_srgb(0.5) - 0.214_041).abs() < 1e-5);
+    }
+
+    #[test]
+    fn a_nan_colour_becomes_white() {
+        assert_eq!(linear_rgba(Vec3::new(f32::NAN, 0.0, 0.0), 1.0), Vec4::ONE);
+    }
 }

@@ -5,7 +5,7 @@
 
 use glam::DVec3;
 
-use super::{LoadError, SourceFile, builder};
+use super::{LoadError, SourceFile, finish};
 use crate::{Model, counted};
 
 const HEADER_BYTES: usize = 84;
@@ -68,7 +68,7 @@ pub(super) fn load(file: &SourceFile) -> Result<Model, LoadError> {
                 .map_err(failed)?,
         )?,
     };
-    builder::finish(&mut model);
+    finish(&mut model);
     Ok(model)
 }
 

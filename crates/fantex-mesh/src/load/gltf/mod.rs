@@ -10,25 +10,17 @@
 //! KHR_materials_emissive_strength, EXT_texture_webp, EXT_mesh_gpu_instancing. Other material extensions and lights are noted and ignored; any
 //! other extension that a file *requires* (compression, most of all) makes it unreadable.
 
-mod accessor;
-mod buffers;
-mod container;
-mod instancing;
-mod material;
-mod primitive;
-mod problem;
-mod scene;
+mod data;
 mod schema;
-mod uri;
 
 use std::path::Path;
 
-use super::{LoadError, LoadLimits, SourceFile, builder};
-use crate::{Model, ModelFormat};
-use buffers::Buffers;
-use schema::Root;
+use data::{Buffers, Reader, Target, resolve};
+use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
+use schema::{Accessor, Instancing, Node, Primitive, Root};
 
-pub use problem::{AccessorProblem, BufferProblem, GltfProblem};
+use crate::load::{LoadError, LoadLimits, SourceFile, finish, pad};
+use crate::{AlphaMode, ImageSource, Material, Model, ModelFormat, TextureRef, WrapMode, counted};
 
 /// Loads a glTF or GLB file: the default scene with all its nodes.
 pub(super) fn load(file: &SourceFile, format: ModelFormat) -> Result<Model, LoadError> {
@@ -59,7 +51,7 @@ impl From<LoadError> for Error {
 fn read(file: &SourceFile, format: ModelFormat) -> Result<Model, Error> {
     let (json, binary) = match format {
         ModelFormat::Glb => {
-            let container = container::split(file.bytes)?;
+            let container = data::split(file.bytes)?;
             (container.json, container.binary)
         }
         _ => (file.bytes, None),
@@ -72,10 +64,10 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model, Error> {
 
     let buffers = Buffers::load(&root, file, binary)?;
     let document = Document { root: &root, buffers, file };
-    material::load(&document, &mut model)?;
-    let instances = scene::mesh_instances(&document, &mut model.notes)?;
-    primitive::load_all(&document, &instances, &mut model)?;
-    builder::finish(&mut model);
+    load_materials(&document, &mut model)?;
+    let instances = mesh_instances(&document, &mut model.notes)?;
+    load_all(&document, &instances, &mut model)?;
+    finish(&mut model);
     Ok(model)
 }
 
@@ -123,7 +115,7 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<(), GltfProb
         "KHR_materials_emissive_strength",
         "KHR_materials_pbrSpecularGlossiness",
         "EXT_texture_webp",
-        instancing::EXTENSION,
+        INSTANCING,
     ];
     // These change how light acts, not what the surface is; without them the model is still the model.
     let is_ignorable = |name: &str| {
@@ -143,4 +135,836 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<(), GltfProb
         notes.push(format!("extensions that fantex does not read were ignored: {}", ignored.join(", ")));
     }
     Ok(())
+}
+
+// The node hierarchy: which meshes stand where.
+
+/// A mesh placed in the world.
+struct MeshInstance {
+    mesh: usize,
+    world_from_mesh: DAffine3,
+}
+
+/// Walks the default scene depth first, children in their order.
+fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<MeshInstance>, Error> {
+    let nodes = &document.root.nodes;
+    let roots = scene_roots(document, notes)?;
+    let mut is_reached = vec![false; nodes.len()];
+    let mut instances = Vec::new();
+    let mut pending: Vec<(usize, DAffine3)> =
+        roots.into_iter().rev().map(|root| (root, DAffine3::IDENTITY)).collect();
+    let mut skinned = 0;
+    while let Some((index, world_from_parent)) = pending.pop() {
+        let node = get(nodes, index, "node", || "the node hierarchy".to_owned())?;
+        if std::mem::replace(&mut is_reached[index], true) {
+            return Err(GltfProblem::NodeReachedTwice { node: index }.into());
+        }
+        let world_from_node = world_from_parent * parent_from_node(node);
+        if let Some(mesh) = node.mesh {
+            get(&document.root.meshes, mesh, "mesh", || format!("node {index}"))?;
+            skinned += usize::from(node.skin.is_some());
+            match &node.extensions.instancing {
+                None => instances.push(MeshInstance { mesh, world_from_mesh: world_from_node }),
+                Some(instancing) => {
+                    let placed = node_from_instances(document, index, mesh, instancing)?;
+                    instances.extend(placed.into_iter().map(|node_from_mesh| MeshInstance {
+                        mesh,
+                        world_from_mesh: world_from_node * node_from_mesh,
+                    }));
+                }
+            }
+        }
+        pending.extend(node.children.iter().rev().map(|&child| (child, world_from_node)));
+    }
+    if skinned > 0 {
+        notes.push(format!("read {} as modelled, without skeleton", counted(skinned, "skinned mesh")));
+    }
+    Ok(instances)
+}
+
+/// Root nodes of the default scene; without scenes all nodes that are nobody's child.
+fn scene_roots(document: &Document, notes: &mut Vec<String>) -> Result<Vec<usize>, GltfProblem> {
+    let root = document.root;
+    if root.scene.is_none() && root.scenes.is_empty() {
+        let mut is_child = vec![false; root.nodes.len()];
+        for &child in root.nodes.iter().flat_map(|node| &node.children) {
+            get(&root.nodes, child, "node", || "the node hierarchy".to_owned())?;
+            is_child[child] = true;
+        }
+        return Ok((0..root.nodes.len()).filter(|&node| !is_child[node]).collect());
+    }
+    let index = root.scene.unwrap_or(0);
+    let scene = get(&root.scenes, index, "scene", || "the file".to_owned())?;
+    if root.scenes.len() > 1 {
+        notes.push(format!("only scene {index} of {} was loaded", root.scenes.len()));
+    }
+    Ok(scene.nodes.clone())
+}
+
+fn parent_from_node(node: &Node) -> DAffine3 {
+    if let Some(matrix) = &node.matrix {
+        return DAffine3::from_mat4(DMat4::from_cols_array(matrix));
+    }
+    affine(
+        node.translation.map_or(DVec3::ZERO, DVec3::from),
+        node.rotation.map_or(DQuat::IDENTITY, DQuat::from_array),
+        node.scale.map_or(DVec3::ONE, DVec3::from),
+    )
+}
+
+/// Scale first, then rotation, then translation.
+fn affine(translation: DVec3, rotation: DQuat, scale: DVec3) -> DAffine3 {
+    // Exporters write rotations with few digits; a zero one means none.
+    let rotation = if rotation.length_squared() > 0.0 { rotation.normalize() } else { DQuat::IDENTITY };
+    DAffine3::from_scale_rotation_translation(scale, rotation, translation)
+}
+
+// One mesh many times below one node (EXT_mesh_gpu_instancing).
+
+/// The extension's name.
+const INSTANCING: &str = "EXT_mesh_gpu_instancing";
+
+/// Where the instances of `mesh` stand below a node. What an instance is not given is the identity's, and attributes of the file's own
+/// (a colour, a number) are left alone.
+fn node_from_instances(
+    document: &Document,
+    node: usize,
+    mesh: usize,
+    instancing: &Instancing,
+) -> Result<Vec<DAffine3>, Error> {
+    let mut counts = Vec::new();
+    for name in ["TRANSLATION", "ROTATION", "SCALE"] {
+        if let Some(&index) = instancing.attributes.get(name) {
+            let from = || format!("{name} of the instances of node {node}");
+            counts.push((name, get(&document.root.accessors, index, "accessor", from)?.count));
+        }
+    }
+    let Some(&first) = counts.first() else { return Ok(vec![DAffine3::IDENTITY]) };
+    if let Some(&other) = counts.iter().find(|(_, count)| *count != first.1) {
+        return Err(GltfProblem::InstanceCount { node, counts: [first, other] }.into());
+    }
+    check_triangles(document, mesh, first.1)?;
+    let translations = read_per_instance::<3>(document, instancing, "TRANSLATION", "three floats")?;
+    let rotations =
+        read_per_instance::<4>(document, instancing, "ROTATION", "four floats or normalised integers")?;
+    let scales = read_per_instance::<3>(document, instancing, "SCALE", "three floats")?;
+    let vector = |values: &Option<Vec<[f32; 3]>>, index: usize, default| {
+        values.as_ref().map_or(default, |values| Vec3::from(values[index]).as_dvec3())
+    };
+    let turn =
+        |index: usize| rotations.as_ref().map_or(DQuat::IDENTITY, |r| Quat::from_array(r[index]).as_dquat());
+    let placed = (0..first.1).map(|index| {
+        affine(vector(&translations, index, DVec3::ZERO), turn(index), vector(&scales, index, DVec3::ONE))
+    });
+    Ok(placed.collect())
+}
+
+fn read_per_instance<const N: usize>(
+    document: &Document,
+    instancing: &Instancing,
+    name: &str,
+    expected: &'static str,
+) -> Result<Option<Vec<[f32; N]>>, GltfProblem> {
+    let Some(&accessor) = instancing.attributes.get(name) else { return Ok(None) };
+    Reader::new(document, accessor, name)?.read_floats(name, expected, false).map(Some)
+}
+
+/// Refuses more triangles than the limit before a list of instances is made: a few letters of JSON can ask for any number of them.
+fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<(), Error> {
+    let accessors = &document.root.accessors;
+    let corners = |primitive: &Primitive| {
+        let accessor = primitive.indices.or_else(|| primitive.attributes.get("POSITION").copied());
+        accessor.and_then(|index| accessors.get(index)).map_or(0, |accessor| accessor.count)
+    };
+    let primitives = &document.root.meshes[mesh].primitives;
+    let of_mesh = primitives.iter().fold(0usize, |sum, primitive| sum.saturating_add(corners(primitive) / 3));
+    // What has no triangle counts as one, as it takes its place in the list.
+    document.file.check_triangles(count.saturating_mul(of_mesh.max(1)))?;
+    Ok(())
+}
+
+// Primitives: from accessors to triangles with corner attributes.
+
+/// More sets than this are not read: nobody needs them, and a set's number must not decide how much is allocated.
+const MAX_UV_SETS: usize = 8;
+
+/// Appends all instances of all meshes to the model.
+fn load_all(document: &Document, instances: &[MeshInstance], model: &mut Model) -> Result<(), Error> {
+    let mut loader = Loader { document, model, default_material: None, skipped: Skipped::default() };
+    let mut is_loaded = vec![false; document.root.meshes.len()];
+    for instance in instances {
+        let said_so_far = (loader.skipped, loader.model.notes.len());
+        let mesh = &document.root.meshes[instance.mesh];
+        if mesh.weights.iter().any(|&w| w != 0.0) {
+            loader.model.notes.push(format!("the morph targets of mesh {} were left out", instance.mesh));
+        }
+        for (index, primitive) in mesh.primitives.iter().enumerate() {
+            let label = format!("primitive {index} of mesh {}", instance.mesh);
+            loader.load(primitive, &label, &instance.world_from_mesh)?;
+        }
+        // What is to be said of a mesh is said once, however often it stands in the world.
+        if std::mem::replace(&mut is_loaded[instance.mesh], true) {
+            loader.skipped = said_so_far.0;
+            loader.model.notes.truncate(said_so_far.1);
+        }
+    }
+    loader.finish();
+    Ok(())
+}
+
+/// Primitives that are not loaded.
+#[derive(Clone, Copy, Default)]
+struct Skipped {
+    points_or_lines: usize,
+    without_positions: usize,
+}
+
+struct Loader<'a, 'm> {
+    document: &'a Document<'a>,
+    model: &'m mut Model,
+    /// Index of the material for primitives without one, once needed.
+    default_material: Option<u32>,
+    skipped: Skipped,
+}
+
+/// How vertices make triangles.
+#[derive(Clone, Copy)]
+enum Mode {
+    List,
+    Strip,
+    Fan,
+}
+
+impl Loader<'_, '_> {
+    fn finish(self) {
+        let notes = &mut self.model.notes;
+        let Skipped { points_or_lines, without_positions } = self.skipped;
+        if points_or_lines > 0 {
+            let primitives = counted(points_or_lines, "primitive");
+            notes.push(format!("skipped {primitives} of points or lines"));
+        }
+        if without_positions > 0 {
+            let primitives = counted(without_positions, "primitive");
+            notes.push(format!("skipped {primitives} without positions"));
+        }
+        // One material everywhere needs no list.
+        if self.model.materials.len() <= 1 {
+            self.model.triangle_materials.clear();
+        }
+    }
+
+    fn load(&mut self, primitive: &Primitive, label: &str, world_from_mesh: &DAffine3) -> Result<(), Error> {
+        let mode = match primitive.mode.unwrap_or(4) {
+            0..=3 => {
+                self.skipped.points_or_lines += 1;
+                return Ok(());
+            }
+            4 => Mode::List,
+            5 => Mode::Strip,
+            6 => Mode::Fan,
+            mode => return Err(GltfProblem::Mode { primitive: label.to_owned(), mode }.into()),
+        };
+        let Some(&positions) = primitive.attributes.get("POSITION") else {
+            self.skipped.without_positions += 1;
+            return Ok(());
+        };
+        check_compression(self.document, primitive, positions)?;
+        let positions = Reader::new(self.document, positions, label)?;
+        let file = self.document.file;
+        let first_position = self.model.positions.len();
+        file.check_positions(first_position + positions.count())?;
+
+        let triangles = self.read_triangles(primitive, label, mode, positions.count())?;
+        let is_mirrored = world_from_mesh.matrix3.determinant() < 0.0;
+        let triangles =
+            triangles.into_iter().map(|[a, b, c]| if is_mirrored { [a, c, b] } else { [a, b, c] });
+        let triangles: Vec<[u32; 3]> = triangles.collect();
+        file.check_triangles(self.model.triangles.len() + triangles.len())?;
+
+        let positions: Vec<[f32; 3]> =
+            positions.read_floats("POSITION", "three floats or integers", false)?;
+        let world = |p: &[f32; 3]| world_from_mesh.transform_point3(Vec3::from(*p).as_dvec3());
+        self.model.positions.extend(positions.iter().map(world));
+
+        let attributes = Attributes { primitive, label, count: positions.len(), triangles: &triangles };
+        self.append_attributes(&attributes, world_from_mesh, is_mirrored)?;
+        let offset = first_position as u32;
+        self.model.triangles.extend(triangles.iter().map(|t| t.map(|v| v + offset)));
+        let material = self.material_of(primitive, label)?;
+        self.model.triangle_materials.resize(self.model.triangles.len(), material);
+        Ok(())
+    }
+
+    /// Vertex triples, each within `count`.
+    fn read_triangles(
+        &mut self,
+        primitive: &Primitive,
+        label: &str,
+        mode: Mode,
+        count: usize,
+    ) -> Result<Vec<[u32; 3]>, GltfProblem> {
+        let indices: Vec<u32> = match primitive.indices {
+            Some(accessor) => Reader::new(self.document, accessor, label)?.read_indices("indices")?,
+            None => (0..count as u32).collect(),
+        };
+        if let Some(&index) = indices.iter().find(|&&index| index as usize >= count) {
+            return Err(GltfProblem::Vertex { primitive: label.to_owned(), index, count });
+        }
+        let (lists, rest) = indices.as_chunks::<3>();
+        Ok(match mode {
+            Mode::List => {
+                if !rest.is_empty() {
+                    let rest = counted(rest.len(), "index");
+                    self.model.notes.push(format!("{label}: ignored {rest} after the last whole triangle"));
+                }
+                lists.to_vec()
+            }
+            Mode::Strip => strip(&indices),
+            Mode::Fan => fan(&indices),
+        })
+    }
+
+    /// The model's material for a primitive.
+    fn material_of(&mut self, primitive: &Primitive, label: &str) -> Result<u32, GltfProblem> {
+        if let Some(material) = primitive.material {
+            get(&self.document.root.materials, material, "material", || label.to_owned())?;
+            return Ok(material as u32);
+        }
+        let materials = &mut self.model.materials;
+        Ok(*self.default_material.get_or_insert_with(|| {
+            materials.push(default_material());
+            materials.len() as u32 - 1
+        }))
+    }
+
+    fn append_attributes(
+        &mut self,
+        attributes: &Attributes,
+        world_from_mesh: &DAffine3,
+        is_mirrored: bool,
+    ) -> Result<(), GltfProblem> {
+        let before = 3 * self.model.triangles.len();
+        let document = self.document;
+        let corners = &mut self.model.corners;
+        if let Some(normals) = attributes.read::<3>(document, "NORMAL", "three floats or integers", false)? {
+            let world = normal_transform(world_from_mesh);
+            let normals: Vec<Vec3> = normals.into_iter().map(|n| turned(&world, Vec3::from(n))).collect();
+            pad(&mut corners.normals, before, Vec3::ZERO);
+            attributes.spread(&normals, &mut corners.normals);
+        }
+        if let Some(tangents) = attributes.read::<4>(document, "TANGENT", "four floats or integers", false)? {
+            let linear = world_from_mesh.matrix3;
+            // The bitangent is w * cross(normal, tangent), and a mirror turns cross products round.
+            let sign = if is_mirrored { -1.0 } else { 1.0 };
+            let world = |[x, y, z, w]: [f32; 4]| turned(&linear, Vec3::new(x, y, z)).extend(sign * w);
+            let tangents: Vec<Vec4> = tangents.into_iter().map(world).collect();
+            pad(&mut corners.tangents, before, Vec4::ZERO);
+            attributes.spread(&tangents, &mut corners.tangents);
+        }
+        if let Some(colors) = attributes.read_colors(document)? {
+            pad(&mut corners.colors, before, Vec4::ONE);
+            attributes.spread(&colors, &mut corners.colors);
+        }
+        for set in 0..MAX_UV_SETS {
+            let name = format!("TEXCOORD_{set}");
+            let Some(uvs) = attributes.read::<2>(document, &name, "two floats or integers", false)? else {
+                continue;
+            };
+            let uvs: Vec<Vec2> = uvs.into_iter().map(Vec2::from).collect();
+            pad(&mut corners.uv_sets, set + 1, Vec::new());
+            pad(&mut corners.uv_sets[set], before, Vec2::ZERO);
+            attributes.spread(&uvs, &mut corners.uv_sets[set]);
+        }
+        Ok(())
+    }
+}
+
+/// Refuses a primitive that is there in compressed form only, though the file does not say that it requires the extension.
+fn check_compression(
+    document: &Document,
+    primitive: &Primitive,
+    positions: usize,
+) -> Result<(), GltfProblem> {
+    const COMPRESSION: &str = "KHR_draco_mesh_compression";
+    let has_data = |a: &Accessor| a.buffer_view.is_some() || a.sparse.is_some();
+    let is_plain = document.root.accessors.get(positions).is_none_or(has_data);
+    if is_plain || !primitive.extensions.contains_key(COMPRESSION) {
+        return Ok(());
+    }
+    Err(GltfProblem::RequiredExtensions { extensions: vec![COMPRESSION.to_owned()] })
+}
+
+/// What reading the attributes of a primitive needs.
+struct Attributes<'a> {
+    primitive: &'a Primitive,
+    label: &'a str,
+    /// Number of positions, which all attributes must match.
+    count: usize,
+    triangles: &'a [[u32; 3]],
+}
+
+impl Attributes<'_> {
+    fn reader<'a>(&self, document: &'a Document, name: &str) -> Result<Option<Reader<'a>>, GltfProblem> {
+        let Some(&accessor) = self.primitive.attributes.get(name) else { return Ok(None) };
+        let reader = Reader::new(document, accessor, self.label)?;
+        if reader.count() != self.count {
+            return Err(GltfProblem::AttributeCount {
+                primitive: self.label.to_owned(),
+                positions: self.count,
+                attribute: name.to_owned(),
+                count: reader.count(),
+            });
+        }
+        Ok(Some(reader))
+    }
+
+    fn read<const N: usize>(
+        &self,
+        document: &Document,
+        name: &str,
+        expected: &'static str,
+        always_normalized: bool,
+    ) -> Result<Option<Vec<[f32; N]>>, GltfProblem> {
+        let reader = self.reader(document, name)?;
+        reader.map(|reader| reader.read_floats(name, expected, always_normalized)).transpose()
+    }
+
+    /// Linear RGBA from three or four numbers; integers are always fractions.
+    fn read_colors(&self, document: &Document) -> Result<Option<Vec<Vec4>>, GltfProblem> {
+        const EXPECTED: &str = "three or four floats or integers";
+        let Some(reader) = self.reader(document, "COLOR_0")? else { return Ok(None) };
+        let colors = match reader.width() {
+            3 => reader
+                .read_floats("COLOR_0", EXPECTED, true)?
+                .into_iter()
+                .map(|c| Vec3::from(c).extend(1.0))
+                .collect(),
+            _ => reader.read_floats("COLOR_0", EXPECTED, true)?.into_iter().map(Vec4::from_array).collect(),
+        };
+        Ok(Some(colors))
+    }
+
+    /// From one value per vertex to one per corner.
+    fn spread<T: Copy>(&self, of_vertex: &[T], of_corner: &mut Vec<T>) {
+        of_corner.extend(self.triangles.iter().flatten().map(|&v| of_vertex[v as usize]));
+    }
+}
+
+/// Every other triangle of a strip is turned round to keep the orientation.
+fn strip(indices: &[u32]) -> Vec<[u32; 3]> {
+    let triangle = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
+    indices.windows(3).enumerate().map(triangle).collect()
+}
+
+fn fan(indices: &[u32]) -> Vec<[u32; 3]> {
+    let Some((&centre, rim)) = indices.split_first() else { return Vec::new() };
+    rim.windows(2).map(|w| [w[0], w[1], centre]).collect()
+}
+
+/// Normals follow the inverse transpose. Where there is none (a node flattened to nothing), the result is not finite and
+/// the triangle's own normal replaces it later.
+fn normal_transform(world_from_mesh: &DAffine3) -> DMat3 {
+    world_from_mesh.matrix3.inverse().transpose()
+}
+
+/// A direction under a linear map, not normalised.
+fn turned(linear: &DMat3, direction: Vec3) -> Vec3 {
+    let turned: DVec3 = *linear * direction.as_dvec3();
+    turned.normalize_or_zero().as_vec3()
+}
+
+// Materials, textures, samplers and images.
+
+/// Loads all materials and images into the model, in the file's order.
+fn load_materials(document: &Document, model: &mut Model) -> Result<(), GltfProblem> {
+    let images = document.root.images.iter().enumerate();
+    model.images =
+        images.map(|(index, image)| load_image(document, index, image)).collect::<Result<_, _>>()?;
+    for (index, material) in document.root.materials.iter().enumerate() {
+        let mut reader = MaterialReader { document, index, notes: &mut model.notes };
+        model.materials.push(reader.read(material)?);
+    }
+    Ok(())
+}
+
+/// What primitives without a material have.
+fn default_material() -> Material {
+    Material { metallic: 1.0, roughness: 1.0, double_sided: false, ..Material::default() }
+}
+
+fn load_image(document: &Document, index: usize, image: &schema::Image) -> Result<ImageSource, GltfProblem> {
+    let file_name = document.file.path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
+    let embedded = |bytes: &[u8]| ImageSource::Embedded {
+        label: format!("image {index} of {file_name}"),
+        bytes: bytes.into(),
+    };
+    if let Some(view) = image.buffer_view {
+        return Ok(embedded(document.buffers.view(view, || format!("image {index}"))?));
+    }
+    let target = match &image.uri {
+        Some(uri) => resolve(uri, document.folder()),
+        None => Err(BufferProblem::NoData),
+    };
+    match target.map_err(|problem| GltfProblem::Image { image: index, problem })? {
+        Target::Bytes(bytes) => Ok(embedded(&bytes)),
+        Target::File(path) => Ok(ImageSource::File(path)),
+    }
+}
+
+struct MaterialReader<'a> {
+    document: &'a Document<'a>,
+    index: usize,
+    notes: &'a mut Vec<String>,
+}
+
+impl MaterialReader<'_> {
+    fn read(&mut self, source: &schema::Material) -> Result<Material, GltfProblem> {
+        let pbr = self.metallic_roughness(source);
+        let strength =
+            source.extensions.emissive_strength.as_ref().and_then(|e| e.emissive_strength).unwrap_or(1.0);
+        let normal_scale = source.normal_texture.as_ref().and_then(|t| t.scale);
+        let occlusion_strength = source.occlusion_texture.as_ref().and_then(|t| t.strength);
+        Ok(Material {
+            name: source.name.clone(),
+            place: format!("material {}", self.index),
+            base_color: pbr.base_color_factor.map_or(Vec4::ONE, Vec4::from),
+            base_color_texture: self.texture(pbr.base_color_texture.as_ref())?,
+            metallic: pbr.metallic_factor.unwrap_or(1.0),
+            roughness: pbr.roughness_factor.unwrap_or(1.0),
+            metallic_roughness_texture: self.texture(pbr.metallic_roughness_texture.as_ref())?,
+            normal_texture: self.texture(source.normal_texture.as_ref())?,
+            normal_scale: normal_scale.unwrap_or(1.0),
+            occlusion_texture: self.texture(source.occlusion_texture.as_ref())?,
+            occlusion_strength: occlusion_strength.unwrap_or(1.0),
+            emission: Vec3::from(source.emissive_factor) * strength,
+            emission_texture: self.texture(source.emissive_texture.as_ref())?,
+            alpha: self.alpha(source),
+            double_sided: source.double_sided,
+            unlit: source.extensions.unlit.is_some(),
+            toon: None,
+        })
+    }
+
+    /// The material's metallic-roughness; where it has none, what there is of its specular-glossiness, in which scans and
+    /// purchased models were written before metallic-roughness was common.
+    fn metallic_roughness(&mut self, source: &schema::Material) -> schema::MetallicRoughness {
+        let own = source.pbr_metallic_roughness.clone();
+        let Some(glossy) = source.extensions.specular_glossiness.as_ref().filter(|_| own.is_none()) else {
+            return own.unwrap_or_default();
+        };
+        self.notes.push(format!(
+            "material {}: of its specular-glossiness the diffuse colour and the glossiness factor were read",
+            self.index
+        ));
+        schema::MetallicRoughness {
+            base_color_factor: glossy.diffuse_factor,
+            base_color_texture: glossy.diffuse_texture.clone(),
+            metallic_factor: Some(0.0),
+            roughness_factor: Some((1.0 - glossy.glossiness_factor.unwrap_or(1.0)).clamp(0.0, 1.0)),
+            metallic_roughness_texture: None,
+        }
+    }
+
+    fn alpha(&mut self, source: &schema::Material) -> AlphaMode {
+        match source.alpha_mode.as_deref() {
+            None | Some("OPAQUE") => AlphaMode::Opaque,
+            Some("MASK") => AlphaMode::Mask(source.alpha_cutoff.unwrap_or(0.5)),
+            Some("BLEND") => AlphaMode::Blend,
+            Some(other) => {
+                self.notes
+                    .push(format!("material {}: the unknown alpha mode {other:?} became OPAQUE", self.index));
+                AlphaMode::Opaque
+            }
+        }
+    }
+
+    fn texture(&mut self, info: Option<&schema::TextureInfo>) -> Result<Option<TextureRef>, GltfProblem> {
+        let Some(info) = info else { return Ok(None) };
+        let root = self.document.root;
+        let from = || format!("material {}", self.index);
+        let texture = get(&root.textures, info.index, "texture", from)?;
+        let from = || format!("texture {}", info.index);
+        let source = texture.source.or(texture.extensions.webp.as_ref().and_then(|e| e.source));
+        let Some(image) = source else {
+            let (material, texture) = (self.index, info.index);
+            self.notes.push(format!(
+                "material {material}: texture {texture} has no image that fantex reads and was left out"
+            ));
+            return Ok(None);
+        };
+        get(&root.images, image, "image", from)?;
+        let sampler = texture.sampler.map(|s| get(&root.samplers, s, "sampler", from)).transpose()?;
+        let transform = info.extensions.transform.as_ref();
+        Ok(Some(TextureRef {
+            image,
+            uv_set: transform.and_then(|t| t.tex_coord).unwrap_or(info.tex_coord),
+            uv_transform: transform.map_or(Mat3::IDENTITY, uv_transform),
+            wrap: sampler.map_or([WrapMode::Repeat; 2], |s| [s.wrap_s, s.wrap_t].map(wrap_mode)),
+            nearest: sampler.is_some_and(|s| s.mag_filter == Some(9728)),
+        }))
+    }
+}
+
+/// From the numbers that glTF inherited from OpenGL; what is unknown repeats.
+fn wrap_mode(code: Option<u64>) -> WrapMode {
+    match code {
+        Some(33071) => WrapMode::Clamp,
+        Some(33648) => WrapMode::Mirror,
+        _ => WrapMode::Repeat,
+    }
+}
+
+/// Scale first, then a rotation that is counter-clockwise to the eye (v runs downwards), then the offset.
+fn uv_transform(transform: &schema::TextureTransform) -> Mat3 {
+    let (sin, cos) = transform.rotation.sin_cos();
+    let rotation = Mat3::from_cols(Vec3::new(cos, -sin, 0.0), Vec3::new(sin, cos, 0.0), Vec3::Z);
+    let scale = transform.scale.map_or(Vec2::ONE, Vec2::from);
+    Mat3::from_translation(Vec2::from(transform.offset)) * rotation * Mat3::from_scale(scale)
+}
+
+// What can be wrong with a glTF file.
+
+/// What is wrong with a glTF or GLB file.
+#[derive(Debug, thiserror::Error)]
+pub enum GltfProblem {
+    /// The GLB container is damaged.
+    #[error("at byte {offset}: expected {expected}; the file is truncated or damaged")]
+    Container {
+        /// Where.
+        offset: usize,
+        /// What the format prescribes there.
+        expected: &'static str,
+    },
+    /// A GLB container of another version.
+    #[error("it is a GLB container of version {version}, but fantex reads version 2")]
+    ContainerVersion {
+        /// The version.
+        version: u32,
+    },
+    /// The JSON text is broken or says something that glTF does not allow.
+    #[error("its JSON does not describe a glTF model: {0}")]
+    Json(serde_json::Error),
+    /// Another version of glTF.
+    #[error("it is glTF of version {version:?}, but fantex reads 2.0")]
+    Version {
+        /// The version as written.
+        version: String,
+    },
+    /// The file cannot be understood without these extensions.
+    #[error("it requires {}, which fantex does not read; export it without", extensions.join(", "))]
+    RequiredExtensions {
+        /// Their names.
+        extensions: Vec<String>,
+    },
+    /// A reference to something that is not there.
+    #[error("{from} refers to {what} {index}, but there are {count} (counting starts at 0)")]
+    Index {
+        /// Where the reference stands.
+        from: String,
+        /// What it refers to.
+        what: &'static str,
+        /// The index as written.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A buffer cannot be used.
+    #[error("buffer {buffer}: {problem}")]
+    Buffer {
+        /// Its index.
+        buffer: usize,
+        /// What is wrong.
+        problem: BufferProblem,
+    },
+    /// A buffer view reaches beyond its buffer.
+    #[error("buffer view {view} covers bytes {offset} to {end} of buffer {buffer}, which has {length}")]
+    View {
+        /// Its index.
+        view: usize,
+        /// Its buffer.
+        buffer: usize,
+        /// First byte.
+        offset: usize,
+        /// Byte after the last.
+        end: u128,
+        /// Bytes of the buffer.
+        length: usize,
+    },
+    /// An accessor cannot be used.
+    #[error("accessor {accessor}: {problem}")]
+    Accessor {
+        /// Its index.
+        accessor: usize,
+        /// What is wrong.
+        problem: AccessorProblem,
+    },
+    /// An attribute that has not one value per position.
+    #[error("{primitive} has {}, but {} of {attribute}", counted(*positions, "position"), counted(*count, "value"))]
+    AttributeCount {
+        /// Which primitive.
+        primitive: String,
+        /// Its positions.
+        positions: usize,
+        /// The attribute.
+        attribute: String,
+        /// Its values.
+        count: usize,
+    },
+    /// A vertex index beyond the primitive's positions.
+    #[error("{primitive} refers to vertex {index}, but it has {count} (counting starts at 0)")]
+    Vertex {
+        /// Which primitive.
+        primitive: String,
+        /// The index.
+        index: u32,
+        /// Its positions.
+        count: usize,
+    },
+    /// A primitive mode that glTF does not define.
+    #[error("{primitive} has the unknown mode {mode}; modes are 0 to 6")]
+    Mode {
+        /// Which primitive.
+        primitive: String,
+        /// The mode.
+        mode: u64,
+    },
+    /// Attributes of instances that do not agree on how many there are.
+    #[error("node {node} has {} of {} for its instances, but {} of {}", counted(counts[0].1, "value"), counts[0].0, counts[1].1, counts[1].0)]
+    InstanceCount {
+        /// Its index.
+        node: usize,
+        /// Two attributes that differ, with their counts.
+        counts: [(&'static str, usize); 2],
+    },
+    /// A node that is its own ancestor or has several parents.
+    #[error("node {node} is reached twice; nodes must form a tree")]
+    NodeReachedTwice {
+        /// Its index.
+        node: usize,
+    },
+    /// An image without data.
+    #[error("image {image}: {problem}")]
+    Image {
+        /// Its index.
+        image: usize,
+        /// What is wrong.
+        problem: BufferProblem,
+    },
+}
+
+/// Why the bytes of a buffer or image cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum BufferProblem {
+    /// Neither a URI nor, for the first buffer of a GLB file, a binary chunk; for an image no buffer view either.
+    #[error("it names no data (no URI, and no binary chunk or buffer view stands for it)")]
+    NoData,
+    /// Shorter than `byteLength`.
+    #[error("it should have {}, but there are {found}", counted(*expected, "byte"))]
+    TooShort {
+        /// `byteLength`.
+        expected: usize,
+        /// Bytes there are.
+        found: usize,
+    },
+    /// All buffers together exceed [`LoadLimits::max_file_bytes`](crate::LoadLimits::max_file_bytes).
+    #[error("the buffers up to this one have more than {limit} bytes, the limit for one file")]
+    TooLarge {
+        /// The limit.
+        limit: u64,
+    },
+    /// A data URI that cannot be decoded.
+    #[error("its data URI is broken: {0}")]
+    DataUri(&'static str),
+    /// An absolute path or a network address.
+    #[error("its URI {uri:?} is not relative; put the file beside the model and name it by a relative path")]
+    NotRelative {
+        /// The URI, shortened.
+        uri: String,
+    },
+    /// The file beside the model cannot be read.
+    #[error(transparent)]
+    File(Box<crate::LoadError>),
+}
+
+/// What is wrong with an accessor.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum AccessorProblem {
+    /// A component type that glTF does not define.
+    #[error("unknown component type {0}")]
+    ComponentType(u64),
+    /// Not the shape or component type that its use needs.
+    #[error("it holds {found}, but {used_for} needs {expected}")]
+    Shape {
+        /// What it is used for.
+        used_for: String,
+        /// What it holds.
+        found: String,
+        /// What is needed.
+        expected: &'static str,
+    },
+    /// The data lie outside their buffer view.
+    #[error(
+        "it needs {needed} bytes for {}, but buffer view {view} has {available} from its offset on",
+        counted(*count, "element")
+    )]
+    Range {
+        /// Elements.
+        count: usize,
+        /// Bytes they take.
+        needed: u128,
+        /// The buffer view.
+        view: usize,
+        /// Bytes from the accessor's offset on.
+        available: usize,
+    },
+    /// A stride shorter than an element.
+    #[error("buffer view {view} has a stride of {}, shorter than an element of {element}", counted(*stride, "byte"))]
+    Stride {
+        /// The buffer view.
+        view: usize,
+        /// Its stride.
+        stride: usize,
+        /// Bytes of an element.
+        element: usize,
+    },
+    /// A sparse index beyond the accessor's elements.
+    #[error("its sparse data replace element {index}, but it has {count}")]
+    SparseIndex {
+        /// The index.
+        index: u32,
+        /// The accessor's elements.
+        count: usize,
+    },
+    /// More elements than [`LoadLimits::max_positions`](crate::LoadLimits::max_positions) allows.
+    #[error("it announces {count} elements, more than the limit of {limit}")]
+    TooMany {
+        /// Elements.
+        count: usize,
+        /// The limit.
+        limit: usize,
+    },
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The example of the extension's own text: offset (0, 1), a quarter turn and scale one half choose the lower left
+    /// quadrant of the image.
+    #[test]
+    fn a_quarter_turn_chooses_the_lower_left_quadrant() {
+        let transform = schema::TextureTransform {
+            offset: [0.0, 1.0],
+            rotation: std::f32::consts::FRAC_PI_2,
+            scale: Some([0.5, 0.5]),
+            tex_coord: None,
+        };
+        let matrix = uv_transform(&transform);
+        let centre = matrix.transform_point2(Vec2::splat(0.5));
+        assert!((centre - Vec2::new(0.25, 0.75)).length() < 1e-6, "{centre}");
+        for corner in [Vec2::ZERO, Vec2::X, Vec2::Y, Vec2::ONE] {
+            let p = matrix.transform_point2(corner);
+            assert!((-1e-6..=0.5 + 1e-6).contains(&p.x) && (0.5 - 1e-6..=1.0 + 1e-6).contains(&p.y), "{p}");
+        }
+    }
 }

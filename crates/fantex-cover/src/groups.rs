@@ -1,0 +1,343 @@
+//! From fans to groups that are laid flat.
+
+use fantex_mesh::Fans;
+use glam::{Vec2, Vec3};
+use rayon::prelude::*;
+
+use crate::Frame;
+use crate::build::NominalDensity;
+use crate::fan_shape::{FanShape, Layout};
+use crate::flatten::{Flat, FlatLimits, Flattener, Laid, Membership, unfolded_rectangle};
+use crate::merge::{MergeLimits, choose_unions};
+use crate::partition::{Connector, Item, PatchLimits, partition};
+use crate::rectangle::{Rectangle, RectangleFinder};
+use crate::surface::{Ring, Surface};
+
+/// How groups may grow.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GroupLimits {
+    pub(crate) delta: f32,
+    /// Target tile extent in texels.
+    pub(crate) extent_texels: f32,
+    /// Smallest cosine between a group's direction and its triangles' normals.
+    pub(crate) facing: f32,
+    /// Smallest cosine between a patch's direction and its fans' directions while patches are cut.
+    pub(crate) patch_facing: f32,
+}
+
+/// One group while the cover is built.
+#[derive(Clone, Debug)]
+pub(crate) struct Patch {
+    /// The group's fans are `order[start..start + length]`.
+    pub(crate) start: u32,
+    pub(crate) length: u32,
+    pub(crate) flat: Flat,
+    pub(crate) layout: Layout,
+    /// Nominal texels per mesh unit.
+    pub(crate) density: f32,
+    /// Smallest facing cosine that one of its fans reaches alone.
+    pub(crate) steepest_fan: f32,
+}
+
+impl Patch {
+    fn fans<'a>(&self, order: &'a [u32]) -> &'a [u32] {
+        &order[self.start as usize..(self.start + self.length) as usize]
+    }
+
+    fn laid(&self, order: &[u32]) -> Laid {
+        let Flat { frame, min, size, .. } = self.flat;
+        let fan = order[self.start as usize];
+        Laid { frame, min, size, density: self.density, fan, layout: self.layout, folds: false }
+    }
+}
+
+/// The groups of a mesh, before tiles are sized.
+pub(crate) struct Grouping {
+    /// Along a space-filling curve.
+    pub(crate) laid: Vec<Laid>,
+    /// Group of each fan.
+    pub(crate) fan_groups: Vec<u32>,
+}
+
+/// Groups the fans of a surface, of which there is an item each.
+pub(crate) fn group_fans(
+    surface: &Surface<'_>,
+    shapes: &[FanShape],
+    mut items: Vec<Item>,
+    density: &NominalDensity<'_>,
+    limits: &GroupLimits,
+) -> Grouping {
+    let patch_limits = PatchLimits { extent_texels: limits.extent_texels, facing: limits.patch_facing };
+    let lengths = partition(&mut items, &patch_limits);
+    let mut connector = Connector::new(&surface.fans, shapes);
+    let (order, lengths) = connector.connect(&items, &lengths, limits.facing);
+    drop(items);
+    let fan_groups = vec![0; shapes.len()];
+    let mut builder =
+        Builder { surface, shapes, density, limits, connector, order, fan_groups, unused_label: 0 };
+    let mut patches = builder.flatten(Pieces::consecutive(lengths));
+    builder.number_groups(&patches);
+    let merge_limits = MergeLimits { extent_texels: limits.extent_texels, facing: limits.facing };
+    let joined = choose_unions(&surface.fans, &patches, &builder.fan_groups, &merge_limits);
+    patches = builder.join(patches, &joined);
+    builder.number_groups(&patches);
+    let laid = patches.iter().map(|patch| patch.laid(&builder.order)).collect();
+    Grouping { laid, fan_groups: builder.fan_groups }
+}
+
+/// Runs of the order, `(start, length)`.
+struct Pieces(Vec<(u32, u32)>);
+
+impl Pieces {
+    fn consecutive(lengths: Vec<u32>) -> Self {
+        let mut start = 0;
+        let pieces = lengths.into_iter().map(|length| {
+            start += length;
+            (start - length, length)
+        });
+        Self(pieces.collect())
+    }
+}
+
+/// The state while patches are laid flat, halved and joined. Every patch is a run of `order`.
+struct Builder<'a> {
+    surface: &'a Surface<'a>,
+    shapes: &'a [FanShape],
+    density: &'a NominalDensity<'a>,
+    limits: &'a GroupLimits,
+    connector: Connector<'a>,
+    /// All fans.
+    order: Vec<u32>,
+    /// A label per fan; equal in one patch, different in different patches.
+    fan_groups: Vec<u32>,
+    /// Labels from here on are not in use.
+    unused_label: u32,
+}
+
+impl Builder<'_> {
+    /// Lays every piece flat, halving those that cannot share a projection until all can. Ascending by start.
+    fn flatten(&mut self, pieces: Pieces) -> Vec<Patch> {
+        let mut patches: Vec<Patch> = Vec::new();
+        let mut pending = pieces.0;
+        while !pending.is_empty() {
+            let first_label = self.unused_label;
+            for (&(start, length), label) in pending.iter().zip(first_label..) {
+                for &fan in &self.order[start as usize..(start + length) as usize] {
+                    self.fan_groups[fan as usize] = label;
+                }
+            }
+            let flats: Vec<Option<Patch>> = pending
+                .par_iter()
+                .enumerate()
+                .map_init(Flattener::default, |flattener, (i, &(start, length))| {
+                    self.flatten_piece(start, length, first_label + i as u32, flattener)
+                })
+                .collect();
+            self.unused_label += pending.len() as u32;
+            let rejected: Vec<(u32, u32)> = flats
+                .iter()
+                .zip(&pending)
+                .filter(|(flat, _)| flat.is_none())
+                .map(|(_, &piece)| piece)
+                .collect();
+            if patches.is_empty() {
+                // Collected in place.
+                patches = flats.into_iter().flatten().collect();
+            } else {
+                patches.extend(flats.into_iter().flatten());
+            }
+            pending = rejected.into_iter().flat_map(|piece| self.halve(piece)).collect();
+        }
+        patches.sort_unstable_by_key(|p| p.start);
+        patches
+    }
+
+    fn flatten_piece(&self, start: u32, length: u32, group: u32, flattener: &mut Flattener) -> Option<Patch> {
+        let fans = &self.order[start as usize..(start + length) as usize];
+        let (mut area, mut weighted, mut steepest_fan) = (0.0, 0.0, 1.0f32);
+        for &fan in fans {
+            let shape = &self.shapes[fan as usize];
+            area += shape.area;
+            weighted += shape.area * self.density.of_fan(self.surface, fan as usize);
+            steepest_fan = steepest_fan.min(shape.cone.cos);
+        }
+        let first = fans[0] as usize;
+        let density = if area > 0.0 { weighted / area } else { self.density.of_fan(self.surface, first) };
+        let membership = Membership { fan_groups: &self.fan_groups, group };
+        let limits = FlatLimits {
+            delta: self.limits.delta,
+            pad: 1.0 / density.max(f32::MIN_POSITIVE),
+            facing: facing_limit(self.limits.facing, steepest_fan),
+        };
+        let shape = &self.shapes[first];
+        let flat = if shape.layout == Layout::Unfolded {
+            flattener.unfold(self.surface, fans[0], shape.cone, &limits)?
+        } else if fans.len() == 1 {
+            flattener.project_fan(self.surface, first, shape.cone, &limits)
+        } else {
+            flattener.project(self.surface, fans, membership, &limits)?
+        };
+        Some(Patch { start, length, flat, layout: shape.layout, density, steepest_fan })
+    }
+
+    /// Cuts a piece in two, and each half into connected components.
+    fn halve(&mut self, (start, length): (u32, u32)) -> Vec<(u32, u32)> {
+        let fans = &mut self.order[start as usize..(start + length) as usize];
+        let halves = halve_by_length(self.surface, fans);
+        let parts = self.connector.separate(&mut self.order, start as usize, &halves);
+        Pieces::consecutive(parts).0.into_iter().map(|(at, n)| (start + at, n)).collect()
+    }
+
+    /// Makes `fan_groups` agree with the order of the patches.
+    fn number_groups(&mut self, patches: &[Patch]) {
+        for (patch, group) in patches.iter().zip(0..) {
+            for &fan in patch.fans(&self.order) {
+                self.fan_groups[fan as usize] = group;
+            }
+        }
+        self.unused_label = patches.len() as u32;
+    }
+
+    /// Brings the fans of joined patches together and lays the unions flat; `joined` names each patch's union by one of its
+    /// members.
+    fn join(&mut self, patches: Vec<Patch>, joined: &[u32]) -> Vec<Patch> {
+        let mut members: Vec<(u32, u32)> = joined.iter().copied().zip(0..).collect();
+        members.sort_unstable();
+        let mut unions: Vec<&[(u32, u32)]> = members.chunk_by(|a, b| a.0 == b.0).collect();
+        unions.sort_unstable_by_key(|union| union[0].1);
+        let mut order = Vec::with_capacity(self.order.len());
+        let mut kept = Vec::new();
+        let mut pieces = Vec::new();
+        for union in unions {
+            let start = order.len() as u32;
+            for &(_, p) in union {
+                order.extend_from_slice(patches[p as usize].fans(&self.order));
+            }
+            if let &[(_, p)] = union {
+                kept.push(Patch { start, ..patches[p as usize].clone() });
+            } else {
+                pieces.push((start, order.len() as u32 - start));
+            }
+        }
+        self.order = order;
+        kept.extend(self.flatten(Pieces(pieces)));
+        kept.sort_unstable_by_key(|p| p.start);
+        kept
+    }
+}
+
+/// The facing cosine that a group must keep: the one asked for, or somewhat less than what its steepest fan reaches alone.
+/// Without the latter no two corners of a box could share a tile.
+pub(crate) fn facing_limit(asked: f32, steepest_fan: f32) -> f32 {
+    asked.min(0.8 * steepest_fan)
+}
+
+/// Cuts a patch that turned out invalid into two by rank along its longest extent; returns the halves' lengths.
+fn halve_by_length(surface: &Surface<'_>, fans: &mut [u32]) -> [u32; 2] {
+    let center = |fan: u32| surface.fan_center(fan as usize);
+    let (low, high) = fans
+        .iter()
+        .map(|&fan| center(fan))
+        .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+    let axis = (high - low).max_position();
+    fans.sort_by(|&a, &b| center(a)[axis].total_cmp(&center(b)[axis]).then(a.cmp(&b)));
+    let middle = fans.len() / 2;
+    [middle as u32, (fans.len() - middle) as u32]
+}
+
+// One fan per tile, the thesis' own case: every fan is decided about and laid flat in one go.
+//
+// Fans are visited along a space-filling curve, which is the order of the tiles, and everything about a fan is derived from
+// one gathering of its ring while that is in the first cache.
+
+/// Lays every fan flat, in the order of a Morton curve. Fans that neither can be projected nor unfolded are marked
+/// [`Layout::Split`].
+pub(crate) fn lay_fans(surface: &Surface<'_>, density: &NominalDensity<'_>, delta: f32) -> Vec<Laid> {
+    let curve = curve(surface);
+    curve
+        .par_iter()
+        .with_min_len(1 << 10)
+        .map_init(Layer::default, |layer, &key| {
+            let fan = key as u32;
+            layer.lay(surface, fan, density.of_fan(surface, fan as usize), delta)
+        })
+        .collect()
+}
+
+/// The group of each fan, where every group is one fan.
+pub(crate) fn fan_groups(fans: &Fans, laid: &[Laid]) -> Vec<u32> {
+    let mut groups = vec![0; fans.len()];
+    for (group, laid) in (0..).zip(laid) {
+        groups[laid.fan as usize] = group;
+    }
+    groups
+}
+
+/// All fans along a Morton curve through mesh space, 10 bits per axis: the place on the curve above, the fan below.
+fn curve(surface: &Surface<'_>) -> Vec<u64> {
+    let spread = |x: f32| {
+        let mut bits = ((x + 1.0) * 511.5) as u32 & 1023;
+        bits = (bits | bits << 16) & 0x0300_00ff;
+        bits = (bits | bits << 8) & 0x0300_f00f;
+        bits = (bits | bits << 4) & 0x030c_30c3;
+        (bits | bits << 2) & 0x0924_9249
+    };
+    let key = |fan: usize| {
+        let [x, y, z] = surface.fan_center(fan).to_array().map(spread);
+        u64::from(x | y << 1 | z << 2) << 32 | fan as u64
+    };
+    let mut keys: Vec<u64> = (0..surface.fans.len()).into_par_iter().with_min_len(1 << 12).map(key).collect();
+    keys.par_sort_unstable();
+    keys
+}
+
+/// Lays single fans flat. Keeps its buffers.
+#[derive(Default)]
+struct Layer {
+    ring: Ring,
+    spokes: Vec<Vec2>,
+    outline: Vec<Vec2>,
+    rectangles: RectangleFinder,
+}
+
+impl Layer {
+    fn lay(&mut self, surface: &Surface<'_>, fan: u32, density: f32, delta: f32) -> Laid {
+        self.ring.gather(surface, fan as usize);
+        let FanShape { layout, cone, folds, .. } = FanShape::of(&self.ring, surface, fan as usize);
+        let pad = 1.0 / density.max(f32::MIN_POSITIVE);
+        let (x, y) = cone.axis.any_orthonormal_pair();
+        let (rectangle, x_axis) = match layout {
+            Layout::Projected => {
+                self.outline(x, y, delta);
+                let r = self.rectangles.smallest_around_star(&self.outline, pad);
+                (r, (x * r.x_axis.x + y * r.x_axis.y).normalize())
+            }
+            Layout::Unfolded | Layout::Split => {
+                let unfolded = unfolded_rectangle(surface, fan as usize, delta, pad, &mut self.rectangles);
+                (unfolded.map_or(Rectangle::POINT, |u| u.0), x)
+            }
+        };
+        let frame = Frame { origin: self.ring.center, direction: cone.axis, x_axis };
+        Laid { frame, min: rectangle.min, size: rectangle.size, density, fan, layout, folds }
+    }
+
+    /// The outline of the projected partial fan, counter-clockwise: see `region` for its points.
+    fn outline(&mut self, x: Vec3, y: Vec3, delta: f32) {
+        let (along_spoke, between) = (0.5 + 0.5 * delta, (1.0 + delta) / 3.0);
+        self.spokes.clear();
+        self.spokes.extend(self.ring.spokes.iter().map(|s| Vec2::new(s.dot(x), s.dot(y))));
+        self.outline.clear();
+        if !self.ring.closed {
+            self.outline.push(Vec2::ZERO);
+        }
+        for pair in self.spokes.windows(2) {
+            self.outline.push(pair[0] * along_spoke);
+            self.outline.push((pair[0] + pair[1]) * between);
+        }
+        if !self.ring.closed
+            && let Some(&last) = self.spokes.last()
+        {
+            self.outline.push(last * along_spoke);
+        }
+    }
+}

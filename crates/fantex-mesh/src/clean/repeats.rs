@@ -1,0 +1,271 @@
+//! Finding equal elements: for every element that equals an earlier one, the first of its kind.
+//!
+//! Elements are spread over buckets by their hash, chunk by chunk, and every bucket is then looked through with a small
+//! table that stays in the processor's cache. Chunks and buckets run in parallel; a bucket sees its elements in
+//! ascending order, so the result does not depend on the number of threads.
+
+use std::collections::{HashMap, HashSet};
+
+use glam::{DVec3, IVec3, Vec3};
+use rayon::prelude::*;
+
+/// Elements hashed per parallel task.
+const CHUNK: usize = 1 << 16;
+/// Elements per bucket aimed at.
+const BUCKET: usize = 1 << 12;
+/// An unused place of a bucket's table.
+const EMPTY: u64 = u64::MAX;
+
+/// An element that equals an earlier one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Repeat {
+    /// The later element.
+    pub(super) element: u32,
+    /// The first element that equals it.
+    pub(super) first: u32,
+}
+
+/// All elements below `count` that equal an earlier one, ascending. Elements whose `hash` is `None` are left out.
+///
+/// `same` must be an equivalence, and equal elements must have equal hashes.
+pub(super) fn repeats(
+    count: usize,
+    hash: impl Fn(usize) -> Option<u64> + Sync,
+    same: impl Fn(u32, u32) -> bool + Sync,
+) -> Vec<Repeat> {
+    let bucket_bits = (count / BUCKET).next_power_of_two().trailing_zeros().min(12);
+    let chunks: Vec<Chunk> = (0..count.div_ceil(CHUNK))
+        .into_par_iter()
+        .map(|c| Chunk::new(c * CHUNK..count.min((c + 1) * CHUNK), bucket_bits, &hash))
+        .collect();
+    let mut found: Vec<Repeat> = (0..1_usize << bucket_bits)
+        .into_par_iter()
+        .map_init(Vec::new, |table, bucket| search(bucket, &chunks, table, &same))
+        .flatten_iter()
+        .collect();
+    found.par_sort_unstable();
+    found
+}
+
+/// Scrambles 96 bits into 64: two rounds of multiply and fold.
+pub(super) fn scramble([a, b, c]: [u32; 3]) -> u64 {
+    let mut h = (u64::from(a) | u64::from(b) << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    h = (h ^ (h >> 32)).wrapping_add(u64::from(c)).wrapping_mul(0xd6e8_feb8_6659_fd93);
+    h = (h ^ (h >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    h ^ (h >> 32)
+}
+
+/// The elements of one chunk, sorted by bucket and ascending within each.
+struct Chunk {
+    starts: Vec<u32>,
+    /// Low half of the hash above, element below.
+    entries: Vec<u64>,
+}
+
+impl Chunk {
+    fn new(elements: std::ops::Range<usize>, bucket_bits: u32, hash: impl Fn(usize) -> Option<u64>) -> Self {
+        let bucket_of = |h: u64| ((h >> 32) & ((1 << bucket_bits) - 1)) as usize;
+        let hashed: Vec<(u64, u32)> = elements.filter_map(|i| hash(i).map(|h| (h, i as u32))).collect();
+        let mut starts = vec![0_u32; (1 << bucket_bits) + 1];
+        for &(h, _) in &hashed {
+            starts[bucket_of(h) + 1] += 1;
+        }
+        for b in 1..starts.len() {
+            starts[b] += starts[b - 1];
+        }
+        let mut cursors = starts.clone();
+        let mut entries = vec![0; hashed.len()];
+        for &(h, element) in &hashed {
+            let cursor = &mut cursors[bucket_of(h)];
+            entries[*cursor as usize] = h << 32 | u64::from(element);
+            *cursor += 1;
+        }
+        Self { starts, entries }
+    }
+
+    fn bucket(&self, bucket: usize) -> &[u64] {
+        &self.entries[self.starts[bucket] as usize..self.starts[bucket + 1] as usize]
+    }
+}
+
+/// Looks through one bucket with an open-addressing table.
+fn search(
+    bucket: usize,
+    chunks: &[Chunk],
+    table: &mut Vec<u64>,
+    same: impl Fn(u32, u32) -> bool,
+) -> Vec<Repeat> {
+    let count: usize = chunks.iter().map(|chunk| chunk.bucket(bucket).len()).sum();
+    let places = (2 * count).next_power_of_two();
+    table.clear();
+    table.resize(places, EMPTY);
+    let mut found = Vec::new();
+    for &entry in chunks.iter().flat_map(|chunk| chunk.bucket(bucket)) {
+        let (tag, element) = (entry >> 32, entry as u32);
+        let mut place = tag as usize & (places - 1);
+        loop {
+            let seen = table[place];
+            if seen == EMPTY {
+                table[place] = entry;
+                break;
+            }
+            if seen >> 32 == tag && same(seen as u32, element) {
+                found.push(Repeat { element, first: seen as u32 });
+                break;
+            }
+            place = (place + 1) & (places - 1);
+        }
+    }
+    found
+}
+
+// Triangles that occur more than once.
+
+/// What [`find`] found.
+pub(super) struct Duplicates {
+    /// Triangles with the same vertices in the same cyclic order as an earlier one, ascending.
+    pub(super) repeated: Vec<u32>,
+    /// Pairs of triangles with the same vertices in opposite order: a double-sided sheet. Both stay.
+    pub(super) double_sided_pairs: u64,
+}
+
+/// Finds repeated and double-sided triangles.
+pub(super) fn find(triangles: &[[u32; 3]]) -> Duplicates {
+    let mut found = Duplicates { repeated: Vec::new(), double_sided_pairs: 0 };
+    let mut paired = HashSet::new();
+    let key = |t: usize| sorted(triangles[t]);
+    let same_vertices = |a: u32, b: u32| key(a as usize) == key(b as usize);
+    for repeat in repeats(triangles.len(), |t| Some(scramble(key(t))), same_vertices) {
+        let (triangle, first) = (triangles[repeat.element as usize], triangles[repeat.first as usize]);
+        if smallest_first(triangle) == smallest_first(first) || !paired.insert(repeat.first) {
+            found.repeated.push(repeat.element);
+        } else {
+            found.double_sided_pairs += 1;
+        }
+    }
+    found
+}
+
+fn sorted([a, b, c]: [u32; 3]) -> [u32; 3] {
+    let (low, high) = (a.min(b), a.max(b));
+    [low.min(c), low.max(high.min(c)), high.max(c)]
+}
+
+/// Turned so that the smallest index comes first; the cyclic order stays.
+fn smallest_first(triangle: [u32; 3]) -> [u32; 3] {
+    let mut turned = triangle;
+    while turned[0] > turned[1] || turned[0] > turned[2] {
+        turned.rotate_left(1);
+    }
+    turned
+}
+
+// Welding: vertices at the same place become one.
+
+/// Vertices (among the used ones) at exactly the position of an earlier one.
+pub(super) fn coinciding(positions: &[Vec3], used: impl Fn(usize) -> bool + Sync) -> Vec<Repeat> {
+    repeats(
+        positions.len(),
+        |i| used(i).then(|| scramble(positions[i].to_array().map(f32::to_bits))),
+        |a, b| positions[a as usize] == positions[b as usize],
+    )
+}
+
+/// Vertices (among the used ones) no further than `distance` mesh units from an earlier vertex that was not welded
+/// itself; each goes to the nearest such vertex, among equally near ones to the first.
+///
+/// Greedy, in vertex order, over a grid of cells as wide as the distance: welded vertices never drag others along, so
+/// nothing moves by more than `distance`.
+pub(super) fn within(positions: &[Vec3], used: impl Fn(usize) -> bool, distance: f64) -> Vec<Repeat> {
+    // A cell index must fit 32 bits; below that the grid is coarser than the distance, which costs time only.
+    let cell = distance.max(1.0 / f64::from(1 << 28));
+    let mut kept: HashMap<IVec3, Vec<u32>> = HashMap::new();
+    let mut found = Vec::new();
+    for (i, p) in positions.iter().enumerate().filter(|&(i, _)| used(i)) {
+        let home = (p.as_dvec3() / cell).floor().as_ivec3();
+        let nearest = neighbourhood(home)
+            .filter_map(|cell| kept.get(&cell))
+            .flatten()
+            .map(|&k| (p.as_dvec3().distance(positions[k as usize].as_dvec3()), k))
+            .filter(|&(d, _)| d <= distance)
+            .min_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        match nearest {
+            Some((_, first)) => found.push(Repeat { element: i as u32, first }),
+            None => kept.entry(home).or_default().push(i as u32),
+        }
+    }
+    found
+}
+
+/// The 27 cells around and including `home`.
+fn neighbourhood(home: IVec3) -> impl Iterator<Item = IVec3> {
+    (0..27).map(move |i| home + IVec3::new(i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1))
+}
+
+/// The tolerance in mesh units for a world-space distance.
+pub(super) fn mesh_distance(world_distance: f64, world_per_mesh: f64) -> f64 {
+    // Wider than the whole box is as good as everything.
+    (world_distance / world_per_mesh).min(DVec3::splat(2.0).length())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn repeats_name_the_first_of_their_kind_in_order() {
+        let values: Vec<u32> = (0..300_000).map(|i: u32| i.wrapping_mul(2_654_435_761) % 70_001).collect();
+        let found = repeats(
+            values.len(),
+            |i| Some(scramble([values[i], 0, 0])),
+            |a, b| values[a as usize] == values[b as usize],
+        );
+        let mut first = std::collections::HashMap::new();
+        let expected: Vec<Repeat> = (0..values.len() as u32)
+            .filter_map(|i| match *first.entry(values[i as usize]).or_insert(i) {
+                f if f == i => None,
+                f => Some(Repeat { element: i, first: f }),
+            })
+            .collect();
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn colliding_hashes_are_told_apart_and_none_is_left_out() {
+        let values = [1, 2, 1, 2, 3, 1];
+        let found = repeats(6, |i| (i != 5).then_some(7), |a, b| values[a as usize] == values[b as usize]);
+        assert_eq!(found, [Repeat { element: 2, first: 0 }, Repeat { element: 3, first: 1 }]);
+    }
+
+    #[test]
+    fn turned_copies_are_repeats_and_reversed_ones_are_twins() {
+        let found = find(&[[5, 3, 9], [3, 9, 5], [9, 3, 5], [5, 9, 3], [1, 2, 3], [9, 5, 3]]);
+        assert_eq!(found.repeated, [1, 3, 5]);
+        assert_eq!(found.double_sided_pairs, 1);
+    }
+
+    #[test]
+    fn sorting_covers_every_order() {
+        for t in [[1, 2, 3], [1, 3, 2], [2, 1, 3], [2, 3, 1], [3, 1, 2], [3, 2, 1]] {
+            assert_eq!(sorted(t), [1, 2, 3]);
+        }
+    }
+
+    #[test]
+    fn only_equal_positions_coincide() {
+        let a = Vec3::new(0.1, 0.2, 0.3);
+        let one_ulp = Vec3::new(f32::from_bits(a.x.to_bits() + 1), a.y, a.z);
+        let found = coinciding(&[a, one_ulp, a, Vec3::ZERO, one_ulp], |i| i != 4);
+        assert_eq!(found, [Repeat { element: 2, first: 0 }]);
+    }
+
+    #[test]
+    fn a_tolerance_welds_across_cell_borders_but_does_not_chain() {
+        let row: Vec<Vec3> = (0..10).map(|i| Vec3::new(0.01 * i as f32 - 0.05, 0.0, 0.0)).collect();
+        let found = within(&row, |_| true, 0.0125);
+        let firsts: Vec<(u32, u32)> = found.iter().map(|r| (r.element, r.first)).collect();
+        assert_eq!(firsts, [(1, 0), (3, 2), (5, 4), (7, 6), (9, 8)]);
+        assert!(within(&row, |_| true, 0.0).is_empty());
+        assert_eq!(within(&[row[0], row[0]], |_| true, 0.0).len(), 1);
+    }
+}

@@ -1,0 +1,433 @@
+//! The GLB container: a header, a chunk of JSON and an optional chunk of binary data.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
+use base64::{Engine as _, alphabet};
+
+use super::schema::{Accessor, Buffer, Root, Sparse};
+use super::{AccessorProblem, BufferProblem, Document, GltfProblem, get};
+use crate::load::{LoadError, SourceFile, locate, read_companion};
+
+/// The parts of a GLB file.
+pub(super) struct Container<'a> {
+    pub(super) json: &'a [u8],
+    pub(super) binary: Option<&'a [u8]>,
+}
+
+/// Splits a GLB file. Chunks of other kinds and bytes after the stated length are ignored, as the format demands.
+pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, GltfProblem> {
+    let truncated = |offset, expected| GltfProblem::Container { offset, expected };
+    let version = read_u32(bytes, 4).ok_or(truncated(4, "the container's version"))?;
+    if version != 2 {
+        return Err(GltfProblem::ContainerVersion { version });
+    }
+    let length = read_u32(bytes, 8).ok_or(truncated(8, "the container's length"))? as usize;
+    let bytes =
+        bytes.get(..length).ok_or(truncated(bytes.len(), "more bytes, as the container's length says"))?;
+
+    let (kind, json, mut offset) = chunk(bytes, 12)?;
+    if kind != b"JSON" {
+        return Err(truncated(12, "a chunk of JSON"));
+    }
+    let mut binary = None;
+    while offset < bytes.len() && binary.is_none() {
+        let (kind, content, end) = chunk(bytes, offset)?;
+        binary = (kind == b"BIN\0").then_some(content);
+        offset = end;
+    }
+    Ok(Container { json, binary })
+}
+
+/// Kind, content and end of the chunk at `offset`.
+fn chunk(bytes: &[u8], offset: usize) -> Result<(&[u8], &[u8], usize), GltfProblem> {
+    let broken = |expected| GltfProblem::Container { offset, expected };
+    let length = read_u32(bytes, offset).ok_or(broken("a chunk's length"))? as usize;
+    let kind = bytes.get(offset + 4..offset + 8).ok_or(broken("a chunk's kind"))?;
+    let start = offset + 8;
+    let end = start.checked_add(length).ok_or(broken("a chunk within the file"))?;
+    let content = bytes.get(start..end).ok_or(broken("a chunk that ends within the file"))?;
+    Ok((kind, content, end))
+}
+
+fn read_u32(bytes: &[u8], offset: usize) -> Option<u32> {
+    let bytes = bytes.get(offset..)?.first_chunk::<4>()?;
+    Some(u32::from_le_bytes(*bytes))
+}
+
+// Bytes behind URIs: data URIs and relative paths.
+
+/// What a URI points to.
+pub(super) enum Target {
+    Bytes(Vec<u8>),
+    File(PathBuf),
+}
+
+/// Exporters disagree about the padding at the end.
+const BASE64: GeneralPurpose = GeneralPurpose::new(
+    &alphabet::STANDARD,
+    GeneralPurposeConfig::new().with_decode_padding_mode(DecodePaddingMode::Indifferent),
+);
+
+/// Decodes a data URI, or resolves a relative path against `folder`.
+pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Target, BufferProblem> {
+    if let Some(data) = uri.strip_prefix("data:") {
+        return decode_data(data).map(Target::Bytes);
+    }
+    let not_relative = || BufferProblem::NotRelative { uri: uri.chars().take(60).collect() };
+    if uri.starts_with('/') || uri.starts_with('\\') || has_scheme(uri) {
+        return Err(not_relative());
+    }
+    let decoded = percent_encoding::percent_decode_str(uri).decode_utf8_lossy();
+    // A name that is absolute only once decoded must not get around the check above.
+    let path = Path::new(decoded.as_ref());
+    if decoded.is_empty() || decoded.starts_with(['/', '\\']) || path.is_absolute() {
+        return Err(not_relative());
+    }
+    Ok(Target::File(locate(folder, path)))
+}
+
+/// `[media type][;base64],DATA`
+fn decode_data(data: &str) -> Result<Vec<u8>, BufferProblem> {
+    let (media_type, content) = data.split_once(',').ok_or(BufferProblem::DataUri("it has no comma"))?;
+    if !media_type.ends_with(";base64") {
+        return Ok(percent_encoding::percent_decode_str(content).collect());
+    }
+    BASE64.decode(content.trim_end()).map_err(|_| BufferProblem::DataUri("it is not base64"))
+}
+
+/// True for `http:`, `file:`, `C:` and the like.
+fn has_scheme(uri: &str) -> bool {
+    uri.split_once(':').is_some_and(|(scheme, _)| {
+        !scheme.is_empty() && scheme.chars().all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    })
+}
+
+// The binary data that accessors and images read.
+
+/// All buffers of a file.
+pub(super) struct Buffers<'a> {
+    root: &'a Root,
+    /// None where a buffer names no data: an error only for those who read it.
+    bytes: Vec<Option<Cow<'a, [u8]>>>,
+}
+
+impl<'a> Buffers<'a> {
+    /// Loads external and embedded buffers; `binary` is the binary chunk of a GLB file.
+    pub(super) fn load(
+        root: &'a Root,
+        file: &SourceFile<'a>,
+        binary: Option<&'a [u8]>,
+    ) -> Result<Self, GltfProblem> {
+        let mut total_bytes = 0;
+        let load = |(index, buffer): (usize, &Buffer)| {
+            let bytes = match &buffer.uri {
+                Some(uri) => fetch(uri, file, &mut total_bytes).map(|bytes| Some(Cow::Owned(bytes))),
+                None => Ok(binary.filter(|_| index == 0).map(Cow::Borrowed)),
+            };
+            bytes
+                .and_then(|bytes| bytes.map(|bytes| shorten(bytes, buffer.byte_length)).transpose())
+                .map_err(|problem| GltfProblem::Buffer { buffer: index, problem })
+        };
+        let bytes = root.buffers.iter().enumerate().map(load).collect::<Result<_, _>>()?;
+        Ok(Self { root, bytes })
+    }
+
+    /// The bytes of a buffer view; `from` says who refers to it.
+    pub(super) fn view(&self, index: usize, from: impl FnOnce() -> String) -> Result<&[u8], GltfProblem> {
+        let view = get(&self.root.buffer_views, index, "buffer view", from)?;
+        let bytes = get(&self.bytes, view.buffer, "buffer", || format!("buffer view {index}"))?;
+        let bytes = bytes
+            .as_deref()
+            .ok_or(GltfProblem::Buffer { buffer: view.buffer, problem: BufferProblem::NoData })?;
+        let end = view.byte_offset as u128 + view.byte_length as u128;
+        let out_of_range = GltfProblem::View {
+            view: index,
+            buffer: view.buffer,
+            offset: view.byte_offset,
+            end,
+            length: bytes.len(),
+        };
+        let end = usize::try_from(end).unwrap_or(usize::MAX);
+        bytes.get(view.byte_offset..end).ok_or(out_of_range)
+    }
+}
+
+/// The bytes behind a URI. `total_bytes` adds up over all buffers, because many may name one large file.
+fn fetch(uri: &str, file: &SourceFile, total_bytes: &mut u64) -> Result<Vec<u8>, BufferProblem> {
+    let bytes = match resolve(uri, file.folder())? {
+        Target::Bytes(bytes) => bytes,
+        Target::File(path) => read_companion(&path, &file.limits)
+            .map_err(|error: LoadError| BufferProblem::File(Box::new(error)))?,
+    };
+    *total_bytes += bytes.len() as u64;
+    let limit = file.limits.max_file_bytes;
+    if *total_bytes > limit {
+        return Err(BufferProblem::TooLarge { limit });
+    }
+    Ok(bytes)
+}
+
+/// Binary chunks are padded, so data may be longer than a buffer says, but never shorter.
+fn shorten(bytes: Cow<'_, [u8]>, length: usize) -> Result<Cow<'_, [u8]>, BufferProblem> {
+    if bytes.len() < length {
+        return Err(BufferProblem::TooShort { expected: length, found: bytes.len() });
+    }
+    Ok(match bytes {
+        Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..length]),
+        Cow::Owned(mut bytes) => {
+            bytes.truncate(length);
+            Cow::Owned(bytes)
+        }
+    })
+}
+
+// Accessors: typed, strided, possibly sparse views of buffers. Every range is checked before it is read.
+
+/// Elements of an accessor without a buffer view. They take no bytes in the file, so only this limits the memory that a
+/// few letters of JSON can claim.
+const MAX_ZEROED_ELEMENTS: usize = 1 << 24;
+
+/// Type of one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Component {
+    I8,
+    U8,
+    I16,
+    U16,
+    U32,
+    F32,
+}
+
+impl Component {
+    /// From the number that glTF inherited from OpenGL.
+    fn from_code(code: u64) -> Result<Self, AccessorProblem> {
+        Ok(match code {
+            5120 => Self::I8,
+            5121 => Self::U8,
+            5122 => Self::I16,
+            5123 => Self::U16,
+            5125 => Self::U32,
+            5126 => Self::F32,
+            _ => return Err(AccessorProblem::ComponentType(code)),
+        })
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::I8 | Self::U8 => 1,
+            Self::I16 | Self::U16 => 2,
+            Self::U32 | Self::F32 => 4,
+        }
+    }
+
+    fn is_index(self) -> bool {
+        matches!(self, Self::U8 | Self::U16 | Self::U32)
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::I8 => "signed bytes",
+            Self::U8 => "bytes",
+            Self::I16 => "16-bit integers",
+            Self::U16 => "unsigned 16-bit integers",
+            Self::U32 => "unsigned 32-bit integers",
+            Self::F32 => "floats",
+        }
+    }
+}
+
+/// Elements at regular distances, in range.
+struct Elements<'a> {
+    bytes: &'a [u8],
+    stride: usize,
+    count: usize,
+}
+
+impl<'a> Elements<'a> {
+    /// Each element's bytes (at least its own, perhaps up to the next).
+    fn iter(&self) -> impl Iterator<Item = &'a [u8]> {
+        self.bytes.chunks(self.stride).take(self.count)
+    }
+}
+
+/// A checked accessor.
+pub(super) struct Reader<'a> {
+    document: &'a Document<'a>,
+    index: usize,
+    accessor: &'a Accessor,
+    component: Component,
+    /// Numbers per element.
+    width: usize,
+}
+
+impl<'a> Reader<'a> {
+    /// Looks an accessor up; `used_for` names its use in messages.
+    pub(super) fn new(document: &'a Document, index: usize, used_for: &str) -> Result<Self, GltfProblem> {
+        let accessor = get(&document.root.accessors, index, "accessor", || used_for.to_owned())?;
+        let failed = |problem| GltfProblem::Accessor { accessor: index, problem };
+        let component = Component::from_code(accessor.component_type).map_err(failed)?;
+        let width = match accessor.shape.as_str() {
+            "SCALAR" => 1,
+            "VEC2" => 2,
+            "VEC3" => 3,
+            "VEC4" => 4,
+            // Matrices serve skins and animations only, which are not read.
+            _ => 0,
+        };
+        let limits = document.limits();
+        let limit = match accessor.buffer_view {
+            Some(_) => limits.max_positions.max(limits.max_triangles.saturating_mul(3)),
+            None => MAX_ZEROED_ELEMENTS,
+        };
+        if accessor.count > limit {
+            return Err(failed(AccessorProblem::TooMany { count: accessor.count, limit }));
+        }
+        Ok(Self { document, index, accessor, component, width })
+    }
+
+    /// Number of elements.
+    pub(super) fn count(&self) -> usize {
+        self.accessor.count
+    }
+
+    /// Numbers per element.
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Elements of `N` numbers. Integers are divided by their largest value where the accessor says so, or where
+    /// `always_normalized` does.
+    pub(super) fn read_floats<const N: usize>(
+        &self,
+        used_for: &str,
+        expected: &'static str,
+        always_normalized: bool,
+    ) -> Result<Vec<[f32; N]>, GltfProblem> {
+        if self.width != N {
+            return Err(self.wrong_shape(used_for, expected));
+        }
+        let normalized = self.accessor.normalized || always_normalized;
+        match self.component {
+            Component::F32 => self.read(f32::from_le_bytes),
+            Component::I8 if normalized => self.read(|b| (f32::from(i8::from_le_bytes(b)) / 127.0).max(-1.0)),
+            Component::U8 if normalized => self.read(|b| f32::from(u8::from_le_bytes(b)) / 255.0),
+            Component::I16 if normalized => {
+                self.read(|b| (f32::from(i16::from_le_bytes(b)) / 32767.0).max(-1.0))
+            }
+            Component::U16 if normalized => self.read(|b| f32::from(u16::from_le_bytes(b)) / 65535.0),
+            Component::I8 => self.read(|b| f32::from(i8::from_le_bytes(b))),
+            Component::U8 => self.read(|b| f32::from(u8::from_le_bytes(b))),
+            Component::I16 => self.read(|b| f32::from(i16::from_le_bytes(b))),
+            Component::U16 => self.read(|b| f32::from(u16::from_le_bytes(b))),
+            Component::U32 => Err(self.wrong_shape(used_for, expected)),
+        }
+    }
+
+    /// Single unsigned integers.
+    pub(super) fn read_indices(&self, used_for: &str) -> Result<Vec<u32>, GltfProblem> {
+        if self.width != 1 || !self.component.is_index() {
+            return Err(self.wrong_shape(used_for, "single unsigned integers"));
+        }
+        let elements: Vec<[u32; 1]> = match self.component {
+            Component::U8 => self.read(|b: [u8; 1]| u32::from(b[0]))?,
+            Component::U16 => self.read(|b| u32::from(u16::from_le_bytes(b)))?,
+            _ => self.read(u32::from_le_bytes)?,
+        };
+        Ok(elements.into_iter().map(|[index]| index).collect())
+    }
+
+    fn wrong_shape(&self, used_for: &str, expected: &'static str) -> GltfProblem {
+        let found = format!("{} {}", self.accessor.shape, self.component.name());
+        self.failed(AccessorProblem::Shape { used_for: used_for.to_owned(), found, expected })
+    }
+
+    fn failed(&self, problem: AccessorProblem) -> GltfProblem {
+        GltfProblem::Accessor { accessor: self.index, problem }
+    }
+
+    /// Decodes all elements; `B` is the number's size in bytes.
+    fn read<const N: usize, const B: usize, T: Copy + Default>(
+        &self,
+        decode: impl Fn([u8; B]) -> T,
+    ) -> Result<Vec<[T; N]>, GltfProblem> {
+        let element = |bytes: &[u8]| -> [T; N] {
+            let (numbers, _) = bytes.as_chunks::<B>();
+            std::array::from_fn(|k| decode(numbers[k]))
+        };
+        let accessor = self.accessor;
+        let mut values = match accessor.buffer_view {
+            Some(view) => {
+                let stride =
+                    get(&self.document.root.buffer_views, view, "buffer view", || self.label())?.byte_stride;
+                self.elements(view, accessor.byte_offset, accessor.count, N * B, stride)?
+                    .iter()
+                    .map(element)
+                    .collect()
+            }
+            // Without a view all elements are zero, until sparse data replace some.
+            None => vec![[T::default(); N]; accessor.count],
+        };
+        if let Some(sparse) = &accessor.sparse {
+            self.replace(sparse, N * B, &mut values, element)?;
+        }
+        Ok(values)
+    }
+
+    /// Overwrites the elements that sparse data name.
+    fn replace<V>(
+        &self,
+        sparse: &Sparse,
+        element_bytes: usize,
+        values: &mut [V],
+        decode: impl Fn(&[u8]) -> V,
+    ) -> Result<(), GltfProblem> {
+        let component = Component::from_code(sparse.indices.component_type).map_err(|p| self.failed(p))?;
+        if !component.is_index() {
+            return Err(self.failed(AccessorProblem::ComponentType(sparse.indices.component_type)));
+        }
+        let (indices, new) = (&sparse.indices, &sparse.values);
+        let indices =
+            self.elements(indices.buffer_view, indices.byte_offset, sparse.count, component.size(), None)?;
+        let new = self.elements(new.buffer_view, new.byte_offset, sparse.count, element_bytes, None)?;
+        for (index, new) in indices.iter().zip(new.iter()) {
+            let index = index.iter().rev().fold(0u32, |index, &byte| index << 8 | u32::from(byte));
+            let count = values.len();
+            let slot = values.get_mut(index as usize);
+            *slot.ok_or_else(|| self.failed(AccessorProblem::SparseIndex { index, count }))? = decode(new);
+        }
+        Ok(())
+    }
+
+    /// The range of `count` elements in a buffer view.
+    fn elements(
+        &self,
+        view: usize,
+        offset: usize,
+        count: usize,
+        element: usize,
+        stride: Option<usize>,
+    ) -> Result<Elements<'_>, GltfProblem> {
+        let bytes = self.document.buffers.view(view, || self.label())?;
+        let stride = stride.unwrap_or(element);
+        if stride < element {
+            return Err(self.failed(AccessorProblem::Stride { view, stride, element }));
+        }
+        // The last element may end before the stride does.
+        let needed = match count {
+            0 => 0,
+            _ => (count as u128 - 1) * stride as u128 + element as u128,
+        };
+        let available = bytes.get(offset..).unwrap_or_default();
+        if needed > available.len() as u128 {
+            let available = available.len();
+            return Err(self.failed(AccessorProblem::Range { count, needed, view, available }));
+        }
+        Ok(Elements { bytes: &available[..needed as usize], stride, count })
+    }
+
+    fn label(&self) -> String {
+        format!("accessor {}", self.index)
+    }
+}

@@ -1,0 +1,335 @@
+//! MTL material libraries ("Alias/WaveFront Material (.mtl) File Format", 1995), with the physically based additions
+//! `Pr Pm map_Pr map_Pm norm` that current exporters write.
+//!
+//! Colours (`Kd`, `Ke`) are taken as sRGB, like vertex colours and textures. What metallic-roughness cannot express is
+//! left out with a note.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+use glam::{Mat3, Vec2, Vec3};
+
+use super::obj::{ObjProblem, line_end, number, shown, words};
+use crate::load::{LoadError, SourceFile, linear_rgba, locate, read_companion, relative_path};
+use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
+
+/// The materials of all libraries of an OBJ file.
+#[derive(Default)]
+pub(super) struct Library {
+    pub(super) materials: Vec<Material>,
+    /// Index into `materials`.
+    pub(super) of_name: HashMap<String, usize>,
+    pub(super) images: Vec<ImageSource>,
+    /// Index into `images`.
+    of_path: HashMap<PathBuf, usize>,
+    pub(super) notes: Vec<String>,
+}
+
+/// Reads the libraries that exist; a missing one is noted.
+///
+/// # Errors
+///
+/// A library that exists but is broken, with its own path and line.
+pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Library, LoadError> {
+    let mut library = Library::default();
+    let mut done = HashSet::new();
+    for name in names {
+        let Some(relative) = relative_path(name) else { continue };
+        let path = locate(file.folder(), &relative);
+        if !done.insert(path.clone()) {
+            continue;
+        }
+        match read_companion(&path, &file.limits) {
+            Ok(bytes) => Reader::new(&path, &mut library).read(&bytes)?,
+            Err(LoadError::Read { source, .. }) => {
+                library.notes.push(format!("the material file {name} cannot be read: {source}"));
+            }
+            Err(other) => return Err(other),
+        }
+    }
+    Ok(library)
+}
+
+struct Reader<'a> {
+    path: &'a Path,
+    library: &'a mut Library,
+    line: usize,
+    /// The current material, once there is one.
+    current: Option<Pending>,
+}
+
+/// A material with what is decided only when all its lines are known.
+#[derive(Default)]
+struct Pending {
+    material: Material,
+    /// Image of `map_d`.
+    opacity_image: Option<usize>,
+    roughness_texture: Option<TextureRef>,
+    has_emission_factor: bool,
+    /// `Pr` says it directly, `Ns` only approximates.
+    has_roughness: bool,
+    skipped: Vec<&'static str>,
+}
+
+impl<'a> Reader<'a> {
+    fn new(path: &'a Path, library: &'a mut Library) -> Self {
+        Self { path, library, line: 0, current: None }
+    }
+
+    fn read(mut self, bytes: &[u8]) -> Result<(), LoadError> {
+        let line_end = line_end(bytes);
+        for line in bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).split(|&b| b == line_end) {
+            self.line += 1;
+            self.read_line(line.trim_ascii()).map_err(|problem| LoadError::Obj {
+                path: self.path.into(),
+                line: self.line,
+                problem,
+            })?;
+        }
+        self.end_material();
+        Ok(())
+    }
+
+    fn read_line(&mut self, line: &[u8]) -> Result<(), ObjProblem> {
+        let keyword = &line[..line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len())];
+        let arguments = line[keyword.len()..].trim_ascii();
+        if keyword.is_empty() || keyword[0] == b'#' {
+            return Ok(());
+        }
+        if keyword == b"newmtl" {
+            self.end_material();
+            let name = String::from_utf8_lossy(arguments).into_owned();
+            let file = self.path.file_name().unwrap_or_default().to_string_lossy();
+            let place = format!("line {} of {file}", self.line);
+            let material = Material { name, place, ..Material::default() };
+            self.current = Some(Pending { material, ..Pending::default() });
+            return Ok(());
+        }
+        let Some(mut pending) = self.current.take() else {
+            return Err(ObjProblem::NoMaterial { keyword: shown(keyword) });
+        };
+        let result = self.read_property(&mut pending, &keyword.to_ascii_lowercase(), arguments);
+        self.current = Some(pending);
+        result
+    }
+
+    fn read_property(
+        &mut self,
+        pending: &mut Pending,
+        keyword: &[u8],
+        arguments: &[u8],
+    ) -> Result<(), ObjProblem> {
+        let material = &mut pending.material;
+        match keyword {
+            // Spectral curves and CIE XYZ: written by nobody, and not numbers that could be read as RGB.
+            b"kd" | b"ke" if arguments.starts_with(b"spectral") || arguments.starts_with(b"xyz") => {
+                pending.skipped.push("a spectral colour");
+            }
+            b"kd" => {
+                let alpha = material.base_color.w;
+                material.base_color = color("Kd", arguments)?.extend(alpha);
+            }
+            b"ke" => {
+                material.emission = color("Ke", arguments)?;
+                pending.has_emission_factor = true;
+            }
+            b"d" => material.base_color.w = scalar("d", arguments)?,
+            b"tr" => material.base_color.w = 1.0 - scalar("Tr", arguments)?,
+            b"pr" => {
+                material.roughness = scalar("Pr", arguments)?.clamp(0.0, 1.0);
+                pending.has_roughness = true;
+            }
+            b"pm" => material.metallic = scalar("Pm", arguments)?.clamp(0.0, 1.0),
+            b"ns" => {
+                let exponent = scalar("Ns", arguments)?.max(0.0);
+                if !pending.has_roughness {
+                    // m = 2 / roughness^4 - 2 for Blinn-Phong with perceptual roughness (B. Karis 2013).
+                    material.roughness = (2.0 / (exponent + 2.0)).powf(0.25);
+                }
+            }
+            b"map_kd" => material.base_color_texture = self.texture(arguments).map(|t| t.texture),
+            b"map_ke" => material.emission_texture = self.texture(arguments).map(|t| t.texture),
+            b"norm" | b"map_norm" | b"map_bump" | b"bump" => {
+                self.read_normal_map(pending, keyword, arguments)
+            }
+            b"map_d" => pending.opacity_image = self.texture(arguments).map(|t| t.texture.image),
+            b"map_pr" => pending.roughness_texture = self.texture(arguments).map(|t| t.texture),
+            b"map_pm" => pending.skipped.push("map_Pm"),
+            b"map_ks" => pending.skipped.push("map_Ks"),
+            b"map_ns" => pending.skipped.push("map_Ns"),
+            b"disp" => pending.skipped.push("disp"),
+            b"decal" => pending.skipped.push("decal"),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Exporters write tangent-space normal maps after `map_Bump` too; height maps after it cannot be told apart here.
+    fn read_normal_map(&mut self, pending: &mut Pending, keyword: &[u8], arguments: &[u8]) {
+        let Some(parsed) = self.texture(arguments) else { return };
+        let is_bump = !keyword.ends_with(b"norm");
+        if is_bump && pending.material.normal_texture.is_some() {
+            return;
+        }
+        if is_bump {
+            let name = &pending.material.name;
+            self.library.notes.push(format!("the bump map of material {name:?} is read as a normal map"));
+        }
+        pending.material.normal_scale = parsed.bump_scale;
+        pending.material.normal_texture = Some(parsed.texture);
+    }
+
+    fn end_material(&mut self) {
+        let Some(mut pending) = self.current.take() else { return };
+        let material = &mut pending.material;
+        if material.emission_texture.is_some() && !pending.has_emission_factor {
+            material.emission = Vec3::ONE;
+        }
+        match (pending.opacity_image, &material.base_color_texture) {
+            (Some(opacity), Some(base)) if opacity == base.image => material.alpha = AlphaMode::Blend,
+            (Some(_), _) => pending.skipped.push("map_d"),
+            _ => {}
+        }
+        if material.base_color.w < 1.0 {
+            material.alpha = AlphaMode::Blend;
+        }
+        // Roughness sits in green and metalness in blue of one texture, so a grey roughness map serves if metalness is 0.
+        match pending.roughness_texture {
+            Some(texture) if material.metallic == 0.0 => {
+                material.roughness = 1.0;
+                material.metallic_roughness_texture = Some(texture);
+            }
+            Some(_) => pending.skipped.push("map_Pr"),
+            None => {}
+        }
+        if !pending.skipped.is_empty() {
+            let (name, list) = (&material.name, pending.skipped.join(", "));
+            self.library.notes.push(format!(
+                "material {name:?}: {list} has no place in metallic-roughness and was left out"
+            ));
+        }
+        let materials = &mut self.library.materials;
+        // A later definition of the same name counts.
+        self.library.of_name.insert(pending.material.name.clone(), materials.len());
+        materials.push(pending.material);
+    }
+
+    /// Reads `-option values ... file name`; None without a file name.
+    fn texture(&mut self, arguments: &[u8]) -> Option<ParsedTexture> {
+        let text = String::from_utf8_lossy(arguments).into_owned();
+        let options = MapOptions::parse(&text);
+        let path = locate(self.path.parent().unwrap_or(Path::new("")), &relative_path(options.file_name)?);
+        let wrap = if options.clamp { WrapMode::Clamp } else { WrapMode::Repeat };
+        let texture = TextureRef {
+            image: self.image(path),
+            uv_set: 0,
+            uv_transform: options.uv_transform(),
+            wrap: [wrap; 2],
+            nearest: false,
+        };
+        Some(ParsedTexture { texture, bump_scale: options.bump_scale })
+    }
+
+    fn image(&mut self, path: PathBuf) -> usize {
+        let images = &mut self.library.images;
+        *self.library.of_path.entry(path).or_insert_with_key(|path| {
+            images.push(ImageSource::File(path.clone()));
+            images.len() - 1
+        })
+    }
+}
+
+struct ParsedTexture {
+    texture: TextureRef,
+    bump_scale: f32,
+}
+
+/// The options before the file name of a texture map.
+struct MapOptions<'a> {
+    offset: Vec2,
+    scale: Vec2,
+    clamp: bool,
+    bump_scale: f32,
+    file_name: &'a str,
+}
+
+impl<'a> MapOptions<'a> {
+    /// File names may hold spaces, so everything after the last option is the name.
+    fn parse(text: &'a str) -> Self {
+        let mut options =
+            Self { offset: Vec2::ZERO, scale: Vec2::ONE, clamp: false, bump_scale: 1.0, file_name: text };
+        while let Some((name, mut rest)) =
+            next_word(options.file_name).filter(|(word, _)| word.starts_with('-'))
+        {
+            match name.to_ascii_lowercase().as_str() {
+                "-o" => options.offset = take_vector(&mut rest, Vec2::ZERO),
+                "-s" => options.scale = take_vector(&mut rest, Vec2::ONE),
+                "-t" => _ = take_vector(&mut rest, Vec2::ZERO),
+                "-mm" => _ = (take_number(&mut rest), take_number(&mut rest)),
+                "-bm" => options.bump_scale = take_number(&mut rest).unwrap_or(1.0),
+                "-boost" | "-texres" => _ = take_number(&mut rest),
+                "-clamp" => {
+                    options.clamp = take_word(&mut rest).is_some_and(|w| w.eq_ignore_ascii_case("on"))
+                }
+                "-blendu" | "-blendv" | "-cc" | "-imfchan" | "-type" => _ = take_word(&mut rest),
+                // A file name that begins with a hyphen.
+                _ => break,
+            }
+            options.file_name = rest;
+        }
+        options
+    }
+
+    /// Written for coordinates with v upwards, `uv' = scale * uv + offset`; ours run downwards on both sides:
+    /// `1 - (scale * (1 - v) + offset) = scale * v + 1 - scale - offset`.
+    fn uv_transform(&self) -> Mat3 {
+        let translation = Vec2::new(self.offset.x, 1.0 - self.scale.y - self.offset.y);
+        Mat3::from_translation(translation) * Mat3::from_scale(self.scale)
+    }
+}
+
+fn next_word(text: &str) -> Option<(&str, &str)> {
+    let text = text.trim_start();
+    let end = text.find(char::is_whitespace).unwrap_or(text.len());
+    (end > 0).then(|| text.split_at(end))
+}
+
+fn take_word<'a>(rest: &mut &'a str) -> Option<&'a str> {
+    let (word, after) = next_word(rest)?;
+    *rest = after;
+    Some(word)
+}
+
+fn take_number(rest: &mut &str) -> Option<f32> {
+    let (word, after) = next_word(rest)?;
+    let value = word.parse().ok().filter(|x: &f32| x.is_finite())?;
+    *rest = after;
+    Some(value)
+}
+
+/// One to three numbers `u v w`; v is as u by default here, as exporters that write one number mean it.
+fn take_vector(rest: &mut &str, default: Vec2) -> Vec2 {
+    let x = take_number(rest);
+    let y = x.and_then(|_| take_number(rest));
+    _ = y.and_then(|_| take_number(rest));
+    Vec2::new(x.unwrap_or(default.x), y.unwrap_or(default.y))
+}
+
+/// Up to three numbers of an sRGB colour, as linear light; one number is a grey.
+fn color(keyword: &'static str, arguments: &[u8]) -> Result<Vec3, ObjProblem> {
+    let mut numbers = words(arguments).take(3).map(number);
+    let too_few = ObjProblem::TooFewNumbers { keyword, needed: 1, found: 0 };
+    let r = numbers.next().ok_or(too_few)??;
+    let g = numbers.next().transpose()?.unwrap_or(r);
+    let b = numbers.next().transpose()?.unwrap_or(g);
+    let encoded = glam::DVec3::new(r, g, b).as_vec3();
+    Ok(linear_rgba(encoded.max(Vec3::ZERO), 1.0).truncate())
+}
+
+fn scalar(keyword: &'static str, arguments: &[u8]) -> Result<f32, ObjProblem> {
+    // `d -halo 0.5` is allowed.
+    let word = words(arguments).find(|word| !word.starts_with(b"-halo"));
+    let word = word.ok_or(ObjProblem::TooFewNumbers { keyword, needed: 1, found: 0 })?;
+    let value = number(word)? as f32;
+    if value.is_finite() { Ok(value) } else { Err(ObjProblem::Number { found: shown(word) }) }
+}

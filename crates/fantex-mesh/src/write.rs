@@ -1,0 +1,372 @@
+//! Writing geometry as PLY, OBJ or GLB.
+//!
+//! The file appears whole or not at all: it is written under a temporary name in its own folder, made durable and then
+//! renamed.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use glam::{DVec3, Vec3, Vec4};
+
+use crate::ModelFormat;
+use crate::load::srgb_from_linear;
+
+/// Geometry to write.
+#[derive(Clone, Copy, Debug)]
+pub struct WriteGeometry<'a> {
+    /// World-space positions, finite.
+    pub positions: &'a [DVec3],
+    /// Indices into `positions`, counter-clockwise seen from outside.
+    pub triangles: &'a [[u32; 3]],
+    /// Linear RGBA per position (0..1), or None. PLY and OBJ store sRGB, PLY in 8 bits, OBJ without alpha.
+    pub colors: Option<&'a [Vec4]>,
+}
+
+/// Why a model could not be written. Each message is one sentence; nothing is left behind.
+#[derive(Debug, thiserror::Error)]
+pub enum WriteError {
+    /// Something of that name is there already.
+    #[error("{} exists already; use --force to overwrite it", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The extension names no format that fantex writes geometry in.
+    #[error("{} names no format that fantex writes models in; use .ply, .obj or .glb", path.display())]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// No triangle at all.
+    #[error("{} was not written: there are no triangles", path.display())]
+    NoTriangles {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A triangle refers to a position that is not there.
+    #[error("{} was not written: triangle {triangle} refers to position {index}, but there are {count}", path.display())]
+    Index {
+        /// The file.
+        path: PathBuf,
+        /// The triangle, from 0.
+        triangle: usize,
+        /// The index.
+        index: u32,
+        /// Number of positions.
+        count: usize,
+    },
+    /// A position that is not a number.
+    #[error("{} was not written: position {index} is not finite", path.display())]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// The position, from 0.
+        index: usize,
+    },
+    /// Not one colour per position.
+    #[error("{} was not written: there are {colors} colours for {positions} positions", path.display())]
+    ColorCount {
+        /// The file.
+        path: PathBuf,
+        /// Number of colours.
+        colors: usize,
+        /// Number of positions.
+        positions: usize,
+    },
+    /// More than the format can hold.
+    #[error("{} was not written: the model takes {bytes} bytes, but a GLB file holds 4 GiB; use .ply", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Bytes it would take.
+        bytes: u64,
+    },
+    /// The operating system refused.
+    #[error("cannot write {}: {source}", path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+}
+
+/// Writes geometry in the format that the extension names: `.ply` (binary little-endian), `.obj` or `.glb`.
+/// An existing file is replaced only with `force`.
+///
+/// # Errors
+///
+/// See [`WriteError`]; an existing file is then unchanged.
+pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result<(), WriteError> {
+    let format = ModelFormat::from_extension(path);
+    let format = format.filter(|f| matches!(f, ModelFormat::Ply | ModelFormat::Obj | ModelFormat::Glb));
+    let format = format.ok_or_else(|| WriteError::UnknownFormat { path: path.into() })?;
+    check(path, geometry)?;
+    if !force && path.exists() {
+        return Err(WriteError::Exists { path: path.into() });
+    }
+    let container = match format {
+        ModelFormat::Glb => {
+            Some(Layout::new(geometry).map_err(|bytes| WriteError::TooLarge { path: path.into(), bytes })?)
+        }
+        _ => None,
+    };
+    write_atomically(path, force, |out| match (&container, format) {
+        (Some(layout), _) => write_glb(geometry, layout, out),
+        (None, ModelFormat::Ply) => write_ply(geometry, out),
+        (None, _) => write_obj(geometry, out),
+    })
+}
+
+fn check(path: &Path, geometry: &WriteGeometry) -> Result<(), WriteError> {
+    let count = geometry.positions.len();
+    if geometry.triangles.is_empty() {
+        return Err(WriteError::NoTriangles { path: path.into() });
+    }
+    if let Some(index) = geometry.positions.iter().position(|p| !p.is_finite()) {
+        return Err(WriteError::NotFinite { path: path.into(), index });
+    }
+    let is_bad = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= count);
+    if let Some(triangle) = geometry.triangles.iter().position(is_bad) {
+        let index = geometry.triangles[triangle].into_iter().max().unwrap_or_default();
+        return Err(WriteError::Index { path: path.into(), triangle, index, count });
+    }
+    match geometry.colors {
+        Some(colors) if colors.len() != count => {
+            Err(WriteError::ColorCount { path: path.into(), colors: colors.len(), positions: count })
+        }
+        _ => Ok(()),
+    }
+}
+
+fn write_atomically(
+    path: &Path,
+    force: bool,
+    write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let failed = |source| WriteError::Io { path: path.into(), source };
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let temporary = temporary_file(folder).map_err(failed)?;
+    let mut out = BufWriter::with_capacity(1 << 20, temporary.as_file());
+    write(&mut out).and_then(|()| out.flush()).map_err(failed)?;
+    drop(out);
+    temporary.as_file().sync_all().map_err(failed)?;
+    let persisted = if force { temporary.persist(path) } else { temporary.persist_noclobber(path) };
+    match persisted {
+        Ok(_) => Ok(()),
+        Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => {
+            Err(WriteError::Exists { path: path.into() })
+        }
+        Err(error) => Err(failed(error.error)),
+    }
+}
+
+/// A new file with the permissions that any new file gets (temporary files are private by default).
+fn temporary_file(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    let builder = {
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666))
+    };
+    builder.prefix(".fantex-").tempfile_in(folder)
+}
+
+/// True if single precision holds all positions exactly.
+fn fits_single_precision(positions: &[DVec3]) -> bool {
+    positions.iter().all(|p| p.as_vec3().as_dvec3() == *p)
+}
+
+/// sRGB bytes of a linear colour; alpha stays linear.
+fn srgb_bytes(color: Vec4) -> [u8; 4] {
+    let [r, g, b, a] = color.to_array();
+    let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+    [
+        byte(crate::load::srgb_from_linear(r)),
+        byte(crate::load::srgb_from_linear(g)),
+        byte(crate::load::srgb_from_linear(b)),
+        byte(a),
+    ]
+}
+
+// Binary glTF.
+
+/// Where everything lies in the file.
+struct Layout {
+    /// glTF positions are floats. Where these are too coarse, they are taken relative to this point, which becomes the
+    /// node's translation.
+    origin: DVec3,
+    /// The JSON chunk, padded.
+    json: String,
+    binary_bytes: u32,
+    file_bytes: u32,
+}
+
+impl Layout {
+    /// Lays a file out; fails with its size in bytes if that exceeds 4 GiB.
+    fn new(geometry: &WriteGeometry) -> Result<Self, u64> {
+        let origin = match fits_single_precision(geometry.positions) {
+            true => DVec3::ZERO,
+            false => centre(geometry.positions),
+        };
+        let vertices = geometry.positions.len() as u64;
+        let position_bytes = 12 * vertices;
+        let color_bytes = if geometry.colors.is_some() { 16 * vertices } else { 0 };
+        let index_bytes = 12 * geometry.triangles.len() as u64;
+        let binary_bytes = position_bytes + color_bytes + index_bytes;
+        let mut json = describe(geometry, origin, [position_bytes, color_bytes, index_bytes]);
+        json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
+        // A header of 12 bytes and two chunks with headers of 8.
+        let bytes = 28 + json.len() as u64 + binary_bytes;
+        let file_bytes = u32::try_from(bytes).map_err(|_| bytes)?;
+        Ok(Self { origin, json, binary_bytes: binary_bytes as u32, file_bytes })
+    }
+
+    fn position(&self, world: DVec3) -> Vec3 {
+        (world - self.origin).as_vec3()
+    }
+}
+
+/// Centre of the bounding box.
+fn centre(positions: &[DVec3]) -> DVec3 {
+    let low = positions.iter().copied().fold(DVec3::MAX, DVec3::min);
+    let high = positions.iter().copied().fold(DVec3::MIN, DVec3::max);
+    low + (high - low) * 0.5
+}
+
+/// The JSON text. Binary data are positions, colours, indices, in this order.
+fn describe(geometry: &WriteGeometry, origin: DVec3, [positions, colors, indices]: [u64; 3]) -> String {
+    let vertices = geometry.positions.len();
+    let local = geometry.positions.iter().map(|p| (*p - origin).as_vec3());
+    let (low, high) = local.fold((Vec3::MAX, Vec3::MIN), |(low, high), p| (low.min(p), high.max(p)));
+    let mut attributes = serde_json::json!({ "POSITION": 0 });
+    let mut views = vec![serde_json::json!({ "buffer": 0, "byteLength": positions, "target": 34962 })];
+    let mut accessors = vec![serde_json::json!({
+        "bufferView": 0, "componentType": 5126, "count": vertices, "type": "VEC3",
+        "min": low.to_array(), "max": high.to_array(),
+    })];
+    if geometry.colors.is_some() {
+        attributes["COLOR_0"] = 1.into();
+        views.push(serde_json::json!({
+            "buffer": 0, "byteOffset": positions, "byteLength": colors, "target": 34962,
+        }));
+        accessors.push(serde_json::json!({
+            "bufferView": 1, "componentType": 5126, "count": vertices, "type": "VEC4",
+        }));
+    }
+    views.push(serde_json::json!({
+        "buffer": 0, "byteOffset": positions + colors, "byteLength": indices, "target": 34963,
+    }));
+    accessors.push(serde_json::json!({
+        "bufferView": views.len() - 1, "componentType": 5125, "count": 3 * geometry.triangles.len(), "type": "SCALAR",
+    }));
+    let document = serde_json::json!({
+        "asset": { "version": "2.0", "generator": "fantex" },
+        "scene": 0,
+        "scenes": [{ "nodes": [0] }],
+        "nodes": [{ "mesh": 0, "translation": origin.to_array() }],
+        "meshes": [{ "primitives": [{ "attributes": attributes, "indices": accessors.len() - 1, "material": 0 }] }],
+        "materials": [{ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.9 } }],
+        "buffers": [{ "byteLength": positions + colors + indices }],
+        "bufferViews": views,
+        "accessors": accessors,
+    });
+    document.to_string()
+}
+
+/// Writes header, JSON chunk and binary chunk.
+fn write_glb(geometry: &WriteGeometry, layout: &Layout, out: &mut impl Write) -> io::Result<()> {
+    out.write_all(b"glTF")?;
+    out.write_all(&2u32.to_le_bytes())?;
+    out.write_all(&layout.file_bytes.to_le_bytes())?;
+    out.write_all(&(layout.json.len() as u32).to_le_bytes())?;
+    out.write_all(b"JSON")?;
+    out.write_all(layout.json.as_bytes())?;
+    out.write_all(&layout.binary_bytes.to_le_bytes())?;
+    out.write_all(b"BIN\0")?;
+    for position in geometry.positions {
+        write_floats(&layout.position(*position).to_array(), out)?;
+    }
+    for color in geometry.colors.unwrap_or_default() {
+        write_floats(&color.to_array(), out)?;
+    }
+    for index in geometry.triangles.iter().flatten() {
+        out.write_all(&index.to_le_bytes())?;
+    }
+    Ok(())
+}
+
+fn write_floats(numbers: &[f32], out: &mut impl Write) -> io::Result<()> {
+    numbers.iter().try_for_each(|x| out.write_all(&x.to_le_bytes()))
+}
+
+// Wavefront OBJ.
+
+/// Coordinates in the fewest digits that read back exactly; colours as three sRGB numbers after them.
+fn write_obj(geometry: &WriteGeometry, out: &mut impl Write) -> io::Result<()> {
+    for (index, position) in geometry.positions.iter().enumerate() {
+        write!(out, "v")?;
+        for coordinate in position.to_array() {
+            let single = coordinate as f32;
+            match f64::from(single) == coordinate {
+                true => write!(out, " {single}")?,
+                false => write!(out, " {coordinate}")?,
+            }
+        }
+        if let Some(colors) = geometry.colors {
+            let [r, g, b] = colors[index].truncate().to_array().map(|x| srgb_from_linear(x.clamp(0.0, 1.0)));
+            write!(out, " {r:.5} {g:.5} {b:.5}")?;
+        }
+        writeln!(out)?;
+    }
+    for triangle in geometry.triangles {
+        let [a, b, c] = triangle.map(|v| u64::from(v) + 1);
+        writeln!(out, "f {a} {b} {c}")?;
+    }
+    Ok(())
+}
+
+// Binary little-endian PLY.
+
+/// Positions are floats where these hold them exactly, doubles else; colours are four sRGB bytes.
+fn write_ply(geometry: &WriteGeometry, out: &mut impl Write) -> io::Result<()> {
+    let is_single = fits_single_precision(geometry.positions);
+    write_header(geometry, is_single, out)?;
+    for (index, position) in geometry.positions.iter().enumerate() {
+        for coordinate in position.to_array() {
+            match is_single {
+                true => out.write_all(&(coordinate as f32).to_le_bytes())?,
+                false => out.write_all(&coordinate.to_le_bytes())?,
+            }
+        }
+        if let Some(colors) = geometry.colors {
+            out.write_all(&srgb_bytes(colors[index]))?;
+        }
+    }
+    for triangle in geometry.triangles {
+        let mut row = [3; 13];
+        for (bytes, index) in row[1..].as_chunks_mut::<4>().0.iter_mut().zip(triangle) {
+            *bytes = index.to_le_bytes();
+        }
+        out.write_all(&row)?;
+    }
+    Ok(())
+}
+
+fn write_header(geometry: &WriteGeometry, is_single: bool, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "ply\nformat binary_little_endian 1.0\nelement vertex {}", geometry.positions.len())?;
+    let scalar = if is_single { "float" } else { "double" };
+    for axis in ["x", "y", "z"] {
+        writeln!(out, "property {scalar} {axis}")?;
+    }
+    if geometry.colors.is_some() {
+        for channel in ["red", "green", "blue", "alpha"] {
+            writeln!(out, "property uchar {channel}")?;
+        }
+    }
+    // Many readers know signed indices only; larger ones need the unsigned type.
+    let index = if geometry.positions.len() <= i32::MAX as usize { "int" } else { "uint" };
+    writeln!(out, "element face {}", geometry.triangles.len())?;
+    writeln!(out, "property list uchar {index} vertex_indices\nend_header")
+}

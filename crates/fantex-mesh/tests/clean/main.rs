@@ -1,5 +1,0 @@
-//! Cleaning, seen from outside the crate.
-
-mod common;
-mod properties;
-mod worst_cases;

@@ -1,0 +1,544 @@
+//! What every cleaned mesh must satisfy, and short ways to build models.
+
+use std::collections::HashSet;
+use std::f64::consts::TAU;
+
+use fantex_mesh::generate::{book, cube, grid, icosphere, torus};
+use fantex_mesh::{CleanError, CleanOptions, CleanReport, Mesh, Model, Topology, clean};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+use proptest::prelude::*;
+
+/// A model without attributes.
+pub(crate) fn soup(
+    positions: impl IntoIterator<Item = [f64; 3]>,
+    triangles: impl Into<Vec<[u32; 3]>>,
+) -> Model {
+    Model {
+        name: "test".to_owned(),
+        positions: positions.into_iter().map(DVec3::from).collect(),
+        triangles: triangles.into(),
+        ..Model::default()
+    }
+}
+
+/// Cleans with the default options and checks what [`Mesh`] promises.
+pub(crate) fn cleaned(model: Model) -> (Mesh, CleanReport) {
+    let (mesh, report) = try_clean(model).unwrap_or_else(|error| panic!("{error}"));
+    check(&mesh, &report);
+    (mesh, report)
+}
+
+/// Cleans with the default options.
+pub(crate) fn try_clean(model: Model) -> Result<(Mesh, CleanReport), CleanError> {
+    clean(model, &CleanOptions::default())
+}
+
+/// Panics unless the mesh keeps the promises of [`Mesh`] and the report adds up.
+pub(crate) fn check(mesh: &Mesh, report: &CleanReport) {
+    assert!(mesh.positions.iter().all(|p| p.is_finite() && p.abs().max_element() <= 1.0));
+    let places: HashSet<_> = mesh.positions.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
+    assert_eq!(places.len(), mesh.positions.len(), "two vertices at the same position");
+    assert!(mesh.positions.iter().flat_map(|p| p.to_array()).all(|x| x != 0.0 || x.is_sign_positive()));
+    let used: HashSet<u32> = mesh.triangles.iter().flatten().copied().collect();
+    assert_eq!(used.len(), mesh.positions.len(), "unused vertices");
+    assert!(used.iter().all(|&v| (v as usize) < mesh.positions.len()));
+    let mut cycles = HashSet::new();
+    for (t, triangle) in mesh.triangles.iter().enumerate() {
+        let [a, b, c] = mesh.triangle_positions(t).map(|p| p.as_dvec3());
+        assert!((b - a).cross(c - a).length_squared() > 0.0, "triangle {t} has no area");
+        let mut turned = *triangle;
+        while turned[0] > turned[1] || turned[0] > turned[2] {
+            turned.rotate_left(1);
+        }
+        assert!(cycles.insert(turned), "triangle {t} is a duplicate");
+    }
+    assert!(!mesh.materials.is_empty() && !mesh.triangles.is_empty());
+    let sets = mesh.corners.uv_sets.iter().map(Vec::len);
+    let lengths = sets.chain([mesh.corners.normals.len(), mesh.corners.colors.len()]);
+    assert!(lengths.into_iter().all(|n| n == 0 || n == 3 * mesh.triangles.len()));
+    let dropped = report.triangles_non_finite + report.triangles_degenerate + report.triangles_duplicate;
+    assert_eq!(report.triangles_in - dropped, mesh.triangles.len() as u64);
+    let gone = report.vertices_welded + report.vertices_isolated;
+    assert_eq!(report.vertices_in - gone, mesh.positions.len() as u64);
+    assert_eq!(report.topology.vertices, mesh.positions.len() as u64);
+    assert_eq!(report.topology.triangles, mesh.triangles.len() as u64);
+}
+
+// Cleaning on hand-built worst cases, each with its expected outcome.
+
+fn circle(n: u32) -> impl Iterator<Item = [f64; 3]> {
+    (0..n).map(move |i| (TAU * f64::from(i) / f64::from(n)).sin_cos()).map(|(s, c)| [c, s, 0.0])
+}
+
+/// A closed double cone over `n` rim vertices; vertices `n` and `n + 1` are its tips.
+fn bipyramid(n: u32) -> Model {
+    let positions = circle(n).chain([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]);
+    let triangles: Vec<_> = (0..n).flat_map(|i| [[i, (i + 1) % n, n], [(i + 1) % n, i, n + 1]]).collect();
+    soup(positions, triangles)
+}
+
+/// A strip of `n` quadrilaterals whose last is glued to the first, upside down for odd `half_turns`.
+fn strip(n: u32, half_turns: u32) -> Model {
+    let at = |i: u32, side: u32| {
+        let side = if i == n && half_turns % 2 == 1 { 1 - side } else { side };
+        2 * (i % n) + side
+    };
+    let positions = (0..2 * n).map(|v| {
+        let u = TAU * f64::from(v / 2) / f64::from(n);
+        let w = (f64::from(v % 2) - 0.5) * 0.6;
+        let twist = 0.5 * f64::from(half_turns) * u;
+        let r = 1.0 + w * twist.cos();
+        [r * u.cos(), r * u.sin(), w * twist.sin()]
+    });
+    let triangles: Vec<_> = (0..n)
+        .flat_map(|i| {
+            let [a, b, c, d] = [at(i, 0), at(i + 1, 0), at(i + 1, 1), at(i, 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    soup(positions, triangles)
+}
+
+fn topology(model: Model) -> Topology {
+    cleaned(model).1.topology
+}
+
+#[test]
+fn hubs_of_any_degree_are_manifold() {
+    for n in [3, 7, 64, 10_000, 300_000] {
+        let (mesh, report) = cleaned(bipyramid(n));
+        assert_eq!(report.lines(), Vec::<String>::new(), "degree {n}");
+        assert_eq!(report.topology.genus(), Some(0));
+        assert_eq!(mesh.triangles.len(), 2 * n as usize);
+        let fan: Vec<_> = (0..n - 1).map(|i| [i, i + 1, n]).collect();
+        let fan = topology(soup(circle(n).chain([[0.0, 0.0, 1.0]]), fan));
+        assert_eq!((fan.edges_boundary, fan.vertices_non_manifold), (u64::from(n) + 1, 0));
+    }
+}
+
+#[test]
+fn bow_ties_have_one_non_manifold_vertex_and_a_component_per_wing() {
+    for k in 2..=50_u32 {
+        let rim = circle(3 * k).flat_map(|p| [p, [0.9 * p[0], 0.9 * p[1], 0.3]]);
+        let wings: Vec<_> = (0..k).map(|i| [6 * i, 6 * i + 2, 6 * k]).collect();
+        let bow_tie = topology(soup(rim.chain([[0.0; 3]]), wings));
+        assert_eq!(bow_tie.vertices_non_manifold, 1);
+        assert_eq!((bow_tie.components, bow_tie.edges_boundary), (u64::from(k), 3 * u64::from(k)));
+    }
+}
+
+#[test]
+fn one_sided_surfaces_keep_a_seam_and_are_reported() {
+    let (_, moebius) = cleaned(strip(12, 1));
+    assert_eq!(moebius.non_orientable_components, 1);
+    assert_eq!(moebius.topology.edges_inconsistent, 1);
+    assert_eq!(moebius.topology.euler_characteristic(), 0);
+    let (_, twisted_twice) = cleaned(strip(12, 2));
+    assert_eq!((twisted_twice.non_orientable_components, twisted_twice.topology.edges_inconsistent), (0, 0));
+}
+
+#[test]
+fn the_projective_plane_of_six_vertices_is_closed_but_not_orientable() {
+    let positions = (0..6).map(|i| [f64::from(i), f64::from(i * i), f64::from(i * i * i)]);
+    let faces = [
+        [0, 1, 2],
+        [0, 2, 3],
+        [0, 3, 4],
+        [0, 4, 5],
+        [0, 5, 1],
+        [1, 2, 4],
+        [2, 3, 5],
+        [3, 4, 1],
+        [4, 5, 2],
+        [5, 1, 3],
+    ];
+    let (_, report) = cleaned(soup(positions, faces));
+    assert_eq!((report.topology.euler_characteristic(), report.topology.edges_boundary), (1, 0));
+    assert_eq!(report.non_orientable_components, 1);
+    assert!(report.topology.edges_inconsistent > 0 && report.topology.genus().is_none());
+}
+
+#[test]
+fn the_klein_bottle_is_closed_but_not_orientable() {
+    let (n, m) = (16_u32, 8_u32);
+    let at = |i: u32, j: u32| if i == n { (m - j % m) % m } else { i * m + j % m };
+    // A figure eight turned by half a turn on its way round, moved apart where it would cross itself.
+    let positions = (0..n * m).map(|v| {
+        let (u, w) = (TAU * f64::from(v / m) / f64::from(n), TAU * (f64::from(v % m) + 0.02) / f64::from(m));
+        let r = 2.0 + (0.5 * u).cos() * w.sin() - (0.5 * u).sin() * (2.0 * w).sin();
+        [r * u.cos(), r * u.sin(), (0.5 * u).sin() * w.sin() + (0.5 * u).cos() * (2.0 * w).sin()]
+    });
+    let triangles: Vec<_> = (0..n * m)
+        .flat_map(|v| {
+            let (i, j) = (v / m, v % m);
+            let [a, b, c, d] = [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)];
+            [[a, b, c], [a, c, d]]
+        })
+        .collect();
+    let (_, report) = cleaned(soup(positions, triangles));
+    assert_eq!((report.topology.euler_characteristic(), report.topology.edges_boundary), (0, 0));
+    assert_eq!((report.non_orientable_components, report.topology.components), (1, 1));
+}
+
+#[test]
+fn books_have_one_edge_of_many_pages() {
+    for pages in [3, 4, 17, 100] {
+        let book = topology(book(pages));
+        assert_eq!((book.edges_non_manifold, book.edges_inconsistent), (1, 0));
+        assert_eq!((book.vertices_non_manifold, book.components), (2, 1));
+    }
+}
+
+fn two_cubes(shift: DVec3) -> Model {
+    let mut both = cube(1);
+    let other = cube(1);
+    both.positions.extend(other.positions.iter().map(|&p| p + shift));
+    both.triangles.extend(other.triangles.iter().map(|t| t.map(|v| v + 8)));
+    both
+}
+
+#[test]
+fn cubes_that_touch_are_welded_at_what_they_share() {
+    let (_, at_edge) = cleaned(two_cubes(DVec3::new(2.0, 2.0, 0.0)));
+    assert_eq!((at_edge.vertices_welded, at_edge.topology.edges_non_manifold), (2, 1));
+    let (_, at_vertex) = cleaned(two_cubes(DVec3::splat(2.0)));
+    assert_eq!((at_vertex.vertices_welded, at_vertex.topology.vertices_non_manifold), (1, 1));
+    assert_eq!(at_vertex.topology.components, 2);
+    // Sharing a face: an internal wall of two opposite triangles each.
+    let (_, at_face) = cleaned(two_cubes(DVec3::new(2.0, 0.0, 0.0)));
+    assert_eq!(at_face.vertices_welded, 4);
+    assert!(at_face.topology.edges_non_manifold >= 4);
+}
+
+#[test]
+fn repeated_triangles_go_and_reversed_twins_stay() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]];
+    let (mesh, report) = cleaned(soup(corners, [[0, 1, 2], [2, 0, 3], [2, 1, 0], [1, 2, 0]]));
+    assert_eq!(mesh.triangles, [[0, 1, 2], [2, 1, 0]]);
+    assert_eq!((report.triangles_duplicate, report.double_sided_pairs, report.vertices_welded), (2, 1, 1));
+    assert_eq!((report.topology.edges_boundary, report.triangles_flipped), (0, 0));
+}
+
+#[test]
+fn a_doubled_sheet_keeps_both_sides() {
+    let mut sheet = grid(4);
+    let back: Vec<_> = sheet.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    sheet.triangles.extend(back);
+    let (mesh, report) = cleaned(sheet);
+    assert_eq!((mesh.triangles.len(), report.double_sided_pairs), (64, 32));
+    assert_eq!((report.triangles_flipped, report.triangles_duplicate), (0, 0));
+}
+
+#[test]
+fn positions_one_and_two_units_apart_stay_apart() {
+    let ulp = f64::from(f32::EPSILON);
+    let positions = [
+        [1.0, 0.0, 0.0],
+        [1.0 - ulp, 0.0, 0.0],
+        [1.0 - 2.0 * ulp, 0.0, 0.0],
+        [-1.0, 1.0, 0.0],
+        [-1.0, -1.0, 0.0],
+    ];
+    let fans = [[0, 3, 4], [1, 3, 4], [2, 3, 4]];
+    assert_eq!(cleaned(soup(positions, fans)).1.vertices_welded, 0);
+    let options = CleanOptions { weld_distance: 1e-5, ..CleanOptions::default() };
+    let (mesh, report) = clean(soup(positions, fans), &options).unwrap();
+    check(&mesh, &report);
+    assert_eq!((report.vertices_welded, report.triangles_duplicate), (2, 2));
+}
+
+#[test]
+fn absurd_weld_distances_do_no_harm() {
+    let with = |weld_distance| {
+        clean(icosphere(1), &CleanOptions { weld_distance, ..CleanOptions::default() }).map(|(mesh, _)| mesh)
+    };
+    let plain = cleaned(icosphere(1)).0;
+    for none in [f64::NAN, -1.0, 1e-320, 1e-30] {
+        assert_eq!(with(none).as_ref(), Ok(&plain), "distance {none}");
+    }
+    for all in [10.0, 1e300, f64::INFINITY] {
+        assert!(matches!(with(all), Err(CleanError::NothingLeft { .. })), "distance {all}");
+    }
+}
+
+#[test]
+fn needles_and_caps_stay_but_lines_and_points_go() {
+    let p = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1e-7, 0.0], [0.5, 1e-6, 0.0], [0.5, 0.0, 0.0], [0.0; 3]];
+    let needle_and_cap = [[0, 1, 2], [0, 3, 1]];
+    let lines = [[0, 1, 4], [0, 0, 1], [0, 5, 1], [3, 3, 3]];
+    let (mesh, report) = cleaned(soup(p, [needle_and_cap.to_vec(), lines.to_vec()].concat()));
+    assert_eq!((mesh.triangles.len(), report.triangles_degenerate), (2, 4));
+    assert_eq!(report.vertices_isolated + report.vertices_welded, 2);
+}
+
+#[test]
+fn nothing_left_is_an_error_that_says_why() {
+    let line = soup((0..9).map(|i| [f64::from(i); 3]), [[0, 1, 2], [3, 4, 8], [0, 4, 8]]);
+    let Err(CleanError::NothingLeft { report, .. }) = try_clean(line) else { panic!("a line was accepted") };
+    assert_eq!(report.triangles_degenerate, 3);
+    let point = soup([[5.0; 3]; 4], [[0, 1, 2], [1, 2, 3]]);
+    assert!(matches!(try_clean(point), Err(CleanError::NothingLeft { .. })));
+    let nan = soup([[f64::NAN; 3], [0.0; 3], [1.0; 3]], [[0, 1, 2]]);
+    let message = try_clean(nan).unwrap_err().to_string();
+    assert!(message.contains("1 triangle: 1 with unusable positions"), "{message}");
+}
+
+#[test]
+fn contradictions_are_errors() {
+    assert!(matches!(try_clean(soup([], [])), Err(CleanError::NoTriangles { vertices: 0, .. })));
+    assert!(matches!(try_clean(soup([[0.0; 3]; 5], [])), Err(CleanError::NoTriangles { vertices: 5, .. })));
+    let out = soup(circle(3), [[0, 1, 2], [0, 1, u32::MAX]]);
+    let expected =
+        CleanError::IndexOutOfRange { name: "test".to_owned(), triangle: 1, index: u32::MAX, vertices: 3 };
+    assert_eq!(try_clean(out), Err(expected));
+    let mut short = soup(circle(3), [[0, 1, 2]]);
+    short.corners.uv_sets.push(vec![Vec2::ZERO; 2]);
+    assert!(matches!(try_clean(short), Err(CleanError::AttributeCount { found: 2, expected: 3, .. })));
+}
+
+#[test]
+fn broken_numbers_cost_only_the_triangles_that_use_them() {
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e200, f64::MAX] {
+        let mut unused = icosphere(1);
+        unused.positions.push(DVec3::new(bad, 0.0, 0.0));
+        let (mesh, report) = cleaned(unused);
+        assert_eq!((mesh.triangles.len(), report.vertices_isolated), (80, 1));
+        assert_eq!(mesh.world_from_mesh.scale, 1.0);
+        let mut used = icosphere(1);
+        used.positions[0].y = bad;
+        let (mesh, report) = cleaned(used);
+        assert_eq!((mesh.triangles.len(), report.triangles_non_finite, report.vertices_isolated), (75, 5, 1));
+    }
+}
+
+#[test]
+fn every_magnitude_keeps_the_shape() {
+    let expected = cleaned(icosphere(3)).0;
+    for (scale, offset) in [
+        (1e-30, 0.0),
+        (1e-45, 0.0),
+        (1e-300, 0.0),
+        (1e30, 0.0),
+        (f64::from(f32::MAX), 0.0),
+        (1e-2, 1e7),
+        (1.0, -3e8),
+        (1e-3, 123_456.789),
+    ] {
+        let mut model = icosphere(3);
+        model.positions.iter_mut().for_each(|p| *p = *p * scale + DVec3::new(offset, -offset, 0.5 * offset));
+        let originals = model.positions.clone();
+        let (mesh, report) = cleaned(model);
+        assert_eq!(mesh.triangles, expected.triangles, "scale {scale}, offset {offset}");
+        assert_eq!(report.lines(), Vec::<String>::new());
+        let tolerance = 1e-6 * scale + 1e-15 * offset.abs();
+        for (p, original) in mesh.positions.iter().zip(originals) {
+            let error = (mesh.world_from_mesh.point(*p) - original).abs().max_element();
+            assert!(error <= tolerance, "scale {scale}, offset {offset}: off by {error}");
+        }
+    }
+}
+
+#[test]
+fn minus_zero_is_zero() {
+    let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.0, 0.0, -0.0], [0.0, -1.0, 0.0]];
+    let (_, report) = cleaned(soup(positions, [[0, 1, 2], [3, 4, 1]]));
+    assert_eq!((report.vertices_welded, report.topology.components), (1, 1));
+}
+
+#[test]
+fn random_flips_are_undone_and_attributes_follow() {
+    let mut model = torus(40, 20);
+    let original = model.clone();
+    let mut state = 1_u32;
+    for triangle in &mut model.triangles {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        if state >> 31 == 1 {
+            triangle.swap(0, 2);
+        }
+    }
+    let uv = |v: u32| Vec2::new(v as f32, 0.5 * v as f32);
+    model.corners.uv_sets = vec![model.triangles.iter().flatten().map(|&v| uv(v)).collect()];
+    let (mesh, report) = cleaned(model);
+    assert_eq!((report.topology.edges_inconsistent, report.topology.genus()), (0, Some(1)));
+    assert!(report.triangles_flipped > 300 && report.triangles_flipped <= 800);
+    for (corner, &v) in mesh.triangles.iter().flatten().enumerate() {
+        assert_eq!(mesh.corners.uv_sets[0][corner], uv(v));
+    }
+    assert_eq!(mesh.positions.len(), original.positions.len());
+}
+
+#[test]
+fn dropped_triangles_take_their_attributes_and_materials_along() {
+    let mut model = soup(circle(6), [[0, 1, 2], [0, 0, 3], [2, 3, 4], [0, 1, 2], [4, 5, 0]]);
+    model.triangle_materials = vec![0, 1, 2, 3, 4];
+    model.materials = vec![Default::default(); 5];
+    model.corners.uv_sets = vec![(0..15).map(|c| Vec2::splat(c as f32)).collect()];
+    let (mesh, _) = cleaned(model);
+    assert_eq!(mesh.triangle_materials, [0, 2, 4]);
+    let kept: Vec<f32> = mesh.corners.uv_sets[0].iter().map(|uv| uv.x).collect();
+    assert_eq!(kept, [0.0, 1.0, 2.0, 6.0, 7.0, 8.0, 12.0, 13.0, 14.0]);
+}
+
+#[test]
+fn inside_out_components_are_believed_unless_asked() {
+    let mut shells = icosphere(2);
+    let inner = icosphere(2);
+    let count = shells.positions.len() as u32;
+    shells.positions.extend(inner.positions.iter().map(|&p| 0.5 * p));
+    shells.triangles.extend(inner.triangles.iter().map(|&[a, b, c]| [a, c, b].map(|v| v + count)));
+    let (_, believed) = cleaned(shells.clone());
+    assert_eq!((believed.triangles_flipped, believed.topology.components), (0, 2));
+    let options = CleanOptions { turn_outward: true, ..CleanOptions::default() };
+    let (mesh, turned) = clean(shells, &options).unwrap();
+    check(&mesh, &turned);
+    assert_eq!(turned.triangles_flipped, 320);
+}
+
+#[test]
+fn isolated_vertices_and_many_components_are_no_trouble() {
+    let count = 100_000_u32;
+    let tetrahedron = [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.2, 0.0], [0.0, 0.0, 0.2]];
+    let mut positions = Vec::new();
+    let mut triangles = Vec::new();
+    for i in 0..count {
+        let first = positions.len() as u32;
+        let [x, y] = [f64::from(i % 317), f64::from(i / 317)];
+        positions.extend(tetrahedron.map(|p| [p[0] + x, p[1] + y, p[2]]));
+        positions.extend([[x, y, -5.0]; 4]);
+        triangles.extend([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]].map(|t| t.map(|v| v + first)));
+    }
+    let (_, report) = cleaned(soup(positions, triangles));
+    assert_eq!(report.topology.components, u64::from(count));
+    assert_eq!((report.vertices_isolated, report.vertices_welded), (4 * u64::from(count), 0));
+    assert_eq!(report.topology.genus(), Some(0));
+}
+
+#[test]
+fn split_vertices_are_welded_in_the_order_they_first_appear() {
+    let sphere = icosphere(3);
+    let split: Vec<[f64; 3]> =
+        sphere.triangles.iter().flatten().map(|&v| sphere.positions[v as usize].to_array()).collect();
+    let triangles: Vec<_> =
+        (0..sphere.triangles.len() as u32).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let (mesh, report) = cleaned(soup(split, triangles));
+    assert_eq!((report.topology.genus(), mesh.positions.len()), (Some(0), sphere.positions.len()));
+    let mut next = 0;
+    for &v in mesh.triangles.iter().flatten() {
+        assert!(v <= next, "vertex {v} before {next}");
+        next = next.max(v + 1);
+    }
+}
+
+#[test]
+fn corner_values_that_are_no_numbers_are_replaced() {
+    let mut model = soup([[0., 0., 0.], [1., 0., 0.], [0., 1., 0.]], [[0, 1, 2]]);
+    let good = Vec2::new(1e30, -2.0);
+    model.corners.uv_sets = vec![vec![good, Vec2::new(f32::NAN, 0.0), Vec2::new(0.0, f32::INFINITY)]];
+    model.corners.colors = vec![Vec4::splat(0.5), Vec4::NAN, Vec4::ONE];
+    model.corners.normals = vec![Vec3::Z, Vec3::Z, Vec3::NAN];
+    let (mesh, report) = cleaned(model);
+    assert_eq!(report.corner_values_non_finite, 4);
+    assert_eq!(mesh.corners.uv_sets[0], [good, Vec2::ZERO, Vec2::ZERO]);
+    assert_eq!(mesh.corners.colors, [Vec4::splat(0.5), Vec4::ONE, Vec4::ONE]);
+    assert_eq!(mesh.corners.normals, [Vec3::Z, Vec3::Z, Vec3::ZERO]);
+    assert!(report.lines()[0].starts_with("4 corner values replaced"), "{:?}", report.lines());
+}
+
+// Properties of cleaning that hold for any triangle soup.
+
+/// Soups on a small grid, so that coinciding vertices, collinear corners and repeated triangles are common; every corner
+/// carries a colour that tells its position in the model.
+fn any_model() -> impl Strategy<Value = Model> {
+    let coordinate = prop_oneof![6 => (0..4_i32).prop_map(f64::from), 1 => Just(-0.0), 1 => Just(f64::NAN)];
+    let position = [coordinate.clone(), coordinate.clone(), coordinate];
+    (prop::collection::vec(position, 3..60), prop::collection::vec(any::<[u16; 3]>(), 1..150)).prop_map(
+        |(positions, raw)| {
+            let count = positions.len() as u32;
+            let triangles: Vec<_> = raw.iter().map(|t| t.map(|v| u32::from(v) % count)).collect();
+            let mut model = soup(positions, triangles);
+            let color = |&v: &u32| model.positions[v as usize].as_vec3().extend(1.0);
+            model.corners.colors = model.triangles.iter().flatten().map(color).collect();
+            model
+        },
+    )
+}
+
+/// The mesh as a model again.
+fn model_of(mesh: &Mesh) -> Model {
+    Model {
+        positions: mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)).collect(),
+        triangles: mesh.triangles.clone(),
+        corners: mesh.corners.clone(),
+        ..Model::default()
+    }
+}
+
+fn on_threads(threads: usize, model: Model) -> Option<(Mesh, CleanReport)> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().ok()?;
+    pool.install(|| clean(model, &CleanOptions::default()).ok())
+}
+
+proptest! {
+    #[test]
+    fn promises_hold_and_attributes_stay_with_their_corners(model in any_model()) {
+        if let Ok((mesh, report)) = clean(model, &CleanOptions::default()) {
+            check(&mesh, &report);
+            for (corner, &v) in mesh.triangles.iter().flatten().enumerate() {
+                let world: Vec4 = mesh.world_from_mesh.point(mesh.positions[v as usize]).as_vec3().extend(1.0);
+                prop_assert_eq!(mesh.corners.colors[corner], world);
+            }
+        }
+    }
+
+    #[test]
+    fn cleaning_twice_changes_nothing_more(model in any_model()) {
+        if let Ok((once, first)) = clean(model, &CleanOptions::default()) {
+            let (twice, second) = clean(model_of(&once), &CleanOptions::default()).unwrap();
+            prop_assert_eq!(&twice.triangles, &once.triangles);
+            prop_assert_eq!(&twice.corners, &once.corners);
+            prop_assert_eq!(model_of(&twice).positions, model_of(&once).positions);
+            prop_assert_eq!(second.topology, first.topology);
+            prop_assert_eq!(second.triangles_flipped, 0);
+        }
+    }
+
+    #[test]
+    fn the_order_of_triangles_does_not_change_the_counts(model in any_model()) {
+        let mut reversed = model.clone();
+        reversed.triangles.reverse();
+        reversed.corners = Default::default();
+        let (a, b) = (clean(model, &CleanOptions::default()), clean(reversed, &CleanOptions::default()));
+        prop_assert_eq!(a.is_ok(), b.is_ok());
+        if let (Ok((_, a)), Ok((_, b))) = (a, b) {
+            prop_assert_eq!(a.triangles_duplicate, b.triangles_duplicate);
+            prop_assert_eq!(a.double_sided_pairs, b.double_sided_pairs);
+            prop_assert_eq!(a.non_orientable_components, b.non_orientable_components);
+            prop_assert_eq!(a.topology.edges, b.topology.edges);
+            prop_assert_eq!(a.topology.components, b.topology.components);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn the_number_of_threads_does_not_matter(model in any_model()) {
+        let same_on_one = on_threads(1, model.clone());
+        prop_assert_eq!(same_on_one.is_some(), clean(model.clone(), &CleanOptions::default()).is_ok());
+        prop_assert_eq!(same_on_one, on_threads(7, model));
+    }
+}
+
+#[test]
+fn large_soups_do_not_depend_on_threads_either() {
+    let mut state = 7_u32;
+    let mut random = |n: u32| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) % n
+    };
+    let positions: Vec<[f64; 3]> = (0..200_000).map(|_| [(); 3].map(|()| f64::from(random(40)))).collect();
+    let triangles: Vec<[u32; 3]> = (0..300_000).map(|_| [(); 3].map(|()| random(200_000))).collect();
+    let model = soup(positions, triangles);
+    let one = on_threads(1, model.clone());
+    assert!(one.is_some() && one == on_threads(6, model));
+}

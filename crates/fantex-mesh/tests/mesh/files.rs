@@ -1,0 +1,607 @@
+//! Every shipped model loads with the expected number of triangles, and glTF files give what another reader gives.
+
+use std::path::Path;
+
+use fantex_mesh::{AlphaMode, ImageSource, LoadOptions, Model, WrapMode, WriteGeometry, load, write_model};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use crate::common::*;
+
+/// Triangle counts of `MESHES.tsv` are those of another loader (trimesh); polygons of n corners count n - 2 there too.
+#[test]
+fn all_shipped_models_have_the_known_triangle_counts() {
+    let Some(folder) = data_folder() else { return };
+    let table = std::fs::read_to_string(folder.join("MESHES.tsv")).unwrap();
+    let mut rows = table.lines();
+    let columns: Vec<&str> = rows.next().unwrap().split('\t').collect();
+    let faces = columns.iter().position(|c| *c == "faces").unwrap();
+    let mut wrong = Vec::new();
+    let mut count = 0;
+    for row in rows {
+        let fields: Vec<&str> = row.split('\t').collect();
+        let model = load(&folder.join(fields[0]), &LoadOptions::default()).unwrap();
+        println!("{}: {:?}", fields[0], model.notes);
+        assert_consistent(&model);
+        let expected: usize = fields[faces].parse().unwrap();
+        if model.triangles.len() != expected {
+            wrong.push(format!("{}: {} triangles, not {expected}", fields[0], model.triangles.len()));
+        }
+        count += 1;
+    }
+    assert!(count >= 29, "only {count} models");
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+/// Bounding boxes of `MESHES.tsv`: node transforms, offsets and byte orders are right.
+#[test]
+fn all_shipped_models_have_the_known_extent() {
+    let Some(folder) = data_folder() else { return };
+    let table = std::fs::read_to_string(folder.join("MESHES.tsv")).unwrap();
+    for row in table.lines().skip(1) {
+        let fields: Vec<&str> = row.split('\t').collect();
+        let Some((low, high)) = fields[18].split_once("..") else { panic!("no extent in {row}") };
+        let parse = |text: &str| {
+            let numbers: Vec<f64> = text.split(' ').map(|x| x.parse().unwrap()).collect();
+            DVec3::from_slice(&numbers)
+        };
+        let (low, high) = (parse(low), parse(high));
+        let model = load(&folder.join(fields[0]), &LoadOptions::default()).unwrap();
+        let used = || model.triangles.iter().flatten().map(|&v| model.positions[v as usize]);
+        let tolerance = 2e-4 * (high - low).length() + 1e-4 * high.abs().max(low.abs()).max_element();
+        let found = (used().fold(DVec3::MAX, DVec3::min), used().fold(DVec3::MIN, DVec3::max));
+        assert!((found.0 - low).length() < tolerance, "{}: {} for {low}", fields[0], found.0);
+        assert!((found.1 - high).length() < tolerance, "{}: {} for {high}", fields[0], found.1);
+    }
+}
+
+#[test]
+fn the_water_bottle_has_all_its_channels() {
+    let Some(folder) = data_folder() else { return };
+    let model = load(&folder.join("meshes/WaterBottle/WaterBottle.gltf"), &LoadOptions::default()).unwrap();
+    let [material] = &model.materials[..] else { panic!("{} materials", model.materials.len()) };
+    let image =
+        |texture: &Option<fantex_mesh::TextureRef>| match &model.images[texture.as_ref().unwrap().image] {
+            ImageSource::File(path) => path.clone(),
+            other => panic!("{other:?}"),
+        };
+    for (texture, name) in [
+        (&material.base_color_texture, "baseColor"),
+        (&material.metallic_roughness_texture, "occlusionRoughnessMetallic"),
+        (&material.normal_texture, "normal"),
+        (&material.occlusion_texture, "occlusionRoughnessMetallic"),
+        (&material.emission_texture, "emissive"),
+    ] {
+        let path = image(texture);
+        assert!(path.ends_with(format!("WaterBottle_{name}.png")), "{}", path.display());
+        assert!(path.is_file());
+    }
+    assert_eq!(model.corners.tangents.len(), 3 * 4510);
+    assert_eq!(model.name, "WaterBottle.gltf");
+}
+
+#[test]
+fn embedded_images_are_whole() {
+    let Some(folder) = data_folder() else { return };
+    let model =
+        load(&folder.join("landscapes/coast_terrain_satellite.glb"), &LoadOptions::default()).unwrap();
+    assert_eq!(model.images.len(), 3);
+    for image in &model.images {
+        let ImageSource::Embedded { label, bytes } = image else { panic!("{image:?}") };
+        assert!(bytes.starts_with(b"\x89PNG") && bytes[bytes.len() - 8..].starts_with(b"IEND"), "{label}");
+        assert!(label.contains("coast_terrain_satellite.glb"), "{label}");
+    }
+}
+
+/// Single-node files against the gltf crate's own accessor readers.
+#[test]
+fn gltf_attributes_equal_those_of_another_reader() {
+    let Some(folder) = data_folder() else { return };
+    for name in [
+        "meshes/WaterBottle/WaterBottle.gltf",
+        "landscapes/Tunnel.glb",
+        "landscapes/coast_terrain_satellite.glb",
+    ] {
+        let path = folder.join(name);
+        let ours = load(&path, &LoadOptions::default()).unwrap();
+        let theirs = gltf::Gltf::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+        let bytes = match &theirs.blob {
+            Some(blob) => blob.clone(),
+            None => std::fs::read(path.with_extension("bin")).unwrap(),
+        };
+        let primitive = theirs.meshes().next().unwrap().primitives().next().unwrap();
+        let reader = primitive.reader(|_| Some(&bytes));
+        let indices: Vec<u32> = reader.read_indices().unwrap().into_u32().collect();
+        let positions: Vec<[f32; 3]> = reader.read_positions().unwrap().collect();
+        let normals: Vec<[f32; 3]> = reader.read_normals().unwrap().collect();
+        let uvs: Vec<[f32; 2]> = reader.read_tex_coords(0).unwrap().into_f32().collect();
+        assert_eq!(ours.triangles.as_flattened(), indices);
+        // The bottle's node turns it half round about the vertical axis, so distances are compared, not coordinates.
+        for (ours, theirs) in ours.positions.iter().zip(&positions) {
+            assert!((ours.length() - Vec3::from(*theirs).as_dvec3().length()).abs() < 1e-5);
+        }
+        for (corner, &index) in indices.iter().enumerate() {
+            assert_eq!(ours.corners.uv_sets[0][corner], Vec2::from(uvs[index as usize]));
+            let normal = Vec3::from(normals[index as usize]);
+            assert!((ours.corners.normals[corner].y - normal.normalize().y).abs() < 1e-5);
+        }
+    }
+}
+
+// OBJ and MTL.
+
+#[test]
+fn indices_count_from_one_or_backwards_and_may_point_forward() {
+    let text = "f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf -4/ -2// 4\n";
+    let model = load_text("a.obj", text).unwrap();
+    assert_eq!(model.triangles, [[0, 1, 2], [0, 1, 2], [0, 2, 3]]);
+}
+
+#[test]
+fn small_edges_far_from_the_origin_survive() {
+    let text = "v 10000000.001 0 0\nv 10000000.002 0 0\nv 10000000.001 0.001 0\nf 1 2 3\n";
+    let model = load_text("a.obj", text).unwrap();
+    let [a, b, _] = model.triangles[0].map(|v| model.positions[v as usize]);
+    assert!(((b - a).x - 1e-3).abs() < 1e-8);
+}
+
+#[test]
+fn concave_polygons_are_cut_inside() {
+    let text = "v 0 0 0\nv 2 1 0\nv 0 2 0.05\nv 0.5 1 0\nf 1 2 3 4\n";
+    let model = load_text("a.obj", text).unwrap();
+    assert_eq!(model.triangles.len(), 2);
+    for t in &model.triangles {
+        let [a, b, c] = t.map(|v| model.positions[v as usize]);
+        assert!((b - a).cross(c - a).z > 0.0);
+    }
+}
+
+#[test]
+fn corners_keep_their_own_attributes() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nvt 0.25 0.75\nvt 0.5 0\nvn 0 0 2\nvn 0 1 0\nf 1/1/1 2/2/1 3/1/2\nf 2//1 4//1 3//1\nf 2 4 3\n";
+    let model = load_text("a.obj", text).unwrap();
+    assert_eq!(model.positions.len(), 4);
+    assert_eq!(
+        model.corners.uv_sets[0][..3],
+        [Vec2::new(0.25, 0.25), Vec2::new(0.5, 1.0), Vec2::new(0.25, 0.25)]
+    );
+    assert_eq!(model.corners.normals[..3], [glam::Vec3::Z, glam::Vec3::Z, glam::Vec3::Y]);
+    assert_eq!(model.corners.normals[8], glam::Vec3::Z);
+    assert_consistent(&model);
+}
+
+#[test]
+fn vertex_colours_become_linear() {
+    let model = load_text("a.obj", "v 0 0 0 1 0.5 0\nv 1 0 0 0 0 0\nv 0 1 0 nan 0 0\nf 1 2 3\n").unwrap();
+    let [first, _, broken] = model.corners.colors[..] else { panic!() };
+    assert!((first - Vec4::new(1., 0.214_041, 0., 1.)).length() < 1e-4);
+    assert_eq!(broken, Vec4::ONE);
+    let model = load_text("a.obj", "v 0 0 0 255 0 0\nv 1 0 0 0 255 0\nv 0 1 0 0 0 255\nf 1 2 3\n").unwrap();
+    assert_eq!(model.corners.colors[0], Vec4::new(1., 0., 0., 1.));
+    // A fourth number alone is a weight.
+    assert!(
+        load_text("a.obj", "v 0 0 0 1\nv 1 0 0 1\nv 0 1 0 1\nf 1 2 3\n").unwrap().corners.colors.is_empty()
+    );
+}
+
+#[test]
+fn comments_continuations_line_ends_and_odd_bytes_are_taken() {
+    let text = b"\xef\xbb\xbf# caf\xe9\r\nv 0 0 0 # origin\r\n\tv 1 0 0\r\nv 0 \\\r\n 1 0\r\no caf\xe9\r\nf 1 2 \\\r\n3 # face\r\ncurv 1 2\r\nf 1 2 3";
+    let model = load_files(&[("a.obj", text)]).unwrap();
+    assert_eq!(model.triangles.len(), 2);
+    assert!(model.notes[0].contains("line 9: curv"), "{:?}", model.notes);
+}
+
+#[test]
+fn lines_may_end_with_a_carriage_return_alone() {
+    let library = ("m.mtl", &b"newmtl a\rKd 1 0 0\rmap_Kd A.PNG\r"[..]);
+    let model = b"mtllib M.mtl\rv 0 0 0\rv 1 0 0\rv 0 1 0\rvt 0 0\rusemtl a\rf 1/1 2/1 \\\r3/1\r";
+    let model = load_files(&[("a.obj", model), library, ("a.png", b"x")]).unwrap();
+    assert_eq!((model.triangles.len(), model.notes.len()), (1, 0), "{:?}", model.notes);
+    let ImageSource::File(path) = &model.images[0] else { panic!() };
+    assert!(path.ends_with("a.png"), "{}", path.display());
+}
+
+#[test]
+fn errors_name_the_line() {
+    let refuse = |text: &str| message("a.obj", text.as_bytes());
+    assert_mentions(&refuse("v 0 0 0\nv 1 x 0\n"), &["a.obj, line 2:", "number", "\"x\""]);
+    assert_mentions(&refuse("v 0 0\n"), &["line 1:", "v needs at least 3 numbers", "has 2"]);
+    assert_mentions(&refuse("v 0 0 0\n\nf 1 1 0\n"), &["line 3:", "position 0", "there are 1"]);
+    assert_mentions(&refuse("v 0 0 0\nf 1 1 2\nf 1 1 1\n"), &["line 2:", "position 2", "there are 1"]);
+    assert_mentions(&refuse("v 0 0 0\nf 1 1 -2\n"), &["line 2:", "position -2"]);
+    assert_mentions(&refuse("v 0 0 0\nf 1/1 1/1 1/1\n"), &["line 2:", "texture coordinate 1", "there are 0"]);
+    assert_mentions(&refuse("v 0 0 0\nf 1//3 1 1\n"), &["line 2:", "normal 3"]);
+    assert_mentions(&refuse("v 0 0 0\nf 1/1/1/1 1 1\n"), &["line 2:", "face corner", "1/1/1/1"]);
+    assert_mentions(&refuse("v 0 0 0\nf 4294967296 1 1\n"), &["line 2:", "position 4294967296"]);
+    assert_mentions(&refuse("v 0 0 0\nf 99999999999999999999 1 1\n"), &["line 2:", "face corner"]);
+    assert_mentions(&refuse("v 0 0 \\\n 0\nv 1 0 0\nf 1 2 a\n"), &["line 4:", "\"a\""]);
+}
+
+const LIBRARY: &str = "newmtl shiny\nKd 1 0.5 0\nKe 0 0 1\nd 0.5\nPr 0.3\nPm 0.8\nmap_Kd -s 2 3 1 -o 0.25 0.5 -clamp on my image.png\nnorm -bm 0.5 n.png\nmap_Ks s.png\n\nnewmtl cut\nmap_Kd tex\\leaf.png\nmap_d tex\\leaf.png\nmap_Ke C:\\work\\glow.png\nmap_Bump bump.png\nNs 0\nmap_Pr rough.png\n";
+
+#[test]
+fn material_libraries_are_read() {
+    let text = "mtllib my lib.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl shiny\nf 1/1 2/1 3/1\nusemtl cut\nf 1/1 2/1 3/1\nusemtl none\nf 3 2 1\n";
+    let model = load_files(&[("a.obj", text.as_bytes()), ("my lib.mtl", LIBRARY.as_bytes())]).unwrap();
+    assert_eq!(model.triangle_materials, [0, 1, 2]);
+    let [shiny, cut, none] = &model.materials[..] else { panic!("{} materials", model.materials.len()) };
+    assert!((shiny.base_color - Vec4::new(1., 0.214_041, 0., 0.5)).length() < 1e-4);
+    assert_eq!((shiny.roughness, shiny.metallic, shiny.alpha), (0.3, 0.8, AlphaMode::Blend));
+    assert_eq!((shiny.emission, shiny.normal_scale), (glam::Vec3::Z, 0.5));
+    let base = shiny.base_color_texture.as_ref().unwrap();
+    assert_eq!(base.wrap, [WrapMode::Clamp; 2]);
+    // Written with v upwards: (u, v) -> (2u + 0.25, 3v + 0.5).
+    let below = Vec2::new(0.1, 1.0 - 0.2);
+    assert!((base.uv_transform.transform_point2(below) - Vec2::new(0.45, 1.0 - 1.1)).length() < 1e-6);
+    let name = |image: usize| match &model.images[image] {
+        ImageSource::File(path) => path.file_name().unwrap().to_str().unwrap().to_owned(),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(name(base.image), "my image.png");
+    assert_eq!(name(shiny.normal_texture.as_ref().unwrap().image), "n.png");
+    assert_eq!(cut.alpha, AlphaMode::Blend);
+    assert_eq!(name(cut.base_color_texture.as_ref().unwrap().image), "leaf.png");
+    assert_eq!(name(cut.emission_texture.as_ref().unwrap().image), "glow.png");
+    assert_eq!(cut.emission, glam::Vec3::ONE);
+    assert_eq!(name(cut.normal_texture.as_ref().unwrap().image), "bump.png");
+    assert_eq!(name(cut.metallic_roughness_texture.as_ref().unwrap().image), "rough.png");
+    assert_eq!((none.name.as_str(), none.base_color), ("none", Vec4::ONE));
+    let notes = model.notes.join("\n");
+    assert_mentions(
+        &notes,
+        &[
+            "\"shiny\": map_Ks",
+            "took the default for 1 material without a definition: none",
+            "bump map of material \"cut\"",
+        ],
+    );
+}
+
+#[test]
+fn a_missing_library_is_a_note_and_a_broken_one_an_error() {
+    let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+    let model = load_text("a.obj", text).unwrap();
+    assert_mentions(
+        &model.notes.join("\n"),
+        &["material file a.mtl cannot be read", "took the default for 1 material without a definition: m"],
+    );
+    let broken = |library: &str| {
+        load_files(&[("a.obj", text.as_bytes()), ("a.mtl", library.as_bytes())])
+            .expect_err("refused")
+            .to_string()
+    };
+    assert_mentions(&broken("newmtl m\nKd 1 red 1\n"), &["a.mtl, line 2:", "\"red\""]);
+    assert_mentions(&broken("Kd 1 1 1\n"), &["a.mtl, line 1:", "before the first newmtl"]);
+    assert_mentions(&broken("newmtl m\nd\n"), &["a.mtl, line 2:", "d needs"]);
+}
+
+#[test]
+fn textures_without_coordinates_are_left_out() {
+    let text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n";
+    let model = load_files(&[("a.obj", text.as_bytes()), ("a.mtl", b"newmtl m\nmap_Kd x.png\n")]).unwrap();
+    assert!(model.materials[0].base_color_texture.is_none());
+    assert_mentions(&model.notes.join("\n"), &["no texture coordinates"]);
+}
+
+#[test]
+fn not_a_number_is_left_to_cleaning() {
+    let model = load_text("a.obj", "v nan 0 0\nv 1 inf 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    assert!(model.positions[0].x.is_nan() && model.positions[1].y.is_infinite());
+    assert_eq!(model.positions[2], DVec3::Y);
+}
+
+// PLY and STL.
+
+const VERTEX: &str = "property float x\nproperty float y\nproperty float z\n";
+
+fn ascii_ply(vertices: &str, rest: &str) -> String {
+    format!("ply\nformat ascii 1.0\nelement vertex 4\n{VERTEX}{vertices}{rest}")
+}
+
+const FACES: &str = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+
+/// A quad as doubles, normals, bytes colours and coordinates in one order of bytes.
+fn binary_ply(is_big: bool) -> Vec<u8> {
+    let name = if is_big { "big" } else { "little" };
+    let mut bytes = format!("ply\r\nformat binary_{name}_endian 1.0\r\nobj_info x\r\nelement vertex 4\r\nproperty double x\r\nproperty double y\r\nproperty double z\r\nproperty short nx\r\nproperty short ny\r\nproperty short nz\r\nproperty list uchar short skipped\r\nproperty uchar red\r\nproperty uchar green\r\nproperty uchar blue\r\nproperty uchar alpha\r\nproperty float s\r\nproperty float t\r\nelement face 1\r\nproperty uint flags\r\nproperty list ushort uint vertex_index\r\nend_header\r\n").into_bytes();
+    macro_rules! put {
+        ($x:expr) => {
+            bytes.extend(if is_big { $x.to_be_bytes().to_vec() } else { $x.to_le_bytes().to_vec() })
+        };
+    }
+    for (x, y) in [(0.0f64, 0.0f64), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)] {
+        put!((x + 1e7));
+        put!(y);
+        put!(0.5f64);
+        put!(0i16);
+        put!(0i16);
+        put!(7i16);
+        bytes.push(2);
+        put!(1i16);
+        put!(2i16);
+        bytes.extend([255, 188, 0, 51]);
+        put!((x as f32));
+        put!((y as f32));
+    }
+    put!(9u32);
+    put!(4u16);
+    for index in 0..4u32 {
+        put!(index);
+    }
+    bytes
+}
+
+#[test]
+fn both_byte_orders_give_the_same() {
+    let [little, big]: [Model; 2] =
+        [false, true].map(|big| load_files(&[("a.ply", &binary_ply(big))]).unwrap());
+    assert_eq!(little, big);
+    assert_eq!(little.triangles.len(), 2);
+    assert_eq!(little.positions[1], DVec3::new(1e7 + 1.0, 0.0, 0.5));
+    assert_eq!(little.corners.normals, [Vec3::Z; 6]);
+    assert_eq!(little.corners.uv_sets[0][0], Vec2::new(0., 1.));
+    let color = little.corners.colors[0];
+    assert!((color - Vec4::new(1., 0.5, 0., 0.2)).length() < 5e-3, "{color}");
+}
+
+#[test]
+fn float_colours_are_fractions_and_coordinate_names_vary() {
+    for names in [["u", "v"], ["texture_u", "texture_v"], ["s", "t"]] {
+        let [u, v] = names;
+        let vertices = format!(
+            "property float red\nproperty float green\nproperty float blue\nproperty float {u}\nproperty float {v}\n"
+        );
+        let rows = "0 0 0 1 0.5 0 0.25 0.75\n1 0 0 1 1 1 0 0\n1 1 0 1 1 1 0 0\n0 1 0 1 1 1 0 0\n3 0 1 2\n";
+        let model = load_text("a.ply", &(ascii_ply(&vertices, FACES) + rows)).unwrap();
+        assert!((model.corners.colors[0] - Vec4::new(1., 0.214_041, 0., 1.)).length() < 1e-4);
+        assert_eq!(model.corners.uv_sets[0][0], Vec2::new(0.25, 0.25), "{u}");
+    }
+}
+
+#[test]
+fn faces_may_carry_coordinates_colours_and_textures() {
+    let faces = "comment TextureFile one.png\ncomment TextureFile the other.png\nelement face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+    let rows = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 6 0 0 1 0 1 1 1 255 0 0\n4 0 1 2 3 8 .5 .5 1 0 1 1 0 1 0 0 0 255\n";
+    let model = load_text("a.ply", &(ascii_ply("", faces) + rows)).unwrap();
+    assert_eq!(model.triangle_materials, [1, 0, 0]);
+    assert_eq!(
+        model.corners.colors[..4],
+        [[1., 0., 0., 1.], [1., 0., 0., 1.], [1., 0., 0., 1.], [0., 0., 1., 1.]].map(Vec4::from)
+    );
+    assert_eq!(model.corners.uv_sets[0][3], Vec2::new(0.5, 0.5));
+    assert!(matches!(&model.images[1], ImageSource::File(path) if path.ends_with("the other.png")));
+    assert_consistent(&model);
+}
+
+#[test]
+fn strips_alternate_and_restart() {
+    let strips = "element tristrips 1\nproperty list int int vertex_indices\nend_header\n";
+    let rows = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n9 0 1 2 3 -1 2 0 1 1\n";
+    let model = load_text("a.ply", &(ascii_ply("", strips) + rows)).unwrap();
+    assert_eq!(model.triangles, [[0, 1, 2], [2, 1, 3], [2, 0, 1]]);
+}
+
+#[test]
+fn faces_may_come_before_vertices() {
+    let text = format!(
+        "ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int vertex_indices\nelement vertex 3\n{VERTEX}end_header\n3 0 1 2\n0 0 0\n1 0 0\n0 1 0\n"
+    );
+    assert_eq!(load_text("a.ply", &text).unwrap().triangles, [[0, 1, 2]]);
+}
+
+#[test]
+fn wrong_ply_files_are_refused_with_the_place() {
+    let refuse = |text: &str| message("a.ply", text.as_bytes());
+    let body = |rows: &str| refuse(&(ascii_ply("", FACES) + rows));
+    let positions = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+    assert_mentions(&body(&format!("{positions}3 0 1 4\n")), &["face 0 refers to vertex 4, but there are 4"]);
+    assert_mentions(&body(&format!("{positions}3 0 1 -1\n")), &["face 0 refers to vertex -1"]);
+    assert_mentions(&body(&format!("{positions}3 0 1 0.5\n")), &["face 0 refers to vertex"]);
+    assert_mentions(
+        &body(&format!("{positions}3 0 1 4294967296\n")),
+        &["face 0 refers to vertex 4294967296"],
+    );
+    assert_mentions(&body(&format!("{positions}3 0 1")), &["ends in face 0 of 1"]);
+    assert_mentions(&body(&format!("{positions}99999 0 1 2\n")), &["face 0 has 99999 corners"]);
+    assert_mentions(&body("0 0 0\n1 zero 0\n1 1 0\n0 1 0\n3 0 1 2\n"), &["vertex 1, line 11", "\"zero\""]);
+    assert_mentions(&refuse("ply\nformat ascii 1.0\n"), &["no end"]);
+    assert_mentions(&refuse("ply\nformat binary 1.0\n"), &["header line 2", "binary_little_endian"]);
+    assert_mentions(
+        &refuse("ply\nformat ascii 1.0\nproperty float x\n"),
+        &["header line 3", "element before"],
+    );
+    assert_mentions(
+        &refuse("ply\nformat ascii 1.0\nelement vertex 1\nproperty quad x\n"),
+        &["header line 4", "property TYPE NAME"],
+    );
+    assert_mentions(&refuse("ply\nelement vertex 1\nend_header\n"), &["header line 3", "format line"]);
+    assert_mentions(
+        &refuse("ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n"),
+        &["x, y and z"],
+    );
+    assert_mentions(&refuse("ply\nformat ascii 1.0\nend_header\n"), &["x, y and z"]);
+}
+
+/// Elements without properties take no bytes, so their count says nothing about time or memory either.
+#[test]
+fn empty_rows_cost_nothing() {
+    let text = format!(
+        "ply\nformat ascii 1.0\nelement nothing 18446744073709551615\nelement vertex 3\n{VERTEX}{FACES}0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    );
+    assert_eq!(load_text("a.ply", &text).unwrap().triangles.len(), 1);
+}
+
+#[test]
+fn ascii_stl_takes_several_solids_and_odd_normals() {
+    let facet = |x: u32| {
+        format!(
+            "FACET NORMAL nan -nan(ind) 0\nOUTER LOOP\nVERTEX {x} 0 0\nVERTEX 1 0 0\nVERTEX 0 1e0 0\nENDLOOP\nENDFACET\n"
+        )
+    };
+    let text = format!(
+        "\n  Solid first one\n{}endsolid first one\nsolid\n{}{}endsolid\n",
+        facet(0),
+        facet(2),
+        facet(3)
+    );
+    let model = load_text("a.stl", &text).unwrap();
+    assert_eq!((model.triangles.len(), model.positions.len()), (3, 9));
+    assert_eq!(model.positions[3], DVec3::new(2., 0., 0.));
+    assert!(model.corners.normals.is_empty());
+}
+
+#[test]
+fn wrong_stl_files_are_refused_with_the_place() {
+    let refuse = |text: &str| message("a.stl", text.as_bytes());
+    let facet = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n";
+    assert_mentions(&refuse(&format!("{facet}endloop\n")), &["line 6", "expected vertex", "\"endloop\""]);
+    assert_mentions(&refuse(&format!("{facet}vertex 0 one 0\n")), &["line 6", "coordinate", "\"one\""]);
+    assert_mentions(
+        &refuse(&format!("{facet}vertex 0 1 0\nvertex 0 1 0\n")),
+        &["line 7", "after three vertices"],
+    );
+    assert_mentions(&refuse(facet), &["line 6", "the end of the file"]);
+    assert_mentions(&refuse("nothing of the kind"), &["neither ASCII STL", "19 bytes"]);
+    let mut binary = vec![0; 84 + 50];
+    binary[80] = 2;
+    assert_mentions(&message("a.stl", &binary), &["announces 2 facets", "184 bytes", "has 134"]);
+    binary[80] = 1;
+    binary.extend([1, 2, 3]);
+    let model = load_files(&[("a.stl", &binary)]).unwrap();
+    assert!(model.notes[0].contains("3 bytes after"), "{:?}", model.notes);
+}
+
+// What is written reads back, and nothing half-written is left.
+
+struct Sample {
+    positions: Vec<DVec3>,
+    triangles: Vec<[u32; 3]>,
+    colors: Vec<Vec4>,
+}
+
+fn sample(offset: DVec3) -> Sample {
+    let grid = 20u32;
+    let position = |i: u32| {
+        DVec3::new(f64::from(i % grid) * 1e-3, f64::from(i / grid) * 1e-3, f64::from(i * i % 7) * 1e-4)
+    };
+    let cell = |i: u32| [[i, i + 1, i + grid], [i + 1, i + grid + 1, i + grid]];
+    Sample {
+        positions: (0..grid * grid).map(|i| offset + position(i)).collect(),
+        triangles: (0..grid * (grid - 1)).filter(|i| i % grid != grid - 1).flat_map(cell).collect(),
+        colors: (0..grid * grid).map(|i| Vec4::new(i as f32 / 400.0, 0.25, (i % 2) as f32, 1.0)).collect(),
+    }
+}
+
+fn write(
+    path: &Path,
+    sample: &Sample,
+    with_colors: bool,
+    force: bool,
+) -> Result<(), fantex_mesh::WriteError> {
+    let colors = with_colors.then_some(&sample.colors[..]);
+    write_model(
+        path,
+        &WriteGeometry { positions: &sample.positions, triangles: &sample.triangles, colors },
+        force,
+    )
+}
+
+fn assert_same(model: &Model, sample: &Sample, with_colors: bool, tolerance: f64) {
+    assert_eq!(model.triangles, sample.triangles);
+    for (found, expected) in model.positions.iter().zip(&sample.positions) {
+        assert!((*found - *expected).length() <= tolerance, "{found} for {expected}");
+    }
+    assert_eq!(model.corners.colors.is_empty(), !with_colors);
+    for (corner, color) in model.corners.colors.iter().enumerate() {
+        let expected = sample.colors[sample.triangles[corner / 3][corner % 3] as usize];
+        // PLY keeps 8 bits of sRGB: half a step is at most 0.5/255 times the steepest slope of the curve's inverse, 2.3.
+        assert!((*color - expected).abs().max_element() < 0.5 / 255.0 * 2.3 + 1e-5, "{color} for {expected}");
+    }
+}
+
+#[test]
+fn all_formats_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    for offset in [DVec3::ZERO, DVec3::new(1e7, -3e6, 0.1)] {
+        let sample = sample(offset);
+        // GLB stores single precision relative to the centre; the sum with the far offset rounds once more.
+        for (name, tolerance) in [("a.ply", 0.0), ("a.obj", 0.0), ("a.glb", 1e-8)] {
+            for with_colors in [false, true] {
+                let path = folder.path().join(name);
+                write(&path, &sample, with_colors, true).unwrap();
+                let model = load(&path, &LoadOptions::default()).unwrap();
+                assert_same(&model, &sample, with_colors, tolerance);
+            }
+        }
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 3, "temporary files are left");
+}
+
+#[test]
+fn written_glb_is_valid_for_a_strict_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.glb");
+    write(&path, &sample(DVec3::splat(1e6)), true, false).unwrap();
+    let read = gltf::Gltf::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let blob = read.blob.clone().unwrap();
+    let primitive = read.meshes().next().unwrap().primitives().next().unwrap();
+    let reader = primitive.reader(|_| Some(&blob));
+    assert_eq!(reader.read_positions().unwrap().count(), 400);
+    assert_eq!(reader.read_colors(0).unwrap().into_rgba_f32().count(), 400);
+    assert_eq!(reader.read_indices().unwrap().into_u32().max(), Some(399));
+    let bounds = primitive.bounding_box();
+    let positions = || reader.read_positions().unwrap();
+    for axis in 0..3 {
+        assert_eq!(positions().map(|p| p[axis]).fold(f32::MAX, f32::min), bounds.min[axis]);
+        assert_eq!(positions().map(|p| p[axis]).fold(f32::MIN, f32::max), bounds.max[axis]);
+    }
+}
+
+#[test]
+fn existing_files_are_kept_without_force() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    std::fs::write(&path, "precious").unwrap();
+    let sample = sample(DVec3::ZERO);
+    let error = write(&path, &sample, false, false).unwrap_err().to_string();
+    assert_mentions(&error, &["a.ply exists already", "--force"]);
+    assert_eq!(std::fs::read(&path).unwrap(), b"precious");
+    write(&path, &sample, false, true).unwrap();
+    assert!(std::fs::read(&path).unwrap().starts_with(b"ply"));
+}
+
+#[test]
+fn wrong_geometry_and_places_are_refused_and_leave_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let refuse =
+        |name: &str, sample: &Sample| write(&path(name), sample, true, false).unwrap_err().to_string();
+    let good = sample(DVec3::ZERO);
+    assert_mentions(&refuse("a.stl", &good), &["a.stl", "use .ply, .obj or .glb"]);
+    assert_mentions(&refuse("missing/a.ply", &good), &["cannot write", "missing/a.ply"]);
+    let mut bad = sample(DVec3::ZERO);
+    bad.triangles[5][1] = 400;
+    assert_mentions(&refuse("a.ply", &bad), &["triangle 5", "position 400", "there are 400"]);
+    let mut bad = sample(DVec3::ZERO);
+    bad.positions[7].y = f64::NAN;
+    assert_mentions(&refuse("a.glb", &bad), &["position 7 is not finite"]);
+    let mut bad = sample(DVec3::ZERO);
+    bad.triangles.clear();
+    assert_mentions(&refuse("a.glb", &bad), &["a.glb", "no triangles"]);
+    let mut bad = sample(DVec3::ZERO);
+    bad.colors.pop();
+    assert_mentions(&refuse("a.obj", &bad), &["399 colours for 400 positions"]);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn written_files_have_ordinary_permissions() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let (ours, plain) = (folder.path().join("a.ply"), folder.path().join("b"));
+    write(&ours, &sample(DVec3::ZERO), false, false).unwrap();
+    std::fs::write(&plain, "").unwrap();
+    let mode = |path: &Path| std::fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(&ours), mode(&plain));
+}
