@@ -82,7 +82,7 @@ impl Parcel {
     }
 
     /// Tiles that it has something of, at most.
-    pub(crate) fn most_tiles(self) -> u32 {
+    pub(crate) fn max_tiles(self) -> u32 {
         match self {
             Self::Bundle { step, .. } => BUNDLE_TILES[step as usize],
             Self::Page(_) => 1,

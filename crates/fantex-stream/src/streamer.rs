@@ -9,7 +9,7 @@ use fantex_store::{Asset, PageError, PageId};
 use glam::{Mat3, Quat, Vec3};
 
 use crate::demand::{Demand, DemandSurface, DemandWork};
-use crate::residency::{COUNTED_LEVELS, FrameWork, ParcelCount, RequestLimits, Residency};
+use crate::residency::{COUNTED_LEVELS, FRAME_NANOSECONDS, FrameWork, ParcelCount, RequestLimits, Residency};
 use crate::shape::TileShapes;
 use crate::{AtlasShape, Detail, FrameChanges, PageTable, Parcel, ParcelLoader};
 
@@ -24,16 +24,19 @@ pub struct StreamerOptions {
     pub limits: RequestLimits,
     /// How far ahead of a moving camera parcels are fetched, seconds; 0 for not at all.
     pub look_ahead_seconds: f32,
+    /// Work of a sixtieth of a second, in nanoseconds that things should take; see [`FrameWork`].
+    pub frame_nanoseconds: u32,
 }
 
 impl Default for StreamerOptions {
-    /// 64 Mi texels, anisotropy up to 16, a quarter of a second ahead.
+    /// 64 Mi texels, anisotropy up to 16, a quarter of a second ahead, 6 ms of work.
     fn default() -> Self {
         Self {
             atlas: AtlasShape { side: 4096, layers: 4 },
             max_anisotropy: 16.0,
             limits: RequestLimits::default(),
             look_ahead_seconds: 0.25,
+            frame_nanoseconds: FRAME_NANOSECONDS,
         }
     }
 }
@@ -88,7 +91,7 @@ impl Streamer {
         Self {
             demand: Demand::new(&surface, options.max_anisotropy),
             predicted: Demand::new(&surface, options.max_anisotropy),
-            residency: Residency::new(shapes, table, options.atlas),
+            residency: Residency::new(shapes, table, options.atlas, options.frame_nanoseconds),
             geometry,
             surface,
             loader,
@@ -115,7 +118,7 @@ impl Streamer {
         let demanded = Instant::now();
         self.residency.want(&self.changed, &self.demand);
         self.residency.adapt(&self.demand, is_moving);
-        self.residency.request(&self.demand, &self.options.limits);
+        self.residency.request(&self.demand, None, &self.options.limits);
         let requested = Instant::now();
         self.look_ahead();
         let predicted = Instant::now();
@@ -138,17 +141,17 @@ impl Streamer {
             self.residency.expect_nothing();
             return;
         };
-        if self.residency.wishes() > 0 {
+        if self.residency.queued() > 0 {
             return;
         }
         self.changed.clear();
         // Where the last prediction has not been taken over yet, that comes first.
-        if !self.residency.has_unforeseen() {
+        if !self.residency.has_unexpected() {
             let nanoseconds = self.residency.bounding_nanoseconds();
             self.predicted.update(&mut self.surface, Some(&view), nanoseconds, &mut self.changed);
         }
         self.residency.expect(&self.changed, &self.predicted);
-        self.residency.request_ahead(&self.predicted, &self.options.limits);
+        self.residency.request(&self.demand, Some(&self.predicted), &self.options.limits);
     }
 
     /// The mesh and cover that are streamed.
@@ -228,7 +231,7 @@ impl Streamer {
 
     /// Whether nothing is on its way or waits to be asked for: the picture stays as it is until the view changes.
     pub fn is_settled(&self) -> bool {
-        !self.demand.is_behind() && self.residency.in_flight() == (0, 0) && self.residency.wishes() == 0
+        !self.demand.is_behind() && self.residency.in_flight() == (0, 0) && self.residency.queued() == 0
     }
 
     /// Figures for graphs.
@@ -245,7 +248,7 @@ impl Streamer {
             evictions: pool.evictions(),
             requested,
             waiting,
-            wishes: self.residency.wishes(),
+            queued: self.residency.queued(),
             requests: self.residency.requests(),
             uploaded_bytes: self.residency.uploaded_bytes(),
             bias_levels: f32::from(self.residency.bias()) / Detail::STEPS as f32,
@@ -254,22 +257,13 @@ impl Streamer {
             damaged: self.residency.damaged().len(),
             work: self.demand.work(),
             frame_work: *self.residency.work_done(),
+            frame_limit: self.residency.work_limit(),
             times: self.times,
         }
     }
 
-    #[cfg(test)]
-    pub(crate) fn set_frame_work(&mut self, nanoseconds: u32) {
-        self.residency.set_frame_work(nanoseconds);
-    }
-
-    #[cfg(test)]
-    pub(crate) fn work(&self) -> (u32, u32) {
-        self.residency.work()
-    }
-
-    #[cfg(test)]
-    pub(crate) fn check(&self) {
+    /// Panics where an invariant of what is resident, needed and on its way does not hold. Takes time linear in all parcels.
+    pub fn sanity_check(&self) {
         self.residency.check();
     }
 }
@@ -295,7 +289,7 @@ pub struct StreamStatistics {
     pub waiting: usize,
     /// Groups whose demand has not been taken over (or that of a neighbour), and groups and bundles whose missing parcels have not
     /// been asked for.
-    pub wishes: usize,
+    pub queued: usize,
     /// Parcels asked for.
     pub requests: u64,
     /// Bytes of texels handed over for upload.
@@ -312,6 +306,8 @@ pub struct StreamStatistics {
     pub work: DemandWork,
     /// Work of the last update by which it was limited.
     pub frame_work: FrameWork,
+    /// Nanoseconds that the last update might spend on it.
+    pub frame_limit: u32,
     /// Time of the last update.
     pub times: UpdateTimes,
 }

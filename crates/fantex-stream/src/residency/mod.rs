@@ -1,58 +1,54 @@
-//! Residency: which parcels are wanted, asked for, resident, and which leave.
+//! Residency: which parcels are needed, asked for, resident, and which leave.
 //!
 //! ```text
-//!  changed groups --want--> needed parcels --Wishes--> requests --ParcelLoader--> arrivals --Pool--> entries
-//!                     ^                                                             |
-//!                     '---------------------- Pressure (bias) <---------------------'
+//!  demand of the present view ---.                 .--> RequestQueue --> Transfers --> arrivals --> Pool --> entries
+//!                                 >--> Backlog --->                                      |
+//!  demand of the predicted view -'        ^        '--> needs, bias <--------------------'
 //! ```
+//!
+//! Both views feed one backlog and one queue; what only the predicted view needs has the lowest priority.
 //!
 //! Costs follow what changes, not what is there: a group costs something when its demand changes, a parcel when it is asked
 //! for, arrives or leaves.
 //!
 //! A group needs levels of its own, and with its [bundle](crate::Parcel) the coarser ones: a bundle needs what any of its groups does.
 
-mod limits;
+mod budget;
 mod packer;
 mod pool;
 mod requests;
 #[cfg(test)]
 mod tests;
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::sync::Arc;
 
+pub(crate) use budget::FRAME_NANOSECONDS;
+pub use budget::{FrameWork, WORK_COSTS, WORK_KINDS};
+use budget::{Item, Pressure, Task, Work};
 use fantex_store::{PageError, PageId};
-use limits::{FILLING_SECONDS, FRAME, Item, Pressure, Task, Work};
-pub use limits::{FrameWork, WORK_COSTS, WORK_KINDS};
 pub(crate) use pool::COUNTED_LEVELS;
 pub use pool::ParcelCount;
 use pool::Pool;
-use requests::Wishes;
+pub use requests::RequestLimits;
+use requests::{Priority, RequestQueue, RequestState, Transfers};
 
 use crate::demand::Demand;
 use crate::parcel::{FAMILY, SHARED_LEVELS};
 use crate::shape::{Detail, SparseLists, TileShapes};
-use crate::{AtlasShape, PageTable, Parcel, ParcelLoader, ParcelTexels, TableChange};
+use crate::{AtlasShape, PageTable, Parcel, ParcelLoader, TableChange};
 
-/// Where a parcel is that is not resident (or is read again).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Flight {
-    /// Nobody has asked for it.
-    None,
-    /// It is asked for because it is needed.
-    Asked,
-    /// It is asked for, and nothing needs it yet.
-    Ahead,
-    /// It has arrived and waits for coarser ones, or for room.
-    Waiting,
-}
-
-/// What is wanted, on its way, and resident.
+/// What is needed, on its way, and resident.
 pub(crate) struct Residency {
     shapes: Arc<TileShapes>,
     pool: Pool,
     pressure: Pressure,
+    backlog: Backlog,
+    queue: RequestQueue,
+    transfers: Transfers,
+    work: Work,
+    damaged: BTreeMap<Parcel, PageError>,
     /// Per group the finest level that it needs.
     wanted: Vec<u8>,
     /// Per large tile that is visible the numbers of its own pages that are needed, ascending.
@@ -63,79 +59,42 @@ pub(crate) struct Residency {
     missing: Vec<u32>,
     /// Per group whether it needs something that is not resident.
     lacks: Vec<bool>,
-    /// Families with groups whose demand has changed and is not taken over yet, each once.
-    backlog: VecDeque<u32>,
-    /// Per family.
-    in_backlog: Vec<Backlog>,
-    /// Families in the backlog that wait for another bias.
-    exact_backlog: usize,
+    /// Per group what the predicted view needs, as far as it is taken over.
+    expected: Vec<Detail>,
     missing_parcels: u64,
     visible_groups: u64,
     lacking_groups: u64,
-    wishes: Wishes,
-    /// Groups whose demand in the predicted view has changed and is not taken over yet.
-    unforeseen: VecDeque<u32>,
-    /// Owners of what may be needed soon.
-    ahead: VecDeque<u32>,
-    /// Per parcel.
-    flights: Vec<Flight>,
-    /// Parcels that are asked for.
-    pending: usize,
-    /// Those of them that nothing needs yet.
-    asked_ahead: BTreeMap<u32, Parcel>,
-    /// What the loader has not been told yet; cancels come before requests.
-    cancels: Vec<Parcel>,
-    asks: Vec<(Parcel, f32)>,
-    /// Parcels that have arrived and wait for coarser ones, or for room.
-    waiting: BTreeMap<u32, (Parcel, ParcelTexels)>,
-    /// Those of them that need wait no longer.
-    ready: VecDeque<u32>,
-    in_flight_texels: u64,
-    damaged: BTreeMap<Parcel, PageError>,
     uploaded_bytes: u64,
-    requests: u64,
-    work: Work,
-    /// Nanoseconds for a sixtieth of a second.
-    frame_work: u32,
-    /// The camera has jumped, and so many seconds of filling are left.
-    filling_seconds: f32,
 }
 
 impl Residency {
-    pub(crate) fn new(shapes: Arc<TileShapes>, table: PageTable, atlas: AtlasShape) -> Self {
+    /// `frame_nanoseconds`: counted work in a sixtieth of a second.
+    pub(crate) fn new(
+        shapes: Arc<TileShapes>,
+        table: PageTable,
+        atlas: AtlasShape,
+        frame_nanoseconds: u32,
+    ) -> Self {
         let groups = shapes.group_count();
         let wanted = (0..groups as u32).map(|g| shapes.of(g).level_count() as u8).collect();
         Self {
+            pool: Pool::new(shapes.clone(), table, atlas),
             pressure: Pressure::new(&shapes),
+            backlog: Backlog::new(groups.div_ceil(FAMILY as usize)),
+            queue: RequestQueue::new(shapes.owner_count()),
+            transfers: Transfers::new(shapes.clone()),
+            work: Work::new(frame_nanoseconds),
+            damaged: BTreeMap::new(),
             wanted,
             wanted_pages: SparseLists::new(groups),
             needed_under: vec![0; shapes.bundle_count() as usize],
             missing: vec![0; shapes.owner_count()],
             lacks: vec![false; groups],
-            backlog: VecDeque::new(),
-            in_backlog: vec![Backlog::Done; groups.div_ceil(FAMILY as usize)],
-            exact_backlog: 0,
+            expected: vec![Detail::HIDDEN; groups],
             missing_parcels: 0,
             visible_groups: 0,
             lacking_groups: 0,
-            wishes: Wishes::new(shapes.owner_count()),
-            unforeseen: VecDeque::new(),
-            ahead: VecDeque::new(),
-            flights: vec![Flight::None; shapes.parcel_count()],
-            pending: 0,
-            asked_ahead: BTreeMap::new(),
-            cancels: Vec::new(),
-            asks: Vec::new(),
-            waiting: BTreeMap::new(),
-            ready: VecDeque::new(),
-            in_flight_texels: 0,
-            damaged: BTreeMap::new(),
             uploaded_bytes: 0,
-            requests: 0,
-            work: Work::default(),
-            frame_work: FRAME,
-            filling_seconds: 0.0,
-            pool: Pool::new(shapes.clone(), table, atlas),
             shapes,
         }
     }
@@ -155,22 +114,22 @@ impl Residency {
     /// Groups that need parcels, and those of them that lack some. All groups of a family whose demand is not taken over yet count
     /// as both.
     pub(crate) fn visible_and_lacking(&self) -> (u64, u64) {
-        let unknown = self.backlog.len() as u64 * u64::from(FAMILY);
+        let unknown = self.backlog.present.len() as u64 * u64::from(FAMILY);
         (self.visible_groups + unknown, self.lacking_groups + unknown)
     }
 
     /// Parcels asked for that have not arrived, and those that have arrived and wait.
     pub(crate) fn in_flight(&self) -> (usize, usize) {
-        (self.pending, self.waiting.len())
+        (self.transfers.pending, self.transfers.arrived.len())
     }
 
     /// Owners whose missing parcels have not been asked for, and groups whose demand may not have been taken over.
-    pub(crate) fn wishes(&self) -> usize {
-        self.wishes.len() + self.backlog.len() * FAMILY as usize
+    pub(crate) fn queued(&self) -> usize {
+        self.queue.urgent_count() + self.backlog.present.len() * FAMILY as usize
     }
 
     pub(crate) fn has_backlog(&self) -> bool {
-        !self.backlog.is_empty()
+        !self.backlog.is_done()
     }
 
     /// Whether a parcel is needed and not resident, and may become so.
@@ -202,7 +161,7 @@ impl Residency {
 
     /// Parcels asked for since the beginning.
     pub(crate) fn requests(&self) -> u64 {
-        self.requests
+        self.transfers.request_count
     }
 
     /// The finest level that a group needs, with the bias; `None` where it needs none.
@@ -230,16 +189,8 @@ impl Residency {
 
     /// A frame begins, so long after the last one. `is_cut`: the camera has jumped.
     pub(crate) fn begin_frame(&mut self, elapsed_seconds: f32, is_cut: bool) {
-        self.filling_seconds = match is_cut {
-            true => FILLING_SECONDS,
-            false => (self.filling_seconds - elapsed_seconds).max(0.0),
-        };
-        let lacking = match self.visible_groups {
-            _ if self.filling_seconds > 0.0 => 1.0,
-            0 => 0.0,
-            visible => self.lacking_groups as f32 / visible as f32,
-        };
-        self.work = self.work.next_frame(self.frame_work, elapsed_seconds, lacking);
+        let lacking = self.lacking_groups as f32 / self.visible_groups.max(1) as f32;
+        self.work.begin_frame(elapsed_seconds, is_cut, lacking);
         self.pool.begin_frame();
     }
 
@@ -257,78 +208,46 @@ impl Residency {
         self.work.done()
     }
 
+    /// Nanoseconds that the frame may spend.
+    pub(crate) fn work_limit(&self) -> u32 {
+        self.work.limit()
+    }
+
     /// Needed parcels that are not resident.
     pub(crate) fn missing_count(&self) -> u64 {
         self.missing_parcels
     }
 
-    /// Does so much in a sixtieth of a second.
-    #[cfg(test)]
-    pub(crate) fn set_frame_work(&mut self, nanoseconds: u32) {
-        self.frame_work = nanoseconds;
-    }
-
-    /// Nanoseconds that the last frame should have taken, and those that it might.
-    #[cfg(test)]
-    pub(crate) fn work(&self) -> (u32, u32) {
-        self.work.spent_of()
-    }
-
-    #[cfg(test)]
+    /// Panics where an invariant does not hold. Takes time linear in all parcels.
     pub(crate) fn check(&self) {
         self.pool.check();
         let missing: u64 = self.missing.iter().map(|&n| u64::from(n)).sum();
         assert_eq!(missing, self.missing_parcels);
         assert_eq!(self.lacks.iter().filter(|&&lacks| lacks).count() as u64, self.lacking_groups);
-        let (mut pages, mut texels, mut ahead) = ([0; 4], 0, BTreeMap::new());
+        let (mut counts, mut texels, mut prefetched) = ([0; 4], 0, BTreeMap::new());
         for owner in 0..self.shapes.owner_count() as u32 {
             for index in self.parcels_of(owner) {
-                let (flight, parcel) = (self.flight(index), self.shapes.parcel(index));
+                let (state, parcel) = (self.transfers.state(index), self.shapes.parcel(index));
                 assert_eq!(self.shapes.owner(parcel), owner);
-                pages[flight as usize] += 1;
-                texels += if flight == Flight::None { 0 } else { self.shapes.texels(parcel) };
-                if flight == Flight::Ahead {
-                    ahead.insert(index, parcel);
+                counts[state as usize] += 1;
+                texels += if state == RequestState::Idle { 0 } else { self.shapes.texels(parcel) };
+                if state == RequestState::Prefetched {
+                    prefetched.insert(index, parcel);
                 }
-                assert_eq!(flight == Flight::Waiting, self.waiting.contains_key(&index));
+                assert_eq!(state == RequestState::Arrived, self.transfers.arrived.contains_key(&index));
             }
             let parcels = self.parcels_of(owner).map(|index| self.shapes.parcel(index));
             let missing = parcels.filter(|&parcel| self.is_missing(parcel)).count() as u32;
             assert_eq!(missing, self.missing[owner as usize]);
         }
-        assert_eq!(texels, self.in_flight_texels);
-        assert_eq!(pages[1] + pages[2], self.pending);
-        assert_eq!(ahead, self.asked_ahead);
-        if self.backlog.is_empty() {
+        assert_eq!(texels, self.transfers.texels);
+        assert_eq!(counts[1] + counts[2], self.transfers.pending);
+        assert_eq!(prefetched, self.transfers.prefetched);
+        if self.backlog.is_done() {
             for group in 0..self.lacks.len() as u32 {
                 assert_eq!(self.lacks[group as usize], self.is_lacking(group));
             }
         }
-    }
-
-    fn flight(&self, index: u32) -> Flight {
-        self.flights[index as usize]
-    }
-
-    /// A parcel is elsewhere from now on; returns where it was.
-    fn set_flight(&mut self, parcel: Parcel, index: u32, flight: Flight) -> Flight {
-        let last = std::mem::replace(&mut self.flights[index as usize], flight);
-        let is_pending = |flight| matches!(flight, Flight::Asked | Flight::Ahead);
-        self.pending -= usize::from(is_pending(last));
-        self.pending += usize::from(is_pending(flight));
-        if last == Flight::Ahead {
-            self.asked_ahead.remove(&index);
-        }
-        if flight == Flight::Ahead {
-            self.asked_ahead.insert(index, parcel);
-        }
-        match (last, flight) {
-            (Flight::None, Flight::None) => {}
-            (Flight::None, _) => self.in_flight_texels += self.shapes.texels(parcel),
-            (_, Flight::None) => self.in_flight_texels -= self.shapes.texels(parcel),
-            _ => {}
-        }
-        last
     }
 
     /// Side of a tile on the screen, pixels, as a binary logarithm.
@@ -380,35 +299,71 @@ impl Residency {
     }
 }
 
-// From what a view needs to parcels that are needed, asked for, or cancelled.
-
 /// Steps of [`Detail`] by which a demand must have become coarser before a finer level counts as unneeded.
-const RELUCTANCE: u8 = 2;
+const HYSTERESIS: u8 = 2;
 
-/// Whether and how the demand of a family of groups waits to be taken over.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Backlog {
-    /// It does not.
-    Done,
-    /// It has changed.
-    Changed,
+/// Families of groups whose demand has changed and is not taken over yet.
+struct Backlog {
+    present: VecDeque<u32>,
+    predicted: VecDeque<u32>,
+    /// Per family which of the bits below hold.
+    reasons: Vec<u8>,
+    /// Families with the bit [`Backlog::EXACT`].
+    exact: usize,
+}
+
+impl Backlog {
+    /// The demand of the present view has changed.
+    const CHANGED: u8 = 1;
     /// The bias has changed: what is no longer needed with it is released at once.
-    Exact,
-}
+    const EXACT: u8 = 2;
+    /// The demand of the predicted view has changed.
+    const PREDICTED: u8 = 4;
 
-/// How much may be on its way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RequestLimits {
-    /// Parcels asked for or waiting for coarser ones.
-    pub parcels: usize,
-    /// Their texels.
-    pub texels: u64,
-}
+    fn new(family_count: usize) -> Self {
+        let (present, predicted) = (VecDeque::new(), VecDeque::new());
+        Self { present, predicted, reasons: vec![0; family_count], exact: 0 }
+    }
 
-impl Default for RequestLimits {
-    /// Enough to keep a fast disk busy: 16384 parcels, 8 Mi texels.
-    fn default() -> Self {
-        Self { parcels: 1 << 14, texels: 8 << 20 }
+    fn put(&mut self, family: u32, reason: u8) {
+        let reasons = &mut self.reasons[family as usize];
+        let last = std::mem::replace(reasons, *reasons | reason);
+        match (reason, last) {
+            (Self::PREDICTED, _) if last & Self::PREDICTED == 0 => self.predicted.push_back(family),
+            (Self::PREDICTED, _) => {}
+            _ if last & !Self::PREDICTED == 0 => self.present.push_back(family),
+            _ => {}
+        }
+        self.exact += usize::from(reason == Self::EXACT && last & Self::EXACT == 0);
+    }
+
+    /// A family with changes in the present view, and whether another bias is among them.
+    fn take_present(&mut self) -> Option<(u32, bool)> {
+        let family = self.present.pop_front()?;
+        let reasons = &mut self.reasons[family as usize];
+        let is_exact = *reasons & Self::EXACT != 0;
+        *reasons &= Self::PREDICTED;
+        self.exact -= usize::from(is_exact);
+        Some((family, is_exact))
+    }
+
+    fn take_predicted(&mut self) -> Option<u32> {
+        let family = self.predicted.pop_front()?;
+        self.reasons[family as usize] &= !Self::PREDICTED;
+        Some(family)
+    }
+
+    fn clear_predicted(&mut self) {
+        while self.take_predicted().is_some() {}
+    }
+
+    /// Whether the present view's demand is taken over.
+    fn is_done(&self) -> bool {
+        self.present.is_empty()
+    }
+
+    fn has_exact(&self) -> bool {
+        self.exact > 0
     }
 }
 
@@ -417,53 +372,113 @@ impl Residency {
     /// of thousands of tiles, or another bias for them, is spread over some frames.
     pub(crate) fn want(&mut self, changed: &[u32], demand: &Demand) {
         self.work.spend(Item::Bounding, demand.nanoseconds());
-        let mut last = None;
-        for family in changed.iter().map(|group| group / FAMILY) {
-            if last.replace(family) != Some(family) {
-                self.put_off(family, Backlog::Changed);
-            }
-        }
-        while !self.backlog.is_empty() && self.work.may(Task::Want) {
-            let Some(family) = self.backlog.pop_front() else { break };
-            let reluctance = match std::mem::replace(&mut self.in_backlog[family as usize], Backlog::Done) {
-                Backlog::Exact => {
-                    self.exact_backlog -= 1;
-                    0
-                }
-                Backlog::Changed | Backlog::Done => RELUCTANCE,
-            };
-            self.want_family(family, demand, reluctance);
+        self.put_off(changed, Backlog::CHANGED);
+        while !self.backlog.is_done() && self.work.may(Task::Want) {
+            let Some((family, is_exact)) = self.backlog.take_present() else { break };
+            self.want_family(family, demand, if is_exact { 0 } else { HYSTERESIS });
         }
     }
 
-    fn put_off(&mut self, family: u32, how: Backlog) {
-        let waits = &mut self.in_backlog[family as usize];
-        if *waits == Backlog::Done {
-            self.backlog.push_back(family);
+    /// The same for the predicted view: what is no longer expected is cancelled, what is now expected is asked for when there is
+    /// nothing better to do.
+    pub(crate) fn expect(&mut self, changed: &[u32], predicted: &Demand) {
+        if !self.has_unexpected() {
+            self.work.spend(Item::Bounding, predicted.nanoseconds());
         }
-        if how == Backlog::Exact && *waits != Backlog::Exact {
-            self.exact_backlog += 1;
+        self.put_off(changed, Backlog::PREDICTED);
+        while self.work.may(Task::Request)
+            && let Some(family) = self.backlog.take_predicted()
+        {
+            for step in 0..SHARED_LEVELS {
+                for bundle in self.shapes.family_bundles(family, step) {
+                    self.expect_owner(self.shapes.index(Parcel::Bundle { bundle, step }), predicted);
+                }
+            }
+            for group in self.shapes.groups(family, 0) {
+                let detail = predicted.detail(group);
+                let last = std::mem::replace(&mut self.expected[group as usize], detail);
+                let shape = self.shapes.of(group);
+                if shape.own_levels() > 0 && (last != detail || shape.is_paged()) {
+                    self.expect_owner(self.shapes.owner_of_group(group), predicted);
+                }
+            }
         }
-        if *waits != Backlog::Exact {
-            *waits = how;
+    }
+
+    /// Whether some changes in the predicted view wait for the next frame.
+    pub(crate) fn has_unexpected(&self) -> bool {
+        !self.backlog.predicted.is_empty()
+    }
+
+    fn put_off(&mut self, changed: &[u32], reason: u8) {
+        let mut last = None;
+        for family in changed.iter().map(|group| group / FAMILY) {
+            if last.replace(family) != Some(family) {
+                self.backlog.put(family, reason);
+            }
+        }
+    }
+
+    fn expect_owner(&mut self, owner: u32, predicted: &Demand) {
+        self.work.spend(Item::Expect, 1);
+        let unexpected: Vec<(Parcel, u32)> = self
+            .parcels_of(owner)
+            .filter(|&index| self.transfers.state(index) == RequestState::Prefetched)
+            .map(|index| (self.parcel_of_owner(owner, index), index))
+            .filter(|&(parcel, index)| !self.is_expected(parcel, index, predicted))
+            .collect();
+        for (parcel, index) in unexpected {
+            self.forget(parcel, index);
+        }
+        let needs_any = match self.shapes.group_of_owner(owner) {
+            Some(group) => {
+                let wanted = self.shapes.of(group).wanted_level(predicted.detail(group));
+                wanted < self.shapes.of(group).own_levels()
+            }
+            None => self.is_expected(self.shapes.parcel(owner), owner, predicted),
+        };
+        if needs_any {
+            self.queue.put_ahead(owner);
+        }
+    }
+
+    /// Whether a predicted view needs a parcel.
+    fn is_expected(&self, parcel: Parcel, index: u32, predicted: &Demand) -> bool {
+        let bias = self.bias();
+        let wants = |group: u32, level: u32| {
+            self.shapes.of(group).wanted_level(predicted.detail(group).biased(bias)) <= level
+        };
+        match parcel {
+            Parcel::Bundle { bundle, step } => self.shapes.groups(bundle, step).any(|group| {
+                self.shapes.of(group).level_at_step(step).is_some_and(|level| wants(group, level))
+            }),
+            Parcel::Page(page) if self.shapes.of(page.group).is_paged() => {
+                let pages = predicted.pages(page.group);
+                let in_tile = index - self.shapes.own_parcels(page.group).start;
+                let leaves = self.shapes.of(page.group).leaves(page.level);
+                pages
+                    .binary_search_by_key(&in_tile, |p| p.index)
+                    .is_ok_and(|i| pages[i].detail.biased(bias).0 < leaves)
+            }
+            Parcel::Page(page) => wants(page.group, page.level),
         }
     }
 
     /// Takes over the demand of a family, then what it means for the bundles.
-    fn want_family(&mut self, family: u32, demand: &Demand, reluctance: u8) {
+    fn want_family(&mut self, family: u32, demand: &Demand, hysteresis: u8) {
         // A bit for each group.
         let mut changed = 0u32;
         for (i, group) in self.shapes.groups(family, 0).enumerate() {
             // What has not changed is wanted as before, unless the bias is another one.
             let has_changed = demand.detail(group) != self.pressure.counted(group);
-            if has_changed || reluctance == 0 || self.shapes.of(group).is_paged() {
+            if has_changed || hysteresis == 0 || self.shapes.of(group).is_paged() {
                 changed |= 1 << i;
-                self.want_with(group, demand, reluctance);
+                self.want_with(group, demand, hysteresis);
             }
         }
         self.work.spend(Item::Family, 1);
         self.work.spend(Item::Group, changed.count_ones());
-        if self.want_bundles(family, reluctance) {
+        if self.want_bundles(family, hysteresis) {
             changed = u32::MAX;
         }
         for (i, group) in self.shapes.groups(family, 0).enumerate() {
@@ -474,10 +489,10 @@ impl Residency {
     }
 
     /// Takes over the demand of a group. Whether it lacks something is seen later.
-    fn want_with(&mut self, group: u32, demand: &Demand, reluctance: u8) {
+    fn want_with(&mut self, group: u32, demand: &Demand, hysteresis: u8) {
         self.pressure.count(group, demand, &self.shapes);
         let detail = demand.detail(group);
-        let level = self.level_for(group, detail, reluctance);
+        let level = self.level_for(group, detail, hysteresis);
         let is_paged = self.shapes.of(group).is_paged();
         let is_plain = !is_paged || demand.pages(group).is_empty() && self.wanted_pages.get(group).is_empty();
         if !is_plain || level != u32::from(self.wanted[group as usize]) {
@@ -496,7 +511,7 @@ impl Residency {
         }
         let missing = self.missing[self.shapes.owner_of_group(group) as usize];
         if missing > 0 {
-            self.wish_for(group, missing, detail);
+            self.enqueue_group(group, missing, detail);
         }
     }
 
@@ -504,17 +519,29 @@ impl Residency {
         u32::from(self.wanted[group as usize]) < self.shapes.of(group).level_count()
     }
 
-    /// Puts the own pages of a group among the wishes.
-    fn wish_for(&mut self, group: u32, missing: u32, detail: Detail) {
-        let side = self.side_log2(group, detail);
-        self.wishes.put(self.shapes.owner_of_group(group), missing, side);
+    /// Has the own pages of a group asked for.
+    fn enqueue_group(&mut self, group: u32, missing: u32, detail: Detail) {
+        let side_log2 = self.side_log2(group, detail);
+        self.queue.put(self.shapes.owner_of_group(group), Priority::of_error(missing, side_log2));
     }
 
-    /// Puts a bundle among the wishes, if it is missing.
-    fn wish_for_bundle(&mut self, index: u32, parcel: Parcel) {
+    /// Has a bundle asked for, if it is missing.
+    fn enqueue_bundle(&mut self, index: u32, parcel: Parcel) {
         if self.missing[index as usize] > 0 {
-            let (levels, side) = self.bundle_error(parcel);
-            self.wishes.put(index, levels.saturating_sub(self.step_of(parcel)), side);
+            let (levels, side_log2) = self.bundle_error(parcel);
+            let levels = levels.saturating_sub(self.step_of(parcel));
+            self.queue.put(index, Priority::of_error(levels, side_log2));
+        }
+    }
+
+    /// Has what an owner lacks asked for, if anything.
+    fn enqueue(&mut self, owner: u32, demand: &Demand) {
+        match self.shapes.group_of_owner(owner) {
+            Some(group) if self.missing[owner as usize] > 0 => {
+                self.enqueue_group(group, self.missing[owner as usize], demand.detail(group));
+            }
+            Some(_) => {}
+            None => self.enqueue_bundle(owner, self.shapes.parcel(owner)),
         }
     }
 
@@ -530,7 +557,7 @@ impl Residency {
     }
 
     /// Bundles need what their groups do. Whether any becomes needed or unneeded.
-    fn want_bundles(&mut self, family: u32, reluctance: u8) -> bool {
+    fn want_bundles(&mut self, family: u32, hysteresis: u8) -> bool {
         self.pressure.count_family(family, &self.shapes);
         let bias = self.pressure.bias();
         let mut has_changed = false;
@@ -540,8 +567,8 @@ impl Residency {
                 let parcel = Parcel::Bundle { bundle, step };
                 let index = self.shapes.index(parcel);
                 let (until, was_needed) = (self.pressure.bundle_until(index), self.pool.is_needed(index));
-                let reluctance = if was_needed { reluctance } else { 0 };
-                let is_needed = until > 0 && until.saturating_add(reluctance) > bias;
+                let hysteresis = if was_needed { hysteresis } else { 0 };
+                let is_needed = until > 0 && until.saturating_add(hysteresis) > bias;
                 // Groups whose demand is not taken over yet may still need theirs.
                 match (was_needed, is_needed || self.needed_under[index as usize] > 0) {
                     (false, true) => self.need(parcel, index),
@@ -549,20 +576,20 @@ impl Residency {
                     _ => {}
                 }
                 has_changed |= was_needed != self.pool.is_needed(index);
-                self.wish_for_bundle(index, parcel);
+                self.enqueue_bundle(index, parcel);
             }
         }
         has_changed
     }
 
-    fn level_for(&self, group: u32, detail: Detail, reluctance: u8) -> u32 {
+    fn level_for(&self, group: u32, detail: Detail, hysteresis: u8) -> u32 {
         let shape = self.shapes.of(group);
         let current = u32::from(self.wanted[group as usize]);
         let level = shape.wanted_level(detail.biased(self.pressure.bias()));
         if level <= current || !detail.is_visible() {
             return level;
         }
-        let reluctant = Detail(detail.0.saturating_sub(reluctance)).biased(self.pressure.bias());
+        let reluctant = Detail(detail.0.saturating_sub(hysteresis)).biased(self.pressure.bias());
         shape.wanted_level(reluctant).max(current)
     }
 
@@ -626,27 +653,9 @@ impl Residency {
         }
     }
 
-    /// Cancels a parcel that is on its way, or drops it.
-    fn forget(&mut self, parcel: Parcel, index: u32) {
-        match self.set_flight(parcel, index, Flight::None) {
-            Flight::Asked | Flight::Ahead => {
-                self.work.spend(Item::Cancel, 1);
-                self.cancels.push(parcel);
-            }
-            Flight::Waiting => {
-                self.waiting.remove(&index);
-            }
-            Flight::None => return,
-        }
-        self.wake_under(parcel);
-    }
-
     /// Tells the loader what has been cancelled and asked for since it was told last.
     pub(crate) fn tell(&mut self, loader: &mut dyn ParcelLoader) {
-        loader.cancel_all(&self.cancels);
-        loader.request_all(&self.asks);
-        self.cancels.clear();
-        self.asks.clear();
+        self.transfers.tell(loader);
     }
 
     /// Lets the bias follow the demand.
@@ -655,38 +664,15 @@ impl Residency {
             self.pressure.relax();
         }
         // As long as the last bias has not reached all groups, more is needed than need be.
-        if self.exact_backlog > 0 {
+        if self.backlog.has_exact() {
             return;
         }
         let (needed, atlas) = (self.pool.needed().texels, self.pool.shape().texels());
         if self.pressure.update(needed, atlas) {
             for (family, details) in (0..).zip(demand.details().chunks(FAMILY as usize)) {
                 if details.iter().any(|detail| detail.is_visible()) {
-                    self.put_off(family, Backlog::Exact);
+                    self.backlog.put(family, Backlog::EXACT);
                 }
-            }
-        }
-    }
-
-    /// Asks for what is missing, the most urgent first, within limits.
-    pub(crate) fn request(&mut self, demand: &Demand, limits: &RequestLimits) {
-        while self.has_free_request(limits) && self.work.may(Task::Ask) {
-            let Some((owner, urgency)) = self.wishes.take() else { return };
-            let (levels, side) = match self.shapes.group_of_owner(owner) {
-                Some(group) => {
-                    let finest = self.wanted_level(group).unwrap_or(0);
-                    let levels = self.shapes.of(group).level_count() - finest;
-                    (levels, self.side_log2(group, demand.detail(group)))
-                }
-                None => self.bundle_error(self.shapes.parcel(owner)),
-            };
-            for (parcel, index) in self.missing_parcels(owner) {
-                if !self.has_free_request(limits) {
-                    self.wishes.put_back(owner, urgency);
-                    break;
-                }
-                let urgency = requests::urgency(levels.saturating_sub(self.step_of(parcel)), side);
-                self.ask(parcel, index, f32::from(urgency), false);
             }
         }
     }
@@ -699,91 +685,32 @@ impl Residency {
         }
     }
 
-    fn has_free_request(&self, limits: &RequestLimits) -> bool {
-        self.pending + self.waiting.len() < limits.parcels && self.in_flight_texels < limits.texels
-    }
-
-    /// The needed parcels of an owner that are neither resident, nor on their way, nor known to be damaged; the coarsest first.
-    fn missing_parcels(&self, owner: u32) -> Vec<(Parcel, u32)> {
+    /// Numbers of the needed parcels of an owner, finest first.
+    fn needed_parcels(&self, owner: u32) -> Vec<u32> {
         let all = self.parcels_of(owner);
-        let needed: Vec<u32> = match self.shapes.group_of_owner(owner) {
+        match self.shapes.group_of_owner(owner) {
             Some(group) if self.shapes.of(group).is_paged() => self.wanted_pages.get(group).to_vec(),
             Some(group) => (all.start + u32::from(self.wanted[group as usize])..all.end).collect(),
             None => all.filter(|&index| self.pool.is_needed(index)).collect(),
-        };
-        let is_asked = |index: &u32| matches!(self.flight(*index), Flight::Asked | Flight::Waiting);
-        needed
-            .into_iter()
-            .rev()
-            .filter(|&index| !self.pool.is_resident(index) && !is_asked(&index))
-            .map(|index| match self.shapes.group_of_owner(owner) {
-                Some(group) => (self.shapes.own_page(group, index), index),
-                None => (self.shapes.parcel(index), index),
-            })
-            .filter(|&(parcel, _)| !self.is_damaged(parcel))
-            .collect()
+        }
+    }
+
+    /// The parcel of a number that is one of an owner's.
+    fn parcel_of_owner(&self, owner: u32, index: u32) -> Parcel {
+        match self.shapes.group_of_owner(owner) {
+            Some(group) => self.shapes.own_page(group, index),
+            None => self.shapes.parcel(index),
+        }
     }
 
     fn is_damaged(&self, parcel: Parcel) -> bool {
         !self.damaged.is_empty() && self.damaged.contains_key(&parcel)
     }
 
-    fn ask(&mut self, parcel: Parcel, index: u32, urgency: f32, is_ahead: bool) {
-        self.work.spend(Item::Ask, 1);
-        self.asks.push((parcel, urgency));
-        let flight = if is_ahead { Flight::Ahead } else { Flight::Asked };
-        if self.set_flight(parcel, index, flight) == Flight::None {
-            self.requests += 1;
-        }
-    }
-
-    /// The texels of these pages are others now. What is resident stays until its new texels arrive.
-    pub(crate) fn invalidate(&mut self, pages: &[PageId], demand: &Demand) {
-        let parcels: BTreeSet<Parcel> = pages.iter().map(|&page| self.shapes.parcel_of(page)).collect();
-        for parcel in parcels {
-            let index = self.shapes.index(parcel);
-            self.hope_for(parcel, index);
-            self.forget(parcel, index);
-            if self.pool.is_resident(index) {
-                self.ask(parcel, index, f32::from(u8::MAX), false);
-            } else {
-                self.wish(self.shapes.owner(parcel), demand);
-            }
-        }
-    }
-
-    /// Puts an owner among the wishes, if it lacks anything.
-    fn wish(&mut self, owner: u32, demand: &Demand) {
-        match self.shapes.group_of_owner(owner) {
-            Some(group) if self.missing[owner as usize] > 0 => {
-                self.wish_for(group, self.missing[owner as usize], demand.detail(group));
-            }
-            Some(_) => {}
-            None => self.wish_for_bundle(owner, self.shapes.parcel(owner)),
-        }
-    }
-
-    /// Asks for damaged parcels again.
-    pub(crate) fn retry_damaged(&mut self, demand: &Demand) {
-        for parcel in self.damaged.keys().copied().collect::<Vec<_>>() {
-            self.hope_for(parcel, self.shapes.index(parcel));
-            self.wish(self.shapes.owner(parcel), demand);
-        }
-    }
-
-    /// A parcel may be readable again. (It stays a hole until it has been read: what lies under it keeps its place.)
-    fn hope_for(&mut self, parcel: Parcel, index: u32) {
-        let was_damaged = self.damaged.remove(&parcel).is_some();
-        if was_damaged && self.pool.is_needed(index) && !self.pool.is_resident(index) {
-            self.count_missing(parcel, true);
-            self.update_lacks(parcel);
-        }
-    }
-
     /// Begins anew in an empty atlas of another shape.
     pub(crate) fn set_atlas(&mut self, atlas: AtlasShape, demand: &Demand) {
         self.pressure.reset();
-        let lost: Vec<Parcel> = (0..self.flights.len() as u32)
+        let lost: Vec<Parcel> = (0..self.shapes.parcel_count() as u32)
             .filter(|&index| self.pool.is_needed(index) && self.pool.is_resident(index))
             .map(|index| self.shapes.parcel(index))
             .collect();
@@ -797,9 +724,9 @@ impl Residency {
         for &parcel in self.damaged.keys() {
             self.pool.add_hole(self.shapes.index(parcel));
         }
-        self.ready.extend(self.waiting.keys().copied());
+        self.transfers.placeable.extend(self.transfers.arrived.keys().copied());
         for owner in 0..self.missing.len() as u32 {
-            self.wish(owner, demand);
+            self.enqueue(owner, demand);
         }
     }
 }

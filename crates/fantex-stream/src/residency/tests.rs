@@ -113,9 +113,18 @@ const FRAME_SECONDS: f64 = 1.0 / 60.0;
 
 impl Stage {
     fn new(geometry: &Arc<CoveredMesh>, atlas: AtlasShape, disk: DiskModel) -> Self {
+        Self::with_work(geometry, atlas, disk, super::FRAME_NANOSECONDS)
+    }
+
+    fn with_work(
+        geometry: &Arc<CoveredMesh>,
+        atlas: AtlasShape,
+        disk: DiskModel,
+        frame_nanoseconds: u32,
+    ) -> Self {
         let clock = ModelClock::default();
         let loader = ModelLoader::new(geometry.clone(), disk, clock.clone());
-        let options = StreamerOptions { atlas, ..StreamerOptions::default() };
+        let options = StreamerOptions { atlas, frame_nanoseconds, ..StreamerOptions::default() };
         let streamer = Streamer::new(geometry.clone(), Box::new(loader), options);
         let shadow = Shadow::new(geometry, &streamer);
         Self { geometry: geometry.clone(), streamer, shadow, clock, atlas }
@@ -147,7 +156,7 @@ impl Stage {
             frames += 1;
             assert!(frames < 1500, "does not come to rest: {:?}", self.streamer.statistics());
         }
-        self.streamer.check();
+        self.streamer.sanity_check();
         let bias = self.streamer.statistics().bias_levels;
         for _ in 0..200 {
             assert!(!self.frame(camera), "stirs though the camera stands still");
@@ -207,11 +216,10 @@ proptest! {
         latency_seconds in prop::sample::select(vec![0.0, 0.005, 0.08]),
         bandwidth in prop::sample::select(vec![2e6, 1e8]),
         // The covers are small: with as much work as a frame has for large ones nothing would ever wait for the next frame.
-        frame_work in prop::sample::select(vec![super::limits::FRAME, 120_000]),
+        frame_work in prop::sample::select(vec![super::FRAME_NANOSECONDS, 120_000]),
     ) {
         let disk = DiskModel { damaged_share, latency_seconds, bandwidth, ..DiskModel::default() };
-        let mut stage = Stage::new(&GEOMETRIES[which], atlas, disk);
-        stage.streamer.set_frame_work(frame_work);
+        let mut stage = Stage::with_work(&GEOMETRIES[which], atlas, disk, frame_work);
         let mut camera = CameraKeyframe::looking(0.0, DVec3::Z * 3.0, DVec3::ZERO);
         for act in acts {
             match act {
@@ -247,7 +255,7 @@ proptest! {
                     stage.frame(Some(&camera));
                 }
             }
-            stage.streamer.check();
+            stage.streamer.sanity_check();
         }
         stage.settle(Some(&camera));
         let figures = stage.streamer.statistics();
@@ -286,20 +294,21 @@ fn a_cut_to_many_tiles_is_spread_over_frames() {
     let camera = CameraKeyframe::looking(0.0, DVec3::new(0.5, 0.6, 2.5), DVec3::ZERO);
     let view = camera.view(&geometry.mesh.world_from_mesh, [1280, 720]);
     let [first, second] = [(); 2].map(|()| {
-        let mut stage = Stage::new(&geometry, AtlasShape { side: 2048, layers: 2 }, disk);
-        stage.streamer.set_frame_work(super::limits::FRAME / 5);
+        let atlas = AtlasShape { side: 2048, layers: 2 };
+        let mut stage = Stage::with_work(&geometry, atlas, disk, super::FRAME_NANOSECONDS / 5);
         let mut uploads = Vec::new();
         let mut waiting_frames = 0;
         while uploads.is_empty() || !stage.streamer.is_settled() {
             stage.clock.set(stage.clock.seconds() + FRAME_SECONDS);
             let changes = stage.streamer.update(view.as_ref(), FrameOptions::default());
-            let (spent, most) = stage.streamer.work();
+            let figures = stage.streamer.statistics();
+            let (spent, most) = (figures.frame_work.nanoseconds(), figures.frame_limit);
             assert!(spent <= most + most / 50, "{spent} ns");
             uploads.push(changes.uploads.iter().map(|upload| upload.parcel).collect::<Vec<_>>());
             waiting_frames += u32::from(stage.streamer.has_backlog());
             assert!(uploads.len() < 100);
         }
-        stage.streamer.check();
+        stage.streamer.sanity_check();
         let figures = stage.streamer.statistics();
         assert!(figures.complete_groups == figures.visible_groups && figures.visible_groups > 20_000);
         let busy = uploads.iter().filter(|uploads| uploads.len() > 300).count();
@@ -325,11 +334,11 @@ fn frames_do_twice_as_much_after_a_cut_and_no_more_once_half_a_second_has_passed
                 .streamer
                 .update(view.as_ref(), FrameOptions { upload_bytes: 64 << 20, ..FrameOptions::default() });
             frames += 1;
-            (frames, stage.streamer.work().1)
+            (frames, stage.streamer.statistics().frame_limit)
         };
         loop {
             let (frames, most) = update(&mut stage);
-            assert_eq!(most, 2 * super::limits::FRAME);
+            assert_eq!(most, 2 * super::FRAME_NANOSECONDS);
             assert!(frames <= most_frames, "{:?}", stage.streamer.statistics());
             if stage.streamer.is_settled() {
                 break;
@@ -338,7 +347,7 @@ fn frames_do_twice_as_much_after_a_cut_and_no_more_once_half_a_second_has_passed
         let figures = stage.streamer.statistics();
         assert!(figures.complete_groups == figures.visible_groups && figures.visible_groups > 10_000);
         while update(&mut stage).0 < 32 {}
-        assert_eq!(update(&mut stage).1, super::limits::FRAME);
+        assert_eq!(update(&mut stage).1, super::FRAME_NANOSECONDS);
     }
 }
 

@@ -1,20 +1,13 @@
-//! How much is done in a frame: counted, not timed, so that the same happens on every machine.
+//! What bounds residency: the work of a frame, and the bias that makes what is needed fit the atlas.
 //!
-//! The costs are the least squares of the processor time of frames over what was counted in them (`examples/frame_costs.rs`): 2600 frames of
-//! tours in real time, first views, orbit, flight and cuts, over a landscape of 960 k triangles with 512 M texels in 52 k tiles and
-//! with 4 G in 434 k, in an optimised build, on two cores that did three times as much besides. They meet a frame's time to within 0.4 ms
-//! (root of the mean square); a frame takes 0.04 ms beside. Milliseconds taken and counted, median, 99 of 100, longest, with costs close
-//! to these:
+//! **Work** is counted, not timed, so that the same happens on every machine. The costs are the least squares of the processor time of
+//! frames over what was counted in them; they meet a frame's time to within 0.4 ms (root of the mean square, 2600 frames of tours over
+//! landscapes of 52 k and 434 k tiles).
 //!
-//! | | taken | counted |
-//! |---|---|---|
-//! | a second from the first view on | 5.5, 12.2, 12.7 | 5.4, 12.0, 12.0 |
-//! | orbit in 3 s | 4.3, 6.9, 8.7 | 4.1, 7.5, 9.0 |
-//! | flight, with a cut at its beginning | 1.0, 11.3, 12.9 | 0.8, 12.0, 12.0 |
-//! | cuts | 0.0, 9.4, 11.7 | 0.0, 11.9, 12.0 |
-//!
-//! The costs before, with twice as much for a parcel and half as much for bounding, made a frame of arrivals stop at two thirds of its
-//! time, and one of bounding go beyond it.
+//! **The bias** is by how much coarser everything is wanted. For every bias the texels that would be needed are known exactly, from a
+//! [`Histogram`] that follows the demand of groups and bundles one by one. The bias rises at once to where the demand fits, and sinks only
+//! where the demand of the lower bias fits with room to spare, and not often. So a still camera comes to rest: what made the bias sink
+//! cannot make it rise again.
 
 use crate::Parcel;
 use crate::demand::{Demand, PageDemand};
@@ -29,26 +22,26 @@ pub(super) enum Task {
     /// Taking over demand.
     Want,
     /// Asking for what is missing.
-    Ask,
+    Request,
 }
 
 /// Nanoseconds that are meant to be spent in a sixtieth of a second, with what demand takes.
-pub(super) const FRAME: u32 = 6_000_000;
+pub(crate) const FRAME_NANOSECONDS: u32 = 6_000_000;
 
 /// Slow frames do this share of what as many quick ones would do: a tenth of their time.
 const SLOW_SHARE: f32 = 0.25;
 /// And no more than so many quick ones.
-const MOST_TIMES: f32 = 32.0;
+const MAX_TIMES: f32 = 32.0;
 
 /// After a cut, and while all that is seen lacks something, a frame may do so many times as much: there is little on the screen that
-/// could stutter, and with twice [`FRAME`] sixty frames a second are still drawn.
+/// could stutter, and with twice [`FRAME_NANOSECONDS`] sixty frames a second are still drawn.
 const FILLING_TIMES: f32 = 2.0;
 /// So long after a cut, seconds, which is how long a view may take to be sharp.
-pub(super) const FILLING_SECONDS: f32 = 0.5;
+const FILLING_SECONDS: f32 = 0.5;
 
 /// Of a frame, eighths that arrivals leave to the rest, at most. (With a half for arrivals, whatever there was to do else, a
 /// first view of 400 k tiles took the demand of a few families per frame: arrivals and bounding used up the rest.)
-const MOST_RESERVED_EIGHTHS: u32 = 5;
+const MAX_RESERVED_EIGHTHS: u32 = 5;
 /// And for bounding, at most.
 const BOUNDING_EIGHTHS: u32 = 2;
 
@@ -72,11 +65,11 @@ pub(super) enum Item {
     /// A parcel that becomes needed or unneeded.
     Need,
     /// A parcel that is asked for, with what the loader does of it on the same thread.
-    Ask,
+    Request,
     /// The same for one that is cancelled.
     Cancel,
     /// A bundle or a group's own pages, looked at for what may be needed soon.
-    Foresee,
+    Expect,
 }
 
 /// Kinds of work that are counted.
@@ -94,7 +87,7 @@ pub const WORK_COSTS: [(&str, u32); WORK_KINDS] = [
     ("needs", 5),
     ("requests", 480),
     ("cancels", 1000),
-    ("owners foreseen", 12),
+    ("owners expected", 12),
 ];
 
 /// What a frame has done: how many of each of [`WORK_COSTS`].
@@ -112,8 +105,12 @@ impl FrameWork {
 }
 
 /// What may still be done in a frame.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Work {
+    /// Nanoseconds for a sixtieth of a second.
+    regular: u32,
+    /// Seconds of filling that are left after a jump of the camera.
+    filling_seconds: f32,
     frame: u32,
     /// What of that arrivals leave for the rest.
     reserved: u32,
@@ -122,22 +119,38 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// That of the next frame, which comes so long after this one: slow frames, of which there are few, may take longer, and where
-    /// drawing takes seconds, as software adapters do, nobody notices a tenth more. `nanoseconds`: as [`FRAME`]. `lacking`: share
-    /// of what is seen that lacks something; 1 after a cut.
-    pub(super) fn next_frame(&self, nanoseconds: u32, elapsed_seconds: f32, lacking: f32) -> Self {
+    /// `regular`: nanoseconds for a sixtieth of a second.
+    pub(super) fn new(regular: u32) -> Self {
+        let done = FrameWork::default();
+        Self { regular, filling_seconds: 0.0, frame: 0, reserved: 0, spent: 0, done }
+    }
+
+    /// The next frame comes so long after this one: slow frames, of which there are few, may take longer, and where drawing takes
+    /// seconds, as software adapters do, nobody notices a tenth more. `is_cut`: the camera has jumped. `lacking`: share of what is
+    /// seen that lacks something.
+    pub(super) fn begin_frame(&mut self, elapsed_seconds: f32, is_cut: bool, lacking: f32) {
+        self.filling_seconds = match is_cut {
+            true => FILLING_SECONDS,
+            false => (self.filling_seconds - elapsed_seconds).max(0.0),
+        };
+        let lacking = if self.filling_seconds > 0.0 { 1.0 } else { lacking };
         let quick_frames = (elapsed_seconds * 60.0).max(1.0);
         let filling_times = 1.0 + (FILLING_TIMES - 1.0) * lacking;
-        let times = filling_times.max(quick_frames.min(1.5)).max(SLOW_SHARE * quick_frames).min(MOST_TIMES);
-        let frame = (nanoseconds as f32 * times) as u32;
+        let times = filling_times.max(quick_frames.min(1.5)).max(SLOW_SHARE * quick_frames).min(MAX_TIMES);
+        self.frame = (self.regular as f32 * times) as u32;
         // The rest takes about as long as it did.
         let [arrivals, places] = [Item::Arrival, Item::Place].map(|item| item as usize);
         let rest: u32 = (0..WORK_KINDS)
             .filter(|kind| !(arrivals..=places + 2).contains(kind))
             .map(|kind| self.done.counts[kind] * WORK_COSTS[kind].1)
             .sum();
-        let reserved = rest.clamp(frame / 8, frame / 8 * MOST_RESERVED_EIGHTHS);
-        Self { frame, reserved, spent: 0, done: FrameWork::default() }
+        self.reserved = rest.clamp(self.frame / 8, self.frame / 8 * MAX_RESERVED_EIGHTHS);
+        (self.spent, self.done) = (0, FrameWork::default());
+    }
+
+    /// Nanoseconds that the frame may spend.
+    pub(super) fn limit(&self) -> u32 {
+        self.frame
     }
 
     /// What has been done.
@@ -145,18 +158,12 @@ impl Work {
         &self.done
     }
 
-    /// Nanoseconds that have been spent, and may be.
-    #[cfg(test)]
-    pub(super) fn spent_of(&self) -> (u32, u32) {
-        (self.spent, self.frame)
-    }
-
     /// Whether more may be done of a task. What comes first leaves something for the others.
     pub(super) fn may(&self, task: Task) -> bool {
         let until = match task {
             Task::Arrive => self.frame - self.reserved,
             Task::Want => self.frame / 8 * 7,
-            Task::Ask => self.frame,
+            Task::Request => self.frame,
         };
         self.spent < until
     }
@@ -174,11 +181,7 @@ impl Work {
     }
 }
 
-// The bias: how much coarser everything is wanted so that it fits.
-//
-// For every bias the texels that would be needed are known exactly, from a [`Histogram`] that follows the demand of groups and
-// bundles one by one. The bias rises at once to where the demand fits, and sinks only where the demand of the lower bias fits with room to
-// spare, and not often. So a still camera comes to rest: what made the bias sink cannot make it rise again.
+// The bias.
 
 /// Share of the atlas that needed parcels may take; the rest is lost between them, or keeps what may be needed again.
 const HIGH: f64 = 0.92;
