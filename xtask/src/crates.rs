@@ -60,6 +60,11 @@ const ALLOWED: &[(&str, &[&str])] = &[
             "fantex-paint",
         ],
     ),
+    // Never shipped: may use everything.
+    (
+        "fantex-bench",
+        &["fantex-mesh", "fantex-cover", "fantex-store", "fantex-stream", "fantex-gpu", "fantex"],
+    ),
     // Only tests use it.
     ("fantex-test", &["fantex-mesh"]),
     ("xtask", &[]),

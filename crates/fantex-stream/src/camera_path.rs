@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use fantex_base::Random;
 use fantex_mesh::WorldFromMesh;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -124,8 +125,8 @@ impl CameraPath {
 
     /// A restless camera in a ball: the same for the same seed.
     pub fn random_walk(center: DVec3, radius: f64, seed: u64, seconds: f64) -> Self {
-        let mut state = seed;
-        let mut next = || (splitmix(&mut state) >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0;
+        let mut random = Random::new(seed);
+        let mut next = || random.unit() * 2.0 - 1.0;
         let mut point = || DVec3::new(next(), next(), next());
         let count = (seconds * 2.0).ceil().max(1.0) as u32;
         let keyframe = |i: u32| {
@@ -156,16 +157,6 @@ impl CameraKeyframe {
         let fov = self.fov_degrees.to_radians() as f32;
         Some(StreamView::new(world_from_mesh.inverse_point(eye), axes, fov, size))
     }
-}
-
-/// The next number of a sequence without visible order (Steele, Lea and Flood, "Fast splittable pseudorandom number
-/// generators", 2014).
-pub(super) fn splitmix(state: &mut u64) -> u64 {
-    *state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-    let mut z = *state;
-    z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-    z ^ (z >> 31)
 }
 
 #[cfg(test)]

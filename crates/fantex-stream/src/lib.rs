@@ -21,16 +21,15 @@ mod camera_path;
 mod cluster_loader;
 mod demand;
 mod disk_speed;
-mod faulty;
 mod loader;
 mod parcel;
 pub mod read;
 mod residency;
 mod shape;
-pub mod simulate;
 mod streamer;
 
 pub use atlas::*;
+pub use camera_path::*;
 pub use cluster_loader::*;
 pub use demand::{DemandWork, Detail, PageDemand};
 pub use disk_speed::*;

@@ -13,7 +13,7 @@
 //!
 //! A tile's levels lie anywhere in one texture without mip levels, and the shader blends two of them. The other design, arrays
 //! by size class with real mip chains, was not built: it fragments a small pool into classes and keeps whole chains. What
-//! the choice costs, beside the same model with an ordinary mipmapped texture (`examples/fan_speed.rs`, software Vulkan, 2
+//! the choice costs, beside the same model with an ordinary mipmapped texture (`fantex-bench/examples/fan_speed.rs`, software Vulkan, 2
 //! shared cores, 1280x720, 4 M texels; processor time, ratio in one run; a bunny of 69 k triangles, then a landscape of 100 k):
 //!
 //! | | trilinear | anisotropic, 8 |

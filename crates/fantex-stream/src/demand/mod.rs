@@ -15,7 +15,7 @@
 //! small against their distance, inside the picture and turned to the camera are bounded once for all their groups.
 //!
 //! **What it costs.** A landscape of 950 k fans with a tile each, most of them in the picture, 1920x1080
-//! (`examples/demand_cost.rs`), medians of a frame in three runs on two cores that did other work, too: still 0 us; 0.1 m per
+//! (`fantex-bench/examples/demand_cost.rs`), medians of a frame in three runs on two cores that did other work, too: still 0 us; 0.1 m per
 //! frame in a square of 1 km, 60 to 110 us; 0.5 m per frame, 0.5 to 1.6 ms; 3 m per frame, 3 to 5 ms; a cut in every frame, 24
 //! to 28 ms while one update bounded all of it. Now an update is told how long it may take, and after a cut in a view of hundreds of thousands of tiles
 //! some wait for the next one.

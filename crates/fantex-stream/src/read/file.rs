@@ -104,11 +104,6 @@ impl ReadBuffer {
         let range = memory.start + part.start..memory.start + part.end;
         Self { memory, range, pool: Some(pool) }
     }
-
-    /// Changes bytes, for the injection of faults.
-    pub(crate) fn bytes_mut(&mut self) -> &mut [u8] {
-        &mut self.memory.bytes[self.range.clone()]
-    }
 }
 
 impl From<Vec<u8>> for ReadBuffer {

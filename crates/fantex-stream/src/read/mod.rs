@@ -17,7 +17,7 @@
 //!   back end's [`BufferPool`] and is used again.
 //!
 //! [`open_file_reader`] chooses the back end by trying: a ring where the system has one, else threads; direct I/O where the
-//! file system takes it, else buffered. [`FaultyReader`] makes any reader slow or unreliable, for tests and simulations.
+//! file system takes it, else buffered.
 
 mod file;
 mod http;
@@ -29,9 +29,8 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::task::{Poll, Waker};
 use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-pub use crate::faulty::{FaultyReader, ReadFaults};
 pub use file::{BufferPool, ReadBuffer, ring_reader, threaded_reader};
 pub(crate) use file::{open_in_runtime, ring_runtime, takes_direct_io};
 pub use http::{HttpSource, http_reader, open_asset, url_of};
@@ -392,9 +391,4 @@ impl Drop for LaneReader {
             thread.join().unwrap_or_default();
         }
     }
-}
-
-/// The time until `deadline`, as a limit for a wait.
-pub(crate) fn time_until(deadline: Instant) -> Duration {
-    deadline.saturating_duration_since(Instant::now())
 }

@@ -17,8 +17,6 @@ mod budget;
 mod packer;
 mod pool;
 mod requests;
-#[cfg(test)]
-mod tests;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;

@@ -270,3 +270,110 @@ impl Bin {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+    use fantex_mesh::{CleanOptions, clean, generate};
+
+    use super::*;
+
+    /// Page sizes as they occur: all levels of a cover's tiles.
+    fn page_sizes() -> Vec<[u32; 2]> {
+        let (mesh, _) = clean(generate::torus(160, 80), &CleanOptions::default()).unwrap();
+        let budget = TexelBudget::Total(24 << 20);
+        let options = CoverOptions { budget, tile: 128, ..CoverOptions::default() };
+        let (cover, _) = build_cover(&mesh, &options).unwrap();
+        let levels = cover.groups.iter().flat_map(|g| (0..g.level_count()).map(|l| g.level_extent(l)));
+        levels.filter(|e| e.iter().all(|&n| n <= 256)).collect()
+    }
+
+    /// Random pages come; when one finds no room, random ones leave until it does.
+    fn churn(
+        sizes: &[[u32; 2]],
+        steps: u32,
+        mut take: impl FnMut([u32; 2]) -> bool,
+        mut give_back: impl FnMut(usize) -> [u32; 2],
+    ) -> (f64, u32) {
+        let (mut state, mut used, mut resident, mut seen, mut fails) = (7u64, 0u64, 0usize, 0.0, 0);
+        let mut next = move |n: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % n
+        };
+        for _ in 0..steps {
+            let size = sizes[next(sizes.len())];
+            while !take(size) {
+                seen += used as f64;
+                fails += 1;
+                let left = give_back(next(resident));
+                used -= u64::from(left[0]) * u64::from(left[1]);
+                resident -= 1;
+            }
+            used += u64::from(size[0]) * u64::from(size[1]);
+            resident += 1;
+        }
+        (seen / f64::from(fails.max(1)) / f64::from(1024 * 1024), fails)
+    }
+
+    #[test]
+    fn against_shelves() {
+        let sizes = page_sizes();
+        let steps = 20_000;
+        let started = std::time::Instant::now();
+        let (mut packer, resident) = (
+            std::cell::RefCell::new(Packer::new(AtlasShape { side: 1024, layers: 1 })),
+            std::cell::RefCell::new(Vec::new()),
+        );
+        let (bits_share, bits_fails) = churn(
+            &sizes,
+            steps,
+            |size| {
+                packer
+                    .borrow_mut()
+                    .take(size)
+                    .map(|place| resident.borrow_mut().push((place, size)))
+                    .is_some()
+            },
+            |i| {
+                let (place, size) = resident.borrow_mut().swap_remove(i);
+                packer.borrow_mut().give_back(place, size);
+                size
+            },
+        );
+        let bits_time = started.elapsed();
+        for (place, size) in resident.take() {
+            packer.get_mut().give_back(place, size);
+        }
+        assert!((0..16).all(|_| packer.get_mut().take([256, 256]).is_some()), "all room comes back");
+        assert_eq!(packer.get_mut().take([4, 4]), None);
+
+        let started = std::time::Instant::now();
+        let shelves = std::cell::RefCell::new(etagere::AtlasAllocator::with_options(
+            etagere::size2(1024, 1024),
+            &etagere::AllocatorOptions { alignment: etagere::size2(4, 4), ..Default::default() },
+        ));
+        let resident = std::cell::RefCell::new(Vec::new());
+        let (shelf_share, shelf_fails) = churn(
+            &sizes,
+            steps,
+            |size| {
+                let size_i = etagere::size2(size[0] as i32, size[1] as i32);
+                let allocation = shelves.borrow_mut().allocate(size_i);
+                allocation.map(|a| resident.borrow_mut().push((a.id, size))).is_some()
+            },
+            |i| {
+                let (id, size) = resident.borrow_mut().swap_remove(i);
+                shelves.borrow_mut().deallocate(id);
+                size
+            },
+        );
+        let shelf_time = started.elapsed();
+        println!(
+            "in use when a page finds no room: bins of bits {:.1} % ({bits_fails} evictions, {bits_time:.1?}), shelves {:.1} % \
+         ({shelf_fails} evictions, {shelf_time:.1?})",
+            100.0 * bits_share,
+            100.0 * shelf_share
+        );
+        assert!(bits_share > shelf_share);
+    }
+}

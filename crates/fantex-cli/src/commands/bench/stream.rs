@@ -8,13 +8,10 @@ use clap::Args;
 use fantex::gpu::{DrawOptions, FanModel, Frame, Gpu, GpuOptions, HiddenScreen};
 use fantex::scene::{Bounds, Camera, Lights};
 use fantex::store::Asset;
-use fantex::stream::simulate::{
-    CameraKeyframe, CameraPath, DiskModel, SimulationOptions, SimulationReport, simulate,
-};
 use fantex::stream::{
-    AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, CutWatch, DiskLoad, FrameChanges,
-    FrameOptions, LoaderStatistics, PageTable, Streamer, StreamerOptions, loaded_clusters,
-    mean_cluster_bytes, open_asset, plain_reads, queued_reads, unpacked_clusters, url_of,
+    AtlasFormat, AtlasShape, CameraKeyframe, CameraPath, ClusterLoader, ClusterLoaderOptions, CutWatch,
+    DiskLoad, FrameChanges, FrameOptions, LoaderStatistics, PageTable, Streamer, StreamerOptions,
+    loaded_clusters, mean_cluster_bytes, open_asset, plain_reads, queued_reads, unpacked_clusters, url_of,
 };
 use glam::DVec3;
 
@@ -31,7 +28,6 @@ Example:
   fantex bench stream world.fan
   fantex bench stream world.fan --pool 16M --path flight.json
   fantex bench stream world.fan --gpu --size 1920x1080
-  fantex bench stream world.fan --simulate
 
 A path is a JSON file as 'fantex view' records it: {\"keys\": [{\"seconds\": 0,
 \"eye\": [0, 2, 5], \"target\": [0, 1, 0],
@@ -53,11 +49,8 @@ pub(super) struct StreamArgs {
     #[arg(long, value_name = "RATE", default_value_t = 60.0, value_parser = positive)]
     rate: f64,
     /// Draw every frame on the graphics card, as fast as it can
-    #[arg(long, conflicts_with = "simulate")]
-    gpu: bool,
-    /// Replay the path against a modelled disk, in simulated time: the same figures on every machine
     #[arg(long)]
-    simulate: bool,
+    gpu: bool,
 }
 
 /// Seconds of each part of the path that is flown where none is given.
@@ -81,9 +74,6 @@ pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, C
         Some(path) => read_path(path)?,
         None => tour(&asset),
     };
-    if args.simulate {
-        return Ok(simulated_rows(&simulate(asset.clone(), &path, &simulation(&asset, args))));
-    }
     let mut rows = vec![Row::new("asset opened", 1e3 * opened.as_secs_f64(), "ms")];
     rows.extend(fly(&asset, &path, args, context, started)?);
     rows.extend(disk_rows(&asset)?);
@@ -94,19 +84,6 @@ pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, C
 /// Formats of the texels in an atlas.
 fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
     asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, block_compressed)).collect()
-}
-
-fn simulation(asset: &Asset, args: &StreamArgs) -> SimulationOptions {
-    let formats = formats(asset, true);
-    let texel_bytes = formats.iter().map(|f| f.block_bytes()).sum::<usize>() as f64 / 16.0;
-    let defaults = SimulationOptions::default();
-    SimulationOptions {
-        streamer: StreamerOptions { atlas: AtlasShape::within(args.pool.0, &formats), ..defaults.streamer },
-        disk: DiskModel { texel_bytes, ..DiskModel::default() },
-        size: args.size.0,
-        frame_rate: args.rate,
-        ..defaults
-    }
 }
 
 fn read_path(path: &Path) -> Result<CameraPath, CliError> {
@@ -337,24 +314,6 @@ fn sharpness(rows: &mut Vec<Row>, seconds: &[f64], never: u64) {
         rows.push(Row::new("from a cut to sharp, longest", 1e3 * longest, "ms"));
     }
     rows.push(Row::new("cuts that came before the view was sharp", never as f64, ""));
-}
-
-fn simulated_rows(report: &SimulationReport) -> Vec<Row> {
-    let mut rows = Vec::new();
-    percentiles(&mut rows, "demand, per frame", &mut report.demand_times.clone());
-    percentiles(&mut rows, "residency, per frame", &mut report.residency_times.clone());
-    let sharp: Vec<f64> = report.seconds_to_sharp.iter().flatten().copied().collect();
-    sharpness(&mut rows, &sharp, (report.seconds_to_sharp.len() - sharp.len()) as u64);
-    rows.extend([
-        Row::new("parcels resident when needed", 100.0 * report.hit_rate, "%"),
-        Row::new("visible tiles at their level", 100.0 * report.complete_share, "%"),
-        Row::new("pool in use, at most", 100.0 * report.peak_occupancy, "%"),
-        Row::new("level bias, at most", f64::from(report.peak_bias_levels), "levels"),
-        Row::new("handed over", report.bytes as f64 / 1e6, "MB"),
-        Row::new("requests", report.requests as f64, ""),
-        Row::new("evictions", report.evictions as f64, ""),
-    ]);
-    rows
 }
 
 /// What the loader gets out of the disk, beside a plain loop of reads of the same size. None for URLs.

@@ -5,8 +5,9 @@ use std::io::{Seek, SeekFrom, Write};
 use std::time::{Duration, Instant};
 
 use fantex_bake::BakeFormat;
+use fantex_bench::faulty::{FaultyReader, ReadFaults};
 use fantex_store::{ClusterId, PageError, PageId};
-use fantex_stream::read::{FaultyReader, FileReadOptions, ReadFaults, RetryPolicy, open_file_reader};
+use fantex_stream::read::{FileReadOptions, RetryPolicy, open_file_reader};
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Parcel, ParcelLoader, ParcelTexels};
 use proptest::prelude::*;
 

@@ -1,7 +1,7 @@
 //! What frames of a streamer cost beside what is counted of them: how the costs in `residency/work.rs` were found.
 //!
 //! ```text
-//! cargo run --release -p fantex-stream --example frame_costs -- TOURS ASSET...
+//! cargo run --release -p fantex-bench --example frame_costs -- TOURS ASSET...
 //! ```
 //!
 //! Flies around, over and through an asset in real time, as `fantex bench stream` does, each time with an empty atlas. Prints for
@@ -14,11 +14,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_store::Asset;
-use fantex_stream::simulate::{CameraKeyframe, CameraPath};
 use fantex_stream::{
     AtlasShape, ClusterLoader, ClusterLoaderOptions, CutWatch, FrameOptions, FrameWork, Streamer,
     StreamerOptions, WORK_COSTS, WORK_KINDS,
 };
+use fantex_stream::{CameraKeyframe, CameraPath};
 use glam::DVec3;
 
 /// When the camera jumped.

@@ -1,23 +1,30 @@
-//! Replays camera paths over a landscape against the streamer, without a graphics card, and prints a table. ANISOTROPY is the
-//! filter's, 1 for trilinear look-ups.
+//! Replays camera paths against the streamer and a modelled disk, without a graphics card, and prints a table: over a generated
+//! landscape, or over an asset (along a recorded path). ANISOTROPY is the filter's, 1 for trilinear look-ups.
 //!
 //! ```text
-//! cargo run --release -p fantex-stream --example simulate_streaming -- [TRIANGLES] [TEXELS] [TILE] [POOL_SIDE] [FIRST_PATH] [ANISOTROPY]
+//! cargo run --release -p fantex-bench --example simulate_streaming -- ASSET [POOL_SIDE] [PATH.json]
+//! cargo run --release -p fantex-bench --example simulate_streaming -- [TRIANGLES] [TEXELS] [TILE] [POOL_SIDE] [FIRST_PATH] [ANISOTROPY]
 //! ```
 
 use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
+use fantex_bench::simulate::{DiskModel, SimulationOptions, SimulationReport, simulate};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::generate::{LandscapeOptions, landscape};
 use fantex_mesh::{CleanOptions, clean};
-use fantex_stream::simulate::{CameraPath, DiskModel, SimulationOptions, SimulationReport, simulate};
-use fantex_stream::{AtlasShape, CoveredMesh, Geometry, StreamerOptions};
+use fantex_stream::{
+    AtlasFormat, AtlasShape, CameraPath, CoveredMesh, Geometry, StreamerOptions, open_asset,
+};
 use glam::DVec3;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    let mut numbers = std::env::args().skip(1).map(|a| a.parse::<u64>());
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if let Some(asset) = arguments.first().filter(|text| text.parse::<u64>().is_err()) {
+        return over_asset(asset, &arguments[1..]);
+    }
+    let mut numbers = arguments.iter().map(|a| a.parse::<u64>());
     let mut next = |default: u64| numbers.next().unwrap_or(Ok(default));
     let (triangles, texels, tile, side) = (next(200_000)?, next(1 << 28)?, next(128)?, next(4096)?);
     let (first, max_anisotropy) = (next(0)? as usize, next(16)? as f32);
@@ -65,5 +72,28 @@ fn main() -> Result<(), Box<dyn Error>> {
         };
         println!("{name:16}{}", simulate(geometry.clone(), path, &options));
     }
+    Ok(())
+}
+
+fn over_asset(path: &str, arguments: &[String]) -> Result<(), Box<dyn Error>> {
+    let asset = open_asset(path.as_ref())?;
+    let side = arguments.first().map_or(Ok(2048), |text| text.parse())?;
+    let flight = match arguments.get(1) {
+        Some(recorded) => serde_json::from_str(&std::fs::read_to_string(recorded)?)?,
+        None => {
+            let center = asset.mesh().world_from_mesh.offset;
+            CameraPath::orbit(center, 2.0 * asset.mesh().world_from_mesh.scale, 0.0, 6.0)
+        }
+    };
+    let block_bytes: usize =
+        asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, true).block_bytes()).sum();
+    let options = SimulationOptions {
+        streamer: StreamerOptions { atlas: AtlasShape { side, layers: 1 }, ..StreamerOptions::default() },
+        disk: DiskModel { texel_bytes: block_bytes as f64 / 16.0, ..DiskModel::default() },
+        rest_seconds: 1.0,
+        ..SimulationOptions::default()
+    };
+    println!("{}", SimulationReport::HEADING);
+    println!("{}", simulate(Arc::new(asset), &flight, &options));
     Ok(())
 }

@@ -4,9 +4,8 @@ use std::collections::HashMap;
 use std::io;
 use std::time::{Duration, Instant};
 
-use crate::read::time_until;
-use crate::read::{QueuedReader, ReadCompletion, ReadRequest, ReadWaker, ReaderInfo};
 use fantex_base::Random;
+use fantex_stream::read::{QueuedReader, ReadCompletion, ReadRequest, ReadWaker, ReaderInfo};
 
 /// What goes wrong, and how often. Probabilities are of 0..1 and per read. Which reads are hit follows from the seed, the read's
 /// offset and how often that offset has been read, not from time or threads.
@@ -120,7 +119,9 @@ impl<R: QueuedReader> QueuedReader for FaultyReader<R> {
             }
             let next_due = self.held.iter().map(|(due, _)| *due).min();
             let limit = deadline.into_iter().chain(next_due).min();
-            let Some(mut completion) = self.inner.wait(limit.map(time_until)) else {
+            let Some(mut completion) =
+                self.inner.wait(limit.map(|limit| limit.saturating_duration_since(Instant::now())))
+            else {
                 let is_due = next_due.is_some_and(|due| due <= Instant::now());
                 if is_due {
                     continue;
@@ -132,7 +133,9 @@ impl<R: QueuedReader> QueuedReader for FaultyReader<R> {
                 && !buffer.is_empty()
             {
                 let index = (place % buffer.len() as u64) as usize;
-                buffer.bytes_mut()[index] ^= 1 << (place >> 61);
+                let mut bytes = buffer.to_vec();
+                bytes[index] ^= 1 << (place >> 61);
+                *buffer = bytes.into();
             }
             let due = self.due.remove(&completion.token).unwrap_or_else(Instant::now);
             self.held.push((due, completion));

@@ -11,12 +11,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use fantex_base::Random;
 use fantex_store::{PageError, PageId};
-
-use crate::camera_path::splitmix;
-pub use crate::camera_path::{CameraKeyframe, CameraPath};
-use crate::{
-    CutWatch, FrameOptions, Geometry, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, Streamer,
+use fantex_stream::{
+    CameraPath, CutWatch, FrameOptions, Geometry, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, Streamer,
     StreamerOptions,
 };
 
@@ -263,21 +261,21 @@ impl ModelLoader {
 
     /// Two bytes that stand for a page. A parcel's texels begin with those of its pages, in the order of its layout.
     pub fn signature(page: PageId) -> [u8; 2] {
-        let mut state = u64::from(page.group) << 32 ^ u64::from(page.level) << 24;
-        state ^= u64::from(page.page[0]) << 12 ^ u64::from(page.page[1]);
-        (splitmix(&mut state) as u16).to_le_bytes()
+        let mut seed = u64::from(page.group) << 32 ^ u64::from(page.level) << 24;
+        seed ^= u64::from(page.page[0]) << 12 ^ u64::from(page.page[1]);
+        (Random::new(seed).next_u64() as u16).to_le_bytes()
     }
 
     /// Whether a parcel can never be read.
     pub fn is_damaged(parcel: Parcel, share: f64) -> bool {
-        let mut state = match parcel {
+        let seed = match parcel {
             Parcel::Bundle { bundle, step } => u64::from(bundle) << 8 ^ u64::from(step) << 62 ^ 0xB0,
             Parcel::Page(PageId { group, level, page }) => {
                 let [x, y] = page.map(u64::from);
                 u64::from(group) << 30 ^ u64::from(level) << 25 ^ x << 13 ^ y ^ 0xDA_3A6E
             }
         };
-        ((splitmix(&mut state) >> 11) as f64 / (1u64 << 53) as f64) < share
+        Random::new(seed).unit() < share
     }
 
     /// Lets the disk work until now.

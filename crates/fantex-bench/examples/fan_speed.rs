@@ -1,7 +1,7 @@
 //! Frames of a fan-textured model beside the same model with an ordinary texture, in one run.
 //!
 //! ```text
-//! cargo run --release -p fantex-gpu --example fan_speed -- [MODEL | TRIANGLES] [TEXELS] [TILE]
+//! cargo run --release -p fantex-bench --example fan_speed -- [MODEL | TRIANGLES] [TEXELS] [TILE]
 //! ```
 //!
 //! MODEL is a model file; a number of triangles means a generated landscape. Frames are 1280x720, one sample per pixel; both
@@ -15,7 +15,9 @@ use fantex_bake::{
     BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_gpu::{DrawOptions, Frame, Gpu, GpuOptions, Model, Renderer, StreamedModel, UvModel, stream_view};
+use fantex_gpu::{
+    DrawOptions, Frame, Gpu, GpuError, GpuOptions, HiddenScreen, Model, StreamedModel, UvModel, stream_view,
+};
 use fantex_mesh::{ImageSource, Mesh, TextureRef, WrapMode, clean, generate, load};
 use fantex_scene::{Camera, FilterOptions, Lights, Shading};
 use fantex_store::{Asset, ChannelKind};
@@ -59,12 +61,15 @@ fn main() -> Result<(), Failure> {
         let filter = FilterOptions { filter, max_anisotropy: 8.0 };
         let is_sharp = fan.wait_until_sharp(&gpu, &view, &filter, Duration::from_secs(60))?;
         let options = DrawOptions { shading, filter, samples: 1, ..DrawOptions::default() };
-        let mut stage = Stage::new(&gpu, &camera, options);
+        let mut screen = HiddenScreen::new(&gpu, SIZE);
+        let lights = Lights::behind(&camera);
         let mut times = [Times::default(); 2];
         for _ in 0..=ROUNDS {
             let models: [&mut dyn Model; 2] = [&mut uv, &mut fan.model];
             for (times, model) in times.iter_mut().zip(models) {
-                stage.draw(model, times)?;
+                let mut frame =
+                    Frame { size: SIZE, camera: &camera, lights: &lights, model, options: &options };
+                times.of(|| screen.draw(&gpu, &mut frame))?;
             }
         }
         let [uv, fan] = times;
@@ -155,55 +160,21 @@ struct Times {
 }
 
 impl Times {
+    /// Times a frame. The first one is not counted: it compiles pipelines.
+    fn of(&mut self, draw: impl FnOnce() -> Result<(), GpuError>) -> Result<(), GpuError> {
+        let (started, processor) = (Instant::now(), processor_seconds());
+        draw()?;
+        if self.frames > 0 {
+            let elapsed = started.elapsed();
+            self.best = Some(self.best.map_or(elapsed, |best| best.min(elapsed)));
+            self.processor_seconds += processor_seconds() - processor;
+        }
+        self.frames += 1;
+        Ok(())
+    }
+
     fn best_ms(&self) -> f64 {
         self.best.unwrap_or_default().as_secs_f64() * 1e3
-    }
-}
-
-/// Where frames are drawn.
-struct Stage<'a> {
-    gpu: &'a Gpu,
-    renderer: Renderer,
-    target: wgpu::TextureView,
-    camera: &'a Camera,
-    lights: Lights,
-    options: DrawOptions,
-}
-
-impl<'a> Stage<'a> {
-    fn new(gpu: &'a Gpu, camera: &'a Camera, options: DrawOptions) -> Self {
-        let format = wgpu::TextureFormat::Rgba8Unorm;
-        let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("speed"),
-            size: wgpu::Extent3d { width: SIZE[0], height: SIZE[1], depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-            view_formats: &[],
-        });
-        let target = target.create_view(&Default::default());
-        let lights = Lights::behind(camera);
-        Self { gpu, renderer: Renderer::new(gpu, format), target, camera, lights, options }
-    }
-
-    /// Draws a frame and waits for it. The first one is not counted: it compiles pipelines.
-    fn draw(&mut self, model: &mut dyn Model, times: &mut Times) -> Result<(), Failure> {
-        let (started, processor) = (Instant::now(), processor_seconds());
-        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        let mut frame =
-            Frame { size: SIZE, camera: self.camera, lights: &self.lights, model, options: &self.options };
-        self.renderer.draw(self.gpu, &mut encoder, &self.target, &mut frame)?;
-        self.gpu.queue.submit([encoder.finish()]);
-        self.gpu.wait()?;
-        if times.frames > 0 {
-            let elapsed = started.elapsed();
-            times.best = Some(times.best.map_or(elapsed, |best| best.min(elapsed)));
-            times.processor_seconds += processor_seconds() - processor;
-        }
-        times.frames += 1;
-        Ok(())
     }
 }
 

@@ -1,5 +1,7 @@
 //! A streamer against a shadow of the atlas, along random paths, with disks that fail and atlases that are too small.
 
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
 use std::collections::{BTreeSet, HashMap};
 use std::sync::{Arc, LazyLock};
 
@@ -9,11 +11,12 @@ use fantex_store::{PageId, page_extent, page_grid};
 use glam::DVec3;
 use proptest::prelude::*;
 
-use super::packer::Packer;
-use crate::simulate::{CameraKeyframe, CameraPath, DiskModel, ModelClock, ModelLoader};
-use crate::{
-    AtlasPlace, AtlasShape, CoveredMesh, FrameChanges, FrameOptions, Geometry, Parcel, Streamer,
-    StreamerOptions, TableEntry,
+use fantex_bench::simulate::{
+    DiskModel, ModelClock, ModelLoader, SimulationOptions, SimulationReport, simulate,
+};
+use fantex_stream::{
+    AtlasPlace, AtlasShape, CameraKeyframe, CameraPath, CoveredMesh, FrameChanges, FrameOptions, Geometry,
+    Parcel, Streamer, StreamerOptions, TableEntry,
 };
 
 fn covered(model: Model, texels: u64, tile: u32) -> Arc<CoveredMesh> {
@@ -109,11 +112,14 @@ struct Stage {
     atlas: AtlasShape,
 }
 
+/// What [`StreamerOptions`] allow a frame.
+const FRAME_NANOSECONDS: u32 = 6_000_000;
+
 const FRAME_SECONDS: f64 = 1.0 / 60.0;
 
 impl Stage {
     fn new(geometry: &Arc<CoveredMesh>, atlas: AtlasShape, disk: DiskModel) -> Self {
-        Self::with_work(geometry, atlas, disk, super::FRAME_NANOSECONDS)
+        Self::with_work(geometry, atlas, disk, FRAME_NANOSECONDS)
     }
 
     fn with_work(
@@ -216,7 +222,7 @@ proptest! {
         latency_seconds in prop::sample::select(vec![0.0, 0.005, 0.08]),
         bandwidth in prop::sample::select(vec![2e6, 1e8]),
         // The covers are small: with as much work as a frame has for large ones nothing would ever wait for the next frame.
-        frame_work in prop::sample::select(vec![super::FRAME_NANOSECONDS, 120_000]),
+        frame_work in prop::sample::select(vec![FRAME_NANOSECONDS, 120_000]),
     ) {
         let disk = DiskModel { damaged_share, latency_seconds, bandwidth, ..DiskModel::default() };
         let mut stage = Stage::with_work(&GEOMETRIES[which], atlas, disk, frame_work);
@@ -295,7 +301,7 @@ fn a_cut_to_many_tiles_is_spread_over_frames() {
     let view = camera.view(&geometry.mesh.world_from_mesh, [1280, 720]);
     let [first, second] = [(); 2].map(|()| {
         let atlas = AtlasShape { side: 2048, layers: 2 };
-        let mut stage = Stage::with_work(&geometry, atlas, disk, super::FRAME_NANOSECONDS / 5);
+        let mut stage = Stage::with_work(&geometry, atlas, disk, FRAME_NANOSECONDS / 5);
         let mut uploads = Vec::new();
         let mut waiting_frames = 0;
         while uploads.is_empty() || !stage.streamer.is_settled() {
@@ -338,7 +344,7 @@ fn frames_do_twice_as_much_after_a_cut_and_no_more_once_half_a_second_has_passed
         };
         loop {
             let (frames, most) = update(&mut stage);
-            assert_eq!(most, 2 * super::FRAME_NANOSECONDS);
+            assert_eq!(most, 2 * FRAME_NANOSECONDS);
             assert!(frames <= most_frames, "{:?}", stage.streamer.statistics());
             if stage.streamer.is_settled() {
                 break;
@@ -347,7 +353,7 @@ fn frames_do_twice_as_much_after_a_cut_and_no_more_once_half_a_second_has_passed
         let figures = stage.streamer.statistics();
         assert!(figures.complete_groups == figures.visible_groups && figures.visible_groups > 10_000);
         while update(&mut stage).0 < 32 {}
-        assert_eq!(update(&mut stage).1, super::FRAME_NANOSECONDS);
+        assert_eq!(update(&mut stage).1, FRAME_NANOSECONDS);
     }
 }
 
@@ -405,107 +411,26 @@ fn what_lies_ahead_is_fetched_before_it_is_needed() {
     let path = CameraPath::orbit(DVec3::ZERO, 1.3, 0.4, 6.0);
     let mut lacking = Vec::new();
     for look_ahead_seconds in [0.0, 0.25] {
-        let options = crate::simulate::SimulationOptions {
+        let options = SimulationOptions {
             streamer: StreamerOptions { look_ahead_seconds, ..StreamerOptions::default() },
             disk: DiskModel { latency_seconds: 0.03, queue_depth: 1024, ..DiskModel::default() },
             ..Default::default()
         };
-        let report = crate::simulate::simulate(geometry.clone() as Arc<dyn Geometry>, &path, &options);
-        println!("{}\n{report}", crate::simulate::SimulationReport::HEADING);
+        let report = simulate(geometry.clone() as Arc<dyn Geometry>, &path, &options);
+        println!("{}\n{report}", SimulationReport::HEADING);
         assert!(report.is_settled);
         lacking.push(1.0 - report.complete_frames);
     }
     assert!(lacking[1] < 0.5 * lacking[0], "{lacking:?}");
 }
 
-/// Page sizes as they occur: all levels of a cover's tiles.
-fn page_sizes() -> Vec<[u32; 2]> {
-    let geometry = covered(generate::torus(160, 80), 24 << 20, 128);
-    let levels = geometry.cover.groups.iter().flat_map(|g| (0..g.level_count()).map(|l| g.level_extent(l)));
-    levels.filter(|e| e.iter().all(|&n| n <= 256)).collect()
-}
-
-/// Random pages come; when one finds no room, random ones leave until it does.
-fn churn(
-    sizes: &[[u32; 2]],
-    steps: u32,
-    mut take: impl FnMut([u32; 2]) -> bool,
-    mut give_back: impl FnMut(usize) -> [u32; 2],
-) -> (f64, u32) {
-    let (mut state, mut used, mut resident, mut seen, mut fails) = (7u64, 0u64, 0usize, 0.0, 0);
-    let mut next = move |n: usize| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 33) as usize % n
-    };
-    for _ in 0..steps {
-        let size = sizes[next(sizes.len())];
-        while !take(size) {
-            seen += used as f64;
-            fails += 1;
-            let left = give_back(next(resident));
-            used -= u64::from(left[0]) * u64::from(left[1]);
-            resident -= 1;
-        }
-        used += u64::from(size[0]) * u64::from(size[1]);
-        resident += 1;
-    }
-    (seen / f64::from(fails.max(1)) / f64::from(1024 * 1024), fails)
-}
-
 #[test]
-fn against_shelves() {
-    let sizes = page_sizes();
-    let steps = 20_000;
-    let started = std::time::Instant::now();
-    let (mut packer, resident) = (
-        std::cell::RefCell::new(Packer::new(AtlasShape { side: 1024, layers: 1 })),
-        std::cell::RefCell::new(Vec::new()),
-    );
-    let (bits_share, bits_fails) = churn(
-        &sizes,
-        steps,
-        |size| {
-            packer.borrow_mut().take(size).map(|place| resident.borrow_mut().push((place, size))).is_some()
-        },
-        |i| {
-            let (place, size) = resident.borrow_mut().swap_remove(i);
-            packer.borrow_mut().give_back(place, size);
-            size
-        },
-    );
-    let bits_time = started.elapsed();
-    for (place, size) in resident.take() {
-        packer.get_mut().give_back(place, size);
-    }
-    assert!((0..16).all(|_| packer.get_mut().take([256, 256]).is_some()), "all room comes back");
-    assert_eq!(packer.get_mut().take([4, 4]), None);
-
-    let started = std::time::Instant::now();
-    let shelves = std::cell::RefCell::new(etagere::AtlasAllocator::with_options(
-        etagere::size2(1024, 1024),
-        &etagere::AllocatorOptions { alignment: etagere::size2(4, 4), ..Default::default() },
-    ));
-    let resident = std::cell::RefCell::new(Vec::new());
-    let (shelf_share, shelf_fails) = churn(
-        &sizes,
-        steps,
-        |size| {
-            let size_i = etagere::size2(size[0] as i32, size[1] as i32);
-            let allocation = shelves.borrow_mut().allocate(size_i);
-            allocation.map(|a| resident.borrow_mut().push((a.id, size))).is_some()
-        },
-        |i| {
-            let (id, size) = resident.borrow_mut().swap_remove(i);
-            shelves.borrow_mut().deallocate(id);
-            size
-        },
-    );
-    let shelf_time = started.elapsed();
-    println!(
-        "in use when a page finds no room: bins of bits {:.1} % ({bits_fails} evictions, {bits_time:.1?}), shelves {:.1} % \
-         ({shelf_fails} evictions, {shelf_time:.1?})",
-        100.0 * bits_share,
-        100.0 * shelf_share
-    );
-    assert!(bits_share > shelf_share);
+fn a_flight_over_a_landscape_is_sharp_in_the_end() {
+    let land = generate::landscape(&generate::LandscapeOptions { triangles: 5000, ..Default::default() });
+    let geometry = covered(land.into(), 300_000, 128);
+    let center = geometry.mesh.world_from_mesh.offset;
+    let path = CameraPath::cuts(center, &[900.0, 300.0, 600.0], 1.0);
+    let report = simulate(geometry as Arc<dyn Geometry>, &path, &SimulationOptions::default());
+    assert!(report.slowest_to_sharp().is_some() && report.is_settled);
+    assert!(report.hit_rate > 0.9 && report.peak_occupancy < 1.0, "{report}");
 }

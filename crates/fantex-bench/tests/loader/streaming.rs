@@ -8,9 +8,10 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_bake::BakeFormat;
+use fantex_bench::faulty::{FaultyReader, ReadFaults};
 use fantex_store::{Asset, ClusterId, PageId, group_pages};
-use fantex_stream::read::{FaultyReader, FileReadOptions, ReadFaults, RetryPolicy, open_file_reader};
-use fantex_stream::simulate::CameraKeyframe;
+use fantex_stream::CameraKeyframe;
+use fantex_stream::read::{FileReadOptions, RetryPolicy, open_file_reader};
 use fantex_stream::{
     AtlasShape, ClusterLoader, ClusterLoaderOptions, CutWatch, DiskLoad, FrameChanges, FrameOptions, Parcel,
     ParcelTexels, Slot, Streamer, StreamerOptions, TableEntry, loaded_clusters, mean_cluster_bytes,

@@ -1,7 +1,7 @@
 //! Processor time per frame of demand and residency where every fan of a landscape has its own tile.
 //!
 //! ```text
-//! cargo run --release -p fantex-stream --example demand_cost -- [TRIANGLES]
+//! cargo run --release -p fantex-bench --example demand_cost -- [TRIANGLES]
 //! ```
 //!
 //! Prints for a still, a slow, a fast and a jumping camera the least, the lower quartile's and the median frame. Frames differ
@@ -11,11 +11,13 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use fantex_bench::simulate::{DiskModel, ModelClock, ModelLoader};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::generate::{LandscapeOptions, landscape};
 use fantex_mesh::{CleanOptions, clean};
-use fantex_stream::simulate::{CameraKeyframe, CameraPath, DiskModel, ModelClock, ModelLoader};
-use fantex_stream::{AtlasShape, CoveredMesh, FrameOptions, Geometry, Streamer, StreamerOptions};
+use fantex_stream::{
+    AtlasShape, CameraKeyframe, CameraPath, CoveredMesh, FrameOptions, Geometry, Streamer, StreamerOptions,
+};
 use glam::DVec3;
 
 fn main() -> Result<(), Box<dyn Error>> {
