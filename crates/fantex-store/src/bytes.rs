@@ -124,6 +124,30 @@ pub(crate) fn check_finite<const LANES: usize>(
     }
 }
 
+/// Refuses more than a limit.
+pub(crate) fn limit(what: &'static str, count: usize, limit: usize) -> Result<(), ContentError> {
+    if count > limit {
+        return Err(ContentError::TooMany { what, count: count as u64, limit: limit as u64 });
+    }
+    Ok(())
+}
+
+/// Refuses any number but none and `count`.
+pub(crate) fn exactly(what: &'static str, got: usize, count: usize) -> Result<(), ContentError> {
+    if got != 0 && got != count {
+        return Err(ContentError::Count { what, expected: count as u64, got: got as u64 });
+    }
+    Ok(())
+}
+
+/// Refuses an index or code beyond its range.
+pub(crate) fn below(what: &'static str, index: usize, value: u32, limit: usize) -> Result<(), ContentError> {
+    if value as usize >= limit {
+        return Err(ContentError::OutOfRange { what, index, value: u64::from(value), limit: limit as u64 });
+    }
+    Ok(())
+}
+
 /// Writes a section from front to back.
 #[derive(Default)]
 pub(crate) struct ByteWriter {

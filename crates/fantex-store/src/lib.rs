@@ -22,23 +22,22 @@
 #[cfg(test)]
 extern crate self as fantex_store;
 
+mod bounded_map;
 mod bytes;
 mod cache;
 mod channel;
-mod cluster;
-mod codec;
-mod content_error;
+mod cover_section;
+mod decode;
+mod directory;
 mod edit;
+mod encode;
 mod error;
 mod header;
 mod layout;
 pub mod limits;
-mod open;
+mod mesh_section;
 mod packing;
-mod page;
-mod positional;
 mod reader;
-mod section;
 mod source;
 mod srgb;
 mod verify;
@@ -46,14 +45,11 @@ mod writer;
 
 pub use cache::*;
 pub use channel::*;
-pub use cluster::*;
-pub use codec::*;
-pub use content_error::*;
+pub use decode::{decode, decode_plain};
 pub use edit::*;
+pub use encode::*;
 pub use error::*;
-pub use layout::ClusterPages;
-pub use page::*;
-pub use positional::*;
+pub use layout::*;
 pub use reader::*;
 pub use source::*;
 pub use verify::*;

@@ -19,13 +19,12 @@ use rayon::prelude::*;
 use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::cluster::pack_cluster;
+use crate::directory::{self, ALIGNMENT, ClusterEntry, Directory, Means};
 use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION};
 use crate::layout::{PageSize, TilePlace, level_count, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
-use crate::section::directory::{self, ALIGNMENT, ClusterEntry, Directory, Means};
-use crate::section::{channels, cover as cover_section, mesh as mesh_section};
-use crate::{Channel, CreateError, PageId, TexelFormat};
+use crate::reader::pack_cluster;
+use crate::{Channel, CreateError, PageId, TexelFormat, channel, cover_section, mesh_section};
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
 pub(crate) const CLUSTER_TARGET_BYTES: u64 = 256 << 10;
@@ -125,7 +124,7 @@ impl AssetWriter {
         channels: &[Channel],
     ) -> Result<Self, CreateError> {
         let content = |source| CreateError::Content { path: path.to_owned(), source };
-        channels::check(channels).map_err(content)?;
+        channel::check_channels(channels).map_err(content)?;
         mesh_section::check(mesh).map_err(content)?;
         cover_section::check(cover, mesh.triangles.len()).map_err(content)?;
         if !options.force && path.symlink_metadata().is_ok() {
@@ -150,7 +149,7 @@ impl AssetWriter {
             formats,
         };
         writer.due = writer.first_page_from(0);
-        writer.write_section(0, &channels::encode(channels))?;
+        writer.write_section(0, &channel::encode_channels(channels))?;
         writer.write_section(1, &cover_section::encode(cover))?;
         writer.write_section(2, &mesh_section::encode(mesh))?;
         writer.keep_room_for_directory();

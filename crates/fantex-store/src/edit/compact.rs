@@ -8,18 +8,15 @@ use std::sync::Arc;
 use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
 
-use super::EditError;
-use super::editor::AssetEditor;
-use super::output::FileOutput;
-use super::runs::{PackedRun, RunCutter, RunPacking, pages_of_cluster};
+use super::AssetEditor;
+use super::commit::{FileOutput, PackedRun, RunCutter, RunPacking, pages_of_cluster};
+use crate::directory::{self, ALIGNMENT, Attachments, ClusterEntry, Directory};
 use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION};
 use crate::layout::PageSize;
-use crate::section::attachments::{self, Attachments};
-use crate::section::directory::{self, ALIGNMENT, ClusterEntry, Directory};
 use crate::writer::{
     CLUSTER_TARGET_BYTES, SECTION_ZSTD_LEVEL, clusters_per_level, folder_of, lengthen, temporary_file,
 };
-use crate::{Asset, PageId};
+use crate::{Asset, EditError, PageId};
 
 /// What compaction did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -163,7 +160,7 @@ impl Copy {
         let offset = self.slot.sections[3].offset;
         self.slot.sections[3] = self.section(offset, &directory::encode(&self.directory))?;
         if !self.list.is_empty() {
-            self.slot.attachments = self.section(self.end, &attachments::encode(&self.list))?;
+            self.slot.attachments = self.section(self.end, &directory::encode_attachments(&self.list))?;
             self.end = self.slot.attachments.range().end.next_multiple_of(ALIGNMENT);
         }
         self.slot.file_length = self.end;

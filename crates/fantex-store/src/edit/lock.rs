@@ -11,7 +11,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use super::EditError;
+use crate::EditError;
 
 /// Attempts, a millisecond apart, to mark a file as being read.
 const PATIENCE: u32 = 500;

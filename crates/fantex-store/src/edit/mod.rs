@@ -17,23 +17,477 @@
 //!   tried again. If it fails at step 3 or 4 the new generation may or may not be on the disk; both are whole, and the next
 //!   attempt takes another number.
 //!
-//! One file holds one subject: `editor.rs` the changes and reading them, `commit.rs` the steps above, `runs.rs` what is rewritten,
-//! `space.rs` where to, `lock.rs` who may, `compact.rs` the fresh copy.
+//! Here are the changes and reading through them; in `commit.rs` the steps above, in `space.rs` where changed clusters go, in
+//! `lock.rs` who may write, in `compact.rs` the copy without gaps.
 
 mod commit;
 mod compact;
-mod editor;
-mod error;
 pub(crate) mod lock;
-mod output;
-mod runs;
 mod space;
 #[cfg(test)]
 mod tests;
-mod view;
 
-pub use commit::CommitSummary;
-pub use compact::CompactSummary;
-pub use editor::{AssetEditor, EditOptions};
-pub use error::EditError;
-pub use view::EditorSnapshot;
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::fs::{File, OpenOptions};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use self::commit::{FileOutput, LevelChanges, Output, RUN_BYTES, RunPacking};
+use self::lock::WriterLock;
+use self::space::{Space, padded_in_order, without_fixed};
+use crate::directory::{self, Attachments, ClusterEntry, Directory};
+use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
+use crate::header::{read_other_slot, read_section};
+use crate::layout::{ClusterPages, PageSize, TilePlace};
+use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
+
+use crate::{Asset, EditError, FileSource, PageError, PageId, Texels, cover_level_count};
+
+pub use self::commit::CommitSummary;
+pub use self::compact::CompactSummary;
+
+/// How to edit an asset.
+#[derive(Clone, Debug)]
+pub struct EditOptions {
+    /// zstd level of rewritten clusters, 1..=19.
+    pub zstd_level: i32,
+}
+
+impl Default for EditOptions {
+    /// zstd level 1.
+    fn default() -> Self {
+        Self { zstd_level: 1 }
+    }
+}
+
+/// The one writer of an asset. Dropping it drops what is not committed.
+#[derive(Debug)]
+pub struct AssetEditor {
+    packing: RunPacking,
+    lock: Arc<WriterLock>,
+    /// The asset's, open for reading and writing.
+    file: Arc<File>,
+    output: Box<dyn Output>,
+    /// The newest committed generation.
+    asset: Arc<Asset>,
+    /// All generations that were handed out.
+    snapshots: Vec<(u64, Weak<Asset>)>,
+    pending: Pending,
+    flushed: Flushed,
+    space: Space,
+    header: HeaderState,
+    /// The file grows to so many bytes at most.
+    limit: Option<u64>,
+    recent: Mutex<RecentClusters>,
+    /// Pages that were replaced since they were last taken, where somebody wants to know.
+    replaced: Option<BTreeSet<PageId>>,
+}
+
+/// Changes in memory.
+#[derive(Debug, Default)]
+struct Pending {
+    /// Per level.
+    pages: Vec<LevelChanges>,
+    page_bytes: usize,
+    /// None removes.
+    attachments: BTreeMap<String, Option<Vec<u8>>>,
+}
+
+/// Changes that are in the file already, though nothing committed names them.
+#[derive(Debug)]
+struct Flushed {
+    /// The directory that the next commit will write, where it differs.
+    directory: Arc<Directory>,
+    attachments: Attachments,
+    changed: bool,
+    /// Where flushed clusters and attachments start that no slot can name.
+    uncommitted: BTreeSet<u64>,
+    /// What the next commit supersedes.
+    superseded: Vec<Range<u64>>,
+}
+
+impl Flushed {
+    fn none(asset: &Asset) -> Result<Self, EditError> {
+        Ok(Self {
+            directory: Arc::clone(asset.directory()),
+            attachments: asset.attachments()?.clone(),
+            changed: false,
+            uncommitted: BTreeSet::new(),
+            superseded: Vec::new(),
+        })
+    }
+}
+
+/// What the two slots hold.
+#[derive(Debug)]
+struct HeaderState {
+    /// Index of the slot that the next commit overwrites.
+    target: usize,
+    /// The oldest generation that a slot names.
+    oldest: u64,
+    /// The newest one that was ever written, whether or not that succeeded.
+    newest: u64,
+    /// False for a file whose parts overlap: nothing in it is overwritten.
+    may_reuse: bool,
+}
+
+impl AssetEditor {
+    /// Opens an asset for changing. Takes the lock that keeps other writers out; readers are welcome.
+    pub fn open(path: &Path, options: &EditOptions) -> Result<Self, EditError> {
+        let lock = Arc::new(WriterLock::acquire(path)?);
+        let file = OpenOptions::new().read(true).write(true).open(path);
+        let file = file.map_err(|source| EditError::Io { path: path.to_owned(), source })?;
+        let file = Arc::new(file);
+        let packing = RunPacking { run_bytes: RUN_BYTES, zstd_level: options.zstd_level };
+        Self::with_output(path, packing, lock, Arc::clone(&file), Box::new(FileOutput(file)))
+    }
+
+    fn with_output(
+        path: &Path,
+        packing: RunPacking,
+        lock: Arc<WriterLock>,
+        file: Arc<File>,
+        output: Box<dyn Output>,
+    ) -> Result<Self, EditError> {
+        let source = FileSource::from_file(path, Arc::clone(&file));
+        let asset = Arc::new(Asset::open_source(Arc::new(source))?);
+        let flushed = Flushed::none(&asset)?;
+        let (space, header) = space_and_header(&asset);
+        let levels = asset.level_count() as usize;
+        Ok(Self {
+            packing,
+            lock,
+            file,
+            output,
+            snapshots: vec![(asset.generation(), Arc::downgrade(&asset))],
+            pending: Pending { pages: vec![LevelChanges::new(); levels], ..Pending::default() },
+            flushed,
+            space,
+            header,
+            asset,
+            limit: None,
+            recent: Mutex::default(),
+            replaced: None,
+        })
+    }
+
+    /// The newest committed state. It stays readable as it is, also through later commits and after the editor is gone.
+    pub fn asset(&self) -> &Arc<Asset> {
+        &self.asset
+    }
+
+    /// Replaces a page's bytes in one channel, by [`encode`](crate::encode)'s. In memory until [`flush`](Self::flush) or
+    /// [`commit`](Self::commit).
+    pub fn replace(&mut self, page: PageId, channel: usize, bytes: Vec<u8>) -> Result<(), EditError> {
+        let extent = self.asset.page_extent(channel, page)?;
+        let expected = self.asset.formats()[channel].bytes(extent);
+        if bytes.len() != expected {
+            let (path, got) = (self.asset.path().to_owned(), bytes.len());
+            return Err(EditError::PageBytes { path, page, channel, expected, got });
+        }
+        let place = self.place(page)?;
+        let channels = self.asset.formats().len();
+        let change = self.pending.pages[page.level as usize].entry(place);
+        let slot = &mut change.or_insert_with(|| vec![None; channels])[channel];
+        self.pending.page_bytes += bytes.len();
+        self.pending.page_bytes -= slot.replace(Arc::new(bytes)).map_or(0, |old| old.len());
+        if let Some(replaced) = &mut self.replaced {
+            replaced.insert(page);
+        }
+        Ok(())
+    }
+
+    /// The pages that were replaced since the last call, ascending; from the first call on they are remembered. For
+    /// whoever shows the asset while it changes.
+    pub fn take_replaced(&mut self) -> Vec<PageId> {
+        self.replaced.replace(BTreeSet::new()).unwrap_or_default().into_iter().collect()
+    }
+
+    /// Replaces the mean of a group: **linear** RGBA (normals as stored). Panics where `channel` or `group` is out of range.
+    pub fn set_mean(&mut self, channel: usize, group: u32, mean: [f32; 4]) {
+        Arc::make_mut(&mut self.flushed.directory).means.set(channel, group, mean);
+        self.flushed.changed = true;
+    }
+
+    /// Adds or replaces an attachment, up to 1 GiB under a name of up to 255 bytes.
+    pub fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<(), EditError> {
+        let bytes = contents.len() as u64;
+        if name.len() > MAX_ATTACHMENT_NAME_BYTES || bytes > MAX_ATTACHMENT_BYTES {
+            let (name, limit) = (name.to_owned(), MAX_ATTACHMENT_BYTES);
+            return Err(EditError::AttachmentSize { name, bytes, limit });
+        }
+        self.pending.attachments.insert(name.to_owned(), Some(contents));
+        Ok(())
+    }
+
+    /// Removes an attachment, if there is one of that name.
+    pub fn detach(&mut self, name: &str) {
+        if self.flushed.attachments.contains_key(name) {
+            self.pending.attachments.insert(name.to_owned(), None);
+        } else {
+            self.pending.attachments.remove(name);
+        }
+    }
+
+    /// Bytes of changed pages and attachments in memory.
+    pub fn pending_bytes(&self) -> usize {
+        let attachments = self.pending.attachments.values().flatten().map(Vec::len).sum::<usize>();
+        self.pending.page_bytes + attachments
+    }
+
+    /// True where a commit would change something.
+    pub fn has_changes(&self) -> bool {
+        self.flushed.changed || self.has_pending()
+    }
+
+    fn has_pending(&self) -> bool {
+        !self.pending.attachments.is_empty() || self.pending.pages.iter().any(|pages| !pages.is_empty())
+    }
+
+    /// Reads a page's bytes with all changes, committed or not. Keeps the last few clusters.
+    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+        let (asset, directory) = (&*self.asset, &*self.flushed.directory);
+        View { asset, directory, pages: &self.pending.pages, recent: &self.recent }
+            .read_page_raw(channel, page)
+    }
+
+    /// All pages as they are now, for other threads.
+    pub fn snapshot(&self) -> EditorSnapshot {
+        let recent = self.recent.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        EditorSnapshot {
+            asset: Arc::clone(&self.asset),
+            directory: Arc::clone(&self.flushed.directory),
+            pages: self.pending.pages.clone(),
+            recent: Mutex::new(recent),
+        }
+    }
+
+    /// Lets the file grow to so many bytes at most, as if the disk had no room beyond; none lifts the limit. (A quota.)
+    pub fn limit_file(&mut self, bytes: Option<u64>) {
+        self.limit = bytes;
+    }
+
+    /// Reads and decodes a page with all changes, committed or not. Not cached.
+    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
+        let bytes = self.read_page_raw(channel, page)?;
+        self.asset.decode_page_raw(channel, page, &bytes)
+    }
+
+    /// The mean of a group with all changes. Panics where `channel` or `group` is out of range.
+    pub fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
+        self.flushed.directory.means.get(channel, group)
+    }
+
+    /// Reads an attachment with all changes, committed or not.
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, EditError> {
+        if let Some(change) = self.pending.attachments.get(name) {
+            return Ok(change.clone());
+        }
+        let record = self.flushed.attachments.get(name);
+        Ok(record.map(|record| self.asset.read_attachment(name, record)).transpose()?)
+    }
+
+    /// Whether there is an attachment of that name, with all changes.
+    pub fn has_attachment(&self, name: &str) -> bool {
+        let change = self.pending.attachments.get(name).map(Option::is_some);
+        change.unwrap_or_else(|| self.flushed.attachments.contains_key(name))
+    }
+
+    /// Names of all attachments with all changes, ascending.
+    pub fn attachment_names(&self) -> Vec<String> {
+        let mut names: BTreeSet<&String> = self.flushed.attachments.keys().collect();
+        for (name, change) in &self.pending.attachments {
+            if change.is_some() {
+                names.insert(name)
+            } else {
+                names.remove(name)
+            };
+        }
+        names.into_iter().cloned().collect()
+    }
+
+    /// Forgets all changes that are not committed.
+    pub fn discard(&mut self) -> Result<(), EditError> {
+        let flushed = Flushed::none(&self.asset)?;
+        let dropped = std::mem::replace(&mut self.flushed, flushed);
+        self.release_uncommitted(&dropped);
+        let levels = self.pending.pages.len();
+        self.pending = Pending { pages: vec![LevelChanges::new(); levels], ..Pending::default() };
+        Ok(())
+    }
+
+    fn release_uncommitted(&mut self, dropped: &Flushed) {
+        let clusters = dropped.directory.levels.iter().flatten().map(ClusterEntry::range);
+        let attachments = dropped.attachments.values().map(SectionRecord::range);
+        for range in clusters.chain(attachments).filter(|r| dropped.uncommitted.contains(&r.start)) {
+            self.space.release(&range);
+        }
+    }
+
+    fn place(&self, page: PageId) -> Result<TilePlace, PageError> {
+        place_of(&self.asset, page)
+    }
+
+    /// Index of the cluster that holds an existing page.
+    fn cluster_of(&self, level: u32, place: TilePlace) -> usize {
+        cluster_of(&self.flushed.directory.levels[level as usize], place)
+    }
+}
+
+/// True where parts of a file share no block with each other, but with the fixed ones at most.
+fn are_apart(fixed: &[Range<u64>], changing: &[Range<u64>]) -> bool {
+    let fixed = padded_in_order(fixed);
+    let mut parts: Vec<_> = changing.iter().flat_map(|range| without_fixed(range, &fixed)).collect();
+    parts.sort_unstable_by_key(|range| range.start);
+    parts.windows(2).all(|pair| pair[0].end <= pair[1].start)
+}
+
+/// All bytes that a generation names: the fixed sections first.
+fn used_ranges(
+    slot: &Slot,
+    directory: &Directory,
+    attachments: &Attachments,
+) -> impl Iterator<Item = Range<u64>> {
+    let sections = slot.sections.iter().chain([&slot.attachments]).chain(attachments.values());
+    let ranges: Vec<_> = sections.map(SectionRecord::range).collect();
+    let clusters: Vec<_> = directory.levels.iter().flatten().map(ClusterEntry::range).collect();
+    ranges.into_iter().chain(clusters)
+}
+
+/// Finds out what is free in a file. What cannot be read of the other generation is not worth keeping.
+fn space_and_header(asset: &Asset) -> (Space, HeaderState) {
+    let slot = *asset.slot();
+    let no_attachments = Attachments::new();
+    let attachments = asset.attachments().unwrap_or(&no_attachments);
+    let current: Vec<Range<u64>> = used_ranges(&slot, asset.directory(), attachments).collect();
+    let fixed: Vec<Range<u64>> = slot.sections[..3].iter().map(SectionRecord::range).collect();
+    let may_reuse = are_apart(&fixed, &current[3..]);
+    let (target, other_slot) = read_other_slot(&**asset.source(), &slot);
+    let other: Vec<Range<u64>> = other_slot.as_ref().and_then(|o| ranges_of(asset, o)).unwrap_or_default();
+    let oldest = other_slot.map_or(slot.generation, |other| other.generation.min(slot.generation));
+    let mut space = Space::new(slot.file_length, &fixed, current.iter().chain(&other).cloned(), oldest);
+    let starts: BTreeSet<u64> = current.iter().map(|range| range.start).collect();
+    for range in other.into_iter().filter(|range| !starts.contains(&range.start)) {
+        space.retire(range, slot.generation);
+    }
+    let newest = slot.generation;
+    (space, HeaderState { target, oldest, newest, may_reuse })
+}
+
+/// What the other slot names; none where it cannot be read.
+fn ranges_of(asset: &Asset, slot: &Slot) -> Option<Vec<Range<u64>>> {
+    let source = &**asset.source();
+    let groups = &asset.cover().groups;
+    let places = HEADER_BYTES..slot.file_length;
+    let raw = read_section(source, SECTION_NAMES[3], &slot.sections[3], slot.file_length).ok()?;
+    let expected = directory::Expected {
+        extents: &|group| groups[group].extent,
+        groups: groups.len(),
+        levels: cover_level_count(asset.cover()),
+        formats: asset.formats(),
+        clusters: places.clone(),
+    };
+    let directory = directory::decode(&raw, &expected).ok()?;
+    let list = if slot.attachments == SectionRecord::default() {
+        Attachments::new()
+    } else {
+        let raw = read_section(source, "attachment", &slot.attachments, slot.file_length).ok()?;
+        directory::decode_attachments(&raw, &places).ok()?
+    };
+    Some(used_ranges(slot, &directory, &list).collect())
+}
+
+/// Clusters that were unpacked last, by offset and checksum: neighbouring pages are mostly read together.
+type RecentClusters = VecDeque<([u64; 2], Arc<ClusterPages>)>;
+
+/// Clusters that are kept unpacked, of 64 to 256 KiB mostly.
+const RECENT_CLUSTERS: usize = 32;
+
+/// An asset with changes.
+struct View<'a> {
+    asset: &'a Asset,
+    directory: &'a Directory,
+    /// In memory, per level.
+    pages: &'a [LevelChanges],
+    recent: &'a Mutex<RecentClusters>,
+}
+
+impl View<'_> {
+    fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+        self.asset.page_extent(channel, page)?;
+        let place = place_of(self.asset, page)?;
+        let change = self.pages[page.level as usize].get(&place);
+        if let Some(bytes) = change.and_then(|change| change[channel].as_ref()) {
+            return Ok(bytes.to_vec());
+        }
+        let level = &self.directory.levels[page.level as usize];
+        let cluster = self.cluster(page.level, &level[cluster_of(level, place)])?;
+        self.asset.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
+    }
+
+    fn cluster(&self, level: u32, entry: &ClusterEntry) -> Result<Arc<ClusterPages>, PageError> {
+        let key = [entry.offset, entry.checksum];
+        let lock = || self.recent.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, cluster)) = lock().iter().find(|(known, _)| *known == key) {
+            return Ok(Arc::clone(cluster));
+        }
+        let cluster = Arc::new(self.asset.read_entry(level, entry)?);
+        let mut recent = lock();
+        if recent.len() >= RECENT_CLUSTERS {
+            recent.pop_front();
+        }
+        recent.push_back((key, Arc::clone(&cluster)));
+        Ok(cluster)
+    }
+}
+
+fn place_of(asset: &Asset, page: PageId) -> Result<TilePlace, PageError> {
+    let extent = asset.cover().groups.get(page.group as usize).map_or([0, 0], |g| g.extent);
+    let number = PageSize::new(extent, page.level).number(page.page);
+    let path = || asset.path().to_owned();
+    let number = number.ok_or_else(|| PageError::NoSuchPage { path: path(), channel: 0, page })?;
+    Ok(TilePlace { group: page.group, page: number })
+}
+
+/// Index of the cluster of a level that holds an existing page.
+fn cluster_of(level: &[ClusterEntry], place: TilePlace) -> usize {
+    level.partition_point(|cluster| cluster.first <= place).saturating_sub(1)
+}
+
+/// All pages of an asset as an editor had them at a moment, for other threads. Later changes do not show in it. It can be read
+/// until the editor next flushes or commits; after that, reading what was flushed before may fail.
+#[derive(Debug)]
+pub struct EditorSnapshot {
+    asset: Arc<Asset>,
+    directory: Arc<Directory>,
+    pages: Vec<LevelChanges>,
+    recent: Mutex<RecentClusters>,
+}
+
+impl EditorSnapshot {
+    /// The committed state below the changes.
+    pub fn asset(&self) -> &Arc<Asset> {
+        &self.asset
+    }
+
+    /// A page's bytes.
+    ///
+    /// # Errors
+    ///
+    /// There is no such page, or it cannot be read.
+    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+        let Self { asset, directory, pages, recent } = self;
+        View { asset, directory, pages, recent }.read_page_raw(channel, page)
+    }
+
+    /// A page, decoded.
+    ///
+    /// # Errors
+    ///
+    /// As [`read_page_raw`](Self::read_page_raw).
+    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
+        let bytes = self.read_page_raw(channel, page)?;
+        self.asset.decode_page_raw(channel, page, &bytes)
+    }
+}

@@ -8,8 +8,8 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use crate::directory::ALIGNMENT;
 use crate::header::HEADER_BYTES;
-use crate::section::directory::ALIGNMENT;
 
 /// Free and superseded parts of the file, in multiples of [`ALIGNMENT`].
 #[derive(Clone, Debug, Default)]

@@ -7,6 +7,4 @@ mod common;
 mod damage;
 mod format;
 mod killed;
-mod round_trip;
-mod source;
 mod verify;

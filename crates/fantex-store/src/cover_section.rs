@@ -3,9 +3,8 @@
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
 use glam::{Vec2, Vec3};
 
-use super::mesh::{below, limit};
 use crate::ContentError;
-use crate::bytes::{ByteReader, ByteWriter, check_finite};
+use crate::bytes::{ByteReader, ByteWriter, below, check_finite, limit};
 use crate::limits::{MAX_TILE_SIDE, MAX_TRIANGLES};
 
 /// What must hold for a cover of a mesh of `triangles` triangles.

@@ -1,3 +1,5 @@
+//! Verifying assets: structure, checksums and the continuity certificate.
+//!
 //! The continuity certificate: on every edge the texture function, evaluated from either of the triangles that continue each
 //! other there ([`continued`](fantex_mesh::continued)) on the texels as they are stored, gives the same value.
 //!
@@ -14,13 +16,191 @@
 //! Compared are the blended **linear** values of all channels, as the sampler returns them (for normals: the stored numbers,
 //! before they are turned into a common frame). Values beyond 1, in float channels, are compared relative to their size.
 
+use std::collections::BTreeSet;
+use std::path::Path;
+use std::sync::Arc;
+
 use fantex_cover::unflattenable_vertices;
-use fantex_mesh::Edges;
+use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::layout::level_count;
-use crate::{Asset, PageCache, Tile};
+use crate::{Asset, ClusterId, OpenError, PageCache, Tile};
+
+/// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
+/// nothing of it can be seen, and far above what rounding makes (below 1e-6: both sides take the same tile coordinates up
+/// to the order of additions).
+pub const JUMP_BOUND: f32 = 1e-4;
+
+/// How to verify. The number of threads is that of the current rayon pool.
+#[derive(Clone, Debug)]
+pub struct VerifyOptions {
+    /// Bytes of decoded pages to keep.
+    pub memory_bytes: usize,
+}
+
+impl Default for VerifyOptions {
+    /// 256 MiB.
+    fn default() -> Self {
+        Self { memory_bytes: 256 << 20 }
+    }
+}
+
+/// What verification found.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct VerifyReport {
+    /// Nothing damaged (texels, headers, attachments), no fault of the mesh, no jump above [`JUMP_BOUND`].
+    pub ok: bool,
+    /// Tile levels with damage (all channels of a tile's level count as one).
+    pub damaged_tiles: u64,
+    /// The first few clusters that could not be read, in words.
+    pub first_damage: Vec<String>,
+    /// Header slots that are damaged (0 or 1: without any the asset does not open).
+    pub damaged_headers: u32,
+    /// Attachments (layers, history) that cannot be read; their damaged list counts as one.
+    pub damaged_attachments: u64,
+    /// Guarantees of a clean mesh that do not hold; at most one of each kind.
+    pub mesh_faults: Vec<MeshFault>,
+    /// The certificate.
+    pub continuity: Continuity,
+    /// Detail levels of the tile with the most.
+    pub levels: u32,
+    /// Length of the file.
+    pub bytes: u64,
+}
+
+/// Opens and verifies an asset on the current rayon pool.
+pub fn verify(path: &Path, options: &VerifyOptions) -> Result<VerifyReport, OpenError> {
+    Ok(verify_asset(&Arc::new(Asset::open(path)?), options))
+}
+
+/// Verifies an open asset on the current rayon pool.
+pub fn verify_asset(asset: &Arc<Asset>, options: &VerifyOptions) -> VerifyReport {
+    let damage = check_clusters(asset);
+    // A large tile may have pages in several clusters.
+    let damaged_tiles: BTreeSet<_> = damage.iter().flat_map(|d| &d.tiles).collect();
+    let cache = PageCache::new(Arc::clone(asset), options.memory_bytes);
+    let continuity = certify(&cache);
+    let mut report = VerifyReport {
+        ok: false,
+        damaged_tiles: damaged_tiles.len() as u64,
+        first_damage: damage.into_iter().map(|d| d.what).take(16).collect(),
+        damaged_headers: asset.damaged_headers(),
+        damaged_attachments: count_damaged_attachments(asset),
+        mesh_faults: find_faults(asset.mesh()),
+        continuity,
+        levels: asset.level_count(),
+        bytes: asset.file_bytes(),
+    };
+    report.ok = report.damaged_tiles == 0
+        && report.damaged_headers == 0
+        && report.damaged_attachments == 0
+        && report.mesh_faults.is_empty()
+        && report.continuity.needless_splits == 0
+        && report.continuity.largest_jump <= JUMP_BOUND;
+    report
+}
+
+fn count_damaged_attachments(asset: &Asset) -> u64 {
+    asset.attachments().map_or(1, |list| {
+        list.par_iter().filter(|(name, record)| asset.read_attachment(name, record).is_err()).count() as u64
+    })
+}
+
+struct ClusterDamage {
+    what: String,
+    /// Group and level of the tiles that have pages in the cluster.
+    tiles: Vec<(u32, u32)>,
+}
+
+/// Reads every cluster. A cluster that unpacks to its recorded length, which opening compared with the cover, holds pages
+/// of the right lengths, and every bit pattern of a page decodes.
+fn check_clusters(asset: &Asset) -> Vec<ClusterDamage> {
+    let all: Vec<ClusterId> = asset.clusters().collect();
+    let damage = all.par_iter().filter_map(|&cluster| {
+        let error = asset.read_cluster(cluster).err()?;
+        let level = cluster.level;
+        let has_level = |&g: &u32| level < asset.cover().groups[g as usize].level_count();
+        let tiles = asset.groups_in_cluster(cluster).filter(has_level).map(|g| (g, level)).collect();
+        Some(ClusterDamage { what: error.to_string(), tiles })
+    });
+    damage.collect()
+}
+
+/// A guarantee of [`Mesh`] that does not hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum MeshFault {
+    /// Coordinates beyond [-1, 1].
+    #[error("vertex {0} lies outside of the cube [-1, 1]^3")]
+    OutsideCube(u32),
+    /// No triangle uses a vertex.
+    #[error("vertex {0} belongs to no triangle")]
+    UnusedVertex(u32),
+    /// Two vertices at one position.
+    #[error("vertices {0} and {1} lie at the same position")]
+    CoincidentVertices(u32, u32),
+    /// Two triangles with the same vertices in the same cyclic order.
+    #[error("triangles {0} and {1} are the same")]
+    SameTriangle(u32, u32),
+    /// A triangle without area.
+    #[error("triangle {0} has no area")]
+    NoArea(u32),
+}
+
+/// At most one fault of each kind.
+fn find_faults(mesh: &Mesh) -> Vec<MeshFault> {
+    [outside_cube(mesh), unused_vertex(mesh), coincident_vertices(mesh), same_triangle(mesh), no_area(mesh)]
+        .into_iter()
+        .flatten()
+        .collect()
+}
+
+fn outside_cube(mesh: &Mesh) -> Option<MeshFault> {
+    let vertex = mesh.positions.iter().position(|p| p.abs().max_element() > 1.0)?;
+    Some(MeshFault::OutsideCube(vertex as u32))
+}
+
+fn unused_vertex(mesh: &Mesh) -> Option<MeshFault> {
+    let mut used = vec![false; mesh.positions.len()];
+    mesh.triangles.iter().flatten().for_each(|&v| used[v as usize] = true);
+    used.iter().position(|used| !used).map(|v| MeshFault::UnusedVertex(v as u32))
+}
+
+fn coincident_vertices(mesh: &Mesh) -> Option<MeshFault> {
+    // Adding zero makes -0 and 0 the same.
+    let keys = mesh.positions.iter().map(|p| p.to_array().map(|x| (x + 0.0).to_bits()));
+    first_pair(keys).map(|[a, b]| MeshFault::CoincidentVertices(a, b))
+}
+
+fn same_triangle(mesh: &Mesh) -> Option<MeshFault> {
+    let keys = mesh.triangles.iter().map(|&[a, b, c]| {
+        if a < b && a < c {
+            [a, b, c]
+        } else if b < c {
+            [b, c, a]
+        } else {
+            [c, a, b]
+        }
+    });
+    first_pair(keys).map(|[a, b]| MeshFault::SameTriangle(a, b))
+}
+
+/// Indices of the first two equal keys (in the order of the keys).
+fn first_pair(keys: impl Iterator<Item = [u32; 3]>) -> Option<[u32; 2]> {
+    let mut sorted: Vec<([u32; 3], u32)> = keys.zip(0..).collect();
+    sorted.par_sort_unstable();
+    sorted.windows(2).find(|pair| pair[0].0 == pair[1].0).map(|pair| [pair[0].1, pair[1].1])
+}
+
+fn no_area(mesh: &Mesh) -> Option<MeshFault> {
+    let flat = |t: &usize| {
+        let [a, b, c] = mesh.triangle_positions(*t).map(|p| p.as_dvec3());
+        (b - a).cross(c - a) == glam::DVec3::ZERO
+    };
+    (0..mesh.triangles.len()).find(flat).map(|t| MeshFault::NoArea(t as u32))
+}
 
 /// Continuity of the texture function across edges.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -97,7 +277,7 @@ struct Edge {
     groups: [u32; 2],
 }
 
-pub(super) fn certify(cache: &PageCache) -> Continuity {
+fn certify(cache: &PageCache) -> Continuity {
     let asset = cache.asset();
     let mut total = Continuity::default();
     let mut edges = compared_edges(asset, &mut total);
@@ -306,4 +486,41 @@ fn blend(tiles: &[Tile; 2], look_ups: &LookUps) -> [f32; 4] {
 fn jump(a: f32, b: f32) -> f32 {
     let difference = (a - b).abs() / a.abs().max(b.abs()).max(1.0);
     if difference.is_nan() { if a.is_nan() && b.is_nan() { 0.0 } else { 1.0 } } else { difference }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::Vec3;
+
+    use super::*;
+
+    fn square() -> Mesh {
+        Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::ONE, Vec3::Y],
+            triangles: vec![[0, 1, 2], [0, 2, 3]],
+            ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn each_fault_is_found() {
+        assert_eq!(find_faults(&square()), []);
+        let faults = |change: fn(&mut Mesh)| {
+            let mut mesh = square();
+            change(&mut mesh);
+            find_faults(&mesh)
+        };
+        assert_eq!(faults(|m| m.positions[1].x = 1.5), [MeshFault::OutsideCube(1)]);
+        assert_eq!(faults(|m| m.positions.push(Vec3::Z)), [MeshFault::UnusedVertex(4)]);
+        assert_eq!(
+            faults(|m| {
+                m.positions.push(-0.0 * Vec3::ONE);
+                m.triangles.push([4, 3, 1]);
+            }),
+            [MeshFault::CoincidentVertices(0, 4)]
+        );
+        assert_eq!(faults(|m| m.triangles.push([2, 0, 1])), [MeshFault::SameTriangle(0, 2)]);
+        assert_eq!(faults(|m| m.triangles.push([2, 1, 0])), []);
+        assert_eq!(faults(|m| m.positions[1] = Vec3::splat(0.5)), [MeshFault::NoArea(0)]);
+    }
 }

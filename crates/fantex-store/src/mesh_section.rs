@@ -5,7 +5,7 @@ use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::ContentError;
-use crate::bytes::{ByteReader, ByteWriter, check_finite};
+use crate::bytes::{ByteReader, ByteWriter, below, check_finite, exactly, limit};
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_TRIANGLES, MAX_UV_SETS};
 
 const HAS_NORMALS: u32 = 1;
@@ -88,28 +88,6 @@ fn check_toon(index: usize, scale: &ToonScale) -> Result<(), ContentError> {
     }
     if !scale.stops.is_sorted_by(|a, b| a.0 <= b.0) {
         return Err(ContentError::Order { what: "the toon scale of material", index });
-    }
-    Ok(())
-}
-
-pub(crate) fn limit(what: &'static str, count: usize, limit: usize) -> Result<(), ContentError> {
-    if count > limit {
-        return Err(ContentError::TooMany { what, count: count as u64, limit: limit as u64 });
-    }
-    Ok(())
-}
-
-/// None or `count`.
-fn exactly(what: &'static str, got: usize, count: usize) -> Result<(), ContentError> {
-    if got != 0 && got != count {
-        return Err(ContentError::Count { what, expected: count as u64, got: got as u64 });
-    }
-    Ok(())
-}
-
-pub(crate) fn below(what: &'static str, index: usize, value: u32, limit: usize) -> Result<(), ContentError> {
-    if value as usize >= limit {
-        return Err(ContentError::OutOfRange { what, index, value: u64::from(value), limit: limit as u64 });
     }
     Ok(())
 }

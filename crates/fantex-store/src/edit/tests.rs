@@ -1,0 +1,479 @@
+//! Crashes, failures and readers.
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+use std::collections::BTreeMap;
+use std::io::{self, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+
+#[path = "../../tests/store/common.rs"]
+mod common;
+
+use super::commit::{FileOutput, Output, RunPacking};
+use super::lock::WriterLock;
+use crate::{Asset, AssetEditor, EditError, EditOptions, PageId, VerifyOptions};
+use common::{encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
+
+/// All that an asset holds and that commits change.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct State {
+    pages: BTreeMap<(PageId, usize), Vec<u8>>,
+    means: Vec<[f32; 4]>,
+    attachments: BTreeMap<String, Vec<u8>>,
+}
+
+impl State {
+    /// Reads everything, which checks all checksums.
+    fn read(asset: &Asset) -> State {
+        let mut state = State::default();
+        let channels = asset.channels().len();
+        for id in pages(asset.cover()) {
+            for channel in 0..channels {
+                state.pages.insert((id, channel), asset.read_page_raw(channel, id).unwrap());
+            }
+        }
+        for group in 0..asset.cover().groups.len() as u32 {
+            state.means.extend((0..channels).map(|channel| asset.mean(channel, group)));
+        }
+        for name in asset.attachment_names().unwrap() {
+            let contents = asset.attachment(name).unwrap().unwrap();
+            state.attachments.insert(name.to_owned(), contents);
+        }
+        state
+    }
+
+    fn open(path: &Path) -> (u64, State) {
+        let asset = Asset::open(path).unwrap();
+        (asset.generation(), State::read(&asset))
+    }
+}
+
+/// Tiles of one page and of several.
+fn small_asset(folder: &Path) -> PathBuf {
+    let path = folder.join("small.fan");
+    let mesh = sheet(2);
+    let cover = fan_cover(&mesh, |v| [[16, 12], [4, 4], [260, 8], [32, 32]][v % 4]);
+    let channels = plain_channels();
+    write(&path, &mesh, &cover, &channels, 100).unwrap();
+    assert_eq!(State::open(&path).1.means, means(&cover, &channels));
+    path
+}
+
+/// A few numbers that look random.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) % n as u64) as usize
+    }
+}
+
+/// Makes some changes, in the editor and in the state that is expected of it.
+fn change(editor: &mut AssetEditor, state: &mut State, dice: &mut Dice) {
+    let cover = editor.asset().cover().clone();
+    let channels = plain_channels();
+    let all: Vec<PageId> = pages(&cover).collect();
+    for _ in 0..1 + dice.below(6) {
+        let id = all[dice.below(all.len())];
+        let channel = dice.below(channels.len());
+        let mut bytes = encoded_page(&cover, &channels, id).channels[channel].clone();
+        let shift = dice.below(256) as u8;
+        if channels[channel].format.block_bytes() < 256 {
+            bytes.iter_mut().for_each(|b| *b = b.wrapping_add(shift));
+        } else {
+            bytes
+                .chunks_exact_mut(4)
+                .for_each(|x| x.copy_from_slice(&(f32::from(shift) / 3.0).to_le_bytes()));
+        }
+        editor.replace(id, channel, bytes.clone()).unwrap();
+        state.pages.insert((id, channel), bytes);
+        let mean = [dice.below(64) as f32, 0.5, 0.25, 1.0];
+        editor.set_mean(channel, id.group, mean);
+        state.means[id.group as usize * channels.len() + channel] = mean;
+    }
+    let name = format!("layer/{}", dice.below(4));
+    if dice.below(3) == 0 {
+        editor.detach(&name);
+        state.attachments.remove(&name);
+    } else {
+        let contents = vec![dice.below(256) as u8; dice.below(9000)];
+        editor.attach(&name, contents.clone()).unwrap();
+        state.attachments.insert(name, contents);
+    }
+}
+
+/// What the editor shows of its uncommitted state.
+fn seen_by(editor: &AssetEditor) -> Result<State, EditError> {
+    let mut state = State::default();
+    let asset = editor.asset();
+    for id in pages(asset.cover()) {
+        for channel in 0..asset.channels().len() {
+            state.pages.insert((id, channel), editor.read_page_raw(channel, id)?);
+        }
+    }
+    for group in 0..asset.cover().groups.len() as u32 {
+        state.means.extend((0..asset.channels().len()).map(|channel| editor.mean(channel, group)));
+    }
+    for name in editor.attachment_names() {
+        let contents = editor.attachment(&name)?.unwrap();
+        state.attachments.insert(name, contents);
+    }
+    Ok(state)
+}
+
+/// Checksums of everything.
+fn assert_whole(path: &Path) {
+    let report = crate::verify(path, &VerifyOptions::default()).unwrap();
+    assert_eq!((report.damaged_tiles, report.damaged_headers, report.damaged_attachments), (0, 0, 0));
+}
+
+/// One call.
+#[derive(Clone, Debug)]
+enum Operation {
+    Write(u64, Vec<u8>),
+    SetLen(u64),
+    Sync,
+}
+
+/// What a recorder has seen and what it shall do.
+#[derive(Debug, Default)]
+struct Plan {
+    log: Vec<Operation>,
+    /// From this call on everything that needs room fails, half done.
+    fail_from: Option<usize>,
+    fail_kind: Option<ErrorKind>,
+    /// Only this one call fails.
+    once: bool,
+}
+
+impl Plan {
+    fn fails(&mut self, operation: Operation) -> Option<io::Error> {
+        let index = self.log.len();
+        self.log.push(operation);
+        let from = self.fail_from?;
+        let fails = if self.once { index == from } else { index >= from };
+        fails.then(|| self.fail_kind.unwrap_or(ErrorKind::StorageFull).into())
+    }
+}
+
+/// Writes to the file as planned.
+#[derive(Debug)]
+struct Recorder {
+    file: FileOutput,
+    plan: Arc<Mutex<Plan>>,
+}
+
+impl Output for Recorder {
+    fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
+        match self.plan.lock().unwrap().fails(Operation::Write(offset, bytes.to_vec())) {
+            Some(error) => {
+                self.file.write_at(offset, &bytes[..bytes.len() / 2])?;
+                Err(error)
+            }
+            None => self.file.write_at(offset, bytes),
+        }
+    }
+
+    fn set_len(&mut self, length: u64) -> io::Result<()> {
+        self.plan.lock().unwrap().fails(Operation::SetLen(length)).map_or(Ok(()), Err)?;
+        self.file.set_len(length)
+    }
+
+    fn sync(&mut self) -> io::Result<()> {
+        // The tests' crashes are made of the log; nothing needs to reach the disk.
+        self.plan.lock().unwrap().fails(Operation::Sync).map_or(Ok(()), Err)
+    }
+}
+
+/// An editor that writes through a recorder.
+fn recorded_editor(path: &Path) -> (AssetEditor, Arc<Mutex<Plan>>) {
+    let lock = Arc::new(WriterLock::acquire(path).unwrap());
+    let file = Arc::new(std::fs::OpenOptions::new().read(true).write(true).open(path).unwrap());
+    let plan = Arc::new(Mutex::new(Plan::default()));
+    let output = Recorder { file: FileOutput(Arc::clone(&file)), plan: Arc::clone(&plan) };
+    // Short runs, so that clusters of a small asset are cut.
+    let packing = RunPacking { run_bytes: 4096, zstd_level: 1 };
+    (AssetEditor::with_output(path, packing, lock, file, Box::new(output)).unwrap(), plan)
+}
+
+/// The bytes on the disk.
+#[derive(Clone)]
+struct Disk(Vec<u8>);
+
+impl Disk {
+    fn write(&mut self, offset: u64, bytes: &[u8]) {
+        let end = offset as usize + bytes.len();
+        if self.0.len() < end {
+            self.0.resize(end, 0);
+        }
+        self.0[offset as usize..end].copy_from_slice(bytes);
+    }
+
+    /// Does a call as a crash leaves it: `fate` 0 as asked, 1 not at all, 2 torn.
+    fn apply(&mut self, operation: &Operation, fate: usize, dice: &mut Dice) {
+        match (operation, fate) {
+            (_, 1) | (Operation::Sync, _) => {}
+            (Operation::Write(offset, bytes), 0) => self.write(*offset, bytes),
+            (Operation::Write(offset, bytes), _) => {
+                // Sectors of 64 bytes (smaller than any real one), each by itself.
+                for (k, sector) in bytes.chunks(64).enumerate() {
+                    if dice.below(2) == 0 {
+                        self.write(offset + 64 * k as u64, sector);
+                    }
+                }
+            }
+            (Operation::SetLen(length), _) => self.0.resize(*length as usize, 0),
+        }
+    }
+}
+
+/// Opens a crashed disk's asset and compares it with what was committed.
+fn check(disk: &Disk, path: &Path, states: &BTreeMap<u64, State>, acknowledged: u64) -> u64 {
+    std::fs::write(path, &disk.0).unwrap();
+    let (generation, state) = State::open(path);
+    assert!(generation >= acknowledged, "generation {generation} after {acknowledged} was acknowledged");
+    assert!(Some(&state) == states.get(&generation), "generation {generation} is not what was committed");
+    generation
+}
+
+#[test]
+fn after_a_crash_at_any_write_a_committed_state_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut durable = Disk(std::fs::read(&path).unwrap());
+    let (first, mut state) = State::open(&path);
+    let mut states = BTreeMap::from([(first, state.clone())]);
+    let (mut editor, plan) = recorded_editor(&path);
+    let mut dice = Dice(7);
+    // Calls that belong to commits, and the generation that was acknowledged before each of them.
+    let mut acknowledged = Vec::new();
+    for round in 0..14 {
+        let before = editor.asset().generation();
+        change(&mut editor, &mut state, &mut dice);
+        if round % 3 == 2 {
+            editor.flush().unwrap();
+            change(&mut editor, &mut state, &mut dice);
+        }
+        assert!(seen_by(&editor).unwrap() == state);
+        let generation = editor.commit().unwrap().generation;
+        states.insert(generation, state.clone());
+        acknowledged.resize(plan.lock().unwrap().log.len(), before);
+    }
+    assert_eq!(State::open(&path), (15, state));
+    assert_whole(&path);
+
+    let log = plan.lock().unwrap().log.clone();
+    let crashed = folder.path().join("crashed.fan");
+    let mut unsynced: Vec<&Operation> = Vec::new();
+    let mut newer = 0;
+    for (operation, &known) in log.iter().zip(&acknowledged) {
+        unsynced.push(operation);
+        for variant in 0..6 {
+            let mut disk = durable.clone();
+            for (k, operation) in unsynced.iter().enumerate() {
+                let last = k + 1 == unsynced.len();
+                let fate = match variant {
+                    0 => 0,
+                    1 => usize::from(!last),
+                    2 => {
+                        if last {
+                            2
+                        } else {
+                            0
+                        }
+                    }
+                    _ => dice.below(3),
+                };
+                disk.apply(operation, fate, &mut dice);
+            }
+            newer += u32::from(check(&disk, &crashed, &states, known) > known);
+        }
+        if matches!(operation, Operation::Sync) {
+            unsynced.drain(..).for_each(|operation| durable.apply(operation, 0, &mut dice));
+        }
+    }
+    assert!(log.len() > 100 && newer > 20, "{} calls, {newer} crashes after the switch", log.len());
+}
+
+/// Runs two good commits, one that fails at the given call, and its repetition. Returns false where nothing failed.
+fn session(fail_at: usize, once: bool, kind: ErrorKind) -> bool {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let (mut editor, plan) = recorded_editor(&path);
+    let mut state = State::read(editor.asset());
+    let mut dice = Dice(99);
+    for _ in 0..2 {
+        change(&mut editor, &mut state, &mut dice);
+        editor.commit().unwrap();
+    }
+    let committed = state.clone();
+    change(&mut editor, &mut state, &mut dice);
+    {
+        let mut plan = plan.lock().unwrap();
+        plan.fail_from = Some(plan.log.len() + fail_at);
+        (plan.once, plan.fail_kind) = (once, Some(kind));
+    }
+    let Err(error) = editor.commit() else {
+        return false;
+    };
+    match kind {
+        ErrorKind::StorageFull => assert!(matches!(error, EditError::Full { .. }), "{error}"),
+        _ => assert!(matches!(error, EditError::Io { .. }), "{error}"),
+    }
+    let on_disk = State::open(&path).1;
+    assert!(on_disk == committed || on_disk == state, "call {fail_at}");
+    assert!(seen_by(&editor).unwrap() == state, "changes are kept");
+    // Painting goes on, and there is room again.
+    change(&mut editor, &mut state, &mut dice);
+    plan.lock().unwrap().fail_from = None;
+    editor.commit().unwrap();
+    assert!(State::open(&path).1 == state, "call {fail_at}");
+    for _ in 0..4 {
+        change(&mut editor, &mut state, &mut dice);
+        editor.commit().unwrap();
+        assert!(State::open(&path).1 == state, "call {fail_at}");
+    }
+    assert_whole(&path);
+    true
+}
+
+#[test]
+fn whichever_write_fails_nothing_is_lost() {
+    for kind in [ErrorKind::StorageFull, ErrorKind::PermissionDenied] {
+        for once in [true, false] {
+            let failed = (0..).take_while(|&call| session(call, once, kind)).count();
+            assert!(failed > 5, "{failed} calls");
+        }
+    }
+}
+
+#[test]
+fn discarding_returns_to_the_committed_state() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let (mut editor, _) = recorded_editor(&path);
+    let committed = State::read(editor.asset());
+    let mut dice = Dice(3);
+    for round in 0..3 {
+        change(&mut editor, &mut committed.clone(), &mut dice);
+        if round > 0 {
+            editor.flush().unwrap();
+            assert_eq!(editor.pending_bytes(), 0);
+            change(&mut editor, &mut committed.clone(), &mut dice);
+        }
+        editor.discard().unwrap();
+        assert!(!editor.has_changes());
+        assert!(seen_by(&editor).unwrap() == committed);
+    }
+    assert_eq!(editor.commit().unwrap().generation, 1);
+}
+
+#[test]
+fn mistakes_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let (mut editor, _) = recorded_editor(&path);
+    let page = crate::PageId { group: 0, level: 0, page: [0, 0] };
+    assert!(matches!(editor.replace(page, 0, vec![0; 3]), Err(EditError::PageBytes { got: 3, .. })));
+    let missing = crate::PageId { group: 99, ..page };
+    assert!(matches!(editor.replace(missing, 0, vec![]), Err(EditError::Page(_))));
+    assert!(matches!(editor.attach(&"x".repeat(256), vec![]), Err(EditError::AttachmentSize { .. })));
+    let second = crate::AssetEditor::open(&path, &crate::EditOptions::default());
+    assert!(matches!(second, Err(EditError::Locked { .. })));
+    // Replaced under the editor's feet.
+    std::fs::copy(&path, folder.path().join("other.fan")).unwrap();
+    std::fs::rename(folder.path().join("other.fan"), &path).unwrap();
+    editor.attach("a", vec![1]).unwrap();
+    assert!(matches!(editor.commit(), Err(EditError::Replaced { .. })));
+    drop(editor);
+    assert!(crate::AssetEditor::open(&path, &crate::EditOptions::default()).is_ok());
+    assert_eq!(Asset::open(&path).unwrap().generation(), 1);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the lock's file is gone");
+}
+
+#[test]
+fn a_reader_keeps_its_generation() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let (mut editor, _) = recorded_editor(&path);
+    let mut state = State::read(editor.asset());
+    let mut dice = Dice(5);
+    let mut readers: Vec<(Arc<Asset>, State)> = Vec::new();
+    for round in 0..12 {
+        // One from the editor, one of its own.
+        match round {
+            3 => readers.push((Arc::clone(editor.asset()), state.clone())),
+            6 => readers.push((Arc::new(Asset::open(&path).unwrap()), state.clone())),
+            _ => {}
+        }
+        change(&mut editor, &mut state, &mut dice);
+        editor.commit().unwrap();
+        for (asset, seen) in &readers {
+            assert!(State::read(asset) == *seen, "round {round}");
+        }
+    }
+    drop(editor);
+    let mut editor = AssetEditor::open(&path, &EditOptions::default()).unwrap();
+    assert!(State::read(editor.asset()) == state);
+    for _ in 0..4 {
+        change(&mut editor, &mut state, &mut dice);
+        editor.commit().unwrap();
+        for (asset, seen) in &readers {
+            assert!(State::read(asset) == *seen);
+        }
+    }
+    assert_whole(&path);
+}
+
+#[cfg(unix)]
+#[test]
+fn without_readers_the_file_stops_growing() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let mut state = State::open(&path).1;
+    let mut dice = Dice(11);
+    let mut lengths = Vec::new();
+    for round in 0..60 {
+        let (mut editor, _) = recorded_editor(&path);
+        for _ in 0..=round % 3 {
+            change(&mut editor, &mut state, &mut dice);
+            editor.commit().unwrap();
+        }
+        lengths.push(editor.asset().file_bytes());
+    }
+    assert!(State::open(&path).1 == state);
+    assert!(lengths[59] <= lengths[20] + lengths[20] / 2, "{lengths:?}");
+}
+
+#[test]
+fn compacting_keeps_everything_but_the_gaps() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = small_asset(folder.path());
+    let fresh = std::fs::metadata(&path).unwrap().len();
+    let (mut editor, _) = recorded_editor(&path);
+    let mut state = State::read(editor.asset());
+    let mut dice = Dice(8);
+    let reader = Asset::open(&path).unwrap();
+    let before = state.clone();
+    for _ in 0..10 {
+        change(&mut editor, &mut state, &mut dice);
+        editor.commit().unwrap();
+    }
+    for name in state.attachments.keys() {
+        editor.detach(name);
+    }
+    state.attachments.clear();
+    change(&mut editor, &mut state, &mut dice);
+    let summary = editor.compact().unwrap();
+    assert!(summary.bytes_before > 2 * fresh && summary.bytes < fresh + 32768, "{summary:?} {fresh}");
+    assert!(State::open(&path).1 == state && State::read(editor.asset()) == state);
+    assert!(State::read(&reader) == before, "the old file lives on for its readers");
+    change(&mut editor, &mut state, &mut dice);
+    assert!(seen_by(&editor).unwrap() == state);
+    let generation = editor.commit().unwrap().generation;
+    assert_eq!(generation, 14);
+    assert_eq!(State::open(&path), (generation, state));
+    assert_whole(&path);
+}
