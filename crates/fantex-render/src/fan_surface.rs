@@ -1,17 +1,14 @@
 //! A baked asset: fan tiles through the texture function.
 
-mod batch;
-
-use fantex_cover::{Cover, Group};
-use fantex_mesh::{Material, Mesh, Twins};
-use fantex_store::{Channel, ChannelKind, PageCache};
+use fantex_mesh::{Material, SurfacePoint, Twins};
+use fantex_store::{
+    ChannelKind, Footprint, PageCache, SamplePoint, Sampler, Stretch, SurfaceValues, TileSource,
+};
 use fantex_texture::ColorRamp;
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 
 use crate::surface::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::tile_filter::TileLookup;
-use crate::tiles::TileSource;
 use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// A mesh with the tiles of its cover.
@@ -23,113 +20,48 @@ use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSamp
 /// A light channel replaces direct and ambient light of the diffuse part; highlights remain. Points with that, with a stretched
 /// highlight or a toon scale have a [`Finish`], so the metallic-roughness model lights them whatever the picture asks for.
 #[derive(Debug)]
-pub struct FanSurface<'a, S> {
-    mesh: &'a Mesh,
-    cover: &'a Cover,
-    tiles: S,
-    filter: FilterOptions,
+pub struct FanSurface<S = PageCache> {
+    sampler: Sampler<S>,
     normals: CornerNormals,
-    base_color: Option<usize>,
-    normal: Option<usize>,
-    occlusion_roughness_metallic: Option<usize>,
-    emission: Option<usize>,
-    light: Option<usize>,
-    anisotropy: Option<usize>,
+    has_base_color: bool,
+    has_surface: bool,
+    has_emission: bool,
+    has_light: bool,
     /// Per material.
     toon: Vec<Option<ColorRamp>>,
     twins: Twins,
 }
 
-impl<'a> FanSurface<'a, &'a PageCache> {
+impl FanSurface {
     /// The surface of an open asset.
-    pub fn of_asset(cache: &'a PageCache, filter: FilterOptions) -> Self {
-        let asset = cache.asset();
-        Self::new(asset.mesh(), asset.cover(), asset.channels(), cache, filter)
+    pub fn of_asset(cache: &PageCache, filter: FilterOptions) -> Self {
+        Self::new(Sampler::of_cache(cache, filter))
     }
 }
 
-impl<'a, S: TileSource> FanSurface<'a, S> {
-    /// The surface of a mesh with a cover whose tiles have these channels.
-    pub fn new(
-        mesh: &'a Mesh,
-        cover: &'a Cover,
-        channels: &[Channel],
-        tiles: S,
-        filter: FilterOptions,
-    ) -> Self {
-        let channel_of = |kind| channels.iter().position(|c| c.kind == kind);
+impl<S: TileSource> FanSurface<S> {
+    /// The surface that a sampler reads.
+    pub fn new(sampler: Sampler<S>) -> Self {
+        let mesh = sampler.mesh();
         Self {
-            mesh,
-            cover,
-            tiles,
-            filter,
             normals: CornerNormals::of_mesh(mesh),
-            base_color: channel_of(ChannelKind::BaseColor),
-            normal: channel_of(ChannelKind::Normal),
-            occlusion_roughness_metallic: channel_of(ChannelKind::OcclusionRoughnessMetallic),
-            emission: channel_of(ChannelKind::Emission),
-            light: channel_of(ChannelKind::Light),
-            anisotropy: channel_of(ChannelKind::Anisotropy),
+            has_base_color: sampler.has(ChannelKind::BaseColor),
+            has_surface: sampler.has(ChannelKind::OcclusionRoughnessMetallic),
+            has_emission: sampler.has(ChannelKind::Emission),
+            has_light: sampler.has(ChannelKind::Light),
             toon: mesh.materials.iter().map(toon_ramp).collect(),
             twins: Twins::of(&mesh.triangles),
+            sampler,
         }
     }
 
     fn material(&self, triangle: usize) -> Option<&Material> {
-        self.mesh.materials.get(self.mesh.material_of(triangle))
-    }
-
-    /// The look-ups of the texture function at a hit, at most one per corner, with their weights.
-    fn lookups(&self, hit: &Hit) -> impl Iterator<Item = (TileLookup, &Group, f32)> {
-        let (triangle, cover) = (hit.triangle, self.cover);
-        let weights = cover.weights(triangle, hit.lambda);
-        let planned = [0, 1, 2].map(|slot| {
-            let weight = weights.iter().find(|(s, _)| *s == slot)?.1;
-            let group_index = cover.corner_groups[triangle][slot];
-            let group = &cover.groups[group_index as usize];
-            let corners = cover.tile_corners(self.mesh, triangle, slot);
-            let (uv, footprint) = hit.blend_coordinates(corners);
-            Some((TileLookup::new(group_index, group, uv, footprint, &self.filter), group, weight))
-        });
-        planned.into_iter().flatten()
-    }
-
-    /// The values of all channels, blended from the tiles.
-    fn blend(&self, hit: &Hit, vertex_normal: Vec3) -> Blended {
-        let mut sum = Blended::default();
-        for (lookup, group, weight) in self.lookups(hit) {
-            let mut read = |channel: Option<usize>| {
-                let channel = channel?;
-                sum.lookups += 1;
-                Some(lookup.sample(&self.tiles, channel))
-            };
-            let base_color = read(self.base_color);
-            let material = read(self.occlusion_roughness_metallic);
-            let emission = read(self.emission);
-            let normal = read(self.normal);
-            let light = read(self.light);
-            let anisotropy = read(self.anisotropy);
-            add(&mut sum.base_color, base_color, weight);
-            add(&mut sum.occlusion_roughness_metallic, material, weight);
-            add(&mut sum.emission, emission, weight);
-            add(&mut sum.light, light, weight);
-            if let Some(stored) = normal {
-                sum.normal += mesh_normal(stored, group, vertex_normal) * weight;
-            }
-            if let Some(stored) = anisotropy {
-                sum.stretch += mesh_stretch(stored, group, vertex_normal) * weight;
-            }
-        }
-        sum
+        let mesh = self.sampler.mesh();
+        mesh.materials.get(mesh.material_of(triangle))
     }
 
     /// The material at a point, of its values.
-    fn sample(
-        &self,
-        hit: &Hit,
-        (vertex_normal, normal_steps): (Vec3, [Vec3; 2]),
-        blended: &Blended,
-    ) -> MaterialSample {
+    fn sample(&self, hit: &Hit, normal_steps: [Vec3; 2], values: &SurfaceValues) -> MaterialSample {
         let default_material;
         let material = match self.material(hit.triangle) {
             Some(material) => material,
@@ -138,51 +70,43 @@ impl<'a, S: TileSource> FanSurface<'a, S> {
                 &default_material
             }
         };
-        let or_factors = |channel: Option<usize>, value: Vec4, factors: Vec4| {
-            if channel.is_some() { value } else { factors }
-        };
-        let base = or_factors(self.base_color, blended.base_color, material.base_color);
+        let or_factors = |has: bool, value: Vec4, factors: Vec4| if has { value } else { factors };
+        let base = or_factors(self.has_base_color, values.base_color, material.base_color);
         let [occlusion, roughness, metallic, _] = or_factors(
-            self.occlusion_roughness_metallic,
-            blended.occlusion_roughness_metallic,
+            self.has_surface,
+            values.occlusion_roughness_metallic,
             Vec4::new(1.0, material.roughness, material.metallic, 1.0),
         )
         .to_array()
         .map(|v| v.clamp(0.0, 1.0));
-        let emission = or_factors(self.emission, blended.emission, material.emission.extend(1.0));
-        let normal = blended.normal.try_normalize().unwrap_or(vertex_normal);
+        let emission = or_factors(self.has_emission, values.emission, material.emission.extend(1.0));
         MaterialSample {
             // Bicubic filters overshoot.
             base_color: base.truncate().max(Vec3::ZERO),
             alpha: apply_alpha_mode(material.alpha, base.w),
-            normal: if hit.front { normal } else { -normal },
+            normal: if hit.front { values.normal } else { -values.normal },
             normal_steps,
             occlusion,
             roughness,
             metallic,
             emission: emission.truncate().max(Vec3::ZERO),
             unlit: material.unlit,
-            lookups: blended.lookups,
+            lookups: values.lookups,
         }
     }
 
     /// What a point has beside its material.
-    fn finish(
-        &self,
-        hit: &Hit,
-        vertex_normal: Vec3,
-        sample: &MaterialSample,
-        blended: &Blended,
-    ) -> Option<Finish<'_>> {
+    fn finish(&self, hit: &Hit, sample: &MaterialSample, values: &SurfaceValues) -> Option<Finish<'_>> {
         let toon = self.toon(hit.triangle);
-        if toon.is_none() && self.light.is_none() && self.anisotropy.is_none() {
+        if toon.is_none() && !self.has_light && values.stretch.is_none() {
             return None;
         }
+        let anisotropy = |Stretch { direction, strength }| AnisotropySample { direction, strength };
         Some(Finish {
-            light_map: self.light.map(|_| blended.light.truncate().max(Vec3::ZERO)),
+            light_map: self.has_light.then(|| values.light.truncate().max(Vec3::ZERO)),
             toon,
             normal_width: sample.normal_steps[0].length().max(sample.normal_steps[1].length()),
-            anisotropy: self.anisotropy.map(|_| anisotropy_sample(blended.stretch, vertex_normal)),
+            anisotropy: values.stretch.map(anisotropy),
             ..Finish::default()
         })
     }
@@ -190,17 +114,25 @@ impl<'a, S: TileSource> FanSurface<'a, S> {
     fn finished(
         &self,
         hit: &Hit,
-        normals: (Vec3, [Vec3; 2]),
-        blended: &Blended,
+        normal_steps: [Vec3; 2],
+        values: &SurfaceValues,
     ) -> (MaterialSample, Option<Finish<'_>>) {
-        let sample = self.sample(hit, normals, blended);
-        let finish = self.finish(hit, normals.0, &sample, blended);
+        let sample = self.sample(hit, normal_steps, values);
+        let finish = self.finish(hit, &sample, values);
         (sample, finish)
     }
 
     /// The scale of a triangle's material, if that is toon-shaded.
     fn toon(&self, triangle: usize) -> Option<&ColorRamp> {
-        self.toon.get(self.mesh.material_of(triangle))?.as_ref()
+        self.toon.get(self.sampler.mesh().material_of(triangle))?.as_ref()
+    }
+
+    /// A hit as a sampler takes it, and the change of the normal along the pixel's edges.
+    fn sample_point(&self, hit: &Hit) -> (SamplePoint, [Vec3; 2]) {
+        let (vertex_normal, normal_steps) = self.normals.with_steps(self.sampler.mesh(), hit);
+        let point = SurfacePoint { triangle: hit.triangle as u32, lambda: hit.lambda };
+        let footprint = Footprint { lambda_steps: [hit.dlambda_dx, hit.dlambda_dy] };
+        (SamplePoint { point, footprint, vertex_normal }, normal_steps)
     }
 }
 
@@ -208,81 +140,26 @@ fn toon_ramp(material: &Material) -> Option<ColorRamp> {
     material.toon.as_ref().and_then(ColorRamp::of_toon_scale)
 }
 
-/// The texture function's values at a point; zero where there is no channel.
-#[derive(Clone, Copy, Debug, Default)]
-struct Blended {
-    base_color: Vec4,
-    occlusion_roughness_metallic: Vec4,
-    emission: Vec4,
-    /// Mesh space, not normalised.
-    normal: Vec3,
-    light: Vec4,
-    /// As stored (-1..1), relative to [`stretch_axes`].
-    stretch: Vec2,
-    lookups: u32,
-}
-
-fn add(sum: &mut Vec4, value: Option<Vec4>, weight: f32) {
-    *sum += value.unwrap_or(Vec4::ZERO) * weight;
-}
-
-/// Turns a stored normal (see [`ChannelKind::Normal`]) from its tile's shading frame into mesh space.
-fn mesh_normal(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec3 {
-    let [x, y] = [stored.x, stored.y].map(|c| c * 2.0 - 1.0);
-    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-    let [x_axis, y_axis] = group.shading_axes(vertex_normal);
-    (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
-}
-
-/// Axes in the surface that all tiles' stretches (see [`ChannelKind::Anisotropy`]) are turned to before they are blended; which
-/// ones makes no difference.
-fn stretch_axes(vertex_normal: Vec3) -> [Vec3; 2] {
-    let x = vertex_normal.any_orthonormal_vector();
-    [x, vertex_normal.cross(x)]
-}
-
-/// Turns a stored stretch from its tile's shading frame to [`stretch_axes`].
-fn mesh_stretch(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec2 {
-    let [x_axis, _] = group.shading_axes(vertex_normal);
-    let axis = Vec2::from(stretch_axes(vertex_normal).map(|axis| axis.dot(x_axis)));
-    // Angles are doubled, so that between the frames is, too.
-    (Vec2::new(stored.x, stored.y) * 2.0 - 1.0).rotate(axis.rotate(axis))
-}
-
-/// A blended stretch as shading takes it.
-fn anisotropy_sample(stretch: Vec2, vertex_normal: Vec3) -> AnisotropySample {
-    let [x, y] = stretch_axes(vertex_normal);
-    let (sine, cosine) = (0.5 * stretch.to_angle()).sin_cos();
-    AnisotropySample { direction: x * cosine + y * sine, strength: stretch.length().min(1.0) }
-}
-
-/// Fewer points than this are shaded one by one.
-const FEW: usize = 4;
-
-impl<S: TileSource> Surface for FanSurface<'_, S> {
+impl<S: TileSource> Surface for FanSurface<S> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        let normals = self.normals.with_steps(self.mesh, hit);
-        self.sample(hit, normals, &self.blend(hit, normals.0))
+        let (point, normal_steps) = self.sample_point(hit);
+        self.sample(hit, normal_steps, &self.sampler.values(&point))
     }
 
     fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
-        let normals = self.normals.with_steps(self.mesh, hit);
-        self.finished(hit, normals, &self.blend(hit, normals.0))
+        let (point, normal_steps) = self.sample_point(hit);
+        self.finished(hit, normal_steps, &self.sampler.values(&point))
     }
 
     fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
-        if hits.len() < FEW || !TileLookup::has_taps(self.filter.filter) {
-            out.extend(hits.iter().map(|hit| self.shade(hit)));
-            return;
-        }
-        let normals: Vec<_> = hits.iter().map(|hit| self.normals.with_steps(self.mesh, hit)).collect();
-        let blended = self.blend_all(hits, |index| normals[index].0);
-        let points = hits.iter().zip(normals).zip(&blended);
-        out.extend(points.map(|((hit, normals), blended)| self.finished(hit, normals, blended)));
+        let (points, steps): (Vec<_>, Vec<_>) = hits.iter().map(|hit| self.sample_point(hit)).unzip();
+        let values = self.sampler.values_many(&points);
+        let shaded = hits.iter().zip(steps).zip(&values);
+        out.extend(shaded.map(|((hit, steps), values)| self.finished(hit, steps, values)));
     }
 
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
-        Some(self.normals.smooth_point(self.mesh, hit))
+        Some(self.normals.smooth_point(self.sampler.mesh(), hit))
     }
 
     fn coverage(&self, triangle: usize) -> Coverage {

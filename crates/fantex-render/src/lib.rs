@@ -29,8 +29,6 @@ mod scene;
 mod shading;
 mod shadow;
 mod surface;
-mod tile_filter;
-mod tiles;
 mod vectors;
 
 pub use fan_surface::FanSurface;
@@ -52,4 +50,3 @@ pub use render::{
 pub use scene::{Scene, SceneError, SceneObject};
 pub use shading::{AnisotropySample, Finish};
 pub use surface::{Coverage, FlatShading, FlatSurface, MaterialSample, SmoothPoint, Surface};
-pub use tiles::{TileSource, TileTexels};

@@ -14,6 +14,7 @@ mod light;
 mod picture;
 mod shading;
 
+pub use fantex_texture::FilterOptions;
 pub use camera::{Bounds, Camera, Projection, view_axes};
 pub use lamp_view::{FittedView, LampView, Projected, Spread, lamp_views, projector_view};
 pub use light::{
@@ -21,4 +22,4 @@ pub use light::{
     ShadowOptions, Slide, SpotLight,
 };
 pub use picture::{Background, Glow, Picture, ToneMap, luminance};
-pub use shading::{FilterOptions, SPLIT_SUM_NODES, Shading, smith_visibility, split_sum, split_sum_nodes};
+pub use shading::{SPLIT_SUM_NODES, Shading, smith_visibility, split_sum, split_sum_nodes};

@@ -3,7 +3,6 @@
 use std::f32::consts::TAU;
 use std::sync::LazyLock;
 
-use fantex_texture::Filter;
 use glam::Vec3;
 
 /// A lighting model, or one of the inputs of lighting as the picture.
@@ -28,24 +27,6 @@ impl Shading {
     /// Whether lights make a difference.
     pub fn is_lit(self) -> bool {
         matches!(self, Self::MetallicRoughness | Self::BlinnPhong)
-    }
-}
-
-// How textures are filtered.
-
-/// How textures are filtered.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FilterOptions {
-    /// Reconstruction and anti-aliasing.
-    pub filter: Filter,
-    /// Longest ratio of the footprint's axes that `Anisotropic` and `Ewa` honour.
-    pub max_anisotropy: f32,
-}
-
-impl Default for FilterOptions {
-    /// Anisotropic, up to 16.
-    fn default() -> Self {
-        Self { filter: Filter::Anisotropic, max_anisotropy: 16.0 }
     }
 }
 

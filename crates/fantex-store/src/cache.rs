@@ -85,7 +85,7 @@ impl PageCache {
     pub fn tile(&self, channel: usize, group: u32, level: u32) -> Tile {
         let asset = &self.shared.asset;
         let extent = asset.cover().groups[group as usize].extent;
-        let last = crate::layout::level_count(extent) - 1;
+        let last = fantex_cover::level_count(extent) - 1;
         for level in level.min(last)..=last {
             let size = PageSize::new(extent, level);
             if size.page_count() > 1 {

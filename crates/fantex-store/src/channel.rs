@@ -29,6 +29,20 @@ pub enum ChannelKind {
     Anisotropy,
 }
 
+impl std::fmt::Display for ChannelKind {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::BaseColor => "base colour",
+            Self::Normal => "normal",
+            Self::OcclusionRoughnessMetallic => "occlusion, roughness, metallic",
+            Self::Emission => "emission",
+            Self::Displacement => "displacement",
+            Self::Light => "light",
+            Self::Anisotropy => "anisotropy",
+        })
+    }
+}
+
 impl ChannelKind {
     /// All kinds, ordered by their code in files.
     pub(crate) const ALL: [Self; 7] = [

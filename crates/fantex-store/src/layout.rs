@@ -1,6 +1,6 @@
 //! Pages, the stored rectangles of texels, and where they lie: within a tile's level, within a level, within a cluster.
 
-use fantex_cover::{Cover, Group};
+use fantex_cover::{Cover, Group, level_count};
 
 use crate::TexelFormat;
 use crate::directory::ClusterEntry;
@@ -64,24 +64,9 @@ pub(crate) struct TilePlace {
     pub(crate) page: u32,
 }
 
-/// `n / 2^level` rounded to the nearest multiple of 4 (halves up), at least 4: the rule of
-/// [`Group::level_extent`](fantex_cover::Group::level_extent), for extents without their group.
-fn level_length(n: u32, level: u32) -> u32 {
-    let quarters = (u64::from(n) + (2 << level)) >> (level + 2);
-    4 * (quarters as u32).max(1)
-}
-
-/// Number of levels of a tile of `extent` texels at level 0: the last is 4x4.
-pub(crate) fn level_count(extent: [u32; 2]) -> u32 {
-    let longest = extent[0].max(extent[1]);
-    (0..32).find(|&level| level_length(longest, level) == 4).unwrap_or(0) + 1
-}
-
 /// Tile extent at a level, or `[0, 0]` beyond its last.
 pub(crate) fn level_extent(extent: [u32; 2], level: u32) -> [u32; 2] {
-    let longest = extent[0].max(extent[1]);
-    let exists = level == 0 || (level < 32 && level_length(longest, level - 1) > 4);
-    if exists { extent.map(|n| level_length(n, level)) } else { [0, 0] }
+    if level < level_count(extent) { fantex_cover::level_extent(extent, level) } else { [0, 0] }
 }
 
 /// How a tile's level is cut into pages.
@@ -210,28 +195,7 @@ impl ClusterPages {
 
 #[cfg(test)]
 mod tests {
-    use fantex_cover::{Frame, Group, GroupKind};
-    use glam::{Vec2, Vec3};
-
     use super::*;
-
-    #[test]
-    fn levels_agree_with_the_cover() {
-        for extent in [[4, 4], [8, 4], [12, 20], [64, 60], [100, 4], [256, 260], [1000, 516], [65536, 4]] {
-            let group = Group {
-                kind: GroupKind::Projected,
-                frame: Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X },
-                uv_scale: Vec2::ONE,
-                uv_offset: Vec2::ZERO,
-                extent,
-            };
-            assert_eq!(level_count(extent), group.level_count(), "{extent:?}");
-            for level in 0..level_count(extent) {
-                assert_eq!(level_extent(extent, level), group.level_extent(level), "{extent:?} {level}");
-            }
-            assert_eq!(level_extent(extent, level_count(extent)), [0, 0]);
-        }
-    }
 
     #[test]
     fn blocks_before_sums_the_pages_before() {

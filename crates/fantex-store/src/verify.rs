@@ -20,12 +20,11 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_cover::unflattenable_vertices;
+use fantex_cover::{TriangleTiles, level_count, unflattenable_vertices};
 use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::layout::level_count;
 use crate::{Asset, ClusterId, OpenError, PageCache, Tile};
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
@@ -354,8 +353,7 @@ struct Comparison<'a> {
     result: Continuity,
 }
 
-/// What the texture function reads at one point, seen from one triangle: place in the edge's pair of tiles, weight and tile
-/// coordinates of each look-up.
+/// See [`look_ups`].
 type LookUps = [Option<(usize, f32, Vec2)>; 3];
 
 impl<'a> Comparison<'a> {
@@ -364,10 +362,8 @@ impl<'a> Comparison<'a> {
     }
 
     fn compare(&mut self, edge: &Edge) {
-        let corners = [0, 1].map(|side| {
-            let triangle = edge.triangles[side] as usize;
-            [0, 1, 2].map(|slot| self.asset.cover().tile_corners(self.asset.mesh(), triangle, slot))
-        });
+        let (mesh, cover) = (self.asset.mesh(), self.asset.cover());
+        let corners = edge.triangles.map(|triangle| cover.triangle_tiles(mesh, triangle));
         let levels = edge.groups.map(|g| level_count(self.extent(g))).into_iter().max().unwrap_or(1);
         for level in 0..levels {
             self.compare_at(edge, &corners, LevelChoice::Same(level));
@@ -382,7 +378,7 @@ impl<'a> Comparison<'a> {
         }
     }
 
-    fn compare_at(&mut self, edge: &Edge, corners: &[[[Vec2; 3]; 3]; 2], choice: LevelChoice) {
+    fn compare_at(&mut self, edge: &Edge, corners: &[TriangleTiles; 2], choice: LevelChoice) {
         let tiles: Vec<[Tile; 2]> = (0..self.asset.channels().len())
             .map(|channel| {
                 let tile = |group| self.cache.tile(channel, group, self.level(group, choice));
@@ -392,9 +388,9 @@ impl<'a> Comparison<'a> {
                 [first, second]
             })
             .collect();
-        for s in self.positions(edge, &corners[0], choice) {
+        for s in self.positions(edge, &corners[0].corners, choice) {
             self.result.samples += 1;
-            let look_ups = [0, 1].map(|side| self.look_ups(edge, side, &corners[side], s));
+            let look_ups = [0, 1].map(|side| look_ups(edge, side, &corners[side], s));
             for (channel, pair) in tiles.iter().enumerate() {
                 let [a, b] = look_ups.each_ref().map(|look_ups| blend(pair, look_ups));
                 let jump = (0..4).map(|k| jump(a[k], b[k])).fold(0.0, f32::max);
@@ -449,25 +445,20 @@ impl<'a> Comparison<'a> {
             }
         }
     }
+}
 
-    /// The look-ups of the texture function on the edge, from one of its triangles.
-    fn look_ups(&self, edge: &Edge, side: usize, corners: &[[Vec2; 3]; 3], s: f32) -> LookUps {
-        let triangle = edge.triangles[side] as usize;
-        let [from, to] = edge.slots[side].map(usize::from);
-        let mut lambda = Vec3::ZERO;
-        lambda[from] = 1.0 - s;
-        lambda[to] = s;
-        let cover = self.asset.cover();
-        let mut look_ups = [None; 3];
-        for (look_up, (slot, weight)) in look_ups.iter_mut().zip(cover.weights(triangle, lambda).iter()) {
-            let [a, b, c] = corners[slot];
-            let uv = a * lambda.x + b * lambda.y + c * lambda.z;
-            // The third corner's weight is zero on the edge, whatever delta <= 1/3 is.
-            let group = cover.corner_groups[triangle][slot];
-            *look_up = Some((usize::from(group != edge.groups[0]), weight, uv));
-        }
-        look_ups
+/// What the texture function reads at a point of the edge, seen from one of its triangles: place in the edge's pair of tiles,
+/// weight and tile coordinates of each look-up. (The third corner's weight is zero on the edge, whatever delta <= 1/3 is.)
+fn look_ups(edge: &Edge, side: usize, tiles: &TriangleTiles, s: f32) -> LookUps {
+    let [from, to] = edge.slots[side].map(usize::from);
+    let mut lambda = Vec3::ZERO;
+    lambda[from] = 1.0 - s;
+    lambda[to] = s;
+    let mut look_ups = [None; 3];
+    for (look_up, tap) in look_ups.iter_mut().zip(tiles.taps(lambda)) {
+        *look_up = Some((usize::from(tap.group != edge.groups[0]), tap.weight, tap.uv));
     }
+    look_ups
 }
 
 /// The texture function of one channel.

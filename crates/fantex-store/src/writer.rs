@@ -13,7 +13,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use fantex_cover::Cover;
+use fantex_cover::{Cover, level_count};
 use fantex_mesh::Mesh;
 use rayon::prelude::*;
 use tempfile::NamedTempFile;
@@ -21,7 +21,7 @@ use xxhash_rust::xxh3::xxh3_64;
 
 use crate::directory::{self, ALIGNMENT, ClusterEntry, Directory, Means};
 use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION};
-use crate::layout::{PageSize, TilePlace, level_count, page_bytes};
+use crate::layout::{PageSize, TilePlace, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::reader::pack_cluster;
 use crate::{Channel, CreateError, PageId, TexelFormat, channel, cover_section, mesh_section};

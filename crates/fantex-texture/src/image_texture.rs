@@ -72,6 +72,22 @@ pub enum Filter {
     Ewa,
 }
 
+/// How textures are filtered: what of [`SampleOptions`] a renderer decides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FilterOptions {
+    /// Reconstruction and anti-aliasing.
+    pub filter: Filter,
+    /// Longest ratio of the footprint's axes that `Anisotropic` and `Ewa` honour.
+    pub max_anisotropy: f32,
+}
+
+impl Default for FilterOptions {
+    /// Anisotropic, up to 16.
+    fn default() -> Self {
+        Self { filter: Filter::Anisotropic, max_anisotropy: 16.0 }
+    }
+}
+
 /// Options of a look-up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampleOptions {

@@ -14,7 +14,7 @@ use fantex_render::{
     Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, MeshSurface,
     Picture, RenderOptions, Shading, Surface, render,
 };
-use fantex_store::{Asset, PageCache};
+use fantex_store::{Asset, PageCache, Sampler};
 use fantex_texture::{ColorSpace, Filter, Image, Samples};
 use glam::{DVec3, Mat3, Vec2, Vec3};
 
@@ -202,8 +202,9 @@ fn a_close_up_across_group_borders_shows_no_seam() {
 
         // The measure sees what blending hides.
         let unblended = Cover { delta: 1e-6, ..cover.clone() };
-        let channels = cache.asset().channels();
-        let seen = view.seen(&FanSurface::new(&mesh, &unblended, channels, &cache, BILINEAR));
+        let (mesh, channels) = (cache.asset().shared_mesh(), cache.asset().channels());
+        let sampler = Sampler::new(mesh, Arc::new(unblended), channels, cache.clone(), BILINEAR);
+        let seen = view.seen(&FanSurface::new(sampler));
         let seam = view.largest_jump(&seen, &source);
         assert!(seam > 2.0 * largest_jump, "{format:?}: without blending, seams of only {seam}");
     }

@@ -10,11 +10,12 @@ use fantex_gpu::{
     render_to_picture,
 };
 use fantex_mesh::{ImageSource, Mesh};
-use fantex_render::{
-    FanSurface, MeshSurface, RenderOptions, ShadingRate, Surface, TileSource, TileTexels, render,
-};
+use fantex_render::{FanSurface, MeshSurface, RenderOptions, ShadingRate, Surface, render};
 use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading};
-use fantex_store::{Asset, PageCache, PageId, TexelFormat, Tile, decode, group_pages, page_extent};
+use fantex_store::{
+    Asset, PageCache, PageId, Sampler, TexelFormat, Tile, TileSource, TileTexels, decode, group_pages,
+    page_extent,
+};
 use fantex_stream::{
     AtlasFormat, AtlasPlace, FrameChanges, PageTable, ParcelTexels, ParcelUpload, TableChange, TableEntry,
 };
@@ -253,9 +254,10 @@ impl Baked {
         &self.cache
     }
 
-    pub(crate) fn surface<S: TileSource>(&self, tiles: S, options: &DrawOptions) -> FanSurface<'_, S> {
+    pub(crate) fn surface<S: TileSource>(&self, tiles: S, options: &DrawOptions) -> FanSurface<S> {
         let asset = self.asset();
-        FanSurface::new(asset.mesh(), asset.cover(), self.channels(), tiles, options.filter)
+        let (mesh, cover) = (asset.shared_mesh(), asset.shared_cover());
+        FanSurface::new(Sampler::new(mesh, cover, self.channels(), tiles, options.filter))
     }
 }
 

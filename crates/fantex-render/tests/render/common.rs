@@ -6,9 +6,10 @@ use std::sync::Arc;
 use fantex_cover::{Cover, Frame, Group, GroupKind};
 use fantex_mesh::Mesh;
 use fantex_render::{
-    AmbientLight, Background, Camera, Hit, Light, Lights, Picture, RenderOptions, Scene, SceneObject,
-    Shading, Surface, TileSource, TileTexels, render,
+    AmbientLight, Background, Camera, FanSurface, FilterOptions, Hit, Light, Lights, Picture, RenderOptions, Scene, SceneObject,
+    Shading, Surface, render,
 };
+use fantex_store::{Channel, Sampler, TileSource, TileTexels};
 use fantex_test::{data, opened};
 use fantex_texture::look::{LightingModel, LookMaterial, Slot};
 use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, ShadingPoint, Texture};
@@ -340,7 +341,7 @@ impl MemoryTile {
     }
 }
 
-impl TileSource for &MemoryTiles {
+impl TileSource for MemoryTiles {
     type Tile = MemoryTile;
 
     fn tile(&self, channel: usize, group: u32, level: u32) -> MemoryTile {
@@ -372,6 +373,17 @@ impl TileTexels for MemoryTile {
     fn texel(&self, x: u32, y: u32) -> [f32; 4] {
         self.rgba[(y * self.extent[0] + x) as usize]
     }
+}
+
+/// A surface that reads tiles in memory.
+pub(crate) fn fan_surface<'a>(
+    mesh: &Mesh,
+    cover: &Cover,
+    channels: &[Channel],
+    tiles: &'a MemoryTiles,
+    filter: FilterOptions,
+) -> FanSurface<&'a MemoryTiles> {
+    FanSurface::new(Sampler::new(Arc::new(mesh.clone()), Arc::new(cover.clone()), channels, tiles, filter))
 }
 
 /// One fan per tile, each with its own direction near +z and its own turn; for meshes that face +z.

@@ -16,7 +16,7 @@ use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, Samples};
 use glam::{DVec3, Mat3, Vec2, Vec3};
 use proptest::prelude::*;
 
-use crate::common::{MemoryTile, MemoryTiles, bake, fan_cover, frontal, sheet, square};
+use crate::common::{MemoryTile, MemoryTiles, bake, fan_cover, fan_surface, frontal, sheet, square};
 
 const ALL_FILTERS: [Filter; 6] =
     [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
@@ -89,7 +89,7 @@ fn every_filter_gives_back_a_smooth_colour() {
     // At the sheet's border texels lie half beside it.
     let truth = within(0.95, truth, &mesh, &oblique());
     for f in ALL_FILTERS {
-        let surface = FanSurface::new(&mesh, &cover, &[channel(ChannelKind::BaseColor)], &tiles, filter(f));
+        let surface = fan_surface(&mesh, &cover, &[channel(ChannelKind::BaseColor)], &tiles, filter(f));
         let seen = rendering(&mesh, &surface, &oblique(), &options(Shading::BaseColor));
         let difference = largest_difference(&truth, &seen.picture);
         // Half a texel's change for the nearest texel; coarser levels where the sheet is seen from the side.
@@ -108,7 +108,7 @@ fn far_away_a_surface_has_its_mean_colour() {
     let truth =
         rendering(&mesh, &truth, &camera, &RenderOptions { samples: 64, ..options(Shading::BaseColor) });
     for f in [Filter::Trilinear, Filter::Anisotropic, Filter::Ewa] {
-        let surface = FanSurface::new(&mesh, &cover, &[channel(ChannelKind::BaseColor)], &tiles, filter(f));
+        let surface = fan_surface(&mesh, &cover, &[channel(ChannelKind::BaseColor)], &tiles, filter(f));
         let seen = rendering(
             &mesh,
             &surface,
@@ -148,7 +148,7 @@ fn normals_of_different_frames_meet_in_mesh_space() {
     };
     let tiles = MemoryTiles { levels: vec![bake(&mesh, &cover, stored)] };
     let surface =
-        FanSurface::new(&mesh, &cover, &[channel(ChannelKind::Normal)], &tiles, filter(Filter::Bilinear));
+        fan_surface(&mesh, &cover, &[channel(ChannelKind::Normal)], &tiles, filter(Filter::Bilinear));
     let seen = rendering(&mesh, &surface, &oblique(), &options(Shading::Normal)).picture;
     let truth =
         FlatSurface::new(&mesh, FlatShading::Unlit, |hit: &Hit| bent(hit.position(&mesh)) * 0.5 + 0.5);
@@ -201,7 +201,7 @@ fn a_tile_is_as_sharp_as_the_image_it_was_made_from() {
         for f in ALL_FILTERS {
             let by_uv = MeshSurface::load(&mesh, filter(f)).unwrap();
             let channels = [channel(ChannelKind::OcclusionRoughnessMetallic)];
-            let by_fan = FanSurface::new(&mesh, &cover, &channels, &tiles, filter(f));
+            let by_fan = fan_surface(&mesh, &cover, &channels, &tiles, filter(f));
             let options = options(Shading::OcclusionRoughnessMetallic);
             let [a, b] =
                 [&by_uv as &dyn Surface, &by_fan].map(|s| rendering(&mesh, s, camera, &options).picture);
@@ -239,7 +239,7 @@ fn an_asset_looks_like_the_tiles_that_were_written() {
     let cache = PageCache::new(Arc::new(Asset::open(&path).unwrap()), 1 << 20);
     for f in ALL_FILTERS {
         let stored = FanSurface::of_asset(&cache, filter(f));
-        let in_memory = FanSurface::new(&mesh, &cover, &channels, &tiles, filter(f));
+        let in_memory = fan_surface(&mesh, &cover, &channels, &tiles, filter(f));
         for camera in [oblique(), frontal(30.0, 20.0)] {
             let options = options(Shading::MetallicRoughness);
             let [a, b] =

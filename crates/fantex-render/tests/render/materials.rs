@@ -14,7 +14,7 @@ use fantex_texture::{ColorSpace, Filter, Image, Samples};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
 use crate::common;
-use crate::common::{MemoryTiles, bake, fan_cover, frontal, ray, sheet, sphere, square, triangle_color};
+use crate::common::{MemoryTiles, bake, fan_cover, fan_surface, frontal, ray, sheet, sphere, square, triangle_color};
 
 fn options(shading: Shading) -> RenderOptions {
     let background = Background::Color(Vec3::ZERO);
@@ -360,7 +360,7 @@ fn fans() {
     let tiles = MemoryTiles { levels: vec![bake(&mesh, &cover, rings), bake(&mesh, &cover, dent)] };
     let channel = |kind| Channel { kind, format: TexelFormat::Rgba32F, srgb: false };
     let channels = [channel(ChannelKind::BaseColor), channel(ChannelKind::Normal)];
-    let surface = FanSurface::new(&mesh, &cover, &channels, &tiles, FilterOptions::default());
+    let surface = fan_surface(&mesh, &cover, &channels, &tiles, FilterOptions::default());
     let camera =
         Camera { eye: DVec3::new(0.6, -1.9, 1.2), target: DVec3::ZERO, up: DVec3::Z, fov_degrees: 50.0 };
     check("fans", &mesh, &surface, &camera, &golden_options());

@@ -5,18 +5,17 @@
 //! the footprint is measured in each level's own texels. And nothing lies outside a tile: look-ups end at its border.
 
 use fantex_cover::Group;
-use fantex_texture::Filter;
 use fantex_texture::filter::{
     EWA_MINOR_TEXELS, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse, catmull_rom_weights,
 };
+use fantex_texture::{Filter, FilterOptions};
 use glam::{Vec2, Vec4};
 
-use crate::FilterOptions;
-use crate::tiles::{TileSource, TileTexels};
+use super::{TileSource, TileTexels};
 
 /// A look-up in one tile, planned once for all channels.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct TileLookup {
+pub struct TileLookup {
     group: u32,
     level_count: u32,
     uv: Vec2,
@@ -32,7 +31,7 @@ pub(crate) struct TileLookup {
 
 impl TileLookup {
     /// Plans the look-up at `uv` with derivatives `footprint` per pixel, in tile coordinates.
-    pub(crate) fn new(
+    pub fn new(
         group_index: u32,
         group: &Group,
         uv: Vec2,
@@ -99,7 +98,7 @@ impl TileLookup {
     }
 
     /// Linear RGBA of a channel.
-    pub(crate) fn sample<S: TileSource>(&self, tiles: &S, channel: usize) -> Vec4 {
+    pub fn sample<S: TileSource>(&self, tiles: &S, channel: usize) -> Vec4 {
         let fine = tiles.tile(channel, self.group, self.fine);
         let value = self.at_level(&fine);
         if self.coarse_share == 0.0 {
@@ -113,26 +112,21 @@ impl TileLookup {
         value.lerp(coarse, self.coarse_share)
     }
 
-    /// The group whose tile it is.
-    pub(crate) fn group(&self) -> u32 {
-        self.group
-    }
-
-    /// Whether look-ups by a filter consist of taps.
-    pub(crate) fn has_taps(filter: Filter) -> bool {
+    /// Whether look-ups by a filter consist of bilinear probes.
+    pub(super) fn has_probes(filter: Filter) -> bool {
         matches!(filter, Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic)
     }
 
     /// Visits the bilinear look-ups that it consists of: level, tile coordinates, share.
-    pub(crate) fn for_each_tap(&self, mut visit: impl FnMut(TapLevel, Vec2, f32)) {
+    pub(super) fn for_each_probe(&self, mut visit: impl FnMut(ProbeLevel, Vec2, f32)) {
         let is_last = self.fine + 1 == self.level_count;
-        let coarse = if is_last { TapLevel::Mean } else { TapLevel::Tile(self.fine + 1) };
-        let levels = [(TapLevel::Tile(self.fine), 1.0 - self.coarse_share), (coarse, self.coarse_share)];
+        let coarse = if is_last { ProbeLevel::Mean } else { ProbeLevel::Tile(self.fine + 1) };
+        let levels = [(ProbeLevel::Tile(self.fine), 1.0 - self.coarse_share), (coarse, self.coarse_share)];
         for (level, share) in levels {
             if share == 0.0 {
                 continue;
             }
-            if level == TapLevel::Mean {
+            if level == ProbeLevel::Mean {
                 visit(level, self.uv, share);
                 continue;
             }
@@ -160,9 +154,9 @@ impl TileLookup {
     }
 }
 
-/// Where a tap reads.
+/// Where a probe reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum TapLevel {
+pub(super) enum ProbeLevel {
     /// A level of the tile.
     Tile(u32),
     /// The mean of the group, beyond the last level.

@@ -1,0 +1,213 @@
+//! Many points at once.
+//!
+//! ```text
+//!  points --> entries: a tile's share in a point's values, with its look-up
+//!               --> probes: the bilinear look-ups in levels of tiles that it consists of; tiles, each fetched once
+//!                     --> blocks of probes through the vectors of `fantex_texture`, channel after channel
+//!                           --> sums of entries --> values of points
+//! ```
+//!
+//! Points beside each other look into the same few tiles: fetching a tile (a hash table behind a lock) is shared by them.
+
+use fantex_cover::{Cover, Tap};
+use fantex_mesh::SurfacePoint;
+use fantex_texture::filter::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
+use glam::{Vec2, Vec4};
+
+use super::lookup::{ProbeLevel, TileLookup};
+use super::{
+    Footprint, SamplePoint, Sampler, SurfaceValues, TileSource, TileTexels, VALUE_KINDS, value_of_sum,
+};
+
+/// Fewer points than this are sampled one by one.
+const MIN_BATCH: usize = 4;
+
+/// A tile's share in the values of a point.
+struct Entry {
+    point: u32,
+    tap: Tap,
+}
+
+/// A bilinear look-up in a tile.
+struct Probe {
+    entry: u32,
+    /// Which one of the batch's tiles.
+    tile: u32,
+    uv: Vec2,
+    share: f32,
+}
+
+/// What an entry takes from the mean of its group.
+struct MeanShare {
+    entry: u32,
+    share: f32,
+}
+
+/// A level of a tile.
+struct TileName {
+    group: u32,
+    level: u32,
+    extent: [u32; 2],
+}
+
+/// Tiles of a batch, found again by their names. A name that displaces another in the table is only fetched twice.
+struct TileNames {
+    names: Vec<TileName>,
+    /// One more than the index of the last tile with this remainder; 0 without.
+    table: [u32; 256],
+}
+
+impl TileNames {
+    fn index(&mut self, cover: &Cover, group: u32, level: u32) -> u32 {
+        // Odd, so that the levels of neighbouring groups spread.
+        let slot = (group.wrapping_mul(37).wrapping_add(level) % 256) as usize;
+        if let Some(known) = self.table[slot].checked_sub(1) {
+            let name = &self.names[known as usize];
+            if (name.group, name.level) == (group, level) {
+                return known;
+            }
+        }
+        let extent = cover.groups[group as usize].level_extent(level);
+        self.names.push(TileName { group, level, extent });
+        self.table[slot] = self.names.len() as u32;
+        self.names.len() as u32 - 1
+    }
+}
+
+/// The look-ups of many points.
+struct Plan {
+    entries: Vec<Entry>,
+    probes: Vec<Probe>,
+    means: Vec<MeanShare>,
+    tiles: TileNames,
+}
+
+impl Plan {
+    fn new<S: TileSource>(
+        sampler: &Sampler<S>,
+        points: impl ExactSizeIterator<Item = (SurfacePoint, Footprint)>,
+    ) -> Self {
+        let count = points.len();
+        let mut plan = Self {
+            entries: Vec::with_capacity(count + count / 4),
+            probes: Vec::with_capacity(2 * count),
+            means: Vec::new(),
+            tiles: TileNames { names: Vec::with_capacity(64), table: [0; 256] },
+        };
+        for (index, (point, footprint)) in points.enumerate() {
+            for tap in sampler.taps(point) {
+                plan.add(sampler.cover(), index, tap, &sampler.lookup(&tap, footprint));
+            }
+        }
+        plan
+    }
+
+    fn add(&mut self, cover: &Cover, point: usize, tap: Tap, lookup: &TileLookup) {
+        let entry = self.entries.len() as u32;
+        self.entries.push(Entry { point: point as u32, tap });
+        lookup.for_each_probe(|level, uv, share| match level {
+            ProbeLevel::Tile(level) => {
+                let tile = self.tiles.index(cover, tap.group, level);
+                self.probes.push(Probe { entry, tile, uv, share });
+            }
+            ProbeLevel::Mean => self.means.push(MeanShare { entry, share }),
+        });
+    }
+}
+
+impl<S: TileSource> Sampler<S> {
+    /// As [`values`](Self::values) at many points.
+    ///
+    /// # Panics
+    /// If there is no such triangle.
+    pub fn values_many(&self, points: &[SamplePoint]) -> Vec<SurfaceValues> {
+        if points.len() < MIN_BATCH || !TileLookup::has_probes(self.filter.filter) {
+            return points.iter().map(|at| self.values(at)).collect();
+        }
+        let plan = Plan::new(self, points.iter().map(|at| (at.point, at.footprint)));
+        let read = self.read(&plan, self.value_channels);
+        let channels = self.value_channels.iter().flatten().count() as u32;
+        let mut sums = vec![([Vec4::ZERO; VALUE_KINDS.len()], 0); points.len()];
+        for (Entry { point, tap }, stored) in plan.entries.iter().zip(read) {
+            let (sums, lookups) = &mut sums[*point as usize];
+            let vertex_normal = points[*point as usize].vertex_normal;
+            *lookups += channels;
+            for (place, channel) in self.value_channels.iter().enumerate() {
+                if channel.is_some() {
+                    let value = self.in_mesh_space(VALUE_KINDS[place], stored[place], tap, vertex_normal);
+                    sums[place] += value * tap.weight;
+                }
+            }
+        }
+        let values = sums.iter().zip(points);
+        values.map(|((sums, lookups), at)| self.values_of_sums(sums, at.vertex_normal, *lookups)).collect()
+    }
+
+    /// As [`sample_many`](Self::sample_many), of a channel given by its index.
+    ///
+    /// # Panics
+    /// If there is no such channel or triangle.
+    pub fn sample_channel_many(&self, channel: usize, points: &[(SurfacePoint, Footprint)]) -> Vec<Vec4> {
+        if points.len() < MIN_BATCH || !TileLookup::has_probes(self.filter.filter) {
+            let sample = |&(point, footprint): &_| self.sample_channel(channel, point, footprint);
+            return points.iter().map(sample).collect();
+        }
+        let kind = self.channels[channel].kind;
+        let plan = Plan::new(self, points.iter().copied());
+        let mut values: Vec<_> =
+            points.iter().map(|&(point, _)| (Vec4::ZERO, self.vertex_normal_for(kind, point))).collect();
+        for (Entry { point, tap }, [stored]) in plan.entries.iter().zip(self.read(&plan, [Some(channel)])) {
+            let (sum, vertex_normal) = &mut values[*point as usize];
+            *sum += self.in_mesh_space(kind, stored, tap, *vertex_normal) * tap.weight;
+        }
+        values.into_iter().map(|(sum, vertex_normal)| value_of_sum(kind, sum, vertex_normal)).collect()
+    }
+
+    /// The stored values of every entry, zero where there is no channel.
+    fn read<const CHANNELS: usize>(
+        &self,
+        plan: &Plan,
+        channels: [Option<usize>; CHANNELS],
+    ) -> Vec<[Vec4; CHANNELS]> {
+        let mut sums = vec![[Vec4::ZERO; CHANNELS]; plan.entries.len()];
+        let tiles_of = |channel: Option<usize>| -> Vec<S::Tile> {
+            let names = plan.tiles.names.iter();
+            channel.map_or_else(Vec::new, |channel| {
+                names.map(|name| self.tiles.tile(channel, name.group, name.level)).collect()
+            })
+        };
+        let tiles = channels.map(tiles_of);
+        let grids: [_; CHANNELS] = std::array::from_fn(|place| grids(plan, &tiles[place]));
+        let mut look_ups = GridLookUps::default();
+        for probes in plan.probes.chunks(GRID_LOOK_UPS) {
+            look_ups.place(probes.iter().map(|p| (p.uv, plan.tiles.names[p.tile as usize].extent)));
+            for place in 0..CHANNELS {
+                if channels[place].is_none() {
+                    continue;
+                }
+                let colors = look_ups.sample(
+                    |index| grids[place][probes[index].tile as usize],
+                    |index| tiles[place][probes[index].tile as usize].bilinear(probes[index].uv),
+                );
+                for (probe, color) in probes.iter().zip(colors) {
+                    sums[probe.entry as usize][place] += Vec4::from_array(*color) * probe.share;
+                }
+            }
+        }
+        for &MeanShare { entry, share } in &plan.means {
+            let group = plan.entries[entry as usize].tap.group;
+            for (sum, channel) in sums[entry as usize].iter_mut().zip(channels) {
+                if let Some(channel) = channel {
+                    *sum += Vec4::from_array(self.tiles.mean(channel, group)) * share;
+                }
+            }
+        }
+        sums
+    }
+}
+
+/// What vectors can read of a channel's tiles. (A tile that stands in for a damaged one has another extent.)
+fn grids<'t, T: TileTexels>(plan: &Plan, tiles: &'t [T]) -> Vec<Option<TexelGrid<'t>>> {
+    let grid = |(tile, name): (&'t T, &TileName)| tile.grid().filter(|_| tile.extent() == name.extent);
+    tiles.iter().zip(&plan.tiles.names).map(grid).collect()
+}
