@@ -7,4 +7,5 @@ mod common;
 mod damage;
 mod format;
 mod killed;
+mod sampler;
 mod verify;
