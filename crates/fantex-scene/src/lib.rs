@@ -14,8 +14,8 @@ mod light;
 mod picture;
 mod shading;
 
-pub use fantex_texture::FilterOptions;
 pub use camera::{Bounds, Camera, Projection, view_axes};
+pub use fantex_texture::FilterOptions;
 pub use lamp_view::{FittedView, LampView, Projected, Spread, lamp_views, projector_view};
 pub use light::{
     AmbientLight, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, MirrorView, Penumbra, Projector,

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use fantex_cover::{Cover, Frame, Group, GroupKind};
 use fantex_mesh::Mesh;
 use fantex_render::{
-    AmbientLight, Background, Camera, FanSurface, FilterOptions, Hit, Light, Lights, Picture, RenderOptions, Scene, SceneObject,
-    Shading, Surface, render,
+    AmbientLight, Background, Camera, FanSurface, FilterOptions, Hit, Light, Lights, Picture, RenderOptions,
+    Scene, SceneObject, Shading, Surface, render,
 };
 use fantex_store::{Channel, Sampler, TileSource, TileTexels};
 use fantex_test::{data, opened};

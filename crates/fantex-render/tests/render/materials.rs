@@ -6,15 +6,17 @@ use std::sync::Arc;
 use fantex_cover::Frame;
 use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode};
 use fantex_render::{
-    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Interpolation, Lights,
-    MeshSurface, Picture, RenderOptions, Shading, ShadingRate, Surface, render,
+    Background, Camera, FilterOptions, FlatShading, FlatSurface, Hit, Interpolation, Lights, MeshSurface,
+    Picture, RenderOptions, Shading, ShadingRate, Surface, render,
 };
 use fantex_store::{Channel, ChannelKind, TexelFormat};
 use fantex_texture::{ColorSpace, Filter, Image, Samples};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 
 use crate::common;
-use crate::common::{MemoryTiles, bake, fan_cover, fan_surface, frontal, ray, sheet, sphere, square, triangle_color};
+use crate::common::{
+    MemoryTiles, bake, fan_cover, fan_surface, frontal, ray, sheet, sphere, square, triangle_color,
+};
 
 fn options(shading: Shading) -> RenderOptions {
     let background = Background::Color(Vec3::ZERO);

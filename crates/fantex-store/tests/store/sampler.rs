@@ -172,7 +172,10 @@ fn a_sampler_can_be_kept_and_names_what_is_missing() {
     let bare = Sampler::new(mesh, cover, &[], &cache, FilterOptions::default());
     let point = SurfacePoint { triangle: 0, lambda: Vec3::X };
     let error = bare.sample(ChannelKind::Light, point, Footprint::NONE).unwrap_err();
-    assert_eq!((error.kind(), error.to_string().as_str()), (ErrorKind::NotFound, "there is no light channel"));
+    assert_eq!(
+        (error.kind(), error.to_string().as_str()),
+        (ErrorKind::NotFound, "there is no light channel")
+    );
     let values = bare.values(&bare.sample_point(point, Footprint::NONE));
     assert_eq!((values.base_color, values.stretch, values.lookups), (Vec4::ZERO, None, 0));
     assert_eq!(values.normal, bare.vertex_normal(point));
