@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
 use fantex_bake::Progress;
 use fantex_cover::{Cover, GroupKind};
-use fantex_mesh::{CleanError, CleanOptions, CleanReport, LoadError, LoadOptions, Mesh, clean, load};
+use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
 use fantex_paint::{PaintError, PaintOptions, Painter};
 use fantex_scene::Bounds;
 use fantex_store::{Asset, ChannelKind, OpenError, cover_level_count};
@@ -108,12 +108,9 @@ pub struct ChannelFact {
 /// Why nothing could be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenDocumentError {
-    /// The model could not be read.
+    /// The model could not be read, or has nothing to show.
     #[error(transparent)]
-    Load(#[from] LoadError),
-    /// The model has nothing to show.
-    #[error(transparent)]
-    Clean(#[from] CleanError),
+    Model(#[from] fantex_base::Error),
     /// The asset could not be opened.
     #[error(transparent)]
     Asset(#[from] OpenError),

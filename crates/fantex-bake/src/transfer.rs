@@ -172,11 +172,11 @@ impl<'a> Projector<'a> {
             hits.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance))
         });
         if let Some(hit) = by_ray {
-            return Match { triangle: hit.triangle, lambda: hit.lambda };
+            return Match { triangle: hit.point.index(), lambda: hit.point.lambda };
         }
         self.missed.fetch_add(1, Relaxed);
         match self.bvh.nearest_point(p, f32::INFINITY) {
-            Some(nearest) => Match { triangle: nearest.triangle, lambda: nearest.lambda },
+            Some(nearest) => Match { triangle: nearest.point.index(), lambda: nearest.point.lambda },
             // Only where the point is no number.
             None => Match { triangle: 0, lambda: Vec3::X },
         }

@@ -2,13 +2,19 @@
 //! stands for a set, so that results do not depend on the order of unions; that is why this is not a crate's.
 
 /// A partition of `0..n`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct UnionFind(Vec<u32>);
 
 impl UnionFind {
     /// Every element on its own.
     pub fn new(elements: usize) -> Self {
         Self((0..elements as u32).collect())
+    }
+
+    /// Every element on its own again, in the memory that is there.
+    pub fn reset(&mut self, elements: usize) {
+        self.0.clear();
+        self.0.extend(0..elements as u32);
     }
 
     /// The smallest element of a set.

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex::{bake, cover, export, look, look_scene, mesh, paint, photos, render, store, texture};
+use fantex::{bake, export, look, look_scene, paint, photos, render, store, texture};
 
 use crate::context::{EXIT_INTERRUPTED, INTERRUPTED};
 
@@ -11,13 +11,7 @@ use crate::context::{EXIT_INTERRUPTED, INTERRUPTED};
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum CliError {
     #[error(transparent)]
-    Load(#[from] mesh::LoadError),
-    #[error(transparent)]
-    Clean(#[from] mesh::CleanError),
-    #[error(transparent)]
-    WriteModel(#[from] mesh::WriteError),
-    #[error(transparent)]
-    Cover(#[from] cover::CoverError),
+    Library(#[from] fantex::base::Error),
     #[error(transparent)]
     Bake(bake::BakeError),
     #[error(transparent)]

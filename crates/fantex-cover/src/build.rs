@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{Fans, Mesh, VertexCorners};
 use glam::Vec2;
 use rayon::prelude::*;
@@ -51,54 +52,6 @@ impl Default for CoverOptions {
     }
 }
 
-/// Why no cover was built.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum CoverError {
-    /// Nothing to cover.
-    #[error("the mesh has no triangles; a cover needs at least one")]
-    NoTriangles,
-    /// Corner indices have 31 bits.
-    #[error("the mesh has {triangles} triangles; a cover handles at most {limit}")]
-    TooManyTriangles {
-        /// In the mesh.
-        triangles: usize,
-        /// Allowed.
-        limit: usize,
-    },
-    /// A tile would be larger than any format can hold.
-    #[error(
-        "a tile would need {wanted} texels along one side, the limit is {limit}: ask for fewer texels, or subdivide the \
-         mesh"
-    )]
-    TileTooLarge {
-        /// Along the longer side.
-        wanted: u64,
-        /// Allowed.
-        limit: u32,
-    },
-    /// A budget that is not a positive finite number.
-    #[error("the texel budget must be positive and finite, got {given}")]
-    BadBudget {
-        /// As given.
-        given: f64,
-    },
-    /// The per-triangle budget does not fit the mesh.
-    #[error("the density field has {given} values, expected one for each of the {triangles} triangles")]
-    DensityFieldLength {
-        /// Values.
-        given: usize,
-        /// Triangles.
-        triangles: usize,
-    },
-    /// The blend band is out of range.
-    #[error("the blend band must be wider than 0 and at most 1/3, got {given}")]
-    BadDelta {
-        /// As given.
-        given: f32,
-    },
-}
-
 const MAX_TRIANGLES: usize = (1 << 31) / 3;
 
 /// Covers a mesh. Deterministic on any number of threads; linear in the triangles.
@@ -106,7 +59,7 @@ const MAX_TRIANGLES: usize = (1 << 31) / 3;
 /// # Errors
 ///
 /// An empty or too large mesh, or options out of range.
-pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverStats), CoverError> {
+pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverStats)> {
     check(mesh, options)?;
     let started = Instant::now();
     let vertex_corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
@@ -146,28 +99,39 @@ pub fn build_cover(mesh: &Mesh, options: &CoverOptions) -> Result<(Cover, CoverS
     Ok((cover, stats))
 }
 
-fn check(mesh: &Mesh, options: &CoverOptions) -> Result<(), CoverError> {
+fn check(mesh: &Mesh, options: &CoverOptions) -> Result<()> {
     let triangles = mesh.triangles.len();
     if triangles == 0 {
-        return Err(CoverError::NoTriangles);
+        return Err(Error::invalid("the mesh has no triangles; a cover needs at least one"));
     }
     if triangles > MAX_TRIANGLES {
-        return Err(CoverError::TooManyTriangles { triangles, limit: MAX_TRIANGLES });
+        return Err(Error::too_large(format!(
+            "the mesh has {triangles} triangles; a cover handles at most {MAX_TRIANGLES}"
+        )));
     }
     if !(options.delta > 0.0 && options.delta <= 1.0 / 3.0) {
-        return Err(CoverError::BadDelta { given: options.delta });
+        let given = options.delta;
+        return Err(Error::invalid(format!(
+            "the blend band must be wider than 0 and at most 1/3, got {given}"
+        )));
     }
     // Densities are kept in single precision, where 1e-60 is zero and 1e60 infinite.
     let positive = |given: f64| {
         let kept = given as f32;
-        if kept.is_finite() && kept > 0.0 { Ok(()) } else { Err(CoverError::BadBudget { given }) }
+        match kept.is_finite() && kept > 0.0 {
+            true => Ok(()),
+            false => {
+                Err(Error::invalid(format!("the texel budget must be positive and finite, got {given}")))
+            }
+        }
     };
     match &options.budget {
         TexelBudget::Total(n) => positive(*n as f64),
         TexelBudget::Density(d) => positive(*d),
-        TexelBudget::PerTriangle(field) if field.len() != triangles => {
-            Err(CoverError::DensityFieldLength { given: field.len(), triangles })
-        }
+        TexelBudget::PerTriangle(field) if field.len() != triangles => Err(Error::invalid(format!(
+            "the density field has {} values, expected one for each of the {triangles} triangles",
+            field.len()
+        ))),
         TexelBudget::PerTriangle(field) => field.iter().try_for_each(|&d| positive(f64::from(d))),
     }
 }
@@ -310,11 +274,15 @@ fn assemble(
     scale: f32,
     density: f32,
     delta: f32,
-) -> Result<Cover, CoverError> {
+) -> Result<Cover> {
     let laid = &grouping.laid;
     let longest = laid.par_iter().map(|l| l.size.max_element() * l.density * scale).reduce(|| 0.0, f32::max);
     if longest + 1.0 > MAX_EXTENT as f32 {
-        return Err(CoverError::TileTooLarge { wanted: (longest + 1.0) as u64, limit: MAX_EXTENT });
+        let wanted = (longest + 1.0) as u64;
+        return Err(Error::too_large(format!(
+            "a tile would need {wanted} texels along one side, the limit is {MAX_EXTENT}: ask for fewer texels, or \
+             subdivide the mesh"
+        )));
     }
     let groups: Vec<Group> = laid.par_iter().with_min_len(1 << 10).map(|laid| place(laid, scale)).collect();
     let mut unfolded = Vec::new();

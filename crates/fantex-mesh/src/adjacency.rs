@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicU32;
 use std::sync::atomic::Ordering::Relaxed;
 
 use arrayvec::ArrayVec;
+use fantex_base::UnionFind;
 use rayon::prelude::*;
 
 /// Vertices handled per parallel task.
@@ -163,13 +164,13 @@ impl Edge<'_> {
     }
 
     /// The half-edges of triangles that [continue](continued) each other.
-    pub fn continued(&self) -> ArrayVec<[u32; 2], { MOST_AT_EDGE / 2 }> {
-        if self.half_edges.len() > MOST_AT_EDGE {
+    pub fn continued(&self) -> ArrayVec<[u32; 2], { MAX_AT_EDGE / 2 }> {
+        if self.half_edges.len() > MAX_AT_EDGE {
             return ArrayVec::new();
         }
         let [first, _] = self.vertices();
         let side = |&(_, half_edge): &(u64, u32)| EdgeSide::of_half_edge(self.triangles, half_edge, first);
-        let sides: ArrayVec<EdgeSide, MOST_AT_EDGE> = self.half_edges.iter().map(side).collect();
+        let sides: ArrayVec<EdgeSide, MAX_AT_EDGE> = self.half_edges.iter().map(side).collect();
         continued(&sides).into_iter().map(|pair| pair.map(|i| self.half_edges[i].1)).collect()
     }
 }
@@ -209,19 +210,19 @@ impl EdgeSide {
 }
 
 /// Edges of more triangles end all of them.
-pub const MOST_AT_EDGE: usize = 8;
+pub const MAX_AT_EDGE: usize = 8;
 
 /// The pairs of triangles that continue each other at an edge, as ascending indices into `sides`, which are all triangles
 /// there. Each is in one pair at most.
 ///
 /// Two triangles continue each other unless they are twins. Of more, those that run along the edge in opposite directions
 /// are candidates of each other unless they are twins, and those continue each other that have no other candidate.
-pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MOST_AT_EDGE / 2 }> {
+pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MAX_AT_EDGE / 2 }> {
     let are_twins = |i: usize, j: usize| sides[i].opposite == sides[j].opposite;
     let mut pairs = ArrayVec::new();
     match sides.len() {
         2 if !are_twins(0, 1) => pairs.push([0, 1]),
-        3..=MOST_AT_EDGE => {
+        3..=MAX_AT_EDGE => {
             let only_candidate = |i: usize| {
                 let is_candidate =
                     |&j: &usize| sides[j].is_forward != sides[i].is_forward && !are_twins(i, j);
@@ -302,8 +303,8 @@ pub(crate) struct Star {
     corner_count: usize,
     /// One entry per triangle and edge, sorted.
     entries: Vec<Entry>,
-    /// Union-find over the corners of the star.
-    fans: Vec<u32>,
+    /// The corners of the star that are linked through edges.
+    fans: UnionFind,
 }
 
 /// An edge of the star as one of its triangles sees it.
@@ -360,27 +361,13 @@ impl Star {
 
     /// True where all triangles hang together through the edges of this vertex.
     pub(crate) fn is_single_fan(&mut self) -> bool {
-        self.fans.clear();
-        self.fans.extend(0..self.corner_count as u32);
+        self.fans.reset(self.corner_count);
         let mut fan_count = self.corner_count;
         for pair in self.entries.windows(2).filter(|pair| pair[0].other == pair[1].other) {
-            let (a, b) = (root(&mut self.fans, pair[0].slot), root(&mut self.fans, pair[1].slot));
-            if a != b {
-                self.fans[a.max(b) as usize] = a.min(b);
-                fan_count -= 1;
-            }
+            fan_count -= usize::from(self.fans.union(pair[0].slot, pair[1].slot));
         }
         fan_count <= 1
     }
-}
-
-/// The root of an element's set, halving the path on the way.
-pub(crate) fn root(parents: &mut [u32], mut element: u32) -> u32 {
-    while parents[element as usize] != element {
-        parents[element as usize] = parents[parents[element as usize] as usize];
-        element = parents[element as usize];
-    }
-    element
 }
 
 /// One edge with all its triangles.

@@ -5,12 +5,13 @@
 //! a surface without cracks stays without cracks, whatever the function does at texture seams and creases. The idea of
 //! displacing a finely cut surface is that of R. Cook, "Shade Trees", 1984.
 
+use fantex_base::{Error, Result};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::{
-    CREASE_DEGREES, CleanError, CleanOptions, CleanReport, CornerAttributes, Mesh, Model, VertexCorners,
-    angle_between, clean, corner_normals, shading_normals,
+    CREASE_DEGREES, CleanOptions, CleanReport, CornerAttributes, Mesh, Model, VertexCorners, angle_between,
+    clean, corner_normals, interpolate, shading_normals,
 };
 
 /// A point whose height is asked for.
@@ -48,7 +49,7 @@ pub fn displace(
     mesh: &Mesh,
     options: &DisplaceOptions,
     height: impl Fn(&DisplacePoint) -> f32 + Sync,
-) -> Result<(Mesh, DisplaceReport), DisplaceError> {
+) -> Result<(Mesh, DisplaceReport)> {
     options.check()?;
     let vertices = displaced_vertices(mesh, &height)?;
     let mut tessellation = Tessellation { vertices, pieces: whole_triangles(mesh), height: &height };
@@ -63,10 +64,7 @@ pub fn displace(
 }
 
 /// The mesh's own vertices: their normal is the mean of the shading normals at their corners, weighted by angle.
-fn displaced_vertices(
-    mesh: &Mesh,
-    height: &(impl Fn(&DisplacePoint) -> f32 + Sync),
-) -> Result<Vec<Vertex>, DisplaceError> {
+fn displaced_vertices(mesh: &Mesh, height: &(impl Fn(&DisplacePoint) -> f32 + Sync)) -> Result<Vec<Vertex>> {
     let normals = shading_normals(mesh);
     let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let of_vertex = |v: usize| {
@@ -134,8 +132,8 @@ where
     }
     let of_piece = |piece: &Piece| {
         let first = 3 * piece.triangle as usize;
-        let [a, b, c] = [0, 1, 2].map(|k| values[first + k]);
-        piece.corners.map(|corner| a * corner.lambda.x + b * corner.lambda.y + c * corner.lambda.z)
+        let values = [0, 1, 2].map(|k| values[first + k]);
+        piece.corners.map(|corner| interpolate(values, corner.lambda))
     };
     pieces.par_iter().with_min_len(1 << 12).flat_map_iter(of_piece).collect()
 }
@@ -212,56 +210,16 @@ impl Default for DisplaceOptions {
     }
 }
 
-/// Why a mesh was not displaced.
-#[derive(Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum DisplaceError {
-    /// An option is out of its range.
-    #[error("{what} is {value}, but must be {allowed}")]
-    OutOfRange {
-        /// Which of the options.
-        what: &'static str,
-        /// Its value.
-        value: f32,
-        /// What is allowed.
-        allowed: &'static str,
-    },
-    /// The refinement asks for too much.
-    #[error(
-        "cutting edges to {shortest_edge} mesh units takes at least {needed} triangles, but max_triangles is {limit}; \
-         choose longer edges"
-    )]
-    TooManyTriangles {
-        /// The finest length that was asked for.
-        shortest_edge: f32,
-        /// Triangles when cutting stopped.
-        needed: u64,
-        /// The limit.
-        limit: u64,
-    },
-    /// The height function gave no number.
-    #[error("the height on triangle {triangle} is {height}, but must be finite")]
-    Height {
-        /// Index of the triangle.
-        triangle: usize,
-        /// What the function gave.
-        height: f32,
-    },
-    /// Nothing is left of the displaced mesh, because everything has collapsed.
-    #[error(transparent)]
-    Collapsed(#[from] CleanError),
-}
-
 impl DisplaceOptions {
     /// Checks every range.
     ///
     /// # Errors
     ///
     /// The first option that is out of range.
-    pub fn check(&self) -> Result<(), DisplaceError> {
-        let in_range = |what, value: f32, good: bool, allowed| match good {
+    pub fn check(&self) -> Result<()> {
+        let in_range = |what: &str, value: f32, good: bool, allowed: &str| match good {
             true => Ok(()),
-            false => Err(DisplaceError::OutOfRange { what, value, allowed }),
+            false => Err(Error::invalid(format!("{what} is {value}, but must be {allowed}"))),
         };
         let length = |x: f32| x.is_finite() && x >= Refinement::SHORTEST;
         let longest = self.refinement.longest();
@@ -345,7 +303,7 @@ type Side = (u64, u32);
 
 impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
     /// Cuts once all edges that need it; returns how many.
-    fn refine(&mut self, refinement: &Refinement, max_triangles: u64) -> Result<usize, DisplaceError> {
+    fn refine(&mut self, refinement: &Refinement, max_triangles: u64) -> Result<usize> {
         // Step 1: the sides that may be cut, those of one edge next to each other.
         let mut sides = self.long_sides(refinement.shortest());
         sides.par_sort_unstable();
@@ -353,7 +311,7 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
         // Step 2: decide edge by edge, then for the longest sides of pieces with a cut side.
         let edges: Vec<&[Side]> = sides.chunk_by(|a, b| a.0 == b.0).collect();
         let decide = |edge: &&[Side]| self.is_to_be_cut(edge, refinement);
-        let mut is_cut = edges.par_iter().with_min_len(256).map(decide).collect::<Result<Vec<bool>, _>>()?;
+        let mut is_cut = edges.par_iter().with_min_len(256).map(decide).collect::<Result<Vec<bool>>>()?;
         self.cut_longest_sides(&edges, &mut is_cut);
 
         // Step 3: keep to the limit. Every cut adds one piece per side.
@@ -361,12 +319,15 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
         let needed = (self.pieces.len() + cut.iter().map(|edge| edge.len()).sum::<usize>()) as u64;
         if needed > max_triangles {
             let shortest_edge = refinement.shortest();
-            return Err(DisplaceError::TooManyTriangles { shortest_edge, needed, limit: max_triangles });
+            return Err(Error::too_large(format!(
+                "cutting edges to {shortest_edge} mesh units takes at least {needed} triangles, but max_triangles is \
+                 {max_triangles}; choose longer edges"
+            )));
         }
 
         // Step 4: make the new vertices and tell them to the sides.
         let middle = |edge: &&[Side]| self.on_edge(edge, 0.5);
-        let middles = cut.par_iter().with_min_len(256).map(middle).collect::<Result<Vec<Vertex>, _>>()?;
+        let middles = cut.par_iter().with_min_len(256).map(middle).collect::<Result<Vec<Vertex>>>()?;
         let mut middle_of_side = vec![NONE; 3 * self.pieces.len()];
         for (vertex, edge) in (self.vertices.len() as u32..).zip(&cut) {
             edge.iter().for_each(|&(_, side)| middle_of_side[side as usize] = vertex);
@@ -436,7 +397,7 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
 
     /// Whether an edge is too long, or the displaced surface along it too far from straight; `sides` are those of all its
     /// pieces, ascending.
-    fn is_to_be_cut(&self, sides: &[Side], refinement: &Refinement) -> Result<bool, DisplaceError> {
+    fn is_to_be_cut(&self, sides: &[Side], refinement: &Refinement) -> Result<bool> {
         let [a, b] = self.end_vertices(sides);
         if a.position.distance(b.position) > refinement.longest() {
             return Ok(true);
@@ -460,7 +421,7 @@ impl<H: Fn(&DisplacePoint) -> f32 + Sync> Tessellation<'_, H> {
     }
 
     /// A vertex on an edge, at a share of the way from its lower to its higher vertex.
-    fn on_edge(&self, sides: &[Side], at: f32) -> Result<Vertex, DisplaceError> {
+    fn on_edge(&self, sides: &[Side], at: f32) -> Result<Vertex> {
         let [a, b] = self.end_vertices(sides);
         let position = a.position * (1.0 - at) + b.position * at;
         let normal = (a.normal * (1.0 - at) + b.normal * at).try_normalize().unwrap_or(a.normal);
@@ -484,10 +445,13 @@ fn height_at(
     lambda: Vec3,
     position: Vec3,
     normal: Vec3,
-) -> Result<f64, DisplaceError> {
+) -> Result<f64> {
     let triangle = triangle as usize;
     let height = height(&DisplacePoint { triangle, lambda, position, normal });
-    if height.is_finite() { Ok(height.into()) } else { Err(DisplaceError::Height { triangle, height }) }
+    if height.is_finite() {
+        return Ok(height.into());
+    }
+    Err(Error::invalid(format!("the height on triangle {triangle} is {height}, but must be finite")))
 }
 
 /// Up to four pieces of a piece; `middles` holds the new vertex, if any, on the sides from corner 0, 1 and 2.

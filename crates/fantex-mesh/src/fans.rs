@@ -16,7 +16,7 @@
 use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
-use crate::{EdgeSide, MOST_AT_EDGE, VertexCorners, continued};
+use crate::{EdgeSide, MAX_AT_EDGE, VertexCorners, continued};
 
 /// A fan's corner as the walk around the centre passes it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -294,14 +294,14 @@ impl Walker {
 
     /// Links the triangles that continue each other; `edge` is all of the edge's.
     fn link_edge(&mut self, edge: &[Spoke]) {
-        if !(2..=MOST_AT_EDGE).contains(&edge.len()) {
+        if !(2..=MAX_AT_EDGE).contains(&edge.len()) {
             return;
         }
         let side = |&(_, i, side): &Spoke| EdgeSide {
             opposite: self.ring[i as usize][1 - side as usize],
             is_forward: side == 0,
         };
-        let sides: ArrayVec<EdgeSide, MOST_AT_EDGE> = edge.iter().map(side).collect();
+        let sides: ArrayVec<EdgeSide, MAX_AT_EDGE> = edge.iter().map(side).collect();
         for pair in continued(&sides) {
             let [(_, i, side_i), (_, j, side_j)] = pair.map(|k| edge[k]);
             self.link[i as usize][side_i as usize] = j;
@@ -345,26 +345,26 @@ impl Walker {
 // The common case of a vertex: a few triangles of one orientation that surround it once.
 
 /// Discs of more triangles are left to the general search.
-pub(crate) const MOST_TRIANGLES: usize = 8;
+pub(crate) const MAX_DISC_TRIANGLES: usize = 8;
 
 /// The triangles around a vertex that form a closed, consistently wound disc: two triangles on every edge, running along it
 /// in opposite directions.
 pub(crate) struct Disc {
     /// Indices into the vertex' corners, counter-clockwise from the first. As many count as the vertex has corners.
-    pub(crate) order: [u8; MOST_TRIANGLES],
+    pub(crate) order: [u8; MAX_DISC_TRIANGLES],
     /// For each of the vertex' corners the vertex that follows it in its triangle: the ends of the disc's edges.
-    pub(crate) ends: [u32; MOST_TRIANGLES],
+    pub(crate) ends: [u32; MAX_DISC_TRIANGLES],
 }
 
 impl Disc {
     /// The disc around the vertex with the given corners; `None` where they form none, or a large one.
     #[inline]
     pub(crate) fn of(triangles: &[[u32; 3]], corners: &[u32]) -> Option<Self> {
-        if !(3..=MOST_TRIANGLES).contains(&corners.len()) {
+        if !(3..=MAX_DISC_TRIANGLES).contains(&corners.len()) {
             return None;
         }
-        let mut next = [u32::MAX; MOST_TRIANGLES];
-        let mut previous = [u32::MAX; MOST_TRIANGLES];
+        let mut next = [u32::MAX; MAX_DISC_TRIANGLES];
+        let mut previous = [u32::MAX; MAX_DISC_TRIANGLES];
         for (i, &corner) in corners.iter().enumerate() {
             let (triangle, k) = (&triangles[corner as usize / 3], corner as usize % 3);
             next[i] = triangle[(k + 1) % 3];
@@ -372,15 +372,15 @@ impl Disc {
         }
         // Each triangle is followed by the first one that begins at the edge where it ends. If the first triangle is reached
         // again after all others, every triangle follows exactly one, so no edge has a third.
-        let mut order = [0; MOST_TRIANGLES];
+        let mut order = [0; MAX_DISC_TRIANGLES];
         let mut at = 0;
         for step in order.iter_mut().take(corners.len()).skip(1) {
             let edge = previous[at];
-            at = MOST_TRIANGLES;
-            for i in (0..MOST_TRIANGLES).rev() {
+            at = MAX_DISC_TRIANGLES;
+            for i in (0..MAX_DISC_TRIANGLES).rev() {
                 at = if next[i] == edge { i } else { at };
             }
-            if at == 0 || at == MOST_TRIANGLES {
+            if at == 0 || at == MAX_DISC_TRIANGLES {
                 return None;
             }
             *step = at as u8;

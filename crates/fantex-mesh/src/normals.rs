@@ -2,16 +2,17 @@
 
 use std::ops::Deref;
 
+use fantex_base::UnionFind;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use crate::adjacency::{Star, root};
+use crate::adjacency::Star;
 use crate::{Mesh, SurfacePoint, VertexCorners, angle_between};
 
 /// Vertices per parallel task.
 const BLOCK: usize = 1 << 12;
 /// Among more triangles at one edge than this, none are smoothed across it.
-const MOST_AT_EDGE: usize = 16;
+const MAX_SMOOTHED_AT_EDGE: usize = 16;
 
 /// Where a mesh has no normals of its own, edges that bend less than this are shown smooth.
 pub const CREASE_DEGREES: f32 = 60.0;
@@ -95,8 +96,8 @@ pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
 #[derive(Default)]
 struct Smoother {
     star: Star,
-    /// Union-find over the vertex' corners.
-    groups: Vec<u32>,
+    /// The vertex' corners that are linked through soft edges.
+    groups: UnionFind,
     sums: Vec<DVec3>,
 }
 
@@ -112,25 +113,23 @@ impl Smoother {
         normals: &mut Vec<Vec3>,
     ) {
         let face = |slot: u32| faces[corners[slot as usize] as usize / 3];
-        self.groups.clear();
-        self.groups.extend(0..corners.len() as u32);
+        self.groups.reset(corners.len());
         self.star.gather(vertex as u32, corners, &mesh.triangles);
-        for edge in self.star.edges().filter(|edge| edge.len() <= MOST_AT_EDGE) {
+        for edge in self.star.edges().filter(|edge| edge.len() <= MAX_SMOOTHED_AT_EDGE) {
             for (i, a) in edge.slots().enumerate() {
                 for b in edge.slots().skip(i + 1).filter(|&b| face(a).dot(face(b)) >= softest) {
-                    let (a, b) = (root(&mut self.groups, a), root(&mut self.groups, b));
-                    self.groups[a.max(b) as usize] = a.min(b);
+                    self.groups.union(a, b);
                 }
             }
         }
         self.sums.clear();
         self.sums.resize(corners.len(), DVec3::ZERO);
         for (slot, &corner) in corners.iter().enumerate() {
-            let group = root(&mut self.groups, slot as u32);
+            let group = self.groups.find(slot as u32);
             self.sums[group as usize] += face(slot as u32) * corner_angle(mesh, corner);
         }
         for slot in 0..corners.len() as u32 {
-            let group = root(&mut self.groups, slot);
+            let group = self.groups.find(slot);
             let normal = self.sums[group as usize].try_normalize().unwrap_or(face(slot));
             normals.push(normal.as_vec3());
         }

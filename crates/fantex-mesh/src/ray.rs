@@ -25,7 +25,7 @@ use obvhs::ploc::PlocBuilder;
 use obvhs::ray::{Ray, RayHit as TreeHit};
 use rayon::prelude::*;
 
-use crate::Mesh;
+use crate::{Mesh, SurfacePoint, interpolate};
 
 /// How far the origin of a ray that starts on the surface is moved off it, mesh units.
 pub const SURFACE_OFFSET: f32 = 1.0 / (1 << 19) as f32;
@@ -41,10 +41,8 @@ const TREE_DIRECTION: f32 = 1.0 / (1 << 12) as f32;
 /// Where a ray meets a mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RayHit {
-    /// Triangle index.
-    pub triangle: usize,
-    /// Barycentric coordinates, not negative, of sum one.
-    pub lambda: Vec3,
+    /// Where on the surface.
+    pub point: SurfacePoint,
     /// From the origin, in units of the direction's length.
     pub distance: f32,
     /// True where the ray meets the front of the triangle, whose corners run counter-clockwise there.
@@ -151,8 +149,8 @@ impl TriangleBvh {
         let crossing = ray.shear.intersect(&self.corners[slot])?;
         let t = crossing.distance * ray.t_per_distance;
         (t < nearest).then(|| {
-            let (triangle, lambda) = (self.triangles[slot] as usize, crossing.lambda);
-            (t, RayHit { triangle, lambda, distance: crossing.distance, front: crossing.front })
+            let point = SurfacePoint { triangle: self.triangles[slot], lambda: crossing.lambda };
+            (t, RayHit { point, distance: crossing.distance, front: crossing.front })
         })
     }
 }
@@ -269,11 +267,9 @@ impl Shear {
 /// A point of a mesh, and how far it is from the one that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NearestPoint {
-    /// Triangle index.
-    pub triangle: usize,
-    /// Barycentric coordinates, not negative, of sum one.
-    pub lambda: Vec3,
-    /// The point, mesh space.
+    /// Where on the surface.
+    pub point: SurfacePoint,
+    /// The same in mesh space.
     pub position: Vec3,
     /// Mesh units.
     pub distance: f32,
@@ -320,8 +316,7 @@ fn nearest_point(
     }
     let (slot, lambda, position) = best.found?;
     Some(NearestPoint {
-        triangle: triangles[slot] as usize,
-        lambda: lambda.as_vec3(),
+        point: SurfacePoint { triangle: triangles[slot], lambda: lambda.as_vec3() },
         position: position.as_vec3(),
         distance: best.bound.sqrt() as f32,
     })
@@ -375,7 +370,7 @@ fn nearest_of_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> (DVec3, DVec3) {
             opposite / opposite.element_sum()
         }
     };
-    (lambda, a * lambda.x + b * lambda.y + c * lambda.z)
+    (lambda, interpolate([a, b, c], lambda))
 }
 
 // Building the tree of boxes.
@@ -387,19 +382,19 @@ fn nearest_of_triangle(p: DVec3, [a, b, c]: [DVec3; 3]) -> (DVec3, DVec3) {
 // Such boxes are halved by their centres instead, again and again.
 
 /// Boxes with more times the surface of the box around them all overlap nearly all.
-const MOST_CROWDED: f64 = 256.0;
+const MAX_CROWDING: f64 = 256.0;
 
 /// The traversal has room for 32 levels.
-const MOST_LEVELS: usize = 30;
+const MAX_LEVELS: usize = 30;
 
 /// Boxes of a leaf, at most.
 const LEAF_BOXES: u32 = 3;
 
-/// The tree of some boxes; at most [`MOST_LEVELS`] deep for up to 2^28 of them.
+/// The tree of some boxes; at most [`MAX_LEVELS`] deep for up to 2^28 of them.
 fn build(boxes: &[Aabb]) -> CwBvh {
     if !are_crowded(boxes) {
         let tree = clustered(boxes);
-        if levels(&tree) <= MOST_LEVELS {
+        if levels(&tree) <= MAX_LEVELS {
             return tree;
         }
     }
@@ -409,7 +404,7 @@ fn build(boxes: &[Aabb]) -> CwBvh {
 fn are_crowded(boxes: &[Aabb]) -> bool {
     let whole = boxes.iter().fold(Aabb::empty(), |whole, b| whole.union(b));
     let sum: f64 = boxes.iter().map(|b| f64::from(b.half_area())).sum();
-    sum > MOST_CROWDED * f64::from(whole.half_area())
+    sum > MAX_CROWDING * f64::from(whole.half_area())
 }
 
 fn clustered(boxes: &[Aabb]) -> CwBvh {
@@ -531,7 +526,7 @@ mod tests {
                 .flat_map(|i| (0..=n - i).map(move |j| (i, j, n - i - j)))
                 .map(|(i, j, k)| {
                     let l = DVec3::new(f64::from(i), f64::from(j), f64::from(k)) / f64::from(n);
-                    p.distance(triangle[0] * l.x + triangle[1] * l.y + triangle[2] * l.z)
+                    p.distance(interpolate(triangle, l))
                 })
                 .fold(f64::INFINITY, f64::min);
             let nearest = p.distance(position);
@@ -554,7 +549,7 @@ mod tests {
         for count in [1, 2, 3, 4, 5, 9, 100, 5_000] {
             let boxes = needles(count);
             for tree in [halved(&boxes), build(&boxes)] {
-                assert!(levels(&tree) <= MOST_LEVELS);
+                assert!(levels(&tree) <= MAX_LEVELS);
                 tree.validate(&boxes, false);
             }
         }

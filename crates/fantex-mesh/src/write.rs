@@ -5,12 +5,14 @@
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use fantex_base::srgb::srgb_from_linear;
+use fantex_base::{Error, ErrorKind, Result};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::ModelFormat;
-use crate::load::srgb_from_linear;
+use crate::load::about;
 
 /// Geometry to write.
 #[derive(Clone, Copy, Debug)]
@@ -23,92 +25,34 @@ pub struct WriteGeometry<'a> {
     pub colors: Option<&'a [Vec4]>,
 }
 
-/// Why a model could not be written. Each message is one sentence; nothing is left behind.
-#[derive(Debug, thiserror::Error)]
-pub enum WriteError {
-    /// Something of that name is there already.
-    #[error("{} exists already; use --force to overwrite it", path.display())]
-    Exists {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The extension names no format that fantex writes geometry in.
-    #[error("{} names no format that fantex writes models in; use .ply, .obj or .glb", path.display())]
-    UnknownFormat {
-        /// The file.
-        path: PathBuf,
-    },
-    /// No triangle at all.
-    #[error("{} was not written: there are no triangles", path.display())]
-    NoTriangles {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A triangle refers to a position that is not there.
-    #[error("{} was not written: triangle {triangle} refers to position {index}, but there are {count}", path.display())]
-    Index {
-        /// The file.
-        path: PathBuf,
-        /// The triangle, from 0.
-        triangle: usize,
-        /// The index.
-        index: u32,
-        /// Number of positions.
-        count: usize,
-    },
-    /// A position that is not a number.
-    #[error("{} was not written: position {index} is not finite", path.display())]
-    NotFinite {
-        /// The file.
-        path: PathBuf,
-        /// The position, from 0.
-        index: usize,
-    },
-    /// Not one colour per position.
-    #[error("{} was not written: there are {colors} colours for {positions} positions", path.display())]
-    ColorCount {
-        /// The file.
-        path: PathBuf,
-        /// Number of colours.
-        colors: usize,
-        /// Number of positions.
-        positions: usize,
-    },
-    /// More than the format can hold.
-    #[error("{} was not written: the model takes {bytes} bytes, but a GLB file holds 4 GiB; use .ply", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Bytes it would take.
-        bytes: u64,
-    },
-    /// The operating system refused.
-    #[error("cannot write {}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-}
-
 /// Writes geometry in the format that the extension names: `.ply` (binary little-endian), `.obj` or `.glb`.
 /// An existing file is replaced only with `force`.
 ///
 /// # Errors
 ///
-/// See [`WriteError`]; an existing file is then unchanged.
-pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result<(), WriteError> {
+/// Where geometry cannot be written so, the file exists, or the system refuses; an existing file is then unchanged.
+pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result<()> {
     let format = ModelFormat::from_extension(path);
     let format = format.filter(|f| matches!(f, ModelFormat::Ply | ModelFormat::Obj | ModelFormat::Glb));
-    let format = format.ok_or_else(|| WriteError::UnknownFormat { path: path.into() })?;
+    let format = format.ok_or_else(|| {
+        let sentence = "names no format that fantex writes models in; use .ply, .obj or .glb";
+        about(path, ErrorKind::InvalidArgument, sentence)
+    })?;
     check(path, geometry)?;
     if !force && path.exists() {
-        return Err(WriteError::Exists { path: path.into() });
+        return Err(exists(path));
     }
     let container = match format {
         ModelFormat::Glb => {
-            Some(Layout::new(geometry).map_err(|bytes| WriteError::TooLarge { path: path.into(), bytes })?)
+            let too_large = |bytes| {
+                let kind = ErrorKind::TooLarge;
+                refused(
+                    path,
+                    kind,
+                    format!("the model takes {bytes} bytes, but a GLB file holds 4 GiB; use .ply"),
+                )
+            };
+            Some(Layout::new(geometry).map_err(too_large)?)
         }
         _ => None,
     };
@@ -119,22 +63,32 @@ pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result
     })
 }
 
-fn check(path: &Path, geometry: &WriteGeometry) -> Result<(), WriteError> {
+fn refused(path: &Path, kind: ErrorKind, why: String) -> Error {
+    about(path, kind, format!("was not written: {why}"))
+}
+
+fn exists(path: &Path) -> Error {
+    about(path, ErrorKind::AlreadyExists, "exists already; use --force to overwrite it")
+}
+
+fn check(path: &Path, geometry: &WriteGeometry) -> Result<()> {
+    let invalid = |why: String| refused(path, ErrorKind::InvalidArgument, why);
     let count = geometry.positions.len();
     if geometry.triangles.is_empty() {
-        return Err(WriteError::NoTriangles { path: path.into() });
+        return Err(invalid("there are no triangles".to_owned()));
     }
     if let Some(index) = geometry.positions.iter().position(|p| !p.is_finite()) {
-        return Err(WriteError::NotFinite { path: path.into(), index });
+        return Err(invalid(format!("position {index} is not finite")));
     }
     let is_bad = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= count);
     if let Some(triangle) = geometry.triangles.iter().position(is_bad) {
         let index = geometry.triangles[triangle].into_iter().max().unwrap_or_default();
-        return Err(WriteError::Index { path: path.into(), triangle, index, count });
+        let sentence = format!("triangle {triangle} refers to position {index}, but there are {count}");
+        return Err(invalid(sentence));
     }
     match geometry.colors {
         Some(colors) if colors.len() != count => {
-            Err(WriteError::ColorCount { path: path.into(), colors: colors.len(), positions: count })
+            Err(invalid(format!("there are {} colours for {count} positions", colors.len())))
         }
         _ => Ok(()),
     }
@@ -144,8 +98,8 @@ fn write_atomically(
     path: &Path,
     force: bool,
     write: impl FnOnce(&mut BufWriter<&File>) -> io::Result<()>,
-) -> Result<(), WriteError> {
-    let failed = |source| WriteError::Io { path: path.into(), source };
+) -> Result<()> {
+    let failed = |source| Error::writing(path, source);
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let temporary = temporary_file(folder).map_err(failed)?;
     let mut out = BufWriter::with_capacity(1 << 20, temporary.as_file());
@@ -155,9 +109,7 @@ fn write_atomically(
     let persisted = if force { temporary.persist(path) } else { temporary.persist_noclobber(path) };
     match persisted {
         Ok(_) => Ok(()),
-        Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => {
-            Err(WriteError::Exists { path: path.into() })
-        }
+        Err(error) if error.error.kind() == io::ErrorKind::AlreadyExists => Err(exists(path)),
         Err(error) => Err(failed(error.error)),
     }
 }
@@ -182,12 +134,7 @@ fn fits_single_precision(positions: &[DVec3]) -> bool {
 fn srgb_bytes(color: Vec4) -> [u8; 4] {
     let [r, g, b, a] = color.to_array();
     let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
-    [
-        byte(crate::load::srgb_from_linear(r)),
-        byte(crate::load::srgb_from_linear(g)),
-        byte(crate::load::srgb_from_linear(b)),
-        byte(a),
-    ]
+    [byte(srgb_from_linear(r)), byte(srgb_from_linear(g)), byte(srgb_from_linear(b)), byte(a)]
 }
 
 // Binary glTF.

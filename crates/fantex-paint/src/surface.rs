@@ -76,7 +76,7 @@ impl Surface {
     /// The point nearest to a mesh-space position, at most so many mesh units away.
     pub fn nearest(&self, position: Vec3, max_distance: f32) -> Option<SurfacePoint> {
         let found = self.bvh.nearest_point(position, max_distance)?;
-        Some(SurfacePoint { triangle: found.triangle as u32, lambda: found.lambda })
+        Some(SurfacePoint { triangle: found.point.triangle, lambda: found.point.lambda })
     }
 
     /// The point nearest to a mesh-space position whose triangle faces about the same way as `normal`: the nearest one where
@@ -95,9 +95,9 @@ impl Surface {
 
     /// The first point on a ray in mesh space; of two sides of a leaf that which is seen.
     pub fn hit(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
-        let is_seen = |hit: &RayHit| self.is_seen_from(hit.triangle as u32, -direction);
+        let is_seen = |hit: &RayHit| self.is_seen_from(hit.point.triangle, -direction);
         let hit = self.bvh.first_hit_where(origin, direction, f32::INFINITY, is_seen)?;
-        Some(SurfacePoint { triangle: hit.triangle as u32, lambda: hit.lambda })
+        Some(SurfacePoint { triangle: hit.point.triangle, lambda: hit.point.lambda })
     }
 
     /// Whether a triangle is seen by someone in that direction: all are but those that have a twin, from behind.

@@ -379,7 +379,7 @@ impl Taker<'_> {
         // Rays begin near the mesh, where single precision is enough.
         let start = self.camera.eye + direction * (self.camera.eye.length() - 2.0).max(0.0);
         let hit = self.bvh.first_hit(start.as_vec3(), direction.as_vec3(), f32::INFINITY)?;
-        let corners = self.mesh.triangle_positions(hit.triangle).map(|c| c.as_dvec3());
+        let corners = self.mesh.triangle_positions(hit.point.index()).map(|c| c.as_dvec3());
         let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let on_plane = |direction: DVec3| {
             self.camera.eye + direction * (normal.dot(corners[0] - self.camera.eye) / normal.dot(direction))
@@ -395,15 +395,18 @@ impl Taker<'_> {
             let [a, b, c] = corners;
             DVec3::new(along(b, c), along(c, a), along(a, b)).as_vec3()
         };
-        let vertex_normals = [0, 1, 2].map(|k| self.normals[3 * hit.triangle + k]);
-        let blend = |v: [Vec3; 3]| v[0] * hit.lambda.x + v[1] * hit.lambda.y + v[2] * hit.lambda.z;
+        let vertex_normals = [0, 1, 2].map(|k| self.normals[3 * hit.point.index() + k]);
         let point = SurfacePoint {
-            triangle: hit.triangle,
-            lambda: hit.lambda,
+            triangle: hit.point.index(),
+            lambda: hit.point.lambda,
             lambda_steps: steps.map(lambda_step),
-            position: blend(self.mesh.triangle_positions(hit.triangle)),
+            position: hit.point.position(self.mesh),
             position_steps: steps.map(|s| s.as_vec3()),
-            normal: blend(vertex_normals).try_normalize().unwrap_or(normal.normalize().as_vec3()),
+            normal: hit
+                .point
+                .interpolate(vertex_normals)
+                .try_normalize()
+                .unwrap_or(normal.normalize().as_vec3()),
         };
         let mut values = vec![Vec4::ZERO; self.channels];
         self.source.evaluate(&point, &mut values);

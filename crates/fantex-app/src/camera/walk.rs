@@ -256,7 +256,7 @@ impl Ground for MeshGround {
             direction.as_vec3(),
             (reach / place.scale) as f32,
         )?;
-        let [a, b, c] = mesh.triangle_positions(hit.triangle).map(|p| p.as_dvec3());
+        let [a, b, c] = mesh.triangle_positions(hit.point.index()).map(|p| p.as_dvec3());
         let normal = (b - a).cross(c - a).normalize_or(-direction);
         let normal = if normal.dot(direction) > 0.0 { -normal } else { normal };
         Some(GroundHit { distance: f64::from(hit.distance) * place.scale, normal })

@@ -6,7 +6,7 @@ use fantex_bake::{
     BakeError, BakeOptions, Prefilter, Progress, Source, SourceChannel, SurfacePoint, UvSource,
     VertexColorSource, bake,
 };
-use fantex_cover::{CoverError, CoverOptions, TexelBudget, build_cover};
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
 use fantex_texture::material::MaterialImageError;
@@ -29,7 +29,7 @@ pub enum BakeForPainting {
     Image(#[from] MaterialImageError),
     /// It cannot be covered.
     #[error(transparent)]
-    Cover(#[from] CoverError),
+    Cover(#[from] fantex_base::Error),
     /// It cannot be baked or written.
     #[error(transparent)]
     Bake(#[from] BakeError),

@@ -100,17 +100,17 @@ impl Tracer<'_> {
             sum += throughput * self.lamp_light(receiver, vertex, &pair);
             sum += throughput * self.sky_light(receiver, pair(SKY));
             let direction = cosine_weighted(receiver.normal, pair(DIRECTION));
-            let accept = |hit: &RayHit| self.reflector.is_solid(hit.triangle, hit.lambda);
+            let accept = |hit: &RayHit| self.reflector.is_solid(hit.point.index(), hit.point.lambda);
             let Some(hit) = self.bvh.first_hit_where(receiver.origin, direction, f32::INFINITY, accept)
             else {
                 let weight = self.weight_of_cosine(receiver.normal, direction);
                 return sum + throughput * self.sky.radiance(direction) * weight;
             };
-            sum += throughput * self.reflector.emission(hit.triangle, hit.lambda);
+            sum += throughput * self.reflector.emission(hit.point.index(), hit.point.lambda);
             if vertex == reflections {
                 break;
             }
-            throughput *= self.reflector.albedo(hit.triangle, hit.lambda);
+            throughput *= self.reflector.albedo(hit.point.index(), hit.point.lambda);
             let survival = if vertex < SURE_VERTICES { 1.0 } else { throughput.max_element().min(1.0) };
             if throughput == Vec3::ZERO || pair(FATE)[0] >= survival {
                 break;
@@ -123,10 +123,10 @@ impl Tracer<'_> {
 
     /// Where a ray met the surface, on the side that it came from.
     fn reflecting_point(&self, hit: &RayHit, direction: Vec3) -> Receiver {
-        let corners = self.mesh.triangle_positions(hit.triangle);
+        let corners = self.mesh.triangle_positions(hit.point.index());
         let face = face_normal(corners);
         let normal = if hit.front { face } else { -face };
-        let position = corners[0] * hit.lambda.x + corners[1] * hit.lambda.y + corners[2] * hit.lambda.z;
+        let position = hit.point.interpolate(corners);
         Receiver { origin: origin_beside(position, face, -direction), normal }
     }
 
@@ -173,7 +173,7 @@ impl Tracer<'_> {
     }
 
     fn is_shadowed(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
-        let accept = |hit: &RayHit| self.reflector.is_solid(hit.triangle, hit.lambda);
+        let accept = |hit: &RayHit| self.reflector.is_solid(hit.point.index(), hit.point.lambda);
         self.bvh.is_occluded_where(origin, direction, distance, accept)
     }
 }

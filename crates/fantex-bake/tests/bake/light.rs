@@ -62,7 +62,7 @@ fn inside_out(mut model: Model) -> Model {
 fn light_at(source: &LightMapSource<'_>, mesh: &Mesh, place: DVec3) -> Illumination {
     let p = mesh.world_from_mesh.inverse_point(place);
     let nearest = TriangleBvh::new(mesh).nearest_point(p, 1e-3).unwrap();
-    source.illumination(nearest.triangle, nearest.lambda, [Vec3::ZERO; 2])
+    source.illumination(nearest.point.index(), nearest.point.lambda, [Vec3::ZERO; 2])
 }
 
 fn direct(samples: u32) -> LightMapOptions {

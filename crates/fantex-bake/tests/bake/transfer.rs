@@ -149,7 +149,7 @@ fn a_simplified_bunny_gets_its_normals_back() {
         let mut values = [Vec4::ZERO];
         source.evaluate(&point, &mut values);
         let nearest = bvh.nearest_point(to_detailed(point.position), f32::INFINITY).unwrap();
-        let truth = blend(&detailed_normals, nearest.triangle, nearest.lambda);
+        let truth = blend(&detailed_normals, nearest.point.index(), nearest.point.lambda);
         errors[0].push(own.angle_between(truth));
         errors[1].push(values[0].truncate().angle_between(truth));
     }

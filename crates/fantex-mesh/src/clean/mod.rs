@@ -18,12 +18,12 @@ mod topology;
 use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Relaxed;
 
+use fantex_base::{Error, Result, counted};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use repeats::Repeat;
-use thiserror::Error;
 
-use crate::{CornerAttributes, Material, Mesh, Model, VertexCorners, WorldFromMesh, counted};
+use crate::{CornerAttributes, Material, Mesh, Model, VertexCorners, WorldFromMesh};
 
 pub(crate) use topology::Components;
 pub use topology::Topology;
@@ -41,8 +41,8 @@ pub struct CleanOptions {
 ///
 /// # Errors
 ///
-/// [`CleanError`], where no triangle is left, a count exceeds 32-bit indices, or the model contradicts itself.
-pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport), CleanError> {
+/// Where no triangle is left, a count exceeds 32-bit indices, or the model contradicts itself.
+pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanReport)> {
     check(&model)?;
     let mut surface = Surface::new(&mut model);
     let mut report = CleanReport {
@@ -50,9 +50,13 @@ pub fn clean(mut model: Model, options: &CleanOptions) -> Result<(Mesh, CleanRep
         vertices_in: model.positions.len() as u64,
         ..CleanReport::default()
     };
-    let nothing_left = |report: CleanReport, name: &str| CleanError::NothingLeft {
-        name: name.to_owned(),
-        report: Box::new(report),
+    let nothing_left = |report: CleanReport, name: &str| {
+        let CleanReport { triangles_in, triangles_non_finite, triangles_degenerate, .. } = report;
+        let triangles = counted(triangles_in, "triangle");
+        Error::malformed(format!(
+            "nothing is left of {name}, which has {triangles}: {triangles_non_finite} with unusable positions (NaN, \
+             infinite), {triangles_degenerate} without area"
+        ))
     };
 
     // Step 1: drop triangles whose positions cannot be computed with.
@@ -363,82 +367,23 @@ const MAX_TRIANGLES: usize = (u32::MAX / 3 - 1) as usize;
 /// One value of the vertex index is spare.
 const MAX_VERTICES: usize = u32::MAX as usize - 1;
 
-/// Why a model cannot be cleaned.
-#[derive(Debug, Error, PartialEq)]
-pub enum CleanError {
-    /// The model has no triangles at all.
-    #[error("{name} has no triangles ({}); a textured surface needs at least one triangle", counted(*vertices, "vertex"))]
-    NoTriangles {
-        /// The model.
-        name: String,
-        /// Number of positions.
-        vertices: usize,
-    },
-    /// Every triangle had to be dropped.
-    #[error(
-        "nothing is left of {name}, which has {}: {} with unusable positions (NaN, infinite), {} without area",
-        counted(report.triangles_in, "triangle"), report.triangles_non_finite, report.triangles_degenerate
-    )]
-    NothingLeft {
-        /// The model.
-        name: String,
-        /// What was dropped.
-        report: Box<CleanReport>,
-    },
-    /// Indices into the corners would not fit 32 bits.
-    #[error("{name} has {count} {what}, but at most {limit} are supported; split the model")]
-    TooMany {
-        /// The model.
-        name: String,
-        /// `triangles` or `vertices`.
-        what: &'static str,
-        /// How many there are.
-        count: usize,
-        /// How many are allowed.
-        limit: usize,
-    },
-    /// A triangle names a vertex that does not exist.
-    #[error(
-        "triangle {triangle} of {name} refers to vertex {index}, but there are {vertices} (counting starts at 0)"
-    )]
-    IndexOutOfRange {
-        /// The model.
-        name: String,
-        /// The triangle.
-        triangle: usize,
-        /// The index it holds.
-        index: u32,
-        /// Number of positions.
-        vertices: usize,
-    },
-    /// An attribute array does not fit the number of triangles.
-    #[error("{name} has {found} {what} for {}; expected {expected} or none", counted(*triangles, "triangle"))]
-    AttributeCount {
-        /// The model.
-        name: String,
-        /// Which attribute.
-        what: &'static str,
-        /// Number of values.
-        found: usize,
-        /// Number of triangles.
-        triangles: usize,
-        /// Number of values that would fit.
-        expected: usize,
-    },
-}
-
 /// Checks counts and indices before anything relies on them.
-fn check(model: &Model) -> Result<(), CleanError> {
+fn check(model: &Model) -> Result<()> {
     let (triangles, vertices) = (model.triangles.len(), model.positions.len());
-    let name = || model.name.clone();
+    let name = &model.name;
     if triangles == 0 {
-        return Err(CleanError::NoTriangles { name: name(), vertices });
+        let vertices = counted(vertices, "vertex");
+        return Err(Error::malformed(format!(
+            "{name} has no triangles ({vertices}); a textured surface needs at least one triangle"
+        )));
     }
     for (what, count, limit) in
         [("triangles", triangles, MAX_TRIANGLES), ("vertices", vertices, MAX_VERTICES)]
     {
         if count > limit {
-            return Err(CleanError::TooMany { name: name(), what, count, limit });
+            return Err(Error::too_large(format!(
+                "{name} has {count} {what}, but at most {limit} are supported; split the model"
+            )));
         }
     }
     let corners = &model.corners;
@@ -450,13 +395,18 @@ fn check(model: &Model) -> Result<(), CleanError> {
     let per_triangle = [("material indices", model.triangle_materials.len(), triangles)];
     for (what, found, expected) in per_corner.chain(per_triangle) {
         if found != 0 && found != expected {
-            return Err(CleanError::AttributeCount { name: name(), what, found, triangles, expected });
+            let triangles = counted(triangles, "triangle");
+            return Err(Error::malformed(format!(
+                "{name} has {found} {what} for {triangles}; expected {expected} or none"
+            )));
         }
     }
     let out_of_range = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= vertices);
     if let Some(triangle) = model.triangles.par_iter().with_min_len(1 << 14).position_first(out_of_range) {
         let index = model.triangles[triangle].into_iter().max().unwrap_or(0);
-        return Err(CleanError::IndexOutOfRange { name: name(), triangle, index, vertices });
+        return Err(Error::malformed(format!(
+            "triangle {triangle} of {name} refers to vertex {index}, but there are {vertices} (counting starts at 0)"
+        )));
     }
     Ok(())
 }

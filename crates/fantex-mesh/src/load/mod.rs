@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Nothing in a file is trusted: every index, count, offset and length is checked before it is used and before
-//! anything is allocated for it, so that a damaged or hostile file ends in one clear [`LoadError`].
+//! anything is allocated for it, so that a damaged or hostile file ends in one clear error.
 
 mod gltf;
 mod mtl;
@@ -19,15 +19,12 @@ use std::io::Read;
 use std::path::{Component, Path, PathBuf};
 use std::{fmt, io};
 
+use fantex_base::srgb::linear_from_srgb;
+use fantex_base::{Error, ErrorKind, Result, counted};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Model, counted};
-
-pub use self::gltf::{AccessorProblem, BufferProblem, GltfProblem};
-pub use self::obj::ObjProblem;
-pub use self::ply::PlyProblem;
-pub use self::stl::StlProblem;
+use crate::Model;
 
 /// How much a model file may hold. Checked before memory is set aside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,14 +72,14 @@ pub struct LoadOptions {
 /// for note in &model.notes {
 ///     eprintln!("note: {note}");
 /// }
-/// # Ok::<(), fantex_mesh::LoadError>(())
+/// # Ok::<(), fantex_base::Error>(())
 /// ```
 ///
 /// # Errors
 ///
-/// A [`LoadError`] that names the file, the place in it and what was expected there. A model without a single triangle
+/// What the file, the place in it and what was expected there are. A model without a single triangle
 /// is an error too.
-pub fn load(path: &Path, options: &LoadOptions) -> Result<Model, LoadError> {
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Model> {
     load_bytes(path, &read_file(path, &options.limits)?, options)
 }
 
@@ -92,7 +89,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Model, LoadError> {
 /// # Errors
 ///
 /// As [`load`].
-pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model, LoadError> {
+pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Model> {
     let detected = detect(path, bytes)?;
     let file = SourceFile { path, bytes, limits: options.limits };
     let mut model = match detected.format {
@@ -102,11 +99,13 @@ pub fn load_bytes(path: &Path, bytes: &[u8], options: &LoadOptions) -> Result<Mo
         ModelFormat::Stl => stl::load(&file)?,
     };
     if model.triangles.is_empty() {
-        return Err(LoadError::NoTriangles {
-            path: path.into(),
-            positions: model.positions.len(),
-            notes: NoteList(std::mem::take(&mut model.notes)),
-        });
+        let positions = counted(model.positions.len(), "position");
+        let notes = match model.notes.is_empty() {
+            true => String::new(),
+            false => format!(" ({})", model.notes.join("; ")),
+        };
+        let sentence = format!("holds no triangles, only {positions}{notes}");
+        return Err(about(path, ErrorKind::Malformed, sentence));
     }
     model.name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     model.notes.splice(0..0, detected.note);
@@ -128,40 +127,49 @@ impl SourceFile<'_> {
     }
 
     /// Refuses more triangles than the limit.
-    pub(crate) fn check_triangles(&self, count: usize) -> Result<(), LoadError> {
-        self.check(Quantity::Triangles, count, self.limits.max_triangles)
+    pub(crate) fn check_triangles(&self, count: usize) -> Result<()> {
+        self.check("triangles", count, self.limits.max_triangles)
     }
 
     /// Refuses more positions than the limit.
-    pub(crate) fn check_positions(&self, count: usize) -> Result<(), LoadError> {
-        self.check(Quantity::Positions, count, self.limits.max_positions)
+    pub(crate) fn check_positions(&self, count: usize) -> Result<()> {
+        self.check("positions", count, self.limits.max_positions)
     }
 
-    fn check(&self, quantity: Quantity, count: usize, limit: usize) -> Result<(), LoadError> {
+    fn check(&self, what: &str, count: usize, limit: usize) -> Result<()> {
         if count <= limit {
             return Ok(());
         }
-        Err(LoadError::TooMany { path: self.path.into(), quantity, count, limit })
+        let sentence = format!("has {count} {what}, more than the limit of {limit}");
+        Err(about(self.path, ErrorKind::TooLarge, sentence))
     }
 }
 
+/// An error whose sentence begins with the file.
+pub(crate) fn about(path: &Path, kind: ErrorKind, rest: impl fmt::Display) -> Error {
+    Error::new(kind, format!("{} {rest}", path.display())).with_path(path)
+}
+
 /// Reads a whole regular file of at most `max_file_bytes`.
-fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
-    let failed = |source| LoadError::Read { path: path.into(), source };
+fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
+    let failed = |source| Error::reading(path, source);
     let file = File::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;
     if metadata.is_dir() {
-        return Err(LoadError::Folder { path: path.into() });
+        return Err(about(path, ErrorKind::InvalidArgument, "is a folder; name a model file in it"));
     }
-    let too_large =
-        |bytes| LoadError::FileTooLarge { path: path.into(), bytes, limit: limits.max_file_bytes };
+    let too_large = |bytes| {
+        let limit = limits.max_file_bytes;
+        about(path, ErrorKind::TooLarge, format!("has {bytes} bytes, more than the limit of {limit}"))
+    };
     if metadata.len() > limits.max_file_bytes {
         return Err(too_large(metadata.len()));
     }
     let mut bytes = Vec::new();
-    bytes
-        .try_reserve_exact(metadata.len() as usize + 1)
-        .map_err(|_| LoadError::OutOfMemory { path: path.into(), bytes: metadata.len() })?;
+    bytes.try_reserve_exact(metadata.len() as usize + 1).map_err(|_| {
+        let bytes = metadata.len();
+        about(path, ErrorKind::TooLarge, format!("has {bytes} bytes, more than there is memory for"))
+    })?;
     // A pipe or a growing file may hold more than its metadata says, so the limit is enforced here as well.
     file.take(limits.max_file_bytes.saturating_add(1)).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > limits.max_file_bytes {
@@ -239,9 +247,9 @@ struct Detected {
 }
 
 /// Names the format of a file: by its content where that is recognisable, else by its extension.
-fn detect(path: &Path, bytes: &[u8]) -> Result<Detected, LoadError> {
+fn detect(path: &Path, bytes: &[u8]) -> Result<Detected> {
     if bytes.is_empty() {
-        return Err(LoadError::Empty { path: path.into() });
+        return Err(about(path, ErrorKind::Malformed, "is empty"));
     }
     let named = ModelFormat::from_extension(path);
     if let Some(format) = format_from_content(bytes, named) {
@@ -254,12 +262,18 @@ fn detect(path: &Path, bytes: &[u8]) -> Result<Detected, LoadError> {
         return Ok(Detected { format, note });
     }
     if let Some(found) = foreign_kind(bytes) {
-        return Err(LoadError::NotAModel { path: path.into(), found });
+        let sentence =
+            format!("is {found}, not a model that fantex reads; convert it to glTF, GLB, OBJ, PLY or STL");
+        return Err(about(path, ErrorKind::Unsupported, sentence));
     }
     let format = match named {
         Some(named) => check_content(path, bytes, named)?,
         None if looks_like_obj(bytes) => ModelFormat::Obj,
-        None => return Err(LoadError::UnknownFormat { path: path.into() }),
+        None => {
+            let sentence = "is in no format that fantex knows: its content does not tell, and its extension is none of \
+                            .gltf, .glb, .obj, .ply, .stl";
+            return Err(about(path, ErrorKind::Unsupported, sentence));
+        }
     };
     Ok(Detected { format, note: None })
 }
@@ -288,7 +302,7 @@ fn format_from_content(bytes: &[u8], named: Option<ModelFormat>) -> Option<Model
 }
 
 /// The extension decides only where the content does not contradict it.
-fn check_content(path: &Path, bytes: &[u8], named: ModelFormat) -> Result<ModelFormat, LoadError> {
+fn check_content(path: &Path, bytes: &[u8], named: ModelFormat) -> Result<ModelFormat> {
     let expected = match named {
         ModelFormat::Glb => "a GLB file begins with the letters glTF",
         ModelFormat::Gltf => "a glTF file begins with {",
@@ -296,7 +310,9 @@ fn check_content(path: &Path, bytes: &[u8], named: ModelFormat) -> Result<ModelF
         ModelFormat::Obj if bytes[..bytes.len().min(4096)].contains(&0) => "an OBJ file is text",
         ModelFormat::Obj | ModelFormat::Stl => return Ok(named),
     };
-    Err(LoadError::Mislabelled { path: path.into(), named, expected })
+    let named = named.with_article();
+    let sentence = format!("is named like {named} file, but its content is not: {expected}");
+    Err(about(path, ErrorKind::Malformed, sentence))
 }
 
 /// The first byte after a byte order mark and white space.
@@ -343,11 +359,11 @@ fn looks_like_obj(bytes: &[u8]) -> bool {
 // Files that a model names: where they are, and their bytes.
 
 /// Reads a file that a model names. Only regular files: a path from a file must not make us read a device.
-fn read_companion(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>, LoadError> {
+fn read_companion(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
     match std::fs::metadata(path) {
         Ok(metadata) if !metadata.is_file() => {
             let source = io::Error::new(io::ErrorKind::InvalidInput, "it is not a regular file");
-            Err(LoadError::Read { path: path.into(), source })
+            Err(Error::reading(path, source))
         }
         _ => read_file(path, limits),
     }
@@ -502,174 +518,6 @@ fn tangent_from_uv(model: &Model, triangle: usize, k: usize) -> Vec4 {
     tangent.extend(handedness)
 }
 
-// Why a model could not be loaded.
-
-/// Why a model could not be loaded. Each message is one sentence that names the file and the place.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadError {
-    /// The operating system refused.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// A folder instead of a file.
-    #[error("{} is a folder; name a model file in it", path.display())]
-    Folder {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// More bytes than [`LoadLimits::max_file_bytes`](crate::LoadLimits::max_file_bytes).
-    #[error("{} has {bytes} bytes, more than the limit of {limit}", path.display())]
-    FileTooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Its length (at least).
-        bytes: u64,
-        /// The limit.
-        limit: u64,
-    },
-    /// The file does not fit into memory.
-    #[error("{} has {bytes} bytes, more than there is memory for", path.display())]
-    OutOfMemory {
-        /// The file.
-        path: PathBuf,
-        /// Its length.
-        bytes: u64,
-    },
-    /// A file without a byte in it.
-    #[error("{} is empty", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The content is of a known kind that is not a model fantex reads.
-    #[error("{} is {found}, not a model that fantex reads; convert it to glTF, GLB, OBJ, PLY or STL", path.display())]
-    NotAModel {
-        /// The file.
-        path: PathBuf,
-        /// What it is, with its article.
-        found: &'static str,
-    },
-    /// The extension promises a format that the content is not.
-    #[error("{} is named like {named} file, but its content is not: {expected}", path.display(), named = named.with_article())]
-    Mislabelled {
-        /// The file.
-        path: PathBuf,
-        /// The format that the extension names.
-        named: ModelFormat,
-        /// What such a file would look like.
-        expected: &'static str,
-    },
-    /// Neither content nor extension name a format.
-    #[error("{} is in no format that fantex knows: its content does not tell, and its extension is none of .gltf, .glb, .obj, .ply, .stl", path.display())]
-    UnknownFormat {
-        /// The file.
-        path: PathBuf,
-    },
-    /// More triangles or positions than [`LoadLimits`](crate::LoadLimits) allow.
-    #[error("{} has {count} {quantity}, more than the limit of {limit}", path.display())]
-    TooMany {
-        /// The file.
-        path: PathBuf,
-        /// What there is too much of.
-        quantity: Quantity,
-        /// How many there are (at least).
-        count: usize,
-        /// The limit.
-        limit: usize,
-    },
-    /// The file was read, but there is no triangle in it.
-    #[error("{} holds no triangles, only {}{notes}", path.display(), counted(*positions, "position"))]
-    NoTriangles {
-        /// The file.
-        path: PathBuf,
-        /// Positions without a triangle.
-        positions: usize,
-        /// What was skipped.
-        notes: NoteList,
-    },
-    /// A glTF or GLB file is wrong.
-    #[error("{}: {problem}", path.display())]
-    Gltf {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        problem: GltfProblem,
-    },
-    /// An OBJ or MTL file is wrong.
-    #[error("{}, line {line}: {problem}", path.display())]
-    Obj {
-        /// The file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// What is wrong.
-        problem: ObjProblem,
-    },
-    /// A PLY file is wrong.
-    #[error("{}: {problem}", path.display())]
-    Ply {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        problem: PlyProblem,
-    },
-    /// An STL file is wrong.
-    #[error("{}: {problem}", path.display())]
-    Stl {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        problem: StlProblem,
-    },
-}
-
-/// What [`LoadError::TooMany`] counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    /// Triangles after cutting polygons.
-    Triangles,
-    /// Positions.
-    Positions,
-}
-
-impl fmt::Display for Quantity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Triangles => "triangles",
-            Self::Positions => "positions",
-        })
-    }
-}
-
-/// A loader's notes, shown as `(first; second)`.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct NoteList(pub Vec<String>);
-
-impl fmt::Display for NoteList {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0.is_empty() {
-            true => Ok(()),
-            false => write!(f, " ({})", self.0.join("; ")),
-        }
-    }
-}
-
-// The sRGB transfer curve (IEC 61966-2-1) for vertex colours.
-
-/// Linear light of an sRGB-encoded value. Values outside 0..1 are continued by the same formulas; NaN stays NaN.
-pub(crate) fn linear_from_srgb(encoded: f32) -> f32 {
-    if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
-}
-
-/// The inverse of [`linear_from_srgb`].
-pub(crate) fn srgb_from_linear(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
-}
-
 /// Linear RGBA of an sRGB colour with linear alpha. A colour that is not a number becomes white, so that one broken
 /// vertex cannot spread through filters.
 pub(crate) fn linear_rgba(rgb_srgb: Vec3, alpha: f32) -> Vec4 {
@@ -757,16 +605,6 @@ mod tests {
         finish(&mut model);
         assert!(model.corners.normals.iter().all(|n| n.is_normalized()));
         assert!(model.corners.tangents.iter().all(|t| t.truncate().is_normalized()));
-    }
-
-    #[test]
-    fn the_curve_and_its_inverse_agree() {
-        for byte in 0..=255u8 {
-            let encoded = f32::from(byte) / 255.0;
-            let back = srgb_from_linear(linear_from_srgb(encoded));
-            assert!((back - encoded).abs() < 1e-5, "{byte}");
-        }
-        assert!((linear_from_srgb(0.5) - 0.214_041).abs() < 1e-5);
     }
 
     #[test]

@@ -5,12 +5,14 @@
 //! left out with a note.
 
 use std::collections::{HashMap, HashSet};
+use std::error::Error as _;
 use std::path::{Path, PathBuf};
 
+use fantex_base::{Error, Result};
 use glam::{Mat3, Vec2, Vec3};
 
-use super::obj::{ObjProblem, line_end, number, shown, words};
-use crate::load::{LoadError, SourceFile, linear_rgba, locate, read_companion, relative_path};
+use super::obj::{at_line, line_end, not_a_number, number, shown, too_few_numbers, words};
+use crate::load::{SourceFile, linear_rgba, locate, read_companion, relative_path};
 use crate::{AlphaMode, ImageSource, Material, TextureRef, WrapMode};
 
 /// The materials of all libraries of an OBJ file.
@@ -30,7 +32,7 @@ pub(super) struct Library {
 /// # Errors
 ///
 /// A library that exists but is broken, with its own path and line.
-pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Library, LoadError> {
+pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Library> {
     let mut library = Library::default();
     let mut done = HashSet::new();
     for name in names {
@@ -41,10 +43,10 @@ pub(super) fn load_libraries(file: &SourceFile, names: &[String]) -> Result<Libr
         }
         match read_companion(&path, &file.limits) {
             Ok(bytes) => Reader::new(&path, &mut library).read(&bytes)?,
-            Err(LoadError::Read { source, .. }) => {
-                library.notes.push(format!("the material file {name} cannot be read: {source}"));
-            }
-            Err(other) => return Err(other),
+            Err(error) => match error.source() {
+                Some(why) => library.notes.push(format!("the material file {name} cannot be read: {why}")),
+                None => return Err(error),
+            },
         }
     }
     Ok(library)
@@ -76,21 +78,17 @@ impl<'a> Reader<'a> {
         Self { path, library, line: 0, current: None }
     }
 
-    fn read(mut self, bytes: &[u8]) -> Result<(), LoadError> {
+    fn read(mut self, bytes: &[u8]) -> Result<()> {
         let line_end = line_end(bytes);
         for line in bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).split(|&b| b == line_end) {
             self.line += 1;
-            self.read_line(line.trim_ascii()).map_err(|problem| LoadError::Obj {
-                path: self.path.into(),
-                line: self.line,
-                problem,
-            })?;
+            self.read_line(line.trim_ascii()).map_err(|error| at_line(error, self.line, self.path))?;
         }
         self.end_material();
         Ok(())
     }
 
-    fn read_line(&mut self, line: &[u8]) -> Result<(), ObjProblem> {
+    fn read_line(&mut self, line: &[u8]) -> Result<()> {
         let keyword = &line[..line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len())];
         let arguments = line[keyword.len()..].trim_ascii();
         if keyword.is_empty() || keyword[0] == b'#' {
@@ -106,19 +104,15 @@ impl<'a> Reader<'a> {
             return Ok(());
         }
         let Some(mut pending) = self.current.take() else {
-            return Err(ObjProblem::NoMaterial { keyword: shown(keyword) });
+            let keyword = shown(keyword);
+            return Err(Error::malformed(format!("{keyword} stands before the first newmtl")));
         };
         let result = self.read_property(&mut pending, &keyword.to_ascii_lowercase(), arguments);
         self.current = Some(pending);
         result
     }
 
-    fn read_property(
-        &mut self,
-        pending: &mut Pending,
-        keyword: &[u8],
-        arguments: &[u8],
-    ) -> Result<(), ObjProblem> {
+    fn read_property(&mut self, pending: &mut Pending, keyword: &[u8], arguments: &[u8]) -> Result<()> {
         let material = &mut pending.material;
         match keyword {
             // Spectral curves and CIE XYZ: written by nobody, and not numbers that could be read as RGB.
@@ -316,20 +310,19 @@ fn take_vector(rest: &mut &str, default: Vec2) -> Vec2 {
 }
 
 /// Up to three numbers of an sRGB colour, as linear light; one number is a grey.
-fn color(keyword: &'static str, arguments: &[u8]) -> Result<Vec3, ObjProblem> {
+fn color(keyword: &str, arguments: &[u8]) -> Result<Vec3> {
     let mut numbers = words(arguments).take(3).map(number);
-    let too_few = ObjProblem::TooFewNumbers { keyword, needed: 1, found: 0 };
-    let r = numbers.next().ok_or(too_few)??;
+    let r = numbers.next().ok_or_else(|| too_few_numbers(keyword, 1, 0))??;
     let g = numbers.next().transpose()?.unwrap_or(r);
     let b = numbers.next().transpose()?.unwrap_or(g);
     let encoded = glam::DVec3::new(r, g, b).as_vec3();
     Ok(linear_rgba(encoded.max(Vec3::ZERO), 1.0).truncate())
 }
 
-fn scalar(keyword: &'static str, arguments: &[u8]) -> Result<f32, ObjProblem> {
+fn scalar(keyword: &str, arguments: &[u8]) -> Result<f32> {
     // `d -halo 0.5` is allowed.
     let word = words(arguments).find(|word| !word.starts_with(b"-halo"));
-    let word = word.ok_or(ObjProblem::TooFewNumbers { keyword, needed: 1, found: 0 })?;
+    let word = word.ok_or_else(|| too_few_numbers(keyword, 1, 0))?;
     let value = number(word)? as f32;
-    if value.is_finite() { Ok(value) } else { Err(ObjProblem::Number { found: shown(word) }) }
+    if value.is_finite() { Ok(value) } else { Err(not_a_number(word)) }
 }

@@ -10,70 +10,19 @@
 
 use std::borrow::Cow;
 use std::collections::HashMap;
+use std::path::Path;
 
+use fantex_base::{Error, Place, Result, counted};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::load::mtl::{Library, load_libraries};
 use crate::load::polygon::Triangulator;
-use crate::load::{LoadError, SourceFile, finish, linear_rgba};
-use crate::{Material, Model, counted};
-
-/// What is wrong with a line of an OBJ or MTL file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ObjProblem {
-    /// Not a number.
-    #[error("expected a number, found {found:?}")]
-    Number {
-        /// What stands there.
-        found: String,
-    },
-    /// Too few numbers.
-    #[error("{keyword} needs at least {}, but has {found}", counted(*needed, "number"))]
-    TooFewNumbers {
-        /// The line's first word.
-        keyword: &'static str,
-        /// How many it needs.
-        needed: usize,
-        /// How many there are.
-        found: usize,
-    },
-    /// A face corner that is not `position/coordinate/normal`.
-    #[error("expected a face corner like 1, 1/2, 1//3 or 1/2/3, found {found:?}")]
-    Corner {
-        /// What stands there.
-        found: String,
-    },
-    /// An index of 0, or one beyond what the file defines.
-    #[error(
-        "the face refers to {what} {index}, but there are {count} (counting starts at 1, or at -1 backwards)"
-    )]
-    Index {
-        /// `position`, `texture coordinate` or `normal`.
-        what: &'static str,
-        /// The index as written.
-        index: i64,
-        /// How many the file defines (for a negative index: up to this line).
-        count: usize,
-    },
-    /// A polygon beyond [`LoadLimits::max_face_corners`](crate::LoadLimits::max_face_corners).
-    #[error("the face has {corners} corners, more than the limit of {limit}")]
-    FaceTooLarge {
-        /// Its corners.
-        corners: usize,
-        /// The limit.
-        limit: usize,
-    },
-    /// An MTL property before the first `newmtl`.
-    #[error("{keyword} stands before the first newmtl")]
-    NoMaterial {
-        /// The line's first word.
-        keyword: String,
-    },
-}
+use crate::load::{SourceFile, finish, linear_rgba, pad};
+use crate::{Material, Model};
 
 /// Loads an OBJ file and the MTL files beside it that it names.
-pub(super) fn load(file: &SourceFile) -> Result<Model, LoadError> {
+pub(super) fn load(file: &SourceFile) -> Result<Model> {
     let text = parse(file)?;
     let library = load_libraries(file, &text.libraries)?;
     build(file, text, library)
@@ -84,15 +33,29 @@ pub(super) fn words(line: &[u8]) -> impl Iterator<Item = &[u8]> {
     line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty())
 }
 
-pub(super) fn number(word: &[u8]) -> Result<f64, ObjProblem> {
+pub(super) fn number(word: &[u8]) -> Result<f64> {
     // Rust's own parser rounds correctly and takes "nan" and "inf", which cleaning deals with.
     let parsed = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
-    parsed.ok_or_else(|| ObjProblem::Number { found: shown(word) })
+    parsed.ok_or_else(|| not_a_number(word))
+}
+
+pub(super) fn not_a_number(word: &[u8]) -> Error {
+    Error::malformed(format!("expected a number, found {:?}", shown(word)))
+}
+
+pub(super) fn too_few_numbers(keyword: &str, needed: usize, found: usize) -> Error {
+    let needed = counted(needed, "number");
+    Error::malformed(format!("{keyword} needs at least {needed}, but has {found}"))
 }
 
 /// A piece of the file for a message, shortened.
 pub(super) fn shown(word: &[u8]) -> String {
     String::from_utf8_lossy(&word[..word.len().min(40)]).into_owned()
+}
+
+/// An error in a line of a file.
+pub(super) fn at_line(error: Error, line: usize, path: &Path) -> Error {
+    error.at(Place::Line(line as u64)).in_file(path)
 }
 
 /// What ends the lines of a text: a line feed, maybe after a carriage return, or, in files of old systems, which hold no line
@@ -146,13 +109,13 @@ struct ObjText {
 }
 
 /// Reads all lines.
-fn parse(file: &SourceFile) -> Result<ObjText, LoadError> {
+fn parse(file: &SourceFile) -> Result<ObjText> {
     let mut parser = Parser::new(file);
     let mut rest = file.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(file.bytes);
     let line_end = line_end(rest);
     while !rest.is_empty() {
         let (line, lines) = take_line(&mut rest, line_end);
-        parser.read_line(&line).map_err(|problem| parser.located(problem))?;
+        parser.read_line(&line).map_err(|error| at_line(error, parser.line, file.path))?;
         parser.line += lines;
         parser.check_limits()?;
     }
@@ -231,11 +194,7 @@ impl<'a> Parser<'a> {
         }
     }
 
-    fn located(&self, problem: ObjProblem) -> LoadError {
-        LoadError::Obj { path: self.file.path.into(), line: self.line, problem }
-    }
-
-    fn read_line(&mut self, line: &[u8]) -> Result<(), ObjProblem> {
+    fn read_line(&mut self, line: &[u8]) -> Result<()> {
         let line = line.trim_ascii_start();
         let keyword = &line[..line.iter().position(u8::is_ascii_whitespace).unwrap_or(line.len())];
         let arguments = line[keyword.len()..].trim_ascii();
@@ -269,27 +228,27 @@ impl<'a> Parser<'a> {
     }
 
     /// `v x y z`, `v x y z w`, `v x y z r g b`, `v x y z r g b a` (alpha is not kept).
-    fn read_position(&mut self, arguments: &[u8]) -> Result<(), ObjProblem> {
+    fn read_position(&mut self, arguments: &[u8]) -> Result<()> {
         let mut numbers = [0.0; 7];
         let count = read_numbers("v", 3, arguments, &mut numbers)?;
         let [x, y, z, r, g, b, _] = numbers;
         self.text.positions.push(DVec3::new(x, y, z));
         if count >= 6 {
             let before = self.text.positions.len() - 1;
-            crate::load::pad(&mut self.text.colors_srgb, before, Vec3::ONE);
+            pad(&mut self.text.colors_srgb, before, Vec3::ONE);
             self.text.colors_srgb.push(DVec3::new(r, g, b).as_vec3());
         }
         Ok(())
     }
 
-    fn read_uv(&mut self, arguments: &[u8]) -> Result<(), ObjProblem> {
+    fn read_uv(&mut self, arguments: &[u8]) -> Result<()> {
         let mut numbers = [0.0; 2];
         read_numbers("vt", 1, arguments, &mut numbers)?;
         self.text.uvs.push(Vec2::from(numbers.map(|x| x as f32)));
         Ok(())
     }
 
-    fn read_normal(&mut self, arguments: &[u8]) -> Result<(), ObjProblem> {
+    fn read_normal(&mut self, arguments: &[u8]) -> Result<()> {
         let mut numbers = [0.0; 3];
         read_numbers("vn", 3, arguments, &mut numbers)?;
         self.text.normals.push(Vec3::from(numbers.map(|x| x as f32)));
@@ -305,7 +264,7 @@ impl<'a> Parser<'a> {
         });
     }
 
-    fn read_face(&mut self, arguments: &[u8]) -> Result<(), ObjProblem> {
+    fn read_face(&mut self, arguments: &[u8]) -> Result<()> {
         let first_corner = self.text.corners.len();
         for word in words(arguments).take_while(|word| word[0] != b'#') {
             let corner = self.read_corner(word)?;
@@ -319,7 +278,8 @@ impl<'a> Parser<'a> {
         }
         let limit = self.file.limits.max_face_corners;
         if corners > limit {
-            return Err(ObjProblem::FaceTooLarge { corners, limit });
+            let sentence = format!("the face has {corners} corners, more than the limit of {limit}");
+            return Err(Error::too_large(sentence));
         }
         self.text.faces.push(Face { first_corner, corner_count: corners as u32, material: self.material });
         self.text.triangle_count += corners - 2;
@@ -327,8 +287,11 @@ impl<'a> Parser<'a> {
     }
 
     /// `p`, `p/t`, `p//n`, `p/t/n`, each index from 1 or negative; empty parts are missing parts.
-    fn read_corner(&mut self, word: &[u8]) -> Result<Corner, ObjProblem> {
-        let malformed = || ObjProblem::Corner { found: shown(word) };
+    fn read_corner(&mut self, word: &[u8]) -> Result<Corner> {
+        let malformed = || {
+            let found = shown(word);
+            Error::malformed(format!("expected a face corner like 1, 1/2, 1//3 or 1/2/3, found {found:?}"))
+        };
         let mut indices = [NONE; 3];
         let mut parts = word.split(|&b| b == b'/');
         for (referent, index) in indices.iter_mut().enumerate() {
@@ -345,10 +308,10 @@ impl<'a> Parser<'a> {
     }
 
     /// Index from 0 of what a face refers to. Whether a positive index is in range shows at the end of the file.
-    fn resolve(&mut self, referent: usize, written: i64) -> Result<u32, ObjProblem> {
+    fn resolve(&mut self, referent: usize, written: i64) -> Result<u32> {
         let counts = self.counts();
         let count = counts[referent];
-        let out_of_range = || ObjProblem::Index { what: REFERENTS[referent], index: written, count };
+        let out_of_range = || index_out_of_range(REFERENTS[referent], written, count);
         let from_one = if written < 0 { count as i64 + 1 + written } else { written };
         // Position counts are limited to less than 2^32, so nothing beyond can be defined later either.
         if from_one < 1 || from_one >= i64::from(NONE) {
@@ -366,16 +329,16 @@ impl<'a> Parser<'a> {
         [self.text.positions.len(), self.text.uvs.len(), self.text.normals.len()]
     }
 
-    fn check_limits(&self) -> Result<(), LoadError> {
+    fn check_limits(&self) -> Result<()> {
         self.file.check_positions(self.counts().into_iter().max().unwrap_or(0))?;
         self.file.check_triangles(self.text.triangle_count)
     }
 
-    fn finish(mut self) -> Result<ObjText, LoadError> {
+    fn finish(mut self) -> Result<ObjText> {
         for ((count, highest), what) in self.counts().into_iter().zip(self.highest).zip(REFERENTS) {
             if highest.index > count {
-                let problem = ObjProblem::Index { what, index: highest.index as i64, count };
-                return Err(LoadError::Obj { path: self.file.path.into(), line: highest.line, problem });
+                let error = index_out_of_range(what, highest.index as i64, count);
+                return Err(at_line(error, highest.line, self.file.path));
             }
         }
         self.write_notes();
@@ -400,20 +363,21 @@ impl<'a> Parser<'a> {
     }
 }
 
+fn index_out_of_range(what: &str, index: i64, count: usize) -> Error {
+    Error::malformed(format!(
+        "the face refers to {what} {index}, but there are {count} (counting starts at 1, or at -1 backwards)"
+    ))
+}
+
 /// Reads up to `numbers.len()` numbers and says how many there were; anything after a `#` is a comment.
-fn read_numbers(
-    keyword: &'static str,
-    needed: usize,
-    arguments: &[u8],
-    numbers: &mut [f64],
-) -> Result<usize, ObjProblem> {
+fn read_numbers(keyword: &str, needed: usize, arguments: &[u8], numbers: &mut [f64]) -> Result<usize> {
     let mut found = 0;
     for (slot, word) in numbers.iter_mut().zip(words(arguments).take_while(|word| word[0] != b'#')) {
         *slot = number(word)?;
         found += 1;
     }
     if found < needed {
-        return Err(ObjProblem::TooFewNumbers { keyword, needed, found });
+        return Err(too_few_numbers(keyword, needed, found));
     }
     Ok(found)
 }
@@ -437,7 +401,7 @@ fn integer(word: &[u8]) -> Option<i64> {
 // From an OBJ file's lines to a model.
 
 /// Cuts the polygons and spreads attributes over the corners.
-fn build(file: &SourceFile, mut text: ObjText, library: Library) -> Result<Model, LoadError> {
+fn build(file: &SourceFile, mut text: ObjText, library: Library) -> Result<Model> {
     file.check_triangles(text.triangle_count)?;
     let (corners, triangle_materials) = cut_polygons(&text);
     let mut model = Model { notes: std::mem::take(&mut text.notes), ..Model::default() };

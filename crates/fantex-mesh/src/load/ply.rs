@@ -14,100 +14,32 @@
 
 use std::path::PathBuf;
 
+use fantex_base::{Error, Result, counted};
 use glam::{DVec3, Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 use crate::load::polygon::Triangulator;
-use crate::load::{LoadError, SourceFile, finish, linear_rgba, locate, pad, relative_path};
-use crate::{ImageSource, Material, Model, TextureRef, WrapMode, counted};
-
-/// What is wrong with a PLY file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum PlyProblem {
-    /// A header line that the format does not know.
-    #[error("header line {line}: expected {expected}, found {found:?}")]
-    Header {
-        /// Line, from 1.
-        line: usize,
-        /// What the format prescribes here.
-        expected: &'static str,
-        /// What stands there.
-        found: String,
-    },
-    /// No `end_header` within the file.
-    #[error("its header has no end (no line end_header, or a line longer than any header's)")]
-    HeaderEnd,
-    /// The file is too short for what the header announces.
-    #[error(
-        "its header announces {} {element:?}, at least {needed} bytes, but only {left} follow; it is truncated or damaged",
-        counted(*count, "element")
-    )]
-    Count {
-        /// Name of the element.
-        element: String,
-        /// Elements announced.
-        count: u64,
-        /// Bytes they take at least.
-        needed: u64,
-        /// Bytes that follow the header (or the elements before).
-        left: u64,
-    },
-    /// The data ends early.
-    #[error("the file ends in {element} {row} of {count}; it is truncated or damaged")]
-    Truncated {
-        /// Name of the element.
-        element: String,
-        /// Row, from 0.
-        row: u64,
-        /// Rows announced.
-        count: u64,
-    },
-    /// A word of an ASCII file is not a number.
-    #[error("{element} {row}, line {line}: expected a number, found {found:?}")]
-    Number {
-        /// Name of the element.
-        element: String,
-        /// Row, from 0.
-        row: u64,
-        /// Line, from 1.
-        line: usize,
-        /// What stands there.
-        found: String,
-    },
-    /// No element `vertex` with properties x, y and z.
-    #[error("it has no element vertex with properties x, y and z")]
-    NoPositions,
-    /// A face refers to a vertex that is not there.
-    #[error("face {face} refers to vertex {index}, but there are {count} (counting starts at 0)")]
-    Index {
-        /// Face (or strip), from 0.
-        face: u64,
-        /// The index as written.
-        index: i64,
-        /// Vertices in the file.
-        count: usize,
-    },
-    /// A polygon beyond [`LoadLimits::max_face_corners`](crate::LoadLimits::max_face_corners).
-    #[error("face {face} has {corners} corners, more than the limit of {limit}")]
-    FaceTooLarge {
-        /// Face, from 0.
-        face: u64,
-        /// Its corners.
-        corners: u64,
-        /// The limit.
-        limit: usize,
-    },
-}
+use crate::load::{SourceFile, finish, linear_rgba, locate, pad, relative_path};
+use crate::{ImageSource, Material, Model, TextureRef, WrapMode};
 
 /// Loads a PLY file.
-pub(super) fn load(file: &SourceFile) -> Result<Model, LoadError> {
-    let header = parse(file.bytes).map_err(|problem| located(file, problem))?;
-    let content = read(file, &header)?;
-    build(file, &header, content)
+pub(super) fn load(file: &SourceFile) -> Result<Model> {
+    let read = || {
+        let header = parse(file.bytes)?;
+        let content = read(file, &header)?;
+        build(file, &header, content)
+    };
+    read().map_err(|error| error.in_file(file.path))
 }
 
-fn located(file: &SourceFile, problem: PlyProblem) -> LoadError {
-    LoadError::Ply { path: file.path.into(), problem }
+fn index_out_of_range(face: u64, index: i64, count: usize) -> Error {
+    Error::malformed(format!(
+        "face {face} refers to vertex {index}, but there are {count} (counting starts at 0)"
+    ))
+}
+
+fn no_positions() -> Error {
+    Error::malformed("it has no element vertex with properties x, y and z")
 }
 
 // The header: which elements with which properties, how many of each.
@@ -218,8 +150,12 @@ struct Header {
 /// A longer line is not a header's.
 const MAX_LINE_BYTES: usize = 1 << 16;
 
+fn endless() -> Error {
+    Error::malformed("its header has no end (no line end_header, or a line longer than any header's)")
+}
+
 /// Reads the header lines up to and with `end_header`.
-fn parse(bytes: &[u8]) -> Result<Header, PlyProblem> {
+fn parse(bytes: &[u8]) -> Result<Header> {
     let mut encoding = None;
     let mut elements: Vec<Element> = Vec::new();
     let mut texture_files = Vec::new();
@@ -228,14 +164,14 @@ fn parse(bytes: &[u8]) -> Result<Header, PlyProblem> {
         let rest = &bytes[offset..];
         let visible = &rest[..rest.len().min(MAX_LINE_BYTES)];
         let Some(end) = visible.iter().position(|&b| b == b'\n' || b == b'\r') else {
-            return Err(PlyProblem::HeaderEnd);
+            return Err(endless());
         };
         let line = String::from_utf8_lossy(&bytes[offset..offset + end]).into_owned();
         offset += end + line_break_length(&bytes[offset + end..]);
-        let wrong = |expected| PlyProblem::Header {
-            line: line_number,
-            expected,
-            found: line.chars().take(60).collect(),
+        let wrong = |expected| {
+            let found: String = line.chars().take(60).collect();
+            let place = format!("header line {line_number}");
+            Error::malformed(format!("expected {expected}, found {found:?}")).context(place)
         };
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words[..] {
@@ -275,7 +211,7 @@ fn parse(bytes: &[u8]) -> Result<Header, PlyProblem> {
             _ => return Err(wrong("format, element, property, comment, obj_info or end_header")),
         }
     }
-    Err(PlyProblem::HeaderEnd)
+    Err(endless())
 }
 
 /// `\n`, `\r\n`, or `\r` alone (old Macintosh files).
@@ -484,7 +420,7 @@ impl Faces {
 }
 
 /// Reads all elements after the header.
-fn read(file: &SourceFile, header: &Header) -> Result<Content, LoadError> {
+fn read(file: &SourceFile, header: &Header) -> Result<Content> {
     let rest = &file.bytes[header.data_offset..];
     match header.encoding {
         Encoding::LittleEndian => read_elements(file, header, Binary::<false> { rest }),
@@ -493,16 +429,12 @@ fn read(file: &SourceFile, header: &Header) -> Result<Content, LoadError> {
     }
 }
 
-fn read_elements(
-    file: &SourceFile,
-    header: &Header,
-    mut source: impl NumberSource,
-) -> Result<Content, LoadError> {
+fn read_elements(file: &SourceFile, header: &Header, mut source: impl NumberSource) -> Result<Content> {
     let mut content = Content::default();
-    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or(PlyProblem::NoPositions);
-    let vertex_count = vertices.map_err(|problem| located(file, problem))?.count as usize;
+    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or_else(no_positions)?;
+    let vertex_count = vertices.count as usize;
     for element in &header.elements {
-        check_count(element, header.encoding, source.left()).map_err(|problem| located(file, problem))?;
+        check_count(element, header.encoding, source.left())?;
         let mut rows = Rows { file, vertex_count, element, source: &mut source };
         match element.name.as_str() {
             // A second table of vertices would have nothing that refers to it.
@@ -515,20 +447,24 @@ fn read_elements(
             }
         }
     }
-    check_indices(file, &content)?;
+    check_indices(&content)?;
     Ok(content)
 }
 
 /// Refuses counts that the rest of the file cannot hold, before anything is allocated for them.
-fn check_count(element: &Element, encoding: Encoding, left: u64) -> Result<(), PlyProblem> {
+fn check_count(element: &Element, encoding: Encoding, left: u64) -> Result<()> {
     let needed = element.count.saturating_mul(element.min_row_bytes(encoding));
     if needed <= left {
         return Ok(());
     }
-    Err(PlyProblem::Count { element: element.name.clone(), count: element.count, needed, left })
+    let elements = counted(element.count, "element");
+    Err(Error::malformed(format!(
+        "its header announces {elements} {:?}, at least {needed} bytes, but only {left} follow; it is truncated or damaged",
+        element.name
+    )))
 }
 
-fn check_indices(file: &SourceFile, content: &Content) -> Result<(), LoadError> {
+fn check_indices(content: &Content) -> Result<()> {
     let count = content.positions.len();
     let corners = &content.faces.corners;
     if corners.iter().max().is_none_or(|&highest| (highest as usize) < count) {
@@ -537,7 +473,7 @@ fn check_indices(file: &SourceFile, content: &Content) -> Result<(), LoadError> 
     let first_bad = |face: &usize| corners[content.faces.range(*face)].iter().find(|&&v| v as usize >= count);
     let face = (0..content.faces.len()).find(|face| first_bad(face).is_some()).unwrap_or_default();
     let index = first_bad(&face).copied().map_or(-1, i64::from);
-    Err(located(file, PlyProblem::Index { face: face as u64, index, count }))
+    Err(index_out_of_range(face as u64, index, count))
 }
 
 /// Number of values that a vertex row is sorted into; the last one takes what is not used.
@@ -599,16 +535,19 @@ struct Rows<'a, S> {
 }
 
 impl<S: NumberSource> Rows<'_, S> {
-    fn failed(&self, row: u64, error: SourceError) -> LoadError {
-        let element = self.element.name.clone();
-        let problem = match error {
-            SourceError::End => PlyProblem::Truncated { element, row, count: self.element.count },
-            SourceError::NotANumber(line, found) => PlyProblem::Number { element, row, line, found },
-        };
-        located(self.file, problem)
+    fn failed(&self, row: u64, error: SourceError) -> Error {
+        let Element { name, count, .. } = self.element;
+        Error::malformed(match error {
+            SourceError::End => {
+                format!("the file ends in {name} {row} of {count}; it is truncated or damaged")
+            }
+            SourceError::NotANumber(line, found) => {
+                format!("{name} {row}, line {line}: expected a number, found {found:?}")
+            }
+        })
     }
 
-    fn skip_all(&mut self) -> Result<(), LoadError> {
+    fn skip_all(&mut self) -> Result<()> {
         if self.element.properties.is_empty() {
             return Ok(());
         }
@@ -628,7 +567,7 @@ impl<S: NumberSource> Rows<'_, S> {
         self.source.skip(scalar, count)
     }
 
-    fn read_vertices(&mut self, content: &mut Content) -> Result<(), LoadError> {
+    fn read_vertices(&mut self, content: &mut Content) -> Result<()> {
         let element = self.element;
         let slots: Vec<usize> = element
             .properties
@@ -637,7 +576,7 @@ impl<S: NumberSource> Rows<'_, S> {
             .collect();
         let has = |slot: usize, count: usize| (slot..slot + count).all(|s| slots.contains(&s));
         if !has(0, 3) {
-            return Err(located(self.file, PlyProblem::NoPositions));
+            return Err(no_positions());
         }
         self.file.check_positions(usize::try_from(element.count).unwrap_or(usize::MAX))?;
         let (has_normals, has_uvs, has_colors) = (has(3, 3), has(6, 2), has(8, 3));
@@ -675,7 +614,7 @@ impl<S: NumberSource> Rows<'_, S> {
         Ok(())
     }
 
-    fn read_faces(&mut self, faces: &mut Faces) -> Result<(), LoadError> {
+    fn read_faces(&mut self, faces: &mut Faces) -> Result<()> {
         let element = self.element;
         let columns: Vec<FaceColumn> =
             element.properties.iter().map(|p| face_column(&p.name, p.list_length.is_some())).collect();
@@ -689,7 +628,7 @@ impl<S: NumberSource> Rows<'_, S> {
         Ok(())
     }
 
-    fn read_face(&mut self, row: u64, columns: &[FaceColumn], faces: &mut Faces) -> Result<(), LoadError> {
+    fn read_face(&mut self, row: u64, columns: &[FaceColumn], faces: &mut Faces) -> Result<()> {
         let (face, first) = (faces.len(), faces.corners.len());
         let mut rgba: Option<Vec4> = None;
         let mut texture = None;
@@ -730,24 +669,18 @@ impl<S: NumberSource> Rows<'_, S> {
     }
 
     #[inline]
-    fn read_corners(
-        &mut self,
-        face: u64,
-        length: Scalar,
-        scalar: Scalar,
-        faces: &mut Faces,
-    ) -> Result<(), LoadError> {
+    fn read_corners(&mut self, face: u64, length: Scalar, scalar: Scalar, faces: &mut Faces) -> Result<()> {
         let corners = self.source.next(length).map_err(|e| self.failed(face, e))? as u64;
         let limit = self.file.limits.max_face_corners;
         if corners > limit as u64 {
-            return Err(located(self.file, PlyProblem::FaceTooLarge { face, corners, limit }));
+            let sentence = format!("face {face} has {corners} corners, more than the limit of {limit}");
+            return Err(Error::too_large(sentence));
         }
         for _ in 0..corners {
             let index = self.source.next(scalar).map_err(|e| self.failed(face, e))?;
             let vertex = index as u32;
             if f64::from(vertex) != index {
-                let problem = PlyProblem::Index { face, index: index as i64, count: self.vertex_count };
-                return Err(located(self.file, problem));
+                return Err(index_out_of_range(face, index as i64, self.vertex_count));
             }
             faces.corners.push(vertex);
         }
@@ -766,7 +699,7 @@ impl<S: NumberSource> Rows<'_, S> {
     }
 
     /// Each strip is a list of vertices; a negative index ends a strip and begins the next within the same list.
-    fn read_strips(&mut self, faces: &mut Faces) -> Result<(), LoadError> {
+    fn read_strips(&mut self, faces: &mut Faces) -> Result<()> {
         for row in 0..self.element.count {
             for property in &self.element.properties {
                 let (scalar, length) = (property.scalar, property.list_length);
@@ -779,13 +712,7 @@ impl<S: NumberSource> Rows<'_, S> {
         Ok(())
     }
 
-    fn read_strip(
-        &mut self,
-        strip: u64,
-        length: Scalar,
-        scalar: Scalar,
-        faces: &mut Faces,
-    ) -> Result<(), LoadError> {
+    fn read_strip(&mut self, strip: u64, length: Scalar, scalar: Scalar, faces: &mut Faces) -> Result<()> {
         let count = self.source.next(length).map_err(|e| self.failed(strip, e))? as u64;
         let mut window: Vec<u32> = Vec::with_capacity(3);
         let mut is_turned = false;
@@ -798,9 +725,7 @@ impl<S: NumberSource> Rows<'_, S> {
             }
             let vertex = index as u32;
             if f64::from(vertex) != index {
-                let problem =
-                    PlyProblem::Index { face: strip, index: index as i64, count: self.vertex_count };
-                return Err(located(self.file, problem));
+                return Err(index_out_of_range(strip, index as i64, self.vertex_count));
             }
             window.push(vertex);
             if let [a, b, c] = window[..] {
@@ -837,7 +762,7 @@ fn color(values: [f64; 4], units: [f64; 4]) -> Vec4 {
 // From a PLY file's tables to a model.
 
 /// Cuts the polygons and spreads attributes over the corners.
-fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model, LoadError> {
+fn build(file: &SourceFile, header: &Header, content: Content) -> Result<Model> {
     file.check_triangles(content.faces.triangle_count())?;
     let cut = Cut::new(&content);
     let mut model = Model::default();

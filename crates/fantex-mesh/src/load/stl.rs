@@ -3,50 +3,14 @@
 //! Facet normals are ignored: they say no more than the winding does, many exporters leave them zero, and where the
 //! two disagree every other program trusts the winding.
 
+use fantex_base::{Error, Place, Result, counted};
 use glam::DVec3;
 
-use super::{LoadError, SourceFile, finish};
-use crate::{Model, counted};
+use super::{SourceFile, finish};
+use crate::Model;
 
 const HEADER_BYTES: usize = 84;
 const FACET_BYTES: usize = 50;
-
-/// What is wrong with an STL file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum StlProblem {
-    /// Shorter than a binary header and not ASCII.
-    #[error(
-        "it is neither ASCII STL (it lacks the words solid and facet) nor binary STL (it has {}, fewer than the header's 84)",
-        counted(*bytes, "byte")
-    )]
-    TooShort {
-        /// Length of the file.
-        bytes: usize,
-    },
-    /// The file ends before the facets that its header announces.
-    #[error(
-        "its header announces {}, which takes {needed} bytes, but the file has {bytes}; it is truncated or not STL",
-        counted(*facets, "facet")
-    )]
-    Truncated {
-        /// Facets announced.
-        facets: u32,
-        /// Bytes they take, the header included.
-        needed: u64,
-        /// Bytes there are.
-        bytes: usize,
-    },
-    /// An ASCII file says something else than the format prescribes.
-    #[error("line {line}: expected {expected}, found {found}")]
-    Syntax {
-        /// Line, from 1.
-        line: usize,
-        /// What the format prescribes here.
-        expected: &'static str,
-        /// What stands there.
-        found: String,
-    },
-}
 
 /// True for content that can only be STL: the ASCII words, or a length that fits the binary facet count exactly.
 pub(super) fn looks_like_stl(bytes: &[u8]) -> bool {
@@ -54,22 +18,27 @@ pub(super) fn looks_like_stl(bytes: &[u8]) -> bool {
 }
 
 /// Loads an STL file. Every facet has its own three positions; nothing is welded here.
-pub(super) fn load(file: &SourceFile) -> Result<Model, LoadError> {
-    let failed = |problem| LoadError::Stl { path: file.path.into(), problem };
-    let fits_binary =
-        facet_count(file.bytes).is_some_and(|n| n > 0 && needed_bytes(n) == file.bytes.len() as u64);
-    // Many binary files begin with the word solid too, so a length that fits comes first.
-    let mut model = match !fits_binary && is_ascii(file.bytes) {
-        true => Ascii::new(file.bytes).read(file)?,
-        false => read_binary(
-            file,
-            facet_count(file.bytes)
-                .ok_or(StlProblem::TooShort { bytes: file.bytes.len() })
-                .map_err(failed)?,
-        )?,
-    };
+pub(super) fn load(file: &SourceFile) -> Result<Model> {
+    let mut model = read(file).map_err(|error| error.in_file(file.path))?;
     finish(&mut model);
     Ok(model)
+}
+
+fn read(file: &SourceFile) -> Result<Model> {
+    let count = facet_count(file.bytes);
+    let fits_binary = count.is_some_and(|n| n > 0 && needed_bytes(n) == file.bytes.len() as u64);
+    // Many binary files begin with the word solid too, so a length that fits comes first.
+    if !fits_binary && is_ascii(file.bytes) {
+        return Ascii::new(file.bytes).read(file);
+    }
+    let too_short = || {
+        let bytes = counted(file.bytes.len(), "byte");
+        Error::malformed(format!(
+            "it is neither ASCII STL (it lacks the words solid and facet) nor binary STL (it has {bytes}, fewer than the \
+             header's 84)"
+        ))
+    };
+    read_binary(file, count.ok_or_else(too_short)?)
 }
 
 /// ASCII STL begins with `solid`, and the words `facet` or `endsolid` follow in the text after it.
@@ -98,11 +67,13 @@ fn needed_bytes(facets: u32) -> u64 {
     HEADER_BYTES as u64 + u64::from(facets) * FACET_BYTES as u64
 }
 
-fn read_binary(file: &SourceFile, facets: u32) -> Result<Model, LoadError> {
+fn read_binary(file: &SourceFile, facets: u32) -> Result<Model> {
     let needed = needed_bytes(facets);
     let Some(body) = file.bytes.get(HEADER_BYTES..usize::try_from(needed).unwrap_or(usize::MAX)) else {
-        let problem = StlProblem::Truncated { facets, needed, bytes: file.bytes.len() };
-        return Err(LoadError::Stl { path: file.path.into(), problem });
+        let (facets, bytes) = (counted(facets, "facet"), file.bytes.len());
+        return Err(Error::malformed(format!(
+            "its header announces {facets}, which takes {needed} bytes, but the file has {bytes}; it is truncated or not STL"
+        )));
     };
     file.check_triangles(facets as usize)?;
     file.check_positions(3 * facets as usize)?;
@@ -140,21 +111,20 @@ impl<'a> Ascii<'a> {
         Self { rest: bytes, line: 1, peeked: None }
     }
 
-    fn read(mut self, file: &SourceFile) -> Result<Model, LoadError> {
+    fn read(mut self, file: &SourceFile) -> Result<Model> {
         let mut positions = Vec::new();
-        let failed = |problem| LoadError::Stl { path: file.path.into(), problem };
-        while self.next_solid().map_err(failed)? {
-            while self.next_facet().map_err(failed)? {
+        while self.next_solid()? {
+            while self.next_facet()? {
                 file.check_triangles(positions.len() / 3 + 1)?;
                 file.check_positions(positions.len() + 3)?;
-                positions.extend(self.facet_corners().map_err(failed)?);
+                positions.extend(self.facet_corners()?);
             }
         }
         Ok(soup(positions))
     }
 
     /// Skips to the line after `solid NAME`. False at the end of the file.
-    fn next_solid(&mut self) -> Result<bool, StlProblem> {
+    fn next_solid(&mut self) -> Result<bool> {
         match self.word() {
             None => Ok(false),
             Some(word) if word.eq_ignore_ascii_case(b"solid") => {
@@ -166,7 +136,7 @@ impl<'a> Ascii<'a> {
     }
 
     /// True if a facet follows, false after `endsolid NAME`.
-    fn next_facet(&mut self) -> Result<bool, StlProblem> {
+    fn next_facet(&mut self) -> Result<bool> {
         match self.word() {
             Some(word) if word.eq_ignore_ascii_case(b"facet") => Ok(true),
             Some(word) if word.eq_ignore_ascii_case(b"endsolid") => {
@@ -177,7 +147,7 @@ impl<'a> Ascii<'a> {
         }
     }
 
-    fn facet_corners(&mut self) -> Result<[DVec3; 3], StlProblem> {
+    fn facet_corners(&mut self) -> Result<[DVec3; 3]> {
         self.expect(b"normal", "normal")?;
         // The three numbers of the normal, or none of them, in any spelling ("nan", "-nan(ind)").
         while let Some(word) = self.peek()
@@ -195,28 +165,29 @@ impl<'a> Ascii<'a> {
         Ok(corners)
     }
 
-    fn vertex(&mut self) -> Result<DVec3, StlProblem> {
+    fn vertex(&mut self) -> Result<DVec3> {
         self.expect(b"vertex", "vertex")?;
         Ok(DVec3::new(self.number()?, self.number()?, self.number()?))
     }
 
-    fn number(&mut self) -> Result<f64, StlProblem> {
+    fn number(&mut self) -> Result<f64> {
         let word = self.word().unwrap_or_default();
         let number = std::str::from_utf8(word).ok().and_then(|text| text.parse().ok());
         number.ok_or_else(|| self.unexpected("a coordinate", word))
     }
 
-    fn expect(&mut self, word: &[u8], expected: &'static str) -> Result<(), StlProblem> {
+    fn expect(&mut self, word: &[u8], expected: &str) -> Result<()> {
         match self.word() {
             Some(found) if found.eq_ignore_ascii_case(word) => Ok(()),
             found => Err(self.unexpected(expected, found.unwrap_or_default())),
         }
     }
 
-    fn unexpected(&self, expected: &'static str, found: &[u8]) -> StlProblem {
+    fn unexpected(&self, expected: &str, found: &[u8]) -> Error {
         let shown = String::from_utf8_lossy(&found[..found.len().min(40)]).into_owned();
         let found = if found.is_empty() { "the end of the file".to_owned() } else { format!("{shown:?}") };
-        StlProblem::Syntax { line: self.line, expected, found }
+        let error = Error::malformed(format!("expected {expected}, found {found}"));
+        error.at(Place::Line(self.line as u64))
     }
 
     fn peek(&mut self) -> Option<&'a [u8]> {

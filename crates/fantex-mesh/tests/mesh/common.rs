@@ -2,15 +2,17 @@
 
 use std::path::Path;
 
-use fantex_mesh::{LoadError, LoadOptions, Model, load, load_bytes};
+use fantex_base::Result;
+use fantex_mesh::{LoadOptions, Model, load, load_bytes};
+
 pub(crate) use fantex_test::data_folder;
 
 /// Loads the first file, with the others beside it (in a temporary folder; a single file needs none).
-pub(crate) fn load_files(files: &[(&str, &[u8])]) -> Result<Model, LoadError> {
+pub(crate) fn load_files(files: &[(&str, &[u8])]) -> Result<Model> {
     load_files_with(files, &LoadOptions::default())
 }
 
-pub(crate) fn load_files_with(files: &[(&str, &[u8])], options: &LoadOptions) -> Result<Model, LoadError> {
+pub(crate) fn load_files_with(files: &[(&str, &[u8])], options: &LoadOptions) -> Result<Model> {
     if let [(name, bytes)] = files {
         return load_bytes(Path::new(name), bytes, options);
     }
@@ -23,7 +25,7 @@ pub(crate) fn load_files_with(files: &[(&str, &[u8])], options: &LoadOptions) ->
     load(&folder.path().join(files[0].0), options)
 }
 
-pub(crate) fn load_text(name: &str, text: &str) -> Result<Model, LoadError> {
+pub(crate) fn load_text(name: &str, text: &str) -> Result<Model> {
     load_files(&[(name, text.as_bytes())])
 }
 

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
-use crate::common::data_folder;
+use fantex_base::ErrorKind;
 use fantex_mesh::{
-    DisplaceError, DisplaceOptions, DisplacePoint, Mesh, Model, Refinement, Topology, VertexCorners,
-    displace, generate,
+    DisplaceOptions, DisplacePoint, Mesh, Model, Refinement, Topology, VertexCorners, displace, generate,
 };
 use fantex_test::{cleaned, loaded};
 use glam::{Vec2, Vec3, Vec4};
+
+use crate::common::data_folder;
 
 fn topology(mesh: &Mesh) -> Topology {
     Topology::of(&mesh.triangles, &VertexCorners::of(&mesh.triangles, mesh.positions.len()))
@@ -245,11 +246,14 @@ fn the_result_does_not_depend_on_threads() {
 #[test]
 fn what_cannot_be_done_is_refused() {
     let mesh = cleaned(generate::icosphere(1));
-    let refused = |options: DisplaceOptions, height: f32| displace(&mesh, &options, |_| height).unwrap_err();
+    let refused = |options: DisplaceOptions, height: f32, kind: ErrorKind, what: &str| {
+        let error = displace(&mesh, &options, |_| height).unwrap_err();
+        assert_eq!(error.kind(), kind);
+        assert!(error.to_string().contains(what), "{error}");
+    };
     let limited = DisplaceOptions { max_triangles: 10_000, ..uniform(1e-5) };
-    let DisplaceError::TooManyTriangles { needed, limit, .. } = refused(limited, 0.0) else { panic!() };
-    assert!(limit == 10_000 && needed > limit && needed < 100_000);
-    assert!(matches!(refused(uniform(0.5), f32::NAN), DisplaceError::Height { .. }));
+    refused(limited, 0.0, ErrorKind::TooLarge, "max_triangles is 10000");
+    refused(uniform(0.5), f32::NAN, ErrorKind::InvalidArgument, "the height on triangle");
     let out_of_range = [
         uniform(0.0),
         uniform(f32::NAN),
@@ -258,11 +262,15 @@ fn what_cannot_be_done_is_refused() {
         DisplaceOptions { crease_degrees: 181.0, ..uniform(0.1) },
     ];
     for options in out_of_range {
-        assert!(matches!(refused(options, 0.0), DisplaceError::OutOfRange { .. }), "{options:?}");
+        refused(options, 0.0, ErrorKind::InvalidArgument, "but must be");
     }
     // All points meet in the centre.
     let sphere = cleaned(generate::uv_sphere(8, 4));
     let to_centre = |p: &DisplacePoint| -p.position.dot(p.normal);
     let collapsed = displace(&sphere, &uniform(4.0), |p| 2.0 * to_centre(p));
-    assert!(collapsed.is_ok() || matches!(collapsed, Err(DisplaceError::Collapsed(_))));
+    let collapsed_kind = collapsed.as_ref().err().map(|error| error.kind());
+    assert!(
+        collapsed.is_ok_and(|(mesh, _)| !mesh.triangles.is_empty())
+            || collapsed_kind == Some(ErrorKind::Malformed)
+    );
 }

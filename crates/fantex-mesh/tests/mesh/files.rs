@@ -492,12 +492,7 @@ fn sample(offset: DVec3) -> Sample {
     }
 }
 
-fn write(
-    path: &Path,
-    sample: &Sample,
-    with_colors: bool,
-    force: bool,
-) -> Result<(), fantex_mesh::WriteError> {
+fn write(path: &Path, sample: &Sample, with_colors: bool, force: bool) -> Result<(), fantex_base::Error> {
     let colors = with_colors.then_some(&sample.colors[..]);
     write_model(
         path,

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use bevy_mikktspace::{Geometry, TangentSpace, generate_tangents};
 use fantex_mesh::{
     CleanOptions, EdgeSide, Fans, LoadOptions, Mesh, Model, SURFACE_OFFSET, TriangleBvh, VertexCorners,
-    clean, continued, corner_tangents, generate, load, origin_beside, shading_normals,
+    clean, continued, corner_tangents, generate, interpolate, load, origin_beside, shading_normals,
 };
 use fantex_test::{cleaned, loaded};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -366,8 +366,7 @@ impl Numbers {
 }
 
 fn at(mesh: &Mesh, triangle: usize, lambda: Vec3) -> Vec3 {
-    let [a, b, c] = mesh.triangle_positions(triangle);
-    a * lambda.x + b * lambda.y + c * lambda.z
+    interpolate(mesh.triangle_positions(triangle), lambda)
 }
 
 fn face_normal(mesh: &Mesh, triangle: usize) -> Vec3 {
@@ -410,10 +409,10 @@ fn hits_are_those_of_asking_every_triangle() {
             };
             hits += 1;
             assert!((f64::from(hit.distance) - distance).abs() < 1e-5, "{name}");
-            assert!(at(&mesh, hit.triangle, hit.lambda).distance(origin + direction * hit.distance) < 1e-5);
-            assert_eq!(hit.front, face_normal(&mesh, hit.triangle).dot(direction) < 0.0);
+            assert!(hit.point.position(&mesh).distance(origin + direction * hit.distance) < 1e-5);
+            assert_eq!(hit.front, face_normal(&mesh, hit.point.index()).dot(direction) < 0.0);
             // Triangles that meet there may stand for each other.
-            assert!(hit.triangle == triangle || hit.lambda.min_element() < 1e-4, "{name}");
+            assert!(hit.point.index() == triangle || hit.point.lambda.min_element() < 1e-4, "{name}");
             assert!(bvh.first_hit(origin, direction, hit.distance * 0.999).is_none());
             assert!(bvh.is_occluded(origin, direction, hit.distance * 1.001));
         }
@@ -487,7 +486,7 @@ fn nearest_points_are_those_of_asking_every_triangle() {
     for _ in 0..2000 {
         let p = numbers.point() * 1.2;
         let found = bvh.nearest_point(p, f32::INFINITY).unwrap();
-        assert!((at(&mesh, found.triangle, found.lambda) - found.position).length() < 1e-6);
+        assert!((found.point.position(&mesh) - found.position).length() < 1e-6);
         assert!((found.position.distance(p) - found.distance).abs() < 1e-6);
         // A mesh of one triangle at a time.
         let alone = |t: usize| {
@@ -500,7 +499,7 @@ fn nearest_points_are_those_of_asking_every_triangle() {
         };
         let nearest = (0..mesh.triangles.len()).step_by(3).map(alone).fold(f32::INFINITY, f32::min);
         assert!(found.distance <= nearest + 1e-6);
-        assert!((alone(found.triangle) - found.distance).abs() < 1e-6);
+        assert!((alone(found.point.index()) - found.distance).abs() < 1e-6);
         assert!(bvh.nearest_point(p, found.distance * 0.999).is_none());
         assert!(bvh.nearest_point(p, found.distance * 1.001).is_some());
     }
@@ -517,7 +516,8 @@ fn cut_outs_let_rays_through() {
     let bvh = TriangleBvh::new(&mesh);
     let (origin, down) = (Vec3::new(0.3, 2.0, 0.2), Vec3::NEG_Y);
     let top = bvh.first_hit(origin, down, f32::INFINITY).unwrap();
-    let through = bvh.first_hit_where(origin, down, f32::INFINITY, |h| h.triangle != top.triangle).unwrap();
+    let through =
+        bvh.first_hit_where(origin, down, f32::INFINITY, |h| h.point.triangle != top.point.triangle).unwrap();
     assert!((through.distance - top.distance - 1.0).abs() < 1e-5);
     assert!(!bvh.is_occluded_where(origin, down, f32::INFINITY, |_| false));
 }

@@ -109,9 +109,8 @@ fn weights_fall_to_zero_without_a_step() {
     assert!(source.report().unseen_share > 0.01, "{:?}", source.report());
     let bvh = fantex_mesh::TriangleBvh::new(&mesh);
     let color = |direction: Vec3| {
-        let hit = bvh.first_hit(Vec3::ZERO, direction, f32::INFINITY).unwrap();
-        let point =
-            point_of(mesh.triangle_positions(hit.triangle), hit.triangle, hit.lambda, direction, 1e-3);
+        let at = bvh.first_hit(Vec3::ZERO, direction, f32::INFINITY).unwrap().point;
+        let point = point_of(mesh.triangle_positions(at.index()), at.index(), at.lambda, direction, 1e-3);
         encoded_color(&source, &point)
     };
     let mut largest = [0.0_f32; 2];

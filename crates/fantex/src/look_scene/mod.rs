@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use fantex_look::data::ObjectTable;
 use fantex_look::{Key, LookError, LookFile, LookProblem};
-use fantex_mesh::{CleanError, LoadError, Mesh};
+use fantex_mesh::Mesh;
 use fantex_render::{RenderError, SceneError};
 use fantex_store::OpenError;
 use fantex_texture::look::{LookImages, LookMaterial, ResolveOptions, Resolver, materials_of_model};
@@ -32,12 +32,9 @@ pub enum LookSceneError {
     /// The look itself, or a texture of it.
     #[error(transparent)]
     Look(#[from] LookError),
-    /// A model cannot be read.
+    /// A model cannot be read, or nothing of it is left after cleaning.
     #[error(transparent)]
-    Load(#[from] LoadError),
-    /// Nothing of a model is left after cleaning.
-    #[error(transparent)]
-    Clean(#[from] CleanError),
+    Model(#[from] fantex_base::Error),
     /// An asset cannot be read.
     #[error(transparent)]
     Open(#[from] OpenError),

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use base64::{Engine as _, alphabet};
+use fantex_base::{Error, Result, counted};
 
 use super::schema::{Accessor, Buffer, Root, Sparse};
-use super::{AccessorProblem, BufferProblem, Document, GltfProblem, get};
-use crate::load::{LoadError, SourceFile, locate, read_companion};
+use super::{Document, get};
+use crate::load::{SourceFile, locate, read_companion};
 
 /// The parts of a GLB file.
 pub(super) struct Container<'a> {
@@ -17,19 +18,20 @@ pub(super) struct Container<'a> {
 }
 
 /// Splits a GLB file. Chunks of other kinds and bytes after the stated length are ignored, as the format demands.
-pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, GltfProblem> {
-    let truncated = |offset, expected| GltfProblem::Container { offset, expected };
-    let version = read_u32(bytes, 4).ok_or(truncated(4, "the container's version"))?;
+pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>> {
+    let version = read_u32(bytes, 4).ok_or_else(|| damaged(4, "the container's version"))?;
     if version != 2 {
-        return Err(GltfProblem::ContainerVersion { version });
+        let sentence = format!("it is a GLB container of version {version}, but fantex reads version 2");
+        return Err(Error::unsupported(sentence));
     }
-    let length = read_u32(bytes, 8).ok_or(truncated(8, "the container's length"))? as usize;
-    let bytes =
-        bytes.get(..length).ok_or(truncated(bytes.len(), "more bytes, as the container's length says"))?;
+    let length = read_u32(bytes, 8).ok_or_else(|| damaged(8, "the container's length"))? as usize;
+    let bytes = bytes
+        .get(..length)
+        .ok_or_else(|| damaged(bytes.len(), "more bytes, as the container's length says"))?;
 
     let (kind, json, mut offset) = chunk(bytes, 12)?;
     if kind != b"JSON" {
-        return Err(truncated(12, "a chunk of JSON"));
+        return Err(damaged(12, "a chunk of JSON"));
     }
     let mut binary = None;
     while offset < bytes.len() && binary.is_none() {
@@ -41,14 +43,18 @@ pub(super) fn split(bytes: &[u8]) -> Result<Container<'_>, GltfProblem> {
 }
 
 /// Kind, content and end of the chunk at `offset`.
-fn chunk(bytes: &[u8], offset: usize) -> Result<(&[u8], &[u8], usize), GltfProblem> {
-    let broken = |expected| GltfProblem::Container { offset, expected };
-    let length = read_u32(bytes, offset).ok_or(broken("a chunk's length"))? as usize;
-    let kind = bytes.get(offset + 4..offset + 8).ok_or(broken("a chunk's kind"))?;
+fn chunk(bytes: &[u8], offset: usize) -> Result<(&[u8], &[u8], usize)> {
+    let broken = |expected| damaged(offset, expected);
+    let length = read_u32(bytes, offset).ok_or_else(|| broken("a chunk's length"))? as usize;
+    let kind = bytes.get(offset + 4..offset + 8).ok_or_else(|| broken("a chunk's kind"))?;
     let start = offset + 8;
-    let end = start.checked_add(length).ok_or(broken("a chunk within the file"))?;
-    let content = bytes.get(start..end).ok_or(broken("a chunk that ends within the file"))?;
+    let end = start.checked_add(length).ok_or_else(|| broken("a chunk within the file"))?;
+    let content = bytes.get(start..end).ok_or_else(|| broken("a chunk that ends within the file"))?;
     Ok((kind, content, end))
+}
+
+fn damaged(offset: usize, expected: &str) -> Error {
+    Error::malformed(format!("at byte {offset}: expected {expected}; the file is truncated or damaged"))
 }
 
 fn read_u32(bytes: &[u8], offset: usize) -> Option<u32> {
@@ -71,11 +77,16 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 );
 
 /// Decodes a data URI, or resolves a relative path against `folder`.
-pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Target, BufferProblem> {
+pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Target> {
     if let Some(data) = uri.strip_prefix("data:") {
         return decode_data(data).map(Target::Bytes);
     }
-    let not_relative = || BufferProblem::NotRelative { uri: uri.chars().take(60).collect() };
+    let not_relative = || {
+        let uri: String = uri.chars().take(60).collect();
+        Error::unsupported(format!(
+            "its URI {uri:?} is not relative; put the file beside the model and name it by a relative path"
+        ))
+    };
     if uri.starts_with('/') || uri.starts_with('\\') || has_scheme(uri) {
         return Err(not_relative());
     }
@@ -89,12 +100,13 @@ pub(super) fn resolve(uri: &str, folder: &Path) -> Result<Target, BufferProblem>
 }
 
 /// `[media type][;base64],DATA`
-fn decode_data(data: &str) -> Result<Vec<u8>, BufferProblem> {
-    let (media_type, content) = data.split_once(',').ok_or(BufferProblem::DataUri("it has no comma"))?;
+fn decode_data(data: &str) -> Result<Vec<u8>> {
+    let broken = |why| Error::malformed(format!("its data URI is broken: {why}"));
+    let (media_type, content) = data.split_once(',').ok_or_else(|| broken("it has no comma"))?;
     if !media_type.ends_with(";base64") {
         return Ok(percent_encoding::percent_decode_str(content).collect());
     }
-    BASE64.decode(content.trim_end()).map_err(|_| BufferProblem::DataUri("it is not base64"))
+    BASE64.decode(content.trim_end()).map_err(|_| broken("it is not base64"))
 }
 
 /// True for `http:`, `file:`, `C:` and the like.
@@ -106,6 +118,11 @@ fn has_scheme(uri: &str) -> bool {
 
 // The binary data that accessors and images read.
 
+/// What is wrong with a buffer that names neither a URI nor, being the first of a GLB file, has its binary chunk; for images no
+/// buffer view either.
+pub(super) const NO_DATA: &str =
+    "it names no data (no URI, and no binary chunk or buffer view stands for it)";
+
 /// All buffers of a file.
 pub(super) struct Buffers<'a> {
     root: &'a Root,
@@ -115,11 +132,7 @@ pub(super) struct Buffers<'a> {
 
 impl<'a> Buffers<'a> {
     /// Loads external and embedded buffers; `binary` is the binary chunk of a GLB file.
-    pub(super) fn load(
-        root: &'a Root,
-        file: &SourceFile<'a>,
-        binary: Option<&'a [u8]>,
-    ) -> Result<Self, GltfProblem> {
+    pub(super) fn load(root: &'a Root, file: &SourceFile<'a>, binary: Option<&'a [u8]>) -> Result<Self> {
         let mut total_bytes = 0;
         let load = |(index, buffer): (usize, &Buffer)| {
             let bytes = match &buffer.uri {
@@ -128,51 +141,52 @@ impl<'a> Buffers<'a> {
             };
             bytes
                 .and_then(|bytes| bytes.map(|bytes| shorten(bytes, buffer.byte_length)).transpose())
-                .map_err(|problem| GltfProblem::Buffer { buffer: index, problem })
+                .map_err(|error| error.context(format!("buffer {index}")))
         };
         let bytes = root.buffers.iter().enumerate().map(load).collect::<Result<_, _>>()?;
         Ok(Self { root, bytes })
     }
 
     /// The bytes of a buffer view; `from` says who refers to it.
-    pub(super) fn view(&self, index: usize, from: impl FnOnce() -> String) -> Result<&[u8], GltfProblem> {
+    pub(super) fn view(&self, index: usize, from: impl FnOnce() -> String) -> Result<&[u8]> {
         let view = get(&self.root.buffer_views, index, "buffer view", from)?;
         let bytes = get(&self.bytes, view.buffer, "buffer", || format!("buffer view {index}"))?;
-        let bytes = bytes
-            .as_deref()
-            .ok_or(GltfProblem::Buffer { buffer: view.buffer, problem: BufferProblem::NoData })?;
+        let bytes =
+            bytes.as_deref().ok_or_else(|| Error::malformed(format!("buffer {}: {NO_DATA}", view.buffer)))?;
         let end = view.byte_offset as u128 + view.byte_length as u128;
-        let out_of_range = GltfProblem::View {
-            view: index,
-            buffer: view.buffer,
-            offset: view.byte_offset,
-            end,
-            length: bytes.len(),
-        };
-        let end = usize::try_from(end).unwrap_or(usize::MAX);
-        bytes.get(view.byte_offset..end).ok_or(out_of_range)
+        let range = view.byte_offset..usize::try_from(end).unwrap_or(usize::MAX);
+        bytes.get(range).ok_or_else(|| {
+            Error::malformed(format!(
+                "buffer view {index} covers bytes {} to {end} of buffer {}, which has {}",
+                view.byte_offset,
+                view.buffer,
+                bytes.len()
+            ))
+        })
     }
 }
 
 /// The bytes behind a URI. `total_bytes` adds up over all buffers, because many may name one large file.
-fn fetch(uri: &str, file: &SourceFile, total_bytes: &mut u64) -> Result<Vec<u8>, BufferProblem> {
+fn fetch(uri: &str, file: &SourceFile, total_bytes: &mut u64) -> Result<Vec<u8>> {
     let bytes = match resolve(uri, file.folder())? {
         Target::Bytes(bytes) => bytes,
-        Target::File(path) => read_companion(&path, &file.limits)
-            .map_err(|error: LoadError| BufferProblem::File(Box::new(error)))?,
+        Target::File(path) => read_companion(&path, &file.limits)?,
     };
     *total_bytes += bytes.len() as u64;
     let limit = file.limits.max_file_bytes;
     if *total_bytes > limit {
-        return Err(BufferProblem::TooLarge { limit });
+        return Err(Error::too_large(format!(
+            "the buffers up to this one have more than {limit} bytes, the limit for one file"
+        )));
     }
     Ok(bytes)
 }
 
 /// Binary chunks are padded, so data may be longer than a buffer says, but never shorter.
-fn shorten(bytes: Cow<'_, [u8]>, length: usize) -> Result<Cow<'_, [u8]>, BufferProblem> {
+fn shorten(bytes: Cow<'_, [u8]>, length: usize) -> Result<Cow<'_, [u8]>> {
     if bytes.len() < length {
-        return Err(BufferProblem::TooShort { expected: length, found: bytes.len() });
+        let (expected, found) = (counted(length, "byte"), bytes.len());
+        return Err(Error::malformed(format!("it should have {expected}, but there are {found}")));
     }
     Ok(match bytes {
         Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[..length]),
@@ -202,7 +216,7 @@ enum Component {
 
 impl Component {
     /// From the number that glTF inherited from OpenGL.
-    fn from_code(code: u64) -> Result<Self, AccessorProblem> {
+    fn from_code(code: u64) -> Result<Self> {
         Ok(match code {
             5120 => Self::I8,
             5121 => Self::U8,
@@ -210,7 +224,7 @@ impl Component {
             5123 => Self::U16,
             5125 => Self::U32,
             5126 => Self::F32,
-            _ => return Err(AccessorProblem::ComponentType(code)),
+            _ => return Err(Error::malformed(format!("unknown component type {code}"))),
         })
     }
 
@@ -264,9 +278,9 @@ pub(super) struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     /// Looks an accessor up; `used_for` names its use in messages.
-    pub(super) fn new(document: &'a Document, index: usize, used_for: &str) -> Result<Self, GltfProblem> {
+    pub(super) fn new(document: &'a Document, index: usize, used_for: &str) -> Result<Self> {
         let accessor = get(&document.root.accessors, index, "accessor", || used_for.to_owned())?;
-        let failed = |problem| GltfProblem::Accessor { accessor: index, problem };
+        let failed = |error: Error| error.context(format!("accessor {index}"));
         let component = Component::from_code(accessor.component_type).map_err(failed)?;
         let width = match accessor.shape.as_str() {
             "SCALAR" => 1,
@@ -282,7 +296,9 @@ impl<'a> Reader<'a> {
             None => MAX_ZEROED_ELEMENTS,
         };
         if accessor.count > limit {
-            return Err(failed(AccessorProblem::TooMany { count: accessor.count, limit }));
+            let count = accessor.count;
+            let sentence = format!("it announces {count} elements, more than the limit of {limit}");
+            return Err(failed(Error::too_large(sentence)));
         }
         Ok(Self { document, index, accessor, component, width })
     }
@@ -304,7 +320,7 @@ impl<'a> Reader<'a> {
         used_for: &str,
         expected: &'static str,
         always_normalized: bool,
-    ) -> Result<Vec<[f32; N]>, GltfProblem> {
+    ) -> Result<Vec<[f32; N]>> {
         if self.width != N {
             return Err(self.wrong_shape(used_for, expected));
         }
@@ -326,7 +342,7 @@ impl<'a> Reader<'a> {
     }
 
     /// Single unsigned integers.
-    pub(super) fn read_indices(&self, used_for: &str) -> Result<Vec<u32>, GltfProblem> {
+    pub(super) fn read_indices(&self, used_for: &str) -> Result<Vec<u32>> {
         if self.width != 1 || !self.component.is_index() {
             return Err(self.wrong_shape(used_for, "single unsigned integers"));
         }
@@ -338,20 +354,20 @@ impl<'a> Reader<'a> {
         Ok(elements.into_iter().map(|[index]| index).collect())
     }
 
-    fn wrong_shape(&self, used_for: &str, expected: &'static str) -> GltfProblem {
-        let found = format!("{} {}", self.accessor.shape, self.component.name());
-        self.failed(AccessorProblem::Shape { used_for: used_for.to_owned(), found, expected })
+    fn wrong_shape(&self, used_for: &str, expected: &str) -> Error {
+        let (shape, numbers) = (&self.accessor.shape, self.component.name());
+        self.malformed(format!("it holds {shape} {numbers}, but {used_for} needs {expected}"))
     }
 
-    fn failed(&self, problem: AccessorProblem) -> GltfProblem {
-        GltfProblem::Accessor { accessor: self.index, problem }
+    fn malformed(&self, sentence: String) -> Error {
+        Error::malformed(sentence).context(self.label())
     }
 
     /// Decodes all elements; `B` is the number's size in bytes.
     fn read<const N: usize, const B: usize, T: Copy + Default>(
         &self,
         decode: impl Fn([u8; B]) -> T,
-    ) -> Result<Vec<[T; N]>, GltfProblem> {
+    ) -> Result<Vec<[T; N]>> {
         let element = |bytes: &[u8]| -> [T; N] {
             let (numbers, _) = bytes.as_chunks::<B>();
             std::array::from_fn(|k| decode(numbers[k]))
@@ -382,10 +398,11 @@ impl<'a> Reader<'a> {
         element_bytes: usize,
         values: &mut [V],
         decode: impl Fn(&[u8]) -> V,
-    ) -> Result<(), GltfProblem> {
-        let component = Component::from_code(sparse.indices.component_type).map_err(|p| self.failed(p))?;
+    ) -> Result<()> {
+        let component = Component::from_code(sparse.indices.component_type)
+            .map_err(|error| error.context(self.label()))?;
         if !component.is_index() {
-            return Err(self.failed(AccessorProblem::ComponentType(sparse.indices.component_type)));
+            return Err(self.malformed(format!("unknown component type {}", sparse.indices.component_type)));
         }
         let (indices, new) = (&sparse.indices, &sparse.values);
         let indices =
@@ -395,7 +412,9 @@ impl<'a> Reader<'a> {
             let index = index.iter().rev().fold(0u32, |index, &byte| index << 8 | u32::from(byte));
             let count = values.len();
             let slot = values.get_mut(index as usize);
-            *slot.ok_or_else(|| self.failed(AccessorProblem::SparseIndex { index, count }))? = decode(new);
+            let out_of_range =
+                || self.malformed(format!("its sparse data replace element {index}, but it has {count}"));
+            *slot.ok_or_else(out_of_range)? = decode(new);
         }
         Ok(())
     }
@@ -408,11 +427,14 @@ impl<'a> Reader<'a> {
         count: usize,
         element: usize,
         stride: Option<usize>,
-    ) -> Result<Elements<'_>, GltfProblem> {
+    ) -> Result<Elements<'_>> {
         let bytes = self.document.buffers.view(view, || self.label())?;
         let stride = stride.unwrap_or(element);
         if stride < element {
-            return Err(self.failed(AccessorProblem::Stride { view, stride, element }));
+            let stride = counted(stride, "byte");
+            return Err(self.malformed(format!(
+                "buffer view {view} has a stride of {stride}, shorter than an element of {element}"
+            )));
         }
         // The last element may end before the stride does.
         let needed = match count {
@@ -421,8 +443,10 @@ impl<'a> Reader<'a> {
         };
         let available = bytes.get(offset..).unwrap_or_default();
         if needed > available.len() as u128 {
-            let available = available.len();
-            return Err(self.failed(AccessorProblem::Range { count, needed, view, available }));
+            let (elements, available) = (counted(count, "element"), available.len());
+            return Err(self.malformed(format!(
+                "it needs {needed} bytes for {elements}, but buffer view {view} has {available} from its offset on"
+            )));
         }
         Ok(Elements { bytes: &available[..needed as usize], stride, count })
     }

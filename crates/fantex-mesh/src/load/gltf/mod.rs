@@ -15,40 +15,24 @@ mod schema;
 
 use std::path::Path;
 
-use data::{Buffers, Reader, Target, resolve};
+use data::{Buffers, NO_DATA, Reader, Target, resolve};
+use fantex_base::{Error, Result, counted};
 use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Quat, Vec2, Vec3, Vec4};
 use schema::{Accessor, Instancing, Node, Primitive, Root};
 
-use crate::load::{LoadError, LoadLimits, SourceFile, finish, pad};
-use crate::{AlphaMode, ImageSource, Material, Model, ModelFormat, TextureRef, WrapMode, counted};
+use crate::load::{LoadLimits, SourceFile, finish, pad};
+use crate::{AlphaMode, ImageSource, Material, Model, ModelFormat, TextureRef, WrapMode};
 
 /// Loads a glTF or GLB file: the default scene with all its nodes.
-pub(super) fn load(file: &SourceFile, format: ModelFormat) -> Result<Model, LoadError> {
-    read(file, format).map_err(|error| match error {
-        Error::Problem(problem) => LoadError::Gltf { path: file.path.into(), problem },
-        Error::Load(error) => error,
+pub(super) fn load(file: &SourceFile, format: ModelFormat) -> Result<Model> {
+    read(file, format).map_err(|error| match error.path() == Some(file.path) {
+        true => error,
+        // Also where a file beside it is to blame, which is named after this one.
+        false => error.context(file.path.display()).with_path(file.path),
     })
 }
 
-/// Errors that know the file's path and those that still have to learn it.
-enum Error {
-    Problem(GltfProblem),
-    Load(LoadError),
-}
-
-impl From<GltfProblem> for Error {
-    fn from(problem: GltfProblem) -> Self {
-        Self::Problem(problem)
-    }
-}
-
-impl From<LoadError> for Error {
-    fn from(error: LoadError) -> Self {
-        Self::Load(error)
-    }
-}
-
-fn read(file: &SourceFile, format: ModelFormat) -> Result<Model, Error> {
+fn read(file: &SourceFile, format: ModelFormat) -> Result<Model> {
     let (json, binary) = match format {
         ModelFormat::Glb => {
             let container = data::split(file.bytes)?;
@@ -57,7 +41,8 @@ fn read(file: &SourceFile, format: ModelFormat) -> Result<Model, Error> {
         _ => (file.bytes, None),
     };
     let json = json.strip_prefix(b"\xef\xbb\xbf").unwrap_or(json);
-    let root: Root = serde_json::from_slice(json).map_err(GltfProblem::Json)?;
+    let root: Root = serde_json::from_slice(json)
+        .map_err(|error| Error::malformed(format!("its JSON does not describe a glTF model: {error}")))?;
     let mut model = Model::default();
     check_version(&root)?;
     check_extensions(&root, &mut model.notes)?;
@@ -94,20 +79,30 @@ fn get<'a, T>(
     index: usize,
     what: &'static str,
     from: impl FnOnce() -> String,
-) -> Result<&'a T, GltfProblem> {
-    items.get(index).ok_or_else(|| GltfProblem::Index { from: from(), what, index, count: items.len() })
+) -> Result<&'a T> {
+    items.get(index).ok_or_else(|| {
+        let (from, count) = (from(), items.len());
+        Error::malformed(format!(
+            "{from} refers to {what} {index}, but there are {count} (counting starts at 0)"
+        ))
+    })
 }
 
 /// Minor versions are compatible by definition.
-fn check_version(root: &Root) -> Result<(), GltfProblem> {
+fn check_version(root: &Root) -> Result<()> {
     let version = &root.asset.version;
     match version.split('.').next() {
         Some("2") => Ok(()),
-        _ => Err(GltfProblem::Version { version: version.clone() }),
+        _ => Err(Error::unsupported(format!("it is glTF of version {version:?}, but fantex reads 2.0"))),
     }
 }
 
-fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<(), GltfProblem> {
+/// The file cannot be understood without these extensions.
+fn requires(extensions: &str) -> Error {
+    Error::unsupported(format!("it requires {extensions}, which fantex does not read; export it without"))
+}
+
+fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<()> {
     const READ: [&str; 7] = [
         "KHR_mesh_quantization",
         "KHR_texture_transform",
@@ -124,7 +119,7 @@ fn check_extensions(root: &Root, notes: &mut Vec<String>) -> Result<(), GltfProb
     let unread = root.extensions_required.iter().filter(|name| !READ.contains(&name.as_str()));
     let (ignorable, fatal): (Vec<_>, Vec<_>) = unread.cloned().partition(|name| is_ignorable(name));
     if !fatal.is_empty() {
-        return Err(GltfProblem::RequiredExtensions { extensions: fatal });
+        return Err(requires(&fatal.join(", ")));
     }
     let is_unread = |name: &&String| name.starts_with("KHR_materials_") && !READ.contains(&name.as_str());
     let mut ignored: Vec<String> = root.extensions_used.iter().filter(is_unread).cloned().collect();
@@ -146,7 +141,7 @@ struct MeshInstance {
 }
 
 /// Walks the default scene depth first, children in their order.
-fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<MeshInstance>, Error> {
+fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<MeshInstance>> {
     let nodes = &document.root.nodes;
     let roots = scene_roots(document, notes)?;
     let mut is_reached = vec![false; nodes.len()];
@@ -157,7 +152,8 @@ fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<Me
     while let Some((index, world_from_parent)) = pending.pop() {
         let node = get(nodes, index, "node", || "the node hierarchy".to_owned())?;
         if std::mem::replace(&mut is_reached[index], true) {
-            return Err(GltfProblem::NodeReachedTwice { node: index }.into());
+            let sentence = format!("node {index} is reached twice; nodes must form a tree");
+            return Err(Error::malformed(sentence));
         }
         let world_from_node = world_from_parent * parent_from_node(node);
         if let Some(mesh) = node.mesh {
@@ -183,7 +179,7 @@ fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<Me
 }
 
 /// Root nodes of the default scene; without scenes all nodes that are nobody's child.
-fn scene_roots(document: &Document, notes: &mut Vec<String>) -> Result<Vec<usize>, GltfProblem> {
+fn scene_roots(document: &Document, notes: &mut Vec<String>) -> Result<Vec<usize>> {
     let root = document.root;
     if root.scene.is_none() && root.scenes.is_empty() {
         let mut is_child = vec![false; root.nodes.len()];
@@ -231,7 +227,7 @@ fn node_from_instances(
     node: usize,
     mesh: usize,
     instancing: &Instancing,
-) -> Result<Vec<DAffine3>, Error> {
+) -> Result<Vec<DAffine3>> {
     let mut counts = Vec::new();
     for name in ["TRANSLATION", "ROTATION", "SCALE"] {
         if let Some(&index) = instancing.attributes.get(name) {
@@ -240,8 +236,14 @@ fn node_from_instances(
         }
     }
     let Some(&first) = counts.first() else { return Ok(vec![DAffine3::IDENTITY]) };
-    if let Some(&other) = counts.iter().find(|(_, count)| *count != first.1) {
-        return Err(GltfProblem::InstanceCount { node, counts: [first, other] }.into());
+    if let Some(other) = counts.iter().find(|(_, count)| *count != first.1) {
+        return Err(Error::malformed(format!(
+            "node {node} has {} of {} for its instances, but {} of {}",
+            counted(first.1, "value"),
+            first.0,
+            other.1,
+            other.0
+        )));
     }
     check_triangles(document, mesh, first.1)?;
     let translations = read_per_instance::<3>(document, instancing, "TRANSLATION", "three floats")?;
@@ -264,13 +266,13 @@ fn read_per_instance<const N: usize>(
     instancing: &Instancing,
     name: &str,
     expected: &'static str,
-) -> Result<Option<Vec<[f32; N]>>, GltfProblem> {
+) -> Result<Option<Vec<[f32; N]>>> {
     let Some(&accessor) = instancing.attributes.get(name) else { return Ok(None) };
     Reader::new(document, accessor, name)?.read_floats(name, expected, false).map(Some)
 }
 
 /// Refuses more triangles than the limit before a list of instances is made: a few letters of JSON can ask for any number of them.
-fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<(), Error> {
+fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<()> {
     let accessors = &document.root.accessors;
     let corners = |primitive: &Primitive| {
         let accessor = primitive.indices.or_else(|| primitive.attributes.get("POSITION").copied());
@@ -289,7 +291,7 @@ fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<(),
 const MAX_UV_SETS: usize = 8;
 
 /// Appends all instances of all meshes to the model.
-fn load_all(document: &Document, instances: &[MeshInstance], model: &mut Model) -> Result<(), Error> {
+fn load_all(document: &Document, instances: &[MeshInstance], model: &mut Model) -> Result<()> {
     let mut loader = Loader { document, model, default_material: None, skipped: Skipped::default() };
     let mut is_loaded = vec![false; document.root.meshes.len()];
     for instance in instances {
@@ -353,7 +355,7 @@ impl Loader<'_, '_> {
         }
     }
 
-    fn load(&mut self, primitive: &Primitive, label: &str, world_from_mesh: &DAffine3) -> Result<(), Error> {
+    fn load(&mut self, primitive: &Primitive, label: &str, world_from_mesh: &DAffine3) -> Result<()> {
         let mode = match primitive.mode.unwrap_or(4) {
             0..=3 => {
                 self.skipped.points_or_lines += 1;
@@ -362,7 +364,10 @@ impl Loader<'_, '_> {
             4 => Mode::List,
             5 => Mode::Strip,
             6 => Mode::Fan,
-            mode => return Err(GltfProblem::Mode { primitive: label.to_owned(), mode }.into()),
+            mode => {
+                let sentence = format!("{label} has the unknown mode {mode}; modes are 0 to 6");
+                return Err(Error::malformed(sentence));
+            }
         };
         let Some(&positions) = primitive.attributes.get("POSITION") else {
             self.skipped.without_positions += 1;
@@ -402,13 +407,15 @@ impl Loader<'_, '_> {
         label: &str,
         mode: Mode,
         count: usize,
-    ) -> Result<Vec<[u32; 3]>, GltfProblem> {
+    ) -> Result<Vec<[u32; 3]>> {
         let indices: Vec<u32> = match primitive.indices {
             Some(accessor) => Reader::new(self.document, accessor, label)?.read_indices("indices")?,
             None => (0..count as u32).collect(),
         };
         if let Some(&index) = indices.iter().find(|&&index| index as usize >= count) {
-            return Err(GltfProblem::Vertex { primitive: label.to_owned(), index, count });
+            return Err(Error::malformed(format!(
+                "{label} refers to vertex {index}, but it has {count} (counting starts at 0)"
+            )));
         }
         let (lists, rest) = indices.as_chunks::<3>();
         Ok(match mode {
@@ -425,7 +432,7 @@ impl Loader<'_, '_> {
     }
 
     /// The model's material for a primitive.
-    fn material_of(&mut self, primitive: &Primitive, label: &str) -> Result<u32, GltfProblem> {
+    fn material_of(&mut self, primitive: &Primitive, label: &str) -> Result<u32> {
         if let Some(material) = primitive.material {
             get(&self.document.root.materials, material, "material", || label.to_owned())?;
             return Ok(material as u32);
@@ -442,7 +449,7 @@ impl Loader<'_, '_> {
         attributes: &Attributes,
         world_from_mesh: &DAffine3,
         is_mirrored: bool,
-    ) -> Result<(), GltfProblem> {
+    ) -> Result<()> {
         let before = 3 * self.model.triangles.len();
         let document = self.document;
         let corners = &mut self.model.corners;
@@ -480,18 +487,14 @@ impl Loader<'_, '_> {
 }
 
 /// Refuses a primitive that is there in compressed form only, though the file does not say that it requires the extension.
-fn check_compression(
-    document: &Document,
-    primitive: &Primitive,
-    positions: usize,
-) -> Result<(), GltfProblem> {
+fn check_compression(document: &Document, primitive: &Primitive, positions: usize) -> Result<()> {
     const COMPRESSION: &str = "KHR_draco_mesh_compression";
     let has_data = |a: &Accessor| a.buffer_view.is_some() || a.sparse.is_some();
     let is_plain = document.root.accessors.get(positions).is_none_or(has_data);
     if is_plain || !primitive.extensions.contains_key(COMPRESSION) {
         return Ok(());
     }
-    Err(GltfProblem::RequiredExtensions { extensions: vec![COMPRESSION.to_owned()] })
+    Err(requires(COMPRESSION))
 }
 
 /// What reading the attributes of a primitive needs.
@@ -504,16 +507,16 @@ struct Attributes<'a> {
 }
 
 impl Attributes<'_> {
-    fn reader<'a>(&self, document: &'a Document, name: &str) -> Result<Option<Reader<'a>>, GltfProblem> {
+    fn reader<'a>(&self, document: &'a Document, name: &str) -> Result<Option<Reader<'a>>> {
         let Some(&accessor) = self.primitive.attributes.get(name) else { return Ok(None) };
         let reader = Reader::new(document, accessor, self.label)?;
         if reader.count() != self.count {
-            return Err(GltfProblem::AttributeCount {
-                primitive: self.label.to_owned(),
-                positions: self.count,
-                attribute: name.to_owned(),
-                count: reader.count(),
-            });
+            return Err(Error::malformed(format!(
+                "{} has {}, but {} of {name}",
+                self.label,
+                counted(self.count, "position"),
+                counted(reader.count(), "value")
+            )));
         }
         Ok(Some(reader))
     }
@@ -524,13 +527,13 @@ impl Attributes<'_> {
         name: &str,
         expected: &'static str,
         always_normalized: bool,
-    ) -> Result<Option<Vec<[f32; N]>>, GltfProblem> {
+    ) -> Result<Option<Vec<[f32; N]>>> {
         let reader = self.reader(document, name)?;
         reader.map(|reader| reader.read_floats(name, expected, always_normalized)).transpose()
     }
 
     /// Linear RGBA from three or four numbers; integers are always fractions.
-    fn read_colors(&self, document: &Document) -> Result<Option<Vec<Vec4>>, GltfProblem> {
+    fn read_colors(&self, document: &Document) -> Result<Option<Vec<Vec4>>> {
         const EXPECTED: &str = "three or four floats or integers";
         let Some(reader) = self.reader(document, "COLOR_0")? else { return Ok(None) };
         let colors = match reader.width() {
@@ -576,7 +579,7 @@ fn turned(linear: &DMat3, direction: Vec3) -> Vec3 {
 // Materials, textures, samplers and images.
 
 /// Loads all materials and images into the model, in the file's order.
-fn load_materials(document: &Document, model: &mut Model) -> Result<(), GltfProblem> {
+fn load_materials(document: &Document, model: &mut Model) -> Result<()> {
     let images = document.root.images.iter().enumerate();
     model.images =
         images.map(|(index, image)| load_image(document, index, image)).collect::<Result<_, _>>()?;
@@ -592,7 +595,7 @@ fn default_material() -> Material {
     Material { metallic: 1.0, roughness: 1.0, double_sided: false, ..Material::default() }
 }
 
-fn load_image(document: &Document, index: usize, image: &schema::Image) -> Result<ImageSource, GltfProblem> {
+fn load_image(document: &Document, index: usize, image: &schema::Image) -> Result<ImageSource> {
     let file_name = document.file.path.file_name().map(|n| n.to_string_lossy()).unwrap_or_default();
     let embedded = |bytes: &[u8]| ImageSource::Embedded {
         label: format!("image {index} of {file_name}"),
@@ -603,9 +606,9 @@ fn load_image(document: &Document, index: usize, image: &schema::Image) -> Resul
     }
     let target = match &image.uri {
         Some(uri) => resolve(uri, document.folder()),
-        None => Err(BufferProblem::NoData),
+        None => Err(Error::malformed(NO_DATA)),
     };
-    match target.map_err(|problem| GltfProblem::Image { image: index, problem })? {
+    match target.map_err(|error| error.context(format!("image {index}")))? {
         Target::Bytes(bytes) => Ok(embedded(&bytes)),
         Target::File(path) => Ok(ImageSource::File(path)),
     }
@@ -618,7 +621,7 @@ struct MaterialReader<'a> {
 }
 
 impl MaterialReader<'_> {
-    fn read(&mut self, source: &schema::Material) -> Result<Material, GltfProblem> {
+    fn read(&mut self, source: &schema::Material) -> Result<Material> {
         let pbr = self.metallic_roughness(source);
         let strength =
             source.extensions.emissive_strength.as_ref().and_then(|e| e.emissive_strength).unwrap_or(1.0);
@@ -678,7 +681,7 @@ impl MaterialReader<'_> {
         }
     }
 
-    fn texture(&mut self, info: Option<&schema::TextureInfo>) -> Result<Option<TextureRef>, GltfProblem> {
+    fn texture(&mut self, info: Option<&schema::TextureInfo>) -> Result<Option<TextureRef>> {
         let Some(info) = info else { return Ok(None) };
         let root = self.document.root;
         let from = || format!("material {}", self.index);
@@ -720,229 +723,6 @@ fn uv_transform(transform: &schema::TextureTransform) -> Mat3 {
     let rotation = Mat3::from_cols(Vec3::new(cos, -sin, 0.0), Vec3::new(sin, cos, 0.0), Vec3::Z);
     let scale = transform.scale.map_or(Vec2::ONE, Vec2::from);
     Mat3::from_translation(Vec2::from(transform.offset)) * rotation * Mat3::from_scale(scale)
-}
-
-// What can be wrong with a glTF file.
-
-/// What is wrong with a glTF or GLB file.
-#[derive(Debug, thiserror::Error)]
-pub enum GltfProblem {
-    /// The GLB container is damaged.
-    #[error("at byte {offset}: expected {expected}; the file is truncated or damaged")]
-    Container {
-        /// Where.
-        offset: usize,
-        /// What the format prescribes there.
-        expected: &'static str,
-    },
-    /// A GLB container of another version.
-    #[error("it is a GLB container of version {version}, but fantex reads version 2")]
-    ContainerVersion {
-        /// The version.
-        version: u32,
-    },
-    /// The JSON text is broken or says something that glTF does not allow.
-    #[error("its JSON does not describe a glTF model: {0}")]
-    Json(serde_json::Error),
-    /// Another version of glTF.
-    #[error("it is glTF of version {version:?}, but fantex reads 2.0")]
-    Version {
-        /// The version as written.
-        version: String,
-    },
-    /// The file cannot be understood without these extensions.
-    #[error("it requires {}, which fantex does not read; export it without", extensions.join(", "))]
-    RequiredExtensions {
-        /// Their names.
-        extensions: Vec<String>,
-    },
-    /// A reference to something that is not there.
-    #[error("{from} refers to {what} {index}, but there are {count} (counting starts at 0)")]
-    Index {
-        /// Where the reference stands.
-        from: String,
-        /// What it refers to.
-        what: &'static str,
-        /// The index as written.
-        index: usize,
-        /// How many there are.
-        count: usize,
-    },
-    /// A buffer cannot be used.
-    #[error("buffer {buffer}: {problem}")]
-    Buffer {
-        /// Its index.
-        buffer: usize,
-        /// What is wrong.
-        problem: BufferProblem,
-    },
-    /// A buffer view reaches beyond its buffer.
-    #[error("buffer view {view} covers bytes {offset} to {end} of buffer {buffer}, which has {length}")]
-    View {
-        /// Its index.
-        view: usize,
-        /// Its buffer.
-        buffer: usize,
-        /// First byte.
-        offset: usize,
-        /// Byte after the last.
-        end: u128,
-        /// Bytes of the buffer.
-        length: usize,
-    },
-    /// An accessor cannot be used.
-    #[error("accessor {accessor}: {problem}")]
-    Accessor {
-        /// Its index.
-        accessor: usize,
-        /// What is wrong.
-        problem: AccessorProblem,
-    },
-    /// An attribute that has not one value per position.
-    #[error("{primitive} has {}, but {} of {attribute}", counted(*positions, "position"), counted(*count, "value"))]
-    AttributeCount {
-        /// Which primitive.
-        primitive: String,
-        /// Its positions.
-        positions: usize,
-        /// The attribute.
-        attribute: String,
-        /// Its values.
-        count: usize,
-    },
-    /// A vertex index beyond the primitive's positions.
-    #[error("{primitive} refers to vertex {index}, but it has {count} (counting starts at 0)")]
-    Vertex {
-        /// Which primitive.
-        primitive: String,
-        /// The index.
-        index: u32,
-        /// Its positions.
-        count: usize,
-    },
-    /// A primitive mode that glTF does not define.
-    #[error("{primitive} has the unknown mode {mode}; modes are 0 to 6")]
-    Mode {
-        /// Which primitive.
-        primitive: String,
-        /// The mode.
-        mode: u64,
-    },
-    /// Attributes of instances that do not agree on how many there are.
-    #[error("node {node} has {} of {} for its instances, but {} of {}", counted(counts[0].1, "value"), counts[0].0, counts[1].1, counts[1].0)]
-    InstanceCount {
-        /// Its index.
-        node: usize,
-        /// Two attributes that differ, with their counts.
-        counts: [(&'static str, usize); 2],
-    },
-    /// A node that is its own ancestor or has several parents.
-    #[error("node {node} is reached twice; nodes must form a tree")]
-    NodeReachedTwice {
-        /// Its index.
-        node: usize,
-    },
-    /// An image without data.
-    #[error("image {image}: {problem}")]
-    Image {
-        /// Its index.
-        image: usize,
-        /// What is wrong.
-        problem: BufferProblem,
-    },
-}
-
-/// Why the bytes of a buffer or image cannot be had.
-#[derive(Debug, thiserror::Error)]
-pub enum BufferProblem {
-    /// Neither a URI nor, for the first buffer of a GLB file, a binary chunk; for an image no buffer view either.
-    #[error("it names no data (no URI, and no binary chunk or buffer view stands for it)")]
-    NoData,
-    /// Shorter than `byteLength`.
-    #[error("it should have {}, but there are {found}", counted(*expected, "byte"))]
-    TooShort {
-        /// `byteLength`.
-        expected: usize,
-        /// Bytes there are.
-        found: usize,
-    },
-    /// All buffers together exceed [`LoadLimits::max_file_bytes`](crate::LoadLimits::max_file_bytes).
-    #[error("the buffers up to this one have more than {limit} bytes, the limit for one file")]
-    TooLarge {
-        /// The limit.
-        limit: u64,
-    },
-    /// A data URI that cannot be decoded.
-    #[error("its data URI is broken: {0}")]
-    DataUri(&'static str),
-    /// An absolute path or a network address.
-    #[error("its URI {uri:?} is not relative; put the file beside the model and name it by a relative path")]
-    NotRelative {
-        /// The URI, shortened.
-        uri: String,
-    },
-    /// The file beside the model cannot be read.
-    #[error(transparent)]
-    File(Box<crate::LoadError>),
-}
-
-/// What is wrong with an accessor.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum AccessorProblem {
-    /// A component type that glTF does not define.
-    #[error("unknown component type {0}")]
-    ComponentType(u64),
-    /// Not the shape or component type that its use needs.
-    #[error("it holds {found}, but {used_for} needs {expected}")]
-    Shape {
-        /// What it is used for.
-        used_for: String,
-        /// What it holds.
-        found: String,
-        /// What is needed.
-        expected: &'static str,
-    },
-    /// The data lie outside their buffer view.
-    #[error(
-        "it needs {needed} bytes for {}, but buffer view {view} has {available} from its offset on",
-        counted(*count, "element")
-    )]
-    Range {
-        /// Elements.
-        count: usize,
-        /// Bytes they take.
-        needed: u128,
-        /// The buffer view.
-        view: usize,
-        /// Bytes from the accessor's offset on.
-        available: usize,
-    },
-    /// A stride shorter than an element.
-    #[error("buffer view {view} has a stride of {}, shorter than an element of {element}", counted(*stride, "byte"))]
-    Stride {
-        /// The buffer view.
-        view: usize,
-        /// Its stride.
-        stride: usize,
-        /// Bytes of an element.
-        element: usize,
-    },
-    /// A sparse index beyond the accessor's elements.
-    #[error("its sparse data replace element {index}, but it has {count}")]
-    SparseIndex {
-        /// The index.
-        index: u32,
-        /// The accessor's elements.
-        count: usize,
-    },
-    /// More elements than [`LoadLimits::max_positions`](crate::LoadLimits::max_positions) allows.
-    #[error("it announces {count} elements, more than the limit of {limit}")]
-    TooMany {
-        /// Elements.
-        count: usize,
-        /// The limit.
-        limit: usize,
-    },
 }
 
 #[cfg(test)]
