@@ -1,8 +1,16 @@
 //! Choosing triangles to fill.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
-use crate::{ColorFill, FillSettings, Paint, Surface, SurfacePoint, Symmetry};
+use fantex_cover::NOBODY;
+use fantex_store::{PAGE, PageCache, PageId};
+use glam::{Vec2, Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::composite::{look_up, nearest_inside};
+use crate::texel_page::TexelPage;
+use crate::{FillSettings, Paint, Surface, SurfacePoint, Symmetry};
 
 /// What a fill covers.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,4 +115,199 @@ pub fn fill_triangles(surface: &Surface, start: SurfacePoint, scope: FillScope) 
         }
     }
     (0u32..).zip(chosen).filter_map(|(triangle, is_chosen)| is_chosen.then_some(triangle)).collect()
+}
+
+// Filling by colour: what looks like the start, everywhere or as far as it hangs together along the surface.
+//
+// How much a point is covered depends on the texture function there, so all tiles agree. What hangs together is found texel
+// by texel: from a texel to its neighbours in the tile, and to the texel that shows the same point in the other tiles.
+
+/// Fills by colour.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ColorFill {
+    /// Largest distance of what is filled from the start's value, over red, green, blue and alpha: linear light, 0..2.
+    pub tolerance: f32,
+    /// Further distance over which the fill fades out.
+    pub softness: f32,
+    /// Only what hangs together with the start along the surface.
+    pub connected: bool,
+}
+
+impl Default for ColorFill {
+    /// A tenth, fading over a twentieth, connected.
+    fn default() -> Self {
+        Self { tolerance: 0.1, softness: 0.05, connected: true }
+    }
+}
+
+impl ColorFill {
+    /// Coverage of a value.
+    fn coverage(&self, value: Vec4, start: Vec4) -> f32 {
+        let beyond = value.distance(start) - self.tolerance.max(0.0);
+        if beyond <= 0.0 {
+            return 1.0;
+        }
+        let s = (beyond / self.softness.max(1e-6)).min(1.0);
+        1.0 - s * s * (3.0 - 2.0 * s)
+    }
+}
+
+/// Finds what a colour fill covers, page by page.
+pub(crate) struct ColorSearch<'a> {
+    pub(crate) surface: &'a Surface,
+    /// What is compared.
+    pub(crate) before: &'a PageCache,
+    pub(crate) channel: usize,
+    pub(crate) start: Vec4,
+    pub(crate) fill: ColorFill,
+}
+
+/// Pages with the coverage of their texels.
+pub(crate) type Reached = BTreeMap<PageId, Vec<f32>>;
+
+/// A page on the way of a connected fill.
+struct ReachedPage {
+    map: Arc<TexelPage>,
+    /// Coverage of every texel, reached or not; 0 off the surface.
+    coverage: Vec<f32>,
+    reached: Vec<bool>,
+}
+
+impl ColorSearch<'_> {
+    /// Coverage of all texels of a page by their colour alone.
+    pub(crate) fn coverage(&self, map: &TexelPage) -> Vec<f32> {
+        let width = map.block.extent[0];
+        let of_texel = |(texel, &owner): (usize, &u32)| {
+            if owner == NOBODY {
+                return 0.0;
+            }
+            let triangle = &map.triangles[owner as usize];
+            let lambda = map.lambda(triangle, texel as u32 % width, texel as u32 / width);
+            let point = nearest_inside(triangle.triangle, lambda);
+            self.fill.coverage(look_up(self.surface, self.before, self.channel, point), self.start)
+        };
+        map.owner.par_iter().enumerate().map(of_texel).collect()
+    }
+
+    /// What hangs together with a point. `map_of` finds or makes pages.
+    pub(crate) fn connected(
+        &self,
+        start: SurfacePoint,
+        mut map_of: impl FnMut(&BTreeSet<PageId>) -> Vec<Arc<TexelPage>>,
+    ) -> Reached {
+        let mut pages: BTreeMap<PageId, ReachedPage> = BTreeMap::new();
+        let mut front: Vec<(PageId, u32)> = self.places_of(start, None);
+        // Wave after wave: within the pages that are there, then with those that were asked for.
+        while !front.is_empty() {
+            let wanted: BTreeSet<PageId> =
+                front.iter().map(|(id, _)| *id).filter(|id| !pages.contains_key(id)).collect();
+            for (&id, map) in wanted.iter().zip(map_of(&wanted)) {
+                let coverage = self.coverage(&map);
+                let reached = vec![false; coverage.len()];
+                pages.insert(id, ReachedPage { map, coverage, reached });
+            }
+            front = self.flood(&mut pages, front);
+        }
+        let covered = pages.into_iter().map(|(id, mut page)| {
+            page.coverage.iter_mut().zip(&page.reached).for_each(|(c, reached)| {
+                if !reached {
+                    *c = 0.0;
+                }
+            });
+            (id, page.coverage)
+        });
+        covered.collect()
+    }
+
+    /// Goes on within the known pages; returns places on others.
+    fn flood(
+        &self,
+        pages: &mut BTreeMap<PageId, ReachedPage>,
+        mut front: Vec<(PageId, u32)>,
+    ) -> Vec<(PageId, u32)> {
+        let mut elsewhere = Vec::new();
+        while let Some((id, texel)) = front.pop() {
+            let Some(page) = pages.get_mut(&id) else {
+                elsewhere.push((id, texel));
+                continue;
+            };
+            let place = texel as usize;
+            if page.coverage[place] <= 0.0 || std::mem::replace(&mut page.reached[place], true) {
+                continue;
+            }
+            let extent = page.map.block.extent;
+            let [x, y] = [texel % extent[0], texel / extent[0]];
+            let (point, position) = self.point(&page.map, [x, y]);
+            let near = |[x, y]: [u32; 2]| {
+                let number = y * extent[0] + x;
+                let shown = page.map.owner[number as usize] != NOBODY;
+                // Beside a slit the next texel may show another part of the surface.
+                let texels = 3.0 / self.surface.cover().density;
+                (shown && self.point(&page.map, [x, y]).1.distance(position) < texels).then_some((id, number))
+            };
+            let right = (x + 1 < extent[0]).then(|| [x + 1, y]);
+            let lower = (y + 1 < extent[1]).then(|| [x, y + 1]);
+            let left = (x > 0).then(|| [x - 1, y]);
+            let upper = (y > 0).then(|| [x, y - 1]);
+            let around: Vec<_> = [right, lower, left, upper].into_iter().flatten().filter_map(near).collect();
+            front.extend(around);
+            // The same tile may go on in another page.
+            let is_border = right.is_none() || lower.is_none() || left.is_none() || upper.is_none();
+            if is_border {
+                front.extend(self.across(id, [x, y]));
+            }
+            front.extend(self.places_of(point, Some(id.group)));
+        }
+        elsewhere
+    }
+
+    /// Neighbours of a texel in the tile's other pages.
+    fn across(&self, id: PageId, [x, y]: [u32; 2]) -> Vec<(PageId, u32)> {
+        let tile = self.surface.cover().groups[id.group as usize].extent;
+        let at = [i64::from(id.page[0] * PAGE + x), i64::from(id.page[1] * PAGE + y)];
+        let steps = [[1, 0], [0, 1], [-1, 0], [0, -1]];
+        let moved = steps.map(|[dx, dy]| [at[0] + dx, at[1] + dy]);
+        let inside = moved
+            .into_iter()
+            .filter(|[x, y]| (0..i64::from(tile[0])).contains(x) && (0..i64::from(tile[1])).contains(y));
+        inside
+            .map(|[x, y]| place_in(id.group, tile, [x as u32, y as u32]))
+            .filter(|(p, _)| *p != id)
+            .collect()
+    }
+
+    fn point(&self, map: &TexelPage, [x, y]: [u32; 2]) -> (SurfacePoint, Vec3) {
+        let owner = map.owner[(y * map.block.extent[0] + x) as usize];
+        let triangle = &map.triangles[owner as usize];
+        let point = nearest_inside(triangle.triangle, map.lambda(triangle, x, y));
+        (point, self.surface.position(point).as_vec3())
+    }
+
+    /// The texels that show a point, but for those of one tile.
+    fn places_of(&self, point: SurfacePoint, without: Option<u32>) -> Vec<(PageId, u32)> {
+        let (mesh, cover) = (self.surface.mesh(), self.surface.cover());
+        let triangle = point.triangle as usize;
+        let groups = cover.corner_groups[triangle];
+        let mut places = Vec::with_capacity(2);
+        for (slot, group) in groups.into_iter().enumerate() {
+            if Some(group) == without || groups[..slot].contains(&group) {
+                continue;
+            }
+            let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
+            let uv = a * point.lambda.x + b * point.lambda.y + c * point.lambda.z;
+            let extent = cover.groups[group as usize].extent;
+            let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
+            let at = (uv * texels).clamp(Vec2::ZERO, texels - 1.0).as_uvec2();
+            places.push(place_in(group, extent, at.into()));
+        }
+        places
+    }
+}
+
+/// Page and number within it of a tile's texel.
+fn place_in(group: u32, extent: [u32; 2], [x, y]: [u32; 2]) -> (PageId, u32) {
+    let page = [x / PAGE, y / PAGE];
+    let columns = (extent[0] - page[0] * PAGE).min(PAGE);
+    (PageId { group, level: 0, page }, y % PAGE * columns + x % PAGE)
 }

@@ -1,14 +1,20 @@
 //! Texture graphs: textures of a look, on the model that is painted on.
 
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
+use fantex_cover::NOBODY;
 use fantex_look::{LookError, LookFile};
 use fantex_texture::Texture;
 use fantex_texture::look::{LookImages, ResolveOptions, Resolver};
+use glam::Vec4;
 use serde::{Deserialize, Serialize};
 
-use crate::Surface;
+use crate::composite::shade;
+use crate::layers::Layers;
+use crate::texel_page::{Rect, TexelPage};
+use crate::{LayerContent, PaintError, Surface};
 
 /// A look's text, and the folder that the files it mentions are relative to.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -77,5 +83,140 @@ impl TextureGraph {
         let texture = resolver.texture(name)?;
         let is_fixed = !texture.is_view_dependent();
         is_fixed.then_some(texture).ok_or_else(|| GraphError::ViewDependent(name.to_owned()))
+    }
+}
+
+// Fill layers that show a texture graph.
+
+/// Textures of a graph, one per channel of the asset.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct GraphFill {
+    /// Where they are defined.
+    pub graph: TextureGraph,
+    /// Their names; none where the layer does not show in a channel. Channels beyond the list have none.
+    pub textures: Vec<Option<String>>,
+}
+
+/// One per channel.
+type Textures = Vec<Option<Arc<dyn Texture>>>;
+
+/// The textures of all layers that are shown, ready to be asked.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FillTextures {
+    layers: BTreeMap<u64, (GraphFill, Textures)>,
+}
+
+impl FillTextures {
+    /// Makes what is missing and drops what is no longer shown.
+    pub(crate) fn update(&mut self, surface: &Surface, layers: &Layers) -> Result<(), PaintError> {
+        let mut known = std::mem::take(&mut self.layers);
+        for layer in layers.stack.iter().filter(|layer| layer.visible && layer.opacity > 0.0) {
+            let LayerContent::Graph(fill) = &layer.content else { continue };
+            let made = match known.remove(&layer.id()) {
+                Some((before, textures)) if before == *fill => textures,
+                _ => {
+                    let texture = |name: &Option<String>| {
+                        name.as_ref().map(|name| fill.graph.texture(surface, name)).transpose()
+                    };
+                    let textures = fill.textures.iter().map(texture).collect::<Result<_, _>>();
+                    textures.map_err(|source| {
+                        let layer = layer.name.clone();
+                        PaintError::Graph { layer, source: Box::new(source) }
+                    })?
+                }
+            };
+            self.layers.insert(layer.id(), (fill.clone(), made));
+        }
+        Ok(())
+    }
+
+    /// Values in a rectangle of a page, per channel and texel (transparent elsewhere); `is_hidden` says where none are needed.
+    pub(crate) fn values(
+        &self,
+        surface: &Surface,
+        layer: u64,
+        map: &TexelPage,
+        rect: Rect,
+        is_hidden: impl Fn(usize) -> bool,
+    ) -> Vec<Vec<Vec4>> {
+        let Some((_, textures)) = self.layers.get(&layer) else { return Vec::new() };
+        let width = map.block.extent[0];
+        let mut values = vec![Vec::new(); textures.len()];
+        for (values, texture) in values.iter_mut().zip(textures) {
+            let Some(texture) = texture else { continue };
+            values.resize(map.owner.len(), Vec4::ZERO);
+            for (x, y) in rect.texels() {
+                let texel = (y * width + x) as usize;
+                let owner = map.owner[texel];
+                if owner != NOBODY && !is_hidden(texel) {
+                    let triangle = &map.triangles[owner as usize];
+                    let lambda = map.lambda(triangle, x, y);
+                    values[texel] = shade(surface, triangle, lambda, |point| texture.evaluate(point));
+                }
+            }
+        }
+        values
+    }
+}
+
+// Folders of looks as an asset keeps them: relative to the asset where they lie with it, so that both can be moved together.
+
+/// Folders above the asset's own within which a look counts as lying with the asset.
+const FOLDERS_UP: usize = 1;
+
+/// The folder as it is kept in an asset: relative, with slashes, where it lies in the asset's folder or in the one above that;
+/// else absolute.
+pub(crate) fn kept_folder(asset: &Path, folder: &Path) -> PathBuf {
+    let folder = absolute(folder);
+    for (up, base) in home(asset).ancestors().take(1 + FOLDERS_UP).enumerate() {
+        // Everything lies below the root.
+        if base.parent().is_none() {
+            break;
+        }
+        let Ok(rest) = folder.strip_prefix(base) else { continue };
+        let down = rest.components().map(Component::as_os_str).map(|name| name.to_string_lossy());
+        let parts: Vec<_> = std::iter::repeat_n("..".into(), up).chain(down).collect();
+        return if parts.is_empty() { PathBuf::from(".") } else { PathBuf::from(parts.join("/")) };
+    }
+    folder
+}
+
+/// The folder that was kept, absolute.
+pub(crate) fn found_folder(asset: &Path, kept: &Path) -> PathBuf {
+    if kept == Path::new(".") { home(asset) } else { home(asset).join(kept) }
+}
+
+/// The folder of an asset.
+fn home(asset: &Path) -> PathBuf {
+    absolute(asset).parent().map(Path::to_owned).unwrap_or_default()
+}
+
+fn absolute(path: &Path) -> PathBuf {
+    if path.as_os_str().is_empty() {
+        return std::env::current_dir().unwrap_or_default();
+    }
+    std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_move_with_the_asset() {
+        let root = std::env::temp_dir();
+        let at = |path: &str| root.join("project").join(path);
+        for (folder, kept) in [("assets", "."), ("assets/looks/a", "looks/a"), ("looks", "../looks")] {
+            assert_eq!(kept_folder(&at("assets/a.fan"), &at(folder)), PathBuf::from(kept));
+            assert_eq!(
+                kept_folder(&at("assets/a.fan"), &found_folder(&at("assets/a.fan"), Path::new(kept))),
+                PathBuf::from(kept)
+            );
+        }
+        let moved = root.join("elsewhere/assets/a.fan");
+        assert_eq!(found_folder(&moved, Path::new("looks")), root.join("elsewhere/assets/looks"));
+        let far = root.join("other");
+        assert_eq!(kept_folder(&at("assets/deep/a.fan"), &far), far, "not with the asset");
+        assert_eq!(found_folder(&moved, &far), far);
     }
 }

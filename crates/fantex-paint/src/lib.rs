@@ -10,58 +10,64 @@
 //! |---|---|
 //! | `surface` | the mesh with the adjacency that painting needs |
 //! | `stroke` | brush, samples, symmetry; from them evenly spaced dabs |
-//! | `dab` | which part of the surface a dab covers, by distance along it |
-//! | `tile_paint` | coverage, texels, smudging, coarser levels (at once or beside the painting); the [`Painter`] |
-//! | `fill`, `color_fill` | which triangles, and which texels, a fill takes |
-//! | `picture`, `decal`, `text`, `projection` | pictures on the surface |
-//! | `graph` | textures of looks |
+//! | `region`, `dab` | which part of the surface a dab covers, by distance along it, and how far |
+//! | `fill` | which triangles, and which texels, a fill takes |
+//! | `picture`, `projection`, `graph` | stickers and texts, pictures through a camera, textures of looks |
+//! | `texel_page`, `cover` | which texels a dab covers, and how far |
+//! | `paint`, `composite`, `smudge` | what covered texels become |
+//! | `stroke_page` | what a stroke has gathered on each page |
+//! | `levels` | coarser levels, at once or beside the painting |
+//! | `painter` | the [`Painter`]: an open stroke, and how it ends |
 //! | `layers` | layers over the base, flattened into the asset's texels |
 //! | `history` | undo and redo, kept in the asset |
-//! | `replay` | strokes from a file |
-//! | `log` | strokes of an asset, for other densities and meshes |
-//! | `work` | what takes long on large assets, in slices |
+//! | `stroke_file`, `replay`, `log` | strokes from a file; strokes of an asset, for other densities and meshes |
+//! | `work` | long jobs on large assets, in slices |
 //!
 //! Everything is a function of its input only, on any number of threads. There is no window in this crate.
 
-mod blend;
-mod color_fill;
+mod composite;
+mod cover;
 mod dab;
-mod decal;
 mod error;
 mod fill;
-mod folders;
 mod graph;
 mod history;
 mod layers;
+mod levels;
 mod log;
 mod paint;
+mod painter;
 mod picture;
 mod projection;
+mod region;
 mod replay;
-mod stamp;
+mod smudge;
 mod stroke;
+mod stroke_file;
+mod stroke_page;
 mod surface;
-mod text;
-mod tile_paint;
+mod texel_page;
 mod work;
 
-pub use blend::BlendMode;
-pub use color_fill::ColorFill;
-pub use dab::{Dab, Region, RegionTriangle};
-pub use decal::Decal;
+pub use dab::{Dab, Stamp};
 pub use error::PaintError;
-pub use fill::{FillArea, FillScope, fill_starts, fill_triangles, fill_triangles_with};
-pub use graph::{GraphError, TextureGraph};
+pub use fill::{ColorFill, FillArea, FillScope, fill_starts, fill_triangles, fill_triangles_with};
+pub use graph::{GraphError, GraphFill, TextureGraph};
 pub use history::{History, HistoryStep};
-pub use layers::{GraphFill, Layer, LayerContent, Target};
+pub use layers::{Layer, LayerContent, Target};
 pub use log::StrokeLog;
-pub use paint::{ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
-pub use picture::Picture;
+pub use paint::{BlendMode, ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
+pub use painter::{PaintOptions, Painter, PreviewPage, StrokeSummary};
+pub use picture::{DEFAULT_FONT, Decal, Picture, TextError, TextPicture, draw_text};
 pub use projection::{Lens, PicturePlace, Projection, ProjectionView};
-pub use replay::*;
-pub use stamp::Stamp;
+pub use region::{Region, RegionTriangle};
+pub use replay::{ReplayError, ReplaySummary, replay};
 pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
+pub use stroke_file::{
+    BrushSettings, ChannelKindName, ChannelSettings, ColorSettings, DabSettings, DecalSettings,
+    FillLayerSettings, FillSettings, FillTextureSettings, LayerSettings, LookSettings, ProjectionSettings,
+    SampleSettings, StencilBy, StencilSettings, StrokeFile, StrokeSettings, TextSettings, ToolSettings,
+    Where,
+};
 pub use surface::{Surface, SurfacePoint};
-pub use text::{DEFAULT_FONT, TextError, TextPicture, draw_text};
-pub use tile_paint::{PaintOptions, Painter, PreviewPage, StrokeSummary};
 pub use work::WorkProgress;

@@ -1,7 +1,17 @@
 //! Pictures that are laid onto the surface: decals, texts, slides of a projection.
 
+use std::sync::Arc;
+
+use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
+use fantex_cover::TexelTriangle;
 use fantex_texture::Image;
-use glam::{Vec2, Vec4, Vec4Swizzles};
+use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
+
+use crate::composite::{Ink, tangent_from_picture};
+use crate::cover::{Patch, TexelUnder};
+use crate::dab::{Chart, tangent_axes};
+use crate::texel_page::TexelPage;
+use crate::{PaintColor, Region, Surface, SurfacePoint, Symmetry};
 
 /// A picture with coarser versions of itself, so that a texel sees the mean of what it covers.
 ///
@@ -40,7 +50,7 @@ impl Picture {
     }
 
     /// A shape in white: coverage 0..1, row-major from the top, as many as `extent` has texels.
-    pub(crate) fn from_coverage(extent: [usize; 2], coverage: &[f32]) -> Self {
+    fn from_coverage(extent: [usize; 2], coverage: &[f32]) -> Self {
         Self::from_texels(extent, coverage.iter().map(|&a| Vec4::new(1.0, 1.0, 1.0, a)).collect())
     }
 
@@ -113,8 +123,228 @@ impl Level {
     }
 }
 
+// Pictures at a place of the surface: stickers, texts.
+
+/// A picture that lies on the surface around a point and follows it.
+#[derive(Clone, Debug)]
+pub struct Decal {
+    /// Its middle.
+    pub center: SurfacePoint,
+    /// Length of its longer side, mesh units along the surface.
+    pub size: f32,
+    /// Radians, counter-clockwise on the surface; 0 is upright.
+    pub angle: f32,
+    /// Its alpha says where it covers. Colours are those of the channels.
+    pub shape: Arc<Picture>,
+    /// Left and right are changed, of the shape and of colours that are pictures.
+    pub mirrored: bool,
+}
+
+impl Decal {
+    /// The decal and its copies on the other sides of the model, turned as symmetry turns them. Mirror images are mirrored,
+    /// unless they are to be `readable`. Copies that find no surface within half the decal's size are left out.
+    pub fn copies(&self, surface: &Surface, symmetry: &Symmetry, readable: bool) -> Vec<Self> {
+        let places = symmetry.places(surface, self.center, 0.5 * self.size);
+        let [right, _] = turned_axes(surface, self.center, self.angle);
+        let copies = (0u32..).zip(places).filter_map(|(k, place)| {
+            let center = place?;
+            if k == 0 {
+                return Some(self.clone());
+            }
+            let is_image = symmetry.mirrors();
+            // A mirrored picture's right points to the left.
+            let right = symmetry.moved_direction(right, k) * if is_image { -1.0 } else { 1.0 };
+            let (x, y) = tangent_axes(surface.outer_normal(center.triangle));
+            let angle = right.dot(y).atan2(right.dot(x)) as f32;
+            Some(Self { center, angle, mirrored: self.mirrored != (is_image && !readable), ..self.clone() })
+        });
+        copies.collect()
+    }
+}
+
+/// Where a picture's right and upright direction point around a point, mesh space.
+fn turned_axes(surface: &Surface, point: SurfacePoint, angle: f32) -> [DVec3; 2] {
+    let (x, y) = tangent_axes(surface.outer_normal(point.triangle));
+    let (sin, cos) = f64::from(angle).sin_cos();
+    [x * cos + y * sin, y * cos - x * sin]
+}
+
+/// A decal with the part of the surface that it covers.
+pub(crate) struct PlacedDecal<'a> {
+    surface: &'a Surface,
+    region: Region,
+    chart: Chart,
+    shape: &'a Picture,
+    /// Coordinates of the picture per mesh unit, to the right and upwards.
+    scale: Vec2,
+    ink: &'a Ink<'a>,
+}
+
+impl<'a> PlacedDecal<'a> {
+    pub(crate) fn new(surface: &'a Surface, decal: &'a Decal, ink: &'a Ink<'a>) -> Self {
+        let half = (0.5 * decal.size).max(0.5 / surface.cover().density);
+        let [columns, rows] = decal.shape.extent().map(|n| n as f32);
+        let longer = columns.max(rows);
+        // Half the diagonal, and a texel for the border.
+        let reach = half * (columns / longer).hypot(rows / longer) + 1.5 / surface.cover().density;
+        let region = Region::grow(surface, decal.center, reach * 1.05);
+        let axes = turned_axes(surface, decal.center, decal.angle);
+        let chart = Chart::unfold(surface, &region, decal.center, axes);
+        let scale = Vec2::new(if decal.mirrored { -1.0 } else { 1.0 }, 1.0) / half;
+        Self { surface, region, chart, shape: &decal.shape, scale, ink }
+    }
+
+    /// Where the picture's right and upright direction point on a triangle, mesh space.
+    fn axes(&self, triangle: &TexelTriangle, index: usize) -> [Vec3; 2] {
+        let Some([a, b, c]) = self.chart.triangle(index) else { return [Vec3::ZERO; 2] };
+        let [p, q, r] = self.surface.mesh().triangle_positions(triangle.triangle as usize);
+        let area = (b - a).perp_dot(c - a);
+        let right = ((q - p) * (c - a).y - (r - p) * (b - a).y) / area;
+        let up = ((r - p) * (b - a).x - (q - p) * (c - a).x) / area;
+        [right * self.scale.x, up].map(|axis| axis.normalize_or_zero())
+    }
+
+    /// Side of a texel in coordinates of the picture.
+    fn texel_width(&self, triangle: &TexelTriangle, index: usize) -> f32 {
+        let Some([a, b, c]) = self.chart.triangle(index) else { return 0.0 };
+        let step = |l: Vec3| (a * l.x + b * l.y + c * l.z).length_squared();
+        (0.5 * (step(triangle.steps[0]) + step(triangle.steps[1]))).sqrt() * self.scale.y
+    }
+}
+
+impl Patch for PlacedDecal<'_> {
+    fn region(&self) -> &Region {
+        &self.region
+    }
+
+    fn at(&self, map: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32 {
+        let Some(place) = self.chart.at(under.index, under.lambda) else { return 0.0 };
+        let (place, width) = (place * self.scale, self.texel_width(under.triangle, under.index));
+        let covered = self.shape.alpha(place, width);
+        if covered <= 0.0 {
+            return 0.0;
+        }
+        for (color, painted) in colors.iter_mut().zip(&self.ink.paint.channels) {
+            *color = match &painted.color {
+                PaintColor::Image(picture) if self.ink.is_tangent(painted) => {
+                    tangent_from_picture(picture.color(place, width), self.axes(under.triangle, under.index))
+                }
+                PaintColor::Image(picture) => picture.color(place, width),
+                _ => {
+                    let straight = self.ink.at(map, under.place, painted).unwrap_or(Vec4::ZERO);
+                    (straight.truncate() * straight.w).extend(straight.w)
+                }
+            };
+        }
+        covered
+    }
+}
+
+// Texts as pictures.
+
+/// The font of texts that name none: Hack (see `fonts/Hack-Regular.txt` for its licence).
+pub const DEFAULT_FONT: &[u8] = include_bytes!("../fonts/Hack-Regular.ttf");
+
+/// Texels between lines, unless the text is too long for that.
+const LINE_TEXELS: f32 = 128.0;
+
+/// Texels along the longer side of a text, about, at most.
+const MAX_EXTENT: f32 = 8192.0;
+
+/// A text cannot be drawn.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum TextError {
+    /// The font is none.
+    #[error("the font is neither TrueType nor OpenType; give the path of a .ttf or .otf file")]
+    Font,
+    /// Nothing to see.
+    #[error("the text has no visible characters in this font")]
+    Empty,
+}
+
+/// A text that was drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TextPicture {
+    /// White on nothing.
+    pub picture: Picture,
+    /// Length of the picture's longer side in distances of lines.
+    pub lines: f32,
+}
+
+/// A line of a text: its glyphs with their places from the line's left end, and its width.
+struct Line {
+    glyphs: Vec<(ab_glyph::GlyphId, f32)>,
+    width: f32,
+}
+
+/// Draws a text. Lines are centred; neighbouring characters are kerned.
+///
+/// # Errors
+///
+/// The font cannot be read, or no character is visible.
+pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture, TextError> {
+    let font = FontRef::try_from_slice(font).map_err(|_| TextError::Font)?;
+    let widest = set_lines(text, &font, LINE_TEXELS).iter().map(|line| line.width).fold(0.0, f32::max);
+    let count = text.lines().count().max(1) as f32;
+    let texels = LINE_TEXELS * (MAX_EXTENT / (widest + LINE_TEXELS).max(count * LINE_TEXELS)).min(1.0);
+    let lines = set_lines(text, &font, texels);
+    let widest = lines.iter().map(|line| line.width).fold(0.0, f32::max);
+    // Half a line beside the text for what hangs over.
+    let extent = [(widest + texels).ceil() as usize, (lines.len() as f32 * texels).ceil() as usize];
+    let mut coverage = vec![0.0f32; extent[0] * extent[1]];
+    let scale = scale_of(&font, texels);
+    let ascent = font.as_scaled(scale).ascent();
+    for (number, line) in lines.iter().enumerate() {
+        let left = 0.5 * (extent[0] as f32 - line.width);
+        for &(id, x) in &line.glyphs {
+            let glyph = id.with_scale_and_position(scale, point(left + x, number as f32 * texels + ascent));
+            let Some(outline) = font.outline_glyph(glyph) else { continue };
+            let corner = outline.px_bounds().min;
+            outline.draw(|dx, dy, covered| {
+                let (x, y) = (corner.x as i64 + i64::from(dx), corner.y as i64 + i64::from(dy));
+                if (0..extent[0] as i64).contains(&x) && (0..extent[1] as i64).contains(&y) {
+                    let texel = &mut coverage[y as usize * extent[0] + x as usize];
+                    *texel = (*texel + covered).min(1.0);
+                }
+            });
+        }
+    }
+    if coverage.iter().all(|&covered| covered == 0.0) {
+        return Err(TextError::Empty);
+    }
+    let lines = extent[0].max(extent[1]) as f32 / texels;
+    Ok(TextPicture { picture: Picture::from_coverage(extent, &coverage), lines })
+}
+
+/// The scale at which lines are so many texels apart.
+fn scale_of(font: &FontRef<'_>, texels: f32) -> PxScale {
+    let unit = font.as_scaled(PxScale::from(1.0));
+    let line = (unit.height() + unit.line_gap()).max(1e-3);
+    PxScale::from(texels / line)
+}
+
+fn set_lines(text: &str, font: &FontRef<'_>, texels: f32) -> Vec<Line> {
+    let scaled = font.as_scaled(scale_of(font, texels));
+    let set = |line: &str| {
+        let (mut glyphs, mut width) = (Vec::new(), 0.0);
+        for character in line.chars() {
+            let id = scaled.glyph_id(character);
+            if let Some(&(before, _)) = glyphs.last() {
+                width += scaled.kern(before, id);
+            }
+            glyphs.push((id, width));
+            width += scaled.h_advance(id);
+        }
+        Line { glyphs, width }
+    };
+    text.lines().map(set).collect()
+}
+
 #[cfg(test)]
 mod tests {
+    use glam::Vec2;
+
     use super::*;
 
     #[test]
@@ -137,5 +367,18 @@ mod tests {
             assert!((picture.alpha(Vec2::ZERO, width) - 1.0).abs() < 1e-6, "{width}");
         }
         assert_eq!(picture.alpha(Vec2::new(0.0, 0.8), 0.0), 0.0, "above a wide picture there is nothing");
+    }
+
+    #[test]
+    fn a_text_is_as_wide_as_its_letters() {
+        let [one, two] = ["I", "IIII\nI"].map(|text| draw_text(text, DEFAULT_FONT).unwrap());
+        assert!(two.picture.extent()[0] > 2 * one.picture.extent()[0] - 130, "{:?}", two.picture.extent());
+        assert_eq!(two.picture.extent()[1], 2 * one.picture.extent()[1]);
+        assert!(one.picture.alpha(Vec2::ZERO, 0.0) > 0.9, "a stem in the middle");
+        assert_eq!(one.picture.alpha(Vec2::new(-0.95, 0.0), 0.0), 0.0);
+        assert_eq!(draw_text("  ", DEFAULT_FONT), Err(TextError::Empty));
+        assert_eq!(draw_text("x", b"no font"), Err(TextError::Font));
+        let long = draw_text(&"wide ".repeat(400), DEFAULT_FONT).unwrap();
+        assert!(long.picture.extent()[0] <= 8300 && long.lines > 500.0, "{}", long.lines);
     }
 }

@@ -2,9 +2,14 @@
 
 use std::sync::Arc;
 
+use fantex_cover::NOBODY;
 use glam::{DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
+use crate::composite::nearest_inside;
+use crate::cover::blend;
+use crate::stroke_page::StrokePage;
+use crate::texel_page::TexelPage;
 use crate::{Picture, Surface, SurfacePoint};
 
 /// Where a picture is projected from. World space.
@@ -224,4 +229,37 @@ impl Projection {
 /// Length of a texel's sides.
 fn width_of(steps: [Vec3; 2]) -> f32 {
     (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt()
+}
+
+// Stencils: pictures over the view that a stroke is laid on through.
+//
+// How much a stencil lets through is asked once per texel and stroke, when the texel is first covered: sight costs rays.
+
+/// Brings the stencil of a page up to date with its coverage.
+pub(crate) fn see_through(surface: &Surface, map: &TexelPage, stencil: &Projection, page: &mut StrokePage) {
+    let rect = page.stale;
+    if rect.is_empty() {
+        return;
+    }
+    if page.stencil.is_empty() {
+        page.stencil = vec![f32::NAN; page.coverage.len()];
+    }
+    let width = map.block.extent[0];
+    let (coverage, stencil_texels) = (&page.coverage, &mut page.stencil);
+    let rows = stencil_texels.par_chunks_mut(width as usize).zip(0..map.block.extent[1]);
+    let rows = rows.skip(rect.low[1] as usize).take((rect.high[1] - rect.low[1]) as usize);
+    rows.for_each(|(row, y)| {
+        for x in rect.low[0]..rect.high[0] {
+            let texel = (y * width + x) as usize;
+            let passes = &mut row[x as usize];
+            let owner = map.owner[texel];
+            if coverage[texel] <= 0.0 || !passes.is_nan() || owner == NOBODY {
+                continue;
+            }
+            let triangle = &map.triangles[owner as usize];
+            let point = nearest_inside(triangle.triangle, map.lambda(triangle, x, y));
+            let steps = triangle.steps.map(|step| blend(surface, triangle.triangle, step));
+            *passes = stencil.at(surface, point, steps).map_or(0.0, |color| color.w);
+        }
+    });
 }

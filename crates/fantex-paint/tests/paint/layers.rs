@@ -1,20 +1,19 @@
 //! Layers: what everybody sees is what they make together.
 
+use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::{Baked, cleaned, contents, cover, red, sample, stroke};
 use fantex_bake::BakeFormat;
-use fantex_mesh::generate;
+use fantex_mesh::{Mesh, generate};
 use fantex_paint::{
-    BlendMode, ChannelPaint, Layer, Paint, PaintColor, PaintError, Painter, Target, Tool, dabs_of,
+    BlendMode, ChannelPaint, Layer, Paint, PaintColor, PaintError, Painter, StrokeFile, StrokeLog, Target,
+    Tool, dabs_of, replay,
 };
-use fantex_store::{VerifyOptions, verify};
+use fantex_store::{Asset, PageCache, VerifyOptions, verify};
+use fantex_texture::Image;
 use glam::{Vec3, Vec4};
 
-fn ball(format: BakeFormat) -> Baked {
-    let mesh = cleaned(generate::icosphere(4));
-    Baked::new(&mesh, &cover(&mesh, 64, 60_000), format)
-}
+use crate::{Baked, ball, cleaned, contents, cover, data_folder, loaded, paint_stroke, red, sample, stroke};
 
 fn paint_on(painter: &mut Painter, target: Target, paint: Paint, positions: &[Vec3]) {
     let surface = Arc::clone(painter.surface());
@@ -38,7 +37,7 @@ fn white() -> Paint {
 #[test]
 fn hidden_layers_give_back_the_base_and_shown_ones_come_back() {
     for format in [BakeFormat::Bc7, BakeFormat::Rgba8] {
-        let baked = ball(format);
+        let baked = ball(60_000, format);
         let mut painter = baked.painter();
         let base = contents(&painter).0;
         let layer = painter.add_layer(Layer::painted("paint")).unwrap();
@@ -64,7 +63,7 @@ fn hidden_layers_give_back_the_base_and_shown_ones_come_back() {
 
 #[test]
 fn every_step_can_be_undone() {
-    let baked = ball(BakeFormat::Bc7);
+    let baked = ball(60_000, BakeFormat::Bc7);
     let mut painter = baked.painter();
     let mut states = vec![(contents(&painter), painter.layers().to_vec())];
     let mut note = |painter: &Painter| states.push((contents(painter), painter.layers().to_vec()));
@@ -104,7 +103,7 @@ fn every_step_can_be_undone() {
 
 #[test]
 fn the_flattened_value_is_the_formula() {
-    let baked = ball(BakeFormat::Float);
+    let baked = ball(60_000, BakeFormat::Float);
     let mut painter = baked.painter();
     let place = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
     let value = |baked: &Baked| sample(&baked.cache(), 0, 0, place.triangle as usize, place.lambda).0;
@@ -126,4 +125,154 @@ fn the_flattened_value_is_the_formula() {
     painter.commit().unwrap();
     assert!((value(&baked) - base).abs().max_element() < 1e-6);
     assert!(matches!(painter.begin_on(Target::Layer(77), "x", red(1.0)), Err(PaintError::NoLayer(77))));
+}
+
+// The log of strokes: paint outlives resolution, cover and mesh.
+
+const LOGGED_STROKES: &str = r##"{ "version": 1, "strokes": [
+    { "label": "ground", "fill": "whole", "channels": [{ "kind": "base_color", "color": { "srgb": [0.8, 0.8, 0.7] } }],
+      "samples": [{ "at": { "position": [0, 0, 1] } }] },
+    { "label": "fill layer", "layer": { "name": "squares", "opacity": 0.8, "fill": {
+        "look": { "inline": { "text": "[textures.squares]\nkind = \"checker\"\neven = \"#40c040\"\nodd = \"#c0c0ff\"\n" } },
+        "textures": [{ "kind": "base_color", "texture": "squares" }], "outside": 0.0 } } },
+    { "label": "mask", "layer": { "name": "squares", "mask": true }, "brush": { "size": { "texels": 60 } },
+      "channels": [{ "kind": "base_color", "color": { "srgb": [1, 1, 1] } }],
+      "samples": [{ "at": { "position": [0, -0.6, 1] } }, { "at": { "position": [1, -0.6, 0] } }] },
+    { "label": "line", "brush": { "size": { "texels": 30 }, "flow": 0.6 },
+      "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } },
+                   { "kind": "occlusion_roughness_metallic", "color": { "linear": [1, 0.2, 0, 1] } }],
+      "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [0, 1, 0] }, "pressure": 0.4 },
+                  { "at": { "position": [-1, 0.2, 0.3] } }] },
+    { "label": "stamp", "brush": { "size": { "texels": 80 }, "stamp": "stamp.png" }, "tool": { "paint": "multiply" },
+      "channels": [{ "kind": "base_color", "color": { "srgb": [0.2, 0.2, 0.9] } }],
+      "samples": [{ "at": { "ray": { "origin": [0, 0, 9], "direction": [0, 0, -1] } } },
+                  { "at": { "ray": { "origin": [0, 5, 9], "direction": [0, 0, -1] } } }] },
+    { "label": "smudge", "brush": { "size": { "texels": 40 } }, "tool": { "smudge": { "strength": 0.8 } },
+      "channels": [{ "kind": "base_color" }],
+      "samples": [{ "at": { "position": [1, 0, 0] } }, { "at": { "position": [1, 0.1, 0.4] } }] },
+    { "label": "text", "text": { "text": "fan", "size": { "texels": 80 } },
+      "channels": [{ "kind": "base_color", "color": { "srgb": [0, 0, 0] } }],
+      "samples": [{ "at": { "position": [0, 0.2, -1] } }] }
+] }"##;
+
+fn painted(mesh: &Mesh, tile: u32, texels: u64) -> Baked {
+    let baked = Baked::new(mesh, &cover(mesh, tile, texels), BakeFormat::Bc7);
+    let texel = |i: usize| [1.0, 1.0, 1.0, if (i % 16 / 4 + i / 64).is_multiple_of(2) { 1.0 } else { 0.0 }];
+    let texels: Vec<[f32; 4]> = (0..256).map(texel).collect();
+    Image::from_linear_rgba(16, 16, &texels).save(baked.folder.path().join("stamp.png")).unwrap();
+    let file: StrokeFile = serde_json::from_str(LOGGED_STROKES).unwrap();
+    let mut painter = baked.painter();
+    let summary = replay(&mut painter, &file, baked.folder.path()).unwrap();
+    assert_eq!(summary.missed_samples, 1);
+    painter.commit().unwrap();
+    baked
+}
+
+fn log_of(path: &Path) -> StrokeLog {
+    StrokeLog::of(&Asset::open(path).unwrap()).unwrap()
+}
+
+/// Replays the log of one asset onto a bake of another mesh, and compares base colours at the same places of the world: the
+/// mean difference, and the share of places that differ by more than a tenth.
+fn compare(from: &Baked, mesh: &Mesh, tile: u32, texels: u64) -> (f32, f32) {
+    let to = Baked::new(mesh, &cover(mesh, tile, texels), BakeFormat::Bc7);
+    let mut painter = to.painter();
+    let summary = log_of(&from.path).replay(&mut painter).unwrap();
+    assert_eq!((summary.missed_samples, summary.unrecorded), (0, 0));
+    painter.commit().unwrap();
+    assert!(verify(&to.path, &VerifyOptions::default()).unwrap().ok);
+    let (old, new) = (from.cache(), to.cache());
+    let surface = Arc::clone(painter.surface());
+    let old_mesh = old.asset().mesh();
+    let step = (old_mesh.triangles.len() / 4000).max(1);
+    let (mut sum, mut apart, mut count) = (0.0, 0, 0);
+    for triangle in (0..old_mesh.triangles.len()).step_by(step) {
+        let lambda = Vec3::splat(1.0 / 3.0);
+        let [a, b, c] = old_mesh.triangle_positions(triangle);
+        let world = old_mesh.world_from_mesh.point((a + b + c) / 3.0);
+        let at = surface.mesh().world_from_mesh.inverse_point(world);
+        let point = surface.nearest(at, f32::INFINITY).unwrap();
+        let value = |cache: &PageCache, triangle, lambda| sample(cache, 0, 0, triangle, lambda).0;
+        let before: Vec4 = value(&old, triangle, lambda);
+        let after = value(&new, point.triangle as usize, point.lambda);
+        let difference = (before - after).abs().max_element();
+        sum += difference;
+        apart += usize::from(difference > 0.1);
+        count += 1;
+    }
+    (sum / count as f32, apart as f32 / count as f32)
+}
+
+#[test]
+fn a_log_fits_other_densities_covers_and_meshes() {
+    let mesh = cleaned(generate::icosphere(5));
+    let baked = painted(&mesh, 64, 400_000);
+    let log = log_of(&baked.path);
+    let labels: Vec<&str> = log.strokes.strokes.iter().map(|stroke| stroke.label.as_str()).collect();
+    // The layer is made by a step of its own.
+    assert_eq!(labels, ["ground", "add layer", "mask", "line", "stamp", "smudge", "text"]);
+    let same = compare(&baked, &mesh, 64, 400_000);
+    assert!(same.0 < 1e-3 && same.1 < 0.002, "the same again: {same:?}");
+    let denser = compare(&baked, &mesh, 64, 1_000_000);
+    assert!(denser.0 < 0.01 && denser.1 < 0.03, "density: {denser:?}");
+    let covered = compare(&baked, &mesh, 128, 400_000);
+    assert!(covered.0 < 0.01 && covered.1 < 0.02, "another cover: {covered:?}");
+    let coarse = compare(&baked, &cleaned(generate::icosphere(4)), 64, 400_000);
+    assert!(coarse.0 < 0.015 && coarse.1 < 0.05, "a quarter of the triangles: {coarse:?}");
+    let mut bumpy = generate::icosphere(5);
+    for p in &mut bumpy.positions {
+        *p *= 0.965 + 0.03 * (9.0 * p.x).sin() * (7.0 * p.y).cos();
+    }
+    let displaced = compare(&baked, &cleaned(bumpy), 64, 400_000);
+    assert!(displaced.0 < 0.02 && displaced.1 < 0.06, "displaced: {displaced:?}");
+}
+
+#[test]
+fn what_is_undone_leaves_the_log() {
+    let mesh = cleaned(generate::icosphere(4));
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 60_000), BakeFormat::Bc7);
+    let mut painter = baked.painter();
+    let line = stroke(painter.surface(), 30.0, &[Vec3::X, Vec3::new(0.6, 0.6, 0.5)]);
+    paint_stroke(&mut painter, red(0.8), &line);
+    painter.add_layer(Layer::painted("over")).unwrap();
+    let count = |painter: &mut fantex_paint::Painter| {
+        painter.commit().unwrap();
+        log_of(&baked.path).strokes.strokes.len()
+    };
+    assert_eq!(count(&mut painter), 2);
+    painter.undo().unwrap();
+    assert_eq!(count(&mut painter), 1);
+    painter.redo().unwrap();
+    assert_eq!(count(&mut painter), 2);
+    painter.undo().unwrap();
+    painter.undo().unwrap();
+    assert_eq!(count(&mut painter), 0);
+    drop(painter);
+    let mut painter = baked.painter();
+    painter.redo().unwrap();
+    assert_eq!(count(&mut painter), 1);
+    // What came as dabs is logged as dabs.
+    let log = log_of(&baked.path);
+    assert!(log.strokes.strokes[0].dabs.len() > 5 && log.strokes.strokes[0].samples.is_empty());
+    let again = compare(&baked, &mesh, 64, 60_000);
+    assert!(again.0 < 1e-3, "{again:?}");
+    let file = baked.folder.path().join("out/strokes.json");
+    std::fs::create_dir(file.parent().unwrap()).unwrap();
+    log.save(&file).unwrap();
+    assert_eq!(StrokeFile::load(&file).unwrap(), log.strokes);
+}
+
+#[test]
+fn a_painted_bunny_takes_its_paint_along() {
+    let Some(folder) = data_folder() else { return };
+    let mesh = loaded(&folder, "meshes/bunny/stanford_bunny.ply");
+    let baked = Baked::new(&mesh, &cover(&mesh, 64, 1 << 19), BakeFormat::Bc7);
+    let mut painter = baked.painter();
+    let line = stroke(painter.surface(), 40.0, &[Vec3::new(-0.5, 0.2, 1.0), Vec3::new(0.5, 0.1, 1.0)]);
+    paint_stroke(&mut painter, red(0.9), &line);
+    painter.commit().unwrap();
+    drop(painter);
+    let denser = compare(&baked, &mesh, 64, 1 << 20);
+    let covered = compare(&baked, &mesh, 96, 1 << 19);
+    assert!(denser.0 < 0.01 && covered.0 < 0.01, "{denser:?} {covered:?}");
 }

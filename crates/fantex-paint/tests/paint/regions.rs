@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use crate::common::{cleaned, cover, mesh_of, plate};
 use fantex_mesh::{Mesh, generate};
 use fantex_paint::{Region, Surface, SurfacePoint};
 use glam::{DVec3, Vec3};
 use proptest::prelude::*;
+
+use crate::{cleaned, cover, mesh_of, plate};
 
 fn surface(mesh: &Mesh) -> Surface {
     Surface::new(Arc::new(mesh.clone()), Arc::new(cover(mesh, 64, 4000)))

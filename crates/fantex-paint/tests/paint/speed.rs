@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::common::{Baked, cleaned, cover, red, stroke};
+use crate::{Baked, cleaned, cover, red, stroke};
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
 use fantex_paint::dabs_of;

@@ -1,38 +1,20 @@
 //! Smudge, fill by colour, eyedropper, decals, texts, projections, texture graphs.
 
-use crate::common;
 use std::sync::Arc;
 
-use crate::common::{Baked, cleaned, contents, cover, paint_stroke, plate, red, sample, stroke};
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
 use fantex_paint::{
-    BlendMode, ChannelPaint, ColorFill, FillArea, FillScope, Paint, PaintColor, Painter, StrokeFile, Tool,
-    dabs_of, fill_triangles, replay,
+    BlendMode, ChannelPaint, ColorFill, FillArea, FillScope, Paint, PaintColor, Painter, Tool, dabs_of,
+    fill_triangles,
 };
 use fantex_store::{PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
 use glam::{Vec3, Vec4};
 
-fn ball(texels: u64) -> Baked {
-    let mesh = cleaned(generate::icosphere(4));
-    Baked::new(&mesh, &cover(&mesh, 64, texels), BakeFormat::Float)
-}
-
-fn run(baked: &Baked, strokes: &str) -> Painter {
-    let text = format!(r#"{{ "version": 1, "strokes": [{strokes}] }}"#);
-    let file: StrokeFile = serde_json::from_str(&text).unwrap();
-    let mut painter = baked.painter();
-    replay(&mut painter, &file, baked.folder.path()).unwrap();
-    painter.commit().unwrap();
-    painter
-}
-
-/// The base colour at the point nearest to a mesh-space position.
-fn color_at(cache: &PageCache, painter: &Painter, at: Vec3) -> Vec4 {
-    let point = painter.surface().nearest(at, f32::INFINITY).unwrap();
-    sample(cache, 0, 0, point.triangle as usize, point.lambda).0
-}
+use crate::{
+    Baked, Contents, ball, cleaned, color_at, contents, cover, paint_stroke, plate, red, run, sample, stroke,
+};
 
 /// Tiles agree within a step of 8 bits wherever they overlap, at all levels the certificate holds.
 fn check(baked: &Baked, steps: f32) {
@@ -53,7 +35,7 @@ fn check(baked: &Baked, steps: f32) {
 
 #[test]
 fn smudge_drags_colour_along_and_tiles_agree() {
-    let baked = ball(300_000);
+    let baked = ball(300_000, BakeFormat::Float);
     let mut painter = baked.painter();
     let mut dot = stroke(painter.surface(), 60.0, &[Vec3::X]);
     dot.brush.hardness = 0.6;
@@ -95,7 +77,7 @@ fn smudge_drags_colour_along_and_tiles_agree() {
 
 #[test]
 fn a_fill_by_colour_takes_what_looks_alike_and_hangs_together() {
-    let baked = ball(200_000);
+    let baked = ball(200_000, BakeFormat::Float);
     let mut painter = baked.painter();
     // A white ball with two red dots.
     let flat = |color: Vec4| Paint {
@@ -159,7 +141,7 @@ fn fills_of_triangles_end_where_they_should() {
 
 #[test]
 fn the_eyedropper_sees_what_is_not_committed() {
-    let baked = ball(60_000);
+    let baked = ball(60_000, BakeFormat::Float);
     let mut painter = baked.painter();
     let point = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
     let generation = painter.editor().asset().generation();
@@ -189,7 +171,7 @@ fn save_flag(baked: &Baked) {
 
 #[test]
 fn a_decal_lies_upright_where_it_is_put() {
-    let baked = ball(300_000);
+    let baked = ball(300_000, BakeFormat::Float);
     save_flag(&baked);
     let before = baked.cache();
     let painter = run(
@@ -231,7 +213,7 @@ fn a_decal_is_not_mirrored_on_a_mesh_that_is_wound_inwards() {
 
 #[test]
 fn a_text_is_written_with_any_colour() {
-    let baked = ball(300_000);
+    let baked = ball(300_000, BakeFormat::Float);
     let before = baked.cache();
     let painter = run(
         &baked,
@@ -251,7 +233,7 @@ fn a_text_is_written_with_any_colour() {
 
 #[test]
 fn a_projection_stops_at_what_the_camera_sees() {
-    let baked = ball(200_000);
+    let baked = ball(200_000, BakeFormat::Float);
     save_flag(&baked);
     let before = baked.cache();
     let painter = run(
@@ -279,7 +261,7 @@ odd = "#0000ff"
 
 #[test]
 fn brushes_and_fill_layers_take_textures_of_looks() {
-    let baked = ball(120_000);
+    let baked = ball(120_000, BakeFormat::Float);
     std::fs::write(baked.folder.path().join("a.toml"), LOOK).unwrap();
     let stroke = r#"{ "brush": { "size": { "world": 0.5 }, "hardness": 1 },
         "channels": [{ "kind": "base_color", "color": { "texture": { "look": { "file": "a.toml" }, "name": "squares" } } }],
@@ -313,7 +295,7 @@ fn brushes_and_fill_layers_take_textures_of_looks() {
     assert!(contents(&painter) == before);
     painter.edit_layers("hide", |layers| layers[0].visible = false).unwrap();
     painter.edit_layers("show", |layers| layers[0].visible = true).unwrap();
-    let finest = |contents: &common::Contents| -> Vec<Vec<u8>> {
+    let finest = |contents: &Contents| -> Vec<Vec<u8>> {
         contents.0.iter().filter(|(id, _)| id.level == 0).map(|(_, bytes)| bytes.clone()).collect()
     };
     assert!(finest(&contents(&painter)) == finest(&before), "evaluated anew, it is the same");

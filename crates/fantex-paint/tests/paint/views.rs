@@ -1,37 +1,20 @@
 //! Stencils and slides through a camera, symmetric fills and stickers, tilted pens, looks that move with the asset.
 
-use crate::common;
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::{Baked, cleaned, contents, cover, data_folder, loaded, sample};
 use fantex_bake::BakeFormat;
-use fantex_mesh::generate;
-use fantex_paint::{PaintOptions, Painter, StrokeFile, StrokeLog, replay};
+use fantex_paint::{PaintOptions, Painter, StrokeLog, replay};
 use fantex_store::{Asset, PageCache, VerifyOptions, verify};
 use fantex_texture::Image;
 use glam::{Vec3, Vec4};
 
-fn ball(texels: u64, format: BakeFormat) -> Baked {
-    let mesh = cleaned(generate::icosphere(4));
-    Baked::new(&mesh, &cover(&mesh, 64, texels), format)
-}
+use crate::{Baked, ball, color_at, contents, cover, data_folder, loaded, plate, run, sample, strokes};
 
-fn strokes(text: &str) -> StrokeFile {
-    serde_json::from_str(&format!(r#"{{ "version": 1, "strokes": [{text}] }}"#)).unwrap()
-}
-
-fn run(baked: &Baked, text: &str) -> Painter {
-    let mut painter = baked.painter();
-    replay(&mut painter, &strokes(text), baked.folder.path()).unwrap();
-    painter.commit().unwrap();
+fn certified(baked: &Baked, text: &str) -> Painter {
+    let painter = run(baked, text);
     assert!(verify(&baked.path, &VerifyOptions::default()).unwrap().ok);
     painter
-}
-
-fn color_at(cache: &PageCache, painter: &Painter, at: Vec3) -> Vec4 {
-    let point = painter.surface().nearest(at, f32::INFINITY).unwrap();
-    sample(cache, 0, 0, point.triangle as usize, point.lambda).0
 }
 
 /// Left half white, right half black, opaque; with `alpha` the right half is transparent instead.
@@ -68,7 +51,7 @@ fn a_stroke_is_laid_on_through_its_stencil() {
     let baked = ball(200_000, BakeFormat::Float);
     save_halves(baked.folder.path(), "halves.exr", false);
     let before = baked.cache();
-    let painter = run(&baked, &swipe(r#""stencil": { "image": "halves.exr" }"#, CAMERA));
+    let painter = certified(&baked, &swipe(r#""stencil": { "image": "halves.exr" }"#, CAMERA));
     let after = baked.cache();
     let is_red =
         |p: Vec3| color_at(&after, &painter, p.normalize()).distance(Vec4::new(1.0, 0.0, 0.0, 1.0)) < 0.02;
@@ -87,7 +70,7 @@ fn a_stroke_is_laid_on_through_its_stencil() {
     let camera = CAMERA.replace(r#""lens": { "parallel": 3.0 }"#, place);
     let moved = ball(200_000, BakeFormat::Float);
     save_halves(moved.folder.path(), "halves.exr", false);
-    let painter = run(&moved, &swipe(r#""stencil": { "image": "halves.exr" }"#, &camera));
+    let painter = certified(&moved, &swipe(r#""stencil": { "image": "halves.exr" }"#, &camera));
     let cache = moved.cache();
     // The plate is 1.5 wide around x = 0.75 and white in its right half.
     let red = |x: f32| color_at(&cache, &painter, Vec3::new(x, 0.05, (1.0 - x * x).sqrt())).x > 0.9;
@@ -105,7 +88,7 @@ fn a_slide_is_painted_with_the_brush_or_at_once() {
     for (baked, fill) in [(&brushed, ""), (&projected, r#", "fill": "whole""#)] {
         save_halves(baked.folder.path(), "slide.exr", true);
         let before = baked.cache();
-        let painter = run(baked, &colors(fill));
+        let painter = certified(baked, &colors(fill));
         let after = baked.cache();
         let left = color_at(&after, &painter, Vec3::new(-0.4, 0.1, 0.9).normalize());
         assert!(left.distance(Vec4::new(1.0, 0.5, 0.0, 1.0)) < 0.02, "{left}");
@@ -151,7 +134,7 @@ fn fills_and_stickers_have_mirror_images() {
     save_halves(baked.folder.path(), "flag.exr", true);
     let before = baked.cache();
     // A mirrored picture; its opaque half is at the left.
-    let painter = run(
+    let painter = certified(
         &baked,
         r#"{ "decal": { "size": { "world": 0.5 } }, "symmetry": { "mirror": { "axis": 0 } },
              "channels": [{ "kind": "base_color", "color": { "image": "flag.exr" } }],
@@ -170,7 +153,7 @@ fn fills_and_stickers_have_mirror_images() {
     // A text stays readable: an F has its bars at the right on both sides.
     let baked = ball(300_000, BakeFormat::Float);
     let before = baked.cache();
-    let painter = run(
+    let painter = certified(
         &baked,
         r#"{ "text": { "text": "F", "size": { "world": 0.7 } }, "symmetry": { "mirror": { "axis": 0 } },
              "channels": [{ "kind": "base_color", "color": { "linear": [1, 0, 1, 1] } }],
@@ -206,7 +189,7 @@ fn fills_and_stickers_have_mirror_images() {
     let fill = dots
         .replace(r#""brush""#, r#""fill": { "color": {} }, "brush""#)
         .replace("[1, 1, 1, 1]", "[0, 1, 0, 1]");
-    let painter = run(&baked, &format!("{dots}, {fill}"));
+    let painter = certified(&baked, &format!("{dots}, {fill}"));
     let cache = baked.cache();
     for [x, z] in [[0.6, 0.8], [0.8, -0.6], [-0.6, -0.8], [-0.8, 0.6]] {
         let color = color_at(&cache, &painter, Vec3::new(x, 0.1, z));
@@ -217,7 +200,7 @@ fn fills_and_stickers_have_mirror_images() {
 #[test]
 fn fills_of_triangles_start_on_all_sides() {
     use fantex_paint::{FillScope, Surface, Symmetry, fill_triangles, fill_triangles_with};
-    let mesh = common::plate(6, 0.4);
+    let mesh = plate(6, 0.4);
     let surface = Surface::new(Arc::new(mesh.clone()), Arc::new(cover(&mesh, 64, 4000)));
     let side = surface.hit(Vec3::new(5.0, 0.0, 0.05), Vec3::NEG_X).unwrap();
     let scope = FillScope::Angle(20.0);
@@ -234,7 +217,7 @@ fn a_tilted_pen_leaves_ellipses() {
     let dot = |tilt: &str| {
         let baked = ball(300_000, BakeFormat::Float);
         let before = baked.cache();
-        let painter = run(
+        let painter = certified(
             &baked,
             &format!(
                 r#"{{ "brush": {{ "size": {{ "world": 0.5 }}, "hardness": 1, "follow_tilt": true }},
@@ -275,7 +258,7 @@ fn looks_are_found_where_asset_and_look_have_moved_to() {
         r#"{{ "brush": {{ "size": {{ "world": 0.5 }} }}, "channels": [{{ "kind": "base_color", "color": {texture} }}],
             "samples": [{{ "at": {{ "position": [0, 0, 1] }} }}] }}, {layer}"#
     );
-    let painter = run(&baked, &stroke);
+    let painter = certified(&baked, &stroke);
     let painted = contents(&painter);
     drop(painter);
     // Both move together.
@@ -317,7 +300,7 @@ fn a_stencil_on_the_bunny_stays_on_what_is_seen() {
             "stencil": {{ "image": "slide.exr", "by": "alpha" }},
             "channels": [{{ "kind": "base_color", "color": {{ "image": "slide.exr" }} }}], "samples": [] }}"#
     );
-    let painter = run(&baked, &text);
+    let painter = certified(&baked, &text);
     let after = baked.cache();
     let (mut seen, mut hidden) = (0, 0);
     for triangle in (0..mesh.triangles.len()).step_by(37) {

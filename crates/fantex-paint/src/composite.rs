@@ -1,0 +1,405 @@
+//! Coverage to texels: a page as it is after the stroke.
+
+use fantex_cover::{NOBODY, TexelTriangle};
+use fantex_store::{
+    Asset, AssetEditor, Channel, ChannelKind, EncodeError, PAGE, PageCache, PageId, Quality, TexelFormat,
+    TexelSlice, encode,
+};
+use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, unorm8};
+use fantex_texture::material::vertex_color;
+use fantex_texture::{Filtering, ShadingPoint, UvPoint};
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use crate::cover::blend;
+use crate::stroke::walk_straight;
+use crate::stroke_page::StrokePage;
+use crate::texel_page::{Rect, TexelPage};
+use crate::{ChannelPaint, Paint, PaintColor, PaintError, Surface, SurfacePoint, Tool};
+
+/// The bytes of a page in all painted channels: `shown` with the blocks of stale texels replaced, from those before the
+/// stroke.
+pub(crate) fn composite(
+    asset: &Asset,
+    map: &TexelPage,
+    id: PageId,
+    page: &StrokePage,
+    shown: Vec<Vec<u8>>,
+    ink: &Ink<'_>,
+) -> Result<Vec<Vec<u8>>, PaintError> {
+    let extent = map.block.extent;
+    let mut changed = Vec::with_capacity(ink.paint.channels.len());
+    let rect = page.stale.blocks();
+    let originals = match page.decoded.get() {
+        Some(decoded) => decoded,
+        None => {
+            let decoded = decode(asset, id, page, ink)?;
+            page.decoded.get_or_init(|| decoded)
+        }
+    };
+    let channels = ink.paint.channels.iter().enumerate();
+    for (((number, painted), original), mut bytes) in channels.zip(originals).zip(shown) {
+        let mut values = original.clone();
+        for (x, y) in rect.texels() {
+            let texel = (y * extent[0] + x) as usize;
+            let coverage = page.covered(texel);
+            if coverage > 0.0
+                && map.owner[texel] != NOBODY
+                && let Some(color) = ink.color(map, page, [x, y], number)
+            {
+                values[texel] = ink.paint.apply(values[texel], color, coverage);
+            }
+        }
+        let channel = &asset.channels()[painted.channel];
+        replace_blocks(channel, extent, &mut bytes, &values, rect, |t| page.covered(t) > 0.0)?;
+        changed.push(bytes);
+    }
+    Ok(changed)
+}
+
+/// The texels before the stroke, per painted channel.
+fn decode(asset: &Asset, id: PageId, page: &StrokePage, ink: &Ink<'_>) -> Result<Vec<Vec<Vec4>>, PaintError> {
+    let channels = ink.paint.channels.iter().zip(&page.originals);
+    let decoded = channels.map(|(painted, original)| {
+        let texels = asset.decode_page_raw(painted.channel, id, original)?;
+        Ok(texels.rgba.into_iter().map(Vec4::from).collect())
+    });
+    decoded.collect()
+}
+
+// What colour a stroke lays on a texel.
+
+/// The colours of a stroke.
+pub(crate) struct Ink<'a> {
+    pub(crate) surface: &'a Surface,
+    pub(crate) paint: &'a Paint,
+    /// The texture function before the stroke, where the tool asks for it.
+    pub(crate) before: Option<&'a PageCache>,
+    /// The channel that holds normals, if any.
+    pub(crate) normals: Option<usize>,
+}
+
+/// Points of a ring around the centre of a blur.
+const RING: u32 = 6;
+
+/// Rings at these shares of the radius, with the weight of each point; the centre weighs 1. (A Gaussian with a standard
+/// deviation of half the radius.)
+const RINGS: [(f64, f32); 2] = [(0.5, 0.607), (1.0, 0.135)];
+
+impl Ink<'_> {
+    /// The colour of a channel, by its number among the painted ones, at a texel that shows the surface, given by column and
+    /// row; none where there is nothing to lay down.
+    pub(crate) fn color(
+        &self,
+        map: &TexelPage,
+        page: &StrokePage,
+        [x, y]: [u32; 2],
+        number: usize,
+    ) -> Option<Vec4> {
+        let texel = (y * map.block.extent[0] + x) as usize;
+        let painted = &self.paint.channels[number];
+        let value = page.color(number, texel).or_else(|| self.at(map, [x, y], painted))?;
+        if !self.is_tangent(painted) {
+            return Some(value);
+        }
+        let triangle = &map.triangles[map.owner[texel] as usize];
+        let point = nearest_inside(triangle.triangle, map.lambda(triangle, x, y));
+        Some(stored_from_tangent(self.surface, map.group, point, value))
+    }
+
+    /// True where the colour is the tangent part of a normal: not what a tile stores.
+    pub(crate) fn is_tangent(&self, painted: &ChannelPaint) -> bool {
+        let is_picture = matches!(painted.color, PaintColor::Image(_) | PaintColor::Projected(_));
+        Some(painted.channel) == self.normals && (is_picture || self.paint.tool.reads_surface())
+    }
+
+    /// The same for what does not depend on the dabs; of normals that are moved the tangent part (see `normals.rs`).
+    pub(crate) fn at(&self, map: &TexelPage, [x, y]: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
+        let triangle = &map.triangles[map.owner[(y * map.block.extent[0] + x) as usize] as usize];
+        let lambda = map.lambda(triangle, x, y);
+        match (&self.paint.tool, self.before) {
+            (Tool::Blur { radius }, Some(before)) => {
+                let point = nearest_inside(triangle.triangle, lambda);
+                return Some(self.blurred(before, painted.channel, point, *radius));
+            }
+            (Tool::Clone { offset, reach }, Some(before)) => {
+                let position = blend(self.surface, triangle.triangle, lambda);
+                let source = self.surface.nearest(position + *offset, *reach)?;
+                return Some(look_up(self.surface, before, painted.channel, source));
+            }
+            _ => {}
+        }
+        match &painted.color {
+            PaintColor::Constant(color) => Some(*color),
+            PaintColor::Texture(texture) => {
+                Some(shade(self.surface, triangle, lambda, |point| texture.evaluate(point)))
+            }
+            PaintColor::Image(_) => None,
+            PaintColor::Projected(projection) => {
+                let point = nearest_inside(triangle.triangle, lambda);
+                let steps = triangle.steps.map(|step| blend(self.surface, triangle.triangle, step));
+                let color = match self.paint.stencil {
+                    // It says where: sight need not be tested again.
+                    Some(_) => projection.color_at(self.surface, point, steps)?,
+                    None => projection.at(self.surface, point, steps)?,
+                };
+                let is_tangent = self.is_tangent(painted);
+                Some(if is_tangent { tangent_from_picture(color, projection.axes()) } else { color })
+            }
+        }
+    }
+
+    /// The mean around a point, along the surface.
+    fn blurred(&self, before: &PageCache, channel: usize, point: SurfacePoint, radius: f32) -> Vec4 {
+        let mut sum = look_up(self.surface, before, channel, point);
+        let mut total = 1.0;
+        let normal = self.surface.facet_normal(point.triangle);
+        let axis = normal.any_orthonormal_vector();
+        for (share, weight) in RINGS {
+            for k in 0..RING {
+                let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(RING)).sin_cos();
+                let direction: DVec3 = axis * cos + normal.cross(axis) * sin;
+                let tap = walk_straight(self.surface, point, direction, share * f64::from(radius));
+                sum += look_up(self.surface, before, channel, tap) * weight;
+                total += weight;
+            }
+        }
+        sum / total
+    }
+}
+
+/// A texel just off its triangle stands for the point beside it.
+pub(crate) fn nearest_inside(triangle: u32, lambda: Vec3) -> SurfacePoint {
+    let inside = lambda.max(Vec3::ZERO);
+    SurfacePoint { triangle, lambda: inside / inside.element_sum() }
+}
+
+/// The texture function at level 0; **linear** RGBA; of normals the tangent part.
+pub(crate) fn look_up(surface: &Surface, cache: &PageCache, channel: usize, point: SurfacePoint) -> Vec4 {
+    let tiles = tiles_under(surface, point);
+    if cache.asset().channels()[channel].kind == ChannelKind::Normal {
+        let values = tiles.map(|(group, uv, weight)| {
+            let stored = Vec4::from_array(cache.bilinear(channel, group, 0, uv));
+            weight * tangent_from_stored(surface, group, point, stored)
+        });
+        return values.sum();
+    }
+    let values =
+        tiles.map(|(group, uv, weight)| weight * Vec4::from_array(cache.bilinear(channel, group, 0, uv)));
+    values.sum()
+}
+
+/// The stored value with all changes that are not yet committed. Decodes the pages anew: for single points.
+pub(crate) fn look_up_now(
+    surface: &Surface,
+    editor: &AssetEditor,
+    channel: usize,
+    point: SurfacePoint,
+) -> Result<Vec4, PaintError> {
+    let mut sum = Vec4::ZERO;
+    for (group, uv, weight) in tiles_under(surface, point) {
+        let extent = surface.cover().groups[group as usize].extent;
+        let last = Vec2::new(extent[0] as f32, extent[1] as f32) - 1.0;
+        let at = (uv * (last + 1.0) - 0.5).clamp(Vec2::ZERO, last);
+        let (corner, f) = (at.floor().as_uvec2(), at.fract());
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let share = (if dx == 0 { 1.0 - f.x } else { f.x }) * (if dy == 0 { 1.0 - f.y } else { f.y });
+            if share > 0.0 {
+                let [x, y] = [corner.x + dx, corner.y + dy];
+                let page = [x / PAGE, y / PAGE];
+                let texels = editor.read_page(channel, PageId { group, level: 0, page })?;
+                let texel = (y % PAGE * texels.extent[0] + x % PAGE) as usize;
+                sum += Vec4::from_array(texels.rgba[texel]) * (share * weight);
+            }
+        }
+    }
+    Ok(sum)
+}
+
+/// The tiles that the texture function reads at a point: group, tile coordinates, weight.
+fn tiles_under(surface: &Surface, point: SurfacePoint) -> impl Iterator<Item = (u32, Vec2, f32)> + '_ {
+    let (mesh, cover) = (surface.mesh(), surface.cover());
+    let triangle = point.triangle as usize;
+    let weights = cover.weights(triangle, point.lambda);
+    let mut slots = [(0, 0.0); 3];
+    slots.iter_mut().zip(weights.iter()).for_each(|(slot, weighted)| *slot = weighted);
+    slots.into_iter().take(weights.len()).map(move |(slot, weight)| {
+        let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
+        let uv = a * point.lambda.x + b * point.lambda.y + c * point.lambda.z;
+        (cover.corner_groups[triangle][slot], uv, weight)
+    })
+}
+
+// Textures on the surface: from a texel to what textures are asked by.
+
+/// Asks a texture at a texel, given by its triangle and barycentric coordinates: in object space, averaging over the texel,
+/// without an eye, at time 0.
+pub(crate) fn shade<R>(
+    surface: &Surface,
+    triangle: &TexelTriangle,
+    lambda: Vec3,
+    ask: impl FnOnce(&ShadingPoint<'_>) -> R,
+) -> R {
+    let (mesh, index) = (surface.mesh(), triangle.triangle as usize);
+    let scale = mesh.world_from_mesh.scale as f32;
+    let position = |lambda: Vec3| blend(surface, triangle.triangle, lambda) * scale;
+    let corners = [0, 1, 2].map(|k| surface.normals()[3 * index + k]);
+    let blended = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+    let facet = || surface.facet_normal(triangle.triangle).as_vec3();
+    let normal = blended(lambda).try_normalize().unwrap_or_else(facet);
+    let length = blended(lambda).length().max(1e-3);
+    let normal_steps = triangle.steps.map(|step| {
+        let change = blended(step) / length;
+        change - normal * normal.dot(change)
+    });
+    let uv_point = |set: &Vec<Vec2>| {
+        let Some(corners) = set.get(3 * index..3 * index + 3) else { return UvPoint::default() };
+        let blend = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+        UvPoint { uv: blend(lambda), steps: triangle.steps.map(blend) }
+    };
+    let uv: Vec<UvPoint> = mesh.corners.uv_sets.iter().map(uv_point).collect();
+    ask(&ShadingPoint {
+        position: position(lambda),
+        position_steps: triangle.steps.map(position),
+        normal,
+        normal_steps,
+        uv: &uv,
+        // Off the triangle, colours must not be extrapolated.
+        vertex_color: vertex_color(mesh, index, lambda.clamp(Vec3::ZERO, Vec3::ONE)),
+        to_eye: None,
+        time: 0.0,
+        filtering: Filtering::Area,
+    })
+}
+
+// Normals on their way from one place to another.
+//
+// A tile stores normals in a frame of its own. What is taken from one place and laid down at another goes through the tangent
+// plane: the part of a normal along the surface, as a vector in mesh space, with alpha as w. So a flat normal stays flat
+// wherever it goes, and values of different tiles can be mixed.
+
+/// From what a tile stores (x and y in 0..1).
+pub(crate) fn tangent_from_stored(surface: &Surface, group: u32, point: SurfacePoint, stored: Vec4) -> Vec4 {
+    let [x_axis, y_axis] = axes(surface, group, point);
+    (x_axis * (2.0 * stored.x - 1.0) + y_axis * (2.0 * stored.y - 1.0)).extend(stored.w)
+}
+
+/// To what a tile stores.
+fn stored_from_tangent(surface: &Surface, group: u32, point: SurfacePoint, tangent: Vec4) -> Vec4 {
+    let [x_axis, y_axis] = axes(surface, group, point);
+    let along = tangent.truncate();
+    let (x, y) = (along.dot(x_axis), along.dot(y_axis));
+    let half = 0.5 / x.hypot(y).max(1.0);
+    Vec4::new(0.5 + half * x, 0.5 + half * y, 0.0, tangent.w)
+}
+
+/// From a picture's red and green (x to the right, y upwards) where the picture's axes lie so in mesh space.
+pub(crate) fn tangent_from_picture(color: Vec4, [right, up]: [Vec3; 2]) -> Vec4 {
+    (right * (2.0 * color.x - 1.0) + up * (2.0 * color.y - 1.0)).extend(color.w)
+}
+
+fn axes(surface: &Surface, group: u32, point: SurfacePoint) -> [Vec3; 2] {
+    surface.cover().groups[group as usize].shading_axes(surface.normal(point))
+}
+
+// From values to a page's bytes: only the blocks that changed are encoded, all others keep their bytes, so that painting
+// here never blurs there.
+
+/// Replaces the blocks of a page that hold a changed texel. `values`: linear RGBA of the whole page, row-major; `changed`:
+/// texels that differ, all of them within `rect`.
+pub(crate) fn replace_blocks(
+    channel: &Channel,
+    extent: [u32; 2],
+    bytes: &mut [u8],
+    values: &[Vec4],
+    rect: Rect,
+    changed: impl Fn(usize) -> bool,
+) -> Result<(), EncodeError> {
+    let rect = rect.blocks();
+    let texels = rect.texels().map(|(x, y)| values[(y * extent[0] + x) as usize]);
+    let encoded = if channel.format == TexelFormat::Rgba32F {
+        let texels: Vec<[f32; 4]> = texels.map(|v| stored_float(channel, v)).collect();
+        encode(channel.format, Quality::UltraFast, rect.extent(), TexelSlice::F32(&texels))?
+    } else {
+        let texels: Vec<[u8; 4]> = texels.map(|v| stored_bytes(channel, v)).collect();
+        encode(channel.format, Quality::UltraFast, rect.extent(), TexelSlice::U8(&texels))?
+    };
+    let width = extent[0] as usize;
+    for [x, y] in blocks_of(rect) {
+        if (0..16).any(|k| changed((y + k / 4) * width + x + k % 4)) {
+            let from = BlockAt { bytes: &encoded, columns: rect.extent()[0] as usize };
+            let low = rect.low.map(|n| n as usize);
+            copy_block(channel.format, &from, [x - low[0], y - low[1]], bytes, width, [x, y]);
+        }
+    }
+    Ok(())
+}
+
+/// Copies the blocks of a rectangle from one page to another of the same extent.
+pub(crate) fn copy_blocks(channel: &Channel, extent: [u32; 2], from: &[u8], to: &mut [u8], rect: Rect) {
+    let width = extent[0] as usize;
+    let from = BlockAt { bytes: from, columns: width };
+    for place in blocks_of(rect.blocks()) {
+        copy_block(channel.format, &from, place, to, width, place);
+    }
+}
+
+/// First texels of the blocks of a rectangle of whole blocks.
+fn blocks_of(rect: Rect) -> impl Iterator<Item = [usize; 2]> {
+    let columns = move || (rect.low[0]..rect.high[0]).step_by(4);
+    let rows = (rect.low[1]..rect.high[1]).step_by(4);
+    rows.flat_map(move |y| columns().map(move |x| [x as usize, y as usize]))
+}
+
+/// Texels to copy from, so many in a row.
+struct BlockAt<'a> {
+    bytes: &'a [u8],
+    columns: usize,
+}
+
+/// Copies one block of 4 x 4 texels.
+fn copy_block(
+    format: TexelFormat,
+    from: &BlockAt<'_>,
+    [u, v]: [usize; 2],
+    to: &mut [u8],
+    width: usize,
+    [x, y]: [usize; 2],
+) {
+    if matches!(format, TexelFormat::Bc1 | TexelFormat::Bc4 | TexelFormat::Bc5 | TexelFormat::Bc7) {
+        let size = format.block_bytes();
+        let target = (y / 4 * (width / 4) + x / 4) * size;
+        let source = (v / 4 * (from.columns / 4) + u / 4) * size;
+        to[target..target + size].copy_from_slice(&from.bytes[source..source + size]);
+    } else {
+        let size = format.block_bytes() / 16;
+        for row in 0..4 {
+            let target = ((y + row) * width + x) * size;
+            let source = ((v + row) * from.columns + u) * size;
+            to[target..target + 4 * size].copy_from_slice(&from.bytes[source..source + 4 * size]);
+        }
+    }
+}
+
+fn stored_float(channel: &Channel, value: Vec4) -> [f32; 4] {
+    let [r, g, b, a] = value.to_array();
+    if channel.srgb {
+        [srgb_from_linear(r), srgb_from_linear(g), srgb_from_linear(b), a]
+    } else {
+        [r, g, b, a]
+    }
+}
+
+fn stored_bytes(channel: &Channel, value: Vec4) -> [u8; 4] {
+    let [r, g, b, a] = value.to_array();
+    let color = if channel.srgb { [r, g, b].map(srgb8_from_linear) } else { [r, g, b].map(unorm8) };
+    [color[0], color[1], color[2], stored_alpha(channel.format, a)]
+}
+
+/// Opaque blocks of BC7 may decode to 254/255; taken as it is, that would cost opaque pages the better profile, and a
+/// little of their opacity with every stroke.
+fn stored_alpha(format: TexelFormat, alpha: f32) -> u8 {
+    match unorm8(alpha) {
+        254 if format == TexelFormat::Bc7 => 255,
+        alpha => alpha,
+    }
+}

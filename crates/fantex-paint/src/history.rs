@@ -1,0 +1,419 @@
+//! Undo and redo, kept in the asset.
+//!
+//! A step is what a stroke changed: of every page and channel the bytes before, exclusive-or the bytes after, and of every
+//! mean and attachment (of the layers) both values. Blocks that did not change are zeros, which pack to nothing, and one record serves both directions, back to
+//! the very bytes. Of a page that is put aside as the base of the layers it is only said that it was: taken back it is dropped, done
+//! again it is the page as it is then. Steps are attachments `history/STEP/PART` of the asset (a part has some megabytes, so that a long stroke needs
+//! no more memory than a short one); `history/index` names them. They are committed together with the texels, so a
+//! restart finds both in agreement.
+
+use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+
+use fantex_store::{AssetEditor, PageId};
+use serde::{Deserialize, Serialize};
+
+use crate::layers::{base_bytes, base_name};
+use crate::{PaintError, log};
+
+const INDEX: &str = "history/index";
+
+/// Bytes of a part, unpacked, before the next one begins.
+const PART_BYTES: usize = 4 << 20;
+
+/// A step that can be undone or redone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HistoryStep {
+    /// Names its attachments; never used twice.
+    pub id: u64,
+    /// What the user calls it.
+    pub label: String,
+    /// Number of attachments.
+    parts: u32,
+}
+
+/// All steps.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+struct Index {
+    next_id: u64,
+    /// What was done, oldest first.
+    done: Vec<HistoryStep>,
+    /// What was undone and can be redone, the next one last.
+    undone: Vec<HistoryStep>,
+}
+
+/// The history of an asset.
+#[derive(Debug, Default)]
+pub struct History {
+    index: Index,
+    open: Option<OpenStep>,
+}
+
+#[derive(Debug)]
+struct OpenStep {
+    step: HistoryStep,
+    bytes: Vec<u8>,
+}
+
+/// What a step changes on a page. It comes into one part of the step, as a whole.
+#[derive(Debug)]
+pub(crate) struct PageStep {
+    pub(crate) id: PageId,
+    /// Channels with the bytes before and after.
+    pub(crate) channels: Vec<(usize, Vec<u8>, Vec<u8>)>,
+    /// The page as it was is put aside as the base of the layers, and not once more in the history.
+    pub(crate) is_first_layered: bool,
+}
+
+/// Whether a step is taken back or done again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Direction {
+    Back,
+    Forth,
+}
+
+impl Direction {
+    pub(crate) fn opposite(self) -> Self {
+        match self {
+            Self::Back => Self::Forth,
+            Self::Forth => Self::Back,
+        }
+    }
+}
+
+impl HistoryStep {
+    /// Number of its attachments.
+    pub(crate) fn parts(&self) -> u32 {
+        self.parts
+    }
+}
+
+impl History {
+    pub(crate) fn load(editor: &AssetEditor) -> Result<Self, PaintError> {
+        let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
+        let index =
+            serde_json::from_slice(&bytes).map_err(|_| damaged(editor, "its index cannot be read"))?;
+        Ok(Self { index, open: None })
+    }
+
+    /// Steps that can be undone, oldest first.
+    pub fn done(&self) -> &[HistoryStep] {
+        &self.index.done
+    }
+
+    /// Steps that can be redone, the next one last.
+    pub fn undone(&self) -> &[HistoryStep] {
+        &self.index.undone
+    }
+
+    /// Begins a step; what was undone cannot be redone any more.
+    pub(crate) fn begin(&mut self, label: &str, editor: &mut AssetEditor) {
+        for step in std::mem::take(&mut self.index.undone) {
+            (0..step.parts).for_each(|part| editor.detach(&part_name(step.id, part)));
+        }
+        let step = HistoryStep { id: self.index.next_id, label: label.to_owned(), parts: 0 };
+        self.index.next_id += 1;
+        self.open = Some(OpenStep { step, bytes: Vec::new() });
+    }
+
+    pub(crate) fn add_page(&mut self, step: PageStep, editor: &mut AssetEditor) -> Result<(), PaintError> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        let PageStep { id, channels, is_first_layered } = step;
+        if is_first_layered {
+            Record::Base(id).encode(&mut open.bytes);
+        }
+        for (channel, before, after) in channels {
+            let change = before.iter().zip(after).map(|(a, b)| a ^ b).collect();
+            Record::Page { id, channel, change }.encode(&mut open.bytes);
+        }
+        if open.bytes.len() >= PART_BYTES { open.write_part(editor) } else { Ok(()) }
+    }
+
+    pub(crate) fn add_mean(&mut self, channel: usize, group: u32, before: [f32; 4], after: [f32; 4]) {
+        if let Some(open) = &mut self.open {
+            Record::Mean { channel, group, values: [before, after] }.encode(&mut open.bytes);
+        }
+    }
+
+    /// Contents of an attachment; of length 0 where there is none.
+    pub(crate) fn add_attachment(
+        &mut self,
+        name: &str,
+        before: Vec<u8>,
+        after: Vec<u8>,
+        editor: &mut AssetEditor,
+    ) -> Result<(), PaintError> {
+        let Some(open) = &mut self.open else { return Ok(()) };
+        Record::Attachment { name: name.to_owned(), contents: [before, after] }.encode(&mut open.bytes);
+        if open.bytes.len() >= PART_BYTES { open.write_part(editor) } else { Ok(()) }
+    }
+
+    /// Ends the step; one without changes is dropped.
+    pub(crate) fn finish(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+        let Some(mut open) = self.open.take() else { return Ok(()) };
+        if !open.bytes.is_empty() {
+            open.write_part(editor)?;
+        }
+        if open.step.parts > 0 {
+            self.index.done.push(open.step);
+        }
+        self.save(editor)
+    }
+
+    /// Writes what is recorded of the open step so far; returns the step as it is then.
+    pub(crate) fn keep_open(&mut self, editor: &mut AssetEditor) -> Result<Option<HistoryStep>, PaintError> {
+        let Some(open) = &mut self.open else { return Ok(None) };
+        if !open.bytes.is_empty() {
+            open.write_part(editor)?;
+        }
+        let step = open.step.clone();
+        self.save(editor)?;
+        Ok(Some(step))
+    }
+
+    /// Goes on with a step that was open.
+    pub(crate) fn take_up(&mut self, step: HistoryStep) {
+        self.open = Some(OpenStep { step, bytes: Vec::new() });
+    }
+
+    /// The step that is next in a direction.
+    pub(crate) fn next_step(&self, direction: Direction) -> Option<&HistoryStep> {
+        match direction {
+            Direction::Back => self.index.done.last(),
+            Direction::Forth => self.index.undone.last(),
+        }
+    }
+
+    /// The next step in a direction has been made.
+    pub(crate) fn move_step(
+        &mut self,
+        direction: Direction,
+        editor: &mut AssetEditor,
+    ) -> Result<(), PaintError> {
+        match direction {
+            Direction::Back => self.index.undone.extend(self.index.done.pop()),
+            Direction::Forth => self.index.done.extend(self.index.undone.pop()),
+        }
+        self.save(editor)
+    }
+
+    /// Forgets the last step, which has been taken back.
+    pub(crate) fn forget_last(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+        if let Some(step) = self.index.done.pop() {
+            (0..step.parts).for_each(|part| editor.detach(&part_name(step.id, part)));
+        }
+        self.save(editor)
+    }
+
+    /// Changes the asset by a part of a step.
+    pub(crate) fn apply_part(
+        &self,
+        step: &HistoryStep,
+        part: u32,
+        direction: Direction,
+        editor: &mut AssetEditor,
+    ) -> Result<(), PaintError> {
+        let bytes = editor.attachment(&part_name(step.id, part))?;
+        let bytes = bytes.ok_or_else(|| damaged(editor, "a step is missing"))?;
+        let mut rest = bytes.as_slice();
+        // All is read before anything is changed: a part is applied once or not at all.
+        let mut pages: BTreeMap<(PageId, usize), Vec<u8>> = BTreeMap::new();
+        let mut bases = Vec::new();
+        let mut others = Vec::new();
+        while !rest.is_empty() {
+            match Record::decode(&mut rest).ok_or_else(|| damaged(editor, "a step cannot be read"))? {
+                Record::Page { id, channel, change } => {
+                    let page = match pages.entry((id, channel)) {
+                        Entry::Occupied(page) => page.into_mut(),
+                        Entry::Vacant(place) => place.insert(editor.read_page_raw(channel, id)?),
+                    };
+                    page.iter_mut().zip(change).for_each(|(byte, change)| *byte ^= change);
+                }
+                Record::Base(id) => bases.push(match direction {
+                    Direction::Back => (id, None),
+                    Direction::Forth => (id, Some(base_bytes(editor, id, None)?.concat())),
+                }),
+                other => others.push(other),
+            }
+        }
+        for (id, base) in bases {
+            match base {
+                None => editor.detach(&base_name(id)),
+                Some(base) => editor.attach(&base_name(id), base)?,
+            }
+        }
+        for ((id, channel), page) in pages {
+            editor.replace(id, channel, page)?;
+        }
+        others.into_iter().try_for_each(|record| apply(record, direction, editor))
+    }
+
+    fn save(&self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+        let bytes = serde_json::to_vec(&self.index).map_err(std::io::Error::other)?;
+        Ok(editor.attach(INDEX, bytes)?)
+    }
+}
+
+impl OpenStep {
+    fn write_part(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+        let name = part_name(self.step.id, self.step.parts);
+        editor.attach(&name, std::mem::take(&mut self.bytes))?;
+        self.step.parts += 1;
+        Ok(())
+    }
+}
+
+/// Changes the asset by a record that is no page.
+fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Result<(), PaintError> {
+    match record {
+        // They are put together before.
+        Record::Page { .. } | Record::Base(_) => {}
+        Record::Attachment { name, contents: [before, after] } => {
+            let contents = match direction {
+                Direction::Back => before,
+                Direction::Forth => after,
+            };
+            if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
+                return Err(damaged(editor, "a step changes what is neither layer nor log"));
+            }
+            if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
+        }
+        Record::Mean { channel, group, values: [before, after] } => {
+            let asset = editor.asset();
+            if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
+                return Err(damaged(editor, "a step changes a group that does not exist"));
+            }
+            let value = match direction {
+                Direction::Back => before,
+                Direction::Forth => after,
+            };
+            editor.set_mean(channel, group, value);
+        }
+    }
+    Ok(())
+}
+
+fn part_name(id: u64, part: u32) -> String {
+    format!("history/{id:012}/{part:06}")
+}
+
+fn damaged(editor: &AssetEditor, reason: &'static str) -> PaintError {
+    PaintError::History { path: editor.asset().path().to_owned(), reason }
+}
+
+// The records of a step, little-endian:
+//
+// | record | fields |
+// |---|---|
+// | page | u32 0; u32 group, level, column, row, channel, length; bytes before xor bytes after |
+// | attachment | u32 2; u32 lengths of name, contents before, contents after; these (of length 0: none) |
+// | mean | u32 1; u32 group, channel; f32[4] before; f32[4] after |
+// | base | u32 3; u32 group, column, row: of a page of level 0, which is put aside as the base of the layers |
+
+/// One change.
+#[derive(Clone, Debug, PartialEq)]
+enum Record {
+    Page { id: PageId, channel: usize, change: Vec<u8> },
+    Mean { channel: usize, group: u32, values: [[f32; 4]; 2] },
+    Attachment { name: String, contents: [Vec<u8>; 2] },
+    Base(PageId),
+}
+
+const PAGE: u32 = 0;
+const MEAN: u32 = 1;
+const ATTACHMENT: u32 = 2;
+const BASE: u32 = 3;
+
+impl Record {
+    pub(crate) fn encode(&self, out: &mut Vec<u8>) {
+        match self {
+            Self::Page { id, channel, change } => {
+                let [column, row] = id.page;
+                let words = [PAGE, id.group, id.level, column, row, *channel as u32, change.len() as u32];
+                out.extend(words.into_iter().flat_map(u32::to_le_bytes));
+                out.extend(change);
+            }
+            Self::Mean { channel, group, values } => {
+                out.extend([MEAN, *group, *channel as u32].into_iter().flat_map(u32::to_le_bytes));
+                out.extend(values.iter().flatten().flat_map(|x| x.to_le_bytes()));
+            }
+            Self::Attachment { name, contents: [before, after] } => {
+                let lengths = [name.len(), before.len(), after.len()].map(|n| n as u32);
+                out.extend([ATTACHMENT].into_iter().chain(lengths).flat_map(u32::to_le_bytes));
+                [name.as_bytes(), before, after].into_iter().for_each(|part| out.extend(part));
+            }
+            Self::Base(PageId { group, page: [column, row], .. }) => {
+                out.extend([BASE, *group, *column, *row].into_iter().flat_map(u32::to_le_bytes));
+            }
+        }
+    }
+
+    /// The next record; none where the bytes are none.
+    pub(crate) fn decode(rest: &mut &[u8]) -> Option<Self> {
+        match word(rest)? {
+            PAGE => {
+                let [group, level, column, row, channel, length] = words(rest)?;
+                let change = rest.split_off(..length as usize)?.to_vec();
+                let id = PageId { group, level, page: [column, row] };
+                Some(Self::Page { id, channel: channel as usize, change })
+            }
+            MEAN => {
+                let [group, channel] = words(rest)?;
+                let values = [words::<4>(rest)?, words::<4>(rest)?].map(|v| v.map(f32::from_bits));
+                Some(Self::Mean { channel: channel as usize, group, values })
+            }
+            ATTACHMENT => {
+                let [name, before, after] = words(rest)?;
+                let name = std::str::from_utf8(rest.split_off(..name as usize)?).ok()?.to_owned();
+                let before = rest.split_off(..before as usize)?.to_vec();
+                let after = rest.split_off(..after as usize)?.to_vec();
+                Some(Self::Attachment { name, contents: [before, after] })
+            }
+            BASE => {
+                let [group, column, row] = words(rest)?;
+                Some(Self::Base(PageId { group, level: 0, page: [column, row] }))
+            }
+            _ => None,
+        }
+    }
+}
+
+fn word(rest: &mut &[u8]) -> Option<u32> {
+    let bytes = rest.split_off(..4)?;
+    Some(u32::from_le_bytes(bytes.try_into().ok()?))
+}
+
+fn words<const N: usize>(rest: &mut &[u8]) -> Option<[u32; N]> {
+    let mut words = [0; N];
+    for slot in &mut words {
+        *slot = word(rest)?;
+    }
+    Some(words)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn records_come_back_and_short_ones_are_refused() {
+        let id = PageId { group: 7, level: 2, page: [1, 3] };
+        let records = [
+            Record::Page { id, channel: 1, change: vec![1, 2, 3] },
+            Record::Mean { channel: 0, group: 9, values: [[0.5; 4], [1.5; 4]] },
+            Record::Attachment { name: "a/b".into(), contents: [vec![], vec![4, 5]] },
+            Record::Base(PageId { level: 0, ..id }),
+        ];
+        let mut bytes = Vec::new();
+        records.iter().for_each(|record| record.encode(&mut bytes));
+        let mut rest = bytes.as_slice();
+        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[0]));
+        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[1]));
+        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[2]));
+        assert_eq!(Record::decode(&mut rest).as_ref(), Some(&records[3]));
+        assert!(rest.is_empty());
+        for end in 1..30 {
+            assert_eq!(Record::decode(&mut &bytes[..end]), None);
+        }
+    }
+}

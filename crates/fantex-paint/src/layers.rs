@@ -1,0 +1,690 @@
+//! Layers: any number of them over what was baked.
+//!
+//! ```text
+//!  layers/base/PAGE      the page's bytes under all layers     --.
+//!  layers/ID/PAGE        straight linear RGBA per channel, f16   |-- flatten --> the page that everybody reads
+//!  layers/ID/mask/PAGE   one f16 per texel                     --'
+//!  layers/index          what there is, from the bottom to the top
+//! ```
+//!
+//! All are attachments of the asset, and the asset's own texels are the flattened result: readers that know nothing of layers
+//! show what the painter sees. Only pages of level 0 on which something was painted are kept; coarser levels are made of the
+//! flattened texels. Blending follows [`BlendMode`](crate::BlendMode), from the bottom to the top.
+
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use fantex_store::{AssetEditor, EditError, PAGE, PageId, page_extent, page_grid};
+use glam::{Vec3, Vec4};
+use half::f16;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::composite::{Ink, composite, copy_blocks, replace_blocks};
+use crate::graph::{FillTextures, found_folder, kept_folder};
+use crate::history::PageStep;
+use crate::painter::Changes;
+use crate::stroke_page::StrokePage;
+use crate::texel_page::{Rect, TexelPage};
+use crate::work::{FlattenWork, Work};
+use crate::{BlendMode, GraphFill, PaintError, Painter, StrokeSettings, Surface};
+
+pub(crate) const INDEX: &str = "layers/index";
+
+/// What a layer shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum LayerContent {
+    /// What was painted on it.
+    Painted,
+    /// The same linear RGBA everywhere, one per channel of the asset; its mask says where.
+    Fill(Vec<[f32; 4]>),
+    /// A texture graph, evaluated where the layer is shown, whenever the graph, the density or the level changes.
+    Graph(GraphFill),
+}
+
+/// One layer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Layer {
+    /// Names its pages; never used twice.
+    id: u64,
+    /// What the user calls it.
+    pub name: String,
+    /// Shown at all.
+    pub visible: bool,
+    /// 0..1.
+    pub opacity: f32,
+    /// How it lies over what is below.
+    pub blend: BlendMode,
+    /// Which channels of the asset it shows in; those beyond the list count as shown.
+    pub channels: Vec<bool>,
+    /// What it shows.
+    pub content: LayerContent,
+    /// Outside of what was painted on its mask: 1 shows the layer, 0 hides it. None: no mask.
+    pub mask: Option<f32>,
+}
+
+impl Layer {
+    /// An empty, opaque layer to paint on.
+    pub fn painted(name: &str) -> Self {
+        Self {
+            id: 0,
+            name: name.to_owned(),
+            visible: true,
+            opacity: 1.0,
+            blend: BlendMode::Normal,
+            channels: Vec::new(),
+            content: LayerContent::Painted,
+            mask: None,
+        }
+    }
+
+    /// A layer of one colour per channel, hidden until its mask is painted.
+    pub fn fill(name: &str, colors: &[Vec4]) -> Self {
+        let content = LayerContent::Fill(colors.iter().map(|color| color.to_array()).collect());
+        Self { content, mask: Some(0.0), ..Self::painted(name) }
+    }
+
+    /// A layer that shows a texture graph everywhere.
+    pub fn graph(name: &str, fill: GraphFill) -> Self {
+        Self { content: LayerContent::Graph(fill), ..Self::painted(name) }
+    }
+
+    /// Its number, which stays as long as it lives.
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    pub(crate) fn shows(&self, channel: usize) -> bool {
+        self.visible && self.opacity > 0.0 && self.channels.get(channel).copied().unwrap_or(true)
+    }
+}
+
+/// What a stroke paints on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Target {
+    /// What lies under all layers.
+    #[default]
+    Base,
+    /// A layer, by its number.
+    Layer(u64),
+    /// A layer's mask: the luminance of the first channel's colour, 0 hides and 1 shows.
+    Mask(u64),
+}
+
+/// All layers, from the bottom to the top.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Layers {
+    pub(crate) next_id: u64,
+    pub(crate) stack: Vec<Layer>,
+}
+
+impl Layers {
+    pub(crate) fn load(editor: &AssetEditor) -> Result<Self, PaintError> {
+        let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
+        let path = editor.asset().path();
+        let mut layers: Self = serde_json::from_slice(&bytes)
+            .map_err(|_| PaintError::Layers { path: path.to_owned(), reason: "their list cannot be read" })?;
+        find_folders(&mut layers.stack, path);
+        Ok(layers)
+    }
+
+    /// As they are kept in an asset.
+    pub(crate) fn encoded(&self, asset: &Path) -> Result<Vec<u8>, PaintError> {
+        let mut layers = self.clone();
+        keep_folders(&mut layers.stack, asset);
+        Ok(serde_json::to_vec(&layers).map_err(std::io::Error::other)?)
+    }
+
+    pub(crate) fn find(&self, id: u64) -> Option<&Layer> {
+        self.stack.iter().find(|layer| layer.id == id)
+    }
+
+    /// Puts a layer on top and returns its number.
+    pub(crate) fn add(&mut self, mut layer: Layer) -> u64 {
+        layer.id = self.next_id;
+        self.next_id += 1;
+        self.stack.push(layer);
+        self.next_id - 1
+    }
+}
+
+/// Folders of looks as an asset keeps them.
+pub(crate) fn keep_folders(stack: &mut [Layer], asset: &Path) {
+    change_folders(stack, |folder| kept_folder(asset, folder));
+}
+
+/// Folders that were kept in an asset, absolute.
+pub(crate) fn find_folders(stack: &mut [Layer], asset: &Path) {
+    change_folders(stack, |folder| found_folder(asset, folder));
+}
+
+fn change_folders(stack: &mut [Layer], change: impl Fn(&Path) -> PathBuf) {
+    for layer in stack {
+        if let LayerContent::Graph(fill) = &mut layer.content {
+            fill.graph.folder = change(&fill.graph.folder);
+        }
+    }
+}
+
+fn page_suffix(id: PageId) -> String {
+    format!("{:010}/{:05}/{:05}", id.group, id.page[1], id.page[0])
+}
+
+/// The page that a name stands for, after its prefix.
+fn page_of_suffix(suffix: &str) -> Option<PageId> {
+    let mut numbers = suffix.split('/').map(|number| number.parse::<u32>().ok());
+    let (group, y, x) = (numbers.next()??, numbers.next()??, numbers.next()??);
+    numbers.next().is_none().then_some(PageId { group, level: 0, page: [x, y] })
+}
+
+const BASE_PREFIX: &str = "layers/base/";
+
+pub(crate) fn base_name(id: PageId) -> String {
+    format!("{BASE_PREFIX}{}", page_suffix(id))
+}
+
+fn layer_prefix(layer: u64) -> String {
+    format!("layers/{layer:010}/page/")
+}
+
+fn layer_name(layer: u64, id: PageId) -> String {
+    format!("{}{}", layer_prefix(layer), page_suffix(id))
+}
+
+fn mask_prefix(layer: u64) -> String {
+    format!("layers/{layer:010}/mask/")
+}
+
+fn mask_name(layer: u64, id: PageId) -> String {
+    format!("{}{}", mask_prefix(layer), page_suffix(id))
+}
+
+// Pages of layers as bytes: half floats, so that neither darkness nor light beyond 1 is lost.
+
+/// Bytes of a texel's RGBA.
+const TEXEL_BYTES: usize = 8;
+
+/// Values of all channels: `values[channel][texel]`, straight linear RGBA. Channel after channel.
+fn encode_values(values: &[Vec<Vec4>]) -> Vec<u8> {
+    let halves = values.iter().flatten().flat_map(|v| v.to_array()).map(half_of);
+    halves.flat_map(f16::to_le_bytes).collect()
+}
+
+/// Inverse of [`encode_values`]; a page of another length is empty: transparent.
+fn decode_values(bytes: &[u8], channels: usize, texels: usize) -> Vec<Vec<Vec4>> {
+    if bytes.len() != channels * texels * TEXEL_BYTES {
+        return vec![vec![Vec4::ZERO; texels]; channels];
+    }
+    let texel = |b: &[u8]| Vec4::from_array(std::array::from_fn(|k| float_of([b[2 * k], b[2 * k + 1]])));
+    bytes
+        .chunks_exact(texels * TEXEL_BYTES)
+        .map(|c| c.chunks_exact(TEXEL_BYTES).map(texel).collect())
+        .collect()
+}
+
+/// One number per texel.
+fn encode_mask(mask: &[f32]) -> Vec<u8> {
+    mask.iter().flat_map(|&x| half_of(x).to_le_bytes()).collect()
+}
+
+/// Inverse of [`encode_mask`]; a page of another length is `outside` everywhere.
+fn decode_mask(bytes: &[u8], texels: usize, outside: f32) -> Vec<f32> {
+    if bytes.len() != 2 * texels {
+        return vec![outside; texels];
+    }
+    bytes.chunks_exact(2).map(|b| float_of([b[0], b[1]])).collect()
+}
+
+fn half_of(x: f32) -> f16 {
+    let limit = f32::from(f16::MAX);
+    f16::from_f32(if x.is_nan() { 0.0 } else { x.clamp(-limit, limit) })
+}
+
+fn float_of(bytes: [u8; 2]) -> f32 {
+    let x = f16::from_le_bytes(bytes).to_f32();
+    if x.is_finite() { x } else { 0.0 }
+}
+
+// Adding, removing and changing layers.
+
+impl Painter {
+    /// All layers, from the bottom to the top.
+    pub fn layers(&self) -> &[Layer] {
+        &self.layers.stack
+    }
+
+    /// Puts a layer on top; returns its number, by which strokes name it.
+    pub fn add_layer(&mut self, layer: Layer) -> Result<u64, PaintError> {
+        let number = self.start_add_layer(layer, None)?;
+        self.finish_work()?;
+        Ok(number)
+    }
+
+    /// The same, above another layer where one is named; what it shows is left to [`work_on`](Self::work_on).
+    pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64, PaintError> {
+        let mut number = 0;
+        self.change_layers("add layer", |layers| {
+            number = layers.add(layer);
+            let place = layers.stack.iter().position(|layer| Some(layer.id()) == above);
+            if let Some(place) = place
+                && let Some(layer) = layers.stack.pop()
+            {
+                layers.stack.insert(place + 1, layer);
+            }
+        })?;
+        Ok(number)
+    }
+
+    /// Changes layers in any way: order, names, visibility, opacity, blending, masks; or removes some. One step of the
+    /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer).
+    pub fn edit_layers(
+        &mut self,
+        label: &str,
+        change: impl FnOnce(&mut Vec<Layer>),
+    ) -> Result<(), PaintError> {
+        self.start_edit_layers(label, change)?;
+        self.finish_work()
+    }
+
+    /// The same; what it shows is left to [`work_on`](Self::work_on).
+    pub fn start_edit_layers(
+        &mut self,
+        label: &str,
+        change: impl FnOnce(&mut Vec<Layer>),
+    ) -> Result<(), PaintError> {
+        self.change_layers(label, |layers| {
+            let known: BTreeSet<u64> = layers.stack.iter().map(Layer::id).collect();
+            change(&mut layers.stack);
+            let mut seen = BTreeSet::new();
+            layers.stack.retain(|layer| known.contains(&layer.id()) && seen.insert(layer.id()));
+        })
+    }
+
+    /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays.
+    pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>) -> Result<(), PaintError> {
+        self.change_layers(label, |layers| {
+            let mut seen = BTreeSet::new();
+            layers.stack = stack.into_iter().filter(|layer| seen.insert(layer.id())).collect();
+            let next = layers.stack.iter().map(|layer| layer.id() + 1).max().unwrap_or(0);
+            layers.next_id = layers.next_id.max(next);
+        })?;
+        self.finish_work()
+    }
+
+    fn change_layers(&mut self, label: &str, change: impl FnOnce(&mut Layers)) -> Result<(), PaintError> {
+        self.finish_work()?;
+        self.end()?;
+        let before = self.layers.clone();
+        change(&mut self.layers);
+        if before == self.layers {
+            return Ok(());
+        }
+        if let Err(error) = self.fills.update(&self.surface, &self.layers) {
+            self.layers = before;
+            return Err(error);
+        }
+        self.begin_step(label);
+        let path = self.editor.asset().path().to_owned();
+        let list = self.layers.encoded(&path)?;
+        self.attach(INDEX, list)?;
+        let mut stack = self.layers.stack.clone();
+        keep_folders(&mut stack, &path);
+        let set_layers = Some(stack);
+        self.log(&StrokeSettings { label: label.to_owned(), set_layers, ..StrokeSettings::default() })?;
+        let pages = self.pages_to_flatten(&before.stack);
+        self.work = Some(Work::Flatten(FlattenWork::new(label, before.stack, &pages)));
+        Ok(())
+    }
+
+    pub(crate) fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<(), PaintError> {
+        let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
+        let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
+        let flat: Vec<Vec<Vec<u8>>> = ids
+            .par_iter()
+            .zip(&maps)
+            .map(|(&id, map)| {
+                let group = &editor.asset().cover().groups[id.group as usize];
+                let extent = page_extent(group.level_extent(0), id.page);
+                let rect = Rect { low: [0; 2], high: extent };
+                let replaced = None;
+                flatten(&LayerStack { editor, layers, id, extent, surface, map, fills, rect, replaced })
+            })
+            .collect::<Result<_, _>>()?;
+        for (&id, flat) in ids.iter().zip(flat) {
+            let before = base_bytes(&self.editor, id, None)?;
+            // The base is kept from the moment on at which something lies over it.
+            let is_first_layered = !self.editor.has_attachment(&base_name(id));
+            if is_first_layered {
+                self.editor.attach(&base_name(id), before.concat())?;
+            }
+            let mut channels = Vec::with_capacity(flat.len());
+            for (channel, (before, after)) in before.into_iter().zip(flat).enumerate() {
+                if before != after {
+                    self.editor.replace(id, channel, after.clone())?;
+                    channels.push((channel, before, after));
+                }
+            }
+            if !channels.is_empty() {
+                let group = &self.editor.asset().cover().groups[id.group as usize];
+                let extent = page_extent(group.level_extent(0), id.page);
+                changes.add(id, Rect { low: [0; 2], high: extent });
+            }
+            self.remember(PageStep { id, channels, is_first_layered })?;
+        }
+        Ok(())
+    }
+
+    /// Pages on which some layer shows or has shown something, ascending.
+    pub(crate) fn pages_to_flatten(&self, before: &[Layer]) -> Vec<PageId> {
+        let everywhere = |layer: &Layer| {
+            !matches!(layer.content, LayerContent::Painted) && layer.mask.is_none_or(|outside| outside > 0.0)
+        };
+        if self.layers.stack.iter().chain(before).any(everywhere) {
+            return self.all_pages();
+        }
+        let names = self.editor.attachment_names();
+        let masks: Vec<String> = self.layers.stack.iter().map(|layer| mask_prefix(layer.id())).collect();
+        let prefixes = masks.iter().map(String::as_str).chain([BASE_PREFIX]);
+        let mut pages = BTreeSet::new();
+        for prefix in prefixes {
+            let suffixes = names.iter().filter_map(|name| name.strip_prefix(prefix));
+            pages.extend(suffixes.filter_map(page_of_suffix).filter(|id| self.has_page(*id)));
+        }
+        pages.into_iter().collect()
+    }
+
+    fn has_page(&self, id: PageId) -> bool {
+        let group = self.editor.asset().cover().groups.get(id.group as usize);
+        group.is_some_and(|group| group.extent.iter().zip(id.page).all(|(&n, page)| page < n.div_ceil(PAGE)))
+    }
+
+    pub(crate) fn all_pages(&self) -> Vec<PageId> {
+        let groups = (0u32..).zip(&self.editor.asset().cover().groups);
+        let pages = groups.flat_map(|(group, shape)| {
+            let [columns, rows] = page_grid(shape.extent);
+            (0..rows).flat_map(move |y| (0..columns).map(move |x| PageId { group, level: 0, page: [x, y] }))
+        });
+        pages.collect()
+    }
+}
+
+// All layers of a page, one over the other.
+
+/// What a page is flattened from.
+pub(crate) struct LayerStack<'a> {
+    pub(crate) editor: &'a AssetEditor,
+    pub(crate) layers: &'a Layers,
+    pub(crate) id: PageId,
+    pub(crate) extent: [u32; 2],
+    /// Which texels show what.
+    pub(crate) surface: &'a Surface,
+    pub(crate) map: &'a TexelPage,
+    pub(crate) fills: &'a FillTextures,
+    /// Whole blocks; what lies outside stays as it is shown.
+    pub(crate) rect: Rect,
+    /// An attachment that is about to change, with what it will be.
+    pub(crate) replaced: Option<(&'a str, &'a [u8])>,
+}
+
+/// A layer's part of a page.
+struct LayerPage<'a> {
+    layer: &'a Layer,
+    /// Per channel; empty for fills of one colour, and where a graph shows nothing.
+    values: Vec<Vec<Vec4>>,
+    /// Empty without a mask.
+    mask: Vec<f32>,
+}
+
+impl LayerPage<'_> {
+    fn source(&self, channel: usize, texel: usize) -> Vec4 {
+        match &self.layer.content {
+            LayerContent::Painted | LayerContent::Graph(_) => {
+                let values = self.values.get(channel).and_then(|values| values.get(texel));
+                values.copied().unwrap_or(Vec4::ZERO)
+            }
+            LayerContent::Fill(colors) => colors.get(channel).map_or(Vec4::ZERO, |&color| color.into()),
+        }
+    }
+}
+
+/// The bytes of the page in all channels of the asset.
+pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>, PaintError> {
+    let asset = stack.editor.asset();
+    let texels = stack.extent[0] as usize * stack.extent[1] as usize;
+    let pages = stack.pages(texels)?;
+    let mut flat = Vec::with_capacity(asset.channels().len());
+    for (index, (channel, base)) in asset.channels().iter().zip(stack.base()?).enumerate() {
+        let decoded = asset.decode_page_raw(index, stack.id, &base)?;
+        let mut values: Vec<Vec4> = decoded.rgba.into_iter().map(Vec4::from).collect();
+        let mut changed = vec![false; texels];
+        let mut rect = Rect::EMPTY;
+        for (x, y) in stack.rect.texels() {
+            let texel = (y * stack.extent[0] + x) as usize;
+            let value = &mut values[texel];
+            let before = *value;
+            for page in pages.iter().filter(|page| page.layer.shows(index)) {
+                let share = page.layer.opacity.clamp(0.0, 1.0) * page.mask.get(texel).copied().unwrap_or(1.0);
+                *value = page.layer.blend.compose(*value, page.source(index, texel), share);
+            }
+            if *value != before {
+                changed[texel] = true;
+                rect.add(x, y);
+            }
+        }
+        let mut bytes = stack.editor.read_page_raw(index, stack.id)?;
+        copy_blocks(channel, stack.extent, &base, &mut bytes, stack.rect);
+        if !rect.is_empty() {
+            replace_blocks(channel, stack.extent, &mut bytes, &values, rect, |texel| changed[texel])?;
+        }
+        flat.push(bytes);
+    }
+    Ok(flat)
+}
+
+impl<'a> LayerStack<'a> {
+    fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, PaintError> {
+        match self.replaced {
+            Some((replaced, contents)) if replaced == name => Ok(Some(contents.to_vec())),
+            _ => Ok(self.editor.attachment(name)?),
+        }
+    }
+
+    /// The page's bytes under all layers, per channel of the asset.
+    fn base(&self) -> Result<Vec<Vec<u8>>, PaintError> {
+        base_bytes(self.editor, self.id, self.attachment(&base_name(self.id))?)
+    }
+
+    /// The layers that show something here.
+    fn pages(&self, texels: usize) -> Result<Vec<LayerPage<'a>>, PaintError> {
+        let channels = self.editor.asset().channels().len();
+        let mut pages = Vec::new();
+        for layer in &self.layers.stack {
+            let values = match layer.content {
+                LayerContent::Fill(_) | LayerContent::Graph(_) => Vec::new(),
+                LayerContent::Painted => match self.attachment(&layer_name(layer.id(), self.id))? {
+                    Some(bytes) => decode_values(&bytes, channels, texels),
+                    None => continue,
+                },
+            };
+            let mask = match layer.mask {
+                Some(outside) => {
+                    let bytes = self.attachment(&mask_name(layer.id(), self.id))?;
+                    decode_mask(&bytes.unwrap_or_default(), texels, outside)
+                }
+                None => Vec::new(),
+            };
+            let mut page = LayerPage { layer, values, mask };
+            if matches!(layer.content, LayerContent::Graph(_)) {
+                let is_hidden = |texel: usize| page.mask.get(texel).is_some_and(|shown| *shown <= 0.0);
+                page.values = self.fills.values(self.surface, layer.id(), self.map, self.rect, is_hidden);
+            }
+            pages.push(page);
+        }
+        Ok(pages)
+    }
+}
+
+/// A page's bytes under all layers, per channel: from the attachment that keeps them, or, where nothing lies over the page
+/// yet, the page itself.
+pub(crate) fn base_bytes(
+    editor: &AssetEditor,
+    id: PageId,
+    kept: Option<Vec<u8>>,
+) -> Result<Vec<Vec<u8>>, PaintError> {
+    let channels = editor.asset().channels().len();
+    let current = (0..channels).map(|channel| editor.read_page_raw(channel, id));
+    let current = current.collect::<Result<Vec<_>, _>>()?;
+    let Some(kept) = kept.filter(|kept| kept.len() == current.iter().map(Vec::len).sum::<usize>()) else {
+        return Ok(current);
+    };
+    let mut rest = kept.as_slice();
+    let mut base = Vec::with_capacity(channels);
+    for page in &current {
+        let (bytes, after) = rest.split_at(page.len());
+        base.push(bytes.to_vec());
+        rest = after;
+    }
+    Ok(base)
+}
+
+// A stroke onto a layer, a mask, or what lies under the layers.
+
+/// What a page becomes.
+#[derive(Debug, Default)]
+pub(crate) struct ShownPage {
+    /// Bytes per affected channel.
+    pub(crate) channels: Vec<Vec<u8>>,
+    /// Attachments that change, with their contents.
+    pub(crate) attachments: Vec<(String, Vec<u8>)>,
+}
+
+impl ShownPage {
+    /// Puts it in its place.
+    pub(crate) fn put(
+        self,
+        editor: &mut AssetEditor,
+        id: PageId,
+        affected: &[usize],
+    ) -> Result<(), EditError> {
+        for (&channel, bytes) in affected.iter().zip(self.channels) {
+            editor.replace(id, channel, bytes)?;
+        }
+        self.attachments.into_iter().try_for_each(|(name, contents)| editor.attach(&name, contents))
+    }
+}
+
+/// A stroke on a page with layers.
+pub(crate) struct LayeredPage<'a> {
+    pub(crate) editor: &'a AssetEditor,
+    pub(crate) layers: &'a Layers,
+    pub(crate) fills: &'a FillTextures,
+    pub(crate) map: &'a TexelPage,
+    pub(crate) id: PageId,
+    pub(crate) page: &'a StrokePage,
+    pub(crate) ink: &'a Ink<'a>,
+    pub(crate) target: Target,
+    /// The channels of the asset that the stroke can change.
+    pub(crate) affected: &'a [usize],
+}
+
+/// The attachment that a stroke changes on a page.
+pub(crate) fn target_name(target: Target, id: PageId) -> String {
+    match target {
+        Target::Base => base_name(id),
+        Target::Layer(layer) => layer_name(layer, id),
+        Target::Mask(layer) => mask_name(layer, id),
+    }
+}
+
+impl LayeredPage<'_> {
+    /// The page with the stroke.
+    pub(crate) fn show(&self) -> Result<ShownPage, PaintError> {
+        // Kept behind the bytes of the channels.
+        let before = self.page.originals.last().map_or(&[][..], Vec::as_slice);
+        let contents = match self.target {
+            Target::Base => self.painted_base(before)?,
+            Target::Layer(_) => self.painted_layer(before),
+            Target::Mask(layer) => self.painted_mask(before, self.layers.find(layer)),
+        };
+        let name = target_name(self.target, self.id);
+        let mut shown = ShownPage::default();
+        let extent = self.map.block.extent;
+        let replaced = Some((name.as_str(), contents.as_slice()));
+        let stack = LayerStack {
+            editor: self.editor,
+            layers: self.layers,
+            id: self.id,
+            extent,
+            surface: self.ink.surface,
+            map: self.map,
+            fills: self.fills,
+            rect: self.page.stale.blocks(),
+            replaced,
+        };
+        let mut flat = flatten(&stack)?;
+        shown.channels = self.affected.iter().map(|&channel| std::mem::take(&mut flat[channel])).collect();
+        if self.target != Target::Base && self.editor.attachment(&base_name(self.id))?.is_none() {
+            let base = base_bytes(self.editor, self.id, None)?.concat();
+            shown.attachments.push((base_name(self.id), base));
+        }
+        shown.attachments.push((name, contents));
+        Ok(shown)
+    }
+
+    fn painted_base(&self, before: &[u8]) -> Result<Vec<u8>, PaintError> {
+        let asset = self.editor.asset();
+        let mut base = base_bytes(self.editor, self.id, Some(before.to_vec()))?;
+        let originals: Vec<Vec<u8>> =
+            self.ink.paint.channels.iter().map(|painted| base[painted.channel].clone()).collect();
+        let page = StrokePage {
+            originals: originals.clone(),
+            stale: self.page.touched,
+            decoded: OnceLock::new(),
+            ..self.page.clone()
+        };
+        let painted = composite(asset, self.map, self.id, &page, originals, self.ink)?;
+        for (channel, bytes) in self.ink.paint.channels.iter().zip(painted) {
+            base[channel.channel] = bytes;
+        }
+        Ok(base.concat())
+    }
+
+    fn painted_layer(&self, before: &[u8]) -> Vec<u8> {
+        let channels = self.editor.asset().channels().len();
+        let mut values = decode_values(before, channels, self.page.coverage.len());
+        self.for_each_covered(|texel, place| {
+            for (number, painted) in self.ink.paint.channels.iter().enumerate() {
+                if let Some(color) = self.ink.color(self.map, self.page, place, number) {
+                    let value = &mut values[painted.channel][texel];
+                    *value = self.ink.paint.apply(*value, color, self.page.covered(texel));
+                }
+            }
+        });
+        encode_values(&values)
+    }
+
+    fn painted_mask(&self, before: &[u8], layer: Option<&Layer>) -> Vec<u8> {
+        let outside = layer.and_then(|layer| layer.mask).unwrap_or(1.0);
+        let mut mask = decode_mask(before, self.page.coverage.len(), outside);
+        self.for_each_covered(|texel, place| {
+            if let Some(color) = self.ink.color(self.map, self.page, place, 0) {
+                // Luminance (ITU-R BT.709).
+                let goal = color.truncate().dot(Vec3::new(0.2126, 0.7152, 0.0722)).clamp(0.0, 1.0);
+                let share = self.page.covered(texel) * self.ink.paint.opacity.clamp(0.0, 1.0);
+                mask[texel] += (goal - mask[texel]) * share;
+            }
+        });
+        encode_mask(&mask)
+    }
+
+    fn for_each_covered(&self, mut visit: impl FnMut(usize, [u32; 2])) {
+        for (x, y) in self.page.touched.texels() {
+            let texel = (y * self.map.block.extent[0] + x) as usize;
+            if self.page.covered(texel) > 0.0 && self.map.is_valid(texel) {
+                visit(texel, [x, y]);
+            }
+        }
+    }
+}

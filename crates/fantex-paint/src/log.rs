@@ -1,0 +1,418 @@
+//! The log: what was painted, in terms that outlive resolution, density and mesh.
+//!
+//! ```text
+//!  strokes/NUMBER         a stroke of a stroke file, as JSON: lengths in world units, places with their normals
+//!  strokes/files/HASH.EXT the pictures and fonts that strokes mention
+//! ```
+//!
+//! Both are attachments of the asset, committed with the texels and undone with them. So the log always says how the asset came to
+//! look as it does, and can be replayed on another density or cover of the model, or on an edited mesh.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_store::{Asset, AssetEditor, ChannelKind};
+use fantex_texture::Image;
+use xxhash_rust::xxh3::xxh3_64;
+
+use crate::graph::{found_folder, kept_folder};
+use crate::layers::find_folders;
+use crate::replay::{place_on, prepare_fill};
+use crate::stroke::mesh_length;
+use crate::{
+    BrushSettings, ChannelSettings, ColorSettings, Dab, DabSettings, FillArea, LookSettings, Paint,
+    PaintColor, PaintError, Painter, ReplayError, ReplaySummary, Size, Stamp, StrokeFile, StrokeSettings,
+    Surface, SurfacePoint, Tool, ToolSettings, Where, replay,
+};
+
+/// What the names of all attachments begin with.
+pub(crate) const PREFIX: &str = "strokes/";
+
+const FILES: &str = "strokes/files/";
+
+pub(crate) fn stroke_name(number: u64) -> String {
+    format!("{PREFIX}{number:012}")
+}
+
+pub(crate) fn file_name(name: &str) -> String {
+    format!("{PREFIX}{name}")
+}
+
+/// The number of the next stroke.
+pub(crate) fn next_number(editor: &AssetEditor) -> u64 {
+    let names = editor.attachment_names();
+    let numbers = names.iter().filter_map(|name| name.strip_prefix(PREFIX)?.parse::<u64>().ok());
+    numbers.max().map_or(0, |number| number + 1)
+}
+
+/// What a stroke of the log fills, and with what; none where that cannot be told any more.
+pub(crate) fn logged_fill(painter: &Painter, number: u64) -> Option<(Paint, FillArea)> {
+    let editor = painter.editor();
+    let bytes = editor.attachment(&stroke_name(number)).ok()??;
+    let mut stroke: StrokeSettings =
+        serde_json::from_slice(&bytes).ok().filter(|s: &StrokeSettings| !s.unrecorded)?;
+    find_looks(&mut stroke, editor.asset().path());
+    let folder = tempfile::tempdir().ok()?;
+    for name in editor.attachment_names().iter().filter(|name| name.starts_with(FILES)) {
+        let contents = editor.attachment(name).ok()??;
+        save_file(folder.path(), Path::new(name.strip_prefix(PREFIX)?), &contents).ok()?;
+    }
+    prepare_fill(painter, &stroke, folder.path()).ok()?
+}
+
+fn save_file(folder: &Path, path: &Path, contents: &[u8]) -> std::io::Result<()> {
+    let path = folder.join(path);
+    path.parent().map_or(Ok(()), std::fs::create_dir_all)?;
+    std::fs::write(path, contents)
+}
+
+/// The strokes of an asset, with the files that they mention.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StrokeLog {
+    /// In the order in which they were painted; what was undone is not among them.
+    pub strokes: StrokeFile,
+    /// Paths relative to the stroke file, and contents.
+    files: Vec<(PathBuf, Vec<u8>)>,
+}
+
+impl StrokeLog {
+    /// Reads the log of an asset; empty where nothing was painted.
+    ///
+    /// # Errors
+    ///
+    /// An attachment cannot be read, or is no stroke.
+    pub fn of(asset: &Asset) -> Result<Self, PaintError> {
+        let damaged = || PaintError::Log { path: asset.path().to_owned() };
+        let names = asset.attachment_names().map_err(|_| damaged())?;
+        let (mut strokes, mut files) = (Vec::new(), Vec::new());
+        for name in names {
+            let Some(rest) = name.strip_prefix(PREFIX) else { continue };
+            let bytes = asset.attachment(name).ok().flatten().ok_or_else(damaged)?;
+            if name.starts_with(FILES) {
+                files.push((PathBuf::from(rest), bytes));
+            } else {
+                let mut stroke: StrokeSettings = serde_json::from_slice(&bytes).map_err(|_| damaged())?;
+                find_looks(&mut stroke, asset.path());
+                strokes.push(stroke);
+            }
+        }
+        Ok(Self { strokes: StrokeFile { version: 1, strokes }, files })
+    }
+
+    /// Writes a stroke file that can be replayed, and beside it the folder `files` with what it mentions.
+    ///
+    /// # Errors
+    ///
+    /// The system refuses.
+    pub fn save(&self, path: &Path) -> std::io::Result<()> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        self.save_files(folder)?;
+        let text = serde_json::to_string_pretty(&self.strokes).map_err(std::io::Error::other)?;
+        std::fs::write(path, text)
+    }
+
+    /// Paints all strokes onto another asset, by their places in the world. Commits nothing.
+    ///
+    /// # Errors
+    ///
+    /// As [`replay`], and where no temporary folder can be made for the files.
+    pub fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary, ReplayError> {
+        let folder = tempfile::tempdir().map_err(PaintError::Spill)?;
+        self.save_files(folder.path()).map_err(PaintError::Spill)?;
+        replay(painter, &self.strokes, folder.path())
+    }
+
+    fn save_files(&self, folder: &Path) -> std::io::Result<()> {
+        self.files.iter().try_for_each(|(path, bytes)| save_file(folder, path, bytes))
+    }
+}
+
+// From what was painted to what is written down.
+
+/// What is known about an open stroke.
+#[derive(Clone, Debug)]
+pub(crate) enum Recording {
+    /// It came with its settings.
+    Settings(Box<Portable>),
+    /// It came as dabs.
+    Dabs(Vec<DabSettings>, Option<Arc<Stamp>>),
+    /// Something about it cannot be said in a stroke file.
+    Lost,
+}
+
+impl Recording {
+    /// Adds dabs, where they are not known from the settings.
+    pub(crate) fn add_dabs(&mut self, surface: &Surface, dabs: &[Dab]) {
+        let (known, stamp) = match self {
+            Self::Dabs(known, stamp) => (known, stamp),
+            Self::Settings(portable) => {
+                if portable.gathers_dabs {
+                    portable.stroke.dabs.extend(dabs.iter().map(|dab| settings_of_dab(surface, dab)));
+                }
+                return;
+            }
+            Self::Lost => return,
+        };
+        for dab in dabs {
+            if known.is_empty() {
+                *stamp = dab.stamp.clone();
+            }
+            let is_same = match (&*stamp, &dab.stamp) {
+                (None, None) => true,
+                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+                _ => false,
+            };
+            if !is_same {
+                *self = Self::Lost;
+                return;
+            }
+            known.push(settings_of_dab(surface, dab));
+        }
+    }
+
+    /// What is neither in the settings nor made of dabs is lost.
+    pub(crate) fn lose(&mut self) {
+        if matches!(self, Self::Dabs(..)) {
+            *self = Self::Lost;
+        }
+    }
+}
+
+fn settings_of_dab(surface: &Surface, dab: &Dab) -> DabSettings {
+    DabSettings {
+        at: place_of(surface, dab.center),
+        radius: (f64::from(dab.radius) * surface.mesh().world_from_mesh.scale) as f32,
+        hardness: dab.hardness,
+        flow: dab.flow,
+        angle: dab.angle,
+        aspect: dab.aspect,
+    }
+}
+
+/// A point as it is written down.
+fn place_of(surface: &Surface, point: SurfacePoint) -> Where {
+    let world_from_mesh = surface.mesh().world_from_mesh;
+    let position = world_from_mesh.point(surface.position(point).as_vec3()).to_array();
+    Where::Surface { position, normal: surface.outer_normal(point.triangle).as_vec3().to_array() }
+}
+
+/// A stroke in terms that fit any asset of the model, with the files that it mentions.
+#[derive(Clone, Debug)]
+pub(crate) struct Portable {
+    pub(crate) stroke: StrokeSettings,
+    pub(crate) files: Vec<(String, Vec<u8>)>,
+    /// It says how, but not where: that comes as dabs.
+    gathers_dabs: bool,
+}
+
+impl Portable {
+    /// From the settings of a stroke file in a folder.
+    pub(crate) fn new(
+        surface: &Surface,
+        settings: StrokeSettings,
+        folder: &Path,
+        asset: &Path,
+    ) -> Result<Self, PaintError> {
+        let mut writer = Writer { surface, folder, asset, files: Vec::new() };
+        let gathers_dabs = settings.samples.is_empty() && settings.dabs.is_empty() && settings.fill.is_none();
+        let stroke = writer.stroke(settings)?;
+        Ok(Self { stroke, files: writer.files, gathers_dabs })
+    }
+}
+
+/// Folders of looks that are kept in an asset, absolute.
+fn find_looks(stroke: &mut StrokeSettings, asset: &Path) {
+    let fill = stroke.layer.as_mut().and_then(|layer| layer.fill.as_mut());
+    let of_colors = stroke.channels.iter_mut().filter_map(|channel| match &mut channel.color {
+        ColorSettings::Texture { look, .. } => Some(look),
+        _ => None,
+    });
+    for look in of_colors.chain(fill.map(|fill| &mut fill.look)) {
+        if let LookSettings::Inline { folder, .. } = look {
+            *folder = found_folder(asset, folder);
+        }
+    }
+    if let Some(layers) = &mut stroke.set_layers {
+        find_folders(layers, asset);
+    }
+}
+
+/// Puts a recording into such terms.
+pub(crate) fn portable(
+    surface: &Surface,
+    asset: &Asset,
+    paint: &Paint,
+    recording: Recording,
+) -> Result<Portable, PaintError> {
+    let lost = || Portable {
+        stroke: StrokeSettings { unrecorded: true, ..StrokeSettings::default() },
+        files: Vec::new(),
+        gathers_dabs: false,
+    };
+    Ok(match recording {
+        Recording::Settings(portable) => *portable,
+        Recording::Dabs(dabs, stamp) => {
+            let Some((tool, channels)) = settings_of(surface, asset, paint) else { return Ok(lost()) };
+            let mut files = Vec::new();
+            let mut brush = BrushSettings { opacity: paint.opacity, ..BrushSettings::default() };
+            if let Some(stamp) = stamp {
+                let bytes = picture_of(&stamp)?;
+                let name = hashed_name(&bytes, "exr");
+                brush.stamp = Some(PathBuf::from(&name));
+                files.push((name, bytes));
+            }
+            Portable {
+                stroke: StrokeSettings { brush, tool, channels, dabs, ..StrokeSettings::default() },
+                files,
+                gathers_dabs: false,
+            }
+        }
+        Recording::Lost => lost(),
+    })
+}
+
+/// A paint's settings; none where they cannot be said.
+fn settings_of(
+    surface: &Surface,
+    asset: &Asset,
+    paint: &Paint,
+) -> Option<(ToolSettings, Vec<ChannelSettings>)> {
+    let world_from_mesh = surface.mesh().world_from_mesh;
+    let tool = match paint.tool {
+        Tool::Paint(mode) => ToolSettings::Paint(mode),
+        Tool::Erase => ToolSettings::Erase,
+        Tool::Smudge { strength } => ToolSettings::Smudge { strength },
+        Tool::Blur { radius } => {
+            let radius = Size::World((f64::from(radius) * world_from_mesh.scale) as f32);
+            ToolSettings::Blur { radius }
+        }
+        // Where it starts is not known any more.
+        Tool::Clone { .. } => return None,
+    };
+    let mut channels = Vec::with_capacity(paint.channels.len());
+    for painted in &paint.channels {
+        let color = match &painted.color {
+            PaintColor::Constant(color) => ColorSettings::Linear(color.to_array()),
+            _ if paint.tool.reads_surface() => ColorSettings::default(),
+            _ => return None,
+        };
+        let kind = kind_name(asset.channels()[painted.channel].kind);
+        channels.push(ChannelSettings { kind, color });
+    }
+    Some((tool, channels))
+}
+
+fn kind_name(kind: ChannelKind) -> crate::ChannelKindName {
+    use crate::ChannelKindName as Name;
+    match kind {
+        ChannelKind::BaseColor => Name::BaseColor,
+        ChannelKind::Normal => Name::Normal,
+        ChannelKind::OcclusionRoughnessMetallic => Name::OcclusionRoughnessMetallic,
+        ChannelKind::Emission => Name::Emission,
+        ChannelKind::Displacement => Name::Displacement,
+        ChannelKind::Light => Name::Light,
+        ChannelKind::Anisotropy => Name::Anisotropy,
+    }
+}
+
+/// Rewrites the settings of a stroke.
+struct Writer<'a> {
+    surface: &'a Surface,
+    folder: &'a Path,
+    /// The asset's path.
+    asset: &'a Path,
+    files: Vec<(String, Vec<u8>)>,
+}
+
+impl Writer<'_> {
+    fn stroke(&mut self, mut stroke: StrokeSettings) -> Result<StrokeSettings, PaintError> {
+        self.length(&mut stroke.brush.size);
+        if let ToolSettings::Blur { radius } = &mut stroke.tool {
+            self.length(radius);
+        }
+        self.file(&mut stroke.brush.stamp)?;
+        for channel in &mut stroke.channels {
+            match &mut channel.color {
+                ColorSettings::Image(path) => {
+                    let mut named = Some(std::mem::take(path));
+                    self.file(&mut named)?;
+                    *path = named.unwrap_or_default();
+                }
+                ColorSettings::Texture { look, .. } => self.look(look)?,
+                _ => {}
+            }
+        }
+        if let Some(stencil) = &mut stroke.stencil {
+            let mut named = Some(std::mem::take(&mut stencil.image));
+            self.file(&mut named)?;
+            stencil.image = named.unwrap_or_default();
+        }
+        if let Some(decal) = &mut stroke.decal {
+            self.length(&mut decal.size);
+            self.file(&mut decal.shape)?;
+        }
+        if let Some(text) = &mut stroke.text {
+            self.length(&mut text.size);
+            self.file(&mut text.font)?;
+        }
+        if let Some(fill) = stroke.layer.as_mut().and_then(|layer| layer.fill.as_mut()) {
+            self.look(&mut fill.look)?;
+        }
+        let surface = self.surface;
+        stroke.samples.retain_mut(|sample| {
+            let point = place_on(surface, sample.at);
+            point.map(|point| sample.at = place_of(surface, point)).is_some()
+        });
+        Ok(stroke)
+    }
+
+    /// In world units.
+    fn length(&self, size: &mut Size) {
+        let scale = self.surface.mesh().world_from_mesh.scale;
+        *size = Size::World((f64::from(mesh_length(self.surface, *size)) * scale) as f32);
+    }
+
+    /// Takes a file along under the hash of its contents.
+    fn file(&mut self, path: &mut Option<PathBuf>) -> Result<(), PaintError> {
+        let Some(path) = path else { return Ok(()) };
+        let bytes = read(&self.folder.join(&*path))?;
+        let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("bin");
+        let name = hashed_name(&bytes, extension);
+        *path = PathBuf::from(&name);
+        self.files.push((name, bytes));
+        Ok(())
+    }
+
+    /// Takes a look's text along; what it mentions stays where it is, and is found from the asset.
+    fn look(&mut self, look: &mut LookSettings) -> Result<(), PaintError> {
+        let (text, folder) = match look {
+            LookSettings::File(path) => {
+                let path = self.folder.join(path);
+                let text = String::from_utf8_lossy(&read(&path)?).into_owned();
+                (text, path.parent().unwrap_or(Path::new("")).to_owned())
+            }
+            LookSettings::Inline { text, folder } => (std::mem::take(text), self.folder.join(folder)),
+        };
+        *look = LookSettings::Inline { text, folder: kept_folder(self.asset, &folder) };
+        Ok(())
+    }
+}
+
+fn read(path: &Path) -> Result<Vec<u8>, PaintError> {
+    std::fs::read(path).map_err(|source| PaintError::LogFile { path: path.to_owned(), source })
+}
+
+fn hashed_name(bytes: &[u8], extension: &str) -> String {
+    format!("files/{:016x}.{extension}", xxh3_64(bytes))
+}
+
+/// A stamp as a picture file.
+fn picture_of(stamp: &Stamp) -> Result<Vec<u8>, PaintError> {
+    let ([width, height], coverage) = stamp.texels();
+    let texels: Vec<[f32; 4]> = coverage.iter().map(|&a| [1.0, 1.0, 1.0, a]).collect();
+    let folder = tempfile::tempdir()?;
+    let path = folder.path().join("stamp.exr");
+    let image = Image::from_linear_rgba(width as u32, height as u32, &texels);
+    image.save(&path).map_err(std::io::Error::other)?;
+    Ok(std::fs::read(path)?)
+}

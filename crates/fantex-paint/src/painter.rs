@@ -1,0 +1,858 @@
+//! From dabs to stored texels.
+//!
+//! ```text
+//!  dabs --cover--> coverage per texel --composite--> pages of level 0 --levels--> coarser pages, means
+//!          (kept for the whole stroke)  (from the bytes before the stroke)
+//! ```
+//!
+//! Every tile that shows a point takes the same function of the surface at its texels, so tiles agree where they overlap
+//! and the texture function stays as continuous as the stroke. Coverage is gathered over the stroke and applied to the texels as
+//! they were before it: that is what caps a stroke at its opacity, and repeated showing costs no quality.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+
+use fantex_store::{
+    AssetEditor, ChannelKind, CommitSummary, EditError, EditOptions, PageCache, PageId, page_origin,
+};
+use glam::Vec4;
+use rayon::prelude::*;
+
+use crate::composite::{Ink, composite, look_up_now};
+use crate::cover::{Patch, cover_page, cover_page_colored, touched_pages};
+use crate::dab::PlacedDab;
+use crate::graph::FillTextures;
+use crate::history::PageStep;
+use crate::layers::{LayeredPage, Layers, ShownPage, base_name, target_name};
+use crate::levels::{Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway, PageChange};
+use crate::log::{self, Portable, Recording, portable};
+use crate::picture::PlacedDecal;
+use crate::projection::see_through;
+use crate::smudge::{Finger, LaidDown, PagesUnder, SmudgeDab, finger_of};
+use crate::stroke_page::{StrokePage, StrokePages};
+use crate::texel_page::{Rect, TexelPage, TexelPages};
+use crate::work::Work;
+use crate::{Dab, Decal, History, Paint, PaintError, StrokeSettings, Surface, SurfacePoint, Target, Tool};
+
+// The painter: an asset that is being painted on.
+
+/// How to paint.
+#[derive(Clone, Debug)]
+pub struct PaintOptions {
+    /// Memory for pages, bytes: a stroke's coverage, texel maps, changes that are not yet in the file. (Mesh, adjacency and
+    /// directory come on top.)
+    pub memory_bytes: usize,
+    /// Keep what undoes strokes in the asset.
+    pub history: bool,
+}
+
+impl Default for PaintOptions {
+    /// 512 MiB, with history.
+    fn default() -> Self {
+        Self { memory_bytes: 512 << 20, history: true }
+    }
+}
+
+/// What a stroke did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StrokeSummary {
+    /// Dabs.
+    pub dabs: usize,
+    /// Pages of level 0 that changed (all channels of a page count as one).
+    pub pages: usize,
+    /// Pages of coarser levels that changed, per channel.
+    pub coarser_pages: usize,
+}
+
+/// Pages that are worked on at a time: bounds memory, and keeps all threads busy.
+const PAGE_BATCH: usize = 64;
+
+/// Dabs that are placed at a time.
+const DAB_BATCH: usize = 128;
+
+/// An asset that is being painted on. Nothing is durable before [`commit`](Self::commit).
+#[derive(Debug)]
+pub struct Painter {
+    pub(crate) surface: Arc<Surface>,
+    pub(crate) editor: AssetEditor,
+    pub(crate) options: PaintOptions,
+    pub(crate) maps: TexelPages,
+    pub(crate) history: History,
+    pub(crate) layers: Layers,
+    /// The textures of the layers; made when they are needed.
+    pub(crate) fills: FillTextures,
+    pub(crate) stroke: Option<OpenStroke>,
+    pub(crate) room: Room,
+    /// Coarser levels that another thread computes, and its texel maps.
+    pub(crate) levels: Option<LevelsUnderway>,
+    level_maps: Arc<Mutex<TexelPages>>,
+    /// The number of the next stroke in the log.
+    pub(crate) next_stroke: u64,
+    /// What takes long.
+    pub(crate) work: Option<Work>,
+}
+
+/// A stroke that has begun.
+#[derive(Debug)]
+pub(crate) struct OpenStroke {
+    pub(crate) label: String,
+    pub(crate) target: Target,
+    pub(crate) paint: Paint,
+    /// What was seen before, for tools that ask for it.
+    before: Option<PageCache>,
+    /// What a smudge carries.
+    fingers: Vec<Finger>,
+    /// For the log.
+    pub(crate) recording: Recording,
+    /// Channels of the asset that it can change, ascending or as painted.
+    pub(crate) affected: Vec<usize>,
+    pub(crate) pages: StrokePages,
+    pub(crate) dabs: usize,
+}
+
+impl Painter {
+    /// Opens an asset for painting. There may be unfinished work in it (see [`has_work`](Self::has_work)).
+    pub fn open(path: &Path, options: &PaintOptions) -> Result<Self, PaintError> {
+        let editor = AssetEditor::open(path, &EditOptions::default())?;
+        let history = History::load(&editor)?;
+        let layers = Layers::load(&editor)?;
+        let surface = Arc::new(Surface::of(editor.asset()));
+        let next_stroke = log::next_number(&editor);
+        let options = options.clone();
+        let mut painter = Self {
+            surface,
+            editor,
+            options,
+            maps: TexelPages::default(),
+            history,
+            layers,
+            fills: FillTextures::default(),
+            stroke: None,
+            room: Room::default(),
+            levels: None,
+            level_maps: Arc::default(),
+            next_stroke,
+            work: None,
+        };
+        painter.take_up_work()?;
+        Ok(painter)
+    }
+
+    /// The surface.
+    pub fn surface(&self) -> &Arc<Surface> {
+        &self.surface
+    }
+
+    /// The asset with all changes, committed or not.
+    pub fn editor(&self) -> &AssetEditor {
+        &self.editor
+    }
+
+    /// The pages, of all levels, that have changed since the last call; from the first call on they are remembered. For
+    /// whoever shows the asset while it is painted on.
+    pub fn take_replaced(&mut self) -> Vec<PageId> {
+        self.editor.take_replaced()
+    }
+
+    /// Begins a stroke under all layers; one that is open ends first. `label` names it in the history.
+    pub fn begin(&mut self, label: &str, paint: Paint) -> Result<(), PaintError> {
+        self.begin_on(Target::Base, label, paint)
+    }
+
+    /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
+    pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<(), PaintError> {
+        self.finish_work()?;
+        if self.stroke.is_some() {
+            self.end()?;
+        }
+        if let Target::Layer(id) | Target::Mask(id) = target
+            && self.layers.find(id).is_none()
+        {
+            return Err(PaintError::NoLayer(id));
+        }
+        paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
+        let count = self.editor.asset().channels().len();
+        self.fills.update(&self.surface, &self.layers)?;
+        let affected = match target {
+            Target::Mask(_) => (0..count).collect(),
+            _ => paint.channels.iter().map(|painted| painted.channel).collect(),
+        };
+        let before = paint.tool.reads_surface().then(|| self.state_before()).transpose()?;
+        let (label, pages, fingers) = (label.to_owned(), StrokePages::default(), Vec::new());
+        let recording = Recording::Dabs(Vec::new(), None);
+        self.stroke =
+            Some(OpenStroke { label, target, paint, before, fingers, recording, affected, pages, dabs: 0 });
+        Ok(())
+    }
+
+    /// Adds dabs to the open stroke, in order. Does nothing where none is open.
+    pub fn dab(&mut self, dabs: &[Dab]) -> Result<(), PaintError> {
+        if let Some(stroke) = &mut self.stroke {
+            stroke.recording.add_dabs(&self.surface, dabs);
+        }
+        if let Some(OpenStroke { paint: Paint { tool: Tool::Smudge { strength }, .. }, .. }) = self.stroke {
+            return dabs.iter().try_for_each(|dab| self.smudge(dab, strength));
+        }
+        let texel = 1.0 / self.surface.cover().density;
+        for batch in dabs.chunks(DAB_BATCH) {
+            let surface = &*self.surface;
+            let placed: Vec<PlacedDab> =
+                batch.par_iter().map(|dab| PlacedDab::new(surface, dab, texel)).collect();
+            let touched: Vec<(PageId, Vec<u32>)> =
+                touched_pages(surface, placed.iter().map(|dab| &dab.region)).into_iter().collect();
+            self.cover(&touched, |surface, map, dabs: &Vec<u32>, page| {
+                cover_page(surface, map, dabs.iter().map(|&i| &placed[i as usize]), page);
+            })?;
+            if let Some(stroke) = &mut self.stroke {
+                stroke.dabs += batch.len();
+            }
+        }
+        Ok(())
+    }
+
+    /// One dab of a smudge: it sees what those before have left.
+    fn smudge(&mut self, dab: &Dab, strength: f32) -> Result<(), PaintError> {
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        let (surface, budget) = (&*self.surface, self.options.memory_bytes / 4);
+        let finger = finger_of(&mut stroke.fingers, surface, dab);
+        let placed = SmudgeDab::new(surface, dab, finger.as_ref());
+        let ids: Vec<PageId> = touched_pages(surface, std::iter::once(placed.region())).into_keys().collect();
+        let maps = self.maps.get(surface, &ids, budget);
+        let mut pages = PagesUnder::new();
+        for (id, map) in ids.into_iter().zip(maps) {
+            let known = stroke.pages.take(id)?;
+            let page = known.unwrap_or_else(|| StrokePage::new(map.block.texel_count()));
+            pages.insert(id, (map, page));
+        }
+        let normals = self.editor.asset().channel_of_kind(ChannelKind::Normal);
+        let ink = Ink { surface, paint: &stroke.paint, before: stroke.before.as_ref(), normals };
+        let finger = placed.picked_up(finger, strength, &ink, &pages);
+        let laid = LaidDown { dab: &placed, finger: &finger, surface };
+        let channels = stroke.paint.channels.len();
+        let stencil = stroke.paint.stencil.as_deref();
+        pages.par_iter_mut().for_each(|(_, (map, page))| {
+            cover_page_colored(map, &laid, channels, page);
+            stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+        });
+        for (id, (_, page)) in pages {
+            if !page.touched.is_empty() {
+                stroke.pages.put(id, page, budget)?;
+            }
+        }
+        stroke.fingers.push(finger);
+        stroke.dabs += 1;
+        Ok(())
+    }
+
+    /// Lays a picture onto the surface, as part of the open stroke. Does nothing where none is open.
+    pub fn decal(&mut self, decal: &Decal) -> Result<(), PaintError> {
+        let surface = Arc::clone(&self.surface);
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        stroke.recording.lose();
+        let paint = stroke.paint.clone();
+        let before = stroke.before.clone();
+        let normals = self.editor.asset().channel_of_kind(ChannelKind::Normal);
+        let ink = Ink { surface: &surface, paint: &paint, before: before.as_ref(), normals };
+        let placed = PlacedDecal::new(&surface, decal, &ink);
+        let touched = touched_pages(&surface, std::iter::once(placed.region()));
+        let touched: Vec<(PageId, ())> = touched.into_keys().map(|id| (id, ())).collect();
+        let channels = paint.channels.len();
+        self.cover(&touched, |_, map, (), page| cover_page_colored(map, &placed, channels, page))?;
+        if let Some(stroke) = &mut self.stroke {
+            stroke.dabs += 1;
+        }
+        Ok(())
+    }
+
+    /// Says in the terms of stroke files what the open stroke paints, for the log. `folder`: what its paths are relative to. To be
+    /// called before anything is painted. Settings that say nothing about where it is painted (neither samples nor dabs) are
+    /// completed by the dabs as they come. Without it, dabs of constant colours are logged one by one; fills, decals and colours that
+    /// are textures are counted in the log, but cannot be replayed from it. Fails where a file that is mentioned cannot be read.
+    pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<(), PaintError> {
+        if let Some(stroke) = &mut self.stroke {
+            let asset = self.editor.asset().path();
+            let portable = Portable::new(&self.surface, settings, folder, asset)?;
+            stroke.recording = Recording::Settings(Box::new(portable));
+        }
+        Ok(())
+    }
+
+    pub(crate) fn check_channel(&self, channel: usize) -> Result<(), PaintError> {
+        let count = self.editor.asset().channels().len();
+        if channel < count { Ok(()) } else { Err(PaintError::NoChannel { channel, count }) }
+    }
+
+    /// Lets `add` change the coverage of pages, in parallel.
+    fn cover<T: Sync>(
+        &mut self,
+        touched: &[(PageId, T)],
+        add: impl Fn(&Surface, &TexelPage, &T, &mut StrokePage) + Sync,
+    ) -> Result<(), PaintError> {
+        let Some(stroke) = &mut self.stroke else { return Ok(()) };
+        let budget = self.options.memory_bytes / 4;
+        for batch in touched.chunks(PAGE_BATCH) {
+            let ids: Vec<PageId> = batch.iter().map(|(id, _)| *id).collect();
+            let maps = self.maps.get(&self.surface, &ids, budget);
+            let mut pages = Vec::with_capacity(batch.len());
+            for (id, map) in ids.iter().zip(&maps) {
+                let known = stroke.pages.take(*id)?;
+                pages.push(known.unwrap_or_else(|| StrokePage::new(map.block.texel_count())));
+            }
+            let surface = &*self.surface;
+            let stencil = stroke.paint.stencil.as_deref();
+            pages.par_iter_mut().zip(batch).zip(&maps).for_each(|((page, (_, with)), map)| {
+                add(surface, map, with, page);
+                stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+            });
+            for (id, page) in ids.into_iter().zip(pages) {
+                if !page.touched.is_empty() {
+                    stroke.pages.put(id, page, budget)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Brings the pages of level 0 up to date with the open stroke, and returns those that changed: for the next frame.
+    pub fn show(&mut self) -> Result<Vec<PageId>, PaintError> {
+        let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
+        let stale = stroke.pages.stale();
+        if stale.len() > PAGE_BATCH {
+            // Memory may have to be relieved on the way, and what another thread reads must stay where it is.
+            self.finish_levels()?;
+        }
+        let Some(stroke) = &mut self.stroke else { return Ok(Vec::new()) };
+        let budget = self.options.memory_bytes / 4;
+        for ids in stale.chunks(PAGE_BATCH) {
+            let maps = self.maps.get(&self.surface, ids, budget);
+            let mut pages = Vec::with_capacity(ids.len());
+            for &id in ids {
+                let mut page = stroke.pages.take(id)?.unwrap_or_else(|| StrokePage::new(0));
+                if page.originals.is_empty() {
+                    page.originals = stroke.originals(&self.editor, id)?;
+                }
+                pages.push((id, page));
+            }
+            let (surface, editor) = (&*self.surface, &self.editor);
+            let layers = (&self.layers, &self.fills);
+            let stroke_now = &*stroke;
+            let shown: Vec<ShownPage> = pages
+                .par_iter()
+                .zip(&maps)
+                .map(|((id, page), map)| stroke_now.shown(surface, editor, layers, map, *id, page))
+                .collect::<Result<_, _>>()?;
+            for ((id, mut page), shown) in pages.into_iter().zip(shown) {
+                shown.put(&mut self.editor, id, &stroke.affected)?;
+                page.stale = Rect::EMPTY;
+                stroke.pages.put(id, page, budget)?;
+            }
+            if stale.len() > PAGE_BATCH {
+                self.room.relieve(&mut self.editor, budget)?;
+            }
+        }
+        self.relieve()?;
+        Ok(stale)
+    }
+
+    /// Lets the asset's file grow to so many bytes at most; none lifts the limit. Beyond it the disk counts as full.
+    pub fn limit_file(&mut self, bytes: Option<u64>) {
+        self.editor.limit_file(bytes);
+    }
+
+    /// True where the disk had no room for changes when memory was last to be relieved: they stay in memory, nothing is
+    /// lost, and [`commit`](Self::commit) will tell whether there is room again.
+    pub fn is_disk_full(&self) -> bool {
+        self.room.is_full()
+    }
+
+    /// What can be undone and redone.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The value of a channel at a point as it is seen now, an open stroke included once it is shown: **linear** RGBA. (An
+    /// eyedropper.)
+    pub fn pick(&mut self, channel: usize, point: SurfacePoint) -> Result<Vec4, PaintError> {
+        self.check_channel(channel)?;
+        self.show()?;
+        look_up_now(&self.surface, &self.editor, channel, point)
+    }
+
+    /// The same of all channels, in their order.
+    pub fn pick_all(&mut self, point: SurfacePoint) -> Result<Vec<Vec4>, PaintError> {
+        self.show()?;
+        let channels = 0..self.editor.asset().channels().len();
+        channels.map(|channel| look_up_now(&self.surface, &self.editor, channel, point)).collect()
+    }
+
+    /// Makes everything durable, an open stroke (without its coarser levels) and unfinished work included.
+    pub fn commit(&mut self) -> Result<CommitSummary, PaintError> {
+        self.show()?;
+        self.finish_levels()?;
+        self.keep_work()?;
+        self.room.commit(&mut self.editor)
+    }
+}
+
+impl OpenStroke {
+    /// The bytes of a page before the stroke, per affected channel; where layers lie over it, also (last) the contents of
+    /// the attachment that the stroke changes.
+    pub(crate) fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>, PaintError> {
+        let channels = self.affected.iter().map(|&channel| editor.read_page_raw(channel, id));
+        let mut originals = channels.collect::<Result<Vec<_>, _>>()?;
+        let contents = editor.attachment(&target_name(self.target, id))?;
+        if self.target != Target::Base || contents.is_some() {
+            originals.push(contents.unwrap_or_default());
+        }
+        Ok(originals)
+    }
+
+    /// True where the page has layers, and the stroke changes one of their attachments.
+    fn is_layered(&self, page: &StrokePage) -> bool {
+        page.originals.len() > self.affected.len()
+    }
+
+    /// The page with the stroke.
+    pub(crate) fn shown(
+        &self,
+        surface: &Surface,
+        editor: &AssetEditor,
+        (layers, fills): (&Layers, &FillTextures),
+        map: &TexelPage,
+        id: PageId,
+        page: &StrokePage,
+    ) -> Result<ShownPage, PaintError> {
+        let normals = editor.asset().channel_of_kind(ChannelKind::Normal);
+        let ink = &Ink { surface, paint: &self.paint, before: self.before.as_ref(), normals };
+        let (target, affected) = (self.target, self.affected.as_slice());
+        if self.is_layered(page) {
+            return LayeredPage { editor, layers, fills, map, id, page, ink, target, affected }.show();
+        }
+        let shown = affected.iter().map(|&channel| editor.read_page_raw(channel, id));
+        let channels = composite(editor.asset(), map, id, page, shown.collect::<Result<_, _>>()?, ink)?;
+        Ok(ShownPage { channels, attachments: Vec::new() })
+    }
+}
+
+// Steps: what a stroke or a change of the layers leaves behind it, coarser levels and the history included.
+
+/// Pages of level 0, times channels, whose coarser levels are left to another thread; those of more are computed at once, part by
+/// part, so that memory stays bounded.
+const MOST_PAGES_IN_BACKGROUND: usize = 2048;
+
+/// Changed texels of level 0, group by group.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Changes(BTreeMap<u32, Dirty>);
+
+impl Changes {
+    /// Adds texels of a page, given relative to it.
+    pub(crate) fn add(&mut self, id: PageId, rect: Rect) {
+        let rect = rect.moved(page_origin(id.page));
+        let known = self.0.entry(id.group).or_default().entry(id.page).or_insert(Rect::EMPTY);
+        *known = known.union(rect);
+    }
+}
+
+impl Painter {
+    /// Ends the open stroke: shows it, computes coarser levels, and enters it into the history.
+    pub fn end(&mut self) -> Result<StrokeSummary, PaintError> {
+        self.finish_levels()?;
+        let Some((mut summary, changes, channels)) = self.close_stroke()? else {
+            return Ok(StrokeSummary::default());
+        };
+        summary.coarser_pages = self.finish_step(changes, &channels)?;
+        Ok(summary)
+    }
+
+    /// The same, but coarser levels are left to another thread: they (and the step in the history) are there once
+    /// [`poll_levels`](Self::poll_levels) has said so. The results are the same bytes as [`end`](Self::end)'s. Whatever needs them
+    /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
+    pub fn end_in_background(&mut self) -> Result<StrokeSummary, PaintError> {
+        self.finish_levels()?;
+        let Some((mut summary, changes, channels)) = self.close_stroke()? else {
+            return Ok(StrokeSummary::default());
+        };
+        let pages = summary.pages * channels.len().max(1);
+        if pages > MOST_PAGES_IN_BACKGROUND {
+            summary.coarser_pages = self.finish_step(changes, &channels)?;
+            return Ok(summary);
+        }
+        match LevelsUnderway::start(Box::new(self.level_work(changes, &channels)), &self.level_maps) {
+            Ok(underway) => self.levels = Some(underway),
+            Err(work) => {
+                let results = work.run(&mut self.maps)?;
+                summary.coarser_pages = self.apply_levels(results)?.len();
+                self.finish_history()?;
+            }
+        }
+        Ok(summary)
+    }
+
+    /// Takes over coarser levels that are ready, and returns the pages that they change (none twice, channels together); `None`
+    /// while they are still being computed.
+    pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>, PaintError> {
+        let Some(underway) = self.levels.take() else { return Ok(Some(Vec::new())) };
+        match underway.poll() {
+            Ok(results) => self.take_over(results).map(Some),
+            Err(underway) => {
+                self.levels = Some(underway);
+                Ok(None)
+            }
+        }
+    }
+
+    /// Waits for coarser levels that are being computed, and returns the pages that they change.
+    pub fn finish_levels(&mut self) -> Result<Vec<PageId>, PaintError> {
+        let Some(underway) = self.levels.take() else { return Ok(Vec::new()) };
+        self.take_over(underway.wait())
+    }
+
+    fn take_over(&mut self, results: Result<LevelResults, PaintError>) -> Result<Vec<PageId>, PaintError> {
+        let applied = results.and_then(|results| self.apply_levels(results));
+        // What is there of the step can be undone in any case.
+        self.finish_history()?;
+        let mut ids = applied?;
+        ids.dedup();
+        Ok(ids)
+    }
+
+    /// Shows the open stroke for the last time and enters what it changed at level 0 into the history.
+    fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>, PaintError> {
+        self.show()?;
+        let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
+        self.room.let_go();
+        let ids = stroke.pages.ids();
+        let summary = StrokeSummary { dabs: stroke.dabs, pages: ids.len(), coarser_pages: 0 };
+        self.begin_step(&stroke.label);
+        let mut changes = Changes::default();
+        for &id in &ids {
+            let Some(page) = stroke.pages.take(id)? else { continue };
+            changes.add(id, page.touched);
+            self.remember_page(&stroke, id, page)?;
+            self.relieve()?;
+        }
+        self.log_stroke(&stroke)?;
+        Ok(Some((summary, changes, stroke.affected)))
+    }
+
+    /// Enters into the history what a stroke has changed on a page of level 0.
+    pub(crate) fn remember_page(
+        &mut self,
+        stroke: &OpenStroke,
+        id: PageId,
+        mut page: StrokePage,
+    ) -> Result<(), PaintError> {
+        if !self.options.history {
+            return Ok(());
+        }
+        let mut change = PageStep { id, channels: Vec::new(), is_first_layered: false };
+        if stroke.is_layered(&page) {
+            let before = page.originals.pop().unwrap_or_default();
+            change.is_first_layered = before.is_empty()
+                && stroke.target != Target::Base
+                && self.is_new_base(id, &page.originals, &stroke.affected)?;
+            self.remember_attachment(&target_name(stroke.target, id), before)?;
+        }
+        for (&channel, before) in stroke.affected.iter().zip(page.originals) {
+            change.channels.push((channel, before, self.editor.read_page_raw(channel, id)?));
+        }
+        self.history.add_page(change, &mut self.editor)
+    }
+
+    /// Enters a stroke into the log.
+    pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<(), PaintError> {
+        let asset = self.editor.asset();
+        let Portable { stroke: mut settings, files, .. } =
+            portable(&self.surface, asset, &stroke.paint, stroke.recording.clone())?;
+        settings.label.clone_from(&stroke.label);
+        if let Target::Layer(id) | Target::Mask(id) = stroke.target {
+            let name = self.layers.find(id).map(|layer| layer.name.clone()).unwrap_or_default();
+            let layer = settings.layer.get_or_insert_default();
+            (layer.id, layer.name, layer.mask) = (Some(id), name, matches!(stroke.target, Target::Mask(_)));
+            // The layer itself has been logged when it was made.
+            layer.fill = None;
+        }
+        for (name, contents) in files {
+            // Names are hashes of contents.
+            let name = log::file_name(&name);
+            if !self.editor.has_attachment(&name) {
+                self.attach(&name, contents)?;
+            }
+        }
+        self.log(&settings)
+    }
+
+    /// Enters settings into the log.
+    pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<(), PaintError> {
+        let contents = serde_json::to_vec(settings).map_err(std::io::Error::other)?;
+        let name = log::stroke_name(self.next_stroke);
+        self.next_stroke += 1;
+        self.attach(&name, contents)
+    }
+
+    /// Takes the last step back; false where there is none. An open stroke ends first.
+    pub fn undo(&mut self) -> Result<bool, PaintError> {
+        let is_started = self.start_undo()?;
+        self.finish_work()?;
+        Ok(is_started)
+    }
+
+    /// Does what was taken back last again; false where there is nothing.
+    pub fn redo(&mut self) -> Result<bool, PaintError> {
+        let is_started = self.start_redo()?;
+        self.finish_work()?;
+        Ok(is_started)
+    }
+
+    pub(crate) fn begin_step(&mut self, label: &str) {
+        if self.options.history {
+            self.history.begin(label, &mut self.editor);
+        }
+    }
+
+    /// Computes the coarser levels of what has changed; returns how many pages that changes.
+    fn finish_step(&mut self, changes: Changes, channels: &[usize]) -> Result<usize, PaintError> {
+        let count = self.finish_changes(changes, channels)?;
+        self.finish_history()?;
+        Ok(count)
+    }
+
+    /// The same, with more of the step to come.
+    pub(crate) fn finish_changes(
+        &mut self,
+        changes: Changes,
+        channels: &[usize],
+    ) -> Result<usize, PaintError> {
+        let mut work = self.level_work(changes, channels);
+        let mut groups = std::mem::take(&mut work.groups).into_iter();
+        let mut count = 0;
+        loop {
+            // So many at a time that their results fit into memory.
+            work.groups = groups.by_ref().take(GROUP_BATCH).collect();
+            if work.groups.is_empty() {
+                break;
+            }
+            work.pages = self.editor.snapshot();
+            let results = work.run(&mut self.maps)?;
+            count += self.apply_levels(results)?.len();
+        }
+        Ok(count)
+    }
+
+    fn level_work(&self, changes: Changes, channels: &[usize]) -> LevelWork {
+        LevelWork {
+            surface: Arc::clone(&self.surface),
+            pages: self.editor.snapshot(),
+            groups: changes.0.into_iter().collect(),
+            channels: channels.to_vec(),
+            budget_bytes: self.options.memory_bytes / 4,
+        }
+    }
+
+    pub(crate) fn finish_history(&mut self) -> Result<(), PaintError> {
+        if self.options.history { self.history.finish(&mut self.editor) } else { Ok(()) }
+    }
+
+    /// Puts coarser levels in their places; returns the pages, channel by channel.
+    fn apply_levels(&mut self, results: LevelResults) -> Result<Vec<PageId>, PaintError> {
+        let mut ids = Vec::new();
+        for (group, result) in results {
+            for change in result.pages {
+                let PageChange { id, channel, before, after } = change;
+                ids.push(id);
+                let channels = vec![(channel, before, after.clone())];
+                self.remember(PageStep { id, channels, is_first_layered: false })?;
+                self.editor.replace(id, channel, after)?;
+            }
+            for (channel, mean) in result.means {
+                let before = self.editor.mean(channel, group);
+                self.editor.set_mean(channel, group, mean);
+                // As it is stored, so that it comes back exactly.
+                let after = self.editor.mean(channel, group);
+                if self.options.history {
+                    self.history.add_mean(channel, group, before, after);
+                }
+            }
+        }
+        Ok(ids)
+    }
+
+    /// Enters a page's change into the history.
+    pub(crate) fn remember(&mut self, change: PageStep) -> Result<(), PaintError> {
+        if self.options.history {
+            self.history.add_page(change, &mut self.editor)?;
+        }
+        self.relieve()
+    }
+
+    /// Changes an attachment of the layers and enters that into the history.
+    pub(crate) fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<(), PaintError> {
+        let before = self.editor.attachment(name)?.unwrap_or_default();
+        self.editor.attach(name, contents)?;
+        self.remember_attachment(name, before)?;
+        self.relieve()
+    }
+
+    fn remember_attachment(&mut self, name: &str, before: Vec<u8>) -> Result<(), PaintError> {
+        if self.options.history {
+            let after = self.editor.attachment(name)?.unwrap_or_default();
+            if before != after {
+                self.history.add_attachment(name, before, after, &mut self.editor)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// True where this stroke has put the base of a page aside: then it is the page as it was.
+    fn is_new_base(&self, id: PageId, originals: &[Vec<u8>], affected: &[usize]) -> Result<bool, PaintError> {
+        let Some(base) = self.editor.attachment(&base_name(id))? else { return Ok(false) };
+        let channels = self.editor.asset().channels().len();
+        let mut page = Vec::with_capacity(base.len());
+        for channel in 0..channels {
+            match affected.iter().position(|&c| c == channel) {
+                Some(index) => page.extend_from_slice(&originals[index]),
+                None => page.extend(self.editor.read_page_raw(channel, id)?),
+            }
+        }
+        Ok(page == base)
+    }
+
+    /// Moves changes from memory to the file where they exceed the budget.
+    pub(crate) fn relieve(&mut self) -> Result<(), PaintError> {
+        if self.editor.pending_bytes() > self.options.memory_bytes / 4 {
+            // What another thread reads must stay where it is.
+            self.finish_levels()?;
+            self.room.relieve(&mut self.editor, self.options.memory_bytes / 4)?;
+        }
+        Ok(())
+    }
+}
+
+// Coarser levels while a stroke is open: a model that is seen from afar shows these.
+
+/// A page of a coarser level under an open stroke.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PreviewPage {
+    /// Which.
+    pub id: PageId,
+    /// Which channel of the asset.
+    pub channel: usize,
+    /// As they are stored.
+    pub bytes: Vec<u8>,
+}
+
+impl Painter {
+    /// The coarser levels of tiles under the open stroke, as [`end`](Self::end) will leave them: to be shown, not kept. `shown`
+    /// are pages of level 0, by [`show`](Self::show). Waits for levels of the stroke before.
+    pub fn preview(&mut self, shown: &[PageId]) -> Result<Vec<PreviewPage>, PaintError> {
+        self.finish_levels()?;
+        let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
+        let groups: BTreeSet<u32> = shown.iter().map(|id| id.group).collect();
+        let finest = |group: u32| -> Dirty {
+            let touched = stroke.pages.touched(group).into_iter();
+            touched.map(|(id, rect)| (id.page, rect.moved(page_origin(id.page)))).collect()
+        };
+        let work = LevelWork {
+            surface: Arc::clone(&self.surface),
+            pages: self.editor.snapshot(),
+            groups: groups.into_iter().map(|group| (group, finest(group))).collect(),
+            channels: stroke.affected.clone(),
+            budget_bytes: self.options.memory_bytes / 4,
+        };
+        let pages = work.run(&mut self.maps)?.into_iter().flat_map(|(_, result)| result.pages);
+        Ok(pages.map(|page| PreviewPage { id: page.id, channel: page.channel, bytes: page.after }).collect())
+    }
+}
+
+// The state before a stroke, for tools that read what is seen: it must not change under them.
+
+impl Painter {
+    /// The asset as it is seen now, to stay so while the stroke is open. A commit gives such a state. Where the disk is full
+    /// the changes in memory are looked through instead, and nothing is written before the stroke ends.
+    pub(crate) fn state_before(&mut self) -> Result<PageCache, PaintError> {
+        let budget = self.options.memory_bytes / 8;
+        match self.commit() {
+            Ok(_) => Ok(PageCache::new(Arc::clone(self.editor.asset()), budget)),
+            Err(PaintError::Edit(EditError::Full { .. })) => {
+                self.room.hold();
+                Ok(PageCache::of_snapshot(self.editor.snapshot(), budget))
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+// Room on the disk for changes that memory has none for.
+
+/// Whether the disk took changes when it was last asked.
+#[derive(Debug, Default)]
+pub(crate) struct Room {
+    /// Bytes that were in memory when the disk was full.
+    full_at: Option<usize>,
+    /// Nothing is to be written: a stroke reads what was written, uncommitted, when it began.
+    is_held: bool,
+}
+
+impl Room {
+    fn is_full(&self) -> bool {
+        self.full_at.is_some()
+    }
+
+    /// Keeps all changes in memory, until [`let_go`](Self::let_go).
+    pub(crate) fn hold(&mut self) {
+        self.is_held = true;
+    }
+
+    pub(crate) fn let_go(&mut self) {
+        self.is_held = false;
+    }
+
+    /// Writes changes to the file where they exceed a budget. Where the disk is full they stay in memory, and painting goes on; it
+    /// is asked again when an eighth more has come together.
+    pub(crate) fn relieve(
+        &mut self,
+        editor: &mut AssetEditor,
+        budget_bytes: usize,
+    ) -> Result<(), PaintError> {
+        let pending = editor.pending_bytes();
+        if self.is_held
+            || pending <= budget_bytes
+            || self.full_at.is_some_and(|full_at| pending < full_at + full_at / 8)
+        {
+            return Ok(());
+        }
+        let flushed = editor.flush();
+        self.note(editor, flushed)
+    }
+
+    /// Makes changes durable.
+    pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary, PaintError> {
+        if self.is_held {
+            // As it was when the stroke began; when it ends the disk is asked again.
+            let (path, source) = (editor.asset().path().to_owned(), std::io::ErrorKind::StorageFull.into());
+            return Err(EditError::Full { path, source }.into());
+        }
+        match editor.commit() {
+            Ok(summary) => {
+                self.full_at = None;
+                Ok(summary)
+            }
+            Err(error) => {
+                if let EditError::Full { .. } = error {
+                    self.full_at = Some(editor.pending_bytes());
+                }
+                Err(error.into())
+            }
+        }
+    }
+
+    fn note(&mut self, editor: &AssetEditor, flushed: Result<(), EditError>) -> Result<(), PaintError> {
+        match flushed {
+            Ok(()) => self.full_at = None,
+            Err(EditError::Full { .. }) => self.full_at = Some(editor.pending_bytes()),
+            Err(error) => return Err(error.into()),
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,573 @@
+//! Strokes from a file: the same picture on every run, on any number of threads, on any asset of the model.
+//!
+//! Samples are given by where they lie in the world, so a file fits any resolution, cover or repair of the model that it
+//! was recorded on. The format is that of [`StrokeFile`], as JSON:
+//!
+//! ```json
+//! {
+//!   "version": 1,
+//!   "strokes": [{
+//!     "label": "red line",
+//!     "brush": { "size": { "texels": 40 }, "hardness": 0.3, "opacity": 0.8, "flow": 0.5, "spacing": 0.1 },
+//!     "tool": { "paint": "normal" },
+//!     "channels": [{ "kind": "base_color", "color": { "srgb": [0.9, 0.1, 0.1] } }],
+//!     "samples": [{ "at": { "position": [0.1, 0.2, 0.3] } }, { "at": { "position": [0.2, 0.2, 0.3] }, "pressure": 0.5 }]
+//!   }]
+//! }
+//! ```
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use fantex_store::ChannelKind;
+use fantex_texture::{ColorSpace, Image, LoadImageError, Samples, UnknownSolid};
+use glam::{DVec3, Vec3};
+
+use crate::stroke::mesh_length;
+use crate::stroke_file::color_of;
+use crate::{
+    Brush, ChannelPaint, ColorSettings, DEFAULT_FONT, Dab, DabSettings, Decal, FillArea, FillLayerSettings,
+    GraphError, GraphFill, Layer, LayerContent, LayerSettings, LookSettings, Paint, PaintError, Painter,
+    Picture, Projection, ProjectionView, SMUDGE_SPACING, Sample, SampleSettings, Size, Stamp, StencilBy,
+    Stroke, StrokeFile, StrokeSettings, StrokeSummary, Surface, SurfacePoint, Target, TextError,
+    TextureGraph, Tool, ToolSettings, Where, dabs_of, draw_text,
+};
+
+// Applying a stroke file.
+
+/// A stroke file could not be applied.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReplayError {
+    /// It cannot be read.
+    #[error("cannot read {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// It is not a stroke file.
+    #[error("{} is not a stroke file: {source}", path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// A later format.
+    #[error("this program replays stroke files of version 1; the file has version {0}")]
+    Version(u32),
+    /// A channel that the asset lacks.
+    #[error("stroke {stroke} paints the channel {kind:?}, which the asset does not have")]
+    Channel {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// What it asks for.
+        kind: ChannelKind,
+    },
+    /// A channel that is named twice.
+    #[error("stroke {stroke} names the channel {kind:?} twice")]
+    ChannelTwice {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Which.
+        kind: ChannelKind,
+    },
+    /// A triangle that the mesh lacks, or barycentric coordinates that are none.
+    #[error("sample {sample} of stroke {stroke} is no point of the surface: {place:?}")]
+    Point {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Number of the sample, from 0.
+        sample: usize,
+        /// What it asks for.
+        place: Where,
+    },
+    /// A number that is not finite, or a size that is not positive.
+    #[error("stroke {stroke}: {what} must be {range}")]
+    Number {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Which.
+        what: &'static str,
+        /// What is allowed.
+        range: &'static str,
+    },
+    /// A solid that does not exist.
+    #[error("stroke {stroke}: {source}")]
+    Solid {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Which.
+        source: UnknownSolid,
+    },
+    /// A texture of a look that cannot be made.
+    #[error("stroke {stroke}: {source}")]
+    Graph {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Why.
+        source: Box<GraphError>,
+    },
+    /// A text that cannot be drawn.
+    #[error("stroke {stroke}: {source}")]
+    Text {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Why.
+        source: TextError,
+    },
+    /// A decal without a picture.
+    #[error("stroke {stroke} lays a decal, but names no picture: give it a shape, or an image as colour")]
+    NoPicture {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+    },
+    /// A projection whose camera sees nothing.
+    #[error(
+        "stroke {stroke}: the camera of the projection must look somewhere, with its upright direction beside that, \
+         through a lens of more than 0 and less than 180 degrees, or of more than 0 units"
+    )]
+    Camera {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+    },
+    /// A stencil without a camera.
+    #[error(
+        "stroke {stroke} has a stencil, but no camera: add a projection, which says from where the stencil is seen"
+    )]
+    NoCamera {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+    },
+    /// A picture that cannot be loaded.
+    #[error("stroke {stroke}: {source}")]
+    Stamp {
+        /// Number of the stroke, from 0.
+        stroke: usize,
+        /// Why.
+        source: LoadImageError,
+    },
+    /// Painting failed.
+    #[error(transparent)]
+    Paint(#[from] PaintError),
+}
+
+/// What a replay did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ReplaySummary {
+    /// Strokes and fills.
+    pub strokes: usize,
+    /// Dabs of all strokes.
+    pub dabs: usize,
+    /// Pages of level 0 that changed, summed over the strokes.
+    pub pages: usize,
+    /// Samples whose rays met nothing; they were passed over.
+    pub missed_samples: usize,
+    /// Strokes of a log that could not be recorded and so are missing.
+    pub unrecorded: usize,
+}
+
+impl StrokeFile {
+    /// Reads a stroke file.
+    pub fn load(path: &Path) -> Result<Self, ReplayError> {
+        let bytes =
+            std::fs::read(path).map_err(|source| ReplayError::Read { path: path.to_owned(), source })?;
+        let file: Self = serde_json::from_slice(&bytes)
+            .map_err(|source| ReplayError::Parse { path: path.to_owned(), source })?;
+        if file.version == 1 { Ok(file) } else { Err(ReplayError::Version(file.version)) }
+    }
+}
+
+/// Applies all strokes of a file, one step of the history each. Commits nothing. `folder`: what paths in the file are relative
+/// to.
+pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result<ReplaySummary, ReplayError> {
+    let mut summary = ReplaySummary::default();
+    // All are checked before the first one is applied.
+    let mut prepared = Vec::with_capacity(file.strokes.len());
+    for (index, settings) in file.strokes.iter().enumerate() {
+        let preparation = Preparation { painter, stroke: index, settings, folder };
+        prepared.push((settings, preparation.run(&mut summary.missed_samples)?));
+    }
+    for (settings, prepared) in prepared {
+        if settings.unrecorded {
+            summary.unrecorded += 1;
+            continue;
+        }
+        let StrokeSummary { dabs, pages, .. } = apply(painter, settings, prepared, folder)?;
+        summary.strokes += 1;
+        summary.dabs += dabs;
+        summary.pages += pages;
+    }
+    Ok(summary)
+}
+
+fn apply(
+    painter: &mut Painter,
+    settings: &StrokeSettings,
+    prepared: Prepared,
+    folder: &Path,
+) -> Result<StrokeSummary, PaintError> {
+    if let Some(layers) = &settings.set_layers {
+        painter.set_layers(&settings.label, layers.clone())?;
+        return Ok(StrokeSummary::default());
+    }
+    let Prepared { paint, stroke, decals, dabs, fill } = prepared;
+    let target = target_of(painter, settings, fill)?;
+    if paint.channels.is_empty() {
+        return Ok(StrokeSummary::default());
+    }
+    let surface = Arc::clone(painter.surface());
+    let area = area_of(&surface, settings, &paint, &stroke);
+    painter.begin_on(target, &settings.label, paint)?;
+    painter.record(settings.clone(), folder)?;
+    if let Some(area) = area {
+        return painter.fill(area);
+    }
+    if !decals.is_empty() {
+        decals.iter().try_for_each(|decal| painter.decal(decal))?;
+    } else if settings.decal.is_none() && settings.text.is_none() {
+        painter.dab(&dabs)?;
+        painter.dab(&dabs_of(&surface, &stroke))?;
+    }
+    painter.end()
+}
+
+fn area_of(surface: &Surface, settings: &StrokeSettings, paint: &Paint, stroke: &Stroke) -> Option<FillArea> {
+    let start = stroke.samples.first().map(|sample| sample.point);
+    FillArea::of(surface, settings.fill?, paint, start, &stroke.symmetry)
+}
+
+/// What a stroke fills, and with what; none where it fills nothing.
+pub(crate) fn prepare_fill(
+    painter: &Painter,
+    settings: &StrokeSettings,
+    folder: &Path,
+) -> Result<Option<(Paint, FillArea)>, ReplayError> {
+    let prepared = Preparation { painter, stroke: 0, settings, folder }.run(&mut 0)?;
+    let area = area_of(painter.surface(), settings, &prepared.paint, &prepared.stroke);
+    Ok(area.map(|area| (prepared.paint, area)))
+}
+
+/// The layer that a stroke names; made where there is none.
+fn target_of(
+    painter: &mut Painter,
+    settings: &StrokeSettings,
+    fill: Option<GraphFill>,
+) -> Result<Target, PaintError> {
+    let Some(LayerSettings { name, blend, opacity, id, mask, fill: filled }) = &settings.layer else {
+        return Ok(Target::Base);
+    };
+    let target = |id| if *mask { Target::Mask(id) } else { Target::Layer(id) };
+    let known = painter.layers().iter().filter(|layer| layer.name == *name);
+    let known: Vec<u64> = known.map(Layer::id).collect();
+    if let Some(&first) = known.iter().find(|known| Some(**known) == *id).or(known.first()) {
+        if let Some(fill) = fill {
+            // The graph has changed: the layer is evaluated anew.
+            painter.edit_layers(&settings.label, |layers| {
+                let changed = layers.iter_mut().filter(|layer| layer.id() == first);
+                changed.for_each(|layer| layer.content = LayerContent::Graph(fill.clone()));
+            })?;
+        }
+        return Ok(target(first));
+    }
+    let mut layer = fill.map_or_else(|| Layer::painted(name), |fill| Layer::graph(name, fill));
+    (layer.blend, layer.opacity) = (*blend, *opacity);
+    layer.mask = filled.as_ref().and_then(|filled| filled.outside);
+    if *mask {
+        layer.mask = layer.mask.or(Some(0.0));
+    }
+    Ok(target(painter.add_layer(layer)?))
+}
+
+// A stroke on its way from settings to what the painter takes.
+
+/// A stroke's settings beside what they are for.
+pub(crate) struct Preparation<'a> {
+    pub(crate) painter: &'a Painter,
+    pub(crate) stroke: usize,
+    pub(crate) settings: &'a StrokeSettings,
+    pub(crate) folder: &'a Path,
+}
+
+/// A stroke that can be applied.
+pub(crate) struct Prepared {
+    pub(crate) paint: Paint,
+    pub(crate) stroke: Stroke,
+    pub(crate) decals: Vec<Decal>,
+    pub(crate) dabs: Vec<Dab>,
+    /// Of the layer that it makes or changes.
+    pub(crate) fill: Option<GraphFill>,
+}
+
+impl Preparation<'_> {
+    pub(crate) fn run(&self, missed: &mut usize) -> Result<Prepared, ReplayError> {
+        let stroke = self.stroke(missed)?;
+        let dabs = self.dabs(&stroke.brush)?;
+        let first = stroke.samples.first().map(|sample| sample.point).or(dabs.first().map(|dab| dab.center));
+        let paint = self.paint(&stroke, first)?;
+        let decals = self.decals(&stroke)?;
+        let fill = self.settings.layer.as_ref().and_then(|layer| layer.fill.as_ref());
+        let fill = fill.map(|fill| self.fill_layer(fill)).transpose()?;
+        Ok(Prepared { paint, stroke, decals, dabs, fill })
+    }
+
+    fn channel(&self, kind: ChannelKind) -> Result<usize, ReplayError> {
+        let channel = self.painter.editor().asset().channel_of_kind(kind);
+        channel.ok_or(ReplayError::Channel { stroke: self.stroke, kind })
+    }
+
+    fn paint(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Paint, ReplayError> {
+        let stroke = self.stroke;
+        let mut channels: Vec<ChannelPaint> = Vec::new();
+        for settings in &self.settings.channels {
+            let kind = ChannelKind::from(settings.kind);
+            let channel = self.channel(kind)?;
+            if channels.iter().any(|painted| painted.channel == channel) {
+                return Err(ReplayError::ChannelTwice { stroke, kind });
+            }
+            channels.push(ChannelPaint { channel, color: color_of(self, kind, &settings.color)? });
+        }
+        let stencil = self.stencil()?;
+        Ok(Paint { tool: self.tool(drawn, first)?, opacity: self.settings.brush.opacity, channels, stencil })
+    }
+
+    /// `first`: where the stroke begins.
+    fn tool(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Tool, ReplayError> {
+        Ok(match self.settings.tool {
+            ToolSettings::Paint(mode) => Tool::Paint(mode),
+            ToolSettings::Erase => Tool::Erase,
+            ToolSettings::Blur { radius } => Tool::Blur { radius: self.mesh_length(radius)? },
+            ToolSettings::Smudge { strength } => {
+                self.finite("the strength of a smudge", &[strength])?;
+                Tool::Smudge { strength }
+            }
+            ToolSettings::Clone { from } => {
+                let surface = self.painter.surface();
+                let source = surface.mesh().world_from_mesh.inverse_point(DVec3::from(from));
+                let start = first.map_or(source, |point| surface.position(point).as_vec3());
+                self.finite("the source of a clone", &source.to_array())?;
+                Tool::Clone { offset: source - start, reach: self.mesh_length(drawn.brush.size)? }
+            }
+        })
+    }
+
+    /// A picture of the stroke file's folder.
+    pub(crate) fn image(&self, path: &Path) -> Result<Image, ReplayError> {
+        let image = Image::load(self.folder.join(path));
+        image.map_err(|source| ReplayError::Stamp { stroke: self.stroke, source })
+    }
+
+    /// The same for a channel: where that holds no colour, fixed-point numbers are taken as they are.
+    pub(crate) fn image_for(&self, kind: ChannelKind, path: &Path) -> Result<Image, ReplayError> {
+        let image = self.image(path)?;
+        let is_color = matches!(kind, ChannelKind::BaseColor | ChannelKind::Emission | ChannelKind::Light);
+        let stays = is_color || matches!(image.samples, Samples::F32(_));
+        Ok(if stays { image } else { Image { space: ColorSpace::Linear, ..image } })
+    }
+
+    pub(crate) fn graph(&self, look: &LookSettings) -> Result<TextureGraph, ReplayError> {
+        let absolute = |folder: PathBuf| std::path::absolute(&folder).unwrap_or(folder);
+        match look {
+            LookSettings::File(path) => {
+                let path = self.folder.join(path);
+                let text = std::fs::read_to_string(&path);
+                let text = text.map_err(|source| ReplayError::Read { path: path.clone(), source })?;
+                let folder = path.parent().unwrap_or(Path::new("")).to_owned();
+                Ok(TextureGraph { look: text, folder: absolute(folder) })
+            }
+            LookSettings::Inline { text, folder } => {
+                Ok(TextureGraph { look: text.clone(), folder: absolute(self.folder.join(folder)) })
+            }
+        }
+    }
+
+    fn fill_layer(&self, settings: &FillLayerSettings) -> Result<GraphFill, ReplayError> {
+        let graph = self.graph(&settings.look)?;
+        let mut textures = vec![None; self.painter.editor().asset().channels().len()];
+        for texture in &settings.textures {
+            let made = graph.texture(self.painter.surface(), &texture.texture);
+            made.map_err(|source| ReplayError::Graph { stroke: self.stroke, source: Box::new(source) })?;
+            textures[self.channel(texture.kind.into())?] = Some(texture.texture.clone());
+        }
+        Ok(GraphFill { graph, textures })
+    }
+
+    /// The projection of the stroke, with a picture.
+    pub(crate) fn projection(&self, picture: Arc<Picture>) -> Result<Option<Projection>, ReplayError> {
+        let Some(settings) = self.settings.projection else { return Ok(None) };
+        let [eye, target, up] = [settings.eye, settings.target, settings.up].map(DVec3::from);
+        let view = ProjectionView { eye, target, up, lens: settings.lens, place: settings.place };
+        let projection = Projection::new(self.painter.surface(), &view, picture);
+        projection.map(Some).ok_or(ReplayError::Camera { stroke: self.stroke })
+    }
+
+    fn stencil(&self) -> Result<Option<Arc<Projection>>, ReplayError> {
+        let Some(settings) = &self.settings.stencil else { return Ok(None) };
+        let image = self.image(&settings.image)?;
+        let picture = match settings.by {
+            StencilBy::Shape => Picture::shape(&image),
+            StencilBy::Alpha => Picture::new(&image),
+        };
+        let projection = self.projection(Arc::new(picture))?;
+        projection.map(|p| Some(Arc::new(p))).ok_or(ReplayError::NoCamera { stroke: self.stroke })
+    }
+
+    fn decals(&self, drawn: &Stroke) -> Result<Vec<Decal>, ReplayError> {
+        let (shape, size, angle, mirrored) = if let Some(decal) = &self.settings.decal {
+            let shape = self.decal_shape(decal.shape.as_deref())?;
+            (shape, self.mesh_length(decal.size)?, decal.angle, decal.mirrored)
+        } else if let Some(text) = &self.settings.text {
+            let font = text.font.as_ref().map(|path| {
+                let path = self.folder.join(path);
+                std::fs::read(&path).map_err(|source| ReplayError::Read { path, source })
+            });
+            let font = font.transpose()?;
+            let drawn = draw_text(&text.text, font.as_deref().unwrap_or(DEFAULT_FONT));
+            let drawn = drawn.map_err(|source| ReplayError::Text { stroke: self.stroke, source })?;
+            (drawn.picture, self.mesh_length(text.size)? * drawn.lines, text.angle, text.mirrored)
+        } else {
+            return Ok(Vec::new());
+        };
+        self.finite("the size and angle of a decal", &[size, angle])?;
+        let shape = Arc::new(shape);
+        let surface = self.painter.surface();
+        let angle = angle.to_radians();
+        let readable = self.settings.text.is_some();
+        let decals = drawn.samples.iter().flat_map(|sample| {
+            let decal = Decal { center: sample.point, size, angle, shape: Arc::clone(&shape), mirrored };
+            decal.copies(surface, &drawn.symmetry, readable)
+        });
+        Ok(decals.collect())
+    }
+
+    fn decal_shape(&self, path: Option<&Path>) -> Result<Picture, ReplayError> {
+        if let Some(path) = path {
+            return Ok(Picture::shape(&self.image(path)?));
+        }
+        let colors = self.settings.channels.iter().map(|channel| &channel.color);
+        let image = colors.filter_map(|color| match color {
+            ColorSettings::Image(path) => Some(path),
+            _ => None,
+        });
+        let first = image.into_iter().next().ok_or(ReplayError::NoPicture { stroke: self.stroke })?;
+        Ok(Picture::new(&self.image(first)?))
+    }
+
+    fn dabs(&self, brush: &Brush) -> Result<Vec<Dab>, ReplayError> {
+        let scale = self.painter.surface().mesh().world_from_mesh.scale;
+        let mut dabs = Vec::with_capacity(self.settings.dabs.len());
+        for (index, dab) in self.settings.dabs.iter().enumerate() {
+            let DabSettings { at, radius, hardness, flow, angle, aspect } = *dab;
+            self.finite("a dab's numbers", &[radius, hardness, flow, angle, aspect])?;
+            let radius = (f64::from(radius) / scale) as f32;
+            let stamp = brush.stamp.clone();
+            if let Some(center) = self.point(index, at)? {
+                dabs.push(Dab { center, radius, hardness, flow, angle, aspect, stamp });
+            }
+        }
+        Ok(dabs)
+    }
+
+    fn mesh_length(&self, size: Size) -> Result<f32, ReplayError> {
+        let length = mesh_length(self.painter.surface(), size);
+        self.finite("a length", &[length]).map(|()| length.max(0.0))
+    }
+
+    pub(crate) fn finite(&self, what: &'static str, numbers: &[f32]) -> Result<(), ReplayError> {
+        let range = "finite";
+        let all = numbers.iter().all(|x| x.is_finite());
+        if all { Ok(()) } else { Err(ReplayError::Number { stroke: self.stroke, what, range }) }
+    }
+
+    fn stroke(&self, missed: &mut usize) -> Result<Stroke, ReplayError> {
+        let brush = self.brush()?;
+        let mut samples = Vec::with_capacity(self.settings.samples.len());
+        for (index, sample) in self.settings.samples.iter().enumerate() {
+            self.finite("a sample's pressure and tilt", &[sample.pressure, sample.tilt[0], sample.tilt[1]])?;
+            let SampleSettings { at, pressure, tilt, time } = *sample;
+            match self.point(index, at)? {
+                Some(point) => samples.push(Sample { point, pressure, tilt, time }),
+                None => *missed += 1,
+            }
+        }
+        Ok(Stroke { brush, samples, line: self.settings.line, symmetry: self.settings.symmetry })
+    }
+
+    fn brush(&self) -> Result<Brush, ReplayError> {
+        let settings = &self.settings.brush;
+        let size = match settings.size {
+            Size::Texels(size) | Size::World(size) => size,
+        };
+        let numbers = [
+            settings.hardness,
+            settings.opacity,
+            settings.flow,
+            settings.smoothing,
+            settings.angle,
+            settings.jitter.position,
+            settings.jitter.size,
+            settings.jitter.flow,
+            settings.jitter.angle,
+            settings.pressure.size,
+            settings.pressure.flow,
+        ];
+        self.finite("the brush's numbers", &numbers)?;
+        let positive = |x: f32| x.is_finite() && x > 0.0;
+        if !positive(size) || !positive(settings.spacing) {
+            let (what, range) = ("the brush's size and spacing", "above 0");
+            return Err(ReplayError::Number { stroke: self.stroke, what, range });
+        }
+        let stamp = settings.stamp.as_ref().map(|path| self.image(path)).transpose()?;
+        let is_smudge = matches!(self.settings.tool, ToolSettings::Smudge { .. });
+        let most = if is_smudge { SMUDGE_SPACING } else { f32::INFINITY };
+        Ok(Brush {
+            size: settings.size,
+            hardness: settings.hardness,
+            opacity: settings.opacity,
+            flow: settings.flow,
+            spacing: settings.spacing.min(most),
+            smoothing: settings.smoothing,
+            angle: settings.angle.to_radians(),
+            follow_tilt: settings.follow_tilt,
+            jitter: settings.jitter,
+            pressure: settings.pressure,
+            stamp: stamp.map(|image| Arc::new(Stamp::new(&image))),
+            seed: settings.seed,
+        })
+    }
+
+    /// None where a ray meets nothing.
+    fn point(&self, index: usize, place: Where) -> Result<Option<SurfacePoint>, ReplayError> {
+        match (place, place_on(self.painter.surface(), place)) {
+            (Where::Ray { direction, .. }, None) if DVec3::from(direction).try_normalize().is_some() => {
+                Ok(None)
+            }
+            (_, None) => Err(ReplayError::Point { stroke: self.stroke, sample: index, place }),
+            (_, point) => Ok(point),
+        }
+    }
+}
+
+/// The point of a surface that is meant; none where there is none.
+pub(crate) fn place_on(surface: &Surface, place: Where) -> Option<SurfacePoint> {
+    let mesh = surface.mesh();
+    let mesh_point = |position: [f64; 3]| mesh.world_from_mesh.inverse_point(DVec3::from(position));
+    match place {
+        Where::Position(position) => surface.nearest(mesh_point(position), f32::INFINITY),
+        Where::Surface { position, normal } => {
+            surface.nearest_facing(mesh_point(position), Vec3::from(normal))
+        }
+        Where::Ray { origin, direction } => {
+            let direction = DVec3::from(direction).try_normalize()?;
+            surface.hit(mesh_point(origin), direction.as_vec3())
+        }
+        Where::Point { triangle, lambda } => {
+            let lambda = Vec3::from(lambda);
+            let is_point = lambda.min_element() >= 0.0 && (lambda.element_sum() - 1.0).abs() < 1e-3;
+            let exists = (triangle as usize) < mesh.triangles.len();
+            (is_point && exists).then_some(SurfacePoint { triangle, lambda })
+        }
+    }
+}

@@ -1,0 +1,633 @@
+//! Strokes: from input samples to dabs, spaced evenly along the surface.
+//!
+//! ```text
+//!  samples --symmetry--> copies --smoothing--> samples --walk--> way on the surface --spacing, jitter--> dabs
+//! ```
+
+use std::sync::Arc;
+
+use glam::{DVec3, Vec3};
+
+use crate::{Dab, Stamp, Surface, SurfacePoint};
+
+/// The least distance of dabs in texels: closer ones change nothing but the time they take.
+const LEAST_SPACING_TEXELS: f32 = 0.5;
+
+/// Dabs of one stroke, at most.
+const MAX_DABS: usize = 1 << 20;
+
+/// An input: where the pen went, with which brush.
+#[derive(Clone, Debug)]
+pub struct Stroke {
+    /// With what.
+    pub brush: Brush,
+    /// Where.
+    pub samples: Vec<Sample>,
+    /// Only the first and the last sample count: a straight line.
+    pub line: bool,
+    /// Copies.
+    pub symmetry: Symmetry,
+}
+
+/// Mesh units of a length.
+pub(crate) fn mesh_length(surface: &Surface, size: Size) -> f32 {
+    match size {
+        Size::Texels(texels) => texels / surface.cover().density,
+        Size::World(world) => (f64::from(world) / surface.mesh().world_from_mesh.scale) as f32,
+    }
+}
+
+/// The dabs of a stroke, in order; the same for the same stroke.
+pub fn dabs_of(surface: &Surface, stroke: &Stroke) -> Vec<Dab> {
+    let samples = match (stroke.line, stroke.samples.as_slice()) {
+        (true, [first, .., last]) => vec![*first, *last],
+        (_, samples) => samples.to_vec(),
+    };
+    let diameter = mesh_length(surface, stroke.brush.size);
+    let mut dabs = Vec::new();
+    for samples in stroke.symmetry.copies(surface, &samples, 0.5 * diameter) {
+        Spacer::new(surface, &stroke.brush, diameter).run(&samples, &mut dabs);
+    }
+    dabs
+}
+
+/// Places dabs along one copy of a stroke.
+struct Spacer<'a> {
+    surface: &'a Surface,
+    brush: &'a Brush,
+    diameter: f32,
+    way: Way,
+}
+
+/// How far a copy of a stroke is.
+#[derive(Clone, Debug)]
+struct Way {
+    /// Where the brush is; none before the first sample.
+    last: Option<Sample>,
+    /// Mesh units to go until the next dab.
+    due: f64,
+    random: Random,
+}
+
+impl Way {
+    fn new(brush: &Brush) -> Self {
+        Self { last: None, due: 0.0, random: Random(brush.seed) }
+    }
+}
+
+impl<'a> Spacer<'a> {
+    fn new(surface: &'a Surface, brush: &'a Brush, diameter: f32) -> Self {
+        Self { surface, brush, diameter, way: Way::new(brush) }
+    }
+
+    fn run(&mut self, samples: &[Sample], dabs: &mut Vec<Dab>) {
+        for (k, sample) in samples.iter().enumerate() {
+            self.go_to(sample, k + 1 == samples.len(), dabs);
+        }
+    }
+
+    /// Goes on to the next sample; all the way where it is the last one.
+    fn go_to(&mut self, sample: &Sample, is_end: bool, dabs: &mut Vec<Dab>) {
+        let path = self.way.last.map(|last| (last, path_between(self.surface, last.point, sample.point)));
+        let Some((last, Some(path))) = path else {
+            // The first one; or the surface does not lead there, and the stroke goes on beyond the gap.
+            self.way.last = Some(*sample);
+            self.dab(sample, dabs);
+            self.way.due = self.spacing(sample);
+            return;
+        };
+        let smoothing = f64::from(self.brush.smoothing.clamp(0.0, 0.98));
+        let share = if is_end { 1.0 } else { 1.0 - smoothing };
+        let end = Sample { point: path.at(share * path.length()), ..mixed(&last, sample, share as f32) };
+        self.along(&path, share * path.length(), &last, &end, dabs);
+        self.way.last = Some(end);
+    }
+
+    /// Dabs on the first `length` mesh units of a path.
+    fn along(&mut self, path: &Path, length: f64, from: &Sample, to: &Sample, dabs: &mut Vec<Dab>) {
+        let mut at = 0.0;
+        while at + self.way.due <= length && dabs.len() < MAX_DABS {
+            at += self.way.due;
+            let sample = mixed(from, to, (at / length) as f32);
+            let sample = Sample { point: path.at(at), ..sample };
+            self.dab(&sample, dabs);
+            self.way.due = self.spacing(&sample);
+        }
+        self.way.due -= length - at;
+    }
+
+    fn spacing(&self, sample: &Sample) -> f64 {
+        let least = LEAST_SPACING_TEXELS / self.surface.cover().density;
+        f64::from((self.brush.spacing * self.diameter * self.size_factor(sample)).max(least))
+    }
+
+    fn size_factor(&self, sample: &Sample) -> f32 {
+        1.0 - self.brush.pressure.size.clamp(0.0, 1.0) * (1.0 - sample.pressure.clamp(0.0, 1.0))
+    }
+
+    fn dab(&mut self, sample: &Sample, dabs: &mut Vec<Dab>) {
+        let (brush, jitter) = (self.brush, self.brush.jitter);
+        // Always the same number of draws, so that one property's jitter does not depend on another's.
+        let [turn, out, size, flow, angle] = [(); 5].map(|()| self.way.random.next());
+        let radius = 0.5 * self.diameter * self.size_factor(sample);
+        let mut center = sample.point;
+        if jitter.position > 0.0 {
+            let distance = f64::from(jitter.position * radius * out);
+            center = walk_straight(self.surface, center, self.tangent(sample, turn), distance);
+        }
+        let pressure = 1.0 - brush.pressure.flow.clamp(0.0, 1.0) * (1.0 - sample.pressure.clamp(0.0, 1.0));
+        let [lean, aspect] = if brush.follow_tilt { tilted(sample.tilt) } else { [0.0, 1.0] };
+        dabs.push(Dab {
+            center,
+            radius: radius * (1.0 - jitter.size.clamp(0.0, 1.0) * size),
+            hardness: brush.hardness,
+            flow: brush.flow.clamp(0.0, 1.0) * pressure * (1.0 - jitter.flow.clamp(0.0, 1.0) * flow),
+            angle: brush.angle + lean + jitter.angle * (2.0 * angle - 1.0),
+            aspect,
+            stamp: brush.stamp.clone(),
+        });
+    }
+
+    /// A direction in the tangent plane; `turn` 0..1 is once around.
+    fn tangent(&self, sample: &Sample, turn: f32) -> DVec3 {
+        let normal = self.surface.facet_normal(sample.point.triangle);
+        let x = normal.any_orthonormal_vector();
+        let (sin, cos) = (std::f64::consts::TAU * f64::from(turn)).sin_cos();
+        x * cos + normal.cross(x) * sin
+    }
+}
+
+/// Width over length of the dab of a pen that lies almost flat.
+const FLATTEST: f32 = 0.2;
+
+/// Where a pen's lean points, radians, and the aspect of the spot that it leaves: a round tip that leans touches as an ellipse.
+fn tilted([x, y]: [f32; 2]) -> [f32; 2] {
+    let lean = x.hypot(y).min(std::f32::consts::FRAC_PI_2);
+    [y.atan2(x), lean.cos().max(FLATTEST)]
+}
+
+fn mixed(a: &Sample, b: &Sample, t: f32) -> Sample {
+    let mix = |x: f32, y: f32| x + (y - x) * t;
+    Sample {
+        point: a.point,
+        pressure: mix(a.pressure, b.pressure),
+        tilt: [mix(a.tilt[0], b.tilt[0]), mix(a.tilt[1], b.tilt[1])],
+        time: mix(a.time, b.time),
+    }
+}
+
+/// A small generator (G. Steele, D. Lea and C. Flood, "Fast splittable pseudorandom number generators", 2014).
+#[derive(Clone, Debug)]
+struct Random(u64);
+
+impl Random {
+    /// Uniform in 0..1.
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+// The brush: how an input becomes dabs.
+
+/// A length on the surface.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Size {
+    /// Nominal texels of level 0 (the cover's density).
+    Texels(f32),
+    /// World units.
+    World(f32),
+}
+
+/// How far pressure goes into a property: 0 not at all, 1 proportionally.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct PressureResponse {
+    /// Of the radius.
+    pub size: f32,
+    /// Of the flow.
+    pub flow: f32,
+}
+
+/// Random changes from dab to dab, drawn from the stroke's seed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Jitter {
+    /// Largest distance from the path, in radii, along the surface.
+    pub position: f32,
+    /// Largest share that the radius shrinks by, 0..1.
+    pub size: f32,
+    /// Largest share that the flow shrinks by, 0..1.
+    pub flow: f32,
+    /// Largest turn of the stamp, radians.
+    pub angle: f32,
+}
+
+/// A brush.
+#[derive(Clone, Debug)]
+pub struct Brush {
+    /// Diameter.
+    pub size: Size,
+    /// Share of the radius within which a dab is full, 0..1.
+    pub hardness: f32,
+    /// Most that a stroke covers, 0..1, however often it passes.
+    pub opacity: f32,
+    /// What each dab adds of what is missing to the opacity, 0..1.
+    pub flow: f32,
+    /// Distance of dabs in diameters.
+    pub spacing: f32,
+    /// 0: dabs follow the samples. Towards 1: they lag behind and cut corners.
+    pub smoothing: f32,
+    /// Angle of the stamp, radians, counter-clockwise; 0 is upright.
+    pub angle: f32,
+    /// Dabs follow a tilted pen: added to the angle is the direction that it leans to, and they become ellipses along it.
+    pub follow_tilt: bool,
+    /// Random changes.
+    pub jitter: Jitter,
+    /// What pressure does.
+    pub pressure: PressureResponse,
+    /// The picture of a dab; round without one.
+    pub stamp: Option<Arc<Stamp>>,
+    /// Of the jitter.
+    pub seed: u64,
+}
+
+impl Default for Brush {
+    /// Round, soft, 64 texels wide.
+    fn default() -> Self {
+        Self {
+            size: Size::Texels(64.0),
+            hardness: 0.5,
+            opacity: 1.0,
+            flow: 1.0,
+            spacing: 0.1,
+            smoothing: 0.0,
+            angle: 0.0,
+            follow_tilt: false,
+            jitter: Jitter::default(),
+            pressure: PressureResponse::default(),
+            stamp: None,
+            seed: 0,
+        }
+    }
+}
+
+/// Where the pen was at a moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// On the surface.
+    pub point: SurfacePoint,
+    /// 0..1.
+    pub pressure: f32,
+    /// Lean of the pen along the stamp's x and y axis, radians; zero upright.
+    pub tilt: [f32; 2],
+    /// Seconds since the stroke's start.
+    pub time: f32,
+}
+
+impl Sample {
+    /// Full pressure, upright.
+    pub fn at(point: SurfacePoint) -> Self {
+        Self { point, pressure: 1.0, tilt: [0.0; 2], time: 0.0 }
+    }
+}
+
+// Walking on the surface: along the cut of a plane, from triangle to triangle.
+
+/// A way on the surface: points with their distance from its start, mesh units, ascending.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Path {
+    pub(crate) points: Vec<(SurfacePoint, f64)>,
+}
+
+impl Path {
+    pub(crate) fn length(&self) -> f64 {
+        self.points.last().map_or(0.0, |(_, along)| *along)
+    }
+
+    /// The point at a distance from the start (clamped to the path).
+    pub(crate) fn at(&self, distance: f64) -> SurfacePoint {
+        let after = self.points.partition_point(|(_, along)| *along < distance);
+        let (Some(&(b, to)), Some(&(a, from))) =
+            (self.points.get(after), self.points.get(after.wrapping_sub(1)))
+        else {
+            return self.points[after.min(self.points.len() - 1)].0;
+        };
+        // Both lie on the triangle of the later one, unless it is an end where the way jumped.
+        if a.triangle != b.triangle || to <= from {
+            return b;
+        }
+        let t = ((distance - from) / (to - from)) as f32;
+        SurfacePoint { triangle: b.triangle, lambda: a.lambda + (b.lambda - a.lambda) * t }
+    }
+}
+
+/// Where a walk ends.
+#[derive(Clone, Copy, Debug)]
+enum Goal {
+    Point(SurfacePoint),
+    Length(f64),
+}
+
+/// Steps after which a walk is given up.
+const MAX_STEPS: usize = 1 << 16;
+
+/// A way around may be this much longer than the straight line before it is given up.
+const LONGEST_DETOUR: f64 = 4.0;
+
+/// The way from one point to another along the cut of the plane through both that stands upright on the surface between
+/// them: a straight line on a plane, nearly the shortest way elsewhere. None where the cut does not lead there.
+fn path_between(surface: &Surface, from: SurfacePoint, to: SurfacePoint) -> Option<Path> {
+    let (p, q) = (surface.position(from), surface.position(to));
+    if from.triangle == to.triangle {
+        return Some(Path { points: vec![(from, 0.0), (to, p.distance(q))] });
+    }
+    let up = surface.facet_normal(from.triangle) + surface.facet_normal(to.triangle);
+    let plane = (q - p).cross(up).try_normalize()?;
+    walk(surface, from, q - p, plane, Goal::Point(to))
+}
+
+/// The point so many mesh units away in a direction (mesh space, projected onto the surface). Ends at a boundary.
+pub(crate) fn walk_straight(
+    surface: &Surface,
+    from: SurfacePoint,
+    direction: DVec3,
+    length: f64,
+) -> SurfacePoint {
+    let plane = direction.cross(surface.facet_normal(from.triangle)).try_normalize();
+    let path = plane.and_then(|plane| walk(surface, from, direction, plane, Goal::Length(length)));
+    path.map_or(from, |path| path.at(length))
+}
+
+/// Follows the cut of a plane through `from`.
+fn walk(surface: &Surface, from: SurfacePoint, direction: DVec3, plane: DVec3, goal: Goal) -> Option<Path> {
+    let origin = surface.position(from);
+    let longest = match goal {
+        Goal::Point(_) => LONGEST_DETOUR * direction.length(),
+        Goal::Length(length) => length,
+    };
+    let mut path = Path { points: vec![(from, 0.0)] };
+    let (mut triangle, mut entered, mut at, mut along) = (from.triangle, None, origin, 0.0);
+    for _ in 0..MAX_STEPS {
+        if let Goal::Point(to) = goal
+            && to.triangle == triangle
+        {
+            path.points.push((to, along + at.distance(surface.position(to))));
+            return Some(path);
+        }
+        let exit = exit_edge(surface, triangle, origin, plane, direction, entered, at);
+        let Some((edge, lambda)) = exit else { break };
+        let point = SurfacePoint { triangle, lambda };
+        let next = surface.position(point);
+        along += next.distance(at);
+        path.points.push((point, along));
+        if along >= longest {
+            break;
+        }
+        let Some(other) = surface.opposite(edge) else { break };
+        at = next;
+        triangle = other / 3;
+        entered = Some(other);
+        path.points.push((on_other_side(surface, point, edge, other), along));
+    }
+    matches!(goal, Goal::Length(_)).then_some(path)
+}
+
+/// The edge through which the cut leaves a triangle, as a half-edge, and where.
+fn exit_edge(
+    surface: &Surface,
+    triangle: u32,
+    origin: DVec3,
+    plane: DVec3,
+    direction: DVec3,
+    entered: Option<u32>,
+    at: DVec3,
+) -> Option<(u32, Vec3)> {
+    let corners = surface.corners(triangle);
+    // A corner in the plane counts as above it, so that every cut crosses two edges or none.
+    let heights = corners.map(|corner| (corner - origin).dot(plane));
+    let mut best: Option<(f64, u32, Vec3)> = None;
+    for k in 0..3 {
+        let (i, j) = (k, (k + 1) % 3);
+        let edge = 3 * triangle + k as u32;
+        if (heights[i] >= 0.0) == (heights[j] >= 0.0) || Some(edge) == entered {
+            continue;
+        }
+        let t = heights[i] / (heights[i] - heights[j]);
+        let mut lambda = [0.0f32; 3];
+        (lambda[i], lambda[j]) = ((1.0 - t) as f32, t as f32);
+        let crossing = corners[i].lerp(corners[j], t);
+        // At the start two edges are crossed: the one ahead is meant.
+        let ahead = (crossing - at).dot(direction);
+        if best.is_none_or(|(other, ..)| ahead > other) {
+            best = Some((ahead, edge, lambda.into()));
+        }
+    }
+    best.map(|(_, edge, lambda)| (edge, lambda))
+}
+
+/// A point of an edge as a point of the triangle beyond it.
+fn on_other_side(surface: &Surface, point: SurfacePoint, edge: u32, other: u32) -> SurfacePoint {
+    let triangles = &surface.mesh().triangles;
+    let vertices = triangles[point.triangle as usize];
+    let beyond = triangles[(other / 3) as usize];
+    let mut lambda = [0.0f32; 3];
+    for slot in [edge % 3, (edge + 1) % 3].map(|slot| slot as usize) {
+        if let Some(k) = beyond.iter().position(|&v| v == vertices[slot]) {
+            lambda[k] = point.lambda[slot];
+        }
+    }
+    SurfacePoint { triangle: other / 3, lambda: lambda.into() }
+}
+
+// Symmetric strokes: copies of every sample on the other sides of the model.
+
+/// Where a stroke is repeated. Axes (0 x, 1 y, 2 z) pass the origin of the file's coordinates, unless moved.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Symmetry {
+    /// Nowhere.
+    #[default]
+    None,
+    /// On the other side of a plane.
+    Mirror {
+        /// Axis that the plane is orthogonal to.
+        axis: usize,
+        /// Where it meets the axis, world units.
+        #[serde(default)]
+        offset: f64,
+    },
+    /// Around an axis.
+    Radial {
+        /// The axis.
+        axis: usize,
+        /// A point that it passes, world units.
+        #[serde(default)]
+        center: [f64; 3],
+        /// Number of copies, the stroke itself included.
+        count: u32,
+    },
+}
+
+/// Most copies of a stroke.
+const MAX_COPIES: u32 = 256;
+
+impl Symmetry {
+    /// All copies of a stroke, itself first. A copy's samples that find no surface within `reach` mesh units split it.
+    pub(crate) fn copies(&self, surface: &Surface, samples: &[Sample], reach: f32) -> Vec<Vec<Sample>> {
+        let mut copies = vec![samples.to_vec()];
+        for k in 1..self.count() {
+            let mut run = Vec::new();
+            for sample in samples {
+                match self.moved(surface, sample, k, reach) {
+                    Some(moved) => run.push(moved),
+                    None if run.is_empty() => {}
+                    None => copies.push(std::mem::take(&mut run)),
+                }
+            }
+            if !run.is_empty() {
+                copies.push(run);
+            }
+        }
+        copies
+    }
+
+    /// Where the copies of a point are, itself first; none where there is no surface within `reach` mesh units.
+    pub fn places(&self, surface: &Surface, point: SurfacePoint, reach: f32) -> Vec<Option<SurfacePoint>> {
+        let sample = Sample::at(point);
+        let moved = (1..self.count()).map(|k| Some(self.moved(surface, &sample, k, reach)?.point));
+        std::iter::once(Some(point)).chain(moved).collect()
+    }
+
+    pub(crate) fn count(&self) -> u32 {
+        match self {
+            Self::None => 1,
+            Self::Mirror { .. } => 2,
+            Self::Radial { count, .. } => (*count).clamp(1, MAX_COPIES),
+        }
+    }
+
+    pub(crate) fn moved(&self, surface: &Surface, sample: &Sample, k: u32, reach: f32) -> Option<Sample> {
+        let world_from_mesh = surface.mesh().world_from_mesh;
+        let mesh_position: Vec3 = surface.position(sample.point).as_vec3();
+        let moved = self.moved_position(world_from_mesh.point(mesh_position), k);
+        let point = surface.nearest(world_from_mesh.inverse_point(moved), reach)?;
+        Some(Sample { point, ..*sample })
+    }
+
+    /// A direction as the copy number `k` has it, world or mesh space.
+    pub(crate) fn moved_direction(&self, direction: DVec3, k: u32) -> DVec3 {
+        self.moved_position(direction, k) - self.moved_position(DVec3::ZERO, k)
+    }
+
+    /// Whether copies are mirror images.
+    pub(crate) fn mirrors(&self) -> bool {
+        matches!(self, Self::Mirror { .. })
+    }
+
+    fn moved_position(&self, mut p: DVec3, k: u32) -> DVec3 {
+        match *self {
+            Self::None => {}
+            Self::Mirror { axis, offset } => p[axis.min(2)] = 2.0 * offset - p[axis.min(2)],
+            Self::Radial { axis, center, count } => {
+                let (axis, center) = (axis.min(2), DVec3::from(center));
+                let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
+                let q = p - center;
+                let (sin, cos) = (std::f64::consts::TAU * f64::from(k) / f64::from(count)).sin_cos();
+                p[i] = center[i] + cos * q[i] - sin * q[j];
+                p[j] = center[j] + sin * q[i] + cos * q[j];
+            }
+        }
+        p
+    }
+}
+
+// Strokes whose samples come one after the other, from a hand.
+
+/// A stroke that is being drawn. Its dabs are those of [`dabs_of`](dabs_of), though copies take turns.
+#[derive(Clone, Debug)]
+pub struct LiveStroke {
+    brush: Brush,
+    symmetry: Symmetry,
+    /// Mesh units.
+    diameter: f32,
+    /// Per copy.
+    ways: Vec<Way>,
+}
+
+impl LiveStroke {
+    /// Begins a stroke; dabs come with its samples.
+    pub fn new(surface: &Surface, brush: Brush, symmetry: Symmetry) -> Self {
+        let ways = vec![Way::new(&brush); symmetry.count() as usize];
+        Self { diameter: mesh_length(surface, brush.size), ways, brush, symmetry }
+    }
+
+    /// The pen leaves the surface: the next sample begins anew.
+    pub fn lift(&mut self) {
+        self.ways.iter_mut().for_each(|way| way.last = None);
+    }
+
+    /// The dabs up to a sample. With the last one (`is_end`) a smoothed stroke catches up.
+    pub fn go_to(&mut self, surface: &Surface, sample: &Sample, is_end: bool) -> Vec<Dab> {
+        let mut dabs = Vec::new();
+        let reach = 0.5 * self.diameter;
+        for (k, way) in (0u32..).zip(&mut self.ways) {
+            let sample = if k == 0 { Some(*sample) } else { self.symmetry.moved(surface, sample, k, reach) };
+            match sample {
+                Some(sample) => {
+                    let mut spacer =
+                        Spacer { surface, brush: &self.brush, diameter: self.diameter, way: way.clone() };
+                    spacer.go_to(&sample, is_end, &mut dabs);
+                    *way = spacer.way;
+                }
+                // No surface there: what comes after is a stroke of its own.
+                None => *way = Way::new(&self.brush),
+            }
+        }
+        dabs
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use fantex_cover::{CoverOptions, build_cover};
+    use fantex_mesh::generate::torus;
+    use fantex_mesh::{CleanOptions, clean};
+    use glam::Vec3;
+
+    use super::*;
+    use crate::SurfacePoint;
+
+    #[test]
+    fn samples_one_by_one_give_the_dabs_of_the_whole_stroke() {
+        let (mesh, _) = clean(torus(32, 16), &CleanOptions::default()).unwrap();
+        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
+        let surface = Surface::new(Arc::new(mesh), Arc::new(cover));
+        let point = |triangle| SurfacePoint { triangle, lambda: Vec3::splat(1.0 / 3.0) };
+        let samples: Vec<Sample> = [0, 3, 9, 14].map(|t| Sample::at(point(t))).into();
+        let brush = Brush { smoothing: 0.4, ..Brush::default() };
+        for symmetry in [Symmetry::None, Symmetry::Mirror { axis: 0, offset: 0.0 }] {
+            let mut live = LiveStroke::new(&surface, brush.clone(), symmetry);
+            let mut found = Vec::new();
+            for (k, sample) in samples.iter().enumerate() {
+                found.extend(live.go_to(&surface, sample, k + 1 == samples.len()));
+            }
+            let stroke = Stroke { brush: brush.clone(), samples: samples.clone(), line: false, symmetry };
+            let whole = dabs_of(&surface, &stroke);
+            let key = |dab: &crate::Dab| (dab.center.triangle, dab.center.lambda.x.to_bits());
+            let sorted = |dabs: &[crate::Dab]| {
+                let mut keys: Vec<_> = dabs.iter().map(key).collect();
+                keys.sort_unstable();
+                keys
+            };
+            assert!(whole.len() > 4);
+            assert_eq!(sorted(&found), sorted(&whole));
+        }
+    }
+}

@@ -1,0 +1,568 @@
+//! The tables of a stroke file.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use fantex_store::ChannelKind;
+use fantex_texture::color::linear_from_srgb;
+use fantex_texture::{Bounds, ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
+use glam::{Vec3, Vec4};
+use serde::{Deserialize, Serialize};
+
+use crate::replay::Preparation;
+use crate::{
+    BlendMode, ColorFill, FillScope, Jitter, Layer, Lens, PaintColor, Picture, PicturePlace,
+    PressureResponse, ReplayError, Size, Surface, Symmetry,
+};
+
+/// A stroke file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrokeFile {
+    /// 1.
+    pub version: u32,
+    /// In order.
+    pub strokes: Vec<StrokeSettings>,
+}
+
+/// One stroke or fill.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StrokeSettings {
+    /// Its name in the history.
+    #[serde(default = "default_label")]
+    pub label: String,
+    /// With what.
+    #[serde(default)]
+    pub brush: BrushSettings,
+    /// How.
+    #[serde(default)]
+    pub tool: ToolSettings,
+    /// Into which channels, together.
+    #[serde(default)]
+    pub channels: Vec<ChannelSettings>,
+    /// The way of the pen; for a fill its start; for decals and texts their middles.
+    #[serde(default)]
+    pub samples: Vec<SampleSettings>,
+    /// Fills instead of painting along the samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fill: Option<FillSettings>,
+    /// Lays a picture at each sample instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub decal: Option<DecalSettings>,
+    /// Writes at each sample instead.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub text: Option<TextSettings>,
+    /// The camera through which colours that are pictures are seen.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub projection: Option<ProjectionSettings>,
+    /// A picture that the stroke is laid on through, in the camera of `projection`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub stencil: Option<StencilSettings>,
+    /// Only the first and the last sample count.
+    #[serde(default)]
+    pub line: bool,
+    /// Copies.
+    #[serde(default)]
+    pub symmetry: Symmetry,
+    /// The layer to paint on, by its name; made on top of the others where there is none. Without it: under all layers.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layer: Option<LayerSettings>,
+    /// Touches of the brush, one by one, instead of samples: as they were recorded.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub dabs: Vec<DabSettings>,
+    /// Replaces all layers, from the bottom to the top, and paints nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub set_layers: Option<Vec<Layer>>,
+    /// What was painted could not be recorded: nothing is done but counting.
+    #[serde(default)]
+    pub unrecorded: bool,
+}
+
+impl Default for StrokeSettings {
+    fn default() -> Self {
+        Self {
+            label: default_label(),
+            brush: BrushSettings::default(),
+            tool: ToolSettings::default(),
+            channels: Vec::new(),
+            samples: Vec::new(),
+            fill: None,
+            decal: None,
+            text: None,
+            projection: None,
+            stencil: None,
+            line: false,
+            symmetry: Symmetry::None,
+            layer: None,
+            dabs: Vec::new(),
+            set_layers: None,
+            unrecorded: false,
+        }
+    }
+}
+
+/// One touch of the brush.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DabSettings {
+    /// Where.
+    pub at: Where,
+    /// World units along the surface.
+    pub radius: f32,
+    /// 0..1.
+    pub hardness: f32,
+    /// 0..1.
+    pub flow: f32,
+    /// Of the stamp, radians.
+    #[serde(default)]
+    pub angle: f32,
+    /// Width over length.
+    #[serde(default = "full")]
+    pub aspect: f32,
+}
+
+/// A layer to paint on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LayerSettings {
+    /// Its name.
+    pub name: String,
+    /// How it lies over what is below; where the layer is made.
+    #[serde(default)]
+    pub blend: BlendMode,
+    /// 0..1; where the layer is made.
+    #[serde(default = "full")]
+    pub opacity: f32,
+    /// Its number, which goes before its name where there is a layer of both.
+    #[serde(default)]
+    pub id: Option<u64>,
+    /// Paints on its mask: the luminance of the first channel's colour, 0 hides and 1 shows.
+    #[serde(default)]
+    pub mask: bool,
+    /// The layer shows textures of a look instead of what is painted on it.
+    #[serde(default)]
+    pub fill: Option<FillLayerSettings>,
+}
+
+impl Default for LayerSettings {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            blend: BlendMode::Normal,
+            opacity: 1.0,
+            id: None,
+            mask: false,
+            fill: None,
+        }
+    }
+}
+
+/// What a fill layer shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FillLayerSettings {
+    /// Where the textures are.
+    pub look: LookSettings,
+    /// Their names by channel.
+    pub textures: Vec<FillTextureSettings>,
+    /// Outside of what is painted on its mask: 1 shows the layer, 0 hides it; without it there is no mask.
+    #[serde(default)]
+    pub outside: Option<f32>,
+}
+
+/// A texture in a channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FillTextureSettings {
+    /// Which channel.
+    pub kind: ChannelKindName,
+    /// The texture's name in the look.
+    pub texture: String,
+}
+
+/// How far a fill goes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum FillSettings {
+    /// The whole surface.
+    Whole,
+    /// What hangs together with the start through edges across which triangles continue each other (`fantex_mesh::continued`).
+    Connected,
+    /// The same, across edges that bend by at most so many degrees.
+    Angle(f32),
+    /// What looks like the start.
+    Color(ColorFill),
+}
+
+impl From<FillScope> for FillSettings {
+    fn from(scope: FillScope) -> Self {
+        match scope {
+            FillScope::Whole => Self::Whole,
+            FillScope::Connected => Self::Connected,
+            FillScope::Angle(degrees) => Self::Angle(degrees),
+        }
+    }
+}
+
+/// A picture at a place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DecalSettings {
+    /// A picture, relative to the stroke file, whose alpha (or brightness, where it has none) says where the decal covers; without
+    /// it the alpha of the first channel's picture does.
+    #[serde(default)]
+    pub shape: Option<PathBuf>,
+    /// Length of the picture's longer side.
+    pub size: Size,
+    /// Degrees, counter-clockwise; 0 is upright.
+    #[serde(default)]
+    pub angle: f32,
+    /// Left and right are changed, for what is seen from behind the surface.
+    #[serde(default)]
+    pub mirrored: bool,
+}
+
+/// A text at a place.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TextSettings {
+    /// What; lines end with `\n`.
+    pub text: String,
+    /// A font (TrueType or OpenType), relative to the stroke file; without it the one that comes with the program.
+    #[serde(default)]
+    pub font: Option<PathBuf>,
+    /// Distance of lines.
+    pub size: Size,
+    /// Degrees, counter-clockwise; 0 is upright.
+    #[serde(default)]
+    pub angle: f32,
+    /// Left and right are changed, for what is seen from behind the surface.
+    #[serde(default)]
+    pub mirrored: bool,
+}
+
+/// A camera.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProjectionSettings {
+    /// Where it is, world space.
+    pub eye: [f64; 3],
+    /// What it looks at.
+    pub target: [f64; 3],
+    /// What is upright in its picture.
+    #[serde(default = "up")]
+    pub up: [f64; 3],
+    /// `{"perspective": DEGREES}` or `{"parallel": HEIGHT}`.
+    pub lens: Lens,
+    /// Where in the camera's view the pictures lie.
+    #[serde(default)]
+    pub place: PicturePlace,
+}
+
+/// A picture over the view.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StencilSettings {
+    /// The picture, relative to the stroke file.
+    pub image: PathBuf,
+    /// What of it counts.
+    #[serde(default)]
+    pub by: StencilBy,
+}
+
+/// How a picture becomes a stencil.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum StencilBy {
+    /// Its alpha; where it has none, its brightness.
+    #[default]
+    Shape,
+    /// Its alpha; one without lets all through.
+    Alpha,
+}
+
+fn up() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
+}
+
+fn default_label() -> String {
+    "stroke".to_owned()
+}
+
+/// A [`Brush`](crate::Brush); what is left out is as in its default.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BrushSettings {
+    /// Diameter: `{"texels": 64}` or `{"world": 0.1}`.
+    pub size: Size,
+    /// 0..1.
+    pub hardness: f32,
+    /// 0..1.
+    pub opacity: f32,
+    /// 0..1.
+    pub flow: f32,
+    /// Diameters.
+    pub spacing: f32,
+    /// 0..1.
+    pub smoothing: f32,
+    /// Degrees.
+    pub angle: f32,
+    /// The stamp turns with the pen's tilt.
+    pub follow_tilt: bool,
+    /// Random changes.
+    pub jitter: Jitter,
+    /// What pressure does.
+    pub pressure: PressureResponse,
+    /// A picture, relative to the stroke file.
+    pub stamp: Option<PathBuf>,
+    /// Of the jitter.
+    pub seed: u64,
+}
+
+impl Default for BrushSettings {
+    fn default() -> Self {
+        let brush = crate::Brush::default();
+        Self {
+            size: brush.size,
+            hardness: brush.hardness,
+            opacity: brush.opacity,
+            flow: brush.flow,
+            spacing: brush.spacing,
+            smoothing: brush.smoothing,
+            angle: brush.angle.to_degrees(),
+            follow_tilt: brush.follow_tilt,
+            jitter: brush.jitter,
+            pressure: brush.pressure,
+            stamp: None,
+            seed: brush.seed,
+        }
+    }
+}
+
+/// What the stroke does.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ToolSettings {
+    /// Lays colour over what is there.
+    Paint(BlendMode),
+    /// Takes alpha away.
+    Erase,
+    /// Averages what is seen within a radius.
+    Blur {
+        /// Radius.
+        radius: Size,
+    },
+    /// Drags colour along.
+    Smudge {
+        /// Share of the dragged colour that is left after a way of one brush radius, 0..1.
+        strength: f32,
+    },
+    /// Copies from elsewhere.
+    Clone {
+        /// What comes to lie under the first sample: a position in world space.
+        from: [f64; 3],
+    },
+}
+
+impl Default for ToolSettings {
+    fn default() -> Self {
+        Self::Paint(BlendMode::Normal)
+    }
+}
+
+/// What goes into a channel.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChannelSettings {
+    /// Which.
+    pub kind: ChannelKindName,
+    /// What (an eraser needs none).
+    #[serde(default)]
+    pub color: ColorSettings,
+}
+
+/// A colour on the surface.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum ColorSettings {
+    /// sRGB-encoded, opaque.
+    Srgb([f32; 3]),
+    /// Linear RGBA with straight alpha; for channels that hold no colour, their values.
+    Linear([f32; 4]),
+    /// A solid by its name, scaled to the model.
+    Solid {
+        /// wood, marble, rock, granite, clouds, checker, brick or landscape.
+        name: String,
+        /// Of its noise.
+        #[serde(default)]
+        seed: u32,
+    },
+    /// A texture of a look.
+    Texture {
+        /// Where it is.
+        look: LookSettings,
+        /// Its name there.
+        name: String,
+    },
+    /// A picture, relative to the stroke file: over a decal, or through a projection.
+    Image(PathBuf),
+}
+
+/// Where a texture's look is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum LookSettings {
+    /// In a file, relative to the stroke file.
+    File(PathBuf),
+    /// Here, with the folder of the files that it mentions, relative to the stroke file.
+    Inline {
+        /// TOML.
+        text: String,
+        /// Folder.
+        #[serde(default)]
+        folder: PathBuf,
+    },
+}
+
+impl Default for ColorSettings {
+    /// Black.
+    fn default() -> Self {
+        Self::Srgb([0.0; 3])
+    }
+}
+
+/// A channel by its meaning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+#[expect(missing_docs, reason = "they are the kinds of `fantex_store::ChannelKind`")]
+pub enum ChannelKindName {
+    BaseColor,
+    Normal,
+    OcclusionRoughnessMetallic,
+    Emission,
+    Displacement,
+    Light,
+    Anisotropy,
+}
+
+impl From<ChannelKindName> for ChannelKind {
+    fn from(name: ChannelKindName) -> Self {
+        match name {
+            ChannelKindName::BaseColor => Self::BaseColor,
+            ChannelKindName::Normal => Self::Normal,
+            ChannelKindName::OcclusionRoughnessMetallic => Self::OcclusionRoughnessMetallic,
+            ChannelKindName::Emission => Self::Emission,
+            ChannelKindName::Displacement => Self::Displacement,
+            ChannelKindName::Light => Self::Light,
+            ChannelKindName::Anisotropy => Self::Anisotropy,
+        }
+    }
+}
+
+/// Where the pen was.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SampleSettings {
+    /// Where.
+    pub at: Where,
+    /// 0..1.
+    #[serde(default = "full")]
+    pub pressure: f32,
+    /// Radians along the stamp's x and y axis.
+    #[serde(default)]
+    pub tilt: [f32; 2],
+    /// Seconds.
+    #[serde(default)]
+    pub time: f32,
+}
+
+fn full() -> f32 {
+    1.0
+}
+
+/// A place on the surface.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum Where {
+    /// The surface's point nearest to one in world space.
+    Position([f64; 3]),
+    /// The first one that a ray in world space meets.
+    Ray {
+        /// Start.
+        origin: [f64; 3],
+        /// Of any length.
+        direction: [f64; 3],
+    },
+    /// The nearest point whose normal agrees: on edited meshes and thin sheets.
+    Surface {
+        /// World space.
+        position: [f64; 3],
+        /// Of the triangle: outwards where the mesh is closed, else by its winding.
+        normal: [f32; 3],
+    },
+    /// A point of a triangle of this very mesh.
+    Point {
+        /// Index.
+        triangle: u32,
+        /// Barycentric coordinates.
+        lambda: [f32; 3],
+    },
+}
+
+// Colours of stroke files.
+
+/// What the settings of a colour mean.
+pub(crate) fn color_of(
+    preparation: &Preparation<'_>,
+    kind: ChannelKind,
+    settings: &ColorSettings,
+) -> Result<PaintColor, ReplayError> {
+    let stroke = preparation.stroke;
+    let surface = preparation.painter.surface();
+    let color = match settings {
+        ColorSettings::Srgb(color) => Vec3::from(color.map(linear_from_srgb)).extend(1.0),
+        ColorSettings::Linear(color) => Vec4::from(*color),
+        ColorSettings::Solid { name, seed } => {
+            let solid = solid_by_name(name, object_bounds(surface), *seed);
+            let solid = solid.map_err(|source| ReplayError::Solid { stroke, source })?;
+            return Ok(PaintColor::Texture(Arc::new(NamedSolid(solid))));
+        }
+        ColorSettings::Texture { look, name } => {
+            let texture = preparation.graph(look)?.texture(surface, name);
+            let texture =
+                texture.map_err(|source| ReplayError::Graph { stroke, source: Box::new(source) })?;
+            return Ok(PaintColor::Texture(texture));
+        }
+        ColorSettings::Image(path) => {
+            let picture = Arc::new(Picture::new(&preparation.image_for(kind, path)?));
+            let projection = preparation.projection(Arc::clone(&picture))?;
+            return Ok(match projection {
+                Some(projection) => PaintColor::Projected(Arc::new(projection)),
+                None => PaintColor::Image(picture),
+            });
+        }
+    };
+    preparation.finite("a colour", &color.to_array())?;
+    Ok(PaintColor::Constant(color))
+}
+
+/// A solid that was found by its name, as a texture.
+struct NamedSolid(Box<dyn Solid>);
+
+impl Texture for NamedSolid {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        let point = SolidPoint { p: at.position, n: at.normal, footprint: at.width(), time: at.time };
+        Vec4::from_array(self.0.color(&point))
+    }
+}
+
+/// The model's bounds in object space.
+fn object_bounds(surface: &Surface) -> Bounds {
+    let mesh = surface.mesh();
+    let scale = mesh.world_from_mesh.scale as f32;
+    let positions = || mesh.positions.iter().map(|p| *p * scale);
+    let min = positions().fold(Vec3::INFINITY, Vec3::min);
+    let max = positions().fold(Vec3::NEG_INFINITY, Vec3::max);
+    Bounds { min, max }
+}

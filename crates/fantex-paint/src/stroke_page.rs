@@ -1,0 +1,257 @@
+//! What a stroke has gathered on each page: in memory within a budget, beyond it in a temporary file.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{self, Read, Seek, SeekFrom, Write};
+use std::sync::OnceLock;
+
+use fantex_store::PageId;
+use glam::Vec4;
+
+use crate::texel_page::Rect;
+
+/// One page of level 0 under a stroke.
+#[derive(Clone, Debug)]
+pub(crate) struct StrokePage {
+    /// Per texel, 0..1; row-major.
+    pub(crate) coverage: Vec<f32>,
+    /// Per painted channel and texel the colours that were laid down, linear RGBA multiplied by alpha and by their share of the
+    /// coverage; empty for tools whose colour does not depend on the dab.
+    pub(crate) colors: Vec<Vec<Vec4>>,
+    /// What the stroke's stencil lets through, 0..1 per texel, where there is coverage; empty without a stencil.
+    pub(crate) stencil: Vec<f32>,
+    /// Texels whose coverage is not zero lie in here.
+    pub(crate) touched: Rect,
+    /// Texels whose coverage has grown since the page was last shown.
+    pub(crate) stale: Rect,
+    /// The bytes before the stroke, one per painted channel; empty until the page is first shown.
+    pub(crate) originals: Vec<Vec<u8>>,
+    /// The same, decoded: kept while there is room, since neighbouring dabs ask for the same pages.
+    pub(crate) decoded: OnceLock<Vec<Vec<Vec4>>>,
+}
+
+impl StrokePage {
+    pub(crate) fn new(texels: usize) -> Self {
+        let (touched, stale) = (Rect::EMPTY, Rect::EMPTY);
+        Self {
+            coverage: vec![0.0; texels],
+            colors: Vec::new(),
+            stencil: Vec::new(),
+            touched,
+            stale,
+            originals: Vec::new(),
+            decoded: OnceLock::new(),
+        }
+    }
+
+    /// How far a texel is covered, 0..1: by what was gathered, through the stencil.
+    #[inline]
+    pub(crate) fn covered(&self, texel: usize) -> f32 {
+        match (self.coverage[texel], self.stencil.get(texel)) {
+            (gathered, Some(passes)) if gathered > 0.0 => gathered * passes,
+            (gathered, _) => gathered,
+        }
+    }
+
+    /// The colour that was laid on a texel, straight alpha; none where the tool gathers none.
+    pub(crate) fn color(&self, channel: usize, texel: usize) -> Option<Vec4> {
+        let sum = self.colors.get(channel)?[texel];
+        let color = if sum.w > 0.0 { sum.truncate() / sum.w } else { sum.truncate() };
+        Some(color.extend((sum.w / self.coverage[texel]).min(1.0)))
+    }
+
+    /// Lays a colour (one per channel, multiplied by alpha) over what is gathered.
+    pub(crate) fn gather(&mut self, texel: usize, added: f32, colors: &[Vec4]) {
+        if self.colors.is_empty() && !colors.is_empty() {
+            self.colors = vec![vec![Vec4::ZERO; self.coverage.len()]; colors.len()];
+        }
+        for (gathered, color) in self.colors.iter_mut().zip(colors) {
+            gathered[texel] = gathered[texel] * (1.0 - added) + *color * added;
+        }
+        let coverage = &mut self.coverage[texel];
+        *coverage += added * (1.0 - *coverage);
+    }
+
+    fn decoded_bytes(&self) -> usize {
+        self.decoded.get().map_or(0, |channels| 16 * channels.iter().map(Vec::len).sum::<usize>())
+    }
+
+    /// Bytes of what goes to the temporary file.
+    fn stored_bytes(&self) -> usize {
+        4 * (self.coverage.len() * (1 + 4 * self.colors.len()) + self.stencil.len())
+            + self.originals.iter().map(Vec::len).sum::<usize>()
+    }
+
+    fn memory_bytes(&self) -> usize {
+        self.stored_bytes() + self.decoded_bytes()
+    }
+}
+
+/// Where the parts of a page lie in the temporary file.
+#[derive(Debug)]
+struct Spilled {
+    offset: u64,
+    texels: usize,
+    colored_channels: usize,
+    has_stencil: bool,
+    originals: Vec<usize>,
+    touched: Rect,
+    stale: Rect,
+}
+
+/// All pages of a stroke.
+#[derive(Debug, Default)]
+pub(crate) struct StrokePages {
+    pages: BTreeMap<PageId, StrokePage>,
+    bytes: usize,
+    spilled: BTreeMap<PageId, Spilled>,
+    file: Option<File>,
+    end: u64,
+}
+
+impl StrokePages {
+    /// Takes a page out, to be given back by [`put`](Self::put).
+    pub(crate) fn take(&mut self, id: PageId) -> io::Result<Option<StrokePage>> {
+        if let Some(page) = self.pages.remove(&id) {
+            self.bytes -= page.memory_bytes();
+            return Ok(Some(page));
+        }
+        match (self.spilled.remove(&id), &mut self.file) {
+            (Some(spilled), Some(file)) => read_back(file, &spilled).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    /// Keeps a page; writes some to the temporary file where memory is short.
+    pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> io::Result<()> {
+        self.bytes += page.memory_bytes();
+        self.pages.insert(id, page);
+        if self.bytes > budget_bytes / 2 {
+            for page in self.pages.values_mut() {
+                self.bytes -= page.decoded_bytes();
+                page.decoded = OnceLock::new();
+            }
+        }
+        while self.bytes > budget_bytes
+            && self.pages.len() > 1
+            && let Some((id, page)) = self.pages.pop_first()
+        {
+            self.bytes -= page.memory_bytes();
+            self.spill(id, &page)?;
+        }
+        Ok(())
+    }
+
+    /// All pages, ascending.
+    pub(crate) fn ids(&self) -> Vec<PageId> {
+        let mut ids: Vec<PageId> = self.pages.keys().chain(self.spilled.keys()).copied().collect();
+        ids.sort_unstable();
+        ids
+    }
+
+    /// The pages of a group with the texels that are covered, relative to the page.
+    pub(crate) fn touched(&self, group: u32) -> Vec<(PageId, Rect)> {
+        let kept = self.pages.iter().map(|(&id, page)| (id, page.touched));
+        let spilled = self.spilled.iter().map(|(&id, page)| (id, page.touched));
+        kept.chain(spilled).filter(|(id, touched)| id.group == group && !touched.is_empty()).collect()
+    }
+
+    /// Pages that have grown since they were last shown, ascending.
+    pub(crate) fn stale(&self) -> Vec<PageId> {
+        let kept = self.pages.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
+        let spilled = self.spilled.iter().filter(|(_, page)| !page.stale.is_empty()).map(|(&id, _)| id);
+        let mut ids: Vec<PageId> = kept.chain(spilled).collect();
+        ids.sort_unstable();
+        ids
+    }
+
+    fn spill(&mut self, id: PageId, page: &StrokePage) -> io::Result<()> {
+        let file = match &mut self.file {
+            Some(file) => file,
+            none => none.insert(tempfile::tempfile()?),
+        };
+        file.seek(SeekFrom::Start(self.end))?;
+        let colors = page.colors.iter().flatten().flat_map(|c| c.to_array());
+        let numbers = page.coverage.iter().copied().chain(colors).chain(page.stencil.iter().copied());
+        let numbers: Vec<u8> = numbers.flat_map(f32::to_le_bytes).collect();
+        file.write_all(&numbers)?;
+        page.originals.iter().try_for_each(|bytes| file.write_all(bytes))?;
+        let spilled = Spilled {
+            offset: self.end,
+            texels: page.coverage.len(),
+            colored_channels: page.colors.len(),
+            has_stencil: !page.stencil.is_empty(),
+            originals: page.originals.iter().map(Vec::len).collect(),
+            touched: page.touched,
+            stale: page.stale,
+        };
+        self.end += page.stored_bytes() as u64;
+        self.spilled.insert(id, spilled);
+        Ok(())
+    }
+}
+
+fn read_back(file: &mut File, spilled: &Spilled) -> io::Result<StrokePage> {
+    file.seek(SeekFrom::Start(spilled.offset))?;
+    let numbers = 1 + 4 * spilled.colored_channels + usize::from(spilled.has_stencil);
+    let mut bytes = vec![0; 4 * spilled.texels * numbers];
+    file.read_exact(&mut bytes)?;
+    let mut coverage: Vec<f32> =
+        bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    let mut numbers = coverage.split_off(spilled.texels);
+    let stencil = numbers.split_off(4 * spilled.colored_channels * spilled.texels);
+    let texels: Vec<Vec4> = numbers.chunks_exact(4).map(Vec4::from_slice).collect();
+    let colors = texels.chunks_exact(spilled.texels.max(1)).map(<[Vec4]>::to_vec).collect();
+    let mut originals = Vec::with_capacity(spilled.originals.len());
+    for &length in &spilled.originals {
+        let mut bytes = vec![0; length];
+        file.read_exact(&mut bytes)?;
+        originals.push(bytes);
+    }
+    Ok(StrokePage {
+        coverage,
+        colors,
+        stencil,
+        touched: spilled.touched,
+        stale: spilled.stale,
+        originals,
+        decoded: OnceLock::new(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pages_come_back_from_the_file() {
+        let mut pages = StrokePages::default();
+        let id = |group| PageId { group, level: 0, page: [0, 0] };
+        for group in 0..5 {
+            let mut page = StrokePage::new(16);
+            page.coverage[3] = group as f32;
+            page.gather(5, 0.5, &[Vec4::splat(group as f32), Vec4::ONE]);
+            if group % 2 == 1 {
+                page.stencil = vec![0.25; 16];
+            }
+            page.touched.add(3, 0);
+            if group % 2 == 0 {
+                page.stale.add(3, 0);
+            }
+            page.originals = vec![vec![group as u8; 8], vec![7; 4]];
+            pages.put(id(group), page, 200).unwrap();
+        }
+        assert_eq!(pages.ids().len(), 5);
+        assert_eq!(pages.stale(), [0, 2, 4].map(id));
+        for group in 0..5 {
+            let page = pages.take(id(group)).unwrap().unwrap();
+            assert_eq!((page.coverage[3], page.coverage[4]), (group as f32, 0.0));
+            assert_eq!((page.colors.len(), page.colors[0][5]), (2, Vec4::splat(0.5 * group as f32)));
+            assert_eq!(page.stencil.len(), 16 * (group % 2) as usize);
+            assert_eq!(page.covered(5), if group % 2 == 1 { 0.125 } else { 0.5 });
+            assert_eq!(page.originals, [vec![group as u8; 8], vec![7; 4]]);
+            assert_eq!(page.touched, Rect { low: [3, 0], high: [4, 1] });
+        }
+        assert!(pages.take(id(0)).unwrap().is_none());
+    }
+}

@@ -1,0 +1,815 @@
+//! Work that takes long on a large asset: filling, evaluating layers on all pages, taking back steps that changed them.
+//!
+//! ```text
+//!  start --> Work --work_on(until)--> ... --> done, one step of the history
+//!              |                       |
+//!              |                 cancel_work: takes back what is done so far
+//!            commit keeps it in the asset: whoever opens that next goes on
+//! ```
+//!
+//! It is done in slices, group by group with all levels, so that a window can answer between them, show what is finished and
+//! commit. Doing it at once (as [`Painter::edit_layers`] and [`Painter::undo`] do) takes the same slices to the end. Memory is bounded
+//! by a slice. A commit in the middle holds texels, the records that undo them, and an attachment that says what is left.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Range;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use fantex_store::{AssetEditor, PageCache, PageId, page_extent};
+use glam::Vec4;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::composite::look_up;
+use crate::cover::{cover_texels, fill_page, for_each_page};
+use crate::fill::{ColorSearch, Reached};
+use crate::history::Direction;
+use crate::layers::{Layers, ShownPage, find_folders, keep_folders};
+use crate::log::logged_fill;
+use crate::painter::{Changes, OpenStroke};
+use crate::projection::see_through;
+use crate::stroke_page::StrokePage;
+use crate::texel_page::{Rect, TexelPage};
+use crate::{ColorFill, FillArea, HistoryStep, Layer, PaintError, Painter, StrokeSummary, Surface, Target};
+
+/// The attachment that keeps unfinished work.
+const KEPT: &str = "history/unfinished";
+
+/// Work under way.
+#[derive(Debug)]
+pub(crate) enum Work {
+    /// A stroke fills.
+    Fill(Box<FillWork>),
+    /// Layers have changed.
+    Flatten(FlattenWork),
+    /// A step is taken back or done again.
+    Step(StepWork),
+}
+
+/// How far work is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorkProgress {
+    /// Its name in the history.
+    pub label: String,
+    /// 0..1.
+    pub share: f32,
+    /// Whether it takes something back.
+    pub is_undo: bool,
+}
+
+/// The same in an asset.
+#[derive(Debug, Serialize, Deserialize)]
+enum Kept {
+    Fill(KeptFill),
+    Flatten(KeptFlatten),
+    Step(KeptStep),
+}
+
+impl Painter {
+    /// Whether there is unfinished work. Strokes, steps and changes of layers finish it first.
+    pub fn has_work(&self) -> bool {
+        self.work.is_some()
+    }
+
+    /// How far it is; none where there is none.
+    pub fn work_progress(&self) -> Option<WorkProgress> {
+        Some(match self.work.as_ref()? {
+            Work::Fill(work) => work.progress(),
+            Work::Flatten(work) => work.progress(),
+            Work::Step(work) => work.progress(),
+        })
+    }
+
+    /// Goes on until a moment (a slice more, at least one); true where nothing is left to do.
+    ///
+    /// # Errors
+    ///
+    /// A page cannot be read, evaluated or kept. What is left stays to be done.
+    pub fn work_on(&mut self, until: Instant) -> Result<bool, PaintError> {
+        while let Some(work) = self.work.take() {
+            match work {
+                Work::Fill(work) => drop(self.fill_on(work)?),
+                Work::Flatten(work) => self.flatten_on(work)?,
+                Work::Step(work) => self.step_on(work)?,
+            }
+            if Instant::now() >= until {
+                break;
+            }
+        }
+        Ok(self.work.is_none())
+    }
+
+    /// Does all that is left.
+    ///
+    /// # Errors
+    ///
+    /// As [`work_on`](Self::work_on).
+    pub fn finish_work(&mut self) -> Result<(), PaintError> {
+        while !self.work_on(Instant::now())? {}
+        Ok(())
+    }
+
+    /// Gives the work up: what it has done so far is taken back, which is work, too.
+    ///
+    /// # Errors
+    ///
+    /// The history cannot be written.
+    pub fn cancel_work(&mut self) -> Result<(), PaintError> {
+        match self.work.take() {
+            Some(Work::Step(work)) => self.work = Some(Work::Step(work.turned_back())),
+            // There is no way back but to the end and from there.
+            work if !self.options.history => self.work = work,
+            Some(Work::Fill(_) | Work::Flatten(_)) => self.take_back()?,
+            None => {}
+        }
+        Ok(())
+    }
+
+    /// Ends the open step, which has something in it, and begins to take it back.
+    fn take_back(&mut self) -> Result<(), PaintError> {
+        self.room.let_go();
+        self.finish_history()?;
+        if let Some(step) = self.history.next_step(Direction::Back).cloned() {
+            self.work = Some(Work::Step(StepWork::then(step, Direction::Back, Afterwards::Forget)));
+        }
+        Ok(())
+    }
+
+    /// Does what is seen first: groups of less urgency come later.
+    pub fn prefer_groups(&mut self, urgency: impl Fn(u32) -> f32) {
+        match &mut self.work {
+            Some(Work::Fill(work)) => work.prefer(urgency),
+            Some(Work::Flatten(work)) => work.slices.prefer(urgency),
+            Some(Work::Step(_)) | None => {}
+        }
+    }
+
+    /// Writes down what is left, for a commit.
+    pub(crate) fn keep_work(&mut self) -> Result<(), PaintError> {
+        let kept = match &self.work {
+            None if self.editor.has_attachment(KEPT) => {
+                self.editor.detach(KEPT);
+                return Ok(());
+            }
+            None => return Ok(()),
+            Some(Work::Fill(work)) => Kept::Fill(work.kept(self.history.keep_open(&mut self.editor)?)),
+            Some(Work::Flatten(work)) => {
+                let step = self.history.keep_open(&mut self.editor)?;
+                Kept::Flatten(work.kept(step, self.editor.asset().path()))
+            }
+            Some(Work::Step(work)) => Kept::Step(work.kept()),
+        };
+        let bytes = serde_json::to_vec(&kept).map_err(std::io::Error::other)?;
+        Ok(self.editor.attach(KEPT, bytes)?)
+    }
+
+    /// Takes up what was left when the asset was last committed.
+    pub(crate) fn take_up_work(&mut self) -> Result<(), PaintError> {
+        let Some(bytes) = self.editor.attachment(KEPT)? else { return Ok(()) };
+        let kept = serde_json::from_slice(&bytes).map_err(|_| damaged(&self.editor))?;
+        self.work = Some(match kept {
+            Kept::Fill(kept) => {
+                if let Some(step) = &kept.step {
+                    self.history.take_up(step.clone());
+                }
+                match self.fill_left(&kept)? {
+                    Some(work) => Work::Fill(Box::new(work)),
+                    None => return self.take_back(),
+                }
+            }
+            Kept::Flatten(kept) => {
+                self.fills.update(&self.surface, &self.layers)?;
+                if let Some(step) = &kept.step {
+                    self.history.take_up(step.clone());
+                }
+                Work::Flatten(self.flatten_left(kept))
+            }
+            Kept::Step(kept) => Work::Step(StepWork::left(kept)),
+        });
+        Ok(())
+    }
+
+    /// Takes back the last step, or does the next one again; false where there is none.
+    fn start_step(&mut self, direction: Direction) -> Result<bool, PaintError> {
+        self.finish_work()?;
+        self.end()?;
+        let Some(step) = self.history.next_step(direction).cloned() else { return Ok(false) };
+        self.work = Some(Work::Step(StepWork::new(step, direction)));
+        Ok(true)
+    }
+
+    /// Begins to take the last step back; false where there is none. The work is to be done by [`work_on`](Self::work_on).
+    ///
+    /// # Errors
+    ///
+    /// What is open cannot be ended.
+    pub fn start_undo(&mut self) -> Result<bool, PaintError> {
+        self.start_step(Direction::Back)
+    }
+
+    /// Begins to do again what was taken back last; false where there is nothing. The work is to be done by
+    /// [`work_on`](Self::work_on).
+    ///
+    /// # Errors
+    ///
+    /// What is open cannot be ended.
+    pub fn start_redo(&mut self) -> Result<bool, PaintError> {
+        self.start_step(Direction::Forth)
+    }
+
+    /// After steps: the layers as they are in the asset.
+    fn reload_layers(&mut self) -> Result<(), PaintError> {
+        self.layers = Layers::load(&self.editor)?;
+        Ok(())
+    }
+}
+
+fn damaged(editor: &AssetEditor) -> PaintError {
+    let reason = "what was left to be done cannot be read";
+    PaintError::History { path: editor.asset().path().to_owned(), reason }
+}
+
+// Pages of level 0 that work goes over, group by group.
+
+/// Pages that are worked on at a time: enough for all threads, and so few that a window can answer soon.
+const BATCH: usize = 16;
+
+/// What is left of the pages, and what is at work: some groups with about a batch of pages, or one with more.
+#[derive(Debug, Default)]
+pub(crate) struct Slices {
+    /// Groups that are left with their pages, the next one last.
+    left: Vec<(u32, Vec<PageId>)>,
+    /// Groups that are at work.
+    groups: Vec<u32>,
+    /// Their pages.
+    pages: Vec<PageId>,
+    /// So many of these are done.
+    done: usize,
+    /// What has changed in them.
+    pub(crate) changes: Changes,
+    /// All pages, and those that are done.
+    all_pages: usize,
+    all_done: usize,
+}
+
+/// The same in an asset.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct KeptSlices {
+    /// Groups that are left, in runs: the first one and how many.
+    left: Vec<[u32; 2]>,
+    /// Groups that are at work.
+    current: Vec<u32>,
+    /// So many of their pages are done.
+    done: usize,
+}
+
+impl Slices {
+    /// All pages, ascending.
+    pub(crate) fn new(pages: &[PageId]) -> Self {
+        let left = by_group(pages).into_iter().rev().collect();
+        Self { left, all_pages: pages.len(), ..Self::default() }
+    }
+
+    /// What was left of the same pages when it was kept.
+    pub(crate) fn left(surface: &Surface, pages: &[PageId], kept: &KeptSlices) -> Self {
+        let mut groups = by_group(pages);
+        let current: Vec<PageId> =
+            kept.current.iter().flat_map(|group| groups.remove(group).unwrap_or_default()).collect();
+        let is_left = |group: u32| {
+            let run = kept.left.partition_point(|[first, _]| *first <= group);
+            run > 0 && group - kept.left[run - 1][0] < kept.left[run - 1][1]
+        };
+        let left: Vec<_> = groups.into_iter().rev().filter(|(group, _)| is_left(*group)).collect();
+        let done = kept.done.min(current.len());
+        let mut changes = Changes::default();
+        for &id in &current[..done] {
+            // Their coarser levels are still to be computed. What exactly has changed is not known any more.
+            let extent = surface.cover().groups[id.group as usize].level_extent(0);
+            changes.add(id, Rect { low: [0; 2], high: page_extent(extent, id.page) });
+        }
+        let all_done =
+            pages.len() - current.len() - left.iter().map(|(_, pages)| pages.len()).sum::<usize>() + done;
+        let (groups, all_pages) = (kept.current.clone(), pages.len());
+        Self { left, groups, pages: current, done, changes, all_pages, all_done }
+    }
+
+    pub(crate) fn kept(&self) -> KeptSlices {
+        let mut left: Vec<u32> = self.left.iter().map(|(group, _)| *group).collect();
+        left.sort_unstable();
+        let mut runs: Vec<[u32; 2]> = Vec::new();
+        for group in left {
+            match runs.last_mut() {
+                Some([first, count]) if *first + *count == group => *count += 1,
+                _ => runs.push([group, 1]),
+            }
+        }
+        KeptSlices { left: runs, current: self.groups.clone(), done: self.done }
+    }
+
+    /// Share of the pages that is done.
+    pub(crate) fn share(&self) -> f32 {
+        self.all_done as f32 / self.all_pages.max(1) as f32
+    }
+
+    /// Groups of less urgency come later.
+    fn prefer(&mut self, urgency: impl Fn(u32) -> f32) {
+        self.left.sort_by_cached_key(|(group, _)| (ordered(urgency(*group)), std::cmp::Reverse(*group)));
+    }
+
+    /// The pages to be done now; none where all are done. (A slice whose pages are done but not its coarser levels gives an empty
+    /// batch.)
+    pub(crate) fn batch(&mut self) -> Option<Vec<PageId>> {
+        while self.groups.is_empty() || self.pages.len() < BATCH {
+            let fits = |(_, pages): &mut (u32, Vec<PageId>)| {
+                self.pages.is_empty() || self.pages.len() + pages.len() <= BATCH
+            };
+            // One that is under way is not added to.
+            let Some((group, pages)) = (self.done == 0).then(|| self.left.pop_if(fits)).flatten() else {
+                break;
+            };
+            self.groups.push(group);
+            self.pages.extend(pages);
+        }
+        let to = self.pages.len().min(self.done + BATCH);
+        (!self.groups.is_empty()).then(|| self.pages[self.done..to].to_vec())
+    }
+
+    /// A batch is done.
+    fn add_done(&mut self, count: usize) {
+        self.done += count;
+        self.all_done += count;
+    }
+
+    /// The coarser levels of what is at work are done, too.
+    fn end_groups(&mut self) {
+        self.groups.clear();
+        self.pages.clear();
+        self.done = 0;
+        self.changes = Changes::default();
+    }
+}
+
+impl Painter {
+    /// A batch is done; with the last one of its groups come their coarser levels: returns how many pages these are.
+    fn end_batch(
+        &mut self,
+        slices: &mut Slices,
+        count: usize,
+        channels: &[usize],
+    ) -> Result<usize, PaintError> {
+        slices.add_done(count);
+        let mut coarser = 0;
+        if slices.done == slices.pages.len() {
+            coarser = self.finish_changes(slices.changes.clone(), channels)?;
+            slices.end_groups();
+        }
+        Ok(coarser)
+    }
+}
+
+fn by_group(pages: &[PageId]) -> BTreeMap<u32, Vec<PageId>> {
+    let mut groups: BTreeMap<u32, Vec<PageId>> = BTreeMap::new();
+    for &id in pages {
+        groups.entry(id.group).or_default().push(id);
+    }
+    groups
+}
+
+/// Floats in the order of numbers.
+fn ordered(x: f32) -> i32 {
+    let bits = x.to_bits() as i32;
+    if bits < 0 { bits ^ i32::MAX } else { bits }
+}
+
+// Filling, page by page.
+//
+// Each page is painted once, from what was there before, so whoever takes up a fill must know exactly which pages are done. What it
+// paints is then read from the log of strokes; where that does not say it (what was seen before the fill is gone), the fill is
+// taken back instead.
+
+/// A stroke that fills.
+#[derive(Debug)]
+pub(crate) struct FillWork {
+    stroke: OpenStroke,
+    /// Its number in the log.
+    logged: u64,
+    area: Area,
+    slices: Slices,
+    summary: StrokeSummary,
+}
+
+/// The same in an asset.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct KeptFill {
+    label: String,
+    /// None where no history is kept.
+    pub(crate) step: Option<HistoryStep>,
+    target: Target,
+    logged: u64,
+    slices: KeptSlices,
+}
+
+/// What is covered.
+#[derive(Debug)]
+enum Area {
+    Everything,
+    /// Ascending.
+    Triangles(Vec<u32>),
+    /// Whatever looks like one of some values.
+    Like {
+        before: PageCache,
+        channel: usize,
+        values: Vec<Vec4>,
+        fill: ColorFill,
+    },
+    /// Texels that were found.
+    Reached(Vec<Reached>),
+}
+
+impl Area {
+    /// Covers a page.
+    fn cover(&self, surface: &Surface, map: &TexelPage, id: PageId, page: &mut StrokePage) {
+        match self {
+            Self::Everything => fill_page(map, |_| true, page),
+            Self::Triangles(all) => fill_page(map, |t| all.binary_search(&t).is_ok(), page),
+            Self::Like { before, channel, values, fill } => {
+                for &start in values {
+                    let search = ColorSearch { surface, before, channel: *channel, start, fill: *fill };
+                    cover_texels(&search.coverage(map), map, page);
+                }
+            }
+            Self::Reached(all) => {
+                let coverage = all.iter().filter_map(|reached| reached.get(&id));
+                coverage.for_each(|coverage| cover_texels(coverage, map, page));
+            }
+        }
+    }
+
+    /// The pages that may be covered.
+    fn pages(&self, painter: &Painter) -> BTreeSet<PageId> {
+        match self {
+            Self::Everything | Self::Like { .. } => painter.all_pages().into_iter().collect(),
+            Self::Triangles(triangles) => pages_of(&painter.surface, triangles),
+            Self::Reached(all) => all.iter().flat_map(BTreeMap::keys).copied().collect(),
+        }
+    }
+}
+
+fn pages_of(surface: &Surface, triangles: &[u32]) -> BTreeSet<PageId> {
+    let mut pages = BTreeSet::new();
+    let mut last = None;
+    for &triangle in triangles {
+        for_each_page(surface, triangle, |id| {
+            // Neighbours in the mesh mostly lie on the same page.
+            if last.replace(id) != Some(id) {
+                pages.insert(id);
+            }
+        });
+    }
+    pages
+}
+
+impl FillWork {
+    fn progress(&self) -> WorkProgress {
+        WorkProgress { label: self.stroke.label.clone(), share: self.slices.share(), is_undo: false }
+    }
+
+    fn prefer(&mut self, urgency: impl Fn(u32) -> f32) {
+        self.slices.prefer(urgency);
+    }
+
+    pub(crate) fn kept(&self, step: Option<HistoryStep>) -> KeptFill {
+        let OpenStroke { label, target, .. } = &self.stroke;
+        KeptFill {
+            label: label.clone(),
+            step,
+            target: *target,
+            logged: self.logged,
+            slices: self.slices.kept(),
+        }
+    }
+}
+
+impl Painter {
+    /// Lets the open stroke, beside what its dabs have covered, cover an area, and ends it. Does nothing where none is open.
+    ///
+    /// # Errors
+    ///
+    /// A page cannot be read, painted or kept. What is left stays to be done.
+    pub fn fill(&mut self, area: FillArea) -> Result<StrokeSummary, PaintError> {
+        self.start_fill(area)?;
+        let mut summary = StrokeSummary::default();
+        while let Some(work) = self.work.take() {
+            match work {
+                Work::Fill(work) => summary = self.fill_on(work)?,
+                other => {
+                    self.work = Some(other);
+                    break;
+                }
+            }
+        }
+        Ok(summary)
+    }
+
+    /// The same, but what is covered is left to [`work_on`](Self::work_on); the stroke is not open any more. Where the area is
+    /// chosen by colour, commits first (unless the disk is full), so that what is compared is what is seen; it does not see the
+    /// open stroke itself.
+    ///
+    /// # Errors
+    ///
+    /// There is no such channel, or the commit or the log fails: then the stroke is dropped.
+    pub fn start_fill(&mut self, area: FillArea) -> Result<(), PaintError> {
+        if self.stroke.is_none() {
+            return Ok(());
+        }
+        let area = self.place_area(area);
+        let Some(mut stroke) = self.stroke.take() else { return Ok(()) };
+        let area = area.inspect_err(|_| self.room.let_go())?;
+        stroke.recording.lose();
+        let mut pages = area.pages(self);
+        pages.extend(stroke.pages.ids());
+        let pages: Vec<PageId> = pages.into_iter().collect();
+        // Of the step before.
+        self.finish_levels()?;
+        self.begin_step(&stroke.label);
+        let logged = self.next_stroke;
+        self.log_stroke(&stroke)?;
+        let (slices, summary) =
+            (Slices::new(&pages), StrokeSummary { dabs: stroke.dabs, ..StrokeSummary::default() });
+        self.work = Some(Work::Fill(Box::new(FillWork { stroke, logged, area, slices, summary })));
+        Ok(())
+    }
+
+    fn place_area(&mut self, area: FillArea) -> Result<Area, PaintError> {
+        let (channel, starts, fill) = match area {
+            FillArea::Everything => return Ok(Area::Everything),
+            FillArea::Triangles(triangles) => return Ok(Area::Triangles(triangles)),
+            FillArea::Color { channel, starts, fill } => (channel, starts, fill),
+        };
+        self.check_channel(channel)?;
+        let before = self.state_before()?;
+        let (surface, budget) = (&*self.surface, self.options.memory_bytes / 4);
+        let values: Vec<Vec4> =
+            starts.iter().map(|&start| look_up(surface, &before, channel, start)).collect();
+        if !fill.connected {
+            return Ok(Area::Like { before, channel, values, fill });
+        }
+        let maps = &mut self.maps;
+        let reached = starts.iter().zip(values).map(|(&point, start)| {
+            let search = ColorSearch { surface, before: &before, channel, start, fill };
+            search.connected(point, |ids| {
+                let ids: Vec<PageId> = ids.iter().copied().collect();
+                maps.get(surface, &ids, budget)
+            })
+        });
+        Ok(Area::Reached(reached.collect()))
+    }
+
+    /// Fills some pages, or ends the groups that are at work; returns what is done so far.
+    fn fill_on(&mut self, mut work: Box<FillWork>) -> Result<StrokeSummary, PaintError> {
+        let Some(ids) = work.slices.batch() else {
+            self.room.let_go();
+            self.finish_history()?;
+            return Ok(work.summary);
+        };
+        let filled = self.fill_pages(&mut work, &ids).and_then(|()| {
+            let channels = work.stroke.affected.clone();
+            work.summary.coarser_pages += self.end_batch(&mut work.slices, ids.len(), &channels)?;
+            Ok(())
+        });
+        let summary = work.summary;
+        self.work = Some(Work::Fill(work));
+        filled?;
+        self.relieve()?;
+        Ok(summary)
+    }
+
+    /// All that can fail because of the asset comes before the first change: a page is painted once or not at all.
+    fn fill_pages(&mut self, work: &mut FillWork, ids: &[PageId]) -> Result<(), PaintError> {
+        let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
+        let mut pages = Vec::with_capacity(ids.len());
+        for (&id, map) in ids.iter().zip(maps) {
+            let known = work.stroke.pages.take(id)?;
+            pages.push((id, known.unwrap_or_else(|| StrokePage::new(map.block.texel_count())), map));
+        }
+        let (surface, area) = (&*self.surface, &work.area);
+        let stencil = work.stroke.paint.stencil.as_deref();
+        pages.par_iter_mut().for_each(|(id, page, map)| {
+            area.cover(surface, map, *id, page);
+            stencil.into_iter().for_each(|stencil| see_through(surface, map, stencil, page));
+        });
+        pages.retain(|(_, page, _)| !page.touched.is_empty());
+        for (id, page, _) in &mut pages {
+            if page.originals.is_empty() {
+                page.originals = work.stroke.originals(&self.editor, *id)?;
+            }
+        }
+        let (editor, layers, stroke) = (&self.editor, (&self.layers, &self.fills), &work.stroke);
+        let shown_page = |(id, page, map): &(PageId, StrokePage, Arc<TexelPage>)| {
+            // What dabs have covered may be all, and shown already.
+            let is_shown = page.stale.is_empty();
+            if is_shown {
+                Ok(ShownPage::default())
+            } else {
+                stroke.shown(surface, editor, layers, map, *id, page)
+            }
+        };
+        let shown: Vec<ShownPage> = pages.par_iter().map(shown_page).collect::<Result<_, PaintError>>()?;
+        for ((id, page, _), shown) in pages.into_iter().zip(shown) {
+            work.summary.pages += 1;
+            work.slices.changes.add(id, page.touched);
+            shown.put(&mut self.editor, id, &work.stroke.affected)?;
+            self.remember_page(&work.stroke, id, page)?;
+        }
+        Ok(())
+    }
+
+    /// What was left of a fill when the asset was committed; none where it cannot go on.
+    fn fill_left(&mut self, kept: &KeptFill) -> Result<Option<FillWork>, PaintError> {
+        let Some((paint, area)) = logged_fill(self, kept.logged) else { return Ok(None) };
+        // What it compares or reads is not there any more.
+        if paint.tool.reads_surface() || matches!(area, FillArea::Color { .. }) {
+            return Ok(None);
+        }
+        self.begin_on(kept.target, &kept.label, paint)?;
+        let area = self.place_area(area)?;
+        let Some(stroke) = self.stroke.take() else { return Ok(None) };
+        let pages: Vec<PageId> = area.pages(self).into_iter().collect();
+        let slices = Slices::left(&self.surface, &pages, &kept.slices);
+        let (logged, summary) = (kept.logged, StrokeSummary::default());
+        Ok(Some(FillWork { stroke, logged, area, slices, summary }))
+    }
+}
+
+// Evaluating layers, after they have changed, on all pages that they show on.
+
+/// Layers that are being flattened.
+#[derive(Debug)]
+pub(crate) struct FlattenWork {
+    label: String,
+    /// The layers before the change.
+    before: Vec<Layer>,
+    pub(crate) slices: Slices,
+}
+
+/// The same in an asset.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct KeptFlatten {
+    label: String,
+    /// None where no history is kept.
+    pub(crate) step: Option<HistoryStep>,
+    before: Vec<Layer>,
+    slices: KeptSlices,
+}
+
+impl FlattenWork {
+    /// All pages of level 0 that are to be flattened, ascending.
+    pub(crate) fn new(label: &str, before: Vec<Layer>, pages: &[PageId]) -> Self {
+        Self { label: label.to_owned(), before, slices: Slices::new(pages) }
+    }
+
+    fn progress(&self) -> WorkProgress {
+        WorkProgress { label: self.label.clone(), share: self.slices.share(), is_undo: false }
+    }
+
+    pub(crate) fn kept(&self, step: Option<HistoryStep>, asset: &Path) -> KeptFlatten {
+        let mut before = self.before.clone();
+        keep_folders(&mut before, asset);
+        KeptFlatten { label: self.label.clone(), step, before, slices: self.slices.kept() }
+    }
+}
+
+impl Painter {
+    /// Flattens some pages, or ends the groups that are at work.
+    fn flatten_on(&mut self, mut work: FlattenWork) -> Result<(), PaintError> {
+        let Some(ids) = work.slices.batch() else { return self.finish_history() };
+        let channels: Vec<usize> = (0..self.editor.asset().channels().len()).collect();
+        let done = self
+            .flatten_pages(&ids, &mut work.slices.changes)
+            .and_then(|()| self.end_batch(&mut work.slices, ids.len(), &channels).map(drop));
+        self.work = Some(Work::Flatten(work));
+        done
+    }
+
+    /// What was left of flattening when the asset was committed.
+    fn flatten_left(&self, kept: KeptFlatten) -> FlattenWork {
+        let mut before = kept.before;
+        find_folders(&mut before, self.editor.asset().path());
+        let pages = self.pages_to_flatten(&before);
+        let slices = Slices::left(&self.surface, &pages, &kept.slices);
+        FlattenWork { label: kept.label, before, slices }
+    }
+}
+
+// Taking a step back, or doing it again: part by part.
+
+/// A step whose parts are being applied.
+#[derive(Debug)]
+pub(crate) struct StepWork {
+    step: HistoryStep,
+    direction: Direction,
+    /// Parts that are left: forth from the first one, back from the last one.
+    left: Range<u32>,
+    /// How many there were.
+    count: u32,
+    afterwards: Afterwards,
+}
+
+/// What becomes of the step in the end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) enum Afterwards {
+    /// It goes over to the steps that can be done again, or back to those that are done.
+    Move,
+    /// It stays where it is: moving it was given up.
+    Stay,
+    /// It is forgotten: what it did was given up.
+    Forget,
+}
+
+/// The same in an asset.
+#[derive(Debug, Serialize, Deserialize)]
+pub(crate) struct KeptStep {
+    step: HistoryStep,
+    direction: Direction,
+    left: Range<u32>,
+    count: u32,
+    afterwards: Afterwards,
+}
+
+impl StepWork {
+    pub(crate) fn new(step: HistoryStep, direction: Direction) -> Self {
+        Self::then(step, direction, Afterwards::Move)
+    }
+
+    pub(crate) fn then(step: HistoryStep, direction: Direction, afterwards: Afterwards) -> Self {
+        let count = step.parts();
+        Self { step, direction, left: 0..count, count, afterwards }
+    }
+
+    pub(crate) fn left(kept: KeptStep) -> Self {
+        let KeptStep { step, direction, left, count, afterwards } = kept;
+        Self { step, direction, left, count, afterwards }
+    }
+
+    pub(crate) fn kept(&self) -> KeptStep {
+        let Self { step, direction, left, count, afterwards } = self;
+        KeptStep {
+            step: step.clone(),
+            direction: *direction,
+            left: left.clone(),
+            count: *count,
+            afterwards: *afterwards,
+        }
+    }
+
+    /// The way back to where it started.
+    fn turned_back(self) -> Self {
+        if self.afterwards != Afterwards::Move {
+            return self;
+        }
+        let done = match self.direction {
+            Direction::Forth => 0..self.left.start,
+            Direction::Back => self.left.end..self.count,
+        };
+        let (direction, count) = (self.direction.opposite(), done.len() as u32);
+        Self { step: self.step, direction, left: done, count, afterwards: Afterwards::Stay }
+    }
+
+    fn progress(&self) -> WorkProgress {
+        WorkProgress {
+            label: self.step.label.clone(),
+            share: 1.0 - self.left.len() as f32 / self.count.max(1) as f32,
+            is_undo: self.direction == Direction::Back,
+        }
+    }
+}
+
+impl Painter {
+    /// Applies the next part.
+    fn step_on(&mut self, mut work: StepWork) -> Result<(), PaintError> {
+        let mut left = work.left.clone();
+        let next = match work.direction {
+            Direction::Forth => left.next(),
+            Direction::Back => left.next_back(),
+        };
+        let Some(part) = next else { return self.end_step(work) };
+        let applied = self.history.apply_part(&work.step, part, work.direction, &mut self.editor);
+        if applied.is_ok() {
+            work.left = left;
+        }
+        self.work = Some(Work::Step(work));
+        applied?;
+        self.relieve()
+    }
+
+    fn end_step(&mut self, work: StepWork) -> Result<(), PaintError> {
+        match work.afterwards {
+            Afterwards::Move => self.history.move_step(work.direction, &mut self.editor)?,
+            Afterwards::Stay => {}
+            Afterwards::Forget => self.history.forget_last(&mut self.editor)?,
+        }
+        self.reload_layers()
+    }
+}
