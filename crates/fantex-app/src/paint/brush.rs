@@ -1,10 +1,13 @@
 //! The brush as the user sets it.
 
-use std::path::PathBuf;
+use std::io;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_paint::{BlendMode, Brush, Jitter, PressureResponse, Size, Stamp};
 use serde::{Deserialize, Serialize};
+
+use crate::settings::{WriteError, write_whole};
 
 /// What a brush's size is measured in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -149,6 +152,205 @@ pub fn blend_label(mode: BlendMode) -> &'static str {
     }
 }
 
+// Brushes that the user keeps, in a file of their own.
+
+/// Most bytes of a file that is read as presets.
+const MAX_FILE_BYTES: u64 = 4 << 20;
+
+/// Named brushes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Presets {
+    /// In the order in which they are shown.
+    pub brushes: Vec<BrushSettings>,
+}
+
+/// Presets could not be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum PresetsError {
+    /// They could not be read.
+    #[error("cannot read the brushes {}: {source}; there are the usual ones", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's reason.
+        source: io::Error,
+    },
+    /// They are damaged.
+    #[error("the brushes {} are damaged ({source}); there are the usual ones, and the file stays until one is saved", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// Where and why.
+        source: serde_json::Error,
+    },
+    /// They could not be written.
+    #[error(transparent)]
+    Write(#[from] WriteError),
+}
+
+impl Default for Presets {
+    fn default() -> Self {
+        let named = |name: &str| BrushSettings { name: name.into(), ..BrushSettings::default() };
+        let none = PressureResponse::default();
+        Self {
+            brushes: vec![
+                named("Soft round"),
+                BrushSettings {
+                    hardness: 0.95,
+                    flow: 1.0,
+                    spacing: 0.08,
+                    pressure: PressureResponse { size: 0.5, flow: 0.0 },
+                    ..named("Hard round")
+                },
+                BrushSettings { hardness: 0.0, flow: 0.08, spacing: 0.06, size: 140.0, ..named("Airbrush") },
+                BrushSettings {
+                    hardness: 0.9,
+                    flow: 1.0,
+                    size: 10.0,
+                    smoothing: 0.5,
+                    spacing: 0.1,
+                    pressure: PressureResponse { size: 0.8, flow: 0.0 },
+                    ..named("Ink pen")
+                },
+                BrushSettings {
+                    hardness: 0.8,
+                    size: 18.0,
+                    flow: 0.8,
+                    spacing: 0.9,
+                    jitter: Jitter { position: 3.0, size: 0.8, flow: 0.5, angle: 0.0 },
+                    pressure: none,
+                    ..named("Splatter")
+                },
+                BrushSettings {
+                    hardness: 0.5,
+                    flow: 0.35,
+                    spacing: 0.25,
+                    jitter: Jitter { position: 0.5, size: 0.5, flow: 0.6, angle: 0.0 },
+                    pressure: none,
+                    ..named("Dry bristle")
+                },
+            ],
+        }
+    }
+}
+
+impl Presets {
+    /// Reads presets; the usual ones where there is no file.
+    ///
+    /// # Errors
+    ///
+    /// [`PresetsError`], where there is one that cannot be read.
+    pub fn load(path: &Path) -> Result<Self, PresetsError> {
+        let failed = |source| PresetsError::Read { path: path.into(), source };
+        match std::fs::metadata(path) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
+            Err(error) => return Err(failed(error)),
+            Ok(found) if found.len() > MAX_FILE_BYTES => {
+                return Err(failed(io::ErrorKind::FileTooLarge.into()));
+            }
+            Ok(_) => {}
+        }
+        let text = std::fs::read(path).map_err(failed)?;
+        serde_json::from_slice(&text).map_err(|source| PresetsError::Damaged { path: path.into(), source })
+    }
+
+    /// Writes them, whole or not at all.
+    ///
+    /// # Errors
+    ///
+    /// [`PresetsError::Write`].
+    pub fn save(&self, path: &Path) -> Result<(), PresetsError> {
+        let text = serde_json::to_vec_pretty(self).unwrap_or_default();
+        Ok(write_whole(path, &text)?)
+    }
+
+    /// Keeps a brush under its name; one of that name is replaced.
+    pub fn keep(&mut self, brush: &BrushSettings) {
+        match self.brushes.iter_mut().find(|known| known.name == brush.name) {
+            Some(known) => *known = brush.clone(),
+            None => self.brushes.push(brush.clone()),
+        }
+    }
+}
+
+// A stroke of the brush on a sheet, for the brush panel.
+
+/// Coverage 0..1 of a wave-like stroke on a sheet of `width` by `height` pixels, row by row. Pressure rises and falls. The brush is
+/// shown at most so large that the wave can be seen.
+pub fn preview_stroke(brush: &BrushSettings, width: usize, height: usize) -> Vec<f32> {
+    let mut sheet = vec![0.0f32; width * height];
+    let diameter = brush.size.clamp(2.0, 0.5 * height as f32);
+    let margin = 0.5 * diameter + 6.0;
+    let at = |t: f32| {
+        let x = margin + t * (width as f32 - 2.0 * margin).max(1.0);
+        let y =
+            0.5 * height as f32 - (t * std::f32::consts::TAU).sin() * (0.5 * height as f32 - margin).max(0.0);
+        [x, y]
+    };
+    let mut random = 0x2545_f491_4f6c_dd1du64 ^ 1;
+    let mut draw = || {
+        random ^= random << 13;
+        random ^= random >> 7;
+        random ^= random << 17;
+        (random >> 40) as f32 / (1u64 << 24) as f32
+    };
+    let (mut t, mut due, mut last) = (0.0f32, 0.0f32, at(0.0));
+    while t <= 1.0 {
+        let here = at(t);
+        due -= (here[0] - last[0]).hypot(here[1] - last[1]);
+        last = here;
+        if due <= 0.0 {
+            let pressure = (t * std::f32::consts::PI).sin();
+            let lowered = |response: f32| 1.0 - response.clamp(0.0, 1.0) * (1.0 - pressure);
+            let [turn, out, smaller, fainter] = [draw(), draw(), draw(), draw()];
+            let size = diameter * lowered(brush.pressure.size);
+            let shift = brush.jitter.position * 0.5 * size * out;
+            let (sin, cos) = (turn * std::f32::consts::TAU).sin_cos();
+            let dab = Dab {
+                center: [here[0] + shift * cos, here[1] + shift * sin],
+                radius: 0.5 * size * (1.0 - brush.jitter.size.clamp(0.0, 1.0) * smaller),
+                hardness: brush.hardness,
+                flow: brush.flow
+                    * lowered(brush.pressure.flow)
+                    * (1.0 - brush.jitter.flow.clamp(0.0, 1.0) * fainter),
+            };
+            dab.add(&mut sheet, width, height);
+            due += (brush.spacing * size).max(0.5);
+        }
+        t += 0.5 / width as f32;
+    }
+    sheet.iter_mut().for_each(|coverage| *coverage *= brush.opacity);
+    sheet
+}
+
+struct Dab {
+    center: [f32; 2],
+    radius: f32,
+    hardness: f32,
+    flow: f32,
+}
+
+impl Dab {
+    /// As on the surface: full within the hard part, then fading smoothly.
+    fn add(&self, sheet: &mut [f32], width: usize, height: usize) {
+        let end = self.radius.max(0.5) + 0.5;
+        let start = (self.radius * self.hardness.clamp(0.0, 1.0)).min(end - 1.0).max(0.0);
+        let range = |center: f32, most: usize| {
+            ((center - end).max(0.0) as usize)..((center + end + 1.0).max(0.0) as usize).min(most)
+        };
+        for y in range(self.center[1], height) {
+            for x in range(self.center[0], width) {
+                let distance = (x as f32 + 0.5 - self.center[0]).hypot(y as f32 + 0.5 - self.center[1]);
+                if distance < end {
+                    let s = ((distance - start) / (end - start)).max(0.0);
+                    let coverage = &mut sheet[y * width + x];
+                    *coverage += self.flow * (1.0 - s * s * (3.0 - 2.0 * s)) * (1.0 - *coverage);
+                }
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -170,5 +372,36 @@ mod tests {
         assert_eq!(settings.size, BrushSettings::SIZE[0]);
         settings.change_hardness(20.0);
         assert_eq!(settings.hardness, 1.0);
+    }
+
+    #[test]
+    fn presets_come_back_from_the_disk() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("brushes.json");
+        let mut presets = Presets::load(&path).unwrap();
+        assert_eq!(presets, Presets::default());
+        presets.keep(&BrushSettings { name: "Mine".into(), size: 7.0, ..BrushSettings::default() });
+        presets.keep(&BrushSettings { name: "Mine".into(), size: 9.0, ..BrushSettings::default() });
+        presets.save(&path).unwrap();
+        let again = Presets::load(&path).unwrap();
+        assert_eq!(again, presets);
+        assert_eq!(
+            again.brushes.iter().filter(|b| b.name == "Mine").map(|b| b.size).collect::<Vec<_>>(),
+            [9.0]
+        );
+        std::fs::write(&path, "{").unwrap();
+        assert!(Presets::load(&path).unwrap_err().to_string().contains("damaged"));
+    }
+
+    #[test]
+    fn the_preview_shows_opacity_and_size() {
+        let sum = |brush: &BrushSettings| preview_stroke(brush, 200, 60).iter().sum::<f32>();
+        let brush = BrushSettings { size: 12.0, hardness: 1.0, ..BrushSettings::default() };
+        let whole = sum(&brush);
+        assert!(whole > 500.0, "{whole}");
+        let fainter = sum(&BrushSettings { opacity: 0.5, ..brush.clone() });
+        assert!((fainter / whole - 0.5).abs() < 1e-3);
+        assert!(sum(&BrushSettings { size: 24.0, ..brush.clone() }) > 1.5 * whole);
+        assert!(preview_stroke(&brush, 200, 60).iter().all(|c| (0.0..=1.0).contains(c)));
     }
 }

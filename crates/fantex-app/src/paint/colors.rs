@@ -150,7 +150,7 @@ impl Colors {
 }
 
 /// sRGB bytes as linear RGBA.
-pub(super) fn linear_of(color: [u8; 3]) -> Vec4 {
+pub(crate) fn linear_of(color: [u8; 3]) -> Vec4 {
     let [r, g, b] = color.map(|c| linear_from_srgb(f32::from(c) / 255.0));
     Vec4::new(r, g, b, 1.0)
 }

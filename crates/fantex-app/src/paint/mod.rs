@@ -11,47 +11,30 @@
 
 mod bake;
 mod brush;
-mod channels;
 mod colors;
 mod cursor;
 mod exchange;
-mod keys;
-mod layers;
-mod order;
+mod hand;
 mod painting;
-mod pen;
-mod presets;
-mod preview;
-mod record;
-mod section;
 mod settings;
 mod stencil;
-mod sticker;
 mod symmetry;
 #[cfg(test)]
 pub(crate) mod tests;
-mod texels;
 mod texture;
-mod tool;
 mod worker;
 
 pub use bake::{BakeForPainting, asset_beside, bake_model};
-pub use brush::{BrushSettings, SizeUnit, blend_label};
-pub use channels::{ChannelSwitches, Material};
+pub use brush::{BrushSettings, Presets, PresetsError, SizeUnit, blend_label, preview_stroke};
 pub use colors::{Colors, PALETTES, parse_hex, text_hex};
-pub use cursor::{Cursor, Ring};
+pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
-pub use keys::{PaintCommand, paint_shortcuts};
-pub use layers::LayerAction;
-pub use order::{LayerChange, Order, Report, SaveState, Snapshot, StrokeStart};
-pub use painting::Painting;
-pub use pen::{PenEvent, PenPhase, Viewpoint};
-pub use presets::{Presets, PresetsError};
-pub use preview::preview_stroke;
-pub use section::Section;
-pub use settings::PaintSettings;
+pub use painting::{LayerAction, Painting};
+pub use settings::{
+    ChannelSwitches, FillReach, Material, PaintCommand, PaintSettings, PaintTool, StickerKind,
+    paint_shortcuts,
+};
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
-pub use symmetry::{SymmetryKind, SymmetrySettings, plane_outline};
+pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};
 pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice, TextureChoiceError};
-pub use tool::{FillReach, PaintTool, StickerKind};
-pub use worker::PaintThread;
+pub use worker::{LayerChange, Order, PaintThread, Report, SaveState, Snapshot, StrokeStart};

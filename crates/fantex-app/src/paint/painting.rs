@@ -1,26 +1,24 @@
 //! Something that is being painted on, as the window knows it: what the hand does becomes orders for the worker.
 
-mod hand;
-
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex_paint::{
-    GraphFill, Layer, LayerContent, Painter, Sample, Stamp, Surface, SurfacePoint, Target, WorkProgress,
+    BlendMode, GraphFill, Layer, LayerContent, Painter, Sample, Stamp, Surface, SurfacePoint, Target,
+    WorkProgress,
 };
 use fantex_scene::Bounds;
 use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_texture::color::srgb_from_linear;
 use glam::{DVec2, DVec3, Vec4};
 
-use super::layers::{change, free_name, own_target, set_channel, shift, valid_target};
-use super::pen::world_position;
-use super::{
-    ChosenTexture, Cursor, Exchange, LayerAction, Order, PaintCommand, PaintSettings, PaintThread, PaintTool,
-    Presets, Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
+use crate::notices::Notices;
+use crate::paint::cursor::world_position;
+use crate::paint::{
+    ChosenTexture, Cursor, Exchange, Order, PaintCommand, PaintSettings, PaintThread, PaintTool, Presets,
+    Report, SaveState, Section, SizeUnit, Snapshot, StencilPicture, StencilSettings, SymmetryKind,
     TextureChoice, Viewpoint,
 };
-use crate::notices::Notices;
 use crate::viewer::Wake;
 
 /// For so long it is told that the pen went down beside the model.
@@ -28,7 +26,7 @@ const MISSED_SECONDS: f64 = 4.0;
 
 /// What the hand is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-enum Hand {
+pub(super) enum Hand {
     /// Nothing.
     #[default]
     Idle,
@@ -41,33 +39,33 @@ enum Hand {
 /// An asset that is being painted on.
 #[derive(Debug)]
 pub struct Painting {
-    thread: PaintThread,
-    surface: Arc<Surface>,
-    bounds: Bounds,
-    channels: Vec<Channel>,
-    snapshot: Snapshot,
-    target: Target,
+    pub(super) thread: PaintThread,
+    pub(super) surface: Arc<Surface>,
+    pub(super) bounds: Bounds,
+    pub(super) channels: Vec<Channel>,
+    pub(super) snapshot: Snapshot,
+    pub(super) target: Target,
     /// Whether the target was chosen already, by the user or for him.
     has_target: bool,
-    save: SaveState,
-    presets: Presets,
+    pub(super) save: SaveState,
+    pub(super) presets: Presets,
     presets_file: Option<PathBuf>,
-    hand: Hand,
+    pub(super) hand: Hand,
     /// When the pen last went down beside the model, seconds; none once it has met it.
-    missed: Option<f64>,
+    pub(super) missed: Option<f64>,
     /// Where cloning copies from.
-    source: Option<SurfacePoint>,
+    pub(super) source: Option<SurfacePoint>,
     /// Where the last stroke ended.
-    last: Option<SurfacePoint>,
-    stamp: Option<(PathBuf, Arc<Stamp>)>,
-    texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
-    stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
-    work: Option<WorkProgress>,
+    pub(super) last: Option<SurfacePoint>,
+    pub(super) stamp: Option<(PathBuf, Arc<Stamp>)>,
+    pub(super) texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
+    pub(super) stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
+    pub(super) work: Option<WorkProgress>,
     /// From where it was seen when the worker was last told.
     told_view: Option<Viewpoint>,
-    strokes: u64,
-    newer: Option<Arc<Asset>>,
-    section: Section,
+    pub(super) strokes: u64,
+    pub(super) newer: Option<Arc<Asset>>,
+    pub(super) section: Section,
     /// A layer's name while it is being edited.
     pub renaming: Option<(u64, String)>,
     /// A layer's opacity while it is being dragged.
@@ -366,7 +364,7 @@ impl Painting {
     }
 
     /// An order that ends a stroke.
-    fn leave_stroke(&mut self, order: Order) {
+    pub(super) fn leave_stroke(&mut self, order: Order) {
         self.hand = Hand::Idle;
         self.thread.order(order);
     }
@@ -478,7 +476,7 @@ impl Painting {
     }
 
     /// Diameter of the brush at a point, world units.
-    fn world_size(&self, settings: &PaintSettings, view: &Viewpoint, point: SurfacePoint) -> f64 {
+    pub(super) fn world_size(&self, settings: &PaintSettings, view: &Viewpoint, point: SurfacePoint) -> f64 {
         let size = f64::from(settings.brush.size);
         match settings.brush.unit {
             SizeUnit::Pixels => size * view.world_per_pixel(world_position(&self.surface, point)),
@@ -487,5 +485,97 @@ impl Painting {
                 size / f64::from(self.surface.cover().density) * self.surface.mesh().world_from_mesh.scale
             }
         }
+    }
+}
+
+// What the user does with layers.
+
+/// Something done with layers.
+#[derive(Clone, Debug, PartialEq)]
+pub enum LayerAction {
+    /// Paint on this.
+    Select(Target),
+    /// An empty layer above the chosen one.
+    Add,
+    /// A layer of the current colour or texture: shown everywhere (true), or where its mask is painted.
+    AddFill(bool),
+    /// A fill layer takes the current colour or texture.
+    Refill(u64),
+    /// Away with it.
+    Delete(u64),
+    /// Another name.
+    Rename(u64, String),
+    /// Shown or not.
+    Show(u64, bool),
+    /// 0..1.
+    Opacity(u64, f32),
+    /// Another blend mode.
+    Blend(u64, BlendMode),
+    /// One place towards the top (true) or the bottom.
+    Move(u64, bool),
+    /// A mask that shows (true) or hides all until it is painted.
+    AddMask(u64, bool),
+    /// No mask any more.
+    RemoveMask(u64),
+    /// Shown in a channel of the asset or not.
+    Channel(u64, usize, bool),
+}
+
+/// Changes one layer.
+pub(crate) fn change(
+    thread: &PaintThread,
+    label: &'static str,
+    id: u64,
+    change: impl FnOnce(&mut Layer) + Send + 'static,
+) {
+    let change = move |layers: &mut Vec<Layer>| {
+        if let Some(layer) = layers.iter_mut().find(|layer| layer.id() == id) {
+            change(layer);
+        }
+    };
+    thread.order(Order::EditLayers(label, Box::new(change)));
+}
+
+/// Moves a layer by one place.
+pub(crate) fn shift(layers: &mut [Layer], id: u64, is_up: bool) {
+    let Some(at) = layers.iter().position(|layer| layer.id() == id) else { return };
+    let to = if is_up { (at + 1).min(layers.len() - 1) } else { at.saturating_sub(1) };
+    layers.swap(at, to);
+}
+
+/// Hides or shows a channel.
+fn set_channel(layer: &mut Layer, channel: usize, is_shown: bool) {
+    if layer.channels.len() <= channel {
+        layer.channels.resize(channel + 1, true);
+    }
+    layer.channels[channel] = is_shown;
+}
+
+/// The first free name of the form `Layer 3`.
+fn free_name(snapshot: &Snapshot, start: &str) -> String {
+    let is_free = |name: &String| snapshot.layers.iter().all(|layer| layer.name != *name);
+    (1..).map(|n| format!("{start} {n}")).find(is_free).unwrap_or_default()
+}
+
+/// What is painted on after a change: what was, if it is still there, else the layer on top.
+fn valid_target(snapshot: &Snapshot, target: Target) -> Target {
+    let find = |id: u64| snapshot.layers.iter().find(|layer| layer.id() == id);
+    let top = || snapshot.layers.last().map_or(Target::Base, own_target);
+    match target {
+        Target::Base => Target::Base,
+        Target::Layer(id) => find(id).map_or_else(top, own_target),
+        Target::Mask(id) => match find(id) {
+            Some(layer) if layer.mask.is_some() => Target::Mask(id),
+            Some(layer) => own_target(layer),
+            None => top(),
+        },
+    }
+}
+
+/// What painting on a layer means: fill layers have their mask only.
+fn own_target(layer: &Layer) -> Target {
+    match layer.content {
+        LayerContent::Fill(_) | LayerContent::Graph(_) if layer.mask.is_some() => Target::Mask(layer.id()),
+        _ => Target::Layer(layer.id()),
     }
 }

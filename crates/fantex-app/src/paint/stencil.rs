@@ -10,7 +10,7 @@ use fantex_texture::{Image, LoadImageError};
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use super::Viewpoint;
+use crate::paint::Viewpoint;
 
 /// What a picture over the view is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -160,7 +160,7 @@ impl StencilPicture {
     }
 
     /// What a stroke is laid on through, as seen now; with the colours that it paints, where these are the picture's.
-    pub(super) fn projections(
+    pub(crate) fn projections(
         &self,
         settings: &StencilSettings,
         surface: &Surface,
@@ -187,13 +187,13 @@ fn projection_view(view: &Viewpoint, place: PicturePlace) -> ProjectionView {
 }
 
 /// The same for the log of strokes.
-pub(super) fn recorded_view(view: &Viewpoint, place: PicturePlace) -> ProjectionSettings {
+pub(crate) fn recorded_view(view: &Viewpoint, place: PicturePlace) -> ProjectionSettings {
     let ProjectionView { eye, target, up, lens, place } = projection_view(view, place);
     ProjectionSettings { eye: eye.to_array(), target: target.to_array(), up: up.to_array(), lens, place }
 }
 
 /// How a use of the picture is called in the log.
-pub(super) fn recorded_use(paints: StencilUse) -> StencilBy {
+pub(crate) fn recorded_use(paints: StencilUse) -> StencilBy {
     match paints {
         StencilUse::Mask => StencilBy::Shape,
         StencilUse::Colors => StencilBy::Alpha,

@@ -1,9 +1,13 @@
 //! Symmetry as the user sets it, and its plane in the scene.
 
-use fantex_paint::Symmetry;
+use std::collections::BTreeMap;
+
+use fantex_paint::{Surface, Symmetry};
 use fantex_scene::Bounds;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+
+use crate::paint::Viewpoint;
 
 /// What kind of symmetry.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,9 +87,223 @@ pub fn plane_outline(bounds: &Bounds, axis: usize, offset: f64) -> [DVec3; 4] {
     })
 }
 
+// Where a plane cuts the model: the line that symmetry mirrors at.
+//
+// Every triangle that the plane crosses gives a piece between two of its edges. Pieces are strung together through the edges
+// that they share, so that the line has no gaps but where the model ends. What hides it is asked piece by piece.
+
+/// The line along which a plane orthogonal to an axis cuts a surface.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Section {
+    /// The axis and where the plane meets it, world units.
+    plane: Option<(usize, f64)>,
+    runs: Vec<Run>,
+    seen_from: Option<Viewpoint>,
+    seen: Vec<Vec<DVec3>>,
+}
+
+/// Pieces that hang together.
+#[derive(Clone, Debug, PartialEq)]
+struct Run {
+    /// World space.
+    points: Vec<DVec3>,
+    /// From each point to the next one the outward normal.
+    normals: Vec<DVec3>,
+}
+
+/// A piece: the edges between which it lies (by their vertices, ascending), and the points there.
+struct Piece {
+    edges: [(u32, u32); 2],
+    points: [DVec3; 2],
+    normal: DVec3,
+}
+
+/// Places that are tested for what lies before them.
+const MOST_RAYS: usize = 5000;
+
+/// Pixels between two such places at most.
+const STEP_PIXELS: f64 = 10.0;
+
+/// A hidden part that is no longer than so many pixels is shown: roughness, not a fold, hides it.
+const BRIDGED_PIXELS: f64 = 9.0;
+
+/// How far above the surface a place is tested, in mesh units.
+const LIFT: f64 = 2e-3;
+
+impl Section {
+    /// Brings the line up to date with a plane; costs something only where that is another one.
+    pub fn follow(&mut self, surface: &Surface, axis: usize, offset: f64) {
+        if self.plane == Some((axis, offset)) {
+            return;
+        }
+        self.plane = Some((axis, offset));
+        self.seen_from = None;
+        let triangles = 0..surface.mesh().triangles.len() as u32;
+        self.runs = strung(triangles.filter_map(|t| piece(surface, t, axis.min(2), offset)).collect());
+    }
+
+    /// The parts of the line that are seen, with nothing before them. Costs something only where the view is another one.
+    pub fn seen(&mut self, surface: &Surface, view: &Viewpoint) -> &[Vec<DVec3>] {
+        if self.seen_from != Some(*view) {
+            self.seen_from = Some(*view);
+            let fine: Vec<Run> = self.runs.iter().map(|run| run.divided(view)).collect();
+            let places: usize = fine.iter().map(|run| run.normals.len()).sum();
+            let stride = places.div_ceil(MOST_RAYS).max(1);
+            self.seen = fine.iter().flat_map(|run| run.seen(surface, view, stride)).collect();
+        }
+        &self.seen
+    }
+}
+
+/// Where a plane crosses a triangle.
+fn piece(surface: &Surface, triangle: u32, axis: usize, offset: f64) -> Option<Piece> {
+    let mesh = surface.mesh();
+    let place = mesh.world_from_mesh;
+    let vertices = mesh.triangles[triangle as usize];
+    let corners = mesh.triangle_positions(triangle as usize).map(|p| place.point(p));
+    let heights = corners.map(|corner| corner[axis] - offset);
+    // A corner in the plane counts as above it, so that two edges are crossed or none.
+    let crossing = |k: usize| {
+        // From the lower vertex number to the higher one: both triangles of the edge find the same point.
+        let (a, b) = (k, (k + 1) % 3);
+        let (a, b) = if vertices[a] < vertices[b] { (a, b) } else { (b, a) };
+        let is_crossed = (heights[a] >= 0.0) != (heights[b] >= 0.0);
+        let point = || corners[a].lerp(corners[b], heights[a] / (heights[a] - heights[b]));
+        is_crossed.then(|| ((vertices[a], vertices[b]), point()))
+    };
+    let mut ends = (0..3).filter_map(crossing);
+    let (first, second) = (ends.next()?, ends.next()?);
+    let normal = surface.outer_normal(triangle);
+    Some(Piece { edges: [first.0, second.0], points: [first.1, second.1], normal })
+}
+
+/// Puts pieces that share an edge behind each other.
+fn strung(pieces: Vec<Piece>) -> Vec<Run> {
+    let mut at_edge: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
+    for (index, piece) in pieces.iter().enumerate() {
+        piece.edges.iter().for_each(|edge| at_edge.entry(*edge).or_default().push(index));
+    }
+    let mut is_used = vec![false; pieces.len()];
+    let is_end = |index: usize| pieces[index].edges.iter().position(|edge| at_edge[edge].len() != 2);
+    // Open lines from an end of theirs, then closed ones from anywhere.
+    let open = (0..pieces.len()).filter_map(|index| Some((index, is_end(index)?)));
+    let starts: Vec<(usize, usize)> = open.chain((0..pieces.len()).map(|index| (index, 0))).collect();
+    let mut runs = Vec::new();
+    for (start, from) in starts {
+        if is_used[start] {
+            continue;
+        }
+        let mut run = Run { points: vec![pieces[start].points[from]], normals: Vec::new() };
+        let (mut index, mut from) = (start, from);
+        loop {
+            is_used[index] = true;
+            let piece = &pieces[index];
+            run.points.push(piece.points[1 - from]);
+            run.normals.push(piece.normal);
+            let edge = piece.edges[1 - from];
+            let next = at_edge[&edge].iter().find(|next| !is_used[**next]);
+            let Some(&next) = next.filter(|_| at_edge[&edge].len() == 2) else { break };
+            from = usize::from(pieces[next].edges[0] != edge);
+            index = next;
+        }
+        runs.push(run);
+    }
+    runs
+}
+
+impl Run {
+    /// The same with points no further apart in the picture than places that are tested.
+    fn divided(&self, view: &Viewpoint) -> Self {
+        let mut fine = Self { points: vec![self.points[0]], normals: Vec::new() };
+        for (ends, normal) in self.points.windows(2).zip(&self.normals) {
+            let count = (pixels_between(view, ends[0], ends[1]) / STEP_PIXELS).ceil().clamp(1.0, 64.0);
+            for k in 1..=count as u32 {
+                fine.points.push(ends[0].lerp(ends[1], f64::from(k) / count));
+                fine.normals.push(*normal);
+            }
+        }
+        fine
+    }
+
+    /// The parts that are seen; one in `stride` places is tested.
+    fn seen(&self, surface: &Surface, view: &Viewpoint, stride: usize) -> Vec<Vec<DVec3>> {
+        let tested: Vec<bool> = (0..self.normals.len())
+            .step_by(stride)
+            .map(|k| is_free(surface, view, 0.5 * (self.points[k] + self.points[k + 1]), self.normals[k]))
+            .collect();
+        let mut is_seen: Vec<bool> = (0..self.normals.len()).map(|k| tested[k / stride]).collect();
+        self.bridge(view, &mut is_seen);
+        let mut parts = Vec::new();
+        let mut part: Vec<DVec3> = Vec::new();
+        for (k, is_seen) in is_seen.into_iter().enumerate() {
+            if is_seen {
+                if part.is_empty() {
+                    part.push(self.points[k]);
+                }
+                part.push(self.points[k + 1]);
+            } else if !part.is_empty() {
+                parts.push(std::mem::take(&mut part));
+            }
+        }
+        // A closed line begins anywhere, perhaps where it is seen.
+        let is_closed = self.points[0].distance_squared(self.points[self.points.len() - 1]) == 0.0;
+        match parts.first_mut().filter(|first| is_closed && first[0] == self.points[0]) {
+            Some(first) if !part.is_empty() => {
+                part.extend_from_slice(&first[1..]);
+                *first = part;
+            }
+            _ => parts.extend((!part.is_empty()).then_some(part)),
+        }
+        parts
+    }
+
+    /// Shows short hidden parts between parts that are seen.
+    fn bridge(&self, view: &Viewpoint, is_seen: &mut [bool]) {
+        let mut hidden_since = None;
+        for k in 0..is_seen.len() {
+            match (is_seen[k], hidden_since) {
+                (false, None) if k > 0 => hidden_since = Some(k),
+                (true, Some(since)) => {
+                    let way = self.points[since..=k].windows(2);
+                    let length: f64 = way.map(|ends| pixels_between(view, ends[0], ends[1])).sum();
+                    if length <= BRIDGED_PIXELS {
+                        is_seen[since..k].fill(true);
+                    }
+                    hidden_since = None;
+                }
+                _ => {}
+            }
+        }
+    }
+}
+
+/// Whether nothing lies between the eye and a place just above the surface.
+fn is_free(surface: &Surface, view: &Viewpoint, point: DVec3, normal: DVec3) -> bool {
+    let place = surface.mesh().world_from_mesh;
+    let to_eye = (view.rig.eye - point).normalize_or_zero();
+    let outwards = if normal.dot(to_eye) < 0.0 { DVec3::ZERO } else { normal };
+    let lifted = point + (to_eye + outwards) * (LIFT * place.scale);
+    let distance = (view.rig.eye - lifted).length() / place.scale;
+    let from = place.inverse_point(lifted);
+    let hit = surface.hit(from, to_eye.as_vec3());
+    hit.is_none_or(|hit| surface.position(hit).as_vec3().distance(from) > distance as f32)
+}
+
+fn pixels_between(view: &Viewpoint, a: DVec3, b: DVec3) -> f64 {
+    let [Some(a), Some(b)] = [a, b].map(|p| view.project(p)) else { return 0.0 };
+    ((b - a) * DVec2::from(view.pixels.map(f64::from))).length()
+}
+
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use fantex_cover::{CoverOptions, build_cover};
+    use fantex_mesh::generate::{icosphere, torus};
+    use fantex_mesh::{CleanOptions, Model, clean};
+
     use super::*;
+    use crate::camera::ViewPreset;
 
     #[test]
     fn planes_pass_the_centre_unless_moved() {
@@ -94,5 +312,44 @@ mod tests {
         assert_eq!(settings.symmetry(center), Symmetry::Mirror { axis: 0, offset: 5.5 });
         let bounds = Bounds { min: center - 1.0, max: center + 1.0 };
         assert!(plane_outline(&bounds, 0, 5.5).iter().all(|corner| corner.x == 5.5));
+    }
+
+    fn seen(model: Model, preset: ViewPreset) -> (Viewpoint, Vec<Vec<DVec3>>) {
+        let (mesh, _) = clean(model, &CleanOptions::default()).unwrap();
+        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
+        let view = Viewpoint { rig: preset.rig(&mesh, 1.0), pixels: [900, 900] };
+        let surface = Surface::new(Arc::new(mesh), Arc::new(cover));
+        let mut section = Section::default();
+        section.follow(&surface, 0, 0.0);
+        let parts = section.seen(&surface, &view).to_vec();
+        (view, parts)
+    }
+
+    #[test]
+    fn the_line_is_whole_from_silhouette_to_silhouette() {
+        // From the front the line goes over the ball once, from above it crosses both sides of a ring.
+        for (model, preset, count) in
+            [(icosphere(4), ViewPreset::Front, 1), (torus(64, 32), ViewPreset::Top, 2)]
+        {
+            let (view, parts) = seen(model, preset);
+            assert_eq!(parts.len(), count, "{preset:?}");
+            for part in &parts {
+                assert!(part.iter().all(|p| p.x.abs() < 1e-6));
+                let gaps = part.windows(2).map(|ends| pixels_between(&view, ends[0], ends[1]));
+                assert!(gaps.fold(0.0, f64::max) <= STEP_PIXELS + 1e-6);
+            }
+            let longest = parts.iter().map(|part| pixels_between(&view, part[0], part[part.len() - 1]));
+            assert!(longest.fold(0.0, f64::max) > 150.0);
+        }
+    }
+
+    #[test]
+    fn rough_ground_does_not_tear_the_line() {
+        let mut rough = icosphere(6);
+        for p in &mut rough.positions {
+            *p *= 1.0 + 0.001 * (180.0 * p.y).sin() * (150.0 * p.z).cos();
+        }
+        let (_, parts) = seen(rough, ViewPreset::ThreeQuarter);
+        assert!(parts.len() <= 2, "{}", parts.len());
     }
 }

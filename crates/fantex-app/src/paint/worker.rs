@@ -1,7 +1,6 @@
 //! The thread that paints: it owns the painter, does what it is told in order, and commits while there is something to commit.
 
-mod work;
-
+use std::cmp::Ordering;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,16 +10,17 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fantex_paint::{FillArea, LiveStroke, PaintError, Painter, Sample};
-use fantex_store::{EditError, PageId};
-use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions};
+use fantex_paint::{
+    Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, PaintError, Painter, Sample,
+    StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress,
+};
+use fantex_store::{Asset, EditError, PageId};
+use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
+use glam::{DVec2, Vec4};
 
-use super::Viewpoint;
-use super::exchange::Exchange;
-use super::order::{Order, Report, SaveState, Snapshot, StrokeStart};
-use super::texels::{page_texels, parcel_texels};
+use crate::paint::exchange::{page_texels, parcel_texels};
+use crate::paint::{Exchange, Viewpoint};
 use crate::viewer::Wake;
-use work::must_wait;
 
 /// Between strokes changes are committed after so long.
 const REST: Duration = Duration::from_millis(700);
@@ -474,4 +474,219 @@ fn save_problem(error: &PaintError) -> String {
         }
         error => format!("Not saved: {error}"),
     }
+}
+
+// What the window and the painter's thread tell each other.
+
+/// A change of all layers.
+pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
+
+/// What a stroke starts with.
+#[derive(Clone, Debug)]
+pub struct StrokeStart {
+    /// Its name in the history.
+    pub label: String,
+    /// What it paints on.
+    pub target: Target,
+    /// What it paints.
+    pub paint: Paint,
+    /// With what.
+    pub brush: Brush,
+    /// Copies.
+    pub symmetry: Symmetry,
+    /// The same for the log.
+    pub recorded: StrokeSettings,
+}
+
+/// What the painter is to do.
+pub enum Order {
+    /// Begin a stroke at a sample.
+    Begin(Box<StrokeStart>, Sample),
+    /// Go on to samples.
+    Move(Vec<Sample>),
+    /// The pen has left the surface; the stroke goes on where it comes back.
+    Lift,
+    /// End the stroke, at a sample where one is still to be reached.
+    End(Option<Sample>),
+    /// Fill, from a point where there is one, with `StrokeStart` without its brush.
+    Fill(Box<StrokeStart>, Option<SurfacePoint>, FillSettings),
+    /// Lay a picture onto the surface, for `StrokeStart` without its brush. A text is to stay readable in mirror images.
+    Lay(Box<StrokeStart>, Decal, bool),
+    /// It is seen from here: what takes long begins with what is seen.
+    Look(Viewpoint),
+    /// Give up what takes long.
+    GiveUp,
+    /// Put a layer above another, or on top.
+    AddLayer(Box<Layer>, Option<u64>),
+    /// Change layers, under a name in the history.
+    EditLayers(&'static str, LayerChange),
+    /// Take back steps or do them again until so many are done.
+    GoTo(usize),
+    /// One step back.
+    Undo,
+    /// One step forth.
+    Redo,
+    /// Tell the values at a point.
+    Pick(SurfacePoint),
+    /// Answer requests for pages.
+    Pages,
+    /// Drop a loader, which may take a while.
+    Release(Box<dyn ParcelLoader>),
+    /// Commit now.
+    Commit,
+    /// Commit and end.
+    Close,
+}
+
+/// What the painter tells.
+#[derive(Clone, Debug)]
+pub enum Report {
+    /// Layers or history have changed.
+    State(Box<Snapshot>),
+    /// The number of the layer that was added.
+    Added(u64),
+    /// Linear values per channel.
+    Picked(Vec<Vec4>),
+    /// How far something is that takes long; none where nothing does.
+    Work(Option<WorkProgress>),
+    /// What became of saving.
+    Save(SaveState),
+    /// A newer state of the file.
+    Newer(Arc<Asset>),
+    /// Something failed: one sentence.
+    Failed(String),
+}
+
+/// Layers and history.
+#[derive(Clone, Debug, Default)]
+pub struct Snapshot {
+    /// From the bottom to the top.
+    pub layers: Vec<Layer>,
+    /// Steps that are done but too old to be listed.
+    pub older: usize,
+    /// Names of steps that are done, the oldest first.
+    pub done: Vec<String>,
+    /// Names of steps that were taken back, the next one to be done again last.
+    pub undone: Vec<String>,
+}
+
+/// Whether what was painted is in the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum SaveState {
+    /// All of it.
+    #[default]
+    Saved,
+    /// There are changes, which will be in a moment.
+    Changed,
+    /// It is being written.
+    Saving,
+    /// It cannot be written; painting goes on in memory.
+    Failed(String),
+}
+
+// What takes long: done in slices between other orders, told of, given up, and begun with what is seen.
+
+impl Worker {
+    /// Orders that had to wait, as long as nothing goes on that takes long.
+    fn act_on_waiting(&mut self) {
+        while !self.is_working()
+            && let Some(order) = self.waiting.pop_front()
+        {
+            self.check(|worker| worker.act(order));
+        }
+    }
+
+    /// Whether commits are to be few.
+    pub(crate) fn is_drawing(&self) -> bool {
+        self.stroke.is_some() || self.is_working()
+    }
+
+    /// Whether something goes on that takes long.
+    pub(crate) fn is_working(&self) -> bool {
+        self.painter.has_work() && !self.is_stuck
+    }
+
+    /// Goes on with what takes long, and tells how far it is.
+    fn work_on(&mut self) {
+        if self.is_working() {
+            // Before the first slice, too.
+            self.tell_progress();
+            match self.painter.work_on(Instant::now() + SLICE) {
+                Ok(true) => self.tell_state(),
+                Ok(false) => {}
+                Err(error) => {
+                    self.tell(Report::Failed(error.to_string()));
+                    self.give_up();
+                }
+            }
+        }
+        self.tell_progress();
+    }
+
+    fn tell_progress(&mut self) {
+        let progress = self.painter.work_progress().filter(|_| !self.is_stuck);
+        let share = progress.as_ref().map(|progress| (progress.share * 1000.0) as u32);
+        if share != self.told_share {
+            self.told_share = share;
+            self.tell(Report::Work(progress));
+            (self.wake)();
+        }
+    }
+
+    /// Takes back what takes long, after it has failed.
+    fn give_up(&mut self) {
+        let before = self.painter.work_progress().map(|progress| progress.is_undo);
+        let given_up = self.painter.cancel_work();
+        let after = self.painter.work_progress().map(|progress| progress.is_undo);
+        self.is_stuck = given_up.is_err() || (before == after && before.is_some());
+    }
+
+    /// Lets what is seen from somewhere come first, the nearest first.
+    pub(crate) fn look_from(&mut self, view: &Viewpoint) {
+        let surface = self.painter.surface().clone();
+        let place = surface.mesh().world_from_mesh;
+        self.painter.prefer_groups(|group| {
+            let Some(triangle) = surface.triangle_of_group(group) else { return f32::NEG_INFINITY };
+            let [a, b, c] = surface.mesh().triangle_positions(triangle as usize);
+            let point = place.point((a + b + c) / 3.0);
+            let is_seen = view
+                .project(point)
+                .is_some_and(|at| at.cmpge(DVec2::splat(-0.05)).all() && at.cmple(DVec2::splat(1.05)).all());
+            let facing = surface.outer_normal(triangle).dot(view.rig.eye - point) > 0.0;
+            let nearness = -((point - view.rig.eye).length() / place.scale) as f32;
+            // Mesh units are about the model's size: what is seen is nearer than anything else.
+            nearness - if is_seen { 0.0 } else { 1e4 } - if facing { 0.0 } else { 1e3 }
+        });
+    }
+
+    pub(crate) fn go_to_step(&mut self, count: usize) -> Result<(), PaintError> {
+        self.stroke = None;
+        self.painter.end()?;
+        let done = self.painter.history().done().len();
+        let is_started = match done.cmp(&count) {
+            Ordering::Greater => self.painter.start_undo()?,
+            Ordering::Less => self.painter.start_redo()?,
+            Ordering::Equal => false,
+        };
+        if is_started {
+            // And on from there.
+            self.waiting.push_front(Order::GoTo(count));
+        }
+        self.tell_state();
+        Ok(())
+    }
+}
+
+/// Whether an order waits until what takes long is done.
+fn must_wait(order: &Order) -> bool {
+    !matches!(
+        order,
+        Order::Pages
+            | Order::Release(_)
+            | Order::Look(_)
+            | Order::GiveUp
+            | Order::Commit
+            | Order::Pick(_)
+            | Order::Close
+    )
 }

@@ -4,20 +4,20 @@ use eframe::egui::{
     Button, Color32, ColorImage, CornerRadius, Rect, RichText, Sense, TextEdit, TextureOptions, Ui, pos2,
     vec2,
 };
+use fantex_paint::BlendMode;
 
-use super::color::name_field;
 use crate::paint::{
     BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, blend_label, preview_stroke,
 };
+use crate::panels::paint::color::name_field;
 use crate::panels::widgets::{NumberRow, choice, heading, hint, row, segments};
 use crate::theme;
 use crate::viewer::{Request, Viewer};
-use fantex_paint::BlendMode;
 
 /// Pixels of the preview, before the screen's own scale.
 const PREVIEW: [usize; 2] = [244, 64];
 
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     let paint = &mut viewer.settings.paint;
     ui.label(RichText::new(paint.tool.label()).heading().color(theme::STRONG));
     hint(ui, paint.tool.hint());
@@ -146,7 +146,7 @@ fn stamp(ui: &mut Ui, brush: &mut BrushSettings) -> bool {
 }
 
 /// A share as per cent.
-pub(super) fn percent(ui: &mut Ui, name: &str, value: &mut f32, tip: &str) {
+pub(crate) fn percent(ui: &mut Ui, name: &str, value: &mut f32, tip: &str) {
     let mut whole = *value * 100.0;
     let before = whole;
     number(name, " %", 0, tip).show(ui, &mut whole, 0.0..=100.0);
@@ -218,7 +218,7 @@ struct Preview {
 }
 
 /// Brushes that are kept: a click takes one.
-pub(super) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(crate) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let Some(painting) = &mut viewer.painting else { return };
     let brush = &mut viewer.settings.paint.brush;
     heading(ui, "Brushes");

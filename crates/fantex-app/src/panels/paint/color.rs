@@ -1,19 +1,21 @@
 //! Colours and channels.
 
-use eframe::egui::{Checkbox, Response, RichText, Sense, TextEdit, Ui, vec2};
-
-use super::{icons, picker, texture};
-use crate::display::ShadingView;
-use crate::paint::{PALETTES, PaintSettings, parse_hex, text_hex};
-use crate::panels::widgets::{NumberRow, heading, named_choice, row};
-
-use crate::viewer::Viewer;
+use eframe::egui::{
+    Button, Checkbox, Color32, ColorImage, CornerRadius, Mesh, Pos2, Rect, Response, RichText, Sense, Shape,
+    Stroke, StrokeKind, TextEdit, TextureHandle, TextureOptions, Ui, pos2, vec2,
+};
 use fantex_store::ChannelKind;
 
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
-    texture::show(ui, viewer);
+use crate::display::ShadingView;
+use crate::paint::{ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, parse_hex, text_hex};
+use crate::panels::widgets::{NumberRow, heading, named_choice, row, segments};
+use crate::theme;
+use crate::viewer::{Request, Viewer};
+
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
+    texture_choice(ui, viewer);
     let colors = &mut viewer.settings.paint.colors;
-    picker::show(ui, &mut colors.foreground, 128.0);
+    picker(ui, &mut colors.foreground, 128.0);
     ui.horizontal(|ui| {
         let id = ui.scope_id().with("hex");
         let mut text =
@@ -34,7 +36,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         }
         for color in [colors.foreground, colors.background] {
             let (rect, _) = ui.allocate_exact_size(vec2(26.0, 20.0), Sense::hover());
-            icons::swatch(ui.painter(), rect, color, false);
+            super::swatch(ui.painter(), rect, color, false);
         }
         if ui.small_button("X").on_hover_text("Swap foreground and background (X)").clicked() {
             colors.swap();
@@ -65,7 +67,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
 }
 
 /// A name for those who cannot see the field.
-pub(super) fn name_field(field: &Response, name: &str) {
+pub(crate) fn name_field(field: &Response, name: &str) {
     field.ctx.accesskit_node_builder(field.id, |node| node.set_label(name));
 }
 
@@ -76,7 +78,7 @@ fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
     ui.horizontal_wrapped(|ui| {
         for &color in all {
             let (rect, response) = ui.allocate_exact_size(vec2(27.0, 18.0), Sense::click());
-            icons::swatch(ui.painter(), rect, color, color == chosen);
+            super::swatch(ui.painter(), rect, color, color == chosen);
             if response.on_hover_text(text_hex(color)).clicked() {
                 clicked = Some(color);
             }
@@ -87,7 +89,7 @@ fn swatches(ui: &mut Ui, all: &[[u8; 3]], chosen: [u8; 3]) -> Option<[u8; 3]> {
 }
 
 /// Which channels are painted, with what, and which one is shown.
-pub(super) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
+pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &viewer.painting else { return };
     heading(ui, "Channels");
     let paint = &mut viewer.settings.paint;
@@ -140,5 +142,253 @@ fn name_and_view(kind: ChannelKind) -> Option<(&'static str, Option<ShadingView>
         ChannelKind::Emission => Some(("Emission", Some(ShadingView::Emission))),
         ChannelKind::Displacement => Some(("Displacement", None)),
         ChannelKind::Light | ChannelKind::Anisotropy => None,
+    }
+}
+
+// What the base colour comes from: the foreground, a pattern in space, a texture of a look.
+
+/// Texels of the preview.
+const PREVIEW: [usize; 2] = [124, 40];
+
+fn texture_choice(ui: &mut Ui, viewer: &mut Viewer) {
+    let choice = &mut viewer.settings.paint.texture;
+    let sources = ui.horizontal(|ui| segments(ui, &mut choice.source, &ColorSource::ALL, ColorSource::label));
+    sources.response.on_hover_text("What is painted with: a colour, a pattern in space, a texture of a look");
+    let mut asks_file = false;
+    match choice.source {
+        ColorSource::Color => return,
+        ColorSource::Solid => solid(ui, choice),
+        ColorSource::Look => asks_file = look(ui, choice),
+    }
+    texture_preview(ui, viewer);
+    if asks_file {
+        viewer.request(Request::LookDialog);
+    }
+}
+
+fn solid(ui: &mut Ui, choice: &mut TextureChoice) {
+    let mut now = SOLIDS.into_iter().find(|name| *name == choice.solid).unwrap_or(SOLIDS[0]);
+    ui.horizontal(|ui| {
+        named_choice(ui, "Pattern", &mut now, &SOLIDS, |name| {
+            format!("{}{}", name[..1].to_uppercase(), &name[1..])
+        });
+    });
+    if now != choice.solid {
+        choice.solid = now.to_owned();
+    }
+    let scale = NumberRow {
+        name: "Scale",
+        decimals: 2,
+        is_logarithmic: true,
+        tip: "Size of the pattern; 1 fits the model",
+        ..NumberRow::PLAIN
+    };
+    scale.show(ui, &mut choice.scale, 0.02..=10.0);
+    let seed =
+        NumberRow { name: "Seed", decimals: 0, tip: "Another seed is another piece", ..NumberRow::PLAIN };
+    seed.show(ui, &mut choice.seed, 0..=99);
+}
+
+/// Returns whether another file is wanted.
+fn look(ui: &mut Ui, choice: &mut TextureChoice) -> bool {
+    let name = choice.look.as_ref().and_then(|path| path.file_name());
+    let name = name.map_or("Choose …".into(), |name| name.to_string_lossy().into_owned());
+    let is_asked = row(ui, "Look", |ui| {
+        ui.add(Button::new(name).truncate()).on_hover_text("A look: a TOML file with textures")
+    })
+    .clicked();
+    let names = known_names(ui, choice);
+    if !names.is_empty() {
+        let places: Vec<usize> = (0..names.len()).collect();
+        let mut at = names.iter().position(|name| *name == choice.name).unwrap_or(0);
+        ui.horizontal(|ui| named_choice(ui, "Texture", &mut at, &places, |at| names[at].clone()));
+        if choice.name != names[at] {
+            choice.name.clone_from(&names[at]);
+        }
+    }
+    is_asked
+}
+
+/// The names of the look's textures; read once per file.
+fn known_names(ui: &Ui, choice: &TextureChoice) -> Vec<String> {
+    let id = ui.scope_id().with("names of textures");
+    let known = ui.data(|data| data.get_temp::<(TextureChoice, Vec<String>)>(id));
+    let key = TextureChoice { look: choice.look.clone(), ..TextureChoice::default() };
+    if let Some((_, names)) = known.filter(|(of, _)| *of == key) {
+        return names;
+    }
+    // What is wrong with it is said by the preview.
+    let graph = choice.graph().ok().flatten();
+    let names = graph.and_then(|(graph, _)| graph.names().ok()).unwrap_or_default();
+    ui.data_mut(|data| data.insert_temp(id, (key, names.clone())));
+    names
+}
+
+/// A piece of the texture, or what is wrong with it.
+fn texture_preview(ui: &mut Ui, viewer: &mut Viewer) {
+    let choice = viewer.settings.paint.texture.clone();
+    let Some(painting) = &mut viewer.painting else { return };
+    let made = match painting.texture(&choice) {
+        Ok(made) => made,
+        Err(reason) => {
+            ui.label(RichText::new(reason).small().color(theme::WARNING));
+            return;
+        }
+    };
+    let Some(made) = made else { return };
+    let id = ui.scope_id().with("texture preview");
+    let known = ui.data(|data| data.get_temp::<(TextureChoice, TextureHandle)>(id));
+    let texture = match known.filter(|(of, _)| *of == choice) {
+        Some((_, texture)) => texture,
+        None => {
+            let pixels = made.preview(painting.surface(), PREVIEW);
+            let pixels = pixels.into_iter().map(|[r, g, b]| Color32::from_rgb(r, g, b)).collect();
+            let image = ColorImage::new(PREVIEW, pixels);
+            let texture = ui.ctx().load_texture("texture preview", image, TextureOptions::LINEAR);
+            ui.data_mut(|data| data.insert_temp(id, (choice, texture.clone())));
+            texture
+        }
+    };
+    let (rect, response) =
+        ui.allocate_exact_size(vec2(2.0 * PREVIEW[0] as f32, 2.0 * PREVIEW[1] as f32), Sense::hover());
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
+    let edge = Stroke::new(1.0, theme::LINE);
+    ui.painter().rect_stroke(rect, CornerRadius::same(2), edge, StrokeKind::Inside);
+    response.on_hover_text("A slanting cut through the model's middle, as wide as the model");
+}
+
+// A colour by saturation and value in a square and hue beside it.
+
+/// Hue, saturation, value, each 0..1, of sRGB values.
+fn hsv_of(color: [u8; 3]) -> [f32; 3] {
+    let [r, g, b] = color.map(|c| f32::from(c) / 255.0);
+    let (high, low) = (r.max(g).max(b), r.min(g).min(b));
+    let range = high - low;
+    let hue = if range == 0.0 {
+        0.0
+    } else if high == r {
+        ((g - b) / range).rem_euclid(6.0)
+    } else if high == g {
+        (b - r) / range + 2.0
+    } else {
+        (r - g) / range + 4.0
+    };
+    [hue / 6.0, if high > 0.0 { range / high } else { 0.0 }, high]
+}
+
+/// The other way round.
+fn rgb_of([h, s, v]: [f32; 3]) -> [u8; 3] {
+    let part = |n: f32| {
+        let k = (n + 6.0 * h).rem_euclid(6.0);
+        v - v * s * k.min(4.0 - k).clamp(0.0, 1.0)
+    };
+    [5.0, 3.0, 1.0].map(|n| (part(n) * 255.0).round() as u8)
+}
+
+fn color32([r, g, b]: [u8; 3]) -> Color32 {
+    Color32::from_rgb(r, g, b)
+}
+
+/// Edits a colour. Hue and saturation of greys are remembered.
+fn picker(ui: &mut Ui, color: &mut [u8; 3], height: f32) {
+    let id = ui.scope_id().with("hsv");
+    let known = ui.data(|data| data.get_temp::<[f32; 3]>(id)).filter(|&hsv| rgb_of(hsv) == *color);
+    let mut hsv = known.unwrap_or_else(|| hsv_of(*color));
+    ui.horizontal(|ui| {
+        let width = (ui.available_width() - 26.0).max(60.0);
+        square(ui, &mut hsv, vec2(width, height));
+        hue_bar(ui, &mut hsv, vec2(18.0, height));
+    });
+    let edited = rgb_of(hsv);
+    if edited != *color {
+        *color = edited;
+    }
+    ui.data_mut(|data| data.insert_temp(id, hsv));
+}
+
+fn square(ui: &mut Ui, hsv: &mut [f32; 3], size: eframe::egui::Vec2) {
+    let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+    if let Some(at) = response.interact_pointer_pos() {
+        let share = (at - rect.min) / rect.size();
+        hsv[1] = share.x.clamp(0.0, 1.0);
+        hsv[2] = 1.0 - share.y.clamp(0.0, 1.0);
+    }
+    let pure = color32(rgb_of([hsv[0], 1.0, 1.0]));
+    let corners = [rect.left_top(), rect.right_top(), rect.right_bottom(), rect.left_bottom()];
+    let clear = Color32::TRANSPARENT;
+    ui.painter().add(quad(corners, [Color32::WHITE, pure, pure, Color32::WHITE]));
+    ui.painter().add(quad(corners, [clear, clear, Color32::BLACK, Color32::BLACK]));
+    frame(ui, rect);
+    let knob = pos2(rect.left() + hsv[1] * rect.width(), rect.top() + (1.0 - hsv[2]) * rect.height());
+    ui.painter().circle_filled(knob, 5.5, color32(rgb_of(*hsv)));
+    ui.painter().circle_stroke(knob, 6.0, Stroke::new(2.0, Color32::BLACK));
+    ui.painter().circle_stroke(knob, 6.0, Stroke::new(1.2, Color32::WHITE));
+}
+
+fn hue_bar(ui: &mut Ui, hsv: &mut [f32; 3], size: eframe::egui::Vec2) {
+    let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
+    if let Some(at) = response.interact_pointer_pos() {
+        hsv[0] = ((at.y - rect.top()) / rect.height()).clamp(0.0, 0.9999);
+    }
+    for part in 0..6 {
+        let [from, to] = [part, part + 1].map(|n| n as f32 / 6.0);
+        let [a, b] = [from, to].map(|h| color32(rgb_of([h, 1.0, 1.0])));
+        let y = |t: f32| rect.top() + t * rect.height();
+        let corners = [
+            pos2(rect.left(), y(from)),
+            pos2(rect.right(), y(from)),
+            pos2(rect.right(), y(to)),
+            pos2(rect.left(), y(to)),
+        ];
+        ui.painter().add(quad(corners, [a, a, b, b]));
+    }
+    frame(ui, rect);
+    let y = rect.top() + hsv[0] * rect.height();
+    let mark = Rect::from_center_size(pos2(rect.center().x, y), vec2(rect.width() + 4.0, 6.0));
+    ui.painter().rect_stroke(
+        mark,
+        CornerRadius::same(2),
+        Stroke::new(3.0, Color32::BLACK),
+        StrokeKind::Middle,
+    );
+    ui.painter().rect_stroke(
+        mark,
+        CornerRadius::same(2),
+        Stroke::new(1.5, Color32::WHITE),
+        StrokeKind::Middle,
+    );
+}
+
+fn frame(ui: &Ui, rect: Rect) {
+    ui.painter().rect_stroke(rect, CornerRadius::same(2), Stroke::new(1.0, theme::LINE), StrokeKind::Outside);
+}
+
+/// A rectangle whose corners have colours of their own, from the upper left one clockwise.
+fn quad(corners: [Pos2; 4], colors: [Color32; 4]) -> Shape {
+    let mut mesh = Mesh::default();
+    for (corner, color) in corners.into_iter().zip(colors) {
+        mesh.colored_vertex(corner, color);
+    }
+    mesh.add_triangle(0, 1, 2);
+    mesh.add_triangle(0, 2, 3);
+    Shape::mesh(mesh)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_survive_the_way_through_hue_saturation_and_value() {
+        for r in (0..=255).step_by(17) {
+            for g in (0..=255).step_by(51) {
+                for b in (0..=255).step_by(15) {
+                    let color = [r, g, b].map(|c| c as u8);
+                    assert_eq!(rgb_of(hsv_of(color)), color);
+                }
+            }
+        }
+        assert_eq!(rgb_of([1.0 / 3.0, 1.0, 1.0]), [0, 255, 0]);
     }
 }

@@ -6,13 +6,12 @@ use eframe::egui::{
 };
 use fantex_paint::{BlendMode, Layer, LayerContent, Target};
 
-use super::icons;
 use crate::paint::{LayerAction, Painting, blend_label};
 use crate::panels::widgets::{choice, heading, hint, row};
 use crate::theme;
 use crate::viewer::Viewer;
 
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let Some(painting) = &mut viewer.painting else { return };
     let mut actions = Vec::new();
     heading(ui, "Layers");
@@ -63,7 +62,7 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
                 for (is_up, tip) in [(false, "Down"), (true, "Up")] {
                     let response = ui.add(Button::new("").min_size(vec2(24.0, 22.0)));
                     let color = if chosen.is_some() { theme::TEXT } else { theme::FAINT };
-                    icons::arrow(ui.painter(), response.rect, is_up, color);
+                    super::arrow(ui.painter(), response.rect, is_up, color);
                     if response.on_hover_text(tip).clicked() {
                         actions.push(LayerAction::Move(id, is_up));
                     }
@@ -80,7 +79,7 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
     let is_mask = painting.target() == Target::Mask(id);
     frame_row(ui, is_layer || is_mask, |ui| {
         let (rect, response) = ui.allocate_exact_size(vec2(20.0, 22.0), Sense::click());
-        icons::eye(ui.painter(), rect, layer.visible, if layer.visible { theme::TEXT } else { theme::FAINT });
+        super::eye(ui.painter(), rect, layer.visible, if layer.visible { theme::TEXT } else { theme::FAINT });
         if response.on_hover_text("Show or hide").clicked() {
             actions.push(LayerAction::Show(id, !layer.visible));
         }

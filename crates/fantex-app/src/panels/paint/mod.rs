@@ -11,23 +11,22 @@
 
 mod brush;
 mod color;
-mod history;
-mod icons;
 mod layers;
 mod overlay;
-mod picker;
-mod stencil;
-mod strip;
-mod symmetry;
-mod texture;
 
-use eframe::egui::{Margin, Panel, ScrollArea, Ui};
+pub(super) use overlay::{adjust, show as overlay};
 
-use super::panel_frame;
+use eframe::egui::{
+    Button, Color32, CornerRadius, Margin, Painter, Panel, Pos2, Rect, RichText, ScrollArea, Sense, Shape,
+    Stroke, StrokeKind, Ui, Vec2, pos2, vec2,
+};
+
+use crate::command::{Command, keys_of};
+use crate::paint::{PaintCommand, PaintTool, SymmetryKind};
+use crate::panels::panel_frame;
+use crate::panels::widgets::{NumberRow, heading, row, segments};
+use crate::theme;
 use crate::viewer::Viewer;
-
-pub(super) use overlay::show as overlay;
-pub(super) use stencil::adjust;
 
 /// Widths of the panels, and what the scene keeps at least, points.
 const BRUSH_POINTS: f32 = 268.0;
@@ -35,12 +34,12 @@ const LAYER_POINTS: f32 = 276.0;
 const SCENE_POINTS: f32 = 150.0;
 
 /// What is left and right of the scene while something is painted on.
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     Panel::left("paint tools")
         .frame(panel_frame().inner_margin(Margin::symmetric(6, 8)))
         .exact_size(48.0)
         .resizable(false)
-        .show(ui, |ui| strip::show(ui, viewer, seconds));
+        .show(ui, |ui| tool_strip(ui, viewer, seconds));
     // Where there is no room for both and a scene between them, the brush comes first.
     let width = ui.available_width() - SCENE_POINTS;
     let has_brush = viewer.settings.paint.has_brush_panel && width >= BRUSH_POINTS;
@@ -53,10 +52,10 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
                 ScrollArea::vertical().id_salt("paint brush").auto_shrink([false, false]).show(ui, |ui| {
                     ui.spacing_mut().slider_width = 72.0;
                     brush::show(ui, viewer, seconds);
-                    symmetry::show(ui, viewer);
-                    stencil::show(ui, viewer, seconds);
+                    symmetry(ui, viewer);
+                    overlay::stencil(ui, viewer, seconds);
                     brush::presets(ui, viewer, seconds);
-                    history::show(ui, viewer);
+                    history(ui, viewer);
                 });
             },
         );
@@ -73,5 +72,227 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
                 });
             },
         );
+    }
+}
+
+// The tool strip, with the two colours at its end.
+
+fn tool_strip(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+    ui.spacing_mut().item_spacing.y = 4.0;
+    let mut chosen = None;
+    for tool in PaintTool::ALL {
+        let is_on = viewer.settings.paint.tool == tool;
+        let (rect, response) = ui.allocate_exact_size(vec2(36.0, 36.0), Sense::click());
+        let fill = match (is_on, response.hovered()) {
+            (true, _) => Color32::from_rgb(0x2f, 0x5d, 0x82),
+            (_, true) => Color32::from_rgb(0x35, 0x39, 0x41),
+            _ => Color32::TRANSPARENT,
+        };
+        ui.painter().rect_filled(rect, CornerRadius::same(5), fill);
+        let color = if is_on { theme::STRONG } else { theme::TEXT };
+        tool_icon(ui.painter(), Rect::from_center_size(rect.center(), vec2(20.0, 20.0)), tool, color);
+        let keys = keys_of(&Command::Paint(PaintCommand::Tool(tool))).unwrap_or_default();
+        let name = format!("{} tool", tool.label());
+        response.widget_info(|| {
+            eframe::egui::WidgetInfo::selected(eframe::egui::Role::Button, true, is_on, &name)
+        });
+        if response.on_hover_text(format!("{} ({keys})\n{}", tool.label(), tool.hint())).clicked() {
+            chosen = Some(tool);
+        }
+    }
+    if let Some(tool) = chosen {
+        viewer.paint_command(&PaintCommand::Tool(tool), seconds);
+    }
+    ui.add_space(10.0);
+    swatches(ui, viewer, seconds);
+}
+
+/// Foreground over background.
+fn swatches(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+    let (rect, response) = ui.allocate_exact_size(vec2(36.0, 36.0), Sense::click());
+    let colors = &viewer.settings.paint.colors;
+    let back = Rect::from_min_size(rect.min + vec2(13.0, 13.0), vec2(23.0, 23.0));
+    let front = Rect::from_min_size(rect.min, vec2(25.0, 25.0));
+    swatch(ui.painter(), back, colors.background, false);
+    swatch(ui.painter(), front, colors.foreground, false);
+    if response.on_hover_text("Foreground and background; click or X swaps them").clicked() {
+        viewer.paint_command(&PaintCommand::SwapColors, seconds);
+    }
+}
+
+// Signs of the tools, drawn with lines.
+
+/// Draws the sign of a tool into a square.
+fn tool_icon(painter: &Painter, rect: Rect, tool: PaintTool, color: Color32) {
+    let stroke = Stroke::new(1.7, color);
+    // In a square of 20.
+    let at = |x: f32, y: f32| rect.min + vec2(x, y) * (rect.width() / 20.0);
+    match tool {
+        PaintTool::Paint => {
+            painter.line_segment([at(17.0, 2.5), at(9.5, 11.0)], Stroke::new(2.6, color));
+            let tip = vec![at(8.2, 10.2), at(10.6, 12.4), at(8.4, 15.6), at(3.0, 17.4), at(5.0, 12.2)];
+            painter.add(Shape::convex_polygon(tip, color, Stroke::NONE));
+        }
+        PaintTool::Erase => {
+            let body = vec![at(7.5, 16.5), at(2.5, 11.5), at(11.0, 3.0), at(16.5, 8.5), at(8.5, 16.5)];
+            painter.add(Shape::closed_line(body, stroke));
+            painter.line_segment([at(6.6, 7.4), at(12.1, 12.9)], stroke);
+            painter.line_segment([at(8.0, 17.3), at(17.5, 17.3)], stroke);
+        }
+        PaintTool::Fill => {
+            let bucket = vec![at(3.0, 10.5), at(9.5, 4.0), at(16.0, 10.5), at(9.5, 17.0)];
+            painter.add(Shape::closed_line(bucket, stroke));
+            let paint = vec![at(3.6, 10.9), at(15.4, 10.9), at(9.5, 16.6)];
+            painter.add(Shape::convex_polygon(paint, color, Stroke::NONE));
+            painter.line_segment([at(9.5, 4.0), at(6.5, 1.5)], stroke);
+            painter.circle_filled(at(17.6, 15.6), rect.width() * 0.07, color);
+        }
+        PaintTool::Blur => {
+            for (radius, strength) in [(7.4, 0.22), (5.0, 0.45), (2.6, 1.0)] {
+                let radius = radius * rect.width() / 20.0;
+                painter.circle_filled(rect.center(), radius, color.gamma_multiply(strength));
+            }
+        }
+        PaintTool::Smudge => {
+            let finger = vec![at(12.0, 2.5), at(17.0, 7.0), at(12.5, 12.5), at(7.5, 8.0)];
+            painter.add(Shape::closed_line(finger, stroke));
+            for (x, strength) in [(9.0, 1.0), (6.2, 0.6), (3.4, 0.3)] {
+                let radius = 2.3 * rect.width() / 20.0;
+                painter.circle_filled(at(x, 14.5 + 0.35 * (9.0 - x)), radius, color.gamma_multiply(strength));
+            }
+        }
+        PaintTool::Sticker => {
+            let wide = Stroke::new(2.4, color);
+            painter.line_segment([at(4.0, 4.0), at(16.0, 4.0)], wide);
+            painter.line_segment([at(10.0, 4.0), at(10.0, 16.5)], wide);
+            painter.line_segment([at(7.2, 16.5), at(12.8, 16.5)], Stroke::new(1.6, color));
+        }
+        PaintTool::Clone => {
+            painter.circle_stroke(at(6.8, 12.6), 4.6 * rect.width() / 20.0, stroke);
+            painter.circle_filled(at(13.0, 7.2), 4.9 * rect.width() / 20.0, color);
+        }
+        PaintTool::Pick => {
+            painter.line_segment([at(3.0, 17.0), at(11.0, 9.0)], Stroke::new(2.4, color));
+            painter.line_segment([at(9.0, 6.6), at(13.4, 11.0)], stroke);
+            painter.line_segment([at(12.0, 8.0), at(16.0, 4.0)], Stroke::new(4.4, color));
+        }
+    }
+}
+
+/// An eye, open or closed.
+pub(crate) fn eye(painter: &Painter, rect: Rect, is_open: bool, color: Color32) {
+    let c = rect.center();
+    let half = vec2(7.0, if is_open { 4.2 } else { 2.6 });
+    let arc = |up: f32| -> Vec<Pos2> {
+        (0..=10)
+            .map(|k| k as f32 / 10.0)
+            .map(|t| {
+                let bow = (t * std::f32::consts::PI).sin() * half.y * up;
+                c + Vec2::new((2.0 * t - 1.0) * half.x, bow)
+            })
+            .collect()
+    };
+    let stroke = Stroke::new(1.3, color);
+    painter.add(Shape::line(arc(1.0), stroke));
+    if is_open {
+        painter.add(Shape::line(arc(-1.0), stroke));
+        painter.circle_filled(c, 2.1, color);
+    }
+}
+
+/// A small square in a colour, framed so that it is seen on any ground.
+pub(crate) fn swatch(painter: &Painter, rect: Rect, [r, g, b]: [u8; 3], is_chosen: bool) {
+    let radius = CornerRadius::same(3);
+    painter.rect_filled(rect, radius, Color32::from_rgb(r, g, b));
+    let frame = if is_chosen {
+        Stroke::new(2.0, crate::theme::ACCENT)
+    } else {
+        Stroke::new(1.0, Color32::from_white_alpha(38))
+    };
+    painter.rect_stroke(rect, radius, frame, StrokeKind::Inside);
+}
+
+/// An arrow that points up or down.
+pub(crate) fn arrow(painter: &Painter, rect: Rect, is_up: bool, color: Color32) {
+    let c = rect.center();
+    let s = if is_up { -1.0 } else { 1.0 };
+    let points =
+        vec![pos2(c.x - 4.0, c.y - 2.0 * s), pos2(c.x, c.y + 2.5 * s), pos2(c.x + 4.0, c.y - 2.0 * s)];
+    painter.add(Shape::line(points, Stroke::new(1.6, color)));
+}
+
+// Symmetry of strokes.
+
+pub(crate) fn symmetry(ui: &mut Ui, viewer: &mut Viewer) {
+    let diagonal = viewer.scale().diagonal;
+    let symmetry = &mut viewer.settings.paint.symmetry;
+    heading(ui, "Symmetry");
+    ui.horizontal(|ui| segments(ui, &mut symmetry.kind, &SymmetryKind::ALL, SymmetryKind::label));
+    if symmetry.kind == SymmetryKind::Off {
+        return;
+    }
+    row(ui, "Axis", |ui| {
+        let axes =
+            |ui: &mut Ui| segments(ui, &mut symmetry.axis, &[0, 1, 2], |axis| ["X", "Y", "Z"][axis.min(2)]);
+        ui.horizontal(axes).response
+    });
+    match symmetry.kind {
+        SymmetryKind::Mirror => {
+            let half = 0.5 * diagonal;
+            let offset =
+                NumberRow { name: "Offset", decimals: 3, tip: "From the model's middle", ..NumberRow::PLAIN };
+            offset.show(ui, &mut symmetry.offset, -half..=half);
+        }
+        _ => {
+            let count = NumberRow { name: "Copies", decimals: 0, ..NumberRow::PLAIN };
+            count.show(ui, &mut symmetry.count, 2..=24);
+        }
+    }
+    ui.checkbox(&mut symmetry.shows_plane, "Show it in the scene");
+}
+
+// The steps that were done: a click goes back to one, or forth.
+
+/// Steps in sight at a time.
+const SHOWN: usize = 8;
+
+pub(crate) fn history(ui: &mut Ui, viewer: &mut Viewer) {
+    let Some(painting) = &mut viewer.painting else { return };
+    let snapshot = painting.snapshot();
+    heading(ui, "History");
+    let mut chosen = None;
+    let height = SHOWN as f32 * 24.0;
+    let list = ScrollArea::vertical().id_salt("history").max_height(height).auto_shrink([false, true]);
+    list.stick_to_bottom(true).show(ui, |ui| {
+        ui.spacing_mut().item_spacing.y = 1.0;
+        let size = vec2(ui.available_width(), 22.0);
+        let line =
+            |ui: &mut Ui, is_on: bool, text: RichText| ui.add(Button::selectable(is_on, text).min_size(size));
+        let first = if snapshot.older > 0 {
+            format!("{} older steps", snapshot.older)
+        } else {
+            "As it was opened first".to_owned()
+        };
+        let is_first = snapshot.done.is_empty();
+        if line(ui, is_first, RichText::new(first).color(theme::FAINT)).clicked() {
+            chosen = Some(snapshot.older);
+        }
+        let count = snapshot.done.len();
+        for (index, label) in snapshot.done.iter().enumerate() {
+            let number = snapshot.older + index + 1;
+            if line(ui, index + 1 == count, RichText::new(format!("{number}   {label}"))).clicked() {
+                chosen = Some(number);
+            }
+        }
+        for (index, label) in snapshot.undone.iter().rev().enumerate() {
+            let number = snapshot.older + count + index + 1;
+            let text = RichText::new(format!("{number}   {label}")).color(theme::FAINT).italics();
+            if line(ui, false, text).on_hover_text("Taken back; a click does it again").clicked() {
+                chosen = Some(number);
+            }
+        }
+    });
+    if let Some(number) = chosen {
+        painting.go_to_step(number);
     }
 }
