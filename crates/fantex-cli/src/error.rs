@@ -86,14 +86,6 @@ pub(crate) enum CliError {
         path.display()
     )]
     TexelsOfModel { path: PathBuf },
-    #[error(transparent)]
-    Gpu(#[from] fantex::gpu::GpuError),
-    #[error(transparent)]
-    UvModel(#[from] fantex::gpu::UvModelError),
-    #[error(transparent)]
-    StreamedModel(#[from] fantex::gpu::StreamedModelError),
-    #[error(transparent)]
-    Loader(#[from] fantex::stream::LoaderError),
     #[error("{} is no camera path: {source}", path.display())]
     CameraPath { path: PathBuf, source: serde_json::Error },
     #[error("{} holds no keyframes; record at least one", path.display())]

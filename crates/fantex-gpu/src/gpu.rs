@@ -1,6 +1,17 @@
 //! The device that pictures are drawn with.
+//!
+//! Errors: [`ErrorKind::Unavailable`] says that there is no GPU or that it has gone (then [`Gpu::lost`] says why, and everything made
+//! with it must be made again with a new one); [`ErrorKind::TooLarge`] that something exceeds what it allows;
+//! [`ErrorKind::InvalidArgument`] that a frame cannot be drawn at all; [`ErrorKind::Unsupported`] that the driver refused something.
+//!
+//! [`ErrorKind::Unavailable`]: fantex_base::ErrorKind::Unavailable
+//! [`ErrorKind::TooLarge`]: fantex_base::ErrorKind::TooLarge
+//! [`ErrorKind::InvalidArgument`]: fantex_base::ErrorKind::InvalidArgument
+//! [`ErrorKind::Unsupported`]: fantex_base::ErrorKind::Unsupported
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use fantex_base::{Error, Result};
 
 use crate::frame::FrameLayout;
 
@@ -31,14 +42,14 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     info: GpuInfo,
     state: Arc<Mutex<DeviceState>>,
-    frame_layout: FrameLayout,
+    frame_layout: OnceLock<FrameLayout>,
 }
 
 /// What the driver has told since the device was opened.
 #[derive(Debug, Default)]
 struct DeviceState {
     lost: Option<String>,
-    error: Option<GpuError>,
+    error: Option<Error>,
 }
 
 impl Gpu {
@@ -47,7 +58,7 @@ impl Gpu {
     /// # Errors
     ///
     /// No adapter, or none that can be opened.
-    pub fn headless(options: &GpuOptions) -> Result<Self, GpuError> {
+    pub fn headless(options: &GpuOptions) -> Result<Self> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Backends::PRIMARY,
             ..wgpu::InstanceDescriptor::new_without_display_handle()
@@ -58,11 +69,18 @@ impl Gpu {
             ..wgpu::RequestAdapterOptions::default()
         };
         let adapter = pollster::block_on(instance.request_adapter(&request))
-            .map_err(|error| GpuError::NoAdapter { reason: error.to_string() })?;
+            .map_err(|error| {
+                Error::unavailable(format!(
+                    "no GPU adapter was found ({error}): install a Vulkan, Metal or DirectX 12 driver (Mesa's software Vulkan will \
+                     do), or render on the CPU, with `fantex render` without --gpu"
+                ))
+            })?;
         let opened = pollster::block_on(adapter.request_device(&Self::wanted_device_descriptor(&adapter)));
-        let (device, queue) = opened.map_err(|error| GpuError::NoDevice {
-            adapter: adapter.get_info().name,
-            reason: error.to_string(),
+        let (device, queue) = opened.map_err(|error| {
+            let adapter = adapter.get_info().name;
+            Error::unavailable(format!(
+                "the GPU \"{adapter}\" cannot be opened: {error}; `fantex render` without --gpu uses the CPU"
+            ))
         })?;
         let gpu = Self::from_parts(&adapter, device, queue);
         gpu.record_errors();
@@ -84,8 +102,7 @@ impl Gpu {
             let mut state = told.lock().unwrap_or_else(PoisonError::into_inner);
             state.lost = Some(format!("{reason:?}: {message}"));
         });
-        let frame_layout = FrameLayout::new(&device);
-        Self { device, queue, info, state, frame_layout }
+        Self { device, queue, info, state, frame_layout: OnceLock::new() }
     }
 
     /// What to ask an adapter for: the features that are used where they exist, and limits as large as it has.
@@ -119,7 +136,7 @@ impl Gpu {
 
     /// What every shader that takes part in a frame is bound to in group 0.
     pub fn frame_layout(&self) -> &FrameLayout {
-        &self.frame_layout
+        self.frame_layout.get_or_init(|| FrameLayout::new(self))
     }
 
     /// Why the device is lost, if it is.
@@ -131,11 +148,11 @@ impl Gpu {
     ///
     /// # Errors
     ///
-    /// [`GpuError::DeviceLost`], for good; [`GpuError::OutOfMemory`] and [`GpuError::Refused`] once each.
-    pub fn check(&self) -> Result<(), GpuError> {
+    /// The device is lost, for good; it has no memory left or has refused something, once each.
+    pub fn check(&self) -> Result<()> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(reason) = &state.lost {
-            return Err(GpuError::DeviceLost { reason: reason.clone() });
+            return Err(device_lost(reason));
         }
         state.error.take().map_or(Ok(()), Err)
     }
@@ -145,10 +162,10 @@ impl Gpu {
     /// # Errors
     ///
     /// As [`Gpu::check`].
-    pub fn wait(&self) -> Result<(), GpuError> {
+    pub fn wait(&self) -> Result<()> {
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());
         self.check()?;
-        waited.map(|_| ()).map_err(|error| GpuError::Refused { reason: error.to_string() })
+        waited.map(|_| ()).map_err(|error| refused(&error))
     }
 
     /// A buffer with contents, at least 16 bytes long. Unlike buffers that are mapped when they are made, it can be made on a
@@ -170,15 +187,59 @@ impl Gpu {
         buffer
     }
 
-    /// [`GpuError::TooLarge`] about this device.
-    pub(crate) fn too_large(
+    /// A texture of one sample, of columns, rows and layers.
+    pub(crate) fn texture(
         &self,
-        what: &'static str,
-        needed: u64,
-        allowed: u64,
-        unit: &'static str,
-    ) -> GpuError {
-        GpuError::TooLarge { what, needed, allowed, unit, adapter: self.info.name.clone() }
+        label: &str,
+        [width, height, depth_or_array_layers]: [u32; 3],
+        mip_level_count: u32,
+        format: wgpu::TextureFormat,
+        usage: wgpu::TextureUsages,
+    ) -> wgpu::Texture {
+        self.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(label),
+            size: wgpu::Extent3d { width, height, depth_or_array_layers },
+            mip_level_count,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage,
+            view_formats: &[],
+        })
+    }
+
+    /// The layout of a bind group whose bindings count from zero.
+    pub(crate) fn bind_layout(
+        &self,
+        label: &str,
+        visibility: wgpu::ShaderStages,
+        types: impl IntoIterator<Item = wgpu::BindingType>,
+    ) -> wgpu::BindGroupLayout {
+        let entry = |(binding, ty)| wgpu::BindGroupLayoutEntry { binding, visibility, ty, count: None };
+        let entries: Vec<_> = (0..).zip(types).map(entry).collect();
+        self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: Some(label),
+            entries: &entries,
+        })
+    }
+
+    /// A bind group whose bindings count from zero.
+    pub(crate) fn bind_group<'a>(
+        &self,
+        label: &str,
+        layout: &wgpu::BindGroupLayout,
+        resources: impl IntoIterator<Item = wgpu::BindingResource<'a>>,
+    ) -> wgpu::BindGroup {
+        let entry = |(binding, resource)| wgpu::BindGroupEntry { binding, resource };
+        let entries: Vec<_> = (0..).zip(resources).map(entry).collect();
+        let descriptor = wgpu::BindGroupDescriptor { label: Some(label), layout, entries: &entries };
+        self.device.create_bind_group(&descriptor)
+    }
+
+    /// Something needs more than this device allows.
+    pub(crate) fn too_large(&self, what: &str, needed: u64, allowed: u64, unit: &str) -> Error {
+        let adapter = &self.info.name;
+        Error::too_large(format!("{what} needs {needed} {unit}, the GPU \"{adapter}\" allows {allowed}"))
     }
 
     /// Has [`Gpu::check`] return errors that nobody asks for, such as a lack of memory; otherwise they end the program. Devices
@@ -187,9 +248,11 @@ impl Gpu {
         let told = Arc::clone(&self.state);
         self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             let error = match error {
-                wgpu::Error::OutOfMemory { source } => GpuError::OutOfMemory { what: source.to_string() },
+                wgpu::Error::OutOfMemory { source } => Error::too_large(format!(
+                    "the GPU has no memory left for {source}: choose smaller pictures, textures or shadow maps"
+                )),
                 wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. } => {
-                    GpuError::Refused { reason: description }
+                    refused(&description)
                 }
             };
             told.lock().unwrap_or_else(PoisonError::into_inner).error.get_or_insert(error);
@@ -197,74 +260,53 @@ impl Gpu {
     }
 }
 
-// What can go wrong between a program and its GPU.
-
-/// The GPU cannot be used, or a picture cannot be drawn with it.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum GpuError {
-    /// There is neither a GPU nor a software stand-in.
-    #[error(
-        "no GPU adapter was found ({reason}): install a Vulkan, Metal or DirectX 12 driver (Mesa's software Vulkan will do), \
-         or render on the CPU, with `fantex render` without --gpu"
-    )]
-    NoAdapter {
-        /// What the system says.
-        reason: String,
-    },
-    /// The adapter gives no device.
-    #[error("the GPU \"{adapter}\" cannot be opened: {reason}; `fantex render` without --gpu uses the CPU")]
-    NoDevice {
-        /// The adapter's name.
-        adapter: String,
-        /// What the driver says.
-        reason: String,
-    },
-    /// The device has gone: a driver was updated, a card unplugged, a frame took too long. Everything made with it must be
-    /// made again with a new one.
-    #[error("the GPU device was lost ({reason}): open it again")]
-    DeviceLost {
-        /// What the driver says.
-        reason: String,
-    },
-    /// The device refused an operation.
-    #[error("the GPU refused an operation: {reason}")]
-    Refused {
-        /// What the driver or its checks say.
-        reason: String,
-    },
-    /// More graphics memory was asked for than there is.
-    #[error("the GPU has no memory left for {what}: choose smaller pictures, textures or shadow maps")]
-    OutOfMemory {
-        /// What did not fit.
-        what: String,
-    },
-    /// Something is larger than the device allows.
-    #[error("{what} needs {needed} {unit}, the GPU \"{adapter}\" allows {allowed}")]
-    TooLarge {
-        /// What is too large.
-        what: &'static str,
-        /// What it needs.
-        needed: u64,
-        /// What is allowed.
-        allowed: u64,
-        /// Of what.
-        unit: &'static str,
-        /// The adapter's name.
-        adapter: String,
-    },
-    /// Not a number of samples that pictures can have.
-    #[error("cannot render with {0} samples per pixel on the GPU: ask for 1 or 4")]
-    Samples(u32),
-    /// Not a view.
-    #[error("cannot render from this camera: {0}")]
-    Camera(&'static str),
-    /// Not a lamp.
-    #[error("cannot render with lamp {lamp} of the scene: {defect}")]
-    Light {
-        /// Which lamp, from 0.
-        lamp: usize,
-        /// What is wrong with it.
-        defect: &'static str,
-    },
+/// The device has gone: a driver was updated, a card unplugged, a frame took too long.
+pub fn device_lost(reason: &str) -> Error {
+    Error::unavailable(format!("the GPU device was lost ({reason}): open it again"))
 }
+
+/// The device has refused an operation.
+pub(crate) fn refused(reason: &dyn std::fmt::Display) -> Error {
+    Error::unsupported(format!("the GPU refused an operation: {reason}"))
+}
+
+/// Textures that shaders read and that are written from main memory.
+pub(crate) const SAMPLED: wgpu::TextureUsages =
+    wgpu::TextureUsages::TEXTURE_BINDING.union(wgpu::TextureUsages::COPY_DST);
+
+/// A uniform buffer.
+pub(crate) const UNIFORM: wgpu::BindingType = wgpu::BindingType::Buffer {
+    ty: wgpu::BufferBindingType::Uniform,
+    has_dynamic_offset: false,
+    min_binding_size: None,
+};
+
+/// A buffer that shaders only read.
+pub(crate) const STORAGE: wgpu::BindingType = wgpu::BindingType::Buffer {
+    ty: wgpu::BufferBindingType::Storage { read_only: true },
+    has_dynamic_offset: false,
+    min_binding_size: None,
+};
+
+/// A filtering sampler.
+pub(crate) const SAMPLER: wgpu::BindingType = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+
+/// A uniform buffer of several records, one of which is bound by its offset.
+pub(crate) const fn dynamic_uniform(record_bytes: u64) -> wgpu::BindingType {
+    wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: true,
+        min_binding_size: std::num::NonZeroU64::new(record_bytes),
+    }
+}
+
+/// A texture of one sample per texel.
+pub(crate) const fn texture_type(
+    sample_type: wgpu::TextureSampleType,
+    view_dimension: wgpu::TextureViewDimension,
+) -> wgpu::BindingType {
+    wgpu::BindingType::Texture { sample_type, view_dimension, multisampled: false }
+}
+
+/// Floats that samplers filter.
+pub(crate) const FILTERED: wgpu::TextureSampleType = wgpu::TextureSampleType::Float { filterable: true };

@@ -41,13 +41,17 @@ mod surface_pipeline;
 mod uv;
 mod wireframe;
 
-pub use fan::{
-    AtlasViewer, FanModel, FanModelSource, StreamedModel, StreamedModelError, max_anisotropy, stream_view,
-};
+pub use fan::{AtlasViewer, FanModel, FanModelSource, StreamedModel, max_anisotropy, stream_view};
 pub use frame::{FrameLayout, View};
-pub use gpu::{Gpu, GpuError, GpuInfo, GpuOptions};
+pub use gpu::{Gpu, GpuInfo, GpuOptions, device_lost};
+
+/// The error of every crate.
+pub type GpuError = fantex_base::Error;
+/// The error of every crate.
+pub type StreamedModelError = fantex_base::Error;
+
 pub use model::{DrawOptions, FrameContext, Model, ModelSpace, Overlay, WireframeOptions};
-pub use picture::{FrameTimes, HiddenScreen, PictureRenderer, frame_times, render_to_picture};
+pub use picture::{FrameTimes, HiddenScreen, PictureRenderer, Readback, frame_times, render_to_picture};
 pub use renderer::{Frame, Renderer};
-pub use surface_pipeline::{CasterPipeline, Coat, SurfaceKey, SurfacePipeline};
-pub use uv::{UvModel, UvModelError};
+pub use surface_pipeline::{Blending, CasterPipeline, SurfaceKey, SurfacePipeline};
+pub use uv::UvModel;

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
+use fantex_base::Result;
 use fantex_mesh::{Mesh, WorldFromMesh};
 use fantex_scene::{Background, FilterOptions, Shading, ToneMap};
 use glam::Vec3;
 
-use crate::{Gpu, GpuError, SurfaceKey, View};
+use crate::{Gpu, SurfaceKey, View};
 
 /// Something that can be drawn. All of its calls within one frame come in the order of this trait.
 pub trait Model {
@@ -28,7 +29,7 @@ pub trait Model {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameContext<'_>,
-    ) -> Result<(), GpuError>;
+    ) -> Result<()>;
 
     /// Draws what casts shadows into a map, whose matrix is bound to group 0 (see [`crate::shader::CASTER`]).
     fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>);

@@ -1,36 +1,111 @@
-//! Pictures without a window.
+//! Pictures without a window, and the time that frames take.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
+use fantex_base::Result;
 use fantex_scene::Picture;
 
-use crate::{Frame, Gpu, GpuError, Renderer};
+use crate::gpu::refused;
+use crate::{Frame, Gpu, Renderer};
+
+/// A texture on its way into main memory.
+///
+/// ```text
+/// new -> record (copies, among a frame's commands) -> submit -> begin -> is_ready ... -> rows
+/// ```
+#[derive(Debug)]
+pub struct Readback {
+    buffer: wgpu::Buffer,
+    size: wgpu::Extent3d,
+    row_bytes: u32,
+    /// From one row to the next.
+    pitch: u32,
+    state: Arc<AtomicU8>,
+}
+
+const PENDING: u8 = 0;
+const MAPPED: u8 = 1;
+const FAILED: u8 = 2;
+
+impl Readback {
+    /// Room for a texture without blocks, levels or layers, whose usage includes `COPY_SRC`.
+    ///
+    /// # Errors
+    ///
+    /// The device allows no buffer that large.
+    pub fn new(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Self> {
+        let size = wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() };
+        let row_bytes = size.width * texture.format().block_copy_size(None).unwrap_or(4);
+        let pitch = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let (bytes, allowed) = (u64::from(pitch) * u64::from(size.height), gpu.limits().max_buffer_size);
+        if bytes > allowed {
+            return Err(gpu.too_large("a picture", bytes, allowed, "bytes of a buffer"));
+        }
+        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("picture"),
+            size: bytes,
+            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        });
+        Ok(Self { buffer, size, row_bytes, pitch, state: Arc::new(AtomicU8::new(PENDING)) })
+    }
+
+    /// Records the copy.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, texture: &wgpu::Texture) {
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(self.pitch), rows_per_image: None };
+        let target = wgpu::TexelCopyBufferInfo { buffer: &self.buffer, layout };
+        encoder.copy_texture_to_buffer(texture.as_image_copy(), target, self.size);
+    }
+
+    /// Begins to read, once the commands are submitted. [`Gpu::wait`], or polling the device, brings it about.
+    pub fn begin(&self) {
+        let state = Arc::clone(&self.state);
+        state.store(PENDING, Ordering::Relaxed);
+        self.buffer.map_async(wgpu::MapMode::Read, .., move |result| {
+            state.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+        });
+    }
+
+    /// Whether [`Readback::rows`] has something to read, or never will.
+    pub fn is_ready(&self) -> bool {
+        self.state.load(Ordering::Acquire) != PENDING
+    }
+
+    /// Hands the bytes of each row to `row`, from the top; the buffer can be used again then.
+    ///
+    /// # Errors
+    ///
+    /// The device has not brought them, or is lost.
+    pub fn rows(&self, mut row: impl FnMut(&[u8])) -> Result<()> {
+        if self.state.load(Ordering::Acquire) != MAPPED {
+            return Err(refused(&"a picture could not be read from the graphics memory"));
+        }
+        let bytes = self.buffer.get_mapped_range(..).map_err(|error| refused(&error))?;
+        bytes.chunks_exact(self.pitch as usize).for_each(|bytes| row(&bytes[..self.row_bytes as usize]));
+        drop(bytes);
+        self.buffer.unmap();
+        Ok(())
+    }
+}
 
 /// Renders pictures into main memory.
 #[derive(Debug)]
 pub struct PictureRenderer {
     renderer: Renderer,
-    target: Option<Target>,
-}
-
-/// A texture of floats and the buffer that it is read through.
-#[derive(Debug)]
-struct Target {
-    size: [u32; 2],
-    texture: wgpu::Texture,
-    buffer: wgpu::Buffer,
-    bytes_per_row: u32,
+    target: Option<(wgpu::Texture, Readback)>,
 }
 
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
-const TEXEL_BYTES: u32 = 16;
 
 /// Renders one picture; for several, a [`PictureRenderer`] is faster. See [`PictureRenderer::render`].
 ///
 /// # Errors
 ///
 /// As [`PictureRenderer::render`].
-pub fn render_to_picture(gpu: &Gpu, frame: &mut Frame<'_>) -> Result<Picture, GpuError> {
+pub fn render_to_picture(gpu: &Gpu, frame: &mut Frame<'_>) -> Result<Picture> {
     PictureRenderer::new(gpu).render(gpu, frame)
 }
 
@@ -46,97 +121,38 @@ impl PictureRenderer {
     /// # Errors
     ///
     /// As [`Renderer::draw`]; the device has no memory for the picture.
-    pub fn render(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<Picture, GpuError> {
-        let size = frame.size;
-        if size.contains(&0) {
-            return Ok(Picture { width: size[0], height: size[1], rgba: Vec::new() });
+    pub fn render(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<Picture> {
+        let [width, height] = frame.size;
+        if frame.size.contains(&0) {
+            return Ok(Picture { width, height, rgba: Vec::new() });
         }
-        let target = match self.target.take() {
-            Some(target) if target.size == size => target,
-            _ => Target::new(gpu, size)?,
+        let (texture, readback) = match self.target.take() {
+            Some(target) if [target.0.width(), target.0.height()] == frame.size => self.target.insert(target),
+            _ => self.target.insert(target(gpu, frame.size)?),
         };
-        let target = self.target.insert(target);
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let view = target.texture.create_view(&Default::default());
-        self.renderer.draw(gpu, &mut encoder, &view, frame)?;
-        target.copy(&mut encoder);
+        self.renderer.draw(gpu, &mut encoder, &texture.create_view(&Default::default()), frame)?;
+        readback.record(&mut encoder, texture);
         gpu.queue.submit([encoder.finish()]);
-        target.read(gpu)
-    }
-}
-
-impl Target {
-    fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, GpuError> {
-        let [width, height] = size;
-        let limits = gpu.limits();
-        let side = width.max(height);
-        if side > limits.max_texture_dimension_2d {
-            let allowed = u64::from(limits.max_texture_dimension_2d);
-            return Err(gpu.too_large("a picture", u64::from(side), allowed, "pixels along a side"));
-        }
-        let bytes_per_row = (width * TEXEL_BYTES).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
-        let bytes = u64::from(bytes_per_row) * u64::from(height);
-        if bytes > limits.max_buffer_size {
-            return Err(gpu.too_large("a picture", bytes, limits.max_buffer_size, "bytes of a buffer"));
-        }
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("picture"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
-        let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some("picture"),
-            size: bytes,
-            usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-            mapped_at_creation: false,
-        });
-        Ok(Self { size, texture, buffer, bytes_per_row })
-    }
-
-    fn copy(&self, encoder: &mut wgpu::CommandEncoder) {
-        encoder.copy_texture_to_buffer(
-            self.texture.as_image_copy(),
-            wgpu::TexelCopyBufferInfo {
-                buffer: &self.buffer,
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: 0,
-                    bytes_per_row: Some(self.bytes_per_row),
-                    rows_per_image: None,
-                },
-            },
-            self.texture.size(),
-        );
-    }
-
-    fn read(&self, gpu: &Gpu) -> Result<Picture, GpuError> {
-        let refused = |reason: String| GpuError::Refused { reason };
-        let (sender, receiver) = std::sync::mpsc::channel();
-        self.buffer.map_async(wgpu::MapMode::Read, .., move |mapped| {
-            // The receiver waits below unless an earlier error has made the picture void.
-            sender.send(mapped).ok();
-        });
+        readback.begin();
         gpu.wait()?;
-        let mapped = receiver.recv().map_err(|error| refused(error.to_string()))?;
-        mapped.map_err(|error| refused(error.to_string()))?;
-        let [width, height] = self.size;
-        let bytes = self.buffer.get_mapped_range(..).map_err(|error| refused(error.to_string()))?;
-        let rows = bytes.chunks_exact(self.bytes_per_row as usize);
-        let texels = |row: &[u8]| -> Vec<[f32; 4]> {
-            row[..(width * TEXEL_BYTES) as usize].chunks_exact(16).map(bytemuck::pod_read_unaligned).collect()
-        };
-        let rgba: Vec<[f32; 4]> = rows.flat_map(texels).collect();
-        drop(bytes);
-        self.buffer.unmap();
+        let mut rgba = Vec::with_capacity(width as usize * height as usize);
+        readback
+            .rows(|row| rgba.extend(row.chunks_exact(16).map(bytemuck::pod_read_unaligned::<[f32; 4]>)))?;
         Ok(Picture { width, height, rgba })
     }
 }
 
-// How long frames take.
+fn target(gpu: &Gpu, [width, height]: [u32; 2]) -> Result<(wgpu::Texture, Readback)> {
+    let (side, allowed) = (width.max(height), gpu.limits().max_texture_dimension_2d);
+    if side > allowed {
+        return Err(gpu.too_large("a picture", side.into(), allowed.into(), "pixels along a side"));
+    }
+    let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
+    let texture = gpu.texture("picture", [width, height, 1], 1, FORMAT, usage);
+    let readback = Readback::new(gpu, &texture)?;
+    Ok((texture, readback))
+}
 
 /// Wall-clock times of frames that were waited for one by one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -170,18 +186,10 @@ impl HiddenScreen {
     /// A target of bytes, of `size` pixels (at least one).
     pub fn new(gpu: &Gpu, size: [u32; 2]) -> Self {
         let [width, height] = size.map(|n| n.max(1));
-        let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("timed frames"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba8Unorm,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT,
-            view_formats: &[],
-        });
+        let (format, usage) = (wgpu::TextureFormat::Rgba8Unorm, wgpu::TextureUsages::RENDER_ATTACHMENT);
+        let target = gpu.texture("timed frames", [width, height, 1], 1, format, usage);
         let target = target.create_view(&Default::default());
-        Self { renderer: Renderer::new(gpu, wgpu::TextureFormat::Rgba8Unorm), target }
+        Self { renderer: Renderer::new(gpu, format), target }
     }
 
     /// Draws a frame of the screen's size and waits for it.
@@ -189,7 +197,7 @@ impl HiddenScreen {
     /// # Errors
     ///
     /// As [`Renderer::draw`].
-    pub fn draw(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<(), GpuError> {
+    pub fn draw(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<()> {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         self.renderer.draw(gpu, &mut encoder, &self.target, frame)?;
         gpu.queue.submit([encoder.finish()]);
@@ -204,7 +212,7 @@ impl HiddenScreen {
 /// # Errors
 ///
 /// As [`Renderer::draw`].
-pub fn frame_times(gpu: &Gpu, frame: &mut Frame<'_>, count: usize) -> Result<FrameTimes, GpuError> {
+pub fn frame_times(gpu: &Gpu, frame: &mut Frame<'_>, count: usize) -> Result<FrameTimes> {
     let mut screen = HiddenScreen::new(gpu, frame.size);
     screen.draw(gpu, frame)?;
     let timed = |_| {
@@ -212,7 +220,7 @@ pub fn frame_times(gpu: &Gpu, frame: &mut Frame<'_>, count: usize) -> Result<Fra
         screen.draw(gpu, frame)?;
         Ok(start.elapsed())
     };
-    let all = (0..count).map(timed).collect::<Result<_, GpuError>>()?;
+    let all = (0..count).map(timed).collect::<Result<_>>()?;
     Ok(FrameTimes { all })
 }
 

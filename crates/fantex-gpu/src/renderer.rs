@@ -2,13 +2,14 @@
 
 use std::collections::HashMap;
 
+use fantex_base::{Error, Result};
 use fantex_scene::{Camera, Lights};
-use wgpu::{BindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
 use crate::frame::{DEPTH_FORMAT, FrameInputs, FrameState, LIGHT_FORMAT};
+use crate::gpu::texture_type;
 use crate::shader::{ENVIRONMENT, FRAME, SKY, TONE, compose, module};
 use crate::wireframe::Wireframe;
-use crate::{Coat, DrawOptions, FrameContext, Gpu, GpuError, Model, SurfaceKey, SurfacePipeline, View};
+use crate::{Blending, DrawOptions, FrameContext, Gpu, Model, SurfaceKey, SurfacePipeline, View};
 
 /// What to draw.
 pub struct Frame<'a> {
@@ -59,7 +60,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         target: &wgpu::TextureView,
         frame: &mut Frame<'_>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<()> {
         gpu.check()?;
         if frame.size.contains(&0) {
             return Ok(());
@@ -78,7 +79,7 @@ impl Renderer {
         encoder: &mut wgpu::CommandEncoder,
         target: &wgpu::TextureView,
         frame: &mut Frame<'_>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<()> {
         let options = frame.options;
         let targets = match self.targets.take() {
             Some(targets) if targets.fit(frame.size, options.samples) => targets,
@@ -144,15 +145,20 @@ fn draw_shadows(state: &FrameState, encoder: &mut wgpu::CommandEncoder, model: &
 }
 
 impl Frame<'_> {
-    fn check(&self) -> Result<(), GpuError> {
+    fn check(&self) -> Result<()> {
         if !matches!(self.options.samples, 1 | 4) {
-            return Err(GpuError::Samples(self.options.samples));
+            return Err(Error::invalid(format!(
+                "cannot render with {} samples per pixel on the GPU: ask for 1 or 4",
+                self.options.samples
+            )));
         }
         if let Some(defect) = self.camera.defect() {
-            return Err(GpuError::Camera(defect));
+            return Err(Error::invalid(format!("cannot render from this camera: {defect}")));
         }
         match self.lights.defect() {
-            Some((lamp, defect)) => Err(GpuError::Light { lamp, defect }),
+            Some((lamp, defect)) => {
+                Err(Error::invalid(format!("cannot render with lamp {lamp} of the scene: {defect}")))
+            }
             None => Ok(()),
         }
     }
@@ -190,19 +196,9 @@ pub(crate) struct ScreenPipelines {
 impl ScreenPipelines {
     pub(crate) fn new(gpu: &Gpu, output: wgpu::TextureFormat) -> Self {
         let device = &gpu.device;
-        let tone_layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("tone map"),
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: ShaderStages::FRAGMENT,
-                ty: BindingType::Texture {
-                    sample_type: TextureSampleType::Float { filterable: false },
-                    view_dimension: TextureViewDimension::D2,
-                    multisampled: false,
-                },
-                count: None,
-            }],
-        });
+        let unfiltered = wgpu::TextureSampleType::Float { filterable: false };
+        let light = texture_type(unfiltered, wgpu::TextureViewDimension::D2);
+        let tone_layout = gpu.bind_layout("tone map", wgpu::ShaderStages::FRAGMENT, [light]);
         let tone_module = module(device, "tone map", &compose(&[FRAME, TONE]));
         Self {
             output,
@@ -237,7 +233,7 @@ impl ScreenPipelines {
                 buffers: &[],
                 groups: &[],
                 constants: &[],
-                coat: Coat::Opaque,
+                blending: Blending::Opaque,
                 is_double_sided: true,
                 topology: wgpu::PrimitiveTopology::TriangleList,
             };
@@ -245,14 +241,8 @@ impl ScreenPipelines {
             pipeline.build_with(gpu, key.samples, &constants)
         });
         if self.light.as_ref().is_none_or(|(view, _)| *view != targets.light) {
-            let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("tone map"),
-                layout: &self.tone_layout,
-                entries: &[wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(&targets.light),
-                }],
-            });
+            let light = wgpu::BindingResource::TextureView(&targets.light);
+            let group = gpu.bind_group("tone map", &self.tone_layout, [light]);
             self.light = Some((targets.light.clone(), group));
         }
     }
@@ -344,7 +334,7 @@ pub(crate) struct Targets {
 
 impl Targets {
     /// For pictures of a size with sides of at least one pixel.
-    pub(crate) fn new(gpu: &Gpu, size: [u32; 2], samples: u32) -> Result<Self, GpuError> {
+    pub(crate) fn new(gpu: &Gpu, size: [u32; 2], samples: u32) -> Result<Self> {
         let allowed = gpu.limits().max_texture_dimension_2d;
         let side = size[0].max(size[1]);
         if side > allowed {

@@ -18,6 +18,11 @@ pub const SHADING: &str = include_str!("shaders/shading.wgsl");
 /// Group 0 of shadow maps. Stands alone.
 pub const CASTER: &str = include_str!("shaders/caster.wgsl");
 
+/// The texture function: `tile_sample`, `fan_weights`, `fan_mesh_normal`. Needs [`SURFACE`]; group 1 is
+/// [`FanModel::texture_group`](crate::FanModel::texture_group).
+pub const FAN: [&str; 4] =
+    [FAN_LOOKUP, FAN_GEOMETRY, include_str!("shaders/fan_finish.wgsl"), include_str!("shaders/fan.wgsl")];
+
 /// What shaders of surfaces begin with.
 pub const SURFACE: [&str; 4] = [FRAME, ENVIRONMENT, LAMPS, SHADING];
 
@@ -28,8 +33,6 @@ pub(crate) const UV_MATERIAL: &str = include_str!("shaders/uv_material.wgsl");
 pub(crate) const UV: &str = include_str!("shaders/uv.wgsl");
 pub(crate) const FAN_LOOKUP: &str = include_str!("shaders/fan_lookup.wgsl");
 pub(crate) const FAN_GEOMETRY: &str = include_str!("shaders/fan_geometry.wgsl");
-pub(crate) const FAN_FINISH: &str = include_str!("shaders/fan_finish.wgsl");
-pub(crate) const FAN: &str = include_str!("shaders/fan.wgsl");
 pub(crate) const FAN_COLORS: &str = include_str!("shaders/fan_colors.wgsl");
 pub(crate) const FAN_ATLAS: &str = include_str!("shaders/fan_atlas.wgsl");
 pub(crate) const FAN_CASTER: &str = include_str!("shaders/fan_caster.wgsl");
@@ -60,7 +63,7 @@ pub fn all() -> Vec<(&'static str, String)> {
         ("tone", compose(&[FRAME, TONE])),
         ("lines", compose(&[FRAME, LINES])),
         ("uv", compose_surface(&[UV_MATERIAL, UV])),
-        ("fan", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_FINISH, FAN])),
+        ("fan", compose_surface(&FAN)),
         ("fan_colors", compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_COLORS])),
         ("fan_atlas", FAN_ATLAS.to_owned()),
         ("fan_caster", compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER])),

@@ -27,12 +27,12 @@ pub struct SurfaceKey {
 
 /// How a surface covers what lies behind it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Coat {
+pub enum Blending {
     /// It hides it.
     #[default]
     Opaque,
     /// It is laid over it, premultiplied by its opacity, without hiding what is drawn later behind it.
-    Layered,
+    Over,
 }
 
 /// The parts of a surface's pipeline that differ.
@@ -53,7 +53,7 @@ pub struct SurfacePipeline<'a> {
     /// Values of the shader's own overrides.
     pub constants: &'a [(&'a str, f64)],
     /// How it covers what lies behind it.
-    pub coat: Coat,
+    pub blending: Blending,
     /// Whether triangles are seen from behind.
     pub is_double_sided: bool,
     /// Triangles or lines.
@@ -106,7 +106,7 @@ impl SurfacePipeline<'_> {
             immediate_size: 0,
         });
         let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-        let is_opaque = self.coat == Coat::Opaque;
+        let is_opaque = self.blending == Blending::Opaque;
         device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(self.label),
             layout: Some(&layout),

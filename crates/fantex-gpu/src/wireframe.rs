@@ -3,11 +3,13 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
+use fantex_base::Result;
 use glam::Vec3;
 
 use crate::frame::LinesRecord;
+use crate::gpu::UNIFORM;
 use crate::shader::{FRAME, LINES, compose, module};
-use crate::{Coat, Gpu, GpuError, ModelSpace, SurfaceKey, SurfacePipeline, WireframeOptions};
+use crate::{Blending, Gpu, ModelSpace, SurfaceKey, SurfacePipeline, WireframeOptions};
 
 /// The edges of one mesh on the device.
 #[derive(Debug)]
@@ -33,7 +35,7 @@ impl Wireframe {
         gpu: &Gpu,
         space: &ModelSpace,
         options: &WireframeOptions,
-    ) -> Result<(), GpuError> {
+    ) -> Result<()> {
         match lines {
             Some(lines) if Arc::ptr_eq(&lines.points, &space.points) => {
                 if lines.options != *options {
@@ -46,7 +48,7 @@ impl Wireframe {
         Ok(())
     }
 
-    fn new(gpu: &Gpu, space: &ModelSpace, options: &WireframeOptions) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, space: &ModelSpace, options: &WireframeOptions) -> Result<Self> {
         let device = &gpu.device;
         let edges = edges(&space.triangles);
         let bytes = size_of_val(&edges[..]) as u64;
@@ -56,24 +58,8 @@ impl Wireframe {
         }
         let record = record(options);
         let uniforms = gpu.buffer("lines", bytemuck::bytes_of(&record), wgpu::BufferUsages::UNIFORM);
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("lines"),
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::FRAGMENT,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: false,
-                    min_binding_size: None,
-                },
-                count: None,
-            }],
-        });
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("lines"),
-            layout: &layout,
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: uniforms.as_entire_binding() }],
-        });
+        let layout = gpu.bind_layout("lines", wgpu::ShaderStages::FRAGMENT, [UNIFORM]);
+        let group = gpu.bind_group("lines", &layout, [uniforms.as_entire_binding()]);
         Ok(Self {
             points: Arc::clone(&space.points),
             positions: gpu.buffer(
@@ -111,7 +97,7 @@ impl Wireframe {
                 })],
                 groups: &[layout],
                 constants: &[],
-                coat: Coat::Layered,
+                blending: Blending::Over,
                 is_double_sided: true,
                 topology: wgpu::PrimitiveTopology::LineList,
             };

@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use compio::buf::{BufResult, IntoInner, IoBuf};
 use compio::io::AsyncReadAt;
-use fantex_base::Random;
+use fantex_base::{Random, Result};
 use fantex_store::{Asset, ByteSource, ClusterId, FileSource};
 use rayon::prelude::*;
 
@@ -24,7 +24,7 @@ use crate::read::{
     BufferPool, FileReadOptions, QueuedReader, ReadRequest, ReaderInfo, open_file_reader, open_in_runtime,
     ring_runtime, takes_direct_io, threaded_reader,
 };
-use crate::{ClusterLoader, ClusterLoaderOptions, LoaderError, LoaderStatistics, Parcel, ParcelLoader};
+use crate::{ClusterLoader, ClusterLoaderOptions, LoaderStatistics, Parcel, ParcelLoader};
 
 /// Blocks of plain reads start at multiples of this.
 const ALIGNMENT: u64 = 4096;
@@ -87,6 +87,10 @@ pub fn mean_cluster_bytes(asset: &Asset) -> usize {
 
 /// Reads blocks at random places of a file, by direct I/O where possible, in a plain loop over the system's completion queue
 /// (by threads where it has none).
+///
+/// # Errors
+///
+/// The file cannot be opened or read.
 pub fn plain_reads(path: &Path, block_bytes: usize, load: &DiskLoad) -> io::Result<DiskSpeed> {
     let direct = takes_direct_io(path);
     let blocks = std::fs::metadata(path)?.len().saturating_sub(block_bytes as u64) / ALIGNMENT + 1;
@@ -127,6 +131,10 @@ pub fn plain_reads(path: &Path, block_bytes: usize, load: &DiskLoad) -> io::Resu
 }
 
 /// Reads random clusters of an asset in a file, and does nothing with them.
+///
+/// # Errors
+///
+/// The file cannot be opened or read.
 pub fn queued_reads(asset: &Asset, load: &DiskLoad) -> io::Result<DiskSpeed> {
     let options = FileReadOptions { depth: load.depth, ..FileReadOptions::default() };
     let mut reader = open_file_reader(asset.path(), &options)?;
@@ -174,11 +182,15 @@ fn random_reads(
 /// Loads random clusters, a parcel of each, through a loader. Counts stored bytes of clusters, and gives the loader's own counts
 /// (among them the bytes of all texels in these clusters, which can be taken from it).
 /// (Clusters that are still in its cache are not counted.)
+///
+/// # Errors
+///
+/// As [`ClusterLoader::open`].
 pub fn loaded_clusters(
     asset: &Arc<Asset>,
     options: &ClusterLoaderOptions,
     load: &DiskLoad,
-) -> Result<(DiskSpeed, LoaderStatistics), LoaderError> {
+) -> Result<(DiskSpeed, LoaderStatistics)> {
     let mut options = options.clone();
     options.file.depth = load.depth;
     // What was read once counts once.
@@ -214,6 +226,10 @@ pub fn loaded_clusters(
 }
 
 /// Checks and unpacks random clusters from memory, on all of the global pool's threads. Clusters that cannot be read are left out.
+///
+/// # Errors
+///
+/// The file cannot be opened or read.
 pub fn unpacked_clusters(asset: &Asset, load: &DiskLoad) -> io::Result<DiskSpeed> {
     let clusters: Vec<ClusterId> = asset.clusters().collect();
     let mut random = Random::of_seeds([load.seed, 0, 0]);

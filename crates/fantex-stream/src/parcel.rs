@@ -177,25 +177,25 @@ impl ParcelLayout {
     pub(crate) fn new(mut slots: Vec<Slot>) -> Self {
         // So many of the highest side by side.
         let mut widths = vec![0];
-        for slot in slots.iter().take(MOST_COLUMNS) {
+        for slot in slots.iter().take(MAX_COLUMNS) {
             widths.push(widths[widths.len() - 1] + slot.extent[0]);
         }
-        let widest = slots.iter().map(|slot| slot.extent[0]).max().unwrap_or(0);
-        widths.retain(|&width| width >= widest);
+        let max_width = slots.iter().map(|slot| slot.extent[0]).max().unwrap_or(0);
+        widths.retain(|&width| width >= max_width);
         let cost = |&width: &u32| {
             let [columns, rows] = place(&mut slots, width);
-            (columns.max(rows) > WIDEST, columns * rows, columns.max(rows))
+            (columns.max(rows) > MAX_SIDE, columns * rows, columns.max(rows))
         };
-        let width = widths.into_iter().min_by_key(cost).unwrap_or(widest);
+        let width = widths.into_iter().min_by_key(cost).unwrap_or(max_width);
         Self { extent: place(&mut slots, width), slots }
     }
 }
 
 /// Columns and rows of a bundle's rectangle, where that is possible: strips are hard to place.
-const WIDEST: u32 = 64;
+const MAX_SIDE: u32 = 64;
 
 /// Tiles side by side, at most.
-const MOST_COLUMNS: usize = 8;
+const MAX_COLUMNS: usize = 8;
 
 /// A bundle's pages, the highest first, not placed yet. `level`: level and extent that a group contributes, if any.
 pub(crate) fn slots(
@@ -247,7 +247,7 @@ mod tests {
             let level = |group: u32| (group % 7 != 3).then(|| (2, extents[group as usize]));
             let bundle = next(40u32.div_ceil(BUNDLE_TILES[step as usize]));
             let layout = ParcelLayout::new(slots(bundle, step, 40, level));
-            assert!(layout.extent.iter().all(|&n| n <= WIDEST), "{:?}", layout.extent);
+            assert!(layout.extent.iter().all(|&n| n <= MAX_SIDE), "{:?}", layout.extent);
             let mut cells = std::collections::HashSet::new();
             for slot in &layout.slots {
                 assert_eq!(slot.extent, extents[slot.page.group as usize]);

@@ -343,7 +343,7 @@ struct Velocity {
 }
 
 /// A prediction turns the camera by no more than this, radians.
-const MOST_PREDICTED_TURN: f32 = 0.5;
+const MAX_PREDICTED_TURN: f32 = 0.5;
 
 /// A camera that turns by more than this in one frame has jumped, radians.
 const CUT_TURN: f32 = 0.2;
@@ -384,7 +384,7 @@ impl Motion {
         if !self.is_steady {
             return None;
         }
-        let turn = (velocity.turn * ahead_seconds).clamp_length_max(MOST_PREDICTED_TURN);
+        let turn = (velocity.turn * ahead_seconds).clamp_length_max(MAX_PREDICTED_TURN);
         Some(StreamView {
             eye: view.eye + velocity.travel * ahead_seconds,
             axes: Mat3::from_quat(Quat::from_scaled_axis(turn)) * view.axes,

@@ -75,7 +75,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
     workspace.finish();
     match (workspace.failure, workspace.lost) {
         (Some(failure), _) => failed(&failure),
-        (None, Some(reason)) => failed(&fantex_gpu::GpuError::DeviceLost { reason }),
+        (None, Some(reason)) => failed(&fantex_gpu::device_lost(&reason)),
         (None, None) => ExitCode::SUCCESS,
     }
 }
@@ -308,7 +308,7 @@ impl<'a> Shell<'a> {
         self.workspace.viewer.notice_changes(seconds);
         if let Err(error) = self.scene.update(&mut self.workspace.viewer, seconds) {
             self.scene.abandon_picture(&mut self.workspace.viewer);
-            if !matches!(error, fantex_gpu::GpuError::DeviceLost { .. }) {
+            if self.scene.gpu().lost().is_none() {
                 self.workspace.viewer.notices.error(format!("{error}."), seconds);
             }
         }

@@ -16,7 +16,7 @@ use crate::{Baked, all_parcels, baked, check_all, clusters, expected, expected_p
 /// Budgets so small that every limit is met all the time.
 fn tight() -> ClusterLoaderOptions {
     ClusterLoaderOptions {
-        flight_bytes: 1,
+        in_flight_bytes: 1,
         cache_bytes: 300 << 10,
         stored_cache_bytes: 0,
         ready_bytes: 1,
@@ -298,7 +298,7 @@ fn neighbours_are_read_together_and_clusters_are_kept() {
 fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
     let baked = baked(BakeFormat::Bc7);
     let options = ClusterLoaderOptions {
-        flight_bytes: 400 << 10,
+        in_flight_bytes: 400 << 10,
         cache_bytes: 600 << 10,
         stored_cache_bytes: 300 << 10,
         ready_bytes: 500 << 10,
@@ -315,7 +315,7 @@ fn memory_keeps_within_its_budgets_while_nobody_takes_pages() {
     let begin = Instant::now();
     while begin.elapsed() < Duration::from_millis(400) {
         let now = loader.statistics();
-        assert!(now.flight_bytes <= (400 << 10) + (300 << 10), "{now:?}");
+        assert!(now.in_flight_bytes <= (400 << 10) + (300 << 10), "{now:?}");
         assert!(now.cache_bytes <= 600 << 10 && now.stored_cache_bytes <= 300 << 10, "{now:?}");
         // A batch per worker, and its last page.
         let parcel_bytes = 256 * 256 * 10;

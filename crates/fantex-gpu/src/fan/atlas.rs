@@ -12,6 +12,7 @@ use wgpu::util::StagingBelt;
 use super::FanModel;
 use super::geometry::is_paged;
 use crate::Gpu;
+use crate::gpu::SAMPLED;
 use crate::shader::{FAN_ATLAS, module};
 
 /// How many kinds of channel are drawn.
@@ -60,33 +61,19 @@ pub(crate) struct ChannelAtlas {
 }
 
 impl ChannelAtlas {
-    pub(crate) fn new(
-        device: &wgpu::Device,
-        grid: AtlasGrid,
-        channel: &Channel,
-        format: AtlasFormat,
-    ) -> Self {
-        let texture = texture(device, grid.extent(), texture_format(format, channel.srgb));
+    pub(crate) fn new(gpu: &Gpu, grid: AtlasGrid, channel: &Channel, format: AtlasFormat) -> Self {
+        let texture = texture(gpu, grid.extent(), texture_format(format, channel.srgb));
         Self { format, view: texture.create_view(&Default::default()), texture }
     }
 }
 
 /// What stands for a channel that an asset has not; it is never read.
-pub(crate) fn no_channel(device: &wgpu::Device) -> wgpu::TextureView {
-    texture(device, [1, 1], wgpu::TextureFormat::Rgba8Unorm).create_view(&Default::default())
+pub(crate) fn no_channel(gpu: &Gpu) -> wgpu::TextureView {
+    texture(gpu, [1, 1], wgpu::TextureFormat::Rgba8Unorm).create_view(&Default::default())
 }
 
-fn texture(device: &wgpu::Device, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> wgpu::Texture {
-    device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("fan atlas"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    })
+fn texture(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> wgpu::Texture {
+    gpu.texture("fan atlas", [width, height, 1], 1, format, SAMPLED)
 }
 
 // Layers of an atlas beside each other in one texture.
@@ -397,47 +384,19 @@ impl Rows {
 
 // The live atlas: what is in graphics memory, as a picture.
 
-/// Draws atlases into targets of one format.
+/// Draws atlases into targets of one format that does not encode sRGB itself.
 #[derive(Debug)]
 pub struct AtlasViewer {
     pipeline: wgpu::RenderPipeline,
-    layout: wgpu::BindGroupLayout,
-    sampler: wgpu::Sampler,
 }
-
-/// Around the atlas where the target has other proportions, linear.
-const MARGIN: wgpu::Color = wgpu::Color { r: 0.01, g: 0.01, b: 0.01, a: 1.0 };
 
 impl AtlasViewer {
     /// For targets of a format.
     pub fn new(gpu: &Gpu, output: wgpu::TextureFormat) -> Self {
-        let device = &gpu.device;
-        let entry = |binding, ty| wgpu::BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::FRAGMENT,
-            ty,
-            count: None,
-        };
-        let texture = wgpu::BindingType::Texture {
-            sample_type: wgpu::TextureSampleType::Float { filterable: true },
-            view_dimension: wgpu::TextureViewDimension::D2,
-            multisampled: false,
-        };
-        let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+        let module = module(&gpu.device, "live atlas", FAN_ATLAS);
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some("live atlas"),
-            entries: &[entry(0, texture), entry(1, sampler)],
-        });
-        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some("live atlas"),
-            bind_group_layouts: &[Some(&layout)],
-            immediate_size: 0,
-        });
-        let module = module(device, "live atlas", FAN_ATLAS);
-        let encodes = f64::from(u8::from(!output.is_srgb()));
-        let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("live atlas"),
-            layout: Some(&pipeline_layout),
+            layout: None,
             vertex: wgpu::VertexState {
                 module: &module,
                 entry_point: Some("vs_fan_atlas"),
@@ -450,68 +409,47 @@ impl AtlasViewer {
             fragment: Some(wgpu::FragmentState {
                 module: &module,
                 entry_point: Some("fs_fan_atlas"),
-                compilation_options: wgpu::PipelineCompilationOptions {
-                    constants: &[("FAN_ATLAS_ENCODES", encodes)],
-                    ..Default::default()
-                },
+                compilation_options: Default::default(),
                 targets: &[Some(output.into())],
             }),
             multiview_mask: None,
             cache: None,
         });
-        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("live atlas"),
-            mag_filter: wgpu::FilterMode::Nearest,
-            min_filter: wgpu::FilterMode::Linear,
-            ..Default::default()
-        });
-        Self { pipeline, layout, sampler }
+        Self { pipeline }
     }
 
-    /// Draws the whole atlas of a channel as large as it fits into a target of `size` pixels, in its own proportions. Places that
-    /// pages have left show what was there until others come. Nothing is drawn where the model lacks the channel, and
+    /// Fills a target with the whole atlas of one of the asset's channels, each pixel the mean of up to four of the texels that it
+    /// covers. Places that pages have left show what was there until others come. Nothing is drawn where the channel is not, and
     /// `false` is returned.
     pub fn draw(
         &self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         target: &wgpu::TextureView,
-        size: [u32; 2],
         model: &FanModel,
-        kind: ChannelKind,
+        channel: usize,
     ) -> bool {
-        let Some(atlas) = model.atlas(kind) else { return false };
-        let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("live atlas"),
-            layout: &self.layout,
-            entries: &[
-                wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(&atlas.view),
-                },
-                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&self.sampler) },
-            ],
-        });
+        let Some(atlas) = model.atlas_texture(channel) else { return false };
+        let about = [u32::from(atlas.format().components()), u32::from(atlas.format().is_srgb()), 0, 0];
+        let about = gpu.buffer("live atlas", bytemuck::bytes_of(&about), wgpu::BufferUsages::UNIFORM);
+        let source = atlas.create_view(&Default::default());
+        let resources = [wgpu::BindingResource::TextureView(&source), about.as_entire_binding()];
+        let group = gpu.bind_group("live atlas", &self.pipeline.get_bind_group_layout(0), resources);
+        let ops =
+            wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("live atlas"),
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
                 view: target,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(MARGIN), store: wgpu::StoreOp::Store },
+                ops,
             })],
             ..Default::default()
         });
-        let [width, height] = size.map(|n| n as f32);
-        let [columns, rows] = [atlas.texture.width(), atlas.texture.height()].map(|n| n as f32);
-        let scale = (width / columns).min(height / rows);
-        if scale > 0.0 {
-            let (w, h) = (columns * scale, rows * scale);
-            pass.set_viewport(0.5 * (width - w), 0.5 * (height - h), w, h, 0.0, 1.0);
-            pass.set_pipeline(&self.pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.draw(0..3, 0..1);
-        }
+        pass.set_pipeline(&self.pipeline);
+        pass.set_bind_group(0, &group, &[]);
+        pass.draw(0..3, 0..1);
         true
     }
 }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::num::NonZeroU64;
 
 use bytemuck::{Pod, Zeroable};
+use fantex_base::Result;
 use fantex_cover::{Cover, Group};
 use fantex_mesh::{AlphaMode, Material, ToonInterpolation, ToonScale};
 use fantex_scene::FilterOptions;
@@ -11,14 +12,13 @@ use fantex_store::{Channel, ChannelKind};
 use fantex_stream::{AtlasFormat, PageTable};
 use fantex_texture::Filter;
 use half::f16;
-use wgpu::{BindingResource, BindingType, BufferBindingType, ShaderStages};
+use wgpu::BindingResource;
 
 use super::alpha_code;
 use super::atlas::{AtlasGrid, ChannelAtlas, DRAWN_KINDS, KINDS, PageWords, no_channel};
-use crate::shader::{
-    CASTER, FAN, FAN_CASTER, FAN_FINISH, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module,
-};
-use crate::{CasterPipeline, Coat, Gpu, GpuError, SurfaceKey, SurfacePipeline};
+use crate::gpu::{FILTERED, SAMPLED, SAMPLER, STORAGE, UNIFORM, dynamic_uniform, texture_type};
+use crate::shader::{CASTER, FAN, FAN_CASTER, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module};
+use crate::{Blending, CasterPipeline, Gpu, SurfaceKey, SurfacePipeline};
 
 /// What an asset's texture function is made of, as far as the GPU is concerned.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +50,7 @@ impl FanBindings {
     pub(crate) fn new(gpu: &Gpu, source: BindingSource<'_>, mean: impl Fn(usize, u32) -> [f32; 4]) -> Self {
         let BindingSource { cover, channels, formats, grid, pages } = source;
         let parts = Parts {
-            layout: layout(&gpu.device),
+            layout: layout(gpu),
             tables: FanTables::new(gpu, cover, channels, pages, mean),
             params: FanParams::new(cover, channels, grid, &FilterOptions::default()),
             channels: channels.to_vec(),
@@ -62,7 +62,7 @@ impl FanBindings {
     pub(crate) fn with_atlas(&self, gpu: &Gpu, grid: AtlasGrid, formats: &[AtlasFormat]) -> Self {
         let parts = Parts {
             layout: self.layout.clone(),
-            tables: self.tables.without_pages(&gpu.device),
+            tables: self.tables.without_pages(gpu),
             params: self.params.with_grid(grid),
             channels: self.channels.clone(),
         };
@@ -78,18 +78,15 @@ impl FanBindings {
         }
     }
 
-    /// Values of the overrides of `fan_lookup.wgsl` that say which channels there are.
-    pub(crate) fn channel_constants(&self) -> [(&'static str, f64); KINDS] {
-        let [base_color, normal, material, emission, light, anisotropy] =
-            self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
-        [
-            ("FAN_BASE_COLOR", base_color),
-            ("FAN_NORMAL", normal),
-            ("FAN_MATERIAL", material),
-            ("FAN_EMISSION", emission),
-            ("FAN_LIGHT", light),
-            ("FAN_ANISOTROPY", anisotropy),
-        ]
+    /// Values of the overrides of `fan_lookup.wgsl`.
+    pub(crate) fn constants(&self, filter: Filter, is_paged: bool) -> Vec<(&'static str, f64)> {
+        const CHANNELS: [&str; KINDS] =
+            ["FAN_BASE_COLOR", "FAN_NORMAL", "FAN_MATERIAL", "FAN_EMISSION", "FAN_LIGHT", "FAN_ANISOTROPY"];
+        let has = self.drawn.map(|channel| f64::from(u8::from(channel.is_some())));
+        let mut constants: Vec<_> = CHANNELS.into_iter().zip(has).collect();
+        constants.push(("FAN_FILTER", shader_filter(filter).into()));
+        constants.push(("FAN_PAGED", u8::from(is_paged).into()));
+        constants
     }
 }
 
@@ -112,7 +109,7 @@ impl Parts {
         let drawn = DRAWN_KINDS.map(|kind| channels.iter().position(|c| c.kind == kind));
         let atlas = |index: usize| {
             let is_drawn = drawn.contains(&Some(index));
-            is_drawn.then(|| ChannelAtlas::new(device, grid, &channels[index], formats[index]))
+            is_drawn.then(|| ChannelAtlas::new(gpu, grid, &channels[index], formats[index]))
         };
         let atlases: Vec<_> = (0..channels.len()).map(atlas).collect();
         let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -121,7 +118,7 @@ impl Parts {
             min_filter: wgpu::FilterMode::Linear,
             ..Default::default()
         });
-        let nothing = no_channel(device);
+        let nothing = no_channel(gpu);
         let view = |kind: usize| {
             let atlas = drawn[kind].and_then(|channel| atlases[channel].as_ref());
             BindingResource::TextureView(atlas.map_or(&nothing, |atlas| &atlas.view))
@@ -141,45 +138,17 @@ impl Parts {
             view(4),
             view(5),
         ];
-        let entries: Vec<_> = resources
-            .into_iter()
-            .zip(0..)
-            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
-            .collect();
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("fan model"),
-            layout: &layout,
-            entries: &entries,
-        });
+        let group = gpu.bind_group("fan model", &layout, resources);
         FanBindings { layout, group, atlases, tables, drawn, channels, params, params_buffer }
     }
 }
 
-fn layout(device: &wgpu::Device) -> wgpu::BindGroupLayout {
-    let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
-    let storage = buffer(BufferBindingType::Storage { read_only: true });
-    let texture = |sample_type| BindingType::Texture {
-        sample_type,
-        view_dimension: wgpu::TextureViewDimension::D2,
-        multisampled: false,
-    };
+fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
+    let texture = |sample_type| texture_type(sample_type, wgpu::TextureViewDimension::D2);
     let words = texture(wgpu::TextureSampleType::Uint);
-    let texture = texture(wgpu::TextureSampleType::Float { filterable: true });
-    let sampler = BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
-    let uniform = buffer(BufferBindingType::Uniform);
-    let tables = [uniform, storage, words, storage, storage, sampler];
-    let types = tables.into_iter().chain([texture; KINDS]);
-    let entry = |(ty, binding)| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility: ShaderStages::VERTEX_FRAGMENT,
-        ty,
-        count: None,
-    };
-    let entries: Vec<_> = types.zip(0..).map(entry).collect();
-    device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("fan model"),
-        entries: &entries,
-    })
+    let tables = [UNIFORM, STORAGE, words, STORAGE, STORAGE, SAMPLER];
+    let types = tables.into_iter().chain([texture(FILTERED); KINDS]);
+    gpu.bind_layout("fan model", wgpu::ShaderStages::VERTEX_FRAGMENT, types)
 }
 
 // What the texture function needs on the GPU besides triangles and texels: groups, pages, means, frames.
@@ -284,32 +253,23 @@ impl FanTables {
         let frames = cover.groups.iter().filter(|_| has_vectors).map(frame);
         Self {
             groups: storage(gpu, "fan groups", &groups.collect::<Vec<[u32; 2]>>()),
-            pages: page_texture(&gpu.device, PageWords::extent(pages.len())),
+            pages: page_texture(gpu, PageWords::extent(pages.len())),
             means: storage(gpu, "fan means", &means.collect::<Vec<[f16; 4]>>()),
             frames: storage(gpu, "fan frames", &frames.collect::<Vec<[f32; 6]>>()),
         }
     }
 
     /// The same tables, but nothing is resident.
-    pub(crate) fn without_pages(&self, device: &wgpu::Device) -> Self {
-        let pages = page_texture(device, [self.pages.width(), self.pages.height()]);
+    pub(crate) fn without_pages(&self, gpu: &Gpu) -> Self {
+        let pages = page_texture(gpu, [self.pages.width(), self.pages.height()]);
         let [groups, means, frames] = [&self.groups, &self.means, &self.frames].map(wgpu::Buffer::clone);
         Self { groups, pages, means, frames }
     }
 }
 
 /// All zero: nothing is resident.
-fn page_texture(device: &wgpu::Device, [width, height]: [u32; 2]) -> wgpu::Texture {
-    device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("fan pages"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::R32Uint,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    })
+fn page_texture(gpu: &Gpu, [width, height]: [u32; 2]) -> wgpu::Texture {
+    gpu.texture("fan pages", [width, height, 1], 1, wgpu::TextureFormat::R32Uint, SAMPLED)
 }
 
 /// Bytes of a group's frame.
@@ -386,8 +346,8 @@ pub(crate) struct FanMaterials {
 }
 
 impl FanMaterials {
-    pub(crate) fn new(gpu: &Gpu, materials: &[Material]) -> Result<Self, GpuError> {
-        let (device, limits) = (&gpu.device, gpu.limits());
+    pub(crate) fn new(gpu: &Gpu, materials: &[Material]) -> Result<Self> {
+        let limits = gpu.limits();
         let stride =
             size_of::<MaterialRecord>().next_multiple_of(limits.min_uniform_buffer_offset_alignment as usize);
         let (bytes, allowed) =
@@ -402,31 +362,10 @@ impl FanMaterials {
         }
         let buffer = gpu.buffer("fan materials", &contents, wgpu::BufferUsages::UNIFORM);
         let size = NonZeroU64::new(size_of::<MaterialRecord>() as u64);
-        let layout = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: Some("fan material"),
-            entries: &[wgpu::BindGroupLayoutEntry {
-                binding: 0,
-                visibility: wgpu::ShaderStages::FRAGMENT,
-                ty: wgpu::BindingType::Buffer {
-                    ty: wgpu::BufferBindingType::Uniform,
-                    has_dynamic_offset: true,
-                    min_binding_size: size,
-                },
-                count: None,
-            }],
-        });
-        let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("fan material"),
-            layout: &layout,
-            entries: &[wgpu::BindGroupEntry {
-                binding: 0,
-                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: &buffer,
-                    offset: 0,
-                    size,
-                }),
-            }],
-        });
+        let types = [dynamic_uniform(size_of::<MaterialRecord>() as u64)];
+        let layout = gpu.bind_layout("fan material", wgpu::ShaderStages::FRAGMENT, types);
+        let record = wgpu::BufferBinding { buffer: &buffer, offset: 0, size };
+        let group = gpu.bind_group("fan material", &layout, [BindingResource::Buffer(record)]);
         Ok(Self { layout, group, stride: stride as u32 })
     }
 
@@ -513,7 +452,7 @@ impl Shape {
 
 impl FanPipelines {
     pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let surface = compose_surface(&[FAN_LOOKUP, FAN_GEOMETRY, FAN_FINISH, FAN]);
+        let surface = compose_surface(&FAN);
         let caster = compose(&[CASTER, FAN_LOOKUP, FAN_GEOMETRY, FAN_CASTER]);
         Self {
             surface: module(device, "fan", &surface),
@@ -533,9 +472,7 @@ impl FanPipelines {
     ) {
         let Part { shape, surface, is_paged } = part;
         self.surfaces.entry((frame, part)).or_insert_with(|| {
-            let mut constants = bindings.channel_constants().to_vec();
-            constants.push(("FAN_FILTER", shader_filter(frame.filter).into()));
-            constants.push(("FAN_PAGED", u8::from(is_paged).into()));
+            let mut constants = bindings.constants(frame.filter, is_paged);
             constants.push(("FAN_OVERLAY", frame.overlay.code().into()));
             constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
             constants.push(("FAN_TOON", u8::from(surface.is_toon).into()));
@@ -551,7 +488,7 @@ impl FanPipelines {
                 buffers: &[Some(shape.layout())],
                 groups: &[&bindings.layout, material],
                 constants: &constants,
-                coat: if surface.alpha_mode == 2 { Coat::Layered } else { Coat::Opaque },
+                blending: if surface.alpha_mode == 2 { Blending::Over } else { Blending::Opaque },
                 is_double_sided: surface.is_double_sided,
                 topology: wgpu::PrimitiveTopology::TriangleList,
             };
@@ -572,8 +509,7 @@ impl FanPipelines {
         surface: Surface,
     ) {
         self.casters.entry((shape, surface.alpha_mode)).or_insert_with(|| {
-            let mut constants = bindings.channel_constants().to_vec();
-            constants.push(("FAN_FILTER", shader_filter(fantex_texture::Filter::Trilinear).into()));
+            let mut constants = bindings.constants(Filter::Trilinear, true);
             constants.push(("FAN_ALPHA_MODE", surface.alpha_mode.into()));
             let is_solid = surface.alpha_mode == 0;
             let pipeline = CasterPipeline {

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use super::bindings::{FanBindings, FanMaterials};
 use crate::shader::{FAN_COLORS, FAN_GEOMETRY, FAN_LOOKUP, compose_surface, module};
-use crate::{Coat, Gpu, ModelSpace, SurfaceKey, SurfacePipeline};
+use crate::{Blending, Gpu, ModelSpace, SurfaceKey, SurfacePipeline};
 
 /// A corner of plain triangles.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -303,7 +303,7 @@ impl FanColors {
             buffers: &layout,
             groups: &groups,
             constants: &[],
-            coat: Coat::Opaque,
+            blending: Blending::Opaque,
             is_double_sided,
             topology: wgpu::PrimitiveTopology::TriangleList,
         };

@@ -86,22 +86,23 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 pub use atlas::AtlasViewer;
-use atlas::{AtlasGrid, ChannelAtlas, DRAWN_KINDS, PageWords, Uploader, atlas_formats};
+use atlas::{AtlasGrid, PageWords, Uploader, atlas_formats};
 use bindings::{BindingSource, FanBindings, FanMaterials, FanPipelines, FanTables, Part, Shape, Surface};
+use fantex_base::Result;
 use fantex_cover::Cover;
 use fantex_mesh::{AlphaMode, Material, Mesh, Twins, shading_normals};
 use fantex_scene::{Camera, FilterOptions};
-use fantex_store::{Asset, Channel, ChannelKind};
+use fantex_store::{Asset, Channel};
 use fantex_stream::{
     AtlasFormat, AtlasShape, ClusterLoader, ClusterLoaderOptions, FrameChanges, FrameOptions, Geometry,
-    LoaderError, PageTable, ParcelLoader, StreamView, Streamer, StreamerOptions,
+    PageTable, ParcelLoader, StreamView, Streamer, StreamerOptions,
 };
 use fantex_texture::Filter;
 use geometry::{FanColors, GeometryChunk, GeometrySource, MaterialRun};
 use glam::Vec3;
 
 use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
-use crate::{FrameContext, Gpu, GpuError, Model, ModelSpace, Overlay, SurfaceKey, View};
+use crate::{FrameContext, Gpu, Model, ModelSpace, Overlay, SurfaceKey, View};
 
 // A fan-textured model.
 
@@ -178,12 +179,7 @@ impl FanModel {
     /// # Errors
     ///
     /// As [`FanModel::new`].
-    pub fn of_asset(
-        gpu: &Gpu,
-        asset: &Asset,
-        pages: &PageTable,
-        budget_bytes: u64,
-    ) -> Result<Self, GpuError> {
+    pub fn of_asset(gpu: &Gpu, asset: &Asset, pages: &PageTable, budget_bytes: u64) -> Result<Self> {
         let formats = Self::atlas_formats(gpu, asset.channels());
         let source = FanModelSource {
             mesh: asset.mesh(),
@@ -205,7 +201,7 @@ impl FanModel {
         gpu: &Gpu,
         source: &FanModelSource<'_>,
         mean: impl Fn(usize, u32) -> [f32; 4],
-    ) -> Result<Self, GpuError> {
+    ) -> Result<Self> {
         let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
         let limits = gpu.limits();
         let longest = FanTables::longest_bytes(cover, channels);
@@ -264,7 +260,7 @@ impl FanModel {
         cover: &Cover,
         pages: &PageTable,
         shape: AtlasShape,
-    ) -> Result<(), GpuError> {
+    ) -> Result<()> {
         let allowed = gpu.limits().max_texture_dimension_2d;
         if AtlasGrid::fitting(shape, allowed) != shape {
             return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
@@ -307,6 +303,21 @@ impl FanModel {
         self.filled().atlases.get(channel)?.as_ref().map(|atlas| &atlas.texture)
     }
 
+    /// Bind group 1 of shaders that evaluate the texture function ([`shader::FAN`](crate::shader::FAN)), and its layout.
+    pub fn texture_group(&self) -> (&wgpu::BindGroup, &wgpu::BindGroupLayout) {
+        (&self.bindings.group, &self.bindings.layout)
+    }
+
+    /// Values of the overrides of such shaders, for a filter and for tiles of [several pages](fantex_store::PAGE) or of one.
+    pub fn texture_constants(&self, filter: Filter, is_paged: bool) -> Vec<(&'static str, f64)> {
+        self.bindings.constants(filter, is_paged)
+    }
+
+    /// Has such shaders use a filter; frames do it themselves.
+    pub fn set_filter(&mut self, gpu: &Gpu, filter: &FilterOptions) {
+        self.bindings.set_filter(&gpu.queue, filter);
+    }
+
     /// Bytes of graphics memory that texels take: those of the channels that are drawn, in the atlas that takes pages.
     pub fn texel_bytes(&self) -> u64 {
         let drawn = self.bindings.atlases.iter().flatten().map(|atlas| atlas.format);
@@ -333,13 +344,6 @@ impl FanModel {
         if self.surfaces.iter().any(|m| m.alpha_mode != 0) {
             self.shadow_revision += 1;
         }
-    }
-
-    /// The atlas of a channel, if it is drawn.
-    pub(crate) fn atlas(&self, kind: ChannelKind) -> Option<&ChannelAtlas> {
-        let kind = DRAWN_KINDS.iter().position(|&k| k == kind)?;
-        let bindings = self.filled();
-        bindings.drawn[kind].and_then(|channel| bindings.atlases[channel].as_ref())
     }
 
     /// Draws the chunks: `pipeline` says with which pipeline a surface is drawn, if at all.
@@ -423,7 +427,7 @@ impl Model for FanModel {
         gpu: &Gpu,
         _encoder: &mut wgpu::CommandEncoder,
         frame: &FrameContext<'_>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<()> {
         self.bindings.set_filter(&gpu.queue, &frame.options.filter);
         self.blended.sort(gpu, frame);
         self.key = Some(frame.key);
@@ -498,7 +502,7 @@ impl Chunk {
 }
 
 impl Blended {
-    fn new(gpu: &Gpu, geometry: &GeometrySource<'_>, triangles: &[u32]) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, geometry: &GeometrySource<'_>, triangles: &[u32]) -> Result<Self> {
         let corners: Vec<_> = triangles.iter().flat_map(|&t| geometry.border_corners(t as usize)).collect();
         let (bytes, allowed) = (size_of_val(corners.as_slice()) as u64, gpu.limits().max_buffer_size);
         if bytes > allowed {
@@ -553,18 +557,6 @@ pub(crate) fn alpha_code(mode: AlphaMode) -> u32 {
 
 // Models that bring their own pages: a streamer and a model put together.
 
-/// An asset cannot be drawn.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum StreamedModelError {
-    /// Its file cannot be read.
-    #[error(transparent)]
-    Loader(#[from] LoaderError),
-    /// The device cannot take it.
-    #[error(transparent)]
-    Gpu(#[from] GpuError),
-}
-
 /// An asset on the device, whose pages come as views need them.
 pub struct StreamedModel {
     /// What is drawn.
@@ -585,7 +577,7 @@ impl std::fmt::Debug for StreamedModel {
 const PAUSE: Duration = Duration::from_millis(1);
 
 /// Another atlas is shown after so long, whatever it still lacks.
-const LONGEST_FILLING_SECONDS: f32 = 3.0;
+const MAX_FILLING_SECONDS: f32 = 3.0;
 
 impl StreamedModel {
     /// An open asset, read where it was opened, with texels in at most `budget_bytes` of graphics memory.
@@ -593,9 +585,9 @@ impl StreamedModel {
     /// # Errors
     ///
     /// The file cannot be opened for streaming; the device cannot take the model.
-    pub fn open(gpu: &Gpu, asset: Arc<Asset>, budget_bytes: u64) -> Result<Self, StreamedModelError> {
+    pub fn open(gpu: &Gpu, asset: Arc<Asset>, budget_bytes: u64) -> Result<Self> {
         let loader = Self::loader(gpu, &asset)?;
-        Ok(Self::with_pages(gpu, &asset, asset.clone(), Box::new(loader), budget_bytes)?)
+        Self::with_pages(gpu, &asset, asset.clone(), Box::new(loader), budget_bytes)
     }
 
     /// What reads an asset's pages as a device wants them.
@@ -603,7 +595,7 @@ impl StreamedModel {
     /// # Errors
     ///
     /// The file cannot be opened for streaming.
-    pub fn loader(gpu: &Gpu, asset: &Arc<Asset>) -> Result<ClusterLoader, LoaderError> {
+    pub fn loader(gpu: &Gpu, asset: &Arc<Asset>) -> Result<ClusterLoader> {
         let options =
             ClusterLoaderOptions { block_compressed: gpu.has_block_compression(), ..Default::default() };
         ClusterLoader::open(Arc::clone(asset), &options)
@@ -621,7 +613,7 @@ impl StreamedModel {
         geometry: Arc<dyn Geometry>,
         loader: Box<dyn ParcelLoader>,
         budget_bytes: u64,
-    ) -> Result<Self, GpuError> {
+    ) -> Result<Self> {
         let atlas = FanModel::atlas_shape(gpu, budget_bytes, &FanModel::atlas_formats(gpu, asset.channels()));
         let options = StreamerOptions { atlas, ..StreamerOptions::default() };
         let streamer = Streamer::new(geometry, loader, options);
@@ -636,7 +628,7 @@ impl StreamedModel {
         self.model.update(gpu, &changes);
         if self.model.has_hidden_atlas() {
             self.filling_seconds += frame.elapsed_seconds;
-            if self.streamer.is_settled() || self.filling_seconds > LONGEST_FILLING_SECONDS {
+            if self.streamer.is_settled() || self.filling_seconds > MAX_FILLING_SECONDS {
                 self.model.finish_atlas();
             }
         }
@@ -649,7 +641,7 @@ impl StreamedModel {
     /// # Errors
     ///
     /// The device cannot take the atlas; then everything is as it was.
-    pub fn set_budget(&mut self, gpu: &Gpu, budget_bytes: u64) -> Result<(), GpuError> {
+    pub fn set_budget(&mut self, gpu: &Gpu, budget_bytes: u64) -> Result<()> {
         let shape = FanModel::atlas_shape(gpu, budget_bytes, self.model.formats());
         if shape == self.model.shape() {
             return Ok(());
@@ -673,7 +665,7 @@ impl StreamedModel {
         view: &StreamView,
         filter: &FilterOptions,
         patience: Duration,
-    ) -> Result<bool, GpuError> {
+    ) -> Result<bool> {
         self.streamer.set_max_anisotropy(max_anisotropy(filter));
         let frame = FrameOptions { upload_bytes: 16 << 20, ..FrameOptions::default() };
         let started = Instant::now();

@@ -9,9 +9,10 @@ use half::f16;
 use rayon::prelude::*;
 
 use crate::Gpu;
+use crate::gpu::SAMPLED;
 
 /// Most texels along a face; sharper maps are reduced.
-const SHARPEST_SIDE: u32 = 1024;
+const MAX_SIDE: u32 = 1024;
 
 /// Texels along a face of the first blurred level, and of all others. The CPU renderer's have 256, 64 and fewer.
 const FIRST_SIDE: u32 = 256;
@@ -78,7 +79,7 @@ fn sharp_side(form: EnvironmentForm, chart: [u32; 2]) -> u32 {
         EnvironmentForm::Sphere => (chart[1] * 2 / 3).next_power_of_two(),
         EnvironmentForm::DualParaboloid | EnvironmentForm::MirrorBall => (chart[0] / 2).next_power_of_two(),
     };
-    side.clamp(1, SHARPEST_SIDE)
+    side.clamp(1, MAX_SIDE)
 }
 
 /// One or several cubes in a texture.
@@ -95,16 +96,9 @@ impl Cubes {
         cubes: u32,
         light: impl Fn(usize, Vec3, [Vec3; 2]) -> Vec3 + Sync,
     ) -> Self {
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("environment"),
-            size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 6 * cubes },
-            mip_level_count: levels,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: wgpu::TextureFormat::Rgba16Float,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
+        let extent = [side, side, 6 * cubes];
+        let format = wgpu::TextureFormat::Rgba16Float;
+        let texture = gpu.texture("environment", extent, levels, format, SAMPLED);
         for level in 0..levels {
             let side = (side >> level).max(1);
             let layers = (0..6 * cubes as usize).into_par_iter();
@@ -181,16 +175,8 @@ pub(super) fn split_sum_texture(gpu: &Gpu) -> wgpu::TextureView {
         half_texel(Vec4::new(scale, bias, 0.0, 1.0))
     };
     let texels: Vec<_> = (0..SPLIT_SUM_NODES * SPLIT_SUM_NODES).map(texel).collect();
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("split sum"),
-        size: wgpu::Extent3d { width: SPLIT_SUM_NODES, height: SPLIT_SUM_NODES, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba16Float,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    write_level(gpu, &texture, 0, [SPLIT_SUM_NODES, SPLIT_SUM_NODES, 1], &texels);
+    let (extent, format) = ([SPLIT_SUM_NODES, SPLIT_SUM_NODES, 1], wgpu::TextureFormat::Rgba16Float);
+    let texture = gpu.texture("split sum", extent, 1, format, SAMPLED);
+    write_level(gpu, &texture, 0, extent, &texels);
     texture.create_view(&Default::default())
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fantex_base::Result;
 use fantex_mesh::WorldFromMesh;
 use fantex_scene::{
     Falloff, FittedView, LampView, Lens, Light, LightKind, Penumbra, Projector, ShadowOptions, Slide,
@@ -14,7 +15,8 @@ use rayon::prelude::*;
 
 use super::environment::{half_texel, write_level};
 use super::{LampRecord, SHADOW_FORMAT, ShadowFaceRecord};
-use crate::{Gpu, GpuError, ModelSpace};
+use crate::gpu::SAMPLED;
+use crate::{Gpu, ModelSpace};
 
 /// The records of lamps that have no defect, without their shadow maps. Slides are numbered in the order of the projectors.
 pub(super) fn lamp_records(lamps: &[Light], space: &WorldFromMesh) -> Vec<LampRecord> {
@@ -165,16 +167,8 @@ fn draw(slide: &Slide, side: u32, seconds: f32) -> Vec<[f16; 4]> {
 }
 
 fn texture(gpu: &Gpu, side: u32, layers: u32) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("slides"),
-        size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
-        mip_level_count: side.ilog2() + 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba16Float,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    })
+    let levels = side.ilog2() + 1;
+    gpu.texture("slides", [side, side, layers], levels, wgpu::TextureFormat::Rgba16Float, SAMPLED)
 }
 
 fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
@@ -244,7 +238,7 @@ impl ShadowMaps {
         records: &[LampRecord],
         space: &ModelSpace,
         revision: u64,
-    ) -> Result<ShadowChanges, GpuError> {
+    ) -> Result<ShadowChanges> {
         // Its colour does not change a lamp's shadow.
         let colorless = |record: &LampRecord| LampRecord { color: Vec3::ONE, ..*record };
         let wanted: Vec<_> = records.iter().zip(lamps).map(|(r, l)| (colorless(r), l.shadow)).collect();
@@ -292,12 +286,7 @@ impl ShadowMaps {
     }
 
     /// A texture with a layer for every map, as large as the largest; whether it is a new one.
-    fn make_room(
-        &mut self,
-        gpu: &Gpu,
-        lamps: &[Light],
-        fitted: &[Vec<FittedView>],
-    ) -> Result<bool, GpuError> {
+    fn make_room(&mut self, gpu: &Gpu, lamps: &[Light], fitted: &[Vec<FittedView>]) -> Result<bool> {
         let layers = fitted.iter().map(Vec::len).sum::<usize>().max(1) as u32;
         let side = lamps.iter().filter_map(|l| l.shadow).map(|s| s.resolution).max().unwrap_or(1);
         if self.texture.width() == side && self.texture.depth_or_array_layers() == layers {
@@ -377,14 +366,6 @@ fn clip_from_mesh(map_from_mesh: Mat4, near: f32, far: f32) -> Mat4 {
 }
 
 fn create(gpu: &Gpu, side: u32, layers: u32) -> wgpu::Texture {
-    gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("shadow maps"),
-        size: wgpu::Extent3d { width: side, height: side, depth_or_array_layers: layers },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: SHADOW_FORMAT,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    })
+    let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::RENDER_ATTACHMENT;
+    gpu.texture("shadow maps", [side, side, layers], 1, SHADOW_FORMAT, usage)
 }

@@ -7,14 +7,13 @@ use std::num::NonZeroU64;
 
 use bytemuck::{Pod, Zeroable};
 use environment::{EnvironmentTextures, split_sum_texture};
+use fantex_base::Result;
 use fantex_scene::{AmbientLight, Background, Camera, Light, Lights, ToneMap, view_axes};
 use glam::{DVec3, Mat3, Mat4, Vec3, Vec4};
 use lights::{ShadowFace, ShadowMaps, SlideTextures, lamp_records};
-use wgpu::{
-    BindingType, BufferBindingType, SamplerBindingType, ShaderStages, TextureSampleType, TextureViewDimension,
-};
 
-use crate::{DrawOptions, Gpu, GpuError, ModelSpace};
+use crate::gpu::{FILTERED, SAMPLER, STORAGE, UNIFORM, dynamic_uniform, texture_type};
+use crate::{DrawOptions, Gpu, ModelSpace};
 
 // The camera in mesh space.
 
@@ -112,45 +111,27 @@ pub struct FrameLayout {
 }
 
 impl FrameLayout {
-    pub(crate) fn new(device: &wgpu::Device) -> Self {
-        let layout = |label: &str, entries: &[wgpu::BindGroupLayoutEntry]| {
-            device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
-        };
-        let light = TextureSampleType::Float { filterable: true };
-        let surfaces = layout(
-            "frame",
-            &[
-                entry(
-                    0,
-                    BindingType::Buffer {
-                        ty: BufferBindingType::Uniform,
-                        has_dynamic_offset: false,
-                        min_binding_size: None,
-                    },
-                ),
-                entry(1, storage()),
-                entry(2, storage()),
-                entry(3, texture(TextureSampleType::Depth, TextureViewDimension::D2Array)),
-                entry(4, texture(light, TextureViewDimension::Cube)),
-                entry(5, texture(light, TextureViewDimension::Cube)),
-                entry(6, texture(light, TextureViewDimension::CubeArray)),
-                entry(7, texture(light, TextureViewDimension::D2)),
-                entry(8, texture(light, TextureViewDimension::D2Array)),
-                entry(9, BindingType::Sampler(SamplerBindingType::Filtering)),
-            ],
-        );
-        let casters = layout(
-            "caster",
-            &[entry(
-                0,
-                BindingType::Buffer {
-                    ty: BufferBindingType::Uniform,
-                    has_dynamic_offset: true,
-                    min_binding_size: NonZeroU64::new(64),
-                },
-            )],
-        );
-        Self { surfaces, casters }
+    pub(crate) fn new(gpu: &Gpu) -> Self {
+        use wgpu::TextureViewDimension::{Cube, CubeArray, D2, D2Array};
+        let light = |dimension| texture_type(FILTERED, dimension);
+        let shadow_maps = texture_type(wgpu::TextureSampleType::Depth, D2Array);
+        let types = [
+            UNIFORM,
+            STORAGE,
+            STORAGE,
+            shadow_maps,
+            light(Cube),
+            light(Cube),
+            light(CubeArray),
+            light(D2),
+            light(D2Array),
+            SAMPLER,
+        ];
+        let stages = wgpu::ShaderStages::VERTEX_FRAGMENT;
+        Self {
+            surfaces: gpu.bind_layout("frame", stages, types),
+            casters: gpu.bind_layout("caster", stages, [dynamic_uniform(CASTER_BYTES)]),
+        }
     }
 
     /// Of shaders that begin with [`crate::shader::FRAME`].
@@ -162,22 +143,6 @@ impl FrameLayout {
     pub fn casters(&self) -> &wgpu::BindGroupLayout {
         &self.casters
     }
-}
-
-fn entry(binding: u32, ty: BindingType) -> wgpu::BindGroupLayoutEntry {
-    wgpu::BindGroupLayoutEntry { binding, visibility: ShaderStages::VERTEX_FRAGMENT, ty, count: None }
-}
-
-fn storage() -> BindingType {
-    BindingType::Buffer {
-        ty: BufferBindingType::Storage { read_only: true },
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    }
-}
-
-fn texture(sample_type: TextureSampleType, view_dimension: TextureViewDimension) -> BindingType {
-    BindingType::Texture { sample_type, view_dimension, multisampled: false }
 }
 
 // Uniforms and storage as shaders lay them out.
@@ -318,7 +283,7 @@ impl FrameState {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameInputs<'_>,
-    ) -> Result<bool, GpuError> {
+    ) -> Result<bool> {
         let lamps: &[Light] = if frame.options.shading.is_lit() { &frame.lights.lamps } else { &[] };
         let mut records = lamp_records(lamps, &frame.space.world_from_mesh);
         let shadows = self.shadows.update(gpu, lamps, &records, frame.space, frame.shadow_revision)?;
@@ -383,28 +348,11 @@ impl FrameState {
             TextureView(&self.slides.view),
             Sampler(&self.sampler),
         ];
-        let entries: Vec<_> = resources
-            .into_iter()
-            .zip(0..)
-            .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
-            .collect();
-        let surfaces = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("frame"),
-            layout: gpu.frame_layout().surfaces(),
-            entries: &entries,
-        });
-        let casters = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("caster"),
-            layout: gpu.frame_layout().casters(),
-            entries: &[wgpu::BindGroupEntry {
-                binding: 0,
-                resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                    buffer: &self.casters,
-                    offset: 0,
-                    size: NonZeroU64::new(CASTER_BYTES),
-                }),
-            }],
-        });
+        let surfaces = gpu.bind_group("frame", gpu.frame_layout().surfaces(), resources);
+        let matrix =
+            wgpu::BufferBinding { buffer: &self.casters, offset: 0, size: NonZeroU64::new(CASTER_BYTES) };
+        let casters =
+            gpu.bind_group("caster", gpu.frame_layout().casters(), [wgpu::BindingResource::Buffer(matrix)]);
         [surfaces, casters]
     }
 }

@@ -8,4 +8,4 @@ struct Caster {
 @group(0) @binding(0) var<uniform> caster: Caster;
 
 // What lets more light through than this casts no shadow.
-const LEAST_SHADOW_ALPHA: f32 = 0.5;
+const MIN_SHADOW_ALPHA: f32 = 0.5;

@@ -52,7 +52,7 @@ fn fs_fan_caster(in: FanCasterVarying) {
         }
     }
     alpha = select(fan_factors.base_color.a, alpha, FAN_BASE_COLOR);
-    if alpha < select(fan_factors.alpha_threshold, LEAST_SHADOW_ALPHA, FAN_ALPHA_MODE == 2u) {
+    if alpha < select(fan_factors.alpha_threshold, MIN_SHADOW_ALPHA, FAN_ALPHA_MODE == 2u) {
         discard;
     }
 }

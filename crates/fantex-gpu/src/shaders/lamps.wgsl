@@ -4,10 +4,10 @@
 override HAS_SHADOWS: bool = false;
 
 // Half the least width of the shadow filter, in texels.
-const LEAST_RADIUS: f32 = 1.25;
+const MIN_RADIUS: f32 = 1.25;
 
 // Most texels along each side of the filter that are asked; larger filters skip some.
-const MOST_TAPS: i32 = 16;
+const MAX_TAPS: i32 = 16;
 
 // Largest tangent of the angle between light and normal for which a receiver's plane is followed.
 const STEEPEST: f32 = 12.0;
@@ -137,7 +137,7 @@ fn span(middle: f32, radius: f32, side: i32) -> Span {
     s.high = middle + radius;
     s.first = clamp(i32(floor(s.low)), 0, side - 1);
     s.last = clamp(i32(floor(s.high)), 0, side - 1);
-    s.stride = max((s.last - s.first + MOST_TAPS) / MOST_TAPS, 1);
+    s.stride = max((s.last - s.first + MAX_TAPS) / MAX_TAPS, 1);
     return s;
 }
 
@@ -256,6 +256,6 @@ fn visibility(lamp_index: u32, at: SurfacePoint, to_light: vec3<f32>) -> f32 {
         let gap = max(asked.depth - blocker, 0.0);
         penumbra = select(width * gap, width * gap / blocker, near > 0.0) / texel;
     }
-    let sum = blockers(face, asked, max(pixel, vec2<f32>(max(penumbra, LEAST_RADIUS))));
+    let sum = blockers(face, asked, max(pixel, vec2<f32>(max(penumbra, MIN_RADIUS))));
     return select(1.0, 1.0 - sum.x / sum.z, sum.z > 0.0);
 }

@@ -30,7 +30,7 @@ fn vs_uv_caster(
 @fragment
 fn fs_uv_caster(in: CasterVarying) {
     let alpha = uv_base_color(in.color, in.uv01, in.uv23).a;
-    let least = select(material.alpha_threshold, LEAST_SHADOW_ALPHA, ALPHA_MODE == 2u);
+    let least = select(material.alpha_threshold, MIN_SHADOW_ALPHA, ALPHA_MODE == 2u);
     if alpha < least {
         discard;
     }

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use bytemuck::{Pod, Zeroable};
+use fantex_base::Result;
 use fantex_mesh::{AlphaMode, Material};
 use fantex_scene::FilterOptions;
 use fantex_texture::color::{srgb8_from_linear, unorm8};
@@ -12,10 +13,9 @@ use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, Samples, Wrap};
 use glam::{Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
-use wgpu::util::DeviceExt;
-use wgpu::{BindingType, SamplerBindingType, ShaderStages, TextureSampleType, TextureViewDimension};
 
-use crate::{Gpu, GpuError};
+use crate::Gpu;
+use crate::gpu::{FILTERED, SAMPLED, SAMPLER, UNIFORM, texture_type};
 
 /// Textures that a material can have.
 const LAYERS: usize = 5;
@@ -71,7 +71,7 @@ impl UvMaterial {
         textures: &MaterialTextures,
         uv_sets: &[usize],
         filter: &FilterOptions,
-    ) -> Result<Self, GpuError> {
+    ) -> Result<Self> {
         let is_premultiplied = material.alpha != AlphaMode::Opaque;
         let all = by_layer(textures);
         let mut views = Vec::with_capacity(LAYERS);
@@ -125,30 +125,9 @@ fn layer_record(layer: Option<&TextureLayer>, uv_sets: &[usize]) -> LayerRecord 
 
 /// The layout of group 1.
 pub(super) fn material_layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
-    let entry = |binding: usize, ty| wgpu::BindGroupLayoutEntry {
-        binding: binding as u32,
-        visibility: ShaderStages::FRAGMENT,
-        ty,
-        count: None,
-    };
-    let record = BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
-    let texture = BindingType::Texture {
-        sample_type: TextureSampleType::Float { filterable: true },
-        view_dimension: TextureViewDimension::D2,
-        multisampled: false,
-    };
-    let sampler = BindingType::Sampler(SamplerBindingType::Filtering);
-    let mut entries = vec![entry(0, record)];
-    entries.extend((0..LAYERS).map(|i| entry(1 + i, texture)));
-    entries.extend((0..LAYERS).map(|i| entry(1 + LAYERS + i, sampler)));
-    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-        label: Some("material"),
-        entries: &entries,
-    })
+    let texture = texture_type(FILTERED, wgpu::TextureViewDimension::D2);
+    let types = std::iter::once(UNIFORM).chain([texture; LAYERS]).chain([SAMPLER; LAYERS]);
+    gpu.bind_layout("material", wgpu::ShaderStages::FRAGMENT, types)
 }
 
 fn bind(
@@ -160,19 +139,10 @@ fn bind(
     filter: &FilterOptions,
 ) -> wgpu::BindGroup {
     let samplers = looks.map(|(wrap, nearest)| sampler(gpu, wrap, nearest, filter));
-    let mut resources = vec![record.as_entire_binding()];
-    resources.extend(textures.iter().map(wgpu::BindingResource::TextureView));
-    resources.extend(samplers.iter().map(wgpu::BindingResource::Sampler));
-    let entries: Vec<_> = resources
-        .into_iter()
-        .zip(0..)
-        .map(|(resource, binding)| wgpu::BindGroupEntry { binding, resource })
-        .collect();
-    gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("material"),
-        layout,
-        entries: &entries,
-    })
+    let views = textures.iter().map(wgpu::BindingResource::TextureView);
+    let samplers = samplers.iter().map(wgpu::BindingResource::Sampler);
+    let resources = std::iter::once(record.as_entire_binding()).chain(views).chain(samplers);
+    gpu.bind_group("material", layout, resources)
 }
 
 /// The sampler of a texture. `nearest` asks for square texels where they are magnified, which the device allows only without
@@ -209,18 +179,7 @@ fn sampler(gpu: &Gpu, wrap: [Wrap; 2], nearest: bool, options: &FilterOptions) -
 
 /// A texture for channels without one, which is not sampled.
 fn white(gpu: &Gpu) -> wgpu::TextureView {
-    let descriptor = wgpu::TextureDescriptor {
-        label: Some("no image"),
-        size: wgpu::Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: wgpu::TextureFormat::Rgba8Unorm,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    };
-    let order = wgpu::util::TextureDataOrder::LayerMajor;
-    let texture = gpu.device.create_texture_with_data(&gpu.queue, &descriptor, order, &[255; 4]);
+    let texture = gpu.texture("no image", [1; 3], 1, wgpu::TextureFormat::Rgba8Unorm, SAMPLED);
     texture.create_view(&Default::default())
 }
 
@@ -244,7 +203,7 @@ impl TexturePool {
         gpu: &Gpu,
         image: &Arc<ImageTexture>,
         is_premultiplied: bool,
-    ) -> Result<wgpu::TextureView, GpuError> {
+    ) -> Result<wgpu::TextureView> {
         let key = (Arc::as_ptr(image), is_premultiplied);
         if let Some(view) = self.views.get(&key) {
             return Ok(view.clone());
@@ -312,7 +271,7 @@ fn byte_len(image: &ImageTexture) -> u64 {
     (0..image.level_count()).map(texels).sum::<u64>() * texel_bytes
 }
 
-fn upload(gpu: &Gpu, image: &ImageTexture, is_premultiplied: bool) -> Result<wgpu::Texture, GpuError> {
+fn upload(gpu: &Gpu, image: &ImageTexture, is_premultiplied: bool) -> Result<wgpu::Texture> {
     let [width, height] = image.size();
     let allowed = gpu.limits().max_texture_dimension_2d;
     if width.max(height) > allowed {
@@ -320,16 +279,8 @@ fn upload(gpu: &Gpu, image: &ImageTexture, is_premultiplied: bool) -> Result<wgp
         return Err(gpu.too_large("a texture", side, u64::from(allowed), "texels along a side"));
     }
     let storage = Storage::of(image.level(0));
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("image"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: image.level_count() as u32,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: storage.format(),
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
+    let levels = image.level_count() as u32;
+    let texture = gpu.texture("image", [width, height, 1], levels, storage.format(), SAMPLED);
     for level in 0..image.level_count() {
         let texels = image.level(level);
         let bytes = encode(texels, storage, is_premultiplied && texels.has_alpha());

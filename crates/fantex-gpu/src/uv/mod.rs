@@ -11,40 +11,18 @@ mod vertices;
 
 use std::collections::HashMap;
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh, Twins};
 use fantex_scene::FilterOptions;
 use fantex_texture::material::{
     MaterialImageError, MaterialTextures, load_material_textures, preserve_coverage,
 };
 use materials::{TexturePool, UvMaterial, material_layout};
-use vertices::{Attributes, MOST_UV_SETS, Vertices, used_uv_sets};
+use vertices::{Attributes, MAX_UV_SETS, Vertices, used_uv_sets};
 
 use crate::shader::{CASTER, UV, UV_CASTER, UV_MATERIAL, compose, compose_surface, module};
 use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
-use crate::{
-    CasterPipeline, Coat, FrameContext, Gpu, GpuError, Model, ModelSpace, SurfaceKey, SurfacePipeline,
-};
-
-/// A model cannot be brought to the device.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum UvModelError {
-    /// An image that is used cannot be read.
-    #[error(transparent)]
-    Image(#[from] MaterialImageError),
-    /// The device cannot take it.
-    #[error(transparent)]
-    Gpu(#[from] GpuError),
-    /// More sets of texture coordinates than vertices have room for.
-    #[error(
-        "the textures use {used} sets of texture coordinates, the GPU renderer takes {MOST_UV_SETS}; the CPU renderer takes \
-         any number"
-    )]
-    UvSets {
-        /// Sets that textures use.
-        used: usize,
-    },
-}
+use crate::{Blending, CasterPipeline, FrameContext, Gpu, Model, ModelSpace, SurfaceKey, SurfacePipeline};
 
 /// A mesh with its own materials on the device.
 #[derive(Debug)]
@@ -72,8 +50,8 @@ impl UvModel {
     /// # Errors
     ///
     /// An image that is used cannot be read; the device cannot take the model.
-    pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self, UvModelError> {
-        let mut textures = load_material_textures(mesh)?;
+    pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self> {
+        let mut textures = load_material_textures(mesh).map_err(image_error)?;
         preserve_coverage(&mesh.materials, &mut textures);
         Self::new(gpu, mesh, &textures)
     }
@@ -83,10 +61,14 @@ impl UvModel {
     /// # Errors
     ///
     /// The device cannot take the model.
-    pub fn new(gpu: &Gpu, mesh: &Mesh, textures: &[MaterialTextures]) -> Result<Self, UvModelError> {
+    pub fn new(gpu: &Gpu, mesh: &Mesh, textures: &[MaterialTextures]) -> Result<Self> {
         let uv_sets = used_uv_sets(textures);
-        if uv_sets.len() > MOST_UV_SETS {
-            return Err(UvModelError::UvSets { used: uv_sets.len() });
+        if uv_sets.len() > MAX_UV_SETS {
+            return Err(Error::unsupported(format!(
+                "the textures use {} sets of texture coordinates, the GPU renderer takes {MAX_UV_SETS}; the CPU renderer takes any \
+                 number",
+                uv_sets.len()
+            )));
         }
         let layout = material_layout(gpu);
         let filter = FilterOptions::default();
@@ -102,7 +84,7 @@ impl UvModel {
             .map(|(material, textures)| {
                 UvMaterial::new(gpu, &layout, &mut pool, material, textures, &uv_sets, &filter)
             })
-            .collect::<Result<Vec<_>, GpuError>>()?;
+            .collect::<Result<Vec<_>>>()?;
         let vertices = Vertices::of_mesh(mesh, textures, &uv_sets);
         let twins = Twins::of(&mesh.triangles);
         let (solid, indices, sorted) = arrange(mesh, &twins, &vertices, &materials);
@@ -157,7 +139,7 @@ impl Model for UvModel {
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
         frame: &FrameContext<'_>,
-    ) -> Result<(), GpuError> {
+    ) -> Result<()> {
         if self.filter != frame.options.filter {
             self.filter = frame.options.filter;
             let (layout, filter) = (&self.layout, &self.filter);
@@ -320,7 +302,7 @@ impl Pipelines {
                     buffers,
                     groups: &[layout],
                     constants: &[("UV_LAYERS", f64::from(key.layers)), ("ALPHA_MODE", f64::from(key.alpha))],
-                    coat: if key.alpha == 2 { Coat::Layered } else { Coat::Opaque },
+                    blending: if key.alpha == 2 { Blending::Over } else { Blending::Opaque },
                     is_double_sided: key.is_double_sided,
                     topology: wgpu::PrimitiveTopology::TriangleList,
                 };
@@ -390,12 +372,7 @@ struct Buffers {
 
 impl Buffers {
     /// Uploads vertices and the indices of what is not blended.
-    fn new(
-        gpu: &Gpu,
-        vertices: &Vertices,
-        indices: &[[u32; 3]],
-        sorted: &SortedTriangles,
-    ) -> Result<Self, GpuError> {
+    fn new(gpu: &Gpu, vertices: &Vertices, indices: &[[u32; 3]], sorted: &SortedTriangles) -> Result<Self> {
         let allowed = gpu.limits().max_buffer_size;
         let buffer = |label: &str, contents: &[u8], usage| {
             if contents.len() as u64 > allowed {
@@ -455,4 +432,9 @@ impl Buffers {
             Some(buffer(stride, &uv)),
         ])
     }
+}
+
+/// An image of a material cannot be read.
+fn image_error(error: MaterialImageError) -> Error {
+    Error::malformed(error.to_string()).with_source(error)
 }

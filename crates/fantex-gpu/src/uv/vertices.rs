@@ -7,7 +7,7 @@ use glam::{Vec2, Vec3, Vec4};
 use bytemuck::{Pod, Zeroable};
 
 /// Sets of texture coordinates that materials can use.
-pub(super) const MOST_UV_SETS: usize = 4;
+pub(super) const MAX_UV_SETS: usize = 4;
 
 /// Attributes of a vertex besides its position and texture coordinates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
@@ -42,7 +42,7 @@ pub(super) fn used_uv_sets(textures: &[MaterialTextures]) -> Vec<usize> {
 }
 
 impl Vertices {
-    /// Those of a mesh, of whose texture coordinates `uv_sets` (at most [`MOST_UV_SETS`]) are kept.
+    /// Those of a mesh, of whose texture coordinates `uv_sets` (at most [`MAX_UV_SETS`]) are kept.
     pub(super) fn of_mesh(mesh: &Mesh, textures: &[MaterialTextures], uv_sets: &[usize]) -> Self {
         let normals = fantex_mesh::shading_normals(mesh);
         let tangents = normal_map_tangents(mesh, &normals, textures);

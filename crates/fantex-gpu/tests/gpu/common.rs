@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::{BakeOptions, NoProgress, Source, bake};
+use fantex_base::ErrorKind;
 use fantex_cover::Cover;
 use fantex_gpu::{
-    AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuError, GpuOptions, Model, UvModel,
+    AtlasViewer, DrawOptions, FanModel, FanModelSource, Frame, Gpu, GpuOptions, Model, Readback, UvModel,
     render_to_picture,
 };
 use fantex_mesh::{ImageSource, Mesh};
@@ -27,7 +28,7 @@ use glam::Vec2;
 pub(crate) fn gpu() -> Option<Gpu> {
     match Gpu::headless(&GpuOptions::default()) {
         Ok(gpu) => Some(gpu),
-        Err(error @ GpuError::NoAdapter { .. }) => {
+        Err(error) if error.kind() == ErrorKind::Unavailable => {
             eprintln!("SKIPPED: {error}");
             None
         }
@@ -597,42 +598,41 @@ pub(crate) fn save(name: &str, picture: &Picture) {
     }
 }
 
-/// The live atlas, 256x256.
-pub(crate) fn live_atlas(gpu: &Gpu, model: &FanModel, kind: fantex_store::ChannelKind) -> Picture {
+/// The live atlas of a channel, 256x256.
+pub(crate) fn live_atlas(gpu: &Gpu, model: &FanModel, channel: usize) -> Picture {
     const SIDE: u32 = 256;
-    let format = wgpu::TextureFormat::Rgba8UnormSrgb;
-    let size = wgpu::Extent3d { width: SIDE, height: SIDE, depth_or_array_layers: 1 };
-    let target = gpu.device.create_texture(&wgpu::TextureDescriptor {
+    let format = wgpu::TextureFormat::Rgba8Unorm;
+    let target = target(gpu, [SIDE; 2], format);
+    let mut encoder = gpu.device.create_command_encoder(&Default::default());
+    let view = target.create_view(&Default::default());
+    assert!(AtlasViewer::new(gpu, format).draw(gpu, &mut encoder, &view, model, channel));
+    let bytes = read_back(gpu, encoder, &target);
+    let unit = |&[r, g, b, a]: &[u8; 4]| [r, g, b, a].map(|v| f32::from(v) / 255.0);
+    Picture { width: SIDE, height: SIDE, rgba: bytes.as_chunks::<4>().0.iter().map(unit).collect() }
+}
+
+/// A texture to draw into.
+pub(crate) fn target(gpu: &Gpu, [width, height]: [u32; 2], format: wgpu::TextureFormat) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: None,
-        size,
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         mip_level_count: 1,
         sample_count: 1,
         dimension: wgpu::TextureDimension::D2,
         format,
         usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
         view_formats: &[],
-    });
-    let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
-        label: None,
-        size: u64::from(4 * SIDE * SIDE),
-        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    let view = target.create_view(&Default::default());
-    let viewer = AtlasViewer::new(gpu, format);
-    assert!(viewer.draw(gpu, &mut encoder, &view, [SIDE; 2], model, kind));
-    let layout =
-        wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(4 * SIDE), rows_per_image: None };
-    encoder.copy_texture_to_buffer(
-        target.as_image_copy(),
-        wgpu::TexelCopyBufferInfo { buffer: &buffer, layout },
-        size,
-    );
+    })
+}
+
+/// Submits commands and waits for what they draw into a texture.
+pub(crate) fn read_back(gpu: &Gpu, mut encoder: wgpu::CommandEncoder, texture: &wgpu::Texture) -> Vec<u8> {
+    let readback = Readback::new(gpu, texture).unwrap();
+    readback.record(&mut encoder, texture);
     gpu.queue.submit([encoder.finish()]);
-    buffer.map_async(wgpu::MapMode::Read, .., |result| result.unwrap());
+    readback.begin();
     gpu.wait().unwrap();
-    let bytes = buffer.get_mapped_range(..).unwrap();
-    let unit = |&[r, g, b, a]: &[u8; 4]| [r, g, b, a].map(|v| f32::from(v) / 255.0);
-    Picture { width: SIDE, height: SIDE, rgba: bytes.as_chunks::<4>().0.iter().map(unit).collect() }
+    let mut bytes = Vec::new();
+    readback.rows(|row| bytes.extend_from_slice(row)).unwrap();
+    bytes
 }

@@ -2,9 +2,8 @@
 
 use crate::common;
 use crate::common::{Scene, gpu, loaded};
-use fantex_gpu::{
-    DrawOptions, Frame, Gpu, GpuError, GpuOptions, PictureRenderer, UvModel, UvModelError, render_to_picture,
-};
+use fantex_base::{Error, ErrorKind};
+use fantex_gpu::{DrawOptions, Frame, Gpu, GpuOptions, PictureRenderer, UvModel, render_to_picture};
 use fantex_mesh::{CleanOptions, Mesh, clean, generate};
 use fantex_scene::{Camera, Light, Lights, Shading, ShadowOptions};
 use fantex_texture::material::MaterialTextures;
@@ -15,7 +14,7 @@ fn ball() -> Mesh {
 }
 
 /// The error of a frame that is changed before it is drawn.
-fn error_of(gpu: &Gpu, change: impl FnOnce(&mut Scene)) -> GpuError {
+fn error_of(gpu: &Gpu, change: impl FnOnce(&mut Scene)) -> Error {
     let mut scene = Scene { size: [32, 32], ..Scene::of(ball()) };
     change(&mut scene);
     let mut model = UvModel::load(gpu, &scene.mesh).unwrap();
@@ -26,12 +25,6 @@ fn error_of(gpu: &Gpu, change: impl FnOnce(&mut Scene)) -> GpuError {
         &mut Frame { size: scene.size, camera, lights, model: &mut model, options: &options },
     )
     .unwrap_err()
-}
-
-#[test]
-fn without_an_adapter_the_cpu_is_named() {
-    let error = GpuError::NoAdapter { reason: "nothing there".into() };
-    assert!(error.to_string().contains("`fantex render` without --gpu"), "{error}");
 }
 
 #[test]
@@ -49,7 +42,7 @@ fn a_lost_device_is_an_error_and_a_new_one_works() {
     let (camera, lights) = (&scene.camera, &scene.lights);
     let mut frame = Frame { size: scene.size, camera, lights, model: &mut model, options: &options };
     let error = render_to_picture(&gpu, &mut frame).unwrap_err();
-    assert!(matches!(error, GpuError::DeviceLost { .. }), "{error}");
+    assert!(error.kind() == ErrorKind::Unavailable && gpu.lost().is_some(), "{error}");
     let again = common::gpu().unwrap();
     assert_eq!(scene.on_gpu(&again), before);
 }
@@ -60,8 +53,11 @@ fn software_can_be_asked_for() {
         Ok(gpu) => {
             assert!(gpu.info().is_software && !gpu.has_block_compression(), "{:?}", gpu.info());
         }
-        Err(error @ GpuError::NoAdapter { .. }) => eprintln!("SKIPPED: {error}"),
-        Err(error) => panic!("{error}"),
+        Err(error) => {
+            assert_eq!(error.kind(), ErrorKind::Unavailable, "{error}");
+            assert!(error.to_string().contains("`fantex render` without --gpu"), "{error}");
+            eprintln!("SKIPPED: {error}");
+        }
     }
 }
 
@@ -112,14 +108,16 @@ fn pictures_that_cannot_be_drawn_say_why() {
     let Some(gpu) = gpu() else { return };
     let side = gpu.limits().max_texture_dimension_2d + 1;
     let large = error_of(&gpu, |scene| scene.size = [side, 1]);
-    assert!(matches!(large, GpuError::TooLarge { .. }), "{large}");
-    assert_eq!(error_of(&gpu, |scene| scene.samples = 3), GpuError::Samples(3));
+    assert_eq!(large.kind(), ErrorKind::TooLarge, "{large}");
+    let odd = error_of(&gpu, |scene| scene.samples = 3);
+    assert!(odd.to_string().contains("3 samples per pixel"), "{odd}");
     let blind = error_of(&gpu, |scene| scene.camera.eye = DVec3::splat(f64::NAN));
-    assert!(matches!(blind, GpuError::Camera(_)), "{blind}");
+    assert!(blind.to_string().contains("cannot render from this camera"), "{blind}");
     let dark = error_of(&gpu, |scene| {
         scene.lights.lamps.push(Light::directional(Vec3::ZERO, Vec3::ONE));
     });
-    assert!(matches!(dark, GpuError::Light { lamp: 1, .. }), "{dark}");
+    assert!(dark.to_string().contains("lamp 1 of the scene"), "{dark}");
+    assert!([odd, blind, dark].iter().all(|error| error.kind() == ErrorKind::InvalidArgument));
 }
 
 #[test]
@@ -154,7 +152,7 @@ fn too_many_sets_of_coordinates_are_refused() {
         })
         .collect();
     let error = UvModel::new(&gpu, &mesh, &many).unwrap_err();
-    assert!(matches!(error, UvModelError::UvSets { used: 5 }), "{error}");
+    assert!(error.to_string().contains("5 sets of texture coordinates"), "{error}");
 }
 
 #[test]

@@ -6,3 +6,4 @@ mod common;
 mod fan;
 mod faults;
 mod pictures;
+mod sampler;

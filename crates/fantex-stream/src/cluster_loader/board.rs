@@ -58,7 +58,7 @@ struct Assembly {
 }
 
 /// A parcel that a worker can make, with the clusters that hold its pages.
-pub(super) type Makeable = (Parcel, Vec<Arc<ClusterPages>>);
+pub(super) type AssemblableParcel = (Parcel, Vec<Arc<ClusterPages>>);
 
 /// Where a worker finds a cluster's bytes.
 #[derive(Clone, Debug)]
@@ -98,18 +98,18 @@ pub(super) struct Board {
     clusters: BTreeMap<ClusterId, Wanted>,
     assemblies: BTreeMap<Parcel, Assembly>,
     /// Clusters at [`Stage::Queued`]. Urgencies are upper bounds.
-    to_read: ByUrgency<ClusterId>,
+    to_read: UrgencyQueue<ClusterId>,
     /// Clusters at [`Stage::Paused`], and remains of those that are no more.
     paused: BTreeMap<(Instant, ClusterId), ()>,
     /// Clusters of which the last parcel was cancelled while they were being read.
-    given_up: Vec<ClusterId>,
+    abandoned: Vec<ClusterId>,
     jobs: BTreeMap<ClusterId, Job>,
     /// The same clusters. Urgencies are upper bounds.
-    job_order: ByUrgency<ClusterId>,
+    job_order: UrgencyQueue<ClusterId>,
     cache: ClusterCache,
     ready: Ready,
     ready_budget: usize,
-    flight_bytes: usize,
+    in_flight_bytes: usize,
     flight_budget: usize,
     /// Parcels in `clusters`.
     waiting: usize,
@@ -123,16 +123,16 @@ impl Board {
         Self {
             clusters: BTreeMap::new(),
             assemblies: BTreeMap::new(),
-            to_read: ByUrgency::default(),
+            to_read: UrgencyQueue::default(),
             paused: BTreeMap::new(),
-            given_up: Vec::new(),
+            abandoned: Vec::new(),
             jobs: BTreeMap::new(),
-            job_order: ByUrgency::default(),
+            job_order: UrgencyQueue::default(),
             cache: ClusterCache::new(options),
             ready: Ready::default(),
             ready_budget: options.ready_bytes,
-            flight_bytes: 0,
-            flight_budget: options.flight_bytes,
+            in_flight_bytes: 0,
+            flight_budget: options.in_flight_bytes,
             waiting: 0,
             retry,
             closed: false,
@@ -206,14 +206,14 @@ impl Board {
         for &cluster in awaited.as_deref().unwrap_or(clusters) {
             let is_wanted = self.clusters.get(&cluster).is_some_and(|w| w.parcels.contains_key(&parcel));
             was_wanted |= is_wanted;
-            for_scheduler |= is_wanted && self.want_no_more(parcel, cluster);
+            for_scheduler |= is_wanted && self.unwant(parcel, cluster);
         }
         self.waiting -= usize::from(was_wanted);
         for_scheduler
     }
 
     /// A parcel is no longer wanted of a cluster. True if the scheduler may give up a read.
-    fn want_no_more(&mut self, parcel: Parcel, cluster: ClusterId) -> bool {
+    fn unwant(&mut self, parcel: Parcel, cluster: ClusterId) -> bool {
         let Some(wanted) = self.clusters.get_mut(&cluster) else { return false };
         if wanted.parcels.remove(&parcel).is_none() || !wanted.parcels.is_empty() {
             return false;
@@ -229,7 +229,7 @@ impl Board {
                 false
             }
             Stage::Reading => {
-                self.given_up.push(cluster);
+                self.abandoned.push(cluster);
                 true
             }
             Stage::InWork => false,
@@ -241,7 +241,7 @@ impl Board {
         let assembly = self.assemblies.remove(&parcel);
         for other in assembly.into_iter().flat_map(|assembly| assembly.awaited) {
             if other != cluster {
-                self.want_no_more(parcel, other);
+                self.unwant(parcel, other);
             }
         }
     }
@@ -275,7 +275,7 @@ impl Board {
     pub(super) fn statistics(&self) -> LoaderStatistics {
         LoaderStatistics {
             queued_clusters: self.to_read.len(),
-            flight_bytes: self.flight_bytes,
+            in_flight_bytes: self.in_flight_bytes,
             cache_bytes: self.cache.unpacked_bytes(),
             stored_cache_bytes: self.cache.stored_bytes(),
             ready_bytes: self.ready.bytes(),
@@ -318,18 +318,18 @@ impl Board {
     }
 
     /// Clusters that were given up while they were being read, and still are.
-    pub(super) fn take_given_up(&mut self) -> Vec<ClusterId> {
-        let given_up = std::mem::take(&mut self.given_up);
-        given_up.into_iter().filter(|&cluster| self.is_given_up(cluster)).collect()
+    pub(super) fn take_abandoned(&mut self) -> Vec<ClusterId> {
+        let abandoned = std::mem::take(&mut self.abandoned);
+        abandoned.into_iter().filter(|&cluster| self.is_abandoned(cluster)).collect()
     }
 
-    pub(super) fn is_given_up(&self, cluster: ClusterId) -> bool {
+    pub(super) fn is_abandoned(&self, cluster: ClusterId) -> bool {
         self.clusters.get(&cluster).is_none_or(|wanted| wanted.parcels.is_empty())
     }
 
     /// Whether another read may begin.
     pub(super) fn has_room_for_reads(&self) -> bool {
-        self.flight_bytes < self.flight_budget
+        self.in_flight_bytes < self.flight_budget
     }
 
     /// Takes the most urgent cluster to read, and whether it may be read together with others.
@@ -352,7 +352,7 @@ impl Board {
     /// A cluster is in a read now.
     pub(super) fn read_begins(&mut self, cluster: ClusterId, stored_bytes: usize) {
         self.to_read.remove(cluster);
-        self.flight_bytes += stored_bytes;
+        self.in_flight_bytes += stored_bytes;
         if let Some(wanted) = self.clusters.get_mut(&cluster) {
             wanted.stage = Stage::Reading;
         }
@@ -360,7 +360,7 @@ impl Board {
 
     /// A read was cancelled before it began.
     pub(super) fn read_cancelled(&mut self, cluster: ClusterId, stored_bytes: usize) {
-        self.flight_bytes -= stored_bytes;
+        self.in_flight_bytes -= stored_bytes;
         self.clusters.remove(&cluster);
     }
 
@@ -373,10 +373,10 @@ impl Board {
     ) -> bool {
         self.counts.clusters_read += 1;
         self.counts.cluster_bytes += part.len() as u64;
-        if self.is_given_up(cluster) {
+        if self.is_abandoned(cluster) {
             self.counts.clusters_dropped += 1;
             self.clusters.remove(&cluster);
-            self.flight_bytes -= part.len();
+            self.in_flight_bytes -= part.len();
             return false;
         }
         self.add_job(cluster, Job::Stored(bytes, part));
@@ -392,7 +392,7 @@ impl Board {
         error: PageError,
         alone: bool,
     ) {
-        self.flight_bytes -= stored_bytes;
+        self.in_flight_bytes -= stored_bytes;
         let may_pass = matches!(&error, PageError::Io { source, .. } if is_transient(source));
         let retries = if may_pass { self.retry.retries } else { 0 };
         self.fail(cluster, error, if alone { retries } else { retries.max(1) });
@@ -421,13 +421,13 @@ impl Board {
         let exact = |id: ClusterId| clusters.get(&id).map_or(Urgency(f32::NEG_INFINITY), Wanted::urgency);
         let cluster = self.job_order.pop_exact(exact)?;
         Some(match self.jobs.remove(&cluster)? {
-            Job::Stored(_, part) if self.is_given_up(cluster) => {
+            Job::Stored(_, part) if self.is_abandoned(cluster) => {
                 self.counts.clusters_dropped += 1;
-                self.flight_bytes -= part.len();
+                self.in_flight_bytes -= part.len();
                 self.clusters.remove(&cluster);
                 Order::TellScheduler
             }
-            Job::Cached if self.is_given_up(cluster) => {
+            Job::Cached if self.is_abandoned(cluster) => {
                 self.clusters.remove(&cluster);
                 Order::TellScheduler
             }
@@ -452,9 +452,14 @@ impl Board {
         }
     }
 
-    /// The bytes of a cluster that was read are in flight no more. `kept`: they were good, and this is a copy.
-    pub(super) fn landed(&mut self, cluster: ClusterId, stored_bytes: usize, kept: Option<&Arc<ReadBuffer>>) {
-        self.flight_bytes -= stored_bytes;
+    /// The bytes of a cluster that was read are no longer in flight. `kept`: a copy of them, if they were good.
+    pub(super) fn finish_read(
+        &mut self,
+        cluster: ClusterId,
+        stored_bytes: usize,
+        kept: Option<&Arc<ReadBuffer>>,
+    ) {
+        self.in_flight_bytes -= stored_bytes;
         if let Some(bytes) = kept {
             self.cache.insert_stored(cluster, bytes);
         }
@@ -477,7 +482,7 @@ impl Board {
         cluster: ClusterId,
         pages: &Arc<ClusterPages>,
         bytes_of: impl Fn(Parcel) -> usize,
-    ) -> Vec<Makeable> {
+    ) -> Vec<AssemblableParcel> {
         let Some(wanted) = self.clusters.get_mut(&cluster) else { return Vec::new() };
         let assemblies = &mut self.assemblies;
         wanted.parcels.retain(|parcel, _| match assemblies.get_mut(parcel) {
@@ -554,8 +559,6 @@ impl Board {
     }
 }
 
-// A queue of names by urgency, in which urgencies change.
-
 /// An urgency in the order of numbers. (NaN, which nobody should give, is above or below all others.)
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Urgency(pub(super) f32);
@@ -580,66 +583,66 @@ impl Ord for Urgency {
     }
 }
 
-/// Names, each once, with an urgency. All operations take logarithmic time.
+/// Keys, each once, by urgency. All operations take logarithmic time.
 #[derive(Debug)]
-pub(super) struct ByUrgency<K> {
-    /// Ascending; equally urgent names descending, so that the last is the most urgent, lowest name.
+pub(super) struct UrgencyQueue<K> {
+    /// Ascending; equally urgent keys descending, so that the last is the most urgent, lowest key.
     order: BTreeSet<(Urgency, Reverse<K>)>,
     urgencies: BTreeMap<K, Urgency>,
 }
 
-impl<K> Default for ByUrgency<K> {
+impl<K> Default for UrgencyQueue<K> {
     fn default() -> Self {
         Self { order: BTreeSet::new(), urgencies: BTreeMap::new() }
     }
 }
 
-impl<K: Copy + Ord> ByUrgency<K> {
-    /// Puts a name into the queue, or changes its urgency.
-    pub(super) fn set(&mut self, name: K, urgency: Urgency) {
-        if let Some(old) = self.urgencies.insert(name, urgency) {
+impl<K: Copy + Ord> UrgencyQueue<K> {
+    /// Inserts a key, or changes its urgency.
+    pub(super) fn set(&mut self, key: K, urgency: Urgency) {
+        if let Some(old) = self.urgencies.insert(key, urgency) {
             if old == urgency {
                 return;
             }
-            self.order.remove(&(old, Reverse(name)));
+            self.order.remove(&(old, Reverse(key)));
         }
-        self.order.insert((urgency, Reverse(name)));
+        self.order.insert((urgency, Reverse(key)));
     }
 
-    /// Puts a name into the queue, or makes it at least so urgent.
-    pub(super) fn raise(&mut self, name: K, urgency: Urgency) {
-        if self.urgencies.get(&name).is_none_or(|old| *old < urgency) {
-            self.set(name, urgency);
+    /// Inserts a key, or raises its urgency.
+    pub(super) fn raise(&mut self, key: K, urgency: Urgency) {
+        if self.urgencies.get(&key).is_none_or(|old| *old < urgency) {
+            self.set(key, urgency);
         }
     }
 
     /// True if it was there.
-    pub(super) fn remove(&mut self, name: K) -> bool {
-        match self.urgencies.remove(&name) {
-            Some(urgency) => self.order.remove(&(urgency, Reverse(name))),
+    pub(super) fn remove(&mut self, key: K) -> bool {
+        match self.urgencies.remove(&key) {
+            Some(urgency) => self.order.remove(&(urgency, Reverse(key))),
             None => false,
         }
     }
 
-    pub(super) fn contains(&self, name: K) -> bool {
-        self.urgencies.contains_key(&name)
+    pub(super) fn contains(&self, key: K) -> bool {
+        self.urgencies.contains_key(&key)
     }
 
     /// The most urgent; of several the lowest.
     pub(super) fn first(&self) -> Option<(K, Urgency)> {
-        self.order.last().map(|&(urgency, Reverse(name))| (name, urgency))
+        self.order.last().map(|&(urgency, Reverse(key))| (key, urgency))
     }
 
     /// Takes the most urgent out, where the urgencies in the queue are upper bounds: `exact` tells the true one.
     pub(super) fn pop_exact(&mut self, exact: impl Fn(K) -> Urgency) -> Option<K> {
         loop {
-            let (name, bound) = self.first()?;
-            let urgency = exact(name);
+            let (key, bound) = self.first()?;
+            let urgency = exact(key);
             if urgency < bound {
-                self.set(name, urgency);
+                self.set(key, urgency);
             } else {
-                self.remove(name);
-                return Some(name);
+                self.remove(key);
+                return Some(key);
             }
         }
     }
@@ -649,25 +652,23 @@ impl<K: Copy + Ord> ByUrgency<K> {
     }
 }
 
-// Parcels that have come, until they are taken.
-//
-// There are tens of thousands of them after a cut, but few urgencies. So each urgency has a line, and who is called away leaves a name
-// in it that no longer counts: looking for a name costs a hash, not a walk down a tree that no cache holds.
-
 /// Texels, or why there are none.
 type Outcome = Result<ParcelTexels, PageError>;
 
-/// Names that no longer count are dropped when there are so many more of them than of others.
-const MOST_LEFT_BEHIND: usize = 1 << 12;
+/// Stale entries are dropped when there are so many more of them than of others.
+const MAX_STALE_ENTRIES: usize = 1 << 12;
 
-/// See the module.
+/// Parcels that have arrived, until they are taken.
+///
+/// There are tens of thousands of them after a cut, but few urgencies. So each urgency has a queue, and a parcel that is removed or gets
+/// another urgency leaves a stale entry: finding a parcel costs a hash, not a walk down a tree that no cache holds.
 #[derive(Debug, Default)]
 pub(super) struct Ready {
     outcomes: HashMap<Parcel, (Urgency, Outcome)>,
-    /// In each line in the order in which they came.
-    lines: BTreeMap<Urgency, VecDeque<Parcel>>,
-    /// Names in all lines.
-    names: usize,
+    /// In each queue in the order of arrival.
+    queues: BTreeMap<Urgency, VecDeque<Parcel>>,
+    /// In all queues, stale ones among them.
+    entries: usize,
     bytes: usize,
 }
 
@@ -681,7 +682,7 @@ impl Ready {
         self.bytes
     }
 
-    /// Puts one in, in place of what there is of it.
+    /// Inserts or replaces a parcel.
     pub(super) fn insert(&mut self, parcel: Parcel, urgency: Urgency, outcome: Outcome) {
         self.bytes += bytes_of(&outcome);
         let last = self.outcomes.insert(parcel, (urgency, outcome));
@@ -689,56 +690,54 @@ impl Ready {
             self.bytes -= bytes_of(last);
         }
         if last.is_none_or(|(last, _)| last != urgency) {
-            self.line_up(parcel, urgency);
+            self.enqueue(parcel, urgency);
         }
     }
 
-    /// Gives one another urgency; false if there is none of that name.
+    /// False if the parcel is not here.
     pub(super) fn set_urgency(&mut self, parcel: Parcel, urgency: Urgency) -> bool {
         let Some((known, _)) = self.outcomes.get_mut(&parcel) else { return false };
         if std::mem::replace(known, urgency) != urgency {
-            self.line_up(parcel, urgency);
+            self.enqueue(parcel, urgency);
         }
         true
     }
 
-    fn line_up(&mut self, parcel: Parcel, urgency: Urgency) {
-        self.lines.entry(urgency).or_default().push_back(parcel);
-        self.names += 1;
-        if self.names > MOST_LEFT_BEHIND + 2 * self.outcomes.len() {
+    fn enqueue(&mut self, parcel: Parcel, urgency: Urgency) {
+        self.queues.entry(urgency).or_default().push_back(parcel);
+        self.entries += 1;
+        if self.entries > MAX_STALE_ENTRIES + 2 * self.outcomes.len() {
             let outcomes = &self.outcomes;
-            self.lines.retain(|urgency, line| {
-                line.retain(|name| outcomes.get(name).is_some_and(|(known, _)| known == urgency));
-                !line.is_empty()
+            self.queues.retain(|urgency, queue| {
+                queue.retain(|parcel| outcomes.get(parcel).is_some_and(|(known, _)| known == urgency));
+                !queue.is_empty()
             });
-            self.names = self.lines.values().map(VecDeque::len).sum();
+            self.entries = self.queues.values().map(VecDeque::len).sum();
         }
     }
 
-    /// Takes one out; false if there is none of that name.
+    /// False if the parcel is not here.
     pub(super) fn remove(&mut self, parcel: Parcel) -> bool {
         let outcome = self.outcomes.remove(&parcel);
         self.bytes -= outcome.as_ref().map_or(0, |(_, outcome)| bytes_of(outcome));
         outcome.is_some()
     }
 
-    /// Takes the most urgent out, if it has at most so many bytes.
-    pub(super) fn take_first(&mut self, most_bytes: usize) -> Option<(Parcel, Outcome)> {
+    /// Takes the most urgent parcel, if it has at most `max_bytes`.
+    pub(super) fn take_first(&mut self, max_bytes: usize) -> Option<(Parcel, Outcome)> {
         loop {
-            let mut last = self.lines.last_entry()?;
+            let mut last = self.queues.last_entry()?;
             let Some(&parcel) = last.get().front() else {
                 last.remove();
                 continue;
             };
             let outcome = self.outcomes.get(&parcel).filter(|(urgency, _)| urgency == last.key());
             let bytes = outcome.map(|(_, outcome)| bytes_of(outcome));
-            if let Some(bytes) = bytes
-                && bytes > most_bytes
-            {
+            if bytes.is_some_and(|bytes| bytes > max_bytes) {
                 return None;
             }
             last.get_mut().pop_front();
-            self.names -= 1;
+            self.entries -= 1;
             if let Some(bytes) = bytes {
                 self.bytes -= bytes;
                 return self.outcomes.remove(&parcel).map(|(_, outcome)| (parcel, outcome));
@@ -760,7 +759,7 @@ mod tests {
 
     #[test]
     fn the_most_urgent_comes_first_and_changes_count() {
-        let mut queue = ByUrgency::default();
+        let mut queue = UrgencyQueue::default();
         for (name, urgency) in [(1, 0.5), (2, 3.0), (3, -1.0), (4, 3.0)] {
             queue.set(name, Urgency(urgency));
         }
@@ -785,7 +784,7 @@ mod tests {
     }
 
     #[test]
-    fn the_most_urgent_comes_first_once_whatever_was_said_of_it_before() {
+    fn the_most_urgent_comes_first_whatever_its_urgency_was_before() {
         let parcel = |bundle| Parcel::Bundle { bundle, step: 0 };
         let outcome =
             |bytes: usize| Ok(ParcelTexels { extent: [4, 4], channels: vec![Arc::from(vec![0; bytes])] });
@@ -802,17 +801,17 @@ mod tests {
         assert!(ready.take_first(29).is_none());
         let taken = std::iter::from_fn(|| ready.take_first(usize::MAX)).map(|(parcel, _)| parcel);
         assert_eq!(taken.collect::<Vec<_>>(), [3, 2, 4, 1].map(parcel));
-        assert_eq!((ready.len(), ready.bytes(), ready.names), (0, 0, 0));
+        assert_eq!((ready.len(), ready.bytes(), ready.entries), (0, 0, 0));
     }
 
     #[test]
-    fn names_that_no_longer_count_do_not_pile_up() {
+    fn stale_entries_do_not_pile_up() {
         let mut ready = Ready::default();
         for i in 0..100_000 {
             let parcel = Parcel::Bundle { bundle: i % 3, step: 0 };
             let texels = ParcelTexels { extent: [4, 4], channels: Vec::new() };
             ready.insert(parcel, Urgency((i % 7) as f32), Ok(texels));
-            assert!(ready.names <= MOST_LEFT_BEHIND + 7, "{}", ready.names);
+            assert!(ready.entries <= MAX_STALE_ENTRIES + 7, "{}", ready.entries);
         }
     }
 }

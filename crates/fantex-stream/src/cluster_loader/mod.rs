@@ -36,12 +36,13 @@ mod worker;
 
 use std::collections::VecDeque;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
 
 use board::{Board, Order};
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_store::{Asset, ClusterId, PageError, PageId};
 use scheduler::{FileOrder, Scheduler};
 use worker::Worker;
@@ -63,7 +64,7 @@ pub struct ClusterLoaderOptions {
     /// Threads that unpack and decode, at least 1.
     pub worker_threads: usize,
     /// Stored bytes that are being read or wait to be unpacked, at most (one read may exceed it).
-    pub flight_bytes: usize,
+    pub in_flight_bytes: usize,
     /// Unpacked clusters that are kept, at most so many bytes.
     pub cache_bytes: usize,
     /// Clusters that are kept as they are stored, at most so many bytes.
@@ -88,7 +89,7 @@ impl Default for ClusterLoaderOptions {
         Self {
             block_compressed: true,
             worker_threads: cores.clamp(1, 4),
-            flight_bytes: 16 << 20,
+            in_flight_bytes: 16 << 20,
             cache_bytes: 64 << 20,
             stored_cache_bytes: 96 << 20,
             ready_bytes: 16 << 20,
@@ -100,28 +101,6 @@ impl Default for ClusterLoaderOptions {
     }
 }
 
-/// A loader could not be set up.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LoaderError {
-    /// The asset's file could not be opened for queued reads.
-    #[error("cannot open {} for streaming: {source}", path.display())]
-    Open {
-        /// Path or URL.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-    /// The system refused a thread.
-    #[error("cannot start a thread for streaming {}: {source}", path.display())]
-    Thread {
-        /// Path or URL.
-        path: PathBuf,
-        /// Why.
-        source: io::Error,
-    },
-}
-
 /// What threads of a loader share.
 struct Shared {
     asset: Arc<Asset>,
@@ -129,14 +108,14 @@ struct Shared {
     options: ClusterLoaderOptions,
     board: SharedBoard,
     inbox: Inbox,
-    scheduler: Kick,
+    scheduler: SchedulerWaker,
 }
 
 impl Shared {
-    /// Wakes whom messages that were taken over concern.
-    fn tell(&self, effects: Effects) {
+    /// Wakes the threads that have something to do after messages were taken over.
+    fn notify(&self, effects: Effects) {
         if effects.for_scheduler || effects.has_more {
-            self.scheduler.kick();
+            self.scheduler.wake();
         }
         if effects.has_room {
             self.board.room_arrived();
@@ -150,26 +129,26 @@ impl Shared {
         let effects = self.inbox.take_all(&mut board);
         let statistics = board.statistics();
         drop(board);
-        self.tell(effects);
+        self.notify(effects);
         statistics
     }
 }
 
 /// Wakes the scheduler, once however often it is asked before the scheduler looks.
-struct Kick {
+struct SchedulerWaker {
     waker: ReadWaker,
     pending: AtomicBool,
 }
 
-impl Kick {
-    fn kick(&self) {
+impl SchedulerWaker {
+    fn wake(&self) {
         if !self.pending.swap(true, Ordering::AcqRel) {
             self.waker.wake();
         }
     }
 
-    /// The scheduler looks now.
-    fn seen(&self) {
+    /// The scheduler is about to look.
+    fn clear(&self) {
         self.pending.store(false, Ordering::Release);
     }
 }
@@ -185,7 +164,7 @@ pub struct ClusterLoader {
 }
 
 /// So many polls in a row bring nothing because others are at work; the next one waits for the board, and does their work.
-const MOST_MISSED_POLLS: u32 = 3;
+const MAX_MISSED_POLLS: u32 = 3;
 
 impl std::fmt::Debug for ClusterLoader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -195,18 +174,26 @@ impl std::fmt::Debug for ClusterLoader {
 
 impl ClusterLoader {
     /// A loader that reads the asset where it was opened: its file, or its URL.
-    pub fn open(asset: Arc<Asset>, options: &ClusterLoaderOptions) -> Result<Self, LoaderError> {
-        let reader = open_reader(asset.path(), &options.file)
-            .map_err(|source| LoaderError::Open { path: asset.path().to_owned(), source })?;
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be opened, or the system refuses a thread.
+    pub fn open(asset: Arc<Asset>, options: &ClusterLoaderOptions) -> Result<Self> {
+        let reader =
+            open_reader(asset.path(), &options.file).map_err(|error| set_up_error("open", &asset, error))?;
         Self::with_reader(asset, reader, options)
     }
 
     /// A loader that reads the asset's bytes through `reader`.
+    ///
+    /// # Errors
+    ///
+    /// The system refuses a thread.
     pub fn with_reader(
         asset: Arc<Asset>,
         reader: Box<dyn QueuedReader>,
         options: &ClusterLoaderOptions,
-    ) -> Result<Self, LoaderError> {
+    ) -> Result<Self> {
         let info = reader.info();
         let patience =
             if info.kind == ReaderKind::Http { RetryPolicy::NETWORK } else { RetryPolicy::default() };
@@ -214,13 +201,13 @@ impl ClusterLoader {
         let stored_formats = asset.channels().iter().map(|channel| channel.format);
         let formats =
             stored_formats.map(|format| AtlasFormat::of(format, options.block_compressed)).collect();
-        let thread_error = |source| LoaderError::Thread { path: asset.path().to_owned(), source };
+        let thread_error = |error| set_up_error("start a thread for", &asset, error);
         let shared = Arc::new(Shared {
             formats,
             options: options.clone(),
             board: SharedBoard::new(Board::new(options, retry)),
             inbox: Inbox::default(),
-            scheduler: Kick { waker: reader.waker(), pending: AtomicBool::new(false) },
+            scheduler: SchedulerWaker { waker: reader.waker(), pending: AtomicBool::new(false) },
             asset: Arc::clone(&asset),
         });
         let mut loader =
@@ -281,6 +268,19 @@ impl std::fmt::Debug for LoaderMonitor {
     }
 }
 
+/// Streaming of an asset cannot begin.
+fn set_up_error(what: &str, asset: &Asset, error: io::Error) -> Error {
+    let kind = match error.kind() {
+        io::ErrorKind::NotFound => ErrorKind::NotFound,
+        _ => ErrorKind::Io,
+    };
+    let message = match what {
+        "open" => format!("cannot open {} for streaming: {error}", asset.path().display()),
+        _ => format!("cannot {what} streaming {}: {error}", asset.path().display()),
+    };
+    Error::new(kind, message).with_path(asset.path()).with_source(error)
+}
+
 /// A queued reader of a file or URL.
 fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
     match url_of(location) {
@@ -337,7 +337,7 @@ impl ParcelLoader for ClusterLoader {
                 .iter()
                 .map(|&(parcel, urgency)| Message::Request(parcel, urgency, clusters_of(asset, parcel))),
         );
-        scheduler.kick();
+        scheduler.wake();
     }
 
     fn cancel(&mut self, parcel: Parcel) {
@@ -350,11 +350,11 @@ impl ParcelLoader for ClusterLoader {
         }
         let Shared { asset, inbox, scheduler, .. } = &*self.shared;
         inbox.add(parcels.iter().map(|&parcel| Message::Cancel(parcel, clusters_of(asset, parcel).ok())));
-        scheduler.kick();
+        scheduler.wake();
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
-        let board = if self.missed_polls == MOST_MISSED_POLLS {
+        let board = if self.missed_polls == MAX_MISSED_POLLS {
             Some(self.shared.board.lock())
         } else if self.shared.inbox.is_long() {
             // The scheduler is about to take them over, or does so now.
@@ -372,7 +372,7 @@ impl ParcelLoader for ClusterLoader {
         let parcels = board.take_ready(max_bytes);
         effects.has_room |= was_full && !board.ready_is_full();
         drop(board);
-        self.shared.tell(effects);
+        self.shared.notify(effects);
         parcels
     }
 
@@ -437,9 +437,9 @@ pub struct LoaderStatistics {
     /// Reads in flight.
     pub reads_in_flight: usize,
     /// The most reads there have been in flight.
-    pub most_reads_in_flight: usize,
+    pub max_reads_in_flight: usize,
     /// Stored bytes that are being read or wait to be unpacked.
-    pub flight_bytes: usize,
+    pub in_flight_bytes: usize,
     /// Bytes of unpacked clusters that are kept.
     pub cache_bytes: usize,
     /// Bytes of clusters that are kept as they are stored.

@@ -12,12 +12,12 @@ use super::Effects;
 use super::Shared;
 use crate::read::{QueuedReader, ReadCompletion, ReadRequest};
 
-/// How long an idle scheduler lets requests gather before it reads, so that neighbours go together. A frame's requests come
-/// within this time.
-const GATHER: Duration = Duration::from_micros(100);
+/// How long an idle scheduler waits for more requests before it reads, so that neighbours are read together. A frame's requests
+/// come within this time.
+const COALESCE_WINDOW: Duration = Duration::from_micros(100);
 
-/// A read in flight.
-struct Flight {
+/// A read that was submitted and has not completed.
+struct ActiveRead {
     read: ClusterRead,
     submitted: Instant,
 }
@@ -27,7 +27,7 @@ pub(super) struct Scheduler {
     shared: Arc<Shared>,
     reader: Box<dyn QueuedReader>,
     order: FileOrder,
-    flights: HashMap<u64, Flight>,
+    reads_by_token: HashMap<u64, ActiveRead>,
     /// Tokens of the clusters in flight.
     tokens: HashMap<ClusterId, u64>,
     next_token: u64,
@@ -35,24 +35,24 @@ pub(super) struct Scheduler {
 
 impl Scheduler {
     pub(super) fn new(shared: Arc<Shared>, reader: Box<dyn QueuedReader>, order: FileOrder) -> Self {
-        Self { shared, reader, order, flights: HashMap::new(), tokens: HashMap::new(), next_token: 0 }
+        Self { shared, reader, order, reads_by_token: HashMap::new(), tokens: HashMap::new(), next_token: 0 }
     }
 
     /// Works until the board is closed.
     pub(super) fn run(mut self) {
         loop {
-            self.shared.scheduler.seen();
+            self.shared.scheduler.clear();
             if self.shared.board.lock().is_closed() {
                 return;
             }
             self.take_messages();
-            self.give_up_reads();
+            self.cancel_abandoned_reads();
             let next_due = self.begin_reads();
             let timeout = next_due.map(|due| due.saturating_duration_since(Instant::now()));
-            let was_idle = self.flights.is_empty();
+            let was_idle = self.reads_by_token.is_empty();
             match self.reader.wait(timeout) {
                 Some(completion) => self.complete_all(completion),
-                None if was_idle => std::thread::sleep(GATHER),
+                None if was_idle => std::thread::sleep(COALESCE_WINDOW),
                 None => {}
             }
         }
@@ -63,7 +63,7 @@ impl Scheduler {
         loop {
             let effects = self.shared.inbox.take_some(&mut self.shared.board.lock());
             // The scheduler itself is about to look.
-            self.shared.tell(Effects { for_scheduler: false, has_more: false, ..effects });
+            self.shared.notify(Effects { for_scheduler: false, has_more: false, ..effects });
             if !effects.has_more {
                 return;
             }
@@ -71,20 +71,20 @@ impl Scheduler {
     }
 
     /// Cancels reads that have not begun and of which no cluster is wanted.
-    fn give_up_reads(&mut self) {
-        let given_up = self.shared.board.lock().take_given_up();
-        for cluster in given_up {
+    fn cancel_abandoned_reads(&mut self) {
+        let abandoned = self.shared.board.lock().take_abandoned();
+        for cluster in abandoned {
             let Some(&token) = self.tokens.get(&cluster) else { continue };
-            let Some(flight) = self.flights.get(&token) else { continue };
+            let Some(active) = self.reads_by_token.get(&token) else { continue };
             let mut board = self.shared.board.lock();
-            if flight.read.clusters.iter().all(|(id, _)| board.is_given_up(*id)) && self.reader.cancel(token)
+            if active.read.clusters.iter().all(|(id, _)| board.is_abandoned(*id)) && self.reader.cancel(token)
             {
-                for (id, range) in &flight.read.clusters {
+                for (id, range) in &active.read.clusters {
                     board.read_cancelled(*id, (range.end - range.start) as usize);
                     self.tokens.remove(id);
                 }
                 board.counts().reads_in_flight -= 1;
-                self.flights.remove(&token);
+                self.reads_by_token.remove(&token);
             }
         }
     }
@@ -98,7 +98,7 @@ impl Scheduler {
         let mut board = self.shared.board.lock();
         let next_due = board.resume_paused(Instant::now());
         let options = &self.shared.options;
-        while self.flights.len() + reads.len() < most
+        while self.reads_by_token.len() + reads.len() < most
             && board.has_room_for_reads()
             && let Some((cluster, mergeable)) = board.next_to_read()
         {
@@ -115,7 +115,7 @@ impl Scheduler {
         }
         let counts = board.counts();
         counts.reads_in_flight += reads.len();
-        counts.most_reads_in_flight = counts.most_reads_in_flight.max(counts.reads_in_flight);
+        counts.max_reads_in_flight = counts.max_reads_in_flight.max(counts.reads_in_flight);
         drop(board);
         reads.into_iter().for_each(|read| self.submit(read));
         next_due
@@ -129,7 +129,7 @@ impl Scheduler {
         for (id, _) in &read.clusters {
             self.tokens.insert(*id, token);
         }
-        self.flights.insert(token, Flight { read, submitted: Instant::now() });
+        self.reads_by_token.insert(token, ActiveRead { read, submitted: Instant::now() });
     }
 
     /// Takes a completion, and those that have come along with it.
@@ -143,7 +143,7 @@ impl Scheduler {
 
     fn complete(&mut self, completion: ReadCompletion) {
         let ReadCompletion { token, result } = completion;
-        let Some(Flight { read, submitted }) = self.flights.remove(&token) else { return };
+        let Some(ActiveRead { read, submitted }) = self.reads_by_token.remove(&token) else { return };
         let mut length = read.range.end - read.range.start;
         if self.reader.info().direct {
             length = length.next_multiple_of(4096);
@@ -236,12 +236,12 @@ impl FileOrder {
         ClusterRead { range: range.clone(), clusters: vec![(id, range)] }
     }
 
-    /// A read of a cluster and of its `wanted` neighbours on both sides, of at most `most_bytes`, with gaps of at most
+    /// A read of a cluster and of its `wanted` neighbours on both sides, of at most `max_bytes`, with gaps of at most
     /// `gap_bytes`.
     pub(super) fn merged(
         &self,
         id: ClusterId,
-        most_bytes: u64,
+        max_bytes: u64,
         gap_bytes: u64,
         wanted: impl Fn(ClusterId) -> bool,
     ) -> ClusterRead {
@@ -249,7 +249,7 @@ impl FileOrder {
         let place = self.place(id);
         for (neighbour, range) in &self.by_offset[place + 1..] {
             if range.start > read.range.end.saturating_add(gap_bytes)
-                || range.end - read.range.start > most_bytes
+                || range.end - read.range.start > max_bytes
             {
                 break;
             }
@@ -260,7 +260,7 @@ impl FileOrder {
         }
         for (neighbour, range) in self.by_offset[..place].iter().rev() {
             if range.end.saturating_add(gap_bytes) < read.range.start
-                || read.range.end - range.start > most_bytes
+                || read.range.end - range.start > max_bytes
             {
                 break;
             }

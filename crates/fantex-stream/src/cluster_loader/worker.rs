@@ -36,8 +36,8 @@ impl Worker {
                 Order::TellScheduler => {}
                 Order::End => return,
             }
-            // Flights may have ended, clusters may have to be read again.
-            self.shared.scheduler.kick();
+            // Reads may have ended, clusters may have to be read again.
+            self.shared.scheduler.wake();
         }
     }
 
@@ -57,13 +57,13 @@ impl Worker {
             counts.unpacked_bytes += self.shared.asset.cluster_page_bytes(cluster) as u64;
         }
         if is_read {
-            board.landed(cluster, stored_bytes, kept.as_ref());
+            board.finish_read(cluster, stored_bytes, kept.as_ref());
         }
         board.unpacked(cluster, unpacked.as_ref().map_err(PageError::clone));
         drop(board);
         if let Ok(pages) = unpacked {
             // There is room for reads, and decoding may take a while.
-            self.shared.scheduler.kick();
+            self.shared.scheduler.wake();
             self.make(cluster, &pages, !is_read);
         }
     }

@@ -18,7 +18,7 @@ use super::paged::{Densities, densities, piece_points};
 use crate::StreamView;
 
 /// Ratios of singular values of maps to tiles are seldom greater.
-const MOST_STRETCH: f32 = 4.0;
+const MAX_STRETCH: f32 = 4.0;
 
 /// How far the camera may move and turn until bounds are taken again.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,7 +136,7 @@ impl Lens {
     /// which hardly counts where anisotropic look-ups honour much longer ones.
     #[inline]
     pub(crate) fn uses_relief(&self) -> bool {
-        self.inverse_anisotropy > MOST_STRETCH.recip()
+        self.inverse_anisotropy > MAX_STRETCH.recip()
     }
 
     /// Another bound of the longer axis, from how a piece lies in its tile (see [`Relief`]). `pixel` is that of the piece or of
@@ -461,7 +461,7 @@ pub(crate) struct Relief {
 }
 
 /// Slopes steeper than this (the cosine to the tile's direction) are not told from vertical ones.
-const LEAST_COS: f32 = 1e-3;
+const MIN_COS: f32 = 1e-3;
 
 impl Relief {
     /// Nothing is known.
@@ -492,7 +492,7 @@ impl Relief {
         let triangles = triangles.filter(|(normal, _)| *normal != Vec3::ZERO);
         let planes = triangles.clone().map(|(normal, point)| {
             let plane = normal / normal.dot(direction);
-            let is_steep = normal.dot(direction).abs() < LEAST_COS;
+            let is_steep = normal.dot(direction).abs() < MIN_COS;
             (if is_steep { Vec3::INFINITY } else { plane }, plane.dot(point - center))
         });
         // The part of a plane vector across the direction: minus the slope.

@@ -29,7 +29,7 @@ pub struct PageDemand {
 const MARGIN_TEXELS: f32 = 8.0;
 
 /// Pages of a tile whose bounds are kept.
-const KEPT_BOUNDS: usize = 1 << 14;
+const MAX_CACHED_BOUNDS: usize = 1 << 14;
 
 /// A tile of several pages.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ impl PagedTile {
         lens: &Lens,
         slack: Slack,
     ) -> Vec<PageDemand> {
-        if self.bounds.len() > KEPT_BOUNDS {
+        if self.bounds.len() > MAX_CACHED_BOUNDS {
             self.bounds.clear();
         }
         let count = shape.level_count() as usize;

@@ -24,51 +24,38 @@ pub struct HttpSource {
 }
 
 /// What a server did that it should not have.
-#[derive(Debug, thiserror::Error)]
-enum HttpError {
-    #[error("the server sends only whole files: it does not support range requests, which streaming needs")]
-    NoRanges,
-    #[error("the server answered with status {0}")]
-    Status(StatusCode),
-    #[error("the server answered a range request with a range that was not asked for")]
-    OtherRange,
-    #[error("the connection ended after {got} of {expected} bytes")]
-    Dropped { got: usize, expected: usize },
-    #[error(transparent)]
-    Client(#[from] ureq::Error),
+fn server_error(kind: io::ErrorKind, message: impl Into<String>) -> io::Error {
+    io::Error::new(kind, message.into())
 }
 
-impl HttpError {
-    fn kind(&self) -> io::ErrorKind {
-        match self {
-            Self::NoRanges => io::ErrorKind::Unsupported,
-            Self::Status(status) => match status.as_u16() {
-                401 | 403 => io::ErrorKind::PermissionDenied,
-                // Too early, too many, or the server's own trouble: may pass.
-                408 | 425 | 429 | 500..=599 => io::ErrorKind::Other,
-                404 | 410 => io::ErrorKind::NotFound,
-                _ => io::ErrorKind::Unsupported,
-            },
-            Self::OtherRange => io::ErrorKind::InvalidData,
-            Self::Dropped { .. } => io::ErrorKind::ConnectionAborted,
-            Self::Client(error) => match error {
-                ureq::Error::Io(error) => match error.kind() {
-                    // An end where a response was due.
-                    io::ErrorKind::UnexpectedEof => io::ErrorKind::ConnectionAborted,
-                    kind => kind,
-                },
-                ureq::Error::Timeout(_) => io::ErrorKind::TimedOut,
-                ureq::Error::BadUri(_) | ureq::Error::TooManyRedirects => io::ErrorKind::InvalidInput,
-                _ => io::ErrorKind::Other,
-            },
+fn other_range() -> io::Error {
+    let message = "the server answered a range request with a range that was not asked for";
+    server_error(io::ErrorKind::InvalidData, message)
+}
+
+fn status_error(status: StatusCode) -> io::Error {
+    let kind = match status.as_u16() {
+        401 | 403 => io::ErrorKind::PermissionDenied,
+        // Too early, too many, or the server's own trouble: may pass.
+        408 | 425 | 429 | 500..=599 => io::ErrorKind::Other,
+        404 | 410 => io::ErrorKind::NotFound,
+        _ => io::ErrorKind::Unsupported,
+    };
+    server_error(kind, format!("the server answered with status {status}"))
+}
+
+fn client_error(error: ureq::Error) -> io::Error {
+    let kind = match &error {
+        // An end where a response was due.
+        ureq::Error::Io(error) if error.kind() == io::ErrorKind::UnexpectedEof => {
+            io::ErrorKind::ConnectionAborted
         }
-    }
-}
-
-impl From<HttpError> for io::Error {
-    fn from(error: HttpError) -> Self {
-        Self::new(error.kind(), error)
-    }
+        ureq::Error::Io(error) => error.kind(),
+        ureq::Error::Timeout(_) => io::ErrorKind::TimedOut,
+        ureq::Error::BadUri(_) | ureq::Error::TooManyRedirects => io::ErrorKind::InvalidInput,
+        _ => io::ErrorKind::Other,
+    };
+    io::Error::new(kind, error)
 }
 
 impl HttpSource {
@@ -108,16 +95,16 @@ impl HttpSource {
         let Some(last) = (bytes.len() as u64).checked_sub(1) else { return Ok(0) };
         let range = format!("bytes={offset}-{}", offset.saturating_add(last));
         let response = self.agent.get(&self.url).header(header::RANGE, range).call();
-        let mut response = response.map_err(HttpError::from)?;
+        let mut response = response.map_err(client_error)?;
         let expected = match response.status() {
             StatusCode::PARTIAL_CONTENT => {
-                let range = content_range(response.headers()).ok_or(HttpError::OtherRange)?;
+                let range = content_range(response.headers()).ok_or_else(other_range)?;
                 self.length.get_or_init(|| range.total);
                 match range.first_last {
                     Some((first, last)) if first == offset && last >= first => {
                         (last - first + 1).min(bytes.len() as u64) as usize
                     }
-                    _ => return Err(HttpError::OtherRange.into()),
+                    _ => return Err(other_range()),
                 }
             }
             // The range lies beyond the end.
@@ -127,11 +114,18 @@ impl HttpSource {
                 }
                 return Ok(0);
             }
-            StatusCode::OK => return Err(HttpError::NoRanges.into()),
-            status => return Err(HttpError::Status(status).into()),
+            StatusCode::OK => {
+                let message = "the server sends only whole files: it does not support range requests, which streaming needs";
+                return Err(server_error(io::ErrorKind::Unsupported, message));
+            }
+            status => return Err(status_error(status)),
         };
         let got = fill(&mut response.body_mut().as_reader(), &mut bytes[..expected])?;
-        if got < expected { Err(HttpError::Dropped { got, expected }.into()) } else { Ok(got) }
+        if got < expected {
+            let message = format!("the connection ended after {got} of {expected} bytes");
+            return Err(server_error(io::ErrorKind::ConnectionAborted, message));
+        }
+        Ok(got)
     }
 }
 
@@ -159,7 +153,7 @@ impl ByteSource for HttpSource {
         if self.length.get().is_none() {
             self.read_at(&mut [0], 0)?;
         }
-        self.length.get().copied().ok_or_else(|| HttpError::OtherRange.into())
+        self.length.get().copied().ok_or_else(other_range)
     }
 
     fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {

@@ -184,17 +184,17 @@ impl Work {
 // The bias.
 
 /// Share of the atlas that needed parcels may take; the rest is lost between them, or keeps what may be needed again.
-const HIGH: f64 = 0.92;
+const MAX_NEEDED_SHARE: f64 = 0.92;
 /// Share of that up to which the bias sinks.
-const LOW: f64 = 0.88;
+const MAX_LOWER_BIAS_SHARE: f64 = 0.88;
 /// Share of that to which a rising bias brings the demand.
-const AIM: f64 = 0.95;
+const TARGET_SHARE: f64 = 0.95;
 /// What a parcel that finds no room takes from the share.
-const SQUEEZE: f64 = 0.97;
+const SQUEEZE_FACTOR: f64 = 0.97;
 /// What a frame with a moving camera gives back.
-const RELAX: f64 = 0.0005;
+const RELAX_STEP: f64 = 0.0005;
 /// Frames between two changes of the bias of which the second lowers it.
-const PATIENCE: u32 = 4;
+const MIN_STEADY_FRAMES: u32 = 4;
 
 /// Texels by the bias from which on they are not needed.
 #[derive(Clone, Debug)]
@@ -254,7 +254,7 @@ fn until(shape: &TileShape, level: u32, detail: Detail) -> u8 {
 
 /// The bias and what it depends on.
 #[derive(Clone, Debug)]
-pub(crate) struct Pressure {
+pub(crate) struct BiasControl {
     bias: u8,
     /// Share of the atlas that turned out to be usable.
     usable: f64,
@@ -269,7 +269,7 @@ pub(crate) struct Pressure {
     steady: u32,
 }
 
-impl Pressure {
+impl BiasControl {
     pub(crate) fn new(shapes: &TileShapes) -> Self {
         let group_count = shapes.group_count();
         Self {
@@ -365,31 +365,31 @@ impl Pressure {
 
     /// A needed parcel found no room: less must be needed.
     pub(crate) fn squeeze(&mut self) {
-        self.usable = (self.usable * SQUEEZE).max(1e-3);
+        self.usable = (self.usable * SQUEEZE_FACTOR).max(1e-3);
     }
 
     /// The camera moves, so what did not fit may fit now.
     pub(crate) fn relax(&mut self) {
-        self.usable = (self.usable + RELAX).min(1.0);
+        self.usable = (self.usable + RELAX_STEP).min(1.0);
     }
 
     fn limit(&self, atlas_texels: u64) -> f64 {
-        atlas_texels as f64 * HIGH * self.usable
+        atlas_texels as f64 * MAX_NEEDED_SHARE * self.usable
     }
 
     /// Adapts the bias; whether everything should be wanted anew.
     pub(crate) fn update(&mut self, needed_texels: u64, atlas_texels: u64) -> bool {
         let limit = self.limit(atlas_texels);
         if needed_texels as f64 > limit {
-            self.bias = self.histogram.bias_within(AIM * limit).max(self.bias);
+            self.bias = self.histogram.bias_within(TARGET_SHARE * limit).max(self.bias);
             self.steady = 0;
             return true;
         }
         self.steady = self.steady.saturating_add(1);
-        if self.bias == 0 || self.steady < PATIENCE {
+        if self.bias == 0 || self.steady < MIN_STEADY_FRAMES {
             return false;
         }
-        let lower = self.histogram.bias_within(LOW * limit);
+        let lower = self.histogram.bias_within(MAX_LOWER_BIAS_SHARE * limit);
         if lower >= self.bias {
             return false;
         }

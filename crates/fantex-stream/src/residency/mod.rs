@@ -23,8 +23,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 pub(crate) use budget::FRAME_NANOSECONDS;
+use budget::{BiasControl, Item, Task, Work};
 pub use budget::{FrameWork, WORK_COSTS, WORK_KINDS};
-use budget::{Item, Pressure, Task, Work};
 use fantex_store::{PageError, PageId};
 pub(crate) use pool::COUNTED_LEVELS;
 pub use pool::ParcelCount;
@@ -41,7 +41,7 @@ use crate::{AtlasShape, PageTable, Parcel, ParcelLoader, TableChange};
 pub(crate) struct Residency {
     shapes: Arc<TileShapes>,
     pool: Pool,
-    pressure: Pressure,
+    bias_control: BiasControl,
     backlog: Backlog,
     queue: RequestQueue,
     transfers: Transfers,
@@ -77,7 +77,7 @@ impl Residency {
         let wanted = (0..groups as u32).map(|g| shapes.of(g).level_count() as u8).collect();
         Self {
             pool: Pool::new(shapes.clone(), table, atlas),
-            pressure: Pressure::new(&shapes),
+            bias_control: BiasControl::new(&shapes),
             backlog: Backlog::new(groups.div_ceil(FAMILY as usize)),
             queue: RequestQueue::new(shapes.owner_count()),
             transfers: Transfers::new(shapes.clone()),
@@ -102,7 +102,7 @@ impl Residency {
     }
 
     pub(crate) fn bias(&self) -> u8 {
-        self.pressure.bias()
+        self.bias_control.bias()
     }
 
     pub(crate) fn damaged(&self) -> &BTreeMap<Parcel, PageError> {
@@ -370,7 +370,7 @@ impl Residency {
     /// of thousands of tiles, or another bias for them, is spread over some frames.
     pub(crate) fn want(&mut self, changed: &[u32], demand: &Demand) {
         self.work.spend(Item::Bounding, demand.nanoseconds());
-        self.put_off(changed, Backlog::CHANGED);
+        self.defer(changed, Backlog::CHANGED);
         while !self.backlog.is_done() && self.work.may(Task::Want) {
             let Some((family, is_exact)) = self.backlog.take_present() else { break };
             self.want_family(family, demand, if is_exact { 0 } else { HYSTERESIS });
@@ -383,7 +383,7 @@ impl Residency {
         if !self.has_unexpected() {
             self.work.spend(Item::Bounding, predicted.nanoseconds());
         }
-        self.put_off(changed, Backlog::PREDICTED);
+        self.defer(changed, Backlog::PREDICTED);
         while self.work.may(Task::Request)
             && let Some(family) = self.backlog.take_predicted()
         {
@@ -408,7 +408,7 @@ impl Residency {
         !self.backlog.predicted.is_empty()
     }
 
-    fn put_off(&mut self, changed: &[u32], reason: u8) {
+    fn defer(&mut self, changed: &[u32], reason: u8) {
         let mut last = None;
         for family in changed.iter().map(|group| group / FAMILY) {
             if last.replace(family) != Some(family) {
@@ -426,7 +426,7 @@ impl Residency {
             .filter(|&(parcel, index)| !self.is_expected(parcel, index, predicted))
             .collect();
         for (parcel, index) in unexpected {
-            self.forget(parcel, index);
+            self.cancel(parcel, index);
         }
         let needs_any = match self.shapes.group_of_owner(owner) {
             Some(group) => {
@@ -468,7 +468,7 @@ impl Residency {
         let mut changed = 0u32;
         for (i, group) in self.shapes.groups(family, 0).enumerate() {
             // What has not changed is wanted as before, unless the bias is another one.
-            let has_changed = demand.detail(group) != self.pressure.counted(group);
+            let has_changed = demand.detail(group) != self.bias_control.counted(group);
             if has_changed || hysteresis == 0 || self.shapes.of(group).is_paged() {
                 changed |= 1 << i;
                 self.want_with(group, demand, hysteresis);
@@ -488,7 +488,7 @@ impl Residency {
 
     /// Takes over the demand of a group. Whether it lacks something is seen later.
     fn want_with(&mut self, group: u32, demand: &Demand, hysteresis: u8) {
-        self.pressure.count(group, demand, &self.shapes);
+        self.bias_control.count(group, demand, &self.shapes);
         let detail = demand.detail(group);
         let level = self.level_for(group, detail, hysteresis);
         let is_paged = self.shapes.of(group).is_paged();
@@ -550,21 +550,21 @@ impl Residency {
         let visible = self.shapes.groups(bundle, step).filter(|&group| self.is_wanted(group));
         visible.fold((step + 1, 0.0), |(levels, side): (u32, f32), group| {
             let needed = self.shapes.of(group).level_count() - u32::from(self.wanted[group as usize]);
-            (levels.max(needed), side.max(self.side_log2(group, self.pressure.counted(group))))
+            (levels.max(needed), side.max(self.side_log2(group, self.bias_control.counted(group))))
         })
     }
 
     /// Bundles need what their groups do. Whether any becomes needed or unneeded.
     fn want_bundles(&mut self, family: u32, hysteresis: u8) -> bool {
-        self.pressure.count_family(family, &self.shapes);
-        let bias = self.pressure.bias();
+        self.bias_control.count_family(family, &self.shapes);
+        let bias = self.bias_control.bias();
         let mut has_changed = false;
         // Finest first, so that they leave in this order; what lies over something needed is needed.
         for step in (0..SHARED_LEVELS).rev() {
             for bundle in self.shapes.family_bundles(family, step) {
                 let parcel = Parcel::Bundle { bundle, step };
                 let index = self.shapes.index(parcel);
-                let (until, was_needed) = (self.pressure.bundle_until(index), self.pool.is_needed(index));
+                let (until, was_needed) = (self.bias_control.bundle_until(index), self.pool.is_needed(index));
                 let hysteresis = if was_needed { hysteresis } else { 0 };
                 let is_needed = until > 0 && until.saturating_add(hysteresis) > bias;
                 // Groups whose demand is not taken over yet may still need theirs.
@@ -583,11 +583,11 @@ impl Residency {
     fn level_for(&self, group: u32, detail: Detail, hysteresis: u8) -> u32 {
         let shape = self.shapes.of(group);
         let current = u32::from(self.wanted[group as usize]);
-        let level = shape.wanted_level(detail.biased(self.pressure.bias()));
+        let level = shape.wanted_level(detail.biased(self.bias_control.bias()));
         if level <= current || !detail.is_visible() {
             return level;
         }
-        let reluctant = Detail(detail.0.saturating_sub(hysteresis)).biased(self.pressure.bias());
+        let reluctant = Detail(detail.0.saturating_sub(hysteresis)).biased(self.bias_control.bias());
         shape.wanted_level(reluctant).max(current)
     }
 
@@ -606,7 +606,7 @@ impl Residency {
 
     fn want_pages(&mut self, group: u32, demand: &Demand) {
         let first = self.shapes.own_parcels(group).start;
-        let (bias, shape) = (self.pressure.bias(), self.shapes.of(group));
+        let (bias, shape) = (self.bias_control.bias(), self.shapes.of(group));
         let next: Vec<u32> = demand
             .pages(group)
             .iter()
@@ -647,7 +647,7 @@ impl Residency {
         }
         if !self.pool.is_resident(index) && !self.is_damaged(parcel) {
             self.count_missing(parcel, false);
-            self.forget(parcel, index);
+            self.cancel(parcel, index);
         }
     }
 
@@ -659,14 +659,14 @@ impl Residency {
     /// Lets the bias follow the demand.
     pub(crate) fn adapt(&mut self, demand: &Demand, is_moving: bool) {
         if is_moving {
-            self.pressure.relax();
+            self.bias_control.relax();
         }
         // As long as the last bias has not reached all groups, more is needed than need be.
         if self.backlog.has_exact() {
             return;
         }
         let (needed, atlas) = (self.pool.needed().texels, self.pool.shape().texels());
-        if self.pressure.update(needed, atlas) {
+        if self.bias_control.update(needed, atlas) {
             for (family, details) in (0..).zip(demand.details().chunks(FAMILY as usize)) {
                 if details.iter().any(|detail| detail.is_visible()) {
                     self.backlog.put(family, Backlog::EXACT);
@@ -707,7 +707,7 @@ impl Residency {
 
     /// Begins anew in an empty atlas of another shape.
     pub(crate) fn set_atlas(&mut self, atlas: AtlasShape, demand: &Demand) {
-        self.pressure.reset();
+        self.bias_control.reset();
         let lost: Vec<Parcel> = (0..self.shapes.parcel_count() as u32)
             .filter(|&index| self.pool.is_needed(index) && self.pool.is_resident(index))
             .map(|index| self.shapes.parcel(index))

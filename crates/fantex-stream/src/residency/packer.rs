@@ -61,10 +61,10 @@ fn side_class(units: u32) -> u32 {
 }
 
 /// The least units of a rectangle of a size class.
-fn least_units(class: usize) -> u32 {
-    let least_side = |class: u32| (1 << class >> 1) + 1;
+fn min_units(class: usize) -> u32 {
+    let min_side = |class: u32| (1 << class >> 1) + 1;
     let class = class as u32;
-    least_side(class % SIDE_CLASSES) * least_side(class / SIDE_CLASSES)
+    min_side(class % SIDE_CLASSES) * min_side(class / SIDE_CLASSES)
 }
 
 /// Bins in which a rectangle is looked for.
@@ -150,7 +150,7 @@ impl Packer {
         let state = &mut self.states[bin];
         let free = SIDE * SIDE - u32::from(state.used);
         if state.full_for >> class & 1 == 1 || size[0] * size[1] > free {
-            if least_units(class) > free {
+            if min_units(class) > free {
                 self.close(bin, class);
             }
             return None;
@@ -176,7 +176,7 @@ impl Packer {
     }
 
     /// Gives the room of a rectangle back that [`Packer::take`] gave.
-    pub(crate) fn give_back(&mut self, place: AtlasPlace, extent: [u32; 2]) {
+    pub(crate) fn release_place(&mut self, place: AtlasPlace, extent: [u32; 2]) {
         let bin = self.bin_of(place);
         let at = [place.x, place.y].map(|n| u32::from(n) % PAGE / UNIT);
         let size = extent.map(|n| n.div_ceil(UNIT));
@@ -293,7 +293,7 @@ mod tests {
         sizes: &[[u32; 2]],
         steps: u32,
         mut take: impl FnMut([u32; 2]) -> bool,
-        mut give_back: impl FnMut(usize) -> [u32; 2],
+        mut release_place: impl FnMut(usize) -> [u32; 2],
     ) -> (f64, u32) {
         let (mut state, mut used, mut resident, mut seen, mut fails) = (7u64, 0u64, 0usize, 0.0, 0);
         let mut next = move |n: usize| {
@@ -305,7 +305,7 @@ mod tests {
             while !take(size) {
                 seen += used as f64;
                 fails += 1;
-                let left = give_back(next(resident));
+                let left = release_place(next(resident));
                 used -= u64::from(left[0]) * u64::from(left[1]);
                 resident -= 1;
             }
@@ -336,13 +336,13 @@ mod tests {
             },
             |i| {
                 let (place, size) = resident.borrow_mut().swap_remove(i);
-                packer.borrow_mut().give_back(place, size);
+                packer.borrow_mut().release_place(place, size);
                 size
             },
         );
         let bits_time = started.elapsed();
         for (place, size) in resident.take() {
-            packer.get_mut().give_back(place, size);
+            packer.get_mut().release_place(place, size);
         }
         assert!((0..16).all(|_| packer.get_mut().take([256, 256]).is_some()), "all room comes back");
         assert_eq!(packer.get_mut().take([4, 4]), None);

@@ -38,7 +38,7 @@ impl ParcelCount {
 
 /// A parcel that was needed until a frame.
 #[derive(Clone, Copy, Debug)]
-struct Leaver {
+struct EvictionCandidate {
     index: u32,
     parcel: Parcel,
     stamp: u32,
@@ -58,7 +58,7 @@ pub(crate) struct Pool {
     /// Parcels that could not be read, and have not been since: what lies under them needs them no longer.
     holes: BTreeSet<u32>,
     /// By kind (of [`Packer::kind_of`]): a parcel that leaves makes room for those of its own kind.
-    leavers: [VecDeque<Leaver>; KINDS],
+    candidates: [VecDeque<EvictionCandidate>; KINDS],
     /// Parcels whose place changed since the changes were taken, in any order, some of them twice.
     touched: Vec<(u32, Parcel)>,
     resident: ParcelCount,
@@ -82,7 +82,7 @@ impl Pool {
             entries: vec![TableEntry::ABSENT; parcels],
             stamps: vec![0; parcels],
             holes: BTreeSet::new(),
-            leavers: [const { VecDeque::new() }; KINDS],
+            candidates: [const { VecDeque::new() }; KINDS],
             touched: Vec::new(),
             resident: ParcelCount::default(),
             resident_by_level: [0; COUNTED_LEVELS],
@@ -95,11 +95,11 @@ impl Pool {
 
     pub(crate) fn begin_frame(&mut self) {
         self.frame += 1;
-        let waiting: usize = self.leavers.iter().map(VecDeque::len).sum();
+        let waiting: usize = self.candidates.iter().map(VecDeque::len).sum();
         if waiting > 1024 + 2 * self.resident.parcels as usize {
             let (entries, stamps) = (&self.entries, &self.stamps);
-            let may_leave = |leaver: &Leaver| may_leave(leaver, entries, stamps);
-            self.leavers.iter_mut().for_each(|leavers| leavers.retain(may_leave));
+            let is_evictable = |candidate: &EvictionCandidate| is_evictable(candidate, entries, stamps);
+            self.candidates.iter_mut().for_each(|candidates| candidates.retain(is_evictable));
         }
     }
 
@@ -188,14 +188,14 @@ impl Pool {
     pub(crate) fn release(&mut self, parcel: Parcel, index: u32) {
         debug_assert!(self.is_needed(index));
         self.needed.remove(self.shapes.texels(parcel));
-        self.let_leave(parcel, index);
+        self.allow_eviction(parcel, index);
     }
 
-    fn let_leave(&mut self, parcel: Parcel, index: u32) {
+    fn allow_eviction(&mut self, parcel: Parcel, index: u32) {
         self.stamps[index as usize] = self.frame;
         if self.is_resident(index) {
             let kind = Packer::kind_of(self.shapes.extent(parcel));
-            self.leavers[kind].push_back(Leaver { index, parcel, stamp: self.frame });
+            self.candidates[kind].push_back(EvictionCandidate { index, parcel, stamp: self.frame });
         }
     }
 
@@ -204,7 +204,7 @@ impl Pool {
     pub(crate) fn insert(&mut self, parcel: Parcel, index: u32, min_age: u32) -> Option<AtlasPlace> {
         debug_assert!(!self.is_resident(index) && self.blocker(parcel).is_none());
         if !self.is_needed(index) {
-            self.stay_below(parcel);
+            self.protect_coarser(parcel);
         }
         let extent = self.shapes.extent(parcel);
         let mut place = self.packer.take(extent);
@@ -223,7 +223,7 @@ impl Pool {
         self.resident.add(self.shapes.texels(parcel));
         self.count_levels(parcel, true);
         if !self.is_needed(index) {
-            self.let_leave(parcel, index);
+            self.allow_eviction(parcel, index);
         }
         Some(place)
     }
@@ -249,12 +249,12 @@ impl Pool {
     }
 
     /// What carries a parcel that comes unneeded leaves no earlier than that.
-    fn stay_below(&mut self, parcel: Parcel) {
+    fn protect_coarser(&mut self, parcel: Parcel) {
         for coarser in self.shapes.coarser(parcel) {
             let index = self.shapes.index(coarser);
             if !self.is_needed(index) {
-                self.stay_below(coarser);
-                self.let_leave(coarser, index);
+                self.protect_coarser(coarser);
+                self.allow_eviction(coarser, index);
             }
         }
     }
@@ -262,22 +262,23 @@ impl Pool {
     /// Evicts the parcel that was needed longest ago, of those that leave room for one of a kind; of the smaller ones where
     /// there is no other. (By age alone, room became free all over the atlas and nowhere enough: a page took tens of others.)
     fn evict_oldest(&mut self, min_age: u32, kind: usize) -> bool {
-        let leaver = self.take_leaver(min_age, kind..KINDS).or_else(|| self.take_leaver(min_age, 0..kind));
-        let Some(leaver) = leaver else { return false };
-        self.remove(leaver.parcel, leaver.index);
+        let candidate =
+            self.take_candidate(min_age, kind..KINDS).or_else(|| self.take_candidate(min_age, 0..kind));
+        let Some(candidate) = candidate else { return false };
+        self.remove(candidate.parcel, candidate.index);
         true
     }
 
     /// The oldest parcel of some kinds that may leave.
-    fn take_leaver(&mut self, min_age: u32, kinds: Range<usize>) -> Option<Leaver> {
+    fn take_candidate(&mut self, min_age: u32, kinds: Range<usize>) -> Option<EvictionCandidate> {
         let (entries, stamps, now) = (&self.entries, &self.stamps, self.frame);
-        let queues = &mut self.leavers[kinds];
-        for leavers in queues.iter_mut() {
-            while leavers.pop_front_if(|leaver| !may_leave(leaver, entries, stamps)).is_some() {}
+        let queues = &mut self.candidates[kinds];
+        for candidates in queues.iter_mut() {
+            while candidates.pop_front_if(|candidate| !is_evictable(candidate, entries, stamps)).is_some() {}
         }
         let oldest =
             queues.iter_mut().filter(|l| !l.is_empty()).min_by_key(|l| l.front().map(|l| l.stamp))?;
-        oldest.pop_front_if(|leaver| now - leaver.stamp >= min_age)
+        oldest.pop_front_if(|candidate| now - candidate.stamp >= min_age)
     }
 
     /// Removes a parcel and what lies under it.
@@ -286,7 +287,7 @@ impl Pool {
         debug_assert!(!self.is_needed(index), "{parcel} is needed");
         let entry = std::mem::take(&mut self.entries[index as usize]);
         if let Some(place) = entry.place() {
-            self.packer.give_back(place, self.shapes.extent(parcel));
+            self.packer.release_place(place, self.shapes.extent(parcel));
             self.freed.push(place);
         }
         self.touched.push((index, parcel));
@@ -311,7 +312,7 @@ impl Pool {
     pub(crate) fn reset(&mut self, shape: AtlasShape) {
         self.shape = shape;
         self.packer = Packer::new(shape);
-        self.leavers.iter_mut().for_each(VecDeque::clear);
+        self.candidates.iter_mut().for_each(VecDeque::clear);
         self.resident = ParcelCount::default();
         self.resident_by_level = [0; COUNTED_LEVELS];
         for (index, entry) in (0..).zip(&mut self.entries) {
@@ -364,11 +365,11 @@ impl Pool {
         use fantex_store::PAGE;
         let mut used = std::collections::HashSet::new();
         let mut count = ParcelCount::default();
-        let leavers: std::collections::HashSet<u32> = self
-            .leavers
+        let candidates: std::collections::HashSet<u32> = self
+            .candidates
             .iter()
             .flatten()
-            .filter(|l| may_leave(l, &self.entries, &self.stamps))
+            .filter(|l| is_evictable(l, &self.entries, &self.stamps))
             .map(|l| l.index)
             .collect();
         for index in 0..self.entries.len() as u32 {
@@ -380,7 +381,11 @@ impl Pool {
             for above in self.shapes.coarser(parcel) {
                 assert!(!self.is_needed(index) || self.is_needed(self.shapes.index(above)));
             }
-            assert_ne!(self.is_needed(index), leavers.contains(&index), "{parcel} cannot leave, or must not");
+            assert_ne!(
+                self.is_needed(index),
+                candidates.contains(&index),
+                "{parcel} cannot leave, or must not"
+            );
             let [w, h] = self.shapes.extent(parcel);
             assert!(w <= PAGE && h <= PAGE && u32::from(place.layer) < self.shape.layers);
             assert!(u32::from(place.x) + w <= self.shape.side && u32::from(place.y) + h <= self.shape.side);
@@ -399,6 +404,7 @@ impl Pool {
 }
 
 /// Whether an entry of the queue still says what is the case.
-fn may_leave(leaver: &Leaver, entries: &[TableEntry], stamps: &[u32]) -> bool {
-    stamps[leaver.index as usize] == leaver.stamp && entries[leaver.index as usize] != TableEntry::ABSENT
+fn is_evictable(candidate: &EvictionCandidate, entries: &[TableEntry], stamps: &[u32]) -> bool {
+    stamps[candidate.index as usize] == candidate.stamp
+        && entries[candidate.index as usize] != TableEntry::ABSENT
 }

@@ -336,7 +336,7 @@ impl Residency {
     }
 
     /// Cancels a parcel that is on its way, or drops it.
-    pub(super) fn forget(&mut self, parcel: Parcel, index: u32) {
+    pub(super) fn cancel(&mut self, parcel: Parcel, index: u32) {
         match self.transfers.set(parcel, index, RequestState::Idle) {
             RequestState::Requested | RequestState::Prefetched => {
                 self.work.spend(Item::Cancel, 1);
@@ -356,7 +356,7 @@ impl Residency {
         self.queue.clear_ahead();
         let prefetched: Vec<_> = self.transfers.prefetched.iter().map(|(&i, &parcel)| (parcel, i)).collect();
         for (parcel, index) in prefetched {
-            self.forget(parcel, index);
+            self.cancel(parcel, index);
         }
     }
 
@@ -365,8 +365,8 @@ impl Residency {
         let parcels: BTreeSet<Parcel> = pages.iter().map(|&page| self.shapes.parcel_of(page)).collect();
         for parcel in parcels {
             let index = self.shapes.index(parcel);
-            self.hope_for(parcel, index);
-            self.forget(parcel, index);
+            self.clear_damage(parcel, index);
+            self.cancel(parcel, index);
             if self.pool.is_resident(index) {
                 self.work.spend(Item::Request, 1);
                 self.transfers.request(parcel, index, STALE_URGENCY, RequestState::Requested);
@@ -379,13 +379,13 @@ impl Residency {
     /// Asks for damaged parcels again.
     pub(crate) fn retry_damaged(&mut self, demand: &Demand) {
         for parcel in self.damaged.keys().copied().collect::<Vec<_>>() {
-            self.hope_for(parcel, self.shapes.index(parcel));
+            self.clear_damage(parcel, self.shapes.index(parcel));
             self.enqueue(self.shapes.owner(parcel), demand);
         }
     }
 
     /// A parcel may be readable again. (It stays a hole until it has been read: what lies under it keeps its place.)
-    fn hope_for(&mut self, parcel: Parcel, index: u32) {
+    fn clear_damage(&mut self, parcel: Parcel, index: u32) {
         let was_damaged = self.damaged.remove(&parcel).is_some();
         if was_damaged && self.pool.is_needed(index) && !self.pool.is_resident(index) {
             self.count_missing(parcel, true);
@@ -412,7 +412,7 @@ impl Residency {
         if !frame.stuck.is_empty() {
             // With another bias on its way less is needed soon.
             if !self.backlog.has_exact() {
-                self.pressure.squeeze();
+                self.bias_control.squeeze();
             }
             self.transfers.placeable.extend(frame.stuck);
         }
@@ -495,7 +495,7 @@ impl Residency {
             && !is_needed
             && self.transfers.state(missing) == RequestState::Idle
         {
-            self.forget(parcel, index);
+            self.cancel(parcel, index);
             return;
         }
         if blocker.is_some() || !self.may_arrive(frame) {
@@ -525,7 +525,7 @@ impl Residency {
                 frame.stuck.push(index);
                 self.transfers.arrived.insert(index, (parcel, texels));
             }
-            None => self.forget(parcel, index),
+            None => self.cancel(parcel, index),
         }
     }
 }

@@ -3,7 +3,8 @@
 
 use std::path::Path;
 
-use fantex::gpu::{DrawOptions, Frame, Gpu, GpuError, GpuOptions, UvModel, frame_times};
+use fantex::base::ErrorKind;
+use fantex::gpu::{DrawOptions, Frame, Gpu, GpuOptions, UvModel, frame_times};
 use fantex::mesh::generate::grid;
 use fantex::mesh::{self, CleanOptions, ImageSource, Mesh, TextureRef, WrapMode};
 use fantex::render::{Camera, FilterOptions, Lights, MeshSurface, RenderOptions};
@@ -51,7 +52,7 @@ fn software_gpu(context: &Context) -> Result<Option<Gpu>, CliError> {
             context.note(format!("the peer of pictures of a million triangles is {}", gpu.info().name));
             Ok(Some(gpu))
         }
-        Err(GpuError::NoAdapter { .. }) => {
+        Err(error) if error.kind() == ErrorKind::Unavailable => {
             context.note("no software rasteriser to compare pictures of a million triangles with (install Mesa's Vulkan driver)");
             Ok(None)
         }

@@ -1,0 +1,251 @@
+//! The texture function in WGSL against `fantex_store::Sampler`, point by point: random points and footprints on random meshes whose
+//! texels are noise.
+//!
+//! Tolerance. Samplers weigh texels in steps of 1/256 along each axis, and neighbouring texels of noise differ by up to one; sRGB is
+//! decoded to about 1/1000. So values may differ by [`TOLERANCE`], and on average by a tenth of that. Where the number of probes is a
+//! ratio's next integer, rounding may give one probe more or less: that is left out.
+
+use std::f32::consts::TAU;
+
+use fantex_bake::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, SurfacePoint};
+use fantex_base::Random;
+use fantex_cover::{CoverOptions, TexelBudget, build_cover};
+use fantex_gpu::{FanModel, Gpu, shader};
+use fantex_mesh::{Mesh, Model, generate};
+use fantex_scene::FilterOptions;
+use fantex_store::{ChannelKind, Footprint, PAGE, Sampler};
+use fantex_stream::PageTable;
+use fantex_test::cleaned;
+use fantex_texture::Filter;
+use fantex_texture::filter::FootprintAxes;
+use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
+
+use crate::common::{Baked, Residents, gpu, model, read_back, target, upload};
+
+/// See the module.
+const TOLERANCE: f32 = 0.012;
+
+const POINTS: usize = 4096;
+
+/// Columns of the picture that holds a value per point.
+const COLUMNS: u32 = 64;
+
+/// Noise, another number at every point.
+struct Noise;
+
+impl Source for Noise {
+    fn channels(&self) -> Vec<SourceChannel> {
+        let kinds = [ChannelKind::BaseColor, ChannelKind::Normal, ChannelKind::OcclusionRoughnessMetallic];
+        kinds.map(|kind| SourceChannel { kind, has_alpha: false, exceeds_one: false }).to_vec()
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        let mut random = Random::of_seeds(point.position.to_array().map(|v| u64::from(v.to_bits())));
+        let mut unit = || random.unit() as f32;
+        values[0] = Vec4::new(unit(), unit(), unit(), 1.0);
+        let (angle, z) = (TAU * unit(), 0.4 + 0.6 * unit());
+        let flat = Vec3::new(angle.cos(), angle.sin(), 0.0) * (1.0 - z * z).sqrt();
+        let (right, up) = point.normal.any_orthonormal_pair();
+        values[1] = (right * flat.x + up * flat.y + point.normal * z).extend(1.0);
+        values[2] = Vec4::new(unit(), unit(), unit(), 1.0);
+    }
+}
+
+/// A ball or a ring with bumps, in tiles of one page or of several.
+fn random_mesh(random: &mut Random) -> (Mesh, u32, u64) {
+    let ball: Model = generate::icosphere(3);
+    let (mut model, tile, texels) = match random.below(4) {
+        0 => (ball, 0, 1 << 19),
+        1 => (ball, 64, 1 << 18),
+        2 => (generate::torus(40, 24), 128, 1 << 20),
+        _ => (generate::cube(3), 1024, 3 << 20),
+    };
+    for p in &mut model.positions {
+        let bump = DVec3::new(random.unit(), random.unit(), random.unit()) - 0.5;
+        *p += bump * 0.03;
+    }
+    (cleaned(model), tile, texels)
+}
+
+/// A point with its footprint, as both are given it.
+struct Query {
+    point: fantex_mesh::SurfacePoint,
+    footprint: Footprint,
+}
+
+fn random_query(random: &mut Random, mesh: &Mesh) -> Query {
+    let triangle = random.below(mesh.triangles.len() as u64) as u32;
+    let (a, b) = (random.unit().sqrt() as f32, random.unit() as f32);
+    let lambda = Vec3::new(1.0 - a, a * (1.0 - b), a * b);
+    let mut step = |length: f64| {
+        let angle = TAU as f64 * random.unit();
+        let (x, y) = ((length * angle.cos()) as f32, (length * angle.sin()) as f32);
+        Vec3::new(x, y, -x - y)
+    };
+    let length = 1e-4 * 1e4f64.powf(0.999 * step(0.5).x.abs() as f64);
+    let stretch = 1.0 + 15.0 * f64::from(step(0.5).x.abs());
+    let lambda_steps = [step(length), step(length / stretch)];
+    Query { point: fantex_mesh::SurfacePoint { triangle, lambda }, footprint: Footprint { lambda_steps } }
+}
+
+/// Evaluates points by the shader; a channel of [`Noise`] with the same conventions as [`Sampler`].
+fn on_gpu(gpu: &Gpu, fan: &FanModel, sampler: &Sampler, filter: Filter, queries: &[Query]) -> [Vec<Vec4>; 3] {
+    let source = format!("{}{}", shader::compose_surface(&shader::FAN), include_str!("sampler.wgsl"));
+    let module = shader::module(&gpu.device, "points", &source);
+    let (mesh, cover) = (sampler.mesh(), sampler.cover());
+    let records: Vec<[Vec4; 9]> = queries
+        .iter()
+        .map(|query| {
+            let triangle = query.point.triangle as usize;
+            let groups = cover.corner_groups[triangle];
+            let uv = [0, 1, 2].map(|slot| cover.tile_corners(mesh, triangle, slot));
+            let at = |slot: usize, lambda: Vec3| -> Vec2 { fantex_mesh::interpolate(uv[slot], lambda) };
+            let steps = query.footprint.lambda_steps;
+            let slot = |slot: usize| {
+                let [dx, dy] = steps.map(|step| at(slot, step));
+                [at(slot, query.point.lambda).extend(0.0).extend(0.0), Vec4::new(dx.x, dx.y, dy.x, dy.y)]
+            };
+            let ([a, da], [b, db], [c, dc]) = (slot(0), slot(1), slot(2));
+            let [g0, g1, g2] = groups.map(|group| group as f32);
+            let normal = sampler.vertex_normal(query.point).extend(0.0);
+            [query.point.lambda.extend(0.0), Vec4::new(g0, g1, g2, 0.0), normal, a, da, b, db, c, dc]
+        })
+        .collect();
+    let points = gpu.buffer("points", bytemuck::cast_slice(&records), wgpu::BufferUsages::STORAGE);
+    let entry = wgpu::BindGroupLayoutEntry {
+        binding: 0,
+        visibility: wgpu::ShaderStages::FRAGMENT,
+        ty: wgpu::BindingType::Buffer {
+            ty: wgpu::BufferBindingType::Storage { read_only: true },
+            has_dynamic_offset: false,
+            min_binding_size: None,
+        },
+        count: None,
+    };
+    let layout = gpu
+        .device
+        .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: None, entries: &[entry] });
+    let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &layout,
+        entries: &[wgpu::BindGroupEntry { binding: 0, resource: points.as_entire_binding() }],
+    });
+    let (texture_group, texture_layout) = fan.texture_group();
+    let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: None,
+        bind_group_layouts: &[None, Some(texture_layout), None, Some(&layout)],
+        immediate_size: 0,
+    });
+    let is_paged = cover.groups.iter().any(|group| group.extent.iter().any(|&n| n > PAGE));
+    [0, 1, 2].map(|channel| {
+        let mut constants = fan.texture_constants(filter, is_paged);
+        constants.push(("POINT_CHANNEL", f64::from(channel)));
+        let options = wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() };
+        let format = wgpu::TextureFormat::Rgba32Float;
+        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: None,
+            layout: Some(&pipeline_layout),
+            vertex: wgpu::VertexState {
+                module: &module,
+                entry_point: Some("vs_points"),
+                compilation_options: options.clone(),
+                buffers: &[],
+            },
+            primitive: Default::default(),
+            depth_stencil: None,
+            multisample: Default::default(),
+            fragment: Some(wgpu::FragmentState {
+                module: &module,
+                entry_point: Some("fs_points"),
+                compilation_options: options,
+                targets: &[Some(format.into())],
+            }),
+            multiview_mask: None,
+            cache: None,
+        });
+        let values = target(gpu, [COLUMNS, (queries.len() as u32).div_ceil(COLUMNS)], format);
+        let view = values.create_view(&Default::default());
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
+                view: &view,
+                depth_slice: None,
+                resolve_target: None,
+                ops: Default::default(),
+            })],
+            ..Default::default()
+        });
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(1, texture_group, &[]);
+        pass.set_bind_group(3, &group, &[]);
+        pass.draw(0..3, 0..1);
+        drop(pass);
+        let bytes = read_back(gpu, encoder, &values);
+        bytes.chunks_exact(16).map(bytemuck::pod_read_unaligned).take(queries.len()).collect()
+    })
+}
+
+/// Whether rounding may decide how many probes a look-up has.
+fn is_uncertain(sampler: &Sampler, query: &Query) -> bool {
+    let max_anisotropy = sampler.filter().max_anisotropy;
+    sampler.filter().filter == Filter::Anisotropic
+        && sampler.taps(query.point).into_iter().any(|tap| {
+            let extent = Vec2::from(sampler.cover().groups[tap.group as usize].extent.map(|n| n as f32));
+            let [dx, dy] = query.footprint.lambda_steps;
+            let [dx, dy] = [dx, dy].map(|step| fantex_mesh::interpolate(tap.corners, step) * extent);
+            let axes = FootprintAxes::new(dx, dy);
+            let ratio = axes.major / axes.limited_minor(max_anisotropy).max(1.0);
+            (ratio - ratio.round()).abs() < 1e-2
+        })
+}
+
+#[test]
+fn shaders_look_up_what_the_sampler_does() {
+    let Some(gpu) = gpu() else { return };
+    let mut random = Random::new(13);
+    for (round, filter) in
+        [Filter::Trilinear, Filter::Anisotropic, Filter::Trilinear, Filter::Anisotropic, Filter::Bilinear]
+            .into_iter()
+            .enumerate()
+    {
+        let (mesh, tile, texels) = random_mesh(&mut random);
+        let budget = TexelBudget::Total(texels);
+        let (cover, _) = build_cover(&mesh, &CoverOptions { tile, budget, ..Default::default() }).unwrap();
+        let options = BakeOptions { format: BakeFormat::Rgba8, ..BakeOptions::default() };
+        let baked = Baked::new(&mesh, &cover, &Noise, &options);
+        let filter = FilterOptions { filter, max_anisotropy: 8.0 };
+        let sampler = Sampler::of_cache(baked.cache(), filter);
+        let table = PageTable::new(sampler.cover());
+        let formats = FanModel::atlas_formats(&gpu, baked.channels());
+        let mut fan = model(&gpu, &baked, &table, &formats);
+        upload(&gpu, &mut fan, baked.asset(), &table, &Residents::all());
+        fan.set_filter(&gpu, &filter);
+        let queries: Vec<Query> = (0..POINTS).map(|_| random_query(&mut random, sampler.mesh())).collect();
+        let seen = on_gpu(&gpu, &fan, &sampler, filter.filter, &queries);
+        for (kind, seen) in Noise.channels().into_iter().map(|channel| channel.kind).zip(seen) {
+            let (mut sum, mut largest, mut count) = (0.0, 0f32, 0);
+            for (query, seen) in queries.iter().zip(seen) {
+                if is_uncertain(&sampler, query) {
+                    continue;
+                }
+                let expected = sampler.sample(kind, query.point, query.footprint).unwrap();
+                let difference = (seen.xyz() - expected.xyz()).abs().max_element();
+                assert!(difference.is_finite());
+                (sum, largest, count) = (sum + difference, largest.max(difference), count + 1);
+            }
+            let mean = sum / count as f32;
+            println!(
+                "round {round}, {filter:?}, {kind}: mean {mean:.5}, largest {largest:.4} of {count} points"
+            );
+            assert!(count > POINTS / 2);
+            // A normal is brought to unit length, which may double what its parts are off.
+            let times = if kind == ChannelKind::Normal { 3.0 } else { 1.0 };
+            assert!(largest < times * TOLERANCE, "{filter:?} {kind}: {largest}");
+            assert!(mean < 0.1 * times * TOLERANCE, "{filter:?} {kind}: {mean} on average");
+        }
+    }
+}
