@@ -1,5 +1,6 @@
 //! Values of one channel over a rectangle of texels: fitting to the reconstruction, and halving for the levels.
 
+use fantex_texture::filter::{Overlap, overlaps};
 use glam::Vec4;
 
 use crate::{Fit, Prefilter};
@@ -103,17 +104,16 @@ impl Raster {
 
     /// The next coarser level: each texel is the mean of the valid part of its footprint, exact for any ratio of extents.
     pub(crate) fn halved(&self, extent: [u32; 2]) -> Self {
-        let columns = Overlaps::new(self.extent[0], extent[0]);
-        let rows = Overlaps::new(self.extent[1], extent[1]);
+        let [columns, rows] = [0, 1].map(|axis| overlaps(self.extent[axis], extent[axis], extent[axis]));
         let mut coarse = Self::empty(extent, self.channels, self.coverage);
-        let are_halves = columns.halves && rows.halves;
+        let are_halves = self.extent == extent.map(|n| 2 * n);
         for y in 0..extent[1] as usize {
             for x in 0..extent[0] as usize {
                 let target = y * extent[0] as usize + x;
                 if !(are_halves
                     && self.gather_four(2 * (y * self.extent[0] as usize + x), target, &mut coarse))
                 {
-                    self.gather(&columns.of(x), &rows.of(y), target, &mut coarse);
+                    self.gather(&columns[x], &rows[y], target, &mut coarse);
                 }
             }
         }
@@ -138,12 +138,12 @@ impl Raster {
         true
     }
 
-    fn gather(&self, columns: &[(u32, f32)], rows: &[(u32, f32)], target: usize, coarse: &mut Self) {
+    fn gather(&self, columns: &Overlap, rows: &Overlap, target: usize, coarse: &mut Self) {
         let values = &mut coarse.values[target * self.channels..(target + 1) * self.channels];
         let mut total = 0.0;
-        for &(row, row_weight) in rows {
-            for &(column, column_weight) in columns {
-                let texel = row as usize * self.extent[0] as usize + column as usize;
+        for (row, row_weight) in rows.parents() {
+            for (column, column_weight) in columns.parents() {
+                let texel = row * self.extent[0] as usize + column;
                 coarse.read[target] |= self.read[texel];
                 if self.valid[texel] {
                     let weight = row_weight * column_weight;
@@ -284,37 +284,6 @@ impl Mean {
 
     pub(crate) fn value(&self) -> Option<Vec4> {
         (self.count > 0.0).then(|| self.sum / self.count)
-    }
-}
-
-/// Which fine texels a coarse one overlaps along one axis, and how far.
-struct Overlaps {
-    ratio: f64,
-    fine: u32,
-    /// Exactly two whole texels each: the common case.
-    halves: bool,
-}
-
-impl Overlaps {
-    fn new(fine: u32, coarse: u32) -> Self {
-        Self { ratio: f64::from(fine) / f64::from(coarse), fine, halves: fine == 2 * coarse }
-    }
-
-    fn of(&self, coarse: usize) -> arrayvec::ArrayVec<(u32, f32), 8> {
-        let mut overlaps = arrayvec::ArrayVec::new();
-        if self.halves {
-            overlaps.push((2 * coarse as u32, 1.0));
-            overlaps.push((2 * coarse as u32 + 1, 1.0));
-            return overlaps;
-        }
-        let (start, end) = (coarse as f64 * self.ratio, (coarse as f64 + 1.0) * self.ratio);
-        for fine in start as u32..(end.ceil() as u32).min(self.fine) {
-            let covered = end.min(f64::from(fine) + 1.0) - start.max(f64::from(fine));
-            if covered > 1e-9 {
-                overlaps.push((fine, covered as f32));
-            }
-        }
-        overlaps
     }
 }
 

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use fantex_store::{Quality, TexelFormat, TexelSlice, encode};
 use fantex_texture::Image;
 use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, srgb16_from_linear, unorm8, unorm16};
+use fantex_texture::filter::halved_row;
 use half::f16;
 use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent, StreamWriter};
 use rayon::prelude::*;
@@ -80,7 +81,7 @@ impl Pyramid {
             for level in 0..self.waiting.len() {
                 visit(level, &row);
                 match self.waiting[level].take() {
-                    Some(upper) => row = halved(&upper, &row),
+                    Some(upper) => row = halved_row(&upper, &row, [0.0; 4], mean).collect(),
                     None => {
                         self.waiting[level] = Some(row);
                         break;
@@ -91,14 +92,13 @@ impl Pyramid {
     }
 }
 
+fn mean([a, b, c, d]: [[f32; 4]; 4]) -> [f32; 4] {
+    std::array::from_fn(|k| 0.25 * (a[k] + b[k] + c[k] + d[k]))
+}
+
 /// Levels down to one texel.
 fn level_count(side: u32) -> u32 {
     side.ilog2() + 1
-}
-
-fn halved(upper: &[[f32; 4]], lower: &[[f32; 4]]) -> Vec<[f32; 4]> {
-    let pairs = upper.as_chunks::<2>().0.iter().zip(lower.as_chunks::<2>().0);
-    pairs.map(|([a, b], [c, d])| std::array::from_fn(|k| 0.25 * (a[k] + b[k] + c[k] + d[k]))).collect()
 }
 
 // ---- PNG, row by row.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 use fantex_cover::TexelTriangle;
 use fantex_texture::Image;
+use fantex_texture::filter::halved_level;
 use glam::{DVec3, Vec2, Vec3, Vec4, Vec4Swizzles};
 
 use crate::composite::{Ink, tangent_from_picture};
@@ -100,13 +101,9 @@ impl Level {
             return None;
         }
         let extent = [width.div_ceil(2), height.div_ceil(2)];
+        let mean = |[a, b, c, d]: [Vec4; 4]| (a + b + c + d) * 0.25;
         // A picture of odd extent is continued by nothing.
-        let at = |x: usize, y: usize| {
-            if x < width && y < height { self.texels[y * width + x] } else { Vec4::ZERO }
-        };
-        let mean = |x, y| (at(x, y) + at(x + 1, y) + at(x, y + 1) + at(x + 1, y + 1)) * 0.25;
-        let places = (0..extent[1]).flat_map(|y| (0..extent[0]).map(move |x| (2 * x, 2 * y)));
-        Some(Self { extent, texels: places.map(|(x, y)| mean(x, y)).collect() })
+        Some(Self { extent, texels: halved_level(width, &self.texels, Vec4::ZERO, mean) })
     }
 
     /// Bilinear, at a place in texels of this level; transparent outside, with a border that fades over a texel.

@@ -16,6 +16,7 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use fantex_store::{read_exact_at, write_all_at};
 use fantex_texture::color::{linear_from_srgb8_table, srgb8_from_linear};
+use fantex_texture::filter::halved_row;
 use fantex_texture::{Image, Samples};
 use glam::{DVec2, Vec2, Vec4};
 use half::f16;
@@ -93,17 +94,21 @@ impl Texels {
 
     /// Half as large: means of up to four texels.
     fn halved(extent: [u32; 2], encoding: Encoding, finer: impl Fn(u32, u32) -> Vec4) -> Self {
-        Self::of(extent.map(|n| n.div_ceil(2)), encoding, |x, y| {
-            let (mut sum, mut count) = (Vec4::ZERO, 0.0);
-            for y in 2 * y..(2 * y + 2).min(extent[1]) {
-                for x in 2 * x..(2 * x + 2).min(extent[0]) {
-                    let value = finer(x, y);
-                    sum += (value.truncate() * value.w).extend(value.w);
-                    count += 1.0;
-                }
+        let coarse = extent.map(|n| n.div_ceil(2));
+        let mut bytes = Vec::with_capacity(coarse[0] as usize * coarse[1] as usize * encoding.bytes());
+        let row = |y: u32| -> Vec<Vec4> {
+            let columns = 0..if y < extent[1] { extent[0] } else { 0 };
+            columns.map(|x| finer(x, y)).map(|value| (value.truncate() * value.w).extend(value.w)).collect()
+        };
+        for y in 0..coarse[1] {
+            let (upper, lower) = (row(2 * y), row(2 * y + 1));
+            let sums = halved_row(&upper, &lower, Vec4::ZERO, |four| four.into_iter().sum());
+            let rows = (extent[1] - 2 * y).min(2);
+            for (x, sum) in (0..).zip(sums) {
+                encoding.encode(straight(sum, ((extent[0] - 2 * x).min(2) * rows) as f32), &mut bytes);
             }
-            straight(sum, count)
-        })
+        }
+        Self { extent: coarse, encoding, bytes }
     }
 }
 

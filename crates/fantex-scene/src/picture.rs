@@ -1,6 +1,7 @@
 //! Rendered pictures.
 
 use fantex_texture::color::{srgb8_from_linear, unorm8};
+use fantex_texture::filter::halved_level;
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::Vec3;
 use rayon::prelude::*;
@@ -168,10 +169,12 @@ impl Layer {
 
     /// Means of two by two pixels.
     fn halved(&self) -> Self {
-        Self::from_fn(self.width.div_ceil(2), self.height.div_ceil(2), |x, y| {
-            let row = |y: isize| self.at(2 * x, y) + self.at(2 * x + 1, y);
-            (row(2 * y) + row(2 * y + 1)) * 0.25
-        })
+        let mean = |[a, b, c, d]: [Vec3; 4]| ((a + b) + (c + d)) * 0.25;
+        Self {
+            width: self.width.div_ceil(2),
+            height: self.height.div_ceil(2),
+            pixels: halved_level(self.width, &self.pixels, Vec3::ZERO, mean),
+        }
     }
 
     /// Twice as large, bilinear: each pixel keeps its light.

@@ -6,7 +6,6 @@
 //! Values are linear-light RGBA `[f32; 4]` with straight alpha. Image coordinates have their origin at the top left of
 //! row 0, column 0, `u` to the right and `v` downwards, both in `[0,1]` over the image.
 
-pub mod color;
 mod color_ramp;
 pub mod combine;
 pub mod compare;
@@ -33,6 +32,7 @@ pub mod warp;
 
 pub use color_ramp::*;
 pub use container::{ContainerFault, ContainerFormat};
+pub use fantex_base::srgb as color;
 pub use frames::*;
 pub use image::*;
 pub use image_file::*;

@@ -28,39 +28,75 @@ pub(crate) fn build_levels(base: &Image, alpha: AlphaUse) -> Vec<Image> {
     }
 }
 
-/// The parents of one texel along one axis.
-pub(crate) struct Stretch {
+/// The texels of a row that one texel of a coarser row covers.
+#[derive(Clone, Copy, Debug)]
+pub struct Overlap {
     first: usize,
     count: usize,
-    weight: [f32; 3],
+    weights: [f32; MAX_OVERLAP],
 }
 
-impl Stretch {
+const MAX_OVERLAP: usize = 4;
+
+impl Overlap {
     /// Indices and weights.
     #[inline(always)]
-    pub(crate) fn parents(&self) -> impl Iterator<Item = (usize, f32)> {
-        (self.first..self.first + self.count).zip(self.weight)
+    pub fn parents(&self) -> impl Iterator<Item = (usize, f32)> {
+        (self.first..self.first + self.count).zip(self.weights)
     }
 }
 
-/// The parents of every texel of an axis that is halved from `parents` texels.
-pub(crate) fn stretches(parents: u32) -> Vec<Stretch> {
-    let texels = (parents / 2).max(1);
-    // In units of 1/texels of a parent, everything is an integer: a texel spans `parents` units, a parent `texels`.
-    let (span, parent_span) = (u64::from(parents), u64::from(texels));
-    (0..u64::from(texels))
+/// What every texel of an axis with `coarse` texels covers of one with `fine` texels, at most three times as many. Weights are
+/// parts of `whole`: `fine` gives means, weights that add up to 1; `coarse` gives the share of each fine texel that is covered.
+pub fn overlaps(fine: u32, coarse: u32, whole: u32) -> Vec<Overlap> {
+    assert!(fine.div_ceil(3) <= coarse, "{fine} texels under {coarse}");
+    // In units of 1 / coarse of a fine texel, everything is an integer: a texel spans `fine` units, a parent `coarse`.
+    let (span, parent_span) = (u64::from(fine), u64::from(coarse));
+    (0..u64::from(coarse))
         .map(|texel| {
             let (start, end) = (texel * span, (texel + 1) * span);
             let first = start / parent_span;
             let last = (end - 1) / parent_span;
-            let mut weight = [0.0; 3];
+            let mut weights = [0.0; MAX_OVERLAP];
             for parent in first..=last {
                 let covered = end.min((parent + 1) * parent_span) - start.max(parent * parent_span);
-                weight[(parent - first) as usize] = (covered as f64 / span as f64) as f32;
+                weights[(parent - first) as usize] = (covered as f64 / f64::from(whole)) as f32;
             }
-            Stretch { first: first as usize, count: (last - first + 1) as usize, weight }
+            Overlap { first: first as usize, count: (last - first + 1) as usize, weights }
         })
         .collect()
+}
+
+/// The parents of every texel of an axis that is halved from `parents` texels.
+pub(crate) fn halved_axis(parents: u32) -> Vec<Overlap> {
+    overlaps(parents, (parents / 2).max(1), parents)
+}
+
+/// A row of half the length, rounded up: `mean` of two by two texels of two rows, in the order upper left, upper right, lower
+/// left, lower right. `beyond` stands for what lies beyond the end of an odd row, and for a lower row that is empty.
+pub fn halved_row<T: Copy>(
+    upper: &[T],
+    lower: &[T],
+    beyond: T,
+    mean: impl Fn([T; 4]) -> T,
+) -> impl Iterator<Item = T> {
+    let at = move |row: &[T], x: usize| row.get(x).copied().unwrap_or(beyond);
+    (0..upper.len().div_ceil(2))
+        .map(move |x| mean([at(upper, 2 * x), at(upper, 2 * x + 1), at(lower, 2 * x), at(lower, 2 * x + 1)]))
+}
+
+/// Half the columns and rows of row-major texels, rounded up, each [`halved_row`] in parallel.
+pub fn halved_level<T: Copy + Send + Sync>(
+    width: usize,
+    texels: &[T],
+    beyond: T,
+    mean: impl Fn([T; 4]) -> T + Sync,
+) -> Vec<T> {
+    let row = |rows: &[T]| {
+        let (upper, lower) = rows.split_at(width);
+        halved_row(upper, lower, beyond, &mean).collect::<Vec<T>>()
+    };
+    texels.par_chunks(2 * width).flat_map_iter(row).collect()
 }
 
 struct Halve<'a> {
@@ -73,19 +109,19 @@ impl Kernel for Halve<'_> {
     type Output = Image;
 
     fn run<T: TexelSource>(self, texels: T) -> Image {
-        let (columns, rows) = (stretches(self.parent.width), stretches(self.parent.height));
+        let (columns, rows) = (halved_axis(self.parent.width), halved_axis(self.parent.height));
         let (width, height) = (columns.len(), rows.len());
         let parent_width = self.parent.width as usize;
         let channels = usize::from(self.parent.channels);
-        let texel = |row: &Stretch, column: &Stretch| {
+        let texel = |row: &Overlap, column: &Overlap| {
             let mut sum = Vec4::ZERO;
             for y in 0..row.count {
                 let mut row_sum = Vec4::ZERO;
                 let first = (row.first + y) * parent_width + column.first;
                 for x in 0..column.count {
-                    row_sum += texels.fetch(first + x) * column.weight[x];
+                    row_sum += texels.fetch(first + x) * column.weights[x];
                 }
-                sum += row_sum * row.weight[y];
+                sum += row_sum * row.weights[y];
             }
             stored_channels(resolve(sum, self.alpha), channels)
         };
@@ -121,12 +157,9 @@ pub(crate) fn stored_channels([r, g, b, a]: [f32; 4], channels: usize) -> [f32; 
 
 fn fill_rows<S: Copy + Default + Send>(
     row_len: usize,
-    rows: &[Stretch],
-    fill: impl Fn(&Stretch, &mut [S]) + Sync,
-) -> Vec<S>
-where
-    Stretch: Sync,
-{
+    rows: &[Overlap],
+    fill: impl Fn(&Overlap, &mut [S]) + Sync,
+) -> Vec<S> {
     let mut samples = vec![S::default(); row_len * rows.len()];
     samples.par_chunks_mut(row_len).zip(rows).for_each(|(out, row)| fill(row, out));
     samples
@@ -137,20 +170,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn stretches_cover_every_parent_equally() {
-        for parents in 1..200_u32 {
-            let stretches = stretches(parents);
-            assert_eq!(stretches.len() as u32, (parents / 2).max(1));
-            let mut total = vec![0.0_f64; parents as usize];
-            for stretch in &stretches {
-                let sum: f32 = stretch.weight.iter().sum();
-                assert!((sum - 1.0).abs() < 1e-6);
-                for i in 0..stretch.count {
-                    total[stretch.first + i] += f64::from(stretch.weight[i]);
-                }
+    fn every_parent_is_covered_equally() {
+        let rounded_up = (1..200).map(|fine: u32| (fine, fine.div_ceil(2)));
+        for (fine, coarse) in (1..200).map(|fine| (fine, (fine / 2).max(1))).chain(rounded_up) {
+            let (means, shares) = (overlaps(fine, coarse, fine), overlaps(fine, coarse, coarse));
+            assert_eq!(means.len() as u32, coarse);
+            let mut total = vec![0.0_f64; fine as usize];
+            for (mean, share) in means.iter().zip(&shares) {
+                assert!((mean.weights.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+                assert!((share.weights.iter().sum::<f32>() - fine as f32 / coarse as f32).abs() < 1e-6);
+                share.parents().for_each(|(parent, weight)| total[parent] += f64::from(weight));
             }
-            let expected = stretches.len() as f64 / f64::from(parents);
-            assert!(total.iter().all(|t| (t - expected).abs() < 1e-6), "{parents} parents: {total:?}");
+            assert!(total.iter().all(|t| (t - 1.0).abs() < 1e-6), "{fine} to {coarse}: {total:?}");
         }
+    }
+
+    #[test]
+    fn odd_rows_end_with_what_lies_beyond() {
+        let sum = |four: [u32; 4]| four.into_iter().sum();
+        let texels = [1, 2, 3, 10, 20, 30, 100, 200, 300];
+        assert_eq!(halved_level(3, &texels, 1000, sum), [33, 2033, 2300, 3300]);
     }
 }

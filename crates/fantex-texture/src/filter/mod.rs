@@ -17,13 +17,14 @@ mod taps;
 
 pub use batch::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
 pub use footprint::{EWA_MINOR_TEXELS, EllipseRow, FootprintAxes, MAX_ANISOTROPY, WeightedEllipse};
+pub use mipmap::{Overlap, halved_level, halved_row, overlaps};
 pub use taps::catmull_rom_weights;
 
 pub(crate) use area::{AreaBlock, AreaPlan};
 pub(crate) use batch::{BLOCK, Colors, LookUp, Probes, Steps, Workspace};
 pub(crate) use batch_texels::Levels;
 pub(crate) use footprint::{LevelPair, ewa};
-pub(crate) use mipmap::{Stretch, build_levels, stored_channels, stretches};
+pub(crate) use mipmap::{build_levels, halved_axis, stored_channels};
 pub(crate) use taps::{
     Kernel, Reconstruction, Taps, TexelSource, TexelUse, bicubic, bilinear, bilinear_reference, bilinear_row,
     nearest, resolve, with_samples, with_texels,

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use crate::color::unorm16;
 use crate::filter::{
-    Kernel, Reconstruction, Stretch, Taps, TexelSource, resolve, stored_channels, stretches, with_samples,
+    Kernel, Overlap, Reconstruction, Taps, TexelSource, halved_axis, resolve, stored_channels, with_samples,
 };
 use crate::{AlphaUse, ColorSpace, Depth, Filtering, Image, Samples, ShadingPoint, Texture, Wrap};
 
@@ -205,10 +205,10 @@ impl Kernel for Halve<'_> {
     type Output = Samples;
 
     fn run<T: TexelSource>(self, voxels: T) -> Samples {
-        let [columns, rows, slices] = self.parent.size.map(stretches);
+        let [columns, rows, slices] = self.parent.size.map(halved_axis);
         let [parent_width, parent_height, _] = self.parent.size.map(|side| side as usize);
         let channels = usize::from(self.parent.channels);
-        let voxel = |slice: &Stretch, row: &Stretch, column: &Stretch| {
+        let voxel = |slice: &Overlap, row: &Overlap, column: &Overlap| {
             let mut sum = Vec4::ZERO;
             for (z, slice_weight) in slice.parents() {
                 for (y, row_weight) in row.parents() {
