@@ -16,7 +16,7 @@ use crate::error::ExportError;
 use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
 use crate::model_file::{Document, Geometry, ImageFile, Outputs, folder_of, write_glb, write_gltf};
 use crate::pictures::{Depth, FloatSink, Ktx2Sink, PngSink};
-use crate::texels::{RowSink, Sampler, make_page};
+use crate::texels::{RowSink, TexelSampler, make_page};
 
 /// What was exported.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -247,7 +247,7 @@ impl<'a> Job<'a> {
         progress: &dyn Progress,
     ) -> Result<ExportSummary, ExportError> {
         let asset = self.cache.asset();
-        let sampler = Sampler {
+        let sampler = TexelSampler {
             cache: &self.cache,
             mesh: asset.mesh(),
             cover: asset.cover(),

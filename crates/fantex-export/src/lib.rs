@@ -1,7 +1,7 @@
 //! Out again: assets as models with ordinary texture coordinates, for programs that know no fans, and as single pictures.
 //!
 //! ```text
-//!  Cover --charts--> Layout <--model's UVs        Asset --Sampler--> rows --> PNG, KTX2, OpenEXR
+//!  Cover --charts--> Layout <--model's UVs        Asset --TexelSampler--> rows --> PNG, KTX2, OpenEXR
 //!                      |                                              ^
 //!                      `------ Region: which point under which texel -'
 //!                      `------ Geometry: split vertices, tangents -----> .glb, .gltf

@@ -1,7 +1,7 @@
 //! From the layout of a picture to its texels: the texture function of the asset at every texel's point of the surface.
 //!
 //! ```text
-//!  Page --regions--> Region (which point under which texel) --Sampler--> linear values --fit--> rows --> files
+//!  Page --regions--> Region (which point under which texel) --TexelSampler--> linear values --fit--> rows --> files
 //! ```
 //!
 //! A picture is made in bands of rows, a band in square regions in parallel; nothing but one band of all maps is in memory.
@@ -9,8 +9,8 @@
 use std::collections::HashMap;
 
 use fantex_bake::Progress;
-use fantex_cover::{Cover, Group};
-use fantex_mesh::Mesh;
+use fantex_cover::{Cover, Tap, TriangleTiles};
+use fantex_mesh::{Mesh, interpolate};
 use fantex_store::{ChannelKind, PageCache, Tile};
 use fantex_texture::material::TangentFrame;
 use glam::{Vec2, Vec3, Vec4};
@@ -24,7 +24,7 @@ use crate::layout::{NOBODY, Page, Placed};
 const REGION: u32 = 256;
 
 /// Rows of a band, at least.
-const FEWEST_ROWS: u32 = 16;
+const MIN_ROWS: u32 = 16;
 
 /// Linear values of a rectangle of texels, row-major.
 pub(crate) type Values = Vec<[f32; 4]>;
@@ -55,7 +55,7 @@ pub(crate) trait RowSink: Send {
 pub(crate) fn make_page(
     page: &Page,
     maps: &[Map],
-    sampler: &Sampler<'_>,
+    sampler: &TexelSampler<'_>,
     memory_bytes: u64,
     sinks: &mut [Box<dyn RowSink + '_>],
     progress: (&dyn Progress, &mut u64, u64),
@@ -108,7 +108,7 @@ pub(crate) fn make_page(
 fn band_rows(side: u32, maps: usize, memory_bytes: u64) -> u32 {
     let row_bytes = 2 * 16 * u64::from(side) * maps.max(1) as u64;
     let rows = (memory_bytes / 4 / row_bytes).clamp(1, u64::from(REGION)) as u32;
-    (1 << rows.ilog2()).max(FEWEST_ROWS)
+    (1 << rows.ilog2()).max(MIN_ROWS)
 }
 
 /// Which placed triangles may matter to which region, in rows of a compressed table.
@@ -454,7 +454,7 @@ impl Shape {
 // ---- The texture function at the points of texels.
 
 /// Evaluates the channels of an asset.
-pub(crate) struct Sampler<'a> {
+pub(crate) struct TexelSampler<'a> {
     pub(crate) cache: &'a PageCache,
     pub(crate) mesh: &'a Mesh,
     pub(crate) cover: &'a Cover,
@@ -465,12 +465,12 @@ pub(crate) struct Sampler<'a> {
 }
 
 /// Texels of a tile that a texel may be wide before it is taken as a mean of several look-ups.
-const WIDEST_LOOKUP: f32 = 1.25;
+const MAX_LOOKUP_WIDTH: f32 = 1.25;
 
 /// Tiles that are kept at hand; each may hold a page.
-const MOST_TILES: usize = 64;
+const MAX_TILES: usize = 64;
 
-impl Sampler<'_> {
+impl TexelSampler<'_> {
     /// Linear values of every map at every texel of a region.
     fn values(&self, page: &Page, region: &Region, maps: &[Map]) -> Vec<Values> {
         let mut values: Vec<Values> = maps.iter().map(|m| vec![m.background; region.points.len()]).collect();
@@ -506,7 +506,7 @@ struct Tiles<'a> {
 
 impl Tiles<'_> {
     fn get(&mut self, channel: usize, group: u32, level: u32) -> Tile {
-        if self.held.len() >= MOST_TILES {
+        if self.held.len() >= MAX_TILES {
             self.held.clear();
         }
         let cache = self.cache;
@@ -515,10 +515,7 @@ impl Tiles<'_> {
 }
 
 /// One of a triangle's groups.
-struct SlotReader<'a> {
-    group: &'a Group,
-    /// Tile coordinates of the triangle's corners.
-    corners: [Vec2; 3],
+struct SlotReader {
     /// The level that is read, of every map's channel.
     tiles: Vec<Tile>,
     /// Positions, as changes of barycentric coordinates, whose mean is taken.
@@ -527,9 +524,9 @@ struct SlotReader<'a> {
 
 /// Reads the points of one triangle.
 struct TriangleReader<'a> {
-    sampler: &'a Sampler<'a>,
-    triangle: usize,
-    slots: [SlotReader<'a>; 3],
+    sampler: &'a TexelSampler<'a>,
+    tiles: TriangleTiles,
+    slots: [SlotReader; 3],
     /// Barycentric coordinates change by these per texel to the right and downwards.
     steps: [Vec3; 2],
     normals: [Vec3; 3],
@@ -544,53 +541,54 @@ const QUARTERS: &[Vec2] =
     &[Vec2::new(-0.25, -0.25), Vec2::new(0.25, -0.25), Vec2::new(-0.25, 0.25), Vec2::new(0.25, 0.25)];
 
 impl<'a> TriangleReader<'a> {
-    fn new(sampler: &'a Sampler<'a>, placed: &Placed, maps: &[Map], tiles: &mut Tiles<'_>) -> Self {
+    fn new(sampler: &'a TexelSampler<'a>, placed: &Placed, maps: &[Map], tiles: &mut Tiles<'_>) -> Self {
         let triangle = placed.triangle as usize;
         let steps = lambda_steps(placed.corners);
+        let triangle_tiles = sampler.cover.triangle_tiles(sampler.mesh, placed.triangle);
         let slots = [0, 1, 2].map(|slot| {
-            let index = sampler.cover.corner_groups[triangle][slot];
-            let group = &sampler.cover.groups[index as usize];
-            let corners = sampler.cover.tile_corners(sampler.mesh, triangle, slot);
-            let extent = Vec2::new(group.extent[0] as f32, group.extent[1] as f32);
+            let index = triangle_tiles.groups[slot];
+            let extent = sampler.cover.groups[index as usize].extent.map(|n| n as f32);
             let width =
-                |l: Vec3| ((corners[0] * l.x + corners[1] * l.y + corners[2] * l.z) * extent).length();
+                |step: Vec3| (interpolate(triangle_tiles.corners[slot], step) * Vec2::from(extent)).length();
             let width = width(steps[0]).max(width(steps[1]));
             let (level, offsets) = match width {
-                w if w <= WIDEST_LOOKUP => (0, MIDDLE),
+                w if w <= MAX_LOOKUP_WIDTH => (0, MIDDLE),
                 w => (w.min(65_536.0).log2().max(0.0) as u32, QUARTERS),
             };
             let tiles = maps.iter().map(|m| tiles.get(m.channel, index, level)).collect();
-            SlotReader { group, corners, tiles, offsets }
+            SlotReader { tiles, offsets }
         });
         let normals = [0, 1, 2].map(|k| sampler.normals[3 * triangle + k]);
         let tangents = match sampler.tangents.get(3 * triangle..3 * triangle + 3) {
             Some(own) if !placed.is_beyond => [own[0], own[1], own[2]],
             _ => tangents_of_picture(sampler.mesh, triangle, &normals, steps),
         };
-        Self { sampler, triangle, slots, steps, normals, tangents }
+        Self { sampler, tiles: triangle_tiles, slots, steps, normals, tangents }
     }
 
     /// The value of a map, which is the one of that index, at a point.
     fn value(&self, index: usize, map: &Map, lambda: Vec3) -> Vec4 {
         let is_normal = map.kind.channel() == ChannelKind::Normal;
-        let normal = self.normals[0] * lambda.x + self.normals[1] * lambda.y + self.normals[2] * lambda.z;
-        let normal = normal.normalize_or(Vec3::Z);
+        let normal = interpolate(self.normals, lambda).normalize_or(Vec3::Z);
         let mut sum = Vec4::ZERO;
-        for (slot, weight) in self.sampler.cover.weights(self.triangle, lambda).iter() {
-            let reader = &self.slots[slot];
-            let stored = self.slot_value(reader, index, lambda);
-            sum += weight
-                * if is_normal { mesh_normal(stored, reader.group, normal).extend(0.0) } else { stored };
+        for tap in self.tiles.taps(lambda) {
+            let mut value = self.stored(&tap, index, lambda);
+            if is_normal {
+                let group = &self.sampler.cover.groups[tap.group as usize];
+                value = group.normal_from_stored(value.truncate().truncate(), normal).extend(0.0);
+            }
+            sum += tap.weight * value;
         }
         if is_normal { self.tangent_space(sum.truncate(), normal, lambda) } else { sum / map.scale }
     }
 
-    fn slot_value(&self, reader: &SlotReader<'_>, map: usize, lambda: Vec3) -> Vec4 {
+    /// What a tile holds under the texel.
+    fn stored(&self, tap: &Tap, map: usize, lambda: Vec3) -> Vec4 {
+        let reader = &self.slots[tap.slot];
         let mut sum = Vec4::ZERO;
         for offset in reader.offsets {
             let l = clamped(lambda + self.steps[0] * offset.x + self.steps[1] * offset.y);
-            let uv = reader.corners[0] * l.x + reader.corners[1] * l.y + reader.corners[2] * l.z;
-            sum += Vec4::from_array(reader.tiles[map].bilinear(uv));
+            sum += Vec4::from_array(reader.tiles[map].bilinear(interpolate(tap.corners, l)));
         }
         sum / reader.offsets.len() as f32
     }
@@ -601,14 +599,6 @@ impl<'a> TriangleReader<'a> {
         let relative = frame.relative(n_mesh.normalize_or(vertex_normal)).unwrap_or(Vec3::Z);
         (relative * 0.5 + 0.5).extend(1.0)
     }
-}
-
-/// Turns a stored normal (see [`ChannelKind::Normal`]) from its tile's shading frame into mesh space.
-fn mesh_normal(stored: Vec4, group: &Group, vertex_normal: Vec3) -> Vec3 {
-    let [x, y] = [stored.x, stored.y].map(|c| c * 2.0 - 1.0);
-    let z = (1.0 - x * x - y * y).max(0.0).sqrt();
-    let [x_axis, y_axis] = group.shading_axes(vertex_normal);
-    (x_axis * x + y_axis * y + vertex_normal * z).normalize_or(vertex_normal)
 }
 
 /// The nearest barycentric coordinates on the triangle, roughly.
@@ -628,8 +618,7 @@ fn lambda_steps([a, b, c]: [Vec2; 3]) -> [Vec3; 2] {
 
 /// Tangents along the picture's rows, for triangles that continue a chart.
 fn tangents_of_picture(mesh: &Mesh, triangle: usize, normals: &[Vec3; 3], steps: [Vec3; 2]) -> [Vec4; 3] {
-    let [a, b, c] = mesh.triangle_positions(triangle);
-    let along = a * steps[0].x + b * steps[0].y + c * steps[0].z;
+    let along = interpolate(mesh.triangle_positions(triangle), steps[0]);
     normals.map(|n| (along - n * n.dot(along)).normalize_or(n.any_orthonormal_vector()).extend(1.0))
 }
 
