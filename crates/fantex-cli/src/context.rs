@@ -11,14 +11,15 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use fantex::Error;
 use fantex::bake::Progress;
 use fantex::texture::look::ResolveOptions;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
+use tempfile::TempDir;
 
 use crate::CommonArgs;
-use crate::error::CliError;
-use crate::sources::folded_seed;
+use crate::error::{CliError, exists};
 
 /// The common flags at work.
 #[derive(Debug)]
@@ -73,7 +74,7 @@ impl Context {
         let mut stdout = io::stdout().lock();
         match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(CliError::OutputClosed),
-            result => result.map_err(CliError::Print),
+            result => Ok(result?),
         }
     }
 
@@ -91,31 +92,38 @@ impl Context {
     pub(crate) fn resolve_options(&self) -> ResolveOptions {
         ResolveOptions {
             memory_bytes: self.memory_bytes,
-            seed: folded_seed(self.seed),
+            seed: (self.seed ^ self.seed >> 32) as u32,
             ..ResolveOptions::default()
         }
     }
 
+    /// Whether Ctrl-C came.
+    pub(crate) fn is_interrupted(&self) -> bool {
+        self.interrupt.is_requested()
+    }
+
     /// Ends the command if Ctrl-C came meanwhile.
     pub(crate) fn check_interrupt(&self) -> Result<(), CliError> {
-        if self.interrupt.is_requested() { Err(CliError::Interrupted) } else { Ok(()) }
+        if self.interrupt.is_requested() { Err(Error::cancelled(INTERRUPTED).into()) } else { Ok(()) }
     }
 
     /// Refuses to overwrite a file before any work is done for it.
     pub(crate) fn check_output(&self, path: &Path) -> Result<(), CliError> {
         if path.is_dir() {
-            return Err(CliError::OutputIsFolder { path: path.into() });
+            return Err(Error::conflict(format!("cannot write {}: it is a folder", path.display())).into());
         }
         // A device or a pipe would be replaced by a file of its name.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
-            return Err(CliError::OutputIsNoFile { path: path.into() });
+            let path = path.display();
+            return Err(Error::conflict(format!("cannot write {path}: it is no ordinary file; give another name")).into());
         }
         if !self.force && path.symlink_metadata().is_ok() {
-            return Err(CliError::Exists { path: path.into() });
+            return Err(exists(path).into());
         }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
-            return Err(CliError::NoFolder { path: path.into(), folder: folder.into() });
+            let (path, folder) = (path.display(), folder.display());
+            return Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")).into());
         }
         Ok(())
     }
@@ -126,15 +134,21 @@ impl Context {
             && output == input
             && output.is_file()
         {
-            return Err(CliError::OutputIsInput { path: path.into() });
+            let path = path.display();
+            return Err(Error::conflict(format!("{path} is what is read; give what is written another name")).into());
         }
         self.check_output(path)
+    }
+
+    /// A folder that goes away with the value.
+    pub(crate) fn temporary_folder() -> Result<TempDir, CliError> {
+        Ok(tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?)
     }
 
     /// Makes a folder for output, and those above it.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<(), CliError> {
         std::fs::create_dir_all(folder)
-            .map_err(|source| CliError::MakeFolder { folder: folder.into(), source })
+            .map_err(|error| Error::writing(folder, error).into())
     }
 }
 
@@ -206,7 +220,7 @@ impl Drop for Deferral<'_> {
 /// Shows how far a long operation is, and ends it on Ctrl-C.
 pub(crate) struct Bar<'a> {
     bar: ProgressBar,
-    /// The most that was reported: threads may report out of order.
+    /// The largest number that was reported: threads may report out of order.
     done: AtomicU64,
     interrupt: &'a Interrupt,
 }
@@ -238,7 +252,10 @@ fn write_texels(state: &ProgressState, text: &mut dyn fmt::Write) {
 impl Progress for Bar<'_> {
     fn report(&self, done: u64, total: u64) {
         if self.bar.length() != Some(total) {
+            // Another operation has begun.
             self.bar.set_length(total);
+            self.bar.set_position(0);
+            self.done.store(0, Relaxed);
         }
         let before = self.done.fetch_max(done, Relaxed);
         self.bar.inc(done.saturating_sub(before));

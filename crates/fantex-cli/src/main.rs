@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand};
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, info, paint, render, verify, view,
 };
-use crate::context::Context;
+use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED};
 use crate::error::CliError;
 use crate::text::Bytes;
 
@@ -36,16 +36,25 @@ mod commands {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    let result = Context::new(&cli.common).and_then(|context| run(&cli.command, &context));
-    match result {
+    let context = match Context::new(&cli.common) {
+        Ok(context) => context,
+        Err(error) => return failed(&error),
+    };
+    match run(&cli.command, &context) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(CliError::OutputClosed) => ExitCode::SUCCESS,
-        Err(error @ CliError::ViewerFailed { .. }) => ExitCode::from(error.exit_code()),
-        Err(error) => {
-            eprintln!("fantex: {error}");
-            ExitCode::from(error.exit_code())
+        Err(_) if context.is_interrupted() => {
+            eprintln!("fantex: {INTERRUPTED}");
+            ExitCode::from(EXIT_INTERRUPTED)
         }
+        Err(error) => failed(&error),
     }
+}
+
+fn failed(error: &CliError) -> ExitCode {
+    if let CliError::Failed(error) = error {
+        eprintln!("fantex: {error}");
+    }
+    ExitCode::from(error.exit_code())
 }
 
 /// Seamless textures without UV coordinates: cover a model by parts of its triangle fans, bake, verify, render.

@@ -4,13 +4,12 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
 
 use clap::Args;
+use fantex::Error;
 use fantex::bake::{Source, SurfacePoint};
 use fantex::look::LookFile;
-use fantex::mesh;
-use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, Model, shading_normals};
+use fantex::mesh::{Mesh, shading_normals};
 use fantex::render::{
     Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
     MeshSurface, RenderOptions, Rendering, Surface, render,
@@ -33,7 +32,7 @@ pub(crate) struct Scene {
 
 #[derive(Debug)]
 enum Content {
-    Model(Box<CleanModel>),
+    Model(Box<fantex::Mesh>),
     Asset(PageCache),
 }
 
@@ -42,10 +41,10 @@ impl Scene {
     pub(crate) fn open(path: &Path, context: &Context) -> Result<Self, CliError> {
         let content = match Input::open(path)? {
             Input::Model(model) => {
-                model.show_notes(path, context);
+                show_notes(&model, context);
                 Content::Model(model)
             }
-            Input::Look(_) => return Err(CliError::LookInstead { path: path.into() }),
+            Input::Look(_) => return Err(look_instead(path).into()),
             Input::Asset(asset) => Content::Asset(PageCache::new(asset, context.memory_bytes as usize)),
         };
         Ok(Self { path: path.into(), content })
@@ -54,7 +53,7 @@ impl Scene {
     /// Its geometry.
     pub(crate) fn mesh(&self) -> &Mesh {
         match &self.content {
-            Content::Model(model) => &model.mesh,
+            Content::Model(model) => model,
             Content::Asset(cache) => cache.asset().mesh(),
         }
     }
@@ -70,7 +69,7 @@ impl Scene {
     /// Its appearance.
     pub(crate) fn surface(&self, filter: FilterOptions) -> Result<Box<dyn Surface + '_>, CliError> {
         Ok(match &self.content {
-            Content::Model(model) => Box::new(MeshSurface::load(&model.mesh, filter)?),
+            Content::Model(model) => Box::new(MeshSurface::load(model, filter)?),
             Content::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
         })
     }
@@ -213,21 +212,10 @@ impl std::fmt::Display for SizeArg {
     }
 }
 
-/// A model, cleaned.
-#[derive(Debug)]
-pub(crate) struct CleanModel {
-    pub(crate) mesh: Mesh,
-    pub(crate) report: CleanReport,
-    /// What the loader noticed, then what cleaning did: one sentence each.
-    pub(crate) notes: Vec<String>,
-    pub(crate) load_seconds: f64,
-    pub(crate) clean_seconds: f64,
-}
-
 /// What a file holds.
 #[derive(Debug)]
 pub(crate) enum Input {
-    Model(Box<CleanModel>),
+    Model(Box<fantex::Mesh>),
     Asset(Arc<Asset>),
     Look(Box<LookFile>),
 }
@@ -241,50 +229,42 @@ impl Input {
         if is_asset(path)? {
             return Ok(Self::Asset(Arc::new(Asset::open(path)?)));
         }
-        Ok(Self::Model(Box::new(CleanModel::load(path)?)))
+        Ok(Self::Model(Box::new(fantex::Mesh::load(path)?)))
     }
 }
 
-impl CleanModel {
-    /// Loads and cleans a model; an asset is refused.
-    pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
-        refuse_asset(path)?;
-        Self::load(path)
-    }
-
-    fn load(path: &Path) -> Result<Self, CliError> {
-        let started = Instant::now();
-        let model = mesh::load(path, &LoadOptions::default())?;
-        let load_seconds = started.elapsed().as_secs_f64();
-        let mut notes = model.notes.clone();
-        let started = Instant::now();
-        let (mesh, report) = mesh::clean(model, &CleanOptions::default())?;
-        notes.extend(report.lines());
-        Ok(Self { mesh, report, notes, load_seconds, clean_seconds: started.elapsed().as_secs_f64() })
-    }
-
-    /// Tells the user what was noticed.
-    pub(crate) fn show_notes(&self, path: &Path, context: &Context) {
-        self.notes.iter().for_each(|note| context.note(format!("{}: {note}", path.display())));
-    }
-}
-
-/// Loads a model as its file says; an asset is refused.
-pub(crate) fn open_model(path: &Path) -> Result<Model, CliError> {
+/// Loads and cleans a model; an asset is refused.
+pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh, CliError> {
     refuse_asset(path)?;
-    Ok(mesh::load(path, &LoadOptions::default())?)
+    Ok(fantex::Mesh::load(path)?)
+}
+
+/// Tells the user what was noticed about a model.
+pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
+    mesh.notes().iter().for_each(|note| context.note(format!("{}: {note}", mesh.path().display())));
 }
 
 fn refuse_asset(path: &Path) -> Result<(), CliError> {
     refuse_look(path)?;
-    if is_asset(path)? { Err(CliError::AssetInsteadOfModel { path: path.into() }) } else { Ok(()) }
+    if is_asset(path)? {
+        return Err(Error::unsupported(format!(
+            "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
+            path.display()
+        ))
+        .into());
+    }
+    Ok(())
 }
 
 /// Opens an asset; a model is refused.
 pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>, CliError> {
     refuse_look(path)?;
     if !is_asset(path)? {
-        return Err(CliError::ModelInsteadOfAsset { path: path.into() });
+        return Err(Error::unsupported(format!(
+            "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
+            path.display()
+        ))
+        .into());
     }
     Ok(Arc::new(Asset::open(path)?))
 }
@@ -295,7 +275,12 @@ pub(crate) fn is_look(path: &Path) -> bool {
 }
 
 fn refuse_look(path: &Path) -> Result<(), CliError> {
-    if is_look(path) { Err(CliError::LookInstead { path: path.into() }) } else { Ok(()) }
+    if is_look(path) { Err(look_instead(path).into()) } else { Ok(()) }
+}
+
+fn look_instead(path: &Path) -> Error {
+    let path = path.display();
+    Error::unsupported(format!("{path} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)"))
 }
 
 /// True for files that are named `.fan` or start like an asset, whatever they are named.
@@ -308,7 +293,7 @@ fn is_asset(path: &Path) -> Result<bool, CliError> {
         Ok(_) => Ok(start == *b"\x89FAN"),
         // The loader has a sentence for folders.
         Err(_) if path.is_dir() => Ok(false),
-        Err(source) => Err(CliError::Read { path: path.into(), source }),
+        Err(error) => Err(Error::reading(path, error).into()),
     }
 }
 

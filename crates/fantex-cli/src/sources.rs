@@ -1,25 +1,13 @@
 //! What to bake, as the command line says it.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::str::FromStr;
-use std::sync::Arc;
 
-use fantex::bake::{
-    MappedImageSource, SolidSource, Source, TransferOptions, TransferSource, UvSource, VertexColorSource,
-    WorldSpace,
-};
-use fantex::mesh::{Material, Mesh};
 use fantex::photos::CameraFrame;
-use fantex::texture::{
-    Image, ImageTexture, MappingKind, SOLID_NAMES, UnknownMapping, UnknownSolid, Wrap, solid_by_name,
-};
-
-use glam::{Vec3, Vec4};
-
-use crate::context::Context;
-use crate::error::CliError;
-use crate::scene::CleanModel;
+use fantex::texture::color::linear_from_srgb8_table;
+use fantex::texture::{SOLID_NAMES, UnknownMapping, UnknownSolid};
+use fantex::{Error, MappingKind, Mesh, PhotoSet, Source};
 
 /// The value of `--source`.
 #[derive(Clone, Debug, PartialEq)]
@@ -213,129 +201,37 @@ impl fmt::Display for PhotosArg {
 }
 
 impl SourceArg {
-    /// What a model offers by itself: its materials (which take its vertex colours in), else its vertex colours.
-    pub(crate) fn default_of(mesh: &Mesh, path: &Path) -> Result<Self, CliError> {
-        if has_materials(mesh) {
-            Ok(Self::Uv)
-        } else if !mesh.corners.colors.is_empty() {
-            Ok(Self::Vertex)
-        } else {
-            Err(CliError::NothingToBake { path: path.into() })
-        }
-    }
-}
-
-/// Another model whose look and shape a source takes over.
-#[derive(Debug)]
-pub(crate) struct DetailedModel {
-    model: CleanModel,
-    path: PathBuf,
-    cage: Option<f64>,
-}
-
-impl DetailedModel {
-    /// Reads the model that a source names, if it names one.
-    pub(crate) fn of(arg: &SourceArg, context: &Context) -> Result<Option<Self>, CliError> {
-        let SourceArg::Mesh { path, cage } = arg else { return Ok(None) };
-        let model = CleanModel::open(path)?;
-        model.show_notes(path, context);
-        Ok(Some(Self { model, path: path.clone(), cage: *cage }))
-    }
-
-    /// Its own textures or vertex colours; nothing where it has only its shape.
-    pub(crate) fn colors(&self, seed: u64) -> Result<Option<OpenSource<'_>>, CliError> {
-        match SourceArg::default_of(&self.model.mesh, &self.path) {
-            Ok(arg) => OpenSource::open(&arg, &self.model.mesh, &self.path, seed).map(Some),
-            Err(_) => Ok(None),
+    /// What a model offers by itself.
+    pub(crate) fn of_model(mesh: &Mesh) -> Result<Self, Error> {
+        match (mesh.has_materials(), mesh.has_vertex_colors()) {
+            (true, _) => Ok(Self::Uv),
+            (false, true) => Ok(Self::Vertex),
+            (false, false) => Err(Error::invalid(format!(
+                "{} has neither textures nor colours to bake; give --source image=PATH,mapping=box or --source solid=wood",
+                mesh.path().display()
+            ))),
         }
     }
 
-    /// As a source for `coarse`: shape and, where there are any, colours.
-    pub(crate) fn onto<'a>(
-        &'a self,
-        coarse: &'a Mesh,
-        colors: Option<&'a dyn Source>,
-    ) -> Result<TransferSource<'a>, CliError> {
-        let options = TransferOptions { cage: self.cage, ..TransferOptions::default() };
-        Ok(TransferSource::new(coarse, &self.model.mesh, colors, &options)?)
-    }
-}
-
-/// A source ready to be baked.
-pub(crate) enum OpenSource<'a> {
-    Uv(UvSource<'a>),
-    Vertex(VertexColorSource<'a>),
-    Image(MappedImageSource),
-    Solid(SolidSource),
-}
-
-impl<'a> OpenSource<'a> {
-    /// Reads what the source needs. `path` is the model's, for messages.
-    pub(crate) fn open(arg: &SourceArg, mesh: &'a Mesh, path: &Path, seed: u64) -> Result<Self, CliError> {
-        match arg {
-            SourceArg::Look(_) | SourceArg::Mesh { .. } | SourceArg::Photos(_) => Err(CliError::OnlyBaked),
-            SourceArg::Uv if !has_materials(mesh) => Err(CliError::NoTextures { path: path.into() }),
-            SourceArg::Uv => Ok(Self::Uv(UvSource::new(mesh)?)),
-            SourceArg::Vertex => Ok(Self::Vertex(VertexColorSource::new(mesh)?)),
-            SourceArg::Image { path, mapping } => {
-                let texture = ImageTexture::new(Arc::new(Image::load(path)?));
-                let mapping = mapping.fit(WorldSpace::bounds(mesh));
-                Ok(Self::Image(MappedImageSource::new(mesh, texture, mapping, [Wrap::Repeat; 2])))
-            }
-            SourceArg::Solid(name) => Ok(Self::Solid(solid_source(name, mesh, seed)?)),
-        }
-    }
-
-    /// As what can be baked.
-    pub(crate) fn as_source(&self) -> &dyn Source {
+    /// As the library takes it.
+    pub(crate) fn source(&self) -> Source<'static> {
         match self {
-            Self::Uv(source) => source,
-            Self::Vertex(source) => source,
-            Self::Image(source) => source,
-            Self::Solid(source) => source,
+            Self::Uv => Source::own_materials(),
+            Self::Vertex => Source::vertex_colors(),
+            Self::Image { path, mapping } => Source::image(path, *mapping),
+            Self::Solid(name) => Source::solid(name),
+            Self::Look(path) => Source::look(path),
+            Self::Mesh { path, cage: None } => Source::mesh(path),
+            Self::Mesh { path, cage: Some(cage) } => Source::mesh_within(path, *cage),
+            Self::Photos(photos) => Source::photos(PhotoSet {
+                path: photos.path.clone(),
+                images: photos.images.clone(),
+                frame: photos.frame,
+                keep_exposure: !photos.exposure,
+                unseen: photos.unseen.map(|bytes| bytes.map(|b| linear_from_srgb8_table()[usize::from(b)]).into()),
+            }),
         }
     }
-
-    /// Texels per mesh unit of the source's own texels, per triangle, where it has texels.
-    pub(crate) fn own_density(&self) -> Option<Vec<f32>> {
-        match self {
-            Self::Uv(source) if source.has_textures() => Some(source.density()),
-            _ => None,
-        }
-    }
-}
-
-/// A solid recipe fitted to a mesh.
-pub(crate) fn solid_source(name: &str, mesh: &Mesh, seed: u64) -> Result<SolidSource, CliError> {
-    Ok(SolidSource::new(mesh, solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed))?))
-}
-
-/// Both halves of a seed count.
-pub(crate) fn folded_seed(seed: u64) -> u32 {
-    (seed ^ seed >> 32) as u32
-}
-
-/// True where the materials say more than "white": by textures, colours or light of their own.
-fn has_materials(mesh: &Mesh) -> bool {
-    let is_plain = |m: &Material| m.base_color == Vec4::ONE && m.emission == Vec3::ZERO;
-    has_textures(mesh) || !mesh.materials.iter().all(is_plain)
-}
-
-/// True where a material uses an image and the mesh has the coordinates for it.
-pub(crate) fn has_textures(mesh: &Mesh) -> bool {
-    mesh.materials.iter().any(|m| {
-        let textures = [
-            &m.base_color_texture,
-            &m.metallic_roughness_texture,
-            &m.normal_texture,
-            &m.occlusion_texture,
-            &m.emission_texture,
-        ];
-        textures
-            .into_iter()
-            .flatten()
-            .any(|t| mesh.corners.uv_sets.get(t.uv_set).is_some_and(|s| !s.is_empty()))
-    })
 }
 
 #[cfg(test)]

@@ -4,70 +4,116 @@
 //! a tile of texels, and blends the tiles where they meet. No texture coordinates are needed, and the resulting *texture
 //! function* is continuous on the whole surface, at every detail level and through lossy compression.
 //!
-//! This crate is the front door: it re-exports the crates that do the work. From a file to a colour on its surface:
+//! From a file to a filtered colour on its surface:
 //!
-//! ```no_run
-//! use std::path::Path;
-//! use std::sync::Arc;
-//!
-//! use fantex::bake::{BakeOptions, NoProgress, UvSource, bake, sample_finest};
-//! use fantex::cover::{CoverOptions, TexelBudget, build_cover};
-//! use fantex::mesh::{CleanOptions, LoadOptions, clean, load};
-//! use fantex::store::{Asset, PageCache};
-//! use glam::Vec3;
+//! ```
+//! use fantex::{Asset, Baker, ChannelKind, Footprint, Mesh, Source};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! // Load: what the file says. Clean: welded, without duplicates, in mesh space; the report says what was done.
-//! let model = load(Path::new("bottle.gltf"), &LoadOptions::default())?;
-//! let (mesh, report) = clean(model, &CleanOptions::default())?;
-//! report.lines().iter().for_each(|line| println!("{line}"));
+//! # let assets = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/WaterBottle");
+//! # let folder = tempfile::tempdir()?;
+//! # for file in assets.read_dir()? {
+//! #     let file = file?;
+//! #     let name = file.file_name().to_string_lossy().replace("WaterBottle.gltf", "bottle.gltf");
+//! #     std::fs::copy(file.path(), folder.path().join(name))?;
+//! # }
+//! # std::env::set_current_dir(folder.path())?;
+//! let mesh = Mesh::load("bottle.gltf")?; // loads and cleans; mesh.report() says what was done
+//! # const TEXELS: u64 = 40_000;
+//! # fn smaller(baker: Baker<'_>) -> Baker<'_> { baker.texels(TEXELS) }
+//! # smaller(
+//! Baker::new(&mesh).texels(4_000_000).source(Source::own_materials())
+//! # )
+//! .write("bottle.fan")?;
 //!
-//! // Cover: fans, their projections, and the tiles' extents for a number of texels.
-//! let options = CoverOptions { budget: TexelBudget::Total(4_000_000), ..CoverOptions::default() };
-//! let (cover, stats) = build_cover(&mesh, &options)?;
-//! println!("{} tiles, {:.2} look-ups per sample", stats.groups, stats.lookups_per_sample);
-//!
-//! // Bake: the model's own textures into one asset, written whole or not at all.
-//! let source = UvSource::new(&mesh)?;
-//! let asset_path = Path::new("bottle.fan");
-//! bake(&mesh, &cover, &source, asset_path, &BakeOptions::default(), &NoProgress)?;
-//!
-//! // Open and sample: decoded tiles stay within a memory budget.
-//! let asset = Arc::new(Asset::open(asset_path)?);
-//! let cache = PageCache::new(asset, 64 << 20);
-//! let (triangle, barycentric) = (0, Vec3::splat(1.0 / 3.0));
-//! let (linear_rgba, lookups) = sample_finest(&cache, 0, triangle, barycentric);
-//! println!("{linear_rgba} from {lookups} tiles");
+//! let asset = Asset::open("bottle.fan")?; // a path or a URL
+//! let sampler = asset.sampler(64 << 20); // decoded tiles within 64 MiB
+//! let point = asset.nearest_point([0.1, 0.2, 0.3]).ok_or("far away")?;
+//! let rgba = sampler.sample(ChannelKind::BaseColor, point, Footprint::NONE)?;
+//! println!("{rgba}");
 //! # Ok(())
 //! # }
 //! ```
 //!
+//! # Features
+//!
+//! None is on by default; without features there is no window, GPU or network code.
+//!
+//! | feature | adds |
+//! |---|---|
+//! | `gpu` | [`gpu`]: drawing on wgpu, into a host's own frames too |
+//! | `http` | assets at `http://` and `https://` addresses |
+//! | `paint` | [`paint`]: strokes, layers, undo |
+//! | `photos` | [`photos`]: photographs with cameras as a source |
+//! | `export` | [`export`]: models with ordinary texture coordinates, unwrapping |
+//!
+//! # Modules
+//!
+//! The types above suffice for common tasks; the modules hold the rest of the library.
+//!
 //! | module | what |
 //! |---|---|
 //! | [`mesh`] | loading, cleaning, fans, generators |
-//! | [`look`] | the look: its file, its tables, its schema |
-//! | [`look_scene`] | looks as scenes of dressed models |
+//! | [`look`] | the look: its file and its schema |
+//! | [`look_scene`] | looks as scenes of models with materials |
 //! | [`texture`] | images, filters, mappings, solid recipes, comparison of pictures |
 //! | [`cover`] | partial fans, groups, tile maps, the texture function |
-//! | [`store`] | the `.fan` asset: writing, reading, caching, verifying |
+//! | [`store`] | the `.fan` asset: writing, reading, caching, sampling, verifying |
 //! | [`bake`] | sources to tiles |
-//! | [`photos`] | photographs with cameras as a source |
-//! | [`stream`] | asynchronous reading, demand and residency of tiles, files and URLs alike |
+//! | [`stream`] | asynchronous reading, demand and residency of tiles |
 //! | [`scene`] | cameras, lights, surroundings, tone mapping: what renderers are given |
-//! | [`paint`] | painting on assets |
-//! | [`export`] | out again: models with ordinary texture coordinates, single pictures |
 //! | [`render`] | the CPU renderer |
-//! | [`gpu`] | the GPU renderer: models with UV textures, and assets through a small atlas |
+//! | [`base`] | errors, random numbers, boxes |
 //!
 //! Implement [`bake::Source`] to bake anything that is a function of a surface point, [`render::Surface`] to render
 //! anything that gives a material at one. All work runs on the current rayon pool, and its results do not depend on the
 //! number of threads.
+//!
+//! `examples/` holds short programs: sampling, baking a closure, drawing into a host's frame, streaming without a GPU, painting,
+//! unwrapping.
 
+mod asset;
+mod baker;
 pub mod look_scene;
+mod model;
 
+pub use asset::Asset;
+#[cfg(feature = "photos")]
+pub use baker::PhotoSet;
+pub use baker::{Baked, Baker, Source};
+#[cfg(feature = "export")]
+pub use fantex_export as export;
+#[cfg(feature = "gpu")]
+pub use fantex_gpu as gpu;
+#[cfg(feature = "paint")]
+pub use fantex_paint as paint;
+#[cfg(feature = "photos")]
+pub use fantex_photos as photos;
 pub use {
-    fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_export as export,
-    fantex_gpu as gpu, fantex_look as look, fantex_mesh as mesh, fantex_paint as paint,
-    fantex_photos as photos, fantex_render as render, fantex_scene as scene, fantex_store as store,
-    fantex_stream as stream, fantex_texture as texture,
+    fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look, fantex_mesh as mesh,
+    fantex_render as render, fantex_scene as scene, fantex_store as store, fantex_stream as stream,
+    fantex_texture as texture, glam,
 };
+pub use {
+    fantex_bake::{BakeFormat, Fit, NoProgress, Progress},
+    fantex_base::{Error, ErrorKind, Result},
+    fantex_mesh::SurfacePoint,
+    fantex_store::{ChannelKind, Footprint, Quality, Sampler},
+    fantex_texture::MappingKind,
+};
+pub use model::Mesh;
+
+/// Errors of all crates as [`Error`].
+trait Unified<T> {
+    /// The same result with an [`Error`].
+    fn unified(self) -> Result<T>;
+}
+
+impl<T, E: std::error::Error + Send + Sync + 'static> Unified<T> for Result<T, E> {
+    fn unified(self) -> Result<T> {
+        self.map_err(|error| {
+            let error: Box<dyn std::error::Error + Send + Sync> = Box::new(error);
+            error.downcast().map_or_else(|other| Error::malformed(other.to_string()).with_source(other), |error| *error)
+        })
+    }
+}

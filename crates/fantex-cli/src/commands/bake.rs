@@ -1,30 +1,20 @@
 //! `fantex bake`: a model and a source of colour in, one seamless asset out.
 
-use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::bake::{self as baking, BakeFormat, BakeOptions, BakeSummary, Fit, Progress, Source};
-use fantex::cover::{TexelBudget, build_cover};
-use fantex::look::LookFile;
-use fantex::look_scene::{LookBake, Wardrobe};
-use fantex::mesh::{Material, Mesh};
-use fantex::photos::{PhotoError, PhotoOptions, PhotoReport, PhotoSource, read_cameras_in};
-use fantex::store::Quality;
-use fantex::texture::color::linear_from_srgb8_table;
-use fantex::texture::look::LookImages;
-use glam::Vec3;
+use fantex::bake::BakeSummary;
+use fantex::photos::PhotoReport;
+use fantex::{BakeFormat, Baker, Error, Fit, Mesh, Quality};
 use serde::Serialize;
 
-use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
-use crate::context::Bar;
+use crate::commands::info::CoverArgs;
 use crate::context::{Context, peak_memory_bytes};
 use crate::error::CliError;
-use crate::scene::CleanModel;
-use crate::sources::{DetailedModel, OpenSource, PhotosArg, SourceArg};
-use crate::text::{counted, megabytes};
-use crate::text::{overdraft, texels_asked};
+use crate::scene::{open_model, show_notes};
+use crate::sources::SourceArg;
+use crate::text::{counted, megabytes, over_budget};
 
 /// Bake a model and a source of colour into one seamless asset.
 #[derive(Args, Debug)]
@@ -81,19 +71,6 @@ pub(crate) struct EncodingArgs {
     /// Effort of the BC7 encoder
     #[arg(long, value_enum, default_value_t)]
     pub(crate) quality: QualityArg,
-}
-
-impl EncodingArgs {
-    /// The baker's options.
-    pub(crate) fn options(&self, context: &Context) -> BakeOptions {
-        BakeOptions {
-            fit: self.fit.into(),
-            format: self.format.into(),
-            quality: self.quality.into(),
-            force: context.force,
-            memory_bytes: context.memory_bytes,
-        }
-    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -225,264 +202,102 @@ impl From<&PhotoReport> for PhotosInfo {
 /// Runs the command.
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
-    let mut model = CleanModel::open(&args.model)?;
+    let mesh = open_model(&args.model)?;
     context.check_output_of(&args.output, &args.model)?;
-    model.show_notes(&args.model, context);
-    let source_arg = match (&args.look, &args.source) {
+    show_notes(&mesh, context);
+    let source = match (&args.look, &args.source) {
         (Some(look), _) => SourceArg::Look(look.clone()),
         (None, Some(source)) => source.clone(),
-        (None, None) => SourceArg::default_of(&model.mesh, &args.model)?,
+        (None, None) => SourceArg::of_model(&mesh)?,
     };
-    let look = match &source_arg {
-        SourceArg::Look(path) => Some(wear(path, &mut model.mesh, &args.model, context)?),
-        _ => None,
-    };
-    match &source_arg {
-        SourceArg::Photos(_) => plain_materials(&mut model.mesh),
-        SourceArg::Uv | SourceArg::Look(_) => {}
-        _ => forget_textures(&mut model.mesh),
-    }
-    let mesh = &model.mesh;
-    if let SourceArg::Photos(photos) = &source_arg {
-        let info = bake_photos(photos, args, &model, started, context)?;
-        return context.print(&info, text);
-    }
-    let detailed = DetailedModel::of(&source_arg, context)?;
-    let own = match (&look, &detailed) {
-        (None, None) => Some(OpenSource::open(&source_arg, mesh, &args.model, context.seed)?),
-        _ => None,
-    };
-    let budget = budget(args, &source_arg, own.as_ref(), &model)?;
     let job = BakeJob {
-        mesh,
-        budget,
+        mesh: &mesh,
+        source,
         cover: &args.cover,
+        match_source: args.match_source,
         encoding: &args.encoding,
         output: &args.output,
-        source_name: source_arg.to_string(),
         started,
-        load_seconds: model.load_seconds + model.clean_seconds,
-        memory_bytes: context.memory_bytes,
     };
-    let info = match (&look, &detailed, &own) {
-        (Some(look), _, _) => look.with_source(mesh, |source: &dyn Source| job.run(source, context))??,
-        (None, Some(detailed), _) => transfer(detailed, job, context)?,
-        (None, None, Some(source)) => job.run(source.as_source(), context)?,
-        (None, None, None) => return Err(CliError::NothingToBake { path: args.model.clone() }),
-    };
-    context.print(&info, text)
-}
-
-/// Bakes another model's look and shape, and says how well the two fit.
-fn transfer(detailed: &DetailedModel, job: BakeJob, context: &Context) -> Result<BakeInfo, CliError> {
-    let colors = detailed.colors(context.seed)?;
-    let source = detailed.onto(job.mesh, colors.as_ref().map(OpenSource::as_source))?;
-    let name = job.source_name.clone();
-    let info = job.run(&source, context)?;
-    let report = source.report();
-    // Single points at rims say nothing.
-    if report.missed > report.points / 1000 {
-        context.note(format!(
-            "{name}: {:.1} % of the points found nothing within the cage of {:.4} world units along their normal and took the \
-             nearest point; where that is wrong, give a longer cage",
-            100.0 * report.missed as f64 / report.points as f64,
-            report.cage
-        ));
+    if let (SourceArg::Uv, false) = (&job.source, mesh.has_materials()) {
+        return Err(Error::invalid(format!(
+            "{} has no textures and no colours of its materials; leave --source uv out, or give --source vertex, image=... or \
+             solid=...",
+            args.model.display()
+        ))
+        .into());
     }
-    Ok(info)
-}
-
-/// Bakes photographs, and says what they do not show.
-fn bake_photos(
-    photos: &PhotosArg,
-    args: &BakeArgs,
-    model: &CleanModel,
-    started: Instant,
-    context: &Context,
-) -> Result<BakeInfo, CliError> {
-    let mesh = &model.mesh;
-    let photographs = read_cameras_in(&photos.path, photos.images.as_deref(), photos.frame)?;
-    let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
-    let folder =
-        args.output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let options = PhotoOptions {
-        memory_bytes: context.memory_bytes,
-        scratch: folder.to_owned(),
-        exposure: photos.exposure,
-        unseen: photos
-            .unseen
-            .map(|bytes| Vec3::from(bytes.map(|b| linear_from_srgb8_table()[usize::from(b)]))),
-        texel_size: if args.match_source { None } else { texel_size(&budget, mesh) },
-    };
-    let source = PhotoSource::new(mesh, &photographs, &options, &context.progress("reading photographs"))?;
-    let report = source.report();
-    let name = format!("photos={photos}");
-    if report.used < report.photographs {
-        let unused = report.photographs - report.used;
-        context.note(format!(
-            "{name}: of {}, {unused} without the model",
-            counted(report.photographs as u64, "photograph")
-        ));
-    }
-    if report.unseen_share >= 0.0005 {
-        let share = 100.0 * report.unseen_share;
-        context.note(format!("{name}: no photograph sees {share:.1} % of the surface"));
-    }
-    let job = BakeJob {
-        mesh,
-        budget: if args.match_source { TexelBudget::PerTriangle(source.density()) } else { budget },
-        cover: &args.cover,
-        encoding: &args.encoding,
-        output: &args.output,
-        source_name: name,
-        started,
-        load_seconds: model.load_seconds + model.clean_seconds,
-        // The other half holds photographs.
-        memory_bytes: context.memory_bytes / 2,
-    };
-    let info = job.run_until(&source, &|| source.failure().is_some(), context);
-    if let Some(error) = source.failure() {
-        let source = io::Error::new(error.kind(), error.to_string());
-        return Err(PhotoError::Scratch { folder: folder.to_owned(), source }.into());
-    }
-    Ok(BakeInfo { photos: Some(report.into()), ..info? })
-}
-
-/// Photographs show the finished look: what the model's own materials would add to it, such as a glow, goes.
-fn plain_materials(mesh: &mut Mesh) {
-    for material in &mut mesh.materials {
-        let (name, double_sided) = (std::mem::take(&mut material.name), material.double_sided);
-        *material = Material { name, double_sided, ..Material::default() };
-    }
-    mesh.images.clear();
-}
-
-/// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by
-/// themselves. (A white glow, for example, would cover the source's colours.)
-fn forget_textures(mesh: &mut Mesh) {
-    let plain = Material::default();
-    for material in &mut mesh.materials {
-        if material.emission_texture.take().is_some() {
-            material.emission = plain.emission;
-        }
-        if material.metallic_roughness_texture.take().is_some() {
-            (material.metallic, material.roughness) = (plain.metallic, plain.roughness);
-        }
-    }
-}
-
-/// The side of a texel in mesh units, if the cover gives every triangle the same.
-fn texel_size(budget: &TexelBudget, mesh: &Mesh) -> Option<f32> {
-    match budget {
-        TexelBudget::Total(texels) => Some((mesh.area() / (*texels).max(1) as f64).sqrt() as f32),
-        TexelBudget::Density(density) => Some((1.0 / density) as f32),
-        _ => None,
-    }
+    context.print(&job.run(context)?, text)
 }
 
 /// A mesh, and how it becomes an asset.
 pub(crate) struct BakeJob<'a> {
     pub(crate) mesh: &'a Mesh,
-    pub(crate) budget: TexelBudget,
+    pub(crate) source: SourceArg,
     pub(crate) cover: &'a CoverArgs,
+    pub(crate) match_source: bool,
     pub(crate) encoding: &'a EncodingArgs,
     pub(crate) output: &'a Path,
-    pub(crate) source_name: String,
+    /// When the command began.
     pub(crate) started: Instant,
-    /// What it took to get the mesh.
-    pub(crate) load_seconds: f64,
-    /// Bytes that texels in flight may take.
-    pub(crate) memory_bytes: u64,
-}
-
-/// Ends a bake by itself, too.
-struct Stoppable<'a> {
-    progress: Bar<'a>,
-    must_stop: &'a (dyn Fn() -> bool + Sync),
-}
-
-impl Progress for Stoppable<'_> {
-    fn report(&self, done: u64, total: u64) {
-        self.progress.report(done, total);
-    }
-
-    fn is_cancelled(&self) -> bool {
-        self.progress.is_cancelled() || (self.must_stop)()
-    }
 }
 
 impl BakeJob<'_> {
-    /// Covers the mesh and bakes `source`, with progress.
-    pub(crate) fn run(self, source: &dyn Source, context: &Context) -> Result<BakeInfo, CliError> {
-        self.run_until(source, &|| false, context)
-    }
-
-    /// As [`BakeJob::run`], but given up as soon as `must_stop` says so.
-    fn run_until(
-        self,
-        source: &dyn Source,
-        must_stop: &(dyn Fn() -> bool + Sync),
-        context: &Context,
-    ) -> Result<BakeInfo, CliError> {
-        let Self { mesh, output, started, load_seconds, .. } = self;
-        let cover_started = Instant::now();
-        let texels_asked = texels_asked(&self.budget);
-        let (cover, stats) = build_cover(mesh, &self.cover.options(self.budget))?;
-        if let Some(note) = overdraft(texels_asked, &stats) {
+    /// Bakes, with progress and notes.
+    pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo, CliError> {
+        let Self { mesh, cover, encoding, output, .. } = self;
+        let load_seconds = self.started.elapsed().as_secs_f64();
+        let baked = {
+            let _deferral = context.defer_interrupt();
+            let progress = context.progress("baking");
+            let mut baker = Baker::new(mesh)
+                .source(self.source.source())
+                .format(encoding.format.into())
+                .fit(encoding.fit.into())
+                .quality(encoding.quality.into())
+                .overwrite(context.force)
+                .memory(context.memory_bytes)
+                .seed(context.seed)
+                .progress(&progress);
+            if let Some(texels) = cover.texels {
+                baker = baker.texels(texels.0);
+            }
+            if let Some(density) = cover.density {
+                baker = baker.density(density);
+            }
+            if let Some(tile) = cover.tile {
+                baker = baker.tile(tile);
+            }
+            if self.match_source {
+                baker = baker.matching();
+            }
+            baker.write(output)?
+        };
+        if let Some(note) = over_budget(baked.texels_asked, &baked.cover) {
             context.note(format!("{}: {note}", output.display()));
         }
-        let cover_seconds = cover_started.elapsed().as_secs_f64();
-        let options = BakeOptions { memory_bytes: self.memory_bytes, ..self.encoding.options(context) };
-        let _deferral = context.defer_interrupt();
-        let progress = Stoppable { progress: context.progress("baking"), must_stop };
-        let summary = baking::bake(mesh, &cover, source, output, &options, &progress)?;
-        let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } =
-            summary;
+        baked.notes.iter().for_each(|note| context.note(format!("{}: {note}", self.source)));
+        let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } = baked.summary;
         Ok(BakeInfo {
-            output: output.to_owned(),
-            source: self.source_name,
-            triangles: mesh.triangles.len() as u64,
-            groups: stats.groups,
+            output: output.to_path_buf(),
+            source: self.source.to_string(),
+            triangles: baked.triangles,
+            groups: baked.cover.groups,
             texels,
-            texels_asked,
+            texels_asked: baked.texels_asked,
             bytes,
             channels,
             seconds: Seconds {
                 load: load_seconds,
-                cover: cover_seconds,
+                cover: baked.cover_time.as_secs_f64(),
                 bake: bake_seconds,
                 encode: encode_seconds,
                 write: write_seconds,
-                total: started.elapsed().as_secs_f64(),
+                total: self.started.elapsed().as_secs_f64(),
             },
             peak_memory_bytes: peak_memory_bytes(),
-            photos: None,
+            photos: baked.photos.as_ref().map(PhotosInfo::from),
         })
-    }
-}
-
-/// Reads a look and dresses the model with it.
-fn wear(path: &Path, mesh: &mut Mesh, model: &Path, context: &Context) -> Result<LookBake, CliError> {
-    let file = LookFile::read(path)?;
-    let images = LookImages::default();
-    let wardrobe = Wardrobe { file: &file, images: &images, options: context.resolve_options() };
-    Ok(LookBake::new(&wardrobe, mesh, model)?)
-}
-
-/// How many texels: what was asked for, else the source's own density, else a fixed number.
-fn budget(
-    args: &BakeArgs,
-    source_arg: &SourceArg,
-    source: Option<&OpenSource>,
-    model: &CleanModel,
-) -> Result<TexelBudget, CliError> {
-    if let Some(budget) = args.cover.budget(&model.mesh) {
-        return Ok(budget);
-    }
-    match source.and_then(OpenSource::own_density) {
-        Some(density) => Ok(TexelBudget::PerTriangle(density)),
-        None if args.match_source => Err(CliError::NothingToMatch { source_name: source_arg.to_string() }),
-        None => Ok(DEFAULT_BUDGET),
     }
 }
 

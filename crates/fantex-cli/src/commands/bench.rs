@@ -1,18 +1,22 @@
 //! `fantex bench`: figures of fidelity and speed.
 
-use std::path::{Path, PathBuf};
+mod paint;
+mod stream;
+
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, Subcommand};
-use fantex::bake::{BakeFormat, BakeOptions, SineSource, fidelity, sample_finest};
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, SineSource, fidelity, sample_finest};
+use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
-use fantex::mesh::{CleanOptions, Mesh, Model};
+use fantex::mesh::{CleanOptions, LoadOptions, Model, clean, load};
 use fantex::render::{FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
-use fantex::store::{Asset, PageCache, Quality, TexelFormat, TexelSlice, encode_many};
+use fantex::store::{Asset, PageCache};
 use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
-use fantex::{bake as baking, mesh};
+use fantex::Mesh;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -21,15 +25,10 @@ use tempfile::TempDir;
 use crate::commands::bake::FitArg;
 use crate::context::Context;
 use crate::error::CliError;
-use crate::scene::{CleanModel, photograph, portrait};
-use crate::sources::{OpenSource, SourceArg};
+use crate::scene::{photograph, portrait};
+use crate::sources::SourceArg;
 use crate::text::{Count, Table, columns, grouped};
 
-mod lookup;
-mod noise;
-mod paint;
-mod stream;
-mod terrain;
 
 /// Measure fidelity and speed.
 #[derive(Args, Debug)]
@@ -49,14 +48,10 @@ enum What {
     Cover(ModelArgs),
     /// Speed of baking: uncompressed and BC7
     Bake(ModelArgs),
-    /// Speed of single look-ups through the texture function, beside plain image look-ups, and of images by filter
+    /// Speed of single look-ups through the texture function, beside plain image look-ups
     Sample(ModelArgs),
-    /// Speed of rendering an asset, beside the model itself, and of a million triangles, beside a software rasteriser
+    /// Speed of rendering an asset, beside the model itself
     Render(ModelArgs),
-    /// Speed of gradient noise and of solids on one thread, beside the crate `noise`
-    Noise,
-    /// Speed of the block encoders
-    Encode,
     Stream(stream::StreamArgs),
     Paint(paint::PaintBenchArgs),
 }
@@ -129,14 +124,8 @@ pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
         What::Fidelity(args) => return measure_fidelity(args, context),
         What::Cover(args) => cover(args, context)?,
         What::Bake(args) => bake(args, context)?,
-        What::Sample(args) => {
-            let mut rows = sample(args, context)?;
-            rows.extend(lookup::rows(context.seed));
-            rows
-        }
+        What::Sample(args) => sample(args, context)?,
         What::Render(args) => render(args, context)?,
-        What::Noise => noise::run()?,
-        What::Encode => encode(context)?,
         What::Stream(args) => stream::stream(args, context)?,
         What::Paint(args) => paint::paint(args, context)?,
     };
@@ -175,8 +164,7 @@ struct FidelityInfo {
 }
 
 fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<(), CliError> {
-    let model = CleanModel::open(&args.model)?;
-    let mesh = &model.mesh;
+    let mesh = &crate::scene::open_model(&args.model)?;
     let default = CoverOptions::default();
     let tile = args.tile.unwrap_or(default.tile);
     let budget = TexelBudget::Total(args.texels.0);
@@ -192,7 +180,7 @@ fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<(), CliErr
         ..BakeOptions::default()
     };
     let _deferral = context.defer_interrupt();
-    let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
+    let folder = Context::temporary_folder()?;
     let path = folder.path().join("fidelity.fan");
     baking::bake(mesh, &cover, &source, &path, &options, &context.progress("baking"))?;
     let cache = PageCache::new(Arc::new(Asset::open(&path)?), context.memory_bytes as usize);
@@ -236,7 +224,7 @@ fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
         for _ in 0..REPETITIONS {
             let model = model.clone();
             let started = Instant::now();
-            let (mesh, _) = mesh::clean(model, &CleanOptions::default())?;
+            let (mesh, _) = clean(model, &CleanOptions::default())?;
             build_cover(&mesh, &options)?;
             best_seconds = best_seconds.min(started.elapsed().as_secs_f64());
         }
@@ -321,38 +309,7 @@ fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
         let model = seconds(&MeshSurface::load(&bench.mesh, filter)?)?;
         rows.push(Row::new(format!("render 1280x720, {name}"), 1e3 * fans, "ms").beside(1e3 * model));
     }
-    rows.extend(terrain::rows(context)?);
     Ok(rows)
-}
-
-/// Block encoders on a noisy gradient, all threads.
-fn encode(_context: &Context) -> Result<Vec<Row>, CliError> {
-    const SIDE: u32 = 256;
-    const TILES: u64 = 64;
-    let tile: Vec<[u8; 4]> = (0..SIDE * SIDE)
-        .map(|i| {
-            let [x, y] = [i % SIDE, i / SIDE];
-            let noise = (unit(1, u64::from(i)) * 24.0) as u32;
-            [(x / 2 + noise) as u8, (y / 2 + noise) as u8, ((x + y) / 4 + noise) as u8, 255]
-        })
-        .collect();
-    let formats = [
-        ("encode bc1", TexelFormat::Bc1, Quality::UltraFast),
-        ("encode bc4", TexelFormat::Bc4, Quality::UltraFast),
-        ("encode bc5", TexelFormat::Bc5, Quality::UltraFast),
-        ("encode bc7, ultra-fast", TexelFormat::Bc7, Quality::UltraFast),
-        ("encode bc7, very-fast", TexelFormat::Bc7, Quality::VeryFast),
-        ("encode bc7, basic", TexelFormat::Bc7, Quality::Basic),
-    ];
-    let tiles: Vec<_> = (0..TILES).map(|_| ([SIDE; 2], TexelSlice::U8(&tile))).collect();
-    let texels = TILES as f64 * f64::from(SIDE * SIDE);
-    formats
-        .into_iter()
-        .map(|(name, format, quality)| {
-            let seconds = fastest(|| encode_many(format, quality, &tiles).map(|_| ()))?;
-            Ok(Row::new(name, texels / seconds / 1e6, "M texels/s"))
-        })
-        .collect()
 }
 
 /// A model with its cover, and a folder for assets.
@@ -375,20 +332,20 @@ impl Bench {
     fn open(args: &ModelArgs, context: &Context) -> Result<Self, CliError> {
         let mesh = open(args, context)?;
         let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
-        let source =
-            SourceArg::default_of(&mesh, Path::new("")).unwrap_or(SourceArg::Solid("marble".to_owned()));
-        let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
+        let source = SourceArg::of_model(&mesh).unwrap_or(SourceArg::Solid("marble".to_owned()));
+        let folder = Context::temporary_folder()?;
         Ok(Self { mesh, cover, source, folder })
     }
 
     fn bake(&self, format: BakeFormat, context: &Context) -> Result<Baked, CliError> {
         let path = self.folder.path().join(format!("{format:?}.fan"));
-        let source = OpenSource::open(&self.source, &self.mesh, Path::new(""), context.seed)?;
+        let source = self.source.source();
+        let source = source.evaluator(&self.mesh, context.seed)?;
         let options = BakeOptions { format, memory_bytes: context.memory_bytes, ..BakeOptions::default() };
         let _deferral = context.defer_interrupt();
         let started = Instant::now();
         let progress = context.progress("baking");
-        let summary = baking::bake(&self.mesh, &self.cover, source.as_source(), &path, &options, &progress)?;
+        let summary = baking::bake(&self.mesh, &self.cover, source.as_ref(), &path, &options, &progress)?;
         Ok(Baked {
             path,
             texels: summary.texels,
@@ -401,15 +358,15 @@ impl Bench {
 
 fn open(args: &ModelArgs, context: &Context) -> Result<Mesh, CliError> {
     if let Some(path) = &args.model {
-        return Ok(CleanModel::open(path)?.mesh);
+        return crate::scene::open_model(path);
     }
-    Ok(mesh::clean(open_model(args, context)?, &CleanOptions::default())?.0)
+    Ok(Mesh::from_model(open_model(args, context)?, "landscape")?)
 }
 
 /// The model as its file says, or a landscape.
 fn open_model(args: &ModelArgs, context: &Context) -> Result<Model, CliError> {
     if let Some(path) = &args.model {
-        return crate::scene::open_model(path);
+        return Ok(load(path, &LoadOptions::default())?);
     }
     let options =
         LandscapeOptions { triangles: args.triangles.0, seed: context.seed, ..LandscapeOptions::default() };
@@ -440,10 +397,7 @@ fn fastest_of<T>(mut work: impl FnMut() -> T) -> f64 {
     times.fold(f64::INFINITY, f64::min)
 }
 
-/// A number in [0, 1) that depends on seed and index: the output mix of SplitMix64 (S. Vigna, 2015).
+/// A number in [0, 1) that depends on seed and index.
 fn unit(seed: u64, index: u64) -> f32 {
-    let mut z = seed.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ z >> 31) >> 40) as f32 / (1 << 24) as f32
+    (nth_random(seed, index) >> 40) as f32 / (1 << 24) as f32
 }

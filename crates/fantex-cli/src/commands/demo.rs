@@ -5,12 +5,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::bake::{self as baking, BakeOptions};
-use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
-use fantex::mesh::{self, CleanOptions, Mesh, WriteGeometry, write_model};
+use fantex::mesh::{Mesh, WriteGeometry, write_model};
 use fantex::render::{Camera, FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, VerifyOptions, verify};
+use fantex::{Baker, Error, Source};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
@@ -19,9 +18,7 @@ use crate::commands::render::save;
 use crate::commands::verify::not_verified;
 use crate::context::Context;
 use crate::error::CliError;
-use crate::scene::CleanModel;
-use crate::scene::{aspect, photograph, source_surface};
-use crate::sources::{OpenSource, SourceArg};
+use crate::scene::{aspect, open_model, photograph, source_surface};
 use crate::text::columns;
 use crate::text::{Count, grouped};
 
@@ -78,7 +75,7 @@ struct DemoInfo {
 pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from("out/demo"));
-    let bottle = CleanModel::open(&bottle_path()?)?;
+    let bottle = open_model(&bottle_path()?)?;
     context.make_folder(&folder)?;
     let mut demo = Demo {
         context,
@@ -107,9 +104,9 @@ struct Demo<'a> {
 /// A mesh and what is baked onto it.
 struct Subtask<'a> {
     name: &'static str,
-    mesh: &'a Mesh,
-    source: &'a OpenSource<'a>,
-    budget: TexelBudget,
+    mesh: &'a fantex::Mesh,
+    source: fn() -> Source<'static>,
+    texels: Option<u64>,
     camera: Camera,
 }
 
@@ -130,22 +127,20 @@ impl Demo<'_> {
             write_model(&model_path, &geometry, self.force)?;
         }
         self.info.models.push(model_path.clone());
-        let (mesh, _) = mesh::clean(made.into(), &CleanOptions::default())?;
-        let solid = SourceArg::Solid("landscape".to_owned());
-        let source = OpenSource::open(&solid, &mesh, &model_path, self.context.seed)?;
-        let budget = TexelBudget::Total(args.texels.0);
-        let truth = source_surface(&mesh, source.as_source());
+        let mesh = fantex::Mesh::from_model(made.into(), &model_path)?;
+        let source = || Source::solid("landscape");
+        let solid = source();
+        let solid = solid.evaluator(&mesh, self.context.seed)?;
+        let truth = source_surface(&mesh, solid.as_ref());
         let camera = self.camera(&mesh, DVec3::new(0.5, 0.55, 1.0));
-        self.make(&Subtask { name: "landscape", mesh: &mesh, source: &source, budget, camera }, &truth)
+        let texels = Some(args.texels.0);
+        self.make(&Subtask { name: "landscape", mesh: &mesh, source, texels, camera }, &truth)
     }
 
-    fn bottle(&mut self, bottle: &CleanModel) -> Result<(), CliError> {
-        let mesh = &bottle.mesh;
-        let source = OpenSource::open(&SourceArg::Uv, mesh, Path::new(BOTTLE), self.context.seed)?;
-        let budget = source.own_density().map_or(TexelBudget::Total(4_000_000), TexelBudget::PerTriangle);
+    fn bottle(&mut self, mesh: &fantex::Mesh) -> Result<(), CliError> {
         let original = MeshSurface::load(mesh, FilterOptions::default())?;
         let camera = self.camera(mesh, Camera::THREE_QUARTER);
-        self.make(&Subtask { name: "bottle", mesh, source: &source, budget, camera }, &original)
+        self.make(&Subtask { name: "bottle", mesh, source: Source::own_materials, texels: None, camera }, &original)
     }
 
     /// Bakes, verifies, renders and compares.
@@ -182,17 +177,18 @@ impl Demo<'_> {
     fn bake(&self, task: &Subtask, path: &Path) -> Result<Part, CliError> {
         self.context.note(format!("baking {}", path.display()));
         let started = Instant::now();
-        let options = CoverOptions { budget: task.budget.clone(), ..CoverOptions::default() };
-        let (cover, _) = build_cover(task.mesh, &options)?;
-        let options = BakeOptions {
-            force: self.force,
-            memory_bytes: self.context.memory_bytes,
-            ..BakeOptions::default()
-        };
         let _deferral = self.context.defer_interrupt();
         let progress = self.context.progress(task.name);
-        let source = task.source.as_source();
-        let summary = baking::bake(task.mesh, &cover, source, path, &options, &progress)?;
+        let mut baker = Baker::new(task.mesh)
+            .source((task.source)())
+            .overwrite(self.force)
+            .memory(self.context.memory_bytes)
+            .seed(self.context.seed)
+            .progress(&progress);
+        if let Some(texels) = task.texels {
+            baker = baker.texels(texels);
+        }
+        let summary = baker.write(path)?.summary;
         Ok(Part {
             name: task.name,
             triangles: task.mesh.triangles.len() as u64,
@@ -231,7 +227,12 @@ fn bottle_path() -> Result<PathBuf, CliError> {
         .into_iter()
         .flatten()
         .find(|path| path.is_file())
-        .ok_or_else(|| CliError::DemoModel { path: BOTTLE.into() })
+        .ok_or_else(|| {
+            Error::not_found(format!(
+                "cannot find {BOTTLE} in this folder or beside the program; run the demo in the project's folder"
+            ))
+            .into()
+        })
 }
 
 fn text(info: &DemoInfo) -> String {

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
+use fantex::Error;
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, UvChoice, export_channel, export_model,
 };
@@ -15,7 +16,7 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::scene::SurroundingsArgs;
-use crate::scene::{CleanModel, open_asset};
+use crate::scene::{open_asset, open_model};
 use crate::scene::{FilterArg, SizeArg};
 use crate::text::{counted, megabytes};
 
@@ -209,24 +210,33 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> 
         return turntable::run(args, count, context);
     }
     if args.surroundings.is_given() {
-        return Err(CliError::TurntableOption { option: "--environment" });
+        return Err(Error::invalid("--environment belongs to a turntable; give --turntable, too, or leave it out").into());
     }
     let is_picture = ["png", "exr", "ktx2"].iter().any(|e| has_extension(&args.output, e));
     if args.channel.is_none() && is_picture {
-        return Err(CliError::WhichPicture { path: args.output.clone() });
+        return Err(Error::invalid(format!(
+            "{} is a picture: say which with --channel base-color, normal, orm ..., or make a --turntable; a model is .glb or .gltf",
+            args.output.display()
+        ))
+        .into());
     }
     let side = match args.size {
-        Some(PictureSizeArg::WidthHeight(size)) => return Err(CliError::NotSquare { size }),
+        Some(PictureSizeArg::WidthHeight(size)) => {
+            return Err(Error::invalid(format!(
+                "{size} is a turntable's size; the pictures of a model are square: give one number, such as --size 2048"
+            ))
+            .into());
+        }
         Some(PictureSizeArg::Side(side)) => Some(side),
         None => None,
     };
     let started = Instant::now();
     let asset = open_asset(&args.asset)?;
     context.check_output_of(&args.output, &args.asset)?;
-    let model = args.model.as_ref().map(|path| CleanModel::open(path)).transpose()?;
+    let model = args.model.as_deref().map(open_model).transpose()?;
     let options = ExportOptions {
         uv: match (&model, args.uv) {
-            (Some(model), _) => UvChoice::OfModel(&model.mesh),
+            (Some(model), _) => UvChoice::OfModel(model),
             (None, UvArg::Source) => UvChoice::OfAsset,
             (None, UvArg::Atlas) => UvChoice::Atlas,
         },

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use fantex::Error;
 use fantex::look::LookFile;
 use fantex::look_scene::{LookScene, PictureChanges, Wardrobe};
 use fantex::texture::Image;
@@ -83,7 +84,7 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>, CliError>
     }
     let page = output.join("index.html");
     std::fs::write(&page, html_page(&exhibits))
-        .map_err(|source| CliError::Write { path: page.clone(), source })?;
+        .map_err(|error| Error::writing(&page, error))?;
     Ok(exhibits.iter().flat_map(|e| &e.pictures).map(|p| output.join(&p.file)).collect())
 }
 

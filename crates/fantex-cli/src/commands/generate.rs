@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, Subcommand, ValueEnum};
+use fantex::{Error, Mesh};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
-use fantex::mesh::{CleanOptions, Mesh, Model, TriangleBvh, WriteGeometry, clean, write_model};
+use fantex::mesh::{Model, TriangleBvh, WriteGeometry, write_model};
 use fantex::photos::{
     CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture, write_colmap_binary,
     write_colmap_text, write_transforms,
@@ -17,11 +18,11 @@ use serde::Serialize;
 
 use crate::commands::bake;
 use crate::commands::bake::{BakeJob, EncodingArgs};
-use crate::commands::info::{CoverArgs, DEFAULT_BUDGET};
+use crate::commands::info::CoverArgs;
 use crate::context::Context;
-use crate::error::CliError;
-use crate::scene::{CleanModel, SizeArg};
-use crate::sources::{OpenSource, SourceArg, solid_source};
+use crate::error::{CliError, exists};
+use crate::scene::{SizeArg, open_model, show_notes};
+use crate::sources::SourceArg;
 use crate::text::{Count, counted, positive, share};
 
 /// Generate a procedural model, or photographs of a model.
@@ -116,7 +117,11 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
         return bake_landscape(args, made.into(), started, context);
     }
     if !args.cover.is_default() {
-        return Err(CliError::TexelsOfModel { path: args.output.clone() });
+        return Err(Error::invalid(format!(
+            "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
+            args.output.display()
+        ))
+        .into());
     }
     let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
     {
@@ -154,21 +159,17 @@ fn bake_landscape(
     started: Instant,
     context: &Context,
 ) -> Result<(), CliError> {
-    let (mesh, _) = clean(model, &CleanOptions::default())?;
-    let source = solid_source("landscape", &mesh, context.seed)?;
+    let mesh = Mesh::from_model(model, &args.output)?;
     let job = BakeJob {
         mesh: &mesh,
-        budget: args.cover.budget(&mesh).unwrap_or(DEFAULT_BUDGET),
+        source: SourceArg::Solid("landscape".to_owned()),
         cover: &args.cover,
+        match_source: false,
         encoding: &args.encoding,
         output: &args.output,
-        source_name: "solid=landscape".to_owned(),
         started,
-        load_seconds: started.elapsed().as_secs_f64(),
-        memory_bytes: context.memory_bytes,
     };
-    let info = job.run(&source, context)?;
-    context.print(&info, bake::text)
+    context.print(&job.run(context)?, bake::text)
 }
 
 /// Photographs of a model from all sides, with the files that photogrammetry programs write about their cameras: images/,
@@ -246,19 +247,19 @@ struct PhotographsInfo {
 /// Runs the command.
 fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
-    let model = CleanModel::open(&args.model)?;
-    model.show_notes(&args.model, context);
-    let mesh = &model.mesh;
+    let mesh = &open_model(&args.model)?;
+    show_notes(mesh, context);
     let look = match &args.source {
         Some(source) => source.clone(),
-        None => SourceArg::default_of(mesh, &args.model)?,
+        None => SourceArg::of_model(mesh)?,
     };
-    let look = OpenSource::open(&look, mesh, &args.model, context.seed)?;
+    let look = look.source();
+    let look = look.evaluator(mesh, context.seed)?;
     let [images, sparse] = [args.output.join("images"), args.output.join("sparse/0")];
     let transforms = args.output.join("transforms.json");
     for path in [&images, &args.output.join("sparse"), &transforms] {
         if !context.force && path.symlink_metadata().is_ok() {
-            return Err(CliError::Exists { path: path.clone() });
+            return Err(exists(path).into());
         }
     }
     [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
@@ -268,7 +269,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<(), CliE
         context.check_interrupt()?;
         let exposure = exposure(i, args.exposure as f32);
         let options = CaptureOptions { samples: args.samples, exposure, ..CaptureOptions::default() };
-        let picture = capture(mesh, &bvh, look.as_source(), photograph, &options);
+        let picture = capture(mesh, &bvh, look.as_ref(), photograph, &options);
         let _deferral = context.defer_interrupt();
         picture.converted(Depth::U8, ColorSpace::Srgb).save(&photograph.path)?;
     }

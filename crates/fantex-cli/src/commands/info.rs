@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use fantex::{Error, Mesh};
 use fantex::cover::{Cover, CoverOptions, CoverStats, Percentiles, TexelBudget, build_cover, pack};
 use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
-use fantex::mesh::Mesh;
 use fantex::store::Asset;
 use fantex::texture::look::look_of_model;
 use serde::Serialize;
@@ -16,8 +16,8 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::cover_pictures;
 use crate::error::CliError;
-use crate::scene::{CleanModel, Input};
-use crate::text::{Count, Table, counted, grouped, megabytes, overdraft, positive, texels_asked};
+use crate::scene::Input;
+use crate::text::{Count, Table, counted, grouped, megabytes, over_budget, positive, texels_asked};
 
 /// Show what is in a model, an asset or a look, and the cover that a model would get.
 #[derive(Args, Debug)]
@@ -64,7 +64,7 @@ impl CoverArgs {
     }
 
     /// The number of texels or the density that was asked for.
-    pub(crate) fn budget(&self, mesh: &Mesh) -> Option<TexelBudget> {
+    pub(crate) fn budget(&self, mesh: &fantex::mesh::Mesh) -> Option<TexelBudget> {
         let per_world_unit = self.density.map(|d| TexelBudget::Density(d * mesh.world_from_mesh.scale));
         self.texels.map(|texels| TexelBudget::Total(texels.0)).or(per_world_unit)
     }
@@ -175,9 +175,13 @@ struct AssetInfo {
 /// Runs the command.
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
     match Input::open(&args.file)? {
-        Input::Model(model) if args.look => print_look_of_model(&model, &args.file, context),
+        Input::Model(model) if args.look => print_look_of_model(&model, context),
         Input::Asset(_) | Input::Look(_) if args.look => {
-            Err(CliError::NoMaterials { path: args.file.clone() })
+            Err(Error::unsupported(format!(
+                "{} is no model, and only models have materials that are printed as a look",
+                args.file.display()
+            ))
+            .into())
         }
         Input::Look(file) => print_look(&file, context),
         Input::Model(model) => {
@@ -185,7 +189,11 @@ pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
             context.print(&info, |info| model_text(info, &args.file))
         }
         Input::Asset(_) if !args.cover.is_default() => {
-            Err(CliError::NotForAssets { option: "--texels, --density or --tile", path: args.file.clone() })
+            Err(Error::invalid(format!(
+                "--texels, --density or --tile has no meaning for an asset: {} has its cover already",
+                args.file.display()
+            ))
+            .into())
         }
         Input::Asset(asset) => {
             let info = of_asset(&asset, args, context)?;
@@ -194,18 +202,17 @@ pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
     }
 }
 
-fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<ModelInfo, CliError> {
-    let mesh = &model.mesh;
+fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo, CliError> {
     let started = Instant::now();
     let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
     let texels_asked = texels_asked(&budget);
     let (cover, stats) = build_cover(mesh, &args.cover.options(budget))?;
     let seconds = Seconds {
-        load: model.load_seconds,
-        clean: model.clean_seconds,
+        load: mesh.load_time().as_secs_f64(),
+        clean: mesh.clean_time().as_secs_f64(),
         cover: started.elapsed().as_secs_f64(),
     };
-    let overdraft = overdraft(texels_asked, &stats);
+    let over_budget = over_budget(texels_asked, &stats);
     let CoverStats {
         fans,
         split_centers,
@@ -217,8 +224,8 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         density_spread,
         ..
     } = stats;
-    let mut report = model.notes.clone();
-    report.extend(overdraft.map(|note| format!("{note}.")));
+    let mut report = mesh.notes().to_vec();
+    report.extend(over_budget.map(|note| format!("{note}.")));
     report.extend(split_centers.iter().map(|&center| {
         let [x, y, z] = mesh.world_from_mesh.point(center).to_array();
         format!(
@@ -230,7 +237,7 @@ fn of_model(model: &CleanModel, args: &InfoArgs, context: &Context) -> Result<Mo
         let more = counted(fans.split - split_centers.len() as u64, "more fan");
         report.push(format!("the same holds for {more}."));
     }
-    let shape = &model.report.topology;
+    let shape = &mesh.report().topology;
     Ok(ModelInfo {
         kind: "model",
         triangles: mesh.triangles.len() as u64,
@@ -290,7 +297,7 @@ fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetIn
 }
 
 /// Draws the pictures that were asked for and returns their paths.
-fn draw(mesh: &Mesh, cover: &Cover, args: &InfoArgs, context: &Context) -> Result<Vec<PathBuf>, CliError> {
+fn draw(mesh: &fantex::mesh::Mesh, cover: &Cover, args: &InfoArgs, context: &Context) -> Result<Vec<PathBuf>, CliError> {
     match &args.picture {
         Some(target) => cover_pictures::draw(mesh, cover, target, context),
         None => Ok(Vec::new()),
@@ -432,13 +439,12 @@ struct Translation {
 
 /// Prints a model's own materials as a look.
 pub(crate) fn print_look_of_model(
-    model: &CleanModel,
-    path: &Path,
+    model: &Mesh,
     context: &Context,
 ) -> Result<(), CliError> {
-    let translated = look_of_model(&model.mesh);
+    let (path, translated) = (model.path(), look_of_model(model));
     let text = translated.look.to_toml();
-    let text = text.map_err(|problem| CliError::LookContent { path: path.into(), problem })?;
+    let text = text.map_err(|problem| Error::malformed(problem.to_string()).in_file(path))?;
     let head = format!("# The materials of {}, as a look.\n\n", path.display());
     let translation = Translation { look: translated.look, materials: translated.materials };
     context.print(&translation, |_| head + &text)

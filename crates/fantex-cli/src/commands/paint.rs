@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use fantex::Error;
 use fantex::paint::{PaintOptions, Painter, ReplayError, ReplaySummary, StrokeFile, StrokeLog, replay};
 use serde::Serialize;
 
 use super::view;
 use crate::context::Context;
-use crate::error::CliError;
+use crate::error::{CliError, exists};
 use crate::scene::open_asset;
 use crate::text::{counted, megabytes};
 
@@ -118,8 +119,8 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
             let info = paint(&copy, &strokes, args, context)?;
             let renamed = if context.force { copy.persist(output) } else { copy.persist_noclobber(output) };
             renamed.map_err(|e| match e.error.kind() {
-                io::ErrorKind::AlreadyExists => CliError::Exists { path: output.clone() },
-                _ => CliError::Write { path: output.clone(), source: e.error },
+                io::ErrorKind::AlreadyExists => exists(output),
+                _ => Error::writing(output, e.error),
             })?;
             PaintInfo { output: output.clone(), ..info }
         }
@@ -148,7 +149,7 @@ fn missing(unrecorded: usize) -> String {
 fn export(asset: &Path, output: &Path, context: &Context) -> Result<(), CliError> {
     let log = StrokeLog::of(&*open_asset(asset)?)?;
     context.check_output(output)?;
-    log.save(output).map_err(|source| CliError::Write { path: output.to_owned(), source })?;
+    log.save(output).map_err(|error| Error::writing(output, error))?;
     let strokes = &log.strokes.strokes;
     let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
     let info = ExportInfo { output: output.to_owned(), strokes: strokes.len() - unrecorded, unrecorded };
@@ -185,14 +186,14 @@ fn paint(
 /// A copy in the folder of the output, which goes away unless it is renamed.
 fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath, CliError> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = |source| CliError::Write { path: output.to_owned(), source };
+    let write = |error| Error::writing(output, error);
     let mut builder = tempfile::Builder::new();
     builder.prefix(".fantex-").suffix(".tmp");
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut copy = builder.tempfile_in(folder).map_err(write)?;
     let mut from =
-        std::fs::File::open(asset).map_err(|source| CliError::Read { path: asset.to_owned(), source })?;
+        std::fs::File::open(asset).map_err(|error| Error::reading(asset, error))?;
     io::copy(&mut from, copy.as_file_mut()).map_err(write)?;
     Ok(copy.into_temp_path())
 }

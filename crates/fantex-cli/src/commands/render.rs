@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use fantex::Error;
 use fantex::gpu::{
     DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, UvModel, render_to_picture, stream_view,
 };
@@ -18,7 +19,9 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::error::CliError;
-use crate::scene::{CleanModel, FilterArg, Scene, SizeArg, SurroundingsArgs, VectorArg, is_look, portrait};
+use crate::scene::{
+    FilterArg, Scene, SizeArg, SurroundingsArgs, VectorArg, is_look, open_model, portrait, show_notes,
+};
 use crate::text::{Bytes, counted};
 
 /// Render a model, an asset or a look.
@@ -94,11 +97,11 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
     if (args.look.is_some() || is_look(&args.file)) && (args.light.is_some() || args.surroundings.is_given())
     {
         let path = args.look.clone().unwrap_or_else(|| args.file.clone());
-        return Err(CliError::NotForLooks { option: "--light and --environment", path });
+        return Err(not_for_looks("--light and --environment", &path));
     }
     if (args.look.is_some() || is_look(&args.file)) && args.gpu {
         let path = args.look.clone().unwrap_or_else(|| args.file.clone());
-        return Err(CliError::NotForLooks { option: "--gpu", path });
+        return Err(not_for_looks("--gpu", &path));
     }
     if let Some(path) = &args.look {
         return render_look(args, &LookFile::read(path)?, Some(&args.file), context);
@@ -158,6 +161,11 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
     };
     save(&picture, &args.output, context)?;
     context.print(&info, text)
+}
+
+fn not_for_looks(option: &str, path: &Path) -> CliError {
+    let path = path.display();
+    Error::invalid(format!("{path} is a look, which has its lamps and surroundings itself; leave {option} out")).into()
 }
 
 fn text(info: &RenderInfo) -> String {
@@ -316,9 +324,9 @@ pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) {
 }
 
 fn given_model(path: &Path, context: &Context) -> Result<GivenModel, CliError> {
-    let model = CleanModel::open(path)?;
-    model.show_notes(path, context);
-    Ok(GivenModel { path: path.into(), mesh: model.mesh })
+    let model = open_model(path)?;
+    show_notes(&model, context);
+    Ok(GivenModel { path: path.into(), mesh: model.into_inner() })
 }
 
 fn changes(args: &RenderArgs) -> PictureChanges {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use fantex::Error;
 use fantex::store::{self, JUMP_BOUND, VerifyOptions, VerifyReport};
 use serde::Serialize;
 
@@ -100,7 +101,7 @@ pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
     } else {
         format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
     };
-    CliError::NotVerified { path: path.into(), reason }
+    Error::damaged(format!("{} did not pass: {reason}", path.display())).into()
 }
 
 fn text(info: &VerifyInfo, path: &Path) -> String {

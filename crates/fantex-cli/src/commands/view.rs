@@ -7,6 +7,7 @@ use std::process::Command;
 
 use clap::Args;
 
+use fantex::Error;
 use crate::error::CliError;
 
 /// The viewer's name.
@@ -37,15 +38,20 @@ pub(crate) fn run(args: &ViewArgs) -> Result<(), CliError> {
 pub(super) fn start(arguments: &[OsString]) -> Result<(), CliError> {
     let beside = std::env::current_exe().ok().and_then(|this| this.parent().map(Path::to_owned));
     let path = std::env::var_os("PATH").unwrap_or_default();
-    let viewer = find(beside.as_deref(), &path).ok_or(CliError::NoViewer)?;
+    let viewer = find(beside.as_deref(), &path).ok_or_else(|| {
+        Error::unavailable(
+            "the viewer fantex-app is neither beside this program nor on the search path; build it with 'cargo build --release -p \
+             fantex-app'",
+        )
+    })?;
     let status = Command::new(&viewer)
         .args(arguments)
         .status()
-        .map_err(|source| CliError::StartViewer { path: viewer, source })?;
+        .map_err(|error| Error::unavailable(format!("cannot start the viewer {}: {error}", viewer.display())))?;
     match status.code().map(u8::try_from) {
         Some(Ok(0)) => Ok(()),
-        Some(Ok(exit_code @ 1..=2)) => Err(CliError::ViewerFailed { exit_code }),
-        _ => Err(CliError::Viewer { status }),
+        Some(Ok(exit_code @ 1..=2)) => Err(CliError::Viewer { exit_code }),
+        _ => Err(Error::unavailable(format!("the viewer ended unexpectedly ({status})")).into()),
     }
 }
 

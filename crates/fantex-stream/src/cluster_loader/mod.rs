@@ -36,7 +36,6 @@ mod worker;
 
 use std::collections::VecDeque;
 use std::io;
-use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, TryLockError};
 use std::thread::JoinHandle;
@@ -48,13 +47,9 @@ use scheduler::{FileOrder, Scheduler};
 use worker::Worker;
 
 use crate::read::{
-    FileReadOptions, HttpSource, QueuedReader, ReadWaker, ReaderInfo, ReaderKind, RetryPolicy, http_reader,
-    open_file_reader, url_of,
+    FileReadOptions, QueuedReader, ReadWaker, ReaderInfo, ReaderKind, RetryPolicy, open_reader,
 };
 use crate::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader};
-
-/// Connections to a server.
-const CONNECTIONS: usize = 6;
 
 /// How a [`ClusterLoader`] works and what it may use.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -279,14 +274,6 @@ fn set_up_error(what: &str, asset: &Asset, error: io::Error) -> Error {
         _ => format!("cannot {what} streaming {}: {error}", asset.path().display()),
     };
     Error::new(kind, message).with_path(asset.path()).with_source(error)
-}
-
-/// A queued reader of a file or URL.
-fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
-    match url_of(location) {
-        Some(url) => Ok(Box::new(http_reader(Arc::new(HttpSource::new(url, CONNECTIONS)), CONNECTIONS)?)),
-        None => open_file_reader(location, options),
-    }
 }
 
 /// The clusters that hold a parcel's pages.

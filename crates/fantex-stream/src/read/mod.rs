@@ -20,6 +20,7 @@
 //! file system takes it, else buffered.
 
 mod file;
+#[cfg(feature = "http")]
 mod http;
 
 use std::collections::VecDeque;
@@ -31,9 +32,12 @@ use std::task::{Poll, Waker};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use fantex_store::{Asset, OpenError};
+
 pub use file::{BufferPool, ReadBuffer, ring_reader, threaded_reader};
 pub(crate) use file::{open_in_runtime, ring_runtime, takes_direct_io};
-pub use http::{HttpSource, http_reader, open_asset, url_of};
+#[cfg(feature = "http")]
+pub use http::{HttpSource, http_reader};
 
 /// A read to be made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -167,6 +171,52 @@ pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Bo
         return Ok(Box::new(reader));
     }
     Ok(Box::new(threaded_reader(path, options.depth, direct)?))
+}
+
+// Assets in files and on web servers.
+
+/// The URL that a location is, if it is none of a file.
+pub fn url_of(location: &Path) -> Option<&str> {
+    let text = location.to_str()?;
+    let scheme = text.split_once("://")?.0.to_ascii_lowercase();
+    matches!(scheme.as_str(), "http" | "https").then_some(text)
+}
+
+/// Opens an asset at a path or at a URL (`http://` or `https://`, from any server that supports range requests).
+///
+/// # Errors
+/// It cannot be read, is no asset, or is damaged; or it is at a URL, and this crate was built without the feature `http`.
+pub fn open_asset(location: &Path) -> Result<Asset, OpenError> {
+    match url_of(location) {
+        #[cfg(feature = "http")]
+        Some(url) => Asset::open_source(Arc::new(HttpSource::new(url, 1))),
+        #[cfg(not(feature = "http"))]
+        Some(_) => Err(OpenError::Io { path: location.into(), source: no_http() }),
+        None => Asset::open(location),
+    }
+}
+
+/// A reader of a file, or of a file on a web server.
+pub(crate) fn open_reader(location: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
+    match url_of(location) {
+        #[cfg(feature = "http")]
+        Some(url) => {
+            let source = Arc::new(HttpSource::new(url, CONNECTIONS));
+            Ok(Box::new(http_reader(source, CONNECTIONS)?))
+        }
+        #[cfg(not(feature = "http"))]
+        Some(_) => Err(no_http()),
+        None => open_file_reader(location, options),
+    }
+}
+
+/// Connections to a server.
+#[cfg(feature = "http")]
+const CONNECTIONS: usize = 6;
+
+#[cfg(not(feature = "http"))]
+fn no_http() -> io::Error {
+    io::Error::new(io::ErrorKind::Unsupported, "this program was built without the feature 'http'")
 }
 
 // Which errors pass, and how long to wait for that.
@@ -389,6 +439,20 @@ impl Drop for LaneReader {
         for thread in self.threads.drain(..) {
             // A thread that panicked has said so.
             thread.join().unwrap_or_default();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn urls_are_told_from_paths() {
+        assert_eq!(url_of(Path::new("https://example.org/a.fan")), Some("https://example.org/a.fan"));
+        assert!(url_of(Path::new("HTTP://example.org/a.fan")).is_some());
+        for path in ["a.fan", "/tmp/http/a.fan", "http:/a.fan", "C:\\a.fan", "ftp://example.org/a.fan"] {
+            assert_eq!(url_of(Path::new(path)), None, "{path}");
         }
     }
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::Error;
 use fantex::paint::{
     BlendMode, Brush, ChannelPaint, Dab, Paint, PaintColor, PaintOptions, Painter, Sample, Size, Stroke,
     Surface, Symmetry, Tool, dabs_of,
@@ -43,10 +44,10 @@ pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>
         rows.extend(opening(asset, &options)?);
     }
     let folder =
-        tempfile::tempdir().map_err(|source| CliError::Write { path: std::env::temp_dir(), source })?;
+        Context::temporary_folder()?;
     let copy = folder.path().join("painted.fan");
     std::fs::copy(&args.assets[0], &copy)
-        .map_err(|source| CliError::Read { path: args.assets[0].clone(), source })?;
+        .map_err(|error| Error::reading(&args.assets[0], error))?;
     let mut painter = Painter::open(&copy, &options)?;
     rows.extend(stroke(&mut painter, args)?);
     Ok(rows)

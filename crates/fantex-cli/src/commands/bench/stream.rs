@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use fantex::Error;
 use fantex::gpu::{DrawOptions, FanModel, Frame, Gpu, GpuOptions, HiddenScreen};
 use fantex::scene::{Bounds, Camera, Lights};
 use fantex::store::Asset;
@@ -88,11 +89,14 @@ fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
 
 fn read_path(path: &Path) -> Result<CameraPath, CliError> {
     let text =
-        std::fs::read_to_string(path).map_err(|source| CliError::Read { path: path.into(), source })?;
+        std::fs::read_to_string(path).map_err(|error| Error::reading(path, error))?;
     let parsed: CameraPath =
-        serde_json::from_str(&text).map_err(|source| CliError::CameraPath { path: path.into(), source })?;
+        serde_json::from_str(&text).map_err(|error| {
+            Error::malformed(format!("{} is no camera path: {error}", path.display())).with_path(path)
+        })?;
     if parsed.keyframes.is_empty() {
-        return Err(CliError::EmptyCameraPath { path: path.into() });
+        let path = path.display();
+        return Err(Error::malformed(format!("{path} holds no keyframes; record at least one")).into());
     }
     Ok(parsed)
 }
@@ -322,7 +326,7 @@ fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>, CliError> {
         return Ok(Vec::new());
     }
     let load = DiskLoad::default();
-    let read_error = |source| CliError::Read { path: asset.path().into(), source };
+    let read_error = |error| Error::reading(asset.path(), error);
     let plain = plain_reads(asset.path(), mean_cluster_bytes(asset), &load).map_err(read_error)?;
     let queued = queued_reads(asset, &load).map_err(read_error)?;
     let (loaded, counts) = loaded_clusters(asset, &ClusterLoaderOptions::default(), &load)?;

@@ -6,6 +6,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use fantex::Error;
 use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, RenderOptions, render};
 use fantex::scene::Bounds;
@@ -33,7 +34,7 @@ struct TurntableInfo {
 /// Renders `count` pictures: an animation where the output is a PNG, numbered files in a folder else.
 pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<(), CliError> {
     if args.uv != UvArg::Atlas || args.padding.is_some() {
-        return Err(CliError::NoTurntableOption { option: "--uv and --padding" });
+        return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out").into());
     }
     let started = Instant::now();
     let scene = Scene::open(&args.asset, context)?;
@@ -145,7 +146,7 @@ impl Animation {
         count: u32,
         frames_per_second: f64,
     ) -> Result<Self, CliError> {
-        let failed = |source| CliError::Write { path: target.into(), source };
+        let failed = |error| Error::writing(target, error);
         let folder =
             target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut builder = tempfile::Builder::new();
@@ -162,8 +163,8 @@ impl Animation {
     pub(crate) fn add(&mut self, image: &Image) -> Result<(), CliError> {
         let Samples::U8(bytes) = &image.samples else { return Ok(()) };
         let failed =
-            |error: png::EncodingError| CliError::Write { path: self.target.clone(), source: error.into() };
-        self.writer.write_image_data(bytes).map_err(failed)
+            |error: png::EncodingError| Error::writing(&self.target, error.into());
+        Ok(self.writer.write_image_data(bytes).map_err(failed)?)
     }
 
     /// Gives the file its name.
@@ -171,7 +172,7 @@ impl Animation {
         let Self { file, writer, target } = self;
         let named = |file: NamedTempFile| file.persist(&target).map(drop).map_err(|error| error.error);
         let finished = writer.finish().map_err(io::Error::from).and_then(|()| named(file));
-        finished.map_err(|source| CliError::Write { path: target.clone(), source })
+        Ok(finished.map_err(|error| Error::writing(&target, error))?)
     }
 }
 

@@ -24,7 +24,7 @@ use glam::{DVec2, DVec3, Vec3};
 use crate::context::Context;
 use crate::cover_pictures::cover_pictures;
 use crate::error::CliError;
-use crate::scene::CleanModel;
+use crate::scene::open_model;
 
 /// Where drawings are made.
 pub(super) struct Studio<'a> {
@@ -78,7 +78,7 @@ impl Studio<'_> {
 
 /// The three figures that explain a cover.
 fn cover(studio: &Studio<'_>) -> Drawn {
-    let CleanModel { mesh, .. } = CleanModel::open(&shipped("assets/models/spot.obj"))?;
+    let mesh = open_model(&shipped("assets/models/spot.obj"))?;
     let options =
         CoverOptions { budget: TexelBudget::Total(1_000_000), tile: 128, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
@@ -92,7 +92,7 @@ fn cover(studio: &Studio<'_>) -> Drawn {
 
 /// A model with its texture coordinates, and baked into fan tiles.
 fn seamless(studio: &Studio<'_>) -> Drawn {
-    let CleanModel { mesh, .. } = CleanModel::open(&shipped("assets/WaterBottle/WaterBottle.gltf"))?;
+    let mesh = open_model(&shipped("assets/WaterBottle/WaterBottle.gltf"))?;
     let (cover, _) = build_cover(
         &mesh,
         &CoverOptions { budget: TexelBudget::Total(2_000_000), ..CoverOptions::default() },
@@ -122,7 +122,7 @@ fn baked(
     source: &dyn Source,
     studio: &Studio<'_>,
 ) -> Result<Baked, CliError> {
-    let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
+    let folder = Context::temporary_folder()?;
     let path = folder.path().join("drawing.fan");
     bake(mesh, cover, source, &path, &BakeOptions::default(), &studio.context.progress("baking"))?;
     let cache = PageCache::new(Arc::new(Asset::open(&path)?), studio.context.memory_bytes as usize);
@@ -179,7 +179,7 @@ fn environments(studio: &Studio<'_>) -> Drawn {
 
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
 fn light_map(studio: &Studio<'_>) -> Drawn {
-    let CleanModel { mesh, .. } = CleanModel::open(&shipped("assets/models/CornellBox.glb"))?;
+    let mesh = open_model(&shipped("assets/models/CornellBox.glb"))?;
     let options = CoverOptions { budget: TexelBudget::Total(50_000), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = UvSource::new(&mesh)?;

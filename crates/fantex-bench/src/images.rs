@@ -9,10 +9,11 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Instant;
 
+use fantex::base::random::nth_random;
 use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples, UvPoint};
-use glam::Vec2;
+use fantex::glam::Vec2;
 
-use super::Row;
+use crate::{Measured, Row, SEED};
 
 const SIDE: u32 = 4096;
 /// Look-ups of one measurement, and measurements; the fastest counts.
@@ -22,7 +23,8 @@ const MEASUREMENTS: u32 = 60;
 const AT_ONCE: usize = 250;
 
 /// The rows of a table: nanoseconds per look-up.
-pub(super) fn rows(seed: u64) -> Vec<Row> {
+pub(crate) fn rows() -> Measured {
+    let seed = SEED;
     let texture = ImageTexture::new(Arc::new(noise(seed)));
     let mut rows = vec![Row::new("random cache line of 128 MB", cache_line(seed), "ns")];
     let wide = footprint(1.5, 1.5);
@@ -41,10 +43,7 @@ pub(super) fn rows(seed: u64) -> Vec<Row> {
         let nanoseconds = fastest_look_up(seed, is_random, |uv| texture.sample(uv, steps, &options)[0]);
         let peer_note = if peer.is_some() { " (peer: OpenImageIO elsewhere)" } else { "" };
         let row = Row::new(format!("look-up, {name}{peer_note}"), nanoseconds, "ns");
-        rows.push(match peer {
-            Some(peer) => row.beside(peer),
-            None => row,
-        });
+        rows.push(row.beside(peer));
     }
     for (name, filter, steps, is_random, peer) in [
         ("bilinear", Filter::Bilinear, wide, false, None),
@@ -58,10 +57,7 @@ pub(super) fn rows(seed: u64) -> Vec<Row> {
         let nanoseconds =
             fastest_look_ups(seed, is_random, steps, |points, out| texture.sample_all(points, &options, out));
         let row = Row::new(format!("look-ups, many at once, {name}"), nanoseconds, "ns");
-        rows.push(match peer {
-            Some(peer) => row.beside(peer),
-            None => row,
-        });
+        rows.push(row.beside(peer));
     }
     let options = SampleOptions { filter: Filter::Trilinear, ..SampleOptions::default() };
     let scalar = fastest_look_up(seed, false, |uv| texture.sample_by_reference(uv, wide, &options)[0]);
@@ -71,7 +67,7 @@ pub(super) fn rows(seed: u64) -> Vec<Row> {
         let nanoseconds = fastest_look_up(seed, false, |uv| sampler.sample(uv)[0]);
         rows.push(Row::new(format!("look-up, mean over {texels} x {texels} texels"), nanoseconds, "ns"));
     }
-    rows
+    Ok(rows)
 }
 
 /// The change of uv under a slanted footprint with these axes in texels.
@@ -83,7 +79,7 @@ fn footprint(major: f32, minor: f32) -> [Vec2; 2] {
 fn noise(seed: u64) -> Image {
     let texels = (0..u64::from(SIDE) * u64::from(SIDE) / 2).flat_map(|index| {
         // Opaque, as pictures are.
-        let [a, b, c, _, d, e, f, _] = mixed(seed, index).to_le_bytes();
+        let [a, b, c, _, d, e, f, _] = nth_random(seed, index).to_le_bytes();
         [a, b, c, 255, d, e, f, 255]
     });
     Image {
@@ -127,7 +123,7 @@ fn fastest_look_ups(
 /// Where look-up `index` of a measurement is.
 fn coordinates(seed: u64, is_random: bool, measurement: u32, index: u32) -> Vec2 {
     if is_random {
-        let bits = mixed(seed, u64::from(measurement * LOOK_UPS + index));
+        let bits = nth_random(seed, u64::from(measurement * LOOK_UPS + index));
         return Vec2::new((bits >> 40) as f32, (bits & 0xff_ffff) as f32) / (1 << 24) as f32;
     }
     let (along, down) = (Vec2::new(1.3, 0.5) / SIDE as f32, Vec2::new(-0.5, 1.3) / SIDE as f32);
@@ -141,7 +137,7 @@ fn cache_line(seed: u64) -> f64 {
     fastest(|measurement| {
         let mut sum = 0.0;
         for index in 0..LOOK_UPS {
-            let bits = mixed(seed, u64::from(measurement * LOOK_UPS + index));
+            let bits = nth_random(seed, u64::from(measurement * LOOK_UPS + index));
             sum += words[bits as usize % WORDS] as f32;
         }
         sum
@@ -155,12 +151,4 @@ fn fastest(mut look_ups: impl FnMut(u32) -> f32) -> f64 {
         started.elapsed().as_secs_f64() * 1e9 / f64::from(LOOK_UPS)
     });
     times.fold(f64::INFINITY, f64::min)
-}
-
-/// The output mix of SplitMix64 (S. Vigna, 2015).
-fn mixed(seed: u64, index: u64) -> u64 {
-    let mut z = seed.wrapping_add(index.wrapping_mul(0x9e37_79b9_7f4a_7c15));
-    z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ z >> 31
 }

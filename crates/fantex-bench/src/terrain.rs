@@ -1,30 +1,26 @@
 //! Pictures of a million textured triangles, beside the same pictures by a software rasteriser: that of the Vulkan driver
 //! (Mesa's), on the same cores in the same run.
 
+use std::error::Error;
 use std::path::Path;
 
-use fantex::base::ErrorKind;
 use fantex::gpu::{DrawOptions, Frame, Gpu, GpuOptions, UvModel, frame_times};
 use fantex::mesh::generate::grid;
 use fantex::mesh::{self, CleanOptions, ImageSource, Mesh, TextureRef, WrapMode};
-use fantex::render::{Camera, FilterOptions, Lights, MeshSurface, RenderOptions};
+use fantex::render::{Camera, FilterOptions, Lights, MeshSurface, RenderOptions, render};
 use fantex::texture::{ColorSpace, Filter, Image, Samples};
-use glam::{DVec3, Mat3, Vec2};
+use fantex::glam::{DVec3, Mat3, Vec2};
 
-use super::Row;
-use super::fastest;
-use crate::context::Context;
-use crate::error::CliError;
-use crate::scene::photograph;
+use crate::{Measured, Row, fastest};
 
 /// Frames of the peer; the fastest counts.
 const FRAMES: usize = 5;
 
 /// Rendering with a texture of 4096 x 4096 texels at one sample per pixel: lit, and as the texture is.
-pub(super) fn rows(context: &Context) -> Result<Vec<Row>, CliError> {
-    let folder = tempfile::tempdir().map_err(CliError::TemporaryFolder)?;
+pub(crate) fn rows() -> Measured {
+    let folder = tempfile::tempdir()?;
     let mut mesh = textured_terrain(707, folder.path())?;
-    let gpu = software_gpu(context)?;
+    let gpu = software_gpu();
     let mut rows = Vec::new();
     for (light, is_unlit) in [("lit", false), ("unlit", true)] {
         mesh.materials[0].unlit = is_unlit;
@@ -36,27 +32,23 @@ pub(super) fn rows(context: &Context) -> Result<Vec<Row>, CliError> {
                 "ms",
             );
             let peer = gpu.as_ref().map(|gpu| by_the_driver(gpu, &mesh, filter)).transpose()?;
-            rows.push(match peer {
-                Some(peer) => row.beside(peer),
-                None => row,
-            });
+            rows.push(row.beside(peer));
         }
     }
     Ok(rows)
 }
 
 /// The driver that draws without a graphics card, or a note that there is none.
-fn software_gpu(context: &Context) -> Result<Option<Gpu>, CliError> {
+fn software_gpu() -> Option<Gpu> {
     match Gpu::headless(&GpuOptions { software: true }) {
         Ok(gpu) => {
-            context.note(format!("the peer of pictures of a million triangles is {}", gpu.info().name));
-            Ok(Some(gpu))
+            eprintln!("the peer of pictures of a million triangles is {}", gpu.info().name);
+            Some(gpu)
         }
-        Err(error) if error.kind() == ErrorKind::Unavailable => {
-            context.note("no software rasteriser to compare pictures of a million triangles with (install Mesa's Vulkan driver)");
-            Ok(None)
+        Err(error) => {
+            eprintln!("no software rasteriser to compare pictures of a million triangles with: {error}");
+            None
         }
-        Err(error) => Err(error.into()),
     }
 }
 
@@ -65,14 +57,14 @@ fn camera(mesh: &Mesh) -> Camera {
 }
 
 /// Milliseconds of the fastest picture.
-fn on_the_cpu(mesh: &Mesh, filter: FilterOptions) -> Result<f64, CliError> {
+fn on_the_cpu(mesh: &Mesh, filter: FilterOptions) -> Result<f64, Box<dyn Error>> {
     let options = RenderOptions { samples: 1, ..RenderOptions::default() };
     let (camera, surface) = (camera(mesh), MeshSurface::load(mesh, filter)?);
-    Ok(1e3 * fastest(|| photograph(mesh, &surface, &camera, &options).map(|_| ()))?)
+    Ok(1e3 * fastest(|| render(mesh, &surface, &camera, &Lights::behind(&camera), &options))?)
 }
 
 /// Milliseconds of the fastest frame.
-fn by_the_driver(gpu: &Gpu, mesh: &Mesh, filter: FilterOptions) -> Result<f64, CliError> {
+fn by_the_driver(gpu: &Gpu, mesh: &Mesh, filter: FilterOptions) -> Result<f64, Box<dyn Error>> {
     let camera = camera(mesh);
     let (mut model, lights) = (UvModel::load(gpu, mesh)?, Lights::behind(&camera));
     let options = DrawOptions { filter, samples: 1, tone_map: None, ..DrawOptions::default() };
@@ -82,7 +74,7 @@ fn by_the_driver(gpu: &Gpu, mesh: &Mesh, filter: FilterOptions) -> Result<f64, C
 }
 
 /// Hills of `2 n n` triangles under one image of 4096 x 4096 texels.
-fn textured_terrain(n: u32, folder: &Path) -> Result<Mesh, CliError> {
+fn textured_terrain(n: u32, folder: &Path) -> Result<Mesh, Box<dyn Error>> {
     let mut model = grid(n);
     for p in &mut model.positions {
         p.y = 0.1 * (15.0 * p.x).sin() * (10.0 * p.z).cos() + 0.02 * (85.0 * p.x + 15.0 * p.z).sin();

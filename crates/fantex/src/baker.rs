@@ -1,0 +1,474 @@
+//! From a mesh and a source of colour to an asset.
+
+#[cfg(feature = "photos")]
+mod photos;
+
+use std::borrow::Cow;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use fantex_bake::{
+    BakeFormat, BakeOptions, BakeSummary, Fit, MappedImageSource, NoProgress, Prefilter, Progress, SolidSource,
+    SourceChannel, SurfacePoint, TransferOptions, TransferSource, UvSource, VertexColorSource, WorldSpace, bake,
+};
+use fantex_base::{Error, Result};
+use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
+use fantex_look::LookFile;
+use fantex_mesh::Material;
+use fantex_store::{ChannelKind, Quality};
+use fantex_texture::look::{LookImages, ResolveOptions};
+use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
+use glam::Vec4;
+
+#[cfg(feature = "photos")]
+pub use photos::PhotoSet;
+
+use crate::{Mesh, Unified};
+use crate::look_scene::{LookBake, Wardrobe};
+
+/// What is baked.
+pub struct Source<'a>(Kind<'a>);
+
+enum Kind<'a> {
+    OwnMaterials,
+    VertexColors,
+    Image(PathBuf, MappingKind),
+    Solid(String),
+    Look(PathBuf),
+    Mesh { path: PathBuf, cage: Option<f64> },
+    #[cfg(feature = "photos")]
+    Photos(PhotoSet),
+    Function(Box<dyn Fn(&SurfacePoint) -> Vec4 + Sync + 'a>),
+    Custom(&'a dyn fantex_bake::Source),
+}
+
+impl<'a> Source<'a> {
+    /// The model's own materials: colours, textures and all other channels.
+    pub fn own_materials() -> Self {
+        Self(Kind::OwnMaterials)
+    }
+
+    /// The model's vertex colours.
+    pub fn vertex_colors() -> Self {
+        Self(Kind::VertexColors)
+    }
+
+    /// What a model offers by itself: its materials (which take its vertex colours in), else its vertex colours.
+    pub fn of_model(mesh: &Mesh) -> Option<Self> {
+        match (mesh.has_materials(), mesh.has_vertex_colors()) {
+            (true, _) => Some(Self::own_materials()),
+            (false, true) => Some(Self::vertex_colors()),
+            (false, false) => None,
+        }
+    }
+
+    /// An image, laid over the model.
+    pub fn image(path: impl Into<PathBuf>, mapping: MappingKind) -> Self {
+        Self(Kind::Image(path.into(), mapping))
+    }
+
+    /// A solid recipe, one of [`SOLID_NAMES`](fantex_texture::SOLID_NAMES): `"marble"`, `"wood"` ...
+    pub fn solid(name: impl Into<String>) -> Self {
+        Self(Kind::Solid(name.into()))
+    }
+
+    /// The materials, displacements and, if it says so, the light of a look (`.toml`).
+    pub fn look(path: impl Into<PathBuf>) -> Self {
+        Self(Kind::Look(path.into()))
+    }
+
+    /// Another, more detailed model: its materials or vertex colours, and its normals.
+    pub fn mesh(path: impl Into<PathBuf>) -> Self {
+        Self(Kind::Mesh { path: path.into(), cage: None })
+    }
+
+    /// As [`mesh`](Self::mesh), looking for its surface no farther than `cage` world units.
+    pub fn mesh_within(path: impl Into<PathBuf>, cage: f64) -> Self {
+        Self(Kind::Mesh { path: path.into(), cage: Some(cage) })
+    }
+
+    /// Photographs with cameras.
+    #[cfg(feature = "photos")]
+    pub fn photos(photos: PhotoSet) -> Self {
+        Self(Kind::Photos(photos))
+    }
+
+    /// A closure that gives the linear base colour and opacity at a point of the surface.
+    pub fn function(color: impl Fn(&SurfacePoint) -> Vec4 + Sync + 'a) -> Self {
+        Self(Kind::Function(Box::new(color)))
+    }
+
+    /// The source as a function on a mesh's surface: what pictures of an asset are compared with.
+    ///
+    /// # Errors
+    /// The mesh has no such colours, a file cannot be read; or it is a look, a mesh or photographs, which can only be baked.
+    pub fn evaluator<'m>(
+        &'m self,
+        mesh: &'m fantex_mesh::Mesh,
+        seed: u64,
+    ) -> Result<Box<dyn fantex_bake::Source + 'm>> {
+        self.0.evaluator(mesh, seed)
+    }
+
+    /// Any source with any channels.
+    pub fn custom(source: &'a dyn fantex_bake::Source) -> Self {
+        Self(Kind::Custom(source))
+    }
+}
+
+impl Kind<'_> {
+    fn evaluator<'m>(
+        &'m self,
+        mesh: &'m fantex_mesh::Mesh,
+        seed: u64,
+    ) -> Result<Box<dyn fantex_bake::Source + 'm>> {
+        Ok(match self {
+            Self::OwnMaterials => Box::new(UvSource::new(mesh).unified()?),
+            Self::VertexColors => Box::new(VertexColorSource::new(mesh).unified()?),
+            Self::Image(path, mapping) => {
+                let texture = ImageTexture::new(Arc::new(Image::load(path).unified()?));
+                let mapping = mapping.fit(WorldSpace::bounds(mesh));
+                Box::new(MappedImageSource::new(mesh, texture, mapping, [Wrap::Repeat; 2]))
+            }
+            Self::Solid(name) => {
+                let solid = solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed)).unified()?;
+                Box::new(SolidSource::new(mesh, solid))
+            }
+            Self::Function(color) => Box::new(FunctionSource(color.as_ref())),
+            Self::Custom(_) | Self::Look(_) | Self::Mesh { .. } => return Err(only_baked()),
+            #[cfg(feature = "photos")]
+            Self::Photos(_) => return Err(only_baked()),
+        })
+    }
+}
+
+fn only_baked() -> Error {
+    Error::invalid("looks, other models and photographs can only be baked; give another source here")
+}
+
+impl fmt::Debug for Source<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Kind::OwnMaterials => f.write_str("own materials"),
+            Kind::VertexColors => f.write_str("vertex colours"),
+            Kind::Image(path, mapping) => write!(f, "image {}, {}", path.display(), mapping.name()),
+            Kind::Solid(name) => write!(f, "solid {name}"),
+            Kind::Look(path) => write!(f, "look {}", path.display()),
+            Kind::Mesh { path, .. } => write!(f, "mesh {}", path.display()),
+            #[cfg(feature = "photos")]
+            Kind::Photos(photos) => write!(f, "photographs {}", photos.path.display()),
+            Kind::Function(_) => f.write_str("function"),
+            Kind::Custom(_) => f.write_str("custom source"),
+        }
+    }
+}
+
+/// How many texels, before the mesh and the source are known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Budget {
+    /// The source's own density, else [`Baker::DEFAULT_TEXELS`].
+    Default,
+    Texels(u64),
+    /// Per world unit of length.
+    Density(f64),
+    Matching,
+}
+
+/// Bakes a source onto a mesh: covers the mesh, fills the tiles, writes the asset.
+///
+/// Without a source the model's own materials or vertex colours are baked; without a number of texels textures keep their own
+/// density, and everything else gets [`Baker::DEFAULT_TEXELS`].
+#[derive(Debug)]
+#[must_use = "nothing is baked before `write`"]
+pub struct Baker<'a> {
+    mesh: &'a Mesh,
+    source: Option<Source<'a>>,
+    budget: Budget,
+    tile: u32,
+    seed: u64,
+    options: BakeOptions,
+    progress: Observer<'a>,
+}
+
+struct Observer<'a>(&'a dyn Progress);
+
+impl fmt::Debug for Observer<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("progress")
+    }
+}
+
+impl<'a> Baker<'a> {
+    /// Texels where nothing else says how many.
+    pub const DEFAULT_TEXELS: u64 = 4_000_000;
+
+    /// A baker for a mesh.
+    pub fn new(mesh: &'a Mesh) -> Self {
+        Self {
+            mesh,
+            source: None,
+            budget: Budget::Default,
+            tile: CoverOptions::default().tile,
+            seed: 1,
+            options: BakeOptions::default(),
+            progress: Observer(&NoProgress),
+        }
+    }
+
+    /// What is baked.
+    pub fn source(self, source: Source<'a>) -> Self {
+        Self { source: Some(source), ..self }
+    }
+
+    /// Texels in all.
+    pub fn texels(self, texels: u64) -> Self {
+        Self { budget: Budget::Texels(texels), ..self }
+    }
+
+    /// Texels per world unit of length, everywhere.
+    pub fn density(self, texels_per_unit: f64) -> Self {
+        Self { budget: Budget::Density(texels_per_unit), ..self }
+    }
+
+    /// Every triangle gets the density of the texture or photograph that it has.
+    pub fn matching(self) -> Self {
+        Self { budget: Budget::Matching, ..self }
+    }
+
+    /// Target extent of a tile in texels; 0 gives every fan its own tile.
+    pub fn tile(self, texels: u32) -> Self {
+        Self { tile: texels, ..self }
+    }
+
+    /// Storage of the texels.
+    pub fn format(self, format: BakeFormat) -> Self {
+        Self { options: BakeOptions { format, ..self.options }, ..self }
+    }
+
+    /// How texels are found from the source.
+    pub fn fit(self, fit: Fit) -> Self {
+        Self { options: BakeOptions { fit, ..self.options }, ..self }
+    }
+
+    /// Effort of the block encoder.
+    pub fn quality(self, quality: Quality) -> Self {
+        Self { options: BakeOptions { quality, ..self.options }, ..self }
+    }
+
+    /// Replaces an existing file.
+    pub fn overwrite(self, force: bool) -> Self {
+        Self { options: BakeOptions { force, ..self.options }, ..self }
+    }
+
+    /// Bytes that texels in flight, images and photographs may take.
+    pub fn memory(self, memory_bytes: u64) -> Self {
+        Self { options: BakeOptions { memory_bytes, ..self.options }, ..self }
+    }
+
+    /// Seed of recipes.
+    pub fn seed(self, seed: u64) -> Self {
+        Self { seed, ..self }
+    }
+
+    /// Who hears of progress, and may end the bake.
+    pub fn progress(self, progress: &'a dyn Progress) -> Self {
+        Self { progress: Observer(progress), ..self }
+    }
+
+    /// Bakes into a file, which is written whole or not at all.
+    ///
+    /// # Errors
+    /// The model has no such materials or colours; what the source names cannot be read; the file exists or cannot be written; the
+    /// bake was ended.
+    pub fn write(self, path: impl AsRef<Path>) -> Result<Baked> {
+        let (path, model) = (path.as_ref(), self.mesh);
+        let default;
+        let Source(kind) = match &self.source {
+            Some(source) => source,
+            None => {
+                default = Source::of_model(model).ok_or_else(|| {
+                    let path = model.path().display();
+                    Error::invalid(format!("{path} has neither textures nor colours to bake; choose a source"))
+                })?;
+                &default
+            }
+        };
+        match kind {
+            Kind::OwnMaterials => {
+                if !model.has_materials() {
+                    return Err(Error::invalid(format!(
+                        "{} has no textures and no colours of its materials; choose another source",
+                        model.path().display()
+                    )));
+                }
+                let source = UvSource::new(model).unified()?;
+                let density = source.has_textures().then(|| source.density());
+                self.bake(model, &source, density, path)
+            }
+            Kind::Look(look) => {
+                let (file, images) = (LookFile::read(look).unified()?, LookImages::default());
+                let options = ResolveOptions {
+                    memory_bytes: self.options.memory_bytes,
+                    seed: folded_seed(self.seed),
+                    ..ResolveOptions::default()
+                };
+                let mut mesh = fantex_mesh::Mesh::clone(model);
+                let resolver = Wardrobe { file: &file, images: &images, options };
+                let look = LookBake::new(&resolver, &mut mesh, model.path()).unified()?;
+                look.with_source(&mesh, |source| self.bake(&mesh, source, None, path)).unified()?
+            }
+            Kind::Mesh { path: detailed, cage } => self.transfer(detailed, *cage, path),
+            #[cfg(feature = "photos")]
+            Kind::Photos(photos) => self.photographs(photos, path),
+            Kind::Custom(source) => self.bake(model, *source, None, path),
+            Kind::VertexColors | Kind::Image(..) | Kind::Solid(_) | Kind::Function(_) => {
+                let mesh = without_textures(model);
+                self.bake(&mesh, kind.evaluator(&mesh, self.seed)?.as_ref(), None, path)
+            }
+        }
+    }
+
+    /// Covers the mesh and bakes. `own_density`: texels per mesh unit of the source's own texels, per triangle, where it has any.
+    fn bake(
+        &self,
+        mesh: &fantex_mesh::Mesh,
+        source: &dyn fantex_bake::Source,
+        own_density: Option<Vec<f32>>,
+        path: &Path,
+    ) -> Result<Baked> {
+        let budget = match (self.budget, own_density) {
+            (Budget::Texels(texels), _) => TexelBudget::Total(texels),
+            (Budget::Density(density), _) => TexelBudget::Density(density * mesh.world_from_mesh.scale),
+            (Budget::Default | Budget::Matching, Some(density)) => TexelBudget::PerTriangle(density),
+            (Budget::Default, None) => TexelBudget::Total(Self::DEFAULT_TEXELS),
+            (Budget::Matching, None) => {
+                return Err(Error::invalid(
+                    "the density of textures was asked for, and the source has none; give a number of texels or a density",
+                ));
+            }
+        };
+        self.check_cancelled()?;
+        let started = Instant::now();
+        let texels_asked = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
+        let options = CoverOptions { budget, tile: self.tile, ..CoverOptions::default() };
+        let (cover, stats) = build_cover(mesh, &options).unified()?;
+        let cover_time = started.elapsed();
+        self.check_cancelled()?;
+        let summary = bake(mesh, &cover, source, path, &self.options, self.progress.0).unified()?;
+        Ok(Baked {
+            triangles: mesh.triangles.len() as u64,
+            texels_asked,
+            cover: stats,
+            cover_time,
+            summary,
+            notes: Vec::new(),
+            #[cfg(feature = "photos")]
+            photos: None,
+        })
+    }
+
+    fn check_cancelled(&self) -> Result<()> {
+        match self.progress.0.is_cancelled() {
+            true => Err(Error::cancelled("the bake was ended")),
+            false => Ok(()),
+        }
+    }
+
+    /// Bakes another model's look and shape, and says how well the two fit.
+    fn transfer(&self, detailed: &Path, cage: Option<f64>, path: &Path) -> Result<Baked> {
+        let mesh = without_textures(self.mesh);
+        let detailed = Mesh::load(detailed)?;
+        let mut notes: Vec<String> =
+            detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
+        let (materials, vertices);
+        let colors: Option<&dyn fantex_bake::Source> = if detailed.has_materials() {
+            materials = UvSource::new(&detailed).unified()?;
+            Some(&materials)
+        } else if detailed.has_vertex_colors() {
+            vertices = VertexColorSource::new(&detailed).unified()?;
+            Some(&vertices)
+        } else {
+            None
+        };
+        let options = TransferOptions { cage, ..TransferOptions::default() };
+        let source = TransferSource::new(&mesh, &detailed, colors, &options).unified()?;
+        let baked = self.bake(&mesh, &source, None, path)?;
+        let report = source.report();
+        // Single points at rims say nothing.
+        if report.missed > report.points / 1000 {
+            notes.push(format!(
+                "{}: {:.1} % of the points found nothing within the cage of {:.4} world units along their normal and took the \
+                 nearest point; where that is wrong, give a longer cage",
+                detailed.path().display(),
+                100.0 * report.missed as f64 / report.points as f64,
+                report.cage
+            ));
+        }
+        Ok(Baked { notes, ..baked })
+    }
+}
+
+/// A finished bake.
+#[derive(Clone, Debug)]
+#[non_exhaustive]
+pub struct Baked {
+    /// Triangles of the asset's mesh.
+    pub triangles: u64,
+    /// The number of texels that was asked for, where it was a number. Many small tiles may hold more.
+    pub texels_asked: Option<u64>,
+    /// Groups, texels, stretch.
+    pub cover: CoverStats,
+    /// How long covering took.
+    pub cover_time: Duration,
+    /// Texels, bytes, channels and times.
+    pub summary: BakeSummary,
+    /// What the user should know, a sentence each.
+    pub notes: Vec<String>,
+    /// What was found out about photographs.
+    #[cfg(feature = "photos")]
+    pub photos: Option<fantex_photos::PhotoReport>,
+}
+
+/// A closure as a source of base colour.
+struct FunctionSource<'f>(&'f (dyn Fn(&SurfacePoint) -> Vec4 + Sync));
+
+impl fantex_bake::Source for FunctionSource<'_> {
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Point
+    }
+
+    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+        values[0] = (self.0)(point);
+    }
+}
+
+/// Both halves of a seed count.
+pub(crate) fn folded_seed(seed: u64) -> u32 {
+    (seed ^ seed >> 32) as u32
+}
+
+/// Another source takes the place of the model's textures: factors that were meant to scale a texture of the model say nothing by
+/// themselves. (A white glow, for example, would cover the source's colours.)
+fn without_textures(mesh: &Mesh) -> Cow<'_, fantex_mesh::Mesh> {
+    let has_factors = |m: &Material| m.emission_texture.is_some() || m.metallic_roughness_texture.is_some();
+    if !mesh.materials.iter().any(has_factors) {
+        return Cow::Borrowed(mesh);
+    }
+    let mut mesh = fantex_mesh::Mesh::clone(mesh);
+    let plain = Material::default();
+    for material in &mut mesh.materials {
+        if material.emission_texture.take().is_some() {
+            material.emission = plain.emission;
+        }
+        if material.metallic_roughness_texture.take().is_some() {
+            (material.metallic, material.roughness) = (plain.metallic, plain.roughness);
+        }
+    }
+    Cow::Owned(mesh)
+}

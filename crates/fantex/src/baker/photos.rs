@@ -1,0 +1,105 @@
+//! Photographs as a source.
+
+use std::path::{Path, PathBuf};
+
+use fantex_bake::Progress;
+use fantex_base::{Error, ErrorKind, Result, counted};
+use fantex_mesh::Material;
+use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras_in};
+use glam::Vec3;
+
+use crate::Unified;
+use super::{Baked, Baker, Budget, Observer};
+
+/// Photographs of a model, with their cameras.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PhotoSet {
+    /// A sparse model of COLMAP, a folder with one, or a `transforms.json`.
+    pub path: PathBuf,
+    /// Where the photographs are, if not beside it.
+    pub images: Option<PathBuf>,
+    /// In which coordinates the cameras are taken.
+    pub frame: CameraFrame,
+    /// Keep the exposure of every photograph instead of bringing them to a common one.
+    pub keep_exposure: bool,
+    /// Linear colour of what no photograph sees; its surroundings' colours where it is not given.
+    pub unseen: Option<Vec3>,
+}
+
+/// Ends a bake when photographs cannot be read back from their scratch file.
+struct UntilFailure<'a> {
+    progress: &'a dyn Progress,
+    source: &'a PhotoSource<'a>,
+}
+
+impl Progress for UntilFailure<'_> {
+    fn report(&self, done: u64, total: u64) {
+        self.progress.report(done, total);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.progress.is_cancelled() || self.source.failure().is_some()
+    }
+}
+
+impl Baker<'_> {
+    /// Bakes photographs, and says what they do not show.
+    pub(super) fn photographs(&self, photos: &PhotoSet, path: &Path) -> Result<Baked> {
+        let mut mesh = fantex_mesh::Mesh::clone(self.mesh);
+        // Photographs show the finished look: what the model's own materials would add to it, such as a glow, goes.
+        for material in &mut mesh.materials {
+            let (name, double_sided) = (std::mem::take(&mut material.name), material.double_sided);
+            *material = Material { name, double_sided, ..Material::default() };
+        }
+        mesh.images.clear();
+        let mesh = &mesh;
+
+        let photographs = read_cameras_in(&photos.path, photos.images.as_deref(), photos.frame).unified()?;
+        let scratch = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let texel_size = match self.budget {
+            Budget::Matching => None,
+            Budget::Density(density) => Some((1.0 / (density * mesh.world_from_mesh.scale)) as f32),
+            Budget::Texels(texels) => Some((mesh.area() / texels.max(1) as f64).sqrt() as f32),
+            Budget::Default => Some((mesh.area() / Self::DEFAULT_TEXELS as f64).sqrt() as f32),
+        };
+        let options = PhotoOptions {
+            memory_bytes: self.options.memory_bytes,
+            scratch: scratch.to_owned(),
+            exposure: !photos.keep_exposure,
+            unseen: photos.unseen,
+            texel_size,
+        };
+        let source = PhotoSource::new(mesh, &photographs, &options, self.progress.0).unified()?;
+        let report = source.report();
+        let mut notes = Vec::new();
+        if report.used < report.photographs {
+            let unused = report.photographs - report.used;
+            let photographs = counted(report.photographs as u64, "photograph");
+            notes.push(format!("of {photographs}, {unused} without the model"));
+        }
+        if report.unseen_share >= 0.0005 {
+            let share = 100.0 * report.unseen_share;
+            notes.push(format!("no photograph sees {share:.1} % of the surface"));
+        }
+        let density = (self.budget == Budget::Matching).then(|| source.density());
+        let progress = UntilFailure { progress: self.progress.0, source: &source };
+        let mut options = self.options.clone();
+        // The other half holds photographs.
+        options.memory_bytes /= 2;
+        let baker = Baker {
+            mesh: self.mesh,
+            source: None,
+            budget: self.budget,
+            tile: self.tile,
+            seed: self.seed,
+            options,
+            progress: Observer(&progress),
+        };
+        let baked = baker.bake(mesh, &source, density, path);
+        if let Some(error) = source.failure() {
+            let folder = scratch.display();
+            return Err(Error::new(ErrorKind::Io, format!("cannot keep photographs in {folder}: {error}")));
+        }
+        Ok(Baked { notes, photos: Some(report.clone()), ..baked? })
+    }
+}

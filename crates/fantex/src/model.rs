@@ -1,0 +1,131 @@
+//! Models, ready to be covered and baked.
+
+use std::ops::Deref;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use fantex_base::Result;
+use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Model, clean, load};
+use glam::{Vec3, Vec4};
+
+use crate::Unified;
+
+/// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
+///
+/// It dereferences to [`fantex_mesh::Mesh`], which holds the geometry.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    mesh: fantex_mesh::Mesh,
+    path: PathBuf,
+    report: CleanReport,
+    notes: Vec<String>,
+    load_time: Duration,
+    clean_time: Duration,
+}
+
+impl Mesh {
+    /// Reads a model (`.glb .gltf .obj .ply .stl`) and cleans it.
+    ///
+    /// # Errors
+    /// The file cannot be read, is malformed or too large, or nothing is left of it after cleaning.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
+        let started = Instant::now();
+        let model = load(path, &LoadOptions::default()).unified()?;
+        let load_time = started.elapsed();
+        let mesh = Self::from_model(model, path)?;
+        Ok(Self { load_time, ..mesh })
+    }
+
+    /// Cleans a model that was made otherwise. `path` names it in messages; the files of its materials are named by the model.
+    ///
+    /// # Errors
+    /// Nothing is left after cleaning, or an index is out of range.
+    pub fn from_model(model: Model, path: impl AsRef<Path>) -> Result<Self> {
+        let started = Instant::now();
+        let mut notes = model.notes.clone();
+        let (mesh, report) = clean(model, &CleanOptions::default()).unified()?;
+        notes.extend(report.lines());
+        Ok(Self {
+            mesh,
+            path: path.as_ref().into(),
+            report,
+            notes,
+            load_time: Duration::ZERO,
+            clean_time: started.elapsed(),
+        })
+    }
+
+    /// Cleans plain triangles: positions in world units, counter-clockwise vertex indices.
+    ///
+    /// # Errors
+    /// Nothing is left after cleaning, or an index is out of range.
+    pub fn from_triangles(positions: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self> {
+        let positions = positions.iter().map(|&p| p.into()).collect();
+        Self::from_model(Model { positions, triangles: triangles.to_vec(), ..Model::default() }, "mesh")
+    }
+
+    /// What cleaning did, and the topology of the result.
+    pub fn report(&self) -> &CleanReport {
+        &self.report
+    }
+
+    /// What the loader noticed and what cleaning did, a sentence each.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    /// The file.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// How long loading took.
+    pub fn load_time(&self) -> Duration {
+        self.load_time
+    }
+
+    /// How long cleaning took.
+    pub fn clean_time(&self) -> Duration {
+        self.clean_time
+    }
+
+    /// The geometry alone.
+    pub fn into_inner(self) -> fantex_mesh::Mesh {
+        self.mesh
+    }
+
+    /// Whether the materials say more than "white": by textures, colours or light of their own.
+    pub fn has_materials(&self) -> bool {
+        let is_plain = |m: &fantex_mesh::Material| m.base_color == Vec4::ONE && m.emission == Vec3::ZERO;
+        self.has_textures() || !self.mesh.materials.iter().all(is_plain)
+    }
+
+    /// Whether the model has colours at its vertices.
+    pub fn has_vertex_colors(&self) -> bool {
+        !self.mesh.corners.colors.is_empty()
+    }
+
+    /// Whether a material uses an image and the mesh has the coordinates for it.
+    fn has_textures(&self) -> bool {
+        self.mesh.materials.iter().any(|m| {
+            let textures = [
+                &m.base_color_texture,
+                &m.metallic_roughness_texture,
+                &m.normal_texture,
+                &m.occlusion_texture,
+                &m.emission_texture,
+            ];
+            let has_uv = |set: usize| self.mesh.corners.uv_sets.get(set).is_some_and(|s| !s.is_empty());
+            textures.into_iter().flatten().any(|texture| has_uv(texture.uv_set))
+        })
+    }
+}
+
+impl Deref for Mesh {
+    type Target = fantex_mesh::Mesh;
+
+    fn deref(&self) -> &fantex_mesh::Mesh {
+        &self.mesh
+    }
+}
