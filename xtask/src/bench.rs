@@ -5,7 +5,7 @@ use std::process::Command;
 
 use serde_json::{Value, json};
 
-use crate::shell::{Failure, capture, cargo, root, succeeds};
+use crate::shell::{Failure, capture, cargo, data_folder, root, succeeds};
 
 /// The peer: UV unwrapping by xatlas, from Python.
 const XATLAS: &str = "xtask/src/xatlas_peer.py";
@@ -14,8 +14,9 @@ const LANDSCAPES: [&str; 3] = ["100k", "500k", "2M"];
 
 /// Runs all rows in release, prints them and writes `target/bench.json`.
 pub(crate) fn run() -> Result<(), Failure> {
-    cargo(&["build", "--release", "--package", "fantex-cli"])?;
-    let fantex = Fantex { program: root().join("target/release/fantex") };
+    cargo(&["build", "--release", "--package", "fantex-cli", "--package", "fantex-bench"])?;
+    let program = |name: &str| Program { path: root().join("target/release").join(name) };
+    let (fantex, bench) = (program("fantex"), program("fantex-bench"));
     let mut rows = Vec::new();
     if let Some(bunny) = data("meshes/bunny/stanford_bunny.ply") {
         rows.extend(fidelity(&fantex, &bunny)?);
@@ -29,9 +30,8 @@ pub(crate) fn run() -> Result<(), Failure> {
     for what in ["bake", "render"] {
         rows.extend(named(fantex.json(&["bench", what, &bottle])?, "bottle, "));
     }
-    for what in ["sample", "noise", "encode"] {
-        rows.extend(named(fantex.json(&["bench", what])?, ""));
-    }
+    rows.extend(named(fantex.json(&["bench", "sample", "--quiet"])?, ""));
+    rows.extend(named(bench.json(&[])?, ""));
     print(&rows);
     let path = root().join("target/bench.json");
     let document = format!("{:#}\n", json!({ "rows": rows }));
@@ -40,21 +40,22 @@ pub(crate) fn run() -> Result<(), Failure> {
     Ok(())
 }
 
-struct Fantex {
-    program: PathBuf,
+struct Program {
+    path: PathBuf,
 }
 
-impl Fantex {
+impl Program {
     /// The JSON that a command prints.
     fn json(&self, arguments: &[&str]) -> Result<Value, Failure> {
-        eprintln!("> fantex {}", arguments.join(" "));
-        let text = capture(Command::new(&self.program).args(arguments).args(["--json", "--quiet"]))?;
-        serde_json::from_str(&text).map_err(|e| Failure(format!("fantex did not print JSON: {e}")))
+        let name = self.path.file_name().unwrap_or_default().display();
+        eprintln!("> {name} {}", arguments.join(" "));
+        let text = capture(Command::new(&self.path).args(arguments).arg("--json"))?;
+        serde_json::from_str(&text).map_err(|e| Failure(format!("{name} did not print JSON: {e}")))
     }
 }
 
 /// The figures of the fidelity measurement as rows.
-fn fidelity(fantex: &Fantex, bunny: &Path) -> Result<Vec<Value>, Failure> {
+fn fidelity(fantex: &Program, bunny: &Path) -> Result<Vec<Value>, Failure> {
     let measured =
         fantex.json(&["bench", "fidelity", &text(bunny), "--texels", "5592405", "--wavelength", "16"])?;
     let row = |name: &str, key: &str, unit: &str| json!({ "name": format!("bunny, {name}"), "value": measured[key], "unit": unit, "peer": null, "ratio": null });
@@ -66,7 +67,7 @@ fn fidelity(fantex: &Fantex, bunny: &Path) -> Result<Vec<Value>, Failure> {
 }
 
 /// Seconds to cover a mesh, beside the seconds that xatlas takes to unwrap it.
-fn peer(fantex: &Fantex, name: &str, mesh: &Path) -> Result<Option<Value>, Failure> {
+fn peer(fantex: &Program, name: &str, mesh: &Path) -> Result<Option<Value>, Failure> {
     if !succeeds(Command::new("python3").args(["-c", "import xatlas, numpy"])) {
         eprintln!("SKIPPED: no comparison with xatlas (Python packages xatlas and numpy are not installed)");
         return Ok(None);
@@ -114,16 +115,11 @@ fn print(rows: &[Value]) {
 
 /// A file of the real models, if they are there.
 fn data(file: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("FANTEX_DATA").map_or_else(|| root().join("../shared/data"), PathBuf::from);
-    let path = folder.join(file);
-    if !path.is_file() {
-        eprintln!(
-            "SKIPPED: {} is not there (set FANTEX_DATA to the folder of the real models)",
-            path.display()
-        );
-        return None;
+    let path = data_folder().map(|folder| folder.join(file)).filter(|path| path.is_file());
+    if path.is_none() {
+        eprintln!("SKIPPED: {file} is not there (set FANTEX_DATA to the folder of the real models)");
     }
-    Some(path)
+    path
 }
 
 fn text(path: &Path) -> String {

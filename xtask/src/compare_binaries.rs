@@ -56,7 +56,8 @@ struct Difference {
 /// Runs both programs and prints a table of differences.
 pub(crate) fn run(old: &str, new: &str) -> Result<(), Failure> {
     let started = Instant::now();
-    let programs = [old, new].map(|path| Path::new(path).canonicalize().map_err(|e| Failure(format!("{path}: {e}"))));
+    let programs =
+        [old, new].map(|path| Path::new(path).canonicalize().map_err(|e| Failure(format!("{path}: {e}"))));
     let [old, new] = programs;
     let programs = [old?, new?];
     let folder = std::env::temp_dir().join(format!("fantex-compare-{}", std::process::id()));
@@ -83,7 +84,11 @@ pub(crate) fn run(old: &str, new: &str) -> Result<(), Failure> {
         println!("{series:<28} {command:<60} {what}");
     }
     let (series, commands) = (all.len(), commands.into_inner());
-    println!("{commands} commands in {series} series, {} differences, {:.0} s", differences.len(), started.elapsed().as_secs_f64());
+    println!(
+        "{commands} commands in {series} series, {} differences, {:.0} s",
+        differences.len(),
+        started.elapsed().as_secs_f64()
+    );
     if differences.is_empty() { Ok(()) } else { Err(Failure::new("the programs differ")) }
 }
 
@@ -137,7 +142,20 @@ fn series_of(model: &Path, file: &dyn Fn(&str) -> String) -> Series {
     let picture = ["--size", "128x96", "--samples", "2"];
     let with_picture = |start: &[&str]| words(&[start, &picture[..]].concat());
     commands.extend([
-        words(&["bake", &path, "-o", "coarse.fan", "--source", "solid=wood", "--texels", "20k", "--fit", "box", "--tile", "32"]),
+        words(&[
+            "bake",
+            &path,
+            "-o",
+            "coarse.fan",
+            "--source",
+            "solid=wood",
+            "--texels",
+            "20k",
+            "--fit",
+            "box",
+            "--tile",
+            "32",
+        ]),
         words(&["bake", &path, "-o", "bc7.fan", "--source", "solid=rock", "--texels", "20k"]),
         words(&["info", "solid.fan"]),
         words(&["verify", "solid.fan"]),
@@ -146,7 +164,16 @@ fn series_of(model: &Path, file: &dyn Fn(&str) -> String) -> Series {
         with_picture(&["render", "own.fan", "-o", "own.png", "--filter", "ewa"]),
         with_picture(&["render", "look.fan", "-o", "look.exr"]),
         with_picture(&["render", &path, "--look", "look.toml", "-o", "dressed.png"]),
-        with_picture(&["render", "mesh.fan", "-o", "sky.png", "--environment", "sky", "--filter", "trilinear"]),
+        with_picture(&[
+            "render",
+            "mesh.fan",
+            "-o",
+            "sky.png",
+            "--environment",
+            "sky",
+            "--filter",
+            "trilinear",
+        ]),
         with_picture(&["compare", &path, "own.fan", "--views", "1", "-o", "views"]),
         words(&["export", "own.fan", "-o", "own.glb", "--size", "256"]),
         words(&["export", "solid.fan", "-o", "color.png", "--channel", "base-color", "--size", "128"]),
@@ -156,7 +183,11 @@ fn series_of(model: &Path, file: &dyn Fn(&str) -> String) -> Series {
         words(&["verify", "painted.fan"]),
     ]);
     let name = model.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    Series { name, files: vec![("look.toml", LOOK.to_owned()), ("strokes.json", STROKES.to_owned())], commands }
+    Series {
+        name,
+        files: vec![("look.toml", LOOK.to_owned()), ("strokes.json", STROKES.to_owned())],
+        commands,
+    }
 }
 
 /// A look for any model.
@@ -165,14 +196,39 @@ const LOOK: &str = "\
 [materials.oak]\nbase_color = \"rings\"\nroughness = { texture = \"bumps\", factor = 0.3, offset = 0.4 }\n";
 
 fn photographs(model: &str) -> Series {
-    let take = words(&["generate", "photographs", model, "-o", "shoot", "--count", "6", "--size", "160x120", "--lens", "radial"]);
-    let bake = |source: &str, asset: &str| words(&["bake", model, "-o", asset, "--source", source, "--texels", "60k"]);
+    let take = words(&[
+        "generate",
+        "photographs",
+        model,
+        "-o",
+        "shoot",
+        "--count",
+        "6",
+        "--size",
+        "160x120",
+        "--lens",
+        "radial",
+    ]);
+    let bake = |source: &str, asset: &str| {
+        words(&["bake", model, "-o", asset, "--source", source, "--texels", "60k"])
+    };
     let commands = vec![
         take,
         bake("photos=shoot", "photos.fan"),
         bake("photos=shoot,exposure=off,unseen=ff8000", "plain.fan"),
         words(&["verify", "photos.fan"]),
-        words(&["export", "photos.fan", "-o", "turn.png", "--turntable", "3", "--size", "96x72", "--samples", "1"]),
+        words(&[
+            "export",
+            "photos.fan",
+            "-o",
+            "turn.png",
+            "--turntable",
+            "3",
+            "--size",
+            "96x72",
+            "--samples",
+            "1",
+        ]),
         words(&["bake", model, "-o", "match.fan", "--match", "--format", "bc1"]),
     ];
     Series { name: "photographs".to_owned(), files: Vec::new(), commands }
@@ -198,8 +254,9 @@ fn compare(series: &Series, programs: &[PathBuf; 2], folder: &Path) -> Vec<Diffe
     let folders = ["old", "new"].map(|side| folder.join(&series.name).join(side));
     let mut found = Vec::new();
     for folder in &folders {
-        let made = fs::create_dir_all(folder)
-            .and_then(|()| series.files.iter().try_for_each(|(name, text)| fs::write(folder.join(name), text)));
+        let made = fs::create_dir_all(folder).and_then(|()| {
+            series.files.iter().try_for_each(|(name, text)| fs::write(folder.join(name), text))
+        });
         if let Err(error) = made {
             return vec![difference(&[], format!("cannot write {}: {error}", folder.display()))];
         }
@@ -215,13 +272,19 @@ fn compare(series: &Series, programs: &[PathBuf; 2], folder: &Path) -> Vec<Diffe
         };
         if old.exit_code != new.exit_code {
             let why = new.stderr.lines().last().unwrap_or_default();
-            found.push(difference(command, format!("exit code {:?} instead of {:?}: {why}", new.exit_code, old.exit_code)));
+            found.push(difference(
+                command,
+                format!("exit code {:?} instead of {:?}: {why}", new.exit_code, old.exit_code),
+            ));
         }
         if let Some(what) = different_output(&old.stdout, &new.stdout) {
             found.push(difference(command, what));
         }
         if old.stderr != new.stderr {
-            found.push(difference(command, format!("says {:?} instead of {:?}", new.stderr.trim(), old.stderr.trim())));
+            found.push(difference(
+                command,
+                format!("says {:?} instead of {:?}", new.stderr.trim(), old.stderr.trim()),
+            ));
         }
         let [old, new] = folders.each_ref().map(|folder| contents(folder));
         for (name, bytes) in &old {
@@ -230,7 +293,10 @@ fn compare(series: &Series, programs: &[PathBuf; 2], folder: &Path) -> Vec<Diffe
                 Some(other) if other != bytes => {
                     let at = bytes.iter().zip(other).take_while(|(a, b)| a == b).count();
                     let (old, new) = (bytes.len(), other.len());
-                    found.push(difference(command, format!("{name} differs from byte {at} on ({new} bytes, {old} before)")));
+                    found.push(difference(
+                        command,
+                        format!("{name} differs from byte {at} on ({new} bytes, {old} before)"),
+                    ));
                 }
                 Some(_) => {}
             }

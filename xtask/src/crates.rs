@@ -7,67 +7,74 @@ use crate::shell::{Failure, capture, cargo_command};
 /// The crate that every other one may use.
 const BASE: &str = "fantex-base";
 
-/// Every crate of the workspace with those that it may depend on. Test-only dependencies are free: siblings meet in tests.
-const ALLOWED: &[(&str, &[&str])] = &[
-    (BASE, &[]),
-    ("fantex-mesh", &[]),
-    ("fantex-look", &[]),
-    ("fantex-texture", &["fantex-mesh", "fantex-look"]),
-    ("fantex-cover", &["fantex-mesh"]),
-    ("fantex-store", &["fantex-mesh", "fantex-texture", "fantex-cover"]),
-    ("fantex-bake", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"]),
-    ("fantex-scene", &["fantex-mesh", "fantex-texture"]),
-    ("fantex-stream", &["fantex-mesh", "fantex-cover", "fantex-store"]),
-    ("fantex-render", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"]),
-    ("fantex-paint", &["fantex-mesh", "fantex-look", "fantex-texture", "fantex-cover", "fantex-store"]),
-    ("fantex-export", &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-bake"]),
-    ("fantex-photos", &["fantex-mesh", "fantex-texture", "fantex-store", "fantex-bake"]),
+/// May use all others.
+const ALL: &[&str] = &["*"];
+
+/// Every crate of the workspace: what it owns, and which it may depend on. Test-only dependencies are free: siblings meet in tests.
+const CRATES: &[(&str, &str, &[&str])] = &[
+    (BASE, "errors, random numbers, boxes, the sRGB curve: what no crate owns", &[]),
+    ("fantex-mesh", "loading, cleaning, fans, normals and tangents, rays, generators, writing", &[]),
+    ("fantex-look", "the look as its file says it: tables, JSON schema, checks with lines", &[]),
+    (
+        "fantex-texture",
+        "images, filters, mappings, environments, noise, solids, texture graphs, picture comparison",
+        &["fantex-mesh", "fantex-look"],
+    ),
+    ("fantex-cover", "partial fans, groups, tile maps, the texture function's weights", &["fantex-mesh"]),
+    (
+        "fantex-store",
+        "the .fan file, block codecs, page cache, sampler, commits, verification",
+        &["fantex-mesh", "fantex-texture", "fantex-cover"],
+    ),
+    (
+        "fantex-bake",
+        "sources to tiles, light maps, transfer between meshes",
+        &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"],
+    ),
+    (
+        "fantex-scene",
+        "cameras, lights, surroundings, tone mapping: what renderers are given",
+        &["fantex-mesh", "fantex-texture"],
+    ),
+    (
+        "fantex-stream",
+        "asynchronous reading, demand, residency",
+        &["fantex-mesh", "fantex-cover", "fantex-store"],
+    ),
+    (
+        "fantex-render",
+        "the CPU renderer, the reference",
+        &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"],
+    ),
+    (
+        "fantex-paint",
+        "brushes, strokes, layers, history, replay",
+        &["fantex-mesh", "fantex-look", "fantex-texture", "fantex-cover", "fantex-store"],
+    ),
+    (
+        "fantex-export",
+        "UV atlases, glTF with textures, single pictures",
+        &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-bake"],
+    ),
+    (
+        "fantex-photos",
+        "photographs with cameras as a source",
+        &["fantex-mesh", "fantex-texture", "fantex-store", "fantex-bake"],
+    ),
     (
         "fantex-gpu",
+        "the GPU renderer on wgpu",
         &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene", "fantex-stream"],
     ),
-    (
-        "fantex",
-        &[
-            "fantex-mesh",
-            "fantex-look",
-            "fantex-texture",
-            "fantex-cover",
-            "fantex-store",
-            "fantex-bake",
-            "fantex-scene",
-            "fantex-stream",
-            "fantex-render",
-            "fantex-gpu",
-            "fantex-paint",
-            "fantex-photos",
-            "fantex-export",
-        ],
-    ),
-    ("fantex-cli", &["fantex"]),
-    (
-        "fantex-app",
-        &[
-            "fantex",
-            "fantex-mesh",
-            "fantex-texture",
-            "fantex-cover",
-            "fantex-store",
-            "fantex-bake",
-            "fantex-scene",
-            "fantex-stream",
-            "fantex-gpu",
-            "fantex-paint",
-        ],
-    ),
-    // Never shipped: may use everything.
-    (
-        "fantex-bench",
-        &["fantex-mesh", "fantex-cover", "fantex-store", "fantex-stream", "fantex-gpu", "fantex"],
-    ),
-    // Only tests use it.
-    ("fantex-test", &["fantex-mesh"]),
-    ("xtask", &[]),
+    ("fantex", "the front door of the library", ALL),
+    ("fantex-assets", "the models and images of the gallery", &[]),
+    ("fantex-bottle", "the model of the demo", &[]),
+    ("fantex-gallery", "the looks of the gallery", &[]),
+    ("fantex-cli", "the command line", &["fantex", "fantex-assets", "fantex-bottle", "fantex-gallery"]),
+    ("fantex-app", "the window: viewer and painter", &["fantex"]),
+    ("fantex-bench", "benchmarks, simulators and faulty disks; not shipped", ALL),
+    ("fantex-test", "test data and meshes for tests of several crates; not shipped", &["fantex-mesh"]),
+    ("xtask", "development chores; not shipped", &[]),
 ];
 
 /// Compares the workspace with the table.
@@ -83,7 +90,7 @@ pub(crate) fn check_directions() -> Result<(), Failure> {
 
 fn wrong_dependencies(package: &Value) -> Vec<String> {
     let name = package["name"].as_str().unwrap_or_default();
-    let Some((_, allowed)) = ALLOWED.iter().find(|(known, _)| *known == name) else {
+    let Some((_, _, allowed)) = CRATES.iter().find(|(known, ..)| *known == name) else {
         return vec![format!("{name} is not in the table of crates; add it to xtask/src/crates.rs")];
     };
     let empty = Vec::new();
@@ -92,9 +99,8 @@ fn wrong_dependencies(package: &Value) -> Vec<String> {
         .iter()
         .filter(|dependency| dependency["kind"] != "dev")
         .filter_map(|dependency| dependency["name"].as_str())
-        .filter(|used| {
-            *used != BASE && ALLOWED.iter().any(|(known, _)| known == used) && !allowed.contains(used)
-        })
+        .filter(|used| *used != BASE && CRATES.iter().any(|(known, ..)| known == used))
+        .filter(|used| *allowed != ALL && !allowed.contains(used))
         .map(|used| format!("{name} must not depend on {used}"))
         .collect()
 }

@@ -4,44 +4,75 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::crates;
-use crate::shell::{self, Failure, cargo, cargo_command, root};
+use crate::shell::{self, Failure, capture, cargo, cargo_command, root};
 
 /// A source file longer than this has more than one subject.
-const LONGEST_FILE_LINES: usize = 900;
+const MAX_FILE_LINES: usize = 900;
+
+/// A source file shorter than this seldom holds a whole one.
+const MIN_FILE_LINES: usize = 40;
+
+/// Crates that nobody who embeds the library without features should build, by what is in their names.
+const HEAVY: [&str; 9] = ["wgpu", "winit", "eframe", "egui", "naga", "ureq", "rustls", "clap", "indicatif"];
 
 /// Runs all checks; the quick ones first.
 pub(crate) fn run() -> Result<(), Failure> {
-    check_lengths()?;
+    check_sizes()?;
     crates::check_directions()?;
+    check_weight()?;
     cargo(&["fmt", "--all", "--check"])?;
     cargo(&["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"])?;
-    eprintln!("> cargo doc --workspace --no-deps, warnings denied");
-    shell::run(
-        cargo_command(&["doc", "--workspace", "--no-deps", "--quiet"]).env("RUSTDOCFLAGS", "-D warnings"),
-    )
+    eprintln!("> cargo doc --workspace --no-deps --all-features, warnings denied");
+    let mut doc = cargo_command(&["doc", "--workspace", "--no-deps", "--all-features", "--quiet"]);
+    shell::run(doc.env("RUSTDOCFLAGS", "-D warnings"))?;
+    cargo(&["package", "--workspace", "--no-verify", "--quiet"])
 }
 
-/// No Rust file of the workspace may be too long.
-fn check_lengths() -> Result<(), Failure> {
-    eprintln!("> length of source files");
+/// No Rust file of the workspace may be too long; the figures tell whether files hold whole subjects.
+fn check_sizes() -> Result<(), Failure> {
     let mut files = Vec::new();
     for folder in ["crates", "xtask"] {
         rust_files(&root().join(folder), &mut files)?;
     }
-    let mut long = Vec::new();
+    let mut sizes = Vec::with_capacity(files.len());
     for file in &files {
         let text =
             fs::read_to_string(file).map_err(|e| Failure(format!("cannot read {}: {e}", file.display())))?;
-        let lines = text.lines().count();
-        if lines > LONGEST_FILE_LINES {
-            long.push(format!("{} has {lines} lines", file.display()));
-        }
+        sizes.push((text.lines().count(), file));
     }
+    sizes.sort_unstable();
+    let total: usize = sizes.iter().map(|(lines, _)| lines).sum();
+    let short = sizes.partition_point(|(lines, _)| *lines < MIN_FILE_LINES);
+    let median = sizes.get(sizes.len() / 2).map_or(0, |(lines, _)| *lines);
+    eprintln!(
+        "> sizes of {} source files: {total} lines, median {median}, {short} files of fewer than {MIN_FILE_LINES} lines",
+        sizes.len()
+    );
+    let long: Vec<String> = sizes
+        .iter()
+        .filter(|(lines, _)| *lines > MAX_FILE_LINES)
+        .map(|(lines, file)| format!("{} has {lines} lines", file.display()))
+        .collect();
     match long.is_empty() {
         true => Ok(()),
-        false => {
-            Err(Failure(format!("{} (at most {LONGEST_FILE_LINES}); split by subject", long.join(", "))))
-        }
+        false => Err(Failure(format!("{} (at most {MAX_FILE_LINES}); split by subject", long.join(", ")))),
+    }
+}
+
+/// The library without features builds no window, GPU, network or command-line crates.
+fn check_weight() -> Result<(), Failure> {
+    eprintln!("> weight of the library without features");
+    let tree = capture(&mut cargo_command(&["tree", "-p", "fantex", "-e", "normal", "--prefix", "none"]))?;
+    let mut heavy: Vec<&str> = tree
+        .lines()
+        .filter_map(|line| line.split(' ').next())
+        .filter(|name| HEAVY.iter().any(|heavy| name.contains(heavy)))
+        .collect();
+    heavy.sort_unstable();
+    heavy.dedup();
+    match heavy.is_empty() {
+        true => Ok(()),
+        false => Err(Failure(format!("fantex without features builds {}", heavy.join(", ")))),
     }
 }
 

@@ -1,9 +1,9 @@
-//! Development chores: `cargo xtask lint | test | bench | demo | schema | goldens`.
+//! Development chores: `cargo xtask lint | test | bench | demo | schema | goldens | compare-binaries`.
 
 mod bench;
+mod compare_binaries;
 mod crates;
 mod goldens;
-mod graphics;
 mod lint;
 mod shell;
 mod test;
@@ -15,12 +15,13 @@ use shell::Failure;
 const USAGE: &str = "\
 usage: cargo xtask CHORE
 
-  lint           formatting, clippy, direction of the crates, length of files, documentation
-  test [--slow]  all tests; --slow adds those that are ignored because they take long
-  bench          figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
-  demo           the tour of the README
-  schema         writes docs/look.schema.json and the tables of docs/look.md
-  goldens        draws the gallery's small pictures anew; look at what changed before you commit it";
+  lint                       formatting, clippy, direction of the crates, sizes of files, documentation, packages
+  test [--slow]              all tests and examples; --slow adds those that are ignored because they take long
+  bench                      figures of fidelity and speed, beside peers where they are installed; writes target/bench.json
+  demo                       the tour of the README
+  schema                     writes docs/look.schema.json and the tables of docs/look.md
+  goldens [PROGRAM]          draws the gallery's small pictures anew; look at what changed before you commit it
+  compare-binaries OLD NEW   runs two builds of the command line on every model and compares all they write";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -31,7 +32,9 @@ fn main() -> ExitCode {
         ["test", "--slow"] => test::run(true),
         ["bench"] => bench::run(),
         ["schema"] => shell::cargo(&["run", "-p", "fantex-look", "--example", "write_reference"]),
-        ["goldens"] => goldens::run(),
+        ["goldens"] => goldens::run(None),
+        ["goldens", program] => goldens::run(Some(program)),
+        ["compare-binaries", old, new] => compare_binaries::run(old, new),
         ["demo", ref rest @ ..] => shell::cargo(&[&["run", "--release", "--", "demo"], rest].concat()),
         _ => {
             eprintln!("{USAGE}");

@@ -19,6 +19,13 @@ pub(crate) fn root() -> PathBuf {
     manifest.parent().unwrap_or(manifest).to_owned()
 }
 
+/// The folder of the real models: `FANTEX_DATA`, or `../shared/data` beside the workspace.
+pub(crate) fn data_folder() -> Option<PathBuf> {
+    let beside = || root().join("../shared/data");
+    let folder = std::env::var_os("FANTEX_DATA").map_or_else(beside, PathBuf::from);
+    folder.canonicalize().ok()
+}
+
 /// The cargo that runs this program, in the workspace's folder.
 pub(crate) fn cargo_command(arguments: &[&str]) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));

@@ -1,12 +1,25 @@
 //! All tests.
 
+use std::path::Path;
 use std::process::Command;
 
-use crate::graphics;
-use crate::shell::{self, Failure, cargo_command, root, succeeds};
+use crate::shell::{Failure, capture, cargo_command, data_folder, root, run as run_command, succeeds};
 
-/// Runs unit, integration and documentation tests. `slow` adds those that are ignored because they take long.
+/// Examples of the library, each with the features that it needs. All of them end by themselves without arguments.
+const EXAMPLES: [(&str, &str); 6] = [
+    ("sample_an_asset", ""),
+    ("bake_a_closure", ""),
+    ("stream_without_a_gpu", ""),
+    ("paint_and_undo", "paint"),
+    ("unwrap_a_mesh", "export"),
+    ("draw_in_a_host_frame", "gpu"),
+];
+
+/// Runs unit, integration and documentation tests, and the examples. `slow` adds tests that are ignored because they take long.
 pub(crate) fn run(slow: bool) -> Result<(), Failure> {
+    let list = root().join("target/skipped-tests.txt");
+    // What an earlier run has left.
+    std::fs::remove_file(&list).unwrap_or_default();
     let has_nextest = succeeds(&mut cargo_command(&["nextest", "--version"]));
     let mut arguments = match has_nextest {
         true => vec!["nextest", "run", "--workspace", "--no-fail-fast"],
@@ -17,31 +30,115 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
         (true, false) => arguments.extend(["--", "--include-ignored"]),
         (false, _) => {}
     }
-    let mut skipped = Vec::new();
-    graphics::prepare(&mut skipped);
-    if !slow {
-        skipped.push("slow tests (run them with: cargo xtask test --slow)".to_owned());
-    }
-    let result = run_with_data(&arguments, &mut skipped);
-    let documentation = run_with_data(&["test", "--workspace", "--doc", "--quiet"], &mut Vec::new());
-    skipped.iter().for_each(|what| eprintln!("SKIPPED: {what}"));
-    result.and(documentation)
+    prepare_graphics();
+    let result = run_cargo(&arguments, &list);
+    let documentation = run_cargo(&["test", "--workspace", "--doc", "--quiet"], &list);
+    let examples = EXAMPLES.iter().try_for_each(|(example, features)| {
+        run_cargo(&["run", "--quiet", "-p", "fantex", "--features", features, "--example", example], &list)
+    });
+    eprintln!("{}", summary(&std::fs::read_to_string(&list).unwrap_or_default(), slow));
+    result.and(documentation).and(examples)
 }
 
-/// Runs cargo; tests learn from `FANTEX_DATA` where the real models and images are.
-fn run_with_data(arguments: &[&str], skipped: &mut Vec<String>) -> Result<(), Failure> {
+/// One line on what was left out, by reason.
+fn summary(skipped: &str, slow: bool) -> String {
+    let mut reasons: Vec<&str> = skipped.lines().collect();
+    let count = reasons.len();
+    reasons.sort_unstable();
+    let mut text = format!("skipped: {count} tests");
+    for same in reasons.chunk_by(|a, b| a == b) {
+        let separator = if text.contains('(') { "; " } else { " (" };
+        text += &format!("{separator}{} x {}", same.len(), same[0]);
+    }
+    if count > 0 {
+        text.push(')');
+    }
+    if !slow {
+        text.push_str("; slow tests run with: cargo xtask test --slow");
+    }
+    text
+}
+
+/// Runs cargo; tests learn where the real models and images are, and where to say what they leave out.
+fn run_cargo(arguments: &[&str], list: &Path) -> Result<(), Failure> {
     eprintln!("> cargo {}", arguments.join(" "));
     let mut command: Command = cargo_command(arguments);
-    if std::env::var_os("FANTEX_DATA").is_none() {
-        let data = root().join("../shared/data");
-        match data.canonicalize() {
-            Ok(data) => {
-                command.env("FANTEX_DATA", data);
-            }
-            Err(_) => skipped.push(
-                "tests on real models and images: set FANTEX_DATA to the folder that holds them".to_owned(),
-            ),
+    command.env("FANTEX_SKIPPED", list);
+    if let Some(data) = data_folder() {
+        command.env("FANTEX_DATA", data);
+    }
+    run_command(&mut command)
+}
+
+/// Debian's packages: software Vulkan, a virtual display, and the libraries that a window loads at run time.
+const PACKAGES: [&str; 9] = [
+    "mesa-vulkan-drivers",
+    "libvulkan1",
+    "xvfb",
+    "libx11-6",
+    "libx11-xcb1",
+    "libxcursor1",
+    "libxi6",
+    "libxkbcommon0",
+    "libxkbcommon-x11-0",
+];
+
+/// Where drivers register.
+const DRIVER_FOLDERS: [&str; 4] = [
+    "/usr/share/vulkan/icd.d",
+    "/etc/vulkan/icd.d",
+    "/usr/local/share/vulkan/icd.d",
+    "/usr/local/etc/vulkan/icd.d",
+];
+
+/// Sees to it that tests of the GPU renderer and of the window can run: installs what is missing where that is possible without
+/// asking anybody (as root, where there is `apt-get`), and says what is missing elsewhere.
+fn prepare_graphics() {
+    if !cfg!(target_os = "linux") || (has_vulkan() && has_display()) {
+        return;
+    }
+    if is_root() && succeeds(Command::new("apt-get").arg("--version")) {
+        eprintln!("> apt-get install {}", PACKAGES.join(" "));
+        if install() {
+            return;
+        }
+        // The package lists may be old or missing.
+        let updated = run_command(Command::new("apt-get").args(["update", "-qq"])).is_ok();
+        if updated && install() {
+            return;
         }
     }
-    shell::run(&mut command)
+    eprintln!("no Vulkan driver or no virtual display; on Debian install {}", PACKAGES.join(" "));
+}
+
+fn install() -> bool {
+    let mut command = Command::new("apt-get");
+    command.args(["install", "-y", "-qq", "--no-install-recommends"]).args(PACKAGES);
+    run_command(command.env("DEBIAN_FRONTEND", "noninteractive")).is_ok()
+}
+
+fn is_root() -> bool {
+    capture(Command::new("id").arg("-u")).is_ok_and(|id| id.trim() == "0")
+}
+
+fn has_vulkan() -> bool {
+    ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"].iter().any(|name| std::env::var_os(name).is_some())
+        || DRIVER_FOLDERS
+            .iter()
+            .any(|folder| Path::new(folder).read_dir().is_ok_and(|mut files| files.next().is_some()))
+}
+
+fn has_display() -> bool {
+    succeeds(Command::new("sh").args(["-c", "command -v Xvfb"]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn skipped_tests_are_counted_by_reason() {
+        assert_eq!(summary("", true), "skipped: 0 tests");
+        assert_eq!(summary("no GPU\nno data\nno GPU\n", true), "skipped: 3 tests (1 x no data; 2 x no GPU)");
+    }
 }

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use fantex::base::random::nth_random;
-use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples, UvPoint};
 use fantex::glam::Vec2;
+use fantex::texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, Samples, UvPoint};
 
 use crate::{Measured, Row, SEED};
 

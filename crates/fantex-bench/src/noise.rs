@@ -4,9 +4,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use ::noise::NoiseFn;
+use fantex::glam::Vec3;
 use fantex::texture::noise::{Fractal, Noise};
 use fantex::texture::{Bounds, SOLID_NAMES, SolidPoint, solid_by_name};
-use fantex::glam::Vec3;
 
 use crate::{Measured, Row};
 

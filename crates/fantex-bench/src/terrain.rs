@@ -4,12 +4,12 @@
 use std::error::Error;
 use std::path::Path;
 
+use fantex::glam::{DVec3, Mat3, Vec2};
 use fantex::gpu::{DrawOptions, Frame, Gpu, GpuOptions, UvModel, frame_times};
 use fantex::mesh::generate::grid;
 use fantex::mesh::{self, CleanOptions, ImageSource, Mesh, TextureRef, WrapMode};
 use fantex::render::{Camera, FilterOptions, Lights, MeshSurface, RenderOptions, render};
 use fantex::texture::{ColorSpace, Filter, Image, Samples};
-use fantex::glam::{DVec3, Mat3, Vec2};
 
 use crate::{Measured, Row, fastest};
 

@@ -11,9 +11,9 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use fantex::Error;
 use fantex::bake::Progress;
 use fantex::texture::look::ResolveOptions;
+use fantex::{Error, ErrorKind};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use tempfile::TempDir;
@@ -39,7 +39,10 @@ impl Context {
     /// Sets up threads and Ctrl-C.
     pub(crate) fn new(common: &CommonArgs) -> Result<Self, CliError> {
         if let Some(threads) = common.threads {
-            rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global()?;
+            let started = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
+            started.map_err(|error| {
+                Error::unavailable(format!("cannot start the threads that were asked for: {error}"))
+            })?;
         }
         Ok(Self {
             force: common.force,
@@ -47,7 +50,8 @@ impl Context {
             seed: common.seed,
             json: common.json,
             quiet: common.quiet,
-            interrupt: Interrupt::listen()?,
+            interrupt: Interrupt::listen()
+                .map_err(|error| Error::unavailable(format!("cannot listen to Ctrl-C: {error}")))?,
         })
     }
 
@@ -74,7 +78,9 @@ impl Context {
         let mut stdout = io::stdout().lock();
         match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(CliError::OutputClosed),
-            result => Ok(result?),
+            result => Ok(result.map_err(|error| {
+                Error::new(ErrorKind::Io, format!("cannot write to standard output: {error}"))
+            })?),
         }
     }
 
@@ -115,7 +121,10 @@ impl Context {
         // A device or a pipe would be replaced by a file of its name.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
             let path = path.display();
-            return Err(Error::conflict(format!("cannot write {path}: it is no ordinary file; give another name")).into());
+            return Err(Error::conflict(format!(
+                "cannot write {path}: it is no ordinary file; give another name"
+            ))
+            .into());
         }
         if !self.force && path.symlink_metadata().is_ok() {
             return Err(exists(path).into());
@@ -135,7 +144,10 @@ impl Context {
             && output.is_file()
         {
             let path = path.display();
-            return Err(Error::conflict(format!("{path} is what is read; give what is written another name")).into());
+            return Err(Error::conflict(format!(
+                "{path} is what is read; give what is written another name"
+            ))
+            .into());
         }
         self.check_output(path)
     }
@@ -147,8 +159,7 @@ impl Context {
 
     /// Makes a folder for output, and those above it.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<(), CliError> {
-        std::fs::create_dir_all(folder)
-            .map_err(|error| Error::writing(folder, error).into())
+        std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error).into())
     }
 }
 

@@ -48,5 +48,6 @@ impl CliError {
 
 /// The output exists.
 pub(crate) fn exists(path: &Path) -> Error {
-    Error::already_exists(format!("{} exists already; use --force to overwrite it", path.display())).with_path(path)
+    Error::already_exists(format!("{} exists already; use --force to overwrite it", path.display()))
+        .with_path(path)
 }

@@ -15,6 +15,7 @@ mod context;
 mod cover_pictures;
 mod error;
 mod scene;
+mod shipped;
 mod sources;
 mod text;
 

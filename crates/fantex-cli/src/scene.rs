@@ -280,7 +280,9 @@ fn refuse_look(path: &Path) -> Result<(), CliError> {
 
 fn look_instead(path: &Path) -> Error {
     let path = path.display();
-    Error::unsupported(format!("{path} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)"))
+    Error::unsupported(format!(
+        "{path} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)"
+    ))
 }
 
 /// True for files that are named `.fan` or start like an asset, whatever they are named.

@@ -228,7 +228,9 @@ impl SourceArg {
                 images: photos.images.clone(),
                 frame: photos.frame,
                 keep_exposure: !photos.exposure,
-                unseen: photos.unseen.map(|bytes| bytes.map(|b| linear_from_srgb8_table()[usize::from(b)]).into()),
+                unseen: photos
+                    .unseen
+                    .map(|bytes| bytes.map(|b| linear_from_srgb8_table()[usize::from(b)]).into()),
             }),
         }
     }

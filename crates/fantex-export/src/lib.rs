@@ -17,7 +17,9 @@ mod layout;
 mod model_file;
 mod pictures;
 mod texels;
+mod unwrap;
 
 pub use error::ExportError;
 pub use export::*;
 pub use pictures::Depth;
+pub use unwrap::{UnwrapOptions, Unwrapped, unwrap_mesh};

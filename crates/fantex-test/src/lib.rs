@@ -4,6 +4,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
+use std::fs::OpenOptions;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use fantex_mesh::{CleanOptions, LoadOptions, Material, Mesh, Model, clean, load};
@@ -14,8 +16,7 @@ pub fn workspace() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
 }
 
-/// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace. Where there is none, that is said on standard
-/// error, and the test passes without it.
+/// The folder of test data: `FANTEX_DATA`, or `../shared/data` beside the workspace. Where there is none, that is said, and the test passes without it.
 pub fn data_folder() -> Option<PathBuf> {
     data("")
 }
@@ -27,8 +28,17 @@ pub fn data(name: &str) -> Option<PathBuf> {
     if path.exists() {
         return Some(path);
     }
-    eprintln!("SKIPPED: no test data at {} (set FANTEX_DATA)", path.display());
+    skip(&format!("no test data at {} (set FANTEX_DATA)", path.display()));
     None
+}
+
+/// Says that a test cannot run here. `cargo xtask test` counts these lines at its end, in the file that `FANTEX_SKIPPED` names.
+pub fn skip(reason: &str) {
+    eprintln!("SKIPPED: {reason}");
+    let Some(list) = std::env::var_os("FANTEX_SKIPPED") else { return };
+    let mut list = OpenOptions::new().create(true).append(true).open(list).unwrap();
+    // One write, so that lines of several tests do not mix.
+    list.write_all(format!("{reason}\n").as_bytes()).unwrap();
 }
 
 /// A model with the default options of cleaning.

@@ -50,7 +50,7 @@ impl Asset {
         let p = mesh.world_from_mesh.inverse_point(p_world.into());
         let rays = self.rays.get_or_init(|| TriangleBvh::new(mesh));
         let nearest = rays.nearest_point(p, f32::INFINITY).filter(|_| p.is_finite())?;
-        Some(SurfacePoint { triangle: nearest.triangle as u32, lambda: nearest.lambda })
+        Some(nearest.point)
     }
 }
 

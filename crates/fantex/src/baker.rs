@@ -10,8 +10,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, BakeSummary, Fit, MappedImageSource, NoProgress, Prefilter, Progress, SolidSource,
-    SourceChannel, SurfacePoint, TransferOptions, TransferSource, UvSource, VertexColorSource, WorldSpace, bake,
+    BakeFormat, BakeOptions, BakeSummary, Fit, MappedImageSource, NoProgress, Prefilter, Progress,
+    SolidSource, SourceChannel, SurfacePoint, TransferOptions, TransferSource, UvSource, VertexColorSource,
+    WorldSpace, bake,
 };
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
@@ -25,8 +26,8 @@ use glam::Vec4;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
 
-use crate::{Mesh, Unified};
 use crate::look_scene::{LookBake, Wardrobe};
+use crate::{Mesh, Unified};
 
 /// What is baked.
 pub struct Source<'a>(Kind<'a>);
@@ -37,7 +38,10 @@ enum Kind<'a> {
     Image(PathBuf, MappingKind),
     Solid(String),
     Look(PathBuf),
-    Mesh { path: PathBuf, cage: Option<f64> },
+    Mesh {
+        path: PathBuf,
+        cage: Option<f64>,
+    },
     #[cfg(feature = "photos")]
     Photos(PhotoSet),
     Function(Box<dyn Fn(&SurfacePoint) -> Vec4 + Sync + 'a>),
@@ -290,7 +294,9 @@ impl<'a> Baker<'a> {
             None => {
                 default = Source::of_model(model).ok_or_else(|| {
                     let path = model.path().display();
-                    Error::invalid(format!("{path} has neither textures nor colours to bake; choose a source"))
+                    Error::invalid(format!(
+                        "{path} has neither textures nor colours to bake; choose a source"
+                    ))
                 })?;
                 &default
             }

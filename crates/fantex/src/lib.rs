@@ -89,10 +89,11 @@ pub use fantex_gpu as gpu;
 pub use fantex_paint as paint;
 #[cfg(feature = "photos")]
 pub use fantex_photos as photos;
+pub use model::Mesh;
 pub use {
-    fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look, fantex_mesh as mesh,
-    fantex_render as render, fantex_scene as scene, fantex_store as store, fantex_stream as stream,
-    fantex_texture as texture, glam,
+    fantex_bake as bake, fantex_base as base, fantex_cover as cover, fantex_look as look,
+    fantex_mesh as mesh, fantex_render as render, fantex_scene as scene, fantex_store as store,
+    fantex_stream as stream, fantex_texture as texture, glam,
 };
 pub use {
     fantex_bake::{BakeFormat, Fit, NoProgress, Progress},
@@ -101,7 +102,6 @@ pub use {
     fantex_store::{ChannelKind, Footprint, Quality, Sampler},
     fantex_texture::MappingKind,
 };
-pub use model::Mesh;
 
 /// Errors of all crates as [`Error`].
 trait Unified<T> {
@@ -113,7 +113,9 @@ impl<T, E: std::error::Error + Send + Sync + 'static> Unified<T> for Result<T, E
     fn unified(self) -> Result<T> {
         self.map_err(|error| {
             let error: Box<dyn std::error::Error + Send + Sync> = Box::new(error);
-            error.downcast().map_or_else(|other| Error::malformed(other.to_string()).with_source(other), |error| *error)
+            error
+                .downcast()
+                .map_or_else(|other| Error::malformed(other.to_string()).with_source(other), |error| *error)
         })
     }
 }

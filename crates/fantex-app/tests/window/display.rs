@@ -19,14 +19,14 @@ impl Display {
                     .iter()
                     .any(|folder| Path::new(folder).read_dir().is_ok_and(|mut files| files.next().is_some()));
         if !has_vulkan {
-            eprintln!("SKIPPED: the window is not tested (no Vulkan driver is installed)");
+            fantex_test::skip("the window is not tested (no Vulkan driver is installed)");
             return None;
         }
         let arguments = ["-displayfd", "1", "-screen", "0", "1280x800x24", "-nolisten", "tcp"];
         let started =
             Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut server) = started else {
-            eprintln!("SKIPPED: the window is not tested (Xvfb is not installed)");
+            fantex_test::skip("the window is not tested (Xvfb is not installed)");
             return None;
         };
         let mut line = String::new();

@@ -277,7 +277,8 @@ impl BakeJob<'_> {
             context.note(format!("{}: {note}", output.display()));
         }
         baked.notes.iter().for_each(|note| context.note(format!("{}: {note}", self.source)));
-        let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } = baked.summary;
+        let BakeSummary { texels, bytes, channels, bake_seconds, encode_seconds, write_seconds, .. } =
+            baked.summary;
         Ok(BakeInfo {
             output: output.to_path_buf(),
             source: self.source.to_string(),

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::{Args, Subcommand};
+use fantex::Mesh;
 use fantex::bake::{self as baking, BakeFormat, BakeOptions, SineSource, fidelity, sample_finest};
 use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
@@ -16,7 +17,6 @@ use fantex::mesh::{CleanOptions, LoadOptions, Model, clean, load};
 use fantex::render::{FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache};
 use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
-use fantex::Mesh;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -28,7 +28,6 @@ use crate::error::CliError;
 use crate::scene::{photograph, portrait};
 use crate::sources::SourceArg;
 use crate::text::{Count, Table, columns, grouped};
-
 
 /// Measure fidelity and speed.
 #[derive(Args, Debug)]

@@ -9,7 +9,7 @@ use fantex::mesh::generate::{LandscapeOptions, landscape};
 use fantex::mesh::{Mesh, WriteGeometry, write_model};
 use fantex::render::{Camera, FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, VerifyOptions, verify};
-use fantex::{Baker, Error, Source};
+use fantex::{Baker, Source};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
@@ -19,6 +19,7 @@ use crate::commands::verify::not_verified;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::scene::{aspect, open_model, photograph, source_surface};
+use crate::shipped::Shipped;
 use crate::text::columns;
 use crate::text::{Count, grouped};
 
@@ -75,7 +76,8 @@ struct DemoInfo {
 pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from("out/demo"));
-    let bottle = open_model(&bottle_path()?)?;
+    let shipped = Shipped::open()?;
+    let bottle = open_model(&shipped.file(BOTTLE))?;
     context.make_folder(&folder)?;
     let mut demo = Demo {
         context,
@@ -140,7 +142,10 @@ impl Demo<'_> {
     fn bottle(&mut self, mesh: &fantex::Mesh) -> Result<(), CliError> {
         let original = MeshSurface::load(mesh, FilterOptions::default())?;
         let camera = self.camera(mesh, Camera::THREE_QUARTER);
-        self.make(&Subtask { name: "bottle", mesh, source: Source::own_materials, texels: None, camera }, &original)
+        self.make(
+            &Subtask { name: "bottle", mesh, source: Source::own_materials, texels: None, camera },
+            &original,
+        )
     }
 
     /// Bakes, verifies, renders and compares.
@@ -217,22 +222,6 @@ impl Demo<'_> {
 
 fn picture_options() -> RenderOptions {
     RenderOptions::default()
-}
-
-/// The shipped model: in the current folder, beside the program, or where the program was built.
-fn bottle_path() -> Result<PathBuf, CliError> {
-    let beside = std::env::current_exe().ok().and_then(|exe| Some(exe.parent()?.join(BOTTLE)));
-    let built = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(BOTTLE);
-    [Some(PathBuf::from(BOTTLE)), beside, Some(built)]
-        .into_iter()
-        .flatten()
-        .find(|path| path.is_file())
-        .ok_or_else(|| {
-            Error::not_found(format!(
-                "cannot find {BOTTLE} in this folder or beside the program; run the demo in the project's folder"
-            ))
-            .into()
-        })
 }
 
 fn text(info: &DemoInfo) -> String {

@@ -16,8 +16,8 @@ use serde::Serialize;
 use crate::context::Context;
 use crate::error::CliError;
 use crate::scene::SurroundingsArgs;
-use crate::scene::{open_asset, open_model};
 use crate::scene::{FilterArg, SizeArg};
+use crate::scene::{open_asset, open_model};
 use crate::text::{counted, megabytes};
 
 /// Export an asset for other programs: a model with texture coordinates, single channels, a turntable.
@@ -210,7 +210,10 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> 
         return turntable::run(args, count, context);
     }
     if args.surroundings.is_given() {
-        return Err(Error::invalid("--environment belongs to a turntable; give --turntable, too, or leave it out").into());
+        return Err(Error::invalid(
+            "--environment belongs to a turntable; give --turntable, too, or leave it out",
+        )
+        .into());
     }
     let is_picture = ["png", "exr", "ktx2"].iter().any(|e| has_extension(&args.output, e));
     if args.channel.is_none() && is_picture {

@@ -17,11 +17,13 @@ use fantex::look::LookFile;
 use fantex::look_scene::{LookScene, PictureChanges, Wardrobe};
 use fantex::texture::Image;
 use fantex::texture::look::{LookImages, ResolveOptions};
-use serde::{Deserialize, Serialize};
+use fantex_gallery::{CHAPTERS, Catalogue, Entry, Variant, read};
+use serde::Serialize;
 
 use crate::commands::export::turntable::Animation;
 use crate::context::Context;
 use crate::error::CliError;
+use crate::shipped::Shipped;
 use crate::text::counted;
 
 /// Render one picture for every technique, and a page that explains them.
@@ -65,17 +67,14 @@ pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<(), CliError>
     })
 }
 
-/// The folder with the catalogue and the looks, in this folder or beside the program.
-const FOLDER: &str = "gallery";
-
 /// Makes the pictures and the page; returns the pictures' paths.
 fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>, CliError> {
     let GalleryArgs { names, output, width } = args;
-    let folder = folder()?;
-    let catalogue = Catalogue::read(&folder)?;
+    let shipped = Shipped::open()?;
+    let catalogue = Catalogue::read(&shipped.file("gallery"))?;
     let entries = catalogue.select(names)?;
     context.make_folder(output)?;
-    let artist = Artist { folder: &folder, output, width: *width, context };
+    let artist = Artist { shipped: &shipped, output, width: *width, context };
     let mut exhibits = Vec::with_capacity(entries.len());
     for (number, entry) in entries.iter().enumerate() {
         context.check_interrupt()?;
@@ -83,20 +82,13 @@ fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>, CliError>
         exhibits.push(artist.exhibit(entry)?);
     }
     let page = output.join("index.html");
-    std::fs::write(&page, html_page(&exhibits))
-        .map_err(|error| Error::writing(&page, error))?;
+    std::fs::write(&page, html_page(&exhibits)).map_err(|error| Error::writing(&page, error))?;
     Ok(exhibits.iter().flat_map(|e| &e.pictures).map(|p| output.join(&p.file)).collect())
-}
-
-fn folder() -> Result<PathBuf, CatalogueError> {
-    let built = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(FOLDER);
-    let found = [PathBuf::from(FOLDER), built].into_iter().find(|f| f.join("gallery.toml").is_file());
-    found.ok_or(CatalogueError::Missing { path: Path::new(FOLDER).join("gallery.toml") })
 }
 
 /// Makes the pictures of entries.
 struct Artist<'a> {
-    folder: &'a Path,
+    shipped: &'a Shipped,
     output: &'a Path,
     width: Option<u32>,
     context: &'a Context,
@@ -107,15 +99,15 @@ impl Artist<'_> {
         match (&entry.look, &entry.drawn_by) {
             (Some(look), _) => self.by_look(entry, look),
             (None, Some(drawing)) => self.by_program(entry, drawing),
-            (None, None) => Err(CatalogueError::NothingToDraw { entry: entry.name.clone() }.into()),
+            (None, None) => Err(nothing_to_draw(entry).into()),
         }
     }
 
     fn by_look<'e>(&self, entry: &'e Entry, look: &str) -> Result<Exhibit<'e>, CliError> {
-        let path = self.folder.join(look);
+        let path = self.shipped.file("gallery").join(look);
         let text = read(&path)?;
         let original: toml::Table =
-            toml::from_str(&text).map_err(|source| CatalogueError::Parse { path: path.clone(), source })?;
+            toml::from_str(&text).map_err(|error| Error::malformed(error.to_string()).in_file(&path))?;
         let mut pictures = Vec::new();
         for (index, variant) in entry.variants().iter().enumerate() {
             let file = self.file_name(entry, index);
@@ -153,9 +145,9 @@ impl Artist<'_> {
     }
 
     fn by_program<'e>(&self, entry: &'e Entry, drawing: &str) -> Result<Exhibit<'e>, CliError> {
-        let unknown = || CatalogueError::NothingToDraw { entry: entry.name.clone() };
-        let draw = drawings::by_name(drawing).ok_or_else(unknown)?;
-        let drawn = draw(&drawings::Studio { width: self.width, context: self.context })?;
+        let draw = drawings::by_name(drawing).ok_or_else(|| nothing_to_draw(entry))?;
+        let drawn =
+            draw(&drawings::Studio { width: self.width, shipped: self.shipped, context: self.context })?;
         let mut pictures = Vec::new();
         for (index, (caption, image)) in drawn.into_iter().enumerate() {
             let file = self.file_name(entry, index);
@@ -189,162 +181,9 @@ fn exposed(file: String, variant: &Variant) -> Exposed {
     Exposed { file, caption: variant.caption.clone(), changes }
 }
 
-/// The rows of the feature list, by chapter.
-const CHAPTERS: [(char, &str, u32); 5] = [
-    ('F', "Fan texturing", 13),
-    ('T', "Textures as functions", 10),
-    ('M', "Mappings", 8),
-    ('L', "What a texture drives", 13),
-    ('E', "Environment", 4),
-];
-
-/// All entries, in the order of the page.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Catalogue {
-    #[serde(rename = "entry")]
-    entries: Vec<Entry>,
-}
-
-/// One technique.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Entry {
-    /// Names the pictures' files and the entry on the command line.
-    name: String,
-    /// Rows of the feature list that it shows.
-    rows: Vec<String>,
-    title: String,
-    /// What is to be seen, and why.
-    idea: String,
-    /// How it is computed.
-    formula: String,
-    /// The look, a file beside the catalogue.
-    look: Option<String>,
-    /// Pictures that no look can make: the name of what draws them.
-    drawn_by: Option<String>,
-    /// Side by side; one picture of the look as it is where there is none.
-    #[serde(default, rename = "picture")]
-    pictures: Vec<Variant>,
-}
-
-/// A picture of an entry's look with some keys changed.
-#[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Variant {
-    /// What distinguishes it from its neighbours.
-    #[serde(default)]
-    caption: String,
-    /// New values by key path, such as `textures.photo.filter` or `light.0.strength`.
-    #[serde(default)]
-    set: toml::Table,
-}
-
-/// Why there is no gallery.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum CatalogueError {
-    #[error(
-        "cannot find {} in this folder or beside the program; run the gallery in the project's folder",
-        path.display()
-    )]
-    Missing { path: PathBuf },
-    #[error("cannot read {}: {source}", path.display())]
-    Read { path: PathBuf, source: std::io::Error },
-    #[error("{} is no catalogue of a gallery: {source}", path.display())]
-    Parse { path: PathBuf, source: toml::de::Error },
-    #[error("there is no picture '{name}' in the gallery; there are {}", known.join(", "))]
-    UnknownName { name: String, known: Vec<String> },
-    #[error("the gallery's entry '{entry}' changes '{key}' of its look, which has no such table or list")]
-    UnknownKey { entry: String, key: String },
-    #[error("the gallery's entry '{entry}' has neither a look nor a drawing that is known")]
-    NothingToDraw { entry: String },
-    #[error("the gallery's entry '{entry}' names the row '{row}', which is not in the feature list")]
-    UnknownRow { entry: String, row: String },
-}
-
-impl Catalogue {
-    /// Reads `gallery.toml` in a folder.
-    fn read(folder: &Path) -> Result<Self, CatalogueError> {
-        let path = folder.join("gallery.toml");
-        let text = read(&path)?;
-        let catalogue: Self =
-            toml::from_str(&text).map_err(|source| CatalogueError::Parse { path, source })?;
-        for entry in &catalogue.entries {
-            if let Some(row) = entry.rows.iter().find(|row| !is_row(row)) {
-                return Err(CatalogueError::UnknownRow { entry: entry.name.clone(), row: row.clone() });
-            }
-        }
-        Ok(catalogue)
-    }
-
-    /// The entries of these names, all where there are none.
-    fn select(&self, names: &[String]) -> Result<Vec<&Entry>, CatalogueError> {
-        let known = || self.entries.iter().map(|e| e.name.clone()).collect();
-        if let Some(name) = names.iter().find(|name| !self.entries.iter().any(|e| e.is_called(name))) {
-            return Err(CatalogueError::UnknownName { name: name.clone(), known: known() });
-        }
-        let wanted = |e: &&Entry| names.is_empty() || names.iter().any(|name| e.is_called(name));
-        Ok(self.entries.iter().filter(wanted).collect())
-    }
-}
-
-impl Entry {
-    /// True for the entry's name and for each of its rows.
-    fn is_called(&self, name: &str) -> bool {
-        self.name == name || self.rows.iter().any(|row| row == name)
-    }
-
-    /// The pictures side by side, at least one.
-    fn variants(&self) -> Vec<Variant> {
-        if self.pictures.is_empty() { vec![Variant::default()] } else { self.pictures.clone() }
-    }
-}
-
-impl Variant {
-    /// A look's text with the changed values.
-    fn apply(&self, entry: &str, look: toml::Table) -> Result<toml::Table, CatalogueError> {
-        let mut root = toml::Value::Table(look);
-        for (key, value) in &self.set {
-            let unknown = || CatalogueError::UnknownKey { entry: entry.to_owned(), key: key.clone() };
-            let (parents, last) = key.rsplit_once('.').unwrap_or(("", key));
-            let mut steps = parents.split('.').filter(|step| !step.is_empty());
-            let place = steps.try_fold(&mut root, child).ok_or_else(unknown)?;
-            match place {
-                toml::Value::Table(table) => {
-                    table.insert(last.to_owned(), value.clone());
-                }
-                toml::Value::Array(items) => {
-                    let index = last.parse::<usize>().ok().filter(|&i| i < items.len());
-                    items[index.ok_or_else(unknown)?] = value.clone();
-                }
-                _ => return Err(unknown()),
-            }
-        }
-        let toml::Value::Table(table) = root else { unreachable!("the root stays a table") };
-        Ok(table)
-    }
-}
-
-/// An entry of a table or a list; tables that are missing are made.
-fn child<'v>(value: &'v mut toml::Value, step: &str) -> Option<&'v mut toml::Value> {
-    match value {
-        toml::Value::Table(table) => {
-            Some(table.entry(step).or_insert_with(|| toml::Value::Table(toml::Table::new())))
-        }
-        toml::Value::Array(items) => items.get_mut(step.parse::<usize>().ok()?),
-        _ => None,
-    }
-}
-
-/// A file's text.
-fn read(path: &Path) -> Result<String, CatalogueError> {
-    std::fs::read_to_string(path).map_err(|source| CatalogueError::Read { path: path.into(), source })
-}
-
-fn is_row(row: &str) -> bool {
-    CHAPTERS.iter().any(|&(letter, _, count)| {
-        row.strip_prefix(letter).and_then(|n| n.parse::<u32>().ok()).is_some_and(|n| (1..=count).contains(&n))
-    })
+fn nothing_to_draw(entry: &Entry) -> Error {
+    let entry = &entry.name;
+    Error::malformed(format!("the gallery's entry '{entry}' has neither a look nor a drawing that is known"))
 }
 
 /// An entry with its finished pictures.
@@ -457,33 +296,6 @@ fn escaped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn changed(look: &str, set: &str) -> Result<toml::Table, CatalogueError> {
-        let variant = Variant { caption: String::new(), set: toml::from_str(set).unwrap() };
-        variant.apply("test", toml::from_str(look).unwrap())
-    }
-
-    #[test]
-    fn values_are_changed_by_path() {
-        let look = "[a]\nb = 1\n[[light]]\nkind = 'sun'\n";
-        let table = changed(look, "'a.b' = 2\n'light.0.strength' = 3\n'c.d' = 4\n").unwrap();
-        let expected = "[a]\nb = 2\n[[light]]\nkind = 'sun'\nstrength = 3\n[c]\nd = 4\n";
-        assert_eq!(table, toml::from_str::<toml::Table>(expected).unwrap());
-    }
-
-    #[test]
-    fn paths_that_lead_nowhere_are_refused() {
-        for set in ["'light.1.strength' = 3", "'a.b.c' = 1", "'light.x' = 1"] {
-            let refused = changed("[a]\nb = 1\n[[light]]\nkind = 'sun'\n", set);
-            assert!(matches!(refused, Err(CatalogueError::UnknownKey { .. })), "{set}");
-        }
-    }
-
-    #[test]
-    fn rows_are_those_of_the_feature_list() {
-        assert!(is_row("T10") && is_row("F1") && is_row("E4"));
-        assert!(!is_row("T11") && !is_row("X1") && !is_row("E") && !is_row(""));
-    }
 
     #[test]
     fn text_is_escaped() {

@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, Subcommand, ValueEnum};
-use fantex::{Error, Mesh};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
 use fantex::mesh::{Model, TriangleBvh, WriteGeometry, write_model};
 use fantex::photos::{
@@ -13,6 +12,7 @@ use fantex::photos::{
 };
 use fantex::render::Camera;
 use fantex::texture::{ColorSpace, Depth};
+use fantex::{Error, Mesh};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 

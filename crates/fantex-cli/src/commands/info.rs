@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::{Error, Mesh};
 use fantex::cover::{Cover, CoverOptions, CoverStats, Percentiles, TexelBudget, build_cover, pack};
 use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::store::Asset;
 use fantex::texture::look::look_of_model;
+use fantex::{Error, Mesh};
 use serde::Serialize;
 
 use crate::context::Context;
@@ -176,25 +176,21 @@ struct AssetInfo {
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
     match Input::open(&args.file)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),
-        Input::Asset(_) | Input::Look(_) if args.look => {
-            Err(Error::unsupported(format!(
-                "{} is no model, and only models have materials that are printed as a look",
-                args.file.display()
-            ))
-            .into())
-        }
+        Input::Asset(_) | Input::Look(_) if args.look => Err(Error::unsupported(format!(
+            "{} is no model, and only models have materials that are printed as a look",
+            args.file.display()
+        ))
+        .into()),
         Input::Look(file) => print_look(&file, context),
         Input::Model(model) => {
             let info = of_model(&model, args, context)?;
             context.print(&info, |info| model_text(info, &args.file))
         }
-        Input::Asset(_) if !args.cover.is_default() => {
-            Err(Error::invalid(format!(
-                "--texels, --density or --tile has no meaning for an asset: {} has its cover already",
-                args.file.display()
-            ))
-            .into())
-        }
+        Input::Asset(_) if !args.cover.is_default() => Err(Error::invalid(format!(
+            "--texels, --density or --tile has no meaning for an asset: {} has its cover already",
+            args.file.display()
+        ))
+        .into()),
         Input::Asset(asset) => {
             let info = of_asset(&asset, args, context)?;
             context.print(&info, |info| asset_text(info, &args.file))
@@ -297,7 +293,12 @@ fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetIn
 }
 
 /// Draws the pictures that were asked for and returns their paths.
-fn draw(mesh: &fantex::mesh::Mesh, cover: &Cover, args: &InfoArgs, context: &Context) -> Result<Vec<PathBuf>, CliError> {
+fn draw(
+    mesh: &fantex::mesh::Mesh,
+    cover: &Cover,
+    args: &InfoArgs,
+    context: &Context,
+) -> Result<Vec<PathBuf>, CliError> {
     match &args.picture {
         Some(target) => cover_pictures::draw(mesh, cover, target, context),
         None => Ok(Vec::new()),
@@ -438,10 +439,7 @@ struct Translation {
 }
 
 /// Prints a model's own materials as a look.
-pub(crate) fn print_look_of_model(
-    model: &Mesh,
-    context: &Context,
-) -> Result<(), CliError> {
+pub(crate) fn print_look_of_model(model: &Mesh, context: &Context) -> Result<(), CliError> {
     let (path, translated) = (model.path(), look_of_model(model));
     let text = translated.look.to_toml();
     let text = text.map_err(|problem| Error::malformed(problem.to_string()).in_file(path))?;

@@ -192,8 +192,7 @@ fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath, CliErr
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     let mut copy = builder.tempfile_in(folder).map_err(write)?;
-    let mut from =
-        std::fs::File::open(asset).map_err(|error| Error::reading(asset, error))?;
+    let mut from = std::fs::File::open(asset).map_err(|error| Error::reading(asset, error))?;
     io::copy(&mut from, copy.as_file_mut()).map_err(write)?;
     Ok(copy.into_temp_path())
 }

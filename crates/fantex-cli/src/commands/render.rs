@@ -165,7 +165,10 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
 
 fn not_for_looks(option: &str, path: &Path) -> CliError {
     let path = path.display();
-    Error::invalid(format!("{path} is a look, which has its lamps and surroundings itself; leave {option} out")).into()
+    Error::invalid(format!(
+        "{path} is a look, which has its lamps and surroundings itself; leave {option} out"
+    ))
+    .into()
 }
 
 fn text(info: &RenderInfo) -> String {

@@ -7,8 +7,8 @@ use std::process::Command;
 
 use clap::Args;
 
-use fantex::Error;
 use crate::error::CliError;
+use fantex::Error;
 
 /// The viewer's name.
 const VIEWER: &str = "fantex-app";
@@ -44,10 +44,9 @@ pub(super) fn start(arguments: &[OsString]) -> Result<(), CliError> {
              fantex-app'",
         )
     })?;
-    let status = Command::new(&viewer)
-        .args(arguments)
-        .status()
-        .map_err(|error| Error::unavailable(format!("cannot start the viewer {}: {error}", viewer.display())))?;
+    let status = Command::new(&viewer).args(arguments).status().map_err(|error| {
+        Error::unavailable(format!("cannot start the viewer {}: {error}", viewer.display()))
+    })?;
     match status.code().map(u8::try_from) {
         Some(Ok(0)) => Ok(()),
         Some(Ok(exit_code @ 1..=2)) => Err(CliError::Viewer { exit_code }),

@@ -29,7 +29,7 @@ pub(crate) fn gpu() -> Option<Gpu> {
     match Gpu::headless(&GpuOptions::default()) {
         Ok(gpu) => Some(gpu),
         Err(error) if error.kind() == ErrorKind::Unavailable => {
-            eprintln!("SKIPPED: {error}");
+            fantex_test::skip(&error.to_string());
             None
         }
         Err(error) => panic!("{error}"),

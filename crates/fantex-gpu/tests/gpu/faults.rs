@@ -56,7 +56,7 @@ fn software_can_be_asked_for() {
         Err(error) => {
             assert_eq!(error.kind(), ErrorKind::Unavailable, "{error}");
             assert!(error.to_string().contains("`fantex render` without --gpu"), "{error}");
-            eprintln!("SKIPPED: {error}");
+            fantex_test::skip(&error.to_string());
         }
     }
 }

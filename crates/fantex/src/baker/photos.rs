@@ -8,8 +8,8 @@ use fantex_mesh::Material;
 use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras_in};
 use glam::Vec3;
 
-use crate::Unified;
 use super::{Baked, Baker, Budget, Observer};
+use crate::Unified;
 
 /// Photographs of a model, with their cameras.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -43,11 +43,9 @@ pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>
     for asset in &args.assets {
         rows.extend(opening(asset, &options)?);
     }
-    let folder =
-        Context::temporary_folder()?;
+    let folder = Context::temporary_folder()?;
     let copy = folder.path().join("painted.fan");
-    std::fs::copy(&args.assets[0], &copy)
-        .map_err(|error| Error::reading(&args.assets[0], error))?;
+    std::fs::copy(&args.assets[0], &copy).map_err(|error| Error::reading(&args.assets[0], error))?;
     let mut painter = Painter::open(&copy, &options)?;
     rows.extend(stroke(&mut painter, args)?);
     Ok(rows)

@@ -88,12 +88,10 @@ fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
 }
 
 fn read_path(path: &Path) -> Result<CameraPath, CliError> {
-    let text =
-        std::fs::read_to_string(path).map_err(|error| Error::reading(path, error))?;
-    let parsed: CameraPath =
-        serde_json::from_str(&text).map_err(|error| {
-            Error::malformed(format!("{} is no camera path: {error}", path.display())).with_path(path)
-        })?;
+    let text = std::fs::read_to_string(path).map_err(|error| Error::reading(path, error))?;
+    let parsed: CameraPath = serde_json::from_str(&text).map_err(|error| {
+        Error::malformed(format!("{} is no camera path: {error}", path.display())).with_path(path)
+    })?;
     if parsed.keyframes.is_empty() {
         let path = path.display();
         return Err(Error::malformed(format!("{path} holds no keyframes; record at least one")).into());

@@ -34,7 +34,9 @@ struct TurntableInfo {
 /// Renders `count` pictures: an animation where the output is a PNG, numbered files in a folder else.
 pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<(), CliError> {
     if args.uv != UvArg::Atlas || args.padding.is_some() {
-        return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out").into());
+        return Err(
+            Error::invalid("--uv and --padding have no meaning for a turntable; leave them out").into()
+        );
     }
     let started = Instant::now();
     let scene = Scene::open(&args.asset, context)?;
@@ -162,8 +164,7 @@ impl Animation {
     /// Adds a picture: 8 bits, of the first one's size.
     pub(crate) fn add(&mut self, image: &Image) -> Result<(), CliError> {
         let Samples::U8(bytes) = &image.samples else { return Ok(()) };
-        let failed =
-            |error: png::EncodingError| Error::writing(&self.target, error.into());
+        let failed = |error: png::EncodingError| Error::writing(&self.target, error.into());
         Ok(self.writer.write_image_data(bytes).map_err(failed)?)
     }
 

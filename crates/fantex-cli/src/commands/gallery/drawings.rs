@@ -1,6 +1,5 @@
 //! Pictures that no look can make: of covers, of maps between images, of surroundings unfolded, of baked light.
 
-use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex::bake::{
@@ -25,11 +24,13 @@ use crate::context::Context;
 use crate::cover_pictures::cover_pictures;
 use crate::error::CliError;
 use crate::scene::open_model;
+use crate::shipped::Shipped;
 
 /// Where drawings are made.
 pub(super) struct Studio<'a> {
     /// Width of all pictures; each drawing has its own where it is left out.
     pub(super) width: Option<u32>,
+    pub(super) shipped: &'a Shipped,
     pub(super) context: &'a Context,
 }
 
@@ -46,12 +47,6 @@ pub(super) fn by_name(name: &str) -> Option<fn(&Studio<'_>) -> Drawn> {
         "light-map" => Some(light_map),
         _ => None,
     }
-}
-
-/// A file of the project, in this folder or beside the program.
-fn shipped(path: &str) -> PathBuf {
-    let here = PathBuf::from(path);
-    if here.exists() { here } else { Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").join(path) }
 }
 
 impl Studio<'_> {
@@ -78,7 +73,7 @@ impl Studio<'_> {
 
 /// The three figures that explain a cover.
 fn cover(studio: &Studio<'_>) -> Drawn {
-    let mesh = open_model(&shipped("assets/models/spot.obj"))?;
+    let mesh = open_model(&studio.shipped.file("assets/models/spot.obj"))?;
     let options =
         CoverOptions { budget: TexelBudget::Total(1_000_000), tile: 128, ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
@@ -92,7 +87,7 @@ fn cover(studio: &Studio<'_>) -> Drawn {
 
 /// A model with its texture coordinates, and baked into fan tiles.
 fn seamless(studio: &Studio<'_>) -> Drawn {
-    let mesh = open_model(&shipped("assets/WaterBottle/WaterBottle.gltf"))?;
+    let mesh = open_model(&studio.shipped.file("assets/WaterBottle/WaterBottle.gltf"))?;
     let (cover, _) = build_cover(
         &mesh,
         &CoverOptions { budget: TexelBudget::Total(2_000_000), ..CoverOptions::default() },
@@ -131,7 +126,7 @@ fn baked(
 
 /// An image through maps of the plane.
 fn warps(studio: &Studio<'_>) -> Drawn {
-    let photo = Image::load(shipped("assets/images/rocket.jpg"))?;
+    let photo = Image::load(studio.shipped.file("assets/images/rocket.jpg"))?;
     let texture = ImageTexture::new(Arc::new(photo.clone()));
     let options = studio.options([400, 320]);
     let size = [options.width, options.height];
@@ -163,7 +158,7 @@ fn warps(studio: &Studio<'_>) -> Drawn {
 
 /// Surroundings in several forms.
 fn environments(studio: &Studio<'_>) -> Drawn {
-    let map = EnvironmentMap::load(shipped("assets/images/forest.exr"))?;
+    let map = EnvironmentMap::load(studio.shipped.file("assets/images/forest.exr"))?;
     let side = studio.width.unwrap_or(640) / 4;
     let forms = [
         ("latitude and longitude", EnvironmentForm::Sphere, EnvironmentLayout::Panorama, 2 * side),
@@ -179,7 +174,7 @@ fn environments(studio: &Studio<'_>) -> Drawn {
 
 /// Light in a box with coloured walls, under a lamp: baked, then shown by the baked light alone and with the walls' colours.
 fn light_map(studio: &Studio<'_>) -> Drawn {
-    let mesh = open_model(&shipped("assets/models/CornellBox.glb"))?;
+    let mesh = open_model(&studio.shipped.file("assets/models/CornellBox.glb"))?;
     let options = CoverOptions { budget: TexelBudget::Total(50_000), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
     let colors = UvSource::new(&mesh)?;
