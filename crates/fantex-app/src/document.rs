@@ -10,7 +10,7 @@ use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
 use fantex_paint::{PaintError, PaintOptions, Painter};
 use fantex_scene::Bounds;
-use fantex_store::{Asset, ChannelKind, OpenError, cover_level_count};
+use fantex_store::{Asset, ChannelKind, cover_level_count};
 use fantex_stream::open_asset;
 
 use crate::camera::SceneScale;
@@ -108,12 +108,9 @@ pub struct ChannelFact {
 /// Why nothing could be opened.
 #[derive(Debug, thiserror::Error)]
 pub enum OpenDocumentError {
-    /// The model could not be read, or has nothing to show.
+    /// The model or asset could not be read, or has nothing to show.
     #[error(transparent)]
     Model(#[from] fantex_base::Error),
-    /// The asset could not be opened.
-    #[error(transparent)]
-    Asset(#[from] OpenError),
     /// The operating system refused.
     #[error("cannot read {}: {source}", path.display())]
     Read {

@@ -4,9 +4,10 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use fantex_base::Error;
 use fantex_cover::Cover;
 use fantex_mesh::{Mesh, shading_normals};
-use fantex_store::{AssetWriter, CreateError, CreateOptions, EncodeError, Quality};
+use fantex_store::{AssetWriter, CreateOptions, Quality};
 use rayon::prelude::*;
 
 use crate::Source;
@@ -32,10 +33,7 @@ pub enum BakeError {
     NoChannels,
     /// The asset could not be written.
     #[error(transparent)]
-    Create(#[from] CreateError),
-    /// Texels could not be encoded.
-    #[error(transparent)]
-    Encode(#[from] EncodeError),
+    Create(#[from] Error),
 }
 
 /// Bytes that one texel of a batch takes in encoded form, per channel: an uncompressed byte format with its levels.

@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 use fantex_cover::{Cover, Footprints, TexelBlock, TexelTriangle};
 use fantex_mesh::Mesh;
 use fantex_store::{
-    Channel, ChannelKind, EncodeError, EncodedPage, PageId, Quality, TexelFormat, TexelSlice, encode_many,
-    page_extent, page_grid, page_origin,
+    Channel, ChannelKind, EncodedPage, PageId, Quality, TexelFormat, TexelSlice, encode_many, page_extent,
+    page_grid, page_origin,
 };
 use fantex_texture::color::{srgb8_from_linear, unorm8};
 use glam::{Vec2, Vec3, Vec4};
@@ -458,7 +458,7 @@ fn encode_pages(
     plans: &[ChannelPlan],
     quality: Quality,
     pages: &[Window<'_>],
-) -> Result<Vec<Vec<Vec<u8>>>, EncodeError> {
+) -> fantex_base::Result<Vec<Vec<Vec<u8>>>> {
     let mut encoded = vec![Vec::with_capacity(plans.len()); pages.len()];
     for (index, plan) in plans.iter().enumerate() {
         let format = plan.channel.format;

@@ -15,6 +15,7 @@ use std::error::Error as StdError;
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// A result with this crate's [`Error`].
 pub type Result<T, E = Error> = std::result::Result<T, E>;
@@ -74,14 +75,16 @@ impl fmt::Display for Place {
 /// Why an operation did not succeed.
 ///
 /// `Display` gives the whole sentence, from the outermost context inwards, parts separated by colons.
+#[derive(Clone)]
 pub struct Error(Box<Inner>);
 
+#[derive(Clone)]
 struct Inner {
     kind: ErrorKind,
     message: String,
     path: Option<PathBuf>,
     place: Option<Place>,
-    source: Option<Box<dyn StdError + Send + Sync>>,
+    source: Option<Arc<dyn StdError + Send + Sync>>,
 }
 
 macro_rules! constructors {
@@ -139,9 +142,16 @@ impl Error {
         self
     }
 
+    /// Names the place in the file, without changing the sentence.
+    pub fn with_place(mut self, place: Place) -> Self {
+        self.0.place = Some(place);
+        self
+    }
+
     /// Keeps the error that caused this one, without changing the sentence.
     pub fn with_source(mut self, source: impl Into<Box<dyn StdError + Send + Sync>>) -> Self {
-        self.0.source = Some(source.into());
+        let source: Box<dyn StdError + Send + Sync> = source.into();
+        self.0.source = Some(Arc::from(source));
         self
     }
 

@@ -6,13 +6,13 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
+use fantex_base::Error;
 use fantex_base::Random;
-use fantex_store::{PageError, PageId};
+use fantex_store::PageId;
 use fantex_stream::{
     CameraPath, CutWatch, FrameOptions, Geometry, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, Streamer,
     StreamerOptions,
@@ -309,7 +309,7 @@ impl ModelLoader {
 
     fn load(&self, parcel: Parcel) -> LoadedParcel {
         if Self::is_damaged(parcel, self.disk.damaged_share) {
-            let error = PageError::Checksum { path: PathBuf::from("model"), offset: 0 };
+            let error = Error::damaged("model is damaged");
             return LoadedParcel { parcel, texels: Err(error) };
         }
         let layout = parcel.layout(self.geometry.cover());

@@ -3,7 +3,6 @@
 use std::io;
 use std::path::PathBuf;
 
-use fantex_store::EncodeError;
 use fantex_texture::SaveImageError;
 
 /// An export's failure. Each message is one sentence; no unfinished file is left behind.
@@ -126,7 +125,7 @@ pub enum ExportError {
     },
     /// Texels could not be encoded.
     #[error(transparent)]
-    Encode(#[from] EncodeError),
+    Encode(#[from] fantex_base::Error),
     /// A picture could not be written.
     #[error(transparent)]
     SaveImage(#[from] SaveImageError),

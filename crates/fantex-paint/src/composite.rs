@@ -2,8 +2,8 @@
 
 use fantex_cover::{NOBODY, TexelTriangle};
 use fantex_store::{
-    Asset, AssetEditor, Channel, ChannelKind, EncodeError, PAGE, PageCache, PageId, Quality, TexelFormat,
-    TexelSlice, encode,
+    Asset, AssetEditor, Channel, ChannelKind, PAGE, PageCache, PageId, Quality, TexelFormat, TexelSlice,
+    encode,
 };
 use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, unorm8};
 use fantex_texture::material::vertex_color;
@@ -313,7 +313,7 @@ pub(crate) fn replace_blocks(
     values: &[Vec4],
     rect: Rect,
     changed: impl Fn(usize) -> bool,
-) -> Result<(), EncodeError> {
+) -> fantex_base::Result<()> {
     let rect = rect.blocks();
     let texels = rect.texels().map(|(x, y)| values[(y * extent[0] + x) as usize]);
     let encoded = if channel.format == TexelFormat::Rgba32F {

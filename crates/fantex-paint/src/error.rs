@@ -2,21 +2,15 @@
 
 use std::path::PathBuf;
 
-use fantex_store::{EditError, EncodeError, PageError};
+use fantex_base::Error;
 
 /// Painting failed. What was committed before stays.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PaintError {
-    /// The asset cannot be changed.
+    /// The asset cannot be read or changed.
     #[error(transparent)]
-    Edit(#[from] EditError),
-    /// A page cannot be read.
-    #[error(transparent)]
-    Page(#[from] PageError),
-    /// Texels cannot be encoded.
-    #[error(transparent)]
-    Encode(#[from] EncodeError),
+    Asset(#[from] Error),
     /// The temporary file of a stroke cannot be written or read.
     #[error(
         "cannot keep the stroke's pages in a temporary file: {0}; free some space or raise the memory budget"

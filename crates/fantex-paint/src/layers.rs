@@ -15,7 +15,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use fantex_store::{AssetEditor, EditError, PAGE, PageId, page_extent, page_grid};
+use fantex_store::{AssetEditor, PAGE, PageId, page_extent, page_grid};
 use glam::{Vec3, Vec4};
 use half::f16;
 use rayon::prelude::*;
@@ -567,7 +567,7 @@ impl ShownPage {
         editor: &mut AssetEditor,
         id: PageId,
         affected: &[usize],
-    ) -> Result<(), EditError> {
+    ) -> fantex_base::Result<()> {
         for (&channel, bytes) in affected.iter().zip(self.channels) {
             editor.replace(id, channel, bytes)?;
         }

@@ -14,7 +14,8 @@ use std::path::Path;
 use std::sync::{Arc, Mutex};
 
 use fantex_store::{
-    AssetEditor, ChannelKind, CommitSummary, EditError, EditOptions, PageCache, PageId, page_origin,
+    AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_origin,
+    write_error,
 };
 use glam::Vec4;
 use rayon::prelude::*;
@@ -774,7 +775,7 @@ impl Painter {
         let budget = self.options.memory_bytes / 8;
         match self.commit() {
             Ok(_) => Ok(PageCache::new(Arc::clone(self.editor.asset()), budget)),
-            Err(PaintError::Edit(EditError::Full { .. })) => {
+            Err(PaintError::Asset(error)) if is_disk_full(&error) => {
                 self.room.hold();
                 Ok(PageCache::of_snapshot(self.editor.snapshot(), budget))
             }
@@ -830,8 +831,7 @@ impl Room {
     pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary, PaintError> {
         if self.is_held {
             // As it was when the stroke began; when it ends the disk is asked again.
-            let (path, source) = (editor.asset().path().to_owned(), std::io::ErrorKind::StorageFull.into());
-            return Err(EditError::Full { path, source }.into());
+            return Err(write_error(editor.asset().path(), std::io::ErrorKind::StorageFull.into()).into());
         }
         match editor.commit() {
             Ok(summary) => {
@@ -839,7 +839,7 @@ impl Room {
                 Ok(summary)
             }
             Err(error) => {
-                if let EditError::Full { .. } = error {
+                if is_disk_full(&error) {
                     self.full_at = Some(editor.pending_bytes());
                 }
                 Err(error.into())
@@ -847,10 +847,10 @@ impl Room {
         }
     }
 
-    fn note(&mut self, editor: &AssetEditor, flushed: Result<(), EditError>) -> Result<(), PaintError> {
+    fn note(&mut self, editor: &AssetEditor, flushed: fantex_base::Result<()>) -> Result<(), PaintError> {
         match flushed {
             Ok(()) => self.full_at = None,
-            Err(EditError::Full { .. }) => self.full_at = Some(editor.pending_bytes()),
+            Err(error) if is_disk_full(&error) => self.full_at = Some(editor.pending_bytes()),
             Err(error) => return Err(error.into()),
         }
         Ok(())

@@ -2,7 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::ContentError;
+use crate::error::{ends, not_finite, out_of_range, too_many, wrong_count};
+use fantex_base::{Error, Result};
 
 /// Reads a section from front to back.
 pub(crate) struct ByteReader<'a> {
@@ -16,43 +17,43 @@ impl<'a> ByteReader<'a> {
     }
 
     /// The next `count` bytes; `what` names them in the error.
-    pub(crate) fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8], ContentError> {
+    pub(crate) fn take(&mut self, count: usize, what: &'static str) -> Result<&'a [u8]> {
         let rest = &self.bytes[self.at..];
-        let taken = rest.get(..count).ok_or(ContentError::Ends { what, offset: self.bytes.len() })?;
+        let taken = rest.get(..count).ok_or_else(|| ends(what, self.bytes.len()))?;
         self.at += count;
         Ok(taken)
     }
 
-    fn array<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N], ContentError> {
+    fn array<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N]> {
         let mut array = [0; N];
         array.copy_from_slice(self.take(N, what)?);
         Ok(array)
     }
 
-    pub(crate) fn u8(&mut self, what: &'static str) -> Result<u8, ContentError> {
+    pub(crate) fn u8(&mut self, what: &'static str) -> Result<u8> {
         Ok(self.array::<1>(what)?[0])
     }
 
-    pub(crate) fn u32(&mut self, what: &'static str) -> Result<u32, ContentError> {
+    pub(crate) fn u32(&mut self, what: &'static str) -> Result<u32> {
         Ok(u32::from_le_bytes(self.array(what)?))
     }
 
-    pub(crate) fn u64(&mut self, what: &'static str) -> Result<u64, ContentError> {
+    pub(crate) fn u64(&mut self, what: &'static str) -> Result<u64> {
         Ok(u64::from_le_bytes(self.array(what)?))
     }
 
-    pub(crate) fn f64(&mut self, what: &'static str) -> Result<f64, ContentError> {
+    pub(crate) fn f64(&mut self, what: &'static str) -> Result<f64> {
         let value = f64::from_le_bytes(self.array(what)?);
-        if value.is_finite() { Ok(value) } else { Err(ContentError::NotFinite { what, index: 0 }) }
+        if value.is_finite() { Ok(value) } else { Err(not_finite(what, 0)) }
     }
 
-    pub(crate) fn f32(&mut self, what: &'static str) -> Result<f32, ContentError> {
+    pub(crate) fn f32(&mut self, what: &'static str) -> Result<f32> {
         let value = f32::from_le_bytes(self.array(what)?);
-        if value.is_finite() { Ok(value) } else { Err(ContentError::NotFinite { what, index: 0 }) }
+        if value.is_finite() { Ok(value) } else { Err(not_finite(what, 0)) }
     }
 
     /// `N` finite floats.
-    pub(crate) fn f32s<const N: usize>(&mut self, what: &'static str) -> Result<[f32; N], ContentError> {
+    pub(crate) fn f32s<const N: usize>(&mut self, what: &'static str) -> Result<[f32; N]> {
         let mut values = [0.0; N];
         for value in &mut values {
             *value = self.f32(what)?;
@@ -61,10 +62,10 @@ impl<'a> ByteReader<'a> {
     }
 
     /// A 32-bit count of at most `limit`.
-    pub(crate) fn count(&mut self, limit: usize, what: &'static str) -> Result<usize, ContentError> {
+    pub(crate) fn count(&mut self, limit: usize, what: &'static str) -> Result<usize> {
         let count = self.u32(what)?;
         if count as usize > limit {
-            return Err(ContentError::TooMany { what, count: u64::from(count), limit: limit as u64 });
+            return Err(too_many(what, u64::from(count), limit as u64));
         }
         Ok(count as usize)
     }
@@ -75,10 +76,11 @@ impl<'a> ByteReader<'a> {
         &mut self,
         count: usize,
         what: &'static str,
-    ) -> Result<Vec<[u32; LANES]>, ContentError> {
-        let too_many = ContentError::Ends { what, offset: self.bytes.len() };
-        let words = count.checked_mul(LANES).ok_or(too_many.clone())?;
-        let planes = self.take(words.checked_mul(4).ok_or(too_many)?, what)?;
+    ) -> Result<Vec<[u32; LANES]>> {
+        let too_many = || ends(what, self.bytes.len());
+        let words = count.checked_mul(LANES).ok_or_else(too_many)?;
+        let length = words.checked_mul(4).ok_or_else(too_many)?;
+        let planes = self.take(length, what)?;
         let mut items = vec![[0u32; LANES]; count];
         let mut previous = [0u32; LANES];
         for (i, item) in items.iter_mut().enumerate() {
@@ -97,7 +99,7 @@ impl<'a> ByteReader<'a> {
         &mut self,
         count: usize,
         what: &'static str,
-    ) -> Result<Vec<[f32; LANES]>, ContentError> {
+    ) -> Result<Vec<[f32; LANES]>> {
         let words = self.words::<LANES>(count, what)?;
         let items: Vec<[f32; LANES]> = words.into_iter().map(|item| item.map(f32::from_bits)).collect();
         check_finite(&items, what)?;
@@ -105,45 +107,42 @@ impl<'a> ByteReader<'a> {
     }
 
     /// Refuses trailing bytes.
-    pub(crate) fn end(self) -> Result<(), ContentError> {
+    pub(crate) fn end(self) -> Result<()> {
         match self.bytes.len() - self.at {
             0 => Ok(()),
-            count => Err(ContentError::TrailingBytes { count }),
+            count => Err(Error::malformed(format!("{count} bytes are left over at the end"))),
         }
     }
 }
 
 /// Refuses NaN and infinities.
-pub(crate) fn check_finite<const LANES: usize>(
-    items: &[[f32; LANES]],
-    what: &'static str,
-) -> Result<(), ContentError> {
+pub(crate) fn check_finite<const LANES: usize>(items: &[[f32; LANES]], what: &'static str) -> Result<()> {
     match items.iter().position(|item| item.iter().any(|x| !x.is_finite())) {
-        Some(index) => Err(ContentError::NotFinite { what, index }),
+        Some(index) => Err(not_finite(what, index)),
         None => Ok(()),
     }
 }
 
 /// Refuses more than a limit.
-pub(crate) fn limit(what: &'static str, count: usize, limit: usize) -> Result<(), ContentError> {
+pub(crate) fn limit(what: &'static str, count: usize, limit: usize) -> Result<()> {
     if count > limit {
-        return Err(ContentError::TooMany { what, count: count as u64, limit: limit as u64 });
+        return Err(too_many(what, count as u64, limit as u64));
     }
     Ok(())
 }
 
 /// Refuses any number but none and `count`.
-pub(crate) fn exactly(what: &'static str, got: usize, count: usize) -> Result<(), ContentError> {
+pub(crate) fn exactly(what: &'static str, got: usize, count: usize) -> Result<()> {
     if got != 0 && got != count {
-        return Err(ContentError::Count { what, expected: count as u64, got: got as u64 });
+        return Err(wrong_count(what, count as u64, got as u64));
     }
     Ok(())
 }
 
 /// Refuses an index or code beyond its range.
-pub(crate) fn below(what: &'static str, index: usize, value: u32, limit: usize) -> Result<(), ContentError> {
+pub(crate) fn below(what: &'static str, index: usize, value: u32, limit: usize) -> Result<()> {
     if value as usize >= limit {
-        return Err(ContentError::OutOfRange { what, index, value: u64::from(value), limit: limit as u64 });
+        return Err(out_of_range(what, index, u64::from(value), limit as u64));
     }
     Ok(())
 }
@@ -240,10 +239,8 @@ mod tests {
     #[test]
     fn a_huge_count_is_refused_before_it_is_allocated() {
         let mut reader = ByteReader::new(&[0; 64]);
-        assert!(matches!(
-            reader.words::<3>(usize::MAX / 2, "items"),
-            Err(ContentError::Ends { what: "items", .. })
-        ));
+        let error = reader.words::<3>(usize::MAX / 2, "items").unwrap_err();
+        assert_eq!(error.to_string(), "the data end after 64 bytes, within items");
     }
 
     #[test]

@@ -18,7 +18,8 @@ use crate::decode::{BC4_DENOMINATOR, StoredTexels};
 use crate::layout::PAGE;
 use crate::layout::{ClusterPages, PageSize};
 use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
-use crate::{Asset, EditorSnapshot, PageError, PageId};
+use crate::{Asset, EditorSnapshot, PageId};
+use fantex_base::{Error, Result};
 
 /// Decoded pages of an asset, within a budget, shared by threads. Cloning shares the cache.
 #[derive(Clone, Debug)]
@@ -29,7 +30,7 @@ pub struct PageCache {
 /// Damaged pages that are kept by name.
 const NAMED_DAMAGE: usize = 16;
 
-type Loaded<T> = Result<Arc<T>, PageError>;
+type Loaded<T> = Result<Arc<T>>;
 
 #[derive(Debug)]
 struct Shared {
@@ -162,7 +163,7 @@ impl PageCache {
         })
     }
 
-    fn record(&self, channel: usize, id: PageId, error: &PageError) {
+    fn record(&self, channel: usize, id: PageId, error: &Error) {
         let mut log = self.shared.damage.lock().unwrap_or_else(PoisonError::into_inner);
         if log.seen.insert((channel, id)) && log.first.len() < NAMED_DAMAGE {
             log.first.push((channel, id, error.to_string()));

@@ -1,8 +1,9 @@
 //! Material channels, texel formats, and the section that lists them.
 
-use crate::ContentError;
 use crate::bytes::{ByteReader, ByteWriter};
+use crate::error::{out_of_range, too_many, wrong_count};
 use crate::limits::MAX_CHANNELS;
+use fantex_base::{Error, Result};
 
 /// What a channel means to a renderer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -122,19 +123,17 @@ pub struct Channel {
 const FLAG_SRGB: u8 = 1;
 
 /// What must hold for a list of channels.
-pub(crate) fn check_channels(channels: &[Channel]) -> Result<(), ContentError> {
+pub(crate) fn check_channels(channels: &[Channel]) -> Result<()> {
     if channels.len() > MAX_CHANNELS {
-        return Err(ContentError::TooMany {
-            what: "channels",
-            count: channels.len() as u64,
-            limit: MAX_CHANNELS as u64,
-        });
+        return Err(too_many("channels", channels.len() as u64, MAX_CHANNELS as u64));
     }
     if channels.is_empty() {
-        return Err(ContentError::Count { what: "channels", expected: 1, got: 0 });
+        return Err(wrong_count("channels", 1, 0));
     }
     match channels.iter().position(|c| c.srgb && c.format.channel_count() < 4) {
-        Some(channel) => Err(ContentError::Srgb { channel }),
+        Some(channel) => Err(Error::malformed(format!(
+            "channel {channel} is sRGB-encoded, which formats of one or two channels cannot be"
+        ))),
         None => Ok(()),
     }
 }
@@ -151,7 +150,7 @@ pub(crate) fn encode_channels(channels: &[Channel]) -> Vec<u8> {
     out.bytes
 }
 
-pub(crate) fn decode_channels(bytes: &[u8]) -> Result<Vec<Channel>, ContentError> {
+pub(crate) fn decode_channels(bytes: &[u8]) -> Result<Vec<Channel>> {
     let mut input = ByteReader::new(bytes);
     let count = input.count(MAX_CHANNELS, "channels")?;
     let mut channels = Vec::with_capacity(count);
@@ -171,11 +170,6 @@ fn code<T: PartialEq>(all: &[T], item: T) -> u8 {
     all.iter().position(|x| *x == item).unwrap_or(0) as u8
 }
 
-fn decoded<T: Copy>(all: &[T], code: u8, what: &'static str, index: usize) -> Result<T, ContentError> {
-    all.get(usize::from(code)).copied().ok_or(ContentError::OutOfRange {
-        what,
-        index,
-        value: u64::from(code),
-        limit: all.len() as u64,
-    })
+fn decoded<T: Copy>(all: &[T], code: u8, what: &'static str, index: usize) -> Result<T> {
+    all.get(usize::from(code)).copied().ok_or(out_of_range(what, index, u64::from(code), all.len() as u64))
 }

@@ -3,12 +3,13 @@
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
 use glam::{Vec2, Vec3};
 
-use crate::ContentError;
 use crate::bytes::{ByteReader, ByteWriter, below, check_finite, limit};
+use crate::error::{not_finite, out_of_order, wrong_count};
 use crate::limits::{MAX_TILE_SIDE, MAX_TRIANGLES};
+use fantex_base::{Error, Result};
 
 /// What must hold for a cover of a mesh of `triangles` triangles.
-pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<(), ContentError> {
+pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<()> {
     parameter(
         "delta",
         cover.delta,
@@ -17,11 +18,11 @@ pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<(), ContentError>
     )?;
     parameter("density", cover.density, cover.density > 0.0 && cover.density.is_finite(), "density > 0")?;
     if cover.corner_groups.len() != triangles {
-        return Err(ContentError::Count {
-            what: "triangles in the cover",
-            expected: triangles as u64,
-            got: cover.corner_groups.len() as u64,
-        });
+        return Err(wrong_count(
+            "triangles in the cover",
+            triangles as u64,
+            cover.corner_groups.len() as u64,
+        ));
     }
     limit("groups", cover.groups.len(), 3 * triangles)?;
     for (t, groups) in cover.corner_groups.iter().enumerate() {
@@ -35,43 +36,45 @@ pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<(), ContentError>
     check_unfolded(cover)
 }
 
-fn parameter(what: &'static str, value: f32, ok: bool, range: &'static str) -> Result<(), ContentError> {
-    if ok { Ok(()) } else { Err(ContentError::Parameter { what, value: f64::from(value), range }) }
+fn parameter(what: &'static str, value: f32, ok: bool, range: &'static str) -> Result<()> {
+    if ok { Ok(()) } else { Err(Error::malformed(format!("{what} is {value}, but must lie within {range}"))) }
 }
 
-fn check_group(index: usize, group: &Group) -> Result<(), ContentError> {
+fn check_group(index: usize, group: &Group) -> Result<()> {
     let fits = |&n: &u32| n > 0 && n.is_multiple_of(4) && n <= MAX_TILE_SIDE;
     if !group.extent.iter().all(fits) {
-        return Err(ContentError::Extent { group: index, extent: group.extent, limit: MAX_TILE_SIDE });
+        let [columns, rows] = group.extent;
+        return Err(Error::malformed(format!(
+            "group {index} has a tile of {columns}x{rows} texels; both sides must be multiples of 4 up to {MAX_TILE_SIDE}"
+        )));
     }
     match check_finite(&[map_floats(group)], "tile map of group") {
-        Err(_) => Err(ContentError::NotFinite { what: "tile map of group", index }),
+        Err(_) => Err(not_finite("tile map of group", index)),
         Ok(()) => Ok(()),
     }
 }
 
 /// Exactly the corners whose group is unfolded have coordinates.
-fn check_unfolded(cover: &Cover) -> Result<(), ContentError> {
+fn check_unfolded(cover: &Cover) -> Result<()> {
     let is_unfolded = |group: u32| cover.groups[group as usize].kind == GroupKind::Unfolded;
     for (i, entry) in cover.unfolded.iter().enumerate() {
         if i > 0 && cover.unfolded[i - 1].corner >= entry.corner {
-            return Err(ContentError::Order { what: "unfolded corner", index: i });
+            return Err(out_of_order("unfolded corner", i));
         }
         below("unfolded corner", i, entry.corner, 3 * cover.corner_groups.len())?;
         if !is_unfolded(cover.corner_groups[entry.corner as usize / 3][entry.corner as usize % 3]) {
-            return Err(ContentError::NotUnfolded { corner: entry.corner });
+            return Err(Error::malformed(format!(
+                "corner {} has unfolded coordinates, but its group is projected",
+                entry.corner
+            )));
         }
         if !entry.uv.iter().all(|uv| uv.is_finite()) {
-            return Err(ContentError::NotFinite { what: "unfolded corner", index: i });
+            return Err(not_finite("unfolded corner", i));
         }
     }
     let due = cover.corner_groups.iter().flatten().filter(|&&g| is_unfolded(g)).count();
     if due != cover.unfolded.len() {
-        return Err(ContentError::Count {
-            what: "unfolded corners",
-            expected: due as u64,
-            got: cover.unfolded.len() as u64,
-        });
+        return Err(wrong_count("unfolded corners", due as u64, cover.unfolded.len() as u64));
     }
     Ok(())
 }
@@ -106,7 +109,7 @@ pub(crate) fn encode(cover: &Cover) -> Vec<u8> {
     out.bytes
 }
 
-pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover, ContentError> {
+pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover> {
     let mut input = ByteReader::new(bytes);
     let delta = input.f32("delta")?;
     let density = input.f32("the density")?;
@@ -144,7 +147,7 @@ pub(crate) fn decode(bytes: &[u8], mesh_triangles: usize) -> Result<Cover, Conte
     Ok(cover)
 }
 
-fn group_from(index: usize, kind: u8, extent: [u32; 2], map: &[f32; 13]) -> Result<Group, ContentError> {
+fn group_from(index: usize, kind: u8, extent: [u32; 2], map: &[f32; 13]) -> Result<Group> {
     below("kind of group", index, u32::from(kind), 2)?;
     let [ox, oy, oz, dx, dy, dz, xx, xy, xz, sx, sy, tx, ty] = *map;
     Ok(Group {

@@ -8,17 +8,18 @@
 
 use half::f16;
 
+use crate::TexelFormat;
 use crate::bytes::values_from_bytes;
 use crate::encode::is_block_extent;
 use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
-use crate::{DecodeError, TexelFormat};
+use fantex_base::{Error, Result};
 
 /// Common denominator of all values that a BC4 block can hold.
 pub(crate) const BC4_DENOMINATOR: f32 = 8925.0;
 
 /// Decodes one page into **stored encoding**, exactly as `docs/format.md` defines the rounding. Missing channels are
 /// `0, 0, 1` (green, blue, alpha).
-pub fn decode(format: TexelFormat, extent: [u32; 2], bytes: &[u8]) -> Result<Vec<[f32; 4]>, DecodeError> {
+pub fn decode(format: TexelFormat, extent: [u32; 2], bytes: &[u8]) -> Result<Vec<[f32; 4]>> {
     let texels = StoredTexels::decode(format, extent, bytes)?;
     Ok((0..extent[0] as usize * extent[1] as usize).map(|i| texels.stored(i)).collect())
 }
@@ -37,14 +38,19 @@ pub(crate) enum StoredTexels {
 }
 
 impl StoredTexels {
-    pub(crate) fn decode(format: TexelFormat, extent: [u32; 2], bytes: &[u8]) -> Result<Self, DecodeError> {
+    pub(crate) fn decode(format: TexelFormat, extent: [u32; 2], bytes: &[u8]) -> Result<Self> {
         let [width, height] = extent;
         if !is_block_extent(extent) {
-            return Err(DecodeError::Extent(width, height));
+            return Err(Error::invalid(format!(
+                "cannot decode {width}x{height} texels: both sides must be positive multiples of 4"
+            )));
         }
         let expected = format.bytes(extent);
         if bytes.len() != expected {
-            return Err(DecodeError::ByteCount { width, height, expected, given: bytes.len() });
+            return Err(Error::invalid(format!(
+                "{width}x{height} texels take {expected} bytes, but there are {}",
+                bytes.len()
+            )));
         }
         Ok(match format {
             TexelFormat::Bc1 => Self::Rgba8(decode_color(extent, bytes, 8, bcdec_rs::bc1)),
@@ -182,12 +188,7 @@ fn bc4_palette(end0: u8, end1: u8) -> [u16; 8] {
 /// | RGBA32F | 8: RGBA as little-endian half floats; `srgb` colours are decoded, values clamped to their range |
 ///
 /// Bytes are of 0..1 in the **stored encoding** (sRGB stays encoded); BC4 and BC5 are rounded to the nearest 1/255.
-pub fn decode_plain(
-    format: TexelFormat,
-    srgb: bool,
-    extent: [u32; 2],
-    bytes: &[u8],
-) -> Result<Vec<u8>, DecodeError> {
+pub fn decode_plain(format: TexelFormat, srgb: bool, extent: [u32; 2], bytes: &[u8]) -> Result<Vec<u8>> {
     Ok(match StoredTexels::decode(format, extent, bytes)? {
         StoredTexels::R8(texels) => texels,
         StoredTexels::Rg8(texels) => texels.into_flattened(),

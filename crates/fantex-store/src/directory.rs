@@ -11,11 +11,13 @@ use std::ops::Range;
 
 use half::f16;
 
+use crate::TexelFormat;
 use crate::bytes::{ByteReader, ByteWriter};
+use crate::error::{ends, misplaced_cluster, out_of_order, too_many, wrong_cluster_length, wrong_count};
 use crate::header::SectionRecord;
 use crate::layout::{PageSize, TilePlace};
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_ATTACHMENTS, MAX_CLUSTER_BYTES};
-use crate::{ContentError, TexelFormat};
+use fantex_base::Result;
 
 /// Clusters start at multiples of this, so that direct I/O can read them.
 pub(crate) const ALIGNMENT: u64 = 4096;
@@ -149,16 +151,12 @@ pub(crate) struct Expected<'a> {
     pub(crate) clusters: std::ops::Range<u64>,
 }
 
-pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory, ContentError> {
+pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory> {
     let mut input = ByteReader::new(bytes);
     let levels = input.u32("the directory's levels")?;
     input.u32("the directory's levels")?;
     if levels != expected.levels {
-        return Err(ContentError::Count {
-            what: "levels in the directory",
-            expected: u64::from(expected.levels),
-            got: u64::from(levels),
-        });
+        return Err(wrong_count("levels in the directory", u64::from(expected.levels), u64::from(levels)));
     }
     let counts = (0..levels)
         .map(|_| input.count(bytes.len() / ENTRY_BYTES, "clusters"))
@@ -180,7 +178,7 @@ pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory,
         directory.levels.push(clusters);
     }
     let mean_bytes = expected.groups.checked_mul(directory.means.group_bytes);
-    let mean_bytes = mean_bytes.ok_or(ContentError::Ends { what: "the means", offset: bytes.len() })?;
+    let mean_bytes = mean_bytes.ok_or(ends("the means", bytes.len()))?;
     directory.means.bytes = input.take(mean_bytes, "the means")?.to_vec();
     input.end()?;
     check_places(&directory, expected)?;
@@ -191,39 +189,34 @@ pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory,
 }
 
 /// Clusters lie aligned within the file's cluster area. (They may overlap: whatever they hold is checksummed.)
-fn check_places(directory: &Directory, expected: &Expected<'_>) -> Result<(), ContentError> {
+fn check_places(directory: &Directory, expected: &Expected<'_>) -> Result<()> {
     let std::ops::Range { start: first, end: last } = expected.clusters;
     for (cluster, entry) in directory.levels.iter().flatten().enumerate() {
         let offset = entry.offset;
         let end = offset.saturating_add(u64::from(entry.stored_length));
         if offset < first || end > last || !offset.is_multiple_of(ALIGNMENT) {
-            return Err(ContentError::ClusterPlace { cluster, offset, end, first, last });
+            return Err(misplaced_cluster(cluster, offset..end, first..last));
         }
         // More would not be one frame of so many bytes.
         let limit = zstd::zstd_safe::compress_bound(entry.raw_length as usize) as u64;
         if u64::from(entry.stored_length) > limit {
             let got = u64::from(entry.stored_length);
             let expected = u64::from(entry.raw_length);
-            return Err(ContentError::ClusterLength { cluster, expected, got, limit });
+            return Err(wrong_cluster_length(cluster, expected, got, limit));
         }
     }
     Ok(())
 }
 
 /// The clusters of a level hold all its pages, each once, in order, and record their lengths rightly.
-fn check_lengths(level: u32, clusters: &[ClusterEntry], expected: &Expected<'_>) -> Result<(), ContentError> {
+fn check_lengths(level: u32, clusters: &[ClusterEntry], expected: &Expected<'_>) -> Result<()> {
     let block_bytes: u64 = expected.formats.iter().map(|f| f.block_bytes() as u64).sum();
     let mut open: Option<(usize, u64)> = None;
     let mut next = clusters.iter().enumerate().peekable();
     let close = |open: Option<(usize, u64)>| match open {
         Some((cluster, got)) if u64::from(clusters[cluster].raw_length) != got => {
             let recorded = u64::from(clusters[cluster].raw_length);
-            Err(ContentError::ClusterLength {
-                cluster,
-                expected: got,
-                got: recorded,
-                limit: MAX_CLUSTER_BYTES,
-            })
+            Err(wrong_cluster_length(cluster, got, recorded, MAX_CLUSTER_BYTES))
         }
         _ => Ok(()),
     };
@@ -233,11 +226,11 @@ fn check_lengths(level: u32, clusters: &[ClusterEntry], expected: &Expected<'_>)
         while let Some((cluster, entry)) = next.next_if(|(_, c)| c.first.group as usize == group) {
             let page = entry.first.page;
             if page >= size.page_count() || (from > 0 && page == 0) {
-                return Err(ContentError::Order { what: "cluster", index: cluster });
+                return Err(out_of_order("cluster", cluster));
             }
             let at = size.blocks_before(page);
             if at < from {
-                return Err(ContentError::Order { what: "cluster", index: cluster });
+                return Err(out_of_order("cluster", cluster));
             }
             add(&mut open, (at - from) * block_bytes, clusters)?;
             close(open)?;
@@ -247,26 +240,21 @@ fn check_lengths(level: u32, clusters: &[ClusterEntry], expected: &Expected<'_>)
         add(&mut open, (size.blocks() - from) * block_bytes, clusters)?;
     }
     match next.next() {
-        Some((index, _)) => Err(ContentError::Order { what: "cluster", index }),
+        Some((index, _)) => Err(out_of_order("cluster", index)),
         None => close(open),
     }
 }
 
 /// Counts bytes of pages to the open cluster. There is one, unless there are no bytes.
-fn add(open: &mut Option<(usize, u64)>, bytes: u64, clusters: &[ClusterEntry]) -> Result<(), ContentError> {
+fn add(open: &mut Option<(usize, u64)>, bytes: u64, clusters: &[ClusterEntry]) -> Result<()> {
     match open {
         _ if bytes == 0 => Ok(()),
-        None => Err(ContentError::Order { what: "cluster", index: 0 }),
+        None => Err(out_of_order("cluster", 0)),
         Some((cluster, sum)) => {
             *sum += bytes;
             if *sum > MAX_CLUSTER_BYTES {
                 let got = u64::from(clusters[*cluster].raw_length);
-                return Err(ContentError::ClusterLength {
-                    cluster: *cluster,
-                    expected: *sum,
-                    got,
-                    limit: MAX_CLUSTER_BYTES,
-                });
+                return Err(wrong_cluster_length(*cluster, *sum, got, MAX_CLUSTER_BYTES));
             }
             Ok(())
         }
@@ -293,7 +281,7 @@ pub(crate) fn encode_attachments(attachments: &Attachments) -> Vec<u8> {
 }
 
 /// `places`: where attachments may lie.
-pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<Attachments, ContentError> {
+pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<Attachments> {
     let mut input = ByteReader::new(bytes);
     let count = input.count((bytes.len() / LEAST_ENTRY_BYTES).min(MAX_ATTACHMENTS), "attachments")?;
     let mut attachments = Attachments::new();
@@ -301,7 +289,7 @@ pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<At
         let what = "the name of an attachment";
         let length = input.count(MAX_ATTACHMENT_NAME_BYTES, what)?;
         let name = std::str::from_utf8(input.take(length, what)?);
-        let name = name.map_err(|_| ContentError::Order { what: "name of attachment", index })?.to_owned();
+        let name = name.map_err(|_| out_of_order("name of attachment", index))?.to_owned();
         let what = "an attachment's place";
         let record = SectionRecord {
             offset: input.u64(what)?,
@@ -311,7 +299,7 @@ pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<At
         };
         check_place(index, &record, places)?;
         if attachments.last_key_value().is_some_and(|(last, _)| *last >= name) {
-            return Err(ContentError::Order { what: "attachment", index });
+            return Err(out_of_order("attachment", index));
         }
         attachments.insert(name, record);
     }
@@ -319,15 +307,15 @@ pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<At
     Ok(attachments)
 }
 
-fn check_place(index: usize, record: &SectionRecord, places: &Range<u64>) -> Result<(), ContentError> {
+fn check_place(index: usize, record: &SectionRecord, places: &Range<u64>) -> Result<()> {
     let (offset, end) = (record.offset, record.range().end);
     if offset < places.start || end > places.end || !offset.is_multiple_of(ALIGNMENT) {
         let (first, last) = (places.start, places.end);
-        return Err(ContentError::ClusterPlace { cluster: index, offset, end, first, last });
+        return Err(misplaced_cluster(index, offset..end, first..last));
     }
     if record.raw_length > MAX_ATTACHMENT_BYTES {
         let (count, limit) = (record.raw_length, MAX_ATTACHMENT_BYTES);
-        return Err(ContentError::TooMany { what: "bytes of an attachment", count, limit });
+        return Err(too_many("bytes of an attachment", count, limit));
     }
     Ok(())
 }

@@ -15,7 +15,8 @@ use std::borrow::Cow;
 
 use intel_tex_2::{RSurface, RgSurface, RgbaSurface, bc1, bc4, bc5, bc7};
 
-use crate::{EncodeError, TexelFormat};
+use crate::TexelFormat;
+use fantex_base::{Error, Result};
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
 ///
@@ -89,7 +90,7 @@ pub fn encode(
     quality: Quality,
     extent: [u32; 2],
     texels: TexelSlice<'_>,
-) -> Result<Vec<u8>, EncodeError> {
+) -> Result<Vec<u8>> {
     let mut pages = encode_many(format, quality, &[(extent, texels)])?;
     Ok(pages.swap_remove(0))
 }
@@ -99,7 +100,7 @@ pub fn encode_many(
     format: TexelFormat,
     quality: Quality,
     pages: &[([u32; 2], TexelSlice<'_>)],
-) -> Result<Vec<Vec<u8>>, EncodeError> {
+) -> Result<Vec<Vec<u8>>> {
     for &(extent, texels) in pages {
         check(extent, texels)?;
     }
@@ -123,13 +124,18 @@ pub fn encode_many(
     Ok(encoded)
 }
 
-fn check(extent: [u32; 2], texels: TexelSlice<'_>) -> Result<(), EncodeError> {
+fn check(extent: [u32; 2], texels: TexelSlice<'_>) -> Result<()> {
     let [width, height] = extent;
     if !is_block_extent(extent) {
-        return Err(EncodeError::Extent(width, height));
+        return Err(Error::invalid(format!(
+            "cannot encode {width}x{height} texels: both sides must be positive multiples of 4"
+        )));
     }
     if texels.len() as u64 != u64::from(width) * u64::from(height) {
-        return Err(EncodeError::TexelCount { width, height, given: texels.len() });
+        return Err(Error::invalid(format!(
+            "cannot encode {width}x{height} texels: {} were given",
+            texels.len()
+        )));
     }
     Ok(())
 }

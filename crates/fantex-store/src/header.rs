@@ -19,9 +19,11 @@ use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::ByteSource;
 use crate::bytes::ByteWriter;
+use crate::error::damaged;
 use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
-use crate::{ByteSource, OpenError};
+use fantex_base::{Error, Result};
 
 /// Like PNG's, it finds out transfers that change line ends or strip the eighth bit.
 pub(crate) const SIGNATURE: [u8; 8] = *b"\x89FAN\r\n\x1a\n";
@@ -119,10 +121,10 @@ impl Slot {
 const SECTION_GAP: u64 = 1 << 16;
 
 /// The valid header slot with the greatest generation, and the number of damaged ones.
-pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32), OpenError> {
-    let path = source.location().to_owned();
+pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32)> {
+    let path = source.location();
     let mut header = [0; HEADER_BYTES as usize];
-    let count = source.read_at(&mut header, 0).map_err(|error| io_error(source.location(), error))?;
+    let count = source.read_at(&mut header, 0).map_err(|error| Error::reading(source.location(), error))?;
     let mut slots = [[0; SLOT_BYTES]; 2];
     for (slot, offset) in slots.iter_mut().zip(SLOT_OFFSETS) {
         let range = offset as usize..offset as usize + SLOT_BYTES;
@@ -131,20 +133,33 @@ pub(crate) fn read_slot(source: &dyn ByteSource) -> Result<(Slot, u32), OpenErro
         }
     }
     let valid = slots.iter().filter_map(Slot::decode);
-    let damaged = 2 - valid.clone().count() as u32;
+    let damaged_slots = 2 - valid.clone().count() as u32;
     let Some(slot) = valid.max_by_key(|slot| slot.generation) else {
         let has_signature = slots.iter().any(|slot| slot[..8] == SIGNATURE);
-        return Err(if has_signature { OpenError::Header { path } } else { OpenError::NotAnAsset { path } });
+        return Err(if has_signature {
+            damaged(path, "neither of its two headers has a valid checksum; bake it anew")
+        } else {
+            Error::malformed(format!(
+                "{} is not a .fan asset: it does not start with the asset signature",
+                path.display()
+            ))
+            .with_path(path)
+        });
     };
     if slot.version != VERSION || slot.flags != 0 {
         let (version, flags, supported) = (slot.version, slot.flags, VERSION);
-        return Err(OpenError::Version { path, version, flags, supported });
+        return Err(Error::unsupported(format!("{} has format version {version}, flags {flags:#x}; this program reads version {supported}, flags 0: use a newer program", path.display())).with_path(path));
     }
-    let length = source.length().map_err(|error| io_error(source.location(), error))?;
+    let length = source.length().map_err(|error| Error::reading(source.location(), error))?;
     if length < slot.file_length {
-        return Err(OpenError::Truncated { path, length, expected: slot.file_length });
+        return Err(Error::damaged(format!(
+            "{} is truncated: {length} bytes of {}; copy or bake it anew",
+            path.display(),
+            slot.file_length
+        ))
+        .with_path(path));
     }
-    Ok((slot, damaged))
+    Ok((slot, damaged_slots))
 }
 
 /// The slot that does not count, and itself where it is whole.
@@ -170,7 +185,7 @@ pub(crate) struct Sections<'a> {
 
 impl<'a> Sections<'a> {
     /// Checks the records and reads the sections' bytes. Memory grows with what is really there, not with what is claimed.
-    pub(crate) fn read(source: &'a dyn ByteSource, slot: &Slot) -> Result<Self, OpenError> {
+    pub(crate) fn read(source: &'a dyn ByteSource, slot: &Slot) -> Result<Self> {
         let path = source.location();
         let mut ranges = Vec::new();
         for (record, section) in slot.sections.iter().zip(SECTION_NAMES) {
@@ -180,14 +195,14 @@ impl<'a> Sections<'a> {
         let mut spans = Vec::new();
         for range in merged(ranges) {
             let mut bytes = vec![0; (range.end - range.start) as usize];
-            source.read_exact_at(&mut bytes, range.start).map_err(|error| io_error(path, error))?;
+            source.read_exact_at(&mut bytes, range.start).map_err(|error| Error::reading(path, error))?;
             spans.push((range, bytes));
         }
         Ok(Self { path, records: slot.sections, spans })
     }
 
     /// Checks and unpacks a section.
-    pub(crate) fn unpack(&self, index: usize) -> Result<Vec<u8>, OpenError> {
+    pub(crate) fn unpack(&self, index: usize) -> Result<Vec<u8>> {
         let record = &self.records[index];
         unpack_section(self.path, SECTION_NAMES[index], record, self.stored(record))
     }
@@ -207,25 +222,20 @@ pub(crate) fn read_section(
     section: &'static str,
     record: &SectionRecord,
     file_length: u64,
-) -> Result<Vec<u8>, OpenError> {
+) -> Result<Vec<u8>> {
     let path = source.location();
     check_record(path, section, record, file_length)?;
     let mut stored = vec![0; record.stored_length as usize];
-    source.read_exact_at(&mut stored, record.offset).map_err(|error| io_error(path, error))?;
+    source.read_exact_at(&mut stored, record.offset).map_err(|error| Error::reading(path, error))?;
     unpack_section(path, section, record, &stored)
 }
 
 /// That a section lies in the file and does not claim too much memory.
-fn check_record(
-    path: &Path,
-    section: &'static str,
-    record: &SectionRecord,
-    file_length: u64,
-) -> Result<(), OpenError> {
+fn check_record(path: &Path, section: &'static str, record: &SectionRecord, file_length: u64) -> Result<()> {
     let SectionRecord { offset, stored_length, raw_length, .. } = *record;
     let end = record.range().end;
     if offset < HEADER_BYTES || end > file_length {
-        return Err(OpenError::SectionPlace { path: path.to_owned(), section, offset, end });
+        return Err(damaged(path, format!("its {section} section claims bytes {offset} to {end}")));
     }
     if raw_length > SECTION_RATIO_FREE.saturating_add(stored_length.saturating_mul(MAX_SECTION_RATIO)) {
         return Err(packing_error(path, section, record));
@@ -238,9 +248,12 @@ fn unpack_section(
     section: &'static str,
     record: &SectionRecord,
     stored: &[u8],
-) -> Result<Vec<u8>, OpenError> {
+) -> Result<Vec<u8>> {
     if xxh3_64(stored) != record.checksum {
-        return Err(OpenError::SectionChecksum { path: path.to_owned(), section });
+        return Err(damaged(
+            path,
+            format!("its {section} section has a wrong checksum; copy or bake it anew"),
+        ));
     }
     let unpacked = zstd::Decoder::new(stored).and_then(|mut decoder| {
         decoder.window_log_max(MAX_WINDOW_LOG)?;
@@ -269,12 +282,8 @@ fn merged(mut ranges: Vec<Range<u64>>) -> Vec<Range<u64>> {
     joined
 }
 
-fn packing_error(path: &Path, section: &'static str, record: &SectionRecord) -> OpenError {
-    OpenError::SectionPacking { path: path.to_owned(), section, expected: record.raw_length }
-}
-
-pub(crate) fn io_error(path: &Path, source: std::io::Error) -> OpenError {
-    OpenError::Io { path: path.to_owned(), source }
+fn packing_error(path: &Path, section: &'static str, record: &SectionRecord) -> Error {
+    damaged(path, format!("its {section} section does not unpack to {} bytes", record.raw_length))
 }
 
 #[cfg(test)]

@@ -49,7 +49,7 @@ pub use channel::*;
 pub use decode::{decode, decode_plain};
 pub use edit::*;
 pub use encode::*;
-pub use error::*;
+pub use error::{io_cause, is_disk_full, write_error};
 pub use layout::*;
 pub use reader::*;
 pub use sampler::*;

@@ -4,9 +4,10 @@
 use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation, ToonScale, WorldFromMesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::ContentError;
 use crate::bytes::{ByteReader, ByteWriter, below, check_finite, exactly, limit};
+use crate::error::{not_finite, out_of_order, out_of_range, wrong_count};
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_TRIANGLES, MAX_UV_SETS};
+use fantex_base::{Error, Result};
 
 const HAS_NORMALS: u32 = 1;
 const HAS_COLORS: u32 = 2;
@@ -19,7 +20,7 @@ const UNLIT: u8 = 2;
 const TOON: u8 = 4;
 
 /// What must hold for a mesh. (That no two vertices or triangles coincide is left to `verify`: it costs a sort.)
-pub(crate) fn check(mesh: &Mesh) -> Result<(), ContentError> {
+pub(crate) fn check(mesh: &Mesh) -> Result<()> {
     limit("triangles", mesh.triangles.len(), MAX_TRIANGLES)?;
     limit("vertices", mesh.positions.len(), 3 * mesh.triangles.len())?;
     limit("materials", mesh.materials.len(), MAX_MATERIALS)?;
@@ -31,14 +32,14 @@ pub(crate) fn check(mesh: &Mesh) -> Result<(), ContentError> {
         }
         let [a, b, c] = *triangle;
         if a == b || b == c || c == a {
-            return Err(ContentError::Degenerate { triangle: t });
+            return Err(Error::malformed(format!("triangle {t} uses a vertex more than once")));
         }
     }
     check_attributes(&mesh.corners, 3 * mesh.triangles.len())?;
     check_materials(mesh)
 }
 
-fn check_attributes(corners: &CornerAttributes, count: usize) -> Result<(), ContentError> {
+fn check_attributes(corners: &CornerAttributes, count: usize) -> Result<()> {
     exactly("corner normals", corners.normals.len(), count)?;
     exactly("corner colours", corners.colors.len(), count)?;
     exactly("corner tangents", corners.tangents.len(), count)?;
@@ -52,13 +53,13 @@ fn check_attributes(corners: &CornerAttributes, count: usize) -> Result<(), Cont
     Ok(())
 }
 
-fn check_materials(mesh: &Mesh) -> Result<(), ContentError> {
+fn check_materials(mesh: &Mesh) -> Result<()> {
     if !mesh.triangle_materials.is_empty() && mesh.triangle_materials.len() != mesh.triangles.len() {
-        return Err(ContentError::Count {
-            what: "materials of triangles",
-            expected: mesh.triangles.len() as u64,
-            got: mesh.triangle_materials.len() as u64,
-        });
+        return Err(wrong_count(
+            "materials of triangles",
+            mesh.triangles.len() as u64,
+            mesh.triangle_materials.len() as u64,
+        ));
     }
     for (t, &material) in mesh.triangle_materials.iter().enumerate() {
         below("material of triangle", t, material, mesh.materials.len())?;
@@ -68,7 +69,7 @@ fn check_materials(mesh: &Mesh) -> Result<(), ContentError> {
         let cutoff = if let AlphaMode::Mask(cutoff) = m.alpha { cutoff } else { 0.0 };
         let scalars = [m.metallic, m.roughness, m.normal_scale, m.occlusion_strength, cutoff];
         if !(m.base_color.is_finite() && m.emission.is_finite() && scalars.iter().all(|x| x.is_finite())) {
-            return Err(ContentError::NotFinite { what: "a factor of material", index });
+            return Err(not_finite("a factor of material", index));
         }
         if let Some(scale) = &m.toon {
             check_toon(index, scale)?;
@@ -78,16 +79,16 @@ fn check_materials(mesh: &Mesh) -> Result<(), ContentError> {
 }
 
 /// 1 to [`ToonScale::MOST_STOPS`] stops that ascend.
-fn check_toon(index: usize, scale: &ToonScale) -> Result<(), ContentError> {
+fn check_toon(index: usize, scale: &ToonScale) -> Result<()> {
     limit("stops of a toon scale", scale.stops.len(), ToonScale::MOST_STOPS)?;
     if scale.stops.is_empty() {
-        return Err(ContentError::Count { what: "stops of a toon scale", expected: 1, got: 0 });
+        return Err(wrong_count("stops of a toon scale", 1, 0));
     }
     if !scale.stops.iter().all(|(at, color)| at.is_finite() && color.is_finite()) {
-        return Err(ContentError::NotFinite { what: "the toon scale of material", index });
+        return Err(not_finite("the toon scale of material", index));
     }
     if !scale.stops.is_sorted_by(|a, b| a.0 <= b.0) {
-        return Err(ContentError::Order { what: "the toon scale of material", index });
+        return Err(out_of_order("the toon scale of material", index));
     }
     Ok(())
 }
@@ -155,7 +156,7 @@ fn encode_toon(scale: &ToonScale, out: &mut ByteWriter) {
     }
 }
 
-pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh, ContentError> {
+pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh> {
     let mut input = ByteReader::new(bytes);
     let triangle_limit = MAX_TRIANGLES;
     let vertices = input.count(3 * triangle_limit, "vertices")?;
@@ -180,7 +181,7 @@ pub(crate) fn decode(bytes: &[u8]) -> Result<Mesh, ContentError> {
             tangents: vectors(input.floats(count(HAS_TANGENTS, 3 * triangles), "tangent of corner")?),
             uv_sets: (0..uv_sets)
                 .map(|_| Ok(vectors(input.floats(3 * triangles, "texture coordinates of corner")?)))
-                .collect::<Result<_, ContentError>>()?,
+                .collect::<Result<_>>()?,
         },
         triangle_materials: input
             .words::<1>(count(HAS_TRIANGLE_MATERIALS, triangles), "materials of triangles")?
@@ -200,11 +201,11 @@ fn vectors<A, V: From<A>>(arrays: Vec<A>) -> Vec<V> {
     arrays.into_iter().map(V::from).collect()
 }
 
-fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material, ContentError> {
+fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material> {
     let what = "a material";
     let length = input.count(MAX_NAME_BYTES, "bytes in the name of a material")?;
     let name = std::str::from_utf8(input.take(length, what)?)
-        .map_err(|_| ContentError::Name { material: index })?
+        .map_err(|_| Error::malformed(format!("the name of material {index} is not valid UTF-8")))?
         .to_owned();
     let base_color = Vec4::from(input.f32s(what)?);
     let [metallic, roughness, normal_scale, occlusion_strength] = input.f32s(what)?;
@@ -216,7 +217,7 @@ fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material,
         2 => AlphaMode::Blend,
         code => {
             let value = u64::from(code);
-            return Err(ContentError::OutOfRange { what: "alpha mode of material", index, value, limit: 3 });
+            return Err(out_of_range("alpha mode of material", index, value, 3));
         }
     };
     let flags = input.u8(what)?;
@@ -239,7 +240,7 @@ fn decode_material(index: usize, input: &mut ByteReader<'_>) -> Result<Material,
     })
 }
 
-fn decode_toon(index: usize, input: &mut ByteReader<'_>) -> Result<ToonScale, ContentError> {
+fn decode_toon(index: usize, input: &mut ByteReader<'_>) -> Result<ToonScale> {
     let what = "a toon scale";
     let count = input.u8(what)?;
     let interpolation = match input.u8(what)? {
@@ -248,7 +249,7 @@ fn decode_toon(index: usize, input: &mut ByteReader<'_>) -> Result<ToonScale, Co
         2 => ToonInterpolation::Constant,
         code => {
             let value = u64::from(code);
-            return Err(ContentError::OutOfRange { what: "toon scale of material", index, value, limit: 3 });
+            return Err(out_of_range("toon scale of material", index, value, 3));
         }
     };
     input.take(2, what)?;

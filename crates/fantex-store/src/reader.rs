@@ -16,13 +16,15 @@ use zstd::zstd_safe::CParameter;
 
 use crate::decode::StoredTexels;
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
+use crate::error::{damaged, no_such_page};
 use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
-use crate::header::{Sections, io_error, read_section, read_slot};
+use crate::header::{Sections, read_section, read_slot};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::{
-    AttachmentError, ByteSource, Channel, ChannelKind, ContentError, FileSource, OpenError, PageError,
-    PageId, TexelFormat, channel, cover_level_count, cover_section, mesh_section, packing,
+    ByteSource, Channel, ChannelKind, FileSource, PageId, TexelFormat, channel, cover_level_count,
+    cover_section, mesh_section, packing,
 };
+use fantex_base::{Error, ErrorKind, Place, Result};
 
 /// Decoded texels of one page and channel.
 #[derive(Clone, Debug, PartialEq)]
@@ -44,25 +46,25 @@ pub struct Asset {
     pub(crate) formats: Vec<TexelFormat>,
     pub(crate) directory: Arc<Directory>,
     /// An error where their list is damaged; that does not keep anybody from reading texels.
-    attachments: Result<Attachments, AttachmentError>,
+    attachments: Result<Attachments>,
     damaged_headers: u32,
 }
 
 impl Asset {
     /// Opens and checks an asset in a file: header, mesh, cover, channels and directory. It stays as it is now, whatever is
     /// committed later: see [`AssetEditor`](crate::AssetEditor).
-    pub fn open(path: &Path) -> Result<Self, OpenError> {
-        let file = FileSource::open(path).map_err(|source| io_error(path, source))?;
+    pub fn open(path: &Path) -> Result<Self> {
+        let file = FileSource::open(path).map_err(|source| Error::reading(path, source))?;
         Self::open_source(Arc::new(file))
     }
 
     /// Opens and checks an asset, wherever its bytes are. Two reads, unless sections were appended to it.
-    pub fn open_source(source: Arc<dyn ByteSource>) -> Result<Self, OpenError> {
+    pub fn open_source(source: Arc<dyn ByteSource>) -> Result<Self> {
         let (slot, damaged_headers) = read_slot(&*source)?;
         let sections = Sections::read(&*source, &slot)?;
         let content = |section: usize| {
-            let path = source.location().to_owned();
-            move |source: ContentError| OpenError::Content { path, section: SECTION_NAMES[section], source }
+            let source = &*source;
+            move |error: Error| content_error(source, SECTION_NAMES[section], &error)
         };
         let channels = channel::decode_channels(&sections.unpack(0)?).map_err(content(0))?;
         let mesh = mesh_section::decode(&sections.unpack(2)?).map_err(content(2))?;
@@ -113,31 +115,25 @@ impl Asset {
 
     /// Names of all attachments, ascending: data of other programs' parts (a painter's layers and history) that the
     /// texture function does not need.
-    pub fn attachment_names(&self) -> Result<Vec<&str>, AttachmentError> {
+    pub fn attachment_names(&self) -> Result<Vec<&str>> {
         Ok(self.attachments()?.keys().map(String::as_str).collect())
     }
 
     /// Reads and checks an attachment; none where there is none of that name.
-    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, AttachmentError> {
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
         let record = self.attachments()?.get(name);
         record.map(|record| self.read_attachment(name, record)).transpose()
     }
 
-    pub(crate) fn attachments(&self) -> Result<&Attachments, AttachmentError> {
+    pub(crate) fn attachments(&self) -> Result<&Attachments> {
         self.attachments.as_ref().map_err(Clone::clone)
     }
 
-    pub(crate) fn read_attachment(
-        &self,
-        name: &str,
-        record: &SectionRecord,
-    ) -> Result<Vec<u8>, AttachmentError> {
-        read_section(&*self.source, "attachment", record, record.range().end).map_err(|source| {
-            AttachmentError::Damaged {
-                path: self.path().to_owned(),
-                name: name.to_owned(),
-                source: Arc::new(source),
-            }
+    pub(crate) fn read_attachment(&self, name: &str, record: &SectionRecord) -> Result<Vec<u8>> {
+        read_section(&*self.source, "attachment", record, record.range().end).map_err(|error| {
+            let sentence =
+                format!("attachment {name:?} of {} cannot be read: {error}", self.path().display());
+            Error::new(error.kind(), sentence).with_path(self.path()).with_source(error)
         })
     }
 
@@ -209,12 +205,12 @@ impl Asset {
     }
 
     /// Reads, checks and decodes one page. Not cached.
-    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
+    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels> {
         self.decode_page_raw(channel, page, &self.read_page_raw(channel, page)?)
     }
 
     /// Decodes bytes that [`read_page_raw`](Self::read_page_raw) gave for a page.
-    pub fn decode_page_raw(&self, channel: usize, page: PageId, bytes: &[u8]) -> Result<Texels, PageError> {
+    pub fn decode_page_raw(&self, channel: usize, page: PageId, bytes: &[u8]) -> Result<Texels> {
         let extent = self.page_extent(channel, page)?;
         let texels = self.decode_page(channel, page, extent, bytes)?;
         let srgb = self.channels[channel].srgb;
@@ -223,7 +219,7 @@ impl Asset {
     }
 
     /// Reads and checks one page and returns its bytes in the channel's format. Not cached.
-    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         self.page_extent(channel, page)?;
         let cluster = self.read_cluster(self.cluster_of(page)?)?;
         self.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
@@ -234,7 +230,7 @@ impl Asset {
     }
 
     /// Columns and rows of a page in texels; an error where there is no such page or channel.
-    pub fn page_extent(&self, channel: usize, id: PageId) -> Result<[u32; 2], PageError> {
+    pub fn page_extent(&self, channel: usize, id: PageId) -> Result<[u32; 2]> {
         let group = self.cover.groups.get(id.group as usize).filter(|_| channel < self.channels.len());
         let size = group.map(|group| PageSize::new(group.extent, id.level));
         let extent = size.and_then(|size| Some(size.page_extent(size.number(id.page)?)));
@@ -248,29 +244,38 @@ impl Asset {
         id: PageId,
         extent: [u32; 2],
         bytes: &[u8],
-    ) -> Result<StoredTexels, PageError> {
+    ) -> Result<StoredTexels> {
         StoredTexels::decode(self.formats[channel], extent, bytes).map_err(|_| self.no_such_page(channel, id))
     }
 
-    pub(crate) fn no_such_page(&self, channel: usize, page: PageId) -> PageError {
-        PageError::NoSuchPage { path: self.path().to_owned(), channel, page }
+    /// The error of a page that it does not have.
+    pub fn no_such_page(&self, channel: usize, page: PageId) -> Error {
+        no_such_page(self.path(), channel, page)
     }
 }
 
-fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<Attachments, AttachmentError> {
+fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<Attachments> {
     if slot.attachments == SectionRecord::default() {
         return Ok(Attachments::new());
     }
     let section = "attachment";
     let list = read_section(source, section, &slot.attachments, slot.file_length).and_then(|raw| {
-        directory::decode_attachments(&raw, &(HEADER_BYTES..slot.file_length)).map_err(|error| {
-            OpenError::Content { path: source.location().to_owned(), section, source: error }
-        })
+        directory::decode_attachments(&raw, &(HEADER_BYTES..slot.file_length))
+            .map_err(|error| content_error(source, section, &error))
     });
-    list.map_err(|error| AttachmentError::List {
-        path: source.location().to_owned(),
-        source: Arc::new(error),
+    list.map_err(|error| {
+        let path = source.location();
+        let sentence =
+            format!("the attachments of {} cannot be read; its texels can: {error}", path.display());
+        Error::new(error.kind(), sentence).with_path(path).with_source(error)
     })
+}
+
+/// A section breaks a rule of the format.
+fn content_error(source: &dyn ByteSource, section: &str, rule: &Error) -> Error {
+    let path = source.location();
+    let sentence = format!("{} cannot be used: in its {section} section {rule}", path.display());
+    Error::new(rule.kind(), sentence).with_path(path)
 }
 
 /// A cluster: a run of pages of one level that are packed and checksummed together.
@@ -298,7 +303,7 @@ impl Asset {
     }
 
     /// The cluster that holds a page.
-    pub fn cluster_of(&self, id: PageId) -> Result<ClusterId, PageError> {
+    pub fn cluster_of(&self, id: PageId) -> Result<ClusterId> {
         let missing = || self.no_such_page(0, id);
         let clusters = self.directory.levels.get(id.level as usize).ok_or_else(missing)?;
         let group = self.cover().groups.get(id.group as usize).ok_or_else(missing)?;
@@ -328,23 +333,24 @@ impl Asset {
 
     /// Checks and unpacks the stored bytes of a cluster: those of [`Asset::cluster_range`], wherever they were read. Panics
     /// where there is no such cluster.
-    pub fn unpack_cluster(&self, cluster: ClusterId, stored: &[u8]) -> Result<ClusterPages, PageError> {
+    pub fn unpack_cluster(&self, cluster: ClusterId, stored: &[u8]) -> Result<ClusterPages> {
         self.unpack_entry(cluster.level, self.entry(cluster), stored)
     }
 
-    fn unpack_entry(
-        &self,
-        level: u32,
-        entry: &ClusterEntry,
-        stored: &[u8],
-    ) -> Result<ClusterPages, PageError> {
+    fn unpack_entry(&self, level: u32, entry: &ClusterEntry, stored: &[u8]) -> Result<ClusterPages> {
         if stored.len() != entry.stored_length as usize || xxh3_64(stored) != entry.checksum {
-            return Err(PageError::Checksum { path: self.path().to_owned(), offset: entry.offset });
+            return Err(damaged(
+                self.path(),
+                format!("the cluster at byte {} has a wrong checksum", entry.offset),
+            )
+            .with_place(Place::Byte(entry.offset)));
         }
-        let packing_error = || PageError::Packing {
-            path: self.path().to_owned(),
-            offset: entry.offset,
-            expected: u64::from(entry.raw_length),
+        let packing_error = || {
+            damaged(
+                self.path(),
+                format!("the cluster at byte {} does not unpack to {} bytes", entry.offset, entry.raw_length),
+            )
+            .with_place(Place::Byte(entry.offset))
         };
         let natural = UNPACKER
             .with_borrow_mut(|unpacker| unpacker.unpack(&self.formats, stored, entry.raw_length as usize))
@@ -354,12 +360,7 @@ impl Asset {
     }
 
     /// A page's bytes in a channel's format, within the cluster that holds it.
-    pub fn page_in<'c>(
-        &self,
-        cluster: &'c ClusterPages,
-        channel: usize,
-        id: PageId,
-    ) -> Result<&'c [u8], PageError> {
+    pub fn page_in<'c>(&self, cluster: &'c ClusterPages, channel: usize, id: PageId) -> Result<&'c [u8]> {
         self.page_extent(channel, id)?;
         let extent = self.cover().groups[id.group as usize].extent;
         cluster.page(&self.formats, channel, id, extent).ok_or_else(|| self.no_such_page(channel, id))
@@ -371,27 +372,33 @@ impl Asset {
         clusters: &'c [Arc<ClusterPages>],
         channel: usize,
         id: PageId,
-    ) -> Result<&'c [u8], PageError> {
+    ) -> Result<&'c [u8]> {
         self.page_extent(channel, id)?;
         let extent = self.cover().groups[id.group as usize].extent;
         let found = clusters.iter().find_map(|cluster| cluster.page(&self.formats, channel, id, extent));
         found.ok_or_else(|| self.no_such_page(channel, id))
     }
 
+    /// The error of bytes of a cluster that could not be read: [`io_cause`](crate::io_cause) of it is `source`.
+    pub fn read_error(&self, bytes: &Range<u64>, source: Arc<std::io::Error>) -> Error {
+        let (offset, length) = (bytes.start, bytes.end - bytes.start);
+        let path = self.path();
+        let sentence = format!("cannot read {length} bytes at byte {offset} of {}: {source}", path.display());
+        let error = Error::new(ErrorKind::Io, sentence).with_path(path).with_place(Place::Byte(offset));
+        error.with_source(source)
+    }
+
     /// Reads, checks and unpacks a cluster.
-    pub(crate) fn read_cluster(&self, cluster: ClusterId) -> Result<ClusterPages, PageError> {
+    pub(crate) fn read_cluster(&self, cluster: ClusterId) -> Result<ClusterPages> {
         self.read_entry(cluster.level, self.entry(cluster))
     }
 
     /// Reads, checks and unpacks the cluster of an entry, which may be of a later generation.
-    pub(crate) fn read_entry(&self, level: u32, entry: &ClusterEntry) -> Result<ClusterPages, PageError> {
+    pub(crate) fn read_entry(&self, level: u32, entry: &ClusterEntry) -> Result<ClusterPages> {
         let mut stored = vec![0; entry.stored_length as usize];
-        self.source.read_exact_at(&mut stored, entry.offset).map_err(|source| PageError::Io {
-            path: self.path().to_owned(),
-            offset: entry.offset,
-            length: u64::from(entry.stored_length),
-            source: Arc::new(source),
-        })?;
+        self.source
+            .read_exact_at(&mut stored, entry.offset)
+            .map_err(|source| self.read_error(&entry.range(), Arc::new(source)))?;
         self.unpack_entry(level, entry, &stored)
     }
 

@@ -25,7 +25,8 @@ use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::{Asset, ClusterId, OpenError, PageCache, Tile};
+use crate::{Asset, ClusterId, PageCache, Tile};
+use fantex_base::Result;
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
 /// nothing of it can be seen, and far above what rounding makes (below 1e-6: both sides take the same tile coordinates up
@@ -70,7 +71,7 @@ pub struct VerifyReport {
 }
 
 /// Opens and verifies an asset on the current rayon pool.
-pub fn verify(path: &Path, options: &VerifyOptions) -> Result<VerifyReport, OpenError> {
+pub fn verify(path: &Path, options: &VerifyOptions) -> Result<VerifyReport> {
     Ok(verify_asset(&Arc::new(Asset::open(path)?), options))
 }
 

@@ -20,11 +20,13 @@ use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::directory::{self, ALIGNMENT, ClusterEntry, Directory, Means};
+use crate::error::invalid;
 use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION};
 use crate::layout::{PageSize, TilePlace, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::reader::pack_cluster;
-use crate::{Channel, CreateError, PageId, TexelFormat, channel, cover_section, mesh_section};
+use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section};
+use fantex_base::{Error, Result};
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
 pub(crate) const CLUSTER_TARGET_BYTES: u64 = 256 << 10;
@@ -122,15 +124,16 @@ impl AssetWriter {
         mesh: &Mesh,
         cover: &Cover,
         channels: &[Channel],
-    ) -> Result<Self, CreateError> {
-        let content = |source| CreateError::Content { path: path.to_owned(), source };
+    ) -> Result<Self> {
+        let content =
+            |error: Error| error.context(format!("cannot write {}", path.display())).with_path(path);
         channel::check_channels(channels).map_err(content)?;
         mesh_section::check(mesh).map_err(content)?;
         cover_section::check(cover, mesh.triangles.len()).map_err(content)?;
         if !options.force && path.symlink_metadata().is_ok() {
-            return Err(CreateError::Exists(path.to_owned()));
+            return Err(already_exists(path));
         }
-        let file = temporary_file(path).map_err(|source| io_error(path, source))?;
+        let file = temporary_file(path).map_err(|source| Error::writing(path, source))?;
         let extents: Vec<_> = cover.groups.iter().map(|group| group.extent).collect();
         let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
         let levels = extents.iter().map(|&e| level_count(e)).max().unwrap_or(0) as usize;
@@ -159,7 +162,7 @@ impl AssetWriter {
     /// Adds pages: groups ascending, all pages of a group together as [`group_pages`](crate::group_pages) lists them (a
     /// batch may end within a group). Packs the clusters that this fills on the current rayon pool; the file's bytes depend
     /// neither on the threads nor on how pages are split into batches.
-    pub fn write_pages(&mut self, batch: Vec<EncodedPage>) -> Result<(), CreateError> {
+    pub fn write_pages(&mut self, batch: Vec<EncodedPage>) -> Result<()> {
         for page in batch {
             self.add_page(page)?;
         }
@@ -168,14 +171,24 @@ impl AssetWriter {
 
     /// Writes what is left, makes the file durable and gives it its name. `means`: **linear** RGBA (normals as stored) per
     /// group and channel, `means[group * channels + channel]`.
-    pub fn finish(mut self, means: &[[f32; 4]]) -> Result<WriteSummary, CreateError> {
+    pub fn finish(mut self, means: &[[f32; 4]]) -> Result<WriteSummary> {
         let path = self.path.clone();
         if let Some(missing) = self.due {
-            return Err(CreateError::Incomplete { path, missing });
+            return Err(invalid(
+                &path,
+                format!("cannot finish {}: page ({missing}) has not been written", path.display()),
+            ));
         }
         let expected = self.extents.len() * self.formats.len();
         if means.len() != expected {
-            return Err(CreateError::Means { path, expected, got: means.len() });
+            return Err(invalid(
+                &path,
+                format!(
+                    "cannot finish {}: {expected} means are due (one per group and channel), {} were given",
+                    path.display(),
+                    means.len()
+                ),
+            ));
         }
         for level in 0..self.open.len() {
             self.close(level);
@@ -194,7 +207,7 @@ impl AssetWriter {
         for offset in SLOT_OFFSETS {
             self.write_at(offset, &slot.encode())?;
         }
-        let io = |source| io_error(&path, source);
+        let io = |source| Error::writing(&path, source);
         // The last cluster's padding is part of the file.
         self.file.as_file().set_len(file_length).map_err(io)?;
         self.file.as_file().sync_all().map_err(io)?;
@@ -202,18 +215,32 @@ impl AssetWriter {
         Ok(WriteSummary { bytes: file_length, ..self.summary })
     }
 
-    fn add_page(&mut self, page: EncodedPage) -> Result<(), CreateError> {
+    fn add_page(&mut self, page: EncodedPage) -> Result<()> {
         let id = page.id;
-        let due = self.due.ok_or_else(|| CreateError::NoSuchPage { path: self.path.clone(), got: id })?;
+        let due = self.due.ok_or_else(|| {
+            invalid(
+                &self.path,
+                format!("cannot write {}: page ({id}) is not part of the cover", self.path.display()),
+            )
+        })?;
         if id != due {
-            return Err(CreateError::Order { path: self.path.clone(), expected: due, got: id });
+            return Err(invalid(
+                &self.path,
+                format!("cannot write {}: page ({id}) came where ({due}) was due", self.path.display()),
+            ));
         }
         let size = PageSize::new(self.extents[id.group as usize], id.level);
         let number = size.number(id.page).unwrap_or(0);
         let expected = page_bytes(&self.formats, size.page_extent(number));
         let got: Vec<usize> = page.channels.iter().map(Vec::len).collect();
         if got != expected {
-            return Err(CreateError::PageBytes { path: self.path.clone(), page: id, expected, got });
+            return Err(invalid(
+                &self.path,
+                format!(
+                    "cannot write {}: page ({id}) needs {expected:?} bytes per channel, but has {got:?}",
+                    self.path.display()
+                ),
+            ));
         }
         let level = id.level as usize;
         let page_length = expected.iter().sum::<usize>() as u64;
@@ -258,7 +285,7 @@ impl AssetWriter {
     }
 
     /// Packs all full clusters in parallel and writes them in the order in which they became full.
-    fn write_full_clusters(&mut self) -> Result<(), CreateError> {
+    fn write_full_clusters(&mut self) -> Result<()> {
         let full = std::mem::take(&mut self.full);
         let (formats, zstd_level) = (&self.formats, self.options.zstd_level);
         let packed: Vec<_> = full
@@ -269,7 +296,7 @@ impl AssetWriter {
             })
             .collect();
         for cluster in packed {
-            let (level, first, raw_length, stored) = cluster.map_err(|e| io_error(&self.path, e))?;
+            let (level, first, raw_length, stored) = cluster.map_err(|e| Error::writing(&self.path, e))?;
             self.write_at(self.end, &stored)?;
             self.written[level].push(ClusterEntry {
                 first,
@@ -286,9 +313,9 @@ impl AssetWriter {
     }
 
     /// Packs and writes a section at the end of those before.
-    fn write_section(&mut self, index: usize, raw: &[u8]) -> Result<(), CreateError> {
+    fn write_section(&mut self, index: usize, raw: &[u8]) -> Result<()> {
         let mut stored =
-            zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL).map_err(|e| io_error(&self.path, e))?;
+            zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL).map_err(|e| Error::writing(&self.path, e))?;
         lengthen(&mut stored, raw.len() as u64);
         self.write_at(self.end, &stored)?;
         self.sections[index] = SectionRecord {
@@ -309,18 +336,18 @@ impl AssetWriter {
         self.end = (self.end + zstd::zstd_safe::compress_bound(length) as u64).next_multiple_of(ALIGNMENT);
     }
 
-    fn write_directory(&mut self, means: &[[f32; 4]]) -> Result<(), CreateError> {
+    fn write_directory(&mut self, means: &[[f32; 4]]) -> Result<()> {
         let levels = std::mem::take(&mut self.written);
         let directory = Directory { levels, means: Means::new(means, &self.formats) };
         self.end = self.sections[3].offset;
         self.write_section(3, &directory::encode(&directory))
     }
 
-    fn write_at(&self, offset: u64, bytes: &[u8]) -> Result<(), CreateError> {
+    fn write_at(&self, offset: u64, bytes: &[u8]) -> Result<()> {
         let mut file: &File = self.file.as_file();
         file.seek(SeekFrom::Start(offset))
             .and_then(|_| file.write_all(bytes))
-            .map_err(|source| io_error(&self.path, source))
+            .map_err(|source| Error::writing(&self.path, source))
     }
 }
 
@@ -374,18 +401,19 @@ pub(crate) fn temporary_file(path: &Path) -> std::io::Result<NamedTempFile> {
 }
 
 /// Renames the finished file; without `force` never over another.
-fn persist(file: NamedTempFile, path: &Path, force: bool) -> Result<(), CreateError> {
+fn persist(file: NamedTempFile, path: &Path, force: bool) -> Result<()> {
     let renamed = if force { file.persist(path) } else { file.persist_noclobber(path) };
     renamed.map_err(|e| match e.error.kind() {
-        std::io::ErrorKind::AlreadyExists => CreateError::Exists(path.to_owned()),
-        _ => io_error(path, e.error),
+        std::io::ErrorKind::AlreadyExists => already_exists(path),
+        _ => Error::writing(path, e.error),
     })?;
     // The rename is durable once the folder is.
     #[cfg(unix)]
-    File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(|e| io_error(path, e))?;
+    File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(|e| Error::writing(path, e))?;
     Ok(())
 }
 
-fn io_error(path: &Path, source: std::io::Error) -> CreateError {
-    CreateError::Io { path: path.to_owned(), source }
+fn already_exists(path: &Path) -> Error {
+    let sentence = format!("{} exists already; pass --force to overwrite it", path.display());
+    Error::already_exists(sentence).with_path(path)
 }

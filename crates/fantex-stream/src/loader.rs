@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use fantex_store::{PageError, PageId};
+use fantex_base::Error;
+use fantex_store::PageId;
 
 use crate::{AtlasFormat, Parcel, ParcelLayout};
 
@@ -30,7 +31,7 @@ pub struct LoadedParcel {
     /// Which.
     pub parcel: Parcel,
     /// Its texels, or what was wrong. A bundle of which one page cannot be read is an error.
-    pub texels: Result<ParcelTexels, PageError>,
+    pub texels: Result<ParcelTexels, Error>,
 }
 
 /// Brings parcels from wherever they are, many at a time, in the background. Pages of one cluster are read together.

@@ -3,9 +3,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use fantex_base::Error;
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
-use fantex_store::{Asset, PageError, PageId};
+use fantex_store::{Asset, PageId};
 use glam::{Mat3, Quat, Vec3};
 
 use crate::demand::{Demand, DemandSurface, DemandWork};
@@ -190,7 +191,7 @@ impl Streamer {
 
     /// Parcels that could not be loaded, with the reason. They are not asked for again; a coarser level stands in for them, and
     /// finer ones are resident without them.
-    pub fn damaged(&self) -> impl Iterator<Item = (&Parcel, &PageError)> {
+    pub fn damaged(&self) -> impl Iterator<Item = (&Parcel, &Error)> {
         self.residency.damaged().iter()
     }
 

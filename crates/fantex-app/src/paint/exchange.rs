@@ -5,9 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
+use fantex_base::Error;
 use fantex_cover::Cover;
 use fantex_paint::Painter;
-use fantex_store::{Asset, PageError, PageId, decode_plain, page_extent};
+use fantex_store::{Asset, PageId, decode_plain, page_extent};
 use fantex_stream::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, assemble};
 
 use crate::paint::Order;
@@ -32,7 +33,7 @@ struct State {
     /// Parcels that the painter is asked for, with their urgency.
     wanted: BTreeMap<Parcel, f32>,
     /// Its answers.
-    ready: BTreeMap<Parcel, (f32, Result<ParcelTexels, PageError>)>,
+    ready: BTreeMap<Parcel, (f32, Result<ParcelTexels, Error>)>,
     /// Pages that have just changed.
     fresh: BTreeMap<PageId, ParcelTexels>,
     /// The same where there are too many: they have to be asked for.
@@ -149,7 +150,7 @@ impl Exchange {
     }
 
     /// The painter's: an answer. One that nobody waits for any more is dropped.
-    pub fn answer(&self, parcel: Parcel, texels: Result<ParcelTexels, PageError>) {
+    pub fn answer(&self, parcel: Parcel, texels: Result<ParcelTexels, Error>) {
         let mut state = self.lock();
         if let Some(urgency) = state.wanted.remove(&parcel) {
             state.ready.insert(parcel, (urgency, texels));
@@ -313,7 +314,7 @@ pub(crate) fn parcel_texels(
     painter: &Painter,
     parcel: Parcel,
     formats: &[AtlasFormat],
-) -> Result<ParcelTexels, PageError> {
+) -> Result<ParcelTexels, Error> {
     let layout = parcel.layout(painter.editor().asset().cover());
     assemble(&layout, formats, |channel, page| {
         channel_texels(painter, page, channel, formats[channel], None).map(Cow::Owned)
@@ -326,15 +327,15 @@ pub(crate) fn page_texels(
     page: PageId,
     formats: &[AtlasFormat],
     shown: &BTreeMap<usize, Vec<u8>>,
-) -> Result<ParcelTexels, PageError> {
+) -> Result<ParcelTexels, Error> {
     let extent = extent(painter, page)?;
     let channels = formats.iter().enumerate().map(|(channel, &format)| {
         Ok(Arc::from(channel_texels(painter, page, channel, format, shown.get(&channel))?))
     });
-    Ok(ParcelTexels { extent, channels: channels.collect::<Result<_, PageError>>()? })
+    Ok(ParcelTexels { extent, channels: channels.collect::<Result<_, Error>>()? })
 }
 
-fn extent(painter: &Painter, page: PageId) -> Result<[u32; 2], PageError> {
+fn extent(painter: &Painter, page: PageId) -> Result<[u32; 2], Error> {
     let asset = painter.editor().asset();
     let group =
         asset.cover().groups.get(page.group as usize).ok_or_else(|| no_such_page(painter, 0, page))?;
@@ -348,7 +349,7 @@ fn channel_texels(
     index: usize,
     format: AtlasFormat,
     shown: Option<&Vec<u8>>,
-) -> Result<Vec<u8>, PageError> {
+) -> Result<Vec<u8>, Error> {
     let editor = painter.editor();
     let channel = &editor.asset().channels()[index];
     let stored = match shown {
@@ -362,8 +363,8 @@ fn channel_texels(
     plain.map_err(|_| no_such_page(painter, index, page))
 }
 
-fn no_such_page(painter: &Painter, channel: usize, page: PageId) -> PageError {
-    PageError::NoSuchPage { path: painter.editor().asset().path().to_owned(), channel, page }
+fn no_such_page(painter: &Painter, channel: usize, page: PageId) -> Error {
+    painter.editor().asset().no_such_page(channel, page)
 }
 
 #[cfg(test)]

@@ -14,7 +14,7 @@ use fantex_paint::{
     Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, PaintError, Painter, Sample,
     StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress,
 };
-use fantex_store::{Asset, EditError, PageId};
+use fantex_store::{Asset, PageId, is_disk_full};
 use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
 use glam::{DVec2, Vec4};
 
@@ -465,8 +465,9 @@ impl Worker {
 /// What the user can do about it.
 fn save_problem(error: &PaintError) -> String {
     match error {
-        PaintError::Edit(EditError::Full { path, .. }) => {
-            let name = PathBuf::from(path.file_name().unwrap_or_default());
+        PaintError::Asset(error) if is_disk_full(error) => {
+            let name = error.path().and_then(Path::file_name).unwrap_or_default();
+            let name = PathBuf::from(name);
             format!(
                 "The disk is full: what you paint stays in memory. Make room, and {} is saved by itself.",
                 name.display()

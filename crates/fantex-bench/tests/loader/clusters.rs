@@ -5,8 +5,9 @@ use std::io::{Seek, SeekFrom, Write};
 use std::time::{Duration, Instant};
 
 use fantex_bake::BakeFormat;
+use fantex_base::{Error, ErrorKind, Place};
 use fantex_bench::faulty::{FaultyReader, ReadFaults};
-use fantex_store::{ClusterId, PageError, PageId};
+use fantex_store::{ClusterId, PageId};
 use fantex_stream::read::{FileReadOptions, RetryPolicy, open_file_reader};
 use fantex_stream::{ClusterLoader, ClusterLoaderOptions, Parcel, ParcelLoader, ParcelTexels};
 use proptest::prelude::*;
@@ -412,7 +413,10 @@ fn errors_everywhere_name_file_and_place_and_end() {
         let error = texels.unwrap_err();
         let starts = clusters(&baked.asset, page).into_iter().map(|id| baked.asset.cluster_range(id).start);
         let starts: Vec<u64> = starts.collect();
-        assert!(matches!(&error, PageError::Io { offset, .. } if starts.contains(offset)), "{page}: {error}");
+        assert!(
+            matches!(error.place(), Some(Place::Byte(offset)) if starts.contains(offset)),
+            "{page}: {error}"
+        );
         let message = error.to_string();
         assert!(message.contains("torus.fan") && message.contains("an injected fault"), "{message}");
     }
@@ -434,7 +438,7 @@ fn corrupted_bytes_never_pass() {
         for (page, texels) in arrived {
             match texels {
                 Ok(texels) => assert!(!all_fail && texels == expected(&baked.asset, page, true), "{page}"),
-                Err(error) => assert!(matches!(error, PageError::Checksum { .. }), "{page}: {error}"),
+                Err(error) => assert!(error.kind() == ErrorKind::Damaged, "{page}: {error}"),
             }
         }
         assert!(loader.statistics().retries > 0);
@@ -447,7 +451,7 @@ fn reads_that_end_early_are_errors() {
     let mut loader =
         faulty_loader(&baked, ReadFaults { truncation_probability: 1.0, ..ReadFaults::default() });
     for texels in load(&mut loader, &all_parcels(&baked.asset)).into_values() {
-        assert!(matches!(texels, Err(PageError::Io { .. })));
+        assert_eq!(texels.unwrap_err().kind(), ErrorKind::Io);
     }
     assert_eq!(loader.statistics().retries, 0);
 }
@@ -472,7 +476,7 @@ fn load_with_change(
     baked: &Baked,
     options: &ClusterLoaderOptions,
     change: impl FnOnce(),
-) -> BTreeMap<Parcel, Result<ParcelTexels, PageError>> {
+) -> BTreeMap<Parcel, Result<ParcelTexels, Error>> {
     let mut loader = ClusterLoader::open(baked.asset.clone(), options).unwrap();
     change();
     load(&mut loader, &all_parcels(&baked.asset))
@@ -529,7 +533,7 @@ fn a_file_overwritten_underneath_gives_errors_where_it_was() {
         let is_hit = clusters(&baked.asset, page).contains(&hit);
         assert_eq!(texels.is_err(), is_hit, "{page}");
         if let Err(error) = texels {
-            assert!(matches!(error, PageError::Checksum { offset, .. } if offset == range.start), "{error}");
+            assert!(error.place() == Some(&Place::Byte(range.start)), "{error}");
         }
     }
 }

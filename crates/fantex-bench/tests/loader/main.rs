@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use fantex_bake::{
     BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
 };
+use fantex_base::Error;
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, clean, generate};
 use fantex_store::{Asset, ChannelKind, ClusterId, PageId, decode_plain, group_pages};
@@ -133,7 +134,7 @@ pub(crate) fn wait_for_all(loader: &mut ClusterLoader, max_bytes: usize) -> Vec<
 pub(crate) fn load(
     loader: &mut ClusterLoader,
     parcels: &[Parcel],
-) -> BTreeMap<Parcel, Result<ParcelTexels, fantex_store::PageError>> {
+) -> BTreeMap<Parcel, Result<ParcelTexels, Error>> {
     for (i, &parcel) in parcels.iter().enumerate() {
         loader.request(parcel, (i % 17) as f32);
     }

@@ -9,7 +9,7 @@ use fantex_paint::{
     Painter, Picture, PicturePlace, Projection, ProjectionView, StrokeFile, StrokeSettings, Target,
     TextureGraph, dabs_of,
 };
-use fantex_store::{EditError, VerifyOptions, verify};
+use fantex_store::{VerifyOptions, is_disk_full, verify};
 use fantex_texture::Image;
 use glam::{DVec3, Vec3, Vec4};
 
@@ -403,7 +403,7 @@ fn a_full_disk_costs_nothing_but_memory() {
     assert!(!a.is_disk_full() && b.is_disk_full(), "it says so");
     assert!(contents(&a) == contents(&b), "painting goes on");
     let refused = b.commit();
-    assert!(matches!(refused, Err(PaintError::Edit(EditError::Full { .. }))), "{refused:?}");
+    assert!(matches!(&refused, Err(PaintError::Asset(error)) if is_disk_full(error)), "{refused:?}");
     // What is on the disk is the last committed state.
     assert!(verify(&full.path, &VerifyOptions::default()).unwrap().ok);
     assert!(b.undo().unwrap() && b.redo().unwrap() && b.is_disk_full());
@@ -457,7 +457,7 @@ fn tools_that_read_the_surface_work_on_a_full_disk() {
     }
     assert!(b.is_disk_full() && !a.is_disk_full());
     assert!(contents(&a) == contents(&b), "what they read is what is seen");
-    assert!(matches!(b.commit(), Err(PaintError::Edit(EditError::Full { .. }))));
+    assert!(matches!(b.commit(), Err(PaintError::Asset(error)) if is_disk_full(&error)));
     b.limit_file(None);
     b.commit().unwrap();
     a.commit().unwrap();

@@ -17,7 +17,8 @@ use crate::layout::{PageSize, TilePlace};
 use crate::reader::pack_cluster;
 use crate::source::write_all_at;
 use crate::writer::{SECTION_ZSTD_LEVEL, lengthen};
-use crate::{Asset, EditError, PageId, TexelFormat};
+use crate::{Asset, PageId, TexelFormat, write_error};
+use fantex_base::{Error, Result};
 
 /// Clusters that are packed at a time: bounds the memory of a flush.
 const BATCH: usize = 32;
@@ -44,7 +45,7 @@ impl AssetEditor {
     /// where there are none.
     ///
     /// On an error the file keeps its last committed state, and the changes stay pending.
-    pub fn commit(&mut self) -> Result<CommitSummary, EditError> {
+    pub fn commit(&mut self) -> Result<CommitSummary> {
         if self.has_changes() {
             self.flush()?;
             let switch = self.write_directory()?;
@@ -59,12 +60,17 @@ impl AssetEditor {
 
     /// Writes pending pages and attachments to the file, uncommitted, and so frees their memory. What could not be written
     /// stays pending.
-    pub fn flush(&mut self) -> Result<(), EditError> {
+    pub fn flush(&mut self) -> Result<()> {
         if !self.has_pending() {
             return Ok(());
         }
-        if !is_same_file(&self.file, self.asset.path()) {
-            return Err(EditError::Replaced { path: self.asset.path().to_owned() });
+        let path = self.asset.path();
+        if !is_same_file(&self.file, path) {
+            return Err(Error::conflict(format!(
+                "{} was replaced or removed while it was edited; the changes cannot be saved there",
+                path.display()
+            ))
+            .with_path(path));
         }
         self.reclaim();
         for level in 0..self.pending.pages.len() as u32 {
@@ -82,11 +88,11 @@ impl AssetEditor {
     }
 
     /// Rewrites the first few clusters of a level that have changes.
-    fn flush_batch(&mut self, level: u32) -> Result<(), EditError> {
+    fn flush_batch(&mut self, level: u32) -> Result<()> {
         let (changes, indices) = self.take_batch(level);
         let (asset, directory) = (&self.asset, &self.flushed.directory);
         let packing = self.packing;
-        let packed: Result<Vec<_>, EditError> = indices
+        let packed: Result<Vec<_>> = indices
             .par_iter()
             .map(|&index| Ok((index, rewrite(asset, directory, level, index, &changes, packing)?)))
             .collect();
@@ -129,7 +135,7 @@ impl AssetEditor {
     fn write_clusters(
         &mut self,
         packed: Vec<(usize, Vec<PackedRun>)>,
-    ) -> Result<Vec<(usize, Vec<ClusterEntry>)>, EditError> {
+    ) -> Result<Vec<(usize, Vec<ClusterEntry>)>> {
         let mut done: Vec<(usize, Vec<ClusterEntry>)> = Vec::new();
         for (index, runs) in packed {
             let mut entries = Vec::new();
@@ -173,7 +179,7 @@ impl AssetEditor {
         self.flushed.changed = true;
     }
 
-    fn flush_attachment(&mut self, name: &str, contents: Option<&[u8]>) -> Result<(), EditError> {
+    fn flush_attachment(&mut self, name: &str, contents: Option<&[u8]>) -> Result<()> {
         let record = contents.map(|contents| self.write_section(contents)).transpose()?;
         let old = match record {
             Some(record) => {
@@ -199,7 +205,7 @@ impl AssetEditor {
     }
 
     /// Steps 1 and 2: the directory and the list of attachments, and everything made durable.
-    fn write_directory(&mut self) -> Result<Switch, EditError> {
+    fn write_directory(&mut self) -> Result<Switch> {
         let mut written = Vec::new();
         let slot = self.write_sections(&mut written);
         let durable = slot.and_then(|slot| {
@@ -219,7 +225,7 @@ impl AssetEditor {
         }
     }
 
-    fn write_sections(&mut self, written: &mut Vec<Range<u64>>) -> Result<Slot, EditError> {
+    fn write_sections(&mut self, written: &mut Vec<Range<u64>>) -> Result<Slot> {
         let mut sections = self.asset.slot().sections;
         sections[3] = self.write_section(&directory::encode(&self.flushed.directory))?;
         written.push(sections[3].range());
@@ -239,7 +245,7 @@ impl AssetEditor {
     }
 
     /// Steps 3 and 4.
-    fn switch_to(&mut self, switch: Switch) -> Result<(), EditError> {
+    fn switch_to(&mut self, switch: Switch) -> Result<()> {
         let Switch { slot, written } = switch;
         let target = SLOT_OFFSETS[self.header.target];
         self.header.newest = slot.generation;
@@ -276,7 +282,7 @@ impl AssetEditor {
         }
     }
 
-    fn write_section(&mut self, raw: &[u8]) -> Result<SectionRecord, EditError> {
+    fn write_section(&mut self, raw: &[u8]) -> Result<SectionRecord> {
         let packed = zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL);
         let mut stored = packed.map_err(|source| self.failed(source))?;
         lengthen(&mut stored, raw.len() as u64);
@@ -289,7 +295,7 @@ impl AssetEditor {
     }
 
     /// Writes bytes where there is room and returns where.
-    fn write_anywhere(&mut self, bytes: &[u8]) -> Result<u64, EditError> {
+    fn write_anywhere(&mut self, bytes: &[u8]) -> Result<u64> {
         let offset = self.space.allocate(bytes.len() as u64);
         let is_beyond = self.limit.is_some_and(|limit| offset + bytes.len() as u64 > limit);
         let written = if is_beyond {
@@ -307,10 +313,10 @@ impl AssetEditor {
     }
 
     /// The error of a failed write. Gives back what the file grew by, so that a full disk has room for others again.
-    fn failed(&mut self, source: std::io::Error) -> EditError {
+    fn failed(&mut self, source: std::io::Error) -> Error {
         let length = self.space.end().max(self.asset.file_bytes());
         self.output.set_len(length).unwrap_or_default();
-        EditError::write(self.asset.path().to_owned(), source)
+        write_error(self.asset.path(), source)
     }
 }
 
@@ -435,11 +441,11 @@ pub(super) fn rewrite(
     index: usize,
     changes: &LevelChanges,
     packing: RunPacking,
-) -> Result<Vec<PackedRun>, EditError> {
+) -> Result<Vec<PackedRun>> {
     let entry = &directory.levels[level as usize][index];
     let cluster = asset.read_entry(level, entry)?;
     let formats = asset.formats();
-    let io = |source| EditError::write(asset.path().to_owned(), source);
+    let io = |source| write_error(asset.path(), source);
     let mut cutter = RunCutter::new(formats, packing);
     let mut runs = Vec::new();
     for place in pages_of_cluster(asset, directory, level, index) {

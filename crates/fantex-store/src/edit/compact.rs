@@ -16,7 +16,8 @@ use crate::layout::PageSize;
 use crate::writer::{
     CLUSTER_TARGET_BYTES, SECTION_ZSTD_LEVEL, clusters_per_level, folder_of, lengthen, temporary_file,
 };
-use crate::{Asset, EditError, PageId};
+use crate::{Asset, PageId, write_error};
+use fantex_base::Result;
 
 /// What compaction did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,10 +31,10 @@ pub struct CompactSummary {
 impl AssetEditor {
     /// Commits, then replaces the file by a copy without gaps, atomically. Needs room for the copy; memory does not grow
     /// with the asset. Readers that have the old file open keep it.
-    pub fn compact(&mut self) -> Result<CompactSummary, EditError> {
+    pub fn compact(&mut self) -> Result<CompactSummary> {
         let bytes_before = self.commit()?.file_bytes;
         let path = self.asset.path().to_owned();
-        let io = |source| EditError::write(path.clone(), source);
+        let io = |source| write_error(&path, source);
         let mut copy = Copy::begin(&self.asset).map_err(io)?;
         let run_bytes = CLUSTER_TARGET_BYTES as usize;
         copy.clusters(&self.asset, RunPacking { run_bytes, ..self.packing })?;
@@ -44,8 +45,8 @@ impl AssetEditor {
     }
 
     /// Gives the finished copy the asset's name and goes on there.
-    fn move_to(&mut self, file: NamedTempFile, path: &Path) -> Result<(), EditError> {
-        let io = |source| EditError::write(path.to_owned(), source);
+    fn move_to(&mut self, file: NamedTempFile, path: &Path) -> Result<()> {
+        let io = |source| write_error(path, source);
         file.persist(path).map_err(|error| io(error.error))?;
         #[cfg(unix)]
         File::open(folder_of(path)).and_then(|folder| folder.sync_all()).map_err(io)?;
@@ -98,7 +99,7 @@ impl Copy {
     }
 
     /// Joins and copies all clusters, level after level within neighbourhoods of the surface.
-    fn clusters(&mut self, asset: &Asset, packing: RunPacking) -> Result<(), EditError> {
+    fn clusters(&mut self, asset: &Asset, packing: RunPacking) -> Result<()> {
         let levels = asset.directory().levels.len();
         let mut next = vec![0; levels];
         let mut cutters: Vec<_> = (0..levels).map(|_| RunCutter::new(asset.formats(), packing)).collect();
@@ -111,7 +112,7 @@ impl Copy {
             next[level] += 1;
         }
         for (level, cutter) in cutters.iter_mut().enumerate() {
-            let run = cutter.finish().map_err(|e| EditError::write(asset.path().to_owned(), e))?;
+            let run = cutter.finish().map_err(|e| write_error(asset.path(), e))?;
             self.run(asset, level, run)?;
         }
         Ok(())
@@ -123,23 +124,23 @@ impl Copy {
         level: usize,
         index: usize,
         cutter: &mut RunCutter<'_>,
-    ) -> Result<(), EditError> {
+    ) -> Result<()> {
         let cluster = asset.read_entry(level as u32, &asset.directory().levels[level][index])?;
         for place in pages_of_cluster(asset, asset.directory(), level as u32, index) {
             let size = PageSize::new(asset.cover().groups[place.group as usize].extent, level as u32);
             let id = PageId { group: place.group, level: level as u32, page: size.page(place.page) };
             let channels = (0..asset.formats().len()).map(|channel| asset.page_in(&cluster, channel, id));
             let page = channels.collect::<Result<Vec<_>, _>>()?;
-            let run = cutter.add(place, &page).map_err(|e| EditError::write(asset.path().to_owned(), e))?;
+            let run = cutter.add(place, &page).map_err(|e| write_error(asset.path(), e))?;
             self.run(asset, level, run)?;
         }
         Ok(())
     }
 
-    fn run(&mut self, asset: &Asset, level: usize, run: Option<PackedRun>) -> Result<(), EditError> {
+    fn run(&mut self, asset: &Asset, level: usize, run: Option<PackedRun>) -> Result<()> {
         let Some(run) = run else { return Ok(()) };
         let entry: ClusterEntry = run.entry(self.end);
-        self.write_at(self.end, &run.stored).map_err(|e| EditError::write(asset.path().to_owned(), e))?;
+        self.write_at(self.end, &run.stored).map_err(|e| write_error(asset.path(), e))?;
         self.directory.levels[level].push(entry);
         self.end = entry.range().end.next_multiple_of(ALIGNMENT);
         Ok(())

@@ -11,7 +11,8 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::EditError;
+use crate::write_error;
+use fantex_base::{Error, Result};
 
 /// Attempts, a millisecond apart, to mark a file as being read.
 const PATIENCE: u32 = 500;
@@ -26,15 +27,21 @@ pub(super) struct WriterLock {
 
 impl WriterLock {
     /// Locks the asset at `path` against other writers, or says that one is at work.
-    pub(super) fn acquire(path: &Path) -> Result<Self, EditError> {
+    pub(super) fn acquire(path: &Path) -> Result<Self> {
         let lock_path = lock_path(path);
-        let io = |source| EditError::Io { path: lock_path.clone(), source };
+        let io = |source| write_error(&lock_path, source);
         loop {
             let options = OpenOptions::new().write(true).create(true).truncate(false).clone();
             let file = options.open(&lock_path).map_err(io)?;
             match file.try_lock() {
                 Ok(()) => {}
-                Err(TryLockError::WouldBlock) => return Err(EditError::Locked { path: path.to_owned() }),
+                Err(TryLockError::WouldBlock) => {
+                    return Err(Error::conflict(format!(
+                        "{} is being edited by another program; close it there first",
+                        path.display()
+                    ))
+                    .with_path(path));
+                }
                 // Without locks the file's owner takes care.
                 Err(TryLockError::Error(error)) if error.kind() == std::io::ErrorKind::Unsupported => {}
                 Err(TryLockError::Error(source)) => return Err(io(source)),

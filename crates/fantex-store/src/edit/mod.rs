@@ -42,7 +42,9 @@ use crate::header::{read_other_slot, read_section};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
 
-use crate::{Asset, EditError, FileSource, PageError, PageId, Texels, cover_level_count};
+use crate::error::no_such_page;
+use crate::{Asset, FileSource, PageId, Texels, cover_level_count, write_error};
+use fantex_base::{Error, Result};
 
 pub use self::commit::CommitSummary;
 pub use self::compact::CompactSummary;
@@ -108,7 +110,7 @@ struct Flushed {
 }
 
 impl Flushed {
-    fn none(asset: &Asset) -> Result<Self, EditError> {
+    fn none(asset: &Asset) -> Result<Self> {
         Ok(Self {
             directory: Arc::clone(asset.directory()),
             attachments: asset.attachments()?.clone(),
@@ -134,10 +136,10 @@ struct HeaderState {
 
 impl AssetEditor {
     /// Opens an asset for changing. Takes the lock that keeps other writers out; readers are welcome.
-    pub fn open(path: &Path, options: &EditOptions) -> Result<Self, EditError> {
+    pub fn open(path: &Path, options: &EditOptions) -> Result<Self> {
         let lock = Arc::new(WriterLock::acquire(path)?);
         let file = OpenOptions::new().read(true).write(true).open(path);
-        let file = file.map_err(|source| EditError::Io { path: path.to_owned(), source })?;
+        let file = file.map_err(|source| write_error(path, source))?;
         let file = Arc::new(file);
         let packing = RunPacking { run_bytes: RUN_BYTES, zstd_level: options.zstd_level };
         Self::with_output(path, packing, lock, Arc::clone(&file), Box::new(FileOutput(file)))
@@ -149,7 +151,7 @@ impl AssetEditor {
         lock: Arc<WriterLock>,
         file: Arc<File>,
         output: Box<dyn Output>,
-    ) -> Result<Self, EditError> {
+    ) -> Result<Self> {
         let source = FileSource::from_file(path, Arc::clone(&file));
         let asset = Arc::new(Asset::open_source(Arc::new(source))?);
         let flushed = Flushed::none(&asset)?;
@@ -179,12 +181,12 @@ impl AssetEditor {
 
     /// Replaces a page's bytes in one channel, by [`encode`](crate::encode)'s. In memory until [`flush`](Self::flush) or
     /// [`commit`](Self::commit).
-    pub fn replace(&mut self, page: PageId, channel: usize, bytes: Vec<u8>) -> Result<(), EditError> {
+    pub fn replace(&mut self, page: PageId, channel: usize, bytes: Vec<u8>) -> Result<()> {
         let extent = self.asset.page_extent(channel, page)?;
         let expected = self.asset.formats()[channel].bytes(extent);
         if bytes.len() != expected {
             let (path, got) = (self.asset.path().to_owned(), bytes.len());
-            return Err(EditError::PageBytes { path, page, channel, expected, got });
+            return Err(Error::invalid(format!("cannot change {}: page ({page}) takes {expected} bytes in channel {channel}, but {got} were given", path.display())).with_path(path));
         }
         let place = self.place(page)?;
         let channels = self.asset.formats().len();
@@ -211,11 +213,13 @@ impl AssetEditor {
     }
 
     /// Adds or replaces an attachment, up to 1 GiB under a name of up to 255 bytes.
-    pub fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<(), EditError> {
+    pub fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<()> {
         let bytes = contents.len() as u64;
         if name.len() > MAX_ATTACHMENT_NAME_BYTES || bytes > MAX_ATTACHMENT_BYTES {
             let (name, limit) = (name.to_owned(), MAX_ATTACHMENT_BYTES);
-            return Err(EditError::AttachmentSize { name, bytes, limit });
+            return Err(Error::too_large(format!(
+                "attachment {name:?} has {bytes} bytes; names may have up to 255 and contents up to {limit} bytes"
+            )));
         }
         self.pending.attachments.insert(name.to_owned(), Some(contents));
         Ok(())
@@ -246,7 +250,7 @@ impl AssetEditor {
     }
 
     /// Reads a page's bytes with all changes, committed or not. Keeps the last few clusters.
-    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         let (asset, directory) = (&*self.asset, &*self.flushed.directory);
         View { asset, directory, pages: &self.pending.pages, recent: &self.recent }
             .read_page_raw(channel, page)
@@ -269,7 +273,7 @@ impl AssetEditor {
     }
 
     /// Reads and decodes a page with all changes, committed or not. Not cached.
-    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
+    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels> {
         let bytes = self.read_page_raw(channel, page)?;
         self.asset.decode_page_raw(channel, page, &bytes)
     }
@@ -280,7 +284,7 @@ impl AssetEditor {
     }
 
     /// Reads an attachment with all changes, committed or not.
-    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, EditError> {
+    pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
         if let Some(change) = self.pending.attachments.get(name) {
             return Ok(change.clone());
         }
@@ -308,7 +312,7 @@ impl AssetEditor {
     }
 
     /// Forgets all changes that are not committed.
-    pub fn discard(&mut self) -> Result<(), EditError> {
+    pub fn discard(&mut self) -> Result<()> {
         let flushed = Flushed::none(&self.asset)?;
         let dropped = std::mem::replace(&mut self.flushed, flushed);
         self.release_uncommitted(&dropped);
@@ -325,7 +329,7 @@ impl AssetEditor {
         }
     }
 
-    fn place(&self, page: PageId) -> Result<TilePlace, PageError> {
+    fn place(&self, page: PageId) -> Result<TilePlace> {
         place_of(&self.asset, page)
     }
 
@@ -414,7 +418,7 @@ struct View<'a> {
 }
 
 impl View<'_> {
-    fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+    fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         self.asset.page_extent(channel, page)?;
         let place = place_of(self.asset, page)?;
         let change = self.pages[page.level as usize].get(&place);
@@ -426,7 +430,7 @@ impl View<'_> {
         self.asset.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
     }
 
-    fn cluster(&self, level: u32, entry: &ClusterEntry) -> Result<Arc<ClusterPages>, PageError> {
+    fn cluster(&self, level: u32, entry: &ClusterEntry) -> Result<Arc<ClusterPages>> {
         let key = [entry.offset, entry.checksum];
         let lock = || self.recent.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((_, cluster)) = lock().iter().find(|(known, _)| *known == key) {
@@ -442,11 +446,10 @@ impl View<'_> {
     }
 }
 
-fn place_of(asset: &Asset, page: PageId) -> Result<TilePlace, PageError> {
+fn place_of(asset: &Asset, page: PageId) -> Result<TilePlace> {
     let extent = asset.cover().groups.get(page.group as usize).map_or([0, 0], |g| g.extent);
     let number = PageSize::new(extent, page.level).number(page.page);
-    let path = || asset.path().to_owned();
-    let number = number.ok_or_else(|| PageError::NoSuchPage { path: path(), channel: 0, page })?;
+    let number = number.ok_or_else(|| no_such_page(asset.path(), 0, page))?;
     Ok(TilePlace { group: page.group, page: number })
 }
 
@@ -476,7 +479,7 @@ impl EditorSnapshot {
     /// # Errors
     ///
     /// There is no such page, or it cannot be read.
-    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>, PageError> {
+    pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         let Self { asset, directory, pages, recent } = self;
         View { asset, directory, pages, recent }.read_page_raw(channel, page)
     }
@@ -486,7 +489,7 @@ impl EditorSnapshot {
     /// # Errors
     ///
     /// As [`read_page_raw`](Self::read_page_raw).
-    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels, PageError> {
+    pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels> {
         let bytes = self.read_page_raw(channel, page)?;
         self.asset.decode_page_raw(channel, page, &bytes)
     }

@@ -7,8 +7,8 @@ use std::path::Path;
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
 use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation, ToonScale, WorldFromMesh};
 use fantex_store::{
-    AssetWriter, Channel, ChannelKind, CreateError, CreateOptions, EncodedPage, PageId, Quality, TexelFormat,
-    TexelSlice, WriteSummary, encode, group_pages, page_extent, page_origin,
+    AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageId, Quality, TexelFormat, TexelSlice,
+    WriteSummary, encode, group_pages, page_extent, page_origin,
 };
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -168,7 +168,7 @@ pub(crate) fn write(
     cover: &Cover,
     channels: &[Channel],
     batch: usize,
-) -> Result<WriteSummary, CreateError> {
+) -> fantex_base::Result<WriteSummary> {
     let options = CreateOptions { force: true, ..CreateOptions::default() };
     let mut writer = AssetWriter::create(path, &options, mesh, cover, channels)?;
     let all: Vec<PageId> = pages(cover).collect();

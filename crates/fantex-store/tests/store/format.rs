@@ -4,10 +4,10 @@ use std::io;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use fantex_base::ErrorKind;
 use fantex_mesh::{Material, Mesh, ToonInterpolation, ToonScale};
 use fantex_store::{
-    Asset, AssetWriter, ByteSource, Channel, CreateError, CreateOptions, OpenError, PageError, PageId,
-    Quality, TexelSlice, decode, encode,
+    Asset, AssetWriter, ByteSource, Channel, CreateOptions, PageId, Quality, TexelSlice, decode, encode,
 };
 use glam::Vec3;
 
@@ -324,8 +324,13 @@ fn an_unfinished_writer_leaves_nothing() {
     let create = || AssetWriter::create(&path, &CreateOptions::default(), &mesh, &cover, &channels).unwrap();
     drop(create());
     assert!(folder_is_empty(folder.path()));
-    assert!(matches!(create().finish(&means(&cover, &channels)), Err(CreateError::Incomplete { .. })));
+    refused(create().finish(&means(&cover, &channels)), "has not been written");
     assert!(folder_is_empty(folder.path()));
+}
+
+fn refused<T: std::fmt::Debug>(result: fantex_base::Result<T>, sentence: &str) {
+    let error = result.unwrap_err().to_string();
+    assert!(error.contains(sentence), "{error}");
 }
 
 #[test]
@@ -336,13 +341,13 @@ fn pages_out_of_turn_are_refused() {
     let ids: Vec<PageId> = pages(&cover).collect();
     let page = |i: usize| encoded_page(&cover, &channels, ids[i]);
     let mut writer = AssetWriter::create(&path, &CreateOptions::default(), &mesh, &cover, &channels).unwrap();
-    assert!(matches!(writer.write_pages(vec![page(1)]), Err(CreateError::Order { .. })));
+    refused(writer.write_pages(vec![page(1)]), "came where");
     let mut short = page(0);
     short.channels[2].pop();
-    assert!(matches!(writer.write_pages(vec![short]), Err(CreateError::PageBytes { .. })));
+    refused(writer.write_pages(vec![short]), "bytes per channel");
     writer.write_pages((0..ids.len()).map(page).collect()).unwrap();
-    assert!(matches!(writer.write_pages(vec![page(0)]), Err(CreateError::NoSuchPage { .. })));
-    assert!(matches!(writer.finish(&[]), Err(CreateError::Means { .. })));
+    refused(writer.write_pages(vec![page(0)]), "is not part of the cover");
+    refused(writer.finish(&[]), "means are due");
     assert!(folder_is_empty(folder.path()));
 }
 
@@ -358,9 +363,9 @@ fn nothing_is_overwritten_without_force() {
     // A file that appears while the asset is being written survives, too.
     let mut late = create(false).unwrap();
     std::fs::write(&path, "precious").unwrap();
-    assert!(matches!(create(false), Err(CreateError::Exists(_))));
+    refused(create(false), "exists already");
     late.write_pages(pages(&cover).map(|id| encoded_page(&cover, &channels, id)).collect()).unwrap();
-    assert!(matches!(late.finish(&means(&cover, &channels)), Err(CreateError::Exists(_))));
+    refused(late.finish(&means(&cover, &channels)), "exists already");
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
     write(&path, &mesh, &cover, &channels, 10).unwrap();
     assert!(Asset::open(&path).is_ok());
@@ -412,7 +417,8 @@ fn contents_against_the_rules_are_refused() {
         let (mut mesh, mut cover, mut channels) = (mesh.clone(), cover.clone(), channels.clone());
         change(&mut mesh, &mut cover, &mut channels);
         let result = AssetWriter::create(&path, &CreateOptions::default(), &mesh, &cover, &channels);
-        assert!(matches!(result, Err(CreateError::Content { .. })), "change {i}");
+        let error = result.unwrap_err();
+        assert!(matches!(error.kind(), ErrorKind::Malformed | ErrorKind::TooLarge), "change {i}: {error}");
     }
     assert!(folder_is_empty(folder.path()));
 }
@@ -484,7 +490,7 @@ fn clusters_read_by_others_hold_the_same_pages() {
             seen += 1;
         }
         let foreign = pages(asset.cover()).find(|&page| asset.cluster_of(page).unwrap() != cluster).unwrap();
-        assert!(matches!(asset.page_in(&unpacked, 0, foreign), Err(PageError::NoSuchPage { .. })));
+        refused(asset.page_in(&unpacked, 0, foreign), "has no page");
         let mut damaged = stored.to_vec();
         damaged[0] ^= 1;
         let error = asset.unpack_cluster(cluster, &damaged).unwrap_err();
@@ -500,6 +506,6 @@ fn messages_name_the_location() {
     let length = source.bytes.lock().unwrap().len();
     source.bytes.lock().unwrap().truncate(length - 1);
     let error = Asset::open_source(source).unwrap_err();
-    assert!(matches!(error, OpenError::Truncated { .. }));
+    assert_eq!(error.kind(), ErrorKind::Damaged);
     assert!(error.to_string().starts_with("https://example.org/recorded.fan is truncated"), "{error}");
 }

@@ -9,7 +9,8 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use fantex_store::{ClusterId, ClusterPages, PageError};
+use fantex_base::{Error, ErrorKind};
+use fantex_store::{ClusterId, ClusterPages, io_cause};
 
 use super::worker::{ClusterCache, Kept};
 use super::{ClusterLoaderOptions, LoaderStatistics};
@@ -188,7 +189,7 @@ impl Board {
     }
 
     /// A parcel that no cluster holds arrives as an error.
-    pub(super) fn refuse(&mut self, parcel: Parcel, urgency: f32, error: PageError) {
+    pub(super) fn refuse(&mut self, parcel: Parcel, urgency: f32, error: Error) {
         self.ready.insert(parcel, Urgency(urgency), Err(error));
     }
 
@@ -385,15 +386,9 @@ impl Board {
 
     /// A read of one or more clusters went wrong. `alone`: of this one only; else each is read by itself before it counts as
     /// unreadable.
-    pub(super) fn read_fails(
-        &mut self,
-        cluster: ClusterId,
-        stored_bytes: usize,
-        error: PageError,
-        alone: bool,
-    ) {
+    pub(super) fn read_fails(&mut self, cluster: ClusterId, stored_bytes: usize, error: Error, alone: bool) {
         self.in_flight_bytes -= stored_bytes;
-        let may_pass = matches!(&error, PageError::Io { source, .. } if is_transient(source));
+        let may_pass = io_cause(&error).is_some_and(is_transient);
         let retries = if may_pass { self.retry.retries } else { 0 };
         self.fail(cluster, error, if alone { retries } else { retries.max(1) });
     }
@@ -466,11 +461,13 @@ impl Board {
     }
 
     /// A cluster has been unpacked, or cannot be.
-    pub(super) fn unpacked(&mut self, cluster: ClusterId, pages: Result<&Arc<ClusterPages>, PageError>) {
+    pub(super) fn unpacked(&mut self, cluster: ClusterId, pages: Result<&Arc<ClusterPages>, Error>) {
         match pages {
             Ok(pages) => self.cache.insert(cluster, pages),
             // The bytes may have been damaged on their way here: once more.
-            Err(error @ PageError::Checksum { .. }) => self.fail(cluster, error, self.retry.retries.min(1)),
+            Err(error) if error.kind() == ErrorKind::Damaged => {
+                self.fail(cluster, error, self.retry.retries.min(1))
+            }
             Err(error) => self.fail(cluster, error, 0),
         }
     }
@@ -517,11 +514,7 @@ impl Board {
     }
 
     /// Parcels that have been made of a cluster. Those that were cancelled meanwhile are dropped.
-    pub(super) fn made(
-        &mut self,
-        cluster: ClusterId,
-        parcels: Vec<(Parcel, Result<ParcelTexels, PageError>)>,
-    ) {
+    pub(super) fn made(&mut self, cluster: ClusterId, parcels: Vec<(Parcel, Result<ParcelTexels, Error>)>) {
         for (parcel, texels) in parcels {
             let Some(wanted) = self.clusters.get_mut(&cluster) else { return };
             if let Some(urgency) = wanted.parcels.remove(&parcel) {
@@ -536,7 +529,7 @@ impl Board {
     // Together.
 
     /// A cluster went wrong: it is read again after a pause, or all its parcels arrive as errors.
-    fn fail(&mut self, cluster: ClusterId, error: PageError, retries: u32) {
+    fn fail(&mut self, cluster: ClusterId, error: Error, retries: u32) {
         let Some(mut wanted) = self.clusters.remove(&cluster) else { return };
         if wanted.parcels.is_empty() {
             return;
@@ -653,7 +646,7 @@ impl<K: Copy + Ord> UrgencyQueue<K> {
 }
 
 /// Texels, or why there are none.
-type Outcome = Result<ParcelTexels, PageError>;
+type Outcome = Result<ParcelTexels, Error>;
 
 /// Stale entries are dropped when there are so many more of them than of others.
 const MAX_STALE_ENTRIES: usize = 1 << 12;

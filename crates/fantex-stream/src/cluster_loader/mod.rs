@@ -42,7 +42,7 @@ use std::thread::JoinHandle;
 
 use board::{Board, Order};
 use fantex_base::{Error, ErrorKind, Result};
-use fantex_store::{Asset, ClusterId, PageError, PageId};
+use fantex_store::{Asset, ClusterId, PageId};
 use scheduler::{FileOrder, Scheduler};
 use worker::Worker;
 
@@ -277,7 +277,7 @@ fn set_up_error(what: &str, asset: &Asset, error: io::Error) -> Error {
 }
 
 /// The clusters that hold a parcel's pages.
-fn clusters_of(asset: &Asset, parcel: Parcel) -> Result<Vec<ClusterId>, PageError> {
+fn clusters_of(asset: &Asset, parcel: Parcel) -> Result<Vec<ClusterId>, Error> {
     if let Parcel::Page(page) = parcel {
         return Ok(vec![asset.cluster_of(page)?]);
     }
@@ -291,7 +291,7 @@ fn clusters_of(asset: &Asset, parcel: Parcel) -> Result<Vec<ClusterId>, PageErro
     }
     if levels.is_empty() {
         let page = PageId { group: u32::MAX, level: 0, page: [0, 0] };
-        return Err(PageError::NoSuchPage { path: asset.path().to_owned(), channel: 0, page });
+        return Err(asset.no_such_page(0, page));
     }
     let mut clusters = Vec::new();
     for ends in levels {
@@ -507,7 +507,7 @@ const CHUNK: usize = 256;
 #[derive(Debug)]
 enum Message {
     /// It is wanted, so urgently.
-    Request(Parcel, f32, Result<Vec<ClusterId>, PageError>),
+    Request(Parcel, f32, Result<Vec<ClusterId>, Error>),
     /// It is not wanted any more.
     Cancel(Parcel, Option<Vec<ClusterId>>),
 }

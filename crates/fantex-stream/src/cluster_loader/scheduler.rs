@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fantex_store::{Asset, ClusterId, PageError};
+use fantex_store::{Asset, ClusterId};
 
 use super::Effects;
 use super::Shared;
@@ -171,9 +171,7 @@ impl Scheduler {
                 Ok(_) => Arc::new(io::ErrorKind::UnexpectedEof.into()),
                 Err(error) => Arc::clone(error),
             };
-            let path = self.shared.asset.path().to_owned();
-            let (offset, length) = (range.start, stored_bytes as u64);
-            let error = PageError::Io { path, offset, length, source: error };
+            let error = self.shared.asset.read_error(&range, error);
             board.read_fails(id, stored_bytes, error, alone);
         }
         drop(board);

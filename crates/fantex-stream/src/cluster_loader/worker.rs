@@ -6,7 +6,8 @@ use std::ops::{Deref, Range};
 use std::sync::Arc;
 use std::time::Instant;
 
-use fantex_store::{ClusterId, ClusterPages, PageError, PageId, decode_plain, page_extent};
+use fantex_base::Error;
+use fantex_store::{ClusterId, ClusterPages, PageId, decode_plain, page_extent};
 
 use super::board::Order;
 use super::{ClusterLoaderOptions, Shared};
@@ -59,7 +60,7 @@ impl Worker {
         if is_read {
             board.finish_read(cluster, stored_bytes, kept.as_ref());
         }
-        board.unpacked(cluster, unpacked.as_ref().map_err(PageError::clone));
+        board.unpacked(cluster, unpacked.as_ref().map_err(Error::clone));
         drop(board);
         if let Ok(pages) = unpacked {
             // There is room for reads, and decoding may take a while.
@@ -119,7 +120,7 @@ impl Worker {
     }
 
     /// A parcel's texels out of the clusters that hold its pages.
-    fn texels(&self, from: &[Arc<ClusterPages>], parcel: Parcel) -> Result<ParcelTexels, PageError> {
+    fn texels(&self, from: &[Arc<ClusterPages>], parcel: Parcel) -> Result<ParcelTexels, Error> {
         let Shared { asset, formats, .. } = &*self.shared;
         assemble(&parcel.layout(asset.cover()), formats, |index, page| {
             let (channel, format) = (&asset.channels()[index], formats[index]);
@@ -129,8 +130,7 @@ impl Worker {
             }
             let plain = decode_plain(channel.format, channel.srgb, self.extent(page), stored);
             // The page's bytes are as many as its extent asks for, so this error does not happen.
-            let no_such_page =
-                |_| PageError::NoSuchPage { path: asset.path().to_owned(), channel: index, page };
+            let no_such_page = |_| asset.no_such_page(index, page);
             Ok(Cow::Owned(plain.map_err(no_such_page)?))
         })
     }

@@ -32,7 +32,7 @@ use std::task::{Poll, Waker};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use fantex_store::{Asset, OpenError};
+use fantex_store::Asset;
 
 pub use file::{BufferPool, ReadBuffer, ring_reader, threaded_reader};
 pub(crate) use file::{open_in_runtime, ring_runtime, takes_direct_io};
@@ -186,12 +186,12 @@ pub fn url_of(location: &Path) -> Option<&str> {
 ///
 /// # Errors
 /// It cannot be read, is no asset, or is damaged; or it is at a URL, and this crate was built without the feature `http`.
-pub fn open_asset(location: &Path) -> Result<Asset, OpenError> {
+pub fn open_asset(location: &Path) -> fantex_base::Result<Asset> {
     match url_of(location) {
         #[cfg(feature = "http")]
         Some(url) => Asset::open_source(Arc::new(HttpSource::new(url, 1))),
         #[cfg(not(feature = "http"))]
-        Some(_) => Err(OpenError::Io { path: location.into(), source: no_http() }),
+        Some(_) => Err(fantex_base::Error::reading(location, no_http())),
         None => Asset::open(location),
     }
 }

@@ -25,7 +25,8 @@ use std::sync::Arc;
 pub(crate) use budget::FRAME_NANOSECONDS;
 use budget::{BiasControl, Item, Task, Work};
 pub use budget::{FrameWork, WORK_COSTS, WORK_KINDS};
-use fantex_store::{PageError, PageId};
+use fantex_base::Error;
+use fantex_store::PageId;
 pub(crate) use pool::COUNTED_LEVELS;
 pub use pool::ParcelCount;
 use pool::Pool;
@@ -46,7 +47,7 @@ pub(crate) struct Residency {
     queue: RequestQueue,
     transfers: Transfers,
     work: Work,
-    damaged: BTreeMap<Parcel, PageError>,
+    damaged: BTreeMap<Parcel, Error>,
     /// Per group the finest level that it needs.
     wanted: Vec<u8>,
     /// Per large tile that is visible the numbers of its own pages that are needed, ascending.
@@ -105,7 +106,7 @@ impl Residency {
         self.bias_control.bias()
     }
 
-    pub(crate) fn damaged(&self) -> &BTreeMap<Parcel, PageError> {
+    pub(crate) fn damaged(&self) -> &BTreeMap<Parcel, Error> {
         &self.damaged
     }
 

@@ -8,7 +8,8 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
-use fantex_store::{PageError, PageId};
+use fantex_base::Error;
+use fantex_store::PageId;
 
 use super::Residency;
 use super::budget::{Item, Task};
@@ -450,7 +451,7 @@ impl Residency {
     }
 
     /// A parcel cannot be read: nobody waits for it any longer.
-    fn give_up(&mut self, parcel: Parcel, index: u32, error: PageError) {
+    fn give_up(&mut self, parcel: Parcel, index: u32, error: Error) {
         let is_new = self.damaged.insert(parcel, error).is_none();
         // What is resident has the texels from before it was to be read again.
         if self.pool.is_resident(index) {

@@ -16,7 +16,6 @@ use fantex_look::data::ObjectTable;
 use fantex_look::{Key, LookError, LookFile, LookProblem};
 use fantex_mesh::Mesh;
 use fantex_render::{RenderError, SceneError};
-use fantex_store::OpenError;
 use fantex_texture::look::{LookImages, LookMaterial, ResolveOptions, Resolver, materials_of_model};
 
 pub use lights::{LookBake, LookBakeError};
@@ -32,12 +31,9 @@ pub enum LookSceneError {
     /// The look itself, or a texture of it.
     #[error(transparent)]
     Look(#[from] LookError),
-    /// A model cannot be read, or nothing of it is left after cleaning.
+    /// A model or asset cannot be read, or nothing of a model is left after cleaning.
     #[error(transparent)]
     Model(#[from] fantex_base::Error),
-    /// An asset cannot be read.
-    #[error(transparent)]
-    Open(#[from] OpenError),
     /// Objects do not go together.
     #[error(transparent)]
     Scene(#[from] SceneError),
