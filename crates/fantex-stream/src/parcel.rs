@@ -6,19 +6,8 @@
 //! surface, are bundled: the coarsest level of 32 tiles is one parcel, the next one that of 16, the one after that of four
 //! ([`BUNDLE_TILES`]); in its rectangle every tile's level has its place ([`ParcelLayout`]).
 //!
-//! The sizes are what the following views of a landscape (920 k triangles, 459 k tiles, 17 G texels) ask for, summed over the
-//! tiles that need something (`1`) or over bundles of so many of which any does; M texels, in parentheses thousands of parcels:
-//!
-//! | level, from the coarsest | 1 | 4 | 8 | 16 | 32 |
-//! |---|---|---|---|---|---|
-//! | 0, from afar | 6.4 (398) | 6.4 (100) | 6.4 (50) | 6.4 (25) | 6.4 (12) |
-//! | 1 | 10.0 (215) | 12.7 (64) | 13.9 (34) | 14.9 (18) | 15.7 (9) |
-//! | 2 | 12.5 (71) | 21.7 (26) | 26.1 (15) | 30.2 (8) | 34.4 (5) |
-//! | 3 | 0.3 (0.6) | 1.8 (0.6) | 3.5 (0.5) | 6.5 (0.5) | 11.0 (0.4) |
-//! | 3, in flight | 10.4 (15) | 22.7 (7) | 29.2 (4) | 36.3 (2.5) | 45.0 (1.5) |
-//!
-//! A slope needs finer levels than its surroundings, so few neighbours need the finest level of a bundle; bundles of sixteen at
-//! all of four levels took 2.7 times the texels.
+//! A slope needs finer levels than its surroundings, so few neighbours need the finest level of a bundle: bundles of sixteen at all of
+//! four levels took 2.7 times the texels of single tiles, these take 1.5 times (a landscape of 459 k tiles; `docs/benchmarks.md`).
 
 use std::fmt;
 use std::ops::Range;

@@ -5,10 +5,8 @@
 //! triangles: three vertices each, with a coordinate pair and a group per corner; the vertex' number modulo three says which
 //! barycentric coordinate is one.
 //!
-//! Why vertex buffers: on software Vulkan (llvmpipe, 2 cores, 1280x720, untextured, 100 k / 1 M triangles) whole meshes take
-//! 27 / 123 ms from vertex buffers and 33 / 170 ms with vertices pulled from storage buffers. Three records read and sampled
-//! per fragment take 234 / 573 ms, found by primitive index or otherwise, where an ordinary trilinear texture takes
-//! 56 / 186 ms.
+//! Vertex buffers, because software adapters read storage buffers lane by lane: vertices pulled from these take 1.2 to 1.4 times as long,
+//! records of whole triangles found per fragment three times as long as an ordinary texture (`docs/benchmarks.md`).
 
 use bytemuck::{Pod, Zeroable};
 use fantex_cover::{Cover, Group, GroupKind};

@@ -3,32 +3,26 @@
 //! ```text
 //!   caller's thread                    scheduler                reader              workers
 //!  request, cancel --> Inbox --> Board --most urgent clusters--> reads --bytes--> check, unpack, assemble
-//!   poll <--------------------- ready pages <------------------------------------------'
+//!   poll <--------------------- ready parcels <----------------------------------------'
 //! ```
 //!
 //! Who owns what, on which thread:
-//! - The [`Board`](board::Board) holds all state, behind one lock that nobody keeps for long: no read, no unpacking, no decoding
-//!   happens under it. A parcel that was asked for stands with its clusters until its texels are
-//!   there, then among the ready ones, until [`poll`](ParcelLoader::poll) takes it. So none is lost and none comes twice.
+//! - The [`Board`] holds all state, behind one lock that is never held while reading, unpacking or decoding. A parcel that was asked for
+//!   stands with its clusters until its texels are there, then among the ready ones until [`poll`](ParcelLoader::poll) takes it. So none
+//!   is lost and none comes twice.
 //! - The *scheduler* thread owns the [`QueuedReader`]. It turns the most urgent clusters into reads, neighbours in the file
 //!   joined, and completed reads into jobs.
-//! - *Workers* do the jobs: checksum, unpacking, then assembling (and, where the atlas asks for it, decoding) of the parcels that
-//!   are still wanted. Clusters stay in a small [cache](cluster_cache), unpacked or as they are stored, because tiles that are
-//!   neighbours on the surface lie together.
-//! - The caller's thread waits for nobody: its messages lie in an [`Inbox`] until the scheduler takes them over, and where
-//!   that has not happened, or the board is not free, it takes ready parcels in the next frame.
+//! - *Workers* check, unpack and assemble (and decode, where the atlas asks for it) the parcels that are still wanted. Clusters stay in a
+//!   [cache](worker), unpacked or as they are stored, because tiles that are neighbours on the surface lie together.
+//! - The caller's thread never waits: its messages lie in an [`Inbox`] until the scheduler takes them over, and where the board is not
+//!   free, it takes ready parcels in the next frame.
 //!
-//! Memory is bounded by the options, whatever the asset's size: bytes in flight (read or being read, not unpacked), the
-//! cache, and ready parcels. When nobody takes these, workers pause; when workers pause, reading does.
+//! Memory is bounded by the options, whatever the asset's size: bytes in flight (being read, or read and not unpacked), the cache, and
+//! ready parcels. When nobody takes these, workers pause; when workers pause, reading does.
 //!
-//! What goes wrong: an error that may pass is met by reading the cluster again, alone, after a pause, a few times; a wrong
-//! checksum once (the bytes may have been damaged on their way). Then every parcel that needs the cluster arrives as an error.
-//!
-//! So an unreadable cluster takes that level of whole bundles with it, also of tiles whose pages lie in clusters that are
-//! good. Counted: of 512 M texels in 52 k tiles a cluster with bundled levels holds that of 385 tiles, and 834 lose one level of theirs with it; of
-//! 4 G in 434 k tiles 1978 and 2850. Finer and coarser levels of all of them stay, so what is seen is one level coarser where just that one is
-//! asked for. Bundles with some tiles absent would spare the others that. They are not built: texels, places in the atlas, entries and what
-//! counts as missing would each have to know of tiles within a parcel, on the way of every parcel, for a file that has to be replaced anyway.
+//! Errors that may pass are met by reading the cluster again, alone, after a pause, a few times; a wrong checksum once (the bytes may
+//! have been damaged on their way). Then every parcel that needs the cluster arrives as an error. So an unreadable cluster takes one
+//! level of whole bundles with it, also of tiles whose pages lie in good clusters; finer and coarser levels stay.
 
 mod board;
 mod scheduler;

@@ -138,23 +138,9 @@ impl Worker {
 
 // Clusters that have been read, the least recently used of which goes first: some unpacked, more of them as they are stored.
 //
-// A view is filled level by level, so that a cluster is needed several times, with hundreds of others between. Stored bytes,
-// of which there are one and a half to six times fewer, spare the disk what unpacked ones alone had no room for. What a flight over
-// landscapes read (the tour of `fantex bench stream`), counted, MB:
-//
-// | | 440 k tiles, 4 G texels | 52 k tiles, 512 M texels |
-// |---|---|---|
-// | stored bytes of the parcels that came | 13 to 17 | 55 to 60 |
-// | different clusters of which something was needed | 40 to 43 | 116 |
-// | read with 32 MiB of unpacked clusters | 170 | 437 |
-// | with 64, 128, 192, 256 MiB of them | 130, 93, 63, 42 | 118 with 256 |
-// | with 64 MiB of them and 64 MiB of stored ones | 42 | 188 |
-// | with 64 MiB of them and 96 MiB of stored ones | 42 to 48 | 131 to 141 |
-//
-// So reading again and again was what weighed most. Gaps between clusters and alignment are 4 %, what was fetched ahead and cancelled
-// less than 1 %. What is left is that clusters are larger than what is needed of them: cut at 64 KiB instead of 256 KiB there
-// would be 1.4 times fewer bytes, in 2.8 times as many reads. Clusters of levels counted from the coarsest, as parcels are, would change
-// nothing (260 MB unpacked beside 259).
+// A view is filled level by level, so that a cluster is needed several times, with hundreds of others between. Stored clusters are 1.5 to
+// 6 times smaller than unpacked ones: keeping them spares most of the reads that unpacked ones alone had no room for (figures in
+// `docs/benchmarks.md`).
 
 /// What is at hand of a cluster.
 #[derive(Debug)]

@@ -7,30 +7,21 @@
 //!
 //! **What is computed.** For every group that may be in the picture a lower bound of the width of a pixel in its texels,
 //! rounded down to an eighth of a level: never coarser than what a look-up reads, a little finer (`tests.rs` compares it
-//! with every triangle, point by point, and prints the mean excess).
+//! with every triangle, point by point).
 //!
 //! **What makes it cheap.** A result is valid until the camera has moved or turned so far that a bound could be crossed: the
 //! bounds are taken with that much slack ([`TRAVEL`], [`TURN`]). A node of the tree keeps the earliest time, measured in the
 //! way and the angle that the camera has covered so far, at which anything below it must be looked at again. Blocks that are
-//! small against their distance, inside the picture and turned to the camera are bounded once for all their groups.
+//! small against their distance, inside the picture and turned to the camera are bounded once for all their groups. An update is told how
+//! long it may take; after a cut in a view of hundreds of thousands of tiles some wait for the next one.
 //!
-//! **What it costs.** A landscape of 950 k fans with a tile each, most of them in the picture, 1920x1080
-//! (`fantex-bench/examples/demand_cost.rs`), medians of a frame in three runs on two cores that did other work, too: still 0 us; 0.1 m per
-//! frame in a square of 1 km, 60 to 110 us; 0.5 m per frame, 0.5 to 1.6 ms; 3 m per frame, 3 to 5 ms; a cut in every frame, 24
-//! to 28 ms while one update bounded all of it. Now an update is told how long it may take, and after a cut in a view of hundreds of thousands of tiles
-//! some wait for the next one.
+//! **What it gives away.** On average 0.1 to 0.4 levels; normals, rays and densities are bounded together ([`Relief`]), because at a slant
+//! of 75 degrees a cone of normals of 13 degrees alone costs 0.4 levels. Groups at a silhouette, of which a sliver is seen at a grazing
+//! angle, are demanded finer than they are seen, and 10 to 16 % of the wanted groups of curved bodies lie within the slack or turn their
+//! back at most points.
 //!
-//! **What it gives away.** Mean excess over the reference with anisotropic look-ups: 0.1 to 0.3 levels (bunny 0.25); with
-//! trilinear ones, whose level hangs on the pixel's longer axis, 0.3 to 0.4 (a landscape 0.36; a cube of large tiles, where the
-//! nearest point is often outside the picture, 0.76), of which the rounding to an eighth is 0.06. It was 0.5 to 1.0 while normals, rays and
-//! densities were bounded apart: at a slant of 75 degrees a cone of 13 degrees costs 0.4 levels. [`relief`] bounds them together (a torus 0.86 to
-//! 0.70), and what turns its back is no longer taken to be seen squarely from there (0.70 to 0.42). Bytes of texels for a still view of a landscape,
-//! trilinear, tiles of 128: 11.4 MB before, 10.7 MB now. Single groups at a silhouette, of which the
-//! reference sees a sliver at a grazing angle only, are still demanded finer than they are seen. 10 to 16 % of the wanted
-//! groups of curved bodies are not seen: they lie within the slack, or turn their back at most points.
-//!
-//! **Occlusion is not computed.** A coarse answer is needed ahead of time here, while depth is known to the renderer only, and
-//! only for the last picture. Whether it would pay was not measured. What hidden surfaces cost is room in the pool, of which the bias takes account.
+//! **Occlusion is not computed**: depth is known to the renderer only, and only for the last picture. What hidden surfaces cost is room in
+//! the pool, which the bias takes into account.
 
 mod bounds;
 mod paged;

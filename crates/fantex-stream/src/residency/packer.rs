@@ -3,13 +3,11 @@
 //! Layers are cut into bins of 256x256 texels, the size of the largest page. A bin keeps one bit per 4x4 texels; a free
 //! rectangle is found with shifts over 64 words. Pages of like size share bins, so that bins become free as a whole.
 //!
-//! Why not a shelf packer: pages come in all combinations of sides, and leave one by one. Where the pages of a cover's tiles
-//! come and go at random in a full layer of 1024x1024 texels, 62 % of it are in use when a page finds no room, and 57 % with
-//! the shelves of `etagere`; the time is the same to 2.5 times as much, half a microsecond to two per page
-//! (`tests::against_shelves`, on a busy machine).
+//! Why not a shelf packer: pages come in all combinations of sides and leave one by one. In a full layer 62 % of the texels are in use when a
+//! page finds no room, and 57 % with the shelves of `etagere` (`tests::against_shelves`).
 //!
-//! Which bins may have room, and which are for like pages, stand in sets of bits: in an atlas of two thousand bins, nearly all of them full,
-//! looking at one bin after the other was half of what arrivals took.
+//! Which bins may have room, and which are for like pages, stand in sets of bits: an atlas may have two thousand bins, nearly all of
+//! them full.
 
 use fantex_store::PAGE;
 
