@@ -70,6 +70,10 @@ pub trait ParcelLoader: Send {
 
 /// Puts pages together. `page` gives a page's bytes in a channel, in the channel's format among `formats`: rows of blocks, or of
 /// texels.
+///
+/// # Errors
+///
+/// Those of `page`.
 pub fn assemble<'p, E>(
     layout: &ParcelLayout,
     formats: &[AtlasFormat],

@@ -222,11 +222,8 @@ mod tests {
 
     #[test]
     fn layouts_hold_all_tiles_apart() {
-        let mut state = 1u32;
-        let mut next = move |n: u32| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 16) % n
-        };
+        let mut random = fantex_base::Random::new(1);
+        let mut next = |n: u32| random.below(u64::from(n)) as u32;
         let (mut used, mut taken) = (0, 0);
         for _ in 0..500 {
             let step = next(SHARED_LEVELS);

@@ -8,12 +8,11 @@
 //! shorter axis. All bounds hold for every point in the sphere and every normal in the cone, so no look-up reads a finer level
 //! than the one that follows from them.
 
-use fantex_cover::{Cover, Group, GroupKind};
+use fantex_cover::{Cover, Group, GroupKind, GroupTriangles};
 use fantex_mesh::Mesh;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use super::GroupTriangles;
 use super::paged::{Densities, densities, piece_points};
 use crate::StreamView;
 
@@ -381,7 +380,8 @@ pub(crate) fn group_bounds(
     triangles: &GroupTriangles,
 ) -> (Vec<Bounds>, Vec<Relief>) {
     let groups = (0..cover.groups.len() as u32).into_par_iter().with_min_len(1 << 6);
-    let bounds = |pieces: &mut Vec<Piece>, group| bounds_of(mesh, cover, group, triangles.of(group), pieces);
+    let bounds =
+        |pieces: &mut Vec<Piece>, group| bounds_of(mesh, cover, group, triangles.of_group(group), pieces);
     groups.map_init(Vec::new, bounds).unzip()
 }
 

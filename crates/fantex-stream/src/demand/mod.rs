@@ -33,7 +33,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use bounds::{Bounds, Lens, LogDensities, Relief, Sight, Slack, group_bounds};
-use fantex_cover::Cover;
+use fantex_cover::GroupTriangles;
 use glam::{Mat3, Vec3};
 pub use paged::PageDemand;
 use paged::PagedTile;
@@ -485,8 +485,7 @@ pub(crate) struct DemandSurface {
 impl DemandSurface {
     pub(crate) fn new(geometry: Arc<dyn Geometry>, shapes: Arc<TileShapes>) -> Self {
         let (mesh, cover) = (geometry.mesh(), geometry.cover());
-        let count = mesh.triangles.len().min(cover.corner_groups.len());
-        let triangles = GroupTriangles::new(cover, count);
+        let triangles = GroupTriangles::of(cover);
         let (groups, reliefs) = group_bounds(mesh, cover, &triangles);
         let mut nodes = vec![groups.chunks(BLOCK).map(Bounds::around).collect::<Vec<_>>()];
         while nodes[nodes.len() - 1].len() > 1 {
@@ -495,7 +494,7 @@ impl DemandSurface {
         }
         let paged: HashMap<u32, PagedTile> = (0..groups.len() as u32)
             .filter(|&g| shapes.of(g).is_paged())
-            .map(|g| (g, PagedTile::new(g, triangles.of(g).to_vec())))
+            .map(|g| (g, PagedTile::new(g, triangles.of_group(g).to_vec())))
             .collect();
         let has_paged = (0..groups.len() as u32)
             .collect::<Vec<_>>()
@@ -510,52 +509,4 @@ impl DemandSurface {
     pub(crate) fn radius(&self) -> f32 {
         self.nodes.last().and_then(|root| root.first()).map_or(0.0, |root| root.sphere.radius)
     }
-}
-
-// Which triangles a group is looked up on.
-
-/// The triangles of all groups.
-#[derive(Debug)]
-pub(crate) struct GroupTriangles {
-    /// Per group where its triangles begin, and their number.
-    firsts: Vec<u32>,
-    /// Group by group, ascending.
-    triangles: Vec<u32>,
-}
-
-impl GroupTriangles {
-    /// Of the first so many triangles of a cover.
-    pub(crate) fn new(cover: &Cover, count: usize) -> Self {
-        let corners = &cover.corner_groups[..count];
-        let mut firsts = vec![0u32; cover.groups.len() + 1];
-        for groups in corners {
-            distinct(groups).for_each(|group| firsts[group as usize + 1] += 1);
-        }
-        let mut sum = 0;
-        for first in &mut firsts {
-            sum += *first;
-            *first = sum;
-        }
-        let mut next = firsts.clone();
-        let mut triangles = vec![0; sum as usize];
-        for (t, groups) in (0..).zip(corners) {
-            for group in distinct(groups) {
-                let place = &mut next[group as usize];
-                triangles[*place as usize] = t;
-                *place += 1;
-            }
-        }
-        Self { firsts, triangles }
-    }
-
-    /// Those with a corner in a group, ascending.
-    pub(crate) fn of(&self, group: u32) -> &[u32] {
-        let group = group as usize;
-        &self.triangles[self.firsts[group] as usize..self.firsts[group + 1] as usize]
-    }
-}
-
-/// The groups of a triangle's corners, each once.
-fn distinct(groups: &[u32; 3]) -> impl Iterator<Item = u32> {
-    (0..3).filter(|&i| !groups[..i].contains(&groups[i])).map(|i| groups[i])
 }

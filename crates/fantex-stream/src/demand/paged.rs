@@ -6,7 +6,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use fantex_cover::{Cover, Group};
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, interpolate};
 use fantex_store::PAGE;
 use glam::{Vec2, Vec3};
 
@@ -319,10 +319,9 @@ pub(crate) fn piece_points(corners: [Vec3; 3], is_in: [bool; 3], delta: f32) -> 
         points[..3].copy_from_slice(&corners);
         return (points, 3);
     }
-    let [a, b, c] = corners;
     for slot in (0..3).filter(|&slot| is_in[slot]) {
         for lambda in kite(slot, delta) {
-            points[count] = a * lambda.x + b * lambda.y + c * lambda.z;
+            points[count] = interpolate(corners, lambda);
             count += 1;
         }
     }
@@ -340,12 +339,9 @@ pub(crate) fn facets(mesh: &Mesh, cover: &Cover, triangle: usize) -> impl Iterat
         let mut facet = Facet { group: groups[slot], normal, kites: [None; 3] };
         for other in (slot..3).filter(|&s| groups[s] == groups[slot]) {
             let uv = cover.tile_corners(mesh, triangle, other);
-            let at = |lambda: Vec3| {
-                let [x, y, z] = lambda.to_array();
-                (a * x + b * y + c * z, uv[0] * x + uv[1] * y + uv[2] * z)
-            };
-            let corners = kite(other, cover.delta).map(at);
-            facet.kites[other] = Some(Kite { points: corners.map(|c| c.0), uv: corners.map(|c| c.1) });
+            let lambdas = kite(other, cover.delta);
+            let points = lambdas.map(|lambda| interpolate(positions, lambda));
+            facet.kites[other] = Some(Kite { points, uv: lambdas.map(|lambda| interpolate(uv, lambda)) });
         }
         facet
     })

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fantex_cover::{CoverOptions, Group, TexelBudget, build_cover};
-use fantex_mesh::{CleanOptions, Mesh, clean, generate};
+use fantex_mesh::{CleanOptions, Mesh, clean, generate, interpolate};
 use fantex_texture::filter::FootprintAxes;
 use glam::{Mat3, Vec2, Vec3};
 use proptest::prelude::*;
@@ -61,7 +61,7 @@ fn readings(geometry: &CoveredMesh, view: &StreamView, anisotropy: f32, steps: u
         let double_sided = mesh.materials[mesh.material_of(t)].double_sided;
         for (i, j) in (0..=steps).flat_map(|i| (0..=steps - i).map(move |j| (i, j))) {
             let lambda = Vec3::new(i as f32, j as f32, (steps - i - j) as f32) / steps as f32;
-            let p = a * lambda.x + b * lambda.y + c * lambda.z;
+            let p = interpolate([a, b, c], lambda);
             let ray = p - view.eye;
             let depth = -ray.dot(view.axes.z_axis);
             let [x, y] = [ray.dot(view.axes.x_axis), ray.dot(view.axes.y_axis)].map(|n| (n / depth).abs());
@@ -91,7 +91,7 @@ fn readings(geometry: &CoveredMesh, view: &StreamView, anisotropy: f32, steps: u
                     (uv[1] - uv[0]) * l1 + (uv[2] - uv[0]) * l2
                 });
                 let (width, level) = finest_level_read(group, footprint, anisotropy);
-                let uv = uv[0] * lambda.x + uv[1] * lambda.y + uv[2] * lambda.z;
+                let uv = interpolate(uv, lambda);
                 readings.push(Reading { group: group_index, uv, width, level });
             }
         }

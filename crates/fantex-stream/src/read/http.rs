@@ -190,6 +190,10 @@ fn content_range(headers: &HeaderMap) -> Option<ContentRange> {
 }
 
 /// A queued reader of a file on a web server, over so many connections at a time (six is what browsers allow themselves).
+///
+/// # Errors
+///
+/// The system refuses a thread.
 pub fn http_reader(source: Arc<HttpSource>, connections: usize) -> io::Result<LaneReader> {
     let depth = connections.clamp(1, 64);
     let info = ReaderInfo { kind: ReaderKind::Http, direct: false, depth };
