@@ -169,20 +169,16 @@ pub(crate) fn aspect(options: &RenderOptions) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct VectorArg(pub(crate) DVec3);
 
-/// Why a text is no vector.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected three numbers with commas between them, such as 1,0.5,-2")]
-pub(crate) struct VectorError;
-
 impl std::str::FromStr for VectorArg {
-    type Err = VectorError;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, VectorError> {
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let wrong = || Error::invalid("expected three numbers with commas between them, such as 1,0.5,-2");
         let numbers: Vec<f64> =
-            text.split(',').map(|n| n.trim().parse().map_err(|_| VectorError)).collect::<Result<_, _>>()?;
+            text.split(',').map(|n| n.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
         match numbers[..] {
             [x, y, z] if numbers.iter().all(|n| n.is_finite()) => Ok(Self(DVec3::new(x, y, z))),
-            _ => Err(VectorError),
+            _ => Err(wrong()),
         }
     }
 }
@@ -191,17 +187,13 @@ impl std::str::FromStr for VectorArg {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct SizeArg(pub(crate) [u32; 2]);
 
-/// Why a text is no picture size.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected width x height in pixels, such as 1280x720")]
-pub(crate) struct PictureSizeError;
-
 impl std::str::FromStr for SizeArg {
-    type Err = PictureSizeError;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, PictureSizeError> {
-        let (width, height) = text.split_once(['x', 'X']).ok_or(PictureSizeError)?;
-        let side = |s: &str| s.parse().ok().filter(|&n| n > 0).ok_or(PictureSizeError);
+    fn from_str(text: &str) -> Result<Self, Error> {
+        let wrong = || Error::invalid("expected width x height in pixels, such as 1280x720");
+        let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
+        let side = |s: &str| s.parse().ok().filter(|&n| n > 0).ok_or_else(wrong);
         Ok(Self([side(width)?, side(height)?]))
     }
 }
@@ -338,27 +330,25 @@ enum BackgroundArg {
     Transparent,
 }
 
-/// A text is no number in the range.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-enum NumberError {
-    #[error("expected a finite number")]
-    Finite,
-    #[error("expected a finite number that is not negative")]
-    Negative,
-    #[error("expected a number from 0 to 1")]
-    Share,
+fn finite(text: &str) -> Result<f32, Error> {
+    text.parse()
+        .ok()
+        .filter(|number: &f32| number.is_finite())
+        .ok_or_else(|| Error::invalid("expected a finite number"))
 }
 
-fn finite(text: &str) -> Result<f32, NumberError> {
-    text.parse().ok().filter(|number: &f32| number.is_finite()).ok_or(NumberError::Finite)
+fn not_negative(text: &str) -> Result<f32, Error> {
+    finite(text)
+        .ok()
+        .filter(|&number| number >= 0.0)
+        .ok_or_else(|| Error::invalid("expected a finite number that is not negative"))
 }
 
-fn not_negative(text: &str) -> Result<f32, NumberError> {
-    finite(text).ok().filter(|&number| number >= 0.0).ok_or(NumberError::Negative)
-}
-
-fn share(text: &str) -> Result<f32, NumberError> {
-    finite(text).ok().filter(|number| (0.0..=1.0).contains(number)).ok_or(NumberError::Share)
+fn share(text: &str) -> Result<f32, Error> {
+    finite(text)
+        .ok()
+        .filter(|number| (0.0..=1.0).contains(number))
+        .ok_or_else(|| Error::invalid("expected a number from 0 to 1"))
 }
 
 /// An environment, ready for lighting.

@@ -53,62 +53,55 @@ pub(crate) struct PhotosArg {
     pub(crate) unseen: Option<[u8; 3]>,
 }
 
-/// Why a text is no source.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub(crate) enum SourceArgError {
-    #[error("expected uv, vertex, image=PATH,mapping=NAME, solid=NAME, mesh=PATH, photos=PATH or look=PATH")]
-    Syntax,
-    #[error(
-        "photographs need a path, behind which images=FOLDER, frame=file|original, exposure=on|off and \
-         unseen=spread|RRGGBB may stand: \
-         photos=scan/sparse/0,images=scan/images"
-    )]
-    PhotosSyntax,
-    #[error(
-        "another model needs a path, and its cage is a length above 0 in world units: mesh=PATH or mesh=PATH,cage=0.05"
-    )]
-    MeshSyntax,
-    #[error("an image needs a path and a mapping: image=PATH,mapping=planar|box|cylinder|sphere|triplanar")]
-    ImageSyntax,
-    #[error(transparent)]
-    Mapping(#[from] UnknownMapping),
-    #[error(transparent)]
-    Solid(#[from] UnknownSolid),
-}
+const SOURCE_SYNTAX: &str =
+    "expected uv, vertex, image=PATH,mapping=NAME, solid=NAME, mesh=PATH, photos=PATH or look=PATH";
+
+const PHOTOS_SYNTAX: &str = "photographs need a path, behind which images=FOLDER, frame=file|original, exposure=on|off and \
+                             unseen=spread|RRGGBB may stand: photos=scan/sparse/0,images=scan/images";
+
+const MESH_SYNTAX: &str = "another model needs a path, and its cage is a length above 0 in world units: mesh=PATH or \
+                           mesh=PATH,cage=0.05";
+
+const IMAGE_SYNTAX: &str =
+    "an image needs a path and a mapping: image=PATH,mapping=planar|box|cylinder|sphere|triplanar";
 
 impl FromStr for SourceArg {
-    type Err = SourceArgError;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, SourceArgError> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         match text.split_once('=') {
             None if text == "uv" => Ok(Self::Uv),
             None if text == "vertex" => Ok(Self::Vertex),
             Some(("solid", name)) if SOLID_NAMES.contains(&name) => Ok(Self::Solid(name.to_owned())),
-            Some(("solid", name)) => Err(UnknownSolid { name: name.to_owned() }.into()),
+            Some(("solid", name)) => Err(Error::invalid(UnknownSolid { name: name.to_owned() }.to_string())),
             Some(("look", path)) if !path.is_empty() => Ok(Self::Look(path.into())),
             Some(("mesh", rest)) => {
                 let (path, cage) = match rest.rsplit_once(",cage=") {
                     None => (rest, None),
                     Some((path, cage)) => {
                         let cage = cage.parse().ok().filter(|cage: &f64| cage.is_finite() && *cage > 0.0);
-                        (path, Some(cage.ok_or(SourceArgError::MeshSyntax)?))
+                        (path, Some(cage.ok_or_else(|| Error::invalid(MESH_SYNTAX))?))
                     }
                 };
                 if path.is_empty() {
-                    return Err(SourceArgError::MeshSyntax);
+                    return Err(Error::invalid(MESH_SYNTAX));
                 }
                 Ok(Self::Mesh { path: path.into(), cage })
             }
             Some(("photos", rest)) => Ok(Self::Photos(rest.parse()?)),
             Some(("image", rest)) => {
                 // A path may hold commas, the mapping's name does not.
-                let (path, mapping) = rest.rsplit_once(",mapping=").ok_or(SourceArgError::ImageSyntax)?;
+                let (path, mapping) =
+                    rest.rsplit_once(",mapping=").ok_or_else(|| Error::invalid(IMAGE_SYNTAX))?;
                 if path.is_empty() {
-                    return Err(SourceArgError::ImageSyntax);
+                    return Err(Error::invalid(IMAGE_SYNTAX));
                 }
-                Ok(Self::Image { path: path.into(), mapping: mapping.parse()? })
+                Ok(Self::Image {
+                    path: path.into(),
+                    mapping: mapping.parse().map_err(|e: UnknownMapping| Error::invalid(e.to_string()))?,
+                })
             }
-            _ => Err(SourceArgError::Syntax),
+            _ => Err(Error::invalid(SOURCE_SYNTAX)),
         }
     }
 }
@@ -129,10 +122,10 @@ impl fmt::Display for SourceArg {
 }
 
 impl FromStr for PhotosArg {
-    type Err = SourceArgError;
+    type Err = Error;
 
     /// Options are looked for from the end: a path may hold commas.
-    fn from_str(text: &str) -> Result<Self, SourceArgError> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         let mut photos = Self {
             path: PathBuf::new(),
             images: None,
@@ -150,14 +143,14 @@ impl FromStr for PhotosArg {
                 ("exposure", "off") => photos.exposure = false,
                 ("unseen", "spread") => photos.unseen = None,
                 ("unseen", color) => {
-                    photos.unseen = Some(srgb_bytes(color).ok_or(SourceArgError::PhotosSyntax)?);
+                    photos.unseen = Some(srgb_bytes(color).ok_or_else(|| Error::invalid(PHOTOS_SYNTAX))?);
                 }
-                _ => return Err(SourceArgError::PhotosSyntax),
+                _ => return Err(Error::invalid(PHOTOS_SYNTAX)),
             }
             rest = before;
         }
         if rest.is_empty() {
-            return Err(SourceArgError::PhotosSyntax);
+            return Err(Error::invalid(PHOTOS_SYNTAX));
         }
         photos.path = rest.into();
         Ok(photos)

@@ -3,6 +3,7 @@
 use std::fmt::{self, Write as _};
 use std::str::FromStr;
 
+use fantex::Error;
 use fantex::base::numbered;
 use fantex::cover::{CoverStats, TexelBudget};
 
@@ -14,32 +15,18 @@ pub(crate) struct Count(pub(crate) u64);
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Bytes(pub(crate) u64);
 
-/// Why a text is not a size.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum SizeError {
-    /// Not digits with at most one point and one known letter.
-    #[error("expected a number such as 500, 64k, 5.59M or 16G")]
-    Syntax,
-    /// Zero is never meant.
-    #[error("expected a number above zero")]
-    Zero,
-    /// Beyond 64 bits.
-    #[error("the number is too large")]
-    TooLarge,
-}
-
 impl FromStr for Count {
-    type Err = SizeError;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, SizeError> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         parse(text, 1000).map(Self)
     }
 }
 
 impl FromStr for Bytes {
-    type Err = SizeError;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, SizeError> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         parse(text, 1024).map(Self)
     }
 }
@@ -58,25 +45,30 @@ impl fmt::Display for Bytes {
 
 const LETTERS: [char; 4] = ['k', 'M', 'G', 'T'];
 
-fn parse(text: &str, kilo: u64) -> Result<u64, SizeError> {
-    let last = text.chars().last().ok_or(SizeError::Syntax)?;
+/// Not digits with at most one point and one known letter.
+fn syntax() -> Error {
+    Error::invalid("expected a number such as 500, 64k, 5.59M or 16G")
+}
+
+fn parse(text: &str, kilo: u64) -> Result<u64, Error> {
+    let last = text.chars().last().ok_or_else(syntax)?;
     let power = LETTERS.iter().position(|l| l.eq_ignore_ascii_case(&last)).map_or(0, |p| p as u32 + 1);
     let number = if power > 0 { &text[..text.len() - 1] } else { text };
     let unit = u128::from(kilo.pow(power));
     let (whole, fraction) = number.split_once('.').unwrap_or((number, ""));
     let is_digits = |s: &str| s.bytes().all(|b| b.is_ascii_digit());
     if whole.is_empty() && fraction.is_empty() || !is_digits(whole) || !is_digits(fraction) {
-        return Err(SizeError::Syntax);
+        return Err(syntax());
     }
     if whole.len() > 20 || fraction.len() > 15 {
-        return Err(SizeError::TooLarge);
+        return Err(Error::invalid("the number is too large"));
     }
     let digits = |s: &str| s.bytes().fold(0_u128, |n, b| n * 10 + u128::from(b - b'0'));
     let value = digits(whole) * unit + digits(fraction) * unit / 10_u128.pow(fraction.len() as u32);
     match u64::try_from(value) {
-        Ok(0) => Err(SizeError::Zero),
+        Ok(0) => Err(Error::invalid("expected a number above zero")),
         Ok(value) => Ok(value),
-        Err(_) => Err(SizeError::TooLarge),
+        Err(_) => Err(Error::invalid("the number is too large")),
     }
 }
 
@@ -200,24 +192,29 @@ mod tests {
 
     #[test]
     fn letters_multiply() {
-        assert_eq!("64k".parse(), Ok(Count(64_000)));
-        assert_eq!("5.59M".parse(), Ok(Count(5_590_000)));
-        assert_eq!("16g".parse(), Ok(Count(16_000_000_000)));
-        assert_eq!("0.5k".parse(), Ok(Count(500)));
-        assert_eq!("512M".parse(), Ok(Bytes(512 << 20)));
-        assert_eq!("1.5G".parse(), Ok(Bytes(3 << 29)));
-        assert_eq!("7".parse(), Ok(Bytes(7)));
+        let count = |text: &str| text.parse::<Count>().unwrap().0;
+        let bytes = |text: &str| text.parse::<Bytes>().unwrap().0;
+        assert_eq!(count("64k"), 64_000);
+        assert_eq!(count("5.59M"), 5_590_000);
+        assert_eq!(count("16g"), 16_000_000_000);
+        assert_eq!(count("0.5k"), 500);
+        assert_eq!(bytes("512M"), 512 << 20);
+        assert_eq!(bytes("1.5G"), 3 << 29);
+        assert_eq!(bytes("7"), 7);
     }
 
     #[test]
     fn nonsense_is_refused() {
         for text in ["", "k", ".", "-5", "1e6", "4 M", "4MB", "1.2.3", "\u{664}", "5\u{b5}"] {
-            assert_eq!(text.parse::<Count>(), Err(SizeError::Syntax), "{text}");
+            assert!(text.parse::<Count>().unwrap_err().to_string().contains("such as"), "{text}");
         }
-        assert_eq!("0".parse::<Count>(), Err(SizeError::Zero));
-        assert_eq!("0.0001".parse::<Bytes>(), Err(SizeError::Zero));
-        assert_eq!("99999999T".parse::<Count>(), Err(SizeError::TooLarge));
-        assert_eq!("123456789012345678901234567890".parse::<Count>(), Err(SizeError::TooLarge));
+        assert_eq!("0".parse::<Count>().unwrap_err().to_string(), "expected a number above zero");
+        assert_eq!("0.0001".parse::<Bytes>().unwrap_err().to_string(), "expected a number above zero");
+        assert_eq!("99999999T".parse::<Count>().unwrap_err().to_string(), "the number is too large");
+        assert_eq!(
+            "123456789012345678901234567890".parse::<Count>().unwrap_err().to_string(),
+            "the number is too large"
+        );
     }
 
     #[test]

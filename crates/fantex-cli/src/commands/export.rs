@@ -146,18 +146,15 @@ enum PictureSizeArg {
 }
 
 impl std::str::FromStr for PictureSizeArg {
-    type Err = PictureSizeArgError;
+    type Err = Error;
 
-    fn from_str(text: &str) -> Result<Self, PictureSizeArgError> {
+    fn from_str(text: &str) -> Result<Self, Error> {
         let side = text.parse().ok().filter(|&n: &u32| n > 0).map(Self::Side);
-        side.or_else(|| text.parse().ok().map(Self::WidthHeight)).ok_or(PictureSizeArgError)
+        side.or_else(|| text.parse().ok().map(Self::WidthHeight)).ok_or_else(|| {
+            Error::invalid("expected a side such as 2048, or for a turntable width x height such as 800x600")
+        })
     }
 }
-
-/// Why a text is no size.
-#[derive(Clone, Copy, Debug, thiserror::Error)]
-#[error("expected a side such as 2048, or for a turntable width x height such as 800x600")]
-struct PictureSizeArgError;
 
 impl ChannelArg {
     fn map(self) -> ChannelMap {
