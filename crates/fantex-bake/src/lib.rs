@@ -17,6 +17,7 @@ mod transfer;
 mod uv_source;
 
 pub use bake::*;
+pub use fantex_scene::LightQuantity;
 pub use fidelity::*;
 pub use light::*;
 pub use look_source::{LookSource, LookSourceError, baked_materials};

@@ -28,7 +28,7 @@ use glam::{DVec3, Vec3, Vec4};
 use crate::light::sky_table::SkyTable;
 pub use crate::light::tracer::BakeLight;
 use crate::light::tracer::{Lamp, Sequence, Tracer, mixed};
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
+use crate::{LightQuantity, Prefilter, Source, SourceChannel, SurfacePoint};
 
 /// Independent estimates of a texel.
 const ESTIMATES: u32 = 4;
@@ -155,18 +155,6 @@ impl Source for LightMapSource<'_> {
 }
 
 // Options of light maps, and what may be wrong with them.
-
-/// What a light map holds. Either is relative to a white, perfectly diffuse surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LightQuantity {
-    /// What lights, sky and glowing surfaces reach the point directly.
-    Direct,
-    /// The share of the sky that is seen from the point, weighted by the cosine to the normal; lights do not matter.
-    AmbientOcclusion,
-    /// All light that arrives, after up to [`LightMapOptions::bounces`] diffuse reflections.
-    #[default]
-    Full,
-}
 
 /// How to bake a light map.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`error`] | one error type: a kind for programs, a sentence for people, the file and the place in it |
 //! | [`aabb`] | axis-aligned boxes |
+//! | [`parameters!`] | structs of parameters with their defaults beside them, read from files |
 //! | [`random`] | repeatable random numbers |
 //! | [`srgb`] | the sRGB transfer curve, its tables, rounding to 8 and 16 bits |
 //! | [`text`] | counts in messages |
@@ -11,6 +12,7 @@
 
 pub mod aabb;
 pub mod error;
+mod parameters;
 pub mod random;
 pub mod srgb;
 pub mod text;

@@ -13,8 +13,8 @@ use std::error::Error;
 use std::path::Path;
 
 use fantex::look::LookFile;
-use fantex::look_scene::{LookScene, PictureChanges, Wardrobe};
-use fantex::texture::look::{LookImages, ResolveOptions};
+use fantex::look::{LookImages, ResolveOptions};
+use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
 use fantex::texture::{Depth, Image, Samples};
 use fantex_gallery::{Catalogue, Entry, read};
 
@@ -161,7 +161,7 @@ fn picture(look: &toml::Table, path: &Path) -> Result<Vec<u8>, Box<dyn Error>> {
     let [w, h] = file.look().picture.size.map(|side| side.0);
     let size = Some([WIDTH, (u64::from(WIDTH) * u64::from(h)).div_ceil(u64::from(w)) as u32]);
     let images = LookImages::default();
-    let resolver = Wardrobe { file: &file, images: &images, options: ResolveOptions::default() };
+    let resolver = MaterialResolver { file: &file, images: &images, options: ResolveOptions::default() };
     let scene = LookScene::new(resolver, None, PictureChanges { size, ..PictureChanges::default() })?;
     let time = scene.times().first().copied().unwrap_or(0.0);
     Ok(bytes(scene.render(time)?.picture.to_srgb_image()))

@@ -12,7 +12,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use fantex::bake::Progress;
-use fantex::texture::look::ResolveOptions;
+use fantex::look::ResolveOptions;
 use fantex::{Error, ErrorKind};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;

@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
+use fantex_base::Error;
 use fantex_cover::NOBODY;
-use fantex_look::{LookError, LookFile};
+use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_texture::Texture;
-use fantex_texture::look::{LookImages, ResolveOptions, Resolver};
 use glam::Vec4;
 use serde::{Deserialize, Serialize};
 
@@ -31,7 +31,7 @@ pub struct TextureGraph {
 pub enum GraphError {
     /// The look is wrong, or has no texture of that name, or a file is missing.
     #[error(transparent)]
-    Look(#[from] LookError),
+    Look(#[from] Error),
     /// The folder of its files is gone.
     #[error(
         "the files of the look with the texture {name:?} are not found ({source}): their folder was {}; put them there \
@@ -44,7 +44,7 @@ pub enum GraphError {
         /// Where the look's files should be.
         folder: PathBuf,
         /// What was not found.
-        source: LookError,
+        source: Error,
     },
     /// It depends on the eye.
     #[error("the texture {0:?} depends on the eye and cannot be painted with")]

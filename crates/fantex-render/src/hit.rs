@@ -6,6 +6,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Select, Simd, dispatch};
 use glam::{DMat3, DVec3, Vec2, Vec3};
 
+use crate::Interpolation;
 use crate::vectors::{Vector, add, dot, level, normalize_or, scaled, splat, sub};
 
 /// A point of the surface that is being shaded, and how it moves with the pixel.
@@ -45,17 +46,6 @@ impl Hit {
         let along = |l: Vec3| a * l.x + b * l.y + c * l.z;
         (along(self.lambda), [along(self.dlambda_dx), along(self.dlambda_dy)])
     }
-}
-
-/// How attributes are interpolated over the screen.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Interpolation {
-    /// Perspective-correct: `u(P) = sum(l_i u_i / w_i) / sum(l_i / w_i)` with screen barycentrics `l_i`.
-    #[default]
-    Perspective,
-    /// Linear over the screen, which is wrong and shows break lines along triangle edges. Triangles that reach behind
-    /// the eye have no linear interpolation and keep the correct one.
-    Affine,
 }
 
 /// Barycentric coordinates of a triangle as functions of the screen position.

@@ -33,10 +33,11 @@ mod vectors;
 
 pub use fan_surface::FanSurface;
 pub use fantex_scene::{
-    AmbientLight, Background, Bounds, Camera, EnvironmentLight, Falloff, FilterOptions, Glow, Lens, Light,
-    LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadowOptions, Slide, SpotLight, ToneMap,
+    AmbientLight, Background, Bounds, Camera, EnvironmentLight, Falloff, FilterOptions, Glow, Interpolation,
+    Lens, Light, LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadingRate, ShadowOptions, Slide,
+    SpotLight, ToneMap,
 };
-pub use hit::{Hit, Interpolation};
+pub use hit::Hit;
 pub use look_surface::LookSurface;
 pub use mesh_surface::MeshSurface;
 pub use raster::MAX_SAMPLES;
@@ -44,8 +45,7 @@ pub use reflection::{
     CaptureOptions, ObjectReflection, ReflectingSurface, capture_environment, capture_with, cube_cameras,
 };
 pub use render::{
-    MAX_PICTURE_SIDE, RenderError, RenderOptions, RenderStats, Rendering, ShadingRate, render,
-    render_with_glow,
+    MAX_PICTURE_SIDE, RenderError, RenderOptions, RenderStats, Rendering, render, render_with_glow,
 };
 pub use scene::{Scene, SceneError, SceneObject};
 pub use shading::{AnisotropySample, Finish};

@@ -19,7 +19,7 @@ use crate::illumination::PreparedLights;
 use crate::primitive::{Chunk, SUBPIXELS, TILE, TileGrid, prepare};
 use crate::raster::{Fragment, MAX_SAMPLES, NO_TRIANGLE, SamplePattern, TileSamples, bits};
 use crate::shading::evaluate_all;
-use crate::{Background, Camera, Interpolation, Lights, Picture, Shading, Surface};
+use crate::{Background, Camera, Interpolation, Lights, Picture, Shading, ShadingRate, Surface};
 
 /// What rendering took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -117,16 +117,6 @@ fn assemble(grid: &TileGrid, tiles: &[PixelColors]) -> Picture {
 }
 
 // How to render.
-
-/// Where materials are evaluated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ShadingRate {
-    /// Once per pixel and visible triangle, in the middle of its visible samples (multi-sampling).
-    #[default]
-    PerPixel,
-    /// At every sample (supersampling), with footprints as small as the samples are close.
-    PerSample,
-}
 
 /// How to render.
 #[derive(Clone, Debug, PartialEq)]

@@ -14,7 +14,8 @@ use fantex_scene::{FittedView, LampView, Penumbra, Projected, ShadowOptions, Spr
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::hit::{Hit, Interpolation, ScreenBarycentrics};
+use crate::Interpolation;
+use crate::hit::{Hit, ScreenBarycentrics};
 use crate::primitive::{
     CHUNK, Chunk, Primitive, SUBPIXELS, TILE, TileGrid, clip, doubled_area, screen, snap,
 };

@@ -22,4 +22,7 @@ pub use light::{
     ShadowOptions, Slide, SpotLight,
 };
 pub use picture::{Background, Glow, Picture, ToneMap, luminance};
-pub use shading::{SPLIT_SUM_NODES, Shading, smith_visibility, split_sum, split_sum_nodes};
+pub use shading::{
+    Interpolation, LightQuantity, SPLIT_SUM_NODES, Shading, ShadingRate, smith_visibility, split_sum,
+    split_sum_nodes,
+};

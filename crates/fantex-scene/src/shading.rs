@@ -4,6 +4,44 @@ use std::f32::consts::TAU;
 use std::sync::LazyLock;
 
 use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How attributes are interpolated over the screen.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Interpolation {
+    /// Perspective-correct: `u(P) = sum(l_i u_i / w_i) / sum(l_i / w_i)` with screen barycentrics `l_i`.
+    #[default]
+    Perspective,
+    /// Linear over the screen, which is wrong and shows break lines along triangle edges. Triangles that reach behind
+    /// the eye have no linear interpolation and keep the correct one.
+    Affine,
+}
+
+/// Where materials are evaluated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ShadingRate {
+    /// Once per pixel and visible triangle, in the middle of its visible samples (multi-sampling).
+    #[default]
+    PerPixel,
+    /// At every sample (supersampling), with footprints as small as the samples are close.
+    PerSample,
+}
+
+/// What a light map holds. Either is relative to a white, perfectly diffuse surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LightQuantity {
+    /// What lights, sky and glowing surfaces reach the point directly.
+    Direct,
+    /// The share of the sky that is seen from the point, weighted by the cosine to the normal; lights do not matter.
+    AmbientOcclusion,
+    /// All light that arrives, after up to the given number of diffuse reflections.
+    #[default]
+    Full,
+}
 
 /// A lighting model, or one of the inputs of lighting as the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

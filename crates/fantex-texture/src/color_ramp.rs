@@ -1,10 +1,16 @@
 //! One-dimensional textures as colour scales.
 
+use fantex_base::parameters;
 use fantex_mesh::{ToonInterpolation, ToonScale};
 use glam::Vec4;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::Color;
 
 /// How colours change between the stops of a ramp.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum RampInterpolation {
     /// Proportionally, in linear light.
     #[default]
@@ -15,11 +21,26 @@ pub enum RampInterpolation {
     Constant,
 }
 
-/// A colour scale: a colour for every number.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ColorRamp {
-    stops: Vec<(f32, Vec4)>,
-    interpolation: RampInterpolation,
+parameters! {
+    /// A stop of a colour scale.
+    #[derive(Copy)]
+    #[schemars(extend("required" = ["at", "color"]))]
+    pub struct Stop {
+        /// Where it is.
+        pub at: f32 = 0.0,
+        /// Its colour.
+        pub color: Color = Color::WHITE,
+    }
+
+    /// A colour scale: a colour for every number.
+    #[schemars(extend("required" = ["stops"]))]
+    pub struct ColorRamp {
+        /// Colours in ascending order of the number; two at one place make a jump.
+        #[schemars(length(min = 1, max = 1024))]
+        pub stops: Vec<Stop> = Vec::new(),
+        /// How colours change between the stops.
+        pub interpolation: RampInterpolation = RampInterpolation::Linear,
+    }
 }
 
 /// Why stops make no ramp.
@@ -45,19 +66,25 @@ impl ColorRamp {
     ///
     /// There is no stop, or positions are not finite and ascending.
     pub fn new(stops: Vec<(f32, Vec4)>, interpolation: RampInterpolation) -> Result<Self, ColorRampError> {
+        let stops = stops.into_iter().map(|(at, color)| Stop { at, color: Color(color) }).collect();
+        let ramp = Self { stops, interpolation };
+        ramp.check().map(|()| ramp)
+    }
+
+    /// Whether it can be evaluated.
+    ///
+    /// # Errors
+    ///
+    /// There is no stop, or positions are not finite and ascending.
+    pub fn check(&self) -> Result<(), ColorRampError> {
         let mut before = f32::NEG_INFINITY;
-        for (index, &(position, _)) in stops.iter().enumerate() {
+        for (index, &Stop { at: position, .. }) in self.stops.iter().enumerate() {
             if !position.is_finite() || position < before {
                 return Err(ColorRampError::Position { index, position });
             }
             before = position;
         }
-        if stops.is_empty() { Err(ColorRampError::Empty) } else { Ok(Self { stops, interpolation }) }
-    }
-
-    /// Positions and linear RGBA, ascending; at least one.
-    pub fn stops(&self) -> &[(f32, Vec4)] {
-        &self.stops
+        if self.stops.is_empty() { Err(ColorRampError::Empty) } else { Ok(()) }
     }
 
     /// The ramp that a material's toon scale stands for; `None` where its stops make none.
@@ -84,15 +111,17 @@ impl ColorRamp {
             RampInterpolation::Smooth => ToonInterpolation::Smooth,
             RampInterpolation::Constant => ToonInterpolation::Constant,
         };
-        let stops = self.stops.iter().map(|&(at, color)| (at, color.truncate())).collect();
+        let stops = self.stops.iter().map(|stop| (stop.at, stop.color.rgb())).collect();
         ToonScale { stops, interpolation }
     }
 
     /// The colour of `x`: linear RGBA. Beyond the ends, the end's colour; for NaN, the first.
     pub fn color(&self, x: f32) -> Vec4 {
-        let next = self.stops.partition_point(|stop| stop.0 <= x);
-        let Some(&(start, color)) = self.stops.get(next.wrapping_sub(1)) else { return self.stops[0].1 };
-        let Some(&(end, next_color)) = self.stops.get(next) else { return color };
+        let next = self.stops.partition_point(|stop| stop.at <= x);
+        let Some(&Stop { at: start, color: Color(color) }) = self.stops.get(next.wrapping_sub(1)) else {
+            return self.stops[0].color.0;
+        };
+        let Some(&Stop { at: end, color: Color(next_color) }) = self.stops.get(next) else { return color };
         let t = (x - start) / (end - start);
         match self.interpolation {
             RampInterpolation::Linear => color.lerp(next_color, t),
@@ -113,9 +142,11 @@ impl ColorRamp {
         }
         let share = |start: f32, end: f32| (end.min(high) - start.max(low)).max(0.0) / width;
         let (first, last) = (self.stops[0], self.stops[self.stops.len() - 1]);
-        let mut sum = first.1 * share(f32::NEG_INFINITY, first.0) + last.1 * share(last.0, f32::INFINITY);
+        let mut sum =
+            first.color.0 * share(f32::NEG_INFINITY, first.at) + last.color.0 * share(last.at, f32::INFINITY);
         for pair in self.stops.windows(2) {
-            let [(start, color), (end, next_color)] = [pair[0], pair[1]];
+            let [Stop { at: start, color: Color(color) }, Stop { at: end, color: Color(next_color) }] =
+                [pair[0], pair[1]];
             let share = share(start, end);
             if share > 0.0 {
                 let position = |x: f32| ((x - start) / (end - start)).clamp(0.0, 1.0);

@@ -1,13 +1,16 @@
 //! The time axis: textures that follow each other.
 
 use glam::Vec4;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::combine::mix;
 use crate::look::Slot;
 use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
 
 /// What comes before the first and after the last frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum FrameWrap {
     /// The first and the last frame, for ever.
     Hold,

@@ -2,6 +2,8 @@
 
 use glam::Vec4;
 use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::AlphaUse;
 use crate::color::{
@@ -11,7 +13,8 @@ use crate::color::{
 use crate::filter::{Kernel, TexelSource, catmull_rom_weights, resolve, stored_channels, with_texels};
 
 /// How the numbers of a colour channel encode light. Alpha is always linear.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum ColorSpace {
     /// IEC 61966-2-1 transfer curve.
     Srgb,
@@ -56,7 +59,8 @@ impl Samples {
 }
 
 /// The width of a sample.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Depth {
     /// 8-bit fixed point.
     U8,

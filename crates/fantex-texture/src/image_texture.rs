@@ -24,6 +24,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use glam::{Vec2, Vec4};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::filter::{
     AreaBlock, AreaPlan, BLOCK, Colors, FootprintAxes, LevelPair, Levels, LookUp, Probes, Steps, TexelUse,
@@ -32,16 +34,18 @@ use crate::filter::{
 use crate::{Image, Samples, UvPoint, filter};
 
 /// What the alpha channel of an image means when texels are averaged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum AlphaUse {
     /// The share of the texel that is covered: colours are weighted by it.
     Coverage,
-    /// A fourth number (height, roughness, ignored): it is averaged by itself.
+    /// A fourth number.
     Independent,
 }
 
 /// What lies outside `[0,1]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Wrap {
     /// The edge texel.
     Clamp,
@@ -55,7 +59,8 @@ pub enum Wrap {
 }
 
 /// Reconstruction and anti-aliasing of an image look-up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Filter {
     /// The nearest texel of level 0.
     Nearest,

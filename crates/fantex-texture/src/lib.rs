@@ -27,6 +27,7 @@ mod solid;
 mod surface_detail;
 mod tabulate;
 mod texture;
+mod values;
 mod volume;
 pub mod warp;
 
@@ -44,4 +45,5 @@ pub use solid::*;
 pub use surface_detail::*;
 pub use tabulate::*;
 pub use texture::*;
+pub use values::*;
 pub use volume::*;

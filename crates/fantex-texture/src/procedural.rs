@@ -1,63 +1,95 @@
 //! Noise and waves as textures of object space.
 
+use fantex_base::parameters;
 use glam::{Vec3, Vec4};
 
-use crate::noise::{Fractal, FractalNoise, Noise, Waves};
+use crate::noise::{CellularMetric, Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, Waves};
 use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
 
-/// A fractal noise as a texture: a number, as grey.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NoiseTexture {
-    /// The noise, in cells.
-    pub noise: FractalNoise,
-    /// Width of a cell of the first octave, in units of the point, above 0.
-    pub cell: f32,
-    /// How far the point is moved by another noise before, in cells: bands and flows (I. Quilez, "Domain warping", 2002).
-    pub warp: f32,
-    /// The noise that moves the point.
-    pub warp_noise: Noise,
-    /// Factor of the noise.
-    pub amplitude: f32,
-    /// Added after that.
-    pub offset: f32,
-    /// Cells per second along a fourth axis of the noise; 0 for noise of space alone.
-    pub speed: f32,
+parameters! {
+    /// Noise: a number, as grey.
+    #[derive(Copy)]
+    pub struct NoiseOptions {
+        /// The kind of noise.
+        pub family: NoiseFamily = NoiseFamily::Perlin,
+        /// How distances of cellular noise are measured.
+        pub metric: CellularMetric = CellularMetric::Euclidean,
+        /// How octaves are summed.
+        pub fractal: FractalKind = FractalKind::Fbm,
+        /// Number of octaves.
+        #[schemars(range(min = 1, max = 24))]
+        pub octaves: u32 = 5,
+        /// Ratio of the frequencies of two octaves.
+        #[schemars(range(min = 1.01, max = 16))]
+        pub lacunarity: f32 = 2.03,
+        /// Ratio of the amplitudes of two octaves.
+        #[schemars(range(min = 0, max = 1))]
+        pub gain: f32 = 0.5,
+        /// Width of a cell of the first octave, in units of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub cell: f32 = 0.25,
+        /// How far the point is moved by another noise first, in cells: bands and flows.
+        pub warp: f32 = 0.0,
+        /// Factor of the noise.
+        pub amplitude: f32 = 0.5,
+        /// Added after that.
+        pub offset: f32 = 0.5,
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+        /// How far a fourth coordinate of the noise grows each second, in cells: noise that boils.
+        pub evolve: f32 = 0.0,
+    }
 }
 
-impl NoiseTexture {
-    /// A noise between about 0 and 1 with cells of this width.
-    pub fn new(noise: FractalNoise, cell: f32) -> Self {
-        let (warp, warp_noise) = (0.0, Noise::new(0x1b87_3593));
-        Self { noise, cell, warp, warp_noise, amplitude: 0.5, offset: 0.5, speed: 0.0 }
-    }
+/// A fractal noise as a texture: a number, as grey. Warps follow I. Quilez, "Domain warping", 2002.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NoiseTexture {
+    options: NoiseOptions,
+    /// In cells.
+    noise: FractalNoise,
+    /// Moves the point.
+    warp_noise: Noise,
+}
 
+impl NoiseOptions {
     /// Checks the options.
     ///
     /// # Errors
     ///
     /// A number is out of its range.
-    pub fn validate(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> Result<(), InvalidOption> {
         Allowed::Positive.check("a noise", "cell", &[self.cell])?;
         Allowed::Finite.check("a noise", "warp", &[self.warp])?;
         Allowed::Finite.check("a noise", "amplitude", &[self.amplitude])?;
         Allowed::Finite.check("a noise", "offset", &[self.offset])?;
-        Allowed::Finite.check("a noise", "speed", &[self.speed])
+        Allowed::Finite.check("a noise", "speed", &[self.evolve])
+    }
+}
+
+impl NoiseTexture {
+    /// The texture that the options describe.
+    pub fn new(options: NoiseOptions) -> Self {
+        let NoiseOptions { family, metric, fractal, octaves, lacunarity, gain, seed, .. } = options;
+        let octaves = Fractal { octaves, lacunarity, gain };
+        let noise = FractalNoise::with_metric(family, metric, fractal, octaves, seed);
+        Self { options, noise, warp_noise: Noise::new(seed ^ 0x1b87_3593) }
     }
 
     /// The value at a point, averaged over a width, at a time in seconds.
     pub fn value(&self, p: Vec3, width: f32, time: f32) -> f32 {
-        let (mut at, mut width) = (p / self.cell, width / self.cell);
-        if self.warp != 0.0 {
+        let NoiseOptions { cell, warp, amplitude, offset, evolve, .. } = self.options;
+        let (mut at, mut width) = (p / cell, width / cell);
+        if warp != 0.0 {
             let pull = |shift: f32| self.warp_noise.fbm(at + shift, Fractal::octaves(2), width);
-            at += self.warp * Vec3::new(pull(0.0), pull(31.4), pull(-27.2));
+            at += warp * Vec3::new(pull(0.0), pull(31.4), pull(-27.2));
             // Where the warp stretches space, details become narrower.
-            width *= 1.0 + self.warp.abs();
+            width *= 1.0 + warp.abs();
         }
-        let value = match self.speed {
+        let value = match evolve {
             0.0 => self.noise.value(at.to_array(), width),
             speed => self.noise.value(at.extend(speed * time).to_array(), width),
         };
-        self.offset + self.amplitude * value
+        offset + amplitude * value
     }
 }
 
@@ -67,21 +99,22 @@ impl Texture for NoiseTexture {
     }
 
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        if self.warp != 0.0 || self.speed != 0.0 {
+        let NoiseOptions { cell, warp, amplitude, offset, evolve, .. } = self.options;
+        if warp != 0.0 || evolve != 0.0 {
             at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
             return;
         }
-        let points: Vec<Vec3> = at.iter().map(|at| at.position / self.cell).collect();
-        let widths: Vec<f32> = at.iter().map(|at| at.width() / self.cell).collect();
+        let points: Vec<Vec3> = at.iter().map(|at| at.position / cell).collect();
+        let widths: Vec<f32> = at.iter().map(|at| at.width() / cell).collect();
         let mut sums = vec![0.0; at.len()];
         self.noise.values(&points, &widths, &mut sums);
         for (value, sum) in values.iter_mut().zip(sums) {
-            *value = Vec3::splat(self.offset + self.amplitude * sum).extend(1.0);
+            *value = Vec3::splat(offset + amplitude * sum).extend(1.0);
         }
     }
 
     fn is_animated(&self) -> bool {
-        self.speed != 0.0
+        self.options.evolve != 0.0
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt;
 
 use glam::{Vec2, Vec3, Vec4};
 
+use crate::combine::TextureUse;
 use crate::look::Slot;
 
 /// Where a texture is asked, and how far the asker averages.
@@ -96,6 +97,11 @@ pub trait Texture: Send + Sync {
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
         assert_eq!(at.len(), values.len(), "one value for every point");
         at.iter().zip(values).for_each(|(at, value)| *value = self.evaluate(at));
+    }
+
+    /// Itself, for the use of another texture: whoever asks several uses of one texture may ask it once and make their values of its.
+    fn as_use(&self) -> Option<&TextureUse> {
+        None
     }
 
     /// Whether the value depends on the eye: such a texture cannot be baked.

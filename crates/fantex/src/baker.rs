@@ -17,16 +17,16 @@ use fantex_bake::{
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
+use fantex_look::{LookImages, ResolveOptions};
 use fantex_mesh::Material;
 use fantex_store::{ChannelKind, Quality};
-use fantex_texture::look::{LookImages, ResolveOptions};
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
 
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
 
-use crate::look_scene::{LookBake, Wardrobe};
+use crate::look_scene::{LookBake, MaterialResolver};
 use crate::{Mesh, Unified};
 
 /// What is baked.
@@ -321,7 +321,7 @@ impl<'a> Baker<'a> {
                     ..ResolveOptions::default()
                 };
                 let mut mesh = fantex_mesh::Mesh::clone(model);
-                let resolver = Wardrobe { file: &file, images: &images, options };
+                let resolver = MaterialResolver { file: &file, images: &images, options };
                 let look = LookBake::new(&resolver, &mut mesh, model.path()).unified()?;
                 look.with_source(&mesh, |source| self.bake(&mesh, source, None, path)).unified()?
             }

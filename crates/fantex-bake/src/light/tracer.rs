@@ -10,8 +10,9 @@ use std::f32::consts::PI;
 use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, TriangleBvh, WorldFromMesh, origin_beside};
 use glam::{DVec3, Vec3};
 
+use crate::LightQuantity;
 use crate::light::sky_table::SkyTable;
-use crate::light::{LightMapError, LightMapOptions, LightQuantity, Reflector, Sky};
+use crate::light::{LightMapError, LightMapOptions, Reflector, Sky};
 
 /// Vertices of a path before Russian roulette.
 const SURE_VERTICES: u32 = 3;

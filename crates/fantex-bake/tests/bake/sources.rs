@@ -11,9 +11,9 @@ use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, 
 use fantex_store::{ChannelKind, PageCache};
 use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{Anisotropy, Difference, LookMaterial, NormalSpace, Relief, Slot};
-use fantex_texture::noise::{Fractal, FractalKind, FractalNoise, NoiseFamily};
 use fantex_texture::{
-    ColorSpace, Image, ImageTexture, MappingKind, Marble, NoiseTexture, Samples, SolidTexture, Texture, Wrap,
+    ColorSpace, Image, ImageTexture, MappingKind, Marble, NoiseOptions, NoiseTexture, Samples, SolidTexture,
+    Texture, Wrap,
 };
 use glam::{Mat3, Vec2, Vec3, Vec4};
 
@@ -312,8 +312,7 @@ fn image() -> Arc<dyn Texture> {
 }
 
 fn noise() -> Arc<dyn Texture> {
-    let noise = FractalNoise::new(NoiseFamily::Perlin, FractalKind::Fbm, Fractal::octaves(4), 5);
-    Arc::new(NoiseTexture::new(noise, 0.3))
+    Arc::new(NoiseTexture::new(NoiseOptions { octaves: 4, seed: 5, cell: 0.3, ..NoiseOptions::default() }))
 }
 
 /// Something in every channel: colours of a solid, relief of each kind, roughness, glow, stretched highlights.

@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use fantex::look::LookFile;
-use fantex::look_scene::{GivenModel, LookScene, PictureChanges, Wardrobe};
+use fantex::look::{LookImages, ResolveOptions};
+use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
 use fantex::render::{Background, Camera, RenderOptions, Surface};
 use fantex::texture::Image;
 use fantex::texture::compare::{Comparison, compare, difference_picture};
-use fantex::texture::look::{LookImages, ResolveOptions};
 use serde::Serialize;
 
 use crate::commands::render::{filter_of, show_damaged_tiles};
@@ -152,8 +152,11 @@ impl<'a> Prepared<'a> {
             Opened::Look(file) => file,
         };
         let filter = Some(filter_of(args.filter));
-        let wardrobe =
-            Wardrobe { file, images, options: ResolveOptions { filter, ..context.resolve_options() } };
+        let resolver = MaterialResolver {
+            file,
+            images,
+            options: ResolveOptions { filter, ..context.resolve_options() },
+        };
         let changes = PictureChanges {
             size: Some(args.size.0),
             samples: Some(args.samples),
@@ -162,7 +165,7 @@ impl<'a> Prepared<'a> {
             ..PictureChanges::default()
         };
         let given = other.0.model(other.1);
-        Ok(Self::Look(Box::new(LookScene::new(wardrobe, given.as_ref(), changes)?)))
+        Ok(Self::Look(Box::new(LookScene::new(resolver, given.as_ref(), changes)?)))
     }
 
     fn orbit(&self, args: &CompareArgs, aspect: f64) -> Result<Vec<Camera>, CliError> {

@@ -14,9 +14,9 @@ use std::time::Instant;
 use clap::Args;
 use fantex::Error;
 use fantex::look::LookFile;
-use fantex::look_scene::{LookScene, PictureChanges, Wardrobe};
+use fantex::look::{LookImages, ResolveOptions};
+use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
 use fantex::texture::Image;
-use fantex::texture::look::{LookImages, ResolveOptions};
 use fantex_gallery::{CHAPTERS, Catalogue, Entry, Variant, read};
 use serde::Serialize;
 
@@ -127,8 +127,8 @@ impl Artist<'_> {
         });
         let images = LookImages::default();
         let options = ResolveOptions { memory_bytes: self.context.memory_bytes, ..ResolveOptions::default() };
-        let wardrobe = Wardrobe { file, images: &images, options };
-        let scene = LookScene::new(wardrobe, None, PictureChanges { size, ..PictureChanges::default() })?;
+        let resolver = MaterialResolver { file, images: &images, options };
+        let scene = LookScene::new(resolver, None, PictureChanges { size, ..PictureChanges::default() })?;
         let times = scene.times();
         let mut frames = Vec::with_capacity(times.len());
         for &time in &times {

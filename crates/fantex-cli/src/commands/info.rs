@@ -8,8 +8,8 @@ use clap::Args;
 use fantex::cover::{Cover, CoverOptions, CoverStats, Percentiles, TexelBudget, build_cover, pack};
 use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
+use fantex::look::look_of_model;
 use fantex::store::Asset;
-use fantex::texture::look::look_of_model;
 use fantex::{Error, Mesh};
 use serde::Serialize;
 
@@ -442,7 +442,7 @@ struct Translation {
 pub(crate) fn print_look_of_model(model: &Mesh, context: &Context) -> Result<(), CliError> {
     let (path, translated) = (model.path(), look_of_model(model));
     let text = translated.look.to_toml();
-    let text = text.map_err(|problem| Error::malformed(problem.to_string()).in_file(path))?;
+    let text = text.map_err(|problem| problem.in_file(path))?;
     let head = format!("# The materials of {}, as a look.\n\n", path.display());
     let translation = Translation { look: translated.look, materials: translated.materials };
     context.print(&translation, |_| head + &text)

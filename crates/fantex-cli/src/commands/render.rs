@@ -9,11 +9,11 @@ use fantex::gpu::{
     DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, UvModel, render_to_picture, stream_view,
 };
 use fantex::look::LookFile;
-use fantex::look_scene::{GivenModel, LookScene, PictureChanges, Wardrobe};
+use fantex::look::{LookImages, ResolveOptions};
+use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, RenderStats, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
-use fantex::texture::look::{LookImages, ResolveOptions};
 use glam::DVec3;
 use serde::Serialize;
 
@@ -291,8 +291,8 @@ fn render_look(
     let given = model.map(|path| given_model(path, context)).transpose()?;
     let images = LookImages::default();
     let options = ResolveOptions { filter: args.filter.map(filter_of), ..context.resolve_options() };
-    let wardrobe = Wardrobe { file, images: &images, options };
-    let scene = LookScene::new(wardrobe, given.as_ref(), changes(args))?;
+    let resolver = MaterialResolver { file, images: &images, options };
+    let scene = LookScene::new(resolver, given.as_ref(), changes(args))?;
     let times = scene.times();
     let pictures = names(&args.output, times.len());
     pictures.iter().try_for_each(|path| context.check_output(path))?;

@@ -1,17 +1,23 @@
 //! Materials.
 
-use super::{Color, Input};
+use fantex_base::parameters;
+use fantex_texture::look::{ColorUse, Difference, LightingModel};
+use fantex_texture::{Color, RampInterpolation, Stop};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-table! {
+use super::Input;
+
+parameters! {
     /// A material: every property may be a texture. What is left out has the default or, with `from = "model"`, comes from the
     /// model.
     pub struct MaterialTable {
         /// What the material starts from.
         pub from: MaterialBase = MaterialBase::Default,
         /// How light is reflected; metallic_roughness where it is left out.
-        pub lighting: Option<LightingName> = None,
+        pub lighting: Option<LightingModel> = None,
         /// What the base colour does to the lighting; a_priori where it is left out.
-        pub color_use: Option<ColorUseName> = None,
+        pub color_use: Option<ColorUse> = None,
         /// Colour; a texture's alpha counts as opacity; 1 where it is left out.
         pub base_color: Option<Input> = None,
         /// Factor of the alpha, 0 to 1; 1 where it is left out.
@@ -20,7 +26,7 @@ table! {
         pub opacity: Option<OpacityName> = None,
         /// Least alpha that is seen in cut-outs.
         #[schemars(range(min = 0, max = 1))]
-        pub threshold: f64 = 0.5,
+        pub threshold: f32 = 0.5,
         /// 0 (dielectric) to 1 (metal); 0 where it is left out.
         pub metallic: Option<Input> = None,
         /// Perceptual roughness, 0 to 1; 0.9 where it is left out.
@@ -63,9 +69,9 @@ table! {
         /// Heights.
         pub texture: Input = Input::Number(0.0),
         /// Height of 1, in world units.
-        pub height: f64 = 0.0,
+        pub height: f32 = 0.0,
         /// Which differences stand for the derivatives.
-        pub difference: DifferenceName = DifferenceName::Central,
+        pub difference: Difference = Difference::Central,
     }
 
     /// Bump mapping by a texture of height (red) and its derivatives (green, blue: `0.5 + 0.5 d / range`).
@@ -74,10 +80,10 @@ table! {
         /// The three numbers.
         pub texture: Input = Input::Number(0.0),
         /// Height of 1, in world units.
-        pub height: f64 = 0.0,
+        pub height: f32 = 0.0,
         /// Largest derivative that the encoding holds.
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub range: f64 = 1.0,
+        pub range: f32 = 1.0,
         /// Texture coordinates whose u and v the derivatives belong to.
         #[schemars(range(max = 31))]
         pub set: u32 = 0,
@@ -89,7 +95,7 @@ table! {
         /// Encoded normals; an image with `color_space = "linear"`.
         pub texture: Input = Input::Number(0.0),
         /// Factor of the tangential part.
-        pub scale: f64 = 1.0,
+        pub scale: f32 = 1.0,
         /// The frame in which the map is written.
         pub space: NormalSpaceName = NormalSpaceName::Tangent,
         /// Texture coordinates that the tangents belong to.
@@ -105,7 +111,7 @@ table! {
         /// Height of 1, in world units.
         pub height: f64 = 0.0,
         /// The height texture's value that leaves the surface where it is.
-        pub middle: f64 = 0.0,
+        pub middle: f32 = 0.0,
         /// Longest edge after dividing, in world units; a hundredth of the model's size where it is left out.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub edge: Option<f64> = None,
@@ -119,18 +125,9 @@ table! {
     pub struct ToonTable {
         /// Colours in ascending order of the cosine, 0 to 1.
         #[schemars(length(min = 1, max = 1024))]
-        pub stops: Vec<StopTable> = Vec::new(),
+        pub stops: Vec<Stop> = Vec::new(),
         /// How colours change between the stops.
-        pub interpolation: RampName = RampName::Constant,
-    }
-
-    /// A stop of a colour scale.
-    #[schemars(extend("required" = ["at", "color"]))]
-    pub struct StopTable {
-        /// Where it is.
-        pub at: f64 = 0.0,
-        /// Its colour.
-        pub color: Color = Color::WHITE,
+        pub interpolation: RampInterpolation = RampInterpolation::Constant,
     }
 
     /// An anisotropic highlight.
@@ -139,77 +136,41 @@ table! {
         /// -1 to 1: how far the highlight is stretched along the direction.
         pub strength: Input = Input::Number(0.0),
         /// Direction in the tangent plane: red and green, -1 to 1 encoded as 0 to 1.
-        pub direction: Input = Input::Color(Color::rgb([1.0, 0.5, 0.5])),
+        pub direction: Input = Input::Color(Color::opaque(1.0, 0.5, 0.5)),
         /// Texture coordinates that give tangent and bitangent.
         #[schemars(range(max = 31))]
         pub set: u32 = 0,
     }
 }
 
-choice! {
-    /// What a material starts from.
-    pub enum MaterialBase {
-        /// White, opaque, rough.
-        Default,
-        /// The material that the model has there.
-        Model,
-    }
+/// What a material starts from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum MaterialBase {
+    /// White, opaque, rough.
+    Default,
+    /// The material that the model has there.
+    Model,
+}
 
-    /// How light is reflected.
-    pub enum LightingName {
-        /// glTF 2.0 metallic-roughness.
-        MetallicRoughness,
-        /// Blinn-Phong with ambient.
-        BlinnPhong,
-        /// No light: the base colour is the picture.
-        Unlit,
-    }
+/// What alpha means.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum OpacityName {
+    /// Nothing.
+    Opaque,
+    /// Cut-outs: below the threshold nothing is there.
+    Mask,
+    /// Blended back to front.
+    Blend,
+}
 
-    /// What the base colour does to the lighting.
-    pub enum ColorUseName {
-        /// Scales the reflectance before lighting; highlights keep their colour.
-        APriori,
-        /// Multiplies the lit colour, highlights included.
-        Modulate,
-        /// Replaces the lit colour.
-        Replace,
-    }
-
-    /// What alpha means.
-    pub enum OpacityName {
-        /// Nothing.
-        Opaque,
-        /// Cut-outs: below the threshold nothing is there.
-        Mask,
-        /// Blended back to front.
-        Blend,
-    }
-
-    /// Differences that stand for derivatives.
-    pub enum DifferenceName {
-        /// F(x + d) - F(x).
-        Forward,
-        /// F(x) - F(x - d).
-        Backward,
-        /// (F(x + d) - F(x - d)) / 2.
-        Central,
-    }
-
-    /// The frame of a normal map.
-    pub enum NormalSpaceName {
-        /// Tangent, bitangent and normal.
-        Tangent,
-        /// The model's own axes.
-        Object,
-    }
-
-    /// How colours change between the stops of a ramp.
-    pub enum RampName {
-        /// Proportionally, in linear light.
-        Linear,
-        /// By a cubic that is level at the stops.
-        Smooth,
-        /// Not at all: steps.
-        Constant,
-    }
+/// The frame of a normal map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NormalSpaceName {
+    /// Tangent, bitangent and normal.
+    Tangent,
+    /// The model's own axes.
+    Object,
 }

@@ -1,44 +1,11 @@
-//! A look as its file says it: plain data, not yet resolved.
+//! A look as its file says it.
+//!
+//! What needs neither files nor a model is the very type that is evaluated: solids, noise, colour scales, modes, matrices, places. Textures
+//! made of others are those of `fantex_texture::combine`, with [`Input`]s in place of textures. The tables here are what needs a
+//! file, a name or a model first.
 //!
 //! Every type is both the memory of a table and, through `schemars`, the source of its part of the JSON schema: doc comments
 //! become descriptions, defaults become defaults. The checks of a file follow that schema.
-
-/// A table of a look: a struct whose keys may all be left out, with the defaults beside them. (Keys that must be there are
-/// named by `extend("required" = ...)`, and the checks see to it; their default is never seen.)
-macro_rules! table {
-    ($(
-        $(#[$meta:meta])*
-        pub struct $name:ident {
-            $($(#[$field_meta:meta])* pub $field:ident: $type:ty = $default:expr,)*
-        }
-    )*) => {$(
-        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-        #[serde(default, deny_unknown_fields)]
-        $(#[$meta])*
-        pub struct $name {
-            $($(#[$field_meta])* pub $field: $type,)*
-        }
-
-        impl Default for $name {
-            fn default() -> Self {
-                Self { $($field: $default,)* }
-            }
-        }
-    )*};
-}
-
-/// An option of a look that is one of several texts.
-macro_rules! choice {
-    ($(
-        $(#[$meta:meta])*
-        pub enum $name:ident { $($(#[$variant_meta:meta])* $variant:ident,)* }
-    )*) => {$(
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-        #[serde(rename_all = "snake_case")]
-        $(#[$meta])*
-        pub enum $name { $($(#[$variant_meta])* $variant,)* }
-    )*};
-}
 
 mod material;
 mod scene;
@@ -47,12 +14,14 @@ mod values;
 
 use std::collections::BTreeMap;
 
+use fantex_base::parameters;
+
 pub use material::*;
 pub use scene::*;
 pub use texture::*;
 pub use values::*;
 
-table! {
+parameters! {
     /// A look: what textures drive on a model, and how it is shown.
     #[schemars(title = "fantex look")]
     pub struct Look {

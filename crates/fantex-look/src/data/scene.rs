@@ -2,14 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use fantex_base::parameters;
+use fantex_scene::{Interpolation, LightQuantity, ShadingRate};
+use fantex_texture::environment::{EnvironmentForm, EnvironmentLayout, Sky};
+use fantex_texture::{Color, Filter, Scale};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Color, FileName, MaterialName, ObjectName, Scale, TextureName};
+use super::{FileName, MaterialName, ObjectName, TextureName};
 
-// Camera, picture, objects, and what is baked.
-
-table! {
+parameters! {
     /// A pinhole camera, world space.
     pub struct CameraTable {
         /// Where it is, world units; without it, it shows the whole scene from the front, the right and above.
@@ -31,11 +33,11 @@ table! {
         #[schemars(range(min = 1, max = 64))]
         pub samples: u32 = 8,
         /// How images are filtered that do not say so themselves.
-        pub filter: FilterName = FilterName::Anisotropic,
+        pub filter: Filter = Filter::Anisotropic,
         /// How attributes are interpolated over a triangle.
-        pub interpolation: InterpolationName = InterpolationName::Perspective,
+        pub interpolation: Interpolation = Interpolation::Perspective,
         /// How often surfaces are asked for their colour.
-        pub shading: ShadingName = ShadingName::PerPixel,
+        pub shading: ShadingRate = ShadingRate::PerPixel,
         /// Brightness in stops: each doubles the light.
         #[schemars(range(min = -20, max = 20))]
         pub exposure: f64 = 0.0,
@@ -70,7 +72,7 @@ table! {
         pub radius: f64 = 0.05,
         /// Share of the light that is spread.
         #[schemars(range(min = 0, max = 100))]
-        pub strength: f64 = 0.5,
+        pub strength: f32 = 0.5,
         /// Light above which a surface glows by itself; emission always does.
         #[schemars(range(min = 0))]
         pub threshold: Option<f64> = None,
@@ -102,7 +104,7 @@ table! {
         /// Which.
         pub kind: ShapeName = ShapeName::Sphere,
         /// Width, height and depth of a box; width and depth of a plane; in world units.
-        pub size: [PositiveLength; 3] = [PositiveLength(1.0); 3],
+        pub size: [ShapeLength; 3] = [ShapeLength(1.0); 3],
         /// Radius of spheres, cylinders, cones and tori, in world units.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub radius: f64 = 0.5,
@@ -132,7 +134,7 @@ table! {
     /// Light by path tracing.
     pub struct LightBakeTable {
         /// Which light.
-        pub quantity: LightQuantityName = LightQuantityName::Full,
+        pub quantity: LightQuantity = LightQuantity::Full,
         /// Whether the light is multiplied with the base colour, so that the bake is the finished picture.
         pub colored: bool = true,
         /// Paths per texel.
@@ -153,85 +155,43 @@ table! {
     }
 }
 
+/// A length of a shape, above 0.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct ShapeLength(#[schemars(extend("exclusiveMinimum" = 0))] pub f64);
+
 /// A side of the picture in pixels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(transparent)]
 pub struct PictureSide(#[schemars(range(min = 1, max = 16_384))] pub u32);
 
-/// A length above 0.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize, schemars::JsonSchema)]
-#[serde(transparent)]
-pub struct PositiveLength(#[schemars(extend("exclusiveMinimum" = 0))] pub f64);
-
-choice! {
-    /// A filter.
-    pub enum FilterName {
-        /// The nearest texel.
-        Nearest,
-        /// Four texels, no anti-aliasing.
-        Bilinear,
-        /// Sixteen texels, no anti-aliasing.
-        Bicubic,
-        /// Two detail levels.
-        Trilinear,
-        /// Several trilinear probes along the footprint.
-        Anisotropic,
-        /// Elliptical weighted average, the reference.
-        Ewa,
-    }
-
-    /// How attributes are interpolated.
-    pub enum InterpolationName {
-        /// Perspectively correct.
-        Perspective,
-        /// Linearly on the screen: wrong, shown for comparison.
-        Affine,
-    }
-
-    /// How often surfaces are asked.
-    pub enum ShadingName {
-        /// Once per pixel and triangle.
-        PerPixel,
-        /// At every sample: supersampling.
-        PerSample,
-    }
-
-    /// How bright light is brought into the picture's range.
-    pub enum ToneMappingName {
-        /// Cut off.
-        None,
-        /// Reinhard's curve.
-        Reinhard,
-        /// A film-like curve.
-        Filmic,
-    }
-
-    /// A simple shape.
-    pub enum ShapeName {
-        /// A square in the x-z plane, seen from above.
-        Plane,
-        /// A box.
-        Box,
-        /// A sphere of longitudes and latitudes.
-        Sphere,
-        /// An upright cylinder.
-        Cylinder,
-        /// A torus around the vertical axis.
-        Torus,
-    }
-
-    /// Which light is baked.
-    pub enum LightQuantityName {
-        /// What lamps, sky and glowing surfaces give directly.
-        Direct,
-        /// The share of the sky that is seen.
-        AmbientOcclusion,
-        /// All light.
-        Full,
-    }
+/// How bright light is brought into the picture's range.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ToneMappingName {
+    /// Cut off.
+    None,
+    /// Reinhard's curve.
+    Reinhard,
+    /// A film-like curve.
+    Filmic,
 }
 
-// Lamps.
+/// A simple shape.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ShapeName {
+    /// A square in the x-z plane, seen from above.
+    Plane,
+    /// A box.
+    Box,
+    /// A sphere of longitudes and latitudes.
+    Sphere,
+    /// An upright cylinder.
+    Cylinder,
+    /// A torus around the vertical axis.
+    Torus,
+}
 
 /// A lamp.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -249,7 +209,7 @@ pub enum LightTable {
     Ambient(AmbientTable),
 }
 
-table! {
+parameters! {
     /// Light from one direction.
     #[schemars(extend("required" = ["to_light"]))]
     pub struct SunTable {
@@ -259,7 +219,7 @@ table! {
         pub color: Color = Color::WHITE,
         /// Factor of the colour.
         #[schemars(range(min = 0))]
-        pub strength: f64 = 1.0,
+        pub strength: f32 = 1.0,
         /// Half the angle under which the light is seen, in degrees: soft shadows in baked light.
         #[schemars(range(min = 0, max = 90))]
         pub radius: f64 = 0.27,
@@ -276,7 +236,7 @@ table! {
         pub color: Color = Color::WHITE,
         /// Factor of the colour.
         #[schemars(range(min = 0))]
-        pub strength: f64 = 1.0,
+        pub strength: f32 = 1.0,
         /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
         /// distance; without it, it does not weaken.
         #[schemars(extend("exclusiveMinimum" = 0))]
@@ -308,7 +268,7 @@ table! {
         pub color: Color = Color::WHITE,
         /// Factor of the colour.
         #[schemars(range(min = 0))]
-        pub strength: f64 = 1.0,
+        pub strength: f32 = 1.0,
         /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
         /// distance; without it, it does not weaken.
         #[schemars(extend("exclusiveMinimum" = 0))]
@@ -349,7 +309,7 @@ table! {
         pub color: Color = Color::WHITE,
         /// Factor of the colour.
         #[schemars(range(min = 0))]
-        pub strength: f64 = 1.0,
+        pub strength: f32 = 1.0,
         /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
         /// distance; without it, it does not weaken.
         #[schemars(extend("exclusiveMinimum" = 0))]
@@ -369,7 +329,7 @@ table! {
         pub ground: Option<Color> = None,
         /// Factor of both.
         #[schemars(range(min = 0))]
-        pub strength: f64 = 1.0,
+        pub strength: f32 = 1.0,
     }
 
     /// A shadow map.
@@ -379,22 +339,20 @@ table! {
         pub size: u32 = 2048,
         /// How far a receiver is lifted towards the lamp, in texels of the map.
         #[schemars(range(min = 0, max = 1000))]
-        pub bias: f64 = 1.0,
+        pub bias: f32 = 1.0,
         /// How far a receiver is lifted along its normal where light grazes it, in texels of the map.
         #[schemars(range(min = 0, max = 1000))]
-        pub normal_bias: f64 = 1.5,
+        pub normal_bias: f32 = 1.5,
         /// Half the width of the border, in world units.
         #[schemars(range(min = 0))]
-        pub softness: f64 = 0.0,
+        pub softness: f32 = 0.0,
         /// Radius of the lamp in world units (of the sun: the tangent of its angle): borders grow wider with the distance.
         #[schemars(extend("exclusiveMinimum" = 0))]
-        pub lamp_radius: Option<f64> = None,
+        pub lamp_radius: Option<f32> = None,
     }
 }
 
-// What surrounds the scene.
-
-table! {
+parameters! {
     /// The surroundings: one of `image`, `faces`, `sky`, `capture` or `color` says what they are.
     pub struct EnvironmentTable {
         /// A picture of the surroundings, usually HDR: latitude-longitude, an unfolded cube, a strip of faces or a mirror ball.
@@ -402,38 +360,25 @@ table! {
         /// Six pictures: right, left, up, down, front, back.
         pub faces: Option<[FileName; 6]> = None,
         /// A clear sky, computed.
-        pub sky: Option<SkyTable> = None,
+        pub sky: Option<Sky> = None,
         /// What is seen from an object, rendered in six passes.
         pub capture: Option<CaptureTable> = None,
         /// The same colour on all sides.
         pub color: Option<Color> = None,
         /// How `image` is laid out; recognised by its proportions where it is left out.
-        pub layout: Option<EnvironmentLayoutName> = None,
+        pub layout: Option<EnvironmentLayout> = None,
         /// Factor of its light.
         #[schemars(range(min = 0))]
-        pub strength: f64 = 1.0,
+        pub strength: f32 = 1.0,
         /// Turned about the vertical axis, in degrees.
         pub rotation: f64 = 0.0,
         /// Whether it is the background of the picture.
         pub visible: bool = true,
         /// The form into which it is converted; it keeps its own where this is left out.
-        pub form: Option<EnvironmentFormName> = None,
+        pub form: Option<EnvironmentForm> = None,
         /// Texels along a face of the cube, a disc or the height of the sphere after conversion, and of a sky.
         #[schemars(range(min = 4, max = 8192))]
         pub size: u32 = 512,
-    }
-
-    /// A clear sky over a plain.
-    pub struct SkyTable {
-        /// To the sun, of any length but zero, world axes.
-        pub to_sun: [f64; 3] = [-0.5, 0.72, 0.7],
-        /// Haze, from 2 (after rain) to 10.
-        #[schemars(range(min = 2, max = 10))]
-        pub turbidity: f64 = 3.0,
-        /// Colour of the ground.
-        pub ground: Color = Color::rgb([0.18, 0.17, 0.12]),
-        /// Whether the sun's disc is drawn.
-        pub sun: bool = false,
     }
 
     /// The scene as an object sees it.
@@ -443,42 +388,12 @@ table! {
         /// From where instead, world units.
         pub position: Option<[f64; 3]> = None,
         /// What is behind the scene.
-        pub sky: Option<SkyTable> = None,
+        pub sky: Option<Sky> = None,
         /// Texels along a face.
         #[schemars(range(min = 4, max = 4096))]
         pub size: u32 = 256,
         /// Samples per texel.
         #[schemars(range(min = 1, max = 64))]
         pub samples: u32 = 4,
-    }
-}
-
-choice! {
-    /// How an environment is kept.
-    pub enum EnvironmentFormName {
-        /// Latitude and longitude.
-        Sphere,
-        /// Six faces.
-        Cube,
-        /// Two paraboloids.
-        Paraboloid,
-    }
-
-    /// How a picture shows an environment.
-    pub enum EnvironmentLayoutName {
-        /// Latitude and longitude, twice as wide as high.
-        Panorama,
-        /// An unfolded cube, lying: 4 by 3 faces.
-        HorizontalCross,
-        /// An unfolded cube, standing: 3 by 4 faces.
-        VerticalCross,
-        /// Six faces side by side.
-        HorizontalStrip,
-        /// Six faces one below the other.
-        VerticalStrip,
-        /// Two paraboloids side by side.
-        Paraboloids,
-        /// A mirror ball, photographed from afar.
-        MirrorBall,
     }
 }

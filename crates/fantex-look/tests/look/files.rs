@@ -80,7 +80,7 @@ fn a_whole_scene_is_read() {
     assert_eq!(look.picture.size.map(|side| side.0), [320, 200]);
     assert!(matches!(&look.light[0], LightTable::Sun(sun) if sun.shadow.is_some()));
     assert!(
-        matches!(&look.textures["rings"], TextureTable::Wood(wood) if wood.tilt == 12.0 && wood.twist == 0.012)
+        matches!(&look.textures["rings"], TextureTable::Wood(wood) if wood.texture.tilt == 12.0 && wood.texture.twist == 0.012)
     );
     let Some(Input::Texture(roughness)) = &look.materials["board"].roughness else { panic!() };
     assert_eq!((roughness.texture.0.as_str(), roughness.offset), ("bumps", 0.2));

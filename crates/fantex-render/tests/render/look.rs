@@ -11,10 +11,9 @@ use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{
     Anisotropy, ColorUse, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
 };
-use fantex_texture::noise::{Fractal, FractalKind, FractalNoise, NoiseFamily};
 use fantex_texture::{
-    ColorRamp, ColorSpace, Image, ImageTexture, NoiseTexture, RampInterpolation, Rock, Samples, ShadingPoint,
-    SolidTexture, Texture,
+    ColorRamp, ColorSpace, Image, ImageTexture, NoiseOptions, NoiseTexture, RampInterpolation, Rock, Samples,
+    ShadingPoint, SolidTexture, Texture,
 };
 use glam::{Vec3, Vec4};
 
@@ -451,8 +450,7 @@ fn image(seed: u64) -> Slot {
 }
 
 fn noise(seed: u32) -> NoiseTexture {
-    let octaves = Fractal::octaves(4);
-    NoiseTexture::new(FractalNoise::new(NoiseFamily::Perlin, FractalKind::Fbm, octaves, seed), 0.2)
+    NoiseTexture::new(NoiseOptions { octaves: 4, seed, cell: 0.2, ..NoiseOptions::default() })
 }
 
 fn materials() -> Vec<Arc<LookMaterial>> {

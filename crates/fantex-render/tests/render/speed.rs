@@ -15,10 +15,10 @@ use fantex_store::{
 };
 use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{LookMaterial, Slot};
-use fantex_texture::noise::{Fractal, FractalKind, FractalNoise, NoiseFamily};
+use fantex_texture::noise::NoiseFamily;
 use fantex_texture::{
-    ColorSpace, Filter, Image, ImageTexture, NoiseTexture, Rock, SampleOptions, Samples, SolidTexture,
-    Texture,
+    ColorSpace, Filter, Image, ImageTexture, NoiseOptions, NoiseTexture, Rock, SampleOptions, Samples,
+    SolidTexture, Texture,
 };
 use glam::{DVec3, Mat3};
 
@@ -115,8 +115,8 @@ fn looks_on_a_million_triangles() {
         ImageLookup { options, ..ImageLookup::new(Arc::clone(&image)) }
     };
     let noise = |family| {
-        let octaves = Fractal::octaves(6);
-        NoiseTexture::new(FractalNoise::new(family, FractalKind::Fbm, octaves, 1), 0.2)
+        let cell = 0.2;
+        NoiseTexture::new(NoiseOptions { family, octaves: 6, seed: 1, cell, ..NoiseOptions::default() })
     };
     let textures: [(&str, Arc<dyn Texture>); 5] = [
         ("an image, trilinear", Arc::new(lookup(Filter::Trilinear))),

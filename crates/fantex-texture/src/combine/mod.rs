@@ -3,6 +3,55 @@
 //! Every node is plain data with [`Slot`]s as inputs. Colours are linear with straight alpha; where two are
 //! mixed, each counts by its alpha.
 
+/// Nodes: textures made of others. The inputs are [`Slot`]s where a node is evaluated, and whatever names a texture where it is read from
+/// a file; everything else is the same for both.
+macro_rules! nodes {
+    ($(
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            $($(#[$field_meta:meta])* pub $field:ident: $type:ty = $default:expr,)*
+            inputs {
+                $($(#[$input_meta:meta])* pub $input:ident = $constant:expr,)+
+            }
+        }
+    )*) => {$(
+        #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+        #[serde(default, bound(
+            serialize = "I: Serialize",
+            deserialize = "I: Deserialize<'de> + From<f32> + From<Color>"
+        ))]
+        #[schemars(deny_unknown_fields, bound = "I: JsonSchema + Serialize + From<f32> + From<Color>")]
+        $(#[$meta])*
+        pub struct $name<I = Slot> {
+            $($(#[$field_meta])* pub $field: $type,)*
+            $($(#[$input_meta])* pub $input: I,)+
+        }
+
+        impl<I: From<f32> + From<Color>> Default for $name<I> {
+            fn default() -> Self {
+                Self { $($field: $default,)* $($input: I::from($constant),)+ }
+            }
+        }
+
+        impl<I> $name<I> {
+            /// The same node with other inputs, each made of the old one and its name.
+            ///
+            /// # Errors
+            ///
+            /// The first that `input` gives.
+            pub fn with_inputs<J, E>(
+                &self,
+                mut input: impl FnMut(&I, &'static str) -> Result<J, E>,
+            ) -> Result<$name<J>, E> {
+                Ok($name {
+                    $($field: self.$field.clone(),)*
+                    $($input: input(&self.$input, stringify!($input))?,)+
+                })
+            }
+        }
+    )*};
+}
+
 /// A node depends on the eye and on the time if one of these inputs does.
 macro_rules! depends_on {
     ($($input:ident),+) => {
@@ -18,12 +67,17 @@ macro_rules! depends_on {
 
 mod scalar;
 
-use glam::Vec4;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use glam::{Vec3, Vec4};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::{Deserialize, Serialize};
 
 use crate::look::Slot;
-use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
+use crate::{Allowed, Color, InvalidOption, ShadingPoint, Texture};
 
-pub use scalar::{Contours, Field, LineWidth, RampTexture};
+pub use scalar::{Contours, Field, RampTexture};
 
 /// From `a` to `b` by `share` (0..1); colours count by their alpha.
 pub(crate) fn mix(a: Vec4, b: Vec4, share: f32) -> Vec4 {
@@ -52,7 +106,8 @@ fn interval(input: &Slot, channel: Channel, at: &ShadingPoint<'_>) -> (f32, f32)
 // The texture environment modes of OpenGL 1.1.
 
 /// What becomes of the fragment's colour `F` under a texel `T`, with a constant colour `C`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum CombineMode {
     /// `T`, alpha too.
     Replace,
@@ -78,17 +133,21 @@ impl CombineMode {
     }
 }
 
-/// A texture over a fragment's colour.
-#[derive(Clone, Debug)]
-pub struct Combine {
-    /// How.
-    pub mode: CombineMode,
-    /// `T`.
-    pub texture: Slot,
-    /// `F`.
-    pub fragment: Slot,
-    /// `C`, linear RGBA; of importance for [`CombineMode::Blend`].
-    pub constant: Vec4,
+nodes! {
+    /// Texture `T` and what it meets, `F`.
+    #[schemars(extend("required" = ["mode", "texture"]))]
+    pub struct Combine {
+        /// The mode.
+        pub mode: CombineMode = CombineMode::Modulate,
+        /// `C`, for `blend`.
+        pub constant: Color = Color::WHITE,
+        inputs {
+            /// `T`.
+            pub texture = Color::WHITE,
+            /// `F`.
+            pub fragment = Color::WHITE,
+        }
+    }
 }
 
 impl Combine {
@@ -98,13 +157,13 @@ impl Combine {
     ///
     /// The first number that is not.
     pub fn check(&self) -> Result<(), InvalidOption> {
-        Allowed::Finite.check("an environment mode", "the constant colour", &self.constant.to_array())
+        Allowed::Finite.check("an environment mode", "the constant colour", &self.constant.0.to_array())
     }
 }
 
 impl Texture for Combine {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.mode.apply(self.texture.evaluate(at), self.fragment.evaluate(at), self.constant)
+        self.mode.apply(self.texture.evaluate(at), self.fragment.evaluate(at), self.constant.0)
     }
 
     fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
@@ -112,7 +171,7 @@ impl Texture for Combine {
         self.texture.evaluate_all(at, values);
         self.fragment.evaluate_all(at, &mut fragments);
         for (texel, fragment) in values.iter_mut().zip(fragments) {
-            *texel = self.mode.apply(*texel, fragment, self.constant);
+            *texel = self.mode.apply(*texel, fragment, self.constant.0);
         }
     }
 
@@ -122,37 +181,45 @@ impl Texture for Combine {
 // Textures on top of each other.
 
 /// What a layer does to what lies below.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum LayerMode {
-    /// It covers by its alpha (the operator "over" of Porter and Duff, "Compositing digital images", 1984).
+    /// Covers it by its alpha (the operator "over" of Porter and Duff, "Compositing digital images", 1984).
     #[default]
     Over,
-    /// An environment mode, what lies below being the fragment.
-    Combine {
-        /// Which one.
-        mode: CombineMode,
-        /// `C`, linear RGBA.
-        constant: Vec4,
-    },
+    /// Replaces it: `T`.
+    Replace,
+    /// `T F`.
+    Modulate,
+    /// `a_T T + (1 - a_T) F`.
+    Decal,
+    /// `F (1 - T) + C T`.
+    Blend,
 }
 
-/// One of several textures.
-#[derive(Clone, Debug)]
-pub struct Layer {
-    /// The colours.
-    pub texture: Slot,
-    /// What it does to what lies below.
-    pub mode: LayerMode,
-    /// Where it does so: red, 0..1.
-    pub mask: Slot,
-    /// How much it does so: red, 0..1; a factor of the mask.
-    pub opacity: Slot,
+nodes! {
+    /// A layer.
+    #[schemars(rename = "Layer", extend("required" = ["texture"]))]
+    pub struct Layer {
+        /// What it does to what is below.
+        pub mode: LayerMode = LayerMode::Over,
+        /// `C`, for `blend`.
+        pub constant: Color = Color::WHITE,
+        inputs {
+            /// Its colour.
+            pub texture = Color::WHITE,
+            /// Where it is: 0 to 1.
+            pub mask = 1.0,
+            /// How much of it is seen: 0 to 1.
+            pub opacity = 1.0,
+        }
+    }
 }
 
 impl Layer {
     /// A texture over everything below.
     pub fn over(texture: Slot) -> Self {
-        Self { texture, mode: LayerMode::Over, mask: Slot::number(1.0), opacity: Slot::number(1.0) }
+        Self { texture, ..Self::default() }
     }
 
     /// What becomes of the colour below.
@@ -181,10 +248,14 @@ impl Layer {
     }
 
     fn cover(&self, below: Vec4, texel: Vec4, share: f32) -> Vec4 {
-        match self.mode {
-            LayerMode::Over => over(texel.truncate().extend(texel.w * share), below),
-            LayerMode::Combine { mode, constant } => mix(below, mode.apply(texel, below, constant), share),
-        }
+        let mode = match self.mode {
+            LayerMode::Over => return over(texel.truncate().extend(texel.w * share), below),
+            LayerMode::Replace => CombineMode::Replace,
+            LayerMode::Modulate => CombineMode::Modulate,
+            LayerMode::Decal => CombineMode::Decal,
+            LayerMode::Blend => CombineMode::Blend,
+        };
+        mix(below, mode.apply(texel, below, self.constant.0), share)
     }
 
     fn slots(&self) -> [&Slot; 3] {
@@ -203,12 +274,15 @@ fn over(above: Vec4, below: Vec4) -> Vec4 {
 }
 
 /// Several textures, the first one at the bottom.
-#[derive(Clone, Debug)]
-pub struct Layers {
-    /// What lies below all layers.
-    pub base: Slot,
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(bound(serialize = "I: Serialize", deserialize = "I: Deserialize<'de> + From<f32> + From<Color>"))]
+#[schemars(deny_unknown_fields, bound = "I: JsonSchema + Serialize + From<f32> + From<Color>")]
+pub struct Layers<I = Slot> {
+    /// What is below all of them.
+    pub base: I,
     /// From the lowest to the highest.
-    pub layers: Vec<Layer>,
+    #[schemars(length(min = 1, max = 256))]
+    pub layers: Vec<Layer<I>>,
 }
 
 impl Texture for Layers {
@@ -235,22 +309,27 @@ impl Texture for Layers {
 // Arithmetic on textures.
 
 /// A number of a linear RGBA value.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Channel {
-    /// The first.
+    /// Red.
+    #[serde(rename = "r")]
     #[default]
     Red,
-    /// The second.
+    /// Green.
+    #[serde(rename = "g")]
     Green,
-    /// The third.
+    /// Blue.
+    #[serde(rename = "b")]
     Blue,
-    /// The fourth.
+    /// Alpha.
+    #[serde(rename = "a")]
     Alpha,
     /// The luminance of Rec. 709 primaries: `0.2126 r + 0.7152 g + 0.0722 b`.
     Luminance,
-    /// 0, whatever the value.
+    /// 0.
     Zero,
-    /// 1, whatever the value.
+    /// 1.
     One,
 }
 
@@ -269,13 +348,17 @@ impl Channel {
     }
 }
 
-/// Channels picked anew.
-#[derive(Clone, Debug)]
-pub struct Swizzle {
-    /// Where from.
-    pub input: Slot,
-    /// What becomes red, green, blue and alpha.
-    pub channels: [Channel; 4],
+nodes! {
+    /// Channels in another order.
+    #[schemars(extend("required" = ["input", "channels"]))]
+    pub struct Swizzle {
+        /// What becomes red, green, blue and alpha.
+        pub channels: [Channel; 4] = [Channel::Red, Channel::Green, Channel::Blue, Channel::Alpha],
+        inputs {
+            /// The texture.
+            pub input = 0.0,
+        }
+    }
 }
 
 impl Swizzle {
@@ -285,37 +368,143 @@ impl Swizzle {
     }
 }
 
-/// `scale input + offset`, channel by channel.
-#[derive(Clone, Debug)]
-pub struct ScaleOffset {
-    /// What is scaled.
-    pub input: Slot,
-    /// Factors of red, green, blue and alpha.
-    pub scale: Vec4,
-    /// Added to red, green, blue and alpha.
-    pub offset: Vec4,
+/// A number or a colour that multiplies a texture.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Factor {
+    /// The same for red, green and blue; alpha stays.
+    Number(f32),
+    /// Channel by channel.
+    Color(Color),
 }
 
-impl ScaleOffset {
-    /// `1 - input`; alpha stays.
-    pub fn invert(input: Slot) -> Self {
-        Self { input, scale: Vec4::new(-1.0, -1.0, -1.0, 1.0), offset: Vec4::new(1.0, 1.0, 1.0, 0.0) }
+impl Factor {
+    /// Leaves the texture as it is.
+    pub const ONE: Self = Self::Number(1.0);
+
+    fn one() -> Self {
+        Self::ONE
+    }
+
+    /// Whether it says nothing.
+    pub fn is_one(&self) -> bool {
+        matches!(self, Self::Number(1.0))
+    }
+
+    /// Factors of red, green, blue and alpha.
+    pub fn rgba(self) -> Vec4 {
+        match self {
+            Self::Number(number) => Vec3::splat(number).extend(1.0),
+            Self::Color(color) => color.0,
+        }
     }
 }
 
-/// Two textures, mixed by a mask.
-#[derive(Clone, Debug)]
-pub struct Mix {
-    /// Where the mask is 0.
-    pub a: Slot,
-    /// Where the mask is 1.
-    pub b: Slot,
-    /// Red, clamped to 0..1.
-    pub mask: Slot,
+impl JsonSchema for Factor {
+    fn schema_name() -> Cow<'static, str> {
+        "Factor".into()
+    }
+
+    fn json_schema(_generator: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "title": "a number or a colour",
+            "anyOf": [
+                { "type": "number" },
+                { "type": "array", "items": { "type": "number" }, "minItems": 3, "maxItems": 4 },
+                { "type": "string", "format": "color" },
+            ],
+        })
+    }
+}
+
+/// The use of a texture as an input: all of it or one channel, `factor` times that, plus `offset`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "TextureUse", deny_unknown_fields)]
+pub struct TextureUse<T = Arc<dyn Texture>> {
+    /// The texture.
+    pub texture: T,
+    /// Only this channel, as grey.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub channel: Option<Channel>,
+    /// What the texture is multiplied with.
+    #[serde(default = "Factor::one", skip_serializing_if = "Factor::is_one")]
+    pub factor: Factor,
+    /// What is added to red, green and blue after that.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub offset: f32,
+}
+
+fn is_zero(value: &f32) -> bool {
+    *value == 0.0
+}
+
+impl<T> TextureUse<T> {
+    /// The texture as it is.
+    pub fn plain(texture: T) -> Self {
+        Self { texture, channel: None, factor: Factor::ONE, offset: 0.0 }
+    }
+
+    /// Whether it is the texture as it is.
+    pub fn is_plain(&self) -> bool {
+        self.channel.is_none() && self.factor.rgba() == Vec4::ONE && self.offset == 0.0
+    }
+
+    /// What becomes of the texture's value.
+    #[inline]
+    pub fn of(&self, value: Vec4) -> Vec4 {
+        let value = match self.channel {
+            Some(channel) => Vec3::splat(channel.of(value)).extend(1.0),
+            None => value,
+        };
+        self.factor.rgba() * value + Vec3::splat(self.offset).extend(0.0)
+    }
+
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    pub fn check(&self) -> Result<(), InvalidOption> {
+        Allowed::Finite.check("the use of a texture", "the factor", &self.factor.rgba().to_array())?;
+        Allowed::Finite.check("the use of a texture", "the offset", &[self.offset])
+    }
+}
+
+impl Texture for TextureUse {
+    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
+        self.of(self.texture.evaluate(at))
+    }
+
+    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
+        self.texture.evaluate_all(at, values);
+        values.iter_mut().for_each(|value| *value = self.of(*value));
+    }
+
+    fn as_use(&self) -> Option<&TextureUse> {
+        Some(self)
+    }
+
+    depends_on!(texture);
+}
+
+nodes! {
+    /// `a` where the mask is 0, `b` where it is 1.
+    #[schemars(extend("required" = ["a", "b", "mask"]))]
+    pub struct Mix {
+        inputs {
+            /// Where the mask is 0.
+            pub a = 0.0,
+            /// Where the mask is 1.
+            pub b = 1.0,
+            /// 0 to 1.
+            pub mask = 0.5,
+        }
+    }
 }
 
 /// What is done with two numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Operation {
     /// `a + b`.
     Add,
@@ -330,15 +519,19 @@ pub enum Operation {
     Maximum,
 }
 
-/// Two textures joined by arithmetic in red, green and blue. Alpha is that of `a`, except in a product, which multiplies it.
-#[derive(Clone, Debug)]
-pub struct Binary {
-    /// What is done.
-    pub operation: Operation,
-    /// The first operand.
-    pub a: Slot,
-    /// The second operand.
-    pub b: Slot,
+nodes! {
+    /// `a` and `b`, calculated in red, green and blue. Alpha is that of `a`, except in a product, which multiplies it.
+    #[schemars(extend("required" = ["operation", "a", "b"]))]
+    pub struct Binary {
+        /// What is calculated.
+        pub operation: Operation = Operation::Multiply,
+        inputs {
+            /// The first.
+            pub a = 0.0,
+            /// The second.
+            pub b = 0.0,
+        }
+    }
 }
 
 /// Red, green and blue held within limits; alpha stays.
@@ -352,28 +545,20 @@ pub struct Clamp {
     pub high: f32,
 }
 
-/// Red, green and blue brought from one range to another by the line through both; alpha stays.
-#[derive(Clone, Debug)]
-pub struct Remap {
-    /// What is brought there.
-    pub input: Slot,
-    /// Two different numbers.
-    pub from: [f32; 2],
-    /// What these become.
-    pub to: [f32; 2],
-    /// Whether numbers beyond `from` stay at the ends of `to`.
-    pub clamp: bool,
-}
-
-impl ScaleOffset {
-    /// Whether all numbers are in range.
-    ///
-    /// # Errors
-    ///
-    /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
-        Allowed::Finite.check("scale-offset", "the scale", &self.scale.to_array())?;
-        Allowed::Finite.check("scale-offset", "the offset", &self.offset.to_array())
+nodes! {
+    /// A number from one range into another by the line through both; alpha stays.
+    #[schemars(extend("required" = ["input"]))]
+    pub struct Remap {
+        /// The range that it comes from.
+        pub from: [f32; 2] = [0.0, 1.0],
+        /// The range that it goes to.
+        pub to: [f32; 2] = [0.0, 1.0],
+        /// Whether it is kept within that range.
+        pub clamp: bool = false,
+        inputs {
+            /// The number, or each channel of a colour.
+            pub input = 0.0,
+        }
     }
 }
 
@@ -409,25 +594,6 @@ impl Swizzle {
 }
 
 impl Texture for Swizzle {
-    fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
-        self.of(self.input.evaluate(at))
-    }
-
-    fn evaluate_all(&self, at: &[ShadingPoint<'_>], values: &mut [Vec4]) {
-        self.input.evaluate_all(at, values);
-        values.iter_mut().for_each(|value| *value = self.of(*value));
-    }
-
-    depends_on!(input);
-}
-
-impl ScaleOffset {
-    fn of(&self, value: Vec4) -> Vec4 {
-        self.scale * value + self.offset
-    }
-}
-
-impl Texture for ScaleOffset {
     fn evaluate(&self, at: &ShadingPoint<'_>) -> Vec4 {
         self.of(self.input.evaluate(at))
     }
@@ -525,7 +691,7 @@ impl Remap {
     fn of(&self, value: Vec4) -> Vec4 {
         let [start, end] = self.from;
         let position = (value.truncate() - start) / (end - start);
-        let position = if self.clamp { position.clamp(glam::Vec3::ZERO, glam::Vec3::ONE) } else { position };
+        let position = if self.clamp { position.clamp(Vec3::ZERO, Vec3::ONE) } else { position };
         (self.to[0] + position * (self.to[1] - self.to[0])).extend(value.w)
     }
 }

@@ -1,25 +1,28 @@
 //! Numbers as colours: colour scales, contour lines, and what the surface itself says.
 
-use std::sync::Arc;
-
 use glam::{Vec3, Vec4};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::{Channel, interval, mix};
 use crate::look::Slot;
-use crate::{Allowed, ColorRamp, InvalidOption, ShadingPoint, Texture};
+use crate::{Allowed, Color, ColorRamp, InvalidOption, ShadingPoint, Texture};
 
 // A scalar in false colours.
 
 /// A number of a texture as index of a colour scale, averaged over the numbers within the footprint, so that jumps of the
 /// scale have smooth edges.
-#[derive(Clone, Debug)]
-pub struct RampTexture {
-    /// Where the number comes from.
-    pub input: Slot,
-    /// Which number of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields, description = "A colour scale.")]
+pub struct RampTexture<I = Slot> {
+    /// The number.
+    pub input: I,
+    /// Which number of the input.
+    #[serde(skip)]
     pub channel: Channel,
     /// The colours.
-    pub ramp: Arc<ColorRamp>,
+    #[serde(flatten)]
+    pub ramp: ColorRamp,
 }
 
 impl Texture for RampTexture {
@@ -33,49 +36,42 @@ impl Texture for RampTexture {
 
 // Contour lines.
 
-/// How wide a contour line is.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum LineWidth {
-    /// In the units of the input: wide on level ground, narrow on slopes.
-    Input(f32),
-    /// In footprints (pixels of a picture, texels of a bake): the same everywhere.
-    Pixels(f32),
-}
-
-/// Lines where a number of a texture is a multiple of the spacing, drawn over another texture.
-///
-/// A line's share of the footprint is found in closed form from the input's change over it, so lines are smooth, and where
-/// they are too close to be told apart, they become an even tint.
-#[derive(Clone, Debug)]
-pub struct Contours {
-    /// Where the number comes from.
-    pub input: Slot,
-    /// Which number of it.
-    pub channel: Channel,
-    /// From line to line, in the units of the input; above 0.
-    pub spacing: f32,
-    /// One of the numbers that have a line.
-    pub offset: f32,
-    /// The width of the lines.
-    pub width: LineWidth,
-    /// Linear RGBA of the lines.
-    pub color: Slot,
-    /// What lies between the lines.
-    pub over: Slot,
+nodes! {
+    /// Lines where a number of a texture is a multiple of the spacing, drawn over another texture.
+    ///
+    /// A line's share of the footprint is found in closed form from the input's change over it, so lines are smooth, and where
+    /// they are too close to be told apart, they become an even tint.
+    #[schemars(extend("required" = ["input", "spacing"]), description = "Contour lines.")]
+    pub struct Contours {
+        /// Which number of the input.
+        #[serde(skip)]
+        pub channel: Channel = Channel::Red,
+        /// Step between two lines.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub spacing: f32 = 1.0,
+        /// The number of one of the lines.
+        pub offset: f32 = 0.0,
+        /// Width of the lines in pixels.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub pixels: f32 = 1.5,
+        /// Width of the lines in units of the number instead.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub width: Option<f32> = None,
+        inputs {
+            /// The number.
+            pub input = 0.0,
+            /// Colour of the lines.
+            pub color = Color::BLACK,
+            /// What is between them.
+            pub over = Color::WHITE,
+        }
+    }
 }
 
 impl Contours {
     /// Lines at multiples of `spacing` of a texture's red, one and a half pixels wide, black on white.
     pub fn new(input: Slot, spacing: f32) -> Self {
-        Self {
-            input,
-            channel: Channel::Red,
-            spacing,
-            offset: 0.0,
-            width: LineWidth::Pixels(1.5),
-            color: Slot::Constant(Vec4::W),
-            over: Slot::Constant(Vec4::ONE),
-        }
+        Self { input, spacing, ..Self::default() }
     }
 
     /// Whether all numbers are in range.
@@ -87,17 +83,13 @@ impl Contours {
         const OWNER: &str = "contour lines";
         Allowed::Positive.check(OWNER, "the spacing", &[self.spacing])?;
         Allowed::Finite.check(OWNER, "the offset", &[self.offset])?;
-        let (LineWidth::Input(width) | LineWidth::Pixels(width)) = self.width;
-        Allowed::NotNegative.check(OWNER, "the width", &[width])
+        Allowed::NotNegative.check(OWNER, "the width", &[self.width.unwrap_or(self.pixels)])
     }
 
     /// The share of the footprint that is line.
     fn coverage(&self, at: &ShadingPoint<'_>) -> f32 {
         let (center, reach) = interval(&self.input, self.channel, at);
-        let line = match self.width {
-            LineWidth::Input(width) => width,
-            LineWidth::Pixels(count) => count * reach,
-        };
+        let line = self.width.unwrap_or(self.pixels * reach);
         line_share((center - self.offset) / self.spacing, reach / self.spacing, line / self.spacing)
     }
 }

@@ -1,83 +1,108 @@
 //! The texture matrices of two- and three-dimensional textures.
 
-use glam::{Mat2, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
+use fantex_base::parameters;
+use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3, EulerRot, Mat2, Mat3, Mat4, Quat, Vec2, Vec3, Vec4};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use crate::look::Slot;
-use crate::{Allowed, InvalidOption, ShadingPoint, Texture, UvPoint};
+use crate::{Allowed, InvalidOption, List2, List3, Scale, ShadingPoint, Texture, UvPoint};
 
 // The texture matrix: affine and projective maps of texture coordinates before the look-up, animated or not.
 
-/// Steps by which coordinates are transformed, in this order: `matrix`; scale and rotation about the pivot; translation.
-///
-/// The map acts on coordinates, so a scale of 2 shows the image twice as often, half as large; a translation of 0.1 moves
-/// the image by a tenth of its size to the left.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TextureMatrixOptions {
-    /// Any affine or projective map of `(u, v, 1)` as columns; with an inverse.
-    pub matrix: Mat3,
-    /// The coordinates that scale and rotation leave in place.
-    pub pivot: Vec2,
-    /// Factors of u and v; not 0.
-    pub scale: Vec2,
-    /// Degrees, from u towards v: clockwise as the image is seen, for the coordinates; the image turns the other way.
-    pub rotation: f32,
-    /// Added to u and v.
-    pub translation: Vec2,
-    /// By which the scale is multiplied each second; above 0.
-    pub scale_per_second: Vec2,
-    /// Added to the rotation each second, degrees.
-    pub rotation_per_second: f32,
-    /// Added to the translation each second.
-    pub translation_per_second: Vec2,
+parameters! {
+    /// A map of coordinates before the look-up: `matrix`, then scale and rotation about the pivot, then the shift. It acts on the
+    /// coordinates: a scale of 2 shows the texture twice as often, half as large; a shift of 0.1 moves the image by a tenth of its
+    /// size to the left.
+    #[derive(Copy)]
+    #[schemars(rename = "Matrix")]
+    pub struct TextureMatrixOptions {
+        /// A projective map of (u, v, 1) by rows.
+        #[serde(rename = "projective")]
+        pub matrix: Option<Projective> = None,
+        /// The coordinates that scale and rotation leave in place.
+        #[serde(with = "List2")]
+        pub pivot: Vec2 = Vec2::ZERO,
+        /// Factors of u and v.
+        pub scale: Scale = Scale::Uniform(1.0),
+        /// Rotation in degrees, from u towards v.
+        #[serde(rename = "rotate")]
+        pub rotation: f32 = 0.0,
+        /// Added to u and v.
+        #[serde(rename = "translate", with = "List2")]
+        pub translation: Vec2 = Vec2::ZERO,
+        /// Added to the shift each second.
+        #[serde(rename = "move", with = "List2")]
+        pub translation_per_second: Vec2 = Vec2::ZERO,
+        /// Added to the rotation each second, in degrees.
+        #[serde(rename = "spin")]
+        pub rotation_per_second: f32 = 0.0,
+        /// By which the scale is multiplied each second.
+        #[serde(rename = "grow")]
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub scale_per_second: f32 = 1.0,
+    }
 }
 
-impl Default for TextureMatrixOptions {
-    /// Coordinates stay as they are.
-    fn default() -> Self {
-        Self {
-            matrix: Mat3::IDENTITY,
-            pivot: Vec2::ZERO,
-            scale: Vec2::ONE,
-            rotation: 0.0,
-            translation: Vec2::ZERO,
-            scale_per_second: Vec2::ONE,
-            rotation_per_second: 0.0,
-            translation_per_second: Vec2::ZERO,
-        }
+/// A map of `(u, v, 1)`; files hold its rows.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(from = "[[f32; 3]; 3]", into = "[[f32; 3]; 3]")]
+#[schemars(inline)]
+pub struct Projective(pub Mat3);
+
+impl From<[[f32; 3]; 3]> for Projective {
+    fn from(rows: [[f32; 3]; 3]) -> Self {
+        Self(Mat3::from_cols_array_2d(&rows).transpose())
+    }
+}
+
+impl From<Projective> for [[f32; 3]; 3] {
+    fn from(map: Projective) -> Self {
+        map.0.transpose().to_cols_array_2d()
     }
 }
 
 impl TextureMatrixOptions {
+    fn matrix(&self) -> Mat3 {
+        self.matrix.map_or(Mat3::IDENTITY, |map| map.0)
+    }
+
+    fn scale(&self) -> Vec2 {
+        let [x, y, _] = self.scale.axes();
+        DVec2::new(x, y).as_vec2()
+    }
+
     fn check(&self) -> Result<(), InvalidOption> {
         const OWNER: &str = "a texture matrix";
-        Allowed::Finite.check(OWNER, "the matrix", &self.matrix.to_cols_array())?;
-        if !self.matrix.inverse().is_finite() {
+        let matrix = self.matrix();
+        Allowed::Finite.check(OWNER, "the matrix", &matrix.to_cols_array())?;
+        if !matrix.inverse().is_finite() {
             return Err(InvalidOption::Singular { owner: OWNER, field: "the matrix" });
         }
         Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
-        Allowed::NotZero.check(OWNER, "the scale", &self.scale.to_array())?;
+        Allowed::NotZero.check(OWNER, "the scale", &self.scale().to_array())?;
         Allowed::Finite.check(OWNER, "the rotation", &[self.rotation])?;
         Allowed::Finite.check(OWNER, "the translation", &self.translation.to_array())?;
-        Allowed::Positive.check(OWNER, "the scale per second", &self.scale_per_second.to_array())?;
+        Allowed::Positive.check(OWNER, "the scale per second", &[self.scale_per_second])?;
         Allowed::Finite.check(OWNER, "the rotation per second", &[self.rotation_per_second])?;
         Allowed::Finite.check(OWNER, "the translation per second", &self.translation_per_second.to_array())
     }
 
     fn is_animated(&self) -> bool {
-        self.scale_per_second != Vec2::ONE
+        self.scale_per_second != 1.0
             || self.rotation_per_second != 0.0
             || self.translation_per_second != Vec2::ZERO
     }
 
     /// The matrix at a time in seconds.
     fn at(&self, time: f32) -> Mat3 {
-        let scale = self.scale * self.scale_per_second.powf(time);
+        let scale = self.scale() * Vec2::splat(self.scale_per_second).powf(time);
         let rotation = (self.rotation + self.rotation_per_second * time).to_radians();
         let translation = self.translation + self.translation_per_second * time;
         Mat3::from_translation(self.pivot + translation)
             * Mat3::from_mat2(Mat2::from_scale_angle(Vec2::ONE, rotation) * Mat2::from_diagonal(scale))
             * Mat3::from_translation(-self.pivot)
-            * self.matrix
+            * self.matrix()
     }
 }
 
@@ -302,4 +327,75 @@ impl Texture for InSpace {
     fn is_animated(&self) -> bool {
         self.matrix.is_animated() || self.input.is_animated()
     }
+}
+
+parameters! {
+    /// Where a texture of space lies in the object: recipes are placed like an object of their own. A scale of 2 makes the
+    /// pattern twice as large.
+    #[derive(Copy)]
+    pub struct Place {
+        /// The point of the object that is the pattern's origin, in world units, object space.
+        pub center: [f64; 3] = [0.0; 3],
+        /// Size of the pattern's unit: factors of the unit that `unit` names.
+        pub scale: Scale = Scale::Uniform(1.0),
+        /// What is one unit of the pattern.
+        pub unit: PlaceUnit = PlaceUnit::Model,
+        /// Rotation of the pattern about x, then y, then z, in degrees.
+        pub rotate: [f64; 3] = [0.0; 3],
+        /// Shift of the pattern each second, in its units.
+        #[serde(rename = "move", with = "List3")]
+        pub shift_per_second: Vec3 = Vec3::ZERO,
+        /// Rotation of the pattern each second: the direction is the axis, the length the angle in degrees.
+        #[serde(with = "List3")]
+        pub spin: Vec3 = Vec3::ZERO,
+    }
+}
+
+/// A unit of length.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum PlaceUnit {
+    /// The radius of the model's bounding sphere.
+    #[default]
+    Model,
+    /// The world's unit.
+    World,
+}
+
+impl Place {
+    /// From the object's space to the pattern's. The pattern is an object of its own, so its motion is the inverse of that of the
+    /// coordinates. `model_radius` is that of the model's bounding sphere.
+    ///
+    /// # Errors
+    ///
+    /// A number is out of range.
+    pub fn matrix(&self, model_radius: f32) -> Result<SpaceMatrix, InvalidOption> {
+        let unit = match self.unit {
+            PlaceUnit::World => 1.0,
+            PlaceUnit::Model => f64::from(model_radius),
+        };
+        let scale = DVec3::from_array(self.scale.axes()) * unit;
+        let [x, y, z] = self.rotate.map(f64::to_radians);
+        let rotation = DQuat::from_euler(EulerRot::ZYX, z, y, x);
+        let object_from_pattern =
+            DAffine3::from_scale_rotation_translation(scale, rotation, DVec3::from_array(self.center));
+        SpaceMatrix::new(SpaceMatrixOptions {
+            matrix: DMat4::from(object_from_pattern.inverse()).as_mat4(),
+            rotation_per_second: -self.spin,
+            translation_per_second: -self.shift_per_second,
+            ..SpaceMatrixOptions::default()
+        })
+    }
+}
+
+/// A texture of space and where it lies.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[schemars(deny_unknown_fields)]
+pub struct InPlace<T> {
+    /// The texture.
+    #[serde(flatten)]
+    pub texture: T,
+    /// Where it lies.
+    #[serde(default)]
+    pub place: Place,
 }

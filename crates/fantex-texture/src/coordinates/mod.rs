@@ -18,7 +18,10 @@ use crate::{
 };
 
 pub use image_lookup::ImageLookup;
-pub use matrix::{InSpace, SpaceMatrix, SpaceMatrixOptions, SpacePoint, TextureMatrix, TextureMatrixOptions};
+pub use matrix::{
+    InPlace, InSpace, Place, PlaceUnit, Projective, SpaceMatrix, SpaceMatrixOptions, SpacePoint,
+    TextureMatrix, TextureMatrixOptions,
+};
 
 /// Two-dimensional texture coordinates of a shading point.
 #[derive(Clone, Debug, PartialEq)]

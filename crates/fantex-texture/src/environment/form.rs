@@ -11,12 +11,15 @@
 use std::f32::consts::{PI, TAU};
 
 use glam::{Vec2, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::EnvironmentMap;
 use crate::Image;
 
 /// How a map's directions are laid out.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum EnvironmentForm {
     /// One chart: longitude to the right, polar angle downwards. The middle shows `-z`, its right `+x`, row 0 `+y`.
     Sphere,
@@ -24,6 +27,7 @@ pub enum EnvironmentForm {
     Cube,
     /// Two charts with an inscribed disc each: the hemisphere around `-z`, seen from inside (`+x` on the right), then the
     /// hemisphere around `+z` (`-x` on the right).
+    #[serde(rename = "paraboloid")]
     DualParaboloid,
     /// One chart with an inscribed disc: a mirror ball seen from `+z`. Its middle shows `+z`, its rim `-z`.
     MirrorBall,
@@ -302,7 +306,8 @@ impl CubeFace {
 // ```
 
 /// How a picture shows an environment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum EnvironmentLayout {
     /// Latitude-longitude, 2:1: all the way round, `-z` in the middle.
     Panorama,
@@ -315,6 +320,7 @@ pub enum EnvironmentLayout {
     /// Six faces one below the other, 1:6, in the order of [`CubeFace::ALL`].
     VerticalStrip,
     /// Two discs side by side, 2:1: around `-z`, around `+z`. Never recognised by its sides: a panorama has the same.
+    #[serde(rename = "paraboloids")]
     DualParaboloid,
     /// One disc, 1:1: a mirror ball.
     MirrorBall,

@@ -7,31 +7,30 @@
 
 use std::f32::consts::PI;
 
+use fantex_base::parameters;
 use glam::{Mat3, Vec3};
 
 use super::{EnvironmentForm, EnvironmentMap};
+use crate::{Color, List3};
 
 /// Haziest air of a [`Sky`].
 pub const MAX_TURBIDITY: f32 = 10.0;
 
-/// A clear sky over a plain, `+y` being up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sky {
-    /// To the sun, of any length but zero. Below the horizon it counts as on it.
-    pub to_sun: Vec3,
-    /// Haze: 2 after rain to 10 (the model's range).
-    pub turbidity: f32,
-    /// Diffuse reflectance of the ground, linear RGB.
-    pub ground: Vec3,
-    /// Whether the sun's disc is drawn. Leave it out where a lamp stands for the sun.
-    pub has_sun: bool,
-}
-
-impl Default for Sky {
-    /// A sun at 40 degrees over the photographer's left shoulder, slight haze, grey-green ground, no disc.
-    fn default() -> Self {
-        let to_sun = Vec3::new(-0.5, 0.72, 0.7);
-        Self { to_sun, turbidity: 3.0, ground: Vec3::new(0.18, 0.17, 0.12), has_sun: false }
+parameters! {
+    /// A clear sky over a plain, `+y` being up.
+    #[derive(Copy)]
+    pub struct Sky {
+        /// To the sun, of any length but zero, world axes. Below the horizon it counts as on it.
+        #[serde(with = "List3")]
+        pub to_sun: Vec3 = Vec3::new(-0.5, 0.72, 0.7),
+        /// Haze, from 2 (after rain) to 10.
+        #[schemars(range(min = 2, max = 10))]
+        pub turbidity: f32 = 3.0,
+        /// Colour of the ground.
+        pub ground: Color = Color::opaque(0.18, 0.17, 0.12),
+        /// Whether the sun's disc is drawn. Leave it out where a lamp stands for the sun.
+        #[serde(rename = "sun")]
+        pub has_sun: bool = false,
     }
 }
 
@@ -73,8 +72,8 @@ impl Sky {
         if !(2.0..=MAX_TURBIDITY).contains(&self.turbidity) {
             return Err(SkyError::Turbidity(self.turbidity));
         }
-        if !self.ground.is_finite() || self.ground.min_element() < 0.0 {
-            return Err(SkyError::Ground(self.ground));
+        if !self.ground.rgb().is_finite() || self.ground.rgb().min_element() < 0.0 {
+            return Err(SkyError::Ground(self.ground.rgb()));
         }
         Ok(())
     }
@@ -94,7 +93,7 @@ impl Sky {
             if d.y > 0.0 { air.sky(d) * d.y } else { Vec3::ZERO }
         });
         let sun_on_plain = air.sun_irradiance() * (air.to_sun.y / PI);
-        let ground = self.ground * (above.mean(0) * 4.0 + sun_on_plain);
+        let ground = self.ground.rgb() * (above.mean(0) * 4.0 + sun_on_plain);
         let texel = 2.0 / side as f32;
         let sun = self.has_sun.then(|| SunDisc::new(&air, SUN_RADIUS.max(0.75 * texel)));
         Ok(EnvironmentMap::from_function(EnvironmentForm::Cube, side, |d, steps| {
@@ -265,7 +264,7 @@ mod tests {
         let sky = Sky::default();
         assert!(matches!(Sky { to_sun: Vec3::ZERO, ..sky }.to_map(4), Err(SkyError::Sun(_))));
         assert!(matches!(Sky { turbidity: f32::NAN, ..sky }.to_map(4), Err(SkyError::Turbidity(_))));
-        assert!(matches!(Sky { ground: Vec3::NEG_ONE, ..sky }.to_map(4), Err(SkyError::Ground(_))));
+        assert!(matches!(Sky { ground: Vec3::NEG_ONE.into(), ..sky }.to_map(4), Err(SkyError::Ground(_))));
         for to_sun in [Vec3::Y, Vec3::NEG_Y, Vec3::X, Vec3::new(1.0, -0.1, 0.0)] {
             for turbidity in [2.0, MAX_TURBIDITY] {
                 let map = Sky { to_sun, turbidity, has_sun: true, ..sky }.to_map(16).unwrap();

@@ -3,6 +3,8 @@
 use std::f32::consts::{PI, TAU};
 
 use glam::{Quat, Vec2, Vec3};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 use super::{Bounds, Mapping, SurfacePoint};
 use crate::{Allowed, InvalidOption};
@@ -466,7 +468,8 @@ impl Mapping for SphereMap {
 // Two hemispheres by stereographic projection.
 
 /// How the discs of the two hemispheres lie in the image.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum HemisphereLayout {
     /// Both show the disc that the image's edges touch.
     #[default]

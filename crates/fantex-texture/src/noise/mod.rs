@@ -6,6 +6,8 @@
 use std::f32::consts::TAU;
 
 use glam::Vec3;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
 mod perlin3;
 
@@ -183,7 +185,8 @@ pub fn simplex_noise<const D: usize>(seed: u32, p: [f32; D]) -> (f32, [f32; D]) 
 // made of the distances to the nearest ones.
 
 /// How distances are measured.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum CellularMetric {
     /// Along the straight line: round cells.
     #[default]
@@ -262,7 +265,8 @@ fn for_each_of_ring<const D: usize>(ring: i32, mut visit: impl FnMut([i32; D])) 
 // ---- Every family of noise by name, and its fractal sums.
 
 /// A family of noise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum NoiseFamily {
     /// Gradients on a cubic lattice, -1 to 1.
     #[default]
@@ -270,18 +274,18 @@ pub enum NoiseFamily {
     /// Gradients on simplices, -1 to 1.
     Simplex,
     /// Distance to the nearest scattered point, from 0 to about 1.
-    Cellular(CellularMetric),
+    Cellular,
     /// How much farther the second nearest point is than the nearest: 0 along the borders of the Voronoi cells.
-    CellularBorders(CellularMetric),
+    CellularBorders,
     /// A random number for every Voronoi cell, -1 to 1.
-    CellularIds(CellularMetric),
+    CellularIds,
     /// A random number for every cubic cell, -1 to 1.
     White,
 }
 
 impl NoiseFamily {
-    /// The value of one octave in 2, 3 or 4 dimensions; cells are one unit wide.
-    pub fn value<const D: usize>(self, seed: u32, p: [f32; D]) -> f32 {
+    /// The value of one octave in 2, 3 or 4 dimensions; cells are one unit wide. Only cellular noise has a metric.
+    pub fn value<const D: usize>(self, metric: CellularMetric, seed: u32, p: [f32; D]) -> f32 {
         match self {
             Self::Perlin => match *p.as_slice() {
                 // The same pattern, by faster code.
@@ -289,21 +293,23 @@ impl NoiseFamily {
                 _ => gradient_noise(seed, p).0,
             },
             Self::Simplex => simplex_noise(seed, p).0,
-            Self::Cellular(metric) => cellular(seed, p, metric).nearest,
-            Self::CellularBorders(metric) => {
+            Self::Cellular => cellular(seed, p, metric).nearest,
+            Self::CellularBorders => {
                 let found = cellular(seed, p, metric);
                 found.second - found.nearest
             }
-            Self::CellularIds(metric) => 2.0 * cellular(seed, p, metric).id - 1.0,
+            Self::CellularIds => 2.0 * cellular(seed, p, metric).id - 1.0,
             Self::White => white_noise(seed, p),
         }
     }
 }
 
 /// How octaves are summed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum FractalKind {
     /// The first octave alone.
+    #[serde(rename = "none")]
     Single,
     /// The sum of the octaves: fractional Brownian motion (B. Mandelbrot and J. van Ness, 1968).
     #[default]
@@ -328,6 +334,7 @@ impl FractalKind {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FractalNoise {
     family: NoiseFamily,
+    metric: CellularMetric,
     kind: FractalKind,
     octaves: Fractal,
     seed: u32,
@@ -336,13 +343,25 @@ pub struct FractalNoise {
 }
 
 impl FractalNoise {
-    /// Octaves of a family. The mean of an octave is measured at 16 384 points of space.
+    /// Octaves of a family, cellular ones with the usual metric. The mean of an octave is measured at 16 384 points of space.
     pub fn new(family: NoiseFamily, kind: FractalKind, octaves: Fractal, seed: u32) -> Self {
+        Self::with_metric(family, CellularMetric::default(), kind, octaves, seed)
+    }
+
+    /// As [`FractalNoise::new`], with a metric for cellular noise.
+    pub fn with_metric(
+        family: NoiseFamily,
+        metric: CellularMetric,
+        kind: FractalKind,
+        octaves: Fractal,
+        seed: u32,
+    ) -> Self {
         let octaves = if kind == FractalKind::Single { Fractal { octaves: 1, ..octaves } } else { octaves };
         const COUNT: u32 = 1 << 14;
-        let sum: f64 =
-            (0..COUNT).map(|i| f64::from(kind.shape(family.value(seed, scattered_point(i))))).sum();
-        Self { family, kind, octaves, seed, octave_mean: (sum / f64::from(COUNT)) as f32 }
+        let octave = |i| f64::from(kind.shape(family.value(metric, seed, scattered_point(i))));
+        let sum: f64 = (0..COUNT).map(octave).sum();
+        let octave_mean = (sum / f64::from(COUNT)) as f32;
+        Self { family, metric, kind, octaves, seed, octave_mean }
     }
 
     /// The mean over all of space.
@@ -362,7 +381,8 @@ impl FractalNoise {
                 // Each octave has a pattern and an origin of its own.
                 let seed = self.seed.wrapping_add(octave.wrapping_mul(0x632b_e5ab));
                 let at = p.map(|x| x * frequency + 17.31 * octave as f32);
-                value += left * (self.kind.shape(self.family.value(seed, at)) - self.octave_mean);
+                value +=
+                    left * (self.kind.shape(self.family.value(self.metric, seed, at)) - self.octave_mean);
             }
             sum += amplitude * value;
             frequency *= self.octaves.lacunarity;
@@ -647,13 +667,13 @@ mod tests {
         }
     }
 
-    const FAMILIES: [NoiseFamily; 6] = [
-        NoiseFamily::Perlin,
-        NoiseFamily::Simplex,
-        NoiseFamily::Cellular(CellularMetric::Euclidean),
-        NoiseFamily::CellularBorders(CellularMetric::Manhattan),
-        NoiseFamily::CellularIds(CellularMetric::Chebyshev),
-        NoiseFamily::White,
+    const FAMILIES: [(NoiseFamily, CellularMetric); 6] = [
+        (NoiseFamily::Perlin, CellularMetric::Euclidean),
+        (NoiseFamily::Simplex, CellularMetric::Euclidean),
+        (NoiseFamily::Cellular, CellularMetric::Euclidean),
+        (NoiseFamily::CellularBorders, CellularMetric::Manhattan),
+        (NoiseFamily::CellularIds, CellularMetric::Chebyshev),
+        (NoiseFamily::White, CellularMetric::Euclidean),
     ];
     const KINDS: [FractalKind; 4] =
         [FractalKind::Single, FractalKind::Fbm, FractalKind::Turbulence, FractalKind::Ridged];
@@ -661,16 +681,17 @@ mod tests {
     #[test]
     fn fast_and_general_gradient_noise_are_one_pattern() {
         for p in points::<3>(5000) {
-            let difference = NoiseFamily::Perlin.value(7, p) - gradient_noise(7, p).0;
+            let difference =
+                NoiseFamily::Perlin.value(CellularMetric::default(), 7, p) - gradient_noise(7, p).0;
             assert!(difference.abs() < 1e-5, "{difference} at {p:?}");
         }
     }
 
     #[test]
     fn sums_have_the_mean_they_state_and_wide_footprints_leave_it() {
-        for family in FAMILIES {
+        for (family, metric) in FAMILIES {
             for kind in KINDS {
-                let noise = FractalNoise::new(family, kind, Fractal::octaves(4), 11);
+                let noise = FractalNoise::with_metric(family, metric, kind, Fractal::octaves(4), 11);
                 let count = 20_000;
                 let mean = points::<3>(count).map(|p| f64::from(noise.value(p, 0.0))).sum::<f64>()
                     / f64::from(count);
@@ -689,9 +710,9 @@ mod tests {
     fn sums_at_many_points_are_those_at_single_ones() {
         let places: Vec<Vec3> = points::<3>(150).map(Vec3::from_array).collect();
         let widths: Vec<f32> = (0..places.len()).map(|i| 0.004 * i as f32).collect();
-        for family in FAMILIES {
+        for (family, metric) in FAMILIES {
             for kind in KINDS {
-                let noise = FractalNoise::new(family, kind, Fractal::octaves(5), 3);
+                let noise = FractalNoise::with_metric(family, metric, kind, Fractal::octaves(5), 3);
                 let mut sums = vec![f32::NAN; places.len()];
                 noise.values(&places, &widths, &mut sums);
                 for ((p, &width), sum) in places.iter().zip(&widths).zip(sums) {

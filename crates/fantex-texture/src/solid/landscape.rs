@@ -1,22 +1,28 @@
 //! The ground of a landscape, from altitude and slope: sand, grass, bare strata, snow.
 
+use fantex_base::parameters;
 use glam::Vec3;
 
 use super::{BLOCK, Notes, Rock, Solid, SolidPoint, fbm, fractal_sum, opaque};
 use crate::noise::{Fractal, Noise, band_limit, smoothstep};
 
-/// y is up; altitude runs from `-half_height` to `half_height`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Landscape {
-    /// Half of the range of altitudes.
-    pub half_height: f32,
-    /// Altitude (0 = lowest, 1 = highest) below which the ground is sand.
-    pub sand_line: f32,
-    /// Altitude (0 = lowest, 1 = highest) above which snow stays on flat ground.
-    pub snow_line: f32,
-    rock: Rock,
-    noise: Noise,
+parameters! {
+    /// Sand, grass, rock and snow.
+    #[derive(Copy)]
+    pub struct Landscape {
+        /// Height up to which there is sand: 0 is the lowest point, 1 the highest.
+        pub sand_line: f32 = 0.14,
+        /// Height from which snow stays on flat ground: 0 is the lowest point, 1 the highest.
+        pub snow_line: f32 = 0.74,
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+        /// Half of the range of altitudes, in units of the place.
+        #[serde(skip)]
+        pub half_height: f32 = 1.0,
+    }
 }
+
+seeded!(Landscape);
 
 const SAND: Vec3 = Vec3::new(0.47, 0.36, 0.22);
 const LUSH_GRASS: Vec3 = Vec3::new(0.075, 0.145, 0.028);
@@ -31,18 +37,19 @@ const GRAIN_FREQUENCY: f32 = 720.0;
 const GRAIN: Fractal = Fractal { octaves: 8, lacunarity: 2.03, gain: 0.8 };
 
 impl Landscape {
-    /// Temperate mountains. `half_height` is in units of the bounding sphere's radius.
-    pub fn new(seed: u32, half_height: f32) -> Self {
-        let mut rock = Rock::new(seed);
-        rock.frequency = 4.5 / half_height;
-        rock.folding = 0.12 * half_height;
-        Self { half_height, sand_line: 0.14, snow_line: 0.74, rock, noise: Noise::new(seed ^ 0x5bd1) }
+    fn noise(&self) -> Noise {
+        Noise::new(self.seed ^ 0x5bd1)
+    }
+
+    /// What lies bare on slopes.
+    fn rock(&self) -> Rock {
+        Rock { frequency: 4.5 / self.half_height, folding: 0.12 * self.half_height, seed: self.seed }
     }
 
     /// Colours of grass at a block of points.
     fn grass(&self, at: &[SolidPoint]) -> Notes<Vec3> {
-        let meadows = fbm(&self.noise, at, 4, 6.0, |_, p| p * 6.0);
-        let tufts = fbm(&self.noise, at, 4, 60.0, |_, p| p * 60.0);
+        let meadows = fbm(&self.noise(), at, 4, 6.0, |_, p| p * 6.0);
+        let tufts = fbm(&self.noise(), at, 4, 60.0, |_, p| p * 60.0);
         let color = |(meadows, tufts): (f32, f32)| {
             let color = LUSH_GRASS.lerp(DRY_GRASS, smoothstep(-0.35, 0.5, meadows + 0.25 * tufts));
             color * (1.0 + 0.75 * tufts).max(0.25)
@@ -52,7 +59,7 @@ impl Landscape {
 
     /// Brightness of gravel at a block of points.
     fn stones(&self, at: &[SolidPoint]) -> Notes<f32> {
-        let stones = fbm(&self.noise, at, 3, 90.0, |_, p| p * 90.0);
+        let stones = fbm(&self.noise(), at, 3, 90.0, |_, p| p * 90.0);
         stones.into_iter().map(|stones| (1.0 + 0.4 * stones).max(0.3)).collect()
     }
 
@@ -62,7 +69,8 @@ impl Landscape {
         let mut grain = [0.0; BLOCK];
         let shows = |i: usize| band_limit(GRAIN_FREQUENCY, at[i].footprint) > 0.0;
         for_some(at, shows, |some, at| {
-            let sums = fractal_sum(&self.noise, at, GRAIN, GRAIN_FREQUENCY, |_, p| p * GRAIN_FREQUENCY + 7.7);
+            let sums =
+                fractal_sum(&self.noise(), at, GRAIN, GRAIN_FREQUENCY, |_, p| p * GRAIN_FREQUENCY + 7.7);
             some.iter().zip(sums).for_each(|(&i, sum)| grain[i] = sum.clamp(-1.0, 1.0));
         });
         grain
@@ -83,7 +91,7 @@ impl Landscape {
 
     /// Colours of at most a block of points. Only what shows is worked out.
     fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
-        let ragged = fbm(&self.noise, at, 5, 8.0, |_, p| p * 8.0 + 3.0);
+        let ragged = fbm(&self.noise(), at, 5, 8.0, |_, p| p * 8.0 + 3.0);
         let covers: Notes<GroundCover> =
             at.iter().zip(&ragged).map(|(at, &ragged)| self.cover(at, ragged)).collect();
         let mut bare = [[0.0; 4]; BLOCK];
@@ -92,7 +100,7 @@ impl Landscape {
             |i| covers[i].soil < 1.0,
             |some, at| {
                 let mut rock = [[0.0; 4]; BLOCK];
-                self.rock.colors(at, &mut rock[..at.len()]);
+                self.rock().colors(at, &mut rock[..at.len()]);
                 some.iter().zip(rock).for_each(|(&i, rock)| bare[i] = rock);
             },
         );

@@ -2,6 +2,31 @@
 //!
 //! Recipes are written for a model whose bounding sphere has radius 1 about the origin; [`Placed`] brings a point there.
 
+/// A recipe that is evaluated as it is, and whose pattern depends on a seed.
+macro_rules! seeded {
+    ($solid:ident $(, |$of:ident| $check:block)?) => {
+        impl $solid {
+            /// The default parameters with a pattern of one's own.
+            pub fn new(seed: u32) -> Self {
+                Self { seed, ..Self::default() }
+            }
+        }
+
+        impl $crate::Recipe for $solid {
+            type Solid = Self;
+
+            fn prepared(&self, seed: u32) -> Self {
+                Self { seed: self.seed.wrapping_add(seed), ..*self }
+            }
+
+            $(fn check(&self) -> Result<(), $crate::InvalidOption> {
+                let $of = self;
+                $check
+            })?
+        }
+    };
+}
+
 mod landscape;
 mod pattern;
 mod stone;
@@ -11,10 +36,10 @@ use glam::{Vec3, Vec4};
 
 use crate::noise::{Fractal, Noise};
 
-use crate::{Bounds, ShadingPoint, Texture};
+use crate::{Bounds, InvalidOption, ShadingPoint, Texture};
 
 pub use landscape::Landscape;
-pub use pattern::{Brick, Checker, Clouds};
+pub use pattern::{Brick, Checker, CloudField, Clouds};
 pub use stone::{Granite, Marble, Rock, Wood};
 
 /// Where a solid is asked for its colour.
@@ -84,6 +109,24 @@ impl<S: Solid> Solid for Placed<S> {
     }
 }
 
+/// The parameters of a solid, as files hold them.
+pub trait Recipe {
+    /// What is evaluated.
+    type Solid: Solid + 'static;
+
+    /// The solid of another pattern: `seed` is added to the recipe's own.
+    fn prepared(&self, seed: u32) -> Self::Solid;
+
+    /// Whether all numbers are in range.
+    ///
+    /// # Errors
+    ///
+    /// The first number that is not.
+    fn check(&self) -> Result<(), InvalidOption> {
+        Ok(())
+    }
+}
+
 /// A name that is no solid.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("'{name}' is no solid; use wood, marble, rock, granite, clouds, checker, brick or landscape")]
@@ -98,26 +141,26 @@ pub const SOLID_NAMES: [&str; 8] =
 
 /// The recipe `name`, scaled to a model with these bounds.
 pub fn solid_by_name(name: &str, bounds: Bounds, seed: u32) -> Result<Box<dyn Solid>, UnknownSolid> {
-    fn placed<S: Solid + 'static>(solid: S, center: Vec3, radius: f32) -> Box<dyn Solid> {
-        Box::new(Placed { solid, center, radius })
-    }
     let center = bounds.center();
     let radius = 0.5 * (bounds.max - bounds.min).length();
     let radius = if radius > 0.0 { radius } else { 1.0 };
-    match name {
-        "wood" => Ok(placed(Wood::new(seed), center, radius)),
-        "marble" => Ok(placed(Marble::new(seed), center, radius)),
-        "rock" => Ok(placed(Rock::new(seed), center, radius)),
-        "granite" => Ok(placed(Granite::new(seed), center, radius)),
-        "clouds" => Ok(placed(Clouds::new(seed), center, radius)),
-        "checker" => Ok(placed(Checker::default(), center, radius)),
-        "brick" => Ok(placed(Brick::new(seed), center, radius)),
+    fn placed<S: Solid + 'static>(solid: S, center: Vec3, radius: f32) -> Box<dyn Solid> {
+        Box::new(Placed { solid, center, radius })
+    }
+    Ok(match name {
+        "wood" => placed(Wood::new(seed), center, radius),
+        "marble" => placed(Marble::new(seed), center, radius),
+        "rock" => placed(Rock::new(seed), center, radius),
+        "granite" => placed(Granite::new(seed), center, radius),
+        "clouds" => placed(Clouds::default().prepared(seed), center, radius),
+        "checker" => placed(Checker::default(), center, radius),
+        "brick" => placed(Brick::new(seed), center, radius),
         "landscape" => {
             let half_height = (0.5 * (bounds.max.y - bounds.min.y) / radius).max(1e-6);
-            Ok(placed(Landscape::new(seed, half_height), center, radius))
+            placed(Landscape { half_height, ..Landscape::new(seed) }, center, radius)
         }
-        _ => Err(UnknownSolid { name: name.to_owned() }),
-    }
+        _ => return Err(UnknownSolid { name: name.to_owned() }),
+    })
 }
 
 /// A solid as a texture of object space; [`Placed`] or a placed solid brings points into the recipe's units.

@@ -1,28 +1,25 @@
 //! Solid textures of cubes, bricks and clouds.
 
+use fantex_base::parameters;
 use glam::{IVec3, Vec3};
 
-use super::{Solid, SolidPoint, opaque};
+use super::{Recipe, Solid, SolidPoint, opaque};
 use crate::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, smoothstep};
-use crate::{Allowed, InvalidOption};
+use crate::{Allowed, Color, InvalidOption, PositiveList3};
 
 // A chequerboard of cubes, averaged exactly.
 
-/// Cubes of two colours in turn.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Checker {
-    /// Edge of a cube, above 0.
-    pub cell: f32,
-    /// Colour of the cube between the origin and `(cell, cell, cell)` (linear RGB).
-    pub even: Vec3,
-    /// Colour of its neighbours.
-    pub odd: Vec3,
-}
-
-impl Default for Checker {
-    /// Light and dark cubes of an eighth.
-    fn default() -> Self {
-        Self { cell: 0.125, even: Vec3::splat(0.8), odd: Vec3::splat(0.06) }
+parameters! {
+    /// Cubes of two colours in turn.
+    #[derive(Copy)]
+    pub struct Checker {
+        /// Edge of a cube, in units of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub cell: f32 = 0.125,
+        /// Colour of the cube that begins at the origin.
+        pub even: Color = Color::opaque(0.8, 0.8, 0.8),
+        /// Colour of its neighbours.
+        pub odd: Color = Color::opaque(0.06, 0.06, 0.06),
     }
 }
 
@@ -41,16 +38,17 @@ pub(super) fn mean_square_wave(x: f32, width: f32) -> f32 {
     }
 }
 
-impl Checker {
-    /// Checks the options.
-    ///
-    /// # Errors
-    ///
-    /// A number is out of its range.
-    pub fn validate(&self) -> Result<(), InvalidOption> {
+impl Recipe for Checker {
+    type Solid = Self;
+
+    fn prepared(&self, _seed: u32) -> Self {
+        *self
+    }
+
+    fn check(&self) -> Result<(), InvalidOption> {
         Allowed::Positive.check("a checker", "cell", &[self.cell])?;
-        Allowed::NotNegative.check("a checker", "colour", &self.even.to_array())?;
-        Allowed::NotNegative.check("a checker", "colour", &self.odd.to_array())
+        Allowed::NotNegative.check("a checker", "colour", &self.even.rgb().to_array())?;
+        Allowed::NotNegative.check("a checker", "colour", &self.odd.rgb().to_array())
     }
 }
 
@@ -61,56 +59,50 @@ impl Solid for Checker {
         let width = at.footprint / self.cell * Vec3::new(reach.x.sqrt(), reach.y.sqrt(), reach.z.sqrt());
         let p = at.p / self.cell;
         let product = (0..3).map(|axis| mean_square_wave(p[axis], width[axis])).product::<f32>();
-        opaque(self.odd.lerp(self.even, 0.5 + 0.5 * product))
+        opaque(self.odd.rgb().lerp(self.even.rgb(), 0.5 + 0.5 * product))
     }
 }
 
 // A wall of bricks in running bond: rows along x, one above the other along y, layers behind each other along z.
 
-/// Bricks with mortar between them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Brick {
-    /// Length, height and depth of a brick with its mortar, above 0.
-    pub size: Vec3,
-    /// Width of the mortar, at least 0.
-    pub mortar_width: f32,
-    /// How far each row is shifted against the one below, in bricks: 1/2 is the running bond.
-    pub shift: f32,
-    /// Colour of the bricks (linear RGB).
-    pub brick: Vec3,
-    /// Colour of the mortar.
-    pub mortar: Vec3,
-    /// How much bricks differ in brightness, 0 to 1.
-    pub variation: f32,
-    noise: Noise,
+parameters! {
+    /// Bricks.
+    #[derive(Copy)]
+    pub struct Brick {
+        /// Length, height and depth of a brick with its mortar, in units of the place.
+        #[serde(with = "PositiveList3")]
+        pub size: Vec3 = Vec3::new(0.3, 0.1, 0.15),
+        /// Width of the mortar, in units of the place.
+        #[schemars(range(min = 0))]
+        pub mortar_width: f32 = 0.012,
+        /// How far each row is shifted against the one below, in bricks.
+        pub shift: f32 = 0.5,
+        /// Colour of the bricks.
+        pub brick: Color = Color::opaque(0.34, 0.085, 0.045),
+        /// Colour of the mortar.
+        pub mortar: Color = Color::opaque(0.46, 0.43, 0.38),
+        /// How much bricks differ in brightness.
+        #[schemars(range(min = 0, max = 1))]
+        pub variation: f32 = 0.6,
+        /// Whether the texture is the height of the wall's face, 1 on bricks and 0 in the mortar, instead of its colour.
+        pub relief: bool = false,
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+    }
 }
 
-impl Brick {
-    /// A red wall with light mortar.
-    pub fn new(seed: u32) -> Self {
-        Self {
-            size: Vec3::new(0.3, 0.1, 0.15),
-            mortar_width: 0.012,
-            shift: 0.5,
-            brick: Vec3::new(0.34, 0.085, 0.045),
-            mortar: Vec3::new(0.46, 0.43, 0.38),
-            variation: 0.6,
-            noise: Noise::new(seed),
-        }
-    }
+seeded!(Brick, |brick| {
+    Allowed::Positive.check("a brick wall", "size", &brick.size.to_array())?;
+    Allowed::NotNegative.check("a brick wall", "mortar width", &[brick.mortar_width])?;
+    Allowed::Finite.check("a brick wall", "shift", &[brick.shift])?;
+    Allowed::Share.check("a brick wall", "variation", &[brick.variation])?;
+    let colors = [brick.brick.rgb().to_array(), brick.mortar.rgb().to_array()];
+    Allowed::NotNegative.check("a brick wall", "colour", colors.as_flattened())
+});
 
-    /// Checks the options.
-    ///
-    /// # Errors
-    ///
-    /// A number is out of its range.
-    pub fn validate(&self) -> Result<(), InvalidOption> {
-        Allowed::Positive.check("a brick wall", "size", &self.size.to_array())?;
-        Allowed::NotNegative.check("a brick wall", "mortar width", &[self.mortar_width])?;
-        Allowed::Finite.check("a brick wall", "shift", &[self.shift])?;
-        Allowed::Share.check("a brick wall", "variation", &[self.variation])?;
-        let colors = [self.brick.to_array(), self.mortar.to_array()];
-        Allowed::NotNegative.check("a brick wall", "colour", colors.as_flattened())
+impl Brick {
+    fn noise(&self) -> Noise {
+        Noise::new(self.seed)
     }
 
     /// Height of the wall's face at a point, for reliefs: 1 on bricks, 0 in the mortar, averaged over the footprint.
@@ -148,92 +140,101 @@ fn mean_of_run(x: f32, width: f32, length: f32) -> f32 {
 impl Solid for Brick {
     fn color(&self, at: &SolidPoint) -> [f32; 4] {
         let share = self.height(at);
+        if self.relief {
+            return opaque(Vec3::splat(share));
+        }
         let cell = self.in_bricks(at.p).floor().as_ivec3();
         // Bricks that are smaller than the footprint have their mean colour.
         let left = 1.0 - (at.footprint / self.size.min_element()).min(1.0);
-        let tint = 2.0 * self.noise.cell_value(cell) - 1.0;
-        let warmth = self.noise.cell_value(cell + IVec3::new(0, 0, 977)) - 0.5;
-        let grain = self.noise.fbm(at.p * 60.0, Fractal::octaves(3), 60.0 * at.footprint);
+        let tint = 2.0 * self.noise().cell_value(cell) - 1.0;
+        let warmth = self.noise().cell_value(cell + IVec3::new(0, 0, 977)) - 0.5;
+        let grain = self.noise().fbm(at.p * 60.0, Fractal::octaves(3), 60.0 * at.footprint);
         let brightness = 1.0 + self.variation * left * 0.55 * tint + 0.18 * grain;
         let toned =
-            self.brick * (1.0 + self.variation * left * warmth * Vec3::new(0.1, 0.5, 0.6)) * brightness;
-        opaque((self.mortar * (1.0 + 0.2 * grain)).lerp(toned, share).max(Vec3::ZERO))
+            self.brick.rgb() * (1.0 + self.variation * left * warmth * Vec3::new(0.1, 0.5, 0.6)) * brightness;
+        opaque((self.mortar.rgb() * (1.0 + 0.2 * grain)).lerp(toned, share).max(Vec3::ZERO))
     }
 }
 
 // Clouds and smoke: fractal noise that boils, cut off below a density.
 
-/// White clouds before a blue sky, or smoke: the colour goes from `sky` to `cloud` with the density, which is the alpha, too.
+parameters! {
+    /// Clouds or smoke: colour and density, which is the alpha.
+    #[derive(Copy)]
+    pub struct Clouds {
+        /// Width of the largest clouds, in units of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub size: f32 = 0.7,
+        /// Share of the sky that clouds cover.
+        #[schemars(range(min = 0, max = 1))]
+        pub cover: f32 = 0.5,
+        /// How soft the borders are.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub softness: f32 = 0.6,
+        /// Cells of change per second: clouds form and dissolve.
+        pub speed: f32 = 0.2,
+        /// Colour between the clouds.
+        pub sky: Color = Color::opaque(0.10, 0.28, 0.62),
+        /// Colour of the clouds.
+        pub cloud: Color = Color::opaque(0.92, 0.93, 0.95),
+        /// Alpha between the clouds.
+        #[schemars(range(min = 0, max = 1))]
+        pub sky_alpha: f32 = 1.0,
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+    }
+}
+
+/// Clouds with their noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Clouds {
-    /// Width of the largest clouds, above 0.
-    pub size: f32,
-    /// Share of the sky that is covered, 0 to 1.
-    pub cover: f32,
-    /// How soft the borders are, above 0.
-    pub softness: f32,
-    /// Cells of change per second: clouds form and dissolve.
-    pub speed: f32,
-    /// Colour where there is no cloud (linear RGB).
-    pub sky: Vec3,
-    /// Colour of thick cloud.
-    pub cloud: Vec3,
-    /// Opacity where there is no cloud, 0 to 1.
-    pub sky_alpha: f32,
+pub struct CloudField {
+    clouds: Clouds,
     noise: FractalNoise,
     swirl: Noise,
 }
 
-impl Clouds {
-    /// Fair weather.
-    pub fn new(seed: u32) -> Self {
+impl Recipe for Clouds {
+    type Solid = CloudField;
+
+    fn prepared(&self, seed: u32) -> CloudField {
+        let seed = self.seed.wrapping_add(seed);
         let octaves = Fractal { octaves: 7, lacunarity: 2.03, gain: 0.52 };
-        Self {
-            size: 0.7,
-            cover: 0.5,
-            softness: 0.6,
-            speed: 0.2,
-            sky: Vec3::new(0.10, 0.28, 0.62),
-            cloud: Vec3::new(0.92, 0.93, 0.95),
-            sky_alpha: 1.0,
-            noise: FractalNoise::new(NoiseFamily::Simplex, FractalKind::Fbm, octaves, seed),
-            swirl: Noise::new(seed ^ 0x68bc_21eb),
-        }
+        let noise = FractalNoise::new(NoiseFamily::Simplex, FractalKind::Fbm, octaves, seed);
+        CloudField { clouds: *self, noise, swirl: Noise::new(seed ^ 0x68bc_21eb) }
     }
 
-    /// Checks the options.
-    ///
-    /// # Errors
-    ///
-    /// A number is out of its range.
-    pub fn validate(&self) -> Result<(), InvalidOption> {
+    fn check(&self) -> Result<(), InvalidOption> {
         Allowed::Positive.check("clouds", "size", &[self.size])?;
         Allowed::Share.check("clouds", "cover", &[self.cover])?;
         Allowed::Positive.check("clouds", "softness", &[self.softness])?;
         Allowed::Finite.check("clouds", "speed", &[self.speed])?;
         Allowed::Share.check("clouds", "opacity of the sky", &[self.sky_alpha])?;
-        let colors = [self.sky.to_array(), self.cloud.to_array()];
+        let colors = [self.sky.rgb().to_array(), self.cloud.rgb().to_array()];
         Allowed::NotNegative.check("clouds", "colour", colors.as_flattened())
     }
+}
 
+impl CloudField {
     /// Thickness of the cloud at a point, 0 to 1.
     pub fn density(&self, at: &SolidPoint) -> f32 {
-        let (p, width) = (at.p / self.size, at.footprint / self.size);
+        let Clouds { size, cover, softness, speed, .. } = self.clouds;
+        let (p, width) = (at.p / size, at.footprint / size);
         let swirl = self.swirl.fbm(p * 1.3, Fractal::octaves(2), 1.3 * width);
-        let at_time = (p + 0.35 * swirl).extend(self.speed * at.time).to_array();
+        let at_time = (p + 0.35 * swirl).extend(speed * at.time).to_array();
         // About 0.3 is the standard deviation of the sum.
-        let threshold = 0.75 * (0.5 - self.cover);
+        let threshold = 0.75 * (0.5 - cover);
         // What the footprint takes from the noise's contrast comes back as softer borders.
-        let half = 0.5 * self.softness + 0.5 * width.min(1.0);
+        let half = 0.5 * softness + 0.5 * width.min(1.0);
         smoothstep(threshold - half, threshold + half, self.noise.value(at_time, width))
     }
 }
 
-impl Solid for Clouds {
+impl Solid for CloudField {
     fn color(&self, at: &SolidPoint) -> [f32; 4] {
         let density = self.density(at);
-        let rgb = self.sky.lerp(self.cloud, density);
-        rgb.extend(self.sky_alpha + (1.0 - self.sky_alpha) * density).to_array()
+        let Clouds { sky, cloud, sky_alpha, .. } = self.clouds;
+        let rgb = sky.rgb().lerp(cloud.rgb(), density);
+        rgb.extend(sky_alpha + (1.0 - sky_alpha) * density).to_array()
     }
 }
 
@@ -254,7 +255,7 @@ mod tests {
 
     #[test]
     fn cubes_alternate_and_blur_to_grey() {
-        let checker = Checker { even: Vec3::ONE, odd: Vec3::ZERO, cell: 0.5 };
+        let checker = Checker { even: Color::WHITE, odd: Color::BLACK, cell: 0.5 };
         let at = |p, footprint| {
             checker.color(&SolidPoint { p, n: Vec3::ONE.normalize(), footprint, time: 0.0 })[0]
         };
@@ -266,9 +267,9 @@ mod tests {
 
     #[test]
     fn cells_without_size_are_refused() {
-        assert!(Checker { cell: 0.0, ..Checker::default() }.validate().is_err());
-        assert!(Checker { cell: f32::NAN, ..Checker::default() }.validate().is_err());
-        assert!(Checker::default().validate().is_ok());
+        assert!(Checker { cell: 0.0, ..Checker::default() }.check().is_err());
+        assert!(Checker { cell: f32::NAN, ..Checker::default() }.check().is_err());
+        assert!(Checker::default().check().is_ok());
     }
 
     #[test]

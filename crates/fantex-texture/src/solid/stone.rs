@@ -2,35 +2,46 @@
 
 use std::f32::consts::{PI, TAU};
 
+use fantex_base::parameters;
 use glam::{IVec3, Quat, Vec3};
 
 use super::{BLOCK, Notes, Solid, SolidPoint, fbm, opaque};
 use crate::noise::{CellularMetric, Fractal, Noise, band_limit, cellular, smoothstep};
-use crate::{Allowed, InvalidOption};
+use crate::{Allowed, Color};
 
 // Wood: annual rings about a trunk, after the classic recipe `grain = round(radius) mod period`.
 
-/// A trunk along y, with its irregularities as separate steps; each is off at 0.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Wood {
-    /// Width of an annual ring.
-    pub period: f32,
-    /// How far the rings' centres wander from the axis, per unit of radius: outer rings lie off centre.
-    pub eccentricity: f32,
-    /// Amplitude of lobes that wind round the trunk.
-    pub twist: f32,
-    /// Angle between the trunk and the y axis, in radians.
-    pub tilt: f32,
-    /// Amplitude of the irregular waves of the rings.
-    pub wobble: f32,
-    /// Strength of the fibres and pores.
-    pub grain: f32,
-    /// Colour of the wood grown in spring (linear RGB).
-    pub early: Vec3,
-    /// Colour of the wood grown in late summer.
-    pub late: Vec3,
-    noise: Noise,
+parameters! {
+    /// Wood. The trunk stands along y.
+    #[derive(Copy)]
+    pub struct Wood {
+        /// Width of a ring.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub ring: f32 = 0.085,
+        /// How far outer rings lie off centre, per radius.
+        #[schemars(range(min = 0, max = 1))]
+        pub eccentricity: f32 = 0.25,
+        /// Amplitude of lobes that wind round the trunk.
+        #[schemars(range(min = 0))]
+        pub twist: f32 = 0.012,
+        /// Angle between the trunk and the y axis, in degrees.
+        pub tilt: f64 = 7.0,
+        /// Amplitude of the rings' irregular waves.
+        #[schemars(range(min = 0))]
+        pub wobble: f32 = 0.09,
+        /// Strength of fibres and pores.
+        #[schemars(range(min = 0))]
+        pub grain: f32 = 1.0,
+        /// Colour of the wood grown in spring.
+        pub early: Color = Color::opaque(0.56, 0.31, 0.13),
+        /// Colour of the wood grown in late summer.
+        pub late: Color = Color::opaque(0.20, 0.075, 0.022),
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+    }
 }
+
+seeded!(Wood);
 
 /// Mean of [`ring_profile`] over a period.
 const RING_MEAN: f32 = 0.275;
@@ -41,32 +52,22 @@ fn ring_profile(phase: f32) -> f32 {
 }
 
 impl Wood {
-    /// A board of a common light wood.
-    pub fn new(seed: u32) -> Self {
-        Self {
-            period: 0.085,
-            eccentricity: 0.25,
-            twist: 0.012,
-            tilt: 0.12,
-            wobble: 0.09,
-            grain: 1.0,
-            early: Vec3::new(0.56, 0.31, 0.13),
-            late: Vec3::new(0.20, 0.075, 0.022),
-            noise: Noise::new(seed),
-        }
+    fn noise(&self) -> Noise {
+        Noise::new(self.seed)
     }
 
     /// The distance from the trunk's (bent) axis, in which the rings are equally wide, and the angle around it.
     fn radius_and_height(&self, p: Vec3) -> (f32, f32) {
         // The trunk's axis passes beside the model, so that boards show arcs and cathedrals, not targets only.
-        let trunk = Quat::from_rotation_z(self.tilt) * Quat::from_rotation_x(0.6 * self.tilt);
+        let tilt = self.tilt.to_radians() as f32;
+        let trunk = Quat::from_rotation_z(tilt) * Quat::from_rotation_x(0.6 * tilt);
         let local = trunk * (p + Vec3::new(0.35, 0.0, 0.25));
         let plain = local.x.hypot(local.z);
         let off_center = self.eccentricity * plain;
         let (x, z) = (local.x - 0.5 * off_center, local.z * (1.0 + 0.3 * self.eccentricity));
         let lobes = self.twist * (5.0 * z.atan2(x) + 0.8 * TAU * local.y).sin() * smoothstep(0.0, 0.3, plain);
         let slow = Vec3::new(local.x * 1.6, local.y * 0.5, local.z * 1.6);
-        let waves = self.wobble * self.noise.fbm(slow, Fractal::octaves(3), 0.0);
+        let waves = self.wobble * self.noise().fbm(slow, Fractal::octaves(3), 0.0);
         (x.hypot(z) + lobes + waves, local.y)
     }
 }
@@ -74,44 +75,50 @@ impl Wood {
 impl Solid for Wood {
     fn color(&self, at: &SolidPoint) -> [f32; 4] {
         let (radius, height) = self.radius_and_height(at.p);
-        let rings = radius / self.period;
+        let rings = radius / self.ring;
         let ring = rings.floor();
         // The sharp end of a ring is a tenth of it.
-        let left = band_limit(2.0 / self.period, at.footprint);
+        let left = band_limit(2.0 / self.ring, at.footprint);
         // Years differ.
-        let vigor = 0.55 + 0.45 * self.noise.cell_value(IVec3::new(ring as i32, 0, 0));
+        let vigor = 0.55 + 0.45 * self.noise().cell_value(IVec3::new(ring as i32, 0, 0));
         let late = RING_MEAN * 0.775 + left * (vigor * ring_profile(rings - ring) - RING_MEAN * 0.775);
 
         let fibers_at = Vec3::new(at.p.x * 60.0, height * 3.0, at.p.z * 60.0);
-        let fibers = self.noise.fbm(fibers_at, Fractal::octaves(3), 60.0 * at.footprint);
+        let fibers = self.noise().fbm(fibers_at, Fractal::octaves(3), 60.0 * at.footprint);
         let pores_at = Vec3::new(at.p.x * 110.0, height * 4.0, at.p.z * 110.0);
         let pores =
-            smoothstep(0.25, 0.6, self.noise.fbm(pores_at, Fractal::octaves(1), 110.0 * at.footprint));
-        let tone = 1.0 + 0.25 * self.noise.fbm(at.p * 1.3, Fractal::octaves(2), 1.3 * at.footprint);
+            smoothstep(0.25, 0.6, self.noise().fbm(pores_at, Fractal::octaves(1), 110.0 * at.footprint));
+        let tone = 1.0 + 0.25 * self.noise().fbm(at.p * 1.3, Fractal::octaves(2), 1.3 * at.footprint);
 
         let share = (1.15 * late + self.grain * 0.16 * fibers).clamp(0.0, 1.0);
-        let rgb = self.early.lerp(self.late, share) * tone * (1.0 - self.grain * 0.35 * pores);
+        let rgb = self.early.rgb().lerp(self.late.rgb(), share) * tone * (1.0 - self.grain * 0.35 * pores);
         opaque(rgb.max(Vec3::ZERO))
     }
 }
 
 // Marble: layers that turbulence has folded, after Perlin, "An image synthesizer", 1985.
 
-/// Pale stone with dark veins.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Marble {
-    /// Veins per unit of length.
-    pub frequency: f32,
-    /// How far turbulence displaces the layers, in veins.
-    pub warp: f32,
-    /// Colour of the stone (linear RGB).
-    pub stone: Vec3,
-    /// Colour of the clouds in the stone.
-    pub cloud: Vec3,
-    /// Colour of the veins.
-    pub vein: Vec3,
-    noise: Noise,
+parameters! {
+    /// Marble.
+    #[derive(Copy)]
+    pub struct Marble {
+        /// Veins per unit of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub frequency: f32 = 1.1,
+        /// How far turbulence displaces the layers, in veins.
+        pub warp: f32 = 1.6,
+        /// Colour of the stone.
+        pub stone: Color = Color::opaque(0.82, 0.80, 0.76),
+        /// Colour of the clouds in it.
+        pub cloud: Color = Color::opaque(0.52, 0.54, 0.56),
+        /// Colour of the veins.
+        pub vein: Color = Color::opaque(0.07, 0.075, 0.085),
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+    }
 }
+
+seeded!(Marble);
 
 /// Mean of [`vein`] over a period.
 const VEIN_MEAN: f32 = 0.0947;
@@ -122,22 +129,14 @@ fn vein(phase: f32) -> f32 {
 }
 
 impl Marble {
-    /// White marble with grey veins.
-    pub fn new(seed: u32) -> Self {
-        Self {
-            frequency: 1.1,
-            warp: 1.6,
-            stone: Vec3::new(0.82, 0.80, 0.76),
-            cloud: Vec3::new(0.52, 0.54, 0.56),
-            vein: Vec3::new(0.07, 0.075, 0.085),
-            noise: Noise::new(seed),
-        }
+    fn noise(&self) -> Noise {
+        Noise::new(self.seed)
     }
 
     /// The veins of one direction; a second set is finer and fainter.
     fn veins(&self, p: Vec3, direction: Vec3, frequency: f32, footprint: f32) -> f32 {
-        let folds = self.noise.turbulence(p * frequency, Fractal::octaves(6), frequency * footprint)
-            + 0.7 * self.noise.fbm(p * 0.7 * frequency, Fractal::octaves(2), 0.7 * frequency * footprint);
+        let folds = self.noise().turbulence(p * frequency, Fractal::octaves(6), frequency * footprint)
+            + 0.7 * self.noise().fbm(p * 0.7 * frequency, Fractal::octaves(2), 0.7 * frequency * footprint);
         let phase = direction.dot(p) * frequency + self.warp * folds;
         // A vein is a sixth of its period, and folding makes periods up to about three times narrower.
         let left = band_limit(6.0 * frequency, footprint);
@@ -148,62 +147,52 @@ impl Marble {
 impl Solid for Marble {
     fn color(&self, at: &SolidPoint) -> [f32; 4] {
         let (p, footprint) = (at.p, at.footprint);
-        let clouds = self.noise.fbm(p * 1.7 + 11.0, Fractal::octaves(5), 1.7 * footprint);
+        let clouds = self.noise().fbm(p * 1.7 + 11.0, Fractal::octaves(5), 1.7 * footprint);
         let coarse = self.veins(p, Vec3::new(0.62, 0.55, 0.56), self.frequency, footprint);
         let fine = self.veins(p + 31.0, Vec3::new(-0.48, 0.77, 0.42), 2.7 * self.frequency, footprint);
         // Veins run in some places and fade out in others.
-        let presence = smoothstep(-0.35, 0.4, self.noise.value(p * 1.1 - 7.0));
-        let crystals = 1.0 + 0.06 * self.noise.fbm(p * 70.0, Fractal::octaves(2), 70.0 * footprint);
-        let stone = self.stone.lerp(self.cloud, smoothstep(-0.25, 0.65, clouds));
+        let presence = smoothstep(-0.35, 0.4, self.noise().value(p * 1.1 - 7.0));
+        let crystals = 1.0 + 0.06 * self.noise().fbm(p * 70.0, Fractal::octaves(2), 70.0 * footprint);
+        let stone = self.stone.rgb().lerp(self.cloud.rgb(), smoothstep(-0.25, 0.65, clouds));
         let share = (0.9 * coarse * (0.35 + 0.65 * presence) + 0.4 * fine * presence).clamp(0.0, 1.0);
-        opaque((stone * crystals).lerp(self.vein, share))
+        opaque((stone * crystals).lerp(self.vein.rgb(), share))
     }
 }
 
 // Granite: grains of feldspar, quartz and mica grown into each other, as the Voronoi cells of scattered points.
 
-/// A rock of coarse grains of several minerals.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Granite {
-    /// Width of the largest grains, above 0.
-    pub grain: f32,
-    /// Colour of the feldspar, more than half of the rock (linear RGB).
-    pub feldspar: Vec3,
-    /// Colour of the quartz, about a third.
-    pub quartz: Vec3,
-    /// Colour of the mica, the dark rest.
-    pub mica: Vec3,
-    seed: u32,
+parameters! {
+    /// Granite.
+    #[derive(Copy)]
+    pub struct Granite {
+        /// Width of a grain, in units of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub grain: f32 = 0.055,
+        /// Colour of the feldspar.
+        pub feldspar: Color = Color::opaque(0.55, 0.40, 0.33),
+        /// Colour of the quartz.
+        pub quartz: Color = Color::opaque(0.50, 0.50, 0.49),
+        /// Colour of the mica.
+        pub mica: Color = Color::opaque(0.035, 0.033, 0.032),
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+    }
 }
+
+seeded!(Granite, |granite| {
+    Allowed::Positive.check("granite", "grain", &[granite.grain])?;
+    let colors = [granite.feldspar.rgb(), granite.quartz.rgb(), granite.mica.rgb()].map(|c| c.to_array());
+    Allowed::NotNegative.check("granite", "colour", colors.as_flattened())
+});
 
 /// Shares of feldspar and of feldspar with quartz.
 const SHARES: [f32; 2] = [0.52, 0.83];
 
 impl Granite {
-    /// Grey-pink granite.
-    pub fn new(seed: u32) -> Self {
-        Self {
-            grain: 0.055,
-            feldspar: Vec3::new(0.55, 0.40, 0.33),
-            quartz: Vec3::new(0.50, 0.50, 0.49),
-            mica: Vec3::new(0.035, 0.033, 0.032),
-            seed,
-        }
-    }
-
-    /// Checks the options.
-    ///
-    /// # Errors
-    ///
-    /// A number is out of its range.
-    pub fn validate(&self) -> Result<(), InvalidOption> {
-        Allowed::Positive.check("granite", "grain", &[self.grain])?;
-        let colors = [self.feldspar, self.quartz, self.mica].map(|c| c.to_array());
-        Allowed::NotNegative.check("granite", "colour", colors.as_flattened())
-    }
-
     fn mean(&self) -> Vec3 {
-        self.feldspar * SHARES[0] + self.quartz * (SHARES[1] - SHARES[0]) + self.mica * (1.0 - SHARES[1])
+        self.feldspar.rgb() * SHARES[0]
+            + self.quartz.rgb() * (SHARES[1] - SHARES[0])
+            + self.mica.rgb() * (1.0 - SHARES[1])
     }
 
     /// The minerals of one size of grains.
@@ -221,9 +210,9 @@ impl Granite {
         );
         let grain = cellular(seed, (p / width + 0.35 * crooked).to_array(), CellularMetric::Euclidean);
         let mineral = match grain.id {
-            id if id < SHARES[0] => self.feldspar,
-            id if id < SHARES[1] => self.quartz,
-            _ => self.mica,
+            id if id < SHARES[0] => self.feldspar.rgb(),
+            id if id < SHARES[1] => self.quartz.rgb(),
+            _ => self.mica.rgb(),
         };
         // Brightness differs from grain to grain; thin dark borders part them.
         let shade = 0.78 + 0.44 * (grain.id * 37.0).fract();
@@ -250,15 +239,22 @@ impl Solid for Granite {
 
 // Sedimentary rock: strata of varying thickness and colour, folded and weathered.
 
-/// Layers along y.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Rock {
-    /// Main layers per unit of height.
-    pub frequency: f32,
-    /// How far the layers are displaced from their level, in units of length.
-    pub folding: f32,
-    noise: Noise,
+parameters! {
+    /// Rock.
+    #[derive(Copy)]
+    pub struct Rock {
+        /// Strata per unit of the place.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub frequency: f32 = 7.0,
+        /// How far folds lift the strata, in units of the place.
+        #[schemars(range(min = 0))]
+        pub folding: f32 = 0.12,
+        /// The pattern; added to the seed of the command line.
+        pub seed: u32 = 0,
+    }
 }
+
+seeded!(Rock);
 
 /// Colours of the layers (linear RGB), from which neighbours are blended.
 const LAYERS: [Vec3; 6] = [
@@ -271,16 +267,15 @@ const LAYERS: [Vec3; 6] = [
 ];
 
 impl Rock {
-    /// Brown sandstone.
-    pub fn new(seed: u32) -> Self {
-        Self { frequency: 7.0, folding: 0.12, noise: Noise::new(seed) }
+    fn noise(&self) -> Noise {
+        Noise::new(self.seed)
     }
 
     /// The colour of the sequence of layers at `level`, averaged over `width`, both in layers.
     fn layer(&self, level: f32, width: f32) -> Vec3 {
         let index = level.floor();
         let color = |index: f32| {
-            let pick = self.noise.cell_value(IVec3::new(index as i32, 91, 0));
+            let pick = self.noise().cell_value(IVec3::new(index as i32, 91, 0));
             LAYERS[(pick * LAYERS.len() as f32) as usize % LAYERS.len()]
         };
         // Layers are even inside and change within a fifth of their thickness, or within the footprint.
@@ -292,21 +287,21 @@ impl Rock {
 impl Rock {
     /// Colours of at most a block of points.
     fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
-        let folds = fbm(&self.noise, at, 4, 1.5, |_, p| p * Vec3::new(1.5, 0.8, 1.5));
+        let folds = fbm(&self.noise(), at, 4, 1.5, |_, p| p * Vec3::new(1.5, 0.8, 1.5));
         let levels: Notes<f32> = at
             .iter()
             .zip(&folds)
             .map(|(at, folds)| (at.p.y + self.folding * folds) * self.frequency)
             .collect();
         // Thin beds within the layers: noise along the level alone, a little irregular sideways.
-        let beds = fbm(&self.noise, at, 3, 4.0 * self.frequency, |i, p| {
+        let beds = fbm(&self.noise(), at, 3, 4.0 * self.frequency, |i, p| {
             Vec3::new(p.x * 2.0, levels[i] * 4.0, p.z * 2.0)
         });
-        let weathering = fbm(&self.noise, at, 5, 9.0, |_, p| p * 9.0);
+        let weathering = fbm(&self.noise(), at, 5, 9.0, |_, p| p * 9.0);
         let cracks_at: Notes<Vec3> = at.iter().map(|at| at.p * Vec3::new(6.0, 2.5, 6.0)).collect();
         let footprints: Notes<f32> = at.iter().map(|at| 6.0 * at.footprint).collect();
         let mut cracks: Notes<f32> = at.iter().map(|_| 0.0).collect();
-        self.noise.ridged_all(&cracks_at, Fractal::octaves(3), &footprints, &mut cracks);
+        self.noise().ridged_all(&cracks_at, Fractal::octaves(3), &footprints, &mut cracks);
 
         let mean = LAYERS.iter().sum::<Vec3>() / LAYERS.len() as f32;
         for (i, (at, color)) in at.iter().zip(colors).enumerate() {

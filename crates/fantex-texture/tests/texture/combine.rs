@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use fantex_texture::combine::{
-    Binary, Channel, Clamp, Combine, CombineMode, Contours, Field, Layer, LayerMode, Layers, LineWidth, Mix,
-    Operation, RampTexture, Remap, ScaleOffset, Swizzle,
+    Binary, Channel, Clamp, Combine, CombineMode, Contours, Factor, Field, Layer, LayerMode, Layers, Mix,
+    Operation, RampTexture, Remap, Swizzle, TextureUse,
 };
 use fantex_texture::coordinates::Parameter;
 use fantex_texture::look::Slot;
-use fantex_texture::{ColorRamp, RampInterpolation, ShadingPoint, Texture, UvPoint};
+use fantex_texture::{Color, ColorRamp, RampInterpolation, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::common::{assert_close, shading_point};
@@ -32,7 +32,7 @@ fn assert_value(texture: &dyn Texture, expected: Vec4, what: &str) {
 #[test]
 fn environment_modes_are_those_of_opengl() {
     let combined =
-        |mode| Combine { mode, texture: Slot::Constant(T), fragment: Slot::Constant(F), constant: C };
+        |mode| Combine { mode, texture: Slot::Constant(T), fragment: Slot::Constant(F), constant: Color(C) };
     let expect = |mode, expected| assert_value(&combined(mode), expected, &format!("{mode:?}"));
     expect(CombineMode::Replace, T);
     expect(CombineMode::Modulate, Vec4::new(0.2, 0.2, 0.2, 0.125));
@@ -52,8 +52,7 @@ fn layers_cover_by_alpha_mask_and_opacity() {
     // The colour of what is not there does not count.
     assert_value(&layers(half, Vec4::Z), red.truncate().extend(0.25), "over nothing");
     assert_value(&layers(Layer { mask: Slot::number(0.0), ..over.clone() }, blue), blue, "masked out");
-    let modulate = LayerMode::Combine { mode: CombineMode::Modulate, constant: Vec4::ZERO };
-    let tinted = Layer { mode: modulate, opacity: Slot::number(0.5), ..over };
+    let tinted = Layer { mode: LayerMode::Modulate, opacity: Slot::number(0.5), ..over };
     assert_value(&layers(tinted, Vec4::ONE), Vec4::new(1.0, 0.5, 0.5, 1.0), "modulated");
     assert_value(&Layers { base: Slot::Constant(F), layers: Vec::new() }, F, "no layer");
 }
@@ -65,7 +64,11 @@ fn arithmetic_is_what_it_says() {
     let channels = [Channel::Luminance, Channel::Zero, Channel::One, Channel::Alpha];
     let luminance = 0.2126 + 0.5 * 0.7152 + 0.25 * 0.0722;
     assert_value(&Swizzle { input: input(), channels }, Vec4::new(luminance, 0.0, 1.0, 0.5), "swizzle");
-    assert_value(&ScaleOffset::invert(input()), Vec4::new(0.0, 0.5, 0.75, 0.5), "invert");
+    let texture: Arc<dyn Texture> = Arc::new(F);
+    let inverted = TextureUse { factor: Factor::Number(-1.0), offset: 1.0, ..TextureUse::plain(texture) };
+    assert_value(&inverted, Vec4::new(0.0, 0.5, 0.75, 0.5), "invert");
+    let blue = TextureUse { channel: Some(Channel::Blue), ..inverted };
+    assert_value(&blue, Vec4::new(0.75, 0.75, 0.75, 1.0), "one channel");
     let binary = |operation| Binary { operation, a: Slot::Constant(T), b: Slot::Constant(F) };
     assert_value(&binary(Operation::Add), Vec4::new(1.2, 0.9, 1.05, 0.25), "add");
     assert_value(&binary(Operation::Subtract), Vec4::new(-0.8, -0.1, 0.55, 0.25), "subtract");
@@ -141,7 +144,7 @@ fn slope_point(height: f32, rise: f32) -> ShadingPoint<'static> {
 #[test]
 fn ramps_are_averaged_over_the_footprint() {
     let stops = vec![(0.0, Vec4::W), (1.0, Vec4::ONE), (1.0, Vec4::W), (2.0, Vec4::ONE)];
-    let ramp = Arc::new(ColorRamp::new(stops, RampInterpolation::Constant).unwrap());
+    let ramp = ColorRamp::new(stops, RampInterpolation::Constant).unwrap();
     let colored = RampTexture { input: slot(Parameter::default()), channel: Channel::Red, ramp };
     // Black below 2 and white above: the edge pixel is grey by its share.
     for (height, expected) in [(1.0, 0.0), (1.95, 0.25), (2.0, 0.5), (2.05, 0.75), (2.2, 1.0)] {
@@ -153,17 +156,16 @@ fn ramps_are_averaged_over_the_footprint() {
 
 #[test]
 fn contour_lines_cover_what_they_should() {
-    let contours = |width| Contours { width, ..Contours::new(slot(Parameter::default()), 1.0) };
+    let lines = || Contours::new(slot(Parameter::default()), 1.0);
+    let wide = |width| Contours { width: Some(width), ..lines() };
+    let pixels = |pixels| Contours { pixels, ..lines() };
     // On a slope of 0.05 per pixel, lines of two pixels are 0.1 wide: the mean over many pixels is a tenth line.
-    for (width, rise) in
-        [(LineWidth::Pixels(2.0), 0.05), (LineWidth::Input(0.1), 0.05), (LineWidth::Input(0.1), 3.7)]
-    {
-        let lines = contours(width);
+    for (lines, rise) in [(pixels(2.0), 0.05), (wide(0.1), 0.05), (wide(0.1), 3.7)] {
         let mean: f32 =
             (0..2000).map(|i| lines.evaluate(&slope_point(0.01 * i as f32, rise)).x).sum::<f32>() / 2000.0;
-        assert!((mean - 0.9).abs() < 2e-3, "{width:?}: {mean}");
+        assert!((mean - 0.9).abs() < 2e-3, "{lines:?}: {mean}");
     }
-    let lines = contours(LineWidth::Pixels(2.0));
+    let lines = pixels(2.0);
     assert_close(
         lines.evaluate(&slope_point(3.0, 0.05)).to_array(),
         [0.0, 0.0, 0.0, 1.0],
@@ -180,7 +182,7 @@ fn contour_lines_cover_what_they_should() {
     assert_close(lines.evaluate(&slope_point(3.5, 5.0)).to_array(), [0.0, 0.0, 0.0, 1.0], 1e-5, "too dense");
     assert!(Contours::new(Slot::number(0.0), 0.0).check().is_err());
     assert!(Contours::new(Slot::number(0.0), f32::NAN).check().is_err());
-    assert!(contours(LineWidth::Pixels(-1.0)).check().is_err());
+    assert!(pixels(-1.0).check().is_err());
 }
 
 #[test]

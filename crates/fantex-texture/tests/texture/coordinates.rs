@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
+use fantex_texture::Scale;
 use fantex_texture::coordinates::{
-    Coordinates, Direction, ImageLookup, InSpace, Parameter, SpaceMatrix, SpaceMatrixOptions, TextureMatrix,
-    TextureMatrixOptions,
+    Coordinates, Direction, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, SpaceMatrixOptions,
+    TextureMatrix, TextureMatrixOptions,
 };
 use fantex_texture::look::Slot;
 use fantex_texture::{
@@ -20,20 +21,20 @@ fn matrices() -> Vec<TextureMatrix> {
         TextureMatrixOptions::default(),
         TextureMatrixOptions {
             pivot: Vec2::splat(0.5),
-            scale: Vec2::new(2.0, -3.0),
+            scale: Scale::Two([2.0, -3.0]),
             rotation: 30.0,
             translation: Vec2::new(0.1, 0.7),
-            scale_per_second: Vec2::new(1.5, 0.5),
+            scale_per_second: 1.5,
             rotation_per_second: 90.0,
             translation_per_second: Vec2::new(-0.2, 0.4),
             ..TextureMatrixOptions::default()
         },
         TextureMatrixOptions {
-            matrix: Mat3::from_cols(
+            matrix: Some(Projective(Mat3::from_cols(
                 Vec3::new(1.0, 0.2, 0.3),
                 Vec3::new(-0.1, 1.0, -0.2),
                 Vec3::new(0.0, 0.3, 1.0),
-            ),
+            ))),
             ..TextureMatrixOptions::default()
         },
     ];
@@ -101,12 +102,15 @@ fn space_matrices_transform_footprints_by_their_derivative() {
 fn matrices_without_inverse_are_refused() {
     let default = TextureMatrixOptions::default();
     let refused = |options| TextureMatrix::new(options).unwrap_err();
-    let squeezed = TextureMatrixOptions { matrix: Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)), ..default };
+    let squeezed = TextureMatrixOptions {
+        matrix: Some(Projective(Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)))),
+        ..default
+    };
     assert!(matches!(refused(squeezed), InvalidOption::Singular { .. }));
     for options in [
-        TextureMatrixOptions { scale: Vec2::new(0.0, 1.0), ..default },
+        TextureMatrixOptions { scale: Scale::Two([0.0, 1.0]), ..default },
         TextureMatrixOptions { rotation: f32::NAN, ..default },
-        TextureMatrixOptions { scale_per_second: Vec2::new(1.0, -1.0), ..default },
+        TextureMatrixOptions { scale_per_second: -1.0, ..default },
     ] {
         assert!(matches!(refused(options), InvalidOption::Number { .. }), "{options:?}");
     }
@@ -227,7 +231,8 @@ fn every_kind_of_coordinates_gives_a_value() {
     let matrix = Mat3::from_cols(Vec3::X, Vec3::Y, Vec3::new(0.0, 0.0, -0.2))
         + Mat3::from_cols(Vec3::Z, Vec3::ZERO, Vec3::ZERO);
     let matrix =
-        TextureMatrix::new(TextureMatrixOptions { matrix, ..TextureMatrixOptions::default() }).unwrap();
+        TextureMatrix::new(TextureMatrixOptions { matrix: Some(Projective(matrix)), ..Default::default() })
+            .unwrap();
     for filter in [Filter::Bicubic, Filter::Ewa, Filter::Anisotropic] {
         let options = SampleOptions { filter, ..SampleOptions::default() };
         let lookup = ImageLookup { matrix, options, ..ImageLookup::new(Arc::clone(&gradient)) };
@@ -255,6 +260,8 @@ fn no_number_stops_a_look_up() {
         let mut any2 = || Vec2::new(any(), any());
         let (uv, steps, scale, translation) = (any2(), [any2(), any2()], any2(), any2());
         let matrix = Mat3::from_cols(any2().extend(1.0), any2().extend(-0.5), any2().extend(0.7));
+        let scale = Scale::Two(scale.as_dvec2().to_array());
+        let matrix = Some(Projective(matrix));
         let options = TextureMatrixOptions { matrix, scale, translation, ..TextureMatrixOptions::default() };
         let Ok(matrix) = TextureMatrix::new(options) else { continue };
         accepted += 1;

@@ -9,7 +9,6 @@ mod coordinates;
 mod environments;
 mod filters;
 mod images;
-mod looks;
 mod many_points;
 mod mappings;
 mod pictures;

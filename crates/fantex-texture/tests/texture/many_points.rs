@@ -3,17 +3,17 @@
 use std::sync::Arc;
 
 use fantex_texture::combine::{
-    Binary, Channel, Clamp, Combine, CombineMode, Layer, LayerMode, Layers, Mix, Operation, Remap,
-    ScaleOffset, Swizzle,
+    Binary, Channel, Clamp, Combine, CombineMode, Factor, Layer, LayerMode, Layers, Mix, Operation, Remap,
+    Swizzle, TextureUse,
 };
 use fantex_texture::coordinates::{
     Coordinates, ImageLookup, InSpace, Parameter, SpaceMatrix, SpaceMatrixOptions,
 };
 use fantex_texture::look::Slot;
-use fantex_texture::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily};
+use fantex_texture::noise::{FractalKind, NoiseFamily};
 use fantex_texture::{
-    ColorSpace, Filter, Filtering, Image, ImageTexture, Marble, NoiseTexture, Rock, SampleOptions, Samples,
-    ShadingPoint, SolidTexture, Texture, TriplanarMap, UvPoint, Wrap,
+    Color, ColorSpace, Filter, Filtering, Image, ImageTexture, Marble, NoiseOptions, NoiseTexture, Rock,
+    SampleOptions, Samples, ShadingPoint, SolidTexture, Texture, TriplanarMap, UvPoint, Wrap,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -26,8 +26,8 @@ fn slot(texture: impl Texture + 'static) -> Slot {
     Slot::Texture(Arc::new(texture))
 }
 
-fn noise(family: NoiseFamily, kind: FractalKind) -> NoiseTexture {
-    NoiseTexture::new(FractalNoise::new(family, kind, Fractal::octaves(4), 5), 0.3)
+fn noise(family: NoiseFamily, fractal: FractalKind) -> NoiseOptions {
+    NoiseOptions { family, fractal, octaves: 4, seed: 5, cell: 0.3, ..NoiseOptions::default() }
 }
 
 fn image() -> Arc<ImageTexture> {
@@ -44,31 +44,28 @@ fn lookup(filter: Filter) -> ImageLookup {
 
 /// One of everything that has a way of its own with many points, and some without.
 fn textures() -> Vec<(&'static str, Slot)> {
-    let perlin = || slot(noise(NoiseFamily::Perlin, FractalKind::Fbm));
+    let noisy = |options| slot(NoiseTexture::new(options));
+    let perlin = || noisy(noise(NoiseFamily::Perlin, FractalKind::Fbm));
     let colors = || slot(lookup(Filter::Trilinear));
     let number = |value| Slot::number(value);
     // Nothing, something and everything.
     let mask = || slot(Remap { input: perlin(), from: [0.4, 0.6], to: [-0.5, 1.5], clamp: false });
-    let combined = |mode| {
-        let constant = Vec4::new(0.3, 0.2, 0.9, 1.0);
-        Layer {
-            mode: LayerMode::Combine { mode, constant },
-            mask: mask(),
-            opacity: number(0.7),
-            ..Layer::over(colors())
-        }
+    let combined = |mode| Layer {
+        mode,
+        constant: Color::opaque(0.3, 0.2, 0.9),
+        mask: mask(),
+        opacity: number(0.7),
+        ..Layer::over(colors())
     };
     let layers = vec![
         Layer { mask: mask(), ..Layer::over(colors()) },
-        combined(CombineMode::Blend),
+        combined(LayerMode::Blend),
         Layer { mask: number(0.0), ..Layer::over(colors()) },
     ];
     let matrix = SpaceMatrix::new(SpaceMatrixOptions::default()).expect("it changes nothing");
-    let warped = NoiseTexture {
-        warp: 0.4,
-        warp_noise: Noise::new(2),
-        ..noise(NoiseFamily::Perlin, FractalKind::Ridged)
-    };
+    let warped = NoiseOptions { warp: 0.4, ..noise(NoiseFamily::Perlin, FractalKind::Ridged) };
+    let image: Arc<dyn Texture> = Arc::new(lookup(Filter::Trilinear));
+    let inverted = TextureUse { factor: Factor::Number(-1.0), offset: 1.0, ..TextureUse::plain(image) };
     let binary = |operation| slot(Binary { operation, a: perlin(), b: colors() });
     vec![
         ("a constant", Slot::Constant(Vec4::new(0.1, 0.2, 0.3, 0.4))),
@@ -96,13 +93,13 @@ fn textures() -> Vec<(&'static str, Slot)> {
             }),
         ),
         ("gradient noise", perlin()),
-        ("turbulence", slot(noise(NoiseFamily::Perlin, FractalKind::Turbulence))),
-        ("simplices", slot(noise(NoiseFamily::Simplex, FractalKind::Fbm))),
-        ("warped noise", slot(warped)),
+        ("turbulence", noisy(noise(NoiseFamily::Perlin, FractalKind::Turbulence))),
+        ("simplices", noisy(noise(NoiseFamily::Simplex, FractalKind::Fbm))),
+        ("warped noise", noisy(warped)),
         ("rock", slot(SolidTexture(Rock::new(4)))),
         ("marble elsewhere", slot(InSpace { input: slot(SolidTexture(Marble::new(4))), matrix })),
         ("swizzled", slot(Swizzle::select(colors(), Channel::Green))),
-        ("inverted", slot(ScaleOffset::invert(colors()))),
+        ("inverted", slot(inverted)),
         ("clamped", slot(Clamp { input: colors(), low: 0.2, high: 0.4 })),
         ("mixed", slot(Mix { a: colors(), b: perlin(), mask: mask() })),
         ("mixed by nothing", slot(Mix { a: colors(), b: perlin(), mask: number(0.0) })),
@@ -116,7 +113,7 @@ fn textures() -> Vec<(&'static str, Slot)> {
                 mode: CombineMode::Decal,
                 texture: colors(),
                 fragment: perlin(),
-                constant: Vec4::ONE,
+                constant: Color::WHITE,
             }),
         ),
         ("layers", slot(Layers { base: perlin(), layers })),

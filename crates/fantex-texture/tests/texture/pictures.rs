@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use fantex_mesh::{LoadOptions, Mesh, generate, load, shading_normals};
 use fantex_test::cleaned;
-use fantex_texture::combine::{Channel, Contours, LineWidth, RampTexture};
+use fantex_texture::combine::{Channel, Contours, RampTexture};
 use fantex_texture::coordinates::{Coordinates, ImageLookup, Parameter};
 use fantex_texture::look::Slot;
 use fantex_texture::warp::{
@@ -151,11 +151,11 @@ fn mapped_objects() {
         let ramp = |interpolation| RampTexture {
             input: height(),
             channel: Channel::Red,
-            ramp: Arc::new(ColorRamp::new(stops.clone(), interpolation).unwrap()),
+            ramp: ColorRamp::new(stops.clone(), interpolation).unwrap(),
         };
         let over = || Slot::Texture(Arc::new(ramp(RampInterpolation::Linear)));
         let pixels = Contours { over: over(), ..Contours::new(height(), 0.08) };
-        let units = Contours { over: over(), width: LineWidth::Input(0.01), ..Contours::new(height(), 0.08) };
+        let units = Contours { over: over(), width: Some(0.01), ..Contours::new(height(), 0.08) };
         rows.push(vec![
             view.picture(&lookup(&checker, triplanar)),
             view.picture(&pixels),

@@ -1,7 +1,7 @@
-//! Looks as scenes: from a file to dressed models, lamps, surroundings and a camera.
+//! Looks as scenes: from a file to models with materials, lamps, surroundings and a camera.
 //!
 //! ```text
-//! LookFile --Wardrobe--> Dress (a model's materials) --LookBake--> a source for tiles
+//! LookFile --MaterialResolver--> ResolvedMaterials (of a model) --LookBake--> a source for tiles
 //!              '-------> LookScene (all objects, lamps, surroundings) --render--> pictures
 //! ```
 
@@ -9,62 +9,31 @@ mod lights;
 mod objects;
 mod scene;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use fantex_look::data::ObjectTable;
-use fantex_look::{Key, LookError, LookFile, LookProblem};
+use fantex_base::Result;
+use fantex_look::data::{MaterialBase, ObjectTable};
+use fantex_look::{Key, LookFile, LookImages, ResolveOptions, Resolver, materials_of_model, problem};
 use fantex_mesh::Mesh;
-use fantex_render::{RenderError, SceneError};
-use fantex_texture::look::{LookImages, LookMaterial, ResolveOptions, Resolver, materials_of_model};
+use fantex_texture::look::LookMaterial;
 
-pub use lights::{LookBake, LookBakeError};
+pub use lights::LookBake;
 pub use objects::GivenModel;
 pub use scene::{LookScene, PictureChanges};
 
-// Why a look cannot be shown.
-
-/// Why a look is no scene, or no picture.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum LookSceneError {
-    /// The look itself, or a texture of it.
-    #[error(transparent)]
-    Look(#[from] LookError),
-    /// A model or asset cannot be read, or nothing of a model is left after cleaning.
-    #[error(transparent)]
-    Model(#[from] fantex_base::Error),
-    /// Objects do not go together.
-    #[error(transparent)]
-    Scene(#[from] SceneError),
-    /// The renderer refuses.
-    #[error(transparent)]
-    Render(#[from] RenderError),
-    /// Nothing says what is to be shown.
-    #[error(
-        "{} names no model: give it an [[object]] with the key 'model' or 'shape', or render a model with --look",
-        path.display()
-    )]
-    NothingToShow {
-        /// The look.
-        path: PathBuf,
-    },
-}
-
-// Which material of a look every material of a model wears.
-
-/// A model's materials, dressed.
+/// The materials of a model under a look.
 #[derive(Clone, Debug)]
-pub struct Dress {
+pub struct ResolvedMaterials {
     /// One for each of the mesh's materials.
     pub materials: Vec<Arc<LookMaterial>>,
     /// For each of them its name in the look; none where the model's own is kept.
     pub names: Vec<Option<String>>,
 }
 
-/// What a model is dressed with.
+/// Finds out which material of a look every material of a model has.
 #[derive(Clone, Copy, Debug)]
-pub struct Wardrobe<'a> {
+pub struct MaterialResolver<'a> {
     /// The look.
     pub file: &'a LookFile,
     /// Images that were read before.
@@ -73,22 +42,22 @@ pub struct Wardrobe<'a> {
     pub options: ResolveOptions,
 }
 
-impl Wardrobe<'_> {
-    /// Dresses a model. `object` is the number of the look's object that it is, if it is one; `model` is its file.
+impl MaterialResolver<'_> {
+    /// The materials of a model. `object` is the number of the look's object that it is, if it is one; `model` is its file.
     ///
-    /// A material of the model wears what the object's `materials` say of its name (or of `#N`, its number from 0), else the
+    /// A material of the model becomes what the object's `materials` say of its name (or of `#N`, its number from 0), else the
     /// object's `material`; without an object, the look's only material (or `bake.material`); else it keeps its own.
     ///
     /// # Errors
     ///
     /// A texture cannot be made, or the object names a material that the model does not have.
-    pub fn dress(&self, mesh: &Mesh, model: &Path, object: Option<usize>) -> Result<Dress, LookError> {
+    pub fn materials(&self, mesh: &Mesh, model: &Path, object: Option<usize>) -> Result<ResolvedMaterials> {
         let names = self.names(mesh, object)?;
         let needs_own = names.iter().any(|name| match name {
             None => true,
             Some(name) => {
                 let table = self.file.look().materials.get(name);
-                table.is_some_and(|t| t.from == fantex_look::data::MaterialBase::Model)
+                table.is_some_and(|t| t.from == MaterialBase::Model)
             }
         });
         let own = if needs_own {
@@ -101,10 +70,10 @@ impl Wardrobe<'_> {
             Some(name) => resolver.material(name, &own).map(Arc::new),
             None => Ok(Arc::new(own)),
         });
-        Ok(Dress { materials: materials.collect::<Result<_, _>>()?, names })
+        Ok(ResolvedMaterials { materials: materials.collect::<Result<_>>()?, names })
     }
 
-    fn names(&self, mesh: &Mesh, object: Option<usize>) -> Result<Vec<Option<String>>, LookError> {
+    fn names(&self, mesh: &Mesh, object: Option<usize>) -> Result<Vec<Option<String>>> {
         let look = self.file.look();
         let Some((index, object)) = object.and_then(|i| Some((i, look.object.get(i)?))) else {
             return self.names_without_object(mesh);
@@ -119,7 +88,7 @@ impl Wardrobe<'_> {
     }
 
     /// What `bake.material` says, else materials of the same names, else the only one.
-    fn names_without_object(&self, mesh: &Mesh) -> Result<Vec<Option<String>>, LookError> {
+    fn names_without_object(&self, mesh: &Mesh) -> Result<Vec<Option<String>>> {
         let look = self.file.look();
         let only = look.materials.keys().next().filter(|_| look.materials.len() == 1);
         let everywhere = look.bake.material.as_ref().map(|name| &name.0).or(only);
@@ -128,8 +97,8 @@ impl Wardrobe<'_> {
         let names: Vec<Option<String>> = names.collect();
         let is_lost = names.iter().all(Option::is_none) && !look.materials.is_empty();
         if is_lost && look.bake.texture.is_none() {
-            let keys = vec!["object".to_owned(), "bake.material".to_owned()];
-            return Err(self.file.error(&Key::default(), LookProblem::OneNeeded(keys)));
+            let problem = problem::one_needed(&["object", "bake.material"]);
+            return Err(self.file.error(&Key::default(), problem));
         }
         Ok(names)
     }
@@ -140,7 +109,7 @@ impl Wardrobe<'_> {
     }
 
     /// Every name that the object mentions is one of the model's.
-    fn check_names(&self, mesh: &Mesh, index: usize, object: &ObjectTable) -> Result<(), LookError> {
+    fn check_names(&self, mesh: &Mesh, index: usize, object: &ObjectTable) -> Result<()> {
         let numbers = (0..mesh.materials.len()).map(|number| format!("#{number}"));
         let names = mesh.materials.iter().map(|m| m.name.clone()).filter(|name| !name.is_empty());
         let allowed: Vec<String> = names.chain(numbers).collect();
@@ -148,7 +117,8 @@ impl Wardrobe<'_> {
             return Ok(());
         };
         let key = Key::of(["object"]).index(index).name("materials").name(wrong);
-        let problem = LookProblem::UnknownValue { name: wrong.clone(), nearest: None, allowed };
+        let allowed: Vec<&str> = allowed.iter().map(String::as_str).collect();
+        let problem = problem::unknown_value(wrong, &allowed);
         Err(self.file.error(&key, problem))
     }
 }

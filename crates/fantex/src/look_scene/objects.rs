@@ -4,22 +4,22 @@ use std::f64::consts::{PI, TAU};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fantex_base::{Error, Result};
 use fantex_look::data::{ObjectTable, ShapeName, ShapeTable};
-use fantex_look::{Key, LookError, LookProblem};
+use fantex_look::problem::{self, refused};
+use fantex_look::{Key, Resolver};
 use fantex_mesh::{
     CleanOptions, CornerAttributes, DisplaceOptions, DisplacePoint, LoadOptions, Material, Mesh, Model,
     Refinement, clean, displace, load,
 };
 use fantex_render::{FanSurface, FilterOptions, LookSurface, Surface};
 use fantex_store::{Asset, PageCache};
-use fantex_texture::look::{LookMaterial, Resolver, Slot};
+use fantex_texture::look::{LookMaterial, Slot};
 use fantex_texture::material::vertex_color;
 use fantex_texture::{Filtering, ShadingPoint, UvPoint};
 use glam::{DAffine3, DQuat, DVec2, DVec3, EulerRot, Vec2, Vec3};
 
-use super::{Dress, LookSceneError, Wardrobe};
-
-// The objects of a look: their shapes, what they wear, where they stand.
+use super::{MaterialResolver, ResolvedMaterials};
 
 /// A model of the command line.
 #[derive(Clone, Debug)]
@@ -70,9 +70,9 @@ impl Object {
     }
 }
 
-impl Wardrobe<'_> {
+impl MaterialResolver<'_> {
     /// All objects of the look; the given model alone where it has none.
-    pub(super) fn objects(&self, given: Option<&GivenModel>) -> Result<Vec<Object>, LookSceneError> {
+    pub(super) fn objects(&self, given: Option<&GivenModel>) -> Result<Vec<Object>> {
         let tables = &self.file.look().object;
         if tables.is_empty() {
             let given = given.ok_or_else(|| self.nothing_to_show())?;
@@ -82,20 +82,20 @@ impl Wardrobe<'_> {
         objects.map(|(index, table)| self.object(index, table, given)).collect()
     }
 
-    fn nothing_to_show(&self) -> LookSceneError {
-        LookSceneError::NothingToShow { path: self.file.path().into() }
+    fn nothing_to_show(&self) -> Error {
+        let path = self.file.path();
+        Error::malformed(format!(
+            "{} names no model: give it an [[object]] with the key 'model' or 'shape', or render a model with --look",
+            path.display()
+        ))
+        .with_path(path)
     }
 
-    fn object(
-        &self,
-        index: usize,
-        table: &ObjectTable,
-        given: Option<&GivenModel>,
-    ) -> Result<Object, LookSceneError> {
+    fn object(&self, index: usize, table: &ObjectTable, given: Option<&GivenModel>) -> Result<Object> {
         let key = Key::of(["object"]).index(index);
         let (mesh, path) = match (&table.model, &table.shape) {
             (Some(_), Some(_)) => {
-                return Err(self.file.error(&key, LookProblem::Exclusive("model", "shape")).into());
+                return Err(self.file.error(&key, problem::exclusive("model", "shape")));
             }
             (None, Some(shape)) => (cleaned(model_of(shape))?, PathBuf::from("shape")),
             (Some(name), None) => {
@@ -103,7 +103,7 @@ impl Wardrobe<'_> {
                 if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
                     return self.asset(&path, table, &key);
                 }
-                (cleaned(load(&path, &LoadOptions::default())?)?, path)
+                (cleaned(load(&path, &LoadOptions::default()).map_err(refused)?)?, path)
             }
             (None, None) => {
                 let given = given.ok_or_else(|| self.nothing_to_show())?;
@@ -113,11 +113,14 @@ impl Wardrobe<'_> {
         self.dressed(mesh, &path, Some(index), table)
     }
 
-    fn asset(&self, path: &Path, table: &ObjectTable, key: &Key) -> Result<Object, LookSceneError> {
+    fn asset(&self, path: &Path, table: &ObjectTable, key: &Key) -> Result<Object> {
         if table.material.is_some() || !table.materials.is_empty() {
-            return Err(self.file.error(&key.name("material"), LookProblem::BakedAsset).into());
+            let sentence =
+                "an asset is baked already and keeps its look; leave the key out, or name the model";
+            return Err(self.file.error(&key.name("material"), Error::malformed(sentence)));
         }
-        let cache = PageCache::new(Arc::new(Asset::open(path)?), self.options.memory_bytes as usize);
+        let cache =
+            PageCache::new(Arc::new(Asset::open(path).map_err(refused)?), self.options.memory_bytes as usize);
         Ok(Object {
             shape: Shape::Asset(Box::new(cache)),
             name: table.name.clone(),
@@ -125,25 +128,19 @@ impl Wardrobe<'_> {
         })
     }
 
-    fn dressed(
-        &self,
-        mesh: Mesh,
-        path: &Path,
-        index: Option<usize>,
-        table: &ObjectTable,
-    ) -> Result<Object, LookSceneError> {
-        let dress = self.dress(&mesh, path, index)?;
-        let mesh = displaced(self, mesh, &dress)?;
+    fn dressed(&self, mesh: Mesh, path: &Path, index: Option<usize>, table: &ObjectTable) -> Result<Object> {
+        let resolved = self.materials(&mesh, path, index)?;
+        let mesh = displaced(self, mesh, &resolved)?;
         Ok(Object {
-            shape: Shape::Dressed { mesh: Box::new(mesh), materials: dress.materials },
+            shape: Shape::Dressed { mesh: Box::new(mesh), materials: resolved.materials },
             name: table.name.clone(),
             world_from_object: placement(table),
         })
     }
 }
 
-fn cleaned(model: fantex_mesh::Model) -> Result<Mesh, LookSceneError> {
-    Ok(clean(model, &CleanOptions::default())?.0)
+fn cleaned(model: fantex_mesh::Model) -> Result<Mesh> {
+    Ok(clean(model, &CleanOptions::default()).map_err(refused)?.0)
 }
 
 fn placement(table: &ObjectTable) -> DAffine3 {
@@ -292,23 +289,27 @@ struct Heights {
 }
 
 /// The mesh with the displacements of what it wears as real geometry; as it is where there are none.
-pub(super) fn displaced(wardrobe: &Wardrobe<'_>, mesh: Mesh, dress: &Dress) -> Result<Mesh, LookError> {
+pub(super) fn displaced(
+    resolver: &MaterialResolver<'_>,
+    mesh: Mesh,
+    resolved: &ResolvedMaterials,
+) -> Result<Mesh> {
     let scale = mesh.world_from_mesh.scale;
-    let mut resolver = Resolver::new(wardrobe.file, &mesh, wardrobe.images, wardrobe.options);
+    let mut textures = Resolver::new(resolver.file, &mesh, resolver.images, resolver.options);
     let mut heights: Vec<Option<Heights>> = Vec::new();
     let mut options = DisplaceOptions { max_triangles: 0, ..DisplaceOptions::default() };
     let mut edge = f64::INFINITY;
     let mut key = Key::default();
-    for name in &dress.names {
-        let table = name.as_ref().and_then(|n| wardrobe.file.look().materials.get(n)?.displacement.as_ref());
+    for name in &resolved.names {
+        let table = name.as_ref().and_then(|n| resolver.file.look().materials.get(n)?.displacement.as_ref());
         let (Some(name), Some(table)) = (name, table) else {
             heights.push(None);
             continue;
         };
-        let Some(texture) = resolver.displacement(name)? else { continue };
+        let Some(texture) = textures.displacement(name)? else { continue };
         key = Key::of(["materials", name, "displacement"]);
         let height = (table.height / scale) as f32;
-        heights.push(Some(Heights { texture, height, middle: table.middle as f32 }));
+        heights.push(Some(Heights { texture, height, middle: table.middle }));
         options.max_triangles = options.max_triangles.max(table.max_triangles);
         // A hundredth of the model's largest extent, which is between 1 and 2 mesh units.
         edge = edge.min(table.edge.map_or(0.01, |edge| edge / scale));
@@ -322,7 +323,7 @@ pub(super) fn displaced(wardrobe: &Wardrobe<'_>, mesh: Mesh, dress: &Dress) -> R
         _ => 0.0,
     };
     let result = displace(&mesh, &options, ask);
-    let (displaced, _) = result.map_err(|error| wardrobe.file.error(&key, LookProblem::refused(error)))?;
+    let (displaced, _) = result.map_err(|error| resolver.file.error(&key, refused(error)))?;
     Ok(displaced)
 }
 
@@ -369,7 +370,7 @@ fn uv_point(mesh: &Mesh, set: &[Vec2], point: &DisplacePoint, steps_mesh: [Vec3;
 
 #[cfg(test)]
 mod tests {
-    use fantex_look::data::PositiveLength;
+    use fantex_look::data::ShapeLength;
     use fantex_mesh::{CleanOptions, clean};
 
     use super::*;
@@ -377,7 +378,7 @@ mod tests {
     #[test]
     fn shapes_are_closed_and_face_outwards() {
         for kind in [ShapeName::Box, ShapeName::Sphere, ShapeName::Cylinder, ShapeName::Torus] {
-            let size = [PositiveLength(1.0), PositiveLength(2.0), PositiveLength(3.0)];
+            let size = [ShapeLength(1.0), ShapeLength(2.0), ShapeLength(3.0)];
             let table = ShapeTable { kind, size, ..ShapeTable::default() };
             let (mesh, report) = clean(model_of(&table), &CleanOptions::default()).unwrap();
             assert_eq!(report.topology.edges_boundary, 0, "{kind:?}");

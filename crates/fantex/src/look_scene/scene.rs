@@ -1,21 +1,20 @@
 //! A look as a scene, and its pictures.
 
-use fantex_look::data::{
-    CameraTable, CaptureTable, InterpolationName, PictureTable, ShadingName, ToneMappingName,
-};
-use fantex_look::{Key, LookProblem};
+use fantex_base::Result;
+use fantex_look::Key;
+use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable, ToneMappingName};
+use fantex_look::problem::{self, refused};
 use fantex_render::{
-    AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Glow, Interpolation, Lights,
-    RenderOptions, Rendering, Scene, SceneObject, ShadingRate, Surface, ToneMap, capture_environment, render,
-    render_with_glow,
+    AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Glow, Lights, RenderOptions, Rendering,
+    Scene, SceneObject, Surface, ToneMap, capture_environment, render, render_with_glow,
 };
 use fantex_texture::Filter;
-use fantex_texture::look::{linear_color, linear_rgb};
+use fantex_texture::environment::EnvironmentMap;
 use glam::DVec3;
 
+use super::MaterialResolver;
 use super::lights::{converted, environment_light};
 use super::objects::{GivenModel, Object};
-use super::{LookSceneError, Wardrobe};
 
 /// What the command line, or a program, says instead of the look.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -24,7 +23,7 @@ pub struct PictureChanges {
     pub size: Option<[u32; 2]>,
     /// Samples per pixel.
     pub samples: Option<u32>,
-    /// Filter of an asset's tiles. (That of images is a matter of the [`Wardrobe`].)
+    /// Filter of an asset's tiles. (That of images is a matter of the [`MaterialResolver`].)
     pub filter: Option<Filter>,
     /// Where the camera is, world units.
     pub eye: Option<DVec3>,
@@ -39,7 +38,7 @@ pub struct PictureChanges {
 /// A look with all that it shows.
 #[derive(Debug)]
 pub struct LookScene<'a> {
-    wardrobe: Wardrobe<'a>,
+    resolver: MaterialResolver<'a>,
     objects: Vec<Object>,
     lights: Option<Lights>,
     changes: PictureChanges,
@@ -52,18 +51,18 @@ impl<'a> LookScene<'a> {
     ///
     /// A model or an image cannot be read, a texture cannot be made, or the look names nothing to show.
     pub fn new(
-        wardrobe: Wardrobe<'a>,
+        resolver: MaterialResolver<'a>,
         given: Option<&GivenModel>,
         changes: PictureChanges,
-    ) -> Result<Self, LookSceneError> {
-        let objects = wardrobe.objects(given)?;
-        let mut lights = wardrobe.lights()?;
-        if let (Some(lights), Some(table)) = (&mut lights, &wardrobe.file.look().environment)
-            && let Some(map) = wardrobe.environment_map(table)?
+    ) -> Result<Self> {
+        let objects = resolver.objects(given)?;
+        let mut lights = resolver.lights()?;
+        if let (Some(lights), Some(table)) = (&mut lights, &resolver.file.look().environment)
+            && let Some(map) = resolver.environment_map(table)?
         {
             lights.ambient = AmbientLight::environment(environment_light(map, table));
         }
-        Ok(Self { wardrobe, objects, lights, changes })
+        Ok(Self { resolver, objects, lights, changes })
     }
 
     /// The times of all pictures, in seconds: one, or those of the animation.
@@ -83,7 +82,7 @@ impl<'a> LookScene<'a> {
     /// # Errors
     ///
     /// The renderer refuses: a camera without direction, objects that are flattened.
-    pub fn render(&self, time: f32) -> Result<Rendering, LookSceneError> {
+    pub fn render(&self, time: f32) -> Result<Rendering> {
         self.with_scene(time, |scene| {
             let options = self.options(time);
             self.render_scene(scene, &self.camera(scene, &options), options)
@@ -95,7 +94,7 @@ impl<'a> LookScene<'a> {
     /// # Errors
     ///
     /// As those of [`render`](Self::render).
-    pub fn render_from(&self, camera: &Camera, time: f32) -> Result<Rendering, LookSceneError> {
+    pub fn render_from(&self, camera: &Camera, time: f32) -> Result<Rendering> {
         self.with_scene(time, |scene| self.render_scene(scene, camera, self.options(time)))
     }
 
@@ -104,15 +103,11 @@ impl<'a> LookScene<'a> {
     /// # Errors
     ///
     /// Objects are flattened.
-    pub fn orbit(&self, count: usize, aspect: f64) -> Result<Vec<Camera>, LookSceneError> {
+    pub fn orbit(&self, count: usize, aspect: f64) -> Result<Vec<Camera>> {
         self.with_scene(0.0, |scene| Ok(Camera::orbit(scene.mesh(), count, aspect)))
     }
 
-    fn with_scene<R>(
-        &self,
-        time: f32,
-        then: impl FnOnce(&Scene<'_>) -> Result<R, LookSceneError>,
-    ) -> Result<R, LookSceneError> {
+    fn with_scene<R>(&self, time: f32, then: impl FnOnce(&Scene<'_>) -> Result<R>) -> Result<R> {
         let filter = FilterOptions {
             filter: self.changes.filter.unwrap_or(Filter::Anisotropic),
             ..FilterOptions::default()
@@ -122,7 +117,7 @@ impl<'a> LookScene<'a> {
         let placed = self.objects.iter().zip(&surfaces).map(|(object, surface)| {
             SceneObject::new(object.mesh(), surface.as_ref()).placed(object.world_from_object)
         });
-        then(&Scene::new(placed.collect())?)
+        then(&Scene::new(placed.collect()).map_err(refused)?)
     }
 
     fn render_scene(
@@ -130,7 +125,7 @@ impl<'a> LookScene<'a> {
         scene: &Scene<'_>,
         camera: &Camera,
         mut options: RenderOptions,
-    ) -> Result<Rendering, LookSceneError> {
+    ) -> Result<Rendering> {
         let lights = self.lights_of(scene, camera)?;
         let is_open = self.changes.background.is_none() && options.background == Background::default();
         if is_open && self.shows_environment(&lights) {
@@ -139,14 +134,16 @@ impl<'a> LookScene<'a> {
         let picture = self.picture();
         let glow = picture.glow.as_ref().map(|table| Glow {
             threshold: table.threshold.unwrap_or(0.0) as f32,
-            strength: table.strength as f32,
+            strength: table.strength,
             radius: table.radius as f32,
         });
         let mut rendering = match (&glow, picture.glow.as_ref().and_then(|table| table.threshold)) {
-            (None, _) => render(scene.mesh(), scene, camera, &lights, &options)?,
-            (Some(glow), None) => render_with_glow(scene.mesh(), scene, camera, &lights, &options, glow)?,
+            (None, _) => render(scene.mesh(), scene, camera, &lights, &options).map_err(refused)?,
+            (Some(glow), None) => {
+                render_with_glow(scene.mesh(), scene, camera, &lights, &options, glow).map_err(refused)?
+            }
             (Some(glow), Some(_)) => {
-                let mut seen = render(scene.mesh(), scene, camera, &lights, &options)?;
+                let mut seen = render(scene.mesh(), scene, camera, &lights, &options).map_err(refused)?;
                 seen.picture = seen.picture.with_glow(&seen.picture, glow);
                 seen
             }
@@ -166,7 +163,7 @@ impl<'a> LookScene<'a> {
     }
 
     fn picture(&self) -> &PictureTable {
-        &self.wardrobe.file.look().picture
+        &self.resolver.file.look().picture
     }
 
     fn options(&self, time: f32) -> RenderOptions {
@@ -176,19 +173,13 @@ impl<'a> LookScene<'a> {
             width,
             height,
             samples: self.changes.samples.unwrap_or(picture.samples),
-            shading_rate: match picture.shading {
-                ShadingName::PerPixel => ShadingRate::PerPixel,
-                ShadingName::PerSample => ShadingRate::PerSample,
-            },
-            interpolation: match picture.interpolation {
-                InterpolationName::Perspective => Interpolation::Perspective,
-                InterpolationName::Affine => Interpolation::Affine,
-            },
+            shading_rate: picture.shading,
+            interpolation: picture.interpolation,
             background: match (self.changes.background, picture.background) {
                 (Some(background), _) => background,
                 (None, None) => Background::default(),
-                (None, Some(color)) if linear_color(color).w == 0.0 => Background::Transparent,
-                (None, Some(color)) => Background::Color(linear_rgb(color)),
+                (None, Some(color)) if color.0.w == 0.0 => Background::Transparent,
+                (None, Some(color)) => Background::Color(color.rgb()),
             },
             exposure: picture.exposure.exp2() as f32,
             time,
@@ -199,7 +190,7 @@ impl<'a> LookScene<'a> {
     fn camera(&self, scene: &Scene<'_>, options: &RenderOptions) -> Camera {
         let aspect = f64::from(options.width) / f64::from(options.height);
         let framed = Camera::framing_mesh(scene.mesh(), Camera::THREE_QUARTER, aspect);
-        let table = self.wardrobe.file.look().camera.clone();
+        let table = self.resolver.file.look().camera.clone();
         let CameraTable { eye, target, up, fov } = table.unwrap_or_default();
         let point =
             |given: Option<DVec3>, of_look: Option<[f64; 3]>| given.or(of_look.map(DVec3::from_array));
@@ -217,10 +208,10 @@ impl<'a> LookScene<'a> {
         }
     }
 
-    fn lights_of(&self, scene: &Scene<'_>, camera: &Camera) -> Result<Lights, LookSceneError> {
+    fn lights_of(&self, scene: &Scene<'_>, camera: &Camera) -> Result<Lights> {
         let Some(lights) = &self.lights else { return Ok(Lights::behind(camera)) };
         let mut lights = lights.clone();
-        let environment = self.wardrobe.file.look().environment.as_ref();
+        let environment = self.resolver.file.look().environment.as_ref();
         if let Some((table, capture)) = environment.and_then(|table| Some((table, table.capture.as_ref()?))) {
             let map = self.captured(scene, &lights, capture)?;
             lights.ambient = AmbientLight::environment(environment_light(converted(map, table), table));
@@ -229,40 +220,30 @@ impl<'a> LookScene<'a> {
     }
 
     fn shows_environment(&self, lights: &Lights) -> bool {
-        let environment = self.wardrobe.file.look().environment.as_ref();
+        let environment = self.resolver.file.look().environment.as_ref();
         lights.ambient.environment.is_some() && environment.is_some_and(|table| table.visible)
     }
 
     /// What an object sees of the scene.
-    fn captured(
-        &self,
-        scene: &Scene<'_>,
-        lights: &Lights,
-        table: &CaptureTable,
-    ) -> Result<fantex_texture::environment::EnvironmentMap, LookSceneError> {
+    fn captured(&self, scene: &Scene<'_>, lights: &Lights, table: &CaptureTable) -> Result<EnvironmentMap> {
         let key = Key::of(["environment", "capture"]);
         let mut lights = lights.clone();
         let mut background = Background::default();
         if let Some(sky) = &table.sky {
-            let map = self.wardrobe.sky(sky, table.size, &key.name("sky"))?;
-            let sky = environment_light(map, &fantex_look::data::EnvironmentTable::default());
+            let map = self.resolver.sky(sky, table.size, &key.name("sky"))?;
+            let sky = environment_light(map, &EnvironmentTable::default());
             lights.ambient = AmbientLight::environment(sky);
             background = Background::Environment { blur: 0.0 };
         }
         let object = match &table.object {
             None => 0,
             Some(name) => {
-                let named = |object: &Object| object.name.as_deref() == Some(&name.0);
-                let problem = || LookProblem::Undefined {
-                    what: "object",
-                    name: name.0.clone(),
-                    nearest: None,
-                    known: Vec::new(),
-                };
+                let known = self.objects.iter().filter_map(|object| object.name.as_deref());
+                let problem = || problem::undefined("object", &name.0, known.clone());
                 self.objects
                     .iter()
-                    .position(named)
-                    .ok_or_else(|| self.wardrobe.file.error(&key.name("object"), problem()))?
+                    .position(|object| object.name.as_deref() == Some(&name.0))
+                    .ok_or_else(|| self.resolver.file.error(&key.name("object"), problem()))?
             }
         };
         let center = match table.position {
@@ -274,6 +255,6 @@ impl<'a> LookScene<'a> {
         };
         let options = CaptureOptions { side: table.size, samples: table.samples, background };
         let hidden = |triangle: usize| scene.object_of(triangle).0 == object;
-        Ok(capture_environment(scene.mesh(), scene, &lights, center, &options, &hidden)?)
+        capture_environment(scene.mesh(), scene, &lights, center, &options, &hidden).map_err(refused)
     }
 }

@@ -2,11 +2,9 @@
 
 use std::path::Path;
 
-use fantex_look::LookFile;
+use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_mesh::{CleanOptions, Mesh, clean, generate};
-use fantex_texture::look::{
-    LightingModel, LookImages, LookMaterial, Opacity, Relief, ResolveOptions, Resolver, Slot,
-};
+use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Relief, Slot};
 use fantex_texture::{Filtering, ShadingPoint, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 

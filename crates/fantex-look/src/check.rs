@@ -13,33 +13,38 @@ use serde_json::Value;
 use toml::Spanned;
 use toml::de::{DeArray, DeInteger, DeTable, DeValue};
 
-use super::Key;
-use super::error::LookProblem;
-use crate::data::{Color, Look, split_channel};
+use fantex_base::Error;
+use fantex_texture::Color;
+
+use crate::data::{Look, split_channel};
+use crate::file::{Key, shorten};
+use crate::problem;
 
 /// No number of a look is farther from 0, and none but 0 itself closer: within this range single precision is safe.
 const MAGNITUDES: Range<f64> = 1e-30..1e30;
 
+const BAD_NAME: &str = "a name must not be empty, start with '#' or hold a dot";
+
 /// A mistake and the bytes that it is in.
 #[derive(Debug)]
-pub(super) struct Mistake {
-    pub(super) key: Key,
-    pub(super) span: Range<usize>,
-    pub(super) problem: Box<LookProblem>,
+pub(crate) struct Mistake {
+    pub(crate) key: Key,
+    pub(crate) span: Range<usize>,
+    pub(crate) problem: Error,
 }
 
 /// A name that stands for something else in the look.
 #[derive(Debug)]
-pub(super) struct Reference {
-    pub(super) key: Key,
-    pub(super) span: Range<usize>,
-    pub(super) kind: ReferenceKind,
-    pub(super) name: String,
+pub(crate) struct Reference {
+    pub(crate) key: Key,
+    pub(crate) span: Range<usize>,
+    pub(crate) kind: ReferenceKind,
+    pub(crate) name: String,
 }
 
 /// What a name stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ReferenceKind {
+pub(crate) enum ReferenceKind {
     Texture,
     Material,
     Object,
@@ -47,12 +52,12 @@ pub(super) enum ReferenceKind {
 
 /// A document being checked.
 #[derive(Debug)]
-pub(super) struct Checker<'s> {
+pub(crate) struct Checker<'s> {
     schema: &'s Value,
-    pub(super) references: Vec<Reference>,
+    pub(crate) references: Vec<Reference>,
 }
 
-type Checked = Result<(), Mistake>;
+pub(crate) type Checked = Result<(), Mistake>;
 
 /// A value and where it is.
 #[derive(Clone, Debug)]
@@ -63,8 +68,8 @@ struct Place<'v, 'i> {
 }
 
 impl<'v, 'i> Place<'v, 'i> {
-    fn mistake(&self, problem: LookProblem) -> Mistake {
-        Mistake { key: self.key.clone(), span: self.span.clone(), problem: Box::new(problem) }
+    fn mistake(&self, problem: Error) -> Mistake {
+        Mistake { key: self.key.clone(), span: self.span.clone(), problem }
     }
 
     fn entry(&self, index: usize, entry: &'v Spanned<DeValue<'i>>) -> Self {
@@ -79,12 +84,12 @@ impl<'v, 'i> Place<'v, 'i> {
 }
 
 impl<'s> Checker<'s> {
-    pub(super) fn new(schema: &'s Value) -> Self {
+    pub(crate) fn new(schema: &'s Value) -> Self {
         Self { schema, references: Vec::new() }
     }
 
     /// Checks a whole document.
-    pub(super) fn document(&mut self, document: &Spanned<DeTable<'_>>) -> Checked {
+    pub(crate) fn document(&mut self, document: &Spanned<DeTable<'_>>) -> Checked {
         let value = DeValue::Table(document.get_ref().clone());
         let place = Place { value: &value, key: Key::default(), span: 0..0 };
         self.value(self.schema, &place)
@@ -104,7 +109,7 @@ impl<'s> Checker<'s> {
                 number(schema, place)
             }
             DeValue::Float(_) if has_type(schema, "number") => number(schema, place),
-            _ => Err(place.mistake(wrong_type(phrase(schema), place.value))),
+            _ => Err(place.mistake(unexpected(&phrase(schema), place.value))),
         }
     }
 
@@ -125,7 +130,7 @@ impl<'s> Checker<'s> {
         let Some(&first) = fitting.first() else {
             let expected = schema.get("title").and_then(Value::as_str);
             let expected = expected.map_or_else(|| self.phrases(alternatives), str::to_owned);
-            return Err(place.mistake(wrong_type(expected, place.value)));
+            return Err(place.mistake(unexpected(&expected, place.value)));
         };
         match place.value {
             DeValue::Table(table) => match fitting.iter().find_map(|a| discriminator(a)) {
@@ -154,11 +159,11 @@ impl<'s> Checker<'s> {
         place: &Place<'_, '_>,
     ) -> Checked {
         let Some((name, value)) = table.get_key_value(tag) else {
-            return Err(place.mistake(LookProblem::MissingKey(tag.to_owned())));
+            return Err(place.mistake(problem::missing_key(tag)));
         };
         let at = place.member(name, value);
         let DeValue::String(kind) = at.value else {
-            return Err(at.mistake(wrong_type("a text".into(), at.value)));
+            return Err(at.mistake(unexpected("a text", at.value)));
         };
         let name_of = |schema: &'s Value| schema.get("properties")?.get(tag)?.get("const")?.as_str();
         match kinds.iter().find(|schema| name_of(schema) == Some(kind)) {
@@ -180,25 +185,23 @@ impl<'s> Checker<'s> {
                 (None, Some(free)) => {
                     let text: &str = name.get_ref();
                     // Names within an object are the model's.
-                    let is_own_name = place.key.steps().len() == 1;
+                    let is_own_name = place.key.depth() == 1;
                     if is_own_name && (text.is_empty() || text.starts_with('#') || text.contains('.')) {
-                        return Err(Mistake { span: name.span(), ..at.mistake(LookProblem::Name) });
+                        return Err(Mistake { span: name.span(), ..at.mistake(Error::malformed(BAD_NAME)) });
                     }
                     self.value(free, &at)?;
                 }
                 (None, None) => {
-                    let allowed: Vec<String> =
-                        properties.into_iter().flat_map(|p| p.keys().cloned()).collect();
-                    let text = name.get_ref().to_string();
-                    let nearest = nearest(&text, allowed.iter().map(String::as_str));
-                    let problem = Box::new(LookProblem::UnknownKey { name: text, nearest, allowed });
+                    let allowed: Vec<&str> =
+                        properties.into_iter().flat_map(|p| p.keys().map(String::as_str)).collect();
+                    let problem = problem::unknown_key(name.get_ref(), &allowed);
                     return Err(Mistake { key: place.key.clone(), span: name.span(), problem });
                 }
             }
         }
         let required = schema.get("required").and_then(Value::as_array).into_iter().flatten();
         match required.filter_map(Value::as_str).find(|name| table.get(*name).is_none()) {
-            Some(missing) => Err(place.mistake(LookProblem::MissingKey(missing.to_owned()))),
+            Some(missing) => Err(place.mistake(problem::missing_key(missing))),
             None => Ok(()),
         }
     }
@@ -212,7 +215,10 @@ impl<'s> Checker<'s> {
                 Some(most) => format!("{least} to {most} entries"),
                 None => format!("{least} or more entries"),
             };
-            return Err(place.mistake(LookProblem::Length { expected, found: list.len() }));
+            return Err(place.mistake(problem::unexpected(
+                &format!("a list of {expected}"),
+                &format!("{} entries", list.len()),
+            )));
         }
         let Some(items) = schema.get("items") else { return Ok(()) };
         list.iter().enumerate().try_for_each(|(index, entry)| self.value(items, &place.entry(index, entry)))
@@ -226,13 +232,13 @@ impl<'s> Checker<'s> {
             Some("color" | "color-or-texture") if text.starts_with('#') => {
                 return match Color::from_hex(text) {
                     Some(_) => Ok(()),
-                    None => Err(place.mistake(LookProblem::WrongType {
-                        expected: "a colour such as \"#ff8000\" or \"#ff800080\"".into(),
-                        found: format!("\"{text}\""),
-                    })),
+                    None => {
+                        let expected = "a colour such as \"#ff8000\" or \"#ff800080\"";
+                        Err(place.mistake(problem::unexpected(expected, &format!("\"{text}\""))))
+                    }
                 };
             }
-            Some("color") => return Err(place.mistake(wrong_type(phrase(schema), place.value))),
+            Some("color") => return Err(place.mistake(unexpected(&phrase(schema), place.value))),
             Some("texture" | "color-or-texture") => ReferenceKind::Texture,
             Some("material") => ReferenceKind::Material,
             Some("object") => ReferenceKind::Object,
@@ -293,9 +299,7 @@ fn one_of(text: &str, allowed: &[&str], place: &Place<'_, '_>) -> Checked {
     if allowed.contains(&text) {
         return Ok(());
     }
-    let nearest = nearest(text, allowed.iter().copied());
-    let allowed = allowed.iter().map(|&s| s.to_owned()).collect();
-    Err(place.mistake(LookProblem::UnknownValue { name: text.to_owned(), nearest, allowed }))
+    Err(place.mistake(problem::unknown_value(text, allowed)))
 }
 
 fn number(schema: &Value, place: &Place<'_, '_>) -> Checked {
@@ -304,7 +308,8 @@ fn number(schema: &Value, place: &Place<'_, '_>) -> Checked {
         DeValue::Float(float) => (float.as_str().parse().ok(), float.to_string()),
         _ => return Ok(()),
     };
-    let refuse = |allowed: String| Err(place.mistake(LookProblem::Range { allowed, found: text.clone() }));
+    let refuse =
+        |allowed: String| Err(place.mistake(problem::unexpected(&format!("a number {allowed}"), &text)));
     let Some(number) = number else {
         return refuse("of at most 64 bits (longer ones are written like 1e20)".into());
     };
@@ -348,7 +353,7 @@ fn violated_limit(schema: &Value, number: f64) -> Option<String> {
     }
 }
 
-fn wrong_type(expected: String, found: &DeValue<'_>) -> LookProblem {
+fn unexpected(expected: &str, found: &DeValue<'_>) -> Error {
     let found = match found {
         DeValue::String(text) => format!("the text \"{}\"", text.chars().take(60).collect::<String>()),
         DeValue::Integer(number) => format!("the number {number}"),
@@ -358,7 +363,7 @@ fn wrong_type(expected: String, found: &DeValue<'_>) -> LookProblem {
         DeValue::Array(list) => format!("a list of {}", list.len()),
         DeValue::Table(_) => "a table".into(),
     };
-    LookProblem::WrongType { expected, found }
+    problem::unexpected(expected, &found)
 }
 
 /// What a schema expects, in words.
@@ -406,6 +411,9 @@ fn without_null(schema: &mut Schema) {
     if object.get("default").is_some_and(Value::is_null) {
         object.remove("default");
     }
+    if let Some(default) = object.get_mut("default") {
+        shorten(default);
+    }
     if object.get("format").is_some_and(is_number_format) {
         let format = object.remove("format");
         if format.is_some_and(|f| f == "uint32") {
@@ -434,61 +442,4 @@ fn is_number_format(format: &Value) -> bool {
     format
         .as_str()
         .is_some_and(|f| f.starts_with("uint") || f.starts_with("int") || matches!(f, "float" | "double"))
-}
-
-// What somebody may have meant.
-
-/// The candidate that is written most like `name`, if any is close enough to be a slip: at most a third of the letters differ.
-pub(crate) fn nearest<'a>(name: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    let limit = (name.chars().count() / 3).max(1);
-    candidates
-        .into_iter()
-        .map(|candidate| (edit_distance(name, candidate), candidate))
-        .filter(|&(distance, _)| distance <= limit)
-        .min_by_key(|&(distance, _)| distance)
-        .map(|(_, candidate)| candidate.to_owned())
-}
-
-/// Insertions, deletions, replacements and swaps of neighbours that turn one text into the other, ignoring case (optimal
-/// string alignment).
-fn edit_distance(a: &str, b: &str) -> usize {
-    let [a, b]: [Vec<char>; 2] = [a, b].map(|s| s.to_lowercase().chars().take(64).collect());
-    let mut before_last: Vec<usize> = Vec::new();
-    let mut last: Vec<usize> = (0..=b.len()).collect();
-    for (i, &from) in a.iter().enumerate() {
-        let mut row = vec![i + 1];
-        for (j, &to) in b.iter().enumerate() {
-            let replaced = last[j] + usize::from(from != to);
-            let mut best = replaced.min(last[j + 1] + 1).min(row[j] + 1);
-            if i > 0 && j > 0 && from == b[j - 1] && to == a[i - 1] {
-                best = best.min(before_last[j - 1] + 1);
-            }
-            row.push(best);
-        }
-        before_last = std::mem::replace(&mut last, row);
-    }
-    last[b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn slips_are_recognised_and_strangers_are_not() {
-        let known = ["roughness", "metallic", "base_color", "kind"];
-        assert_eq!(nearest("rougness", known).as_deref(), Some("roughness"));
-        assert_eq!(nearest("base_colour", known).as_deref(), Some("base_color"));
-        assert_eq!(nearest("knid", known).as_deref(), Some("kind"));
-        assert_eq!(nearest("Metallic", known).as_deref(), Some("metallic"));
-        assert_eq!(nearest("velvet", known), None);
-        assert_eq!(nearest("", known), None);
-    }
-
-    #[test]
-    fn distances_count_edits() {
-        assert_eq!(edit_distance("", "abc"), 3);
-        assert_eq!(edit_distance("kitten", "sitting"), 3);
-        assert_eq!(edit_distance("ab", "ba"), 1);
-    }
 }

@@ -1,24 +1,12 @@
-//! The look: what textures drive on a surface.
-//!
-//! ```text
-//! fantex_look::LookFile --resolve, with a model--> textures, LookMaterial
-//!  ^                         lights, camera, objects: left to whoever renders
-//!  '--translate-- a model's own materials
-//! ```
-
-mod resolve;
-mod translate;
+//! Materials whose every property may be a texture: what renderers and bakers evaluate.
 
 use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 
-use crate::{ColorRamp, ShadingPoint, Texture};
-
-pub use resolve::{LookImages, ResolveOptions, Resolver, linear_color, linear_rgb};
-pub use translate::{TranslatedLook, look_of_model, materials_of_model};
-
-// A material whose every property may be a texture.
+use crate::{Color, ColorRamp, ShadingPoint, Texture};
 
 /// A property of a material: the same everywhere, or a texture.
 #[derive(Clone, Debug)]
@@ -27,6 +15,18 @@ pub enum Slot {
     Constant(Vec4),
     /// A function of the surface point.
     Texture(Arc<dyn Texture>),
+}
+
+impl From<f32> for Slot {
+    fn from(value: f32) -> Self {
+        Self::number(value)
+    }
+}
+
+impl From<Color> for Slot {
+    fn from(color: Color) -> Self {
+        Self::Constant(color.0)
+    }
 }
 
 impl Slot {
@@ -55,7 +55,8 @@ impl Slot {
 }
 
 /// How light is reflected.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum LightingModel {
     /// glTF 2.0 metallic-roughness.
     #[default]
@@ -67,7 +68,8 @@ pub enum LightingModel {
 }
 
 /// What the base colour does to the lighting.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum ColorUse {
     /// Scales the diffuse and ambient reflectance before lighting; highlights keep their colour (separate specular).
     #[default]
@@ -94,7 +96,8 @@ pub enum Opacity {
 }
 
 /// Which differences approximate the derivatives of a height texture.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
 pub enum Difference {
     /// `F(x + d) - F(x)`.
     Forward,

@@ -4,25 +4,20 @@
 //! text --toml--> document with spans --check (schema)--> references --names--> Look
 //! ```
 
-mod check;
-mod error;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::{fmt, fs};
 
+use fantex_base::{Error, Place, Result};
 use serde_json::{Map, Number, Value};
 use toml::Spanned;
 use toml::de::{DeInteger, DeTable, DeValue};
 
+use crate::check::{Checked, Checker, Mistake, Reference, ReferenceKind, look_schema};
 use crate::data::{FileName, Look};
+use crate::problem;
 
-use check::{Checker, Mistake, Reference, ReferenceKind, nearest};
-
-pub use check::look_schema;
-pub use error::{LookError, LookProblem};
-
-/// Longest text of a look, in bytes.
+/// Limit of a look's text, in bytes.
 const MAX_BYTES: u64 = 16 << 20;
 
 /// A look and the text that it was read from.
@@ -39,21 +34,18 @@ impl LookFile {
     /// # Errors
     ///
     /// The file cannot be read, is no TOML, or is no look.
-    pub fn read(path: &Path) -> Result<Self, LookError> {
-        let fail = |problem| LookError {
-            file: path.into(),
-            line: 0,
-            key: String::new(),
-            problem: Box::new(problem),
+    pub fn read(path: &Path) -> Result<Self> {
+        let failed = |error: std::io::Error| {
+            let kind = Error::reading(path, std::io::Error::from(error.kind())).kind();
+            let sentence = format!("{}: the look cannot be read: {error}", path.display());
+            Error::new(kind, sentence).with_path(path).with_source(error)
         };
-        let read = || -> Result<String, LookProblem> {
-            let bytes = fs::metadata(path)?.len();
-            if bytes > MAX_BYTES {
-                return Err(LookProblem::TooLong { bytes, limit: MAX_BYTES });
-            }
-            Ok(fs::read_to_string(path)?)
-        };
-        Self::parse(&read().map_err(fail)?, path)
+        let bytes = fs::metadata(path).map_err(failed)?.len();
+        if bytes > MAX_BYTES {
+            let sentence = format!("the file has {bytes} bytes; a look has at most {MAX_BYTES}");
+            return Err(Error::too_large(sentence).in_file(path));
+        }
+        Self::parse(&fs::read_to_string(path).map_err(failed)?, path)
     }
 
     /// Takes a look from a text. `path` names it in messages, and files that it mentions lie beside it.
@@ -61,33 +53,24 @@ impl LookFile {
     /// # Errors
     ///
     /// The text is no TOML or no look.
-    pub fn parse(text: &str, path: &Path) -> Result<Self, LookError> {
+    pub fn parse(text: &str, path: &Path) -> Result<Self> {
         let file = Self { look: Look::default(), path: path.into(), text: text.into() };
         let document = DeTable::parse(text).map_err(|error| {
             let span = error.span().unwrap_or(0..0);
-            file.mistake(Mistake { key: Key::default(), span, problem: Box::new(syntax(&error)) })
+            let sentence = format!("this is no TOML: {}", error.message().trim().replace('\n', ", "));
+            file.mistake(Mistake { key: Key::default(), span, problem: Error::malformed(sentence) })
         })?;
         let mut checker = Checker::new(look_schema());
         checker.document(&document).map_err(|m| file.mistake(m))?;
         let look = serde_json::from_value(json_of_table(document.get_ref()))
-            .map_err(|error| file.error(&Key::default(), LookProblem::refused(error)))?;
+            .map_err(|error| file.error(&Key::default(), problem::refused(error)))?;
         check_names(&look, &checker.references).map_err(|m| file.mistake(m))?;
         Ok(Self { look, ..file })
     }
 
-    /// A look that was made by a program, as if it had been read from a file.
-    ///
-    /// # Errors
-    ///
-    /// It breaks a rule of looks, such as a range or an undefined name.
-    pub fn from_look(look: &Look, path: &Path) -> Result<Self, LookError> {
-        let text = look.to_toml().map_err(|problem| LookError {
-            file: path.into(),
-            line: 0,
-            key: String::new(),
-            problem: Box::new(problem),
-        })?;
-        Self::parse(&text, path)
+    /// A look that was made by a program and is known to keep the rules, as if it had been read from a file.
+    pub fn of_look(look: Look, path: &Path) -> Self {
+        Self { look, path: path.into(), text: String::new() }
     }
 
     /// The text.
@@ -110,16 +93,24 @@ impl LookFile {
         self.path.parent().unwrap_or(Path::new("")).join(&name.0)
     }
 
-    /// A problem at a key of this look.
-    pub fn error(&self, key: &Key, problem: LookProblem) -> LookError {
+    /// A problem at a key of this look: `scene.toml:12: textures.bark.scale: ...`.
+    pub fn error(&self, key: &Key, problem: Error) -> Error {
         let span = DeTable::parse(&self.text).ok().and_then(|document| span_of(&document, key));
-        let line = span.map_or(0, |start| self.line(start));
-        LookError { file: self.path.clone(), line, key: key.to_string(), problem: Box::new(problem) }
+        self.located(span.map(|start| self.line(start)), key, problem)
     }
 
-    fn mistake(&self, mistake: Mistake) -> LookError {
-        let Mistake { key, span, problem } = mistake;
-        LookError { file: self.path.clone(), line: self.line(span.start), key: key.to_string(), problem }
+    fn mistake(&self, mistake: Mistake) -> Error {
+        self.located(Some(self.line(mistake.span.start)), &mistake.key, mistake.problem)
+    }
+
+    fn located(&self, line: Option<usize>, key: &Key, problem: Error) -> Error {
+        let problem = if key.steps().is_empty() { problem } else { problem.context(key) };
+        let path = self.path.display();
+        match line {
+            None => problem.context(path).with_place(Place::Key(key.to_string())),
+            Some(line) => problem.context(format_args!("{path}:{line}")).with_place(Place::Line(line as u64)),
+        }
+        .with_path(&self.path)
     }
 
     /// The line of a byte, from 1.
@@ -135,17 +126,33 @@ impl Look {
     /// # Errors
     ///
     /// A number is not finite.
-    pub fn to_toml(&self) -> Result<String, LookProblem> {
-        let mut value = serde_json::to_value(self).map_err(LookProblem::refused)?;
+    pub fn to_toml(&self) -> Result<String> {
+        let mut value = serde_json::to_value(self).map_err(problem::refused)?;
+        shorten(&mut value);
         let schema = look_schema();
         without_defaults(&mut value, schema, schema);
         let table = toml_of(&value).unwrap_or(toml::Value::Table(toml::Table::new()));
-        toml::to_string(&table).map_err(LookProblem::refused)
+        toml::to_string(&table).map_err(problem::refused)
     }
 }
 
-fn syntax(error: &toml::de::Error) -> LookProblem {
-    LookProblem::Syntax(error.message().trim().replace('\n', ", "))
+/// Writes numbers of single precision with the digits that tell them from their neighbours, not with those of their value in double
+/// precision.
+pub(crate) fn shorten(value: &mut Value) {
+    match value {
+        Value::Number(number) if number.is_f64() => {
+            let single = number.as_f64().unwrap_or_default() as f32;
+            let short = single.to_string().parse().ok().and_then(Number::from_f64);
+            if Some(f64::from(single)) == number.as_f64()
+                && let Some(short) = short
+            {
+                *number = short;
+            }
+        }
+        Value::Array(list) => list.iter_mut().for_each(shorten),
+        Value::Object(members) => members.values_mut().for_each(shorten),
+        _ => {}
+    }
 }
 
 /// The first byte of a key's value; of the innermost table around it, where the value itself is a default.
@@ -212,6 +219,11 @@ impl Key {
         Self(steps)
     }
 
+    /// Steps from the document.
+    pub(crate) fn depth(&self) -> usize {
+        self.0.len()
+    }
+
     fn steps(&self) -> &[Step] {
         &self.0
     }
@@ -245,7 +257,7 @@ impl fmt::Display for Key {
 const MAX_DEPTH: usize = 64;
 
 /// Checks that every name is defined and no texture needs itself.
-fn check_names(look: &Look, references: &[Reference]) -> Result<(), Mistake> {
+fn check_names(look: &Look, references: &[Reference]) -> Checked {
     references.iter().try_for_each(|reference| check_defined(look, reference))?;
     let mut needs: BTreeMap<&str, Vec<&Reference>> = BTreeMap::new();
     for reference in references.iter().filter(|r| r.kind == ReferenceKind::Texture) {
@@ -257,7 +269,7 @@ fn check_names(look: &Look, references: &[Reference]) -> Result<(), Mistake> {
     needs.keys().try_for_each(|&name| walk.depth(name).map(drop))
 }
 
-fn check_defined(look: &Look, reference: &Reference) -> Result<(), Mistake> {
+fn check_defined(look: &Look, reference: &Reference) -> Checked {
     let known: Vec<&str> = match reference.kind {
         ReferenceKind::Texture => look.textures.keys().map(String::as_str).collect(),
         ReferenceKind::Material => look.materials.keys().map(String::as_str).collect(),
@@ -271,13 +283,11 @@ fn check_defined(look: &Look, reference: &Reference) -> Result<(), Mistake> {
         ReferenceKind::Material => "material",
         ReferenceKind::Object => "object",
     };
-    let nearest = nearest(&reference.name, known.iter().copied());
-    let known = known.into_iter().map(str::to_owned).collect();
-    Err(mistake(reference, LookProblem::Undefined { what, name: reference.name.clone(), nearest, known }))
+    Err(mistake(reference, problem::undefined(what, &reference.name, known)))
 }
 
-fn mistake(reference: &Reference, problem: LookProblem) -> Mistake {
-    Mistake { key: reference.key.clone(), span: reference.span.clone(), problem: Box::new(problem) }
+fn mistake(reference: &Reference, problem: Error) -> Mistake {
+    Mistake { key: reference.key.clone(), span: reference.span.clone(), problem }
 }
 
 /// A depth-first walk through the textures.
@@ -298,11 +308,16 @@ impl<'r> Walk<'r> {
         let mut deepest = 0;
         for &reference in self.needs.get(name).into_iter().flatten() {
             if let Some(start) = self.path.iter().position(|&other| other == reference.name) {
-                let circle = self.path[start..].iter().copied().chain([reference.name.as_str()]);
-                let circle = circle.map(str::to_owned).collect();
-                return Err(mistake(reference, LookProblem::Cycle(circle)));
+                let circle: Vec<&str> =
+                    self.path[start..].iter().copied().chain([reference.name.as_str()]).collect();
+                let sentence = format!("these textures need each other in a circle: {}", circle.join(" -> "));
+                return Err(mistake(reference, Error::malformed(sentence)));
             }
-            let too_deep = || mistake(reference, LookProblem::TooDeep { limit: MAX_DEPTH });
+            let too_deep = || {
+                let sentence =
+                    format!("more than {MAX_DEPTH} textures need each other in a row, starting here");
+                mistake(reference, Error::malformed(sentence))
+            };
             // Bounds the recursion, too.
             if self.path.len() > MAX_DEPTH {
                 return Err(too_deep());

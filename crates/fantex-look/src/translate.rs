@@ -1,0 +1,327 @@
+//! A model's own materials as tables of a look.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use fantex_base::{Error, ErrorKind, Result};
+use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, ToonInterpolation, WrapMode};
+use fantex_texture::combine::{Channel, Combine, CombineMode, Factor, TextureUse};
+use fantex_texture::coordinates::{Projective, TextureMatrixOptions};
+use fantex_texture::look::{LightingModel, LookMaterial};
+use fantex_texture::material::MaterialLabel;
+use fantex_texture::{AlphaUse, Color, ColorSpace, LoadImageError, RampInterpolation, Stop, Wrap};
+use glam::{Vec3, Vec4};
+use rayon::prelude::*;
+
+use crate::data::{
+    CoordinatesKind, CoordinatesTable, ImageTable, Input, Look, MaterialName, MaterialTable, NoKeys,
+    NormalMapTable, ObjectTable, OpacityName, TextureName, TextureTable, ToonTable, UvTable, WrapTable,
+};
+use crate::resolve::{ImageUse, ModelImages};
+use crate::{LookFile, LookImages, ResolveOptions, Resolver};
+
+/// A model's materials as a look.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TranslatedLook {
+    /// Textures, materials, and an object that wears them.
+    pub look: Look,
+    /// For each of the model's materials its name in the look.
+    pub materials: Vec<String>,
+}
+
+/// A model's own materials, resolved: one for each of the mesh's materials. Images are decoded in parallel, each once per way of use.
+///
+/// # Errors
+///
+/// An image of the model cannot be read; where several cannot, the one with the lowest index.
+pub fn materials_of_model(
+    mesh: &Mesh,
+    path: &Path,
+    images: &LookImages,
+    options: ResolveOptions,
+) -> Result<Vec<LookMaterial>> {
+    let TranslatedLook { look, materials } = look_of_model(mesh);
+    let file = LookFile::of_look(look, path);
+    let model_images = load_images(mesh, images)?;
+    let mut resolver = Resolver::new(&file, mesh, images, options).with_model_images(model_images);
+    let base = LookMaterial::default();
+    materials.iter().map(|name| resolver.material(name, &base)).collect()
+}
+
+/// All images that a mesh's materials use.
+fn load_images(mesh: &Mesh, images: &LookImages) -> Result<ModelImages> {
+    let mut wanted: BTreeMap<(usize, bool, bool), Wanted<'_>> = BTreeMap::new();
+    for (index, material) in mesh.materials.iter().enumerate() {
+        let channels = [
+            ("base colour", &material.base_color_texture, ColorSpace::Srgb),
+            ("metallic-roughness texture", &material.metallic_roughness_texture, ColorSpace::Linear),
+            ("normal map", &material.normal_texture, ColorSpace::Linear),
+            ("occlusion texture", &material.occlusion_texture, ColorSpace::Linear),
+            ("emission texture", &material.emission_texture, ColorSpace::Srgb),
+        ];
+        for (channel, texture, space) in channels {
+            if let Some(texture) = usable(mesh, texture) {
+                let image_use = ImageUse { space, alpha: alpha_of(material, texture) };
+                let key = (texture.image, space == ColorSpace::Srgb, image_use.alpha == AlphaUse::Coverage);
+                let source = &mesh.images[texture.image];
+                let first = Wanted { source, image: texture.image, image_use, material: index, channel };
+                wanted.entry(key).or_insert(first);
+            }
+        }
+    }
+    let loaded: Vec<_> = wanted
+        .into_par_iter()
+        .map(|(_, wanted)| {
+            let texture = images.of_model(wanted.source, wanted.image_use);
+            let texture = texture.map_err(|cause| wanted.failed(mesh, cause))?;
+            Ok(((wanted.image, wanted.image_use), texture))
+        })
+        .collect();
+    // Not collected as one result in parallel: which of several errors that gives is left to chance.
+    loaded.into_iter().collect()
+}
+
+/// An image, and the material and the channel that want it first.
+struct Wanted<'a> {
+    source: &'a ImageSource,
+    image: usize,
+    image_use: ImageUse,
+    material: usize,
+    channel: &'static str,
+}
+
+impl Wanted<'_> {
+    fn failed(&self, mesh: &Mesh, cause: LoadImageError) -> Error {
+        let Material { name, place, .. } = &mesh.materials[self.material];
+        let label = MaterialLabel { index: self.material, name: name.clone(), place: place.clone() };
+        let sentence = format!("the {} of {label}: {cause}", self.channel);
+        Error::new(ErrorKind::Malformed, sentence).with_source(cause)
+    }
+}
+
+/// A texture that the mesh has the image and the coordinates for.
+fn usable<'t>(mesh: &Mesh, texture: &'t Option<TextureRef>) -> Option<&'t TextureRef> {
+    let corners = 3 * mesh.triangles.len();
+    let has_set = |set: usize| mesh.corners.uv_sets.get(set).is_some_and(|s| s.len() == corners);
+    texture.as_ref().filter(|t| has_set(t.uv_set) && t.image < mesh.images.len())
+}
+
+/// The alpha of the base colour's image is coverage where the material looks at it.
+fn alpha_of(material: &Material, texture: &TextureRef) -> AlphaUse {
+    let is_base_color = material.base_color_texture.as_ref() == Some(texture);
+    match is_base_color && material.alpha != AlphaMode::Opaque {
+        true => AlphaUse::Coverage,
+        false => AlphaUse::Independent,
+    }
+}
+
+/// The look that a model's materials are: textures named after the images, materials named after the model's, and an object
+/// that gives each of the model's materials its look. Textures whose texture coordinates the mesh lacks are left out.
+pub fn look_of_model(mesh: &Mesh) -> TranslatedLook {
+    let mut translation = Translation { mesh, look: Look::default(), names: BTreeMap::new() };
+    let mut object = ObjectTable::default();
+    let mut materials = Vec::new();
+    for (index, material) in mesh.materials.iter().enumerate() {
+        let name = unused_name(&material.name, &translation.look.materials);
+        materials.push(name.clone());
+        let table = translation.material(material);
+        translation.look.materials.insert(name.clone(), table);
+        if mesh.materials.len() == 1 {
+            object.material = Some(MaterialName(name));
+        } else if !material.name.is_empty() && !object.materials.contains_key(&material.name) {
+            object.materials.insert(material.name.clone(), MaterialName(name));
+        } else {
+            object.materials.insert(format!("#{index}"), MaterialName(name));
+        }
+    }
+    translation.look.object.push(object);
+    TranslatedLook { look: translation.look, materials }
+}
+
+struct Translation<'a> {
+    mesh: &'a Mesh,
+    look: Look,
+    /// Names of textures that have been made, by what they are.
+    names: BTreeMap<String, String>,
+}
+
+impl Translation<'_> {
+    fn material(&mut self, material: &Material) -> MaterialTable {
+        let opacity = match material.alpha {
+            AlphaMode::Opaque => None,
+            AlphaMode::Mask(_) => Some(OpacityName::Mask),
+            AlphaMode::Blend => Some(OpacityName::Blend),
+        };
+        let surface = usable(self.mesh, &material.metallic_roughness_texture);
+        let mut table = MaterialTable {
+            lighting: material.unlit.then_some(LightingModel::Unlit),
+            base_color: Some(self.base_color(material)),
+            opacity,
+            metallic: Some(self.number(material, surface, Channel::Blue, material.metallic, 0.0)),
+            roughness: Some(self.number(material, surface, Channel::Green, material.roughness, 0.0)),
+            double_sided: Some(material.double_sided),
+            ..MaterialTable::default()
+        };
+        if let AlphaMode::Mask(threshold) = material.alpha {
+            table.threshold = threshold;
+        }
+        if let Some(texture) = usable(self.mesh, &material.occlusion_texture) {
+            let strength = material.occlusion_strength;
+            table.occlusion =
+                Some(self.number(material, Some(texture), Channel::Red, strength, 1.0 - strength));
+        }
+        if material.emission != Vec3::ZERO {
+            table.emission = Some(self.emission(material));
+        }
+        if let Some(texture) = usable(self.mesh, &material.normal_texture) {
+            table.normal_map = Some(NormalMapTable {
+                texture: Input::Texture(self.texture(material, texture, ColorSpace::Linear)),
+                scale: material.normal_scale,
+                set: texture.uv_set as u32,
+                ..NormalMapTable::default()
+            });
+        }
+        table.toon = material.toon.as_ref().map(|scale| ToonTable {
+            stops: scale.stops.iter().map(|&(at, color)| Stop { at, color: color.into() }).collect(),
+            interpolation: match scale.interpolation {
+                ToonInterpolation::Linear => RampInterpolation::Linear,
+                ToonInterpolation::Smooth => RampInterpolation::Smooth,
+                ToonInterpolation::Constant => RampInterpolation::Constant,
+            },
+        });
+        table
+    }
+
+    /// `factor * vertex colour * texel`, multiplied in this order.
+    fn base_color(&mut self, material: &Material) -> Input {
+        let factor = factor_of(material.base_color);
+        let texture = usable(self.mesh, &material.base_color_texture);
+        let has_vertex_colors = !self.mesh.corners.colors.is_empty();
+        match (texture, has_vertex_colors) {
+            (None, false) => Input::Color(Color(material.base_color)),
+            (None, true) => self.vertex_colors(factor),
+            (Some(texture), false) => {
+                let texture_use = self.texture(material, texture, ColorSpace::Srgb);
+                Input::Texture(TextureUse { factor, ..texture_use })
+            }
+            (Some(texture), true) => {
+                let name = format!("{}_tinted", self.image_name(texture.image));
+                let combined = Combine {
+                    mode: CombineMode::Modulate,
+                    texture: Input::Texture(self.texture(material, texture, ColorSpace::Srgb)),
+                    fragment: self.vertex_colors(factor),
+                    ..Combine::default()
+                };
+                let what = format!("{combined:?}");
+                Input::texture(self.define(&what, &name, TextureTable::Combine(combined)))
+            }
+        }
+    }
+
+    fn vertex_colors(&mut self, factor: Factor) -> Input {
+        let vertex_colors = TextureTable::VertexColor(NoKeys::default());
+        let name = self.define("vertex colours", "vertex_colors", vertex_colors);
+        Input::Texture(TextureUse { factor, ..TextureUse::plain(TextureName(name)) })
+    }
+
+    fn emission(&mut self, material: &Material) -> Input {
+        match usable(self.mesh, &material.emission_texture) {
+            None => Input::Color(material.emission.into()),
+            Some(texture) => {
+                let texture_use = self.texture(material, texture, ColorSpace::Srgb);
+                let factor = factor_of(material.emission.extend(1.0));
+                Input::Texture(TextureUse { factor, ..texture_use })
+            }
+        }
+    }
+
+    /// `factor * channel + offset`, or their sum without a texture.
+    fn number(
+        &mut self,
+        material: &Material,
+        texture: Option<&TextureRef>,
+        channel: Channel,
+        factor: f32,
+        offset: f32,
+    ) -> Input {
+        let Some(texture) = texture else { return Input::Number(factor + offset) };
+        let texture_use = self.texture(material, texture, ColorSpace::Linear);
+        Input::Texture(TextureUse {
+            channel: Some(channel),
+            factor: Factor::Number(factor),
+            offset: offset,
+            ..texture_use
+        })
+    }
+
+    fn texture(
+        &mut self,
+        material: &Material,
+        texture: &TextureRef,
+        color_space: ColorSpace,
+    ) -> TextureUse<TextureName> {
+        let is_identity = texture.uv_transform == glam::Mat3::IDENTITY;
+        let matrix = TextureMatrixOptions {
+            matrix: (!is_identity).then_some(Projective(texture.uv_transform)),
+            ..TextureMatrixOptions::default()
+        };
+        let wraps = texture.wrap.map(|wrap| match wrap {
+            WrapMode::Clamp => Wrap::Clamp,
+            WrapMode::Repeat => Wrap::Repeat,
+            WrapMode::Mirror => Wrap::Mirror,
+        });
+        let table = ImageTable {
+            model_image: Some(texture.image as u32),
+            color_space,
+            alpha: alpha_of(material, texture),
+            coordinates: CoordinatesTable(CoordinatesKind::Uv(UvTable { set: texture.uv_set as u32 })),
+            matrix,
+            wrap: if wraps[0] == wraps[1] { WrapTable::Both(wraps[0]) } else { WrapTable::Each(wraps) },
+            square_texels: texture.nearest,
+            ..ImageTable::default()
+        };
+        let what = format!("{table:?}");
+        let name = self.image_name(texture.image);
+        TextureUse::plain(TextureName(self.define(&what, &name, TextureTable::Image(table))))
+    }
+
+    /// The name of a texture that is `what`; defines it the first time.
+    fn define(&mut self, what: &str, wanted: &str, table: TextureTable) -> String {
+        if let Some(name) = self.names.get(what) {
+            return name.clone();
+        }
+        let name = unused_name(wanted, &self.look.textures);
+        self.look.textures.insert(name.clone(), table);
+        self.names.insert(what.to_owned(), name.clone());
+        name
+    }
+
+    fn image_name(&self, image: usize) -> String {
+        let file = match self.mesh.images.get(image) {
+            Some(ImageSource::File(path)) => path.as_path(),
+            _ => Path::new(""),
+        };
+        file.file_stem().map_or_else(|| format!("image{image}"), |stem| stem.to_string_lossy().into_owned())
+    }
+}
+
+/// `wanted`, as a name may be written, with a number where it is taken.
+fn unused_name<T>(wanted: &str, taken: &BTreeMap<String, T>) -> String {
+    let mut name: String =
+        wanted.chars().map(|c| if c.is_alphanumeric() || c == '-' { c } else { '_' }).collect();
+    if name.is_empty() {
+        name.push_str("material");
+    }
+    let mut candidate = name.clone();
+    let mut number = 2;
+    while taken.contains_key(&candidate) {
+        candidate = format!("{name}_{number}");
+        number += 1;
+    }
+    candidate
+}
+
+fn factor_of(rgba: Vec4) -> Factor {
+    let [r, g, b, a] = rgba.to_array();
+    if r == g && g == b && a == 1.0 { Factor::Number(r) } else { Factor::Color(Color(rgba)) }
+}
