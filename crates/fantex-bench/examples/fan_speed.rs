@@ -16,7 +16,7 @@ use fantex_bake::{
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_gpu::{
-    DrawOptions, Frame, Gpu, GpuError, GpuOptions, HiddenScreen, Model, StreamedModel, UvModel, stream_view,
+    DrawOptions, Frame, Gpu, GpuOptions, HiddenScreen, Model, StreamedModel, UvModel, stream_view,
 };
 use fantex_mesh::{ImageSource, Mesh, TextureRef, WrapMode, clean, generate, load};
 use fantex_scene::{Camera, FilterOptions, Lights, Shading};
@@ -161,7 +161,7 @@ struct Times {
 
 impl Times {
     /// Times a frame. The first one is not counted: it compiles pipelines.
-    fn of(&mut self, draw: impl FnOnce() -> Result<(), GpuError>) -> Result<(), GpuError> {
+    fn of(&mut self, draw: impl FnOnce() -> fantex_base::Result<()>) -> fantex_base::Result<()> {
         let (started, processor) = (Instant::now(), processor_seconds());
         draw()?;
         if self.frames > 0 {

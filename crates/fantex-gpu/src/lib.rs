@@ -27,7 +27,7 @@
 //! * Shadows fall on facets, where the CPU renderer lifts them to the smooth surface: on coarse meshes the border between
 //!   light and shade can show them.
 //! * Looks on models are the CPU renderer's alone: their textures are functions. Assets that were baked from them show the same, toon
-//!   scales, stretched highlights and baked light included (`tests/gpu/looks.rs`), by the metallic-roughness model in both
+//!   scales, stretched highlights and baked light included (`tests/gpu/fan.rs`), by the metallic-roughness model in both
 //!   renderers. Models with their own textures have none of these three.
 
 mod fan;
@@ -44,12 +44,6 @@ mod wireframe;
 pub use fan::{AtlasViewer, FanModel, FanModelSource, StreamedModel, max_anisotropy, stream_view};
 pub use frame::{FrameLayout, View};
 pub use gpu::{Gpu, GpuInfo, GpuOptions, device_lost};
-
-/// The error of every crate.
-pub type GpuError = fantex_base::Error;
-/// The error of every crate.
-pub type StreamedModelError = fantex_base::Error;
-
 pub use model::{DrawOptions, FrameContext, Model, ModelSpace, Overlay, WireframeOptions};
 pub use picture::{FrameTimes, HiddenScreen, PictureRenderer, Readback, frame_times, render_to_picture};
 pub use renderer::{Frame, Renderer};

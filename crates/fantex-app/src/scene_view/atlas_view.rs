@@ -1,24 +1,22 @@
 //! The atlas as a picture: its texels made small, in the encoding of screens.
 
 use eframe::wgpu;
-use fantex_gpu::Gpu;
+use fantex_gpu::{AtlasViewer, FanModel, Gpu};
 
 use crate::scene_view::FORMAT;
 
 /// Longest side of the picture.
-const LONGEST_SIDE: u32 = 1024;
+const MAX_SIDE: u32 = 1024;
 
 /// Seconds between pictures while pages arrive.
 const INTERVAL_SECONDS: f64 = 0.2;
-
-const SHADER: &str = include_str!("atlas_view.wgsl");
 
 /// Makes pictures of an atlas.
 #[derive(Debug, Default)]
 pub(super) struct AtlasView {
     is_stale: bool,
     drawn: Option<Drawn>,
-    pipeline: Option<wgpu::RenderPipeline>,
+    viewer: Option<AtlasViewer>,
 }
 
 #[derive(Debug)]
@@ -53,8 +51,7 @@ impl AtlasView {
         &mut self,
         gpu: &Gpu,
         encoder: &mut wgpu::CommandEncoder,
-        atlas: &wgpu::Texture,
-        is_srgb: bool,
+        model: &FanModel,
         channel: usize,
         seconds: f64,
     ) {
@@ -63,6 +60,7 @@ impl AtlasView {
         if !(is_other || self.is_stale && is_due) {
             return;
         }
+        let Some(atlas) = model.atlas_texture(channel) else { return };
         self.is_stale = false;
         let extent = [atlas.width(), atlas.height()];
         let mut drawn = match self.drawn.take() {
@@ -70,8 +68,8 @@ impl AtlasView {
             _ => Drawn { view: target(gpu, extent), is_new: true, channel, seconds, extent },
         };
         (drawn.channel, drawn.seconds) = (channel, seconds);
-        let pipeline = self.pipeline.get_or_insert_with(|| pipeline(&gpu.device));
-        draw(gpu, encoder, pipeline, &drawn.view, atlas, is_srgb);
+        let viewer = self.viewer.get_or_insert_with(|| AtlasViewer::new(gpu, FORMAT));
+        viewer.draw(gpu, encoder, &drawn.view, model, channel);
         self.drawn = Some(drawn);
     }
 
@@ -90,7 +88,7 @@ impl AtlasView {
 
 fn target(gpu: &Gpu, extent: [u32; 2]) -> wgpu::TextureView {
     let longest = extent[0].max(extent[1]).max(1);
-    let shrink = longest.div_ceil(LONGEST_SIDE).max(1);
+    let shrink = longest.div_ceil(MAX_SIDE).max(1);
     let [width, height] = extent.map(|n| (n / shrink).max(1));
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("picture of the atlas"),
@@ -103,71 +101,4 @@ fn target(gpu: &Gpu, extent: [u32; 2]) -> wgpu::TextureView {
         view_formats: &[],
     });
     texture.create_view(&Default::default())
-}
-
-fn pipeline(device: &wgpu::Device) -> wgpu::RenderPipeline {
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: Some("picture of the atlas"),
-        source: wgpu::ShaderSource::Wgsl(SHADER.into()),
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("picture of the atlas"),
-        layout: None,
-        vertex: wgpu::VertexState {
-            module: &module,
-            entry_point: Some("corner"),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        fragment: Some(wgpu::FragmentState {
-            module: &module,
-            entry_point: Some("texel"),
-            compilation_options: Default::default(),
-            targets: &[Some(FORMAT.into())],
-        }),
-        primitive: wgpu::PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: wgpu::MultisampleState::default(),
-        multiview_mask: None,
-        cache: None,
-    })
-}
-
-fn draw(
-    gpu: &Gpu,
-    encoder: &mut wgpu::CommandEncoder,
-    pipeline: &wgpu::RenderPipeline,
-    target: &wgpu::TextureView,
-    atlas: &wgpu::Texture,
-    is_srgb: bool,
-) {
-    let components = u32::from(atlas.format().components());
-    let about = [components, u32::from(is_srgb), 0, 0];
-    let usage = wgpu::BufferUsages::UNIFORM;
-    let about = gpu.buffer("picture of the atlas", bytemuck::bytes_of(&about), usage);
-    let source = atlas.create_view(&Default::default());
-    let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: Some("picture of the atlas"),
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[
-            wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&source) },
-            wgpu::BindGroupEntry { binding: 1, resource: about.as_entire_binding() },
-        ],
-    });
-    let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-        label: Some("picture of the atlas"),
-        color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-            view: target,
-            depth_slice: None,
-            resolve_target: None,
-            ops: wgpu::Operations {
-                load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
-                store: wgpu::StoreOp::Store,
-            },
-        })],
-        ..Default::default()
-    });
-    pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    pass.draw(0..3, 0..1);
 }

@@ -5,8 +5,9 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use eframe::wgpu;
+use fantex_base::Result;
 use fantex_cover::Cover;
-use fantex_gpu::{FanModel, Gpu, GpuError, Model as _, StreamedModel, StreamedModelError, stream_view};
+use fantex_gpu::{FanModel, Gpu, Model as _, StreamedModel, stream_view};
 use fantex_mesh::Mesh;
 use fantex_store::{Asset, PageId, cover_level_count};
 use fantex_stream::{FrameChanges, FrameOptions, Geometry, PageTable, ParcelUpload, TableEntry};
@@ -57,7 +58,7 @@ impl FanScene {
         asset: Arc<Asset>,
         settings: StreamingSettings,
         exchange: Option<Arc<Exchange>>,
-    ) -> Result<Self, StreamedModelError> {
+    ) -> Result<Self> {
         let streamed = match &exchange {
             None => StreamedModel::open(gpu, asset.clone(), settings.pool_bytes())?,
             Some(exchange) => {
@@ -88,12 +89,7 @@ impl FanScene {
     }
 
     /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
-    pub(super) fn stream(
-        &mut self,
-        gpu: &Gpu,
-        viewer: &Viewer,
-        elapsed_seconds: f32,
-    ) -> Result<bool, GpuError> {
+    pub(super) fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool> {
         let settings = viewer.settings.streaming;
         self.follow_settings(gpu, viewer, elapsed_seconds)?;
         if !settings.is_running {
@@ -139,7 +135,7 @@ impl FanScene {
     }
 
     /// Takes over another size of the pool once it is no longer being changed, and another filter.
-    fn follow_settings(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<(), GpuError> {
+    fn follow_settings(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<()> {
         let anisotropy = viewer.settings.display.anisotropy;
         if anisotropy != self.anisotropy {
             self.anisotropy = anisotropy;
@@ -214,10 +210,7 @@ impl FanScene {
         channel: usize,
         seconds: f64,
     ) -> Option<AtlasPicture<'_>> {
-        let channels = self.asset.channels();
-        let is_srgb = channels.get(channel).is_some_and(|channel| channel.srgb);
-        let texture = self.streamed.model.atlas_texture(channel)?;
-        self.atlas_view.update(gpu, encoder, texture, is_srgb, channel, seconds);
+        self.atlas_view.update(gpu, encoder, &self.streamed.model, channel, seconds);
         self.atlas_view.picture()
     }
 }

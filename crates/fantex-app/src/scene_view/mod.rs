@@ -13,11 +13,13 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::time::Instant;
 
 pub use atlas_view::AtlasPicture;
-pub use capture::{CaptureError, Captured, Capturing};
+pub(crate) use capture::lost_picture;
+pub use capture::{Captured, Capturing};
 use eframe::wgpu;
 pub use fan::FanScene;
+use fantex_base::{Error, Result};
 use fantex_gpu::{
-    DrawOptions, Frame, Gpu, GpuError, Model, Overlay as DrawnOverlay, Renderer, UvModel, WireframeOptions,
+    DrawOptions, Frame, Gpu, Model, Overlay as DrawnOverlay, Renderer, UvModel, WireframeOptions,
 };
 use fantex_scene::{Camera, Lights, Shading};
 
@@ -79,7 +81,7 @@ impl SceneView {
     /// # Errors
     ///
     /// One of the renderer's.
-    pub fn update(&mut self, viewer: &mut Viewer, seconds: f64) -> Result<bool, GpuError> {
+    pub fn update(&mut self, viewer: &mut Viewer, seconds: f64) -> Result<bool> {
         self.finish_picture(viewer);
         self.gpu.check()?;
         let Some(model) = &mut self.model else { return Ok(false) };
@@ -155,14 +157,17 @@ impl SceneView {
     ///
     /// # Errors
     ///
-    /// [`CaptureError`], where it is too large or cannot be drawn.
-    pub fn capture(&mut self, viewer: &Viewer, size: [u32; 2], path: PathBuf) -> Result<(), CaptureError> {
-        let Some(model) = &mut self.model else { return Err(CaptureError::NothingOpen) };
+    /// It is too large or cannot be drawn.
+    pub fn capture(&mut self, viewer: &Viewer, size: [u32; 2], path: PathBuf) -> Result<()> {
+        let Some(model) = &mut self.model else {
+            let message = "there is nothing to take a picture of: open a model or an asset first";
+            return Err(Error::invalid(message));
+        };
         let capturing = Capturing::target(&self.gpu, size, path)?;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let renderer = self.capturer.get_or_insert_with(|| Renderer::new(&self.gpu, FORMAT));
         let seen = Seen::of(viewer);
-        renderer.draw(&self.gpu, &mut encoder, capturing.view(), &mut seen.frame(size, model))?;
+        renderer.draw(&self.gpu, &mut encoder, &capturing.view(), &mut seen.frame(size, model))?;
         self.captures.push(capturing.submit(&self.gpu, encoder));
         Ok(())
     }
@@ -180,7 +185,7 @@ impl SceneView {
     }
 
     /// Gives up pictures for files that are under way: one error for each.
-    pub fn abandon_captures(&mut self) -> Vec<CaptureError> {
+    pub fn abandon_captures(&mut self) -> Vec<Error> {
         self.captures.drain(..).map(Capturing::into_lost).collect()
     }
 
@@ -258,7 +263,8 @@ fn overlay(overlay: Overlay) -> DrawnOverlay {
 }
 
 /// Brings a document to the graphics memory; takes long, so on the thread that opens it. Fails with one sentence.
-pub type PrepareScene = Arc<dyn Fn(&Document, StreamingSettings) -> Result<SceneModel, String> + Send + Sync>;
+pub type PrepareScene =
+    Arc<dyn Fn(&Document, StreamingSettings) -> std::result::Result<SceneModel, String> + Send + Sync>;
 
 /// A document in the graphics memory.
 #[derive(Debug)]
@@ -294,7 +300,7 @@ impl SceneModel {
     }
 
     /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
-    fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool, GpuError> {
+    fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool> {
         match self {
             Self::Uv(_) => Ok(false),
             Self::Fan(scene) => scene.stream(gpu, viewer, elapsed_seconds),

@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 
 use eframe::egui;
 use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_texture::{ColorSpace, Image, Samples};
 use rfd::AsyncFileDialog;
 
 use crate::job::{Job, JobState};
-use crate::scene_view::CaptureError;
+use crate::scene_view::lost_picture;
 use crate::session::{Session, SessionRunner};
 use crate::settings::{Settings, SettingsError};
 use crate::shell::Arguments;
@@ -240,7 +241,7 @@ fn answer(request: &Request, path: PathBuf) -> Answer {
 }
 
 /// What became of writing a picture.
-type Written = Result<(), CaptureError>;
+type Written = Result<()>;
 
 /// Writes pictures in the background.
 pub(super) struct PictureFiles {
@@ -277,18 +278,19 @@ impl PictureFiles {
     }
 
     /// Writes a picture.
-    pub(super) fn save(&mut self, path: PathBuf, image: Result<Image, CaptureError>) {
+    pub(super) fn save(&mut self, path: PathBuf, image: Result<Image>) {
         let (to, wake) = (path.clone(), self.wake.clone());
         let work = move || {
             if let Some(folder) = to.parent().filter(|folder| !folder.as_os_str().is_empty()) {
                 // Where this fails the picture's own error says more.
                 std::fs::create_dir_all(folder).ok();
             }
-            Ok(image?.save(&to)?)
+            let saved = image?.save(&to);
+            saved.map_err(|error| Error::new(ErrorKind::Io, error.to_string()).with_path(&to))
         };
         match Job::spawn("picture", move || wake(), work) {
             Ok(job) => self.jobs.push((path, job)),
-            Err(_) => self.done.push((path.clone(), Err(CaptureError::Lost { path }))),
+            Err(_) => self.done.push((path.clone(), Err(lost_picture(&path)))),
         }
     }
 
@@ -304,7 +306,7 @@ impl PictureFiles {
             let written = match job.poll() {
                 JobState::Running => return true,
                 JobState::Done(written) => written,
-                JobState::Lost => Err(CaptureError::Lost { path: path.clone() }),
+                JobState::Lost => Err(lost_picture(path)),
             };
             done.push((path.clone(), written));
             false
