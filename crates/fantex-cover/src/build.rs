@@ -231,11 +231,11 @@ fn extent(texels: Vec2, scale: f32) -> [u32; 2] {
 fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
     let sizes: Vec<Vec2> = laid.par_iter().with_min_len(1 << 12).map(|l| l.size * l.density).collect();
     let (mut low, mut high) = (1.0 / 1024.0, 1024.0f32);
-    if texels <= SMALLEST_TILE * sizes.len() as u64 {
+    if texels <= MIN_TILE_TEXELS * sizes.len() as u64 {
         // The smallest tiles alone exceed the budget; they are at least used to the full.
         let longest =
             sizes.par_iter().with_min_len(1 << 12).map(|s| s.max_element()).reduce(|| 0.0, f32::max);
-        return (LONGEST_IN_SMALLEST / longest).clamp(low, high);
+        return (MAX_LENGTH_IN_MIN_TILE / longest).clamp(low, high);
     }
     let total = |scale: f32| -> u64 {
         let area = |&size: &Vec2| {
@@ -253,7 +253,7 @@ fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
         } else {
             high = high.min(scale)
         }
-        if high < low * NEAR_ENOUGH {
+        if high < low * SCALE_TOLERANCE {
             break;
         }
         let guess = scale
@@ -265,8 +265,8 @@ fn scale_to_total(laid: &[Laid], texels: u64) -> f32 {
     low
 }
 
-/// A factor of density that nobody sees.
-const NEAR_ENOUGH: f32 = 1.0005;
+/// Relative tolerance of the search for the scale.
+const SCALE_TOLERANCE: f32 = 1.0005;
 
 fn assemble(
     surface: &Surface<'_>,
@@ -380,10 +380,10 @@ pub const MAX_EXTENT: u32 = 1 << 18;
 const TOLERATED_LOSS: f32 = 0.06;
 
 /// Texels of the smallest tile.
-pub(crate) const SMALLEST_TILE: u64 = 4 * 4;
+const MIN_TILE_TEXELS: u64 = 4 * 4;
 
 /// The longest region in texels, rounded down a little, that gets a side of 4 texels.
-pub(crate) const LONGEST_IN_SMALLEST: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
+const MAX_LENGTH_IN_MIN_TILE: f32 = 0.99999 * 3.0 / (1.0 - TOLERATED_LOSS);
 
 /// Sides longer than this are multiples of 32.
 const LONG: f32 = 1024.0;
@@ -413,7 +413,7 @@ mod tests {
         assert_eq!(side_texels(0.0), 4);
         assert_eq!(side_texels(3.0), 4);
         assert_eq!(side_texels(3.2), 8);
-        assert_eq!([1.0, 1.0001].map(|f| side_texels(f * LONGEST_IN_SMALLEST)), [4, 8]);
+        assert_eq!([1.0, 1.0001].map(|f| side_texels(f * MAX_LENGTH_IN_MIN_TILE)), [4, 8]);
         assert_eq!(side_texels(64.0), 64);
         assert_eq!(side_texels(127.9), 128);
         for i in 0..10_000 {

@@ -11,7 +11,7 @@ use crate::surface::{Ring, Surface};
 const UNFOLD_BELOW: f32 = 0.15;
 
 /// Below this cosine a projection is numerically folded.
-pub(crate) const FOLDED_BELOW: f32 = 1e-3;
+const FOLDED_BELOW: f32 = 1e-3;
 
 /// How a fan is laid into the plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,10 +74,10 @@ fn winds_once(ring: &Ring, direction: Vec3) -> bool {
 // Unfolding a fan about its centre: radii are kept, angles are scaled so that a closed fan closes.
 
 /// After scaling no triangle may span more than this angle at the centre, or it would degenerate (170 degrees).
-const WIDEST_TRIANGLE: f32 = 2.967;
+const MAX_TRIANGLE_ANGLE: f32 = 2.967;
 
 /// An open fan is not spread over more than this angle (300 degrees).
-const WIDEST_OPEN_FAN: f32 = 5.236;
+const MAX_OPEN_FAN_ANGLE: f32 = 5.236;
 
 /// Planar coordinates of the centre (the origin) and the two ring vertices of each triangle, in the fan's order and
 /// mesh units; `None` where a triangle is too wide to be unfolded (a cone of three triangles pressed flat, for example).
@@ -93,8 +93,8 @@ pub(crate) fn unfold(surface: &Surface<'_>, fan: usize) -> Option<Vec<[Vec2; 3]>
         .collect();
     let total: f32 = spans.iter().map(|s| s[0]).sum();
     let closed = surface.fans.is_closed(fan);
-    let factor = if closed { std::f32::consts::TAU / total } else { (WIDEST_OPEN_FAN / total).min(1.0) };
-    if !factor.is_finite() || spans.iter().any(|s| s[0] * factor > WIDEST_TRIANGLE) {
+    let factor = if closed { std::f32::consts::TAU / total } else { (MAX_OPEN_FAN_ANGLE / total).min(1.0) };
+    if !factor.is_finite() || spans.iter().any(|s| s[0] * factor > MAX_TRIANGLE_ANGLE) {
         return None;
     }
     let mut angle = 0.0;
@@ -189,7 +189,7 @@ mod tests {
                     prop_assert_eq!(planar[planar.len() - 1][2], planar[0][1]);
                     prop_assert!((turn(&planar) - std::f32::consts::TAU).abs() < 1e-4);
                 } else {
-                    prop_assert!(turn(&planar) < WIDEST_OPEN_FAN + 1e-4);
+                    prop_assert!(turn(&planar) < MAX_OPEN_FAN_ANGLE + 1e-4);
                 }
             }
         }

@@ -242,7 +242,7 @@ struct BorderTriangle {
 
 /// The triangles of a group. Keeps its buffers.
 #[derive(Default)]
-pub(crate) struct Border {
+struct Border {
     /// The normals of all triangles with a corner in the group.
     pub(crate) normals: Vec<Vec3>,
     triangles: Vec<BorderTriangle>,
@@ -283,7 +283,7 @@ impl Border {
     }
 
     /// Fills `points`, `segments` and `wedges`.
-    pub(crate) fn lay_flat(
+    fn lay_flat(
         &mut self,
         surface: &Surface<'_>,
         membership: Membership<'_>,

@@ -1,7 +1,8 @@
 //! Which triangle lies under which texel.
 //!
-//! A block is a rectangle of a tile's level 0 (or, with corners scaled to it, of a coarser one). Every triangle of the tile's group is scan-converted into it; texels just off
-//! the surface (at boundaries of the mesh) take the nearest triangle within two texels, whose plane is continued there.
+//! A block is a rectangle of a tile's level 0 (or, with corners scaled to it, of a coarser one). Every triangle of the tile's
+//! group is scan-converted into it; texels just off the surface (at boundaries of the mesh) take the nearest triangle within two
+//! texels, whose plane is continued there.
 
 use glam::{Vec2, Vec3};
 
@@ -80,14 +81,14 @@ impl TexelTriangle {
 }
 
 /// No triangle.
-pub const NOBODY: u32 = u32::MAX;
+pub const NO_OWNER: u32 = u32::MAX;
 
 /// For every texel of a block the triangle under it.
 #[derive(Clone, Debug, Default)]
 pub struct Footprints {
     /// What may lie under the texels; put in before [`cover`](Self::cover).
     pub triangles: Vec<TexelTriangle>,
-    /// Index into `triangles`, or `NOBODY`. Row-major.
+    /// Index into `triangles`, or `NO_OWNER`. Row-major.
     pub owner: Vec<u32>,
     /// True where the region that the texture function reads covers the texel's centre, or its outline passes the texel.
     pub in_region: Vec<bool>,
@@ -102,7 +103,7 @@ impl Footprints {
     /// Finds the owners of a block's texels, with the cover's `delta`; `self.triangles` holds the group's triangles.
     pub fn cover(&mut self, block: TexelBlock, delta: f32) {
         self.owner.clear();
-        self.owner.resize(block.texel_count(), NOBODY);
+        self.owner.resize(block.texel_count(), NO_OWNER);
         self.in_region.clear();
         self.in_region.resize(block.texel_count(), false);
         self.distance.clear();
@@ -120,14 +121,14 @@ impl Footprints {
     pub fn for_each_owner(&self, mut visit: impl FnMut(&TexelTriangle, &[u32])) {
         // Sorted by counting, so texels stay in rows.
         let mut ends = vec![0_u32; self.triangles.len() + 1];
-        let is_owned = |owner: &&u32| **owner != NOBODY;
+        let is_owned = |owner: &&u32| **owner != NO_OWNER;
         self.owner.iter().filter(is_owned).for_each(|&owner| ends[owner as usize + 1] += 1);
         let mut count = 0;
         for end in &mut ends {
             count += *end;
             *end = count;
         }
-        // Now they are beginnings; each becomes its end while it is filled.
+        // These are starts; filling moves each to its end.
         let mut owned = vec![0_u32; count as usize];
         for (texel, &owner) in (0..).zip(&self.owner).filter(|(_, owner)| is_owned(owner)) {
             let place = &mut ends[owner as usize];
@@ -224,7 +225,7 @@ impl Footprints {
     }
 }
 
-/// The corners of the group's region in a triangle, in order around it (the drawing in `fantex_cover`'s `region`).
+/// The corners of the group's region in a triangle, in order around it (drawn above `outline_points`).
 fn region_outline(corners: [Vec2; 3], inside: [bool; 3], delta: f32) -> arrayvec::ArrayVec<Vec2, 4> {
     let (near, far) = (0.5 - 0.5 * delta, 0.5 + 0.5 * delta);
     let rotated = |k: usize| [corners[k], corners[(k + 1) % 3], corners[(k + 2) % 3]];

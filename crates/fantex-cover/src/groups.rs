@@ -245,7 +245,7 @@ fn halve_by_length(surface: &Surface<'_>, fans: &mut [u32]) -> [u32; 2] {
     [middle as u32, (fans.len() - middle) as u32]
 }
 
-// One fan per tile, the thesis' own case: every fan is decided about and laid flat in one go.
+// One fan per tile: every fan is classified and laid flat in one pass.
 //
 // Fans are visited along a space-filling curve, which is the order of the tiles, and everything about a fan is derived from
 // one gathering of its ring while that is in the first cache.
@@ -321,7 +321,7 @@ impl Layer {
         Laid { frame, min: rectangle.min, size: rectangle.size, density, fan, layout, folds }
     }
 
-    /// The outline of the projected partial fan, counter-clockwise: see `region` for its points.
+    /// The outline of the projected partial fan, counter-clockwise: see `outline_points`.
     fn outline(&mut self, x: Vec3, y: Vec3, delta: f32) {
         let (along_spoke, between) = (0.5 + 0.5 * delta, (1.0 + delta) / 3.0);
         self.spokes.clear();

@@ -236,12 +236,12 @@ fn principal_axis(m: Mat3) -> Vec3 {
     longest.try_normalize().unwrap_or(Vec3::X)
 }
 
-// From patches that lie together to patches that hang together.
+// Splits patches into connected components.
 //
 // Where normals are rough, cutting by normals leaves patches in many pieces, half of them single fans. Each connected piece
-// becomes a patch of its own; fragments go to the neighbour with the longest common border whose direction sees them well,
-// before anything is laid flat. (On a landscape of 1.9 M triangles 34 000 of 81 000 pieces go that way. The cover gets fewer
-// groups, 1.5 % more density and less foreshortening where that is worst than when `merge` judges all of them.)
+// becomes a patch; fragments go to the neighbour with the longest common border whose direction sees them well,
+// before anything is laid flat. That gives fewer groups, more density and less foreshortening than
+// when `merge` judges all of them.
 
 /// Pieces of at most so many texels, one block of a tile, look for a neighbour to join. Its rectangle hardly grows for them.
 const FRAGMENT_TEXELS: f32 = 16.0;

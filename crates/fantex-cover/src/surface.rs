@@ -8,7 +8,7 @@ use rayon::prelude::*;
 pub(crate) struct Surface<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) fans: Fans,
-    /// Unit normal of each triangle, by its winding, and its area: whoever needs one mostly needs the other.
+    /// Unit normal of each triangle, by its winding, and its area: they are mostly needed together.
     facets: Vec<Vec4>,
 }
 
@@ -72,7 +72,7 @@ fn facet([a, b, c]: [Vec3; 3]) -> Vec4 {
     let squared = cross.length_squared();
     // The cross product is off by at most some ulp of |u| |v|: in single precision a normal to a ten-thousandth, unless the
     // triangle is a sliver (or so small that squares underflow), which lose all their digits.
-    if squared > SLIVER * SLIVER * (u.length_squared() * v.length_squared()) && squared > SMALLEST {
+    if squared > SLIVER * SLIVER * (u.length_squared() * v.length_squared()) && squared > MIN_SQUARED {
         let length = squared.sqrt();
         return (cross / length).extend(0.5 * length);
     }
@@ -86,7 +86,7 @@ fn facet([a, b, c]: [Vec3; 3]) -> Vec4 {
 const SLIVER: f32 = 0.02;
 
 /// Squares of cross products from here on are normal numbers, and so are the squares of the lengths.
-const SMALLEST: f32 = 1e-30;
+const MIN_SQUARED: f32 = 1e-30;
 
 // The geometry of one fan, gathered once for all that is asked of it.
 

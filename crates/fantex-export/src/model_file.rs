@@ -5,7 +5,7 @@ use std::io;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use fantex_mesh::{AlphaMode, Material, Mesh, VertexCorners};
+use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh, VertexCorners};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use serde_json::{Value, json};
 use tempfile::NamedTempFile;
@@ -66,21 +66,11 @@ pub(crate) fn write_glb(
         offsets.push(binary_bytes);
         binary_bytes += image.bytes.next_multiple_of(4);
     }
-    let mut json = document.json(images, &Place::Inside(&offsets), binary_bytes).to_string();
-    json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
-    // A header of 12 bytes and two chunks with headers of 8.
-    let bytes = 28 + json.len() as u64 + binary_bytes;
-    let file_bytes = u32::try_from(bytes).map_err(|_| bytes)?;
+    let json = document.json(images, &Place::Inside(&offsets), binary_bytes).to_string();
+    let header = GlbHeader::new(json, binary_bytes)?;
     let write = || {
         let mut out = BufWriter::with_capacity(1 << 20, out);
-        out.write_all(b"glTF")?;
-        for word in [2, file_bytes, json.len() as u32] {
-            out.write_all(&word.to_le_bytes())?;
-        }
-        out.write_all(b"JSON")?;
-        out.write_all(json.as_bytes())?;
-        out.write_all(&(binary_bytes as u32).to_le_bytes())?;
-        out.write_all(b"BIN\0")?;
+        header.write(&mut out)?;
         document.geometry.write(&mut out)?;
         for image in images {
             io::copy(&mut image.file, &mut out)?;

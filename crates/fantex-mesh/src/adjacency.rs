@@ -240,7 +240,7 @@ pub fn continued(sides: &[EdgeSide]) -> ArrayVec<[usize; 2], { MAX_AT_EDGE / 2 }
 // Triangles that are each other's back.
 //
 // A leaf or a wall modelled with both of its sides has each triangle twice, with its vertices in opposite order. Both lie at the same
-// depth, so whoever draws or meets both sees sometimes the one and sometimes the other. Seen from behind such a triangle does not
+// depth, so that a renderer or a ray meets either one by chance. Seen from behind such a triangle does not
 // count, whatever its material says: what is seen there is its twin.
 
 /// The triangles that have a twin: the same three vertices in opposite order.
@@ -359,7 +359,7 @@ impl Star {
         self.entries.chunk_by(|a, b| a.other == b.other).map(StarEdge)
     }
 
-    /// True where all triangles hang together through the edges of this vertex.
+    /// True where all triangles are connected through the edges of this vertex.
     pub(crate) fn is_single_fan(&mut self) -> bool {
         self.fans.reset(self.corner_count);
         let mut fan_count = self.corner_count;

@@ -9,19 +9,18 @@ use fantex_base::{Error, Result};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use crate::normals::corner_angle;
 use crate::{
-    CREASE_DEGREES, CleanOptions, CleanReport, CornerAttributes, Mesh, Model, VertexCorners, angle_between,
+    CREASE_DEGREES, CleanOptions, CleanReport, CornerAttributes, Mesh, Model, SurfacePoint, VertexCorners,
     clean, corner_normals, interpolate, shading_normals,
 };
 
 /// A point whose height is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DisplacePoint {
-    /// Triangle of the mesh before it was cut. At vertices and on edges every triangle that lies there is asked.
-    pub triangle: usize,
-    /// Barycentric coordinates on it, 0..1.
-    pub lambda: Vec3,
-    /// Before the displacement, mesh space.
+    /// Where on the mesh that is being cut. At vertices and on edges every triangle that lies there is asked.
+    pub at: SurfacePoint,
+    /// The same, mesh space.
     pub position: Vec3,
     /// Unit normal along which it will be displaced.
     pub normal: Vec3,
@@ -69,11 +68,7 @@ fn displaced_vertices(mesh: &Mesh, height: &(impl Fn(&DisplacePoint) -> f32 + Sy
     let corners = VertexCorners::of(&mesh.triangles, mesh.positions.len());
     let of_vertex = |v: usize| {
         let row = corners.at(v);
-        let weighted = |&corner: &u32| {
-            let positions = mesh.triangle_positions(corner as usize / 3).map(|p| p.as_dvec3());
-            let at = |k: u32| positions[((corner + k) % 3) as usize];
-            normals[corner as usize].as_dvec3() * angle_between(at(1) - at(0), at(2) - at(0))
-        };
+        let weighted = |&corner: &u32| normals[corner as usize].as_dvec3() * corner_angle(mesh, corner);
         let sum: DVec3 = row.iter().map(weighted).sum();
         let first = || row.first().map_or(Vec3::Z, |&corner| normals[corner as usize]);
         let normal = sum.try_normalize().map_or_else(first, |n| n.as_vec3());
@@ -143,7 +138,7 @@ where
 /// Where a mesh is cut finer before it is displaced. Lengths are mesh units, measured before the displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Refinement {
-    /// Until no edge is longer than this (at least [`Refinement::SHORTEST`]).
+    /// Until no edge is longer than this (at least [`Refinement::MIN_EDGE`]).
     Uniform {
         /// Longest edge.
         longest_edge: f32,
@@ -153,7 +148,7 @@ pub enum Refinement {
     Adaptive {
         /// Longest edge: detail that is smaller may be missed.
         longest_edge: f32,
-        /// Edges up to this length stay whole; at least [`Refinement::SHORTEST`], not above `longest_edge`.
+        /// Edges up to this length stay whole; at least [`Refinement::MIN_EDGE`], not above `longest_edge`.
         shortest_edge: f32,
         /// Positive.
         tolerance: f32,
@@ -162,7 +157,7 @@ pub enum Refinement {
 
 impl Refinement {
     /// The shortest edge that can be asked for, mesh units: single precision must tell its middle from its ends.
-    pub const SHORTEST: f32 = 1.0 / (1 << 18) as f32;
+    pub const MIN_EDGE: f32 = 1.0 / (1 << 18) as f32;
 
     /// The finest length that is asked for.
     fn shortest(&self) -> f32 {
@@ -221,7 +216,7 @@ impl DisplaceOptions {
             true => Ok(()),
             false => Err(Error::invalid(format!("{what} is {value}, but must be {allowed}"))),
         };
-        let length = |x: f32| x.is_finite() && x >= Refinement::SHORTEST;
+        let length = |x: f32| x.is_finite() && x >= Refinement::MIN_EDGE;
         let longest = self.refinement.longest();
         in_range("longest_edge", longest, length(longest), "a length of at least 2^-18 mesh units")?;
         if let Refinement::Adaptive { shortest_edge, tolerance, .. } = self.refinement {
@@ -446,8 +441,7 @@ fn height_at(
     position: Vec3,
     normal: Vec3,
 ) -> Result<f64> {
-    let triangle = triangle as usize;
-    let height = height(&DisplacePoint { triangle, lambda, position, normal });
+    let height = height(&DisplacePoint { at: SurfacePoint { triangle, lambda }, position, normal });
     if height.is_finite() {
         return Ok(height.into());
     }

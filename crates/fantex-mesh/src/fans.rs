@@ -345,7 +345,7 @@ impl Walker {
 // The common case of a vertex: a few triangles of one orientation that surround it once.
 
 /// Discs of more triangles are left to the general search.
-pub(crate) const MAX_DISC_TRIANGLES: usize = 8;
+const MAX_DISC_TRIANGLES: usize = 8;
 
 /// The triangles around a vertex that form a closed, consistently wound disc: two triangles on every edge, running along it
 /// in opposite directions.

@@ -103,7 +103,7 @@ pub struct Material {
 /// cosine itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ToonScale {
-    /// `n.l`, -1..1, ascending, and the linear RGB there; 1 to [`ToonScale::MOST_STOPS`]. Two at one place make a jump.
+    /// `n.l`, -1..1, ascending, and the linear RGB there; 1 to [`ToonScale::MAX_STOPS`]. Two at one place make a jump.
     pub stops: Vec<(f32, Vec3)>,
     /// Between the stops. Beyond the ends the end's colour holds.
     pub interpolation: ToonInterpolation,
@@ -123,7 +123,7 @@ pub enum ToonInterpolation {
 
 impl ToonScale {
     /// Most stops, so that a scale fits into what shaders read at once.
-    pub const MOST_STOPS: usize = 32;
+    pub const MAX_STOPS: usize = 32;
 }
 
 impl Default for Material {

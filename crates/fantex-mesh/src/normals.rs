@@ -66,7 +66,7 @@ pub fn shading_normals(mesh: &Mesh) -> Vec<Vec3> {
 /// Unit normals per corner, averaged over the triangles around each vertex and weighted by their angle there (G. Thürmer
 /// and C. Wüthrich, "Computing vertex normals from polygonal facets", 1998).
 ///
-/// Only triangles that hang together around the vertex through soft edges are averaged: an edge is soft where the normals
+/// Only triangles that are connected around the vertex through soft edges are averaged: an edge is soft where the normals
 /// of its triangles differ by at most `crease_degrees` (0 gives flat shading, 180 smooths everything that is connected).
 /// Separate fans of a non-manifold vertex stay apart.
 pub fn corner_normals(mesh: &Mesh, crease_degrees: f32) -> Vec<Vec3> {
@@ -137,7 +137,7 @@ impl Smoother {
 }
 
 /// Angle of a triangle at one of its corners, radians.
-fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
+pub(crate) fn corner_angle(mesh: &Mesh, corner: u32) -> f64 {
     let positions = mesh.triangle_positions(corner as usize / 3).map(|p| p.as_dvec3());
     let at = |k: u32| positions[((corner + k) % 3) as usize];
     angle_between(at(1) - at(0), at(2) - at(0))

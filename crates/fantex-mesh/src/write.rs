@@ -139,15 +139,52 @@ fn srgb_bytes(color: Vec4) -> [u8; 4] {
 
 // Binary glTF.
 
+/// A binary glTF file up to its binary data: header, JSON chunk, header of the binary chunk.
+#[derive(Clone, Debug)]
+pub struct GlbHeader {
+    /// Padded.
+    json: String,
+    binary_bytes: u32,
+    file_bytes: u32,
+}
+
+impl GlbHeader {
+    /// Of a JSON text and the length of the binary data, a multiple of 4.
+    ///
+    /// # Errors
+    ///
+    /// The file's length in bytes, where that exceeds the 4 GiB that the format can hold.
+    pub fn new(mut json: String, binary_bytes: u64) -> Result<Self, u64> {
+        json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
+        // A header of 12 bytes and two chunks with headers of 8.
+        let bytes = 28 + json.len() as u64 + binary_bytes;
+        let file_bytes = u32::try_from(bytes).map_err(|_| bytes)?;
+        Ok(Self { json, binary_bytes: binary_bytes as u32, file_bytes })
+    }
+
+    /// Writes it; the binary data follow.
+    ///
+    /// # Errors
+    ///
+    /// Those of `out`.
+    pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
+        out.write_all(b"glTF")?;
+        for word in [2, self.file_bytes, self.json.len() as u32] {
+            out.write_all(&word.to_le_bytes())?;
+        }
+        out.write_all(b"JSON")?;
+        out.write_all(self.json.as_bytes())?;
+        out.write_all(&self.binary_bytes.to_le_bytes())?;
+        out.write_all(b"BIN\0")
+    }
+}
+
 /// Where everything lies in the file.
 struct Layout {
     /// glTF positions are floats. Where these are too coarse, they are taken relative to this point, which becomes the
     /// node's translation.
     origin: DVec3,
-    /// The JSON chunk, padded.
-    json: String,
-    binary_bytes: u32,
-    file_bytes: u32,
+    header: GlbHeader,
 }
 
 impl Layout {
@@ -162,12 +199,8 @@ impl Layout {
         let color_bytes = if geometry.colors.is_some() { 16 * vertices } else { 0 };
         let index_bytes = 12 * geometry.triangles.len() as u64;
         let binary_bytes = position_bytes + color_bytes + index_bytes;
-        let mut json = describe(geometry, origin, [position_bytes, color_bytes, index_bytes]);
-        json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
-        // A header of 12 bytes and two chunks with headers of 8.
-        let bytes = 28 + json.len() as u64 + binary_bytes;
-        let file_bytes = u32::try_from(bytes).map_err(|_| bytes)?;
-        Ok(Self { origin, json, binary_bytes: binary_bytes as u32, file_bytes })
+        let json = describe(geometry, origin, [position_bytes, color_bytes, index_bytes]);
+        Ok(Self { origin, header: GlbHeader::new(json, binary_bytes)? })
     }
 
     fn position(&self, world: DVec3) -> Vec3 {
@@ -182,7 +215,8 @@ fn centre(positions: &[DVec3]) -> DVec3 {
     low + (high - low) * 0.5
 }
 
-/// The JSON text. Binary data are positions, colours, indices, in this order.
+/// The JSON text, by `serde_json` alone: the types of the crate `gltf-json` name every optional field and order keys differently.
+/// Binary data are positions, colours, indices, in this order.
 fn describe(geometry: &WriteGeometry, origin: DVec3, [positions, colors, indices]: [u64; 3]) -> String {
     let vertices = geometry.positions.len();
     let local = geometry.positions.iter().map(|p| (*p - origin).as_vec3());
@@ -224,14 +258,7 @@ fn describe(geometry: &WriteGeometry, origin: DVec3, [positions, colors, indices
 
 /// Writes header, JSON chunk and binary chunk.
 fn write_glb(geometry: &WriteGeometry, layout: &Layout, out: &mut impl Write) -> io::Result<()> {
-    out.write_all(b"glTF")?;
-    out.write_all(&2u32.to_le_bytes())?;
-    out.write_all(&layout.file_bytes.to_le_bytes())?;
-    out.write_all(&(layout.json.len() as u32).to_le_bytes())?;
-    out.write_all(b"JSON")?;
-    out.write_all(layout.json.as_bytes())?;
-    out.write_all(&layout.binary_bytes.to_le_bytes())?;
-    out.write_all(b"BIN\0")?;
+    layout.header.write(out)?;
     for position in geometry.positions {
         write_floats(&layout.position(*position).to_array(), out)?;
     }

@@ -1,6 +1,6 @@
 //! Coverage to texels: a page as it is after the stroke.
 
-use fantex_cover::{NOBODY, TexelTriangle};
+use fantex_cover::{NO_OWNER, TexelTriangle};
 use fantex_store::{
     Asset, AssetEditor, Channel, ChannelKind, PAGE, PageCache, PageId, Quality, TexelFormat, TexelSlice,
     encode,
@@ -43,7 +43,7 @@ pub(crate) fn composite(
             let texel = (y * extent[0] + x) as usize;
             let coverage = page.covered(texel);
             if coverage > 0.0
-                && map.owner[texel] != NOBODY
+                && map.owner[texel] != NO_OWNER
                 && let Some(color) = ink.color(map, page, [x, y], number)
             {
                 values[texel] = ink.paint.apply(values[texel], color, coverage);

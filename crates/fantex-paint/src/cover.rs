@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use fantex_cover::{NOBODY, TexelTriangle};
+use fantex_cover::{NO_OWNER, TexelTriangle};
 use fantex_store::{PAGE, PageId};
 use glam::{Vec2, Vec3, Vec4};
 
@@ -60,7 +60,7 @@ pub(crate) fn cover_page<'a>(
     dabs: impl Iterator<Item = &'a PlacedDab>,
     page: &mut StrokePage,
 ) {
-    let mut in_region = vec![NOBODY; map.triangles.len()];
+    let mut in_region = vec![NO_OWNER; map.triangles.len()];
     let mut covered = Rect::EMPTY;
     for dab in dabs {
         for_each_texel(map, &dab.region, &mut in_region, |under| {
@@ -88,7 +88,7 @@ pub(crate) trait Patch: Sync {
 
 /// Adds a touch with colours to a page.
 pub(crate) fn cover_page_colored(map: &TexelPage, patch: &dyn Patch, channels: usize, page: &mut StrokePage) {
-    let mut in_region = vec![NOBODY; map.triangles.len()];
+    let mut in_region = vec![NO_OWNER; map.triangles.len()];
     let mut colors = vec![Vec4::ZERO; channels];
     for_each_texel(map, patch.region(), &mut in_region, |under| {
         let added = patch.at(map, under, &mut colors);
@@ -114,7 +114,7 @@ pub(crate) struct TexelUnder<'a> {
     pub(crate) lambda: Vec3,
 }
 
-/// Visits the texels of a page that show triangles of a region. `in_region`: per triangle of the page, all `NOBODY`; left so.
+/// Visits the texels of a page that show triangles of a region. `in_region`: per triangle of the page, all `NO_OWNER`; left so.
 fn for_each_texel(
     map: &TexelPage,
     region: &Region,
@@ -145,7 +145,7 @@ fn for_each_texel(
     for (x, y) in rect.texels() {
         let texel = (y * width + x) as usize;
         let owner = map.owner[texel];
-        if owner == NOBODY || in_region[owner as usize] == NOBODY {
+        if owner == NO_OWNER || in_region[owner as usize] == NO_OWNER {
             continue;
         }
         let triangle = &map.triangles[owner as usize];
@@ -153,7 +153,7 @@ fn for_each_texel(
         let index = in_region[owner as usize] as usize;
         visit(&TexelUnder { texel, place: [x, y], triangle, index, lambda });
     }
-    met.into_iter().for_each(|index| in_region[index] = NOBODY);
+    met.into_iter().for_each(|index| in_region[index] = NO_OWNER);
 }
 
 /// Covers all texels of chosen triangles fully.
@@ -161,7 +161,7 @@ pub(crate) fn fill_page(map: &TexelPage, is_chosen: impl Fn(u32) -> bool, page: 
     let chosen: Vec<bool> = map.triangles.iter().map(|t| is_chosen(t.triangle)).collect();
     let width = map.block.extent[0];
     for (texel, &owner) in map.owner.iter().enumerate() {
-        if owner != NOBODY && chosen[owner as usize] {
+        if owner != NO_OWNER && chosen[owner as usize] {
             page.coverage[texel] = 1.0;
             let (x, y) = (texel as u32 % width, texel as u32 / width);
             page.touched.add(x, y);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use fantex_cover::NOBODY;
+use fantex_cover::NO_OWNER;
 use fantex_store::{PAGE, PageCache, PageId};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -179,7 +179,7 @@ impl ColorSearch<'_> {
     pub(crate) fn coverage(&self, map: &TexelPage) -> Vec<f32> {
         let width = map.block.extent[0];
         let of_texel = |(texel, &owner): (usize, &u32)| {
-            if owner == NOBODY {
+            if owner == NO_OWNER {
                 return 0.0;
             }
             let triangle = &map.triangles[owner as usize];
@@ -241,7 +241,7 @@ impl ColorSearch<'_> {
             let (point, position) = self.point(&page.map, [x, y]);
             let near = |[x, y]: [u32; 2]| {
                 let number = y * extent[0] + x;
-                let shown = page.map.owner[number as usize] != NOBODY;
+                let shown = page.map.owner[number as usize] != NO_OWNER;
                 // Beside a slit the next texel may show another part of the surface.
                 let texels = 3.0 / self.surface.cover().density;
                 (shown && self.point(&page.map, [x, y]).1.distance(position) < texels).then_some((id, number))

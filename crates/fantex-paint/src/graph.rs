@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_base::Error;
-use fantex_cover::NOBODY;
+use fantex_cover::NO_OWNER;
 use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_texture::Texture;
 use glam::Vec4;
@@ -148,7 +148,7 @@ impl FillTextures {
             for (x, y) in rect.texels() {
                 let texel = (y * width + x) as usize;
                 let owner = map.owner[texel];
-                if owner != NOBODY && !is_hidden(texel) {
+                if owner != NO_OWNER && !is_hidden(texel) {
                     let triangle = &map.triangles[owner as usize];
                     let lambda = map.lambda(triangle, x, y);
                     values[texel] = shade(surface, triangle, lambda, |point| texture.evaluate(point));

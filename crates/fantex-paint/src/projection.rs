@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fantex_cover::NOBODY;
+use fantex_cover::NO_OWNER;
 use glam::{DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -253,7 +253,7 @@ pub(crate) fn see_through(surface: &Surface, map: &TexelPage, stencil: &Projecti
             let texel = (y * width + x) as usize;
             let passes = &mut row[x as usize];
             let owner = map.owner[texel];
-            if coverage[texel] <= 0.0 || !passes.is_nan() || owner == NOBODY {
+            if coverage[texel] <= 0.0 || !passes.is_nan() || owner == NO_OWNER {
                 continue;
             }
             let triangle = &map.triangles[owner as usize];

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use fantex_cover::{Footprints, NOBODY, TexelBlock, TexelTriangle};
+use fantex_cover::{Footprints, NO_OWNER, TexelBlock, TexelTriangle};
 use fantex_store::{PageId, page_extent, page_origin};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -18,7 +18,7 @@ pub(crate) struct TexelPage {
     pub(crate) block: TexelBlock,
     /// Those that touch the page, ascending by their index in the mesh.
     pub(crate) triangles: Vec<TexelTriangle>,
-    /// Per texel, row-major: index into `triangles`, or `NOBODY` off the surface.
+    /// Per texel, row-major: index into `triangles`, or `NO_OWNER` off the surface.
     pub(crate) owner: Vec<u32>,
 }
 
@@ -38,12 +38,12 @@ impl TexelPage {
         // A texel of a coarser level counts if a texel of level 0 within it does.
         let reach = if id.level == 0 { f32::INFINITY } else { 0.5 + 2.0 / (1u64 << id.level) as f32 };
         let Footprints { triangles, mut owner, distance, .. } = footprints;
-        owner.iter_mut().zip(&distance).filter(|(_, d)| **d > reach).for_each(|(o, _)| *o = NOBODY);
+        owner.iter_mut().zip(&distance).filter(|(_, d)| **d > reach).for_each(|(o, _)| *o = NO_OWNER);
         Self { group: id.group, block, triangles, owner }
     }
 
     pub(crate) fn is_valid(&self, texel: usize) -> bool {
-        self.owner[texel] != NOBODY
+        self.owner[texel] != NO_OWNER
     }
 
     /// Barycentric coordinates at the centre of a texel, given by column and row within the page.

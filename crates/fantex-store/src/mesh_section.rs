@@ -78,9 +78,9 @@ fn check_materials(mesh: &Mesh) -> Result<()> {
     Ok(())
 }
 
-/// 1 to [`ToonScale::MOST_STOPS`] stops that ascend.
+/// 1 to [`ToonScale::MAX_STOPS`] stops that ascend.
 fn check_toon(index: usize, scale: &ToonScale) -> Result<()> {
-    limit("stops of a toon scale", scale.stops.len(), ToonScale::MOST_STOPS)?;
+    limit("stops of a toon scale", scale.stops.len(), ToonScale::MAX_STOPS)?;
     if scale.stops.is_empty() {
         return Err(wrong_count("stops of a toon scale", 1, 0));
     }

@@ -100,7 +100,7 @@ impl ColorRamp {
 
     /// This ramp between -1 and 1 as a material keeps it. One of more stops than that has room for is sampled evenly.
     pub fn toon_scale(&self) -> ToonScale {
-        let most = ToonScale::MOST_STOPS;
+        let most = ToonScale::MAX_STOPS;
         if self.stops.len() > most {
             let places = (0..most).map(|i| 2.0 * i as f32 / (most - 1) as f32 - 1.0);
             let stops = places.map(|at| (at, self.color(at).truncate())).collect();

@@ -305,13 +305,13 @@ pub(crate) struct MaterialRecord {
     toon_interpolation: u32,
     pad: [u32; 3],
     /// Linear RGB and the place.
-    toon: [[f32; 4]; ToonScale::MOST_STOPS],
+    toon: [[f32; 4]; ToonScale::MAX_STOPS],
 }
 
 impl MaterialRecord {
     pub(crate) fn new(material: &Material) -> Self {
         let alpha_threshold = if let AlphaMode::Mask(threshold) = material.alpha { threshold } else { 0.0 };
-        let mut toon = [[0.0; 4]; ToonScale::MOST_STOPS];
+        let mut toon = [[0.0; 4]; ToonScale::MAX_STOPS];
         let stops = material.toon.iter().flat_map(|scale| &scale.stops);
         for (place, &(at, color)) in toon.iter_mut().zip(stops) {
             *place = color.extend(at).to_array();
@@ -324,7 +324,7 @@ impl MaterialRecord {
             roughness: material.roughness,
             alpha_threshold,
             unlit: material.unlit.into(),
-            toon_stops: scale.map_or(0, |scale| scale.stops.len().min(ToonScale::MOST_STOPS) as u32),
+            toon_stops: scale.map_or(0, |scale| scale.stops.len().min(ToonScale::MAX_STOPS) as u32),
             toon_interpolation: match scale.map(|scale| scale.interpolation) {
                 None | Some(ToonInterpolation::Linear) => 0,
                 Some(ToonInterpolation::Smooth) => 1,

@@ -64,7 +64,7 @@ fn on_grid(x: f32) -> f32 {
 }
 
 /// A mesh-space coordinate as a whole number of grid steps, exactly.
-pub(super) fn grid_steps(x: f32) -> i128 {
+fn grid_steps(x: f32) -> i128 {
     (f64::from(x) * GRID) as i128
 }
 

@@ -6,10 +6,6 @@
 //!
 //! Each step runs in parallel, takes time linear in the model and gives the same result on any number of threads. What a
 //! step does not change is not copied.
-//!
-//! Measured on two cores (wall-clock, no attributes): 11 ms for a grid of 100 k triangles, 87 ms for 1 M, 170 ms for 2 M;
-//! a landscape of 1.9 M triangles takes 0.21 s of processor time, of which 0.06 s go into the report's topology, 0.05 s
-//! into the corners at each vertex and the rest into finding equal vertices and equal triangles.
 
 mod exact;
 mod repeats;
@@ -360,7 +356,7 @@ impl CleanReport {
     }
 }
 
-// What makes a model impossible to clean, and the check that comes before everything else.
+// Checks before the first step.
 
 /// One corner index per corner must fit 32 bits, with one value to spare.
 const MAX_TRIANGLES: usize = (u32::MAX / 3 - 1) as usize;

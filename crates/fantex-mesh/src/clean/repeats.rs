@@ -48,7 +48,7 @@ pub(super) fn repeats(
 }
 
 /// Scrambles 96 bits into 64: two rounds of multiply and fold.
-pub(super) fn scramble([a, b, c]: [u32; 3]) -> u64 {
+fn scramble([a, b, c]: [u32; 3]) -> u64 {
     let mut h = (u64::from(a) | u64::from(b) << 32).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     h = (h ^ (h >> 32)).wrapping_add(u64::from(c)).wrapping_mul(0xd6e8_feb8_6659_fd93);
     h = (h ^ (h >> 29)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

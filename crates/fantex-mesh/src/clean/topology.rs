@@ -13,7 +13,7 @@ use crate::fans::Disc;
 /// Vertices per parallel task.
 const BLOCK: usize = 1 << 12;
 
-/// Counts that describe how a mesh's triangles hang together.
+/// Counts that describe how a mesh's triangles are connected.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Topology {
     /// Vertices that a triangle uses.
@@ -184,7 +184,7 @@ pub(super) struct Turning {
 /// Decides which triangles to turn so that neighbours across edges with exactly two triangles agree: in each patch the
 /// minority (for a tie, those that disagree with its first triangle).
 ///
-/// A patch is what hangs together through such edges. With `outward`, closed patches of negative volume are turned as a
+/// A patch is a component connected through such edges. With `outward`, closed patches of negative volume are turned as a
 /// whole as well.
 pub(super) fn decide(
     positions: &[Vec3],

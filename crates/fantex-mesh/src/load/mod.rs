@@ -216,7 +216,7 @@ impl ModelFormat {
         Self::ALL.into_iter().find(|format| format.extension().eq_ignore_ascii_case(extension))
     }
 
-    pub(crate) fn with_article(self) -> &'static str {
+    fn with_article(self) -> &'static str {
         match self {
             Self::Gltf => "a glTF",
             Self::Glb => "a GLB",
@@ -411,8 +411,8 @@ fn same_but_for_case(folder: &Path, name: &str) -> Option<std::ffi::OsString> {
     names.filter(|n| n.to_string_lossy().to_lowercase() == name).min()
 }
 
-// What all loaders do with corner attributes: parts of a model that lack one are filled in, and normals and tangents
-// are made unit vectors, so that whoever uses them need not check.
+// What all loaders do with corner attributes: parts of a model that lack one are filled in, and normals and tangents are
+// normalised, so that users need not check.
 
 /// Appends to an array of corner attributes that may be missing for earlier corners: `fill` stands in there.
 pub(crate) fn pad<T: Clone>(values: &mut Vec<T>, corners: usize, fill: T) {

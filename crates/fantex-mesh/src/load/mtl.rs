@@ -115,7 +115,7 @@ impl<'a> Reader<'a> {
     fn read_property(&mut self, pending: &mut Pending, keyword: &[u8], arguments: &[u8]) -> Result<()> {
         let material = &mut pending.material;
         match keyword {
-            // Spectral curves and CIE XYZ: written by nobody, and not numbers that could be read as RGB.
+            // Spectral curves and CIE XYZ: no exporter writes them, and they are no numbers that could be read as RGB.
             b"kd" | b"ke" if arguments.starts_with(b"spectral") || arguments.starts_with(b"xyz") => {
                 pending.skipped.push("a spectral colour");
             }

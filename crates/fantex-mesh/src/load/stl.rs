@@ -1,4 +1,5 @@
-//! STL, binary and ASCII (3D Systems, "StereoLithography Interface Specification", 1989).
+//! STL, binary and ASCII (3D Systems, "StereoLithography Interface Specification", 1989). The parser is our own because the common
+//! crate (stl_io) reports errors without their line and knows no limits.
 //!
 //! Facet normals are ignored: they say no more than the winding does, many exporters leave them zero, and where the
 //! two disagree every other program trusts the winding.

@@ -133,12 +133,12 @@ fn heights_that_disagree_do_not_tear_the_surface() {
     let mesh = loaded(&folder.join("meshes"), "WaterBottle/WaterBottle.gltf");
     let uv = &mesh.corners.uv_sets[0];
     let by_uv = |p: &DisplacePoint| {
-        let at = |k: usize| uv[3 * p.triangle + k] * p.lambda[k];
+        let at = |k: usize| uv[3 * p.at.index() + k] * p.at.lambda[k];
         0.02 * (at(0) + at(1) + at(2)).x.fract()
     };
     let (bumpy, _) = displace(&mesh, &uniform(0.05), by_uv).unwrap();
     assert_no_cracks("by texture coordinates", &mesh, &bumpy);
-    let by_triangle = |p: &DisplacePoint| if p.triangle.is_multiple_of(2) { 0.0 } else { 0.01 };
+    let by_triangle = |p: &DisplacePoint| if p.at.triangle.is_multiple_of(2) { 0.0 } else { 0.01 };
     let (jagged, _) = displace(&mesh, &adaptive(0.3, 0.02, 0.001), by_triangle).unwrap();
     assert_no_cracks("by triangle", &mesh, &jagged);
 }

@@ -409,7 +409,7 @@ fn contents_against_the_rules_are_refused() {
         |mesh, _, _| mesh.positions[0].x = f32::NAN,
         |_, _, channels| channels.clear(),
         |mesh, _, _| mesh.materials = vec![toon_shaded(&[])],
-        |mesh, _, _| mesh.materials = vec![toon_shaded(&[0.0; ToonScale::MOST_STOPS + 1])],
+        |mesh, _, _| mesh.materials = vec![toon_shaded(&[0.0; ToonScale::MAX_STOPS + 1])],
         |mesh, _, _| mesh.materials = vec![toon_shaded(&[0.2, 0.1])],
         |mesh, _, _| mesh.materials = vec![toon_shaded(&[f32::NAN])],
     ];

@@ -318,7 +318,7 @@ pub(super) fn displaced(
         return Ok(mesh);
     }
     options.refinement = Refinement::Uniform { longest_edge: edge as f32 };
-    let ask = |point: &DisplacePoint| match heights.get(mesh.material_of(point.triangle)) {
+    let ask = |point: &DisplacePoint| match heights.get(mesh.material_of(point.at.index())) {
         Some(Some(heights)) => heights.at(&mesh, point, edge as f32),
         _ => 0.0,
     };
@@ -341,7 +341,7 @@ impl Heights {
             normal: point.normal,
             normal_steps: [Vec3::ZERO; 2],
             uv: &uv,
-            vertex_color: vertex_color(mesh, point.triangle, point.lambda),
+            vertex_color: vertex_color(mesh, point.at.index(), point.at.lambda),
             to_eye: None,
             time: 0.0,
             filtering: Filtering::Area,
@@ -352,10 +352,11 @@ impl Heights {
 
 /// Coordinates change with the position as over the flat triangle.
 fn uv_point(mesh: &Mesh, set: &[Vec2], point: &DisplacePoint, steps_mesh: [Vec3; 2]) -> UvPoint {
-    let Some(corners) = set.get(3 * point.triangle..3 * point.triangle + 3) else {
+    let triangle = point.at.index();
+    let Some(&corners) = set.get(3 * triangle..).and_then(|corners| corners.first_chunk::<3>()) else {
         return UvPoint::default();
     };
-    let [a, b, c] = mesh.triangle_positions(point.triangle);
+    let [a, b, c] = mesh.triangle_positions(triangle);
     let (ab, ac) = (b - a, c - a);
     let normal = ab.cross(ac);
     let scale = normal.length_squared().recip();
@@ -364,8 +365,7 @@ fn uv_point(mesh: &Mesh, set: &[Vec2], point: &DisplacePoint, steps_mesh: [Vec3;
         let change = (corners[1] - corners[0]) * along_ab + (corners[2] - corners[0]) * along_ac;
         if change.is_finite() { change } else { Vec2::ZERO }
     });
-    let l = point.lambda;
-    UvPoint { uv: corners[0] * l.x + corners[1] * l.y + corners[2] * l.z, steps }
+    UvPoint { uv: point.at.interpolate(corners), steps }
 }
 
 #[cfg(test)]

@@ -2,8 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use fantex_cover::{Cover, CoverOptions, CoverStats, GroupKind, TexelBudget, build_cover};
-use fantex_mesh::{EdgeSide, Fans, Material, Mesh, Model, VertexCorners, continued, generate};
+use fantex_cover::{Cover, CoverOptions, CoverStats, GroupKind, Tap, TexelBudget, build_cover};
+use fantex_mesh::{
+    EdgeSide, Fans, Material, Mesh, Model, SurfacePoint, VertexCorners, continued, generate, interpolate,
+};
 pub(crate) use fantex_test::{cleaned, data_folder, loaded};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
@@ -230,15 +232,12 @@ fn continued_edges(mesh: &Mesh) -> Vec<[Side; 2]> {
 fn read(mesh: &Mesh, cover: &Cover, (t, i, j): Side, s: f32) -> Vec<(u32, f32, Vec2)> {
     let mut lambda = Vec3::ZERO;
     (lambda[i], lambda[j]) = (1.0 - s, s);
-    let weights = cover.weights(t, lambda);
-    let mut reads: Vec<_> = weights
-        .iter()
-        .map(|(slot, weight)| {
-            assert!(slot == i || slot == j || cover.corner_groups[t][slot] == cover.corner_groups[t][i]);
-            let [a, b, c] = cover.tile_corners(mesh, t, slot);
-            (cover.corner_groups[t][slot], weight, a * lambda.x + b * lambda.y + c * lambda.z)
-        })
-        .collect();
+    let taps = cover.taps(mesh, SurfacePoint { triangle: t as u32, lambda });
+    let read = |tap: Tap| {
+        assert!(tap.slot == i || tap.slot == j || tap.group == cover.corner_groups[t][i]);
+        (tap.group, tap.weight, tap.uv)
+    };
+    let mut reads: Vec<_> = taps.into_iter().map(read).collect();
     reads.sort_by_key(|r| r.0);
     reads
 }
@@ -282,16 +281,17 @@ fn barycentric_grid(n: u32) -> Vec<Vec3> {
 fn check_inside(context: &str, mesh: &Mesh, cover: &Cover) {
     let grid = barycentric_grid(if mesh.triangles.len() > 2000 { 7 } else { 23 });
     for t in 0..mesh.triangles.len() {
+        let tiles = cover.triangle_tiles(mesh, t as u32);
         for &lambda in &grid {
-            let weights = cover.weights(t, lambda);
-            let sum: f32 = weights.iter().map(|w| w.1).sum();
-            assert!((sum - 1.0).abs() < 1e-6, "{context}: weights {weights:?}");
-            for (slot, weight) in weights.iter() {
-                assert!(weight > 0.0, "{context}: weights {weights:?}");
-                let [a, b, c] = texel_corners(mesh, cover, t, slot);
-                let l = lambda.as_dvec3();
-                let at = a * l.x + b * l.y + c * l.z;
-                let extent = cover.groups[cover.corner_groups[t][slot] as usize].extent;
+            let taps = tiles.taps(lambda);
+            let sum: f32 = taps.iter().map(|tap| tap.weight).sum();
+            assert!(
+                (sum - 1.0).abs() < 1e-6 && taps.iter().all(|tap| tap.weight > 0.0),
+                "{context}: {taps:?}"
+            );
+            for Tap { slot, group, .. } in taps {
+                let at = interpolate(texel_corners(mesh, cover, t, slot), lambda.as_dvec3());
+                let extent = cover.groups[group as usize].extent;
                 for (x, n) in at.to_array().into_iter().zip(extent.map(f64::from)) {
                     let tolerance = 2e-3 + 2e-6 * n;
                     assert!(

@@ -126,7 +126,7 @@ pub(super) const NO_DATA: &str =
 /// All buffers of a file.
 pub(super) struct Buffers<'a> {
     root: &'a Root,
-    /// None where a buffer names no data: an error only for those who read it.
+    /// None where a buffer names no data: an error only where it is read.
     bytes: Vec<Option<Cow<'a, [u8]>>>,
 }
 
@@ -147,7 +147,7 @@ impl<'a> Buffers<'a> {
         Ok(Self { root, bytes })
     }
 
-    /// The bytes of a buffer view; `from` says who refers to it.
+    /// The bytes of a buffer view; `from` names the referrer.
     pub(super) fn view(&self, index: usize, from: impl FnOnce() -> String) -> Result<&[u8]> {
         let view = get(&self.root.buffer_views, index, "buffer view", from)?;
         let bytes = get(&self.bytes, view.buffer, "buffer", || format!("buffer view {index}"))?;

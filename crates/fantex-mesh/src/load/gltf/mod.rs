@@ -178,7 +178,7 @@ fn mesh_instances(document: &Document, notes: &mut Vec<String>) -> Result<Vec<Me
     Ok(instances)
 }
 
-/// Root nodes of the default scene; without scenes all nodes that are nobody's child.
+/// Root nodes of the default scene; without scenes all nodes without a parent.
 fn scene_roots(document: &Document, notes: &mut Vec<String>) -> Result<Vec<usize>> {
     let root = document.root;
     if root.scene.is_none() && root.scenes.is_empty() {
@@ -287,7 +287,7 @@ fn check_triangles(document: &Document, mesh: usize, count: usize) -> Result<()>
 
 // Primitives: from accessors to triangles with corner attributes.
 
-/// More sets than this are not read: nobody needs them, and a set's number must not decide how much is allocated.
+/// More sets than this are not read: a set's number must not decide how much is allocated.
 const MAX_UV_SETS: usize = 8;
 
 /// Appends all instances of all meshes to the model.

@@ -5,7 +5,7 @@
 //! decimetres off), wraps indices of 2^32 and more around to small ones, and its accessors trust what they are given.
 //! Tests compare the result with that crate's.
 //!
-//! Indices are plain numbers here; whoever follows one checks it.
+//! Indices are plain numbers here; they are checked where they are followed.
 
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -47,15 +47,15 @@ pub(super) struct Asset {
     pub(super) version: String,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Scene {
-    #[serde(default)]
     pub(super) nodes: Vec<usize>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Node {
-    #[serde(default)]
     pub(super) children: Vec<usize>,
     /// Column-major.
     pub(super) matrix: Option<[f64; 16]>,
@@ -65,7 +65,6 @@ pub(super) struct Node {
     pub(super) scale: Option<[f64; 3]>,
     pub(super) mesh: Option<usize>,
     pub(super) skin: Option<usize>,
-    #[serde(default)]
     pub(super) extensions: NodeExtensions,
 }
 
@@ -75,30 +74,28 @@ pub(super) struct NodeExtensions {
     pub(super) instancing: Option<Instancing>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Instancing {
     /// From `TRANSLATION`, `ROTATION`, `SCALE` and whatever else to accessors with one element per instance.
-    #[serde(default)]
     pub(super) attributes: std::collections::BTreeMap<String, usize>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Mesh {
-    #[serde(default)]
     pub(super) primitives: Vec<Primitive>,
-    #[serde(default)]
     pub(super) weights: Vec<f64>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Primitive {
     /// From semantic to accessor. Sorted by name, so that messages do not depend on chance.
-    #[serde(default)]
     pub(super) attributes: std::collections::BTreeMap<String, usize>,
     pub(super) indices: Option<usize>,
     pub(super) material: Option<usize>,
     pub(super) mode: Option<u64>,
-    #[serde(default)]
     pub(super) extensions: Map<String, Value>,
 }
 
@@ -158,22 +155,18 @@ pub(super) struct Buffer {
     pub(super) byte_length: usize,
 }
 
-#[derive(Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[derive(Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
 pub(super) struct Material {
-    #[serde(default)]
     pub(super) name: String,
     pub(super) pbr_metallic_roughness: Option<MetallicRoughness>,
     pub(super) normal_texture: Option<TextureInfo>,
     pub(super) occlusion_texture: Option<TextureInfo>,
     pub(super) emissive_texture: Option<TextureInfo>,
-    #[serde(default)]
     pub(super) emissive_factor: [f32; 3],
     pub(super) alpha_mode: Option<String>,
     pub(super) alpha_cutoff: Option<f32>,
-    #[serde(default)]
     pub(super) double_sided: bool,
-    #[serde(default)]
     pub(super) extensions: MaterialExtensions,
 }
 
@@ -231,22 +224,20 @@ pub(super) struct TextureInfoExtensions {
     pub(super) transform: Option<TextureTransform>,
 }
 
-#[derive(Clone, Deserialize)]
-#[serde(rename_all = "camelCase")]
+#[derive(Clone, Default, Deserialize)]
+#[serde(default, rename_all = "camelCase")]
 pub(super) struct TextureTransform {
-    #[serde(default)]
     pub(super) offset: [f32; 2],
-    #[serde(default)]
     pub(super) rotation: f32,
     pub(super) scale: Option<[f32; 2]>,
     pub(super) tex_coord: Option<usize>,
 }
 
-#[derive(Deserialize)]
+#[derive(Default, Deserialize)]
+#[serde(default)]
 pub(super) struct Texture {
     pub(super) source: Option<usize>,
     pub(super) sampler: Option<usize>,
-    #[serde(default)]
     pub(super) extensions: TextureExtensions,
 }
 
