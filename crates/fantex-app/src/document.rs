@@ -9,7 +9,7 @@ use fantex_bake::Progress;
 use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
 use fantex_paint::{PaintError, PaintOptions, Painter};
-use fantex_scene::Bounds;
+use fantex_scene::world_bounds;
 use fantex_store::{Asset, ChannelKind, cover_level_count};
 use fantex_stream::open_asset;
 
@@ -322,7 +322,7 @@ impl Document {
         model_facts.push(fact("Components", grouped(report.topology.components)));
         Self {
             place,
-            scale: SceneScale::of(&Bounds::of_mesh(&mesh)),
+            scale: SceneScale::of(&world_bounds(&mesh)),
             content: Content::Model(mesh),
             notes,
             model_facts,
@@ -349,7 +349,7 @@ impl Document {
         let mut model_facts = mesh_facts(mesh);
         model_facts.push(fact("File", bytes_text(asset.file_bytes() as f64)));
         Self {
-            scale: SceneScale::of(&Bounds::of_mesh(mesh)),
+            scale: SceneScale::of(&world_bounds(mesh)),
             notes: Vec::new(),
             model_facts,
             cover_facts: cover_facts(cover),
@@ -405,7 +405,7 @@ fn fact(name: &'static str, value: String) -> Fact {
 }
 
 fn mesh_facts(mesh: &Mesh) -> Vec<Fact> {
-    let bounds = Bounds::of_mesh(mesh);
+    let bounds = world_bounds(mesh);
     let [x, y, z] = (bounds.max - bounds.min).to_array().map(short_number);
     vec![
         fact("Triangles", grouped(mesh.triangles.len() as u64)),

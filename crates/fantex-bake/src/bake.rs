@@ -1,10 +1,10 @@
 //! The bake of a whole asset.
 
+use fantex_base::{Error, Result};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fantex_base::Error;
 use fantex_cover::Cover;
 use fantex_mesh::{Mesh, shading_normals};
 use fantex_store::{AssetWriter, CreateOptions, Quality};
@@ -12,29 +12,6 @@ use rayon::prelude::*;
 
 use crate::Source;
 use crate::tile::{BakedTile, ChannelPlan, TileBaker};
-
-/// Why no asset was baked.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum BakeError {
-    /// The progress receiver asked to stop.
-    #[error("the bake was cancelled; nothing was written")]
-    Cancelled,
-    /// The cover is that of another mesh.
-    #[error("the cover has {cover} triangles, the mesh {mesh}: build the cover of this mesh first")]
-    CoverOfAnotherMesh {
-        /// Triangles of the cover.
-        cover: usize,
-        /// Triangles of the mesh.
-        mesh: usize,
-    },
-    /// The source gives no channel.
-    #[error("the source has no channel to bake")]
-    NoChannels,
-    /// The asset could not be written.
-    #[error(transparent)]
-    Create(#[from] Error),
-}
 
 /// Bytes that one texel of a batch takes in encoded form, per channel: an uncompressed byte format with its levels.
 const ENCODED_BYTES_PER_TEXEL: u64 = 6;
@@ -58,18 +35,19 @@ pub fn bake(
     path: &Path,
     options: &BakeOptions,
     progress: &dyn Progress,
-) -> Result<BakeSummary, BakeError> {
+) -> Result<BakeSummary> {
     if cover.corner_groups.len() != mesh.triangles.len() {
-        return Err(BakeError::CoverOfAnotherMesh {
-            cover: cover.corner_groups.len(),
-            mesh: mesh.triangles.len(),
-        });
+        return Err(Error::invalid(format!(
+            "the cover has {} triangles, the mesh {}: build the cover of this mesh first",
+            cover.corner_groups.len(),
+            mesh.triangles.len()
+        )));
     }
     let source_channels = source.channels();
     let plans: Vec<ChannelPlan> =
         source_channels.iter().map(|c| ChannelPlan::new(c, options.format)).collect();
     if plans.is_empty() {
-        return Err(BakeError::NoChannels);
+        return Err(Error::invalid("the source has no channel to bake"));
     }
     let channels: Vec<_> = plans.iter().map(|p| p.channel.clone()).collect();
     let create = CreateOptions { force: options.force, ..CreateOptions::default() };
@@ -90,10 +68,10 @@ pub fn bake(
         let tiles = batch
             .into_par_iter()
             .map(|group| match meter.is_cancelled() {
-                true => Err(BakeError::Cancelled),
+                true => Err(cancelled()),
                 false => baker.bake(group, triangles.of_group(group)),
             })
-            .collect::<Result<Vec<BakedTile>, BakeError>>()?;
+            .collect::<Result<Vec<BakedTile>>>()?;
         let started = Instant::now();
         for tile in tiles {
             bake_time += tile.bake_time;
@@ -112,6 +90,10 @@ pub fn bake(
     summary.encode_seconds = encode_time.as_secs_f64();
     summary.write_seconds = write_time.as_secs_f64();
     Ok(summary)
+}
+
+pub(crate) fn cancelled() -> Error {
+    Error::cancelled("the bake was cancelled; nothing was written")
 }
 
 /// Half of the memory holds encoded tiles that wait for the writer; the rest is for the blocks in work.

@@ -20,7 +20,7 @@ pub use bake::*;
 pub use fantex_scene::LightQuantity;
 pub use fidelity::*;
 pub use light::*;
-pub use look_source::{LookSource, LookSourceError, baked_materials};
+pub use look_source::{LookSource, baked_materials};
 pub use source::*;
 pub use transfer::*;
 pub use uv_source::UvSource;

@@ -18,17 +18,18 @@
 mod sky_table;
 mod tracer;
 
+use fantex_base::{Error, Result};
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
-use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
+use fantex_mesh::{Mesh, SurfacePoint, TriangleBvh, shading_normals};
 use fantex_store::ChannelKind;
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::light::sky_table::SkyTable;
 pub use crate::light::tracer::BakeLight;
 use crate::light::tracer::{Lamp, Sequence, Tracer, mixed};
-use crate::{LightQuantity, Prefilter, Source, SourceChannel, SurfacePoint};
+use crate::{LightQuantity, Prefilter, Source, SourceChannel, TexelPoint};
 
 /// Independent estimates of a texel.
 const ESTIMATES: u32 = 4;
@@ -65,14 +66,10 @@ impl<'a> LightMapSource<'a> {
     /// # Errors
     ///
     /// An option or a number of a light is out of its range.
-    pub fn new(
-        mesh: &'a Mesh,
-        scene: &LightScene<'a>,
-        options: LightMapOptions,
-    ) -> Result<Self, LightMapError> {
+    pub fn new(mesh: &'a Mesh, scene: &LightScene<'a>, options: LightMapOptions) -> Result<Self> {
         options.check()?;
         let lamps = scene.lights.iter().enumerate().map(|(i, light)| Lamp::new(mesh, i, light));
-        let lamps = lamps.collect::<Result<Vec<_>, _>>()?;
+        let lamps = lamps.collect::<Result<Vec<_>>>()?;
         let occlusion_distance = match options.occlusion_distance {
             Some(distance) => (distance / mesh.world_from_mesh.scale) as f32,
             None => f32::INFINITY,
@@ -94,12 +91,13 @@ impl<'a> LightMapSource<'a> {
 
     /// Light at a point; `lambda_steps` are the sides of the parallelogram around it over which the mean is taken, as changes
     /// of the barycentric coordinates (zero: the point alone).
-    pub fn illumination(&self, triangle: usize, lambda: Vec3, lambda_steps: [Vec3; 2]) -> Illumination {
+    pub fn illumination(&self, at: SurfacePoint, lambda_steps: [Vec3; 2]) -> Illumination {
         let options = &self.tracer.options;
-        let seed = lambda
+        let seed = at
+            .lambda
             .to_array()
             .iter()
-            .fold(mixed(options.seed) ^ triangle as u32, |seed, x| mixed(seed ^ x.to_bits()));
+            .fold(mixed(options.seed) ^ at.triangle, |seed, x| mixed(seed ^ x.to_bits()));
         let sequences: [Sequence; ESTIMATES as usize] =
             std::array::from_fn(|i| Sequence::new(seed.wrapping_add(i as u32)));
         let mut sums = [DVec3::ZERO; ESTIMATES as usize];
@@ -108,7 +106,7 @@ impl<'a> LightMapSource<'a> {
         loop {
             for (sequence, sum) in sequences.iter().zip(&mut sums) {
                 for index in done..goal {
-                    let light = self.tracer.sample(triangle, lambda, lambda_steps, sequence, index);
+                    let light = self.tracer.sample(at, lambda_steps, sequence, index);
                     *sum += light.as_dvec3();
                 }
             }
@@ -147,8 +145,8 @@ impl Source for LightMapSource<'_> {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        let light = self.illumination(point.triangle, point.lambda, point.lambda_steps);
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let light = self.illumination(point.at, point.lambda_steps);
         self.meter.add(light.value.element_sum() / 3.0, light.standard_error, light.samples);
         values[0] = light.value.extend(1.0);
     }
@@ -197,53 +195,8 @@ impl Default for LightMapOptions {
 }
 
 /// Largest number of paths per texel.
-const MOST_SAMPLES: u32 = 1 << 20;
-const MOST_BOUNCES: u32 = 64;
-
-/// What is wrong with the description of a light map.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum LightMapError {
-    /// Too few or too many paths.
-    #[error("{what} is {count}, but a texel takes 4 to {MOST_SAMPLES} paths")]
-    Samples {
-        /// Which of the options.
-        what: &'static str,
-        /// Its value.
-        count: u32,
-    },
-    /// `max_samples` is below `samples`.
-    #[error("max_samples is {max_samples}, but must not be below samples, {samples}")]
-    MaxSamplesBelowSamples {
-        /// The most paths.
-        max_samples: u32,
-        /// The fewest.
-        samples: u32,
-    },
-    /// Too many reflections.
-    #[error("bounces is {0}, but at most {MOST_BOUNCES} reflections are followed")]
-    Bounces(u32),
-    /// A length or an error bound is not a positive number.
-    #[error("{what} is {value}, but must be a positive number")]
-    NotPositive {
-        /// Which of the options.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A number of a light is out of its range.
-    #[error("{what} of light {light} is {value}, but must be {allowed}")]
-    Light {
-        /// Index of the light.
-        light: usize,
-        /// Which of its numbers.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        allowed: &'static str,
-    },
-}
+const MAX_SAMPLES: u32 = 1 << 20;
+const MAX_BOUNCES: u32 = 64;
 
 impl LightMapOptions {
     /// Checks every range.
@@ -251,17 +204,24 @@ impl LightMapOptions {
     /// # Errors
     ///
     /// The first option that is out of range.
-    pub fn check(&self) -> Result<(), LightMapError> {
+    pub fn check(&self) -> Result<()> {
         let counts = [("samples", self.samples), ("max_samples", self.max_samples)];
-        if let Some((what, count)) = counts.into_iter().find(|c| !(4..=MOST_SAMPLES).contains(&c.1)) {
-            return Err(LightMapError::Samples { what, count });
+        if let Some((what, count)) = counts.into_iter().find(|c| !(4..=MAX_SAMPLES).contains(&c.1)) {
+            return Err(Error::invalid(format!(
+                "{what} is {count}, but a texel takes 4 to {MAX_SAMPLES} paths"
+            )));
         }
         if self.target_error.is_some() && self.max_samples < self.samples {
-            let (max_samples, samples) = (self.max_samples, self.samples);
-            return Err(LightMapError::MaxSamplesBelowSamples { max_samples, samples });
+            return Err(Error::invalid(format!(
+                "max_samples is {}, but must not be below samples, {}",
+                self.max_samples, self.samples
+            )));
         }
-        if self.bounces > MOST_BOUNCES {
-            return Err(LightMapError::Bounces(self.bounces));
+        if self.bounces > MAX_BOUNCES {
+            return Err(Error::invalid(format!(
+                "bounces is {}, but at most {MAX_BOUNCES} reflections are followed",
+                self.bounces
+            )));
         }
         let lengths = [
             ("target_error", self.target_error.map(f64::from)),
@@ -269,7 +229,7 @@ impl LightMapOptions {
         ];
         for (what, value) in lengths {
             if let Some(value) = value.filter(|v| !(v.is_finite() && *v > 0.0)) {
-                return Err(LightMapError::NotPositive { what, value });
+                return Err(Error::invalid(format!("{what} is {value}, but must be a positive number")));
             }
         }
         Ok(())
@@ -296,28 +256,27 @@ impl<F: Fn(Vec3) -> Vec3 + Sync> Sky for F {
     }
 }
 
-/// What surfaces do with light. Closures from a triangle and barycentric coordinates to the albedo are reflectors that do
-/// not glow.
+/// What surfaces do with light. Closures from points to the albedo are reflectors that do not glow.
 pub trait Reflector: Sync {
     /// Share of the light that is reflected diffusely, linear RGB, 0..1, on both sides.
-    fn albedo(&self, triangle: usize, lambda: Vec3) -> Vec3;
+    fn albedo(&self, at: SurfacePoint) -> Vec3;
 
     /// Emitted radiance, linear RGB, on both sides.
-    fn emission(&self, triangle: usize, lambda: Vec3) -> Vec3 {
-        let _ = (triangle, lambda);
+    fn emission(&self, at: SurfacePoint) -> Vec3 {
+        let _ = at;
         Vec3::ZERO
     }
 
     /// False where light passes through, as in cut-outs.
-    fn is_solid(&self, triangle: usize, lambda: Vec3) -> bool {
-        let _ = (triangle, lambda);
+    fn is_solid(&self, at: SurfacePoint) -> bool {
+        let _ = at;
         true
     }
 }
 
-impl<F: Fn(usize, Vec3) -> Vec3 + Sync> Reflector for F {
-    fn albedo(&self, triangle: usize, lambda: Vec3) -> Vec3 {
-        self(triangle, lambda)
+impl<F: Fn(SurfacePoint) -> Vec3 + Sync> Reflector for F {
+    fn albedo(&self, at: SurfacePoint) -> Vec3 {
+        self(at)
     }
 }
 
@@ -360,13 +319,12 @@ impl<'a> SourceReflector<'a> {
     }
 
     /// One channel's value at a point.
-    fn value(&self, channel: usize, triangle: usize, lambda: Vec3) -> Vec4 {
-        let [a, b, c] = self.mesh.triangle_positions(triangle);
-        let point = SurfacePoint {
-            triangle,
-            lambda,
+    fn value(&self, channel: usize, at: SurfacePoint) -> Vec4 {
+        let [a, b, c] = self.mesh.triangle_positions(at.index());
+        let point = TexelPoint {
+            at,
             lambda_steps: [Vec3::ZERO; 2],
-            position: a * lambda.x + b * lambda.y + c * lambda.z,
+            position: at.interpolate([a, b, c]),
             position_steps: [Vec3::ZERO; 2],
             normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
         };
@@ -377,19 +335,19 @@ impl<'a> SourceReflector<'a> {
 }
 
 impl Reflector for SourceReflector<'_> {
-    fn albedo(&self, triangle: usize, lambda: Vec3) -> Vec3 {
-        let color = |c| self.value(c, triangle, lambda).truncate().clamp(Vec3::ZERO, Vec3::ONE);
+    fn albedo(&self, at: SurfacePoint) -> Vec3 {
+        let color = |c| self.value(c, at).truncate().clamp(Vec3::ZERO, Vec3::ONE);
         self.base_color.map_or(Vec3::ONE, color)
     }
 
-    fn emission(&self, triangle: usize, lambda: Vec3) -> Vec3 {
-        let color = |c| self.value(c, triangle, lambda).truncate().max(Vec3::ZERO);
+    fn emission(&self, at: SurfacePoint) -> Vec3 {
+        let color = |c| self.value(c, at).truncate().max(Vec3::ZERO);
         self.emission.map_or(Vec3::ZERO, color)
     }
 
-    fn is_solid(&self, triangle: usize, lambda: Vec3) -> bool {
+    fn is_solid(&self, at: SurfacePoint) -> bool {
         match self.base_color {
-            Some(channel) if self.has_alpha => self.value(channel, triangle, lambda).w >= 0.5,
+            Some(channel) if self.has_alpha => self.value(channel, at).w >= 0.5,
             _ => true,
         }
     }
@@ -494,10 +452,10 @@ mod tests {
     #[test]
     fn every_range_is_checked() {
         let good = LightMapOptions::default();
-        assert_eq!(good.check(), Ok(()));
+        assert!(good.check().is_ok());
         let bad = [
             LightMapOptions { samples: 3, ..good },
-            LightMapOptions { samples: MOST_SAMPLES + 1, max_samples: MOST_SAMPLES, ..good },
+            LightMapOptions { samples: MAX_SAMPLES + 1, max_samples: MAX_SAMPLES, ..good },
             LightMapOptions { target_error: Some(0.1), max_samples: 8, ..good },
             LightMapOptions { target_error: Some(0.0), ..good },
             LightMapOptions { target_error: Some(f32::NAN), ..good },
@@ -532,7 +490,7 @@ mod tests {
         assert_eq!((meter.report().error_95, meter.report().largest_error), (0.0, 0.0));
     }
 
-    fn gray(_: usize, _: Vec3) -> Vec3 {
+    fn gray(_: SurfacePoint) -> Vec3 {
         Vec3::splat(0.5)
     }
 
@@ -567,7 +525,9 @@ mod tests {
         [chosen, by_cosine]
     }
 
-    const LAMBDA: Vec3 = Vec3::new(0.3, 0.3, 0.4);
+    fn in_triangle(triangle: usize) -> SurfacePoint {
+        SurfacePoint { triangle: triangle as u32, lambda: Vec3::new(0.3, 0.3, 0.4) }
+    }
 
     #[test]
     fn the_mean_is_that_of_directions_by_the_cosine() {
@@ -580,8 +540,8 @@ mod tests {
             assert!(chosen.tracer.sky_table.is_some());
             let (mut differences, mut variances, mut n) = (DVec3::ZERO, [0.0; 2], 0.0);
             for triangle in (0..mesh.triangles.len()).step_by(97) {
-                let a = chosen.illumination(triangle, LAMBDA, [Vec3::ZERO; 2]);
-                let b = by_cosine.illumination(triangle, LAMBDA, [Vec3::ZERO; 2]);
+                let a = chosen.illumination(in_triangle(triangle), [Vec3::ZERO; 2]);
+                let b = by_cosine.illumination(in_triangle(triangle), [Vec3::ZERO; 2]);
                 differences += (a.value - b.value).as_dvec3();
                 for (sum, light) in variances.iter_mut().zip([a, b]) {
                     *sum += f64::from(light.standard_error).powi(2);
@@ -612,7 +572,7 @@ mod tests {
             };
             let [chosen, _] = both(&mesh, &sky, options);
             assert!(chosen.tracer.sky_table.is_some());
-            let light = chosen.illumination(7, LAMBDA, [Vec3::ZERO; 2]);
+            let light = chosen.illumination(in_triangle(7), [Vec3::ZERO; 2]);
             // The integral of the cosine over a cap above the horizon is pi sin² times the cosine of its axis.
             let expected = 2.0 * to_sun.y;
             let error = (light.value - Vec3::new(expected, 0.5, 0.0)).abs();
@@ -629,7 +589,7 @@ mod tests {
     fn a_furnace_stays_a_furnace_whatever_the_table() {
         let mesh = ball_on_a_plane();
         let white = |_: Vec3| Vec3::ONE;
-        let reflector = |_: usize, _: Vec3| Vec3::ONE;
+        let reflector = |_: SurfacePoint| Vec3::ONE;
         let scene = LightScene { lights: Vec::new(), sky: &white, reflector: &reflector };
         let options = LightMapOptions { bounces: 40, samples: 1024, ..LightMapOptions::default() };
         let mut source = LightMapSource::new(&mesh, &scene, options).unwrap();
@@ -638,7 +598,7 @@ mod tests {
         let (mut sum, mut n) = (0.0, 0.0);
         // The ball, whose paths all end in the sky after a few reflections.
         for triangle in (128..mesh.triangles.len()).step_by(197) {
-            let light = source.illumination(triangle, LAMBDA, [Vec3::ZERO; 2]);
+            let light = source.illumination(in_triangle(triangle), [Vec3::ZERO; 2]);
             sum += f64::from(light.value.x);
             n += 1.0;
             assert!((light.value.x - 1.0).abs() < 6.0 * light.standard_error + 0.02, "{triangle}: {light:?}");
@@ -662,11 +622,9 @@ mod tests {
         let light_of = |lights: Vec<BakeLight>, samples: u32, triangle: usize| {
             let scene = LightScene { lights, sky: &black, reflector: &gray };
             let options = LightMapOptions { samples, bounces: 1, ..LightMapOptions::default() };
-            LightMapSource::new(&mesh, &scene, options).unwrap().illumination(
-                triangle,
-                LAMBDA,
-                [Vec3::ZERO; 2],
-            )
+            LightMapSource::new(&mesh, &scene, options)
+                .unwrap()
+                .illumination(in_triangle(triangle), [Vec3::ZERO; 2])
         };
         for triangle in [3, 40, 100, 1000, 4000] {
             let together = light_of(lamps.clone(), 4096, triangle);

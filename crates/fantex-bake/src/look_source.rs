@@ -1,9 +1,10 @@
 //! Materials whose properties are textures: what does not depend on the eye, as tiles.
 
+use fantex_base::{Error, Result};
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, shading_normals};
+use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::look::{
     Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
@@ -12,21 +13,7 @@ use fantex_texture::material::{TangentFrame, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Quat, Vec2, Vec3, Vec4};
 
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
-
-/// Why a look cannot be baked.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum LookSourceError {
-    /// A texture depends on the eye.
-    #[error(
-        "{what} depends on the eye (a reflection, or the angle of view), and a bake has no eye; leave it out, or render instead"
-    )]
-    ViewDependent {
-        /// The property of the material.
-        what: &'static str,
-    },
-}
+use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
 
 /// The materials of a look as a source: base colour with alpha, the normal with all relief applied, occlusion with roughness
 /// and metallic, emission, the direction of stretched highlights. A property that is the same everywhere is no channel but a factor of [`baked_materials`].
@@ -46,11 +33,7 @@ impl<'a> LookSource<'a> {
     /// # Errors
     ///
     /// A texture depends on the eye.
-    pub fn new(
-        mesh: &'a Mesh,
-        mut materials: Vec<Arc<LookMaterial>>,
-        time: f32,
-    ) -> Result<Self, LookSourceError> {
+    pub fn new(mesh: &'a Mesh, mut materials: Vec<Arc<LookMaterial>>, time: f32) -> Result<Self> {
         if materials.is_empty() {
             materials.push(Arc::default());
         }
@@ -72,7 +55,7 @@ impl<'a> LookSource<'a> {
     /// # Errors
     ///
     /// It depends on the eye.
-    pub fn of_texture(mesh: &'a Mesh, texture: Arc<dyn Texture>, time: f32) -> Result<Self, LookSourceError> {
+    pub fn of_texture(mesh: &'a Mesh, texture: Arc<dyn Texture>, time: f32) -> Result<Self> {
         let material = LookMaterial { base_color: Slot::Texture(texture), ..LookMaterial::default() };
         Self::new(mesh, vec![Arc::new(material)], time)
     }
@@ -83,13 +66,13 @@ impl<'a> LookSource<'a> {
     }
 
     /// The direction of a stretched highlight, mesh space, and its strength; the direction need not lie in the surface.
-    fn direction(&self, anisotropy: &Anisotropy, point: &SurfacePoint, ask: &Ask<'_>) -> Vec4 {
+    fn direction(&self, anisotropy: &Anisotropy, point: &TexelPoint, ask: &Ask<'_>) -> Vec4 {
         let [along, across, ..] = (value_of(&anisotropy.direction, ask) * 2.0 - 1.0).to_array();
         let tangents = self.tangents.get(anisotropy.uv_set).filter(|tangents| !tangents.is_empty());
         let direction = match tangents {
             Some(tangents) => {
-                let lambda = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-                let frame = TangentFrame::at(&self.finder.normals, tangents, point.triangle, lambda);
+                let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+                let frame = TangentFrame::at(&self.finder.normals, tangents, point.at.index(), lambda);
                 frame.mesh_vector(Vec3::new(along, across, 0.0))
             }
             None => {
@@ -110,8 +93,8 @@ impl Source for LookSource<'_> {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        let material = self.material_of(point.triangle);
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let material = self.material_of(point.at.index());
         self.finder.at(point, |at| {
             let ask = |texture: &dyn Texture, offset: Vec2| ask_at(at, texture, offset);
             self.values(material, point, at, &ask, values);
@@ -139,7 +122,7 @@ impl LookSource<'_> {
     fn values(
         &self,
         material: &LookMaterial,
-        point: &SurfacePoint,
+        point: &TexelPoint,
         at: &ShadingPoint<'_>,
         ask: &Ask<'_>,
         values: &mut [Vec4],
@@ -251,7 +234,13 @@ fn channels(materials: &[Arc<LookMaterial>]) -> Vec<SourceChannel> {
     channels
 }
 
-fn check_eye(material: &LookMaterial) -> Result<(), LookSourceError> {
+fn view_dependent(what: &str) -> Error {
+    Error::unsupported(format!(
+        "{what} depends on the eye (a reflection, or the angle of view), and a bake has no eye; leave it out, or render instead"
+    ))
+}
+
+fn check_eye(material: &LookMaterial) -> Result<()> {
     let slots = [
         ("the base colour", &material.base_color),
         ("alpha", &material.alpha),
@@ -264,7 +253,7 @@ fn check_eye(material: &LookMaterial) -> Result<(), LookSourceError> {
         [("the anisotropy's strength", &a.strength), ("the anisotropy's direction", &a.direction)]
     });
     if let Some((what, _)) = slots.into_iter().chain(stretched).find(|(_, slot)| slot.is_view_dependent()) {
-        return Err(LookSourceError::ViewDependent { what });
+        return Err(view_dependent(what));
     }
     let depends = |relief: &Relief| {
         let (Relief::Bump { texture, .. }
@@ -273,7 +262,7 @@ fn check_eye(material: &LookMaterial) -> Result<(), LookSourceError> {
         texture.is_view_dependent()
     };
     match material.relief.iter().any(depends) {
-        true => Err(LookSourceError::ViewDependent { what: "the relief" }),
+        true => Err(view_dependent("the relief")),
         false => Ok(()),
     }
 }
@@ -315,7 +304,7 @@ struct PointFinder<'a> {
 
 impl PointFinder<'_> {
     /// Asks at a texel: object space, averaging over the texel, without an eye.
-    pub(crate) fn at<R>(&self, point: &SurfacePoint, ask: impl FnOnce(&ShadingPoint<'_>) -> R) -> R {
+    pub(crate) fn at<R>(&self, point: &TexelPoint, ask: impl FnOnce(&ShadingPoint<'_>) -> R) -> R {
         let sets = &self.mesh.corners.uv_sets;
         let (mut inline, heap);
         let uv = if sets.len() <= INLINE_SETS {
@@ -330,7 +319,7 @@ impl PointFinder<'_> {
     }
 
     /// As [`PointFinder::at`], at many texels together.
-    fn at_all<R>(&self, points: &[SurfacePoint], ask: impl FnOnce(&[ShadingPoint<'_>]) -> R) -> R {
+    fn at_all<R>(&self, points: &[TexelPoint], ask: impl FnOnce(&[ShadingPoint<'_>]) -> R) -> R {
         let sets = &self.mesh.corners.uv_sets;
         let uv: Vec<UvPoint> =
             points.iter().flat_map(|point| sets.iter().map(|set| uv_point(set, point))).collect();
@@ -340,17 +329,17 @@ impl PointFinder<'_> {
         ask(&at)
     }
 
-    fn shading_point<'u>(&self, point: &SurfacePoint, uv: &'u [UvPoint]) -> ShadingPoint<'u> {
+    fn shading_point<'u>(&self, point: &TexelPoint, uv: &'u [UvPoint]) -> ShadingPoint<'u> {
         let scale = self.mesh.world_from_mesh.scale as f32;
         // Off the triangle, colours must not be extrapolated.
-        let inside = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        let inside = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
         ShadingPoint {
             position: point.position * scale,
             position_steps: point.position_steps.map(|step| step * scale),
             normal: point.normal,
             normal_steps: self.normal_steps(point),
             uv,
-            vertex_color: vertex_color(self.mesh, point.triangle, inside),
+            vertex_color: vertex_color(self.mesh, point.at.index(), inside),
             to_eye: None,
             time: self.time,
             filtering: Filtering::Area,
@@ -358,23 +347,22 @@ impl PointFinder<'_> {
     }
 
     /// Derivatives of the normalised blend of the corners' normals.
-    fn normal_steps(&self, point: &SurfacePoint) -> [Vec3; 2] {
-        let corners = [0, 1, 2].map(|k| self.normals[3 * point.triangle + k]);
-        let blend = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
-        let length = blend(point.lambda).length().max(1e-3);
+    fn normal_steps(&self, point: &TexelPoint) -> [Vec3; 2] {
+        let corners = [0, 1, 2].map(|k| self.normals[3 * point.at.index() + k]);
+        let length = point.at.interpolate(corners).length().max(1e-3);
         point.lambda_steps.map(|step| {
-            let change = blend(step) / length;
+            let change = interpolate(corners, step) / length;
             change - point.normal * point.normal.dot(change)
         })
     }
 }
 
-fn uv_point(set: &[Vec2], point: &SurfacePoint) -> UvPoint {
-    let Some(corners) = set.get(3 * point.triangle..3 * point.triangle + 3) else {
-        return UvPoint::default();
-    };
-    let blend = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
-    UvPoint { uv: blend(point.lambda), steps: point.lambda_steps.map(blend) }
+fn uv_point(set: &[Vec2], point: &TexelPoint) -> UvPoint {
+    let corners = set.get(3 * point.at.index()..).and_then(|rest| rest.first_chunk::<3>());
+    corners.map_or_else(UvPoint::default, |&corners| UvPoint {
+        uv: point.at.interpolate(corners),
+        steps: point.lambda_steps.map(|step| interpolate(corners, step)),
+    })
 }
 
 // Normals bent by relief, over a texel.
@@ -396,7 +384,7 @@ struct Reliefs<'a> {
 
 impl Reliefs<'_> {
     /// The unit normal after all relief. `ask` answers for the point.
-    pub(crate) fn bend(&self, point: &SurfacePoint, at: &ShadingPoint<'_>, ask: &Ask<'_>) -> Vec3 {
+    pub(crate) fn bend(&self, point: &TexelPoint, at: &ShadingPoint<'_>, ask: &Ask<'_>) -> Vec3 {
         self.relief.iter().fold(at.normal, |normal, relief| {
             let bent = match relief {
                 Relief::Bump { texture, height, difference } => {
@@ -444,7 +432,7 @@ impl Reliefs<'_> {
         scale: f32,
         space: NormalSpace,
         normal: Vec3,
-        point: &SurfacePoint,
+        point: &TexelPoint,
     ) -> Option<Vec3> {
         let bent = match space {
             NormalSpace::Object => {
@@ -453,8 +441,8 @@ impl Reliefs<'_> {
             }
             NormalSpace::Tangent { uv_set } => {
                 let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
-                let lambda = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-                let frame = TangentFrame::at(self.normals, tangents, point.triangle, lambda);
+                let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+                let frame = TangentFrame::at(self.normals, tangents, point.at.index(), lambda);
                 frame.mesh_vector(texel * Vec3::new(scale, scale, 1.0))
             }
         };

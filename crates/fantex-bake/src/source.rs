@@ -1,6 +1,7 @@
 //! What is baked: functions of a surface point and a texel's footprint.
 
-use fantex_mesh::Mesh;
+use fantex_base::{Error, Result};
+use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_store::ChannelKind;
 use fantex_texture::{AnyMapping, Bounds, ImageTexture, Solid, SolidPoint, Wrap};
 use glam::{Vec3, Vec4};
@@ -9,12 +10,10 @@ use crate::LightMapSource;
 
 /// A point of the surface and the texel around it.
 #[derive(Clone, Copy, Debug)]
-pub struct SurfacePoint {
-    /// Triangle index.
-    pub triangle: usize,
-    /// Barycentric coordinates; slightly outside 0..1 for texels off the surface.
-    pub lambda: Vec3,
-    /// Change of `lambda` along the texel's width and height.
+pub struct TexelPoint {
+    /// The point; barycentric coordinates are slightly outside 0..1 for texels off the surface.
+    pub at: SurfacePoint,
+    /// Change of the barycentric coordinates along the texel's width and height.
     pub lambda_steps: [Vec3; 2],
     /// Mesh space.
     pub position: Vec3,
@@ -55,7 +54,7 @@ pub struct TriangleFootprint {
 
 /// A source over one triangle: for many points of it at once, writes one value per channel and point, those of a point
 /// together.
-pub type TriangleSource<'s> = Box<dyn Fn(&[SurfacePoint], &mut [Vec4]) + 's>;
+pub type TriangleSource<'s> = Box<dyn Fn(&[TexelPoint], &mut [Vec4]) + 's>;
 
 /// A function on the surface that can be baked.
 pub trait Source: Sync {
@@ -66,7 +65,7 @@ pub trait Source: Sync {
     fn prefilter(&self) -> Prefilter;
 
     /// Writes one value per channel.
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]);
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
 
     /// The same function for many texels of one triangle. Sources that can prepare something for them override this.
     fn on_triangle(&self, _footprint: &TriangleFootprint) -> TriangleSource<'_> {
@@ -117,11 +116,6 @@ impl WorldSpace {
 
 // Vertex colours.
 
-/// The mesh has no vertex colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the model has no vertex colours; choose another source")]
-pub struct NoVertexColors;
-
 /// The mesh's vertex colours, interpolated over the triangles.
 #[derive(Clone, Copy, Debug)]
 pub struct VertexColorSource<'a> {
@@ -135,10 +129,10 @@ impl<'a> VertexColorSource<'a> {
     /// # Errors
     ///
     /// The mesh has none.
-    pub fn new(mesh: &'a Mesh) -> Result<Self, NoVertexColors> {
+    pub fn new(mesh: &'a Mesh) -> Result<Self> {
         let colors = mesh.corners.colors.as_slice();
         if colors.len() != 3 * mesh.triangles.len() || colors.is_empty() {
-            return Err(NoVertexColors);
+            return Err(Error::not_found("the model has no vertex colours; choose another source"));
         }
         Ok(Self { colors, has_alpha: colors.iter().any(|c| c.w < 1.0) })
     }
@@ -153,10 +147,9 @@ impl Source for VertexColorSource<'_> {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        let c = &self.colors[3 * point.triangle..3 * point.triangle + 3];
-        let l = point.lambda;
-        let color = c[0] * l.x + c[1] * l.y + c[2] * l.z;
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let c = &self.colors[3 * point.at.index()..3 * point.at.index() + 3];
+        let color = point.at.interpolate([c[0], c[1], c[2]]);
         // Just off the surface the plane of colours goes on, but not beyond the corners' range.
         values[0] = color.clamp(c[0].min(c[1]).min(c[2]), c[0].max(c[1]).max(c[2]));
     }
@@ -192,7 +185,7 @@ impl Source for MappedImageSource {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let p = self.space.point(point.position);
         let steps = self.space.steps(point.position_steps);
         let color = self.mapping.evaluate(p, point.normal, steps, |uv, footprint| {
@@ -216,7 +209,7 @@ impl SolidSource {
         Self { solid, space: WorldSpace::of(mesh) }
     }
 
-    fn solid_point(&self, point: &SurfacePoint) -> SolidPoint {
+    fn solid_point(&self, point: &TexelPoint) -> SolidPoint {
         let steps = self.space.steps(point.position_steps);
         let footprint = (0.5 * (steps[0].length_squared() + steps[1].length_squared())).sqrt();
         SolidPoint { p: self.space.point(point.position), n: point.normal, footprint, time: 0.0 }
@@ -233,7 +226,7 @@ impl Source for SolidSource {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = Vec4::from_array(self.solid.color(&self.solid_point(point)));
     }
 
@@ -272,7 +265,7 @@ impl Source for SineSource {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = Vec3::splat(self.value(point.position)).extend(1.0);
     }
 }
@@ -335,10 +328,10 @@ impl Source for LitSource<'_> {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        let lambda = point.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        let lambda = lambda / lambda.element_sum().max(f32::MIN_POSITIVE);
-        let light = self.light.illumination(point.triangle, lambda, point.lambda_steps).value;
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        let at = SurfacePoint { lambda: lambda / lambda.element_sum().max(f32::MIN_POSITIVE), ..point.at };
+        let light = self.light.illumination(at, point.lambda_steps).value;
         let (color, emission) = self.colors.as_ref().map_or((Vec4::ONE, Vec3::ZERO), |colors| {
             let mut all = vec![Vec4::ZERO; colors.channels];
             colors.source.evaluate(point, &mut all);

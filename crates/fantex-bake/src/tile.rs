@@ -9,10 +9,11 @@
 //! Large tiles are cut into blocks with a margin of `HALO` texels, so that a texel's value does not depend on the cut, and
 //! memory does not grow with the tile.
 
+use fantex_base::Result;
 use std::time::{Duration, Instant};
 
 use fantex_cover::{Cover, Footprints, TexelBlock, TexelTriangle};
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{
     Channel, ChannelKind, EncodedPage, PageId, Quality, TexelFormat, TexelSlice, encode_many, page_extent,
     page_grid, page_origin,
@@ -21,11 +22,9 @@ use fantex_texture::color::{srgb8_from_linear, unorm8};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::bake::Meter;
+use crate::bake::{Meter, cancelled};
 use crate::raster::{Mean, Overshoot, Raster};
-use crate::{
-    BakeError, BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint,
-};
+use crate::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint};
 
 /// Longest side of a block. Tiles longer than this have sides that are multiples of 32, so that blocks halve exactly down
 /// to `SHARED_LEVEL`.
@@ -64,7 +63,7 @@ pub(crate) struct BakedTile {
 
 impl TileBaker<'_> {
     /// Bakes the tile of a group; `triangles` are those with a corner in the group.
-    pub(crate) fn bake(&self, group: u32, triangles: &[u32]) -> Result<BakedTile, BakeError> {
+    pub(crate) fn bake(&self, group: u32, triangles: &[u32]) -> Result<BakedTile> {
         let extent = self.cover.groups[group as usize].extent;
         let started = Instant::now();
         let triangles = self.texel_triangles(group, triangles);
@@ -97,14 +96,14 @@ impl TileBaker<'_> {
         extent: [u32; 2],
         triangles: &[TexelTriangle],
         tile: &mut BakedTile,
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         let shared_extent = self.cover.groups[group as usize].level_extent(SHARED_LEVEL);
         let grid = extent.map(|n| n.div_ceil(BLOCK));
         let blocks: Vec<[u32; 2]> = (0..grid[1]).flat_map(|y| (0..grid[0]).map(move |x| [x, y])).collect();
         let baked = blocks
             .par_iter()
             .map(|&at| self.bake_block(group, extent, shared_extent, triangles, at))
-            .collect::<Result<Vec<_>, BakeError>>()?;
+            .collect::<Result<Vec<_>>>()?;
         let mut shared = self.empty_raster(shared_extent);
         for (block, part, origin) in baked {
             shared.paste(origin, &part);
@@ -124,9 +123,9 @@ impl TileBaker<'_> {
         shared_extent: [u32; 2],
         triangles: &[TexelTriangle],
         at: [u32; 2],
-    ) -> Result<(BakedTile, Raster, [u32; 2]), BakeError> {
+    ) -> Result<(BakedTile, Raster, [u32; 2])> {
         if self.meter.is_cancelled() {
-            return Err(BakeError::Cancelled);
+            return Err(cancelled());
         }
         // Along a short side the block is the whole tile and nothing is cut there.
         let low: [u32; 2] = std::array::from_fn(|k| at[k] * BLOCK);
@@ -222,13 +221,13 @@ impl TileBaker<'_> {
             normals: [0, 1, 2].map(|k| self.normals[3 * t + k]),
             facet_normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
             lambda_steps: triangle.steps,
-            position_steps: triangle.steps.map(|step| blend(corners, step)),
+            position_steps: triangle.steps.map(|step| interpolate(corners, step)),
         }
     }
 
     /// Normals and directions are stored in the tile's shading frame, as numbers in 0..1. `values` has those of all channels for
     /// every point.
-    fn turn_vectors(&self, group: u32, points: &[SurfacePoint], values: &mut [Vec4]) {
+    fn turn_vectors(&self, group: u32, points: &[TexelPoint], values: &mut [Vec4]) {
         let group = &self.cover.groups[group as usize];
         for (channel, plan) in self.plans.iter().enumerate() {
             let is_doubled = match plan.channel.kind {
@@ -250,13 +249,7 @@ impl TileBaker<'_> {
     }
 
     /// Encodes `raster`, which is the whole tile at `level`, and all coarser levels; computes the means.
-    fn finish_levels(
-        &self,
-        group: u32,
-        level: u32,
-        mut raster: Raster,
-        tile: &mut BakedTile,
-    ) -> Result<(), BakeError> {
+    fn finish_levels(&self, group: u32, level: u32, mut raster: Raster, tile: &mut BakedTile) -> Result<()> {
         let shape = &self.cover.groups[group as usize];
         tile.means = means(&raster);
         for l in level..shape.level_count() {
@@ -281,7 +274,7 @@ impl TileBaker<'_> {
         size: [u32; 2],
         first: [u32; 2],
         tile: &mut BakedTile,
-    ) -> Result<(), BakeError> {
+    ) -> Result<()> {
         let started = Instant::now();
         let mut values = if level == 0 {
             raster.fitted(self.options.fit, self.prefilter(), |channel| self.overshoot(channel))
@@ -337,22 +330,17 @@ struct Plane {
 }
 
 impl Plane {
-    fn point(&self, lambda: Vec3) -> SurfacePoint {
+    fn point(&self, lambda: Vec3) -> TexelPoint {
         // Off the surface the plane goes on, but a normal must not be extrapolated.
         let on_triangle = lambda.clamp(Vec3::ZERO, Vec3::ONE);
-        SurfacePoint {
-            triangle: self.triangle,
-            lambda,
+        TexelPoint {
+            at: SurfacePoint { triangle: self.triangle as u32, lambda },
             lambda_steps: self.lambda_steps,
-            position: blend(self.corners, lambda),
+            position: interpolate(self.corners, lambda),
             position_steps: self.position_steps,
-            normal: blend(self.normals, on_triangle).try_normalize().unwrap_or(self.facet_normal),
+            normal: interpolate(self.normals, on_triangle).try_normalize().unwrap_or(self.facet_normal),
         }
     }
-}
-
-fn blend([a, b, c]: [Vec3; 3], lambda: Vec3) -> Vec3 {
-    a * lambda.x + b * lambda.y + c * lambda.z
 }
 
 /// The mean of each channel where the tile is read, or of what there is.
@@ -454,11 +442,7 @@ impl Window<'_> {
 }
 
 /// Encodes pages of all channels: `result[page][channel]`.
-fn encode_pages(
-    plans: &[ChannelPlan],
-    quality: Quality,
-    pages: &[Window<'_>],
-) -> fantex_base::Result<Vec<Vec<Vec<u8>>>> {
+fn encode_pages(plans: &[ChannelPlan], quality: Quality, pages: &[Window<'_>]) -> Result<Vec<Vec<Vec<u8>>>> {
     let mut encoded = vec![Vec::with_capacity(plans.len()); pages.len()];
     for (index, plan) in plans.iter().enumerate() {
         let format = plan.channel.format;

@@ -8,11 +8,12 @@
 //! - [`TransferSource`] bakes normals and any [`Source`] of the detailed mesh into fan tiles;
 //! - [`bake_normal_map`] makes an ordinary image of normals for a coarse mesh with texture coordinates.
 
+use fantex_base::{Error, Result};
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_mesh::{
-    Mesh, RayHit, SURFACE_OFFSET, TriangleBvh, corner_normals, corner_tangents, shading_normals,
+    Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, shading_normals,
 };
 use fantex_store::ChannelKind;
 use fantex_texture::Image;
@@ -20,7 +21,7 @@ use fantex_texture::material::TangentFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint};
+use crate::{Prefilter, Source, SourceChannel, TexelPoint};
 
 /// How well two meshes fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,43 +34,17 @@ pub struct TransferReport {
     pub missed: u64,
 }
 
-/// Why nothing can be transferred.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum TransferError {
-    /// The cage is no length.
-    #[error(
-        "the cage is {cage} world units, but must be a positive number; leave it out to have it measured"
-    )]
-    Cage {
-        /// What was asked for.
-        cage: f64,
-    },
-    /// A mesh without triangles.
-    #[error("the {which} mesh has no triangles")]
-    Empty {
-        /// `coarse` or `detailed`.
-        which: &'static str,
-    },
-    /// Too few or too many rays.
-    #[error("samples is {samples}, but a texel takes 1 to {most} rays along each side")]
-    Samples {
-        /// What was asked for.
-        samples: u32,
-        /// The most.
-        most: u32,
-    },
-}
-
 /// Rays along a texel's side at most.
-const MOST_SAMPLES: u32 = 64;
+const MAX_SAMPLES: u32 = 64;
 
 /// Checks the number of rays along a texel's side.
-fn check_samples(samples: u32) -> Result<(), TransferError> {
-    if (1..=MOST_SAMPLES).contains(&samples) {
+fn check_samples(samples: u32) -> Result<()> {
+    if (1..=MAX_SAMPLES).contains(&samples) {
         Ok(())
     } else {
-        Err(TransferError::Samples { samples, most: MOST_SAMPLES })
+        Err(Error::invalid(format!(
+            "samples is {samples}, but a texel takes 1 to {MAX_SAMPLES} rays along each side"
+        )))
     }
 }
 
@@ -77,12 +52,6 @@ fn check_samples(samples: u32) -> Result<(), TransferError> {
 fn cells(n: u32) -> impl Iterator<Item = [f32; 2]> {
     let at = move |i: u32| (i as f32 + 0.5) / n as f32 - 0.5;
     (0..n * n).map(move |i| [at(i % n), at(i / n)])
-}
-
-/// Barycentric coordinates beside a triangle, moved onto it.
-fn on_triangle(lambda: glam::Vec3) -> glam::Vec3 {
-    let inside = lambda.max(glam::Vec3::ZERO);
-    inside / inside.element_sum()
 }
 
 // From a point of the coarse mesh to the point of the detailed mesh that it stands for.
@@ -93,13 +62,6 @@ const PROBES: usize = 2048;
 const CAGE_SLACK: f32 = 1.25;
 /// Meshes that coincide still get a cage, mesh units.
 const SMALLEST_CAGE: f32 = 1e-4;
-
-/// A point of the detailed mesh.
-#[derive(Clone, Copy, Debug)]
-struct Match {
-    pub(crate) triangle: usize,
-    pub(crate) lambda: Vec3,
-}
 
 /// Rays from one mesh to another.
 struct Projector<'a> {
@@ -120,18 +82,16 @@ struct Projector<'a> {
 
 impl<'a> Projector<'a> {
     /// `cage` in world units.
-    pub(crate) fn new(
-        coarse: &'a Mesh,
-        detailed: &'a Mesh,
-        cage: Option<f64>,
-    ) -> Result<Self, TransferError> {
+    pub(crate) fn new(coarse: &'a Mesh, detailed: &'a Mesh, cage: Option<f64>) -> Result<Self> {
         if let Some(cage) = cage.filter(|c| !(c.is_finite() && *c > 0.0)) {
-            return Err(TransferError::Cage { cage });
+            return Err(Error::invalid(format!(
+                "the cage is {cage} world units, but must be a positive number; leave it out to have it measured"
+            )));
         }
         let empty =
             [("coarse", coarse), ("detailed", detailed)].into_iter().find(|m| m.1.triangles.is_empty());
         if let Some((which, _)) = empty {
-            return Err(TransferError::Empty { which });
+            return Err(Error::invalid(format!("the {which} mesh has no triangles")));
         }
         let (from, to) = (&coarse.world_from_mesh, &detailed.world_from_mesh);
         let mut projector = Self {
@@ -155,13 +115,11 @@ impl<'a> Projector<'a> {
 
     /// The match of a point of a coarse triangle: along the smooth normal, outwards or inwards, whichever is nearer and faces
     /// the same way; or else the nearest point.
-    pub(crate) fn find(&self, triangle: usize, lambda: Vec3) -> Match {
+    pub(crate) fn find(&self, at: SurfacePoint) -> SurfacePoint {
         self.points.fetch_add(1, Relaxed);
-        let normals: [Vec3; 3] = std::array::from_fn(|k| self.ray_normals[3 * triangle + k]);
-        let corners = self.coarse.triangle_positions(triangle);
-        let blend = |v: [Vec3; 3]| v[0] * lambda.x + v[1] * lambda.y + v[2] * lambda.z;
-        let p = self.in_detailed(blend(corners));
-        let normal = blend(normals).try_normalize();
+        let normals: [Vec3; 3] = std::array::from_fn(|k| self.ray_normals[3 * at.index() + k]);
+        let p = self.in_detailed(at.position(self.coarse));
+        let normal = at.interpolate(normals).try_normalize();
         let by_ray = normal.and_then(|normal| {
             let hits = [(normal, false), (-normal, true)].map(|(direction, front)| {
                 // From a little behind, since the surfaces may touch at the point itself.
@@ -172,20 +130,20 @@ impl<'a> Projector<'a> {
             hits.into_iter().flatten().min_by(|a, b| a.distance.total_cmp(&b.distance))
         });
         if let Some(hit) = by_ray {
-            return Match { triangle: hit.point.index(), lambda: hit.point.lambda };
+            return hit.point;
         }
         self.missed.fetch_add(1, Relaxed);
         match self.bvh.nearest_point(p, f32::INFINITY) {
-            Some(nearest) => Match { triangle: nearest.point.index(), lambda: nearest.point.lambda },
+            Some(nearest) => nearest.point,
             // Only where the point is no number.
-            None => Match { triangle: 0, lambda: Vec3::X },
+            None => SurfacePoint::corner(0, 0),
         }
     }
 
     /// Unit shading normal of the detailed mesh; directions are the same in both mesh spaces.
-    fn shading_normal(&self, at: Match) -> Vec3 {
-        let [a, b, c] = [0, 1, 2].map(|k| self.detailed_normals[3 * at.triangle + k]);
-        (a * at.lambda.x + b * at.lambda.y + c * at.lambda.z).try_normalize().unwrap_or(a)
+    fn shading_normal(&self, at: SurfacePoint) -> Vec3 {
+        let normals = [0, 1, 2].map(|k| self.detailed_normals[3 * at.index() + k]);
+        at.interpolate(normals).try_normalize().unwrap_or(normals[0])
     }
 
     /// A point of coarse mesh space in detailed mesh space.
@@ -297,7 +255,7 @@ impl<'a> TransferSource<'a> {
         detailed: &'a Mesh,
         detail: Option<&'a dyn Source>,
         options: &TransferOptions,
-    ) -> Result<Self, TransferError> {
+    ) -> Result<Self> {
         check_samples(options.samples)?;
         let projector = Projector::new(coarse, detailed, options.cage)?;
         let mut channels = detail.map_or_else(Vec::new, Source::channels);
@@ -316,19 +274,18 @@ impl<'a> TransferSource<'a> {
 
     /// All channels at one point of the detailed mesh; `steps` are the sides of the area that it stands for, coarse mesh
     /// space.
-    fn value_at(&self, at: Match, steps: [Vec3; 2], values: &mut [Vec4]) {
+    fn value_at(&self, at: SurfacePoint, steps: [Vec3; 2], values: &mut [Vec4]) {
         let (first, rest) = values.split_at_mut(usize::from(self.own_normals));
         if let Some(normal) = first.first_mut() {
             *normal = self.projector.shading_normal(at).extend(0.0);
         }
         let Some(detail) = self.detail else { return };
-        let corners = self.projector.detailed.triangle_positions(at.triangle);
+        let corners = self.projector.detailed.triangle_positions(at.index());
         let position_steps = steps.map(|s| s * self.projector.length_in_detailed());
-        let point = SurfacePoint {
-            triangle: at.triangle,
-            lambda: at.lambda,
+        let point = TexelPoint {
+            at,
             lambda_steps: position_steps.map(|s| lambda_step(corners, s)),
-            position: corners[0] * at.lambda.x + corners[1] * at.lambda.y + corners[2] * at.lambda.z,
+            position: at.interpolate(corners),
             position_steps,
             normal: self.projector.shading_normal(at),
         };
@@ -353,13 +310,13 @@ impl Source for TransferSource<'_> {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let share = 1.0 / self.samples as f32;
         let steps = point.position_steps.map(|s| s * share);
         let mut sums = vec![Vec4::ZERO; values.len()];
         for [x, y] in cells(self.samples) {
-            let lambda = point.lambda + point.lambda_steps[0] * x + point.lambda_steps[1] * y;
-            let at = self.projector.find(point.triangle, on_triangle(lambda));
+            let lambda = point.at.lambda + point.lambda_steps[0] * x + point.lambda_steps[1] * y;
+            let at = self.projector.find(SurfacePoint { lambda, ..point.at }.clamped());
             self.value_at(at, steps, values);
             for ((sum, value), channel) in sums.iter_mut().zip(&*values).zip(&self.channels) {
                 // Colours count in proportion to their coverage.
@@ -414,35 +371,10 @@ impl Default for NormalMapOptions {
     }
 }
 
-const MOST_TEXELS: u32 = 8192;
-const MOST_PADDING: u32 = 256;
+const MAX_SIDE: u32 = 8192;
+const MAX_PADDING: u32 = 256;
 /// Nobody's texel.
 const EMPTY: u32 = u32::MAX;
-
-/// Why there is no normal map.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum NormalMapError {
-    /// The image would have no or too many texels.
-    #[error("the size is {0} x {1} texels, but must be 1 to {MOST_TEXELS} along each side")]
-    Size(u32, u32),
-    /// Too much padding.
-    #[error("the padding is {0} texels, but must be at most {MOST_PADDING}")]
-    Padding(u32),
-    /// The coarse mesh lacks the set of texture coordinates.
-    #[error(
-        "the coarse mesh has {available} sets of texture coordinates, but set {uv_set} (from 0) is asked for"
-    )]
-    NoUvSet {
-        /// What was asked for.
-        uv_set: usize,
-        /// How many there are.
-        available: usize,
-    },
-    /// The meshes cannot be brought together.
-    #[error(transparent)]
-    Transfer(#[from] TransferError),
-}
 
 /// Bakes the shading normals of `detailed` into an image over the texture coordinates of `coarse`: linear RGB floats, with
 /// -1..1 as 0..1 (convert to the depth that you store).
@@ -457,7 +389,7 @@ pub fn bake_normal_map(
     coarse: &Mesh,
     detailed: &Mesh,
     options: &NormalMapOptions,
-) -> Result<(Image, TransferReport), NormalMapError> {
+) -> Result<(Image, TransferReport)> {
     let uv = check(coarse, options)?;
     let projector = Projector::new(coarse, detailed, options.cage)?;
     let charts = Charts::new(coarse, uv, options.size);
@@ -468,9 +400,8 @@ pub fn bake_normal_map(
         (owner != EMPTY).then(|| {
             let at = |offset: [f32; 2]| charts.lambda(owner as usize, texel, offset);
             let normal = |offset| {
-                let lambda = on_triangle(at(offset));
-                let found = projector.find(owner as usize, lambda);
-                frames.relative(owner as usize, lambda, projector.shading_normal(found))
+                let at = SurfacePoint { triangle: owner, lambda: at(offset) }.clamped();
+                frames.relative(at, projector.shading_normal(projector.find(at)))
             };
             let sum: Vec3 = cells(options.samples).map(normal).sum();
             sum.try_normalize().unwrap_or(frames.nothing())
@@ -487,18 +418,29 @@ pub fn bake_normal_map(
 }
 
 /// The texture coordinates, if all is well.
-fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2], NormalMapError> {
+fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2]> {
     let [width, height] = options.size;
-    if options.size.iter().any(|n| !(1..=MOST_TEXELS).contains(n)) {
-        return Err(NormalMapError::Size(width, height));
+    if options.size.iter().any(|n| !(1..=MAX_SIDE).contains(n)) {
+        return Err(Error::invalid(format!(
+            "the size is {width} x {height} texels, but must be 1 to {MAX_SIDE} along each side"
+        )));
     }
-    if options.padding > MOST_PADDING {
-        return Err(NormalMapError::Padding(options.padding));
+    if options.padding > MAX_PADDING {
+        return Err(Error::invalid(format!(
+            "the padding is {} texels, but must be at most {MAX_PADDING}",
+            options.padding
+        )));
     }
     check_samples(options.samples)?;
     let sets = &coarse.corners.uv_sets;
     let set = sets.get(options.uv_set).filter(|set| set.len() == 3 * coarse.triangles.len());
-    set.map(Vec::as_slice).ok_or(NormalMapError::NoUvSet { uv_set: options.uv_set, available: sets.len() })
+    set.map(Vec::as_slice).ok_or_else(|| {
+        Error::invalid(format!(
+            "the coarse mesh has {} sets of texture coordinates, but set {} (from 0) is asked for",
+            sets.len(),
+            options.uv_set
+        ))
+    })
 }
 
 /// Which triangle every texel belongs to.
@@ -587,11 +529,11 @@ impl Frames {
     }
 
     /// A unit normal relative to the axes, of unit length.
-    fn relative(&self, triangle: usize, lambda: Vec3, normal: Vec3) -> Vec3 {
+    fn relative(&self, at: SurfacePoint, normal: Vec3) -> Vec3 {
         match self {
             Self::Object => normal,
             Self::Tangent { normals, tangents } => {
-                TangentFrame::at(normals, tangents, triangle, lambda).relative(normal).unwrap_or(Vec3::Z)
+                TangentFrame::at(normals, tangents, at.index(), at.lambda).relative(normal).unwrap_or(Vec3::Z)
             }
         }
     }
@@ -625,7 +567,7 @@ fn grown(normals: &[Option<Vec3>], width: usize) -> Vec<Option<Vec3>> {
 
 #[cfg(test)]
 mod tests {
-    use fantex_mesh::{CleanOptions, clean, generate};
+    use fantex_mesh::{CleanOptions, clean, generate, interpolate};
 
     use super::*;
 
@@ -659,7 +601,7 @@ mod tests {
     fn lambda_steps_undo_position_steps() {
         let corners = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(0.9, 0.1, -0.2), Vec3::new(0.3, 0.8, 0.1)];
         for lambda in [Vec3::new(0.1, -0.3, 0.2), Vec3::new(-0.5, 0.25, 0.25)] {
-            let step = corners[0] * lambda.x + corners[1] * lambda.y + corners[2] * lambda.z;
+            let step = interpolate(corners, lambda);
             let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
             assert!((lambda_step(corners, step + 3.0 * normal) - lambda).length() < 1e-5);
         }

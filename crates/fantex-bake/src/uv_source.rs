@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fantex_mesh::{AlphaMode, Material, Mesh, shading_normals};
+use fantex_mesh::{AlphaMode, Material, Mesh, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::material::{
     MaterialImageError, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
@@ -11,7 +11,7 @@ use fantex_texture::material::{
 use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Prefilter, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource};
+use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
 
 /// The materials of a mesh as a source.
 #[derive(Debug)]
@@ -91,7 +91,7 @@ impl<'a> UvSource<'a> {
     ) -> Option<LayerSampler<'s>> {
         let layer = layer.as_ref()?;
         let corners = layer.corner_uv(self.mesh, on.triangle);
-        let edges = on.lambda_steps.map(|step| blend(corners, step));
+        let edges = on.lambda_steps.map(|step| interpolate(corners, step));
         let smooth = (!layer.nearest).then(|| layer.texture.area_sampler(edges, layer.wrap));
         Some(LayerSampler { layer, corners, edges, smooth, follows: false })
     }
@@ -118,7 +118,7 @@ type Means = [[f32; 4]; AREAS_AT_ONCE];
 
 impl LayerSampler<'_> {
     /// The means of the texture over the texels around points.
-    fn means(&self, points: &[SurfacePoint], shared: Option<&Areas>) -> Means {
+    fn means(&self, points: &[TexelPoint], shared: Option<&Areas>) -> Means {
         let mut means = [[1.0; 4]; AREAS_AT_ONCE];
         let out = &mut means[..points.len()];
         match (&self.smooth, shared) {
@@ -126,7 +126,7 @@ impl LayerSampler<'_> {
             (Some(sampler), _) => sampler.sample_areas(&areas_around(sampler, self.corners, points), out),
             (None, _) => {
                 for (out, point) in out.iter_mut().zip(points) {
-                    let (uv, layer) = (blend(self.corners, point.lambda), self.layer);
+                    let (uv, layer) = (interpolate(self.corners, point.at.lambda), self.layer);
                     *out = layer.texture.sample_area_nearest(uv, self.edges, layer.wrap);
                 }
             }
@@ -136,10 +136,10 @@ impl LayerSampler<'_> {
 }
 
 /// The areas of a sampler around points of a triangle with these coordinates at its corners.
-fn areas_around(sampler: &AreaSampler<'_>, corners: [Vec2; 3], points: &[SurfacePoint]) -> Areas {
+fn areas_around(sampler: &AreaSampler<'_>, corners: [Vec2; 3], points: &[TexelPoint]) -> Areas {
     let mut coordinates = [Vec2::ZERO; AREAS_AT_ONCE];
     for (uv, point) in coordinates.iter_mut().zip(points) {
-        *uv = blend(corners, point.lambda);
+        *uv = interpolate(corners, point.at.lambda);
     }
     sampler.areas(&coordinates[..points.len()])
 }
@@ -176,7 +176,7 @@ impl<'s> MaterialSampler<'s> {
     }
 
     /// The means of all layers at up to [`AREAS_AT_ONCE`] points.
-    fn means(&self, points: &[SurfacePoint]) -> MaterialMeans {
+    fn means(&self, points: &[TexelPoint]) -> MaterialMeans {
         let areas = self.first.as_ref().map(|(sampler, corners)| areas_around(sampler, *corners, points));
         let means = |layer: &Option<LayerSampler<'_>>| {
             layer.as_ref().map(|layer| layer.means(points, areas.as_ref()))
@@ -212,13 +212,9 @@ fn is_same_look_up(a: &Option<TextureLayer>, b: &Option<TextureLayer>) -> bool {
         && (a.uv_set, a.uv_transform, a.wrap, a.nearest) == (b.uv_set, b.uv_transform, b.wrap, b.nearest)
 }
 
-fn blend([a, b, c]: [Vec2; 3], lambda: Vec3) -> Vec2 {
-    a * lambda.x + b * lambda.y + c * lambda.z
-}
-
 /// Off the surface, what is interpolated between corners must not be extrapolated.
-fn lambda_on_triangle(point: &SurfacePoint) -> Vec3 {
-    point.lambda.clamp(Vec3::ZERO, Vec3::ONE)
+fn lambda_on_triangle(point: &TexelPoint) -> Vec3 {
+    point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
 impl Source for UvSource<'_> {
@@ -237,8 +233,8 @@ impl Source for UvSource<'_> {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        let footprint = TriangleFootprint { triangle: point.triangle, lambda_steps: point.lambda_steps };
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let footprint = TriangleFootprint { triangle: point.at.index(), lambda_steps: point.lambda_steps };
         self.on_triangle(&footprint)(std::slice::from_ref(point), values);
     }
 
@@ -259,7 +255,7 @@ impl Source for UvSource<'_> {
             first: None,
         }
         .with_shared_areas();
-        let at = move |point: &SurfacePoint, means: &MaterialMeans, index: usize, values: &mut [Vec4]| {
+        let at = move |point: &TexelPoint, means: &MaterialMeans, index: usize, values: &mut [Vec4]| {
             for (kind, value) in self.kinds.iter().zip(values) {
                 *value = match kind {
                     ChannelKind::BaseColor => {

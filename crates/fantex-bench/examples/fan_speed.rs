@@ -11,9 +11,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fantex_bake::{
-    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
-};
+use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_gpu::{
     DrawOptions, Frame, Gpu, GpuOptions, HiddenScreen, Model, StreamedModel, UvModel, stream_view,
@@ -115,7 +113,7 @@ impl Source for Waves {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let wave = (point.position * 90.0).map(f32::sin) * 0.4 + 0.5;
         values[0] = wave.extend(1.0);
     }

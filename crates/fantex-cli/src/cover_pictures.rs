@@ -74,8 +74,8 @@ fn draw_on_model(
     options: &RenderOptions,
 ) -> Result<Picture, CliError> {
     let color = |hit: &Hit| {
-        let groups = cover.corner_groups[hit.triangle];
-        let weights = cover.weights(hit.triangle, hit.lambda);
+        let groups = cover.corner_groups[hit.triangle()];
+        let weights = cover.weights(hit.triangle(), hit.at.lambda);
         weights.iter().map(|(slot, weight)| colors[groups[slot] as usize] * weight).sum()
     };
     let surface = FlatSurface::new(mesh, FlatShading::Smooth, color);
@@ -111,7 +111,7 @@ fn draw_directions(
     };
     shown.iter().for_each(|&g| add_arrow(&mut scene, feet[g], &cover.groups[g], length));
     let model_triangles = mesh.triangles.len();
-    let color = |hit: &Hit| match hit.triangle.checked_sub(model_triangles) {
+    let color = |hit: &Hit| match hit.triangle().checked_sub(model_triangles) {
         None => Vec3::splat(0.75),
         Some(i) => colors[shown[i / TRIANGLES]] * 0.8,
     };

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use clap::Args;
 use fantex::Error;
-use fantex::bake::{Source, SurfacePoint};
+use fantex::bake::{Source, TexelPoint};
 use fantex::look::LookFile;
 use fantex::mesh::{Mesh, shading_normals};
 use fantex::render::{
@@ -129,15 +129,14 @@ pub(crate) fn source_surface<'a>(
     let normals = shading_normals(mesh);
     let channels = source.channels().len();
     FlatSurface::new(mesh, FlatShading::Smooth, move |hit| {
-        let corners = mesh.triangle_positions(hit.triangle);
-        let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
-        let point = SurfacePoint {
-            triangle: hit.triangle,
-            lambda: hit.lambda,
-            lambda_steps: [hit.dlambda_dx, hit.dlambda_dy],
-            position: along(hit.lambda),
-            position_steps: [along(hit.dlambda_dx), along(hit.dlambda_dy)],
-            normal: hit.blend([0, 1, 2].map(|k| normals[3 * hit.triangle + k])).normalize_or(Vec3::Z),
+        let (position, position_steps) = hit.interpolate(mesh.triangle_positions(hit.triangle()));
+        let corner_normals = [0, 1, 2].map(|k| normals[3 * hit.triangle() + k]);
+        let point = TexelPoint {
+            at: hit.at,
+            lambda_steps: hit.lambda_steps,
+            position,
+            position_steps,
+            normal: hit.at.interpolate(corner_normals).normalize_or(Vec3::Z),
         };
         let mut values = vec![Vec4::ZERO; channels];
         source.evaluate(&point, &mut values);

@@ -5,7 +5,7 @@ use std::io;
 use std::path::PathBuf;
 
 use fantex_bake::{
-    Prefilter, Progress, Source, SourceChannel, SurfacePoint, TriangleFootprint, TriangleSource,
+    Prefilter, Progress, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource,
 };
 use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
@@ -150,8 +150,8 @@ impl<'a> PhotoSource<'a> {
     }
 
     /// The colour of a point.
-    fn color(&self, views: &[&View], reader: &PageReader<'_>, point: &SurfacePoint) -> Vec3 {
-        let place = self.place(point.triangle, point.lambda);
+    fn color(&self, views: &[&View], reader: &PageReader<'_>, point: &TexelPoint) -> Vec3 {
+        let place = self.place(point.at.index(), point.at.lambda);
         let looked = look(views, reader, &place);
         let largest = looked.iter().map(|(_, seen)| seen.weight).fold(0.0, f32::max);
         // Colours count by weight and mask; how much of the masks is open counts as confidence.
@@ -222,8 +222,8 @@ impl Source for PhotoSource<'_> {
         Prefilter::Box
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
-        let on = TriangleFootprint { triangle: point.triangle, lambda_steps: point.lambda_steps };
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        let on = TriangleFootprint { triangle: point.at.index(), lambda_steps: point.lambda_steps };
         self.on_triangle(&on)(std::slice::from_ref(point), values);
     }
 

@@ -12,7 +12,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex_bake::{Source, SurfacePoint};
+use fantex_bake::{Source, TexelPoint};
 use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
@@ -396,17 +396,13 @@ impl Taker<'_> {
             DVec3::new(along(b, c), along(c, a), along(a, b)).as_vec3()
         };
         let vertex_normals = [0, 1, 2].map(|k| self.normals[3 * hit.point.index() + k]);
-        let point = SurfacePoint {
-            triangle: hit.point.index(),
-            lambda: hit.point.lambda,
+        let at = hit.point;
+        let point = TexelPoint {
+            at,
             lambda_steps: steps.map(lambda_step),
-            position: hit.point.position(self.mesh),
+            position: at.position(self.mesh),
             position_steps: steps.map(|s| s.as_vec3()),
-            normal: hit
-                .point
-                .interpolate(vertex_normals)
-                .try_normalize()
-                .unwrap_or(normal.normalize().as_vec3()),
+            normal: at.interpolate(vertex_normals).try_normalize().unwrap_or(normal.normalize().as_vec3()),
         };
         let mut values = vec![Vec4::ZERO; self.channels];
         self.source.evaluate(&point, &mut values);

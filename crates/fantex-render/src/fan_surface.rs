@@ -1,6 +1,6 @@
 //! A baked asset: fan tiles through the texture function.
 
-use fantex_mesh::{Material, SurfacePoint, Twins};
+use fantex_mesh::{Material, Twins};
 use fantex_store::{
     ChannelKind, Footprint, PageCache, SamplePoint, Sampler, Stretch, SurfaceValues, TileSource,
 };
@@ -63,7 +63,7 @@ impl<S: TileSource> FanSurface<S> {
     /// The material at a point, of its values.
     fn sample(&self, hit: &Hit, normal_steps: [Vec3; 2], values: &SurfaceValues) -> MaterialSample {
         let default_material;
-        let material = match self.material(hit.triangle) {
+        let material = match self.material(hit.triangle()) {
             Some(material) => material,
             None => {
                 default_material = Material::default();
@@ -97,7 +97,7 @@ impl<S: TileSource> FanSurface<S> {
 
     /// What a point has beside its material.
     fn finish(&self, hit: &Hit, sample: &MaterialSample, values: &SurfaceValues) -> Option<Finish<'_>> {
-        let toon = self.toon(hit.triangle);
+        let toon = self.toon(hit.triangle());
         if toon.is_none() && !self.has_light && values.stretch.is_none() {
             return None;
         }
@@ -130,9 +130,8 @@ impl<S: TileSource> FanSurface<S> {
     /// A hit as a sampler takes it, and the change of the normal along the pixel's edges.
     fn sample_point(&self, hit: &Hit) -> (SamplePoint, [Vec3; 2]) {
         let (vertex_normal, normal_steps) = self.normals.with_steps(self.sampler.mesh(), hit);
-        let point = SurfacePoint { triangle: hit.triangle as u32, lambda: hit.lambda };
-        let footprint = Footprint { lambda_steps: [hit.dlambda_dx, hit.dlambda_dy] };
-        (SamplePoint { point, footprint, vertex_normal }, normal_steps)
+        let footprint = Footprint { lambda_steps: hit.lambda_steps };
+        (SamplePoint { point: hit.at, footprint, vertex_normal }, normal_steps)
     }
 }
 

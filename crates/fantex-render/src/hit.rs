@@ -1,6 +1,6 @@
 //! From a screen position back to the point of a triangle.
 
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_scene::Projection;
 use fearless_simd::prelude::*;
 use fearless_simd::{Select, Simd, dispatch};
@@ -12,14 +12,11 @@ use crate::vectors::{Vector, add, dot, level, normalize_or, scaled, splat, sub};
 /// A point of the surface that is being shaded, and how it moves with the pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Index of the mesh's triangle.
-    pub triangle: usize,
-    /// Barycentric coordinates: not negative, their sum is one.
-    pub lambda: Vec3,
-    /// Change of `lambda` per pixel to the right; the sum is zero. Smaller where samples are shaded on their own.
-    pub dlambda_dx: Vec3,
-    /// Change of `lambda` per pixel downwards; the sum is zero.
-    pub dlambda_dy: Vec3,
+    /// The point, on its triangle.
+    pub at: SurfacePoint,
+    /// Change of the barycentric coordinates per pixel to the right and downwards; their sums are zero. Smaller where samples
+    /// are shaded on their own.
+    pub lambda_steps: [Vec3; 2],
     /// True where the eye sees the front (counter-clockwise) side.
     pub front: bool,
     /// Unit vector from the point to the eye, mesh space.
@@ -27,24 +24,22 @@ pub struct Hit {
 }
 
 impl Hit {
+    /// Index of the mesh's triangle.
+    pub fn triangle(&self) -> usize {
+        self.at.index()
+    }
+
     /// The point, mesh space.
     pub fn position(&self, mesh: &Mesh) -> Vec3 {
-        self.blend(mesh.triangle_positions(self.triangle))
+        self.at.position(mesh)
     }
 
-    /// Interpolates values of the triangle's corners.
-    pub fn blend<T>(&self, corners: [T; 3]) -> T
+    /// The value at the point, of values at the triangle's corners, and its change per pixel to the right and downwards.
+    pub fn interpolate<T>(&self, corners: [T; 3]) -> (T, [T; 2])
     where
-        T: std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
+        T: Copy + std::ops::Mul<f32, Output = T> + std::ops::Add<Output = T>,
     {
-        let [a, b, c] = corners;
-        a * self.lambda.x + b * self.lambda.y + c * self.lambda.z
-    }
-
-    /// Interpolates coordinates of the triangle's corners; also their change per pixel to the right and downwards.
-    pub fn blend_coordinates(&self, [a, b, c]: [Vec2; 3]) -> (Vec2, [Vec2; 2]) {
-        let along = |l: Vec3| a * l.x + b * l.y + c * l.z;
-        (along(self.lambda), [along(self.dlambda_dx), along(self.dlambda_dy)])
+        (self.at.interpolate(corners), self.lambda_steps.map(|step| interpolate(corners, step)))
     }
 }
 
@@ -113,14 +108,12 @@ impl HitFinder<'_> {
     fn hit(&self, triangle: usize, [lambda, dx, dy]: [Vec3; 3]) -> Hit {
         let [a, b, c] = self.mesh.triangle_positions(triangle);
         let normal = (b - a).cross(c - a);
+        let at = SurfacePoint { triangle: triangle as u32, lambda };
         Hit {
-            triangle,
-            lambda,
-            dlambda_dx: dx * self.spacing,
-            dlambda_dy: dy * self.spacing,
+            at,
+            lambda_steps: [dx, dy].map(|step| step * self.spacing),
             front: normal.dot(self.projection.eye - a) >= 0.0,
-            to_eye: (self.projection.eye - (a * lambda.x + b * lambda.y + c * lambda.z))
-                .normalize_or(Vec3::Z),
+            to_eye: (self.projection.eye - at.interpolate([a, b, c])).normalize_or(Vec3::Z),
         }
     }
 }
@@ -162,11 +155,12 @@ struct View {
 
 impl Answer {
     fn hit(&self, index: usize, triangle: usize) -> Hit {
-        let [lambda, dlambda_dx, dlambda_dy] = [0, 3, 6].map(|first| {
+        let [lambda, dx, dy] = [0, 3, 6].map(|first| {
             Vec3::from_array([first, first + 1, first + 2].map(|row: usize| self.lambda[row][index]))
         });
         let to_eye = Vec3::from_array([0, 1, 2].map(|axis: usize| self.to_eye[axis][index]));
-        Hit { triangle, lambda, dlambda_dx, dlambda_dy, front: self.side[index] >= 0.0, to_eye }
+        let at = SurfacePoint { triangle: triangle as u32, lambda };
+        Hit { at, lambda_steps: [dx, dy], front: self.side[index] >= 0.0, to_eye }
     }
 }
 
@@ -378,7 +372,7 @@ mod tests {
     fn interpolation_follows_the_formula() {
         let screen = CORNERS.map(|h| h.truncate() / h.z);
         let l = DVec3::new(0.2, 0.5, 0.3);
-        let p = (screen[0] * l.x + screen[1] * l.y + screen[2] * l.z).as_vec2();
+        let p = interpolate(screen, l).as_vec2();
         let over_w = l / DVec3::from_array(CORNERS.map(|h| h.z));
         let expected = (over_w / over_w.element_sum()).as_vec3();
         let [correct, ..] = ScreenBarycentrics::new(CORNERS, Interpolation::Perspective).at(p);

@@ -142,15 +142,13 @@ impl<'a> PreparedLights<'a> {
 
 impl LitPoint {
     fn new(mesh: &Mesh, surface: &dyn Surface, hit: &Hit) -> Self {
-        let corners = mesh.triangle_positions(hit.triangle);
-        let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+        let (position, steps) = hit.interpolate(mesh.triangle_positions(hit.triangle()));
         let side = if hit.front { 1.0 } else { -1.0 };
-        let facet_normal = face_normal(mesh, hit.triangle) * side;
-        let position = along(hit.lambda);
+        let facet_normal = face_normal(mesh, hit.triangle()) * side;
         let smooth = surface.smooth_point(hit);
         let receiver = Receiver {
             position: position + smooth.map_or(Vec3::ZERO, |s| s.offset),
-            steps: [along(hit.dlambda_dx), along(hit.dlambda_dy)],
+            steps,
             facet_normal,
             normal: smooth.map_or(facet_normal, |s| s.normal),
         };

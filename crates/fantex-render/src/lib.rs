@@ -33,9 +33,9 @@ mod vectors;
 
 pub use fan_surface::FanSurface;
 pub use fantex_scene::{
-    AmbientLight, Background, Bounds, Camera, EnvironmentLight, Falloff, FilterOptions, Glow, Interpolation,
-    Lens, Light, LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadingRate, ShadowOptions, Slide,
-    SpotLight, ToneMap,
+    AmbientLight, Background, Camera, EnvironmentLight, Falloff, FilterOptions, Glow, Interpolation, Lens,
+    Light, LightKind, Lights, Penumbra, Picture, Projector, Shading, ShadingRate, ShadowOptions, Slide,
+    SpotLight, ToneMap, world_bounds,
 };
 pub use hit::Hit;
 pub use look_surface::LookSurface;
@@ -44,9 +44,7 @@ pub use raster::MAX_SAMPLES;
 pub use reflection::{
     CaptureOptions, ObjectReflection, ReflectingSurface, capture_environment, capture_with, cube_cameras,
 };
-pub use render::{
-    MAX_PICTURE_SIDE, RenderError, RenderOptions, RenderStats, Rendering, render, render_with_glow,
-};
-pub use scene::{Scene, SceneError, SceneObject};
+pub use render::{MAX_PICTURE_SIDE, RenderOptions, RenderStats, Rendering, render, render_with_glow};
+pub use scene::{Scene, SceneObject};
 pub use shading::{AnisotropySample, Finish};
 pub use surface::{Coverage, FlatShading, FlatSurface, MaterialSample, SmoothPoint, Surface};

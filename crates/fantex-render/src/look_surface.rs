@@ -62,7 +62,7 @@ impl<'a> LookSurface<'a> {
     /// The frame of tangent space, in mesh space; `None` where there are no such texture coordinates.
     fn tangent_frame(&self, hit: &Hit, uv_set: usize) -> Option<TangentFrame> {
         let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
-        Some(TangentFrame::at(self.normals.all(), tangents, hit.triangle, hit.lambda))
+        Some(TangentFrame::at(self.normals.all(), tangents, hit.triangle(), hit.at.lambda))
     }
 
     /// The normal bent by a material's relief, and what of the relief is too fine to be seen.
@@ -199,19 +199,19 @@ impl Surface for LookSurface<'_> {
     }
 
     fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
-        let material = self.material_of(hit.triangle);
-        let own = SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
+        let material = self.material_of(hit.triangle());
+        let own = LookPoint::new(self.mesh, &self.normals, hit, self.time);
         let at = own.shading_point();
         self.shaded(material, hit, &at, &Slots::new(material, |slot| slot.evaluate(&at)))
     }
 
     fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
-        let material_of = |hit: &Hit| self.material_of(hit.triangle);
+        let material_of = |hit: &Hit| self.material_of(hit.triangle());
         for hits in hits.chunk_by(|a, b| std::ptr::eq(material_of(a), material_of(b))) {
             let material = material_of(&hits[0]);
-            let own = |hit: &Hit| SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
-            let own: Vec<SurfacePoint> = hits.iter().map(own).collect();
-            let at: Vec<ShadingPoint<'_>> = own.iter().map(SurfacePoint::shading_point).collect();
+            let own = |hit: &Hit| LookPoint::new(self.mesh, &self.normals, hit, self.time);
+            let own: Vec<LookPoint> = hits.iter().map(own).collect();
+            let at: Vec<ShadingPoint<'_>> = own.iter().map(LookPoint::shading_point).collect();
             let slots = Slots::new(material, |slot| Column::new(slot, &at));
             let shaded = hits.iter().zip(&at).enumerate();
             out.extend(shaded.map(|(index, (hit, at))| self.shaded(material, hit, at, &slots.at(index))));
@@ -219,8 +219,8 @@ impl Surface for LookSurface<'_> {
     }
 
     fn alpha(&self, hit: &Hit) -> f32 {
-        let material = self.material_of(hit.triangle);
-        let own = SurfacePoint::new(self.mesh, &self.normals, hit, self.time);
+        let material = self.material_of(hit.triangle());
+        let own = LookPoint::new(self.mesh, &self.normals, hit, self.time);
         let at = own.shading_point();
         opacity_at(material, &at, material.base_color.evaluate(&at).w)
     }
@@ -343,7 +343,7 @@ const MAX_UV_SETS: usize = 4;
 
 /// What a [`ShadingPoint`] borrows, and the rest of it.
 #[derive(Clone, Copy, Debug)]
-struct SurfacePoint {
+struct LookPoint {
     position: Vec3,
     position_steps: [Vec3; 2],
     normal: Vec3,
@@ -355,28 +355,28 @@ struct SurfacePoint {
     time: f32,
 }
 
-impl SurfacePoint {
-    pub(crate) fn new(mesh: &Mesh, normals: &CornerNormals, hit: &Hit, time: f32) -> Self {
+impl LookPoint {
+    fn new(mesh: &Mesh, normals: &CornerNormals, hit: &Hit, time: f32) -> Self {
         let world_per_mesh = mesh.world_from_mesh.scale as f32;
-        let positions = mesh.triangle_positions(hit.triangle).map(|p| p * world_per_mesh);
-        let steps = [hit.dlambda_dx, hit.dlambda_dy];
+        let positions = mesh.triangle_positions(hit.triangle()).map(|p| p * world_per_mesh);
+        let (position, position_steps) = hit.interpolate(positions);
         let (normal, normal_steps) = smooth_normal(mesh, normals, hit);
         let mut uv = [UvPoint::default(); MAX_UV_SETS];
         let sets = &mesh.corners.uv_sets;
         for (point, set) in uv.iter_mut().zip(sets) {
-            if let Some(corners) = set.get(3 * hit.triangle..).and_then(|rest| rest.first_chunk::<3>()) {
-                let (at, steps) = hit.blend_coordinates(*corners);
-                *point = UvPoint { uv: at, steps };
+            if let Some(corners) = set.get(3 * hit.triangle()..).and_then(|rest| rest.first_chunk::<3>()) {
+                let (uv, steps) = hit.interpolate(*corners);
+                *point = UvPoint { uv, steps };
             }
         }
         Self {
-            position: hit.blend(positions),
-            position_steps: steps.map(|l| positions[0] * l.x + positions[1] * l.y + positions[2] * l.z),
+            position,
+            position_steps,
             normal,
             normal_steps,
             uv,
             uv_sets: sets.len().min(MAX_UV_SETS),
-            vertex_color: vertex_color(mesh, hit.triangle, hit.lambda),
+            vertex_color: vertex_color(mesh, hit.triangle(), hit.at.lambda),
             to_eye: hit.to_eye,
             time,
         }
@@ -402,13 +402,10 @@ impl SurfacePoint {
 fn smooth_normal(mesh: &Mesh, normals: &CornerNormals, hit: &Hit) -> (Vec3, [Vec3; 2]) {
     let side = if hit.front { 1.0 } else { -1.0 };
     let normal = normals.at(mesh, hit) * side;
-    let corners = [0, 1, 2].map(|k| normals.all()[3 * hit.triangle + k] * side);
-    let length = hit.blend(corners).length().max(1e-3);
-    let steps = [hit.dlambda_dx, hit.dlambda_dy].map(|l| {
-        let change = corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
-        (change - normal * normal.dot(change)) / length
-    });
-    (normal, steps)
+    let corners = [0, 1, 2].map(|k| normals.all()[3 * hit.triangle() + k] * side);
+    let (blend, changes) = hit.interpolate(corners);
+    let length = blend.length().max(1e-3);
+    (normal, changes.map(|change| (change - normal * normal.dot(change)) / length))
 }
 
 /// The value of a texture at the point moved by `offset` along the footprint's edges, over a footprint that is `share` times

@@ -1,6 +1,6 @@
 //! A mesh with its own materials: images through texture coordinates, vertex colours, factors.
 
-use fantex_mesh::{Material, Mesh, Twins};
+use fantex_mesh::{Material, Mesh, SurfacePoint, Twins};
 use fantex_texture::material::{
     MaterialImageError, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
     load_material_textures, normal_map_tangents, occlusion_roughness_metallic, preserve_coverage,
@@ -45,7 +45,7 @@ impl<'a> MeshSurface<'a> {
 
     /// The filtered texel of a layer under the pixel.
     fn texel(&self, layer: &TextureLayer, hit: &Hit) -> Vec4 {
-        let (uv, footprint) = hit.blend_coordinates(layer.corner_uv(self.mesh, hit.triangle));
+        let (uv, footprint) = hit.interpolate(layer.corner_uv(self.mesh, hit.triangle()));
         let size = layer.texture.size().map(|n| n as f32);
         let texels = Mat2::from_diagonal(Vec2::from(size));
         let magnified = footprint.iter().all(|d| (texels * *d).length_squared() <= 1.0);
@@ -60,7 +60,7 @@ impl<'a> MeshSurface<'a> {
             return hits.iter().map(|hit| self.texel(layer, hit).to_array()).collect();
         }
         let point = |hit: &Hit| {
-            let (uv, steps) = hit.blend_coordinates(layer.corner_uv(self.mesh, hit.triangle));
+            let (uv, steps) = hit.interpolate(layer.corner_uv(self.mesh, hit.triangle()));
             UvPoint { uv, steps }
         };
         let points: Vec<UvPoint> = hits.iter().map(point).collect();
@@ -93,7 +93,7 @@ const NEARBY: f32 = 0.5;
 impl MeshSurface<'_> {
     /// The unit normal that a normal map's texel gives the front side.
     fn bent_normal(&self, material: &Material, texel: Vec4, hit: &Hit) -> Option<Vec3> {
-        let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle, hit.lambda);
+        let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle(), hit.at.lambda);
         frame.bend(material, texel)
     }
 
@@ -108,10 +108,11 @@ impl MeshSurface<'_> {
         let side = if hit.front { 1.0 } else { -1.0 };
         let next = |change: Vec3| {
             let nearby = change.abs().max_element() < NEARBY;
-            let moved = Hit { lambda: hit.lambda + change, ..*hit };
+            let at = SurfacePoint { lambda: hit.at.lambda + change, ..hit.at };
+            let moved = Hit { at, ..*hit };
             nearby.then(|| self.bent_normal(material, self.texel(layer, &moved), &moved)).flatten()
         };
-        Some([(next(hit.dlambda_dx)? - normal) * side, (next(hit.dlambda_dy)? - normal) * side])
+        Some([(next(hit.lambda_steps[0])? - normal) * side, (next(hit.lambda_steps[1])? - normal) * side])
     }
 }
 
@@ -125,7 +126,7 @@ impl MeshSurface<'_> {
         texels: &Texels,
     ) -> MaterialSample {
         let (vertex_normal, vertex_steps) = self.normals.with_steps(self.mesh, hit);
-        let vertex_color = vertex_color(self.mesh, hit.triangle, hit.lambda);
+        let vertex_color = vertex_color(self.mesh, hit.triangle(), hit.at.lambda);
         let base = base_color(material, vertex_color, texels.base_color);
         let surface = occlusion_roughness_metallic(material, texels.occlusion, texels.metallic_roughness);
         let bent = texels.normal.and_then(|texel| self.bent_normal(material, texel, hit));
@@ -160,7 +161,7 @@ impl MeshSurface<'_> {
 
 impl Surface for MeshSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        let Some((material, textures)) = self.material(hit.triangle) else {
+        let Some((material, textures)) = self.material(hit.triangle()) else {
             return self.without_material(hit);
         };
         let texel = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texel(layer, hit));
@@ -177,9 +178,9 @@ impl Surface for MeshSurface<'_> {
 
     fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
         let is_one_material =
-            |a: &Hit, b: &Hit| self.mesh.material_of(a.triangle) == self.mesh.material_of(b.triangle);
+            |a: &Hit, b: &Hit| self.mesh.material_of(a.triangle()) == self.mesh.material_of(b.triangle());
         for run in hits.chunk_by(is_one_material) {
-            let Some((material, textures)) = self.material(run[0].triangle) else {
+            let Some((material, textures)) = self.material(run[0].triangle()) else {
                 out.extend(run.iter().map(|hit| (self.without_material(hit), None)));
                 continue;
             };

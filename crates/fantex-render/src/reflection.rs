@@ -1,14 +1,15 @@
 //! Environments rendered from the scene: six pictures from the middle of an object, which is left out of them
 //! (N. Greene, "Environment mapping and other applications of world projections", 1986).
 
-use fantex_mesh::Mesh;
+use fantex_base::{Error, Result};
+use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_scene::MirrorView;
 use fantex_texture::environment::{CubeFace, EnvironmentForm, EnvironmentMap, EnvironmentProxy};
 use glam::{DVec3, Vec3};
 
 use crate::{
     Background, Camera, Coverage, EnvironmentLight, Finish, Hit, Lights, MaterialSample, Picture,
-    RenderError, RenderOptions, SmoothPoint, Surface, render,
+    RenderOptions, SmoothPoint, Surface, render,
 };
 
 /// How an environment is taken.
@@ -43,17 +44,20 @@ pub fn cube_cameras(center: DVec3) -> [Camera; 6] {
 ///
 /// # Errors
 ///
-/// What `picture` returns; [`RenderError::Size`] for pictures of another size, or none.
+/// What `picture` returns; or a picture has another size, or none.
 pub fn capture_with(
     center: DVec3,
     side: u32,
-    mut picture: impl FnMut(&Camera) -> Result<Picture, RenderError>,
-) -> Result<EnvironmentMap, RenderError> {
+    mut picture: impl FnMut(&Camera) -> Result<Picture>,
+) -> Result<EnvironmentMap> {
     let mut faces = Vec::with_capacity(6);
     for camera in &cube_cameras(center) {
         let face = picture(camera)?;
         if face.width != side || face.height != side || side == 0 {
-            return Err(RenderError::Size { width: face.width, height: face.height });
+            return Err(Error::invalid(format!(
+                "an environment needs pictures of {side}x{side} pixels, not {}x{}",
+                face.width, face.height
+            )));
         }
         faces.push(face);
     }
@@ -80,7 +84,7 @@ pub fn capture_environment(
     center: DVec3,
     options: &CaptureOptions,
     hidden: &(dyn Fn(usize) -> bool + Sync),
-) -> Result<EnvironmentMap, RenderError> {
+) -> Result<EnvironmentMap> {
     let kept: Vec<usize> = (0..mesh.triangles.len()).filter(|&triangle| !hidden(triangle)).collect();
     let rest = Mesh {
         positions: mesh.positions.clone(),
@@ -110,7 +114,8 @@ struct PartialSurface<'a> {
 
 impl PartialSurface<'_> {
     fn own_hit(&self, hit: &Hit) -> Hit {
-        Hit { triangle: self.kept[hit.triangle], ..*hit }
+        let triangle = self.kept[hit.triangle()] as u32;
+        Hit { at: SurfacePoint { triangle, ..hit.at }, ..*hit }
     }
 }
 
@@ -187,11 +192,10 @@ impl<'a> ReflectingSurface<'a> {
         let view = MirrorView::new(material.normal, material.normal_steps, hit.to_eye);
         let (direction, steps) = match reflection.proxy {
             Some((proxy, center)) => {
-                let corners = self.mesh.triangle_positions(hit.triangle);
+                let corners = self.mesh.triangle_positions(hit.triangle());
                 let scale = self.mesh.world_from_mesh.scale as f32;
-                let along = |l: Vec3| (corners[0] * l.x + corners[1] * l.y + corners[2] * l.z) * scale;
                 let position = self.mesh.world_from_mesh.point(hit.position(self.mesh)).as_vec3();
-                let position_steps = [along(hit.dlambda_dx), along(hit.dlambda_dy)];
+                let position_steps = hit.lambda_steps.map(|step| interpolate(corners, step) * scale);
                 proxy.corrected_footprint(
                     position,
                     position_steps,
@@ -208,7 +212,7 @@ impl<'a> ReflectingSurface<'a> {
 
 impl ReflectingSurface<'_> {
     fn with_reflection(&self, hit: &Hit, material: MaterialSample) -> MaterialSample {
-        if !(self.is_mirror)(hit.triangle) {
+        if !(self.is_mirror)(hit.triangle()) {
             return material;
         }
         let mirrored = self.mirrored(hit, &material);

@@ -7,6 +7,7 @@
 //!  Resolve: shade, composite, average      per tile: pieces of its pixels, many at once, then pixels
 //! ```
 
+use fantex_base::{Error, Result};
 use std::time::{Duration, Instant};
 
 use fantex_mesh::Mesh;
@@ -44,16 +45,20 @@ pub struct Rendering {
 }
 
 /// Renders a mesh on the current rayon pool. The picture does not depend on the number of threads.
+///
+/// # Errors
+///
+/// An option is out of its range, or the camera or a lamp is none.
 pub fn render(
     mesh: &Mesh,
     surface: &dyn Surface,
     camera: &Camera,
     lights: &Lights,
     options: &RenderOptions,
-) -> Result<Rendering, RenderError> {
+) -> Result<Rendering> {
     options.check(camera)?;
     if let Some((lamp, defect)) = lights.defect() {
-        return Err(RenderError::Light { lamp, defect });
+        return Err(Error::invalid(format!("cannot render with lamp {lamp} of the scene: {defect}")));
     }
     let start = Instant::now();
     let size = [options.width, options.height];
@@ -161,45 +166,24 @@ impl Default for RenderOptions {
 /// Longest side of a picture in pixels.
 pub const MAX_PICTURE_SIDE: u32 = 16_384;
 
-/// A picture cannot be rendered.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum RenderError {
-    /// Empty or absurdly large.
-    #[error("cannot render {width}x{height} pixels: both sides must be between 1 and {MAX_PICTURE_SIDE}")]
-    Size {
-        /// Columns asked for.
-        width: u32,
-        /// Rows asked for.
-        height: u32,
-    },
-    /// None or too many.
-    #[error("cannot render with {0} samples per pixel: ask for 1 to {MAX_SAMPLES}")]
-    Samples(u32),
-    /// Not a view.
-    #[error("cannot render from this camera: {0}")]
-    Camera(&'static str),
-    /// Not a lamp.
-    #[error("cannot render with lamp {lamp} of the scene: {defect}")]
-    Light {
-        /// Which lamp, from 0.
-        lamp: usize,
-        /// What is wrong with it.
-        defect: &'static str,
-    },
-}
-
 impl RenderOptions {
     /// Checks options and camera.
-    pub(crate) fn check(&self, camera: &Camera) -> Result<(), RenderError> {
+    pub(crate) fn check(&self, camera: &Camera) -> Result<()> {
         let (width, height) = (self.width, self.height);
         if !(1..=MAX_PICTURE_SIDE).contains(&width) || !(1..=MAX_PICTURE_SIDE).contains(&height) {
-            return Err(RenderError::Size { width, height });
+            return Err(Error::invalid(format!(
+                "cannot render {width}x{height} pixels: both sides must be between 1 and {MAX_PICTURE_SIDE}"
+            )));
         }
         if !(1..=MAX_SAMPLES).contains(&self.samples) {
-            return Err(RenderError::Samples(self.samples));
+            return Err(Error::invalid(format!(
+                "cannot render with {} samples per pixel: ask for 1 to {MAX_SAMPLES}",
+                self.samples
+            )));
         }
-        camera.defect().map_or(Ok(()), |defect| Err(RenderError::Camera(defect)))
+        camera
+            .defect()
+            .map_or(Ok(()), |defect| Err(Error::invalid(format!("cannot render from this camera: {defect}"))))
     }
 }
 
@@ -466,7 +450,7 @@ pub fn render_with_glow(
     lights: &Lights,
     options: &RenderOptions,
     glow: &Glow,
-) -> Result<Rendering, RenderError> {
+) -> Result<Rendering> {
     let start = std::time::Instant::now();
     let seen = render(mesh, surface, camera, lights, options)?;
     let emission =

@@ -6,11 +6,13 @@
 //!  mesh, surface, placement  --'
 //! ```
 
-use fantex_mesh::{Material, Mesh, WorldFromMesh};
+use fantex_base::{Aabb, Error, Result};
+use fantex_mesh::{Material, Mesh, SurfacePoint, WorldFromMesh};
+use fantex_scene::world_bounds;
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::{AnisotropySample, Bounds, Coverage, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{AnisotropySample, Coverage, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
 /// One object of a scene.
 #[derive(Clone, Copy)]
@@ -50,29 +52,6 @@ impl std::fmt::Debug for SceneObject<'_> {
     }
 }
 
-/// Objects that cannot stand in one scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SceneError {
-    /// The placement is not an invertible map.
-    #[error(
-        "object {object} cannot be placed: its placement is not finite or flattens it; scale by more than zero"
-    )]
-    Placement {
-        /// Which object, from 0.
-        object: usize,
-    },
-    /// More than a mesh can hold.
-    #[error(
-        "the scene's objects have too many vertices or triangles together: {count}, at most {} are possible",
-        u32::MAX
-    )]
-    TooLarge {
-        /// Vertices or triangles.
-        count: u64,
-    },
-}
-
 /// Several objects as one mesh and one surface, for [`render`](crate::render).
 ///
 /// The mesh has the objects' triangles one after the other, in a mesh space that is centred on the scene. A surface that is
@@ -104,7 +83,7 @@ impl<'a> Scene<'a> {
     /// # Errors
     ///
     /// A placement flattens its object, or there are more vertices than a mesh can number.
-    pub fn new(objects: Vec<SceneObject<'a>>) -> Result<Self, SceneError> {
+    pub fn new(objects: Vec<SceneObject<'a>>) -> Result<Self> {
         check(&objects)?;
         let world_from_mesh = frame_around(&objects);
         let mut mesh = Mesh { world_from_mesh, materials: vec![Material::default()], ..Mesh::default() };
@@ -123,8 +102,8 @@ impl<'a> Scene<'a> {
     }
 
     /// The scene's bounding box, world space.
-    pub fn bounds(&self) -> Bounds {
-        Bounds::of_mesh(&self.mesh)
+    pub fn bounds(&self) -> Aabb<DVec3> {
+        world_bounds(&self.mesh)
     }
 
     /// Which object a triangle of the mesh belongs to, and which of the object's triangles it is.
@@ -142,30 +121,34 @@ impl<'a> Scene<'a> {
     }
 }
 
-fn check(objects: &[SceneObject]) -> Result<(), SceneError> {
+fn check(objects: &[SceneObject]) -> Result<()> {
     let (mut vertices, mut triangles) = (0, 0);
     for (index, object) in objects.iter().enumerate() {
         let map = object.world_from_object;
         let scale = map.matrix3.x_axis.length() * map.matrix3.y_axis.length() * map.matrix3.z_axis.length();
         let determinant = map.matrix3.determinant().abs();
         if !(map.is_finite() && determinant > 1e-12 * scale && scale > 0.0) {
-            return Err(SceneError::Placement { object: index });
+            return Err(Error::invalid(format!(
+                "object {index} cannot be placed: its placement is not finite or flattens it; scale by more than zero"
+            )));
         }
         vertices += object.mesh.positions.len() as u64;
         triangles += object.mesh.triangles.len() as u64;
     }
     let count = vertices.max(triangles);
-    if count > u64::from(u32::MAX) { Err(SceneError::TooLarge { count }) } else { Ok(()) }
+    if count > u64::from(u32::MAX) {
+        return Err(Error::too_large(format!(
+            "the scene's objects have too many vertices or triangles together: {count}, at most {} are possible",
+            u32::MAX
+        )));
+    }
+    Ok(())
 }
 
 /// A mesh space around all objects: centred, scaled by a power of two.
 fn frame_around(objects: &[SceneObject]) -> WorldFromMesh {
-    let empty = Bounds { min: DVec3::INFINITY, max: DVec3::NEG_INFINITY };
-    let bounds = objects
-        .iter()
-        .flat_map(world_positions)
-        .fold(empty, |b, p| Bounds { min: b.min.min(p), max: b.max.max(p) });
-    let reach = ((bounds.max - bounds.min) * 0.5).max_element();
+    let bounds = Aabb::of_points(objects.iter().flat_map(world_positions));
+    let reach = (bounds.size() * 0.5).max_element();
     if !reach.is_finite() {
         return WorldFromMesh::default();
     }
@@ -212,10 +195,8 @@ impl<'a> Part<'a> {
     fn own_hit(&self, triangle: usize, hit: &Hit) -> Hit {
         let own = |l: Vec3| if self.mirrored { Vec3::new(l.x, l.z, l.y) } else { l };
         Hit {
-            triangle,
-            lambda: own(hit.lambda),
-            dlambda_dx: own(hit.dlambda_dx),
-            dlambda_dy: own(hit.dlambda_dy),
+            at: SurfacePoint { triangle: triangle as u32, lambda: own(hit.at.lambda) },
+            lambda_steps: hit.lambda_steps.map(own),
             front: hit.front,
             to_eye: (self.object_from_scene * hit.to_eye).normalize_or(hit.to_eye),
         }
@@ -253,29 +234,30 @@ impl<'a> Part<'a> {
 
 impl Surface for Scene<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        let (part, own) = self.locate(hit.triangle);
+        let (part, own) = self.locate(hit.triangle());
         part.material(part.object.surface.shade_inputs(&part.own_hit(own, hit)))
     }
 
     fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
-        let (part, own) = self.locate(hit.triangle);
+        let (part, own) = self.locate(hit.triangle());
         part.shaded(part.object.surface.shade(&part.own_hit(own, hit)))
     }
 
     fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
         let (mut own_hits, mut shaded) = (Vec::with_capacity(hits.len()), Vec::with_capacity(hits.len()));
-        let of_one_object = |a: &Hit, b: &Hit| self.object_of(a.triangle).0 == self.object_of(b.triangle).0;
+        let of_one_object =
+            |a: &Hit, b: &Hit| self.object_of(a.triangle()).0 == self.object_of(b.triangle()).0;
         for run in hits.chunk_by(of_one_object) {
-            let (part, _) = self.locate(run[0].triangle);
+            let (part, _) = self.locate(run[0].triangle());
             own_hits.clear();
-            own_hits.extend(run.iter().map(|hit| part.own_hit(hit.triangle - part.first_triangle, hit)));
+            own_hits.extend(run.iter().map(|hit| part.own_hit(hit.triangle() - part.first_triangle, hit)));
             part.object.surface.shade_all(&own_hits, &mut shaded);
             out.extend(shaded.drain(..).map(|own| part.shaded(own)));
         }
     }
 
     fn alpha(&self, hit: &Hit) -> f32 {
-        let (part, own) = self.locate(hit.triangle);
+        let (part, own) = self.locate(hit.triangle());
         part.object.surface.alpha(&part.own_hit(own, hit))
     }
 
@@ -285,7 +267,7 @@ impl Surface for Scene<'_> {
     }
 
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
-        let (part, own) = self.locate(hit.triangle);
+        let (part, own) = self.locate(hit.triangle());
         let smooth = part.object.surface.smooth_point(&part.own_hit(own, hit))?;
         let offset = part.scene_from_object * smooth.offset;
         Some(SmoothPoint { offset, normal: part.normal(smooth.normal) })

@@ -418,7 +418,7 @@ impl HighlightAxes {
 
 #[cfg(test)]
 mod tests {
-    use fantex_mesh::Mesh;
+    use fantex_mesh::{Mesh, SurfacePoint};
 
     use crate::illumination::PreparedLights;
     use crate::{FlatShading, FlatSurface, Hit, Light, Lights, RenderOptions};
@@ -440,14 +440,7 @@ mod tests {
         let mesh = Mesh::default();
         let surface = FlatSurface::new(&mesh, FlatShading::Unlit, |_| Vec3::ONE);
         let prepared = PreparedLights::new(lights, &mesh, &surface, &RenderOptions::default());
-        let hit = Hit {
-            triangle: 0,
-            lambda: Vec3::X,
-            dlambda_dx: Vec3::ZERO,
-            dlambda_dy: Vec3::ZERO,
-            front: true,
-            to_eye,
-        };
+        let hit = Hit { at: SurfacePoint::corner(0, 0), lambda_steps: [Vec3::ZERO; 2], front: true, to_eye };
         evaluate(shading, material, None, to_eye, &prepared.at(&mesh, &surface, &hit))
     }
 

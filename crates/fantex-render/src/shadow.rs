@@ -9,7 +9,7 @@
 //! number but with its own facet's plane under every texel of the filter: no bias can be too small on a plane, however it
 //! is inclined.
 
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_scene::{FittedView, LampView, Penumbra, Projected, ShadowOptions, Spread, lamp_views};
 use glam::{DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -237,22 +237,20 @@ impl Caster<'_> {
 
     /// The opacity of a layered triangle in the middle of a texel.
     fn alpha(&self, fragment: &Fragment, texel: Vec2) -> f32 {
-        let triangle = fragment.triangle as usize;
-        let corners = self.mesh.triangle_positions(triangle);
+        let corners = self.mesh.triangle_positions(fragment.triangle as usize);
         let projected = corners.map(|p| self.projected(p));
-        let [lambda, dlambda_dx, dlambda_dy] =
-            ScreenBarycentrics::new(projected, Interpolation::Perspective).at(texel);
+        let [lambda, dx, dy] = ScreenBarycentrics::new(projected, Interpolation::Perspective).at(texel);
+        let at = SurfacePoint { triangle: fragment.triangle, lambda };
         let [a, b, c] = corners;
         let to_lamp = match self.face.view.spread() {
             Spread::Perspective => {
-                let p = a * lambda.x + b * lambda.y + c * lambda.z;
+                let p = at.interpolate(corners);
                 (self.face.view.origin - p.as_dvec3()).as_vec3().normalize_or(Vec3::Y)
             }
             Spread::Parallel => -self.face.view.forward().as_vec3(),
         };
         let front = (b - a).cross(c - a).dot(to_lamp) >= 0.0;
-        let hit = Hit { triangle, lambda, dlambda_dx, dlambda_dy, front, to_eye: to_lamp };
-        self.surface.alpha(&hit)
+        self.surface.alpha(&Hit { at, lambda_steps: [dx, dy], front, to_eye: to_lamp })
     }
 }
 

@@ -151,23 +151,22 @@ impl CornerNormals {
 
     /// The interpolated unit normal on the front side.
     pub(crate) fn at(&self, mesh: &Mesh, hit: &Hit) -> Vec3 {
-        let corners = [0, 1, 2].map(|k| self.0[3 * hit.triangle + k]);
-        hit.blend(corners).try_normalize().unwrap_or_else(|| face_normal(mesh, hit.triangle))
+        let corners = [0, 1, 2].map(|k| self.0[3 * hit.triangle() + k]);
+        hit.at.interpolate(corners).try_normalize().unwrap_or_else(|| face_normal(mesh, hit.triangle()))
     }
 
     /// The interpolated unit normal on the front side, and its change along the pixel's edges, on the side that the eye sees.
     pub(crate) fn with_steps(&self, mesh: &Mesh, hit: &Hit) -> (Vec3, [Vec3; 2]) {
-        let corners = [0, 1, 2].map(|k| self.0[3 * hit.triangle + k]);
-        let along = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
-        let unnormalised = along(hit.lambda);
+        let corners = [0, 1, 2].map(|k| self.0[3 * hit.triangle() + k]);
+        let (unnormalised, steps) = hit.interpolate(corners);
         let scale = unnormalised.length_recip();
         if !(scale.is_finite() && scale > 0.0) {
-            return (face_normal(mesh, hit.triangle), [Vec3::ZERO; 2]);
+            return (face_normal(mesh, hit.triangle()), [Vec3::ZERO; 2]);
         }
         let normal = unnormalised * scale;
         let scale = if hit.front { scale } else { -scale };
-        let steps = [hit.dlambda_dx, hit.dlambda_dy].map(|change| {
-            let step = along(change) * scale;
+        let steps = steps.map(|step| {
+            let step = step * scale;
             step - normal * normal.dot(step)
         });
         (normal, steps)
@@ -179,13 +178,13 @@ impl CornerNormals {
     /// Terminator", 2021), and the normal there, on the side that the eye sees.
     pub(crate) fn smooth_point(&self, mesh: &Mesh, hit: &Hit) -> SmoothPoint {
         let side = if hit.front { 1.0 } else { -1.0 };
-        let positions = mesh.triangle_positions(hit.triangle);
-        let point = hit.blend(positions);
+        let positions = mesh.triangle_positions(hit.triangle());
+        let point = hit.at.interpolate(positions);
         let lift = [0, 1, 2].map(|k| {
-            let normal = self.0[3 * hit.triangle + k] * side;
+            let normal = self.0[3 * hit.triangle() + k] * side;
             normal * (positions[k] - point).dot(normal).max(0.0)
         });
-        SmoothPoint { offset: hit.blend(lift), normal: self.at(mesh, hit) * side }
+        SmoothPoint { offset: hit.at.interpolate(lift), normal: self.at(mesh, hit) * side }
     }
 }
 
@@ -230,7 +229,7 @@ impl<F: Fn(&Hit) -> Vec3 + Sync> Surface for FlatSurface<'_, F> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         let (normal, normal_steps) = match &self.normals {
             Some(normals) => normals.with_steps(self.mesh, hit),
-            None => (face_normal(self.mesh, hit.triangle), [Vec3::ZERO; 2]),
+            None => (face_normal(self.mesh, hit.triangle()), [Vec3::ZERO; 2]),
         };
         MaterialSample {
             base_color: (self.color)(hit),

@@ -1,42 +1,14 @@
 //! Where the picture is taken from.
 
+use fantex_base::Aabb;
 use fantex_mesh::{Mesh, WorldFromMesh};
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
-/// An axis-aligned box, world space.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Smallest coordinates.
-    pub min: DVec3,
-    /// Largest coordinates.
-    pub max: DVec3,
-}
-
-impl Bounds {
-    /// The bounding box of a mesh; a point at the origin for a mesh without vertices.
-    pub fn of_mesh(mesh: &Mesh) -> Self {
-        let mut points = mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p));
-        let first = points.next().unwrap_or(DVec3::ZERO);
-        points.fold(Self { min: first, max: first }, |b, p| Self { min: b.min.min(p), max: b.max.max(p) })
-    }
-
-    /// The eight corners.
-    pub fn corners(&self) -> [DVec3; 8] {
-        std::array::from_fn(|i| {
-            let pick = |bit: usize, low: f64, high: f64| if i >> bit & 1 == 0 { low } else { high };
-            DVec3::new(
-                pick(0, self.min.x, self.max.x),
-                pick(1, self.min.y, self.max.y),
-                pick(2, self.min.z, self.max.z),
-            )
-        })
-    }
-
-    /// The centre.
-    pub fn center(&self) -> DVec3 {
-        (self.min + self.max) * 0.5
-    }
+/// The bounding box of a mesh, world space; a point at the origin for a mesh without vertices.
+pub fn world_bounds(mesh: &Mesh) -> Aabb<DVec3> {
+    let bounds = Aabb::of_points(mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)));
+    if bounds.is_empty() { Aabb { min: DVec3::ZERO, max: DVec3::ZERO } } else { bounds }
 }
 
 /// A pinhole camera, **world space** (the model file's coordinates). There is no far plane; the near plane is chosen by
@@ -65,7 +37,7 @@ impl Camera {
 
     /// A camera that looks at a box from `direction` (from the box to the camera) and shows it whole and as large as
     /// possible. `aspect` is width / height.
-    pub fn framing(bounds: &Bounds, direction: DVec3, aspect: f64) -> Self {
+    pub fn framing(bounds: &Aabb<DVec3>, direction: DVec3, aspect: f64) -> Self {
         Self::framing_points(bounds.corners().into_iter(), direction, aspect)
     }
 
@@ -244,7 +216,7 @@ mod tests {
     use super::*;
 
     fn box_mesh() -> Mesh {
-        let bounds = Bounds { min: DVec3::splat(-0.5), max: DVec3::new(0.5, 0.25, 0.75) };
+        let bounds = Aabb { min: DVec3::splat(-0.5), max: DVec3::new(0.5, 0.25, 0.75) };
         Mesh {
             positions: bounds.corners().map(|c| c.as_vec3()).to_vec(),
             world_from_mesh: WorldFromMesh { offset: DVec3::new(1e4, 5.0, -7.0), scale: 16.0 },

@@ -14,7 +14,7 @@ mod light;
 mod picture;
 mod shading;
 
-pub use camera::{Bounds, Camera, Projection, view_axes};
+pub use camera::{Camera, Projection, view_axes, world_bounds};
 pub use fantex_texture::FilterOptions;
 pub use lamp_view::{FittedView, LampView, Projected, Spread, lamp_views, projector_view};
 pub use light::{

@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .unwrap_or_else(|| std::env::temp_dir().join("fantex-example-closure.fan").display().to_string());
 
     // Called on many threads, for every texel of every tile; colours are linear.
-    let lines = |point: &fantex::bake::SurfacePoint| -> Vec4 {
+    let lines = |point: &fantex::bake::TexelPoint| -> Vec4 {
         let wave = 0.5 + 0.5 * (40.0 * point.position.y).sin();
         (Vec3::splat(0.5) + 0.5 * point.normal).lerp(Vec3::ONE, wave).extend(1.0)
     };

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use fantex_bake::{
     BakeFormat, BakeOptions, BakeSummary, Fit, MappedImageSource, NoProgress, Prefilter, Progress,
-    SolidSource, SourceChannel, SurfacePoint, TransferOptions, TransferSource, UvSource, VertexColorSource,
+    SolidSource, SourceChannel, TexelPoint, TransferOptions, TransferSource, UvSource, VertexColorSource,
     WorldSpace, bake,
 };
 use fantex_base::{Error, Result};
@@ -44,7 +44,7 @@ enum Kind<'a> {
     },
     #[cfg(feature = "photos")]
     Photos(PhotoSet),
-    Function(Box<dyn Fn(&SurfacePoint) -> Vec4 + Sync + 'a>),
+    Function(Box<dyn Fn(&TexelPoint) -> Vec4 + Sync + 'a>),
     Custom(&'a dyn fantex_bake::Source),
 }
 
@@ -100,7 +100,7 @@ impl<'a> Source<'a> {
     }
 
     /// A closure that gives the linear base colour and opacity at a point of the surface.
-    pub fn function(color: impl Fn(&SurfacePoint) -> Vec4 + Sync + 'a) -> Self {
+    pub fn function(color: impl Fn(&TexelPoint) -> Vec4 + Sync + 'a) -> Self {
         Self(Kind::Function(Box::new(color)))
     }
 
@@ -438,7 +438,7 @@ pub struct Baked {
 }
 
 /// A closure as a source of base colour.
-struct FunctionSource<'f>(&'f (dyn Fn(&SurfacePoint) -> Vec4 + Sync));
+struct FunctionSource<'f>(&'f (dyn Fn(&TexelPoint) -> Vec4 + Sync));
 
 impl fantex_bake::Source for FunctionSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
@@ -449,7 +449,7 @@ impl fantex_bake::Source for FunctionSource<'_> {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = (self.0)(point);
     }
 }

@@ -232,8 +232,8 @@ impl<'a> CloseUp<'a> {
         };
         let points = flat(&|hit| hit.position(mesh));
         let groups = flat(&|hit| {
-            let nearest = hit.lambda.max_position();
-            Vec3::splat(cover.corner_groups[hit.triangle][nearest] as f32)
+            let nearest = hit.at.lambda.max_position();
+            Vec3::splat(cover.corner_groups[hit.triangle()][nearest] as f32)
         });
         let points = points.iter().map(|c| (c[3] == 1.0).then(|| Vec3::from_slice(c))).collect();
         let crossings = neighbours().filter(|&(a, b)| groups[a] != groups[b]).count();

@@ -11,8 +11,9 @@
 
 use std::f64::consts::PI;
 
+use fantex_base::Aabb;
 use fantex_mesh::Mesh;
-use fantex_scene::{Bounds, Camera};
+use fantex_scene::Camera;
 use glam::{DMat3, DVec2, DVec3};
 pub use path::{CameraKey, CameraPath, PathError, PathRecorder};
 use serde::{Deserialize, Serialize};
@@ -63,7 +64,7 @@ pub struct SceneScale {
 
 impl SceneScale {
     /// Of a model with these bounds. A point counts as one unit large.
-    pub fn of(bounds: &Bounds) -> Self {
+    pub fn of(bounds: &Aabb<DVec3>) -> Self {
         let diagonal = (bounds.max - bounds.min).length();
         let diagonal = if diagonal > 0.0 && diagonal.is_finite() { diagonal } else { 1.0 };
         Self { center: bounds.center(), diagonal }

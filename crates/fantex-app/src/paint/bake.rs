@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex_bake::{
-    BakeError, BakeOptions, Prefilter, Progress, Source, SourceChannel, SurfacePoint, UvSource,
-    VertexColorSource, bake,
+    BakeOptions, Prefilter, Progress, Source, SourceChannel, TexelPoint, UvSource, VertexColorSource, bake,
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
@@ -27,12 +26,9 @@ pub enum BakeForPainting {
     /// Its images cannot be read.
     #[error(transparent)]
     Image(#[from] MaterialImageError),
-    /// It cannot be covered.
+    /// It cannot be covered, baked or written.
     #[error(transparent)]
-    Cover(#[from] fantex_base::Error),
-    /// It cannot be baked or written.
-    #[error(transparent)]
-    Bake(#[from] BakeError),
+    Bake(#[from] fantex_base::Error),
 }
 
 /// Where a model's asset lies: beside it, with the same name.
@@ -87,7 +83,7 @@ impl Source for Plain {
         Prefilter::Point
     }
 
-    fn evaluate(&self, _point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, _point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = Vec4::new(GREY, GREY, GREY, 1.0);
     }
 }
@@ -120,7 +116,7 @@ impl Source for WithMaterial<'_> {
         self.source.prefilter()
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         if let (true, Some((last, rest))) = (self.is_missing, values.split_last_mut()) {
             self.source.evaluate(point, rest);
             *last = PLAIN_MATERIAL;

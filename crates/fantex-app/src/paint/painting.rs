@@ -1,5 +1,6 @@
 //! Something that is being painted on, as the window knows it: what the hand does becomes orders for the worker.
 
+use fantex_base::Aabb;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -7,7 +8,7 @@ use fantex_paint::{
     BlendMode, GraphFill, Layer, LayerContent, Painter, Sample, Stamp, Surface, SurfacePoint, Target,
     WorkProgress,
 };
-use fantex_scene::Bounds;
+use fantex_scene::world_bounds;
 use fantex_store::{Asset, Channel, ChannelKind};
 use fantex_texture::color::srgb_from_linear;
 use glam::{DVec2, DVec3, Vec4};
@@ -41,7 +42,7 @@ pub(super) enum Hand {
 pub struct Painting {
     pub(super) thread: PaintThread,
     pub(super) surface: Arc<Surface>,
-    pub(super) bounds: Bounds,
+    pub(super) bounds: Aabb<DVec3>,
     pub(super) channels: Vec<Channel>,
     pub(super) snapshot: Snapshot,
     pub(super) target: Target,
@@ -82,7 +83,7 @@ impl Painting {
         let surface = painter.surface().clone();
         let channels = painter.editor().asset().channels().to_vec();
         Ok(Self {
-            bounds: Bounds::of_mesh(surface.mesh()),
+            bounds: world_bounds(surface.mesh()),
             thread: PaintThread::start(painter, wake)?,
             surface,
             channels,
@@ -129,7 +130,7 @@ impl Painting {
     }
 
     /// The model's box, world space.
-    pub fn bounds(&self) -> &Bounds {
+    pub fn bounds(&self) -> &Aabb<DVec3> {
         &self.bounds
     }
 

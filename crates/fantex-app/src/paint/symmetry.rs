@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use fantex_base::Aabb;
 use fantex_paint::{Surface, Symmetry};
-use fantex_scene::Bounds;
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -73,7 +73,7 @@ impl SymmetrySettings {
 }
 
 /// The corners of a plane orthogonal to an axis, around the model's box, in order; world space.
-pub fn plane_outline(bounds: &Bounds, axis: usize, offset: f64) -> [DVec3; 4] {
+pub fn plane_outline(bounds: &Aabb<DVec3>, axis: usize, offset: f64) -> [DVec3; 4] {
     let axis = axis.min(2);
     let (i, j) = ((axis + 1) % 3, (axis + 2) % 3);
     let center = bounds.center();
@@ -310,7 +310,7 @@ mod tests {
         let center = DVec3::new(5.0, 1.0, 2.0);
         let settings = SymmetrySettings { kind: SymmetryKind::Mirror, offset: 0.5, ..Default::default() };
         assert_eq!(settings.symmetry(center), Symmetry::Mirror { axis: 0, offset: 5.5 });
-        let bounds = Bounds { min: center - 1.0, max: center + 1.0 };
+        let bounds = Aabb { min: center - 1.0, max: center + 1.0 };
         assert!(plane_outline(&bounds, 0, 5.5).iter().all(|corner| corner.x == 5.5));
     }
 

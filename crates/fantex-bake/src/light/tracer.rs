@@ -5,14 +5,15 @@
 //! is a sky of high contrast (`sky_table.rs`). Other skies and glowing surfaces are found by the cosine-weighted directions along
 //! which paths go on; long paths end by Russian roulette.
 
+use fantex_base::{Error, Result};
 use std::f32::consts::PI;
 
-use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, TriangleBvh, WorldFromMesh, origin_beside};
+use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, WorldFromMesh, origin_beside};
 use glam::{DVec3, Vec3};
 
 use crate::LightQuantity;
 use crate::light::sky_table::SkyTable;
-use crate::light::{LightMapError, LightMapOptions, Reflector, Sky};
+use crate::light::{LightMapOptions, Reflector, Sky};
 
 /// Vertices of a path before Russian roulette.
 const SURE_VERTICES: u32 = 3;
@@ -58,15 +59,14 @@ impl Tracer<'_> {
     /// One sample at a point of a triangle; `lambda_steps` span the texel.
     pub(crate) fn sample(
         &self,
-        triangle: usize,
-        lambda: Vec3,
+        at: SurfacePoint,
         lambda_steps: [Vec3; 2],
         sequence: &Sequence,
         index: u32,
     ) -> Vec3 {
         let [u, v] = sequence.pair(index, TEXEL);
-        let moved = lambda + lambda_steps[0] * (u - 0.5) + lambda_steps[1] * (v - 0.5);
-        let receiver = self.receiver(triangle, on_triangle(moved));
+        let moved = at.lambda + lambda_steps[0] * (u - 0.5) + lambda_steps[1] * (v - 0.5);
+        let receiver = self.receiver(SurfacePoint { lambda: moved, ..at }.clamped());
         if self.options.quantity == LightQuantity::AmbientOcclusion {
             let direction = cosine_weighted(receiver.normal, sequence.pair(index, DIRECTION));
             let open = !self.is_shadowed(receiver.origin, direction, self.occlusion_distance);
@@ -77,17 +77,16 @@ impl Tracer<'_> {
 
     /// A point of the front of a triangle. Where asked for, it is lifted to the surface that vertex normals suggest:
     /// the mean of its projections onto the tangent planes at those corners above whose planes it does not lie.
-    fn receiver(&self, triangle: usize, lambda: Vec3) -> Receiver {
-        let corners = self.mesh.triangle_positions(triangle);
-        let normals = [0, 1, 2].map(|k| self.normals[3 * triangle + k]);
-        let blend = |v: [Vec3; 3]| v[0] * lambda.x + v[1] * lambda.y + v[2] * lambda.z;
-        let position = blend(corners);
+    fn receiver(&self, at: SurfacePoint) -> Receiver {
+        let corners = self.mesh.triangle_positions(at.index());
+        let normals = [0, 1, 2].map(|k| self.normals[3 * at.index() + k]);
+        let position = at.interpolate(corners);
         let face = face_normal(corners);
-        let normal = blend(normals).try_normalize().unwrap_or(face);
+        let normal = at.interpolate(normals).try_normalize().unwrap_or(face);
         let mut origin = position;
         if self.options.smooth_terminator {
             let lift = |k: usize| normals[k] * -(position - corners[k]).dot(normals[k]).min(0.0);
-            origin += blend([0, 1, 2].map(lift));
+            origin += at.interpolate([0, 1, 2].map(lift));
         }
         Receiver { origin: origin_beside(origin, face, normal), normal }
     }
@@ -101,17 +100,17 @@ impl Tracer<'_> {
             sum += throughput * self.lamp_light(receiver, vertex, &pair);
             sum += throughput * self.sky_light(receiver, pair(SKY));
             let direction = cosine_weighted(receiver.normal, pair(DIRECTION));
-            let accept = |hit: &RayHit| self.reflector.is_solid(hit.point.index(), hit.point.lambda);
+            let accept = |hit: &RayHit| self.reflector.is_solid(hit.point);
             let Some(hit) = self.bvh.first_hit_where(receiver.origin, direction, f32::INFINITY, accept)
             else {
                 let weight = self.weight_of_cosine(receiver.normal, direction);
                 return sum + throughput * self.sky.radiance(direction) * weight;
             };
-            sum += throughput * self.reflector.emission(hit.point.index(), hit.point.lambda);
+            sum += throughput * self.reflector.emission(hit.point);
             if vertex == reflections {
                 break;
             }
-            throughput *= self.reflector.albedo(hit.point.index(), hit.point.lambda);
+            throughput *= self.reflector.albedo(hit.point);
             let survival = if vertex < SURE_VERTICES { 1.0 } else { throughput.max_element().min(1.0) };
             if throughput == Vec3::ZERO || pair(FATE)[0] >= survival {
                 break;
@@ -174,7 +173,7 @@ impl Tracer<'_> {
     }
 
     fn is_shadowed(&self, origin: Vec3, direction: Vec3, distance: f32) -> bool {
-        let accept = |hit: &RayHit| self.reflector.is_solid(hit.point.index(), hit.point.lambda);
+        let accept = |hit: &RayHit| self.reflector.is_solid(hit.point);
         self.bvh.is_occluded_where(origin, direction, distance, accept)
     }
 }
@@ -216,12 +215,6 @@ impl<I: Iterator<Item = f32>> Iterator for Choices<I> {
         self.next += self.step;
         Some((self.lamp, self.step / self.most))
     }
-}
-
-/// Barycentric coordinates beside the triangle, moved onto it.
-fn on_triangle(lambda: Vec3) -> Vec3 {
-    let inside = lambda.max(Vec3::ZERO);
-    inside / inside.element_sum()
 }
 
 /// Unit normal of the front.
@@ -333,7 +326,7 @@ struct Appearance {
 
 impl Lamp {
     /// In the mesh's space.
-    pub(crate) fn new(mesh: &Mesh, index: usize, light: &BakeLight) -> Result<Self, LightMapError> {
+    pub(crate) fn new(mesh: &Mesh, index: usize, light: &BakeLight) -> Result<Self> {
         let checks = Checks { light: index };
         let of_mesh = &mesh.world_from_mesh;
         match *light {
@@ -436,24 +429,24 @@ struct Checks {
 }
 
 impl Checks {
-    fn fail(&self, what: &'static str, value: f64, allowed: &'static str) -> LightMapError {
-        LightMapError::Light { light: self.light, what, value, allowed }
+    fn fail(&self, what: &'static str, value: f64, allowed: &'static str) -> Error {
+        Error::invalid(format!("{what} of light {} is {value}, but must be {allowed}", self.light))
     }
 
-    fn color(&self, color: Vec3) -> Result<(), LightMapError> {
+    fn color(&self, color: Vec3) -> Result<()> {
         match color.to_array().into_iter().find(|c| !(c.is_finite() && *c >= 0.0)) {
             Some(c) => Err(self.fail("color", c.into(), "finite and not negative")),
             None => Ok(()),
         }
     }
 
-    fn direction(&self, what: &'static str, v: Vec3) -> Result<Vec3, LightMapError> {
+    fn direction(&self, what: &'static str, v: Vec3) -> Result<Vec3> {
         v.try_normalize()
             .ok_or_else(|| self.fail(what, v.length().into(), "a vector of finite, positive length"))
     }
 
     /// Radians.
-    fn angle(&self, what: &'static str, degrees: f32, least: f32, most: f32) -> Result<f32, LightMapError> {
+    fn angle(&self, what: &'static str, degrees: f32, least: f32, most: f32) -> Result<f32> {
         if (least..=most).contains(&degrees) {
             return Ok(degrees.to_radians());
         }
@@ -472,7 +465,7 @@ impl Checks {
         color: Vec3,
         radius: f64,
         cone: Option<Cone>,
-    ) -> Result<Lamp, LightMapError> {
+    ) -> Result<Lamp> {
         self.color(color)?;
         if !position.is_finite() {
             return Err(self.fail("position", position.length(), "finite"));

@@ -1,15 +1,13 @@
 //! Assets as files: verified, the same on any number of threads, whole or not there at all.
 
+use fantex_base::ErrorKind;
 use std::f32::consts::TAU;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use fantex_bake::{
-    BakeError, BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, bake, fidelity,
-};
-use fantex_base::ErrorKind;
+use fantex_bake::{BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, bake, fidelity};
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
-use fantex_mesh::{Mesh, generate};
+use fantex_mesh::{Mesh, generate, interpolate};
 use fantex_store::limits::MAX_TILE_SIDE;
 use fantex_store::{ChannelKind, JUMP_BOUND, PageCache, VerifyOptions, VerifyReport, verify};
 use glam::{DVec3, Vec2, Vec3, Vec4};
@@ -154,7 +152,7 @@ fn a_cancelled_bake_leaves_nothing_and_keeps_what_was_there() {
         let path = folder.path().join("a.fan");
         let stop = || StopAfter(AtomicU64::new(reports));
         let error = bake(&mesh, &cover, &WAVE, &path, &options, &stop()).unwrap_err();
-        assert!(matches!(error, BakeError::Cancelled), "{error}");
+        assert!(error.is_cancelled(), "{error}");
         assert!(is_empty(folder.path()));
         std::fs::write(&path, "older").unwrap();
         bake(&mesh, &cover, &WAVE, &path, &options, &stop()).unwrap_err();
@@ -172,7 +170,7 @@ fn nothing_is_overwritten_unless_forced() {
     std::fs::write(&path, "precious").unwrap();
     let mut options = BakeOptions { format: BakeFormat::Rgba8, ..BakeOptions::default() };
     let error = bake(&mesh, &cover, &WAVE, &path, &options, &NoProgress).unwrap_err();
-    assert!(matches!(error, BakeError::Create(ref e) if e.kind() == ErrorKind::AlreadyExists), "{error}");
+    assert_eq!(error.kind(), ErrorKind::AlreadyExists, "{error}");
     assert_eq!(std::fs::read(&path).unwrap(), b"precious");
     options.force = true;
     let summary = bake(&mesh, &cover, &WAVE, &path, &options, &NoProgress).unwrap();
@@ -189,15 +187,12 @@ fn wrong_covers_sources_and_places_are_refused() {
     let path = folder.path().join("a.fan");
     let options = BakeOptions::default();
     let error = bake(&other, &cover, &WAVE, &path, &options, &NoProgress).unwrap_err();
-    assert!(matches!(error, BakeError::CoverOfAnotherMesh { cover: 12, mesh: 48 }), "{error}");
+    assert!(error.to_string().starts_with("the cover has 12 triangles, the mesh 48"), "{error}");
     let error = bake(&mesh, &cover, &Constant(Vec::new()), &path, &options, &NoProgress).unwrap_err();
-    assert!(matches!(error, BakeError::NoChannels), "{error}");
+    assert!(error.to_string().contains("no channel"), "{error}");
     let nowhere = folder.path().join("no/such/folder/a.fan");
     let error = bake(&mesh, &cover, &WAVE, &nowhere, &options, &NoProgress).unwrap_err();
-    assert!(
-        matches!(error, BakeError::Create(ref e) if matches!(e.kind(), ErrorKind::Io | ErrorKind::NotFound)),
-        "{error}"
-    );
+    assert!(error.to_string().starts_with("cannot write "), "{error}");
     assert!(is_empty(folder.path()));
 }
 
@@ -212,7 +207,7 @@ fn tiles_longer_than_the_format_allows_are_refused_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.fan");
     let error = bake(&mesh, &cover, &WAVE, &path, &BakeOptions::default(), &NoProgress).unwrap_err();
-    assert!(matches!(error, BakeError::Create(ref e) if e.kind() == ErrorKind::Malformed), "{error}");
+    assert!(error.to_string().starts_with("cannot write "), "{error}");
     assert!(is_empty(folder.path()));
 }
 
@@ -356,7 +351,7 @@ fn linear_functions_come_back_from_a_plane() {
                 let [a, b, c] = mesh.triangle_positions(triangle);
                 for lambda in barycentric_points(9) {
                     let value = sample(&baked.cache, 0, 0, triangle, lambda);
-                    let expected = linear(a * lambda.x + b * lambda.y + c * lambda.z);
+                    let expected = linear(interpolate([a, b, c], lambda));
                     assert!(
                         (value - expected).abs().max_element() < 2e-5,
                         "{value} for {expected}, tile {tile}"

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, Fit, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
+    BakeFormat, BakeOptions, Fit, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake,
 };
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, interpolate};
 use fantex_store::{Asset, ChannelKind, PageCache};
 pub(crate) use fantex_test::cleaned;
 pub(crate) use fantex_test::data_folder;
@@ -59,7 +59,7 @@ pub(crate) fn sample(cache: &PageCache, channel: usize, level: u32, triangle: us
     let mut sum = Vec4::ZERO;
     for (slot, weight) in cover.weights(triangle, lambda).iter() {
         let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
-        let uv = a * lambda.x + b * lambda.y + c * lambda.z;
+        let uv = interpolate([a, b, c], lambda);
         let group = cover.corner_groups[triangle][slot];
         sum += weight * Vec4::from_array(cache.bilinear(channel, group, level, uv));
     }
@@ -92,7 +92,7 @@ impl Source for Constant {
         Prefilter::Box
     }
 
-    fn evaluate(&self, _: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, _: &TexelPoint, values: &mut [Vec4]) {
         values.iter_mut().zip(&self.0).for_each(|(value, channel)| *value = channel.1);
     }
 }
@@ -109,7 +109,7 @@ impl<F: Fn(Vec3) -> Vec4 + Sync> Source for OfPosition<F> {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = (self.0)(point.position);
     }
 }

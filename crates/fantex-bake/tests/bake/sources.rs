@@ -1,13 +1,16 @@
 //! The sources that come with fantex, read back through the texture function.
 
+use fantex_base::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
 
 use fantex_bake::{
-    Fit, LookSource, MappedImageSource, NoVertexColors, Source, SurfacePoint, TriangleFootprint, UvSource,
-    VertexColorSource, WorldSpace,
+    Fit, LookSource, MappedImageSource, Source, TexelPoint, TriangleFootprint, UvSource, VertexColorSource,
+    WorldSpace,
 };
-use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, generate};
+use fantex_mesh::{
+    AlphaMode, ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, generate, interpolate,
+};
 use fantex_store::{ChannelKind, PageCache};
 use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{Anisotropy, Difference, LookMaterial, NormalSpace, Relief, Slot};
@@ -35,7 +38,7 @@ fn assert_gives(
     for triangle in 0..mesh.triangles.len() {
         let [a, b, c] = mesh.triangle_positions(triangle);
         for lambda in barycentric_points(7) {
-            if let Some(expected) = expected(triangle, a * lambda.x + b * lambda.y + c * lambda.z) {
+            if let Some(expected) = expected(triangle, interpolate([a, b, c], lambda)) {
                 let value = sample(cache, channel, 0, triangle, lambda);
                 let difference = (value - expected).abs().max_element();
                 assert!(difference < tolerance, "{value} for {expected}, triangle {triangle} {lambda}");
@@ -47,7 +50,7 @@ fn assert_gives(
 #[test]
 fn vertex_colors_are_interpolated() {
     let mut mesh = cleaned(generate::grid(5));
-    assert_eq!(VertexColorSource::new(&mesh).unwrap_err(), NoVertexColors);
+    assert_eq!(VertexColorSource::new(&mesh).unwrap_err().kind(), ErrorKind::NotFound);
     let color = |p: Vec3| Vec4::new(0.5 + 0.5 * p.x, 0.5 - 0.5 * p.z, 0.25, 0.75 + 0.25 * p.x);
     mesh.corners.colors = corner_positions(&mesh).into_iter().map(color).collect();
     let source = VertexColorSource::new(&mesh).unwrap();
@@ -343,17 +346,16 @@ fn dressed() -> Mesh {
 }
 
 /// Texels of a triangle, some of them off it.
-fn texels(mesh: &Mesh, triangle: usize) -> Vec<SurfacePoint> {
+fn texels(mesh: &Mesh, triangle: usize) -> Vec<TexelPoint> {
     let [a, b, c] = mesh.triangle_positions(triangle);
-    let at = |l: Vec3| a * l.x + b * l.y + c * l.z;
+    let at = |l: Vec3| interpolate([a, b, c], l);
     let lambda_steps = [Vec3::new(0.03, -0.02, -0.01), Vec3::new(-0.01, 0.03, -0.02)];
     let point = |i: usize| {
         let lambda = Vec3::splat(1.0 / 3.0)
             + lambda_steps[0] * ((i % 15) as f32 - 7.0)
             + lambda_steps[1] * ((i / 15) as f32 - 5.0);
-        SurfacePoint {
-            triangle,
-            lambda,
+        TexelPoint {
+            at: SurfacePoint { triangle: triangle as u32, lambda },
             lambda_steps,
             position: at(lambda),
             position_steps: lambda_steps.map(at),

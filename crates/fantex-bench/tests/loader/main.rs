@@ -6,16 +6,14 @@ mod clusters;
 mod readers;
 mod streaming;
 
+use fantex_base::Error;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fantex_bake::{
-    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
-};
-use fantex_base::Error;
+use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{CleanOptions, clean, generate};
 use fantex_store::{Asset, ChannelKind, ClusterId, PageId, decode_plain, group_pages};
@@ -37,7 +35,7 @@ impl Source for Rough {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let p = point.position;
         let noise = (p.dot(Vec3::new(12.9, 78.2, 37.7)) * 43_758.547).sin().abs().fract();
         let wave = (p * 40.0).to_array().map(|x| 0.5 + 0.4 * x.sin());

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex::bake::{Source, SurfacePoint, UvSource, sample_finest};
+use fantex::bake::{Source, TexelPoint, UvSource, sample_finest};
 use fantex::mesh::{CleanOptions, LoadOptions, clean, load};
 use fantex::store::{Asset, PageCache};
 use fantex::texture::color::srgb_from_linear;
@@ -23,9 +23,8 @@ fn differences(asset: &Path) -> Vec<f32> {
         .map(|triangle| {
             let corners = mesh.triangle_positions(triangle);
             let mut values = vec![Vec4::ZERO; truth.channels().len()];
-            let point = SurfacePoint {
-                triangle,
-                lambda,
+            let point = TexelPoint {
+                at: fantex::mesh::SurfacePoint { triangle: triangle as u32, lambda },
                 lambda_steps: [Vec3::new(-0.1, 0.1, 0.0), Vec3::new(-0.1, 0.0, 0.1)],
                 position: (corners[0] + corners[1] + corners[2]) / 3.0,
                 position_steps: [(corners[1] - corners[0]) * 0.1, (corners[2] - corners[0]) * 0.1],

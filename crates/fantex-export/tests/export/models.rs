@@ -187,7 +187,7 @@ fn coordinates_far_from_the_origin_keep_their_precision() {
     let path = baked.path("out.glb");
     export_model(&baked.asset, &path, &ExportOptions::default(), &NoProgress).unwrap();
     let (own, back) = (baked.asset.mesh(), opened(&path));
-    let bounds = |mesh: &Mesh| fantex_render::Bounds::of_mesh(mesh);
+    let bounds = |mesh: &Mesh| fantex_render::world_bounds(mesh);
     assert!(bounds(own).min.distance(bounds(&back).min) < 1e-4);
     assert!(worst_psnr_db(&baked.asset, &path) > 40.0);
 }

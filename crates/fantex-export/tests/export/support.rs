@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, UvSource, bake,
+    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, UvSource, bake,
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
@@ -46,7 +46,7 @@ impl Source for Waves {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let p = point.position * self.frequency;
         let wave = |x: f32| 0.5 + 0.4 * x.sin();
         for (kind, value) in self.kinds.iter().zip(values) {

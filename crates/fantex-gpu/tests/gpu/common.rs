@@ -238,7 +238,7 @@ impl Baked {
             fn prefilter(&self) -> fantex_bake::Prefilter {
                 fantex_bake::Prefilter::Point
             }
-            fn evaluate(&self, _: &fantex_bake::SurfacePoint, _: &mut [glam::Vec4]) {}
+            fn evaluate(&self, _: &fantex_bake::TexelPoint, _: &mut [glam::Vec4]) {}
         }
         Self { is_bare: true, ..Self::new(mesh, cover, &Nothing, &BakeOptions::default()) }
     }

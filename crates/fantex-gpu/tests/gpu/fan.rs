@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, LookSource, Source, SourceChannel, SurfacePoint, UvSource, baked_materials,
+    BakeFormat, BakeOptions, LookSource, Source, SourceChannel, TexelPoint, UvSource, baked_materials,
 };
 use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
@@ -43,7 +43,7 @@ impl Source for Colors {
         fantex_bake::Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = color(point.position);
     }
 }
@@ -565,7 +565,7 @@ impl Source for Lit {
         fantex_bake::Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let p = point.position;
         let wave = |k: Vec3| 0.5 + 0.45 * p.dot(k).sin();
         values[0] = Vec4::new(wave(Vec3::X * 20.0), wave(Vec3::Y * 20.0), 0.5, 1.0);

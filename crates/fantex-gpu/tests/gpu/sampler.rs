@@ -7,7 +7,7 @@
 
 use std::f32::consts::TAU;
 
-use fantex_bake::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, SurfacePoint};
+use fantex_bake::{BakeFormat, BakeOptions, Prefilter, Source, SourceChannel, TexelPoint};
 use fantex_base::Random;
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_gpu::{FanModel, Gpu, shader};
@@ -43,7 +43,7 @@ impl Source for Noise {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let mut random = Random::of_seeds(point.position.to_array().map(|v| u64::from(v.to_bits())));
         let mut unit = || random.unit() as f32;
         values[0] = Vec4::new(unit(), unit(), unit(), 1.0);

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint as BakedPoint, bake,
+    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint as BakedPoint, bake,
 };
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate};

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use fantex_bake::{
-    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, SurfacePoint, bake,
-};
+use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_mesh::{generate, shading_normals};
 use fantex_paint::{
     FillArea, FillScope, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles,
@@ -402,7 +400,7 @@ impl Source for Flat {
         Prefilter::Point
     }
 
-    fn evaluate(&self, point: &SurfacePoint, values: &mut [Vec4]) {
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = point.normal.extend(1.0);
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex_bake::{Source, SurfacePoint, UvSource};
+use fantex_bake::{Source, TexelPoint, UvSource};
 use fantex_mesh::{CleanOptions, LoadOptions, Mesh, TriangleBvh, clean, load, shading_normals};
 use fantex_photos::{CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture};
 use fantex_texture::color::srgb_from_linear;
@@ -104,7 +104,7 @@ pub(crate) fn difference(
     mesh: &Mesh,
     [a, b]: [&dyn Source; 2],
     texel: f32,
-    counts: impl Fn(&SurfacePoint) -> bool,
+    counts: impl Fn(&TexelPoint) -> bool,
 ) -> Difference {
     let normals = shading_normals(mesh);
     // Squared difference and area.
@@ -136,7 +136,7 @@ pub(crate) fn difference(
 }
 
 /// The base colour of a source at a point, sRGB.
-pub(crate) fn encoded_color(source: &dyn Source, point: &SurfacePoint) -> Vec3 {
+pub(crate) fn encoded_color(source: &dyn Source, point: &TexelPoint) -> Vec3 {
     let mut values = vec![Vec4::ZERO; source.channels().len()];
     source.evaluate(point, &mut values);
     Vec3::from(values[0].truncate().to_array().map(|c| srgb_from_linear(c.clamp(0.0, 1.0))))
@@ -149,7 +149,7 @@ pub(crate) fn point_of(
     lambda: Vec3,
     normal: Vec3,
     texel: f32,
-) -> SurfacePoint {
+) -> TexelPoint {
     let along = (corners[1] - corners[0]).normalize();
     let face = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
     let steps = [along * texel, face.normalize().cross(along) * texel];
@@ -157,11 +157,10 @@ pub(crate) fn point_of(
         let part = |from: Vec3, to: Vec3| face.cross(to - from).dot(step) / face.length_squared();
         Vec3::new(part(corners[1], corners[2]), part(corners[2], corners[0]), part(corners[0], corners[1]))
     };
-    SurfacePoint {
-        triangle,
-        lambda,
+    TexelPoint {
+        at: fantex_mesh::SurfacePoint { triangle: triangle as u32, lambda },
         lambda_steps: steps.map(lambda_of),
-        position: corners[0] * lambda.x + corners[1] * lambda.y + corners[2] * lambda.z,
+        position: fantex_mesh::interpolate(corners, lambda),
         position_steps: steps,
         normal,
     }

@@ -58,7 +58,7 @@ fn photographs_of_a_model_look_like_the_model() {
     let off = products.iter().map(|p| (*p / common - 1.0).abs().max_element()).fold(0.0, f32::max);
     assert!(off < 0.02, "gains are off by {off}");
     let leveled = Leveled { source: &source, factor: common.recip() };
-    let sure = |p: &fantex_bake::SurfacePoint| source.confidence(p.triangle, p.lambda) > 0.3;
+    let sure = |p: &fantex_bake::TexelPoint| source.confidence(p.at.index(), p.at.lambda) > 0.3;
     let seen = difference(mesh, [&truth, &leveled], TEXEL, sure);
     eprintln!("seen surface: rms {:.4}, p95 {:.4} at {} points", seen.rms, seen.p95, seen.count);
     assert!(seen.count > 2000 && seen.rms < 0.07 && seen.p95 < 0.02, "{} {}", seen.rms, seen.p95);
@@ -84,7 +84,7 @@ impl Source for Leveled<'_> {
         self.source.prefilter()
     }
 
-    fn evaluate(&self, point: &fantex_bake::SurfacePoint, values: &mut [glam::Vec4]) {
+    fn evaluate(&self, point: &fantex_bake::TexelPoint, values: &mut [glam::Vec4]) {
         self.source.evaluate(point, values);
         values[0] = (values[0].truncate() * self.factor).extend(1.0);
     }
@@ -282,7 +282,7 @@ fn smaller_photographs_fit_their_cameras() {
     }
     let [large, small] = [photographs, &smaller]
         .map(|photographs| PhotoSource::new(mesh, photographs, &options(), &NoProgress).unwrap());
-    let sure = |p: &fantex_bake::SurfacePoint| large.confidence(p.triangle, p.lambda) > 0.5;
+    let sure = |p: &fantex_bake::TexelPoint| large.confidence(p.at.index(), p.at.lambda) > 0.5;
     let apart = difference(mesh, [&large, &small], 0.012, sure);
     assert!(apart.p95 < 0.03, "{} {}", apart.rms, apart.p95);
     assert!(small.density().iter().zip(large.density()).all(|(s, l)| (s * 2.0 - l).abs() < 0.02 * l));

@@ -273,7 +273,7 @@ fn between<S: Simd>(simd: S, around: &[[f32; 16]], fx: S::f32s, fy: S::f32s) -> 
 
 #[cfg(test)]
 mod tests {
-    use fantex_mesh::Mesh;
+    use fantex_mesh::{Mesh, SurfacePoint};
     use fantex_scene::{Camera, Projection};
     use glam::DVec3;
 
@@ -310,10 +310,8 @@ mod tests {
                 let modulate = if index % 2 == 0 { Vec3::ONE } else { Vec3::X };
                 let finish = (index % 13 == 0).then(|| Finish { modulate, ..Finish::default() });
                 let hit = Hit {
-                    triangle: 0,
-                    lambda: Vec3::X,
-                    dlambda_dx: Vec3::ZERO,
-                    dlambda_dy: Vec3::ZERO,
+                    at: SurfacePoint::corner(0, 0),
+                    lambda_steps: [Vec3::ZERO; 2],
                     front: true,
                     // Mirrored, along the normal, and any other.
                     to_eye: if index % 17 == 0 { normal } else { vector(-1.0).normalize_or(Vec3::X) },

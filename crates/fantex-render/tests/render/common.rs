@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_cover::{Cover, Frame, Group, GroupKind};
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, interpolate};
 use fantex_render::{
     AmbientLight, Background, Camera, FanSurface, FilterOptions, Hit, Light, Lights, Picture, RenderOptions,
     Scene, SceneObject, Shading, Surface, render,
@@ -145,7 +145,7 @@ pub(crate) fn cast(mesh: &Mesh, origin: DVec3, direction: DVec3) -> Option<(usiz
 
 /// A colour that tells triangles apart.
 pub(crate) fn triangle_color(hit: &Hit) -> Vec3 {
-    let h = (hit.triangle as u32).wrapping_mul(2_654_435_761);
+    let h = hit.at.triangle.wrapping_mul(2_654_435_761);
     Vec3::new((h >> 24) as f32, (h >> 16 & 255) as f32, (h >> 8 & 255) as f32) / 255.0
 }
 
@@ -429,7 +429,7 @@ pub(crate) fn bake(
                 Some((t, lambda)) => {
                     let lambda = lambda.as_vec3();
                     let [a, b, c] = mesh.triangle_positions(t);
-                    value(a * lambda.x + b * lambda.y + c * lambda.z, Some((t, lambda)), frame)
+                    value(interpolate([a, b, c], lambda), Some((t, lambda)), frame)
                 }
                 None => value(on_plane, None, frame),
             }

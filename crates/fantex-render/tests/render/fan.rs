@@ -3,7 +3,7 @@
 use std::sync::{Arc, LazyLock};
 
 use fantex_cover::{Cover, Frame, Group, GroupKind};
-use fantex_mesh::{ImageSource, Material, Mesh, TextureRef, WrapMode};
+use fantex_mesh::{ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, interpolate};
 use fantex_render::{
     Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, MaterialSample,
     MeshSurface, Picture, RenderOptions, Rendering, Shading, Surface, render,
@@ -137,7 +137,7 @@ fn normals_of_different_frames_meet_in_mesh_space() {
             return [0.5; 4];
         };
         let n = &mesh.corners.normals[3 * t..3 * t + 3];
-        let z = (n[0] * lambda.x + n[1] * lambda.y + n[2] * lambda.z).normalize();
+        let z = interpolate([n[0], n[1], n[2]], lambda).normalize();
         // Rodrigues' rotation about direction x z, written out.
         let axis = frame.direction.cross(z);
         let (sin, cos) = (axis.length(), frame.direction.dot(z));
@@ -319,13 +319,11 @@ fn hits() -> impl Strategy<Value = Vec<Hit>> {
         (-1.0f32..1.0, -1.0f32..1.0, -12.0f32..3.0)
             .prop_map(|(r, s, scale)| Vec3::new(r, s, -r - s) * scale.exp2())
     };
-    let triangles = SHEET.0.triangles.len();
+    let triangles = SHEET.0.triangles.len() as u32;
     let hit = (0..triangles, lambda, change(), change(), any::<bool>());
-    let hit = hit.prop_map(|(triangle, lambda, dlambda_dx, dlambda_dy, front)| Hit {
-        triangle,
-        lambda,
-        dlambda_dx,
-        dlambda_dy,
+    let hit = hit.prop_map(|(triangle, lambda, dx, dy, front)| Hit {
+        at: SurfacePoint { triangle, lambda },
+        lambda_steps: [dx, dy],
         front,
         to_eye: Vec3::Z,
     });

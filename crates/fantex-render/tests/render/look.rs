@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use fantex_mesh::Mesh;
+use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_render::{
     AmbientLight, Background, Camera, FilterOptions, Finish, Glow, Hit, Light, Lights, LookSurface,
     MaterialSample, MeshSurface, Picture, RenderOptions, Shading, Surface, render, render_with_glow,
@@ -522,7 +522,7 @@ fn many_points_are_shaded_like_single_ones() {
     let mesh = Mesh { materials: vec![fantex_mesh::Material::default(); 4], ..mesh };
     let surface = LookSurface::new(&mesh, materials());
     let mut random = Random::new(3);
-    let hits: Vec<Hit> = (0..count)
+    let hits: Vec<Hit> = (0..count as u32)
         .map(|triangle| {
             let weights = Vec3::new(random.unit(), random.unit(), random.unit()) + 0.01;
             let step = |random: &mut Random| {
@@ -530,10 +530,8 @@ fn many_points_are_shaded_like_single_ones() {
                 Vec3::new(a, b, -a - b)
             };
             Hit {
-                triangle,
-                lambda: weights / weights.element_sum(),
-                dlambda_dx: step(&mut random),
-                dlambda_dy: step(&mut random),
+                at: SurfacePoint { triangle, lambda: weights / weights.element_sum() },
+                lambda_steps: [step(&mut random), step(&mut random)],
                 front: triangle % 3 != 0,
                 to_eye: Vec3::new(0.3, 0.2, 0.93).normalize(),
             }

@@ -2,10 +2,11 @@
 
 use crate::common;
 use crate::common::{cast, frontal, ray, sheet, sphere};
+use fantex_base::ErrorKind;
 use fantex_mesh::Mesh;
 use fantex_render::{
     Background, Camera, Coverage, FlatShading, FlatSurface, Hit, Interpolation, Lights, MaterialSample,
-    Picture, RenderError, RenderOptions, Shading, ShadingRate, Surface, render,
+    Picture, RenderOptions, Shading, ShadingRate, Surface, render,
 };
 use glam::{DVec3, Vec3};
 
@@ -67,9 +68,9 @@ fn edges_through_sample_positions_belong_to_one_side() {
 fn assert_matches_rays(mesh: &Mesh, camera: &Camera, interpolation: Interpolation, tolerance: f32) {
     let options = RenderOptions { interpolation, ..options(1) };
     let size = [options.width, options.height];
-    let by_lambda = FlatSurface::new(mesh, FlatShading::Unlit, |hit: &Hit| hit.lambda);
+    let by_lambda = FlatSurface::new(mesh, FlatShading::Unlit, |hit: &Hit| hit.at.lambda);
     let by_triangle =
-        FlatSurface::new(mesh, FlatShading::Unlit, |hit: &Hit| Vec3::splat(hit.triangle as f32));
+        FlatSurface::new(mesh, FlatShading::Unlit, |hit: &Hit| Vec3::splat(hit.triangle() as f32));
     let lambda = picture(mesh, &by_lambda, camera, &options);
     let triangles = picture(mesh, &by_triangle, camera, &options);
     let (mut compared, mut on_edges) = (0, 0);
@@ -208,12 +209,15 @@ fn impossible_requests_are_refused() {
         render(&mesh, &Half, &camera, &Lights::default(), &options).unwrap_err()
     };
     let camera = frontal(1.0, 50.0);
-    assert_eq!(
-        error(camera, RenderOptions { width: 0, ..options(1) }),
-        RenderError::Size { width: 0, height: 61 }
-    );
-    assert_eq!(error(camera, options(0)), RenderError::Samples(0));
-    assert_eq!(error(camera, options(65)), RenderError::Samples(65));
-    assert!(matches!(error(Camera { target: camera.eye, ..camera }, options(1)), RenderError::Camera(_)));
-    assert!(matches!(error(Camera { fov_degrees: 180.0, ..camera }, options(1)), RenderError::Camera(_)));
+    for (camera, options, what) in [
+        (camera, RenderOptions { width: 0, ..options(1) }, "0x61 pixels"),
+        (camera, options(0), "0 samples"),
+        (camera, options(65), "65 samples"),
+        (Camera { target: camera.eye, ..camera }, options(1), "this camera"),
+        (Camera { fov_degrees: 180.0, ..camera }, options(1), "this camera"),
+    ] {
+        let error = error(camera, options);
+        assert_eq!(error.kind(), ErrorKind::InvalidArgument);
+        assert!(error.to_string().contains(what), "{error}");
+    }
 }

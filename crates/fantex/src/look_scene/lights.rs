@@ -285,7 +285,7 @@ impl LookBake {
     ///
     /// A texture depends on the eye, or a number of the light is out of range.
     pub fn with_source<R>(&self, mesh: &Mesh, then: impl FnOnce(&dyn Source) -> R) -> Result<R> {
-        let source = LookSource::new(mesh, self.materials.clone(), self.time).map_err(refused)?;
+        let source = LookSource::new(mesh, self.materials.clone(), self.time)?;
         let Some(light) = &self.light else { return Ok(then(&source)) };
         let reflector = SourceReflector::new(mesh, &source);
         let sky = |direction: Vec3| light.sky.radiance(direction);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use fantex::Error;
 use fantex::gpu::{DrawOptions, FanModel, Frame, Gpu, GpuOptions, HiddenScreen};
-use fantex::scene::{Bounds, Camera, Lights};
+use fantex::scene::{Camera, Lights, world_bounds};
 use fantex::store::Asset;
 use fantex::stream::{
     AtlasFormat, AtlasShape, CameraKeyframe, CameraPath, ClusterLoader, ClusterLoaderOptions, CutWatch,
@@ -101,7 +101,7 @@ fn read_path(path: &Path) -> Result<CameraPath, CliError> {
 
 /// Around the model, close over it, and jumps between far and near.
 fn tour(asset: &Asset) -> CameraPath {
-    let bounds = Bounds::of_mesh(asset.mesh());
+    let bounds = world_bounds(asset.mesh());
     let center = bounds.center();
     let radius = 0.5 * (bounds.max - bounds.min).length();
     let along = DVec3::new(0.7, 0.0, 0.7) * radius;

@@ -9,7 +9,7 @@ use std::time::Instant;
 use fantex::Error;
 use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, RenderOptions, render};
-use fantex::scene::Bounds;
+use fantex::scene::world_bounds;
 use fantex::texture::{Image, Samples};
 use glam::DQuat;
 use serde::Serialize;
@@ -101,7 +101,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
 /// Cameras on a circle around the middle of the model, all at the distance from which every side is seen whole. The model
 /// turns to the right.
 fn cameras(mesh: &Mesh, count: u32, aspect: f64) -> Vec<Camera> {
-    let target = Bounds::of_mesh(mesh).center();
+    let target = world_bounds(mesh).center();
     let turned = |i: u32, of: u32| {
         let angle = -std::f64::consts::TAU * f64::from(i) / f64::from(of);
         DQuat::from_rotation_y(angle) * Camera::THREE_QUARTER.normalize()

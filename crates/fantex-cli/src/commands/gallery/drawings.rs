@@ -1,5 +1,6 @@
 //! Pictures that no look can make: of covers, of maps between images, of surroundings unfolded, of baked light.
 
+use fantex::scene::world_bounds;
 use std::sync::Arc;
 
 use fantex::bake::{
@@ -7,10 +8,10 @@ use fantex::bake::{
     Source, SourceReflector, UvSource, bake, sample_finest,
 };
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
-use fantex::mesh::Mesh;
+use fantex::mesh::{Mesh, SurfacePoint};
 use fantex::render::{
-    Bounds, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions,
-    Shading, Surface, render,
+    Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions, Shading,
+    Surface, render,
 };
 use fantex::store::{Asset, PageCache};
 use fantex::texture::environment::{EnvironmentForm, EnvironmentLayout, EnvironmentMap};
@@ -180,8 +181,8 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
     let colors = UvSource::new(&mesh)?;
     let colors = SourceReflector::new(&mesh, &colors);
     // The lamp of the model is replaced by one that is sampled on purpose.
-    let reflector = |triangle: usize, lambda: Vec3| colors.albedo(triangle, lambda);
-    let bounds = Bounds::of_mesh(&mesh);
+    let reflector = |at: SurfacePoint| colors.albedo(at);
+    let bounds = world_bounds(&mesh);
     let size = bounds.max - bounds.min;
     let position = bounds.center() + DVec3::new(0.0, 0.38 * size.y, 0.0);
     let strength = (0.55 * size.y).powi(2) as f32;
@@ -212,8 +213,8 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
         let asset = baked(&mesh, &cover, &source, studio)?;
         let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {
-            let (light, _) = sample_finest(&asset.cache, 0, hit.triangle, hit.lambda);
-            let color = if is_colored { reflector(hit.triangle, hit.lambda) } else { Vec3::ONE };
+            let (light, _) = sample_finest(&asset.cache, 0, hit.triangle(), hit.at.lambda);
+            let color = if is_colored { reflector(hit.at) } else { Vec3::ONE };
             light.truncate() * color
         });
         let options = RenderOptions { shading: Shading::BaseColor, ..options.clone() };
