@@ -227,6 +227,13 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
         ))
         .into());
     }
+    if args.match_source && !matches!(job.source, SourceArg::Uv | SourceArg::Photos(_)) {
+        let source = &job.source;
+        return Err(Error::invalid(format!(
+            "--match takes the density of textures, and {source} has none; give --texels or --density"
+        ))
+        .into());
+    }
     context.print(&job.run(context)?, text)
 }
 

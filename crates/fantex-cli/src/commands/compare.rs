@@ -86,23 +86,10 @@ pub(crate) struct Subject<'a> {
     pub(crate) surface: &'a dyn Surface,
 }
 
-/// Something that pictures are taken of.
-trait Sitter {
+impl Subject<'_> {
     /// The picture, linear light.
-    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError>;
-}
-
-impl Sitter for Subject<'_> {
     fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError> {
         Ok(photograph(self.mesh, self.surface, camera, options)?.picture.to_linear_image())
-    }
-}
-
-impl Sitter for LookScene<'_> {
-    /// Size and samples have been given to the scene.
-    fn picture(&self, camera: &Camera, _: &RenderOptions) -> Result<Image, CliError> {
-        let time = self.times().first().copied().unwrap_or(0.0);
-        Ok(self.render_from(camera, time)?.picture.to_linear_image())
     }
 }
 
@@ -175,21 +162,23 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    fn show_damage(&self, context: &Context) {
-        match self {
-            Self::Scene { scene, .. } => scene.show_damage(context),
-            Self::Look(look) => show_damaged_tiles(look, context),
-        }
-    }
-}
-
-impl Sitter for Prepared<'_> {
+    /// The picture, linear light. A look has its size and samples already.
     fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError> {
         match self {
             Self::Scene { scene, surface } => {
                 Subject { mesh: scene.mesh(), surface: surface.as_ref() }.picture(camera, options)
             }
-            Self::Look(look) => look.picture(camera, options),
+            Self::Look(look) => {
+                let time = look.times().first().copied().unwrap_or(0.0);
+                Ok(look.render_from(camera, time)?.picture.to_linear_image())
+            }
+        }
+    }
+
+    fn show_damage(&self, context: &Context) {
+        match self {
+            Self::Scene { scene, .. } => scene.show_damage(context),
+            Self::Look(look) => show_damaged_tiles(look, context),
         }
     }
 }
@@ -212,7 +201,8 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<(), CliError>
         if let Some(files) = &files {
             files.check(context)?;
         }
-        views.push(compare_view([&a, &b], camera, &options, files, context)?);
+        let pictures = [a.picture(camera, &options)?, b.picture(camera, &options)?];
+        views.push(compare_view(&pictures, files, context)?);
         context.check_interrupt()?;
     }
     [&a, &b].into_iter().for_each(|file| file.show_damage(context));
@@ -255,19 +245,15 @@ impl ViewFiles {
     }
 }
 
-/// Renders both from a camera; returns the measures and the pictures written.
+/// Measures, and pictures written.
 fn compare_view(
-    [a, b]: [&dyn Sitter; 2],
-    camera: &Camera,
-    options: &RenderOptions,
+    [reference, test]: &[Image; 2],
     files: Option<ViewFiles>,
     context: &Context,
 ) -> Result<(Comparison, Vec<PathBuf>), CliError> {
-    let reference = a.picture(camera, options)?;
-    let test = b.picture(camera, options)?;
-    let comparison = compare(&reference, &test)?;
+    let comparison = compare(reference, test)?;
     let Some(files) = files else { return Ok((comparison, Vec::new())) };
-    let difference = difference_picture(&reference, &test, GAIN)?;
+    let difference = difference_picture(reference, test, GAIN)?;
     let _deferral = context.defer_interrupt();
     reference.save(&files.a)?;
     test.save(&files.b)?;
@@ -284,8 +270,8 @@ pub(crate) fn mean_psnr_db(
 ) -> Result<f64, CliError> {
     let mut sum = 0.0;
     for camera in cameras {
-        let [a, b] = &subjects;
-        sum += compare_view([a, b], camera, options, None, context)?.0.psnr_db;
+        let [a, b] = subjects;
+        sum += compare(&a.picture(camera, options)?, &b.picture(camera, options)?)?.psnr_db;
         context.check_interrupt()?;
     }
     Ok(sum / cameras.len() as f64)

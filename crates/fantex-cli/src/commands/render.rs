@@ -205,8 +205,8 @@ pub(crate) fn save(picture: &Picture, path: &Path, context: &Context) -> Result<
     Ok(())
 }
 
-/// The longest that tiles are waited for.
-const PATIENCE: Duration = Duration::from_secs(600);
+/// How long tiles are waited for.
+const MAX_WAIT: Duration = Duration::from_secs(600);
 
 /// What was drawn, and on what.
 pub(super) struct GpuRendering {
@@ -251,7 +251,7 @@ fn render_on_gpu(
     };
     let mut streamed = StreamedModel::open(&gpu, asset.clone(), pool_bytes)?;
     let view = stream_view(camera, size, streamed.model.space());
-    let is_sharp = streamed.wait_until_sharp(&gpu, &view, &filter, PATIENCE)?;
+    let is_sharp = streamed.wait_until_sharp(&gpu, &view, &filter, MAX_WAIT)?;
     let figures = streamed.streamer.statistics();
     if figures.bias_levels > 0.0 {
         context.note(format!(
@@ -260,7 +260,7 @@ fn render_on_gpu(
             figures.bias_levels
         ));
     } else if !is_sharp {
-        context.note(format!("tiles were still missing after {} s", PATIENCE.as_secs()));
+        context.note(format!("tiles were still missing after {} s", MAX_WAIT.as_secs()));
     }
     for (parcel, error) in streamed.streamer.damaged().take(4) {
         context.note(format!("{parcel} cannot be read, a coarser level takes its place: {error}"));

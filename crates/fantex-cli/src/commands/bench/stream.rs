@@ -61,10 +61,10 @@ const PART_SECONDS: f64 = 3.0;
 const REST_SECONDS: f64 = 1.0;
 
 /// The camera goes no farther than this in one frame, seconds of its path: where frames take longer, the flight does.
-const LONGEST_STEP: f64 = 0.1;
+const MAX_STEP_SECONDS: f64 = 0.1;
 
 /// A slow frame may upload as much as so many quick ones.
-const MOST_QUICK_FRAMES: f64 = 16.0;
+const MAX_QUICK_FRAMES: f64 = 16.0;
 
 /// Runs the benchmark.
 pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, CliError> {
@@ -142,7 +142,7 @@ struct Flight {
     frames: u64,
 }
 
-/// Flies in real time, as long as frames are not too slow for that ([`LONGEST_STEP`]). Unless pictures are drawn, what is measured is deciding, reading, unpacking and handing over.
+/// Flies in real time, as long as frames are not too slow for that ([`MAX_STEP_SECONDS`]). Unless pictures are drawn, what is measured is deciding, reading, unpacking and handing over.
 fn fly(
     asset: &Arc<Asset>,
     path: &CameraPath,
@@ -181,7 +181,7 @@ fn fly(
         let started = Instant::now();
         let elapsed = (started - last).as_secs_f64().max(1e-6);
         last = started;
-        let step = elapsed.min(LONGEST_STEP);
+        let step = elapsed.min(MAX_STEP_SECONDS);
         path_seconds += step;
         while cuts.next_if(|&cut| cut <= path_seconds).is_some() {
             let seconds = (started - began).as_secs_f64();
@@ -191,7 +191,7 @@ fn fly(
         let Some(camera) = path.at(path_seconds) else { break };
         let view = camera.view(&asset.mesh().world_from_mesh, args.size.0);
         let budget = FrameOptions::default();
-        let quick_frames = (elapsed * args.rate).clamp(1.0, MOST_QUICK_FRAMES);
+        let quick_frames = (elapsed * args.rate).clamp(1.0, MAX_QUICK_FRAMES);
         let frame = FrameOptions {
             upload_bytes: (budget.upload_bytes as f64 * quick_frames) as usize,
             elapsed_seconds: step as f32,
