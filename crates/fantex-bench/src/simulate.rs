@@ -203,7 +203,7 @@ impl Default for DiskModel {
     }
 }
 
-/// The time in which a [`ModelLoader`] lives; shared with whoever lets it pass.
+/// Simulated time of a [`ModelLoader`], shared with its driver.
 #[derive(Clone, Debug, Default)]
 pub struct ModelClock(Arc<AtomicU64>);
 

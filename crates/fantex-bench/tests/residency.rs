@@ -26,7 +26,7 @@ fn covered(model: Model, texels: u64, tile: u32) -> Arc<CoveredMesh> {
     Arc::new(CoveredMesh { mesh, cover })
 }
 
-/// What a graphics card would hold, told by frame changes only.
+/// The contents of a graphics card's memory, from frame changes only.
 struct Shadow {
     /// Per unit of 4x4 texels the page, as its index in `pages`, that was uploaded last.
     units: Vec<u32>,

@@ -45,7 +45,7 @@ pub struct Gpu {
     frame_layout: OnceLock<FrameLayout>,
 }
 
-/// What the driver has told since the device was opened.
+/// What the driver has reported since the device was opened.
 #[derive(Debug, Default)]
 struct DeviceState {
     lost: Option<String>,

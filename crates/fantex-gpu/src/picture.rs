@@ -175,7 +175,7 @@ impl FrameTimes {
     }
 }
 
-/// A target that nobody sees, for frames that are timed.
+/// An offscreen target for frames that are timed.
 #[derive(Debug)]
 pub struct HiddenScreen {
     renderer: Renderer,

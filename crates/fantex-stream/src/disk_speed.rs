@@ -197,7 +197,7 @@ pub fn loaded_clusters(
     options.stored_cache_bytes = 0;
     let mut loader = ClusterLoader::open(Arc::clone(asset), &options)?;
     let clusters: Vec<ClusterId> = asset.clusters().collect();
-    // Enough to keep the reader busy between two looks, and not so many that all clusters are pending.
+    // Enough to keep the reader busy between two polls, but not all clusters.
     let most_pending = (4 * load.depth).min(clusters.len() / 2);
     let mut random = Random::of_seeds([load.seed, 0, 0]);
     let begin = Instant::now();
@@ -210,7 +210,7 @@ pub fn loaded_clusters(
             loader.request(parcel, random.below(1 << 20) as f32);
         }
         if loader.poll(usize::MAX).is_empty() {
-            // As a frame would; looking all the time takes a processor's share from the workers.
+            // Once per millisecond, as a fast frame would: polling in a loop would take processor time from the workers.
             std::thread::sleep(Duration::from_millis(1));
         }
     }

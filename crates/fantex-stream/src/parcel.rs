@@ -19,7 +19,7 @@ use fantex_store::PageId;
 /// are bundle `b` of that step.
 pub const BUNDLE_TILES: [u32; SHARED_LEVELS as usize] = [32, 16, 4];
 
-/// So many levels of a tile, counted from the coarsest, come with those of others. Those of the last step have sides of at
+/// Levels of a tile, counted from the coarsest, that are bundled with those of other tiles. Those of the last step have sides of at
 /// most 24 texels.
 pub const SHARED_LEVELS: u32 = 3;
 
@@ -46,7 +46,7 @@ impl Parcel {
         Self::with_levels(group.level_count(), page)
     }
 
-    /// The parcel that brings a page of a tile of so many levels.
+    /// The parcel that brings a page of a tile with `level_count` levels.
     pub(crate) fn with_levels(level_count: u32, page: PageId) -> Self {
         let step = level_count - 1 - page.level;
         if step < SHARED_LEVELS { Self::bundle_of(page.group, step) } else { Self::Page(page) }
@@ -164,7 +164,7 @@ pub struct ParcelLayout {
 impl ParcelLayout {
     /// Of [`slots`], in the width that leaves least between them.
     pub(crate) fn new(mut slots: Vec<Slot>) -> Self {
-        // So many of the highest side by side.
+        // The widths of 1, 2, ... of the highest pages side by side.
         let mut widths = vec![0];
         for slot in slots.iter().take(MAX_COLUMNS) {
             widths.push(widths[widths.len() - 1] + slot.extent[0]);
@@ -202,7 +202,7 @@ pub(crate) fn slots(
     slots
 }
 
-/// Places pages in rows of at most so many columns; returns the rectangle that they take.
+/// Places pages in rows of at most `width` columns; returns the rectangle that they take.
 fn place(slots: &mut [Slot], width: u32) -> [u32; 2] {
     let ([mut x, mut y], mut extent) = ([0, 0], [0, 0]);
     for slot in slots {

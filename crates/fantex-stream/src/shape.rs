@@ -35,7 +35,7 @@ impl Detail {
         self != Self::HIDDEN
     }
 
-    /// Coarser by so many steps.
+    /// Coarser by a number of steps.
     #[inline]
     pub(crate) fn biased(self, steps: u8) -> Self {
         if self.is_visible() { Self(self.0.saturating_add(steps)) } else { self }
@@ -137,7 +137,7 @@ impl TileShape {
         self.extents[level as usize]
     }
 
-    /// Levels that the tile does not share with its bundle: the finest so many.
+    /// Number of finest levels that the tile does not share with its bundle.
     #[inline]
     pub(crate) fn own_levels(&self) -> u32 {
         self.level_count().saturating_sub(SHARED_LEVELS)
@@ -149,7 +149,7 @@ impl TileShape {
         self.first_pages[self.own_levels() as usize]
     }
 
-    /// The level that lies so many above the coarsest, if there is one.
+    /// The level `step` above the coarsest, if there is one.
     #[inline]
     pub(crate) fn level_at_step(&self, step: u32) -> Option<u32> {
         (self.level_count() - 1).checked_sub(step)
@@ -216,7 +216,7 @@ pub(crate) fn cells([first, last]: [[u32; 2]; 2]) -> impl Iterator<Item = [u32; 
 /// The shapes of a cover's tiles, each kept once, and the numbering of its parcels: first the bundles', step by step from the
 /// coarsest, then the tiles' own pages, group by group.
 ///
-/// *Owners* are what is wished for: bundles, by their numbers, and (numbered after them) groups with own pages.
+/// *Owners* are what the request queue holds: bundles, by their numbers, and (numbered after them) groups with own pages.
 #[derive(Debug)]
 pub(crate) struct TileShapes {
     of_group: Vec<u32>,

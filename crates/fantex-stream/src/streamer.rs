@@ -58,7 +58,7 @@ impl Default for FrameOptions {
     }
 }
 
-/// Decides what is in the atlas. Owned and called by whoever draws, once per frame; reading happens in the loader's threads.
+/// Decides what is in the atlas. Owned by the renderer's thread and called once per frame; reading happens in the loader's threads.
 pub struct Streamer {
     geometry: Arc<dyn Geometry>,
     surface: DemandSurface,
@@ -110,7 +110,7 @@ impl Streamer {
         let loader = &mut *self.loader;
         let is_moving = self.motion.advance(view, frame.elapsed_seconds, self.surface.radius());
         self.residency.begin_frame(frame.elapsed_seconds, self.motion.is_cut);
-        // What has been said since the last frame, as of texels that have changed, comes before what arrives.
+        // Requests and cancels made since the last frame (changed texels) come before arrivals.
         self.residency.tell(loader);
         let mut changes = self.residency.arrive(frame.upload_bytes, loader);
         let arrived = Instant::now();
@@ -133,7 +133,7 @@ impl Streamer {
         changes
     }
 
-    /// Fetches what the camera will see if it goes on like this.
+    /// Prefetches for the predicted view.
     fn look_ahead(&mut self) {
         if self.options.look_ahead_seconds <= 0.0 {
             return;
@@ -146,7 +146,7 @@ impl Streamer {
             return;
         }
         self.changed.clear();
-        // Where the last prediction has not been taken over yet, that comes first.
+        // The last prediction is taken over first.
         if !self.residency.has_unexpected() {
             let nanoseconds = self.residency.bounding_nanoseconds();
             self.predicted.update(&mut self.surface, Some(&view), nanoseconds, &mut self.changed);
@@ -343,7 +343,7 @@ struct Velocity {
     turn: Vec3,
 }
 
-/// A prediction turns the camera by no more than this, radians.
+/// Maximum turn of a predicted camera, radians.
 const MAX_PREDICTED_TURN: f32 = 0.5;
 
 /// A camera that turns by more than this in one frame has jumped, radians.
@@ -351,11 +351,11 @@ const CUT_TURN: f32 = 0.2;
 /// So has one that goes farther than this share of the mesh's radius. (Other jumps are seen by what they lack.)
 const CUT_TRAVEL: f32 = 0.05;
 
-/// Turns that differ by so many radians per second count as the same.
+/// Turns that differ by at most this, radians per second, count as equal.
 const STEADY_TURN: f32 = 0.06;
 
 impl Motion {
-    /// The next view, so many seconds after the last one, of a mesh of some radius; whether it differs from that.
+    /// Takes the next view, `seconds` after the last one; whether it differs from that.
     fn advance(&mut self, view: Option<&StreamView>, seconds: f32, mesh_radius: f32) -> bool {
         let last = std::mem::replace(&mut self.view, view.copied());
         let (Some(last), Some(view), true) = (last, view, seconds > 0.0) else {
@@ -370,7 +370,7 @@ impl Motion {
         let is_moving = last != *view;
         self.is_cut =
             (turn * shorter).length() > CUT_TURN || last.eye.distance(view.eye) > CUT_TRAVEL * mesh_radius;
-        // Steady is what goes on nearly as it did: neither a cut nor a hand that trembles.
+        // Steady motion continues nearly unchanged: neither a cut nor a trembling hand.
         self.is_steady = is_moving
             && self.velocity.is_some_and(|before| {
                 before.travel.distance(velocity.travel) <= 0.5 * velocity.travel.length() + f32::EPSILON
@@ -467,10 +467,10 @@ impl Geometry for CoveredMesh {
 
 /// Waits until what a view needed when the camera cut to it has come.
 ///
-/// A camera that goes on moving after the cut needs other parcels in every frame, and one that becomes needed now is there in
+/// A camera that keeps moving after the cut needs other parcels in every frame, and one that becomes needed now is there in
 /// the next frame at the earliest, unless it was foreseen. So a frame that lacks nothing at all may be far off although all that
 /// the cut uncovered came at once. What is awaited is what the view lacked at the cut; what the camera has left behind
-/// since then is awaited no longer, nor what cannot be read.
+/// since then is no longer awaited, nor is what cannot be read.
 #[derive(Clone, Debug, Default)]
 pub struct CutWatch {
     awaited: Vec<Parcel>,

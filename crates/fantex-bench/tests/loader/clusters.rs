@@ -1,4 +1,4 @@
-//! Pages are what they should be, whoever asks in which order.
+//! Pages are what they should be, in whichever order they are requested.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{Seek, SeekFrom, Write};
@@ -422,7 +422,7 @@ fn errors_everywhere_name_file_and_place_and_end() {
     }
     let counts = loader.statistics();
     assert_eq!(counts.parcels_failed as usize, pages.len());
-    // A cluster whose parcels have failed with another one is tried no more.
+    // A cluster whose parcels have failed with another one is not tried again.
     assert!((counts.clusters_failed..=baked.asset.clusters().count() as u64).contains(&(counts.retries / 3)));
     // Asked for again, they are tried again.
     assert_eq!(load(&mut loader, &pages[..5]).len(), 5);

@@ -170,7 +170,7 @@ impl PageWords {
         }
     }
 
-    /// Columns and rows of a texture for so many pages.
+    /// Columns and rows of a texture for a number of pages.
     pub(crate) fn extent(pages: usize) -> [u32; 2] {
         [1 << ROW_SHIFT, pages.div_ceil(1 << ROW_SHIFT).max(1) as u32]
     }
@@ -285,7 +285,7 @@ impl Uploader {
         debug_assert_eq!(texels.len(), rows.bytes * rows.count, "{}", upload.parcel);
         let Some(size) = wgpu::BufferSize::new((rows.pitch * rows.count) as u64) else { return };
         let slice = self.belt.allocate(size, ALIGNMENT);
-        // A belt's slice is mapped; were it not, the page would be missing from the picture, no more.
+        // A belt's slice is always mapped; otherwise only this page would be missing.
         if let Ok(mut mapped) = slice.get_mapped_range_mut() {
             for (row, bytes) in texels.chunks_exact(rows.bytes).enumerate() {
                 let start = row * rows.pitch;

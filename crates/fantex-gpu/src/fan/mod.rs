@@ -48,7 +48,7 @@ use crate::{FrameContext, Gpu, Model, ModelSpace, Overlay, SurfaceKey, View};
 
 // A fan-textured model.
 
-/// A mesh with the tiles of its cover on the device. Which pages are in its atlas is decided elsewhere and told to
+/// A mesh with the tiles of its cover on the device. Which pages are in its atlas is decided elsewhere and passed to
 /// [`FanModel::update`]; until then groups show their mean colours.
 #[derive(Debug)]
 pub struct FanModel {
@@ -222,7 +222,7 @@ impl FanModel {
         self.next.is_some()
     }
 
-    /// Shows the atlas that was begun, if any, and lets go of the one before.
+    /// Shows the atlas that was begun, if any, and drops the one before.
     pub fn finish_atlas(&mut self) {
         if let Some((bindings, uploader)) = self.next.take() {
             (self.bindings, self.uploader) = (bindings, uploader);
@@ -518,7 +518,7 @@ impl std::fmt::Debug for StreamedModel {
 /// Between two looks at what has arrived.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// Another atlas is shown after so long, whatever it still lacks.
+/// Seconds after which another atlas is shown even if it lacks pages.
 const MAX_FILLING_SECONDS: f32 = 3.0;
 
 impl StreamedModel {
@@ -595,8 +595,7 @@ impl StreamedModel {
         Ok(())
     }
 
-    /// Waits until all that a view needs is resident, or for `patience`; whether it is. For pictures that nobody waits
-    /// for; windows call [`StreamedModel::advance`].
+    /// Waits until all that a view needs is resident, or for `patience`; whether it is. For offline pictures; windows call [`StreamedModel::advance`].
     ///
     /// # Errors
     ///

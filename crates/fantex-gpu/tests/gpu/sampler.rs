@@ -81,13 +81,13 @@ fn random_query(random: &mut Random, mesh: &Mesh) -> Query {
     let triangle = random.below(mesh.triangles.len() as u64) as u32;
     let (a, b) = (random.unit().sqrt() as f32, random.unit() as f32);
     let lambda = Vec3::new(1.0 - a, a * (1.0 - b), a * b);
+    // From a small part of a texel to the whole triangle, and up to sixteen times as long as wide.
+    let (length, stretch) = (1e-3 * 1e3f64.powf(random.unit()), 1.0 + 15.0 * random.unit());
     let mut step = |length: f64| {
-        let angle = TAU as f64 * random.unit();
+        let angle = f64::from(TAU) * random.unit();
         let (x, y) = ((length * angle.cos()) as f32, (length * angle.sin()) as f32);
         Vec3::new(x, y, -x - y)
     };
-    let length = 1e-4 * 1e4f64.powf(0.999 * step(0.5).x.abs() as f64);
-    let stretch = 1.0 + 15.0 * f64::from(step(0.5).x.abs());
     let lambda_steps = [step(length), step(length / stretch)];
     Query { point: fantex_mesh::SurfacePoint { triangle, lambda }, footprint: Footprint { lambda_steps } }
 }

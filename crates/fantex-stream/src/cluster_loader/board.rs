@@ -75,7 +75,7 @@ pub(super) enum Job {
 pub(super) struct Change {
     /// There are clusters to read.
     pub(super) reads: bool,
-    /// There are so many jobs for workers.
+    /// New jobs for workers.
     pub(super) jobs: usize,
 }
 
@@ -100,7 +100,7 @@ pub(super) struct Board {
     assemblies: BTreeMap<Parcel, Assembly>,
     /// Clusters at [`Stage::Queued`]. Urgencies are upper bounds.
     to_read: UrgencyQueue<ClusterId>,
-    /// Clusters at [`Stage::Paused`], and remains of those that are no more.
+    /// Clusters at [`Stage::Paused`], and stale entries.
     paused: BTreeMap<(Instant, ClusterId), ()>,
     /// Clusters of which the last parcel was cancelled while they were being read.
     abandoned: Vec<ClusterId>,
@@ -141,7 +141,7 @@ impl Board {
         }
     }
 
-    // What the caller does.
+    // Called for the caller.
 
     /// A parcel is wanted, whose pages lie in these clusters.
     pub(super) fn request(&mut self, parcel: Parcel, clusters: &[ClusterId], urgency: f32) -> Change {
@@ -247,7 +247,7 @@ impl Board {
         }
     }
 
-    /// The most urgent ready parcels of at most so many bytes, at least one if there is any.
+    /// The most urgent ready parcels, up to `max_bytes`; at least one if there is any.
     pub(super) fn take_ready(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
         let (mut parcels, mut left) = (Vec::new(), usize::MAX);
         while let Some((parcel, texels)) = self.ready.take_first(left) {
@@ -290,7 +290,7 @@ impl Board {
         self.closed = true;
     }
 
-    // What the scheduler does.
+    // Called by the scheduler.
 
     pub(super) fn counts(&mut self) -> &mut LoaderStatistics {
         &mut self.counts
@@ -365,7 +365,7 @@ impl Board {
         self.clusters.remove(&cluster);
     }
 
-    /// A cluster's bytes have come. False if nobody wants them any more.
+    /// A cluster's bytes have arrived. False if they are no longer wanted.
     pub(super) fn read_ends(
         &mut self,
         cluster: ClusterId,
@@ -393,7 +393,7 @@ impl Board {
         self.fail(cluster, error, if alone { retries } else { retries.max(1) });
     }
 
-    // What workers do.
+    // Called by workers.
 
     fn add_job(&mut self, cluster: ClusterId, job: Job) {
         if let Some(wanted) = self.clusters.get_mut(&cluster) {
@@ -526,8 +526,6 @@ impl Board {
         }
     }
 
-    // Together.
-
     /// A cluster went wrong: it is read again after a pause, or all its parcels arrive as errors.
     fn fail(&mut self, cluster: ClusterId, error: Error, retries: u32) {
         let Some(mut wanted) = self.clusters.remove(&cluster) else { return };
@@ -552,7 +550,7 @@ impl Board {
     }
 }
 
-/// An urgency in the order of numbers. (NaN, which nobody should give, is above or below all others.)
+/// An urgency in the order of numbers. (NaN sorts above or below all others.)
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Urgency(pub(super) f32);
 
@@ -648,7 +646,7 @@ impl<K: Copy + Ord> UrgencyQueue<K> {
 /// Texels, or why there are none.
 type Outcome = Result<ParcelTexels, Error>;
 
-/// Stale entries are dropped when there are so many more of them than of others.
+/// Queues are rebuilt when stale entries exceed the others by this.
 const MAX_STALE_ENTRIES: usize = 1 << 12;
 
 /// Parcels that have arrived, until they are taken.

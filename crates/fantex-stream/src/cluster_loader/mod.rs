@@ -54,13 +54,13 @@ pub struct ClusterLoaderOptions {
     pub worker_threads: usize,
     /// Stored bytes that are being read or wait to be unpacked, at most (one read may exceed it).
     pub in_flight_bytes: usize,
-    /// Unpacked clusters that are kept, at most so many bytes.
+    /// Maximum bytes of unpacked clusters that are cached.
     pub cache_bytes: usize,
-    /// Clusters that are kept as they are stored, at most so many bytes.
+    /// Maximum bytes of clusters that are cached as they are stored.
     pub stored_cache_bytes: usize,
-    /// Texels that wait to be taken, at most so many bytes (and one batch of 256 KiB per worker).
+    /// Maximum bytes of texels that wait to be taken (plus one batch of 256 KiB per worker).
     pub ready_bytes: usize,
-    /// Neighbouring clusters are read together up to so many bytes.
+    /// Neighbouring clusters are read together up to this number of bytes.
     pub merge_bytes: u64,
     /// Unwanted bytes between two clusters that are read along rather than two reads made.
     pub merge_gap_bytes: u64,
@@ -148,11 +148,11 @@ pub struct ClusterLoader {
     info: ReaderInfo,
     scheduler: Option<JoinHandle<()>>,
     workers: Vec<JoinHandle<()>>,
-    /// Polls in a row that brought nothing because others were at work.
+    /// Polls in a row that returned nothing because the board was locked.
     missed_polls: u32,
 }
 
-/// So many polls in a row bring nothing because others are at work; the next one waits for the board, and does their work.
+/// Polls in a row that may return nothing because the board is locked; the next one waits for it.
 const MAX_MISSED_POLLS: u32 = 3;
 
 impl std::fmt::Debug for ClusterLoader {
@@ -232,7 +232,7 @@ impl ClusterLoader {
         self.shared.statistics()
     }
 
-    /// A window on the statistics, for when the loader itself has been given away.
+    /// Access to the statistics after the loader has been moved into a streamer.
     pub fn monitor(&self) -> LoaderMonitor {
         LoaderMonitor { shared: Arc::clone(&self.shared) }
     }
@@ -394,7 +394,7 @@ pub struct LoaderStatistics {
     /// Stored bytes of the parcels that were handed over: their shares of their clusters. With [`Self::bytes_read`] it tells how
     /// much was read in vain (less than nothing where the cache served parcels more than once).
     pub bytes_needed: u64,
-    /// Clusters that were read although, when they came, nobody wanted anything of them any more.
+    /// Clusters that were read and no longer wanted when they arrived.
     pub clusters_dropped: u64,
     /// Clusters that were read again after an error.
     pub retries: u64,
@@ -492,12 +492,12 @@ impl SharedBoard {
 // What the caller has asked for and the board does not know yet.
 //
 // The caller's thread draws pictures and must not wait. So it puts its messages here, under a lock that is held for no longer
-// than it takes to move them, and whoever holds the board next takes them over: the scheduler, as a rule.
+// than it takes to move them, and the next holder of the board takes them over: usually the scheduler.
 
 /// Messages that are taken over before others may have the board.
 const CHUNK: usize = 256;
 
-/// What a caller says of a parcel, with the clusters that hold its pages.
+/// A caller's request or cancel, with the clusters that hold the parcel's pages.
 #[derive(Debug)]
 enum Message {
     /// It is wanted, so urgently.

@@ -44,20 +44,20 @@ use crate::{Geometry, StreamView};
 
 /// The camera may move by this share of its distance from a block before the block is looked at again.
 const TRAVEL: f32 = 0.02;
-/// The camera may turn by so many radians.
+/// The camera may turn by this angle, radians.
 const TURN: f32 = 0.01;
 /// The same for blocks well inside the picture, whose level alone is at stake.
 const UNIFORM_TRAVEL: f32 = 0.03;
 /// Radians for such blocks.
 const UNIFORM_TURN: f32 = 0.03;
-/// A block whose farthest point is at most so many times as far as its nearest is bounded as a whole: a fifth of a level.
+/// Maximum ratio of the depths of a block's farthest and nearest points for it to be bounded as a whole: a fifth of a level.
 const UNIFORM_DEPTH: f32 = 1.15;
 
-/// What bounding a group takes: the unit of work.
+/// Cost of bounding a group: the unit of work.
 const GROUP_NANOSECONDS: u32 = 85;
-/// So many units is bounding a block as a whole.
+/// Cost of bounding a block as a whole, in units.
 const BLOCK_WORK: usize = 4;
-/// The same where each of the block's reliefs is looked at.
+/// The same where each of the block's reliefs is visited.
 const RELIEF_BLOCK_WORK: usize = 16;
 
 /// The way and the angle that a camera has covered.

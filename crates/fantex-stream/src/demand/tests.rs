@@ -288,7 +288,7 @@ fn a_cut_that_is_too_much_work_is_spread_over_updates() {
         demand.update(&mut surface, Some(&view), 200 * GROUP_NANOSECONDS, &mut Vec::new());
         assert_eq!(demand.work(), DemandWork::default(), "nothing is left to do");
     }
-    // A camera that never rests leaves nobody behind for long: all have been looked at within a few updates.
+    // With a camera that never rests all blocks are visited within a few updates.
     let mut course = Vec::new();
     for step in 0..100 {
         let view = look(Vec3::new((step as f32).sin() * 2.0, 0.5, 2.5), Vec3::ZERO, 60.0);

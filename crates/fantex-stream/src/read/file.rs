@@ -61,7 +61,7 @@ pub struct BufferPool {
 }
 
 impl BufferPool {
-    /// A pool that keeps idle buffers of at most so many bytes together.
+    /// A pool that keeps at most `keep_bytes` of idle buffers.
     pub fn new(keep_bytes: usize) -> Arc<Self> {
         Arc::new(Self { idle: Mutex::default(), keep_bytes })
     }
@@ -279,7 +279,7 @@ pub fn ring_reader(path: &Path, depth: usize, direct: bool) -> io::Result<LaneRe
     Ok(reader)
 }
 
-/// A runtime over a completion queue of so many entries, and what kind it is.
+/// A runtime over a completion queue of `depth` entries, and its kind.
 pub(crate) fn ring_runtime(depth: usize) -> io::Result<(Runtime, ReaderKind)> {
     let mut proactor = ProactorBuilder::new();
     proactor.capacity(depth.next_power_of_two().max(8) as u32);

@@ -23,7 +23,7 @@ pub struct HttpSource {
     retry: RetryPolicy,
 }
 
-/// What a server did that it should not have.
+/// A server's answer that cannot be used.
 fn server_error(kind: io::ErrorKind, message: impl Into<String>) -> io::Error {
     io::Error::new(kind, message.into())
 }
@@ -59,7 +59,7 @@ fn client_error(error: ureq::Error) -> io::Error {
 }
 
 impl HttpSource {
-    /// A file at a URL (`http://` or `https://`), read over at most so many connections at a time. Asks nothing yet.
+    /// A file at a URL (`http://` or `https://`), read over at most `connections` at a time. Sends nothing yet.
     pub fn new(url: &str, connections: usize) -> Self {
         let config = ureq::Agent::config_builder()
             .http_status_as_error(false)
@@ -79,7 +79,7 @@ impl HttpSource {
         }
     }
 
-    /// With another patience than [`RetryPolicy::NETWORK`], for opening. (Queued reads are made once; their owner retries.)
+    /// With another policy than [`RetryPolicy::NETWORK`] for opening. (Queued reads are made once; their owner retries.)
     pub fn with_retry(mut self, retry: RetryPolicy) -> Self {
         self.retry = retry;
         self
@@ -189,7 +189,7 @@ fn content_range(headers: &HeaderMap) -> Option<ContentRange> {
     Some(ContentRange { first_last, total: total.trim().parse().ok()? })
 }
 
-/// A queued reader of a file on a web server, over so many connections at a time (six is what browsers allow themselves).
+/// A queued reader of a file on a web server, over `connections` at a time (browsers use six).
 ///
 /// # Errors
 ///

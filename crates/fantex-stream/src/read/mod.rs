@@ -13,7 +13,7 @@
 //! - A back end has *lanes*, as many as reads shall be in flight. A lane takes a request, reads it, reports, and takes the
 //!   next. In [`ring_reader`] lanes are tasks on one thread that owns an io_uring (or a completion port); in
 //!   [`threaded_reader`] they are threads.
-//! - The bytes of a read lie in a [`ReadBuffer`], which whoever holds it may send anywhere; when dropped it goes back to the
+//! - The bytes of a read lie in a [`ReadBuffer`], which may be sent to any thread; when dropped it goes back to the
 //!   back end's [`BufferPool`] and is used again.
 //!
 //! [`open_file_reader`] chooses the back end by trying: a ring where the system has one, else threads; direct I/O where the
@@ -50,7 +50,7 @@ pub struct ReadRequest {
     pub length: usize,
 }
 
-/// Most bytes of one read: a cluster, the largest there is, and some.
+/// Maximum bytes of one read: more than the largest cluster.
 pub const MAX_READ_BYTES: usize = 64 << 20;
 
 /// A read that was made, or failed.
@@ -110,8 +110,7 @@ pub trait QueuedReader: Send {
     /// comes.
     fn cancel(&mut self, token: u64) -> bool;
 
-    /// The next completion. Waits for it at most so long (without a limit where none is given), or until somebody wakes;
-    /// none then.
+    /// The next completion. Waits until `timeout` (forever without one), or until woken; `None` then.
     fn wait(&mut self, timeout: Option<Duration>) -> Option<ReadCompletion>;
 
     /// Interrupts [`QueuedReader::wait`], the current one or the next one.
@@ -179,7 +178,7 @@ pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Bo
 
 // Assets in files and on web servers.
 
-/// The URL that a location is, if it is none of a file.
+/// The location as a URL, if it is one.
 pub fn url_of(location: &Path) -> Option<&str> {
     let text = location.to_str()?;
     let scheme = text.split_once("://")?.0.to_ascii_lowercase();

@@ -30,17 +30,16 @@ pub(crate) const FRAME_NANOSECONDS: u32 = 6_000_000;
 
 /// Slow frames do this share of what as many quick ones would do: a tenth of their time.
 const SLOW_SHARE: f32 = 0.25;
-/// And no more than so many quick ones.
+/// Maximum number of quick frames that a slow one counts as.
 const MAX_TIMES: f32 = 32.0;
 
-/// After a cut, and while all that is seen lacks something, a frame may do so many times as much: there is little on the screen that
+/// After a cut, and while all that is seen lacks something, a frame may do this many times as much: there is little on the screen that
 /// could stutter, and with twice [`FRAME_NANOSECONDS`] sixty frames a second are still drawn.
 const FILLING_TIMES: f32 = 2.0;
-/// So long after a cut, seconds, which is how long a view may take to be sharp.
+/// Seconds after a cut during which that holds.
 const FILLING_SECONDS: f32 = 0.5;
 
-/// Of a frame, eighths that arrivals leave to the rest, at most. (With a half for arrivals, whatever there was to do else, a
-/// first view of 400 k tiles took the demand of a few families per frame: arrivals and bounding used up the rest.)
+/// Of a frame, eighths that arrivals leave to the rest, at most.
 const MAX_RESERVED_EIGHTHS: u32 = 5;
 /// And for bounding, at most.
 const BOUNDING_EIGHTHS: u32 = 2;
@@ -125,9 +124,8 @@ impl Work {
         Self { regular, filling_seconds: 0.0, frame: 0, reserved: 0, spent: 0, done }
     }
 
-    /// The next frame comes so long after this one: slow frames, of which there are few, may take longer, and where drawing takes
-    /// seconds, as software adapters do, nobody notices a tenth more. `is_cut`: the camera has jumped. `lacking`: share of what is
-    /// seen that lacks something.
+    /// Begins a frame `elapsed_seconds` after the last one. Slow frames may do more: a tenth of their time is not noticed. `is_cut`: the
+    /// camera has jumped. `lacking`: share of the visible groups that lack something.
     pub(super) fn begin_frame(&mut self, elapsed_seconds: f32, is_cut: bool, lacking: f32) {
         self.filling_seconds = match is_cut {
             true => FILLING_SECONDS,
@@ -174,7 +172,7 @@ impl Work {
         left.min(self.frame / 8 * BOUNDING_EIGHTHS).max(self.frame / 32)
     }
 
-    /// Something has been done so many times.
+    /// Counts work that was done.
     pub(super) fn spend(&mut self, item: Item, times: u32) {
         self.done.counts[item as usize] += times;
         self.spent = self.spent.saturating_add(times.saturating_mul(WORK_COSTS[item as usize].1));

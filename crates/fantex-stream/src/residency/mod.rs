@@ -186,7 +186,7 @@ impl Residency {
             .find_map(|step| shape.level_at_step(step))
     }
 
-    /// A frame begins, so long after the last one. `is_cut`: the camera has jumped.
+    /// Begins a frame. `is_cut`: the camera has jumped.
     pub(crate) fn begin_frame(&mut self, elapsed_seconds: f32, is_cut: bool) {
         let lacking = self.lacking_groups as f32 / self.visible_groups.max(1) as f32;
         self.work.begin_frame(elapsed_seconds, is_cut, lacking);
@@ -367,8 +367,8 @@ impl Backlog {
 }
 
 impl Residency {
-    /// Takes over the demand of the groups for which it has changed, of so many families per frame: a cut to a view of hundreds
-    /// of thousands of tiles, or another bias for them, is spread over some frames.
+    /// Takes over the demand of the groups for which it has changed, within the frame's work: a cut to a view of hundreds of
+    /// thousands of tiles, or another bias for them, is spread over some frames.
     pub(crate) fn want(&mut self, changed: &[u32], demand: &Demand) {
         self.work.spend(Item::Bounding, demand.nanoseconds());
         self.defer(changed, Backlog::CHANGED);
@@ -652,7 +652,7 @@ impl Residency {
         }
     }
 
-    /// Tells the loader what has been cancelled and asked for since it was told last.
+    /// Sends cancels and requests to the loader.
     pub(crate) fn tell(&mut self, loader: &mut dyn ParcelLoader) {
         self.transfers.tell(loader);
     }

@@ -43,8 +43,8 @@ impl RequestLimits {
 /// How urgent a request is, greater numbers first: what only the predicted view needs comes last, the rest by its error on the
 /// screen.
 ///
-/// The error: by how many levels a tile is too coarse, then how large it is. Weighing the picture's middle more was left out: the
-/// eye is wherever it is, and a cut is sharp only when the last tile is.
+/// The error: by how many levels a tile is too coarse, then how large it is. The picture's middle counts no more than its rim: a
+/// cut is sharp only when the last tile is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Priority(u8);
 
@@ -65,7 +65,7 @@ const STALE_URGENCY: f32 = 255.0;
 /// Owners that lack parcels, each once, the most urgent first. Within one priority they come in order, so that neighbours, which lie in
 /// one cluster, are asked for together.
 pub(super) struct RequestQueue {
-    /// Per priority; an owner that has moved on leaves an entry that no longer counts.
+    /// Per priority; an owner whose priority changed leaves a stale entry.
     buckets: Vec<VecDeque<u32>>,
     /// Per owner.
     priorities: Vec<Option<Priority>>,
@@ -159,13 +159,13 @@ impl RequestQueue {
 /// Where a parcel is that is not resident, or is read again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum RequestState {
-    /// Nobody has asked for it.
+    /// Not requested.
     Idle,
-    /// It is asked for because it is needed.
+    /// Requested because it is needed.
     Requested,
-    /// It is asked for, and nothing needs it yet.
+    /// Requested for the predicted view only.
     Prefetched,
-    /// It has arrived and waits for coarser ones, or for room.
+    /// Arrived; waits for coarser parcels or for room.
     Arrived,
 }
 
@@ -180,9 +180,9 @@ pub(super) struct Transfers {
     pub(super) texels: u64,
     pub(super) prefetched: BTreeMap<u32, Parcel>,
     pub(super) arrived: BTreeMap<u32, (Parcel, ParcelTexels)>,
-    /// Those of them that need wait no longer.
+    /// Arrived parcels that may be placeable now.
     pub(super) placeable: VecDeque<u32>,
-    /// What the loader has not been told yet; cancels come before requests.
+    /// Not sent to the loader yet; cancels go first.
     cancels: Vec<Parcel>,
     requests: Vec<(Parcel, f32)>,
     /// Since the beginning.
@@ -241,7 +241,7 @@ impl Transfers {
         }
     }
 
-    /// Tells the loader what has been cancelled and asked for since it was told last.
+    /// Sends cancels and requests to the loader.
     pub(super) fn tell(&mut self, loader: &mut dyn ParcelLoader) {
         loader.cancel_all(&self.cancels);
         loader.request_all(&self.requests);
@@ -254,10 +254,10 @@ impl Transfers {
 const AHEAD_SHARE: f64 = 0.85;
 
 /// Frames after which a parcel that is not needed makes room for one that is fetched ahead: about as many as it is fetched
-/// ahead. (With four times as many, a camera that flew on after a cut found no room for what it foresaw.)
+/// ahead.
 const AHEAD_AGE: u32 = 15;
 
-/// The loader is asked for so large a part of a frame's bytes at a time: parcels may be small, and then are many.
+/// A poll asks for this fraction of a frame's bytes: parcels may be small and many.
 const POLLS_PER_FRAME: usize = 16;
 
 impl Residency {
@@ -450,7 +450,7 @@ impl Residency {
         }
     }
 
-    /// A parcel cannot be read: nobody waits for it any longer.
+    /// A parcel cannot be read: nothing waits for it any longer.
     fn give_up(&mut self, parcel: Parcel, index: u32, error: Error) {
         let is_new = self.damaged.insert(parcel, error).is_none();
         // What is resident has the texels from before it was to be read again.
@@ -478,7 +478,7 @@ impl Residency {
         });
     }
 
-    /// Gives places to parcels that have waited and need wait no longer.
+    /// Places parcels that may be placeable now.
     fn place_all(&mut self, frame: &mut Arrivals) {
         while self.may_arrive(frame) {
             let Some(index) = self.transfers.placeable.pop_front() else { return };
