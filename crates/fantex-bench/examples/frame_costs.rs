@@ -1,4 +1,4 @@
-//! What frames of a streamer cost beside what is counted of them: how the costs in `residency/work.rs` were found.
+//! What frames of a streamer cost beside what is counted of them: how the costs in `residency/budget.rs` were found.
 //!
 //! ```text
 //! cargo run --release -p fantex-bench --example frame_costs -- TOURS ASSET...

@@ -1,5 +1,5 @@
 // What assets have beyond metal and roughness: baked light, toon scales, stretched highlights. The formulas of the CPU renderer
-// (fantex-render, finish.rs).
+// (fantex-render, shading.rs).
 
 // Whether the material has a toon scale.
 override FAN_TOON: bool = false;

@@ -1,6 +1,6 @@
 // Filtered look-ups in one tile: which levels, how many probes, where they lie in the atlas.
 //
-// The rules are those of the CPU renderer (fantex-render, tile_filter.rs).
+// The rules are those of `TileLookup` (fantex-store, sampler/lookup.rs); tests/gpu/sampler.rs compares them point by point.
 
 // NEAREST, BILINEAR, TRILINEAR or ANISOTROPIC.
 override FAN_FILTER: u32 = 3u;
