@@ -1,4 +1,4 @@
-//! What the renderer draws.
+//! What the renderer draws, and how.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! Drawing frames.
+//! Drawing frames: shadow maps, surfaces, sky, lines, tone map.
 
 use std::collections::HashMap;
 

@@ -1,4 +1,4 @@
-//! Pipelines of surfaces: what all kinds of models have in common.
+//! What all kinds of models have in common: pipelines of surfaces and of their shadows, the order of blended triangles.
 
 use fantex_scene::Shading;
 use fantex_texture::Filter;

@@ -1,4 +1,4 @@
-//! The atlas: the fixed room in graphics memory that resident pages share.
+//! The atlas, the fixed room in graphics memory that resident pages share; the page table; what changes of both in a frame.
 
 use fantex_cover::Cover;
 use fantex_store::{PageId, TexelFormat, page_grid};

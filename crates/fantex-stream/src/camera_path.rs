@@ -1,4 +1,4 @@
-//! Camera paths: recorded by a viewer, or made.
+//! Camera paths: recorded by a viewer, or generated.
 
 use std::f64::consts::TAU;
 

@@ -1,4 +1,4 @@
-//! The seam between what decides and what reads.
+//! The interface between residency, which decides what is loaded, and loaders, which read; and how pages become a parcel's texels.
 
 use std::borrow::Cow;
 use std::sync::Arc;

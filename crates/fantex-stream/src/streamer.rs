@@ -1,4 +1,4 @@
-//! Demand, residency and a loader, put together.
+//! The streamer: demand, residency and a loader together, the prediction of the camera, and when a view is sharp after a cut.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

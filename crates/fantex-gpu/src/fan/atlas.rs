@@ -1,4 +1,4 @@
-//! The atlas in graphics memory: a texture per channel.
+//! The atlas in graphics memory: a texture per channel, its page table, uploads, and a picture of it.
 
 use std::ops::Range;
 

@@ -1,4 +1,4 @@
-//! Bind group 1 of fan shaders: texture function and atlas.
+//! What fan shaders are bound to: the texture function and the atlas (group 1), a material (group 2); and their pipelines.
 
 use std::collections::HashMap;
 use std::num::NonZeroU64;

@@ -1,4 +1,4 @@
-//! Lamps as shaders want them.
+//! Lamps for shaders: their records, the pictures that projectors cast, shadow maps.
 
 use std::sync::Arc;
 

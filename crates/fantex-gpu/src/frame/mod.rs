@@ -1,4 +1,4 @@
-//! What a frame is lit by and seen from, as shaders want it.
+//! Bind group 0 of all shaders of a frame: camera, lamps, surroundings, shadow maps.
 
 mod environment;
 mod lights;

@@ -1,4 +1,4 @@
-//! Materials as shaders want them.
+//! Materials for shaders: records, samplers, textures with their levels.
 
 use std::collections::HashMap;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! The thread that decides what is read next.
+//! The thread that decides what is read next, and the order of clusters in the file, by which neighbours are read together.
 
 use std::collections::HashMap;
 use std::io;

@@ -1,4 +1,4 @@
-//! The threads that unpack and decode.
+//! The threads that unpack and decode, and the cache of what they have unpacked.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

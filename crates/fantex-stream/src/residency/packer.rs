@@ -1,4 +1,4 @@
-//! Rectangles in the atlas: exact, in any order of coming and going.
+//! Allocation of rectangles in the atlas: exact, in any order of allocation and release.
 //!
 //! Layers are cut into bins of 256x256 texels, the size of the largest page. A bin keeps one bit per 4x4 texels; a free
 //! rectangle is found with shifts over 64 words. Pages of like size share bins, so that bins become free as a whole.
