@@ -6,7 +6,7 @@
 //! ```
 //!
 //! Prints each picture's faults with the mean difference per channel of 255, and writes `gallery/goldens/tolerances.toml` where no name
-//! is given. The goldens must have been drawn by the same build.
+//! is given.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -18,14 +18,14 @@ use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
 use fantex::texture::{Depth, Image, Samples};
 use fantex_gallery::{Catalogue, Entry, read};
 
-/// Width of the goldens.
-const WIDTH: u32 = 320;
+/// Width of the pictures that faults are tried on; means hardly depend on it.
+const WIDTH: u32 = 107;
 
 /// Changes below this mean difference cannot be seen: the feature is not what the picture shows.
-const MIN_CHANGE: f64 = 0.03;
+const MIN_CHANGE: f64 = 0.06;
 
-/// No picture needs a larger tolerance; the other bound is what processors differ by.
-const TOLERANCES: std::ops::RangeInclusive<f64> = 0.01..=0.5;
+/// No picture needs a larger tolerance; the other bound is what processors may differ by.
+const TOLERANCES: std::ops::RangeInclusive<f64> = 0.02..=0.5;
 
 /// Of pictures that no look draws.
 const DRAWN_TOLERANCE: f64 = 0.3;
@@ -66,13 +66,11 @@ fn try_faults(
         let name = format!("{}-{}", entry.name, index + 1);
         let look = variant.apply(&entry.name, original.clone())?;
         let right = picture(&look, path)?;
-        let golden = bytes(Image::load(Path::new("gallery/goldens").join(format!("{name}.png")))?);
-        let own = difference(&right, &golden);
         let mut smallest = f64::INFINITY;
         for fault in faults(&look) {
             // Without a key that must be there, there is no picture.
             let Ok(wrong) = picture(&without(&look, &fault), path) else { continue };
-            let change = difference(&wrong, &golden);
+            let change = difference(&wrong, &right);
             let is_seen = change >= MIN_CHANGE;
             println!(
                 "{name:<24} {:<48} {change:8.3}{}",
@@ -84,7 +82,7 @@ fn try_faults(
             }
         }
         let tolerance = (smallest / 3.0).clamp(*TOLERANCES.start(), *TOLERANCES.end());
-        println!("{name:<24} golden differs by {own:.3}, tolerance {tolerance:.3}");
+        println!("{name:<24} tolerance {tolerance:.3}");
         tolerances.insert(name, tolerance);
     }
     Ok(())
