@@ -21,7 +21,7 @@ use tempfile::TempDir;
 use crate::CommonArgs;
 use crate::error::{CliError, exists};
 
-/// The common flags at work.
+/// The common flags, and whether the user wants to stop.
 #[derive(Debug)]
 pub(crate) struct Context {
     /// Overwrite existing files.
@@ -55,7 +55,7 @@ impl Context {
         })
     }
 
-    /// Tells the user something that is not the result.
+    /// Prints a note on standard error, unless --quiet is given.
     pub(crate) fn note(&self, text: impl AsRef<str>) {
         if !self.quiet {
             eprintln!("{}", text.as_ref());
@@ -89,7 +89,7 @@ impl Context {
         Bar::new(label, !self.quiet && !self.json, &self.interrupt)
     }
 
-    /// Keeps Ctrl-C from ending the program while a file is written.
+    /// Until the result is dropped, Ctrl-C only sets a flag, so that a file being written is removed.
     pub(crate) fn defer_interrupt(&self) -> Deferral<'_> {
         self.interrupt.defer()
     }
@@ -108,7 +108,7 @@ impl Context {
         self.interrupt.is_requested()
     }
 
-    /// Ends the command if Ctrl-C came meanwhile.
+    /// Checks for Ctrl-C between steps.
     pub(crate) fn check_interrupt(&self) -> Result<(), CliError> {
         if self.interrupt.is_requested() { Err(Error::cancelled(INTERRUPTED).into()) } else { Ok(()) }
     }
@@ -137,7 +137,7 @@ impl Context {
         Ok(())
     }
 
-    /// As [`Context::check_output`]; what is made of a file does not replace it either, whatever is asked.
+    /// As [`Context::check_output`]; never allows the input itself, not even with --force.
     pub(crate) fn check_output_of(&self, path: &Path, input: &Path) -> Result<(), CliError> {
         if let (Ok(output), Ok(input)) = (path.canonicalize(), input.canonicalize())
             && output == input
@@ -166,7 +166,7 @@ impl Context {
 /// The exit code of a program that was interrupted: 128 + SIGINT.
 pub(crate) const EXIT_INTERRUPTED: u8 = 130;
 
-/// What the user is told.
+/// The last line of an interrupted program.
 pub(crate) const INTERRUPTED: &str = "interrupted; no unfinished file was left behind";
 
 /// Whether the user wants to stop, shared with the signal handler's thread.

@@ -10,7 +10,7 @@ use fantex::{Error, ErrorKind};
 pub(crate) enum CliError {
     /// One sentence, and an exit code by its kind.
     Failed(Box<dyn std::error::Error + Send + Sync>),
-    /// Whoever read standard output has seen enough.
+    /// The reader of standard output has closed it.
     OutputClosed,
     /// The viewer has said itself what was wrong.
     Viewer { exit_code: u8 },

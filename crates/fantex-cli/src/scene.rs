@@ -1,4 +1,4 @@
-//! Files as things that can be rendered.
+//! Opening models, assets and looks, and rendering them.
 
 use std::fs::File;
 use std::io::Read;
@@ -74,7 +74,7 @@ impl Scene {
         })
     }
 
-    /// Tells the user about tiles that could not be read, after they were looked at.
+    /// Notes damaged tiles that rendering has met.
     pub(crate) fn show_damage(&self, context: &Context) {
         let Content::Asset(cache) = &self.content else { return };
         let damage = cache.damage();
@@ -230,7 +230,7 @@ pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh, CliError> {
     Ok(fantex::Mesh::load(path)?)
 }
 
-/// Tells the user what was noticed about a model.
+/// Notes what loading and cleaning have found.
 pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
     mesh.notes().iter().for_each(|note| context.note(format!("{}: {note}", mesh.path().display())));
 }

@@ -199,7 +199,6 @@ impl From<&PhotoReport> for PhotosInfo {
     }
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     let mesh = open_model(&args.model)?;

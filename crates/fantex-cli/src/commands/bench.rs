@@ -77,7 +77,7 @@ struct FidelityArgs {
     fit: FitArg,
 }
 
-/// What is measured on.
+/// The model of a benchmark.
 #[derive(Args, Debug)]
 struct ModelArgs {
     /// A model; a generated landscape by default
@@ -117,7 +117,6 @@ struct Rows {
     rows: Vec<Row>,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
     let rows = match &args.what {
         What::Fidelity(args) => return measure_fidelity(args, context),

@@ -108,7 +108,7 @@ impl Opened {
         }
     }
 
-    /// What a look dresses that names no model.
+    /// The model for a look that names none.
     fn model(&self, path: &Path) -> Option<GivenModel> {
         match self {
             Self::Scene(scene) => Some(GivenModel { path: path.into(), mesh: scene.mesh().clone() }),
@@ -183,7 +183,6 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<(), CliError> {
     let files = [Opened::open(&args.a, context)?, Opened::open(&args.b, context)?];
     let images = LookImages::default();
@@ -261,7 +260,7 @@ fn compare_view(
     Ok((comparison, vec![files.a, files.b, files.difference]))
 }
 
-/// Mean PSNR of one subject against another over some cameras, in dB.
+/// Mean PSNR of two subjects over some cameras, in dB.
 pub(crate) fn mean_psnr_db(
     subjects: [Subject; 2],
     cameras: &[Camera],

@@ -72,7 +72,6 @@ struct DemoInfo {
     seconds: f64,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from("out/demo"));

@@ -80,7 +80,7 @@ pub(crate) struct ExportArgs {
     surroundings: SurroundingsArgs,
 }
 
-/// Whose texture coordinates.
+/// Where texture coordinates come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 enum UvArg {
     /// An own packing of few large pieces
@@ -138,7 +138,7 @@ enum DepthArg {
     Sixteen,
 }
 
-/// One side, or two.
+/// A side, or width and height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum PictureSizeArg {
     Side(u32),
@@ -201,7 +201,6 @@ struct ExportInfo {
     seconds: f64,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> {
     if let Some(count) = args.turntable {
         return turntable::run(args, count, context);
@@ -263,7 +262,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> 
     context.print(&info(args, &asset, &summary, seconds), text)
 }
 
-/// What the user should know about the result.
+/// Notes on what the result lacks.
 fn notes(args: &ExportArgs, asset: &Asset, summary: &ExportSummary, context: &Context) {
     let output = args.output.display();
     if summary.density_share < 0.9 {

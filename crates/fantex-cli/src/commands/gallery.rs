@@ -52,7 +52,6 @@ struct GalleryInfo {
     seconds: f64,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     let pictures = make(args, context)?;

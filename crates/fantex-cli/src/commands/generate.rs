@@ -94,7 +94,6 @@ struct LandscapeInfo {
     seconds: f64,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<(), CliError> {
     match &args.what {
         What::Landscape(args) => run_landscape(args, context),
@@ -244,7 +243,6 @@ struct PhotographsInfo {
     seconds: f64,
 }
 
-/// Runs the command.
 fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     let mesh = &open_model(&args.model)?;

@@ -172,7 +172,6 @@ struct AssetInfo {
     pictures: Vec<PathBuf>,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
     match Input::open(&args.file)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),

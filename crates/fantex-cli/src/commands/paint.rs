@@ -51,7 +51,7 @@ pub(crate) struct PaintArgs {
     no_history: bool,
 }
 
-/// What is painted.
+/// Strokes to apply.
 enum Strokes {
     File { file: StrokeFile, folder: PathBuf },
     Log(StrokeLog),
@@ -95,7 +95,6 @@ struct PaintInfo {
     seconds: f64,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     if let Some(output) = &args.export_log {

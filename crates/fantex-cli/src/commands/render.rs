@@ -92,7 +92,6 @@ struct RenderInfo {
     adapter: Option<String>,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> {
     if (args.look.is_some() || is_look(&args.file)) && (args.light.is_some() || args.surroundings.is_given())
     {
@@ -318,7 +317,7 @@ fn render_look(
     context.print(&info, look_text)
 }
 
-/// Tells the user about tiles of assets that could not be read, after they were looked at.
+/// Notes damaged tiles that rendering has met.
 pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) {
     match scene.damaged_tiles() {
         0 => {}

@@ -50,7 +50,6 @@ struct VerifyInfo {
     seconds: f64,
 }
 
-/// Runs the command.
 pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> {
     let started = Instant::now();
     // Opening says what is wrong with files of other kinds.
@@ -81,7 +80,7 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> 
     if report.ok { Ok(()) } else { Err(not_verified(&args.asset, &report)) }
 }
 
-/// The sentence that says why.
+/// Why an asset did not pass.
 pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
     let jump = report.continuity.largest_jump;
     let reason = if let Some(damage) = report.first_damage.first() {

@@ -228,7 +228,7 @@ fn fly(
     Ok(flight.rows(&monitor.statistics()))
 }
 
-/// A picture on the graphics card that nobody sees.
+/// An off-screen target.
 struct Screen {
     gpu: Gpu,
     hidden: HiddenScreen,
