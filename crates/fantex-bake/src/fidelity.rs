@@ -1,8 +1,10 @@
 //! How faithfully a baked asset reproduces a known function.
 
-use fantex_mesh::Mesh;
-use fantex_store::PageCache;
-use glam::{Vec3, Vec4};
+use fantex_base::Random;
+use fantex_mesh::{Mesh, SurfacePoint};
+use fantex_store::{Footprint, PageCache, Sampler};
+use fantex_texture::FilterOptions;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// Deviation of an asset from a function, over random points of the surface.
@@ -26,19 +28,19 @@ pub fn fidelity(
     seed: u64,
     truth: &(dyn Fn(Vec3) -> f32 + Sync),
 ) -> Fidelity {
+    let sampler = Sampler::of_cache(cache, FilterOptions::default());
     let mesh = cache.asset().mesh();
     let points = surface_points(mesh, samples, seed);
     let parts: Vec<(f64, f32, u64)> = points
         .par_chunks(4096)
         .map(|chunk| {
             let (mut squares, mut largest, mut lookups) = (0.0, 0.0f32, 0);
-            for &(triangle, lambda) in chunk {
-                let [a, b, c] = mesh.triangle_positions(triangle as usize);
-                let (value, count) = sample_finest(cache, 0, triangle as usize, lambda);
-                let error = value.x - truth(a * lambda.x + b * lambda.y + c * lambda.z);
+            for &point in chunk {
+                let value = sampler.sample_channel(0, point, Footprint::NONE);
+                let error = value.x - truth(point.position(mesh));
                 squares += f64::from(error) * f64::from(error);
                 largest = largest.max(error.abs());
-                lookups += count;
+                lookups += sampler.taps(point).len() as u64;
             }
             (squares, largest, lookups)
         })
@@ -53,22 +55,8 @@ pub fn fidelity(
     }
 }
 
-/// The texture function with all tiles at level 0; and the number of tiles read.
-pub fn sample_finest(cache: &PageCache, channel: usize, triangle: usize, lambda: Vec3) -> (Vec4, u64) {
-    let (mesh, cover) = (cache.asset().mesh(), cache.asset().cover());
-    let weights = cover.weights(triangle, lambda);
-    let mut sum = Vec4::ZERO;
-    for (slot, weight) in weights.iter() {
-        let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
-        let uv = a * lambda.x + b * lambda.y + c * lambda.z;
-        let group = cover.corner_groups[triangle][slot];
-        sum += weight * Vec4::from_array(cache.bilinear(channel, group, 0, uv));
-    }
-    (sum, weights.len() as u64)
-}
-
-/// Area-uniform points as triangle and barycentric coordinates, ascending by triangle.
-fn surface_points(mesh: &Mesh, samples: u64, seed: u64) -> Vec<(u32, Vec3)> {
+/// Area-uniform points, ascending by triangle.
+fn surface_points(mesh: &Mesh, samples: u64, seed: u64) -> Vec<SurfacePoint> {
     let mut ends = Vec::with_capacity(mesh.triangles.len());
     let mut total = 0.0;
     for t in 0..mesh.triangles.len() {
@@ -76,33 +64,16 @@ fn surface_points(mesh: &Mesh, samples: u64, seed: u64) -> Vec<(u32, Vec3)> {
         total += (b - a).cross(c - a).length();
         ends.push(total);
     }
-    let mut random = SplitMix(seed);
-    let mut points: Vec<(u32, Vec3)> = (0..samples)
+    let mut random = Random::new(seed);
+    let mut points: Vec<SurfacePoint> = (0..samples)
         .map(|_| {
             let at = random.unit() * total;
             let triangle = ends.partition_point(|&end| end < at).min(ends.len() - 1);
             let (r, s) = (random.unit().sqrt(), random.unit());
-            (triangle as u32, glam::DVec3::new(1.0 - r, r * (1.0 - s), r * s).as_vec3())
+            let lambda = DVec3::new(1.0 - r, r * (1.0 - s), r * s).as_vec3();
+            SurfacePoint { triangle: triangle as u32, lambda }
         })
         .collect();
-    points.sort_by_key(|p| p.0);
+    points.sort_by_key(|p| p.triangle);
     points
-}
-
-/// Sebastiano Vigna's SplitMix64 (2015).
-struct SplitMix(u64);
-
-impl SplitMix {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ z >> 31
-    }
-
-    /// Uniform in [0, 1).
-    fn unit(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
 }

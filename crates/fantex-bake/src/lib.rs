@@ -8,13 +8,13 @@
 
 mod bake;
 mod fidelity;
+mod image_source;
 mod light;
 mod look_source;
 mod raster;
 mod source;
 mod tile;
 mod transfer;
-mod uv_source;
 
 pub use bake::*;
 pub use fantex_scene::LightQuantity;
@@ -23,4 +23,3 @@ pub use light::*;
 pub use look_source::{LookSource, baked_materials};
 pub use source::*;
 pub use transfer::*;
-pub use uv_source::UvSource;

@@ -1,5 +1,6 @@
 //! Materials whose properties are textures: what does not depend on the eye, as tiles.
 
+use crate::image_source::{ImageSource, NO_IMAGE_DENSITY};
 use fantex_base::{Error, Result};
 use std::cell::RefCell;
 use std::sync::Arc;
@@ -9,21 +10,24 @@ use fantex_store::ChannelKind;
 use fantex_texture::look::{
     Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
 };
-use fantex_texture::material::{TangentFrame, vertex_color};
+use fantex_texture::material::{MaterialImageError, TangentFrame, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Quat, Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
 
-/// The materials of a look as a source: base colour with alpha, the normal with all relief applied, occlusion with roughness
-/// and metallic, emission, the direction of stretched highlights. A property that is the same everywhere is no channel but a factor of [`baked_materials`].
+/// What a mesh looks like, as a source: base colour with alpha, the normal with all relief applied, occlusion with roughness
+/// and metallic, emission, the direction of stretched highlights. Of a look, a property that is the same everywhere is no channel
+/// but a factor of [`baked_materials`].
 #[derive(Debug)]
-pub struct LookSource<'a> {
-    materials: Vec<Arc<LookMaterial>>,
-    finder: PointFinder<'a>,
-    /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
-    tangents: Vec<Vec<Vec4>>,
-    channels: Vec<SourceChannel>,
+pub struct LookSource<'a>(Materials<'a>);
+
+/// Materials by how they are evaluated. Those that are plain look-ups in images take a fraction of the time that textures of any
+/// kind do: the weights of texels are shared by the layers of a material.
+#[derive(Debug)]
+enum Materials<'a> {
+    Textures(TextureSource<'a>),
+    Images(ImageSource<'a>),
 }
 
 impl<'a> LookSource<'a> {
@@ -33,7 +37,86 @@ impl<'a> LookSource<'a> {
     /// # Errors
     ///
     /// A texture depends on the eye.
-    pub fn new(mesh: &'a Mesh, mut materials: Vec<Arc<LookMaterial>>, time: f32) -> Result<Self> {
+    pub fn new(mesh: &'a Mesh, materials: Vec<Arc<LookMaterial>>, time: f32) -> Result<Self> {
+        Ok(Self(Materials::Textures(TextureSource::new(mesh, materials, time)?)))
+    }
+
+    /// A single texture as base colour, opaque.
+    ///
+    /// # Errors
+    ///
+    /// It depends on the eye.
+    pub fn of_texture(mesh: &'a Mesh, texture: Arc<dyn Texture>, time: f32) -> Result<Self> {
+        let material = LookMaterial { base_color: Slot::Texture(texture), ..LookMaterial::default() };
+        Self::new(mesh, vec![Arc::new(material)], time)
+    }
+
+    /// The model's own materials through its own texture coordinates: base colour always, other channels where a texture varies
+    /// them or materials differ in them.
+    ///
+    /// # Errors
+    ///
+    /// An image that is used cannot be read.
+    pub fn of_model(mesh: &'a Mesh) -> Result<Self, MaterialImageError> {
+        Ok(Self(Materials::Images(ImageSource::new(mesh)?)))
+    }
+
+    /// Whether a material of the model has an image; true for looks.
+    pub fn has_textures(&self) -> bool {
+        match &self.0 {
+            Materials::Images(source) => source.has_textures(),
+            Materials::Textures(_) => true,
+        }
+    }
+
+    /// Texels of the finest image per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without image,
+    /// with degenerate coordinates, or too slender to show any take the mean of the others, by area; where nothing has an image,
+    /// as in looks, it is 256.
+    pub fn density(&self) -> Vec<f32> {
+        match &self.0 {
+            Materials::Images(source) => source.density(),
+            Materials::Textures(source) => vec![NO_IMAGE_DENSITY; source.finder.mesh.triangles.len()],
+        }
+    }
+
+    fn materials(&self) -> &dyn Source {
+        match &self.0 {
+            Materials::Textures(source) => source,
+            Materials::Images(source) => source,
+        }
+    }
+}
+
+impl Source for LookSource<'_> {
+    fn channels(&self) -> Vec<SourceChannel> {
+        self.materials().channels()
+    }
+
+    fn prefilter(&self) -> Prefilter {
+        self.materials().prefilter()
+    }
+
+    fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
+        self.materials().evaluate(point, values);
+    }
+
+    fn on_triangle(&self, footprint: &TriangleFootprint) -> TriangleSource<'_> {
+        self.materials().on_triangle(footprint)
+    }
+}
+
+/// Materials whose properties are textures of any kind.
+#[derive(Debug)]
+struct TextureSource<'a> {
+    materials: Vec<Arc<LookMaterial>>,
+    finder: PointFinder<'a>,
+    /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
+    tangents: Vec<Vec<Vec4>>,
+    channels: Vec<SourceChannel>,
+}
+
+impl<'a> TextureSource<'a> {
+    fn new(mesh: &'a Mesh, mut materials: Vec<Arc<LookMaterial>>, time: f32) -> Result<Self> {
         if materials.is_empty() {
             materials.push(Arc::default());
         }
@@ -48,16 +131,6 @@ impl<'a> LookSource<'a> {
             })
             .collect();
         Ok(Self { materials, finder: PointFinder { mesh, normals, time }, tangents, channels })
-    }
-
-    /// A single texture as base colour, opaque.
-    ///
-    /// # Errors
-    ///
-    /// It depends on the eye.
-    pub fn of_texture(mesh: &'a Mesh, texture: Arc<dyn Texture>, time: f32) -> Result<Self> {
-        let material = LookMaterial { base_color: Slot::Texture(texture), ..LookMaterial::default() };
-        Self::new(mesh, vec![Arc::new(material)], time)
     }
 
     fn material_of(&self, triangle: usize) -> &LookMaterial {
@@ -84,7 +157,7 @@ impl<'a> LookSource<'a> {
     }
 }
 
-impl Source for LookSource<'_> {
+impl Source for TextureSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         self.channels.clone()
     }
@@ -117,7 +190,7 @@ impl Source for LookSource<'_> {
     }
 }
 
-impl LookSource<'_> {
+impl TextureSource<'_> {
     /// Writes one value per channel. `ask` answers for the point.
     fn values(
         &self,

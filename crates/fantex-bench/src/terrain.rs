@@ -8,7 +8,7 @@ use fantex::glam::{DVec3, Mat3, Vec2};
 use fantex::gpu::{DrawOptions, Frame, Gpu, GpuOptions, UvModel, frame_times};
 use fantex::mesh::generate::grid;
 use fantex::mesh::{self, CleanOptions, ImageSource, Mesh, TextureRef, WrapMode};
-use fantex::render::{Camera, FilterOptions, Lights, MeshSurface, RenderOptions, render};
+use fantex::render::{Camera, FilterOptions, Lights, LookSurface, RenderOptions, render};
 use fantex::texture::{ColorSpace, Filter, Image, Samples};
 
 use crate::{Measured, Row, fastest};
@@ -59,7 +59,7 @@ fn camera(mesh: &Mesh) -> Camera {
 /// Milliseconds of the fastest picture.
 fn on_the_cpu(mesh: &Mesh, filter: FilterOptions) -> Result<f64, Box<dyn Error>> {
     let options = RenderOptions { samples: 1, ..RenderOptions::default() };
-    let (camera, surface) = (camera(mesh), MeshSurface::load(mesh, filter)?);
+    let (camera, surface) = (camera(mesh), LookSurface::of_model(mesh, filter)?);
     Ok(1e3 * fastest(|| render(mesh, &surface, &camera, &Lights::behind(&camera), &options))?)
 }
 

@@ -12,7 +12,7 @@ use fantex::look::LookFile;
 use fantex::mesh::{Mesh, shading_normals};
 use fantex::render::{
     Background, Camera, EnvironmentLight, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights,
-    MeshSurface, RenderOptions, Rendering, Surface, render,
+    LookSurface, RenderOptions, Rendering, Surface, render,
 };
 use fantex::store::{Asset, PageCache};
 use fantex::texture::Filter;
@@ -69,7 +69,7 @@ impl Scene {
     /// Its appearance.
     pub(crate) fn surface(&self, filter: FilterOptions) -> Result<Box<dyn Surface + '_>, CliError> {
         Ok(match &self.content {
-            Content::Model(model) => Box::new(MeshSurface::load(model, filter)?),
+            Content::Model(model) => Box::new(LookSurface::of_model(model, filter)?),
             Content::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
         })
     }

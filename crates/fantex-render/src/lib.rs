@@ -4,9 +4,8 @@
 //!  Mesh + Surface + Camera + Lights --render--> Picture (linear RGBA) --glow, tone map--> Image --> PNG, EXR
 //!   |        |                 |
 //!   |        |                 '-- Light: directional, point, spot, projector; each with its shadow maps
-//!   |        +-- MeshSurface   the model's own UV textures
 //!   |        +-- FanSurface    an asset: fan tiles through the texture function
-//!   |        +-- LookSurface   look materials: every property may be a texture
+//!   |        +-- LookSurface   a look for each material, or the model's own materials
 //!   |        '-- FlatSurface   a colour per triangle and point, for pictures that explain
 //!   '-- Scene                  several meshes with their surfaces, as one of each
 //! ```
@@ -19,8 +18,8 @@
 mod fan_surface;
 mod hit;
 mod illumination;
+mod image_surface;
 mod look_surface;
-mod mesh_surface;
 mod primitive;
 mod raster;
 mod reflection;
@@ -39,7 +38,6 @@ pub use fantex_scene::{
 };
 pub use hit::Hit;
 pub use look_surface::LookSurface;
-pub use mesh_surface::MeshSurface;
 pub use raster::MAX_SAMPLES;
 pub use reflection::{
     CaptureOptions, ObjectReflection, ReflectingSurface, capture_environment, capture_with, cube_cameras,

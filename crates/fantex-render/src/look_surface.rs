@@ -6,22 +6,98 @@
 //!                      '--relief--> normal, slope variance (widens the highlight)
 //! ```
 
+use crate::image_surface::ImageSurface;
 use std::sync::Arc;
 
 use fantex_mesh::{Mesh, Twins, corner_tangents};
 use fantex_texture::look::{
     Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
 };
-use fantex_texture::material::{TangentFrame, roughness_with_variance, vertex_color};
+use fantex_texture::material::{MaterialImageError, TangentFrame, roughness_with_variance, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Quat, Vec2, Vec3, Vec4};
 
 use crate::surface::CornerNormals;
-use crate::{AnisotropySample, Coverage, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
-/// A mesh with a look material for each of its materials.
+/// What a mesh looks like: with a look for each of its materials, or with its own.
 #[derive(Debug)]
-pub struct LookSurface<'a> {
+pub struct LookSurface<'a>(Materials<'a>);
+
+/// Materials by how they are evaluated. Those that are plain look-ups in images take about half the time that textures of any
+/// kind do.
+#[derive(Debug)]
+enum Materials<'a> {
+    Textures(TextureSurface<'a>),
+    Images(ImageSurface<'a>),
+}
+
+impl<'a> LookSurface<'a> {
+    /// Material `i` of the mesh looks like `materials[i]`, those beyond the last like the last; without any, everything looks
+    /// like [`LookMaterial::default`].
+    pub fn new(mesh: &'a Mesh, materials: Vec<Arc<LookMaterial>>) -> Self {
+        Self(Materials::Textures(TextureSurface::new(mesh, materials)))
+    }
+
+    /// The model's own materials, the glTF way, their images filtered like this. Textures whose texture coordinates the mesh
+    /// lacks are left out.
+    ///
+    /// # Errors
+    ///
+    /// An image that is used cannot be read.
+    pub fn of_model(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, MaterialImageError> {
+        Ok(Self(Materials::Images(ImageSurface::load(mesh, filter)?)))
+    }
+
+    /// The surface at another time of an animation, seconds.
+    pub fn at_time(mut self, seconds: f32) -> Self {
+        if let Materials::Textures(surface) = &mut self.0 {
+            surface.time = seconds;
+        }
+        self
+    }
+
+    fn materials(&self) -> &dyn Surface {
+        match &self.0 {
+            Materials::Textures(surface) => surface,
+            Materials::Images(surface) => surface,
+        }
+    }
+}
+
+impl Surface for LookSurface<'_> {
+    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        self.materials().shade_inputs(hit)
+    }
+
+    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+        self.materials().shade(hit)
+    }
+
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+        self.materials().shade_all(hits, out);
+    }
+
+    fn alpha(&self, hit: &Hit) -> f32 {
+        self.materials().alpha(hit)
+    }
+
+    fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {
+        self.materials().smooth_point(hit)
+    }
+
+    fn coverage(&self, triangle: usize) -> Coverage {
+        self.materials().coverage(triangle)
+    }
+
+    fn is_double_sided(&self, triangle: usize) -> bool {
+        self.materials().is_double_sided(triangle)
+    }
+}
+
+/// A mesh whose materials are textures of any kind.
+#[derive(Debug)]
+struct TextureSurface<'a> {
     mesh: &'a Mesh,
     normals: CornerNormals,
     /// Per set of texture coordinates an entry per corner; empty for sets that nothing refers to.
@@ -31,10 +107,8 @@ pub struct LookSurface<'a> {
     twins: Twins,
 }
 
-impl<'a> LookSurface<'a> {
-    /// Material `i` of the mesh looks like `materials[i]`, those beyond the last like the last; without any, everything looks
-    /// like [`LookMaterial::default`].
-    pub fn new(mesh: &'a Mesh, mut materials: Vec<Arc<LookMaterial>>) -> Self {
+impl<'a> TextureSurface<'a> {
+    fn new(mesh: &'a Mesh, mut materials: Vec<Arc<LookMaterial>>) -> Self {
         if materials.is_empty() {
             materials.push(Arc::default());
         }
@@ -48,13 +122,8 @@ impl<'a> LookSurface<'a> {
         Self { mesh, normals, tangents, materials, time: 0.0, twins: Twins::of(&mesh.triangles) }
     }
 
-    /// The surface at another time of an animation, seconds.
-    pub fn at_time(self, seconds: f32) -> Self {
-        Self { time: seconds, ..self }
-    }
-
     /// The material of a triangle.
-    pub fn material_of(&self, triangle: usize) -> &LookMaterial {
+    fn material_of(&self, triangle: usize) -> &LookMaterial {
         let last = self.materials.len() - 1;
         &self.materials[self.mesh.material_of(triangle).min(last)]
     }
@@ -193,7 +262,7 @@ fn set_tangents(mesh: &Mesh, normals: &CornerNormals, set: usize) -> Vec<Vec4> {
     corner_tangents(mesh, normals.all(), |t| Some([uv[3 * t], uv[3 * t + 1], uv[3 * t + 2]]))
 }
 
-impl Surface for LookSurface<'_> {
+impl Surface for TextureSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         self.shade(hit).0
     }

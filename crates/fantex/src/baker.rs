@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, BakeSummary, Fit, MappedImageSource, NoProgress, Prefilter, Progress,
-    SolidSource, SourceChannel, TexelPoint, TransferOptions, TransferSource, UvSource, VertexColorSource,
+    BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress, Prefilter,
+    Progress, SolidSource, SourceChannel, TexelPoint, TransferOptions, TransferSource, VertexColorSource,
     WorldSpace, bake,
 };
 use fantex_base::{Error, Result};
@@ -129,7 +129,7 @@ impl Kind<'_> {
         seed: u64,
     ) -> Result<Box<dyn fantex_bake::Source + 'm>> {
         Ok(match self {
-            Self::OwnMaterials => Box::new(UvSource::new(mesh).unified()?),
+            Self::OwnMaterials => Box::new(LookSource::of_model(mesh).unified()?),
             Self::VertexColors => Box::new(VertexColorSource::new(mesh).unified()?),
             Self::Image(path, mapping) => {
                 let texture = ImageTexture::new(Arc::new(Image::load(path).unified()?));
@@ -309,7 +309,7 @@ impl<'a> Baker<'a> {
                         model.path().display()
                     )));
                 }
-                let source = UvSource::new(model).unified()?;
+                let source = LookSource::of_model(model).unified()?;
                 let density = source.has_textures().then(|| source.density());
                 self.bake(model, &source, density, path)
             }
@@ -390,7 +390,7 @@ impl<'a> Baker<'a> {
             detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
         let (materials, vertices);
         let colors: Option<&dyn fantex_bake::Source> = if detailed.has_materials() {
-            materials = UvSource::new(&detailed).unified()?;
+            materials = LookSource::of_model(&detailed).unified()?;
             Some(&materials)
         } else if detailed.has_vertex_colors() {
             vertices = VertexColorSource::new(&detailed).unified()?;

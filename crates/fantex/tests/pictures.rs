@@ -6,12 +6,12 @@ use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_bake::{BakeFormat, BakeOptions, NoProgress, SineSource, Source, UvSource, bake};
+use fantex_bake::{BakeFormat, BakeOptions, LookSource, NoProgress, SineSource, Source, bake};
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::generate::torus;
 use fantex_mesh::{CleanOptions, ImageSource, Mesh, TextureRef, WrapMode, clean};
 use fantex_render::{
-    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, MeshSurface,
+    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, LookSurface,
     Picture, RenderOptions, Shading, Surface, render,
 };
 use fantex_store::{Asset, PageCache, Sampler};
@@ -131,7 +131,7 @@ fn psnr_db(a: &Picture, b: &Picture) -> f64 {
 
 /// The least PSNR over some views of the asset against the model.
 fn least_psnr_db(mesh: &Mesh, cache: &PageCache, filter: FilterOptions, shading: Shading) -> f64 {
-    let model = MeshSurface::load(mesh, filter).unwrap();
+    let model = LookSurface::of_model(mesh, filter).unwrap();
     let baked = FanSurface::of_asset(cache, filter);
     Camera::orbit(mesh, 2, 4.0 / 3.0)
         .iter()
@@ -146,7 +146,7 @@ fn least_psnr_db(mesh: &Mesh, cache: &PageCache, filter: FilterOptions, shading:
 fn an_asset_looks_like_the_model_it_was_baked_from() {
     let folder = tempfile::tempdir().unwrap();
     let mesh = textured_torus(folder.path());
-    let source = UvSource::new(&mesh).unwrap();
+    let source = LookSource::of_model(&mesh).unwrap();
     let budget = TexelBudget::PerTriangle(source.density());
     let (cover, _) = build_cover(&mesh, &CoverOptions { budget, ..CoverOptions::default() }).unwrap();
     let [float, blocks] = [BakeFormat::Float, BakeFormat::Bc7]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex_bake::{
-    BakeOptions, Prefilter, Progress, Source, SourceChannel, TexelPoint, UvSource, VertexColorSource, bake,
+    BakeOptions, LookSource, Prefilter, Progress, Source, SourceChannel, TexelPoint, VertexColorSource, bake,
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
@@ -48,7 +48,7 @@ pub fn bake_model(mesh: &Mesh, output: &Path, progress: &dyn Progress) -> Result
         return write(mesh, TexelBudget::Total(TEXELS), &source, output, progress);
     }
     let says_something = |m: &fantex_mesh::Material| m.base_color != Vec4::ONE || m.emission != Vec3::ZERO;
-    let source = UvSource::new(mesh)?;
+    let source = LookSource::of_model(mesh)?;
     if source.has_textures() {
         return write(mesh, TexelBudget::PerTriangle(source.density()), &source, output, progress);
     }

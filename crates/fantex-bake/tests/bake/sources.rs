@@ -5,8 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fantex_bake::{
-    Fit, LookSource, MappedImageSource, Source, TexelPoint, TriangleFootprint, UvSource, VertexColorSource,
-    WorldSpace,
+    Fit, LookSource, MappedImageSource, Source, TexelPoint, TriangleFootprint, VertexColorSource, WorldSpace,
 };
 use fantex_mesh::{
     AlphaMode, ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, generate, interpolate,
@@ -173,7 +172,7 @@ fn two_materials_keep_to_their_triangles() {
         ..Material::default()
     };
     let mesh = two_materials([left, right], images);
-    let source = UvSource::new(&mesh).unwrap();
+    let source = LookSource::of_model(&mesh).unwrap();
     assert!(source.has_textures());
     let kinds: Vec<ChannelKind> = source.channels().iter().map(|c| c.kind).collect();
     use ChannelKind::{BaseColor, Emission, OcclusionRoughnessMetallic};
@@ -197,7 +196,7 @@ fn two_materials_keep_to_their_triangles() {
 #[test]
 fn opaque_materials_have_no_alpha_and_alike_ones_no_extra_channels() {
     let mesh = two_materials([Material::default(), Material::default()], Vec::new());
-    let source = UvSource::new(&mesh).unwrap();
+    let source = LookSource::of_model(&mesh).unwrap();
     assert!(!source.has_textures());
     let channels = source.channels();
     assert!(channels.len() == 1 && !channels[0].has_alpha);
@@ -221,7 +220,7 @@ fn missing_coordinates_and_images_give_the_factor() {
             ..Material::default()
         };
         let mesh = two_materials([material.clone(), material], images.clone());
-        let source = UvSource::new(&mesh).unwrap();
+        let source = LookSource::of_model(&mesh).unwrap();
         assert!(!source.has_textures() && source.channels().len() == 1);
         let baked = baked(&mesh, &cover(&mesh, 64, 10_000), &source, &float_options(Fit::Sharp));
         assert_gives(&baked.cache, 0, 1e-5, |_, _| Some(color));
@@ -229,7 +228,7 @@ fn missing_coordinates_and_images_give_the_factor() {
     let gone = ImageSource::File(folder.path().join("gone.png"));
     let material = Material { base_color_texture: texture(0, 0), ..Material::default() };
     let mesh = two_materials([material.clone(), material], vec![gone]);
-    assert!(UvSource::new(&mesh).unwrap_err().to_string().contains("gone.png"));
+    assert!(LookSource::of_model(&mesh).unwrap_err().to_string().contains("gone.png"));
 }
 
 /// An emission texture over a factor of zero is black, and a normal map that is flat gives the vertex normal.
@@ -248,7 +247,7 @@ fn dark_emission_and_flat_normals() {
         ..Material::default()
     };
     let mesh = two_materials([material.clone(), material], images);
-    let source = UvSource::new(&mesh).unwrap();
+    let source = LookSource::of_model(&mesh).unwrap();
     let kinds: Vec<ChannelKind> = source.channels().iter().map(|c| c.kind).collect();
     assert_eq!(kinds, [ChannelKind::BaseColor, ChannelKind::Normal, ChannelKind::Emission]);
     let baked = baked(&mesh, &cover(&mesh, 64, 10_000), &source, &float_options(Fit::Sharp));
@@ -268,13 +267,13 @@ fn needles_do_not_ask_for_texels() {
     let images = vec![image_file(folder.path(), "grey.png", &[[0.5; 4]; 64 * 64])];
     let material = Material { base_color_texture: texture(0, 0), ..Material::default() };
     let mut mesh = two_materials([material.clone(), material], images);
-    let usual = UvSource::new(&mesh).unwrap().density();
+    let usual = LookSource::of_model(&mesh).unwrap().density();
     let count = mesh.positions.len() as u32;
     mesh.positions.extend([Vec3::ZERO, Vec3::X, Vec3::new(0.5, 1e-7, 0.0)]);
     mesh.triangles.push([count, count + 1, count + 2]);
     mesh.triangle_materials.push(0);
     mesh.corners.uv_sets[0].extend([Vec2::ZERO, Vec2::X, Vec2::ONE]);
-    let densities = UvSource::new(&mesh).unwrap().density();
+    let densities = LookSource::of_model(&mesh).unwrap().density();
     let mean = usual[0];
     assert!(densities.iter().all(|d| (d / mean - 1.0).abs() < 0.01), "{densities:?} instead of {mean}");
 }
@@ -295,7 +294,7 @@ fn images_that_cannot_be_read_are_named_with_what_wants_them() {
     };
     let message = |materials: [Material; 2]| {
         let mesh = two_materials(materials, images.clone());
-        UvSource::new(&mesh).unwrap_err().to_string()
+        LookSource::of_model(&mesh).unwrap_err().to_string()
     };
     let text = message([Material::default(), named.clone()]);
     assert!(text.starts_with("the normal map of material \"wood\" (line 3 of a.mtl): cannot read"), "{text}");

@@ -9,13 +9,13 @@ use std::time::Instant;
 
 use clap::{Args, Subcommand};
 use fantex::Mesh;
-use fantex::bake::{self as baking, BakeFormat, BakeOptions, SineSource, fidelity, sample_finest};
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, SineSource, fidelity};
 use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
-use fantex::mesh::{CleanOptions, LoadOptions, Model, clean, load};
-use fantex::render::{FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
-use fantex::store::{Asset, PageCache};
+use fantex::mesh::{CleanOptions, LoadOptions, Model, SurfacePoint, clean, load};
+use fantex::render::{FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
+use fantex::store::{Asset, Footprint, PageCache, Sampler};
 use fantex::texture::{Filter, Image, ImageTexture, SampleOptions};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
@@ -251,6 +251,8 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
     let bench = Bench::open(args, context)?;
     let baked = bench.bake(BakeFormat::Rgba8, context)?;
     let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), context.memory_bytes as usize);
+    let bilinear = FilterOptions { filter: Filter::Bilinear, ..FilterOptions::default() };
+    let sampler = Sampler::of_cache(&cache, bilinear);
     let triangles = bench.mesh.triangles.len() as u64;
     let points = |i: u64| {
         let [r, s] = [2 * i, 2 * i + 1].map(|n| unit(context.seed, n));
@@ -264,7 +266,8 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
             .with_min_len(1 << 14)
             .map(|i| {
                 let (triangle, lambda) = points(i as u64);
-                sample_finest(&cache, 0, triangle, lambda).0.x
+                let point = SurfacePoint { triangle: triangle as u32, lambda };
+                sampler.sample_channel(0, point, Footprint::NONE).x
             })
             .sum::<f32>()
     };
@@ -304,7 +307,7 @@ fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
             fastest(|| photograph(&bench.mesh, surface, &camera, &options).map(|_| ()))
         };
         let fans = seconds(&FanSurface::of_asset(&cache, filter))?;
-        let model = seconds(&MeshSurface::load(&bench.mesh, filter)?)?;
+        let model = seconds(&LookSurface::of_model(&bench.mesh, filter)?)?;
         rows.push(Row::new(format!("render 1280x720, {name}"), 1e3 * fans, "ms").beside(1e3 * model));
     }
     Ok(rows)

@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Args;
 use fantex::mesh::generate::{LandscapeOptions, landscape};
 use fantex::mesh::{Mesh, WriteGeometry, write_model};
-use fantex::render::{Camera, FanSurface, FilterOptions, MeshSurface, RenderOptions, Surface};
+use fantex::render::{Camera, FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, VerifyOptions, verify};
 use fantex::{Baker, Source};
 use glam::{DVec3, Vec3};
@@ -139,7 +139,7 @@ impl Demo<'_> {
     }
 
     fn bottle(&mut self, mesh: &fantex::Mesh) -> Result<(), CliError> {
-        let original = MeshSurface::load(mesh, FilterOptions::default())?;
+        let original = LookSurface::of_model(mesh, FilterOptions::default())?;
         let camera = self.camera(mesh, Camera::THREE_QUARTER);
         self.make(
             &Subtask { name: "bottle", mesh, source: Source::own_materials, texels: None, camera },

@@ -1,11 +1,12 @@
 //! Photographs as a source: a set is taken, baked from each kind of file, and compared with what was photographed.
 
+use fantex::texture::FilterOptions;
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex::bake::{Source, TexelPoint, UvSource, sample_finest};
-use fantex::mesh::{CleanOptions, LoadOptions, clean, load};
-use fantex::store::{Asset, PageCache};
+use fantex::bake::{LookSource, Source, TexelPoint};
+use fantex::mesh::{CleanOptions, LoadOptions, SurfacePoint, clean, load};
+use fantex::store::{Asset, Footprint, PageCache, Sampler};
 use fantex::texture::color::srgb_from_linear;
 use glam::{Vec3, Vec4};
 
@@ -15,8 +16,9 @@ use crate::{bottle, fails, files, json, stderr, succeeds, write};
 fn differences(asset: &Path) -> Vec<f32> {
     let (mesh, _) =
         clean(load(&bottle(), &LoadOptions::default()).unwrap(), &CleanOptions::default()).unwrap();
-    let truth = UvSource::new(&mesh).unwrap();
+    let truth = LookSource::of_model(&mesh).unwrap();
     let cache = PageCache::new(Arc::new(Asset::open(asset).unwrap()), 64 << 20);
+    let sampler = Sampler::of_cache(&cache, FilterOptions::default());
     let lambda = Vec3::splat(1.0 / 3.0);
     let encoded = |color: Vec4| color.truncate().map(|c| srgb_from_linear(c.clamp(0.0, 1.0)));
     let mut differences: Vec<f32> = (0..mesh.triangles.len())
@@ -24,14 +26,14 @@ fn differences(asset: &Path) -> Vec<f32> {
             let corners = mesh.triangle_positions(triangle);
             let mut values = vec![Vec4::ZERO; truth.channels().len()];
             let point = TexelPoint {
-                at: fantex::mesh::SurfacePoint { triangle: triangle as u32, lambda },
+                at: SurfacePoint { triangle: triangle as u32, lambda },
                 lambda_steps: [Vec3::new(-0.1, 0.1, 0.0), Vec3::new(-0.1, 0.0, 0.1)],
                 position: (corners[0] + corners[1] + corners[2]) / 3.0,
                 position_steps: [(corners[1] - corners[0]) * 0.1, (corners[2] - corners[0]) * 0.1],
                 normal: Vec3::Y,
             };
             truth.evaluate(&point, &mut values);
-            let (color, _) = sample_finest(&cache, 0, triangle, lambda);
+            let color = sampler.sample_channel(0, point.at, Footprint::NONE);
             (encoded(values[0]) - encoded(color)).abs().max_element()
         })
         .collect();
@@ -160,9 +162,10 @@ fn exposures_are_levelled_and_unseen_surface_is_coloured() {
     let output = succeeds(&[&"bake", &model, &"-o", &asset, &"--source", &source, &"--texels", &"100k"]);
     assert!(stderr(&output).contains("no photograph sees"), "{}", stderr(&output));
     let cache = PageCache::new(Arc::new(Asset::open(&asset).unwrap()), 64 << 20);
+    let sampler = Sampler::of_cache(&cache, FilterOptions::default());
     let triangles = cache.asset().mesh().triangles.len();
-    let red = (0..triangles).filter(|&t| {
-        let (color, _) = sample_finest(&cache, 0, t, Vec3::splat(1.0 / 3.0));
+    let red = (0..triangles as u32).filter(|&t| {
+        let color = sampler.sample_channel(0, SurfacePoint::centroid(t), Footprint::NONE);
         color.x > 0.95 && color.y < 0.05
     });
     assert!(red.count() > triangles / 50);

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use fantex_bake::{BakeFormat, NoProgress, sample_finest};
+use fantex_bake::{BakeFormat, NoProgress};
 use fantex_export::{ChannelMap, Depth, ExportError, ExportOptions, UvChoice, export_channel, export_model};
 use fantex_mesh::generate::{cube, icosphere};
-use fantex_mesh::{Mesh, Model};
-use fantex_store::{ChannelKind, PageCache};
+use fantex_mesh::{Mesh, Model, SurfacePoint};
+use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
 use fantex_texture::compare::psnr_db;
-use fantex_texture::{ColorSpace, Image, Samples};
+use fantex_texture::{ColorSpace, FilterOptions, Image, Samples};
 use glam::{DVec3, Vec2, Vec3};
 
 use crate::support::{Baked, Waves, baked, baked_bottle, cleaned, opened, worst_psnr_db};
@@ -273,6 +273,7 @@ fn pictures_hold_the_texture_function_at_equal_density() {
         let texel = |x: u32, y: u32| samples[3 * (y.min(511) * 512 + x.min(511)) as usize];
         let back = opened(&model);
         let cache = PageCache::new(Arc::clone(&baked.asset), 64 << 20);
+        let sampler = Sampler::of_cache(&cache, FilterOptions::default());
         let (mut squares, mut count) = (0.0, 0.0);
         for t in 0..mesh.triangles.len() {
             assert!(back.triangle_positions(t)[0].distance(mesh.triangle_positions(t)[0]) < 1e-6);
@@ -283,7 +284,8 @@ fn pictures_hold_the_texture_function_at_equal_density() {
                 let (x, y, f) = (at.x as u32, at.y as u32, at.fract());
                 let row = |y| texel(x, y) * (1.0 - f.x) + texel(x + 1, y) * f.x;
                 let read = row(y) * (1.0 - f.y) + row(y + 1) * f.y;
-                let truth = sample_finest(&cache, 0, t, lambda).0.x;
+                let truth =
+                    sampler.sample_channel(0, SurfacePoint { triangle: t as u32, lambda }, Footprint::NONE).x;
                 squares += f64::from(read - truth).powi(2);
                 count += 1.0;
             }
@@ -415,13 +417,15 @@ fn borders_keep_their_colours_at_every_level_that_is_promised() {
     assert!(level.iter().all(|&red| red > 0.05));
     let uv = &opened(&model).corners.uv_sets[0];
     let cache = PageCache::new(Arc::clone(&baked.asset), 64 << 20);
+    let sampler = Sampler::of_cache(&cache, FilterOptions::default());
     let mut level_side = side;
     // The colours go from 0.1 to 0.9 and change by 0.8 per mesh unit, over which there are about 150 texels: a texel of the
     // last level is a tenth of a unit long. A foreign or an empty texel would be off by several tenths.
     for tolerance in [0.004, 0.008, 0.016, 0.035, 0.07] {
         for t in 0..mesh.triangles.len() {
             for (k, lambda) in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().enumerate() {
-                let truth = sample_finest(&cache, 0, t, lambda).0.x;
+                let truth =
+                    sampler.sample_channel(0, SurfacePoint { triangle: t as u32, lambda }, Footprint::NONE).x;
                 let off = (bilinear(&level, level_side, uv[3 * t + k]) - truth).abs();
                 assert!(
                     off < tolerance,

@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::{
-    BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, UvSource, bake,
+    BakeFormat, BakeOptions, LookSource, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake,
 };
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
-use fantex_render::{Camera, FanSurface, FilterOptions, Lights, MeshSurface, RenderOptions, Surface, render};
+use fantex_render::{Camera, FanSurface, FilterOptions, Lights, LookSurface, RenderOptions, Surface, render};
 use fantex_store::{Asset, ChannelKind, PageCache};
 pub(crate) use fantex_test::{bottle, cleaned, data_folder, opened};
 use fantex_texture::Image;
@@ -91,7 +91,7 @@ pub(crate) fn baked(mesh: &Mesh, source: &dyn Source, texels: u64, format: BakeF
 
 pub(crate) fn baked_bottle(texels: u64) -> Baked {
     let mesh = bottle();
-    baked(&mesh, &UvSource::new(&mesh).unwrap(), texels, BakeFormat::Rgba8)
+    baked(&mesh, &LookSource::of_model(&mesh).unwrap(), texels, BakeFormat::Rgba8)
 }
 
 fn picture(mesh: &Mesh, surface: &dyn Surface, camera: &Camera) -> Image {
@@ -103,7 +103,7 @@ fn picture(mesh: &Mesh, surface: &dyn Surface, camera: &Camera) -> Image {
 pub(crate) fn worst_psnr_db(asset: &Arc<Asset>, model: &Path) -> f64 {
     let model = opened(model);
     let filter = FilterOptions::default();
-    let model_surface = MeshSurface::load(&model, filter).unwrap();
+    let model_surface = LookSurface::of_model(&model, filter).unwrap();
     let cache = PageCache::new(Arc::clone(asset), 256 << 20);
     let asset_surface = FanSurface::of_asset(&cache, filter);
     Camera::orbit(asset.mesh(), 5, 4.0 / 3.0)

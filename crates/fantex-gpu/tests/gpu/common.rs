@@ -11,7 +11,7 @@ use fantex_gpu::{
     render_to_picture,
 };
 use fantex_mesh::{ImageSource, Mesh};
-use fantex_render::{FanSurface, MeshSurface, RenderOptions, ShadingRate, Surface, render};
+use fantex_render::{FanSurface, LookSurface, RenderOptions, ShadingRate, Surface, render};
 use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading};
 use fantex_store::{
     Asset, PageCache, PageId, Sampler, TexelFormat, Tile, TileSource, TileTexels, decode, group_pages,
@@ -98,7 +98,7 @@ impl Scene {
     }
 
     pub(crate) fn on_cpu(&self) -> Picture {
-        let surface = MeshSurface::load(&self.mesh, self.filter).unwrap();
+        let surface = LookSurface::of_model(&self.mesh, self.filter).unwrap();
         let options = RenderOptions {
             width: self.size[0],
             height: self.size[1],

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use fantex_bake::{
-    BakeFormat, BakeOptions, LookSource, Source, SourceChannel, TexelPoint, UvSource, baked_materials,
-};
+use fantex_bake::{BakeFormat, BakeOptions, LookSource, Source, SourceChannel, TexelPoint, baked_materials};
 use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_gpu::{DrawOptions, Gpu, Model as _, Overlay, StreamedModel, stream_view};
@@ -125,7 +123,7 @@ fn a_scanned_model_under_a_lamp() {
 fn all_channels_of_a_material() {
     let Some(mesh) = loaded_data("meshes/WaterBottle/WaterBottle.gltf") else { return };
     let cover = cover(&mesh, 128, 1 << 20);
-    let source = UvSource::new(&mesh).unwrap();
+    let source = LookSource::of_model(&mesh).unwrap();
     let baked = Baked::new(&mesh, &cover, &source, &BakeOptions::default());
     assert!(baked.asset().channels().len() >= 3);
     for shading in [
@@ -162,7 +160,7 @@ fn one_fan_per_tile() {
 #[test]
 fn both_sides_of_a_sheet() {
     let mesh = crate::pictures::two_sided_sheet();
-    let source = UvSource::new(&mesh).unwrap();
+    let source = LookSource::of_model(&mesh).unwrap();
     let baked = Baked::new(&mesh, &cover(&mesh, 96, 1 << 18), &source, &BakeOptions::default());
     for z in [1.0, -1.0] {
         let options = options(Shading::BaseColor, Filter::Trilinear);

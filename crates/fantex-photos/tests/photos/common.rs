@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex_bake::{Source, TexelPoint, UvSource};
+use fantex_bake::{LookSource, Source, TexelPoint};
 use fantex_mesh::{CleanOptions, LoadOptions, Mesh, TriangleBvh, clean, load, shading_normals};
 use fantex_photos::{CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture};
 use fantex_texture::color::srgb_from_linear;
@@ -167,6 +167,6 @@ pub(crate) fn point_of(
 }
 
 /// The model's own look.
-pub(crate) fn own_look(mesh: &Mesh) -> UvSource<'_> {
-    UvSource::new(mesh).unwrap()
+pub(crate) fn own_look(mesh: &Mesh) -> LookSource<'_> {
+    LookSource::of_model(mesh).unwrap()
 }

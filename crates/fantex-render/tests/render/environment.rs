@@ -6,7 +6,7 @@ use crate::common::{frontal, ray, sphere, square};
 use fantex_mesh::{ImageSource, Mesh, TextureRef, WorldFromMesh, WrapMode, interpolate};
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, EnvironmentLight, FilterOptions, FlatShading,
-    FlatSurface, Hit, Lights, MaterialSample, MeshSurface, ObjectReflection, Picture, ReflectingSurface,
+    FlatSurface, Hit, Lights, LookSurface, MaterialSample, ObjectReflection, Picture, ReflectingSurface,
     RenderOptions, Shading, Surface, capture_environment, capture_with, cube_cameras, render,
 };
 use fantex_texture::environment::{
@@ -317,7 +317,7 @@ fn bent_normals_mirror_what_they_face() {
         wrap: [WrapMode::Clamp; 2],
         nearest: false,
     });
-    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let surface = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap();
     let camera = frontal(2.0, 20.0);
     let lights = Lights::environment(compass());
     let picture =

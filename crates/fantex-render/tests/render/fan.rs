@@ -5,8 +5,8 @@ use std::sync::{Arc, LazyLock};
 use fantex_cover::{Cover, Frame, Group, GroupKind};
 use fantex_mesh::{ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, interpolate};
 use fantex_render::{
-    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, MaterialSample,
-    MeshSurface, Picture, RenderOptions, Rendering, Shading, Surface, render,
+    Background, Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Hit, Lights, LookSurface,
+    MaterialSample, Picture, RenderOptions, Rendering, Shading, Surface, render,
 };
 use fantex_store::{
     Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, PageId, Quality,
@@ -199,7 +199,7 @@ fn a_tile_is_as_sharp_as_the_image_it_was_made_from() {
     let cameras = [oblique(), frontal(0.7, 40.0), frontal(4.0, 40.0), frontal(20.0, 40.0)];
     for (c, camera) in cameras.iter().enumerate() {
         for f in ALL_FILTERS {
-            let by_uv = MeshSurface::load(&mesh, filter(f)).unwrap();
+            let by_uv = LookSurface::of_model(&mesh, filter(f)).unwrap();
             let channels = [channel(ChannelKind::OcclusionRoughnessMetallic)];
             let by_fan = fan_surface(&mesh, &cover, &channels, &tiles, filter(f));
             let options = options(Shading::OcclusionRoughnessMetallic);

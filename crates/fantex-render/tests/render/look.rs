@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_render::{
     AmbientLight, Background, Camera, FilterOptions, Finish, Glow, Hit, Light, Lights, LookSurface,
-    MaterialSample, MeshSurface, Picture, RenderOptions, Shading, Surface, render, render_with_glow,
+    MaterialSample, Picture, RenderOptions, Shading, Surface, render, render_with_glow,
 };
 use fantex_texture::coordinates::ImageLookup;
 use fantex_texture::look::{
@@ -314,7 +314,7 @@ fn tangent_space_normal_maps_are_those_of_the_models() {
         render(&mesh, surface, &camera, &Lights::default(), &options).unwrap().picture
     };
     let by_look = picture(&LookSurface::new(&mesh, look(LookMaterial { relief: vec![relief], ..phong() })));
-    let by_model = picture(&MeshSurface::load(&mesh, FilterOptions::default()).unwrap());
+    let by_model = picture(&LookSurface::of_model(&mesh, FilterOptions::default()).unwrap());
     let plain = picture(&LookSurface::new(&mesh, Vec::new()));
     let difference = |a: &Picture, b: &Picture| {
         let off = |i: usize| (Vec4::from_array(a.rgba[i]) - Vec4::from_array(b.rgba[i])).length();

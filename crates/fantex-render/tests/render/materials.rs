@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fantex_cover::Frame;
 use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode};
 use fantex_render::{
-    Background, Camera, FilterOptions, FlatShading, FlatSurface, Hit, Interpolation, Lights, MeshSurface,
+    Background, Camera, FilterOptions, FlatShading, FlatSurface, Hit, Interpolation, Lights, LookSurface,
     Picture, RenderOptions, Shading, ShadingRate, Surface, render,
 };
 use fantex_store::{Channel, ChannelKind, TexelFormat};
@@ -52,7 +52,7 @@ fn image(size: u32, value: impl Fn(f32, f32) -> [f32; 3]) -> Image {
 }
 
 fn picture(mesh: &Mesh, camera: &Camera, filter: Filter, options: &RenderOptions) -> Picture {
-    let surface = MeshSurface::load(mesh, FilterOptions { filter, ..FilterOptions::default() }).unwrap();
+    let surface = LookSurface::of_model(mesh, FilterOptions { filter, ..FilterOptions::default() }).unwrap();
     render(mesh, &surface, camera, &Lights::default(), options).unwrap().picture
 }
 
@@ -253,7 +253,7 @@ fn a_missing_image_is_an_error_that_names_it() {
     let mut mesh = square();
     mesh.images = vec![ImageSource::File("no/such/picture.png".into())];
     mesh.materials[0].base_color_texture = Some(texture());
-    let error = MeshSurface::load(&mesh, FilterOptions::default()).unwrap_err().to_string();
+    let error = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap_err().to_string();
     assert!(error.contains("picture.png"), "{error}");
 }
 
@@ -288,7 +288,7 @@ fn painted_sphere() -> Mesh {
 #[test]
 fn spheres() {
     let mesh = painted_sphere();
-    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let surface = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap();
     for (name, shading) in [
         ("sphere_pbr", Shading::MetallicRoughness),
         ("sphere_phong", Shading::BlinnPhong),
@@ -314,7 +314,7 @@ fn layers() {
         let alpha = if i < 2 { AlphaMode::Blend } else { AlphaMode::Opaque };
         mesh.materials.push(Material { base_color, alpha, ..Material::default() });
     }
-    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let surface = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap();
     let camera = Camera::framing_mesh(&mesh, DVec3::new(0.2, 0.5, 1.0), 1.5);
     check("layers", &mesh, &surface, &camera, &golden_options());
     let transparent = RenderOptions { background: Background::Transparent, ..golden_options() };

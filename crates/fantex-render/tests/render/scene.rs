@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_render::{
     AmbientLight, Background, Camera, Falloff, FilterOptions, FlatShading, FlatSurface, Interpolation, Lens,
-    Light, LightKind, Lights, LookSurface, MeshSurface, Penumbra, Projector, RenderOptions, Scene,
-    SceneObject, Shading, ShadowOptions, Slide, SpotLight, render,
+    Light, LightKind, Lights, LookSurface, Penumbra, Projector, RenderOptions, Scene, SceneObject, Shading,
+    ShadowOptions, Slide, SpotLight, render,
 };
 use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Slot};
 use fantex_texture::{Image, ImageTexture, SampleOptions, Texture};
@@ -102,7 +102,7 @@ fn objects_hide_each_other_and_keep_their_triangles() {
 #[test]
 fn affine_interpolation_works_on_scenes() {
     let mesh = square();
-    let surface = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let surface = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap();
     let flat = FlatSurface::new(&mesh, FlatShading::Unlit, |hit| hit.at.lambda);
     let camera =
         Camera { eye: DVec3::new(0.1, -0.75, 0.25), target: DVec3::ZERO, up: DVec3::Z, fov_degrees: 60.0 };
@@ -429,7 +429,7 @@ fn floors_without_shadow_leave_the_map_to_what_stands_on_them() {
 #[test]
 fn a_ball_casts_no_shadow_on_its_lit_side() {
     let ball = sphere(40, 0.8);
-    let surface = MeshSurface::load(&ball, FilterOptions::default()).unwrap();
+    let surface = LookSurface::of_model(&ball, FilterOptions::default()).unwrap();
     let camera = frontal(3.0, 40.0);
     for penumbra in [Penumbra::Sharp, Penumbra::Even(0.02), Penumbra::Lamp(0.05)] {
         for resolution in [256, 1024] {

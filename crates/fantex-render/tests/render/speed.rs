@@ -8,7 +8,7 @@ use crate::common::{frontal, sheet, triangle_color};
 use fantex_mesh::{ImageSource, Material, Mesh, TextureRef, WrapMode};
 use fantex_render::{
     Background, Camera, Coverage, FanSurface, FilterOptions, Finish, FlatShading, FlatSurface, Hit, Lights,
-    LookSurface, MaterialSample, MeshSurface, RenderOptions, ShadowOptions, SmoothPoint, Surface, render,
+    LookSurface, MaterialSample, RenderOptions, ShadowOptions, SmoothPoint, Surface, render,
 };
 use fantex_store::{
     Asset, AssetWriter, Channel, ChannelKind, CreateOptions, EncodedPage, PageCache, TexelFormat, group_pages,
@@ -71,7 +71,7 @@ fn a_million_textured_triangles() {
     let options = RenderOptions { samples: 1, ..RenderOptions::default() };
     for filter in [Filter::Bilinear, Filter::Trilinear, Filter::Anisotropic] {
         let filter_options = FilterOptions { filter, ..FilterOptions::default() };
-        let surface = MeshSurface::load(&mesh, filter_options).unwrap();
+        let surface = LookSurface::of_model(&mesh, filter_options).unwrap();
         let picture = || render(&mesh, &surface, &camera, &lights, &options).unwrap();
         let fastest = (0..30).map(|_| picture().stats.elapsed).min();
         eprintln!("{filter:?}: {fastest:?}, {:?}", picture().stats);
@@ -173,7 +173,7 @@ fn an_asset() {
 fn the_bottle() {
     let Some(mesh) = model("meshes/WaterBottle/WaterBottle.gltf") else { return };
     let Some(color) = image("meshes/WaterBottle/WaterBottle_baseColor.png") else { return };
-    let own = MeshSurface::load(&mesh, FilterOptions::default()).unwrap();
+    let own = LookSurface::of_model(&mesh, FilterOptions::default()).unwrap();
     let material =
         LookMaterial { base_color: Slot::Texture(UvImage::new(color, 1.0)), ..LookMaterial::default() };
     let look = LookSurface::new(&mesh, look(material));

@@ -4,16 +4,16 @@ use fantex::scene::world_bounds;
 use std::sync::Arc;
 
 use fantex::bake::{
-    BakeLight, BakeOptions, LightMapOptions, LightMapSource, LightQuantity, LightScene, Reflector, Sky,
-    Source, SourceReflector, UvSource, bake, sample_finest,
+    BakeLight, BakeOptions, LightMapOptions, LightMapSource, LightQuantity, LightScene, LookSource,
+    Reflector, Sky, Source, SourceReflector, bake,
 };
 use fantex::cover::{CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::{Mesh, SurfacePoint};
 use fantex::render::{
-    Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, MeshSurface, RenderOptions, Shading,
+    Camera, FanSurface, FilterOptions, FlatShading, FlatSurface, Lights, LookSurface, RenderOptions, Shading,
     Surface, render,
 };
-use fantex::store::{Asset, PageCache};
+use fantex::store::{Asset, Footprint, PageCache, Sampler};
 use fantex::texture::environment::{EnvironmentForm, EnvironmentLayout, EnvironmentMap};
 use fantex::texture::warp::{
     AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
@@ -99,9 +99,12 @@ fn seamless(studio: &Studio<'_>) -> Drawn {
     let picture = |surface: &dyn Surface| -> Result<Image, CliError> {
         Ok(render(&mesh, surface, &camera, &lights, &options)?.picture.to_srgb_image())
     };
-    let cache = baked(&mesh, &cover, &UvSource::new(&mesh)?, studio)?;
+    let cache = baked(&mesh, &cover, &LookSource::of_model(&mesh)?, studio)?;
     Ok(vec![
-        ("texture coordinates".to_owned(), picture(&MeshSurface::load(&mesh, FilterOptions::default())?)?),
+        (
+            "texture coordinates".to_owned(),
+            picture(&LookSurface::of_model(&mesh, FilterOptions::default())?)?,
+        ),
         ("fan tiles".to_owned(), picture(&FanSurface::of_asset(&cache.cache, FilterOptions::default()))?),
     ])
 }
@@ -178,7 +181,7 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
     let mesh = open_model(&studio.shipped.file("assets/models/CornellBox.glb"))?;
     let options = CoverOptions { budget: TexelBudget::Total(50_000), ..CoverOptions::default() };
     let (cover, _) = build_cover(&mesh, &options)?;
-    let colors = UvSource::new(&mesh)?;
+    let colors = LookSource::of_model(&mesh)?;
     let colors = SourceReflector::new(&mesh, &colors);
     // The lamp of the model is replaced by one that is sampled on purpose.
     let reflector = |at: SurfacePoint| colors.albedo(at);
@@ -212,8 +215,9 @@ fn light_map(studio: &Studio<'_>) -> Drawn {
         let light_options = LightMapOptions { quantity, samples: 96, ..LightMapOptions::default() };
         let source = LightMapSource::new(&mesh, &scene, light_options)?;
         let asset = baked(&mesh, &cover, &source, studio)?;
+        let sampler = Sampler::of_cache(&asset.cache, FilterOptions::default());
         let surface = FlatSurface::new(&mesh, FlatShading::Smooth, |hit| {
-            let (light, _) = sample_finest(&asset.cache, 0, hit.triangle(), hit.at.lambda);
+            let light = sampler.sample_channel(0, hit.at, Footprint::NONE);
             let color = if is_colored { reflector(hit.at) } else { Vec3::ONE };
             light.truncate() * color
         });

@@ -1,4 +1,5 @@
-//! A mesh with its own materials: images through texture coordinates, vertex colours, factors.
+//! A model's own materials: every property is a factor times one look-up in an image. They are evaluated a layer at a time, for many
+//! points at once.
 
 use fantex_mesh::{Material, Mesh, SurfacePoint, Twins};
 use fantex_texture::material::{
@@ -13,9 +14,9 @@ use crate::surface::CornerNormals;
 use crate::surface::apply_alpha_mode;
 use crate::{Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
-/// A mesh with its own materials, the glTF way. Textures whose texture coordinates the mesh lacks are left out.
+/// A mesh with its own materials. Textures whose texture coordinates the mesh lacks are left out.
 #[derive(Debug)]
-pub struct MeshSurface<'a> {
+pub(crate) struct ImageSurface<'a> {
     mesh: &'a Mesh,
     normals: CornerNormals,
     tangents: Vec<Vec4>,
@@ -24,13 +25,13 @@ pub struct MeshSurface<'a> {
     twins: Twins,
 }
 
-impl<'a> MeshSurface<'a> {
+impl<'a> ImageSurface<'a> {
     /// Decodes the images that the materials use and prepares normals and tangents.
     ///
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, MaterialImageError> {
+    pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, MaterialImageError> {
         let mut textures = load_material_textures(mesh)?;
         preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);
@@ -54,7 +55,7 @@ impl<'a> MeshSurface<'a> {
         Vec4::from_array(layer.texture.sample(uv, footprint, &SampleOptions { filter, ..own }))
     }
 
-    /// [`MeshSurface::texel`] at many points.
+    /// [`ImageSurface::texel`] at many points.
     fn texels(&self, layer: &TextureLayer, hits: &[Hit]) -> Vec<[f32; 4]> {
         if layer.nearest {
             return hits.iter().map(|hit| self.texel(layer, hit).to_array()).collect();
@@ -90,7 +91,7 @@ const SHINY: f32 = 0.3;
 /// Share of a triangle up to which its frame is continued beyond its border.
 const NEARBY: f32 = 0.5;
 
-impl MeshSurface<'_> {
+impl ImageSurface<'_> {
     /// The unit normal that a normal map's texel gives the front side.
     fn bent_normal(&self, material: &Material, texel: Vec4, hit: &Hit) -> Option<Vec3> {
         let frame = TangentFrame::at(self.normals.all(), &self.tangents, hit.triangle(), hit.at.lambda);
@@ -116,7 +117,7 @@ impl MeshSurface<'_> {
     }
 }
 
-impl MeshSurface<'_> {
+impl ImageSurface<'_> {
     /// The material at a point, of its texels.
     fn sample(
         &self,
@@ -159,7 +160,7 @@ impl MeshSurface<'_> {
     }
 }
 
-impl Surface for MeshSurface<'_> {
+impl Surface for ImageSurface<'_> {
     fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
         let Some((material, textures)) = self.material(hit.triangle()) else {
             return self.without_material(hit);

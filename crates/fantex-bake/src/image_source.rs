@@ -15,7 +15,7 @@ use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, Tri
 
 /// The materials of a mesh as a source.
 #[derive(Debug)]
-pub struct UvSource<'a> {
+pub(crate) struct ImageSource<'a> {
     mesh: &'a Mesh,
     materials: Vec<MaterialTextures>,
     tangents: Vec<Vec4>,
@@ -24,13 +24,13 @@ pub struct UvSource<'a> {
     has_alpha: bool,
 }
 
-impl<'a> UvSource<'a> {
+impl<'a> ImageSource<'a> {
     /// Decodes the images.
     ///
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn new(mesh: &'a Mesh) -> Result<Self, MaterialImageError> {
+    pub(crate) fn new(mesh: &'a Mesh) -> Result<Self, MaterialImageError> {
         let materials = load_material_textures(mesh)?;
         let has_normal_maps = materials.iter().any(|m| m.normal.is_some());
         let normals = if has_normal_maps { shading_normals(mesh) } else { Vec::new() };
@@ -41,13 +41,13 @@ impl<'a> UvSource<'a> {
     }
 
     /// True where at least one material has a texture.
-    pub fn has_textures(&self) -> bool {
+    pub(crate) fn has_textures(&self) -> bool {
         self.materials.iter().any(|m| m.layers().next().is_some())
     }
 
     /// Texels of the finest texture per mesh unit, for each triangle: what a bake needs to lose nothing. Triangles without
     /// texture, with degenerate coordinates, or too slender to show any take the mean of the others, by area.
-    pub fn density(&self) -> Vec<f32> {
+    pub(crate) fn density(&self) -> Vec<f32> {
         let mut densities: Vec<f32> =
             (0..self.mesh.triangles.len()).map(|t| self.triangle_density(t)).collect();
         let (mut texels, mut area) = (0.0, 0.0);
@@ -57,7 +57,7 @@ impl<'a> UvSource<'a> {
             texels += of_triangle * f64::from(density).powi(2);
             area += of_triangle;
         }
-        let mean = if area > 0.0 { (texels / area).sqrt() as f32 } else { 256.0 };
+        let mean = if area > 0.0 { (texels / area).sqrt() as f32 } else { NO_IMAGE_DENSITY };
         // A sliver in the atlas can have any density; sixteen times the mean linear one is no intention.
         densities
             .iter_mut()
@@ -69,7 +69,7 @@ impl<'a> UvSource<'a> {
         let [a, b, c] = self.mesh.triangle_positions(triangle);
         let area = (b - a).cross(c - a).length();
         let longest2 = [b - a, c - b, a - c].map(Vec3::length_squared).into_iter().fold(0.0, f32::max);
-        if area < LEAST_SLENDERNESS * longest2 {
+        if area < MIN_SLENDERNESS * longest2 {
             return 0.0;
         }
         let texel_area = |layer: &TextureLayer| {
@@ -97,9 +97,12 @@ impl<'a> UvSource<'a> {
     }
 }
 
+/// Texels per mesh unit where no image says.
+pub(crate) const NO_IMAGE_DENSITY: f32 = 256.0;
+
 /// Height of a triangle as a share of its longest side below which it shows no texture: the pole of a sphere whose vertices lie
 /// beside each other by rounding errors has such triangles, with whole stripes of the image on them.
-const LEAST_SLENDERNESS: f32 = 1e-5;
+const MIN_SLENDERNESS: f32 = 1e-5;
 
 /// One layer on one triangle.
 struct LayerSampler<'s> {
@@ -217,7 +220,7 @@ fn lambda_on_triangle(point: &TexelPoint) -> Vec3 {
     point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE)
 }
 
-impl Source for UvSource<'_> {
+impl Source for ImageSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         let has_alpha = |kind| kind == ChannelKind::BaseColor && self.has_alpha;
         let glows = self.mesh.materials.iter().any(|m| m.emission.max_element() > 1.0);
