@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-use fantex_cover::Cover;
+use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Mesh, shading_normals};
 use fantex_store::{AssetWriter, CreateOptions, Quality};
 use rayon::prelude::*;
@@ -122,47 +122,6 @@ fn batches(cover: &Cover, texels: u64) -> Vec<std::ops::Range<u32>> {
         batches.push(start..end);
     }
     batches
-}
-
-/// For every group the triangles with a corner in it, ascending.
-struct GroupTriangles {
-    first: Vec<u32>,
-    triangles: Vec<u32>,
-}
-
-impl GroupTriangles {
-    fn of(cover: &Cover) -> Self {
-        let mut first = vec![0u32; cover.groups.len() + 1];
-        for &groups in &cover.corner_groups {
-            distinct(groups, |g| first[g as usize + 1] += 1);
-        }
-        for g in 0..cover.groups.len() {
-            first[g + 1] += first[g];
-        }
-        let mut next = first.clone();
-        let mut triangles = vec![0; first.last().copied().unwrap_or(0) as usize];
-        for (t, &groups) in (0u32..).zip(&cover.corner_groups) {
-            distinct(groups, |g| {
-                triangles[next[g as usize] as usize] = t;
-                next[g as usize] += 1;
-            });
-        }
-        Self { first, triangles }
-    }
-
-    fn of_group(&self, group: u32) -> &[u32] {
-        &self.triangles[self.first[group as usize] as usize..self.first[group as usize + 1] as usize]
-    }
-}
-
-fn distinct([a, b, c]: [u32; 3], mut visit: impl FnMut(u32)) {
-    visit(a);
-    if b != a {
-        visit(b);
-    }
-    if c != a && c != b {
-        visit(c);
-    }
 }
 
 // Options and outcome of a bake.
@@ -325,19 +284,5 @@ mod tests {
         }
         assert!(batches(&cover, 1 << 16).len() > 20);
         assert_eq!(batches(&cover, 1 << 30).len(), 1);
-    }
-
-    #[test]
-    fn every_group_gets_the_triangles_that_name_it_once() {
-        let cover = cover();
-        let triangles = GroupTriangles::of(&cover);
-        for group in 0..cover.groups.len() as u32 {
-            let expected: Vec<u32> = (0u32..)
-                .zip(&cover.corner_groups)
-                .filter(|(_, groups)| groups.contains(&group))
-                .map(|(t, _)| t)
-                .collect();
-            assert_eq!(triangles.of_group(group), expected);
-        }
     }
 }

@@ -30,7 +30,6 @@ pub use angle::*;
 pub use clean::*;
 pub use displace::*;
 pub use fans::*;
-pub use fantex_base::{counted, numbered};
 pub use load::*;
 pub use material::*;
 pub use mesh::*;

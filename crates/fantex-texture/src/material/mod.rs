@@ -14,7 +14,9 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, corner_tangents};
+use fantex_mesh::{
+    AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, corner_tangents, interpolate,
+};
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -237,10 +239,8 @@ pub fn emission(material: &Material, texel: Vec4) -> Vec3 {
 
 /// The interpolated vertex colour, linear RGBA; white where the mesh has none. `lambda` lies inside the triangle.
 pub fn vertex_color(mesh: &Mesh, triangle: usize, lambda: Vec3) -> Vec4 {
-    match mesh.corners.colors.get(3 * triangle..3 * triangle + 3) {
-        Some(c) => c[0] * lambda.x + c[1] * lambda.y + c[2] * lambda.z,
-        None => Vec4::ONE,
-    }
+    let corners = mesh.corners.colors.get(3 * triangle..).and_then(|colors| colors.first_chunk::<3>());
+    corners.map_or(Vec4::ONE, |&corners| interpolate(corners, lambda))
 }
 
 /// The tangents that normal maps are relative to, one per corner (see [`corner_tangents`]): the mesh's own, or those of the
@@ -272,9 +272,8 @@ impl TangentFrame {
     /// At the point `lambda`, which lies inside `triangle`; `normals` and `tangents` have an entry per corner of the mesh.
     pub fn at(normals: &[Vec3], tangents: &[Vec4], triangle: usize, lambda: Vec3) -> Self {
         let corner = 3 * triangle;
-        let blend = |v: [Vec3; 3]| v[0] * lambda.x + v[1] * lambda.y + v[2] * lambda.z;
-        let normal = blend([0, 1, 2].map(|k| normals[corner + k]));
-        let tangent = blend([0, 1, 2].map(|k| tangents[corner + k].truncate()));
+        let normal = interpolate([0, 1, 2].map(|k| normals[corner + k]), lambda);
+        let tangent = interpolate([0, 1, 2].map(|k| tangents[corner + k].truncate()), lambda);
         Self { tangent, bitangent: normal.cross(tangent) * tangents[corner].w, normal }
     }
 
