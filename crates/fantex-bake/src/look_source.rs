@@ -582,6 +582,10 @@ impl<'a> Answers<'a> {
 
     /// The answer at one of the points.
     fn ask(&self, index: usize, texture: &dyn Texture, offset: Vec2) -> Vec4 {
+        // Several uses of one texture ask it once.
+        if let Some(texture_use) = texture.as_use() {
+            return texture_use.of(self.ask(index, &*texture_use.texture, offset));
+        }
         let address = std::ptr::from_ref(texture).cast::<()>();
         let mut columns = self.columns.borrow_mut();
         let known = columns.iter().position(|c| c.texture == address && c.offset == offset);

@@ -6,10 +6,11 @@
 //!                      '--relief--> normal, slope variance (widens the highlight)
 //! ```
 
-use crate::image_surface::ImageSurface;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use fantex_mesh::{Mesh, Twins, corner_tangents};
+use fantex_texture::combine::TextureUse;
 use fantex_texture::look::{
     Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
 };
@@ -17,6 +18,7 @@ use fantex_texture::material::{MaterialImageError, TangentFrame, roughness_with_
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Quat, Vec2, Vec3, Vec4};
 
+use crate::image_surface::ImageSurface;
 use crate::surface::CornerNormals;
 use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
 
@@ -281,7 +283,8 @@ impl Surface for TextureSurface<'_> {
             let own = |hit: &Hit| LookPoint::new(self.mesh, &self.normals, hit, self.time);
             let own: Vec<LookPoint> = hits.iter().map(own).collect();
             let at: Vec<ShadingPoint<'_>> = own.iter().map(LookPoint::shading_point).collect();
-            let slots = Slots::new(material, |slot| Column::new(slot, &at));
+            let mut columns = Columns { at: &at, asked: Vec::new() };
+            let slots = Slots::new(material, |slot| columns.of(slot));
             let shaded = hits.iter().zip(&at).enumerate();
             out.extend(shaded.map(|(index, (hit, at))| self.shaded(material, hit, at, &slots.at(index))));
         }
@@ -341,7 +344,7 @@ struct Slots<T> {
 
 impl<T> Slots<T> {
     /// What `of` gives for each.
-    pub(crate) fn new(material: &LookMaterial, mut of: impl FnMut(&Slot) -> T) -> Self {
+    fn new<'m>(material: &'m LookMaterial, mut of: impl FnMut(&'m Slot) -> T) -> Self {
         Self {
             base_color: of(&material.base_color),
             metallic: of(&material.metallic),
@@ -360,35 +363,57 @@ impl<T> Slots<T> {
 
 /// The values of a slot at many points.
 #[derive(Debug)]
-pub(crate) enum Column {
+enum Column<'m> {
     Same(Vec4),
-    Each(Vec<Vec4>),
+    Each(Rc<[Vec4]>),
+    Use(&'m TextureUse, Rc<[Vec4]>),
 }
 
-impl Column {
-    pub(crate) fn new(slot: &Slot, at: &[ShadingPoint<'_>]) -> Self {
+/// The values of slots at many points: several uses of one texture ask it once.
+struct Columns<'a> {
+    at: &'a [ShadingPoint<'a>],
+    /// By the address of the texture.
+    asked: Vec<(*const (), Rc<[Vec4]>)>,
+}
+
+impl Columns<'_> {
+    fn of<'m>(&mut self, slot: &'m Slot) -> Column<'m> {
         match slot {
-            Slot::Constant(value) => Self::Same(*value),
-            Slot::Texture(texture) => {
-                let mut values = vec![Vec4::ZERO; at.len()];
-                texture.evaluate_all(at, &mut values);
-                Self::Each(values)
-            }
+            Slot::Constant(value) => Column::Same(*value),
+            Slot::Texture(texture) => match texture.as_use() {
+                Some(texture_use) => Column::Use(texture_use, self.values(&*texture_use.texture)),
+                None => Column::Each(self.values(&**texture)),
+            },
         }
     }
 
+    fn values(&mut self, texture: &dyn Texture) -> Rc<[Vec4]> {
+        let address = std::ptr::from_ref(texture).cast::<()>();
+        if let Some((_, values)) = self.asked.iter().find(|(asked, _)| *asked == address) {
+            return Rc::clone(values);
+        }
+        let mut values = vec![Vec4::ZERO; self.at.len()];
+        texture.evaluate_all(self.at, &mut values);
+        let values = Rc::from(values);
+        self.asked.push((address, Rc::clone(&values)));
+        values
+    }
+}
+
+impl Column<'_> {
     fn value(&self, index: usize) -> Vec4 {
         match self {
             Self::Same(value) => *value,
             Self::Each(values) => values[index],
+            Self::Use(texture_use, values) => texture_use.of(values[index]),
         }
     }
 }
 
-impl Slots<Column> {
+impl Slots<Column<'_>> {
     /// The values at one of the points.
     pub(crate) fn at(&self, index: usize) -> Slots<Vec4> {
-        let value = |column: &Column| column.value(index);
+        let value = |column: &Column<'_>| column.value(index);
         Slots {
             base_color: value(&self.base_color),
             metallic: value(&self.metallic),
