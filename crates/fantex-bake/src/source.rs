@@ -1,9 +1,10 @@
 //! What is baked: functions of a surface point and a texel's footprint.
 
+use fantex_base::Aabb;
 use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_store::ChannelKind;
-use fantex_texture::{AnyMapping, Bounds, ImageTexture, Solid, SolidPoint, Wrap};
+use fantex_texture::{AnyMapping, ImageTexture, Solid, SolidPoint, Wrap};
 use glam::{Vec3, Vec4};
 
 use crate::LightMapSource;
@@ -96,13 +97,13 @@ impl WorldSpace {
     }
 
     /// The mesh's bounding box in this space.
-    pub fn bounds(mesh: &Mesh) -> Bounds {
+    pub fn bounds(mesh: &Mesh) -> Aabb {
         let (low, high) = mesh
             .positions
             .iter()
             .fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), &p| (low.min(p), high.max(p)));
         let scale = mesh.world_from_mesh.scale as f32;
-        Bounds { min: low * scale, max: high * scale }
+        Aabb { min: low * scale, max: high * scale }
     }
 
     pub(crate) fn point(&self, p_mesh: Vec3) -> Vec3 {

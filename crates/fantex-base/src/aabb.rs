@@ -113,6 +113,14 @@ impl<V: Corner> Aabb<V> {
     }
 }
 
+impl Aabb<Vec3> {
+    /// The lengths of its sides; a side without length counts as 1, so that what divides by it stays finite.
+    pub fn extent(&self) -> Vec3 {
+        let size = self.size();
+        Vec3::select(size.cmpgt(Vec3::ZERO), size, Vec3::ONE)
+    }
+}
+
 impl Aabb<DVec3> {
     /// The eight corners.
     pub fn corners(&self) -> [DVec3; 8] {

@@ -4,9 +4,10 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use ::noise::NoiseFn;
+use fantex::base::Aabb;
 use fantex::glam::Vec3;
 use fantex::texture::noise::{Fractal, Noise};
-use fantex::texture::{Bounds, SOLID_NAMES, SolidPoint, solid_by_name};
+use fantex::texture::{SOLID_NAMES, SolidPoint, solid_by_name};
 
 use crate::{Measured, Row};
 
@@ -55,7 +56,7 @@ pub(crate) fn rows() -> Measured {
 
 /// Millions of colours per second.
 fn solid_rate(name: &str, points: &[Vec3]) -> Result<f64, Box<dyn std::error::Error>> {
-    let solid = solid_by_name(name, Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE }, 1)?;
+    let solid = solid_by_name(name, Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE }, 1)?;
     let n = Vec3::new(0.4, 0.75, 0.5).normalize();
     let mut out = vec![0.0; points.len()];
     let seconds = (0..REPETITIONS / 10).map(|_| {

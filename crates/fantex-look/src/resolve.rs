@@ -11,14 +11,14 @@ use std::collections::BTreeMap;
 use std::f32::consts::TAU;
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
+use fantex_base::{Aabb, Error, Result};
 use fantex_mesh::Mesh;
 use fantex_texture::combine::{Contours, Field, Layers, RampTexture, TextureUse};
 use fantex_texture::coordinates::{Coordinates, InPlace, InSpace, Parameter, Place, TextureMatrix};
 use fantex_texture::look::{Anisotropy, LookMaterial, NormalSpace, Opacity, Relief, Slot};
 use fantex_texture::noise::{Wave, Waves};
 use fantex_texture::{
-    Bounds, ColorRamp, DetailPolygon, Filter, Landscape, NoiseOptions, NoiseTexture, OMap, Placement,
+    ColorRamp, DetailPolygon, Filter, Landscape, NoiseOptions, NoiseTexture, OMap, Placement,
     PolygonsTexture, Recipe, SMap, Shape, ShapeKind, SolidTexture, Texture, TriplanarMap, TwoPartMapping,
     WavesTexture,
 };
@@ -58,7 +58,7 @@ pub struct Resolver<'a> {
     file: &'a LookFile,
     mesh: Option<&'a Mesh>,
     /// Object space.
-    bounds: Bounds,
+    bounds: Aabb,
     options: ResolveOptions,
     images: &'a LookImages,
     model_images: ModelImages,
@@ -75,14 +75,14 @@ impl<'a> Resolver<'a> {
 
     /// For what has no model, such as the slide of a projector: a cube of edge 1 around the origin.
     pub fn without_model(file: &'a LookFile, images: &'a LookImages, options: ResolveOptions) -> Self {
-        let bounds = Bounds { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) };
+        let bounds = Aabb { min: Vec3::splat(-0.5), max: Vec3::splat(0.5) };
         Self::with_bounds(file, None, bounds, images, options)
     }
 
     fn with_bounds(
         file: &'a LookFile,
         mesh: Option<&'a Mesh>,
-        bounds: Bounds,
+        bounds: Aabb,
         images: &'a LookImages,
         options: ResolveOptions,
     ) -> Self {
@@ -239,11 +239,11 @@ impl<'a> Resolver<'a> {
 }
 
 /// The bounding box of a mesh in object space: world units, the origin in the middle.
-fn object_bounds(mesh: &Mesh) -> Bounds {
+fn object_bounds(mesh: &Mesh) -> Aabb {
     let scale = mesh.world_from_mesh.scale as f32;
     let first = mesh.positions.first().copied().unwrap_or(Vec3::ZERO);
     let (min, max) = mesh.positions.iter().fold((first, first), |(min, max), &p| (min.min(p), max.max(p)));
-    Bounds { min: min * scale, max: max * scale }
+    Aabb { min: min * scale, max: max * scale }
 }
 
 // ---- Textures of space and numbers of the surface.

@@ -23,7 +23,7 @@ use crate::{LookFile, LookImages, ResolveOptions, Resolver};
 /// A model's materials as a look.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TranslatedLook {
-    /// Textures, materials, and an object that wears them.
+    /// Textures, materials, and an object that has them.
     pub look: Look,
     /// For each of the model's materials its name in the look.
     pub materials: Vec<String>,

@@ -3,9 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex_base::Aabb;
 use fantex_store::ChannelKind;
 use fantex_texture::color::linear_from_srgb;
-use fantex_texture::{Bounds, ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
+use fantex_texture::{ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
 use glam::{Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
@@ -558,11 +559,11 @@ impl Texture for NamedSolid {
 }
 
 /// The model's bounds in object space.
-fn object_bounds(surface: &Surface) -> Bounds {
+fn object_bounds(surface: &Surface) -> Aabb {
     let mesh = surface.mesh();
     let scale = mesh.world_from_mesh.scale as f32;
     let positions = || mesh.positions.iter().map(|p| *p * scale);
     let min = positions().fold(Vec3::INFINITY, Vec3::min);
     let max = positions().fold(Vec3::NEG_INFINITY, Vec3::max);
-    Bounds { min, max }
+    Aabb { min, max }
 }

@@ -94,15 +94,15 @@ const FEW: usize = 4;
 
 /// Edges of a footprint, in images, that are longer are cut: they occur near poles and horizons, show the mean of the whole
 /// image anyway, and would cost the exact mean many subsamples.
-const LONGEST_STEP: f32 = 32.0;
+const MAX_STEP: f32 = 32.0;
 
 fn shortened(step: Vec2) -> Vec2 {
     // Infinite and NaN count as long.
     let largest = step.abs().max_element();
     if step.is_nan() || largest.is_infinite() {
-        Vec2::splat(LONGEST_STEP)
-    } else if largest > LONGEST_STEP {
-        step / largest * LONGEST_STEP
+        Vec2::splat(MAX_STEP)
+    } else if largest > MAX_STEP {
+        step / largest * MAX_STEP
     } else {
         step
     }

@@ -14,34 +14,13 @@ mod two_part;
 
 use std::str::FromStr;
 
+use fantex_base::Aabb;
 use glam::{Vec2, Vec3};
 
 pub use shape::{BoxMap, CylinderMap, HemisphereLayout, HemisphereMap, PlanarMap, SphereMap};
 pub use triplanar::{TriplanarMap, TriplanarTap};
 pub(crate) use two_part::reflected;
-pub use two_part::{OMap, Placement, SMap, Shape, ShapeKind, SurfacePoint, TwoPartMapping};
-
-/// An axis-aligned box.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Smallest coordinates.
-    pub min: Vec3,
-    /// Largest coordinates.
-    pub max: Vec3,
-}
-
-impl Bounds {
-    /// The midpoint.
-    pub fn center(&self) -> Vec3 {
-        0.5 * (self.min + self.max)
-    }
-
-    /// The lengths of the edges; an edge without length counts as 1 so that maps stay finite.
-    pub fn extent(&self) -> Vec3 {
-        let extent = self.max - self.min;
-        Vec3::select(extent.cmpgt(Vec3::ZERO), extent, Vec3::ONE)
-    }
-}
+pub use two_part::{OMap, Placement, SMap, Shape, ShapeKind, ShapePoint, TwoPartMapping};
 
 /// From a surface point to texture coordinates.
 pub trait Mapping: Send + Sync {
@@ -83,7 +62,7 @@ impl MappingKind {
     }
 
     /// The mapping of this kind that spreads one image over `bounds`, y being up.
-    pub fn fit(self, bounds: Bounds) -> AnyMapping {
+    pub fn fit(self, bounds: Aabb) -> AnyMapping {
         match self {
             Self::Planar => AnyMapping::Single(Box::new(PlanarMap::fit(bounds))),
             Self::Box => AnyMapping::Single(Box::new(BoxMap::fit(bounds))),

@@ -2,11 +2,12 @@
 
 use std::f32::consts::{PI, TAU};
 
+use fantex_base::Aabb;
 use glam::{Quat, Vec2, Vec3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Bounds, Mapping, SurfacePoint};
+use super::{Mapping, ShapePoint};
 use crate::{Allowed, InvalidOption};
 
 // Projection along a direction onto a placed plane.
@@ -37,7 +38,7 @@ impl PlanarMap {
 
     /// The image over the front of `bounds`, projected along the shortest edge. Its right is the longest edge and its
     /// down the second one, except that y is always up where it is one of the two.
-    pub fn fit(bounds: Bounds) -> Self {
+    pub fn fit(bounds: Aabb) -> Self {
         let extent = bounds.extent();
         let (min, max) = (bounds.min, bounds.max);
         if extent.z <= extent.x && extent.z <= extent.y {
@@ -69,20 +70,20 @@ impl PlanarMap {
     }
 
     /// Where the line meets the plane; none for a line along it.
-    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<ShapePoint> {
         let normal = self.normal();
         let approach = normal.dot(direction);
         if approach.abs() <= 1e-6 * direction.length() {
             return None;
         }
         let position = origin + direction * (normal.dot(self.origin - origin) / approach);
-        Some(SurfacePoint { position, normal })
+        Some(ShapePoint { position, normal })
     }
 
     /// The foot of the perpendicular.
-    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+    pub(super) fn foot(&self, p: Vec3) -> ShapePoint {
         let normal = self.normal();
-        SurfacePoint { position: p - normal * normal.dot(p - self.origin), normal }
+        ShapePoint { position: p - normal * normal.dot(p - self.origin), normal }
     }
 
     pub(super) fn check(&self) -> Result<(), InvalidOption> {
@@ -123,7 +124,7 @@ impl Mapping for PlanarMap {
 /// down is +z on the top and -z on the bottom (where z is `u`, its right is -z and +z).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoxMap {
-    bounds: Bounds,
+    bounds: Aabb,
     /// Images per unit of length.
     scale: f32,
     /// Axes (0 = x) from the longest to the shortest edge.
@@ -139,12 +140,12 @@ struct Face {
 
 impl BoxMap {
     /// The image once along the longest edge of `bounds`.
-    pub fn fit(bounds: Bounds) -> Self {
+    pub fn fit(bounds: Aabb) -> Self {
         Self::repeated(bounds, 1.0)
     }
 
     /// The image `repeat` times along the longest edge of `bounds`.
-    pub fn repeated(bounds: Bounds, repeat: f32) -> Self {
+    pub fn repeated(bounds: Aabb, repeat: f32) -> Self {
         let extent = bounds.extent();
         let mut order = [0, 1, 2];
         // Stable: equal edges keep the order x, y, z.
@@ -204,7 +205,7 @@ impl BoxMap {
     }
 
     /// Where the line leaves the box (for lines that pass by: near where they pass), with the face's normal.
-    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<ShapePoint> {
         let far = Vec3::select(direction.cmpgt(Vec3::ZERO), self.bounds.max, self.bounds.min);
         let along = Vec3::select(direction.cmpeq(Vec3::ZERO), Vec3::INFINITY, (far - origin) / direction);
         let axis = along.min_position();
@@ -216,17 +217,17 @@ impl BoxMap {
     }
 
     /// The foot of the perpendicular onto the nearest face.
-    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+    pub(super) fn foot(&self, p: Vec3) -> ShapePoint {
         let (above, below) = (self.bounds.max - p, p - self.bounds.min);
         let axis = above.min(below).min_position();
         let inside = p.max(self.bounds.min).min(self.bounds.max);
         self.on_face(inside, axis, above[axis] <= below[axis])
     }
 
-    fn on_face(&self, mut position: Vec3, axis: usize, is_upper: bool) -> SurfacePoint {
+    fn on_face(&self, mut position: Vec3, axis: usize, is_upper: bool) -> ShapePoint {
         position[axis] = if is_upper { self.bounds.max[axis] } else { self.bounds.min[axis] };
         let normal = if is_upper { Vec3::AXES[axis] } else { -Vec3::AXES[axis] };
-        SurfacePoint { position, normal }
+        ShapePoint { position, normal }
     }
 
     pub(super) fn check(&self) -> Result<(), InvalidOption> {
@@ -287,7 +288,7 @@ pub struct CylinderMap {
 
 impl CylinderMap {
     /// The image once round and once from the top to the bottom of `bounds`; its middle faces +z.
-    pub fn fit(bounds: Bounds) -> Self {
+    pub fn fit(bounds: Aabb) -> Self {
         let extent = bounds.extent();
         let radius = 0.5 * extent.x.max(extent.z);
         Self {
@@ -314,7 +315,7 @@ impl CylinderMap {
 
     /// Where the line leaves the mantle, or the top or bottom, folded up. For lines that pass by, the point of the mantle that
     /// is nearest to the line's closest point.
-    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<ShapePoint> {
         let local = origin - self.center;
         let a = direction.x * direction.x + direction.z * direction.z;
         let b = local.x * direction.x + local.z * direction.z;
@@ -335,11 +336,11 @@ impl CylinderMap {
     }
 
     /// The point of the endless mantle at the same azimuth and height.
-    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+    pub(super) fn foot(&self, p: Vec3) -> ShapePoint {
         let local = p - self.center;
         let normal = Vec3::new(local.x, 0.0, local.z).normalize_or(Vec3::Z);
         let axis = Vec3::new(self.center.x, p.y, self.center.z);
-        SurfacePoint { position: axis + normal * self.radius, normal }
+        ShapePoint { position: axis + normal * self.radius, normal }
     }
 
     pub(super) fn check(&self) -> Result<(), InvalidOption> {
@@ -396,7 +397,7 @@ pub struct SphereMap {
 
 impl SphereMap {
     /// The image once over the sphere around the centre of `bounds`; its middle faces +z.
-    pub fn fit(bounds: Bounds) -> Self {
+    pub fn fit(bounds: Aabb) -> Self {
         Self { center: bounds.center(), radius: 0.5 * bounds.extent().length(), repeat: Vec2::ONE }
     }
 
@@ -421,7 +422,7 @@ impl SphereMap {
 }
 
 /// Where the line leaves a sphere. For lines that pass by, the point that is nearest to the line.
-pub(super) fn leave_sphere(center: Vec3, radius: f32, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+pub(super) fn leave_sphere(center: Vec3, radius: f32, origin: Vec3, direction: Vec3) -> Option<ShapePoint> {
     let direction = direction.try_normalize()?;
     let local = origin - center;
     let b = local.dot(direction);
@@ -431,9 +432,9 @@ pub(super) fn leave_sphere(center: Vec3, radius: f32, origin: Vec3, direction: V
 }
 
 /// The nearest point of a sphere; the top for the centre.
-pub(super) fn foot_on_sphere(center: Vec3, radius: f32, p: Vec3) -> SurfacePoint {
+pub(super) fn foot_on_sphere(center: Vec3, radius: f32, p: Vec3) -> ShapePoint {
     let normal = (p - center).normalize_or(Vec3::Y);
-    SurfacePoint { position: center + normal * radius, normal }
+    ShapePoint { position: center + normal * radius, normal }
 }
 
 impl Mapping for SphereMap {
@@ -494,7 +495,7 @@ pub struct HemisphereMap {
 
 impl HemisphereMap {
     /// The sphere around `bounds`, both halves with the same image.
-    pub fn fit(bounds: Bounds) -> Self {
+    pub fn fit(bounds: Aabb) -> Self {
         let radius = 0.5 * bounds.extent().length();
         Self { center: bounds.center(), radius, layout: HemisphereLayout::Shared }
     }
@@ -524,11 +525,11 @@ impl HemisphereMap {
         }
     }
 
-    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+    pub(super) fn leave(&self, origin: Vec3, direction: Vec3) -> Option<ShapePoint> {
         leave_sphere(self.center, self.radius, origin, direction)
     }
 
-    pub(super) fn foot(&self, p: Vec3) -> SurfacePoint {
+    pub(super) fn foot(&self, p: Vec3) -> ShapePoint {
         foot_on_sphere(self.center, self.radius, p)
     }
 

@@ -1,8 +1,8 @@
 //! Three planar projections, blended by the normal.
 
+use fantex_base::Aabb;
 use glam::{Vec2, Vec3};
 
-use super::Bounds;
 use crate::{Allowed, InvalidOption};
 
 /// Projections along x, y and z with weights `|n|^sharpness`.
@@ -29,7 +29,7 @@ pub struct TriplanarTap {
 
 impl TriplanarMap {
     /// The image once along the longest edge of `bounds`.
-    pub fn fit(bounds: Bounds) -> Self {
+    pub fn fit(bounds: Aabb) -> Self {
         let origin = Vec3::new(bounds.min.x, bounds.max.y, bounds.min.z);
         Self { origin, scale: 1.0 / bounds.extent().max_element(), sharpness: 4.0 }
     }

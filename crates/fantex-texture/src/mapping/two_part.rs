@@ -1,9 +1,10 @@
 //! Two-part mappings (Bier and Sloan, 1986): placed intermediate surfaces, and how points of the object are joined to them.
 
+use fantex_base::Aabb;
 use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
 
 use super::shape::{foot_on_sphere, leave_sphere};
-use super::{Bounds, BoxMap, CylinderMap, HemisphereMap, Mapping, PlanarMap, SphereMap};
+use super::{BoxMap, CylinderMap, HemisphereMap, Mapping, PlanarMap, SphereMap};
 use crate::{Allowed, InvalidOption, ShadingPoint, UvPoint};
 
 // S-maps: texture coordinates of a placed intermediate surface.
@@ -44,7 +45,7 @@ impl ShapeKind {
     pub const ALL: [Self; 5] = [Self::Plane, Self::Box, Self::Cylinder, Self::Sphere, Self::Hemispheres];
 
     /// The surface of this kind around `bounds`, y being up, with one image spread over it.
-    pub fn fit(self, bounds: Bounds) -> Shape {
+    pub fn fit(self, bounds: Aabb) -> Shape {
         match self {
             Self::Plane => Shape::Plane(PlanarMap::fit(bounds)),
             Self::Box => Shape::Box(BoxMap::fit(bounds)),
@@ -57,7 +58,7 @@ impl ShapeKind {
 
 /// A point of an intermediate surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
+pub struct ShapePoint {
     /// Where it is.
     pub position: Vec3,
     /// The outward unit normal: on a box, it tells the faces apart.
@@ -91,7 +92,7 @@ impl Shape {
     /// Where the line from `origin` along `direction` leaves the surface for good, or, if it passes by, the point near
     /// which it does so: so the result is continuous in the ray (except for lines along a plane). `None` if there is no such
     /// point: a line along a plane, or no direction.
-    pub fn leave(&self, origin: Vec3, direction: Vec3) -> Option<SurfacePoint> {
+    pub fn leave(&self, origin: Vec3, direction: Vec3) -> Option<ShapePoint> {
         match self {
             Self::Plane(map) => map.leave(origin, direction),
             Self::Box(map) => map.leave(origin, direction),
@@ -102,7 +103,7 @@ impl Shape {
     }
 
     /// The point of the surface on whose normal `p` lies: the nearest one.
-    pub fn foot(&self, p: Vec3) -> SurfacePoint {
+    pub fn foot(&self, p: Vec3) -> ShapePoint {
         match self {
             Self::Plane(map) => map.foot(p),
             Self::Box(map) => map.foot(p),
@@ -291,7 +292,7 @@ pub struct TwoPartMapping {
 const STEP: f32 = 5e-3;
 
 /// No derivative of a coordinate is longer: beyond, any filter gives the mean of the whole image.
-const LONGEST: f32 = 1e4;
+const MAX_CHANGE: f32 = 1e4;
 
 impl TwoPartMapping {
     /// Whether all numbers are in range (those of the S-map are).
@@ -321,7 +322,7 @@ impl TwoPartMapping {
             OMap::SurfaceNormal => {
                 let position = self.s_map.local_point(at.position);
                 let steps = at.position_steps.map(|step| self.s_map.local_direction(step));
-                (SurfacePoint { position, normal: shape.foot(position).normal }, steps)
+                (ShapePoint { position, normal: shape.foot(position).normal }, steps)
             }
             _ => (self.hit(at.position, at.normal, at.to_eye), [0, 1].map(|edge| self.hit_step(at, edge))),
         };
@@ -332,7 +333,7 @@ impl TwoPartMapping {
     }
 
     /// Where the ray reaches the intermediate surface, in its own space. If it does not, the nearest point of the surface.
-    fn hit(&self, p: Vec3, n: Vec3, to_eye: Option<Vec3>) -> SurfacePoint {
+    fn hit(&self, p: Vec3, n: Vec3, to_eye: Option<Vec3>) -> ShapePoint {
         let shape = self.s_map.shape();
         let local = self.s_map.local_point(p);
         let (origin, direction) = match self.o_map {
@@ -371,8 +372,8 @@ pub(crate) fn reflected(to_eye: Vec3, n: Vec3) -> Vec3 {
 
 fn bounded(change: Vec2) -> Vec2 {
     if change.is_nan() {
-        Vec2::splat(LONGEST)
+        Vec2::splat(MAX_CHANGE)
     } else {
-        change.clamp(Vec2::splat(-LONGEST), Vec2::splat(LONGEST))
+        change.clamp(Vec2::splat(-MAX_CHANGE), Vec2::splat(MAX_CHANGE))
     }
 }

@@ -22,13 +22,13 @@ pub struct AlphaCoverage {
 }
 
 /// Largest factor of a level's alpha.
-const MOST_SCALE: f32 = 64.0;
+const MAX_SCALE: f32 = 64.0;
 
 /// Points per texel along each axis at which the interpolated alpha of a level is looked up.
 const POINTS: u32 = 4;
 
 /// Levels with more texels are judged by their texels alone.
-const MOST_INTERPOLATED: u32 = 1 << 14;
+const MAX_INTERPOLATED: u32 = 1 << 14;
 
 impl AlphaCoverage {
     /// Measures the coverage of a cut-out with this threshold, 0..1, at every level of an image that repeats.
@@ -87,7 +87,7 @@ pub fn preserve_coverage(materials: &[Material], textures: &mut [MaterialTexture
 fn alphas(level: &Image) -> Vec<f32> {
     let (width, height) = (level.width, level.height);
     let texel = |x: u32, y: u32| level.linear_texel(x % width, y % height)[3];
-    if width.saturating_mul(height) > MOST_INTERPOLATED {
+    if width.saturating_mul(height) > MAX_INTERPOLATED {
         return (0..height).flat_map(|y| (0..width).map(move |x| texel(x, y))).collect();
     }
     let mut values = Vec::with_capacity((width * height * POINTS * POINTS) as usize);
@@ -115,9 +115,9 @@ fn scale_to(mut alphas: Vec<f32>, threshold: f32, covered: f32) -> f32 {
     let (_, &mut least_covered, _) = alphas.select_nth_unstable_by(uncovered, f32::total_cmp);
     // What is fully transparent stays so.
     if least_covered > 0.0 {
-        (threshold / least_covered).clamp(1.0 / MOST_SCALE, MOST_SCALE)
+        (threshold / least_covered).clamp(1.0 / MAX_SCALE, MAX_SCALE)
     } else {
-        MOST_SCALE
+        MAX_SCALE
     }
 }
 

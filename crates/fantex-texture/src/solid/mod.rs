@@ -32,11 +32,12 @@ mod pattern;
 mod stone;
 
 use arrayvec::ArrayVec;
+use fantex_base::Aabb;
 use glam::{Vec3, Vec4};
 
 use crate::noise::{Fractal, Noise};
 
-use crate::{Bounds, InvalidOption, ShadingPoint, Texture};
+use crate::{InvalidOption, ShadingPoint, Texture};
 
 pub use landscape::Landscape;
 pub use pattern::{Brick, Checker, CloudField, Clouds};
@@ -140,7 +141,7 @@ pub const SOLID_NAMES: [&str; 8] =
     ["wood", "marble", "rock", "granite", "clouds", "checker", "brick", "landscape"];
 
 /// The recipe `name`, scaled to a model with these bounds.
-pub fn solid_by_name(name: &str, bounds: Bounds, seed: u32) -> Result<Box<dyn Solid>, UnknownSolid> {
+pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> Result<Box<dyn Solid>, UnknownSolid> {
     let center = bounds.center();
     let radius = 0.5 * (bounds.max - bounds.min).length();
     let radius = if radius > 0.0 { radius } else { 1.0 };

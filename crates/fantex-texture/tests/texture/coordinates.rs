@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fantex_base::Aabb;
 use fantex_texture::Scale;
 use fantex_texture::coordinates::{
     Coordinates, Direction, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, SpaceMatrixOptions,
@@ -9,8 +10,8 @@ use fantex_texture::coordinates::{
 };
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    Bounds, Filter, Filtering, InvalidOption, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind,
-    Texture, TriplanarMap, TwoPartMapping, UvPoint, Wrap,
+    Filter, Filtering, InvalidOption, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind, Texture,
+    TriplanarMap, TwoPartMapping, UvPoint, Wrap,
 };
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
@@ -188,7 +189,7 @@ fn projected_images_grow_with_distance() {
 #[test]
 fn every_kind_of_coordinates_gives_a_value() {
     let gradient = Arc::new(texture(64, 64, 4, |x, y| [x as f32 / 64.0, y as f32 / 64.0, 0.5, 1.0]));
-    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
     let s_map = SMap::new(ShapeKind::Sphere.fit(bounds), &Placement::default()).unwrap();
     let kinds = [
         Coordinates::default(),
@@ -282,7 +283,7 @@ fn no_number_stops_a_look_up() {
 #[test]
 #[ignore = "measures, asserts nothing"]
 fn speed_of_coordinates() {
-    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
     let mut random = Random(24);
     let points: Vec<_> = (0..1000)
         .map(|_| {

@@ -1,12 +1,13 @@
 //! Properties of the mappings.
 
 use crate::common::Random;
+use fantex_base::Aabb;
 use fantex_texture::{
-    AnyMapping, Bounds, BoxMap, CylinderMap, Mapping, MappingKind, PlanarMap, SphereMap, TriplanarMap,
+    AnyMapping, BoxMap, CylinderMap, Mapping, MappingKind, PlanarMap, SphereMap, TriplanarMap,
 };
 use glam::{Quat, Vec2, Vec3};
 
-const BOUNDS: Bounds = Bounds { min: Vec3::new(-1.0, 0.5, 2.0), max: Vec3::new(3.0, 2.0, 4.5) };
+const BOUNDS: Aabb = Aabb { min: Vec3::new(-1.0, 0.5, 2.0), max: Vec3::new(3.0, 2.0, 4.5) };
 
 fn random_vector(random: &mut Random) -> Vec3 {
     Vec3::new(random.unit() - 0.5, random.unit() - 0.5, random.unit() - 0.5)
@@ -123,7 +124,7 @@ fn boxes_and_triplanar_maps_show_images_unmirrored_from_outside() {
     let boxes = [[3, 2, 1], [3, 1, 2], [2, 3, 1], [1, 3, 2], [2, 1, 3], [1, 2, 3]];
     for (n, size) in faces.flat_map(|n| boxes.map(|size| (n, size))) {
         let max = Vec3::from_array(size.map(|s| s as f32));
-        let bounds = Bounds { min: Vec3::ZERO, max };
+        let bounds = Aabb { min: Vec3::ZERO, max };
         let map = BoxMap::fit(bounds);
         let [right, down] = gradients(&|d| map.uv_footprint(Vec3::ZERO, n, d, d)[0]);
         assert_readable("a box", [right, down], n);

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use fantex_base::Aabb;
 use fantex_mesh::{LoadOptions, Mesh, generate, load, shading_normals};
 use fantex_test::cleaned;
 use fantex_texture::combine::{Channel, Contours, RampTexture};
@@ -12,8 +13,8 @@ use fantex_texture::warp::{
     AffineMap, BilinearMap, PlaneMap, ProjectiveMap, Spread, warp_forward, warp_inverse,
 };
 use fantex_texture::{
-    Bounds, ColorRamp, ColorSpace, Depth, Filter, Image, ImageTexture, OMap, Placement, RampInterpolation,
-    SMap, SampleOptions, ShadingPoint, ShapeKind, Texture, TriplanarMap, TwoPartMapping, Wrap,
+    ColorRamp, ColorSpace, Depth, Filter, Image, ImageTexture, OMap, Placement, RampInterpolation, SMap,
+    SampleOptions, ShadingPoint, ShapeKind, Texture, TriplanarMap, TwoPartMapping, Wrap,
 };
 use glam::{DVec2, Mat3, Quat, Vec2, Vec3, Vec4};
 
@@ -101,9 +102,9 @@ fn save_sheet(name: &str, size: u32, rows: &[Vec<Vec<Vec4>>]) {
     eprintln!("see {}", path.display());
 }
 
-fn bounds(mesh: &Mesh) -> Bounds {
+fn bounds(mesh: &Mesh) -> Aabb {
     let fold = |f: fn(Vec3, Vec3) -> Vec3, start| mesh.positions.iter().copied().fold(start, f);
-    Bounds { min: fold(Vec3::min, Vec3::INFINITY), max: fold(Vec3::max, Vec3::NEG_INFINITY) }
+    Aabb { min: fold(Vec3::min, Vec3::INFINITY), max: fold(Vec3::max, Vec3::NEG_INFINITY) }
 }
 
 fn lookup(texture: &Arc<ImageTexture>, coordinates: Coordinates) -> ImageLookup {
@@ -111,7 +112,7 @@ fn lookup(texture: &Arc<ImageTexture>, coordinates: Coordinates) -> ImageLookup 
     ImageLookup { coordinates, options, ..ImageLookup::new(Arc::clone(texture)) }
 }
 
-fn o_maps(bounds: Bounds) -> [OMap; 4] {
+fn o_maps(bounds: Aabb) -> [OMap; 4] {
     [OMap::Reflection, OMap::ObjectNormal, OMap::Centroid { center: bounds.center() }, OMap::SurfaceNormal]
 }
 
@@ -248,7 +249,7 @@ fn filtered_seams_and_poles_equal_supersampled_ones() {
         let [u, v] = [(x as f32 + 0.5) / 256.0, (y as f32 + 0.5) / 128.0].map(|t| std::f32::consts::TAU * t);
         [0.5 + 0.4 * (24.0 * u).sin(), 0.5 + 0.4 * (12.0 * v).sin(), 0.5 + 0.4 * (8.0 * (u + v)).cos(), 1.0]
     }));
-    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
     let (size, samples) = (64, 8);
     for kind in [ShapeKind::Sphere, ShapeKind::Cylinder] {
         let s_map = SMap::new(kind.fit(bounds), &Placement::default()).unwrap();

@@ -1,12 +1,13 @@
 //! Properties of the solids, and pictures of them.
 
+use fantex_base::Aabb;
 use fantex_texture::noise::{Fractal, Noise};
-use fantex_texture::{Bounds, Image, SOLID_NAMES, Solid, SolidPoint, solid_by_name};
+use fantex_texture::{Image, SOLID_NAMES, Solid, SolidPoint, solid_by_name};
 use glam::{Vec2, Vec3};
 
 use crate::common::Random;
 
-const BOUNDS: Bounds = Bounds { min: Vec3::new(-3.0, -2.0, -3.0), max: Vec3::new(3.0, 2.0, 3.0) };
+const BOUNDS: Aabb = Aabb { min: Vec3::new(-3.0, -2.0, -3.0), max: Vec3::new(3.0, 2.0, 3.0) };
 
 fn random_point(random: &mut Random) -> Vec3 {
     Vec3::new(random.unit() - 0.5, random.unit() - 0.5, random.unit() - 0.5) * 6.0
@@ -62,7 +63,7 @@ fn seeds_and_scales_matter_as_they_should() {
         // A checker has nothing random.
         assert_eq!(one == two, name == "checker", "{name}");
         // Ten times the model, ten times the pattern.
-        let large = Bounds { min: BOUNDS.min * 8.0, max: BOUNDS.max * 8.0 };
+        let large = Aabb { min: BOUNDS.min * 8.0, max: BOUNDS.max * 8.0 };
         let scaled = SolidPoint { p: at.p * 8.0, ..at };
         let same = solid_by_name(name, large, 1).unwrap().color(&scaled);
         crate::common::assert_close(same, one, 1e-3, name);
@@ -111,7 +112,7 @@ fn cube(at: Vec2) -> Option<(Vec3, Vec3)> {
 /// has gone, and left the mean brightness as it is.
 #[test]
 fn landscapes_have_grain_down_to_the_texel() {
-    let bounds = Bounds { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.45, 1.0) };
+    let bounds = Aabb { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.45, 1.0) };
     let solid = solid_by_name("landscape", bounds, 5).unwrap();
     // Along a line, in steps of one footprint.
     let line = |from: Vec3, footprint: f32| -> Vec<f32> {
@@ -150,13 +151,13 @@ fn landscapes_have_grain_down_to_the_texel() {
 #[ignore = "writes pictures to look at into the system's temporary folder"]
 fn swatches() {
     for name in SOLID_NAMES {
-        let bounds = Bounds { min: Vec3::splat(-2.0), max: Vec3::splat(2.0) };
+        let bounds = Aabb { min: Vec3::splat(-2.0), max: Vec3::splat(2.0) };
         let solid = solid_by_name(name, bounds, 5).unwrap();
         let path = std::env::temp_dir().join(format!("fantex-solid-{name}.png"));
         swatch(solid.as_ref(), 512).save(&path).unwrap();
         println!("{}", path.display());
     }
-    let bounds = Bounds { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.45, 1.0) };
+    let bounds = Aabb { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.45, 1.0) };
     let solid = solid_by_name("landscape", bounds, 5).unwrap();
     let path = std::env::temp_dir().join("fantex-solid-terrain.png");
     terrain(solid.as_ref(), 384, 240).save(&path).unwrap();

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::common::{FILTERS, Random};
+use fantex_base::Aabb;
 use fantex_texture::{
-    Bounds, ColorSpace, Filter, Image, ImageTexture, SOLID_NAMES, SampleOptions, Samples, SolidPoint,
-    UvPoint, Wrap, solid_by_name,
+    ColorSpace, Filter, Image, ImageTexture, SOLID_NAMES, SampleOptions, Samples, SolidPoint, UvPoint, Wrap,
+    solid_by_name,
 };
 use glam::{Vec2, Vec3};
 
@@ -73,7 +74,7 @@ fn speed() {
         }
     }
     for name in SOLID_NAMES {
-        let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+        let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
         let solid = solid_by_name(name, bounds, 1).unwrap();
         let n = Vec3::new(0.4, 0.75, 0.5).normalize();
         let time = nanoseconds(|uv| {

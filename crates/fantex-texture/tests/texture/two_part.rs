@@ -2,15 +2,16 @@
 
 use std::f32::consts::{FRAC_PI_2, TAU};
 
+use fantex_base::Aabb;
 use fantex_texture::{
-    Bounds, HemisphereLayout, HemisphereMap, InvalidOption, Mapping, OMap, Placement, SMap, ShadingPoint,
-    Shape, ShapeKind, SphereMap, TwoPartMapping,
+    HemisphereLayout, HemisphereMap, InvalidOption, Mapping, OMap, Placement, SMap, ShadingPoint, Shape,
+    ShapeKind, SphereMap, TwoPartMapping,
 };
 use glam::{Quat, Vec2, Vec3};
 
 use crate::common::{Random, shading_point};
 
-const BOUNDS: Bounds = Bounds { min: Vec3::new(-1.0, -1.5, -0.8), max: Vec3::new(1.2, 1.0, 1.1) };
+const BOUNDS: Aabb = Aabb { min: Vec3::new(-1.0, -1.5, -0.8), max: Vec3::new(1.2, 1.0, 1.1) };
 
 fn shapes() -> Vec<Shape> {
     let side_by_side = HemisphereMap { layout: HemisphereLayout::SideBySide, ..HemisphereMap::fit(BOUNDS) };
@@ -276,7 +277,7 @@ fn nothing_is_infinite_at_poles_centres_and_along_axes() {
 #[test]
 fn ends_of_cylinders_are_folded_up() {
     // Radius 1 and height 2: a ray straight up, 0.75 from the axis, leaves a quarter from the rim.
-    let bounds = Bounds { min: Vec3::NEG_ONE, max: Vec3::ONE };
+    let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
     let shape = ShapeKind::Cylinder.fit(bounds);
     let height = |origin: Vec3, direction: Vec3| shape.leave(origin, direction).unwrap().position.y;
     assert!((height(Vec3::X * 0.75, Vec3::Y) - 1.25).abs() < 1e-6);
@@ -296,7 +297,7 @@ fn any_numbers_are_refused_or_mapped() {
             _ => 2.0 * random.unit() - 1.0,
         };
         let mut any3 = || Vec3::new(any(), any(), any());
-        let bounds = Bounds { min: any3(), max: any3() };
+        let bounds = Aabb { min: any3(), max: any3() };
         let placement = Placement {
             pivot: any3(),
             scale: any3(),

@@ -250,12 +250,12 @@ struct SkyLight {
 }
 
 impl LookBake {
-    /// Dresses a model for a bake. Displacements become its geometry; its materials are replaced by those that the asset needs
+    /// Resolves a look on a model for a bake. Displacements become its geometry; its materials are replaced by those that the asset needs
     /// beside its tiles.
     ///
     /// # Errors
     ///
-    /// A texture cannot be made, or the look does not say which material the model wears.
+    /// A texture cannot be made, or the look does not say which material the model has.
     pub fn new(resolver: &MaterialResolver<'_>, mesh: &mut Mesh, model: &Path) -> Result<Self> {
         let bake = &resolver.file.look().bake;
         let resolved = resolver.materials(mesh, model, resolver.model_object())?;
@@ -279,7 +279,7 @@ impl LookBake {
         Ok(Self { materials, time: bake.time as f32, light })
     }
 
-    /// Hands what is baked to `then`. The mesh is the one that was dressed.
+    /// Hands what is baked to `then`. The mesh is the one of [`LookBake::new`].
     ///
     /// # Errors
     ///

@@ -40,14 +40,14 @@ pub(super) struct Object {
 
 #[derive(Debug)]
 pub(super) enum Shape {
-    Dressed { mesh: Box<Mesh>, materials: Vec<Arc<LookMaterial>> },
+    Model { mesh: Box<Mesh>, materials: Vec<Arc<LookMaterial>> },
     Asset(Box<PageCache>),
 }
 
 impl Object {
     pub(super) fn mesh(&self) -> &Mesh {
         match &self.shape {
-            Shape::Dressed { mesh, .. } => mesh,
+            Shape::Model { mesh, .. } => mesh,
             Shape::Asset(cache) => cache.asset().mesh(),
         }
     }
@@ -55,14 +55,14 @@ impl Object {
     /// Tiles of an asset that could not be read.
     pub(super) fn damaged_tiles(&self) -> u64 {
         match &self.shape {
-            Shape::Dressed { .. } => 0,
+            Shape::Model { .. } => 0,
             Shape::Asset(cache) => cache.damage().pages,
         }
     }
 
     pub(super) fn surface(&self, time: f32, filter: FilterOptions) -> Box<dyn Surface + '_> {
         match &self.shape {
-            Shape::Dressed { mesh, materials } => {
+            Shape::Model { mesh, materials } => {
                 Box::new(LookSurface::new(mesh, materials.clone()).at_time(time))
             }
             Shape::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
@@ -76,7 +76,7 @@ impl MaterialResolver<'_> {
         let tables = &self.file.look().object;
         if tables.is_empty() {
             let given = given.ok_or_else(|| self.nothing_to_show())?;
-            return Ok(vec![self.dressed(given.mesh.clone(), &given.path, None, &ObjectTable::default())?]);
+            return Ok(vec![self.model(given.mesh.clone(), &given.path, None, &ObjectTable::default())?]);
         }
         let objects = tables.iter().enumerate();
         objects.map(|(index, table)| self.object(index, table, given)).collect()
@@ -110,7 +110,7 @@ impl MaterialResolver<'_> {
                 (given.mesh.clone(), given.path.clone())
             }
         };
-        self.dressed(mesh, &path, Some(index), table)
+        self.model(mesh, &path, Some(index), table)
     }
 
     fn asset(&self, path: &Path, table: &ObjectTable, key: &Key) -> Result<Object> {
@@ -128,11 +128,11 @@ impl MaterialResolver<'_> {
         })
     }
 
-    fn dressed(&self, mesh: Mesh, path: &Path, index: Option<usize>, table: &ObjectTable) -> Result<Object> {
+    fn model(&self, mesh: Mesh, path: &Path, index: Option<usize>, table: &ObjectTable) -> Result<Object> {
         let resolved = self.materials(&mesh, path, index)?;
         let mesh = displaced(self, mesh, &resolved)?;
         Ok(Object {
-            shape: Shape::Dressed { mesh: Box::new(mesh), materials: resolved.materials },
+            shape: Shape::Model { mesh: Box::new(mesh), materials: resolved.materials },
             name: table.name.clone(),
             world_from_object: placement(table),
         })
@@ -152,7 +152,7 @@ fn placement(table: &ObjectTable) -> DAffine3 {
     )
 }
 
-// Simple shapes with texture coordinates.
+// ---- Simple shapes with texture coordinates.
 
 /// A point of a shape and its outward normal, by texture coordinates.
 type Patch<'a> = &'a dyn Fn(DVec2) -> (DVec3, DVec3);
@@ -278,7 +278,7 @@ impl Builder {
     }
 }
 
-// Displacement mapping of a dressed model.
+// ---- Displacement mapping.
 
 /// A material's heights, in mesh units.
 struct Heights {
@@ -288,7 +288,7 @@ struct Heights {
     middle: f32,
 }
 
-/// The mesh with the displacements of what it wears as real geometry; as it is where there are none.
+/// The mesh with the displacements of its materials as real geometry; as it is where there are none.
 pub(super) fn displaced(
     resolver: &MaterialResolver<'_>,
     mesh: Mesh,
