@@ -55,11 +55,6 @@ impl<R: QueuedReader> FaultyReader<R> {
         }
     }
 
-    /// Changes what goes wrong from now on.
-    pub fn set_faults(&mut self, faults: ReadFaults) {
-        self.faults = faults;
-    }
-
     /// When a read that is submitted now may arrive.
     fn due_time(&mut self, length: usize) -> Instant {
         let now = Instant::now();

@@ -211,7 +211,7 @@ impl ScreenPipelines {
     }
 
     /// Whether the shader must encode sRGB, because the target's format does not.
-    pub(crate) fn must_encode_srgb(&self) -> bool {
+    fn must_encode_srgb(&self) -> bool {
         let is_float = matches!(
             self.output,
             wgpu::TextureFormat::Rgba16Float
@@ -248,7 +248,7 @@ impl ScreenPipelines {
     }
 
     /// Fills what no surface has covered. Group 0 is bound.
-    pub(crate) fn draw_sky(&self, pass: &mut wgpu::RenderPass<'_>, key: SurfaceKey) {
+    fn draw_sky(&self, pass: &mut wgpu::RenderPass<'_>, key: SurfaceKey) {
         if let Some(sky) = self.skies.get(&(key.samples, key.has_environment)) {
             pass.set_pipeline(sky);
             pass.draw(0..3, 0..1);
@@ -256,7 +256,7 @@ impl ScreenPipelines {
     }
 
     /// Brings the light of the targets of the last [`ScreenPipelines::prepare`] to a target; `group` is group 0.
-    pub(crate) fn draw_tone_mapped(
+    fn draw_tone_mapped(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         group: &wgpu::BindGroup,

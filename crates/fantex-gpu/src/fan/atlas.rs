@@ -35,7 +35,7 @@ pub(crate) fn atlas_formats(channels: &[Channel], has_block_compression: bool) -
 }
 
 /// The texture format that decodes a channel's texels, sRGB included.
-pub(crate) fn texture_format(format: AtlasFormat, srgb: bool) -> wgpu::TextureFormat {
+fn texture_format(format: AtlasFormat, srgb: bool) -> wgpu::TextureFormat {
     use wgpu::TextureFormat as T;
     match (format, srgb) {
         (AtlasFormat::Bc1, false) => T::Bc1RgbaUnorm,
@@ -121,7 +121,7 @@ impl AtlasGrid {
     }
 
     /// An entry as the shader reads it: zero, or quarters of the first texel: column, row << 12, and 1 << 31.
-    pub(crate) fn word(self, entry: TableEntry) -> u32 {
+    fn word(self, entry: TableEntry) -> u32 {
         entry.place().map_or(0, |place| {
             let [x, y] = self.texel(place);
             1 << 31 | (y / 4) << 12 | (x / 4)
@@ -140,7 +140,7 @@ impl AtlasGrid {
 // Why a texture: software adapters read storage buffers lane by lane, but fetch texels of 32 bits for all lanes at once.
 
 /// Columns of the texture, as a binary logarithm; `PAGE_ROW_SHIFT` in `fan_lookup.wgsl`.
-pub(crate) const ROW_SHIFT: u32 = 13;
+const ROW_SHIFT: u32 = 13;
 
 /// Where the number of levels stands in a word.
 const COARSER_SHIFT: u32 = 24;

@@ -186,12 +186,12 @@ impl FanParams {
     }
 
     /// Of another atlas.
-    pub(crate) fn with_grid(self, grid: AtlasGrid) -> Self {
+    fn with_grid(self, grid: AtlasGrid) -> Self {
         Self { atlas_scale: atlas_scale(grid), ..self }
     }
 
     /// With a filter's parameters.
-    pub(crate) fn with_filter(self, filter: &FilterOptions) -> Self {
+    fn with_filter(self, filter: &FilterOptions) -> Self {
         Self { max_anisotropy: max_anisotropy(filter), ..self }
     }
 }
@@ -206,7 +206,7 @@ fn max_anisotropy(filter: &FilterOptions) -> f32 {
 
 /// The filter as the shader's constant `FAN_FILTER` names it. The two filters that only the CPU has are replaced by their
 /// nearest relatives: bicubic by bilinear, the elliptical weighted average by anisotropic probes.
-pub(crate) fn shader_filter(filter: Filter) -> u32 {
+fn shader_filter(filter: Filter) -> u32 {
     match filter {
         Filter::Nearest => 0,
         Filter::Bilinear | Filter::Bicubic => 1,
@@ -260,7 +260,7 @@ impl FanTables {
     }
 
     /// The same tables, but nothing is resident.
-    pub(crate) fn without_pages(&self, gpu: &Gpu) -> Self {
+    fn without_pages(&self, gpu: &Gpu) -> Self {
         let pages = page_texture(gpu, [self.pages.width(), self.pages.height()]);
         let [groups, means, frames] = [&self.groups, &self.means, &self.frames].map(wgpu::Buffer::clone);
         Self { groups, pages, means, frames }

@@ -222,7 +222,7 @@ impl Sharing<'_> {
 
 /// A unit vector on the unfolded octahedron, each coordinate -1..1 in 16 bits (Z. Cigolle et al., "A Survey of Efficient
 /// Representations for Independent Unit Vectors", 2014). The error is below 5e-5 radians.
-pub(crate) fn octahedral(n: Vec3) -> [i16; 2] {
+fn octahedral(n: Vec3) -> [i16; 2] {
     let p = n.truncate() / (n.x.abs() + n.y.abs() + n.z.abs()).max(1e-12);
     let sign = |v: f32| if v < 0.0 { -1.0 } else { 1.0 };
     let folded =

@@ -601,7 +601,7 @@ impl<K: Copy + Ord> UrgencyQueue<K> {
     }
 
     /// Inserts a key, or raises its urgency.
-    pub(super) fn raise(&mut self, key: K, urgency: Urgency) {
+    fn raise(&mut self, key: K, urgency: Urgency) {
         if self.urgencies.get(&key).is_none_or(|old| *old < urgency) {
             self.set(key, urgency);
         }
@@ -625,7 +625,7 @@ impl<K: Copy + Ord> UrgencyQueue<K> {
     }
 
     /// Takes the most urgent out, where the urgencies in the queue are upper bounds: `exact` tells the true one.
-    pub(super) fn pop_exact(&mut self, exact: impl Fn(K) -> Urgency) -> Option<K> {
+    fn pop_exact(&mut self, exact: impl Fn(K) -> Urgency) -> Option<K> {
         loop {
             let (key, bound) = self.first()?;
             let urgency = exact(key);
@@ -686,7 +686,7 @@ impl Ready {
     }
 
     /// False if the parcel is not here.
-    pub(super) fn set_urgency(&mut self, parcel: Parcel, urgency: Urgency) -> bool {
+    fn set_urgency(&mut self, parcel: Parcel, urgency: Urgency) -> bool {
         let Some((known, _)) = self.outcomes.get_mut(&parcel) else { return false };
         if std::mem::replace(known, urgency) != urgency {
             self.enqueue(parcel, urgency);
@@ -715,7 +715,7 @@ impl Ready {
     }
 
     /// Takes the most urgent parcel, if it has at most `max_bytes`.
-    pub(super) fn take_first(&mut self, max_bytes: usize) -> Option<(Parcel, Outcome)> {
+    fn take_first(&mut self, max_bytes: usize) -> Option<(Parcel, Outcome)> {
         loop {
             let mut last = self.queues.last_entry()?;
             let Some(&parcel) = last.get().front() else {

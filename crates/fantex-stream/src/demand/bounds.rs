@@ -345,7 +345,7 @@ impl Bounds {
         self.cone.cos = self.cone.cos.min(self.cone.axis.dot(normal));
     }
 
-    pub(crate) fn is_nothing(&self) -> bool {
+    fn is_nothing(&self) -> bool {
         self.density == LogDensities::NOTHING
     }
 
@@ -555,7 +555,7 @@ impl Relief {
     /// The greatest `|m.(p - eye)|` of a triangle that is seen by an eye that has the center at `to_center`, or is as far as `travel`
     /// from there; nothing or less if none is.
     #[inline]
-    pub(crate) fn plane_distance(&self, to_center: Vec3, travel: f32) -> f32 {
+    fn plane_distance(&self, to_center: Vec3, travel: f32) -> f32 {
         let middle = self.middle.dot(to_center) + self.offset;
         let middle = if self.is_culled { -middle } else { middle.abs() };
         let [a, b] = self.axes.map(|axis| axis.dot(to_center).abs());
@@ -565,7 +565,7 @@ impl Relief {
 
     /// Texels of level 0 per unit of length in the tile's plane, as a binary logarithm; negative infinity where nothing is known.
     #[inline]
-    pub(crate) fn log2_density(&self) -> f32 {
+    fn log2_density(&self) -> f32 {
         self.log2_density
     }
 }

@@ -465,7 +465,7 @@ fn is_usable(view: &StreamView) -> bool {
 /// Groups of a block.
 pub(crate) const BLOCK: usize = 32;
 /// Children of a node.
-pub(crate) const FAN_OUT: usize = 8;
+const FAN_OUT: usize = 8;
 
 /// What all views of a covered mesh share.
 pub(crate) struct DemandSurface {

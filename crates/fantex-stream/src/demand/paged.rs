@@ -329,7 +329,7 @@ pub(crate) fn piece_points(corners: [Vec3; 3], is_in: [bool; 3], delta: f32) -> 
 }
 
 /// The facets of a triangle, one per group it is looked up in.
-pub(crate) fn facets(mesh: &Mesh, cover: &Cover, triangle: usize) -> impl Iterator<Item = Facet> {
+fn facets(mesh: &Mesh, cover: &Cover, triangle: usize) -> impl Iterator<Item = Facet> {
     let positions = mesh.triangle_positions(triangle);
     let groups = cover.corner_groups[triangle];
     let [a, b, c] = positions;

@@ -24,7 +24,7 @@ use super::{
 pub(crate) const ALIGNMENT: usize = 4096;
 
 /// Idle buffers kept for the next reads.
-pub(super) const KEPT_BUFFER_BYTES: usize = 16 << 20;
+const KEPT_BUFFER_BYTES: usize = 16 << 20;
 
 // Buffers: aligned as direct I/O needs them, and used again and again.
 

@@ -50,7 +50,7 @@ pub(super) struct Priority(u8);
 
 impl Priority {
     /// Nothing on the screen needs it yet.
-    pub(super) const AHEAD: Self = Self(0);
+    const AHEAD: Self = Self(0);
     const COUNT: usize = 65;
 
     /// `levels`: how many are missing; `side_log2`: of the tile on the screen, pixels.
