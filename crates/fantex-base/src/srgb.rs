@@ -41,8 +41,17 @@ pub fn linear_from_srgb16_table() -> &'static [f32] {
 }
 
 /// `code / 255` of all 256 bytes.
+#[inline]
 pub fn unit_from_u8_table() -> &'static [f32; 256] {
-    static TABLE: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| code as f32 / 255.0));
+    static TABLE: [f32; 256] = {
+        let mut table = [0.0; 256];
+        let mut code = 0;
+        while code < 256 {
+            table[code] = code as f32 / 255.0;
+            code += 1;
+        }
+        table
+    };
     &TABLE
 }
 

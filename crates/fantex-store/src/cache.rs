@@ -1,24 +1,26 @@
 //! A cache of decoded pages within a memory budget.
 //!
 //! Who owns what:
-//! - A [`PageCache`] is a handle; its clones share one [`Shared`], which owns the asset and two [`BoundedMap`]s: unpacked
+//! - A [`PageCache`] is a handle; its clones share one [`Shared`], which owns the asset and two [caches](Cache): unpacked
 //!   clusters (a quarter of the budget; neighbouring tiles come from the same cluster) and decoded pages (the rest).
-//! - Entries are reference-counted. The map owns one reference until the clock hand evicts the entry; a [`Tile`] owns
+//! - Entries are reference-counted. The cache owns one reference until it evicts the entry; a [`Tile`] owns
 //!   another one as long as it lives. So a page that is being sampled never vanishes, and memory beyond the budget is what
 //!   tiles hold.
 //! - On which thread: the thread that asks reads, unpacks and decodes. Others that want the same entry meanwhile wait for
-//!   it; no map lock is held during that. Look-ups in a tile of one page touch no lock at all.
+//!   it; no lock is held during that. Look-ups in a tile of one page touch no lock at all.
 
+use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use crate::bounded_map::BoundedMap;
 use glam::Vec2;
+use quick_cache::sync::{Cache, DefaultLifecycle};
+use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 
-use crate::decode::{BC4_DENOMINATOR, StoredTexels};
+use crate::decode::{BC4_DENOMINATOR, StoredTexels, linear_from_stored};
 use crate::layout::PAGE;
 use crate::layout::{ClusterPages, PageSize};
-use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
 use crate::{Asset, EditorSnapshot, PageId};
+use fantex_base::srgb::{linear_from_srgb8_table, unit_from_u8_table};
 use fantex_base::{Error, Result};
 
 /// Decoded pages of an asset, within a budget, shared by threads. Cloning shares the cache.
@@ -28,17 +30,71 @@ pub struct PageCache {
 }
 
 /// Damaged pages that are kept by name.
-const NAMED_DAMAGE: usize = 16;
+const MAX_NAMED_DAMAGE: usize = 16;
+
+/// Typical bytes of an entry, from which caches estimate how many there will be.
+const CLUSTER_BYTES: usize = 256 << 10;
+const PAGE_BYTES: usize = 16 << 10;
+
+/// A part of a cache with a lock of its own is at least so large: a page of floats is 1 MiB, and what is larger than a part is not
+/// kept.
+const SHARD_BYTES: usize = 8 << 20;
 
 type Loaded<T> = Result<Arc<T>>;
+
+/// Bytes that entries take.
+#[derive(Clone, Debug)]
+struct MemoryBytes;
+
+impl<T: MemorySize> Weighter<u64, Loaded<T>> for MemoryBytes {
+    fn weight(&self, _: &u64, entry: &Loaded<T>) -> u64 {
+        entry.as_ref().map_or(64, |entry| entry.memory_bytes() as u64)
+    }
+}
+
+trait MemorySize {
+    fn memory_bytes(&self) -> usize;
+}
+
+impl MemorySize for ClusterPages {
+    fn memory_bytes(&self) -> usize {
+        ClusterPages::memory_bytes(self)
+    }
+}
+
+impl MemorySize for DecodedPage {
+    fn memory_bytes(&self) -> usize {
+        size_of::<Self>() + self.texels.memory_bytes()
+    }
+}
+
+fn cache_of<T: MemorySize>(budget_bytes: usize, entry_bytes: usize) -> Cache<u64, Loaded<T>, MemoryBytes> {
+    let options = OptionsBuilder::new()
+        .estimated_items_capacity((budget_bytes / entry_bytes).max(64))
+        .weight_capacity(budget_bytes as u64)
+        .shards((budget_bytes / SHARD_BYTES).clamp(1, 16))
+        .build();
+    // What has no value is the capacity alone.
+    let options = options.unwrap_or_else(|_| unreachable!("all capacities are set"));
+    Cache::with_options(options, MemoryBytes, DefaultHashBuilder::default(), DefaultLifecycle::default())
+}
+
+/// An entry, loaded if it is not there. Others that want it meanwhile wait.
+fn get_or_load<T: MemorySize>(
+    cache: &Cache<u64, Loaded<T>, MemoryBytes>,
+    key: u64,
+    load: impl FnOnce() -> Loaded<T>,
+) -> Loaded<T> {
+    cache.get_or_insert_with(&key, || Ok::<_, Infallible>(load())).unwrap_or_else(|never| match never {})
+}
 
 #[derive(Debug)]
 struct Shared {
     asset: Arc<Asset>,
     /// Changes over the asset, where these are to be seen.
     snapshot: Option<EditorSnapshot>,
-    clusters: BoundedMap<Loaded<ClusterPages>>,
-    pages: BoundedMap<Loaded<DecodedPage>>,
+    clusters: Cache<u64, Loaded<ClusterPages>, MemoryBytes>,
+    pages: Cache<u64, Loaded<DecodedPage>, MemoryBytes>,
     damage: Mutex<DamageLog>,
 }
 
@@ -70,8 +126,8 @@ impl PageCache {
     }
 
     fn over(asset: Arc<Asset>, snapshot: Option<EditorSnapshot>, budget_bytes: usize) -> Self {
-        let clusters = BoundedMap::new(budget_bytes / 4);
-        let pages = BoundedMap::new(budget_bytes - budget_bytes / 4);
+        let clusters = cache_of(budget_bytes / 4, CLUSTER_BYTES);
+        let pages = cache_of(budget_bytes - budget_bytes / 4, PAGE_BYTES);
         Self { shared: Arc::new(Shared { asset, snapshot, clusters, pages, damage: Mutex::default() }) }
     }
 
@@ -123,12 +179,7 @@ impl PageCache {
             | (u64::from(number) << 16)
             | (u64::from(id.level) << 8)
             | channel as u64;
-        let load = || {
-            let page = self.load_page(channel, id);
-            let bytes = page.as_ref().map_or(64, |page| page.memory_bytes());
-            (page, bytes)
-        };
-        match shared.pages.get_or_load(key, load) {
+        match get_or_load(&shared.pages, key, || self.load_page(channel, id)) {
             Ok(page) => Some(page),
             Err(error) => {
                 self.record(channel, id, &error);
@@ -156,16 +207,12 @@ impl PageCache {
         let shared = &self.shared;
         let cluster_id = shared.asset.cluster_of(id)?;
         let key = (u64::from(cluster_id.level) << 32) | u64::from(cluster_id.index);
-        shared.clusters.get_or_load(key, || {
-            let cluster = shared.asset.read_cluster(cluster_id).map(Arc::new);
-            let bytes = cluster.as_ref().map_or(64, |cluster| cluster.memory_bytes());
-            (cluster, bytes)
-        })
+        get_or_load(&shared.clusters, key, || shared.asset.read_cluster(cluster_id).map(Arc::new))
     }
 
     fn record(&self, channel: usize, id: PageId, error: &Error) {
         let mut log = self.shared.damage.lock().unwrap_or_else(PoisonError::into_inner);
-        if log.seen.insert((channel, id)) && log.first.len() < NAMED_DAMAGE {
+        if log.seen.insert((channel, id)) && log.first.len() < MAX_NAMED_DAMAGE {
             log.first.push((channel, id, error.to_string()));
         }
     }
@@ -186,15 +233,11 @@ impl DecodedPage {
         if let (StoredTexels::Rgba32F(texels), true) = (&mut texels, srgb) {
             // Once here rather than at every look-up.
             for [r, g, b, _] in texels {
-                (*r, *g, *b) = (linear_from_srgb(*r), linear_from_srgb(*g), linear_from_srgb(*b));
+                (*r, *g, *b) = (linear_from_stored(*r), linear_from_stored(*g), linear_from_stored(*b));
             }
         }
-        let linear_from_u8 = if srgb { &*LINEAR_FROM_SRGB8 } else { &UNIT_FROM_U8 };
+        let linear_from_u8 = if srgb { linear_from_srgb8_table() } else { unit_from_u8_table() };
         Self { extent, texels, srgb, linear_from_u8 }
-    }
-
-    fn memory_bytes(&self) -> usize {
-        size_of::<Self>() + self.texels.memory_bytes()
     }
 
     fn linear(&self, x: u32, y: u32) -> [f32; 4] {
@@ -212,7 +255,12 @@ impl DecodedPage {
     #[inline]
     fn color(&self, [r, g, b, a]: [u8; 4]) -> [f32; 4] {
         let table = self.linear_from_u8;
-        [table[usize::from(r)], table[usize::from(g)], table[usize::from(b)], UNIT_FROM_U8[usize::from(a)]]
+        [
+            table[usize::from(r)],
+            table[usize::from(g)],
+            table[usize::from(b)],
+            unit_from_u8_table()[usize::from(a)],
+        ]
     }
 }
 

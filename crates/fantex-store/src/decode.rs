@@ -11,7 +11,7 @@ use half::f16;
 use crate::TexelFormat;
 use crate::bytes::values_from_bytes;
 use crate::encode::is_block_extent;
-use crate::srgb::{LINEAR_FROM_SRGB8, UNIT_FROM_U8, linear_from_srgb};
+use fantex_base::srgb::{linear_from_srgb, linear_from_srgb8_table, unit_from_u8_table};
 use fantex_base::{Error, Result};
 
 /// Common denominator of all values that a BC4 block can hold.
@@ -19,6 +19,9 @@ pub(crate) const BC4_DENOMINATOR: f32 = 8925.0;
 
 /// Decodes one page into **stored encoding**, exactly as `docs/format.md` defines the rounding. Missing channels are
 /// `0, 0, 1` (green, blue, alpha).
+///
+/// # Errors
+/// The extent is not one of whole 4x4 blocks, or the number of bytes does not match it.
 pub fn decode(format: TexelFormat, extent: [u32; 2], bytes: &[u8]) -> Result<Vec<[f32; 4]>> {
     let texels = StoredTexels::decode(format, extent, bytes)?;
     Ok((0..extent[0] as usize * extent[1] as usize).map(|i| texels.stored(i)).collect())
@@ -74,11 +77,11 @@ impl StoredTexels {
     /// A texel in stored encoding.
     pub(crate) fn stored(&self, i: usize) -> [f32; 4] {
         match self {
-            Self::Rgba8(texels) => texels[i].map(|x| UNIT_FROM_U8[usize::from(x)]),
+            Self::Rgba8(texels) => texels[i].map(|x| unit_from_u8_table()[usize::from(x)]),
             Self::Rgba32F(texels) => texels[i],
-            Self::R8(texels) => [UNIT_FROM_U8[usize::from(texels[i])], 0.0, 0.0, 1.0],
+            Self::R8(texels) => [unit_from_u8_table()[usize::from(texels[i])], 0.0, 0.0, 1.0],
             Self::Rg8(texels) => {
-                let [r, g] = texels[i].map(|x| UNIT_FROM_U8[usize::from(x)]);
+                let [r, g] = texels[i].map(|x| unit_from_u8_table()[usize::from(x)]);
                 [r, g, 0.0, 1.0]
             }
             Self::RRatio(texels) => [f32::from(texels[i]) / BC4_DENOMINATOR, 0.0, 0.0, 1.0],
@@ -94,12 +97,12 @@ impl StoredTexels {
         match self {
             Self::Rgba8(texels) if srgb => {
                 let [r, g, b, a] = texels[i].map(usize::from);
-                let table = &*LINEAR_FROM_SRGB8;
-                [table[r], table[g], table[b], UNIT_FROM_U8[a]]
+                let table = linear_from_srgb8_table();
+                [table[r], table[g], table[b], unit_from_u8_table()[a]]
             }
             Self::Rgba32F(texels) if srgb => {
                 let [r, g, b, a] = texels[i];
-                [linear_from_srgb(r), linear_from_srgb(g), linear_from_srgb(b), a]
+                [linear_from_stored(r), linear_from_stored(g), linear_from_stored(b), a]
             }
             _ => self.stored(i),
         }
@@ -116,6 +119,11 @@ impl StoredTexels {
             Self::Rgba32F(texels) => 16 * texels.len(),
         }
     }
+}
+
+/// Linear light of an sRGB-encoded float: the format continues the curve below zero by its straight part.
+pub(crate) fn linear_from_stored(encoded: f32) -> f32 {
+    if encoded < 0.0 { encoded / 12.92 } else { linear_from_srgb(encoded) }
 }
 
 /// Stored floats are finite; a file that says otherwise reads as zero there.
@@ -188,6 +196,9 @@ fn bc4_palette(end0: u8, end1: u8) -> [u16; 8] {
 /// | RGBA32F | 8: RGBA as little-endian half floats; `srgb` colours are decoded, values clamped to their range |
 ///
 /// Bytes are of 0..1 in the **stored encoding** (sRGB stays encoded); BC4 and BC5 are rounded to the nearest 1/255.
+///
+/// # Errors
+/// As [`decode`].
 pub fn decode_plain(format: TexelFormat, srgb: bool, extent: [u32; 2], bytes: &[u8]) -> Result<Vec<u8>> {
     Ok(match StoredTexels::decode(format, extent, bytes)? {
         StoredTexels::R8(texels) => texels,
@@ -206,7 +217,7 @@ fn unorm8_from_ratio(numerator: u16) -> u8 {
 
 fn halves([r, g, b, a]: [f32; 4], srgb: bool) -> [u8; 8] {
     let limit = f32::from(f16::MAX);
-    let rgba = if srgb { [r, g, b].map(linear_from_srgb) } else { [r, g, b] };
+    let rgba = if srgb { [r, g, b].map(linear_from_stored) } else { [r, g, b] };
     let [r, g, b] = rgba.map(|x| f16::from_f32(x.clamp(-limit, limit)).to_le_bytes());
     let a = f16::from_f32(a.clamp(-limit, limit)).to_le_bytes();
     [r[0], r[1], g[0], g[1], b[0], b[1], a[0], a[1]]

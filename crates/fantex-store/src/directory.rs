@@ -262,7 +262,7 @@ fn add(open: &mut Option<(usize, u64)>, bytes: u64, clusters: &[ClusterEntry]) -
 }
 
 /// Bytes of an entry with an empty name.
-const LEAST_ENTRY_BYTES: usize = 36;
+const MIN_ENTRY_BYTES: usize = 36;
 
 /// Where every attachment lies, by name.
 pub(crate) type Attachments = BTreeMap<String, SectionRecord>;
@@ -283,7 +283,7 @@ pub(crate) fn encode_attachments(attachments: &Attachments) -> Vec<u8> {
 /// `places`: where attachments may lie.
 pub(crate) fn decode_attachments(bytes: &[u8], places: &Range<u64>) -> Result<Attachments> {
     let mut input = ByteReader::new(bytes);
-    let count = input.count((bytes.len() / LEAST_ENTRY_BYTES).min(MAX_ATTACHMENTS), "attachments")?;
+    let count = input.count((bytes.len() / MIN_ENTRY_BYTES).min(MAX_ATTACHMENTS), "attachments")?;
     let mut attachments = Attachments::new();
     for index in 0..count {
         let what = "the name of an attachment";

@@ -85,6 +85,9 @@ pub(crate) fn is_block_extent(extent: [u32; 2]) -> bool {
 /// Encodes one page. `extent`: columns and rows, multiples of 4 (up to [`PAGE`](crate::PAGE) where the result is to be
 /// stored). R formats take red, RG formats red and green, [`TexelFormat::Bc1`] alpha below 128/255 as "transparent".
 /// An opaque [`TexelFormat::Bc7`] page may decode to an alpha of 254/255. Thread-safe, deterministic on a given kind of processor; a page's bytes depend on its texels only.
+///
+/// # Errors
+/// The extent is not one of whole 4x4 blocks, or the number of texels does not match it.
 pub fn encode(
     format: TexelFormat,
     quality: Quality,
@@ -96,6 +99,9 @@ pub fn encode(
 }
 
 /// Encodes several pages of one format: the same bytes as [`encode`] gives one by one, faster where pages are small.
+///
+/// # Errors
+/// As [`encode`].
 pub fn encode_many(
     format: TexelFormat,
     quality: Quality,

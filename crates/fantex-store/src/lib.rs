@@ -22,7 +22,6 @@
 #[cfg(test)]
 extern crate self as fantex_store;
 
-mod bounded_map;
 mod bytes;
 mod cache;
 mod channel;
@@ -40,7 +39,6 @@ mod packing;
 mod reader;
 mod sampler;
 mod source;
-mod srgb;
 mod verify;
 mod writer;
 

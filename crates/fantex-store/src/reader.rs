@@ -53,12 +53,18 @@ pub struct Asset {
 impl Asset {
     /// Opens and checks an asset in a file: header, mesh, cover, channels and directory. It stays as it is now, whatever is
     /// committed later: see [`AssetEditor`](crate::AssetEditor).
+    ///
+    /// # Errors
+    /// The file cannot be read, is no asset, or is damaged.
     pub fn open(path: &Path) -> Result<Self> {
         let file = FileSource::open(path).map_err(|source| Error::reading(path, source))?;
         Self::open_source(Arc::new(file))
     }
 
     /// Opens and checks an asset, wherever its bytes are. Two reads, unless sections were appended to it.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
     pub fn open_source(source: Arc<dyn ByteSource>) -> Result<Self> {
         let (slot, damaged_headers) = read_slot(&*source)?;
         let sections = Sections::read(&*source, &slot)?;
@@ -115,11 +121,17 @@ impl Asset {
 
     /// Names of all attachments, ascending: data of other programs' parts (a painter's layers and history) that the
     /// texture function does not need.
+    ///
+    /// # Errors
+    /// The list of attachments is damaged.
     pub fn attachment_names(&self) -> Result<Vec<&str>> {
         Ok(self.attachments()?.keys().map(String::as_str).collect())
     }
 
     /// Reads and checks an attachment; none where there is none of that name.
+    ///
+    /// # Errors
+    /// It, or the list of attachments, cannot be read or is damaged.
     pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
         let record = self.attachments()?.get(name);
         record.map(|record| self.read_attachment(name, record)).transpose()
@@ -205,11 +217,17 @@ impl Asset {
     }
 
     /// Reads, checks and decodes one page. Not cached.
+    ///
+    /// # Errors
+    /// There is no such page or channel, or its cluster cannot be read or is damaged.
     pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels> {
         self.decode_page_raw(channel, page, &self.read_page_raw(channel, page)?)
     }
 
     /// Decodes bytes that [`read_page_raw`](Self::read_page_raw) gave for a page.
+    ///
+    /// # Errors
+    /// There is no such page or channel, or the bytes are not as many as it takes.
     pub fn decode_page_raw(&self, channel: usize, page: PageId, bytes: &[u8]) -> Result<Texels> {
         let extent = self.page_extent(channel, page)?;
         let texels = self.decode_page(channel, page, extent, bytes)?;
@@ -219,6 +237,9 @@ impl Asset {
     }
 
     /// Reads and checks one page and returns its bytes in the channel's format. Not cached.
+    ///
+    /// # Errors
+    /// As [`read_page`](Self::read_page).
     pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         self.page_extent(channel, page)?;
         let cluster = self.read_cluster(self.cluster_of(page)?)?;
@@ -230,6 +251,9 @@ impl Asset {
     }
 
     /// Columns and rows of a page in texels; an error where there is no such page or channel.
+    ///
+    /// # Errors
+    /// There is no such page or channel.
     pub fn page_extent(&self, channel: usize, id: PageId) -> Result<[u32; 2]> {
         let group = self.cover.groups.get(id.group as usize).filter(|_| channel < self.channels.len());
         let size = group.map(|group| PageSize::new(group.extent, id.level));
@@ -303,6 +327,9 @@ impl Asset {
     }
 
     /// The cluster that holds a page.
+    ///
+    /// # Errors
+    /// There is no such page.
     pub fn cluster_of(&self, id: PageId) -> Result<ClusterId> {
         let missing = || self.no_such_page(0, id);
         let clusters = self.directory.levels.get(id.level as usize).ok_or_else(missing)?;
@@ -333,6 +360,9 @@ impl Asset {
 
     /// Checks and unpacks the stored bytes of a cluster: those of [`Asset::cluster_range`], wherever they were read. Panics
     /// where there is no such cluster.
+    ///
+    /// # Errors
+    /// The bytes do not match their checksum, or do not unpack to the pages.
     pub fn unpack_cluster(&self, cluster: ClusterId, stored: &[u8]) -> Result<ClusterPages> {
         self.unpack_entry(cluster.level, self.entry(cluster), stored)
     }
@@ -360,6 +390,9 @@ impl Asset {
     }
 
     /// A page's bytes in a channel's format, within the cluster that holds it.
+    ///
+    /// # Errors
+    /// There is no such page or channel, or it lies in another cluster.
     pub fn page_in<'c>(&self, cluster: &'c ClusterPages, channel: usize, id: PageId) -> Result<&'c [u8]> {
         self.page_extent(channel, id)?;
         let extent = self.cover().groups[id.group as usize].extent;
@@ -367,6 +400,9 @@ impl Asset {
     }
 
     /// The same, in whichever of several clusters holds the page.
+    ///
+    /// # Errors
+    /// There is no such page or channel, or it lies in none of them.
     pub fn page_in_any<'c>(
         &self,
         clusters: &'c [Arc<ClusterPages>],
@@ -427,7 +463,7 @@ pub(crate) struct PackedCluster {
 
 /// The shortest run that zstd may store as a repetition. Blocks of texels repeat in whole or hardly at all: with short runs a
 /// cluster is as large, and takes a tenth longer to unpack.
-const SHORTEST_MATCH: u32 = 7;
+const MIN_MATCH: u32 = 7;
 
 /// Packs the bytes of all pages of a cluster, given by channel.
 pub(crate) fn pack_cluster(
@@ -437,7 +473,7 @@ pub(crate) fn pack_cluster(
 ) -> std::io::Result<PackedCluster> {
     let raw = arrange(channels, formats);
     let mut compressor = zstd::bulk::Compressor::new(zstd_level)?;
-    compressor.set_parameter(CParameter::MinMatch(SHORTEST_MATCH))?;
+    compressor.set_parameter(CParameter::MinMatch(MIN_MATCH))?;
     Ok(PackedCluster { raw_length: raw.len() as u32, stored: compressor.compress(&raw)? })
 }
 
@@ -458,7 +494,7 @@ thread_local! {
 }
 
 /// A longer buffer is not kept for the next cluster: few clusters are.
-const KEPT_BYTES: usize = 1 << 20;
+const MAX_KEPT_BYTES: usize = 1 << 20;
 
 /// What a thread keeps between clusters, so that it needn't be set up for each.
 #[derive(Default)]
@@ -474,7 +510,7 @@ impl Unpacker {
         self.raw.resize(length, 0);
         let unpacked = self.zstd.decompress_to_buffer(stored, self.raw.as_mut_slice()).ok();
         let natural = (unpacked == Some(length)).then(|| unarranged(formats, &self.raw));
-        if length > KEPT_BYTES {
+        if length > MAX_KEPT_BYTES {
             self.raw = Vec::new();
         }
         natural
@@ -515,7 +551,7 @@ mod tests {
             assert_eq!(unpacker.unpack(&formats, &stored, natural.len() + 80), None);
             assert_eq!(unpacker.unpack(&formats, b"no zstd frame", natural.len()), None);
             assert_eq!(unpacker.unpack(&formats, &stored, natural.len()), Some(natural));
-            assert!(unpacker.raw.capacity() <= KEPT_BYTES);
+            assert!(unpacker.raw.capacity() <= MAX_KEPT_BYTES);
         }
     }
 }

@@ -71,6 +71,9 @@ pub struct VerifyReport {
 }
 
 /// Opens and verifies an asset on the current rayon pool.
+///
+/// # Errors
+/// It cannot be opened. (What is damaged in it is reported.)
 pub fn verify(path: &Path, options: &VerifyOptions) -> Result<VerifyReport> {
     Ok(verify_asset(&Arc::new(Asset::open(path)?), options))
 }
@@ -264,8 +267,9 @@ pub struct WorstJump {
 /// Pseudo-random mixtures of levels that are compared.
 const MIXTURES: u32 = 2;
 
-/// Fewest and most equally spaced points per edge, besides those of the blend band.
-const POINTS: [f32; 2] = [5.0, 17.0];
+/// Bounds of the number of equally spaced points per edge, besides those of the blend band.
+const MIN_POINTS: f32 = 5.0;
+const MAX_POINTS: f32 = 17.0;
 
 /// An edge of two triangles that belong to the same groups at both ends.
 #[derive(Clone, Copy)]
@@ -426,7 +430,7 @@ impl<'a> Comparison<'a> {
             let along = corners[slot][to] - corners[slot][from];
             (along * Vec2::new(extent[0] as f32, extent[1] as f32)).length()
         });
-        let count = texels.fold(POINTS[0], f32::max).min(POINTS[1]) as u32;
+        let count = texels.fold(MIN_POINTS, f32::max).min(MAX_POINTS) as u32;
         let equal = (0..=count).map(move |k| k as f32 / count as f32);
         // The band: |1 - 2 s| < delta.
         let delta = self.asset.cover().delta;

@@ -118,6 +118,9 @@ impl OpenCluster {
 
 impl AssetWriter {
     /// Checks the contents, creates the temporary file and writes mesh, cover and channels.
+    ///
+    /// # Errors
+    /// The file exists and is not to be overwritten, cannot be written, or the contents break a rule of the format.
     pub fn create(
         path: &Path,
         options: &CreateOptions,
@@ -162,6 +165,9 @@ impl AssetWriter {
     /// Adds pages: groups ascending, all pages of a group together as [`group_pages`](crate::group_pages) lists them (a
     /// batch may end within a group). Packs the clusters that this fills on the current rayon pool; the file's bytes depend
     /// neither on the threads nor on how pages are split into batches.
+    ///
+    /// # Errors
+    /// A page came out of turn or with wrong lengths, or the file cannot be written.
     pub fn write_pages(&mut self, batch: Vec<EncodedPage>) -> Result<()> {
         for page in batch {
             self.add_page(page)?;
@@ -171,6 +177,9 @@ impl AssetWriter {
 
     /// Writes what is left, makes the file durable and gives it its name. `means`: **linear** RGBA (normals as stored) per
     /// group and channel, `means[group * channels + channel]`.
+    ///
+    /// # Errors
+    /// Pages or means are missing, or the file cannot be written.
     pub fn finish(mut self, means: &[[f32; 4]]) -> Result<WriteSummary> {
         let path = self.path.clone();
         if let Some(missing) = self.due {

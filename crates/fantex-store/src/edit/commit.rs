@@ -44,7 +44,9 @@ impl AssetEditor {
     /// Makes all changes durable, at once: after a crash either all of them are there or none. Returns the same generation
     /// where there are none.
     ///
-    /// On an error the file keeps its last committed state, and the changes stay pending.
+    /// # Errors
+    /// The file cannot be written, the disk is full ([`is_disk_full`](crate::is_disk_full)), or it was replaced. The file keeps its last
+    /// committed state, and the changes stay pending.
     pub fn commit(&mut self) -> Result<CommitSummary> {
         if self.has_changes() {
             self.flush()?;
@@ -60,6 +62,9 @@ impl AssetEditor {
 
     /// Writes pending pages and attachments to the file, uncommitted, and so frees their memory. What could not be written
     /// stays pending.
+    ///
+    /// # Errors
+    /// As [`commit`](Self::commit).
     pub fn flush(&mut self) -> Result<()> {
         if !self.has_pending() {
             return Ok(());

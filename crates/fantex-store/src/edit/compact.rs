@@ -31,6 +31,9 @@ pub struct CompactSummary {
 impl AssetEditor {
     /// Commits, then replaces the file by a copy without gaps, atomically. Needs room for the copy; memory does not grow
     /// with the asset. Readers that have the old file open keep it.
+    ///
+    /// # Errors
+    /// As [`commit`](Self::commit), or the copy cannot be written; the file then stays as it is.
     pub fn compact(&mut self) -> Result<CompactSummary> {
         let bytes_before = self.commit()?.file_bytes;
         let path = self.asset.path().to_owned();

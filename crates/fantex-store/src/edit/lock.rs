@@ -15,7 +15,7 @@ use crate::write_error;
 use fantex_base::{Error, Result};
 
 /// Attempts, a millisecond apart, to mark a file as being read.
-const PATIENCE: u32 = 500;
+const MAX_LOCK_ATTEMPTS: u32 = 500;
 
 /// The exclusive right to change an asset.
 #[derive(Debug)]
@@ -88,8 +88,8 @@ pub(crate) fn keep_generation(file: &File) {
     if !cfg!(unix) {
         return;
     }
-    // A writer holds the file alone for a moment only; whoever holds it longer is none of ours and does not keep us out.
-    for _ in 0..PATIENCE {
+    // A writer holds the file alone for a moment only. A longer lock is foreign; ignore it.
+    for _ in 0..MAX_LOCK_ATTEMPTS {
         match file.try_lock_shared() {
             Err(TryLockError::WouldBlock) => std::thread::sleep(Duration::from_millis(1)),
             // Where the system has no locks writers never find the file unread.

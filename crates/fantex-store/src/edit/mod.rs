@@ -136,6 +136,9 @@ struct HeaderState {
 
 impl AssetEditor {
     /// Opens an asset for changing. Takes the lock that keeps other writers out; readers are welcome.
+    ///
+    /// # Errors
+    /// Another writer is at work, or the asset cannot be opened.
     pub fn open(path: &Path, options: &EditOptions) -> Result<Self> {
         let lock = Arc::new(WriterLock::acquire(path)?);
         let file = OpenOptions::new().read(true).write(true).open(path);
@@ -181,6 +184,9 @@ impl AssetEditor {
 
     /// Replaces a page's bytes in one channel, by [`encode`](crate::encode)'s. In memory until [`flush`](Self::flush) or
     /// [`commit`](Self::commit).
+    ///
+    /// # Errors
+    /// There is no such page or channel, or the bytes are not as many as it takes.
     pub fn replace(&mut self, page: PageId, channel: usize, bytes: Vec<u8>) -> Result<()> {
         let extent = self.asset.page_extent(channel, page)?;
         let expected = self.asset.formats()[channel].bytes(extent);
@@ -213,6 +219,9 @@ impl AssetEditor {
     }
 
     /// Adds or replaces an attachment, up to 1 GiB under a name of up to 255 bytes.
+    ///
+    /// # Errors
+    /// Name or contents are too long.
     pub fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<()> {
         let bytes = contents.len() as u64;
         if name.len() > MAX_ATTACHMENT_NAME_BYTES || bytes > MAX_ATTACHMENT_BYTES {
@@ -250,6 +259,9 @@ impl AssetEditor {
     }
 
     /// Reads a page's bytes with all changes, committed or not. Keeps the last few clusters.
+    ///
+    /// # Errors
+    /// There is no such page, or it cannot be read.
     pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         let (asset, directory) = (&*self.asset, &*self.flushed.directory);
         View { asset, directory, pages: &self.pending.pages, recent: &self.recent }
@@ -273,6 +285,9 @@ impl AssetEditor {
     }
 
     /// Reads and decodes a page with all changes, committed or not. Not cached.
+    ///
+    /// # Errors
+    /// As [`read_page_raw`](Self::read_page_raw).
     pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels> {
         let bytes = self.read_page_raw(channel, page)?;
         self.asset.decode_page_raw(channel, page, &bytes)
@@ -284,6 +299,9 @@ impl AssetEditor {
     }
 
     /// Reads an attachment with all changes, committed or not.
+    ///
+    /// # Errors
+    /// It cannot be read, or is damaged.
     pub fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
         if let Some(change) = self.pending.attachments.get(name) {
             return Ok(change.clone());
@@ -312,6 +330,9 @@ impl AssetEditor {
     }
 
     /// Forgets all changes that are not committed.
+    ///
+    /// # Errors
+    /// The committed attachments are damaged.
     pub fn discard(&mut self) -> Result<()> {
         let flushed = Flushed::none(&self.asset)?;
         let dropped = std::mem::replace(&mut self.flushed, flushed);

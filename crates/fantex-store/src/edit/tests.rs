@@ -13,7 +13,7 @@ mod common;
 use super::commit::{FileOutput, Output, RunPacking};
 use super::lock::WriterLock;
 use crate::{Asset, AssetEditor, EditOptions, PageId, VerifyOptions};
-use common::{encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
+use common::{Dice, encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
 
 /// All that an asset holds and that commits change.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -58,16 +58,6 @@ fn small_asset(folder: &Path) -> PathBuf {
     write(&path, &mesh, &cover, &channels, 100).unwrap();
     assert_eq!(State::open(&path).1.means, means(&cover, &channels));
     path
-}
-
-/// A few numbers that look random.
-struct Dice(u64);
-
-impl Dice {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((self.0 >> 33) % n as u64) as usize
-    }
 }
 
 /// Makes some changes, in the editor and in the state that is expected of it.
@@ -246,7 +236,7 @@ fn after_a_crash_at_any_write_a_committed_state_is_there() {
     let (first, mut state) = State::open(&path);
     let mut states = BTreeMap::from([(first, state.clone())]);
     let (mut editor, plan) = recorded_editor(&path);
-    let mut dice = Dice(7);
+    let mut dice = Dice::new(7);
     // Calls that belong to commits, and the generation that was acknowledged before each of them.
     let mut acknowledged = Vec::new();
     for round in 0..14 {
@@ -303,7 +293,7 @@ fn session(fail_at: usize, once: bool, kind: ErrorKind) -> bool {
     let path = small_asset(folder.path());
     let (mut editor, plan) = recorded_editor(&path);
     let mut state = State::read(editor.asset());
-    let mut dice = Dice(99);
+    let mut dice = Dice::new(99);
     for _ in 0..2 {
         change(&mut editor, &mut state, &mut dice);
         editor.commit().unwrap();
@@ -353,7 +343,7 @@ fn discarding_returns_to_the_committed_state() {
     let path = small_asset(folder.path());
     let (mut editor, _) = recorded_editor(&path);
     let committed = State::read(editor.asset());
-    let mut dice = Dice(3);
+    let mut dice = Dice::new(3);
     for round in 0..3 {
         change(&mut editor, &mut committed.clone(), &mut dice);
         if round > 0 {
@@ -402,7 +392,7 @@ fn a_reader_keeps_its_generation() {
     let path = small_asset(folder.path());
     let (mut editor, _) = recorded_editor(&path);
     let mut state = State::read(editor.asset());
-    let mut dice = Dice(5);
+    let mut dice = Dice::new(5);
     let mut readers: Vec<(Arc<Asset>, State)> = Vec::new();
     for round in 0..12 {
         // One from the editor, one of its own.
@@ -436,7 +426,7 @@ fn without_readers_the_file_stops_growing() {
     let folder = tempfile::tempdir().unwrap();
     let path = small_asset(folder.path());
     let mut state = State::open(&path).1;
-    let mut dice = Dice(11);
+    let mut dice = Dice::new(11);
     let mut lengths = Vec::new();
     for round in 0..60 {
         let (mut editor, _) = recorded_editor(&path);
@@ -457,7 +447,7 @@ fn compacting_keeps_everything_but_the_gaps() {
     let fresh = std::fs::metadata(&path).unwrap().len();
     let (mut editor, _) = recorded_editor(&path);
     let mut state = State::read(editor.asset());
-    let mut dice = Dice(8);
+    let mut dice = Dice::new(8);
     let reader = Asset::open(&path).unwrap();
     let before = state.clone();
     for _ in 0..10 {

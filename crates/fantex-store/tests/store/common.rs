@@ -4,6 +4,7 @@
 
 use std::path::Path;
 
+use fantex_base::Random;
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
 use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation, ToonScale, WorldFromMesh};
 use fantex_store::{
@@ -11,6 +12,19 @@ use fantex_store::{
     WriteSummary, encode, group_pages, page_extent, page_origin,
 };
 use glam::{DVec3, Vec2, Vec3, Vec4};
+
+/// Repeatable random numbers.
+pub(crate) struct Dice(Random);
+
+impl Dice {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(Random::new(seed))
+    }
+
+    pub(crate) fn below(&mut self, n: usize) -> usize {
+        self.0.below(n as u64) as usize
+    }
+}
 
 /// A bumpy sheet of `n * n` squares, two triangles each, with all attributes.
 pub(crate) fn sheet(n: u32) -> Mesh {

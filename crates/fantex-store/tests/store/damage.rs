@@ -5,7 +5,7 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::common::{block_channels, fan_cover, pages, tetrahedron, write};
+use crate::common::{Dice, block_channels, fan_cover, pages, tetrahedron, write};
 use fantex_base::{Error, ErrorKind};
 use fantex_store::{Asset, PageCache, VerifyOptions, VerifyReport, verify_asset};
 use glam::Vec2;
@@ -39,22 +39,6 @@ static ALLOCATOR: Counting = Counting;
 
 /// Far above what the small test file needs, far below what its patched counts claim.
 const LARGEST_ALLOCATION: usize = 32 << 20;
-
-/// A repeatable source of numbers (Marsaglia, "Xorshift RNGs", 2003).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, limit: usize) -> usize {
-        (self.next() >> 11) as usize % limit
-    }
-}
 
 /// A small asset: its path and bytes.
 fn small_asset(folder: &Path) -> (PathBuf, Vec<u8>) {
@@ -107,7 +91,7 @@ fn flipped_bits_are_noticed_or_harmless() {
     let (whole, report) = use_all(&path).unwrap();
     assert!(report.ok);
     let damaged_path = folder.path().join("damaged.fan");
-    let mut random = Random(0x5eed);
+    let mut random = Dice::new(0x5eed);
     let (mut refused, mut reported, mut harmless) = (0, 0, 0);
     for _ in 0..4000 {
         let mut damaged = bytes.clone();
@@ -186,7 +170,7 @@ fn a_file_with_an_appended_section_is_read() {
 fn crafted_sections_are_refused_or_harmless() {
     let folder = tempfile::tempdir().unwrap();
     let (path, bytes) = small_asset(folder.path());
-    let mut random = Random(0xc4af7ed);
+    let mut random = Dice::new(0xc4af7ed);
     let interesting = [
         0,
         1,
@@ -210,7 +194,7 @@ fn crafted_sections_are_refused_or_harmless() {
             let mut changed = raw.clone();
             for _ in 0..=random.below(2) {
                 match random.below(4) {
-                    0 => changed[random.below(raw.len())] = random.next() as u8,
+                    0 => changed[random.below(raw.len())] = random.below(256) as u8,
                     1 => changed.truncate(random.below(raw.len()).max(8)),
                     _ => {
                         let at = random.below(raw.len()) & !3;
