@@ -1,9 +1,9 @@
 //! Little-endian reading and writing of sections, every read checked.
 
 use bytemuck::{Pod, Zeroable};
+use fantex_base::{Error, Result};
 
 use crate::error::{ends, not_finite, out_of_range, too_many, wrong_count};
-use fantex_base::{Error, Result};
 
 /// Reads a section from front to back.
 pub(crate) struct ByteReader<'a> {

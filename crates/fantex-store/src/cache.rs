@@ -12,16 +12,15 @@
 use std::convert::Infallible;
 use std::sync::{Arc, Mutex, PoisonError};
 
+use fantex_base::srgb::{linear_from_srgb8_table, unit_from_u8_table};
+use fantex_base::{Error, Result};
 use glam::Vec2;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 
 use crate::decode::{BC4_DENOMINATOR, StoredTexels, linear_from_stored};
-use crate::layout::PAGE;
-use crate::layout::{ClusterPages, PageSize};
+use crate::layout::{ClusterPages, PAGE, PageSize};
 use crate::{Asset, EditorSnapshot, PageId};
-use fantex_base::srgb::{linear_from_srgb8_table, unit_from_u8_table};
-use fantex_base::{Error, Result};
 
 /// Decoded pages of an asset, within a budget, shared by threads. Cloning shares the cache.
 #[derive(Clone, Debug)]
@@ -308,13 +307,13 @@ enum Source {
 type RecentPages = [Mutex<Option<(PageId, Arc<DecodedPage>)>>; 4];
 
 /// The four texels around a point, and how far it lies between them.
-struct Footprint {
+struct TexelQuad {
     columns: [u32; 2],
     rows: [u32; 2],
     fraction: Vec2,
 }
 
-impl Footprint {
+impl TexelQuad {
     /// Texel centres lie at `(i + 0.5) / n`; the point is clamped to the rectangle that they span. NaN reads as 0.
     fn new(uv: Vec2, extent: [u32; 2]) -> Self {
         let axis = |u: f32, n: u32| {
@@ -366,7 +365,7 @@ impl Tile {
     #[inline]
     pub fn bilinear(&self, uv: Vec2) -> [f32; 4] {
         match &self.source {
-            Source::Page(page) => page_bilinear(page, &Footprint::new(uv, self.extent)),
+            Source::Page(page) => page_bilinear(page, &TexelQuad::new(uv, self.extent)),
             Source::Paged(cache, recent) => self.paged_bilinear(cache, recent, uv),
             Source::Mean(mean) => *mean,
         }
@@ -388,12 +387,12 @@ impl Tile {
 
     /// Across page borders. A look-up that touches a damaged page is made in the coarser level as a whole.
     fn paged_bilinear(&self, cache: &PageCache, recent: &RecentPages, uv: Vec2) -> [f32; 4] {
-        let footprint = Footprint::new(uv, self.extent);
-        let [[x0, x1], [y0, y1]] = [footprint.columns, footprint.rows];
+        let quad = TexelQuad::new(uv, self.extent);
+        let [[x0, x1], [y0, y1]] = [quad.columns, quad.rows];
         if x0 / PAGE == x1 / PAGE && y0 / PAGE == y1 / PAGE {
             if let Some(page) = self.recent_page(cache, recent, x0, y0) {
-                let [columns, rows] = [footprint.columns, footprint.rows].map(|i| i.map(|n| n % PAGE));
-                return page_bilinear(&page, &Footprint { columns, rows, ..footprint });
+                let [columns, rows] = [quad.columns, quad.rows].map(|i| i.map(|n| n % PAGE));
+                return page_bilinear(&page, &TexelQuad { columns, rows, ..quad });
             }
         } else if let (Some(a), Some(b), Some(c), Some(d)) = (
             self.paged_texel(cache, recent, x0, y0),
@@ -401,7 +400,7 @@ impl Tile {
             self.paged_texel(cache, recent, x0, y1),
             self.paged_texel(cache, recent, x1, y1),
         ) {
-            return footprint.blend(|x, y| match (x == x0, y == y0) {
+            return quad.blend(|x, y| match (x == x0, y == y0) {
                 (true, true) => a,
                 (false, true) => b,
                 (true, false) => c,
@@ -444,12 +443,12 @@ impl Tile {
 
 /// The common path: one page, its texels' form chosen once per look-up.
 #[inline]
-fn page_bilinear(page: &DecodedPage, footprint: &Footprint) -> [f32; 4] {
+fn page_bilinear(page: &DecodedPage, quad: &TexelQuad) -> [f32; 4] {
     let width = page.extent[0];
     let index = |x: u32, y: u32| (y * width + x) as usize;
     match &page.texels {
-        StoredTexels::Rgba8(texels) => footprint.blend(|x, y| page.color(texels[index(x, y)])),
-        StoredTexels::Rgba32F(texels) => footprint.blend(|x, y| texels[index(x, y)]),
-        _ => footprint.blend(|x, y| page.at(index(x, y))),
+        StoredTexels::Rgba8(texels) => quad.blend(|x, y| page.color(texels[index(x, y)])),
+        StoredTexels::Rgba32F(texels) => quad.blend(|x, y| texels[index(x, y)]),
+        _ => quad.blend(|x, y| page.at(index(x, y))),
     }
 }

@@ -1,9 +1,10 @@
 //! Material channels, texel formats, and the section that lists them.
 
+use fantex_base::{Error, Result};
+
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::error::{out_of_range, too_many, wrong_count};
 use crate::limits::MAX_CHANNELS;
-use fantex_base::{Error, Result};
 
 /// What a channel means to a renderer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -1,12 +1,12 @@
 //! The cover section.
 
+use fantex_base::{Error, Result};
 use fantex_cover::{Cover, Frame, Group, GroupKind, UnfoldedCorner};
 use glam::{Vec2, Vec3};
 
 use crate::bytes::{ByteReader, ByteWriter, below, check_finite, limit};
 use crate::error::{not_finite, out_of_order, wrong_count};
 use crate::limits::{MAX_TILE_SIDE, MAX_TRIANGLES};
-use fantex_base::{Error, Result};
 
 /// What must hold for a cover of a mesh of `triangles` triangles.
 pub(crate) fn check(cover: &Cover, triangles: usize) -> Result<()> {

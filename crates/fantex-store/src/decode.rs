@@ -6,13 +6,13 @@
 //! - BC4, BC5: the palette's exact rational values. All are multiples of 1/8925 (8925 = 5 * 7 * 255), so they are kept
 //!   as integer numerators, without rounding.
 
+use fantex_base::srgb::{linear_from_srgb, linear_from_srgb8_table, unit_from_u8_table};
+use fantex_base::{Error, Result};
 use half::f16;
 
 use crate::TexelFormat;
 use crate::bytes::values_from_bytes;
 use crate::encode::is_block_extent;
-use fantex_base::srgb::{linear_from_srgb, linear_from_srgb8_table, unit_from_u8_table};
-use fantex_base::{Error, Result};
 
 /// Common denominator of all values that a BC4 block can hold.
 pub(crate) const BC4_DENOMINATOR: f32 = 8925.0;

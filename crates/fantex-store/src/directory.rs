@@ -9,6 +9,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
+use fantex_base::Result;
 use half::f16;
 
 use crate::TexelFormat;
@@ -17,7 +18,6 @@ use crate::error::{ends, misplaced_cluster, out_of_order, too_many, wrong_cluste
 use crate::header::SectionRecord;
 use crate::layout::{PageSize, TilePlace};
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_ATTACHMENTS, MAX_CLUSTER_BYTES};
-use fantex_base::Result;
 
 /// Clusters start at multiples of this, so that direct I/O can read them.
 pub(crate) const ALIGNMENT: u64 = 4096;

@@ -13,10 +13,10 @@
 
 use std::borrow::Cow;
 
+use fantex_base::{Error, Result};
 use intel_tex_2::{RSurface, RgSurface, RgbaSurface, bc1, bc4, bc5, bc7};
 
 use crate::TexelFormat;
-use fantex_base::{Error, Result};
 
 /// How much time the BC7 encoder takes. The other formats have one setting.
 ///

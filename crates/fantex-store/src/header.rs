@@ -17,13 +17,13 @@ use std::io::Read;
 use std::ops::Range;
 use std::path::Path;
 
+use fantex_base::{Error, Result};
 use xxhash_rust::xxh3::xxh3_64;
 
 use crate::ByteSource;
 use crate::bytes::ByteWriter;
 use crate::error::damaged;
 use crate::limits::{MAX_SECTION_RATIO, MAX_WINDOW_LOG, SECTION_RATIO_FREE};
-use fantex_base::{Error, Result};
 
 /// Like PNG's, it finds out transfers that change line ends or strip the eighth bit.
 pub(crate) const SIGNATURE: [u8; 8] = *b"\x89FAN\r\n\x1a\n";

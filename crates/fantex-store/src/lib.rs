@@ -7,12 +7,12 @@
 //!                 PageCache <--- Asset::open(path) ---> verify
 //!                     | tile(channel, group, level)
 //!                     v
-//!                   Tile::bilinear(uv) -> linear RGBA
+//!                  Sampler: sample(channel, point of the surface, footprint) -> linear RGBA
 //!
 //!  AssetEditor::open(path) --replace pages--> commit (copy-on-write, atomic) --> Arc<Asset> of the next generation
 //! ```
 //!
-//! An asset may also lie elsewhere ([`ByteSource`], [`Asset::open_source`]), and its clusters be read by somebody else
+//! An asset may also lie elsewhere ([`ByteSource`], [`Asset::open_source`]), and its clusters be read by others
 //! ([`Asset::cluster_range`], [`Asset::unpack_cluster`]).
 //!
 //! The format is described byte by byte in `docs/format.md`. No function of this crate trusts a file: lengths, offsets,

@@ -1,13 +1,13 @@
 //! The mesh section: geometry, corner attributes and material factors. Images are not part of an asset: its channels hold
 //! what they were baked into.
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, CornerAttributes, Material, Mesh, ToonInterpolation, ToonScale, WorldFromMesh};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::bytes::{ByteReader, ByteWriter, below, check_finite, exactly, limit};
 use crate::error::{not_finite, out_of_order, out_of_range, wrong_count};
 use crate::limits::{MAX_MATERIALS, MAX_NAME_BYTES, MAX_TRIANGLES, MAX_UV_SETS};
-use fantex_base::{Error, Result};
 
 const HAS_NORMALS: u32 = 1;
 const HAS_COLORS: u32 = 2;

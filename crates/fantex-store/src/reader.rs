@@ -9,6 +9,7 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
+use fantex_base::{Error, ErrorKind, Place, Result};
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::xxh3_64;
@@ -17,14 +18,12 @@ use zstd::zstd_safe::CParameter;
 use crate::decode::StoredTexels;
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
 use crate::error::{damaged, no_such_page};
-use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
-use crate::header::{Sections, read_section, read_slot};
+use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Sections, Slot, read_section, read_slot};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::{
     ByteSource, Channel, ChannelKind, FileSource, PageId, TexelFormat, channel, cover_level_count,
     cover_section, mesh_section, packing,
 };
-use fantex_base::{Error, ErrorKind, Place, Result};
 
 /// Decoded texels of one page and channel.
 #[derive(Clone, Debug, PartialEq)]

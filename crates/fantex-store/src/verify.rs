@@ -20,13 +20,13 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
+use fantex_base::Result;
 use fantex_cover::{TriangleTiles, level_count, unflattenable_vertices};
 use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::{Asset, ClusterId, PageCache, Tile};
-use fantex_base::Result;
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
 /// nothing of it can be seen, and far above what rounding makes (below 1e-6: both sides take the same tile coordinates up

@@ -13,6 +13,7 @@ use std::fs::File;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
+use fantex_base::{Error, Result};
 use fantex_cover::{Cover, level_count};
 use fantex_mesh::Mesh;
 use rayon::prelude::*;
@@ -26,7 +27,6 @@ use crate::layout::{PageSize, TilePlace, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
 use crate::reader::pack_cluster;
 use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section};
-use fantex_base::{Error, Result};
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
 pub(crate) const CLUSTER_TARGET_BYTES: u64 = 256 << 10;

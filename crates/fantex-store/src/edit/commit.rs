@@ -6,6 +6,7 @@ use std::io;
 use std::ops::Range;
 use std::sync::Arc;
 
+use fantex_base::{Error, Result};
 use rayon::prelude::*;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -18,7 +19,6 @@ use crate::reader::pack_cluster;
 use crate::source::write_all_at;
 use crate::writer::{SECTION_ZSTD_LEVEL, lengthen};
 use crate::{Asset, PageId, TexelFormat, write_error};
-use fantex_base::{Error, Result};
 
 /// Clusters that are packed at a time: bounds the memory of a flush.
 const BATCH: usize = 32;

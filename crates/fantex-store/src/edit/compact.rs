@@ -5,6 +5,7 @@ use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Arc;
 
+use fantex_base::Result;
 use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -17,7 +18,6 @@ use crate::writer::{
     CLUSTER_TARGET_BYTES, SECTION_ZSTD_LEVEL, clusters_per_level, folder_of, lengthen, temporary_file,
 };
 use crate::{Asset, PageId, write_error};
-use fantex_base::Result;
 
 /// What compaction did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -192,7 +192,7 @@ impl Copy {
     }
 }
 
-/// The stored bytes of a section or attachment. Damage travels along, to be reported by whoever reads it.
+/// The stored bytes of a section or attachment. Damage is copied, and reported when it is read.
 fn read_stored(asset: &Asset, record: &SectionRecord) -> std::io::Result<Vec<u8>> {
     let mut stored = vec![0; record.stored_length as usize];
     asset.source().read_exact_at(&mut stored, record.offset)?;

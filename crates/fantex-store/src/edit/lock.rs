@@ -11,8 +11,9 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::write_error;
 use fantex_base::{Error, Result};
+
+use crate::write_error;
 
 /// Attempts, a millisecond apart, to mark a file as being read.
 const MAX_LOCK_ATTEMPTS: u32 = 500;

@@ -33,18 +33,17 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
+use fantex_base::{Error, Result};
+
 use self::commit::{FileOutput, LevelChanges, Output, RUN_BYTES, RunPacking};
 use self::lock::WriterLock;
 use self::space::{Space, padded_in_order, without_fixed};
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
-use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot};
-use crate::header::{read_other_slot, read_section};
+use crate::error::no_such_page;
+use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot, read_other_slot, read_section};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
-
-use crate::error::no_such_page;
 use crate::{Asset, FileSource, PageId, Texels, cover_level_count, write_error};
-use fantex_base::{Error, Result};
 
 pub use self::commit::CommitSummary;
 pub use self::compact::CompactSummary;
@@ -82,7 +81,7 @@ pub struct AssetEditor {
     /// The file grows to so many bytes at most.
     limit: Option<u64>,
     recent: Mutex<RecentClusters>,
-    /// Pages that were replaced since they were last taken, where somebody wants to know.
+    /// Pages that were replaced since they were last taken, if that is asked for.
     replaced: Option<BTreeSet<PageId>>,
 }
 

@@ -7,13 +7,14 @@ use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-#[path = "../../tests/store/common.rs"]
-mod common;
+use common::{Dice, encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
 
 use super::commit::{FileOutput, Output, RunPacking};
 use super::lock::WriterLock;
 use crate::{Asset, AssetEditor, EditOptions, PageId, VerifyOptions};
-use common::{Dice, encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
+
+#[path = "../../tests/store/common.rs"]
+mod common;
 
 /// All that an asset holds and that commits change.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -24,6 +24,7 @@ use fantex_mesh::{Mesh, SurfacePoint, interpolate, shading_normals};
 use fantex_texture::FilterOptions;
 use fantex_texture::filter::TexelGrid;
 use glam::{Vec2, Vec3, Vec4};
+
 pub use lookup::TileLookup;
 
 use crate::{Channel, ChannelKind, PageCache, PageTexels, RATIO_DENOMINATOR, Tile};

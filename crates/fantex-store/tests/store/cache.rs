@@ -3,9 +3,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::{block_channels, fan_cover, plain_channels, sheet, write};
 use fantex_store::{Asset, PAGE, PageCache, PageId, page_grid};
 use glam::Vec2;
+
+use crate::common::{block_channels, fan_cover, plain_channels, sheet, write};
 
 /// A whole tile level, assembled from its pages.
 fn whole_level(asset: &Asset, channel: usize, group: u32, level: u32) -> ([u32; 2], Vec<[f32; 4]>) {

@@ -5,11 +5,12 @@ use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use crate::common::{Dice, block_channels, fan_cover, pages, tetrahedron, write};
 use fantex_base::{Error, ErrorKind};
 use fantex_store::{Asset, PageCache, VerifyOptions, VerifyReport, verify_asset};
 use glam::Vec2;
 use xxhash_rust::xxh3::xxh3_64;
+
+use crate::common::{Dice, block_channels, fan_cover, pages, tetrahedron, write};
 
 /// Counts the largest allocation of each thread.
 struct Counting;

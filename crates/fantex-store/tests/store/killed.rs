@@ -5,8 +5,9 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
-use crate::common::{fan_cover, pages, plain_channels, sheet, write};
 use fantex_store::{Asset, AssetEditor, EditOptions, VerifyOptions, verify};
+
+use crate::common::{fan_cover, pages, plain_channels, sheet, write};
 
 /// Set for the process that writes: the asset's path.
 const CHILD: &str = "FANTEX_TEST_WRITER";

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::{fan_cover, pages, sheet, tetrahedron};
 use fantex_base::{ErrorKind, Random};
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_store::{
@@ -12,6 +11,8 @@ use fantex_store::{
 };
 use fantex_texture::{Filter, FilterOptions};
 use glam::{Vec3, Vec4};
+
+use crate::common::{fan_cover, pages, sheet, tetrahedron};
 
 const FILTERS: [Filter; 6] =
     [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];

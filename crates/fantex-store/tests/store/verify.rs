@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::common::{block_channels, fan_cover, plain_channels, sheet, tetrahedron, write};
 use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::Mesh;
 use fantex_store::{Asset, ExemptEdges, JUMP_BOUND, MeshFault, VerifyOptions, VerifyReport, verify};
 use glam::Vec3;
+
+use crate::common::{block_channels, fan_cover, plain_channels, sheet, tetrahedron, write};
 
 fn mixed_extent(v: usize) -> [u32; 2] {
     [[64, 48], [4, 4], [600, 260], [8, 20], [100, 32]][v % 5]

@@ -1,6 +1,6 @@
 //! What checking and unpacking clusters costs: the least time of many for every cluster of the given assets, of one thread.
 //!
-//! `cargo run --release -p fantex-store --example unpack_cost -- ROUNDS FILE.fan...`
+//! `cargo run --release -p fantex-bench --example unpack_cost -- ROUNDS FILE.fan...`
 //!
 //! The minimum hardly depends on what else the machine does, so that two versions of the code can be compared by turns.
 
