@@ -204,7 +204,7 @@ fn lines_may_end_with_a_carriage_return_alone() {
 #[test]
 fn errors_name_the_line() {
     let refuse = |text: &str| message("a.obj", text.as_bytes());
-    assert_mentions(&refuse("v 0 0 0\nv 1 x 0\n"), &["a.obj, line 2:", "number", "\"x\""]);
+    assert_mentions(&refuse("v 0 0 0\nv 1 x 0\n"), &["a.obj: line 2:", "number", "\"x\""]);
     assert_mentions(&refuse("v 0 0\n"), &["line 1:", "v needs at least 3 numbers", "has 2"]);
     assert_mentions(&refuse("v 0 0 0\n\nf 1 1 0\n"), &["line 3:", "position 0", "there are 1"]);
     assert_mentions(&refuse("v 0 0 0\nf 1 1 2\nf 1 1 1\n"), &["line 2:", "position 2", "there are 1"]);
@@ -270,9 +270,9 @@ fn a_missing_library_is_a_note_and_a_broken_one_an_error() {
             .expect_err("refused")
             .to_string()
     };
-    assert_mentions(&broken("newmtl m\nKd 1 red 1\n"), &["a.mtl, line 2:", "\"red\""]);
-    assert_mentions(&broken("Kd 1 1 1\n"), &["a.mtl, line 1:", "before the first newmtl"]);
-    assert_mentions(&broken("newmtl m\nd\n"), &["a.mtl, line 2:", "d needs"]);
+    assert_mentions(&broken("newmtl m\nKd 1 red 1\n"), &["a.mtl: line 2:", "\"red\""]);
+    assert_mentions(&broken("Kd 1 1 1\n"), &["a.mtl: line 1:", "before the first newmtl"]);
+    assert_mentions(&broken("newmtl m\nd\n"), &["a.mtl: line 2:", "d needs"]);
 }
 
 #[test]
