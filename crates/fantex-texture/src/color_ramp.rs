@@ -1,6 +1,6 @@
 //! One-dimensional textures as colour scales.
 
-use fantex_base::parameters;
+use fantex_base::{Error, Result, parameters};
 use fantex_mesh::{ToonInterpolation, ToonScale};
 use glam::Vec4;
 use schemars::JsonSchema;
@@ -43,29 +43,13 @@ parameters! {
     }
 }
 
-/// Why stops make no ramp.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum ColorRampError {
-    /// There is no stop.
-    #[error("a colour ramp needs at least one stop")]
-    Empty,
-    /// A position is not finite, or smaller than the one before.
-    #[error("stop {index} of a colour ramp is at {position}; stops must be finite and in ascending order")]
-    Position {
-        /// Which stop, from 0.
-        index: usize,
-        /// Where it is.
-        position: f32,
-    },
-}
-
 impl ColorRamp {
     /// A ramp through `(position, linear RGBA)` in ascending order of position; two stops at one position make a jump.
     ///
     /// # Errors
     ///
     /// There is no stop, or positions are not finite and ascending.
-    pub fn new(stops: Vec<(f32, Vec4)>, interpolation: RampInterpolation) -> Result<Self, ColorRampError> {
+    pub fn new(stops: Vec<(f32, Vec4)>, interpolation: RampInterpolation) -> Result<Self> {
         let stops = stops.into_iter().map(|(at, color)| Stop { at, color: Color(color) }).collect();
         let ramp = Self { stops, interpolation };
         ramp.check().map(|()| ramp)
@@ -76,15 +60,20 @@ impl ColorRamp {
     /// # Errors
     ///
     /// There is no stop, or positions are not finite and ascending.
-    pub fn check(&self) -> Result<(), ColorRampError> {
+    pub fn check(&self) -> Result<()> {
         let mut before = f32::NEG_INFINITY;
         for (index, &Stop { at: position, .. }) in self.stops.iter().enumerate() {
             if !position.is_finite() || position < before {
-                return Err(ColorRampError::Position { index, position });
+                return Err(Error::invalid(format!(
+                    "stop {index} of a colour ramp is at {position}; stops must be finite and in ascending order"
+                )));
             }
             before = position;
         }
-        if self.stops.is_empty() { Err(ColorRampError::Empty) } else { Ok(()) }
+        match self.stops.is_empty() {
+            true => Err(Error::invalid("a colour ramp needs at least one stop")),
+            false => Ok(()),
+        }
     }
 
     /// The ramp that a material's toon scale stands for; `None` where its stops make none.
@@ -226,9 +215,9 @@ mod tests {
 
     #[test]
     fn stops_out_of_order_are_refused() {
-        let refused = |stops| ColorRamp::new(stops, RampInterpolation::Linear).unwrap_err();
-        assert_eq!(refused(Vec::new()), ColorRampError::Empty);
+        let refused = |stops| ColorRamp::new(stops, RampInterpolation::Linear).unwrap_err().to_string();
+        assert!(refused(Vec::new()).contains("at least one stop"));
         let stops = vec![(1.0, Vec4::ZERO), (0.0, Vec4::ONE)];
-        assert_eq!(refused(stops), ColorRampError::Position { index: 1, position: 0.0 });
+        assert!(refused(stops).contains("stop 1 of a colour ramp is at 0"));
     }
 }

@@ -141,6 +141,10 @@ pub const SOLID_NAMES: [&str; 8] =
     ["wood", "marble", "rock", "granite", "clouds", "checker", "brick", "landscape"];
 
 /// The recipe `name`, scaled to a model with these bounds.
+///
+/// # Errors
+///
+/// There is no such recipe.
 pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> Result<Box<dyn Solid>, UnknownSolid> {
     let center = bounds.center();
     let radius = 0.5 * (bounds.max - bounds.min).length();
