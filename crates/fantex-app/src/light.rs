@@ -4,9 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex_scene::{AmbientLight, Background, EnvironmentLight, Light, Lights, ShadowOptions};
-use fantex_texture::environment::{
-    EnvironmentMap, LoadEnvironmentError, PrefilteredEnvironment, Sky, SkyError,
-};
+use fantex_texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
 use glam::{DVec2, Vec3};
 use serde::{Deserialize, Serialize};
 
@@ -120,24 +118,13 @@ pub struct SurroundingsMap {
     pub sun_color: Option<Vec3>,
 }
 
-/// Why surroundings could not be had.
-#[derive(Debug, thiserror::Error)]
-pub enum SurroundingsError {
-    /// The picture.
-    #[error(transparent)]
-    Load(#[from] LoadEnvironmentError),
-    /// The sky.
-    #[error(transparent)]
-    Sky(#[from] SkyError),
-}
-
 impl MapKey {
     /// Computes or reads the map; takes up to seconds, so in the background.
     ///
     /// # Errors
     ///
-    /// [`SurroundingsError`], where the file is no picture of surroundings.
-    pub fn make(self) -> Result<SurroundingsMap, SurroundingsError> {
+    /// The file is no picture of surroundings.
+    pub fn make(self) -> fantex_base::Result<SurroundingsMap> {
         let (map, sun_color) = match &self {
             Self::Sky(thousandths) => {
                 let to_sun = Vec3::from_array(thousandths.map(|n| n as f32 / 1000.0));

@@ -17,7 +17,7 @@ use crate::display::DisplaySettings;
 use crate::document::{Content, Document};
 use crate::figures::{Graphs, StreamFigures};
 use crate::job::{Job, JobState};
-use crate::light::{MapKey, SurroundingsError, SurroundingsMap};
+use crate::light::{MapKey, SurroundingsMap};
 use crate::notices::Notices;
 use crate::pacing::Pacing;
 use crate::paint::{Painting, PenEvent};
@@ -186,7 +186,7 @@ pub struct Viewer {
     ground: Option<MeshGround>,
     ground_job: Option<Job<MeshGround>>,
     map: Option<SurroundingsMap>,
-    map_job: Option<(MapKey, Job<Result<SurroundingsMap, SurroundingsError>>)>,
+    map_job: Option<(MapKey, Job<fantex_base::Result<SurroundingsMap>>)>,
     /// Surroundings that could not be had, so that they are not tried in every frame.
     map_failed: Option<MapKey>,
     panels_before: Option<PanelSettings>,

@@ -179,10 +179,10 @@ fn group_of(mesh: &Mesh, cover: &Cover, triangle: usize) -> Option<u32> {
 
 /// Pieces are joined while no triangle is turned away from the common direction by more than this, degrees: a texel then
 /// covers at most 1.4 times its length.
-const WIDEST_DEGREES: f32 = 45.0;
+const MAX_DEGREES: f32 = 45.0;
 
 /// Crumbs may be turned away more: they are not worth charts of their own.
-const WIDEST_DEGREES_OF_CRUMBS: f32 = 68.0;
+const MAX_DEGREES_OF_CRUMBS: f32 = 68.0;
 
 /// Pieces with less area than a square of this many texels are crumbs.
 const CRUMB_TEXELS: f32 = 24.0;
@@ -235,8 +235,8 @@ impl PartialOrd for Plan {
 /// Joins atoms (given by triangle) into patches.
 fn join(mesh: &Mesh, atoms: &[u32], edges: &[Edge], texels_per_unit: f32) -> Vec<Patch> {
     let mut joiner = Joiner::new(mesh, atoms, edges);
-    joiner.run(WIDEST_DEGREES, f32::INFINITY);
-    joiner.run(WIDEST_DEGREES_OF_CRUMBS, (CRUMB_TEXELS / texels_per_unit).powi(2));
+    joiner.run(MAX_DEGREES, f32::INFINITY);
+    joiner.run(MAX_DEGREES_OF_CRUMBS, (CRUMB_TEXELS / texels_per_unit).powi(2));
     joiner.patches(atoms)
 }
 
@@ -415,7 +415,7 @@ fn middle(index: usize) -> Vec3 {
 const MIN_FACING_OF_CHART: f32 = 0.2;
 
 /// Cells along the longer side of a patch in which overlaps are looked for, at most.
-const MOST_CELLS: f32 = 4096.0;
+const MAX_CELLS: f32 = 4096.0;
 
 /// How much a triangle is shrunk before its cells are taken, so that neighbours never meet: share of a cell.
 const SHRINK: f32 = 1e-3;
@@ -451,7 +451,7 @@ fn charts_of(mesh: &Mesh, patch: Patch, texels_per_unit: f32) -> Vec<Chart> {
 /// together as well.
 fn without_overlap(mesh: &Mesh, chart: &Chart, texels_per_unit: f32) -> Vec<u32> {
     let longest = chart.extent.max_element();
-    let cells_per_unit = texels_per_unit.min(MOST_CELLS / longest.max(f32::MIN_POSITIVE));
+    let cells_per_unit = texels_per_unit.min(MAX_CELLS / longest.max(f32::MIN_POSITIVE));
     let width = (chart.extent.x * cells_per_unit) as usize + 2;
     let height = (chart.extent.y * cells_per_unit) as usize + 2;
     let mut is_taken = vec![0u64; (width * height).div_ceil(64)];

@@ -6,12 +6,11 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_bake::Progress;
+use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, corner_tangents, shading_normals};
 use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
-
-use crate::error::ExportError;
 
 use crate::layout::{AtlasRequest, Layout, atlas, model_uv, uv_of_asset, uv_of_model};
 use crate::model_file::{Document, Geometry, ImageFile, Outputs, folder_of, write_glb, write_gltf};
@@ -56,18 +55,19 @@ const MODEL_MAPS: [ChannelMap; 4] =
 ///
 /// # Errors
 ///
-/// See [`ExportError`].
+/// The options or the output's extension are none that exist, the model's coordinates are missing or do not fit, the output
+/// exists, or it cannot be written. The kind is [`Cancelled`](fantex_base::ErrorKind::Cancelled) where `progress` asked to stop.
 pub fn export_model(
     asset: &Arc<Asset>,
     output: &Path,
     options: &ExportOptions<'_>,
     progress: &dyn Progress,
-) -> Result<ExportSummary, ExportError> {
+) -> Result<ExportSummary> {
     options.check()?;
     let is_binary = match extension(output).as_str() {
         "glb" => true,
         "gltf" => false,
-        _ => return Err(ExportError::UnknownKind { path: output.into(), known: ".glb or .gltf" }),
+        _ => return Err(unknown_kind(output, ".glb or .gltf")),
     };
     let job = Job::new(asset, options, progress)?;
     let maps: Vec<Map> = MODEL_MAPS
@@ -100,7 +100,7 @@ pub fn export_model(
         materials: &asset.mesh().materials,
         maps: &maps,
     };
-    let failed = |source| ExportError::Write { path: output.into(), source };
+    let failed = |source| Error::writing(output, source);
     let mut images = images
         .into_iter()
         .map(|(name, mut file)| {
@@ -113,8 +113,12 @@ pub fn export_model(
         .map_err(failed)?;
     if is_binary {
         let (file, _) = outputs.create(output)?;
-        let written = write_glb(&document, &mut images, &file)
-            .map_err(|bytes| ExportError::TooLarge { path: output.into(), bytes })?;
+        let written = write_glb(&document, &mut images, &file).map_err(|bytes| {
+            let path = output.display();
+            let message =
+                format!("{path} would take {bytes} bytes, but a GLB file holds 4 GiB; write a .gltf");
+            Error::too_large(message).with_path(output)
+        })?;
         written.map_err(failed)?;
     } else {
         let buffer_name = format!("{stem}.bin");
@@ -133,7 +137,7 @@ pub fn export_model(
 ///
 /// # Errors
 ///
-/// See [`ExportError`]; the asset may lack the channel.
+/// As [`export_model`]; the asset may lack the channel, or the picture need more memory than is allowed.
 pub fn export_channel(
     asset: &Arc<Asset>,
     kind: ChannelMap,
@@ -141,21 +145,31 @@ pub fn export_channel(
     output: &Path,
     options: &ExportOptions<'_>,
     progress: &dyn Progress,
-) -> Result<ExportSummary, ExportError> {
+) -> Result<ExportSummary> {
     options.check()?;
     let extension = extension(output);
     if !["png", "exr", "ktx2"].contains(&extension.as_str()) {
-        return Err(ExportError::UnknownKind { path: output.into(), known: ".png, .exr or .ktx2" });
+        return Err(unknown_kind(output, ".png, .exr or .ktx2"));
     }
     let map = Map::of(asset, kind).ok_or_else(|| no_channel(asset, kind))?;
     let job = Job::new(asset, options, progress)?;
     let [page] = &job.layout.pages[..] else {
-        return Err(ExportError::SeveralPages { pages: job.layout.pages.len() });
+        let message = format!(
+            "the model's coordinates need {} pictures, one per material, and a single file holds one; use an own packing or write \
+             a .gltf",
+            job.layout.pages.len()
+        );
+        return Err(Error::unsupported(message));
     };
     if extension == "exr" {
         let needed = FloatSink::memory_bytes(page.side, &map);
         if needed > options.memory_bytes {
-            return Err(ExportError::Memory { path: output.into(), needed, allowed: options.memory_bytes });
+            let message = format!(
+                "{} needs {needed} bytes at once, but --memory allows {}; use .png or .ktx2, a smaller --size, or more --memory",
+                output.display(),
+                options.memory_bytes
+            );
+            return Err(Error::too_large(message).with_path(output));
         }
     }
     let mut outputs = Outputs::new(options.force);
@@ -180,11 +194,7 @@ struct Job<'a> {
 }
 
 impl<'a> Job<'a> {
-    fn new(
-        asset: &Arc<Asset>,
-        options: &'a ExportOptions<'a>,
-        progress: &dyn Progress,
-    ) -> Result<Self, ExportError> {
+    fn new(asset: &Arc<Asset>, options: &'a ExportOptions<'a>, progress: &dyn Progress) -> Result<Self> {
         let (mesh, cover) = (asset.mesh(), asset.cover());
         let (side, largest_side) = (options.side, options.largest_side);
         let with_uv = |uv| model_uv(mesh, uv, cover.density, side, largest_side);
@@ -218,10 +228,10 @@ impl<'a> Job<'a> {
         is_binary: bool,
         output: &Path,
         outputs: &mut Outputs,
-    ) -> Result<(Box<dyn RowSink>, File), ExportError> {
+    ) -> Result<(Box<dyn RowSink>, File)> {
         let side = self.layout.pages[page].side;
         let path = output.with_file_name(format!("{name}.png"));
-        let failed = |source| ExportError::Write { path: output.into(), source };
+        let failed = |source| Error::writing(output, source);
         let file = match is_binary {
             true => tempfile::tempfile_in(folder_of(output)).map_err(failed)?,
             false => outputs.create(&path)?.0,
@@ -245,7 +255,7 @@ impl<'a> Job<'a> {
         tangents: &[Vec4],
         pages: Vec<Vec<Box<dyn RowSink>>>,
         progress: &dyn Progress,
-    ) -> Result<ExportSummary, ExportError> {
+    ) -> Result<ExportSummary> {
         let asset = self.cache.asset();
         let sampler = TexelSampler {
             cache: &self.cache,
@@ -282,12 +292,12 @@ impl<'a> Job<'a> {
 struct Both<A, B>(A, B);
 
 impl<A: RowSink, B: RowSink> RowSink for Both<A, B> {
-    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<()> {
         self.0.rows(values)?;
         self.1.rows(values)
     }
 
-    fn finish(&mut self) -> Result<(), ExportError> {
+    fn finish(&mut self) -> Result<()> {
         self.0.finish()?;
         self.1.finish()
     }
@@ -310,9 +320,19 @@ fn scale_of(cache: &PageCache, map: &Map) -> f32 {
     (0..asset.cover().groups.len()).into_par_iter().map(brightest).reduce(|| 1.0, f32::max)
 }
 
-fn no_channel(asset: &Asset, kind: ChannelMap) -> ExportError {
+pub(crate) fn cancelled() -> Error {
+    Error::cancelled("the export was cancelled; nothing was written")
+}
+
+fn unknown_kind(path: &Path, known: &str) -> Error {
+    let message = format!("{} names no kind of file that is exported; use {known}", path.display());
+    Error::invalid(message).with_path(path)
+}
+
+fn no_channel(asset: &Asset, kind: ChannelMap) -> Error {
     let names: Vec<&str> = asset.channels().iter().map(|c| name_of(c.kind)).collect();
-    ExportError::NoChannel { name: kind.name(), present: names.join(", ") }
+    let present = names.join(", ");
+    Error::not_found(format!("the asset has no channel for {}; it has {present}", kind.name()))
 }
 
 fn name_of(kind: ChannelKind) -> &'static str {
@@ -382,26 +402,28 @@ impl Default for ExportOptions<'_> {
 }
 
 /// The smallest picture.
-pub const LEAST_SIDE: u32 = 16;
+pub const MIN_SIDE: u32 = 16;
 
 /// The largest picture.
-pub const MOST_SIDE: u32 = 32_768;
+pub const MAX_SIDE: u32 = 32_768;
 
 /// The widest padding.
-pub const MOST_PADDING: u32 = 64;
+pub const MAX_PADDING: u32 = 64;
 
 impl ExportOptions<'_> {
     /// Refuses sizes that no picture has.
-    pub(crate) fn check(&self) -> Result<(), ExportError> {
+    pub(crate) fn check(&self) -> Result<()> {
         for side in self.side.into_iter().chain([self.largest_side]) {
-            if !side.is_power_of_two() || !(LEAST_SIDE..=MOST_SIDE).contains(&side) {
-                return Err(ExportError::Side { side, least: LEAST_SIDE, most: MOST_SIDE });
+            if !side.is_power_of_two() || !(MIN_SIDE..=MAX_SIDE).contains(&side) {
+                return Err(Error::invalid(format!(
+                    "a picture cannot have {side} x {side} texels; give a power of two from {MIN_SIDE} to {MAX_SIDE}"
+                )));
             }
         }
         match self.padding {
-            Some(padding) if !padding.is_power_of_two() || padding > MOST_PADDING => {
-                Err(ExportError::Padding { padding, most: MOST_PADDING })
-            }
+            Some(padding) if !padding.is_power_of_two() || padding > MAX_PADDING => Err(Error::invalid(
+                format!("the padding cannot be {padding} texels; give a power of two up to {MAX_PADDING}"),
+            )),
             _ => Ok(()),
         }
     }

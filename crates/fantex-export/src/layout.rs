@@ -3,12 +3,13 @@
 use std::collections::HashMap;
 
 use fantex_bake::Progress;
+use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, VertexCorners};
 use glam::Vec2;
 use rayon::prelude::*;
 
 use crate::charts::{Chart, charts};
-use crate::error::ExportError;
+use crate::export::cancelled;
 
 /// No chart.
 pub(crate) const NOBODY: u32 = u32::MAX;
@@ -91,16 +92,16 @@ pub(crate) struct AtlasRequest {
 }
 
 /// The side below which no picture is made by itself.
-const SMALLEST_SIDE: u32 = 64;
+const MIN_SIDE: u32 = 64;
 
-/// Levels down to this many columns keep their charts apart, or those up to `MOST_PADDING`.
-const LEAST_LEVEL_SIDE: u32 = 128;
+/// Levels down to this many columns keep their charts apart, or those up to `MAX_PADDING`.
+const MIN_LEVEL_SIDE: u32 = 128;
 
 /// A larger side is taken rather than less padding.
-const LEAST_PADDING: u32 = 2;
+const MIN_PADDING: u32 = 2;
 
 /// Padding beyond this many texels is of no use to any filter.
-const MOST_PADDING: u32 = 16;
+const MAX_PADDING: u32 = 16;
 
 /// A share of the wanted density that nobody misses.
 const NEARLY: f32 = 0.95;
@@ -115,20 +116,20 @@ pub(crate) fn atlas(
     cover: &fantex_cover::Cover,
     request: &AtlasRequest,
     progress: &dyn Progress,
-) -> Result<Layout, ExportError> {
+) -> Result<Layout> {
     let charts = charts(mesh, cover, request.texels_per_unit);
     let packed = match request.side {
         Some(side) => densest(mesh, &charts, side, request, progress),
         None => {
             let area: f32 = charts.iter().map(|c| c.extent.element_product()).sum();
             let texels = (0.5 * area).sqrt() * request.texels_per_unit;
-            let least = request.largest_side.min(SMALLEST_SIDE);
+            let least = request.largest_side.min(MIN_SIDE);
             let mut side = (texels as u32).max(1).next_power_of_two().clamp(least, request.largest_side);
             loop {
                 let packed = densest(mesh, &charts, side, request, progress);
                 let is_good = |p: &Packed| {
                     p.density >= NEARLY * request.texels_per_unit
-                        && (p.block >= LEAST_PADDING || request.padding.is_some())
+                        && (p.block >= MIN_PADDING || request.padding.is_some())
                 };
                 let is_last = side >= request.largest_side || progress.is_cancelled();
                 if is_last || packed.as_ref().is_some_and(is_good) {
@@ -139,11 +140,14 @@ pub(crate) fn atlas(
         }
     };
     if progress.is_cancelled() {
-        return Err(ExportError::Cancelled);
+        return Err(cancelled());
     }
-    let packed = packed.ok_or(ExportError::TooManyCharts {
-        charts: charts.len(),
-        side: request.side.unwrap_or(request.largest_side),
+    let packed = packed.ok_or_else(|| {
+        let (count, side) = (charts.len(), request.side.unwrap_or(request.largest_side));
+        Error::too_large(format!(
+            "{count} pieces of the surface do not fit a picture of {side} x {side} texels; give a larger --size or a smaller \
+             --padding"
+        ))
     })?;
     Ok(laid_out(mesh, &charts, &packed))
 }
@@ -161,8 +165,7 @@ struct Packed {
 
 /// The padding for a number of charts: what the levels ask for, less where charts would consist of padding mostly.
 fn padding(charts: usize, side: u32, request: &AtlasRequest) -> u32 {
-    let mut padding =
-        request.padding.unwrap_or((side / LEAST_LEVEL_SIDE).clamp(2, MOST_PADDING)).min(side / 4);
+    let mut padding = request.padding.unwrap_or((side / MIN_LEVEL_SIDE).clamp(2, MAX_PADDING)).min(side / 4);
     while request.padding.is_none()
         && padding > 1
         && charts as f64 * f64::from(3 * padding).powi(2) > 0.25 * f64::from(side).powi(2)
@@ -291,11 +294,11 @@ fn laid_out(mesh: &Mesh, charts: &[Chart], packed: &Packed) -> Layout {
 }
 
 /// Neighbours of a chart worse seen than this are no continuation of it.
-const LEAST_FACING: f32 = 0.2;
+const MIN_FACING: f32 = 0.2;
 
 /// At a vertex of more triangles, those that share nothing but the vertex with a chart are no neighbours: tips of a hundred
 /// needles around the apex of a cone would take more work than they show.
-const MOST_AROUND: usize = 64;
+const MAX_AROUND: usize = 64;
 
 /// Triangles of other charts that touch a chart and that its projection sees, ascending.
 fn neighbours(mesh: &Mesh, chart: &Chart, index: u32, chart_of: &[u32], around: &VertexCorners) -> Vec<u32> {
@@ -310,11 +313,11 @@ fn neighbours(mesh: &Mesh, chart: &Chart, index: u32, chart_of: &[u32], around: 
     for &v in &vertices {
         let touching = around.at(v as usize);
         let of_others = touching.iter().map(|&corner| corner / 3).filter(|&t| chart_of[t as usize] != index);
-        beyond.extend(of_others.filter(|&t| touching.len() <= MOST_AROUND || shares_edge(t)));
+        beyond.extend(of_others.filter(|&t| touching.len() <= MAX_AROUND || shares_edge(t)));
     }
     beyond.sort_unstable();
     beyond.dedup();
-    beyond.retain(|&t| chart.facing(mesh, t) >= LEAST_FACING);
+    beyond.retain(|&t| chart.facing(mesh, t) >= MIN_FACING);
     beyond
 }
 
@@ -477,12 +480,17 @@ fn find(grid: &Mask, mask: &Mask, rows: std::ops::Range<u32>) -> Option<[u32; 2]
 // ---- The model's own texture coordinates.
 
 /// Pictures that a triangle's coordinates may reach over.
-const MOST_REPEATS: i32 = 64;
+const MAX_REPEATS: i32 = 64;
 
 /// The texture coordinates that the asset kept of its model.
-pub(crate) fn uv_of_asset(mesh: &Mesh) -> Result<Vec<[Vec2; 3]>, ExportError> {
+pub(crate) fn uv_of_asset(mesh: &Mesh) -> Result<Vec<[Vec2; 3]>> {
     let uv = mesh.corners.uv_sets.first().filter(|uv| uv.len() == 3 * mesh.triangles.len());
-    uv.map(|uv| uv.as_chunks().0.to_vec()).ok_or(ExportError::NoUv)
+    uv.map(|uv| uv.as_chunks().0.to_vec()).ok_or_else(|| {
+        Error::not_found(
+            "the asset holds no texture coordinates of its model; leave --uv source out, or give the model that has some with \
+             --model",
+        )
+    })
 }
 
 /// The texture coordinates of a model with the same triangles, in whatever order.
@@ -490,8 +498,12 @@ pub(crate) fn uv_of_asset(mesh: &Mesh) -> Result<Vec<[Vec2; 3]>, ExportError> {
 /// # Errors
 ///
 /// The model has none, or a triangle of the asset is not one of its triangles.
-pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>, ExportError> {
-    let uv = uv_of_asset(model).map_err(|_| ExportError::NoUvInModel)?;
+pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>> {
+    let uv = uv_of_asset(model).map_err(|_| {
+        Error::not_found(
+            "the model has no texture coordinates; leave --uv and --model out for an own packing",
+        )
+    })?;
     // Both are rounded to the same grid, so that equal points are equal whatever their mesh space is.
     let scale = mesh.world_from_mesh.scale.abs() * MATCH_SHARE;
     let key = |mesh: &Mesh, t: usize| {
@@ -509,7 +521,11 @@ pub(crate) fn uv_of_model(mesh: &Mesh, model: &Mesh) -> Result<Vec<[Vec2; 3]>, E
     }
     let found = |t: usize| {
         let (points, first) = key(mesh, t);
-        let &(other, other_first) = by_key.get(&points).ok_or(ExportError::OtherModel { triangle: t })?;
+        let &(other, other_first) = by_key.get(&points).ok_or_else(|| {
+            Error::unsupported(format!(
+                "triangle {t} of the asset is none of the model's; give the model that the asset was baked from"
+            ))
+        })?;
         Ok([0, 1, 2].map(|k| uv[other][(k + 3 - first + other_first) % 3]))
     };
     // Collected as they are: a parallel collection into one `Result` names any of the errors, not the first.
@@ -531,7 +547,7 @@ pub(crate) fn model_uv(
     texels_per_unit: f32,
     side: Option<u32>,
     largest_side: u32,
-) -> Result<Layout, ExportError> {
+) -> Result<Layout> {
     let mut by_material: Vec<Vec<u32>> = vec![Vec::new(); mesh.materials.len().max(1)];
     (0..mesh.triangles.len()).for_each(|t| by_material[mesh.material_of(t)].push(t as u32));
     let mut layout = Layout { page_of_material: vec![None; by_material.len()], ..Layout::default() };
@@ -562,17 +578,21 @@ pub(crate) fn model_uv(
 }
 
 /// Puts a triangle into a picture as often as its repetitions meet it. True where it goes beyond 0..1.
-fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool, ExportError> {
+fn place(triangle: u32, uv: [Vec2; 3], page: &mut Page) -> Result<bool> {
     let (low, high) = (uv[0].min(uv[1]).min(uv[2]), uv[0].max(uv[1]).max(uv[2]));
-    let range =
-        || ExportError::UvRange { triangle: triangle as usize, low: low.to_array(), high: high.to_array() };
+    let range = || {
+        let (low, high) = (low.to_array(), high.to_array());
+        Error::unsupported(format!(
+            "the texture coordinates of triangle {triangle} reach from {low:?} to {high:?}; use an own packing (without --uv)"
+        ))
+    };
     if !(low.is_finite() && high.is_finite() && low.abs().max(high.abs()).max_element() < 1e6) {
         return Err(range());
     }
     let first = low.floor().as_ivec2();
     let last = (high.ceil().as_ivec2() - 1).max(first);
     let count = last - first + 1;
-    if count.x.max(count.y) > MOST_REPEATS {
+    if count.x.max(count.y) > MAX_REPEATS {
         return Err(range());
     }
     for y in first.y..=last.y {

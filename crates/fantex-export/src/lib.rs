@@ -11,7 +11,6 @@
 //! tiles, its mean over the texel. Padding is described in `layout.rs`.
 
 mod charts;
-mod error;
 mod export;
 mod layout;
 mod model_file;
@@ -19,7 +18,6 @@ mod pictures;
 mod texels;
 mod unwrap;
 
-pub use error::ExportError;
 pub use export::*;
 pub use pictures::Depth;
 pub use unwrap::{UnwrapOptions, Unwrapped, unwrap_mesh};

@@ -5,12 +5,12 @@ use std::io;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, GlbHeader, Material, Mesh, VertexCorners};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use serde_json::{Value, json};
 use tempfile::NamedTempFile;
 
-use crate::error::ExportError;
 use crate::export::{ChannelMap, Map};
 use crate::layout::Layout;
 
@@ -387,6 +387,11 @@ pub(crate) fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
+fn exists(path: &Path) -> Error {
+    Error::already_exists(format!("{} exists already; use --force to overwrite it", path.display()))
+        .with_path(path)
+}
+
 impl Outputs {
     /// Nothing yet. With `force`, files that exist are replaced.
     pub(crate) fn new(force: bool) -> Self {
@@ -394,10 +399,10 @@ impl Outputs {
     }
 
     /// A file that will be `path`, open for writing, and its temporary path.
-    pub(crate) fn create(&mut self, path: &Path) -> Result<(File, PathBuf), ExportError> {
-        let failed = |source| ExportError::Write { path: path.into(), source };
+    pub(crate) fn create(&mut self, path: &Path) -> Result<(File, PathBuf)> {
+        let failed = |source| Error::writing(path, source);
         if !self.force && path.symlink_metadata().is_ok() {
-            return Err(ExportError::Exists { path: path.into() });
+            return Err(exists(path));
         }
         let suffix = path.extension().map(|e| format!(".{}", e.to_string_lossy())).unwrap_or_default();
         let mut builder = tempfile::Builder::new();
@@ -413,12 +418,12 @@ impl Outputs {
 
     /// Makes all files durable, then gives them their names, in the order in which they were made. Returns these with
     /// lengths in bytes.
-    pub(crate) fn commit(self) -> Result<Vec<(PathBuf, u64)>, ExportError> {
+    pub(crate) fn commit(self) -> Result<Vec<(PathBuf, u64)>> {
         let mut lengths = Vec::with_capacity(self.files.len());
         for (file, path) in &self.files {
             // By name: a writer may have put another file there.
             let synced = File::open(file.path()).and_then(|f| f.sync_all().and_then(|()| f.metadata()));
-            let metadata = synced.map_err(|source| ExportError::Write { path: path.clone(), source })?;
+            let metadata = synced.map_err(|source| Error::writing(path, source))?;
             lengths.push(metadata.len());
         }
         let mut named: Vec<PathBuf> = Vec::with_capacity(self.files.len());
@@ -430,8 +435,8 @@ impl Outputs {
                     named.iter().for_each(|path| drop(std::fs::remove_file(path)));
                 }
                 return Err(match error.error.kind() {
-                    io::ErrorKind::AlreadyExists => ExportError::Exists { path },
-                    _ => ExportError::Write { path, source: error.error },
+                    io::ErrorKind::AlreadyExists => exists(&path),
+                    _ => Error::writing(path, error.error),
                 });
             }
             named.push(path);

@@ -5,6 +5,7 @@ use std::io;
 use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use fantex_base::{Error, Result};
 use fantex_store::{Quality, TexelFormat, TexelSlice, encode};
 use fantex_texture::Image;
 use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, srgb16_from_linear, unorm8, unorm16};
@@ -13,7 +14,6 @@ use half::f16;
 use png::{BitDepth, ColorType, Encoder, SrgbRenderingIntent, StreamWriter};
 use rayon::prelude::*;
 
-use crate::error::ExportError;
 use crate::export::{ChannelMap, Components, Map};
 use crate::model_file::folder_of;
 use crate::texels::RowSink;
@@ -41,7 +41,7 @@ impl FloatSink {
 }
 
 impl RowSink for FloatSink {
-    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<()> {
         match self.components {
             Components::One(k) => self.samples.extend(values.iter().map(|v| v[k])),
             Components::Rgb => self.samples.extend(values.iter().flat_map(|v| [v[0], v[1], v[2]])),
@@ -50,10 +50,10 @@ impl RowSink for FloatSink {
         Ok(())
     }
 
-    fn finish(&mut self) -> Result<(), ExportError> {
+    fn finish(&mut self) -> Result<()> {
         let samples = std::mem::take(&mut self.samples);
         let channels = self.components.count() as u8;
-        Ok(Image::from_linear(self.side, self.side, channels, samples).save(&self.temporary)?)
+        Image::from_linear(self.side, self.side, channels, samples).save(&self.temporary)
     }
 }
 
@@ -123,13 +123,7 @@ pub(crate) struct PngSink {
 
 impl PngSink {
     /// Begins a square picture in `file`; `path` is what errors name.
-    pub(crate) fn new(
-        file: File,
-        path: PathBuf,
-        side: u32,
-        map: Map,
-        depth: Depth,
-    ) -> Result<Self, ExportError> {
+    pub(crate) fn new(file: File, path: PathBuf, side: u32, map: Map, depth: Depth) -> Result<Self> {
         let mut encoder = Encoder::new(BufWriter::with_capacity(1 << 20, file), side, side);
         encoder.set_color(match map.components {
             Components::One(_) => ColorType::Grayscale,
@@ -143,25 +137,25 @@ impl PngSink {
         let writer = encoder.write_header().and_then(png::Writer::into_stream_writer);
         match writer {
             Ok(writer) => Ok(Self { path, writer: Some(writer), map, depth }),
-            Err(error) => Err(ExportError::Write { path, source: error.into() }),
+            Err(error) => Err(Error::writing(path, error.into())),
         }
     }
 }
 
 impl RowSink for PngSink {
-    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<()> {
         let Self { map, depth, .. } = *self;
         let bytes: Vec<Vec<u8>> = values.par_chunks(1 << 14).map(|v| samples(v, &map, depth)).collect();
         let Some(writer) = &mut self.writer else { return Ok(()) };
         bytes
             .iter()
             .try_for_each(|bytes| writer.write_all(bytes))
-            .map_err(|source| ExportError::Write { path: self.path.clone(), source })
+            .map_err(|source| Error::writing(&self.path, source))
     }
 
-    fn finish(&mut self) -> Result<(), ExportError> {
+    fn finish(&mut self) -> Result<()> {
         let Some(writer) = self.writer.take() else { return Ok(()) };
-        writer.finish().map_err(|error| ExportError::Write { path: self.path.clone(), source: error.into() })
+        writer.finish().map_err(|error| Error::writing(&self.path, error.into()))
     }
 }
 
@@ -327,8 +321,8 @@ struct Level {
 impl Ktx2Sink {
     /// Begins a square picture in `file`, whose side is a power of two; `path` is what errors name and beside which levels
     /// wait.
-    pub(crate) fn new(file: File, path: &Path, side: u32, map: &Map) -> Result<Self, ExportError> {
-        let failed = |source| ExportError::Write { path: path.into(), source };
+    pub(crate) fn new(file: File, path: &Path, side: u32, map: &Map) -> Result<Self> {
+        let failed = |source| Error::writing(path, source);
         let packing = Packing::of(map);
         let level = |l: u32| {
             let side = side >> l;
@@ -370,13 +364,14 @@ impl Ktx2Sink {
     }
 
     /// The bytes of whole rows of blocks (or of whole rows) of a level.
-    fn encoded(&self, side: u32, rows: &[[f32; 4]]) -> Result<Vec<u8>, ExportError> {
+    fn encoded(&self, side: u32, rows: &[[f32; 4]]) -> Result<Vec<u8>> {
         let stored: Vec<[f32; 4]> = rows.iter().map(|&v| self.stored(v)).collect();
         match self.packing.block_format() {
             Some(format) => {
                 let strip = padded_strip(side, &stored);
                 let width = side.max(4);
-                Ok(encode(format, quality(self.packing), [width, 4], TexelSlice::F32(&strip))?)
+                encode(format, quality(self.packing), [width, 4], TexelSlice::F32(&strip))
+                    .map_err(|error| Error::unsupported(error.to_string()))
             }
             None if self.packing == Packing::R16 => Ok(stored
                 .iter()
@@ -390,7 +385,7 @@ impl Ktx2Sink {
     }
 
     /// Encodes the rows of a level that are complete.
-    fn flush(&mut self, index: usize, is_last: bool) -> Result<(), ExportError> {
+    fn flush(&mut self, index: usize, is_last: bool) -> Result<()> {
         let level = &mut self.levels[index];
         let strip = 4 * level.side as usize;
         let count = if is_last { level.rows.len() } else { level.rows.len() / strip * strip };
@@ -404,7 +399,7 @@ impl Ktx2Sink {
             rows.par_chunks(strip).map(|rows| self.encoded(side, rows)).collect::<Result<_, _>>()?;
         let Some(packed) = &mut self.levels[index].packed else { return Ok(()) };
         let written = bytes.iter().try_for_each(|b| packed.write_all(b));
-        written.map_err(|source| ExportError::Write { path: self.path.clone(), source })
+        written.map_err(|source| Error::writing(&self.path, source))
     }
 
     /// Puts header, descriptor and levels together.
@@ -452,15 +447,15 @@ impl Ktx2Sink {
 }
 
 impl RowSink for Ktx2Sink {
-    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError> {
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<()> {
         let levels = &mut self.levels;
         self.pyramid.push(values, |level, row| levels[level].rows.extend_from_slice(row));
         (0..self.levels.len()).try_for_each(|level| self.flush(level, false))
     }
 
-    fn finish(&mut self) -> Result<(), ExportError> {
+    fn finish(&mut self) -> Result<()> {
         (0..self.levels.len()).try_for_each(|level| self.flush(level, true))?;
-        self.assemble().map_err(|source| ExportError::Write { path: self.path.clone(), source })
+        self.assemble().map_err(|source| Error::writing(&self.path, source))
     }
 }
 

@@ -9,6 +9,7 @@
 use std::collections::HashMap;
 
 use fantex_bake::Progress;
+use fantex_base::Result;
 use fantex_cover::{Cover, Tap, TriangleTiles};
 use fantex_mesh::{Mesh, interpolate};
 use fantex_store::{ChannelKind, PageCache, Tile};
@@ -16,8 +17,7 @@ use fantex_texture::material::TangentFrame;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::error::ExportError;
-use crate::export::Map;
+use crate::export::{Map, cancelled};
 use crate::layout::{NOBODY, Page, Placed};
 
 /// Columns of a region.
@@ -41,10 +41,10 @@ pub(crate) struct PageStats {
 /// Takes rows of a map from the top.
 pub(crate) trait RowSink: Send {
     /// Linear values of whole rows.
-    fn rows(&mut self, values: &[[f32; 4]]) -> Result<(), ExportError>;
+    fn rows(&mut self, values: &[[f32; 4]]) -> Result<()>;
 
     /// After the last row.
-    fn finish(&mut self) -> Result<(), ExportError>;
+    fn finish(&mut self) -> Result<()>;
 }
 
 /// Makes the maps of a page and hands their rows to `sinks`, one per map. `texels_done` counts up over all pages.
@@ -59,7 +59,7 @@ pub(crate) fn make_page(
     memory_bytes: u64,
     sinks: &mut [Box<dyn RowSink + '_>],
     progress: (&dyn Progress, &mut u64, u64),
-) -> Result<PageStats, ExportError> {
+) -> Result<PageStats> {
     let (watch, texels_done, total) = progress;
     let rows = band_rows(page.side, maps.len(), memory_bytes);
     let columns = page.side.div_ceil(REGION);
@@ -81,7 +81,7 @@ pub(crate) fn make_page(
         };
         let regions: Vec<(Vec<Values>, PageStats)> = (0..columns).into_par_iter().map(make).collect();
         if watch.is_cancelled() {
-            return Err(ExportError::Cancelled);
+            return Err(cancelled());
         }
         for (_, region) in &regions {
             stats.covered += region.covered;

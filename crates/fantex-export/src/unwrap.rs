@@ -42,7 +42,7 @@ pub struct Unwrapped {
 /// An option is out of its range, or there are too many charts for the picture.
 pub fn unwrap_mesh(mesh: &Mesh, options: &UnwrapOptions) -> Result<Unwrapped> {
     let UnwrapOptions { side, padding } = *options;
-    let refused = |error| Error::invalid(format!("cannot unwrap the mesh: {error}"));
+    let refused = |error: Error| error.context("cannot unwrap the mesh");
     ExportOptions { side: Some(side), padding, ..ExportOptions::default() }.check().map_err(refused)?;
     let texels = f64::from(side) * f64::from(side);
     let budget = TexelBudget::Total(texels as u64);

@@ -9,7 +9,7 @@ use fantex_texture::combine::{Channel, Combine, CombineMode, Factor, TextureUse}
 use fantex_texture::coordinates::{Projective, TextureMatrixOptions};
 use fantex_texture::look::{LightingModel, LookMaterial};
 use fantex_texture::material::MaterialLabel;
-use fantex_texture::{AlphaUse, Color, ColorSpace, LoadImageError, RampInterpolation, Stop, Wrap};
+use fantex_texture::{AlphaUse, Color, ColorSpace, RampInterpolation, Stop, Wrap};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -91,7 +91,7 @@ struct Wanted<'a> {
 }
 
 impl Wanted<'_> {
-    fn failed(&self, mesh: &Mesh, cause: LoadImageError) -> Error {
+    fn failed(&self, mesh: &Mesh, cause: Error) -> Error {
         let Material { name, place, .. } = &mesh.materials[self.material];
         let label = MaterialLabel { index: self.material, name: name.clone(), place: place.clone() };
         let sentence = format!("the {} of {label}: {cause}", self.channel);

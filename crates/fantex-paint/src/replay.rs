@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_store::ChannelKind;
-use fantex_texture::{ColorSpace, Image, LoadImageError, Samples, UnknownSolid};
+use fantex_texture::{ColorSpace, Image, Samples, UnknownSolid};
 use glam::{DVec3, Vec3};
 
 use crate::stroke::mesh_length;
@@ -147,7 +147,7 @@ pub enum ReplayError {
         /// Number of the stroke, from 0.
         stroke: usize,
         /// Why.
-        source: LoadImageError,
+        source: fantex_base::Error,
     },
     /// Painting failed.
     #[error(transparent)]

@@ -108,11 +108,11 @@ pub struct OnPlane {
 }
 
 /// Perspective lenses see directions up to this angle off the axis, radians.
-const WIDEST_PERSPECTIVE: f64 = 1.55;
+const MAX_PERSPECTIVE: f64 = 1.55;
 /// Steps in which the valid radius is looked for.
 const RADIUS_STEPS: u32 = 4096;
 /// Newton's steps of the way back; three to five are enough in practice.
-const MOST_STEPS: usize = 50;
+const MAX_STEPS: usize = 50;
 
 impl Lens {
     /// A lens with this distortion.
@@ -176,7 +176,7 @@ impl Lens {
     fn straight(&self, position: DVec2) -> Option<DVec2> {
         let at = |n: DVec2| self.distortion.bend(n);
         let mut n = position;
-        for _ in 0..MOST_STEPS {
+        for _ in 0..MAX_STEPS {
             let h = 1e-6;
             let dx = (at(n + DVec2::X * h) - at(n - DVec2::X * h)) / (2.0 * h);
             let dy = (at(n + DVec2::Y * h) - at(n - DVec2::Y * h)) / (2.0 * h);
@@ -197,7 +197,7 @@ impl Lens {
 
     /// How far out the distorted radius grows with the radius.
     fn growing_radius(&self) -> f64 {
-        let widest = if self.is_fisheye() { PI } else { WIDEST_PERSPECTIVE };
+        let widest = if self.is_fisheye() { PI } else { MAX_PERSPECTIVE };
         let mut before = [0.0; 2];
         for step in 1..=RADIUS_STEPS {
             let angle = widest * f64::from(step) / f64::from(RADIUS_STEPS);

@@ -146,7 +146,7 @@ pub(crate) type PixelRect = [DVec2; 2];
 /// Texels beside a page that look-ups around it may reach.
 const REACH: f64 = 4.0;
 /// Most probes of a look-up along a side of its footprint.
-const MOST_PROBES: f32 = 16.0;
+const MAX_PROBES: f32 = 16.0;
 
 impl Pyramid {
     /// Cuts a photograph with its mask into pages, from the level `finest` on; only pages are kept that `is_seen` says something is seen in.
@@ -193,11 +193,11 @@ impl Pyramid {
         let [a, b] = sides.map(|side| side.length());
         let narrow = a.min(b).max(sides[0].perp_dot(sides[1]).abs() / a.max(b).max(f32::MIN_POSITIVE));
         // Two texels across the narrow side; beyond the most probes along the long one, coarser.
-        let width = (0.5 * narrow).max(a.max(b) / MOST_PROBES).max(1e-6);
+        let width = (0.5 * narrow).max(a.max(b) / MAX_PROBES).max(1e-6);
         let last = self.finest + self.levels.len() as u32 - 1;
         let level = width.log2().clamp(self.finest as f32, last as f32);
         let (fine, share) = (level as u32, level.fract());
-        let probes = |side: f32| (side / width.max(1.0)).ceil().clamp(1.0, MOST_PROBES);
+        let probes = |side: f32| (side / width.max(1.0)).ceil().clamp(1.0, MAX_PROBES);
         let [columns, rows] = [probes(a), probes(b)];
         let mut sum = Vec4::ZERO;
         for row in 0..rows as u32 {

@@ -38,7 +38,7 @@ const BENT_PIXELS: f64 = 0.25;
 /// The distance from a fisheye is not linear in its picture, so triangles are cut to this length.
 const FISHEYE_PIXELS: f64 = 24.0;
 /// Times that a triangle is cut in four.
-const MOST_CUTS: u32 = 9;
+const MAX_CUTS: u32 = 9;
 /// Triangles are drawn this much larger, pixels, so that nothing shows between them.
 const INFLATION: f64 = 0.05;
 /// The same where sides are not quite straight.
@@ -233,10 +233,10 @@ impl<'a> Painter<'a> {
         if let [Some(a), Some(b), Some(c)] = seen {
             let sides = [b - a, c - b, a - c].map(|side| side.truncate().length());
             let longest = sides.into_iter().fold(0.0, f64::max);
-            if longest <= STRAIGHT_PIXELS || self.is_straight || cuts == MOST_CUTS {
+            if longest <= STRAIGHT_PIXELS || self.is_straight || cuts == MAX_CUTS {
                 return map.fill([a, b, c], self.inflation);
             }
-        } else if cuts == MOST_CUTS {
+        } else if cuts == MAX_CUTS {
             return;
         }
         if self.is_out_of_sight(corners) {

@@ -2,14 +2,14 @@
 
 use std::collections::VecDeque;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use fantex_bake::{
     Prefilter, Progress, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource,
 };
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
-use fantex_texture::LoadImageError;
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::Photograph;
@@ -59,14 +59,18 @@ impl<'a> PhotoSource<'a> {
         photographs: &[Photograph],
         options: &PhotoOptions,
         progress: &dyn Progress,
-    ) -> Result<Self, PhotoError> {
+    ) -> Result<Self> {
         let store = PageStore::new(options.memory_bytes / 2, options.scratch.clone());
         let Survey { mut views, clusters, probes, best, sharpness } =
             survey(mesh, photographs, &store, options, progress)?;
         if views.iter().all(Option::is_none) {
             let eyes: DVec3 = photographs.iter().map(|p| p.camera_from_world.eye()).sum();
             let middle = eyes / photographs.len().max(1) as f64;
-            return Err(PhotoError::NothingSeen { photographs: photographs.len(), middle });
+            let count = photographs.len();
+            return Err(Error::unsupported(format!(
+                "none of the {count} photographs sees the model: it must lie in the coordinates of the cameras, whose middle is \
+                 at {middle}, and its triangles must be seen from outside"
+            )));
         }
         let (of_vertices, spread) = best.split_at(probes.vertices());
         let gains = match options.exposure {
@@ -125,7 +129,7 @@ impl<'a> PhotoSource<'a> {
         let views = self.views_of(triangle);
         let place = self.place(triangle, lambda);
         let looked = look(&views, &PageReader::new(&self.store), &place);
-        doubt_of(&looked).confidence()
+        confidence_of(&looked)
     }
 
     fn views_of(&self, triangle: usize) -> Vec<&View> {
@@ -170,7 +174,7 @@ impl<'a> PhotoSource<'a> {
         if open <= 0.0 {
             return fill();
         }
-        match seen_share(doubt_of(&looked).confidence() * open / total) {
+        match seen_share(confidence_of(&looked) * open / total) {
             1.0 => sum / open,
             share => fill().lerp(sum / open, share),
         }
@@ -198,8 +202,8 @@ fn look<'v>(views: &[&'v View], reader: &PageReader<'_>, place: &Place) -> Vec<(
     views.iter().filter_map(sees).collect()
 }
 
-fn doubt_of(looked: &[(&View, Seen)]) -> Doubt {
-    looked.iter().fold(Doubt::WHOLE, |doubt, (_, seen)| doubt.less(seen.confidence))
+fn confidence_of(looked: &[(&View, Seen)]) -> f32 {
+    joint_confidence(looked.iter().map(|(_, seen)| seen.confidence))
 }
 
 /// Pixels per mesh unit of the sharpest corner.
@@ -248,23 +252,9 @@ pub(crate) fn kept_weight(weight: f32, largest: f32) -> f32 {
     weight / largest * (weight / largest - KEPT_SHARE).max(0.0)
 }
 
-/// How sure it is that a point is seen at all, from the confidences of the photographs: 1 if one of them is sure.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Doubt(f32);
-
-impl Doubt {
-    /// Nobody has seen anything.
-    pub(crate) const WHOLE: Self = Self(1.0);
-
-    /// With another photograph of this confidence.
-    pub(crate) fn less(self, confidence: f32) -> Self {
-        Self(self.0 * (1.0 - confidence.clamp(0.0, 1.0)))
-    }
-
-    /// In 0..=1.
-    pub(crate) fn confidence(self) -> f32 {
-        1.0 - self.0
-    }
+/// How sure it is that a point is seen at all, 0..=1, from the confidences of the photographs: 1 if one of them is sure.
+pub(crate) fn joint_confidence(confidences: impl Iterator<Item = f32>) -> f32 {
+    1.0 - confidences.map(|confidence| 1.0 - confidence.clamp(0.0, 1.0)).product::<f32>()
 }
 
 /// The confidence from which on the fill of unseen surface does not count.
@@ -282,7 +272,7 @@ pub(crate) fn seen_share(confidence: f32) -> f32 {
 // and meets what is seen. Parts of the mesh where nothing is seen at all get the mean of everything that is.
 
 /// Steps of the solver per channel.
-const MOST_STEPS: usize = 400;
+const MAX_STEPS: usize = 400;
 /// The residual that is small enough, relative to the start.
 const TOLERANCE: f64 = 1e-4;
 /// What a model looks like that no photograph sees.
@@ -330,7 +320,7 @@ pub(crate) fn spread_known(mesh: &Mesh, seen: &[Option<Vec3>], mean: Vec3) -> Ve
                 known.sum()
             })
             .collect();
-        let solved = conjugate_gradients(apply, &right, start, MOST_STEPS, TOLERANCE);
+        let solved = conjugate_gradients(apply, &right, start, MAX_STEPS, TOLERANCE);
         for (&v, value) in unknowns.iter().zip(solved) {
             colors[v as usize].0[channel] = value as f32;
         }
@@ -436,61 +426,10 @@ pub struct PhotoReport {
     pub scratch_bytes: u64,
 }
 
-/// Why photographs cannot be a source.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum PhotoError {
-    /// A photograph could not be read.
-    #[error(transparent)]
-    Load(#[from] LoadImageError),
-    /// A photograph is not what its camera took.
-    #[error(
-        "{} has {found:?} pixels, but its camera took {expected:?}, which is another shape; give the photographs that the cameras \
-         were calibrated with, or the same made smaller", path.display()
-    )]
-    Shape {
-        /// The photograph.
-        path: PathBuf,
-        /// Pixels of the file.
-        found: [u32; 2],
-        /// Pixels of the camera.
-        expected: [u32; 2],
-    },
-    /// A mask does not fit its photograph.
-    #[error(
-        "the mask {} has {found:?} pixels, but its photograph has {expected:?}, which is another shape; give masks that were \
-         made for these photographs", path.display()
-    )]
-    MaskShape {
-        /// The mask.
-        path: PathBuf,
-        /// Pixels of the mask.
-        found: [u32; 2],
-        /// Pixels of the photograph.
-        expected: [u32; 2],
-    },
-    /// Not one photograph shows the model.
-    #[error(
-        "none of the {photographs} photographs sees the model: it must lie in the coordinates of the cameras, whose middle is at \
-         {middle}, and its triangles must be seen from outside"
-    )]
-    NothingSeen {
-        /// How many there are.
-        photographs: usize,
-        /// Mean of the cameras' places, world units.
-        middle: glam::DVec3,
-    },
-    /// Pages could not be written to or read from the scratch file.
-    #[error("cannot keep photographs in {}: {source}", folder.display())]
-    Scratch {
-        /// Its folder.
-        folder: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// The progress receiver asked to stop.
-    #[error("reading photographs was cancelled")]
-    Cancelled,
+/// Pages could not be written to or read from the scratch file in `folder`.
+pub fn scratch_error(folder: &Path, source: io::Error) -> Error {
+    let message = format!("cannot keep photographs in {}: {source}", folder.display());
+    Error::new(ErrorKind::Io, message).with_path(folder).with_source(source)
 }
 
 #[cfg(test)]
@@ -510,7 +449,7 @@ mod tests {
         assert_eq!(kept_weight(KEPT_SHARE, 1.0), 0.0);
         assert!(kept_weight(7.0, 7.0) > 0.89);
         assert_eq!(seen_share(0.0), 0.0);
-        assert_eq!(seen_share(Doubt::WHOLE.less(0.3).less(0.0).confidence()), 1.0);
+        assert_eq!(seen_share(joint_confidence([0.3, 0.0].into_iter())), 1.0);
     }
 
     fn sphere() -> Mesh {

@@ -4,6 +4,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
 use fantex_bake::Progress;
+use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, corner_normals};
 use fantex_texture::Image;
 use glam::{DVec2, UVec3, Vec3};
@@ -12,9 +13,9 @@ use rayon::prelude::*;
 
 use crate::pyramid::{PageReader, PageStore, Pyramid, level_for_width};
 use crate::sight::SightMap;
-use crate::source::{Doubt, KEPT_SHARE, kept_weight};
+use crate::source::{KEPT_SHARE, joint_confidence, kept_weight};
 use crate::view::{Mask, Seen, Spot, View, have_one_shape, mesh_camera, seen};
-use crate::{PhotoError, PhotoOptions, Photograph};
+use crate::{PhotoOptions, Photograph, scratch_error};
 
 /// Side of the patch around a probe whose colour is taken, mesh units: large beside errors of the cameras, small beside the model.
 const PATCH: f32 = 0.006;
@@ -25,7 +26,7 @@ const MASKED_BYTES_PER_PIXEL: u64 = 12;
 /// Best views that are remembered per probe.
 const BEST: usize = 4;
 /// Probes that see less of a mask than this are not seen.
-const SMALLEST_ALPHA: f32 = 0.05;
+const MIN_ALPHA: f32 = 0.05;
 
 /// One of the best views of a probe.
 #[derive(Clone, Copy, Debug)]
@@ -65,7 +66,7 @@ impl BestViews {
 
     /// How sure it is that the probe is seen.
     pub(crate) fn confidence(&self) -> f32 {
-        self.views().fold(Doubt::WHOLE, |doubt, best| doubt.less(best.confidence.to_f32())).confidence()
+        joint_confidence(self.views().map(|best| best.confidence.to_f32()))
     }
 
     /// What the best views see, for exposure.
@@ -128,7 +129,7 @@ pub(crate) fn survey(
     store: &PageStore,
     options: &PhotoOptions,
     progress: &dyn Progress,
-) -> Result<Survey, PhotoError> {
+) -> Result<Survey> {
     let probes = Probes::new(mesh);
     let mut clusters = Clusters::new(mesh);
     let mut best = vec![BestViews::NONE; probes.spots.len()];
@@ -141,7 +142,7 @@ pub(crate) fn survey(
             .par_iter()
             .enumerate()
             .map(|(i, photograph)| reading.survey((first + i) as u32, photograph))
-            .collect::<Result<_, PhotoError>>()?;
+            .collect::<Result<_>>()?;
         for surveyed in read {
             let Some(Surveyed { view, weights, seen }) = surveyed else {
                 views.push(None);
@@ -178,9 +179,9 @@ fn batches(photographs: &[Photograph], memory_bytes: u64) -> Vec<(usize, &[Photo
 }
 
 impl Reading<'_> {
-    fn survey(&self, number: u32, photograph: &Photograph) -> Result<Option<Surveyed>, PhotoError> {
+    fn survey(&self, number: u32, photograph: &Photograph) -> Result<Option<Surveyed>> {
         if self.progress.is_cancelled() {
-            return Err(PhotoError::Cancelled);
+            return Err(Error::cancelled("reading photographs was cancelled"));
         }
         let surveyed = self.look(number, photograph)?;
         let pixels = pixels(photograph);
@@ -188,8 +189,8 @@ impl Reading<'_> {
         Ok(surveyed)
     }
 
-    fn look(&self, number: u32, photograph: &Photograph) -> Result<Option<Surveyed>, PhotoError> {
-        let scratch = |source| PhotoError::Scratch { folder: self.options.scratch.clone(), source };
+    fn look(&self, number: u32, photograph: &Photograph) -> Result<Option<Surveyed>> {
+        let scratch = |source| scratch_error(&self.options.scratch, source);
         let camera = mesh_camera(photograph, self.mesh);
         let map = SightMap::draw(self.mesh, &camera);
         let sight = map.store(self.store).map_err(scratch)?;
@@ -228,7 +229,7 @@ impl Reading<'_> {
                         color: color.truncate().to_array().map(f16::from_f32),
                         confidence: f16::from_f32(seen.confidence * color.w),
                     };
-                    let is_masked = color.w < SMALLEST_ALPHA;
+                    let is_masked = color.w < MIN_ALPHA;
                     (!is_masked).then_some((probe as u32, entry, seen.resolution * scale.x as f32))
                 },
             )
@@ -239,11 +240,18 @@ impl Reading<'_> {
 }
 
 /// Pixels of the file per pixel of the camera.
-fn file_scale(photograph: &Photograph, image: &Image) -> Result<DVec2, PhotoError> {
+fn file_scale(photograph: &Photograph, image: &Image) -> Result<DVec2> {
     let (found, expected) = ([image.width, image.height], photograph.camera.size);
     match have_one_shape(found, expected) {
         true => Ok(DVec2::from(found.map(f64::from)) / DVec2::from(expected.map(f64::from))),
-        false => Err(PhotoError::Shape { path: photograph.path.clone(), found, expected }),
+        false => {
+            let message = format!(
+                "{} has {found:?} pixels, but its camera took {expected:?}, which is another shape; give the photographs that \
+                 the cameras were calibrated with, or the same made smaller",
+                photograph.path.display()
+            );
+            Err(Error::malformed(message).with_path(&photograph.path))
+        }
     }
 }
 
@@ -273,7 +281,7 @@ const HUBER: f64 = 0.1;
 /// Repetitions with new weights of the residuals.
 const REWEIGHTINGS: usize = 6;
 /// Steps of the conjugate gradients.
-const MOST_STEPS: usize = 200;
+const MAX_STEPS: usize = 200;
 /// The pull towards 1, as a share of the mean weight of a photograph's observations.
 const PULL: f64 = 1e-3;
 
@@ -348,7 +356,7 @@ fn least_squares(points: &[Vec<Term>], start: Vec<f64>) -> Vec<f64> {
         let mean = mean_of(point, |term| term.log);
         point.iter().for_each(|term| right[term.view] -= term.weight * (term.log - mean));
     }
-    conjugate_gradients(apply, &right, start, MOST_STEPS, 1e-9)
+    conjugate_gradients(apply, &right, start, MAX_STEPS, 1e-9)
 }
 
 /// Solves a symmetric, positive definite system.
@@ -391,9 +399,9 @@ pub(crate) fn conjugate_gradients(
 // texel, at a dozen photographs instead of hundreds, and touches the pages of few.
 
 /// Triangles of a cluster in large meshes.
-const MOST_TRIANGLES: usize = 64;
+const MAX_TRIANGLES: usize = 64;
 /// Clusters that a small mesh is cut into at least.
-const FEWEST_CLUSTERS: usize = 512;
+const MIN_CLUSTERS: usize = 512;
 /// Weights between the points that were asked may be this much larger.
 const MARGIN: f32 = 8.0;
 
@@ -409,7 +417,7 @@ impl Clusters {
     /// Clusters without photographs: triangles in the order of a space-filling curve (G. M. Morton, 1966), cut into runs.
     pub(crate) fn new(mesh: &Mesh) -> Self {
         let count = mesh.triangles.len();
-        let size = (count / FEWEST_CLUSTERS).clamp(1, MOST_TRIANGLES);
+        let size = (count / MIN_CLUSTERS).clamp(1, MAX_TRIANGLES);
         let mut order: Vec<(u32, u32)> = (0..count)
             .map(|t| {
                 let [a, b, c] = mesh.triangle_positions(t);

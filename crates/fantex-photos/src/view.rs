@@ -13,6 +13,7 @@
 use std::path::{Path, PathBuf};
 
 use fantex_bake::{Source, TexelPoint};
+use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, TriangleBvh, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::{ColorSpace, Image};
@@ -21,10 +22,10 @@ use rayon::prelude::*;
 
 use crate::pyramid::{PageReader, Pyramid};
 use crate::sight::{MeshCamera, Sight};
-use crate::{Distortion, Lens, OnPlane, PhotoError};
+use crate::{Distortion, Lens, OnPlane};
 
 /// Surfaces that are seen under a smaller cosine are not taken from a photograph.
-const SMALLEST_COSINE: f32 = 0.15;
+const MIN_COSINE: f32 = 0.15;
 /// The cosine from which on facing counts in full; the quality goes on.
 const FULL_COSINE: f32 = 0.35;
 /// The cosine of the triangle itself from which on it counts; below, nothing in front of it need be far enough away to be told apart.
@@ -82,7 +83,7 @@ pub(crate) fn seen(camera: &MeshCamera, sight: &Sight, reader: &PageReader<'_>, 
     let to_eye = camera.eye - position.as_dvec3();
     let distance = to_eye.length();
     let cosine = (spot.normal.as_dvec3().dot(to_eye) / distance) as f32;
-    if cosine.is_nan() || cosine <= SMALLEST_COSINE {
+    if cosine.is_nan() || cosine <= MIN_COSINE {
         return None;
     }
     let face_cosine = spot.face.map_or(1.0, |face| face.as_dvec3().dot(to_eye) / distance);
@@ -98,7 +99,7 @@ pub(crate) fn seen(camera: &MeshCamera, sight: &Sight, reader: &PageReader<'_>, 
     }
     let border = ramp(inside / (BORDER_SHARE * size.min_element()));
     let lens = ramp(on_picture.room / LENS_SHARE);
-    let facing = ramp(f64::from((cosine - SMALLEST_COSINE) / (FULL_COSINE - SMALLEST_COSINE)));
+    let facing = ramp(f64::from((cosine - MIN_COSINE) / (FULL_COSINE - MIN_COSINE)));
     let depth = camera.camera.lens.depth(p_camera);
     let clearance = sight.clearance(reader, on_picture.pixel, depth, camera.focal());
     let confidence = clearance * border * lens * facing * ramp(face_cosine / FULL_FACE_COSINE);
@@ -274,12 +275,19 @@ pub(crate) struct Mask {
 
 impl Mask {
     /// The mask of a photograph of `size` pixels; it may be smaller or larger.
-    pub(crate) fn load(path: &Path, size: [u32; 2]) -> Result<Self, PhotoError> {
+    pub(crate) fn load(path: &Path, size: [u32; 2]) -> Result<Self> {
         let image = Image::load_as(path, ColorSpace::Linear)?;
         let found = [image.width, image.height];
         match have_one_shape(found, size) {
             true => Ok(Self { image, size }),
-            false => Err(PhotoError::MaskShape { path: path.into(), found, expected: size }),
+            false => {
+                let message = format!(
+                    "the mask {} has {found:?} pixels, but its photograph has {size:?}, which is another shape; give masks that \
+                     were made for these photographs",
+                    path.display()
+                );
+                Err(Error::malformed(message).with_path(path))
+            }
         }
     }
 

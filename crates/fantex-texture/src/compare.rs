@@ -2,25 +2,12 @@
 //!
 //! All measures look at what a display shows: sRGB-encoded colours, clamped to `[0,1]`; alpha is ignored.
 
+use fantex_base::{Error, Result};
 use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use crate::color::{linear_from_srgb, srgb_from_linear};
 use crate::image::{ColorSpace, Image, Samples};
-
-/// Why two pictures cannot be compared.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum CompareError {
-    /// They have different sizes.
-    #[error("pictures of {} x {} and {} x {} texels cannot be compared; render both at one size",
-        .reference[0], .reference[1], .test[0], .test[1])]
-    Size {
-        /// Width and height of the first.
-        reference: [u32; 2],
-        /// Width and height of the second.
-        test: [u32; 2],
-    },
-}
 
 /// All measures of a pair of pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,7 +21,11 @@ pub struct Comparison {
 }
 
 /// All measures at once.
-pub fn compare(reference: &Image, test: &Image) -> Result<Comparison, CompareError> {
+///
+/// # Errors
+///
+/// The pictures differ in size.
+pub fn compare(reference: &Image, test: &Image) -> Result<Comparison> {
     Ok(Comparison {
         psnr_db: psnr_db(reference, test)?,
         ssim: ssim(reference, test)?,
@@ -44,7 +35,11 @@ pub fn compare(reference: &Image, test: &Image) -> Result<Comparison, CompareErr
 
 /// Peak signal-to-noise ratio, `10 log10(1 / mse)`, the mean squared error taken over the three colour channels of all
 /// texels, sRGB-encoded and scaled to `[0,1]` but not rounded to bytes. Infinite where nothing differs.
-pub fn psnr_db(reference: &Image, test: &Image) -> Result<f64, CompareError> {
+///
+/// # Errors
+///
+/// The pictures differ in size.
+pub fn psnr_db(reference: &Image, test: &Image) -> Result<f64> {
     check_sizes(reference, test)?;
     let (reference, test) = (display_rgb(reference), display_rgb(test));
     let squares: f64 = reference
@@ -57,7 +52,11 @@ pub fn psnr_db(reference: &Image, test: &Image) -> Result<f64, CompareError> {
 }
 
 /// A picture of the absolute differences of the sRGB-encoded colours, times `gain`, as 8-bit sRGB.
-pub fn difference_picture(reference: &Image, test: &Image, gain: f32) -> Result<Image, CompareError> {
+///
+/// # Errors
+///
+/// The pictures differ in size.
+pub fn difference_picture(reference: &Image, test: &Image, gain: f32) -> Result<Image> {
     check_sizes(reference, test)?;
     let (a, b) = (display_rgb(reference), display_rgb(test));
     let bytes = a
@@ -75,9 +74,15 @@ pub fn difference_picture(reference: &Image, test: &Image, gain: f32) -> Result<
     })
 }
 
-fn check_sizes(reference: &Image, test: &Image) -> Result<(), CompareError> {
+fn check_sizes(reference: &Image, test: &Image) -> Result<()> {
     let (a, b) = ([reference.width, reference.height], [test.width, test.height]);
-    if a == b { Ok(()) } else { Err(CompareError::Size { reference: a, test: b }) }
+    if a == b {
+        return Ok(());
+    }
+    let ([aw, ah], [bw, bh]) = (a, b);
+    Err(Error::invalid(format!(
+        "pictures of {aw} x {ah} and {bw} x {bh} texels cannot be compared; render both at one size"
+    )))
 }
 
 /// The sRGB-encoded colours in `[0,1]`, row by row.
@@ -139,7 +144,11 @@ fn weigh(taps: &[f32], center: usize, size: usize, value: impl Fn(usize) -> f32)
 /// Mean structural similarity of the luma (`0.299 R + 0.587 G + 0.114 B` of the sRGB-encoded colours): 1 for equal
 /// pictures, smaller otherwise. Gaussian window of 11x11 texels with standard deviation 1.5, `K1 = 0.01`, `K2 = 0.03`,
 /// dynamic range 1. As in the paper, only windows that lie inside the picture count, unless it is smaller than one.
-pub fn ssim(reference: &Image, test: &Image) -> Result<f64, CompareError> {
+///
+/// # Errors
+///
+/// The pictures differ in size.
+pub fn ssim(reference: &Image, test: &Image) -> Result<f64> {
     check_sizes(reference, test)?;
     let (a, b) = (luma(reference), luma(test));
     let window = gaussian();
@@ -210,13 +219,21 @@ impl Default for FlipOptions {
 }
 
 /// Mean of [`flip_map`].
-pub fn flip(reference: &Image, test: &Image, options: FlipOptions) -> Result<f64, CompareError> {
+///
+/// # Errors
+///
+/// The pictures differ in size.
+pub fn flip(reference: &Image, test: &Image, options: FlipOptions) -> Result<f64> {
     let errors = flip_map(reference, test, options)?;
     Ok(errors.iter().map(|&error| f64::from(error)).sum::<f64>() / errors.len() as f64)
 }
 
 /// The error of every texel, row by row: 0 (none) to 1 (largest).
-pub fn flip_map(reference: &Image, test: &Image, options: FlipOptions) -> Result<Vec<f32>, CompareError> {
+///
+/// # Errors
+///
+/// The pictures differ in size.
+pub fn flip_map(reference: &Image, test: &Image, options: FlipOptions) -> Result<Vec<f32>> {
     check_sizes(reference, test)?;
     let (reference, test) = (Opponent::new(reference), Opponent::new(test));
     let color = color_difference(&reference, &test, options);

@@ -5,12 +5,14 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use crate::image_file::{ImageLimits, LoadImageError};
+use fantex_base::{Error, Result};
+
+use crate::image_file::{ImageLimits, check_sides, too_much_memory};
 use crate::{ColorSpace, Image, Samples};
 
 /// A kind of file that holds textures for graphics processors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum ContainerFormat {
+pub(crate) enum ContainerFormat {
     /// Khronos texture, version 2.
     Ktx2,
     /// DirectDraw surface.
@@ -24,45 +26,6 @@ impl fmt::Display for ContainerFormat {
             Self::Dds => "DDS",
         })
     }
-}
-
-/// What is wrong with a KTX2 or DDS file.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum ContainerFault {
-    /// The file ends too early.
-    #[error("the file ends after {got} bytes; {needed} are needed")]
-    TooShort {
-        /// Bytes needed.
-        needed: u64,
-        /// Bytes there are.
-        got: u64,
-    },
-    /// A number of the header that cannot be.
-    #[error("the header says {value} for {field}, which cannot be")]
-    Header {
-        /// Which number.
-        field: &'static str,
-        /// What it is.
-        value: u64,
-    },
-    /// Texels of a format that is not read.
-    #[error("texels of format {name} are not read; use 8-, 16- or 32-bit channels or BC1 to BC7")]
-    TexelFormat {
-        /// The format, as the file names it.
-        name: String,
-    },
-    /// The texels are Basis Universal.
-    #[error("Basis Universal textures are not read; transcode the file to BC7 or to plain texels first")]
-    Basis,
-    /// The texels are packed by a method that is not read.
-    #[error("texels packed by method {method} are not read; use Zstandard (2) or none (0)")]
-    Packing {
-        /// The method's number.
-        method: u32,
-    },
-    /// Packed texels are damaged.
-    #[error("the packed texels are damaged")]
-    Damaged,
 }
 
 /// What a header says: images of one size, one after the other.
@@ -84,14 +47,11 @@ impl Layout {
     }
 
     /// Refuses sizes that are impossible or above the limits.
-    fn check(&self, label: &str, limits: ImageLimits) -> Result<(), LoadImageError> {
-        let (width, height) = (self.width, self.height);
-        if width == 0 || height == 0 || width.max(height) > limits.side {
-            return Err(LoadImageError::Size { label: label.to_owned(), width, height, limit: limits.side });
-        }
-        let texels = (u64::from(width) * u64::from(height)).saturating_mul(self.images);
+    fn check(&self, label: &str, limits: ImageLimits) -> Result<()> {
+        check_sides(label, self.width, self.height, limits)?;
+        let texels = (u64::from(self.width) * u64::from(self.height)).saturating_mul(self.images);
         if texels.saturating_mul(self.format.decoded_bytes()) > limits.bytes {
-            return Err(LoadImageError::Memory { label: label.to_owned(), limit: limits.bytes });
+            return Err(too_much_memory(label, limits));
         }
         Ok(())
     }
@@ -119,8 +79,8 @@ pub(crate) fn decode(
     default_space: ColorSpace,
     limits: ImageLimits,
     most: usize,
-) -> Result<Vec<Image>, LoadImageError> {
-    let fail = |fault| LoadImageError::Container { label: label.to_owned(), format: container, fault };
+) -> Result<Vec<Image>> {
+    let fail = |error: Error| error.context(format!("'{label}' is not a readable {container} file"));
     match container {
         ContainerFormat::Ktx2 => {
             let header = Ktx2Header::parse(bytes).map_err(fail)?;
@@ -141,17 +101,33 @@ pub(crate) fn decode(
 }
 
 /// The little-endian number at an offset.
-fn u32_at(bytes: &[u8], offset: usize) -> Result<u32, ContainerFault> {
-    let too_short = || ContainerFault::TooShort { needed: offset as u64 + 4, got: bytes.len() as u64 };
+fn u32_at(bytes: &[u8], offset: usize) -> Result<u32> {
     let number = bytes.get(offset..).and_then(|rest| rest.first_chunk());
-    number.map(|number| u32::from_le_bytes(*number)).ok_or_else(too_short)
+    let number = number.ok_or_else(|| too_short(offset as u64 + 4, bytes.len()))?;
+    Ok(u32::from_le_bytes(*number))
 }
 
 /// `length` bytes from `offset` on.
-fn slice_at(bytes: &[u8], offset: u64, length: u64) -> Result<&[u8], ContainerFault> {
+fn slice_at(bytes: &[u8], offset: u64, length: u64) -> Result<&[u8]> {
     let end = offset.saturating_add(length);
-    let too_short = ContainerFault::TooShort { needed: end, got: bytes.len() as u64 };
-    if end > bytes.len() as u64 { Err(too_short) } else { Ok(&bytes[offset as usize..end as usize]) }
+    let is_inside = end <= bytes.len() as u64;
+    if is_inside { Ok(&bytes[offset as usize..end as usize]) } else { Err(too_short(end, bytes.len())) }
+}
+
+fn too_short(needed: u64, got: usize) -> Error {
+    Error::malformed(format!("the file ends after {got} bytes; {needed} are needed"))
+}
+
+/// A number of the header that cannot be.
+fn impossible(field: &str, value: u32) -> Error {
+    Error::malformed(format!("the header says {value} for {field}, which cannot be"))
+}
+
+/// Texels of a format that is not read, as the file names it.
+fn unread_format(name: &str) -> Error {
+    Error::unsupported(format!(
+        "texels of format {name} are not read; use 8-, 16- or 32-bit channels or BC1 to BC7"
+    ))
 }
 
 // ---- The header of DDS files (Microsoft, "Programming Guide for DDS").
@@ -179,7 +155,7 @@ struct DdsHeader {
 }
 
 impl DdsHeader {
-    fn parse(bytes: &[u8]) -> Result<Self, ContainerFault> {
+    fn parse(bytes: &[u8]) -> Result<Self> {
         let word = |offset: usize| u32_at(bytes, offset);
         let [height, width, depth, levels] = [word(12)?, word(16)?, word(24)?, word(28)?];
         let [flags, code, complexity] = [word(80)?, word(84)?, word(112)?];
@@ -194,17 +170,16 @@ impl DdsHeader {
             let number = word(HEADER)?;
             faces = if word(HEADER + 8)? & EXTENDED_CUBE != 0 { 6 } else { 1 };
             layers = word(HEADER + 12)?.max(1);
-            extended_format(number)
-                .ok_or_else(|| ContainerFault::TexelFormat { name: format!("{number} (DXGI)") })?
+            extended_format(number).ok_or_else(|| unread_format(&format!("{number} (DXGI)")))?
         } else {
-            let name = || code.to_le_bytes().escape_ascii().to_string();
-            (coded_format(code).ok_or_else(|| ContainerFault::TexelFormat { name: name() })?, None)
+            let unread = || unread_format(&code.to_le_bytes().escape_ascii().to_string());
+            (coded_format(code).ok_or_else(unread)?, None)
         };
         if faces == 0 {
-            return Err(ContainerFault::Header { field: "the number of faces", value: 0 });
+            return Err(impossible("the number of faces", 0));
         }
         if levels > 32 {
-            return Err(ContainerFault::Header { field: "the number of levels", value: u64::from(levels) });
+            return Err(impossible("the number of levels", levels));
         }
         let slices = if is_volume { u64::from(depth.max(1)) } else { 1 };
         let images = (u64::from(layers) * u64::from(faces)).saturating_mul(slices);
@@ -213,7 +188,7 @@ impl DdsHeader {
     }
 
     /// The bytes of all images of the finest level; the layout must have been checked against limits.
-    fn images<'a>(&self, bytes: &'a [u8]) -> Result<Vec<&'a [u8]>, ContainerFault> {
+    fn images<'a>(&self, bytes: &'a [u8]) -> Result<Vec<&'a [u8]>> {
         let image_bytes = self.layout.image_bytes();
         let stride: u64 = (0..self.levels).map(|level| self.level_bytes(level)).sum();
         (0..self.layout.images)
@@ -233,7 +208,7 @@ impl DdsHeader {
 }
 
 /// Uncompressed texels by the masks of their channels, each a whole byte.
-fn masked_format(bytes: &[u8]) -> Result<TexelFormat, ContainerFault> {
+fn masked_format(bytes: &[u8]) -> Result<TexelFormat> {
     const HAS_ALPHA: u32 = 0x1;
     const ALPHA_ONLY: u32 = 0x2;
     let bits = u32_at(bytes, 88)?;
@@ -252,8 +227,7 @@ fn masked_format(bytes: &[u8]) -> Result<TexelFormat, ContainerFault> {
         (32, [0xff_0000, 0xff00, 0xff, 0xff00_0000]) => TexelFormat::Bgr8 { channels: 4 },
         (32, [0xff_0000, 0xff00, 0xff, 0]) => TexelFormat::Bgrx8,
         (bits, [r, g, b, a]) => {
-            let name = format!("{bits} bits with masks {r:x} {g:x} {b:x} {a:x}");
-            return Err(ContainerFault::TexelFormat { name });
+            return Err(unread_format(&format!("{bits} bits with masks {r:x} {g:x} {b:x} {a:x}")));
         }
     })
 }
@@ -337,7 +311,7 @@ struct Ktx2Header {
 }
 
 impl Ktx2Header {
-    fn parse(bytes: &[u8]) -> Result<Self, ContainerFault> {
+    fn parse(bytes: &[u8]) -> Result<Self> {
         let word = |index: usize| u32_at(bytes, KTX2_MAGIC.len() + 4 * index);
         let wide = |offset: usize| {
             Ok(u64::from(u32_at(bytes, offset)?) | u64::from(u32_at(bytes, offset + 4)?) << 32)
@@ -345,16 +319,20 @@ impl Ktx2Header {
         let [code, width, height, depth] = [word(0)?, word(2)?, word(3)?, word(4)?];
         let [layers, faces, packing] = [word(5)?, word(6)?, word(8)?];
         if packing == BASIS_LZ || code == 0 {
-            return Err(ContainerFault::Basis);
+            let message =
+                "Basis Universal textures are not read; transcode the file to BC7 or to plain texels first";
+            return Err(Error::unsupported(message));
         }
         if ![0, ZSTANDARD].contains(&packing) {
-            return Err(ContainerFault::Packing { method: packing });
+            let message =
+                format!("texels packed by method {packing} are not read; use Zstandard (2) or none (0)");
+            return Err(Error::unsupported(message));
         }
         if ![1, 6].contains(&faces) {
-            return Err(ContainerFault::Header { field: "the number of faces", value: u64::from(faces) });
+            return Err(impossible("the number of faces", faces));
         }
-        let (format, space) = texel_format(code)
-            .ok_or_else(|| ContainerFault::TexelFormat { name: format!("{code} (VkFormat)") })?;
+        let (format, space) =
+            texel_format(code).ok_or_else(|| unread_format(&format!("{code} (VkFormat)")))?;
         let images = [layers, faces, depth].map(|count| u64::from(count.max(1)));
         let images = images.into_iter().fold(1_u64, u64::saturating_mul);
         Ok(Self {
@@ -366,17 +344,17 @@ impl Ktx2Header {
     }
 
     /// The unpacked bytes of all images of the finest level; the layout must have been checked against limits.
-    fn level<'a>(&self, bytes: &'a [u8]) -> Result<Cow<'a, [u8]>, ContainerFault> {
+    fn level<'a>(&self, bytes: &'a [u8]) -> Result<Cow<'a, [u8]>> {
         let packed = slice_at(bytes, self.offset, self.packed_bytes)?;
         let needed = self.layout.image_bytes() * self.layout.images;
         let level = if self.packing == ZSTANDARD {
             let unpacked = zstd::bulk::decompress(packed, needed as usize);
-            Cow::Owned(unpacked.map_err(|_| ContainerFault::Damaged)?)
+            Cow::Owned(unpacked.map_err(|_| Error::malformed("the packed texels are damaged"))?)
         } else {
             Cow::Borrowed(packed)
         };
         if (level.len() as u64) < needed {
-            return Err(ContainerFault::TooShort { needed, got: level.len() as u64 });
+            return Err(too_short(needed, level.len()));
         }
         Ok(level)
     }

@@ -1,12 +1,13 @@
 //! The time axis: textures that follow each other.
 
+use fantex_base::{Error, Result};
 use glam::Vec4;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::combine::mix;
 use crate::look::Slot;
-use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
+use crate::{Allowed, ShadingPoint, Texture};
 
 /// What comes before the first and after the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -19,33 +20,6 @@ pub enum FrameWrap {
     Repeat,
     /// All frames backwards, then forwards again.
     Mirror,
-}
-
-/// Why textures cannot follow each other.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum FrameError {
-    /// There is none.
-    #[error("a texture over time needs at least one frame")]
-    None,
-    /// A number is out of range.
-    #[error(transparent)]
-    Option(#[from] InvalidOption),
-    /// A frame does not come after the one before it.
-    #[error("frame {index} starts at {time} s, not after frame {}; order the frames by time", .index - 1)]
-    Order {
-        /// Which one, from 0.
-        index: usize,
-        /// Its time in seconds.
-        time: f32,
-    },
-    /// A round ends before its last frame.
-    #[error("a round of {duration} s ends before the last frame, which starts {last} s after the first")]
-    Duration {
-        /// Seconds of a round.
-        duration: f32,
-        /// Seconds from the first frame to the last.
-        last: f32,
-    },
 }
 
 /// Textures with their times: a texture whose third (or fourth) dimension is the time.
@@ -75,12 +49,7 @@ impl FrameTexture {
     /// # Errors
     ///
     /// There is no frame, or the rate is not above 0.
-    pub fn with_rate(
-        textures: Vec<Slot>,
-        rate: f32,
-        wrap: FrameWrap,
-        is_blended: bool,
-    ) -> Result<Self, FrameError> {
+    pub fn with_rate(textures: Vec<Slot>, rate: f32, wrap: FrameWrap, is_blended: bool) -> Result<Self> {
         Allowed::Positive.check("a texture over time", "the rate", &[rate])?;
         let duration = textures.len() as f32 / rate;
         let frames = textures.into_iter().enumerate().map(|(index, texture)| (index as f32 / rate, texture));
@@ -93,23 +62,24 @@ impl FrameTexture {
     ///
     /// There is no frame, a time is not finite or not after the one before, or the duration is not positive or shorter
     /// than the frames take.
-    pub fn new(
-        frames: Vec<(f32, Slot)>,
-        duration: f32,
-        wrap: FrameWrap,
-        is_blended: bool,
-    ) -> Result<Self, FrameError> {
+    pub fn new(frames: Vec<(f32, Slot)>, duration: f32, wrap: FrameWrap, is_blended: bool) -> Result<Self> {
         let (times, textures): (Vec<f32>, Vec<Slot>) = frames.into_iter().unzip();
         let (Some(&first), Some(&last)) = (times.first(), times.last()) else {
-            return Err(FrameError::None);
+            return Err(Error::invalid("a texture over time needs at least one frame"));
         };
         Allowed::Finite.check("a texture over time", "the time of a frame", &times)?;
         Allowed::Positive.check("a texture over time", "the duration", &[duration])?;
         if let Some(index) = times.windows(2).position(|pair| pair[0] >= pair[1]) {
-            return Err(FrameError::Order { index: index + 1, time: times[index + 1] });
+            let (later, time) = (index + 1, times[index + 1]);
+            return Err(Error::invalid(format!(
+                "frame {later} starts at {time} s, not after frame {index}; order the frames by time"
+            )));
         }
         if duration < last - first {
-            return Err(FrameError::Duration { duration, last: last - first });
+            let last = last - first;
+            return Err(Error::invalid(format!(
+                "a round of {duration} s ends before the last frame, which starts {last} s after the first"
+            )));
         }
         Ok(Self { times, textures, duration, wrap, is_blended })
     }
@@ -222,15 +192,15 @@ mod tests {
     #[test]
     fn mistakes_are_named() {
         let new = |frames: Vec<(f32, Slot)>, duration| {
-            FrameTexture::new(frames, duration, FrameWrap::Repeat, true).unwrap_err()
+            FrameTexture::new(frames, duration, FrameWrap::Repeat, true).unwrap_err().to_string()
         };
         let slot = || Slot::number(0.0);
-        assert_eq!(new(vec![], 1.0), FrameError::None);
-        assert!(matches!(new(vec![(f32::NAN, slot())], 1.0), FrameError::Option(_)));
-        assert!(matches!(new(vec![(0.0, slot())], 0.0), FrameError::Option(_)));
+        assert!(new(vec![], 1.0).contains("at least one frame"));
+        assert!(new(vec![(f32::NAN, slot())], 1.0).contains("the time of a frame"));
+        assert!(new(vec![(0.0, slot())], 0.0).contains("the duration"));
         let swapped = new(vec![(1.0, slot()), (0.0, slot())], 1.0);
-        assert!(swapped.to_string().starts_with("frame 1 starts at 0 s"), "{swapped}");
-        assert!(matches!(new(vec![(0.0, slot()), (2.0, slot())], 1.0), FrameError::Duration { .. }));
+        assert!(swapped.starts_with("frame 1 starts at 0 s"), "{swapped}");
+        assert!(new(vec![(0.0, slot()), (2.0, slot())], 1.0).contains("ends before the last frame"));
         assert!(FrameTexture::with_rate(vec![slot()], -1.0, FrameWrap::Hold, true).is_err());
     }
 }

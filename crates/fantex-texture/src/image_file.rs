@@ -6,17 +6,17 @@
 //! multiplies.
 
 use std::borrow::Cow;
-use std::fmt;
 use std::fs;
 use std::io::{self, BufWriter, Cursor, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use fantex_base::{Error, Result};
 use image::error::{ImageError, LimitErrorKind};
 use image::{
     ColorType, DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageFormat, ImageReader,
 };
 
-use crate::container::{self, ContainerFault, ContainerFormat};
+use crate::container;
 use crate::image::{ColorSpace, Depth, Image, Samples};
 
 /// What a reader may allocate.
@@ -35,173 +35,87 @@ impl Default for ImageLimits {
     }
 }
 
-/// Why an image could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadImageError {
-    /// The file could not be read.
-    #[error("cannot read image '{path}': {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The content is none of the known formats.
-    #[error(
-        "'{label}' is no image that can be read here (known: PNG, JPEG, TIFF, WebP, HDR, OpenEXR, KTX2, DDS)"
-    )]
-    UnknownFormat {
-        /// File or other origin.
-        label: String,
-    },
-    /// The content is damaged, cut short, or uses a variant that is not supported.
-    #[error("'{label}' is not a readable {format} image: {cause}")]
-    Decode {
-        /// File or other origin.
-        label: String,
-        /// The format that the content claims to be.
-        format: FormatName,
-        /// What the decoder found.
-        cause: DecodeCause,
-    },
-    /// A KTX2 or DDS file is damaged, cut short, or uses a variant that is not supported.
-    #[error("'{label}' is not a readable {format} file: {fault}")]
-    Container {
-        /// File or other origin.
-        label: String,
-        /// The format that the content claims to be.
-        format: ContainerFormat,
-        /// What is wrong.
-        fault: ContainerFault,
-    },
-    /// A side is zero or too long.
-    #[error("'{label}' has {width} x {height} texels; each side must be 1 to {limit}")]
-    Size {
-        /// File or other origin.
-        label: String,
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Longest side allowed.
-        limit: u32,
-    },
-    /// Decoding would allocate too much.
-    #[error(
+/// The name of a format, as people write it.
+fn name_of(format: ImageFormat) -> &'static str {
+    match format {
+        ImageFormat::Png => "PNG",
+        ImageFormat::Jpeg => "JPEG",
+        ImageFormat::Tiff => "TIFF",
+        ImageFormat::WebP => "WebP",
+        ImageFormat::Hdr => "Radiance HDR",
+        ImageFormat::OpenExr => "OpenEXR",
+        _ => "unknown",
+    }
+}
+
+/// Refuses sides that are zero or too long.
+pub(crate) fn check_sides(label: &str, width: u32, height: u32, limits: ImageLimits) -> Result<()> {
+    if width > 0 && height > 0 && width.max(height) <= limits.side {
+        return Ok(());
+    }
+    let limit = limits.side;
+    Err(Error::too_large(format!("'{label}' has {width} x {height} texels; each side must be 1 to {limit}")))
+}
+
+/// Decoding would allocate too much.
+pub(crate) fn too_much_memory(label: &str, limits: ImageLimits) -> Error {
+    let limit = limits.bytes;
+    Error::too_large(format!(
         "'{label}' would take more than {limit} bytes of memory; raise the limit or scale the image down"
-    )]
-    Memory {
-        /// File or other origin.
-        label: String,
-        /// Bytes allowed.
-        limit: u64,
-    },
+    ))
 }
 
-/// What a decoder stumbled over.
-#[derive(Debug)]
-pub enum DecodeCause {
-    /// The decoder's own report.
-    Reported(ImageError),
-    /// The decoder gave up without a report (it panicked; the panic was stopped).
-    Crashed,
-}
-
-impl fmt::Display for DecodeCause {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            DecodeCause::Reported(error) => error.fmt(f),
-            DecodeCause::Crashed => f.write_str("the data is damaged"),
-        }
-    }
-}
-
-/// The name of a file format, as people write it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FormatName(ImageFormat);
-
-impl fmt::Display for FormatName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self.0 {
-            ImageFormat::Png => "PNG",
-            ImageFormat::Jpeg => "JPEG",
-            ImageFormat::Tiff => "TIFF",
-            ImageFormat::WebP => "WebP",
-            ImageFormat::Hdr => "Radiance HDR",
-            ImageFormat::OpenExr => "OpenEXR",
-            _ => "unknown",
-        })
-    }
-}
-
-/// Why an image could not be written.
-#[derive(Debug, thiserror::Error)]
-pub enum SaveImageError {
-    /// The extension names no format.
-    #[error("cannot tell the image format of '{path}'; use .png, .jpg, .tif, .webp, .hdr or .exr")]
-    UnknownExtension {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The format has no room for the channels.
-    #[error("{format} cannot hold {channels} channels ('{path}'); use .png or .exr")]
-    Channels {
-        /// The file.
-        path: PathBuf,
-        /// The format of the extension.
-        format: FormatName,
-        /// Channels of the image.
-        channels: u8,
-    },
-    /// The encoder refused, for instance an image too large for the format.
-    #[error("cannot encode '{path}' as {format}: {source}")]
-    Encode {
-        /// The file.
-        path: PathBuf,
-        /// The format of the extension.
-        format: FormatName,
-        /// What the encoder said.
-        source: ImageError,
-    },
-    /// The file could not be written.
-    #[error("cannot write image '{path}': {source}")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
+fn read_file(path: &Path) -> Result<Vec<u8>> {
+    fs::read(path).map_err(|source| Error::reading(path, source))
 }
 
 impl Image {
     /// Reads a PNG, JPEG, TIFF, WebP, Radiance HDR, OpenEXR, KTX2 or DDS file with the default limits. Fixed-point samples
     /// are taken as sRGB-encoded colours, unless the file says otherwise (as KTX2 does); for other data use
     /// [`Image::load_as`]. Of files with several images (faces, layers, slices), this is the first one.
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, LoadImageError> {
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, is none of these, is damaged, or exceeds the limits.
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         Self::load_as(path, ColorSpace::Srgb)
     }
 
     /// As [`Image::load`], with the meaning of 8- and 16-bit samples said. Floating-point samples are always linear.
-    pub fn load_as(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Self, LoadImageError> {
+    ///
+    /// # Errors
+    ///
+    /// As [`Image::load`].
+    pub fn load_as(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Self> {
         let path = path.as_ref();
-        let bytes =
-            fs::read(path).map_err(|source| LoadImageError::Read { path: path.to_owned(), source })?;
-        Self::decode(&bytes, &path.display().to_string(), default_space)
+        Self::decode(&read_file(path)?, &path.display().to_string(), default_space)
     }
 
     /// Reads an image from the bytes of a file with the default limits; `label` names it in errors.
-    pub fn decode(bytes: &[u8], label: &str, default_space: ColorSpace) -> Result<Self, LoadImageError> {
+    ///
+    /// # Errors
+    ///
+    /// As [`Image::decode_within`].
+    pub fn decode(bytes: &[u8], label: &str, default_space: ColorSpace) -> Result<Self> {
         Self::decode_within(bytes, label, default_space, ImageLimits::default())
     }
 
     /// As [`Image::decode`], refusing what exceeds `limits` before it is allocated.
+    ///
+    /// # Errors
+    ///
+    /// The bytes are no image of a known format, are damaged, or exceed the limits.
     pub fn decode_within(
         bytes: &[u8],
         label: &str,
         default_space: ColorSpace,
         limits: ImageLimits,
-    ) -> Result<Self, LoadImageError> {
-        let unknown = || LoadImageError::UnknownFormat { label: label.to_owned() };
+    ) -> Result<Self> {
+        let unknown = || {
+            Error::unsupported(format!(
+                "'{label}' is no image that can be read here (known: PNG, JPEG, TIFF, WebP, HDR, OpenEXR, KTX2, DDS)"
+            ))
+        };
         if let Some(container) = container::recognise(bytes) {
             let images = container::decode(container, bytes, label, default_space, limits, 1)?;
             return images.into_iter().next().ok_or_else(unknown);
@@ -212,10 +126,7 @@ impl Image {
         }
         // The decoders are safe code that is meant to report errors, but not all of them keep to it on damaged data.
         let decoded = std::panic::catch_unwind(|| decode_dynamic(bytes, label, format, limits));
-        let decoded = decoded.unwrap_or_else(|_| {
-            let cause = DecodeCause::Crashed;
-            Err(LoadImageError::Decode { label: label.to_owned(), format: FormatName(format), cause })
-        })?;
+        let decoded = decoded.unwrap_or_else(|_| Err(not_readable(label, format, "the data is damaged")))?;
         let mut image = from_dynamic(decoded, default_space);
         if format == ImageFormat::OpenExr {
             divide_by_alpha(&mut image);
@@ -234,7 +145,7 @@ impl Image {
         label: &str,
         default_space: ColorSpace,
         limits: ImageLimits,
-    ) -> Result<Vec<Self>, LoadImageError> {
+    ) -> Result<Vec<Self>> {
         match container::recognise(bytes) {
             Some(format) => container::decode(format, bytes, label, default_space, limits, usize::MAX),
             None => Ok(vec![Self::decode_within(bytes, label, default_space, limits)?]),
@@ -246,27 +157,37 @@ impl Image {
     /// # Errors
     ///
     /// As [`Image::load_as`].
-    pub fn load_all(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Vec<Self>, LoadImageError> {
+    pub fn load_all(path: impl AsRef<Path>, default_space: ColorSpace) -> Result<Vec<Self>> {
         let path = path.as_ref();
-        let bytes =
-            fs::read(path).map_err(|source| LoadImageError::Read { path: path.to_owned(), source })?;
-        Self::decode_all(&bytes, &path.display().to_string(), default_space, ImageLimits::default())
+        Self::decode_all(
+            &read_file(path)?,
+            &path.display().to_string(),
+            default_space,
+            ImageLimits::default(),
+        )
     }
 
     /// Writes the image in the format of the path's extension, whole or not at all (a temporary file beside it is renamed
     /// at the end). What a format cannot hold is converted as [`Image::converted`] does: floats become 8-bit sRGB in PNG,
     /// JPEG and WebP, 16-bit samples 8-bit in JPEG and WebP, fixed point linear floats in HDR and OpenEXR; grey
     /// becomes RGB where a format knows no grey.
-    pub fn save(&self, path: impl AsRef<Path>) -> Result<(), SaveImageError> {
+    ///
+    /// # Errors
+    ///
+    /// The extension names no format, the format has no room for the channels, or the file cannot be written.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let bytes = self.encode_for(path)?;
-        write_atomically(path, &bytes)
-            .map_err(|source| SaveImageError::Write { path: path.to_owned(), source })
+        write_atomically(path, &bytes).map_err(|source| Error::writing(path, source))
     }
 
-    fn encode_for(&self, path: &Path) -> Result<Vec<u8>, SaveImageError> {
+    fn encode_for(&self, path: &Path) -> Result<Vec<u8>> {
         let format = ImageFormat::from_path(path).ok().filter(|format| READABLE.contains(format));
-        let format = format.ok_or_else(|| SaveImageError::UnknownExtension { path: path.to_owned() })?;
+        let unknown = || {
+            let known = "use .png, .jpg, .tif, .webp, .hdr or .exr";
+            Error::invalid(format!("cannot tell the image format of '{}'; {known}", path.display()))
+        };
+        let format = format.ok_or_else(unknown)?;
         let fits = match format {
             ImageFormat::Jpeg => !self.has_alpha(),
             ImageFormat::Hdr => self.channels == 3,
@@ -276,13 +197,13 @@ impl Image {
         if format == ImageFormat::Hdr && self.channels == 1 {
             image = Cow::Owned(spread_grey(&image).into_owned());
         } else if !fits {
-            let (format, channels) = (FormatName(format), self.channels);
-            return Err(SaveImageError::Channels { path: path.to_owned(), format, channels });
+            let (name, channels, path) = (name_of(format), self.channels, path.display());
+            let message = format!("{name} cannot hold {channels} channels ('{path}'); use .png or .exr");
+            return Err(Error::unsupported(message));
         }
-        encode(&image, format).map_err(|source| SaveImageError::Encode {
-            path: path.to_owned(),
-            format: FormatName(format),
-            source,
+        encode(&image, format).map_err(|source| {
+            let message = format!("cannot encode '{}' as {}: {source}", path.display(), name_of(format));
+            Error::unsupported(message).with_path(path).with_source(source)
         })
     }
 }
@@ -296,21 +217,22 @@ const READABLE: [ImageFormat; 6] = [
     ImageFormat::OpenExr,
 ];
 
+/// Damaged, cut short, or of a variant that is not supported.
+fn not_readable(label: &str, format: ImageFormat, cause: &str) -> Error {
+    Error::malformed(format!("'{label}' is not a readable {} image: {cause}", name_of(format)))
+}
+
 fn decode_dynamic(
     bytes: &[u8],
     label: &str,
     format: ImageFormat,
     limits: ImageLimits,
-) -> Result<DynamicImage, LoadImageError> {
+) -> Result<DynamicImage> {
     let report = |error: ImageError| match &error {
         ImageError::Limits(limit) if matches!(limit.kind(), LimitErrorKind::InsufficientMemory) => {
-            LoadImageError::Memory { label: label.to_owned(), limit: limits.bytes }
+            too_much_memory(label, limits)
         }
-        _ => LoadImageError::Decode {
-            label: label.to_owned(),
-            format: FormatName(format),
-            cause: DecodeCause::Reported(error),
-        },
+        _ => not_readable(label, format, &error.to_string()).with_source(error),
     };
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
     let mut decoder_limits = image::Limits::no_limits();
@@ -318,11 +240,9 @@ fn decode_dynamic(
     reader.limits(decoder_limits);
     let decoder = reader.into_decoder().map_err(report)?;
     let (width, height) = decoder.dimensions();
-    if width == 0 || height == 0 || width.max(height) > limits.side {
-        return Err(LoadImageError::Size { label: label.to_owned(), width, height, limit: limits.side });
-    }
+    check_sides(label, width, height, limits)?;
     if decoder.total_bytes() > limits.bytes {
-        return Err(LoadImageError::Memory { label: label.to_owned(), limit: limits.bytes });
+        return Err(too_much_memory(label, limits));
     }
     DynamicImage::from_decoder(decoder).map_err(report)
 }

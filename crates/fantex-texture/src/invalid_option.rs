@@ -1,30 +1,12 @@
-//! The error of all options that are plain numbers.
+//! Checks of all options that are plain numbers.
 
 use std::fmt;
 
-/// A number, or several, that an option cannot have.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum InvalidOption {
-    /// A number out of its range.
-    #[error("{field} of {owner} is {value}; it must be {allowed}")]
-    Number {
-        /// What the option belongs to, as in "a cylinder mapping".
-        owner: &'static str,
-        /// The option, as in "radius".
-        field: &'static str,
-        /// What it was (for vectors, the first entry that is wrong).
-        value: f32,
-        /// What it may be.
-        allowed: Allowed,
-    },
-    /// Numbers that are fine one by one, but not together: a matrix without inverse, axes on one line, an empty range.
-    #[error("{field} of {owner} collapses to nothing: it must have an inverse")]
-    Singular {
-        /// What the option belongs to.
-        owner: &'static str,
-        /// The option.
-        field: &'static str,
-    },
+use fantex_base::{Error, Result};
+
+/// Numbers that are fine one by one, but not together: a matrix without inverse, axes on one line, an empty range.
+pub(crate) fn singular(owner: &str, field: &str) -> Error {
+    Error::invalid(format!("{field} of {owner} collapses to nothing: it must have an inverse"))
 }
 
 /// What a number may be.
@@ -67,14 +49,9 @@ impl Allowed {
     }
 
     /// Checks the numbers of one option.
-    pub(crate) fn check(
-        self,
-        owner: &'static str,
-        field: &'static str,
-        values: &[f32],
-    ) -> Result<(), InvalidOption> {
+    pub(crate) fn check(self, owner: &str, field: &str, values: &[f32]) -> Result<()> {
         match values.iter().find(|&&value| !self.holds(value)) {
-            Some(&value) => Err(InvalidOption::Number { owner, field, value, allowed: self }),
+            Some(value) => Err(Error::invalid(format!("{field} of {owner} is {value}; it must be {self}"))),
             None => Ok(()),
         }
     }

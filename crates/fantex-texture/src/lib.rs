@@ -32,13 +32,12 @@ mod volume;
 pub mod warp;
 
 pub use color_ramp::*;
-pub use container::{ContainerFault, ContainerFormat};
 pub use fantex_base::srgb as color;
 pub use frames::*;
 pub use image::*;
 pub use image_file::*;
 pub use image_texture::*;
-pub use invalid_option::*;
+pub use invalid_option::Allowed;
 pub use mapping::*;
 pub use procedural::*;
 pub use solid::*;

@@ -4,7 +4,7 @@ use fantex_base::parameters;
 use glam::{Vec3, Vec4};
 
 use crate::noise::{CellularMetric, Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, Waves};
-use crate::{Allowed, InvalidOption, ShadingPoint, Texture};
+use crate::{Allowed, ShadingPoint, Texture};
 
 parameters! {
     /// Noise: a number, as grey.
@@ -57,7 +57,7 @@ impl NoiseOptions {
     /// # Errors
     ///
     /// A number is out of its range.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Positive.check("a noise", "cell", &[self.cell])?;
         Allowed::Finite.check("a noise", "warp", &[self.warp])?;
         Allowed::Finite.check("a noise", "amplitude", &[self.amplitude])?;

@@ -12,6 +12,7 @@
 //! A [`SurfaceDetail`] lives in a plane: in the plane of a face ([`DetailPlane`]), or in that of texture coordinates. As a
 //! texture among others it is a [`PolygonsTexture`].
 
+use fantex_base::{Error, Result};
 use glam::{DVec2, Vec2, Vec3, Vec4};
 
 use crate::coordinates::{Coordinates, TextureMatrix};
@@ -28,44 +29,6 @@ pub struct DetailPolygon {
     pub material: u32,
     /// Polygons of higher priority cover those of lower; of equal ones the later covers the earlier.
     pub priority: i32,
-}
-
-/// Why polygons cannot be attached.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum DetailError {
-    /// An outline is no polygon.
-    #[error("outline {outline} of detail polygon {polygon} has {corners} corners, but at least 3 are needed")]
-    TooFewCorners {
-        /// Index of the polygon.
-        polygon: usize,
-        /// Index of its outline.
-        outline: usize,
-        /// How many corners it has.
-        corners: usize,
-    },
-    /// A coordinate is no number, or beyond 1e6.
-    #[error(
-        "corner {corner} of outline {outline} of detail polygon {polygon} is ({x}, {y}), but must lie within 1e6"
-    )]
-    Corner {
-        /// Index of the polygon.
-        polygon: usize,
-        /// Index of its outline.
-        outline: usize,
-        /// Index of the corner.
-        corner: usize,
-        /// First coordinate.
-        x: f32,
-        /// Second coordinate.
-        y: f32,
-    },
-    /// Outlines cross.
-    #[error("the outlines of detail polygon {polygon} cross; cut it into polygons that do not")]
-    Crossing {
-        /// Index of the polygon.
-        polygon: usize,
-    },
 }
 
 /// A detail's share of a footprint.
@@ -124,13 +87,17 @@ impl SurfaceDetail {
     /// # Errors
     ///
     /// An outline with too few corners, a coordinate out of range, or outlines that cross.
-    pub fn new(polygons: &[DetailPolygon]) -> Result<Self, DetailError> {
+    pub fn new(polygons: &[DetailPolygon]) -> Result<Self> {
         let mut order: Vec<usize> = (0..polygons.len()).collect();
         order.sort_by_key(|&p| std::cmp::Reverse((polygons[p].priority, p)));
         let (mut pieces, mut owners) = (Vec::new(), Vec::new());
         for polygon in order {
             let outlines = checked_outlines(polygon, &polygons[polygon])?;
-            let own = trapezoids(&outlines).ok_or(DetailError::Crossing { polygon })?;
+            let own = trapezoids(&outlines).ok_or_else(|| {
+                Error::invalid(format!(
+                    "the outlines of detail polygon {polygon} cross; cut it into polygons that do not"
+                ))
+            })?;
             owners.extend(std::iter::repeat_n(polygon as u32, own.len()));
             pieces.extend(own);
         }
@@ -245,15 +212,20 @@ fn touch(a: [DVec2; 2], b: [DVec2; 2]) -> bool {
     a[0].cmple(b[1]).all() && b[0].cmple(a[1]).all()
 }
 
-fn checked_outlines(index: usize, polygon: &DetailPolygon) -> Result<Vec<Vec<DVec2>>, DetailError> {
+fn checked_outlines(index: usize, polygon: &DetailPolygon) -> Result<Vec<Vec<DVec2>>> {
     for (outline, corners) in polygon.outlines.iter().enumerate() {
         if corners.len() < 3 {
-            return Err(DetailError::TooFewCorners { polygon: index, outline, corners: corners.len() });
+            let count = corners.len();
+            return Err(Error::invalid(format!(
+                "outline {outline} of detail polygon {index} has {count} corners, but at least 3 are needed"
+            )));
         }
         let bad = corners.iter().position(|c| !(c.is_finite() && c.abs().max_element() <= FARTHEST));
         if let Some(corner) = bad {
             let Vec2 { x, y } = corners[corner];
-            return Err(DetailError::Corner { polygon: index, outline, corner, x, y });
+            return Err(Error::invalid(format!(
+                "corner {corner} of outline {outline} of detail polygon {index} is ({x}, {y}), but must lie within 1e6"
+            )));
         }
     }
     Ok(polygon.outlines.iter().map(|o| o.iter().map(|c| c.as_dvec2()).collect()).collect())
@@ -461,7 +433,7 @@ impl PolygonsTexture {
         base: Slot,
         (coordinates, matrix): (Coordinates, TextureMatrix),
         repeats: bool,
-    ) -> Result<Self, DetailError> {
+    ) -> Result<Self> {
         assert!(polygons.iter().all(|p| (p.material as usize) < colors.len()), "every polygon has a colour");
         let detail = match repeats {
             false => SurfaceDetail::new(polygons)?,

@@ -1,5 +1,6 @@
 //! Tabulation: a function becomes a discrete texture, for a chosen domain and density of samples.
 
+use fantex_base::{Error, Result};
 use rayon::prelude::*;
 
 use crate::Image;
@@ -22,32 +23,6 @@ impl Default for Tabulation {
     }
 }
 
-/// Why a function cannot be tabulated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum TabulateError {
-    /// A side without texels, or no samples.
-    #[error("a table of {} x {} x {} texels with {samples} samples each has nothing in it; all must be at least 1", size[0], size[1], size[2])]
-    Empty {
-        /// Texels along each axis.
-        size: [u32; 3],
-        /// Samples per texel and axis.
-        samples: u32,
-    },
-    /// It would not fit.
-    #[error(
-        "a table of {} x {} x {} texels takes {needed} bytes and only {allowed} are allowed; make it smaller or allow more memory",
-        size[0], size[1], size[2]
-    )]
-    Memory {
-        /// Texels along each axis.
-        size: [u32; 3],
-        /// Bytes.
-        needed: u64,
-        /// Bytes.
-        allowed: u64,
-    },
-}
-
 impl Tabulation {
     /// The function's means over all texels: linear RGBA, x fastest, then y, then z. `function` is asked at points of the
     /// domain; the axes that have one texel only are asked in the middle.
@@ -55,18 +30,23 @@ impl Tabulation {
     /// # Errors
     ///
     /// There is nothing to tabulate, or too much.
-    pub fn texels(
-        &self,
-        function: impl Fn([f32; 3]) -> [f32; 4] + Sync,
-    ) -> Result<Vec<[f32; 4]>, TabulateError> {
+    pub fn texels(&self, function: impl Fn([f32; 3]) -> [f32; 4] + Sync) -> Result<Vec<[f32; 4]>> {
         let Self { size, samples, memory_bytes: allowed } = *self;
+        let [x, y, z] = size;
         if size.contains(&0) || samples == 0 {
-            return Err(TabulateError::Empty { size, samples });
+            let message = format!(
+                "a table of {x} x {y} x {z} texels with {samples} samples each has nothing in it; all must be at least 1"
+            );
+            return Err(Error::invalid(message));
         }
         let count = size.iter().fold(1_u64, |product, &n| product.saturating_mul(u64::from(n)));
         let needed = count.saturating_mul(size_of::<[f32; 4]>() as u64);
         if needed > allowed {
-            return Err(TabulateError::Memory { size, needed, allowed });
+            let message = format!(
+                "a table of {x} x {y} x {z} texels takes {needed} bytes and only {allowed} are allowed; make it smaller or \
+                 allow more memory"
+            );
+            return Err(Error::too_large(message));
         }
         let [width, height, _] = size.map(|n| n as usize);
         let mut texels = vec![[0.0; 4]; count as usize];
@@ -83,7 +63,7 @@ impl Tabulation {
     /// # Errors
     ///
     /// There is nothing to tabulate, or too much.
-    pub fn image(&self, function: impl Fn([f32; 3]) -> [f32; 4] + Sync) -> Result<Image, TabulateError> {
+    pub fn image(&self, function: impl Fn([f32; 3]) -> [f32; 4] + Sync) -> Result<Image> {
         let [width, height, _] = self.size;
         let texels = Self { size: [width, height, 1], ..*self }.texels(function)?;
         Ok(Image::from_linear_rgba(width, height, &texels))
@@ -107,6 +87,8 @@ impl Tabulation {
 
 #[cfg(test)]
 mod tests {
+    use fantex_base::ErrorKind;
+
     use super::*;
 
     #[test]
@@ -144,8 +126,8 @@ mod tests {
     fn tables_of_nothing_or_too_much_are_refused() {
         let constant = |_: [f32; 3]| [0.0; 4];
         let empty = Tabulation { size: [0, 1, 1], ..Tabulation::default() };
-        assert!(matches!(empty.texels(constant), Err(TabulateError::Empty { .. })));
+        assert_eq!(empty.texels(constant).unwrap_err().kind(), ErrorKind::InvalidArgument);
         let huge = Tabulation { size: [u32::MAX; 3], ..Tabulation::default() };
-        assert!(matches!(huge.texels(constant), Err(TabulateError::Memory { .. })));
+        assert_eq!(huge.texels(constant).unwrap_err().kind(), ErrorKind::TooLarge);
     }
 }

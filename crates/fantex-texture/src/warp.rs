@@ -12,6 +12,7 @@
 //!
 //! Paul Heckbert, "Fundamentals of texture mapping and image warping", 1989, has the maps and their inverses.
 
+use fantex_base::{Error, Result};
 use glam::{DMat2, DMat3, DVec2, DVec3, DVec4, Vec2};
 use rayon::prelude::*;
 
@@ -34,38 +35,28 @@ pub trait PlaneMap: Send + Sync {
     fn jacobian(&self, uv: DVec2) -> DMat2;
 }
 
-/// Why corners or a matrix make no map.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-pub enum PlaneMapError {
-    /// A number is infinite or NaN.
-    #[error("a map between texture and image needs finite numbers")]
-    NotFinite,
-    /// The texture or the image is squeezed into a line or a point: no inverse exists.
-    #[error(
-        "the corners of a map between texture and image must span an area: three of them lie on one line"
-    )]
-    Singular,
-}
-
-/// Why an image cannot be made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum WarpError {
-    /// A side of the image is 0 or too long.
-    #[error("cannot warp into {width} x {height} pixels; both sides must be between 1 and {MAX_SIDE}")]
-    Size {
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-    },
-}
-
 /// The longest side of a warped image, in pixels (16 bytes each).
 pub const MAX_SIDE: u32 = 16_384;
 
-fn check_size([width, height]: [u32; 2]) -> Result<(), WarpError> {
+fn check_size([width, height]: [u32; 2]) -> Result<()> {
     let is_side = |n: u32| (1..=MAX_SIDE).contains(&n);
-    if is_side(width) && is_side(height) { Ok(()) } else { Err(WarpError::Size { width, height }) }
+    if is_side(width) && is_side(height) {
+        return Ok(());
+    }
+    let message =
+        format!("cannot warp into {width} x {height} pixels; both sides must be between 1 and {MAX_SIDE}");
+    Err(Error::invalid(message))
+}
+
+fn not_finite() -> Error {
+    Error::invalid("a map between texture and image needs finite numbers")
+}
+
+/// The texture or the image is squeezed into a line or a point: no inverse exists.
+fn singular() -> Error {
+    Error::invalid(
+        "the corners of a map between texture and image must span an area: three of them lie on one line",
+    )
 }
 
 // ---- Affine maps: parallels stay parallel.
@@ -84,14 +75,14 @@ impl AffineMap {
     /// # Errors
     ///
     /// A number is not finite, or the columns are parallel.
-    pub fn new(linear: DMat2, translation: DVec2) -> Result<Self, PlaneMapError> {
+    pub fn new(linear: DMat2, translation: DVec2) -> Result<Self> {
         if !linear.is_finite() || !translation.is_finite() {
-            return Err(PlaneMapError::NotFinite);
+            return Err(not_finite());
         }
         let lengths = linear.x_axis.length() * linear.y_axis.length();
         let inverse = linear.inverse();
         if linear.determinant().abs() <= 1e-12 * lengths || !inverse.is_finite() {
-            return Err(PlaneMapError::Singular);
+            return Err(singular());
         }
         Ok(Self { linear, translation, inverse })
     }
@@ -101,7 +92,7 @@ impl AffineMap {
     /// # Errors
     ///
     /// A number is not finite, or three points lie on one line.
-    pub fn from_points(uv: [DVec2; 3], positions: [DVec2; 3]) -> Result<Self, PlaneMapError> {
+    pub fn from_points(uv: [DVec2; 3], positions: [DVec2; 3]) -> Result<Self> {
         let edges = |p: [DVec2; 3]| DMat2::from_cols(p[1] - p[0], p[2] - p[0]);
         let from = Self::new(edges(uv), uv[0])?;
         let linear = edges(positions) * from.inverse;
@@ -147,16 +138,16 @@ impl BilinearMap {
     /// # Errors
     ///
     /// A number is not finite, or all corners lie on one line.
-    pub fn from_quad([p00, p10, p11, p01]: [DVec2; 4]) -> Result<Self, PlaneMapError> {
+    pub fn from_quad([p00, p10, p11, p01]: [DVec2; 4]) -> Result<Self> {
         let map = Self { origin: p00, along_u: p10 - p00, along_v: p01 - p00, twist: p00 - p10 + p11 - p01 };
         if ![p00, p10, p11, p01].iter().all(|corner| corner.is_finite()) {
-            return Err(PlaneMapError::NotFinite);
+            return Err(not_finite());
         }
         let edges = [map.along_u, map.along_v, p11 - p00];
         let longest = edges.iter().map(|edge| edge.length_squared()).fold(0.0, f64::max);
         let area = |a: usize, b: usize| edges[a].perp_dot(edges[b]).abs();
         if area(0, 1).max(area(0, 2)).max(area(1, 2)) <= 1e-12 * longest {
-            return Err(PlaneMapError::Singular);
+            return Err(singular());
         }
         Ok(map)
     }
@@ -222,14 +213,14 @@ impl ProjectiveMap {
     /// # Errors
     ///
     /// A number is not finite, or the matrix has no inverse.
-    pub fn new(matrix: DMat3) -> Result<Self, PlaneMapError> {
+    pub fn new(matrix: DMat3) -> Result<Self> {
         if !matrix.is_finite() {
-            return Err(PlaneMapError::NotFinite);
+            return Err(not_finite());
         }
         let inverse = matrix.inverse();
         let volume = matrix.x_axis.length() * matrix.y_axis.length() * matrix.z_axis.length();
         if matrix.determinant().abs() <= 1e-14 * volume || !inverse.is_finite() {
-            return Err(PlaneMapError::Singular);
+            return Err(singular());
         }
         Ok(Self { matrix, inverse })
     }
@@ -239,7 +230,7 @@ impl ProjectiveMap {
     /// # Errors
     ///
     /// A number is not finite, or three corners lie on one line.
-    pub fn from_quad(corners: [DVec2; 4]) -> Result<Self, PlaneMapError> {
+    pub fn from_quad(corners: [DVec2; 4]) -> Result<Self> {
         let [p0, p1, p2, p3] = corners;
         // Heckbert 1989, 2.2.3: the sums and differences whose ratios are g and h.
         let sum = p0 - p1 + p2 - p3;
@@ -248,7 +239,7 @@ impl ProjectiveMap {
         let g = sum.perp_dot(down) / area;
         let h = across.perp_dot(sum) / area;
         if area == 0.0 && corners.iter().all(|corner| corner.is_finite()) {
-            return Err(PlaneMapError::Singular);
+            return Err(singular());
         }
         Self::new(DMat3::from_cols(
             (p1 - p0 + g * p1).extend(g),
@@ -262,7 +253,7 @@ impl ProjectiveMap {
     /// # Errors
     ///
     /// A number is not finite, or three of the texture coordinates or of the positions lie on one line.
-    pub fn from_points(uv: [DVec2; 4], positions: [DVec2; 4]) -> Result<Self, PlaneMapError> {
+    pub fn from_points(uv: [DVec2; 4], positions: [DVec2; 4]) -> Result<Self> {
         let matrix = Self::from_quad(positions)?.matrix * Self::from_quad(uv)?.inverse;
         // The denominator shall be positive at the points.
         let denominator = (matrix * uv[0].extend(1.0)).z;
@@ -319,7 +310,7 @@ pub fn warp_inverse(
     map: &dyn PlaneMap,
     size: [u32; 2],
     options: &SampleOptions,
-) -> Result<Image, WarpError> {
+) -> Result<Image> {
     check_size(size)?;
     let [width, height] = size;
     let mut texels = vec![[0.0; 4]; width as usize * height as usize];
@@ -374,12 +365,7 @@ pub enum Spread {
 /// # Errors
 ///
 /// A side is 0 or longer than [`MAX_SIDE`](MAX_SIDE).
-pub fn warp_forward(
-    texture: &Image,
-    map: &dyn PlaneMap,
-    size: [u32; 2],
-    spread: Spread,
-) -> Result<Image, WarpError> {
+pub fn warp_forward(texture: &Image, map: &dyn PlaneMap, size: [u32; 2], spread: Spread) -> Result<Image> {
     check_size(size)?;
     let mut canvas = Canvas::new(size);
     let scale = DVec2::new(f64::from(texture.width), f64::from(texture.height)).recip();

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use fantex_paint::{
     Lens, Picture, PicturePlace, Projection, ProjectionSettings, ProjectionView, StencilBy, Surface,
 };
-use fantex_texture::{Image, LoadImageError};
+use fantex_texture::Image;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
@@ -125,7 +125,7 @@ impl StencilPicture {
     /// # Errors
     ///
     /// It cannot be read.
-    pub fn load(path: &Path) -> Result<Self, LoadImageError> {
+    pub fn load(path: &Path) -> fantex_base::Result<Self> {
         let image = Image::load(path)?;
         let (shape, colors) = (Arc::new(Picture::shape(&image)), Arc::new(Picture::new(&image)));
         Ok(Self { path: path.to_owned(), image, shape, colors })

@@ -7,7 +7,7 @@ use fantex_paint::{
     DEFAULT_FONT, Decal, GraphError, LookSettings, Picture, Surface, SurfacePoint, TextError, TextureGraph,
     draw_text,
 };
-use fantex_texture::{Filtering, Image, LoadImageError, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
+use fantex_texture::{Filtering, Image, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
@@ -214,7 +214,7 @@ pub(crate) enum StickerError {
     Text(#[from] TextError),
     /// The picture cannot be read.
     #[error(transparent)]
-    Image(#[from] LoadImageError),
+    Image(#[from] fantex_base::Error),
     /// No text was written.
     #[error("There is no text: write one in the panel at the left.")]
     NoText,

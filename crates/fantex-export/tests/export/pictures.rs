@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use fantex_bake::{BakeFormat, NoProgress};
-use fantex_export::{ChannelMap, Depth, ExportError, ExportOptions, UvChoice, export_channel, export_model};
+use fantex_base::ErrorKind;
+use fantex_export::{ChannelMap, Depth, ExportOptions, UvChoice, export_channel, export_model};
 use fantex_mesh::generate::{cube, icosphere};
 use fantex_mesh::{Mesh, Model, SurfacePoint};
 use fantex_store::{ChannelKind, Footprint, PageCache, Sampler};
@@ -163,7 +164,7 @@ fn a_missing_channel_is_named() {
         "the asset has no channel for light; it has base-color, orm, normal, emission"
             .replace("base-color, orm, normal, emission", &present(&baked))
     );
-    assert!(matches!(error, ExportError::NoChannel { .. }) && !path.exists());
+    assert!(error.kind() == ErrorKind::NotFound && !path.exists());
 }
 
 fn present(baked: &Baked) -> String {
@@ -232,7 +233,7 @@ fn another_models_coordinates_are_taken_where_its_triangles_are_the_same() {
         &ExportOptions { uv: UvChoice::OfAsset, ..ExportOptions::default() },
         &NoProgress,
     );
-    assert!(matches!(refused, Err(ExportError::NoUv)));
+    assert!(refused.unwrap_err().to_string().starts_with("the asset holds no texture coordinates"));
     // The same cube, its triangles in another order and turned.
     let mut other = cube(3);
     other.triangles.reverse();
@@ -245,7 +246,7 @@ fn another_models_coordinates_are_taken_where_its_triangles_are_the_same() {
     let wrong = with_uv(icosphere(1), 1.0);
     let options = ExportOptions { uv: UvChoice::OfModel(&wrong), force: true, ..ExportOptions::default() };
     let refused = export_model(&baked.asset, &path, &options, &NoProgress);
-    assert!(matches!(refused, Err(ExportError::OtherModel { triangle: 0 })));
+    assert!(refused.unwrap_err().to_string().starts_with("triangle 0 of the asset is none of the model's"));
 }
 
 /// Samples of the surface through the exported picture against the asset's texture function: no renderer between, no

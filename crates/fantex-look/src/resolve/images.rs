@@ -10,8 +10,8 @@ use fantex_texture::coordinates::{ImageLookup, InSpace, SpaceMatrix, SpaceMatrix
 use fantex_texture::environment::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy};
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    AlphaUse, ByteOrder, ColorSpace, Filter, Filtering, FrameTexture, Image, ImageTexture, LoadImageError,
-    RawLayout, SampleOptions, Samples, ShadingPoint, Tabulation, Texture, Volume, VolumeFilter, VolumeLookup,
+    AlphaUse, ByteOrder, ColorSpace, Filter, Filtering, FrameTexture, Image, ImageTexture, RawLayout,
+    SampleOptions, Samples, ShadingPoint, Tabulation, Texture, Volume, VolumeFilter, VolumeLookup,
     VolumeOptions, VolumeTexture, Wrap,
 };
 use glam::{Mat4, Vec3, Vec4};
@@ -43,7 +43,7 @@ impl ImageUse {
 pub struct LookImages(Mutex<HashMap<(PathBuf, ImageUse), Arc<ImageTexture>>>);
 
 impl LookImages {
-    fn file(&self, path: PathBuf, image_use: ImageUse) -> Result<Arc<ImageTexture>, LoadImageError> {
+    fn file(&self, path: PathBuf, image_use: ImageUse) -> Result<Arc<ImageTexture>> {
         let key = (path, image_use);
         let files = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(texture) = files().get(&key) {
@@ -55,11 +55,7 @@ impl LookImages {
     }
 
     /// An image of a model.
-    pub(crate) fn of_model(
-        &self,
-        source: &ImageSource,
-        image_use: ImageUse,
-    ) -> Result<Arc<ImageTexture>, LoadImageError> {
+    pub(crate) fn of_model(&self, source: &ImageSource, image_use: ImageUse) -> Result<Arc<ImageTexture>> {
         match source {
             ImageSource::File(path) => self.file(path.clone(), image_use),
             ImageSource::Embedded { label, bytes } => {

@@ -12,27 +12,27 @@ use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 use std::str::{FromStr, SplitAsciiWhitespace};
 
+use fantex_base::{Error, Place, Result};
+
 use super::{
-    CameraModel, Cameras, EntryProblem, LONGEST_NAME, Listed, MOST_ENTRIES, ReadCamerasError, checked_name,
-    open_within, pose_of_quaternion,
+    CameraModel, Cameras, Listed, MAX_ENTRIES, MAX_NAME_BYTES, bad_name, checked_name, open_within,
+    pose_of_quaternion, syntax, too_many, truncated, two_cameras, unknown_camera,
 };
 
 /// Text files of COLMAP hold every point that every photograph sees.
 const MAX_BYTES: u64 = 64 << 30;
 /// Bytes of one line: two million points.
-const LONGEST_LINE: u64 = 64 << 20;
+const MAX_LINE_BYTES: u64 = 64 << 20;
 /// Parameters of a camera that are looked at.
-const MOST_PARAMETERS: usize = 32;
+const MAX_PARAMETERS: usize = 32;
 
-pub(super) fn read_text_cameras(path: &Path) -> Result<Cameras, ReadCamerasError> {
+pub(super) fn read_text_cameras(path: &Path) -> Result<Cameras> {
     let mut lines = Lines::open(path)?;
     let mut cameras = Cameras::new();
     while lines.next_entry()? {
         let entry = camera(lines.text()).and_then(|(number, camera)| match cameras.insert(number, camera) {
-            Some(_) => Err(EntryProblem::Duplicate { camera: number }),
-            None if cameras.len() > MOST_ENTRIES => {
-                Err(EntryProblem::TooMany { what: "cameras", limit: MOST_ENTRIES })
-            }
+            Some(_) => Err(two_cameras(number)),
+            None if cameras.len() > MAX_ENTRIES => Err(too_many("cameras", MAX_ENTRIES)),
             None => Ok(()),
         });
         entry.map_err(|problem| lines.error(problem))?;
@@ -40,16 +40,16 @@ pub(super) fn read_text_cameras(path: &Path) -> Result<Cameras, ReadCamerasError
     Ok(cameras)
 }
 
-pub(super) fn read_text_images(path: &Path, cameras: &Cameras) -> Result<Vec<Listed>, ReadCamerasError> {
+pub(super) fn read_text_images(path: &Path, cameras: &Cameras) -> Result<Vec<Listed>> {
     let mut lines = Lines::open(path)?;
     let mut images = Vec::new();
     while lines.next_entry()? {
         let entry = image(lines.text()).and_then(|listed| {
             if !cameras.contains_key(&listed.camera) {
-                return Err(EntryProblem::UnknownCamera { name: listed.name, camera: listed.camera });
+                return Err(unknown_camera(&listed.name, listed.camera));
             }
-            if images.len() == MOST_ENTRIES {
-                return Err(EntryProblem::TooMany { what: "photographs", limit: MOST_ENTRIES });
+            if images.len() == MAX_ENTRIES {
+                return Err(too_many("photographs", MAX_ENTRIES));
             }
             images.push(listed);
             Ok(())
@@ -61,19 +61,19 @@ pub(super) fn read_text_images(path: &Path, cameras: &Cameras) -> Result<Vec<Lis
     Ok(images)
 }
 
-fn camera(text: &str) -> Result<(u32, crate::PhotoCamera), EntryProblem> {
+fn camera(text: &str) -> Result<(u32, crate::PhotoCamera)> {
     let mut words = text.split_ascii_whitespace();
     let number = parsed(&mut words, "the number of a camera")?;
     let model = CameraModel::by_name(words.next().unwrap_or_default())?;
     let size = [parsed(&mut words, "the width in pixels")?, parsed(&mut words, "the height in pixels")?];
     let mut parameters = Vec::new();
-    for word in words.take(MOST_PARAMETERS) {
+    for word in words.take(MAX_PARAMETERS) {
         parameters.push(number_of(word, "a parameter of the camera")?);
     }
     Ok((number, model.camera(size, &parameters)?))
 }
 
-fn image(text: &str) -> Result<Listed, EntryProblem> {
+fn image(text: &str) -> Result<Listed> {
     let mut rest = text;
     let mut words = text.split_ascii_whitespace();
     let _number: u32 = parsed(&mut words, "the number of a photograph")?;
@@ -97,15 +97,12 @@ fn image(text: &str) -> Result<Listed, EntryProblem> {
     })
 }
 
-fn parsed<T: FromStr>(
-    words: &mut SplitAsciiWhitespace<'_>,
-    expected: &'static str,
-) -> Result<T, EntryProblem> {
+fn parsed<T: FromStr>(words: &mut SplitAsciiWhitespace<'_>, expected: &'static str) -> Result<T> {
     number_of(words.next().unwrap_or_default(), expected)
 }
 
-fn number_of<T: FromStr>(word: &str, expected: &'static str) -> Result<T, EntryProblem> {
-    word.parse().map_err(|_| EntryProblem::Syntax { expected, found: word.chars().take(40).collect() })
+fn number_of<T: FromStr>(word: &str, expected: &'static str) -> Result<T> {
+    word.parse().map_err(|_| syntax(expected, word))
 }
 
 /// Lines of a file, one at a time.
@@ -117,7 +114,7 @@ struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    fn open(path: &'a Path) -> Result<Self, ReadCamerasError> {
+    fn open(path: &'a Path) -> Result<Self> {
         let reader = BufReader::with_capacity(1 << 16, open_within(path, MAX_BYTES)?);
         Ok(Self { path, reader, text: String::new(), number: 0 })
     }
@@ -127,7 +124,7 @@ impl<'a> Lines<'a> {
     }
 
     /// The next line that is neither empty nor a comment.
-    fn next_entry(&mut self) -> Result<bool, ReadCamerasError> {
+    fn next_entry(&mut self) -> Result<bool> {
         while self.next_line()? {
             let text = self.text.trim();
             if !text.is_empty() && !text.starts_with('#') {
@@ -138,25 +135,22 @@ impl<'a> Lines<'a> {
     }
 
     /// The next line; false at the end of the file.
-    fn next_line(&mut self) -> Result<bool, ReadCamerasError> {
+    fn next_line(&mut self) -> Result<bool> {
         let mut bytes = std::mem::take(&mut self.text).into_bytes();
         bytes.clear();
-        let read = self.reader.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut bytes);
-        let read = read.map_err(|source| ReadCamerasError::Read { path: self.path.into(), source })?;
+        let read = self.reader.by_ref().take(MAX_LINE_BYTES).read_until(b'\n', &mut bytes);
+        let read = read.map_err(|source| Error::reading(self.path, source))?;
         self.number += 1;
-        if read as u64 == LONGEST_LINE {
-            return Err(
-                self.error(EntryProblem::TooMany { what: "bytes in a line", limit: LONGEST_LINE as usize })
-            );
+        if read as u64 == MAX_LINE_BYTES {
+            return Err(self.error(too_many("bytes in a line", MAX_LINE_BYTES as usize)));
         }
-        self.text = String::from_utf8(bytes).map_err(|_| {
-            self.error(EntryProblem::Syntax { expected: "text in UTF-8", found: "other bytes".to_owned() })
-        })?;
+        self.text =
+            String::from_utf8(bytes).map_err(|_| self.error(syntax("text in UTF-8", "other bytes")))?;
         Ok(read > 0)
     }
 
-    fn error(&self, problem: EntryProblem) -> ReadCamerasError {
-        ReadCamerasError::Text { path: self.path.into(), line: self.number, problem }
+    fn error(&self, problem: Error) -> Error {
+        problem.at(Place::Line(self.number as u64)).in_file(self.path)
     }
 }
 
@@ -171,7 +165,7 @@ impl<'a> Lines<'a> {
 /// Bytes of a point in `images.bin`.
 const POINT_BYTES: u64 = 24;
 
-pub(super) fn read_binary_cameras(path: &Path) -> Result<Cameras, ReadCamerasError> {
+pub(super) fn read_binary_cameras(path: &Path) -> Result<Cameras> {
     let mut file = Numbers::open(path)?;
     let count = file.count("cameras")?;
     let mut cameras = Cameras::new();
@@ -187,13 +181,13 @@ pub(super) fn read_binary_cameras(path: &Path) -> Result<Cameras, ReadCamerasErr
         }
         let camera = model.camera(size, &parameters).map_err(|problem| file.error_at(start, problem))?;
         if cameras.insert(number, camera).is_some() {
-            return Err(file.error_at(start, EntryProblem::Duplicate { camera: number }));
+            return Err(file.error_at(start, two_cameras(number)));
         }
     }
     Ok(cameras)
 }
 
-pub(super) fn read_binary_images(path: &Path, cameras: &Cameras) -> Result<Vec<Listed>, ReadCamerasError> {
+pub(super) fn read_binary_images(path: &Path, cameras: &Cameras) -> Result<Vec<Listed>> {
     let mut file = Numbers::open(path)?;
     let count = file.count("photographs")?;
     let mut images = Vec::new();
@@ -210,7 +204,7 @@ pub(super) fn read_binary_images(path: &Path, cameras: &Cameras) -> Result<Vec<L
         let pose = pose_of_quaternion([w, x, y, z], translation);
         let camera_from_world = pose.map_err(|problem| file.error_at(start, problem))?;
         if !cameras.contains_key(&camera) {
-            return Err(file.error_at(start, EntryProblem::UnknownCamera { name, camera }));
+            return Err(file.error_at(start, unknown_camera(&name, camera)));
         }
         let points = u64::from_le_bytes(file.bytes("a photograph")?);
         file.skip(points.saturating_mul(POINT_BYTES), "the points of a photograph")?;
@@ -227,11 +221,11 @@ struct Numbers<'a> {
 }
 
 impl<'a> Numbers<'a> {
-    fn open(path: &'a Path) -> Result<Self, ReadCamerasError> {
+    fn open(path: &'a Path) -> Result<Self> {
         Ok(Self { path, reader: BufReader::with_capacity(1 << 16, open_within(path, MAX_BYTES)?), byte: 0 })
     }
 
-    fn bytes<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N], ReadCamerasError> {
+    fn bytes<const N: usize>(&mut self, what: &'static str) -> Result<[u8; N]> {
         let mut bytes = [0; N];
         match self.reader.read_exact(&mut bytes) {
             Ok(()) => {
@@ -243,49 +237,49 @@ impl<'a> Numbers<'a> {
     }
 
     /// The number of entries, each of which takes memory.
-    fn count(&mut self, what: &'static str) -> Result<u64, ReadCamerasError> {
+    fn count(&mut self, what: &'static str) -> Result<u64> {
         let count = u64::from_le_bytes(self.bytes(what)?);
-        match count > MOST_ENTRIES as u64 {
-            true => Err(self.error_at(0, EntryProblem::TooMany { what, limit: MOST_ENTRIES })),
+        match count > MAX_ENTRIES as u64 {
+            true => Err(self.error_at(0, too_many(what, MAX_ENTRIES))),
             false => Ok(count),
         }
     }
 
-    fn name(&mut self) -> Result<String, ReadCamerasError> {
+    fn name(&mut self) -> Result<String> {
         let (start, mut bytes) = (self.byte, Vec::new());
-        let limit = LONGEST_NAME as u64 + 1;
+        let limit = MAX_NAME_BYTES as u64 + 1;
         let read = self.reader.by_ref().take(limit).read_until(0, &mut bytes);
         let read = read.map_err(|source| self.failed(source, "a name"))?;
         self.byte += read as u64;
         if bytes.pop() != Some(0) {
             let problem = match read as u64 == limit {
-                true => EntryProblem::Name("longer than 4096 bytes"),
-                false => EntryProblem::Truncated { what: "a name" },
+                true => bad_name("longer than 4096 bytes"),
+                false => truncated("a name"),
             };
             return Err(self.error_at(start, problem));
         }
-        let name = String::from_utf8(bytes).map_err(|_| EntryProblem::Name("not UTF-8"));
+        let name = String::from_utf8(bytes).map_err(|_| bad_name("not UTF-8"));
         name.and_then(|name| checked_name(&name)).map_err(|problem| self.error_at(start, problem))
     }
 
-    fn skip(&mut self, bytes: u64, what: &'static str) -> Result<(), ReadCamerasError> {
+    fn skip(&mut self, bytes: u64, what: &'static str) -> Result<()> {
         let skipped = io::copy(&mut self.reader.by_ref().take(bytes), &mut io::sink());
         let skipped = skipped.map_err(|source| self.failed(source, what))?;
         match skipped == bytes {
             true => self.byte += bytes,
-            false => return Err(self.error_at(self.byte, EntryProblem::Truncated { what })),
+            false => return Err(self.error_at(self.byte, truncated(what))),
         }
         Ok(())
     }
 
-    fn failed(&self, source: io::Error, what: &'static str) -> ReadCamerasError {
+    fn failed(&self, source: io::Error, what: &'static str) -> Error {
         match source.kind() {
-            ErrorKind::UnexpectedEof => self.error_at(self.byte, EntryProblem::Truncated { what }),
-            _ => ReadCamerasError::Read { path: self.path.into(), source },
+            ErrorKind::UnexpectedEof => self.error_at(self.byte, truncated(what)),
+            _ => Error::reading(self.path, source),
         }
     }
 
-    fn error_at(&self, byte: u64, problem: impl Into<EntryProblem>) -> ReadCamerasError {
-        ReadCamerasError::Binary { path: self.path.into(), byte, problem: problem.into() }
+    fn error_at(&self, byte: u64, problem: Error) -> Error {
+        problem.at(Place::Byte(byte)).in_file(self.path)
     }
 }

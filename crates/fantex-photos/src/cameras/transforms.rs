@@ -7,17 +7,18 @@ use std::fmt::Write as _;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+use fantex_base::{Error, Place, Result};
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::{
-    CameraFrame, CameraProblem, EntryProblem, MOST_ENTRIES, ReadCamerasError, WriteCamerasError,
-    checked_camera, checked_name, mask_beside, open_within,
+    CameraFrame, MAX_ENTRIES, checked_camera, checked_name, mask_beside, no_photographs, no_pose,
+    open_within, too_many, unknown_model,
 };
 use crate::{CameraFromWorld, Distortion, PhotoCamera, Photograph};
 
-const MOST_BYTES: u64 = 256 << 20;
+const MAX_BYTES: u64 = 256 << 20;
 /// How far the columns of a rotation may be from orthonormal: files are written with few digits.
 const ROTATION_TOLERANCE: f64 = 1e-2;
 /// Extensions that are tried for names without one.
@@ -64,29 +65,35 @@ struct Intrinsics {
     p2: Option<f64>,
 }
 
-pub(super) fn read(
-    path: &Path,
-    images: Option<&Path>,
-    camera_frame: CameraFrame,
-) -> Result<Vec<Photograph>, ReadCamerasError> {
-    let failed = |source| ReadCamerasError::Read { path: path.into(), source };
+pub(super) fn read(path: &Path, images: Option<&Path>, camera_frame: CameraFrame) -> Result<Vec<Photograph>> {
+    let failed = |source| Error::reading(path, source);
     let mut text = Vec::new();
-    open_within(path, MOST_BYTES)?.take(MOST_BYTES).read_to_end(&mut text).map_err(failed)?;
-    let document: Document = serde_json::from_slice(&text)
-        .map_err(|source| ReadCamerasError::Json { path: path.into(), source })?;
+    open_within(path, MAX_BYTES)?.take(MAX_BYTES).read_to_end(&mut text).map_err(failed)?;
+    let document: Document = serde_json::from_slice(&text).map_err(|source| {
+        let message = format!("{} is no transforms.json: {source}", path.display());
+        Error::malformed(message).with_path(path).with_source(source)
+    })?;
     if document.frames.is_empty() {
-        return Err(ReadCamerasError::NoPhotographs { path: path.into() });
+        return Err(no_photographs(path));
     }
-    let wrong = |frame: usize, problem| ReadCamerasError::Frame { path: path.into(), frame, problem };
-    if document.frames.len() > MOST_ENTRIES {
-        let problem = EntryProblem::TooMany { what: "photographs", limit: MOST_ENTRIES };
-        return Err(wrong(MOST_ENTRIES, problem));
+    let wrong =
+        |frame: usize, problem: Error| problem.at(Place::Item(format!("frame {frame}"))).in_file(path);
+    if document.frames.len() > MAX_ENTRIES {
+        let problem = too_many("photographs", MAX_ENTRIES);
+        return Err(wrong(MAX_ENTRIES, problem));
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let moved = match camera_frame {
         CameraFrame::OfFile => Moved::NOT,
         CameraFrame::Original => {
-            document.moved().ok_or(ReadCamerasError::AppliedTransform { path: path.into() })?
+            document.moved().ok_or_else(|| {
+                Error::malformed(format!(
+                    "{}: its applied_transform is not a rotation and a translation, or its applied_scale is not positive; leave \
+                     out frame=original and bring the model into the coordinates of the cameras",
+                    path.display()
+                ))
+                .with_path(path)
+            })?
         }
     };
     let frames = document.frames.iter().enumerate();
@@ -134,12 +141,7 @@ impl Document {
 }
 
 impl Frame {
-    fn photograph(
-        &self,
-        shared: &Intrinsics,
-        folder: &Path,
-        images: Option<&Path>,
-    ) -> Result<Photograph, EntryProblem> {
+    fn photograph(&self, shared: &Intrinsics, folder: &Path, images: Option<&Path>) -> Result<Photograph> {
         let name = checked_name(&self.file_path)?;
         let path = image_path(&name, folder, images);
         let camera = self.camera.clone().or(shared).camera(&path)?;
@@ -195,26 +197,31 @@ impl Intrinsics {
         }
     }
 
-    fn camera(&self, path: &Path) -> Result<PhotoCamera, EntryProblem> {
+    fn camera(&self, path: &Path) -> Result<PhotoCamera> {
         let size = match (self.w, self.h) {
             (Some(width), Some(height)) => [width, height],
-            _ => <[u32; 2]>::from(
-                image::image_dimensions(path)
-                    .map_err(|source| EntryProblem::Size { path: path.into(), source })?,
-            )
+            _ => <[u32; 2]>::from(image::image_dimensions(path).map_err(|source| {
+                let name = path.display();
+                Error::malformed(format!(
+                    "w and h are not given, and the size of {name} cannot be read: {source}"
+                ))
+                .with_source(source)
+            })?)
             .map(f64::from),
         };
         let of_angle = |angle: Option<f64>, side: f64| angle.map(|angle| 0.5 * side / (0.5 * angle).tan());
-        let focal_x =
-            self.fl_x.or(of_angle(self.camera_angle_x, size[0])).ok_or(EntryProblem::NoFocalLength)?;
+        let focal_x = self
+            .fl_x
+            .or(of_angle(self.camera_angle_x, size[0]))
+            .ok_or_else(|| Error::malformed("there is no focal length: expected fl_x or camera_angle_x"))?;
         let focal_y = self.fl_y.or(of_angle(self.camera_angle_y, size[1])).unwrap_or(focal_x);
         let center = DVec2::new(self.cx.unwrap_or(0.5 * size[0]), self.cy.unwrap_or(0.5 * size[1]));
         // Numbers that are no sizes become 0 here, and are refused with it.
         let size = size.map(|side| if side.fract() == 0.0 { side.max(0.0) as u64 } else { 0 });
-        Ok(checked_camera(size, DVec2::new(focal_x, focal_y), center, self.distortion()?)?)
+        checked_camera(size, DVec2::new(focal_x, focal_y), center, self.distortion()?)
     }
 
-    fn distortion(&self) -> Result<Distortion, CameraProblem> {
+    fn distortion(&self) -> Result<Distortion> {
         let k = [self.k1, self.k2, self.k3, self.k4, self.k5, self.k6].map(|k| k.unwrap_or(0.0));
         match self.camera_model.as_deref() {
             Some("SIMPLE_PINHOLE" | "PINHOLE") => Ok(Distortion::PINHOLE),
@@ -230,18 +237,17 @@ impl Intrinsics {
             Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE") => {
                 Ok(Distortion::fisheye([k[0], k[1], k[2], k[3]]))
             }
-            Some(name) => Err(CameraProblem::UnknownModel { name: name.chars().take(40).collect() }),
+            Some(name) => Err(unknown_model(name)),
         }
     }
 }
 
 /// The inverse of a matrix that takes camera to world, with y and z turned round.
-fn pose(rows: &[Vec<f64>]) -> Result<CameraFromWorld, EntryProblem> {
-    let wrong = |reason| EntryProblem::Camera(CameraProblem::Pose(reason));
+fn pose(rows: &[Vec<f64>]) -> Result<CameraFromWorld> {
     let (axes, eye) =
-        columns(rows).ok_or_else(|| wrong("transform_matrix has not four rows of four numbers"))?;
+        columns(rows).ok_or_else(|| no_pose("transform_matrix has not four rows of four numbers"))?;
     if !(is_rotation(axes) && eye.is_finite()) {
-        return Err(wrong("the columns of transform_matrix are no right-handed frame of unit vectors"));
+        return Err(no_pose("the columns of transform_matrix are no right-handed frame of unit vectors"));
     }
     let x = axes.x_axis.normalize();
     let z = x.cross(axes.y_axis).normalize();
@@ -272,7 +278,7 @@ fn is_rotation(axes: DMat3) -> bool {
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_colmap_text(folder: &Path, photographs: &[Photograph]) -> Result<(), WriteCamerasError> {
+pub fn write_colmap_text(folder: &Path, photographs: &[Photograph]) -> Result<()> {
     let mut cameras = "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n".to_owned();
     let mut images =
         "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME\n# POINTS2D[] as (X, Y, POINT3D_ID)\n".to_owned();
@@ -295,7 +301,7 @@ pub fn write_colmap_text(folder: &Path, photographs: &[Photograph]) -> Result<()
 /// # Errors
 ///
 /// A file cannot be written.
-pub fn write_colmap_binary(folder: &Path, photographs: &[Photograph]) -> Result<(), WriteCamerasError> {
+pub fn write_colmap_binary(folder: &Path, photographs: &[Photograph]) -> Result<()> {
     let count = (photographs.len() as u64).to_le_bytes();
     let (mut cameras, mut images) = (count.to_vec(), count.to_vec());
     for (number, photograph) in (1_u32..).zip(photographs) {
@@ -321,17 +327,13 @@ pub fn write_colmap_binary(folder: &Path, photographs: &[Photograph]) -> Result<
 ///
 /// The file cannot be written, or there are lenses that such a file cannot hold: fisheyes beside others, fisheyes with tangential
 /// or thin-prism shifts, field-of-view lenses.
-pub fn write_transforms(
-    path: &Path,
-    photographs: &[Photograph],
-    image_folder: &str,
-) -> Result<(), WriteCamerasError> {
+pub fn write_transforms(path: &Path, photographs: &[Photograph], image_folder: &str) -> Result<()> {
     let fisheyes = photographs.iter().filter(|p| p.camera.lens.is_fisheye()).count();
     if fisheyes != 0 && fisheyes != photographs.len() {
-        return Err(WriteCamerasError::Lenses);
+        return Err(unwritable_lenses());
     }
     let frames = photographs.iter().map(|photograph| frame(photograph, image_folder));
-    let frames: Vec<Value> = frames.collect::<Option<_>>().ok_or(WriteCamerasError::Lenses)?;
+    let frames: Vec<Value> = frames.collect::<Option<_>>().ok_or_else(unwritable_lenses)?;
     let document = json!({
         "camera_model": if fisheyes == 0 { "OPENCV" } else { "OPENCV_FISHEYE" },
         "frames": frames,
@@ -410,6 +412,13 @@ fn joined(numbers: &[f64]) -> String {
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(" ")
 }
 
-fn write(path: PathBuf, bytes: &[u8]) -> Result<(), WriteCamerasError> {
-    std::fs::write(&path, bytes).map_err(|source| WriteCamerasError::Write { path, source })
+fn write(path: PathBuf, bytes: &[u8]) -> Result<()> {
+    std::fs::write(&path, bytes).map_err(|source| Error::writing(path, source))
+}
+
+fn unwritable_lenses() -> Error {
+    Error::unsupported(
+        "transforms.json cannot hold fisheyes beside other lenses, thin prisms or field-of-view lenses; write COLMAP's files \
+         instead",
+    )
 }

@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 
 use fantex_bake::{NoProgress, Progress, Source};
 use fantex_mesh::Mesh;
-use fantex_photos::{Distortion, Lens, PhotoError, PhotoOptions, PhotoSource, Photograph};
+use fantex_photos::{Distortion, Lens, PhotoOptions, PhotoSource, Photograph};
 use fantex_texture::{ColorSpace, Depth, Image, Samples};
 use glam::{DVec3, Quat, Vec3};
 use tempfile::TempDir;
@@ -188,7 +188,7 @@ fn what_a_mask_leaves_out_is_not_laid_on() {
     let wide = Image::from_linear(64, 16, 1, vec![1.0; 1024]);
     wide.converted(Depth::U8, ColorSpace::Linear).save(wrong[0].mask.as_ref().unwrap()).unwrap();
     let error = PhotoSource::new(mesh, &wrong, &options, &NoProgress).unwrap_err();
-    assert!(matches!(error, PhotoError::MaskShape { found: [64, 16], .. }), "{error}");
+    assert!(error.to_string().contains("has [64, 16] pixels, but its photograph has"), "{error}");
 }
 
 #[test]
@@ -256,7 +256,7 @@ fn what_cannot_be_used_is_said() {
             true
         }
     }
-    assert!(matches!(failure(photographs, &Cancelled), PhotoError::Cancelled));
+    assert!(failure(photographs, &Cancelled).is_cancelled());
     let folder = tempfile::tempdir().unwrap();
     let mut broken = photographs[..1].to_vec();
     broken[0].path = folder.path().join("broken.png");

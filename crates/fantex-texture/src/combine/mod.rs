@@ -75,7 +75,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::{Deserialize, Serialize};
 
 use crate::look::Slot;
-use crate::{Allowed, Color, InvalidOption, ShadingPoint, Texture};
+use crate::{Allowed, Color, ShadingPoint, Texture};
 
 pub use scalar::{Contours, Field, RampTexture};
 
@@ -156,7 +156,7 @@ impl Combine {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("an environment mode", "the constant colour", &self.constant.0.to_array())
     }
 }
@@ -464,7 +464,7 @@ impl<T> TextureUse<T> {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("the use of a texture", "the factor", &self.factor.rgba().to_array())?;
         Allowed::Finite.check("the use of a texture", "the offset", &[self.offset])
     }
@@ -568,7 +568,7 @@ impl Clamp {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("clamp", "a limit", &[self.low, self.high])?;
         Allowed::NotNegative.check("clamp", "'high' minus 'low'", &[self.high - self.low])
     }
@@ -580,7 +580,7 @@ impl Remap {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         Allowed::Finite.check("remap", "'from'", &self.from)?;
         Allowed::Finite.check("remap", "'to'", &self.to)?;
         Allowed::NotZero.check("remap", "the length of 'from'", &[self.from[1] - self.from[0]])

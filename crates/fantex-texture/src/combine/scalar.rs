@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Channel, interval, mix};
 use crate::look::Slot;
-use crate::{Allowed, Color, ColorRamp, InvalidOption, ShadingPoint, Texture};
+use crate::{Allowed, Color, ColorRamp, ShadingPoint, Texture};
 
 // A scalar in false colours.
 
@@ -79,7 +79,7 @@ impl Contours {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "contour lines";
         Allowed::Positive.check(OWNER, "the spacing", &[self.spacing])?;
         Allowed::Finite.check(OWNER, "the offset", &[self.offset])?;
@@ -157,7 +157,7 @@ impl Field {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         let Self::Position { min, max } = self else { return Ok(()) };
         Allowed::Finite.check("a position field", "'min'", &min.to_array())?;
         Allowed::Finite.check("a position field", "'max'", &max.to_array())?;

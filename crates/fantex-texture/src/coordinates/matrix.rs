@@ -5,8 +5,9 @@ use glam::{DAffine3, DMat4, DQuat, DVec2, DVec3, EulerRot, Mat2, Mat3, Mat4, Qua
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::invalid_option::singular;
 use crate::look::Slot;
-use crate::{Allowed, InvalidOption, List2, List3, Scale, ShadingPoint, Texture, UvPoint};
+use crate::{Allowed, List2, List3, Scale, ShadingPoint, Texture, UvPoint};
 
 // The texture matrix: affine and projective maps of texture coordinates before the look-up, animated or not.
 
@@ -72,12 +73,12 @@ impl TextureMatrixOptions {
         DVec2::new(x, y).as_vec2()
     }
 
-    fn check(&self) -> Result<(), InvalidOption> {
+    fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a texture matrix";
         let matrix = self.matrix();
         Allowed::Finite.check(OWNER, "the matrix", &matrix.to_cols_array())?;
         if !matrix.inverse().is_finite() {
-            return Err(InvalidOption::Singular { owner: OWNER, field: "the matrix" });
+            return Err(singular(OWNER, "the matrix"));
         }
         Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
         Allowed::NotZero.check(OWNER, "the scale", &self.scale().to_array())?;
@@ -128,7 +129,7 @@ impl TextureMatrix {
     /// # Errors
     ///
     /// A number is out of range, or the matrix has no inverse.
-    pub fn new(options: TextureMatrixOptions) -> Result<Self, InvalidOption> {
+    pub fn new(options: TextureMatrixOptions) -> fantex_base::Result<Self> {
         options.check()?;
         Ok(Self { options, start: options.at(0.0), is_animated: options.is_animated() })
     }
@@ -203,11 +204,11 @@ impl Default for SpaceMatrixOptions {
 }
 
 impl SpaceMatrixOptions {
-    fn check(&self) -> Result<(), InvalidOption> {
+    fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a space matrix";
         Allowed::Finite.check(OWNER, "the matrix", &self.matrix.to_cols_array())?;
         if !self.matrix.inverse().is_finite() {
-            return Err(InvalidOption::Singular { owner: OWNER, field: "the matrix" });
+            return Err(singular(OWNER, "the matrix"));
         }
         Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
         Allowed::NotZero.check(OWNER, "the scale", &self.scale.to_array())?;
@@ -267,7 +268,7 @@ impl SpaceMatrix {
     /// # Errors
     ///
     /// A number is out of range, or the matrix has no inverse.
-    pub fn new(options: SpaceMatrixOptions) -> Result<Self, InvalidOption> {
+    pub fn new(options: SpaceMatrixOptions) -> fantex_base::Result<Self> {
         options.check()?;
         Ok(Self { options, start: options.at(0.0), is_animated: options.is_animated() })
     }
@@ -369,7 +370,7 @@ impl Place {
     /// # Errors
     ///
     /// A number is out of range.
-    pub fn matrix(&self, model_radius: f32) -> Result<SpaceMatrix, InvalidOption> {
+    pub fn matrix(&self, model_radius: f32) -> fantex_base::Result<SpaceMatrix> {
         let unit = match self.unit {
             PlaceUnit::World => 1.0,
             PlaceUnit::Model => f64::from(model_radius),

@@ -10,12 +10,11 @@
 mod image_lookup;
 mod matrix;
 
+use fantex_base::Result;
 use glam::{Vec2, Vec3, Vec4};
 
 use crate::mapping::reflected;
-use crate::{
-    Allowed, InvalidOption, Mapping, SMap, ShadingPoint, Texture, TriplanarMap, TwoPartMapping, UvPoint,
-};
+use crate::{Allowed, Mapping, SMap, ShadingPoint, Texture, TriplanarMap, TwoPartMapping, UvPoint};
 
 pub use image_lookup::ImageLookup;
 pub use matrix::{
@@ -57,7 +56,7 @@ impl Coordinates {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> Result<()> {
         match self {
             // Placed surfaces and matrices have been checked when they were made.
             Self::Uv { .. } | Self::Surface(_) | Self::Projected(_) => Ok(()),
@@ -148,7 +147,7 @@ impl Direction {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> Result<()> {
         match self {
             Self::From { center } => Allowed::Finite.check("a direction", "the centre", &center.to_array()),
             Self::Reflection | Self::Normal | Self::View => Ok(()),
@@ -238,7 +237,7 @@ impl Parameter {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> Result<()> {
         match self {
             Self::Along { origin, direction } => {
                 Allowed::Finite.check("a height", "the origin", &origin.to_array())?;

@@ -135,14 +135,14 @@ impl Recipe {
             1 => (256, Some(48)),
             2 => (64, Some(256)),
             3 | 4 => (32, None),
-            _ => (SMALLEST_SIDE, None),
+            _ => (MIN_SIDE, None),
         };
-        Self { side: side.min(base_side.max(SMALLEST_SIDE)), directions }
+        Self { side: side.min(base_side.max(MIN_SIDE)), directions }
     }
 }
 
 /// Coarser grids would show in the interpolation.
-const SMALLEST_SIDE: u32 = 16;
+const MIN_SIDE: u32 = 16;
 
 /// Most texels along a face of the level that is summed.
 const SUMMED_SIDE: u32 = 32;

@@ -1,16 +1,17 @@
 //! A map and its look-ups.
 
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
+use fantex_base::{Error, Result};
 use glam::{Vec2, Vec3, Vec3A, Vec4};
 use rayon::prelude::*;
 
 use super::form::{mirrored, mirrored_steps};
 use super::level::{Level, halve};
 use super::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout};
-use crate::{Image, LoadImageError, ShadingPoint, Texture};
+use crate::{Image, ShadingPoint, Texture};
 
 /// Longest ratio of a footprint's axes that [`EnvironmentMap::sample`] honours.
 pub const MAX_ENVIRONMENT_ANISOTROPY: f32 = 16.0;
@@ -228,70 +229,6 @@ fn allowed(color: Vec3) -> Vec3A {
 
 // ---- Maps from files.
 
-/// Why an environment could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadEnvironmentError {
-    /// The picture itself.
-    #[error(transparent)]
-    Image(#[from] LoadImageError),
-    /// No layout has these proportions.
-    #[error(
-        "'{path}' has {width} x {height} texels, which is no environment; give a panorama (2:1), a cube's cross (4:3 or \
-         3:4) or a strip of its faces (6:1 or 1:6)"
-    )]
-    Proportions {
-        /// The file.
-        path: PathBuf,
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-    },
-    /// The layout that was asked for has other proportions.
-    #[error("'{path}' has {width} x {height} texels, but its layout needs {columns} : {rows}")]
-    Layout {
-        /// The file.
-        path: PathBuf,
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Proportion of the columns.
-        columns: u32,
-        /// Proportion of the rows.
-        rows: u32,
-    },
-    /// The faces of a cube do not match.
-    #[error(
-        "face '{path}' of a cube has {width} x {height} texels; all six must be squares of {side} x {side}, as the first is \
-         wide"
-    )]
-    Face {
-        /// The face's file.
-        path: PathBuf,
-        /// Its columns.
-        width: u32,
-        /// Its rows.
-        height: u32,
-        /// Columns of the first face.
-        side: u32,
-    },
-    /// Too much memory.
-    #[error(
-        "'{path}' has {width} x {height} texels, more than the {limit} that an environment may have; scale it down"
-    )]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Columns.
-        width: u32,
-        /// Rows.
-        height: u32,
-        /// Most texels.
-        limit: u64,
-    },
-}
-
 /// Most texels of a picture: a map takes 21 bytes per texel.
 const MAX_TEXELS: u64 = 1 << 27;
 
@@ -301,27 +238,33 @@ impl EnvironmentMap {
     ///
     /// # Errors
     /// The file is no image, is too large or has other proportions.
-    pub fn load(path: impl AsRef<Path>) -> Result<Self, LoadEnvironmentError> {
+    pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let (path, image) = load_within_limit(path.as_ref())?;
         let (width, height) = (image.width, image.height);
         EnvironmentLayout::of_size(width, height)
             .and_then(|layout| Self::from_image(&image, layout))
-            .ok_or(LoadEnvironmentError::Proportions { path, width, height })
+            .ok_or_else(|| {
+                Error::malformed(format!(
+                    "'{}' has {width} x {height} texels, which is no environment; give a panorama (2:1), a cube's cross (4:3 \
+                     or 3:4) or a strip of its faces (6:1 or 1:6)",
+                    path.display()
+                ))
+                .with_path(path)
+            })
     }
 
     /// As [`EnvironmentMap::load`], with the layout said.
     ///
     /// # Errors
     /// The file is no image, is too large or does not have the layout's proportions.
-    pub fn load_as(path: impl AsRef<Path>, layout: EnvironmentLayout) -> Result<Self, LoadEnvironmentError> {
+    pub fn load_as(path: impl AsRef<Path>, layout: EnvironmentLayout) -> Result<Self> {
         let (path, image) = load_within_limit(path.as_ref())?;
         let (width, height, [columns, rows]) = (image.width, image.height, layout.cells());
-        Self::from_image(&image, layout).ok_or(LoadEnvironmentError::Layout {
-            path,
-            width,
-            height,
-            columns,
-            rows,
+        Self::from_image(&image, layout).ok_or_else(|| {
+            let name = path.display();
+            let message =
+                format!("'{name}' has {width} x {height} texels, but its layout needs {columns} : {rows}");
+            Error::malformed(message).with_path(path)
         })
     }
 
@@ -329,14 +272,19 @@ impl EnvironmentMap {
     ///
     /// # Errors
     /// A file is no image, or they are not squares of one size.
-    pub fn load_faces(paths: [&Path; CubeFace::ALL.len()]) -> Result<Self, LoadEnvironmentError> {
+    pub fn load_faces(paths: [&Path; CubeFace::ALL.len()]) -> Result<Self> {
         let mut faces = Vec::with_capacity(paths.len());
         for path in paths {
             let (path, image) = load_within_limit(path)?;
             let side = faces.first().map_or(image.width, |first: &Image| first.width);
             let (width, height) = (image.width, image.height);
             if width != side || height != side {
-                return Err(LoadEnvironmentError::Face { path, width, height, side });
+                let message = format!(
+                    "face '{}' of a cube has {width} x {height} texels; all six must be squares of {side} x {side}, as the first \
+                     is wide",
+                    path.display()
+                );
+                return Err(Error::malformed(message).with_path(path));
             }
             faces.push(image);
         }
@@ -348,11 +296,15 @@ impl EnvironmentMap {
     }
 }
 
-fn load_within_limit(path: &Path) -> Result<(PathBuf, Image), LoadEnvironmentError> {
+fn load_within_limit(path: &Path) -> Result<(&Path, Image)> {
     let image = Image::load(path)?;
-    let (path, width, height) = (path.to_owned(), image.width, image.height);
+    let (width, height) = (image.width, image.height);
     if u64::from(width) * u64::from(height) > MAX_TEXELS {
-        return Err(LoadEnvironmentError::TooLarge { path, width, height, limit: MAX_TEXELS });
+        let message = format!(
+            "'{}' has {width} x {height} texels, more than the {MAX_TEXELS} that an environment may have; scale it down",
+            path.display()
+        );
+        return Err(Error::too_large(message).with_path(path));
     }
     Ok((path, image))
 }

@@ -23,8 +23,5 @@ mod sky;
 
 pub use form::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentLayout, mirrored, mirrored_steps};
 pub use lighting::{IrradianceHarmonics, PREFILTERED_LEVELS, PrefilteredEnvironment};
-pub use map::{
-    CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy, LoadEnvironmentError,
-    MAX_ENVIRONMENT_ANISOTROPY,
-};
-pub use sky::{MAX_TURBIDITY, Sky, SkyError};
+pub use map::{CubeTexture, DirectionSource, EnvironmentMap, EnvironmentProxy, MAX_ENVIRONMENT_ANISOTROPY};
+pub use sky::{MAX_TURBIDITY, Sky};

@@ -7,7 +7,7 @@
 
 use std::f32::consts::PI;
 
-use fantex_base::parameters;
+use fantex_base::{Error, Result, parameters};
 use glam::{Mat3, Vec3};
 
 use super::{EnvironmentForm, EnvironmentMap};
@@ -34,23 +34,6 @@ parameters! {
     }
 }
 
-/// Parameters that are no sky.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
-#[non_exhaustive]
-pub enum SkyError {
-    /// Zero or not finite.
-    #[error(
-        "the direction to the sun, {0}, is no direction; give three finite numbers that are not all zero"
-    )]
-    Sun(Vec3),
-    /// Outside the model.
-    #[error("a turbidity of {0} is outside the sky's model; give 2 to {MAX_TURBIDITY}")]
-    Turbidity(f32),
-    /// Not a reflectance.
-    #[error("the ground's reflectance, {0}, must be finite and not negative")]
-    Ground(Vec3),
-}
-
 /// Luminances are divided by this many kcd/m², so that a white sheet in the sun is about one.
 const WHITE_KCD: f32 = 30.0;
 
@@ -65,15 +48,24 @@ impl Sky {
     ///
     /// # Errors
     /// A parameter is not finite or outside the model.
-    pub fn check(&self) -> Result<(), SkyError> {
+    pub fn check(&self) -> Result<()> {
         if !self.to_sun.is_finite() || self.to_sun.try_normalize().is_none() {
-            return Err(SkyError::Sun(self.to_sun));
+            return Err(Error::invalid(format!(
+                "the direction to the sun, {}, is no direction; give three finite numbers that are not all zero",
+                self.to_sun
+            )));
         }
         if !(2.0..=MAX_TURBIDITY).contains(&self.turbidity) {
-            return Err(SkyError::Turbidity(self.turbidity));
+            return Err(Error::invalid(format!(
+                "a turbidity of {} is outside the sky's model; give 2 to {MAX_TURBIDITY}",
+                self.turbidity
+            )));
         }
         if !self.ground.rgb().is_finite() || self.ground.rgb().min_element() < 0.0 {
-            return Err(SkyError::Ground(self.ground.rgb()));
+            return Err(Error::invalid(format!(
+                "the ground's reflectance, {}, must be finite and not negative",
+                self.ground.rgb()
+            )));
         }
         Ok(())
     }
@@ -85,7 +77,7 @@ impl Sky {
     ///
     /// # Panics
     /// If `side` is zero.
-    pub fn to_map(&self, side: u32) -> Result<EnvironmentMap, SkyError> {
+    pub fn to_map(&self, side: u32) -> Result<EnvironmentMap> {
         self.check()?;
         let air = Air::new(self);
         // A plain reflects the mean, weighted by the cosine, of what is above.
@@ -262,9 +254,10 @@ mod tests {
     #[test]
     fn parameters_are_checked() {
         let sky = Sky::default();
-        assert!(matches!(Sky { to_sun: Vec3::ZERO, ..sky }.to_map(4), Err(SkyError::Sun(_))));
-        assert!(matches!(Sky { turbidity: f32::NAN, ..sky }.to_map(4), Err(SkyError::Turbidity(_))));
-        assert!(matches!(Sky { ground: Vec3::NEG_ONE.into(), ..sky }.to_map(4), Err(SkyError::Ground(_))));
+        let refused = |sky: Sky| sky.to_map(4).unwrap_err().to_string();
+        assert!(refused(Sky { to_sun: Vec3::ZERO, ..sky }).starts_with("the direction to the sun"));
+        assert!(refused(Sky { turbidity: f32::NAN, ..sky }).starts_with("a turbidity of NaN"));
+        assert!(refused(Sky { ground: Vec3::NEG_ONE.into(), ..sky }).starts_with("the ground's reflectance"));
         for to_sun in [Vec3::Y, Vec3::NEG_Y, Vec3::X, Vec3::new(1.0, -0.1, 0.0)] {
             for turbidity in [2.0, MAX_TURBIDITY] {
                 let map = Sky { to_sun, turbidity, has_sun: true, ..sky }.to_map(16).unwrap();

@@ -12,7 +12,7 @@ use crate::color::{linear_from_srgb8_table, unorm16};
 use crate::image::{ColorSpace, Image, Samples};
 
 /// Levels of the largest image.
-const MOST_LEVELS: usize = 32;
+const MAX_LEVELS: usize = 32;
 
 /// The samples of a level.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +28,7 @@ pub(crate) struct Levels<'a> {
     channels: u8,
     /// Whether bytes are encoded; numbers of 16 bits are linear.
     is_srgb: bool,
-    stored: ArrayVec<Stored<'a>, MOST_LEVELS>,
+    stored: ArrayVec<Stored<'a>, MAX_LEVELS>,
 }
 
 impl<'a> Levels<'a> {
@@ -38,7 +38,7 @@ impl<'a> Levels<'a> {
         if !(is_small && matches!(base.channels, 1 | 3 | 4)) {
             return None;
         }
-        if coarser.len() >= MOST_LEVELS {
+        if coarser.len() >= MAX_LEVELS {
             return None;
         }
         let stored = |image: &'a Image| match &image.samples {

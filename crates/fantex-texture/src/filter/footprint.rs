@@ -121,7 +121,7 @@ const FALLOFF: f32 = 2.0;
 /// The minor axis, in texels of a level, from which on that level alone is fine enough.
 pub const EWA_MINOR_TEXELS: f32 = 3.0;
 /// No axis is shorter, so that there is always a texel inside the ellipse.
-const SMALLEST_AXIS_TEXELS: f32 = 1.0;
+const MIN_AXIS_TEXELS: f32 = 1.0;
 const TABLE_SIZE: usize = 1024;
 
 /// `exp(-2 r^2) - exp(-2)` by `r^2`.
@@ -152,8 +152,8 @@ pub struct WeightedEllipse {
 impl WeightedEllipse {
     /// The ellipse around `center` with these axes, each at least one texel long, so that there is always a texel inside.
     pub fn new(center: Vec2, axes: &FootprintAxes) -> Self {
-        let major2 = axes.major.max(SMALLEST_AXIS_TEXELS).powi(2);
-        let minor2 = axes.minor.max(SMALLEST_AXIS_TEXELS).powi(2);
+        let major2 = axes.major.max(MIN_AXIS_TEXELS).powi(2);
+        let minor2 = axes.minor.max(MIN_AXIS_TEXELS).powi(2);
         let Vec2 { x: cos, y: sin } = axes.direction;
         let xx = major2 * cos * cos + minor2 * sin * sin;
         let xy = (major2 - minor2) * cos * sin;

@@ -8,7 +8,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Mapping, ShapePoint};
-use crate::{Allowed, InvalidOption};
+use crate::Allowed;
+use crate::invalid_option::singular;
 
 // Projection along a direction onto a placed plane.
 
@@ -86,7 +87,7 @@ impl PlanarMap {
         ShapePoint { position: p - normal * normal.dot(p - self.origin), normal }
     }
 
-    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+    pub(super) fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a plane mapping";
         Allowed::Finite.check(OWNER, "the origin", &self.origin.to_array())?;
         for gradient in [self.u_gradient, self.v_gradient] {
@@ -94,7 +95,7 @@ impl PlanarMap {
         }
         let area = self.u_gradient.cross(self.v_gradient).length();
         if area <= 1e-6 * self.u_gradient.length() * self.v_gradient.length() {
-            return Err(InvalidOption::Singular { owner: OWNER, field: "the pair of gradients" });
+            return Err(singular(OWNER, "the pair of gradients"));
         }
         Ok(())
     }
@@ -230,7 +231,7 @@ impl BoxMap {
         ShapePoint { position, normal }
     }
 
-    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+    pub(super) fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a box mapping";
         Allowed::Finite.check(OWNER, "the smallest corner", &self.bounds.min.to_array())?;
         Allowed::Finite.check(OWNER, "the largest corner", &self.bounds.max.to_array())?;
@@ -343,7 +344,7 @@ impl CylinderMap {
         ShapePoint { position: axis + normal * self.radius, normal }
     }
 
-    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+    pub(super) fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a cylinder mapping";
         Allowed::Finite.check(OWNER, "the centre", &self.center.to_array())?;
         Allowed::Positive.check(OWNER, "the radius", &[self.radius])?;
@@ -413,7 +414,7 @@ impl SphereMap {
         self.center + self.direction(uv) * self.radius
     }
 
-    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+    pub(super) fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a sphere mapping";
         Allowed::Finite.check(OWNER, "the centre", &self.center.to_array())?;
         Allowed::Positive.check(OWNER, "the radius", &[self.radius])?;
@@ -533,7 +534,7 @@ impl HemisphereMap {
         foot_on_sphere(self.center, self.radius, p)
     }
 
-    pub(super) fn check(&self) -> Result<(), InvalidOption> {
+    pub(super) fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a hemispheres mapping";
         Allowed::Finite.check(OWNER, "the centre", &self.center.to_array())?;
         Allowed::Positive.check(OWNER, "the radius", &[self.radius])

@@ -3,7 +3,7 @@
 use fantex_base::Aabb;
 use glam::{Vec2, Vec3};
 
-use crate::{Allowed, InvalidOption};
+use crate::Allowed;
 
 /// Projections along x, y and z with weights `|n|^sharpness`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +39,7 @@ impl TriplanarMap {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         const OWNER: &str = "a triplanar mapping";
         Allowed::Finite.check(OWNER, "the origin", &self.origin.to_array())?;
         Allowed::NotZero.check(OWNER, "the scale", &[self.scale])?;

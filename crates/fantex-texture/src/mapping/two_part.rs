@@ -5,7 +5,8 @@ use glam::{Affine3A, EulerRot, Quat, Vec2, Vec3};
 
 use super::shape::{foot_on_sphere, leave_sphere};
 use super::{BoxMap, CylinderMap, HemisphereMap, Mapping, PlanarMap, SphereMap};
-use crate::{Allowed, InvalidOption, ShadingPoint, UvPoint};
+use crate::invalid_option::singular;
+use crate::{Allowed, ShadingPoint, UvPoint};
 
 // S-maps: texture coordinates of a placed intermediate surface.
 
@@ -129,7 +130,7 @@ impl Shape {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         match self {
             Self::Plane(map) => map.check(),
             Self::Box(map) => map.check(),
@@ -168,7 +169,7 @@ impl Placement {
     }
 
     /// From the fitted surface's space to the object's.
-    fn object_from_surface(&self) -> Result<Affine3A, InvalidOption> {
+    fn object_from_surface(&self) -> fantex_base::Result<Affine3A> {
         const OWNER: &str = "a mapping's placement";
         Allowed::Finite.check(OWNER, "the pivot", &self.pivot.to_array())?;
         Allowed::NotZero.check(OWNER, "the scale", &self.scale.to_array())?;
@@ -198,12 +199,12 @@ impl SMap {
     /// # Errors
     ///
     /// A number of the shape or the placement is out of range.
-    pub fn new(shape: Shape, placement: &Placement) -> Result<Self, InvalidOption> {
+    pub fn new(shape: Shape, placement: &Placement) -> fantex_base::Result<Self> {
         shape.check()?;
         let object_from_surface = placement.object_from_surface()?;
         let surface_from_object = object_from_surface.inverse();
         if !surface_from_object.is_finite() {
-            return Err(InvalidOption::Singular { owner: "a mapping's placement", field: "the scale" });
+            return Err(singular("a mapping's placement", "the scale"));
         }
         Ok(Self { shape, object_from_surface, surface_from_object })
     }
@@ -300,7 +301,7 @@ impl TwoPartMapping {
     /// # Errors
     ///
     /// The first number that is not.
-    pub fn check(&self) -> Result<(), InvalidOption> {
+    pub fn check(&self) -> fantex_base::Result<()> {
         match self.o_map {
             OMap::Centroid { center } => {
                 Allowed::Finite.check("a two-part mapping", "the centroid", &center.to_array())

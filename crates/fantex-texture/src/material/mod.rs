@@ -20,7 +20,7 @@ use fantex_mesh::{
 use glam::{Mat3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{AlphaUse, ColorSpace, Image, ImageTexture, LoadImageError, Samples, Wrap};
+use crate::{AlphaUse, ColorSpace, Image, ImageTexture, Samples, Wrap};
 
 pub use filtering::*;
 
@@ -92,7 +92,7 @@ pub struct MaterialImageError {
     pub channel: &'static str,
     /// What is wrong with the image.
     #[source]
-    pub cause: Box<LoadImageError>,
+    pub cause: Box<fantex_base::Error>,
 }
 
 /// A material in messages: its name and its place in the model file, as far as there are any.
@@ -189,7 +189,7 @@ fn image_use(material: &Material, texture: &TextureRef, srgb: bool) -> ImageUse 
     ImageUse { image: texture.image, srgb, alpha_is_coverage }
 }
 
-fn decode(source: &ImageSource, image_use: ImageUse) -> Result<ImageTexture, LoadImageError> {
+fn decode(source: &ImageSource, image_use: ImageUse) -> Result<ImageTexture, fantex_base::Error> {
     let space = if image_use.srgb { ColorSpace::Srgb } else { ColorSpace::Linear };
     let mut image = match source {
         ImageSource::File(path) => Image::load_as(path, space)?,

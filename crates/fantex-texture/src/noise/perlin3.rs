@@ -214,7 +214,7 @@ impl Noise {
             out.fill(0.0);
             let (mut frequency, mut amplitude) = (1.0, 1.0);
             for octave in 0..fractal.octaves {
-                let is_seen = octave < MOST_OCTAVES as u32 && band_limit(frequency, narrowest) > 0.0;
+                let is_seen = octave < MAX_OCTAVES as u32 && band_limit(frequency, narrowest) > 0.0;
                 if is_seen {
                     let origin = octave_origin(octave);
                     at.iter_mut().zip(points).for_each(|(at, &p)| *at = p * frequency + origin);
@@ -264,11 +264,11 @@ fn octave_origin(octave: u32) -> Vec3 {
 }
 
 /// Value and remaining share ([`band_limit`]) of each octave that the footprint leaves, all in one vector.
-fn octaves_at(seed: u32, p: Vec3, fractal: Fractal, footprint: f32) -> ArrayVec<(f32, f32), MOST_OCTAVES> {
-    let (mut seeds, mut at) = ([0; MOST_OCTAVES], [[0.0; MOST_OCTAVES]; 3]);
+fn octaves_at(seed: u32, p: Vec3, fractal: Fractal, footprint: f32) -> ArrayVec<(f32, f32), MAX_OCTAVES> {
+    let (mut seeds, mut at) = ([0; MAX_OCTAVES], [[0.0; MAX_OCTAVES]; 3]);
     let mut result = ArrayVec::new();
     let mut frequency = 1.0;
-    for octave in 0..fractal.octaves.min(MOST_OCTAVES as u32) {
+    for octave in 0..fractal.octaves.min(MAX_OCTAVES as u32) {
         let left = band_limit(frequency, footprint);
         if left == 0.0 && fractal.lacunarity >= 1.0 {
             break;
@@ -293,7 +293,7 @@ fn octaves_at(seed: u32, p: Vec3, fractal: Fractal, footprint: f32) -> ArrayVec<
 // multiplications: the values are equal bit by bit for coordinates below 2^31 (a zero may differ in its sign).
 
 /// Most octave_values that [`octave_values`] evaluates.
-pub(super) const MOST_OCTAVES: usize = 16;
+pub(super) const MAX_OCTAVES: usize = 16;
 
 fn level() -> Level {
     static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
@@ -341,13 +341,13 @@ fn values_in<S: Simd>(simd: S, seed: u32, points: &[Vec3], out: &mut [f32]) {
     }
 }
 
-/// Noise of up to [`MOST_OCTAVES`] seeds, each at its own point: the octave_values of a fractal sum.
+/// Noise of up to [`MAX_OCTAVES`] seeds, each at its own point: the octave_values of a fractal sum.
 fn octave_values(
-    seeds: &[u32; MOST_OCTAVES],
-    at: &[[f32; MOST_OCTAVES]; 3],
+    seeds: &[u32; MAX_OCTAVES],
+    at: &[[f32; MAX_OCTAVES]; 3],
     count: usize,
-) -> [f32; MOST_OCTAVES] {
-    let mut out = [0.0; MOST_OCTAVES];
+) -> [f32; MAX_OCTAVES] {
+    let mut out = [0.0; MAX_OCTAVES];
     let level = if count <= 8 { level_of_eight_lanes() } else { level() };
     dispatch!(level, simd => octaves_in(simd, seeds, at, count, &mut out));
     out
@@ -356,10 +356,10 @@ fn octave_values(
 #[inline(always)]
 fn octaves_in<S: Simd>(
     simd: S,
-    seeds: &[u32; MOST_OCTAVES],
-    at: &[[f32; MOST_OCTAVES]; 3],
+    seeds: &[u32; MAX_OCTAVES],
+    at: &[[f32; MAX_OCTAVES]; 3],
     count: usize,
-    out: &mut [f32; MOST_OCTAVES],
+    out: &mut [f32; MAX_OCTAVES],
 ) {
     let lanes = S::f32s::LEN;
     for first in (0..count).step_by(lanes) {

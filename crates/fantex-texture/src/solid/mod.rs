@@ -19,7 +19,7 @@ macro_rules! seeded {
                 Self { seed: self.seed.wrapping_add(seed), ..*self }
             }
 
-            $(fn check(&self) -> Result<(), $crate::InvalidOption> {
+            $(fn check(&self) -> fantex_base::Result<()> {
                 let $of = self;
                 $check
             })?
@@ -37,7 +37,7 @@ use glam::{Vec3, Vec4};
 
 use crate::noise::{Fractal, Noise};
 
-use crate::{InvalidOption, ShadingPoint, Texture};
+use crate::{ShadingPoint, Texture};
 
 pub use landscape::Landscape;
 pub use pattern::{Brick, Checker, CloudField, Clouds};
@@ -123,7 +123,7 @@ pub trait Recipe {
     /// # Errors
     ///
     /// The first number that is not.
-    fn check(&self) -> Result<(), InvalidOption> {
+    fn check(&self) -> fantex_base::Result<()> {
         Ok(())
     }
 }

@@ -5,7 +5,7 @@ use glam::{IVec3, Vec3};
 
 use super::{Recipe, Solid, SolidPoint, opaque};
 use crate::noise::{Fractal, FractalKind, FractalNoise, Noise, NoiseFamily, smoothstep};
-use crate::{Allowed, Color, InvalidOption, PositiveList3};
+use crate::{Allowed, Color, PositiveList3};
 
 // A chequerboard of cubes, averaged exactly.
 
@@ -45,7 +45,7 @@ impl Recipe for Checker {
         *self
     }
 
-    fn check(&self) -> Result<(), InvalidOption> {
+    fn check(&self) -> fantex_base::Result<()> {
         Allowed::Positive.check("a checker", "cell", &[self.cell])?;
         Allowed::NotNegative.check("a checker", "colour", &self.even.rgb().to_array())?;
         Allowed::NotNegative.check("a checker", "colour", &self.odd.rgb().to_array())
@@ -203,7 +203,7 @@ impl Recipe for Clouds {
         CloudField { clouds: *self, noise, swirl: Noise::new(seed ^ 0x68bc_21eb) }
     }
 
-    fn check(&self) -> Result<(), InvalidOption> {
+    fn check(&self) -> fantex_base::Result<()> {
         Allowed::Positive.check("clouds", "size", &[self.size])?;
         Allowed::Share.check("clouds", "cover", &[self.cover])?;
         Allowed::Positive.check("clouds", "softness", &[self.softness])?;

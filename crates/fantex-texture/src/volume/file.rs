@@ -3,14 +3,15 @@
 //! Sizes are checked against the memory limit before anything is allocated, and against the file's length before it is read.
 
 use std::fs::File;
+use std::io;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
-use std::{fmt, io};
 
+use fantex_base::{Error, Place, Result};
 use glam::Vec3;
 
-use super::{MAX_VOLUME_SIDE, Volume, bytes_with_levels, checked_samples, sample_bytes};
-use crate::{ColorSpace, Depth, Image, LoadImageError, Samples};
+use super::{Volume, bytes_with_levels, checked_samples, sample_bytes};
+use crate::{ColorSpace, Depth, Image, Samples};
 
 /// The order of a number's bytes in a file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -56,11 +57,11 @@ impl Volume {
     ///
     /// A file cannot be read, is damaged or of another kind, or the volume with its levels would take more than
     /// `memory_bytes`.
-    pub fn load_meta_image(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Self, LoadVolumeError> {
+    pub fn load_meta_image(path: impl AsRef<Path>, memory_bytes: u64) -> Result<Self> {
         let path = path.as_ref();
         let mut start = Vec::new();
         let opened = File::open(path).and_then(|f| f.take(MAX_HEADER_BYTES as u64).read_to_end(&mut start));
-        opened.map_err(|source| LoadVolumeError::Read { path: path.to_owned(), source })?;
+        opened.map_err(|source| Error::reading(path, source))?;
         let Header { mut layout, spacing, data, is_at_end } = parse(&start, path)?;
         let data_path = match &data {
             DataFile::Local(first) => {
@@ -78,24 +79,17 @@ impl Volume {
     ///
     /// There is no image, one cannot be read or differs from the first, or the volume with its levels would take more than
     /// `memory_bytes`.
-    pub fn load_slices(
-        paths: &[impl AsRef<Path>],
-        space: ColorSpace,
-        memory_bytes: u64,
-    ) -> Result<Self, LoadVolumeError> {
+    pub fn load_slices(paths: &[impl AsRef<Path>], space: ColorSpace, memory_bytes: u64) -> Result<Self> {
         let mut slices: Vec<Image> = Vec::new();
         for (index, path) in paths.iter().enumerate() {
-            let slice_error = |source| LoadVolumeError::Slice { index, source };
-            let slice = Image::load_as(path, space).map_err(slice_error)?;
+            let slice = Image::load_as(path, space)
+                .map_err(|error| error.context(format!("slice {index} of a volume")))?;
             let size = [slice.width, slice.height, u32::try_from(paths.len()).unwrap_or(u32::MAX)];
             let needed = bytes_with_levels(size, slice.channels, slice.samples.depth());
-            if needed > memory_bytes {
-                let path = path.as_ref().to_owned();
-                return Err(LoadVolumeError::Memory { path, needed, limit: memory_bytes });
-            }
+            check_memory(path.as_ref(), needed, memory_bytes)?;
             slices.push(slice);
         }
-        Ok(Self::from_slices(&slices)?)
+        Self::from_slices(&slices).map_err(|error| error.context("the slices of a volume do not fit"))
     }
 
     /// Reads a file of plain numbers.
@@ -104,38 +98,39 @@ impl Volume {
     ///
     /// The size is impossible, the file cannot be read or is too short, or the volume with its levels would take more than
     /// `memory_bytes`.
-    pub fn load_raw(
-        path: impl AsRef<Path>,
-        layout: &RawLayout,
-        memory_bytes: u64,
-    ) -> Result<Self, LoadVolumeError> {
+    pub fn load_raw(path: impl AsRef<Path>, layout: &RawLayout, memory_bytes: u64) -> Result<Self> {
         load(path.as_ref(), *layout, false, memory_bytes)
     }
 }
 
-fn load(
-    path: &Path,
-    layout: RawLayout,
-    is_at_end: bool,
-    memory_bytes: u64,
-) -> Result<Volume, LoadVolumeError> {
-    let size_error = |source| LoadVolumeError::Size { path: path.to_owned(), source };
-    checked_samples(layout.size, layout.channels).map_err(size_error)?;
+fn load(path: &Path, layout: RawLayout, is_at_end: bool, memory_bytes: u64) -> Result<Volume> {
+    checked_samples(layout.size, layout.channels).map_err(|error| error.in_file(path))?;
     let needed = bytes_with_levels(layout.size, layout.channels, layout.depth);
-    if needed > memory_bytes {
-        return Err(LoadVolumeError::Memory { path: path.to_owned(), needed, limit: memory_bytes });
-    }
-    let read_error = |source| LoadVolumeError::Read { path: path.to_owned(), source };
+    check_memory(path, needed, memory_bytes)?;
+    let read_error = |source| Error::reading(path, source);
     let mut file = File::open(path).map_err(read_error)?;
     let length = file.metadata().map_err(read_error)?.len();
     let skip = if is_at_end { length.saturating_sub(layout.byte_len()) } else { layout.skip };
     let expected = layout.byte_len().saturating_add(skip);
     if expected > length {
-        return Err(LoadVolumeError::Truncated { path: path.to_owned(), expected, got: length });
+        let message = format!("'{}' ends after {length} bytes; the volume needs {expected}", path.display());
+        return Err(Error::malformed(message).with_path(path));
     }
     file.seek(SeekFrom::Start(skip)).map_err(read_error)?;
     let samples = read_samples(&mut file, &layout).map_err(read_error)?;
-    Volume::new(layout.size, layout.channels, layout.space, samples).map_err(size_error)
+    Volume::new(layout.size, layout.channels, layout.space, samples).map_err(|error| error.in_file(path))
+}
+
+fn check_memory(path: &Path, needed: u64, limit: u64) -> Result<()> {
+    if needed <= limit {
+        return Ok(());
+    }
+    let message = format!(
+        "'{}' would take {needed} bytes of memory with its levels, {limit} are allowed; raise the limit or scale the volume \
+         down",
+        path.display()
+    );
+    Err(Error::too_large(message).with_path(path))
 }
 
 fn read_samples(file: &mut File, layout: &RawLayout) -> io::Result<Samples> {
@@ -172,144 +167,6 @@ fn read_samples(file: &mut File, layout: &RawLayout) -> io::Result<Samples> {
     })
 }
 
-// ---- What is wrong with a volume.
-
-/// Sizes that no volume has.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum VolumeSizeError {
-    /// A side or the number of channels is out of range.
-    #[error(
-        "a volume of {} x {} x {} voxels with {channels} channels is not possible: each side must be 1 to \
-         {MAX_VOLUME_SIDE}, the channels 1 to 4",
-        .size[0], .size[1], .size[2]
-    )]
-    Size {
-        /// Voxels along x, y and z.
-        size: [u32; 3],
-        /// Numbers per voxel.
-        channels: u8,
-    },
-    /// The samples do not fit the size.
-    #[error(
-        "a volume of {} x {} x {} voxels with {channels} channels takes {expected} numbers, not {got}",
-        .size[0], .size[1], .size[2]
-    )]
-    Samples {
-        /// Voxels along x, y and z.
-        size: [u32; 3],
-        /// Numbers per voxel.
-        channels: u8,
-        /// How many there must be.
-        expected: u64,
-        /// How many there are.
-        got: u64,
-    },
-    /// There is no image to stack.
-    #[error("a volume needs at least one slice")]
-    NoSlices,
-    /// An image differs from the first.
-    #[error("slice {index} of the volume differs from slice 0 in size, channels or depth; all must be equal")]
-    UnequalSlices {
-        /// Which one, from 0.
-        index: usize,
-    },
-}
-
-/// Why a volume could not be read.
-#[derive(Debug, thiserror::Error)]
-pub enum LoadVolumeError {
-    /// The file could not be read.
-    #[error("cannot read volume '{path}': {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// The header is no MetaImage header, or one of a variant that is not supported.
-    #[error("'{path}', line {line}: {fault}")]
-    Header {
-        /// The header's file.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// What is wrong.
-        fault: HeaderFault,
-    },
-    /// An image of a stack could not be read.
-    #[error("slice {index} of a volume: {source}")]
-    Slice {
-        /// Which one, from 0.
-        index: usize,
-        /// What is wrong with it.
-        source: LoadImageError,
-    },
-    /// The images of a stack do not fit together.
-    #[error("the slices of a volume do not fit: {0}")]
-    Slices(#[from] VolumeSizeError),
-    /// The size is impossible.
-    #[error("'{path}': {source}")]
-    Size {
-        /// The file.
-        path: PathBuf,
-        /// Which rule it breaks.
-        source: VolumeSizeError,
-    },
-    /// The file of numbers is too short.
-    #[error("'{path}' ends after {got} bytes; the volume needs {expected}")]
-    Truncated {
-        /// The file of numbers.
-        path: PathBuf,
-        /// Bytes needed, with what is skipped.
-        expected: u64,
-        /// Bytes there are.
-        got: u64,
-    },
-    /// Reading would take too much memory.
-    #[error(
-        "'{path}' would take {needed} bytes of memory with its levels, {limit} are allowed; raise the limit or scale the volume down"
-    )]
-    Memory {
-        /// The file.
-        path: PathBuf,
-        /// Bytes of the voxels and all coarser levels.
-        needed: u64,
-        /// Bytes allowed.
-        limit: u64,
-    },
-}
-
-/// What is wrong in a header.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum HeaderFault {
-    /// A line is no `Key = value`, or the file is no text.
-    NoEntry,
-    /// A value that must be something else.
-    Value {
-        /// The key.
-        key: &'static str,
-        /// What it must be.
-        expected: &'static str,
-        /// What it is.
-        got: String,
-    },
-    /// A key that must be there.
-    Missing {
-        /// The key.
-        key: &'static str,
-    },
-}
-
-impl fmt::Display for HeaderFault {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NoEntry => f.write_str("a MetaImage header has lines like 'DimSize = 64 64 64'"),
-            Self::Value { key, expected, got } => write!(f, "{key} is '{got}'; it must be {expected}"),
-            Self::Missing { key } => write!(f, "the header ends without {key}"),
-        }
-    }
-}
-
 // ---- The header of MetaImage files (`.mhd`, `.mha`): lines of `Key = value`, the last of which names the file of the numbers.
 
 /// Longest header that is looked at; real ones have a few hundred bytes.
@@ -335,7 +192,7 @@ pub(super) struct Header {
 }
 
 /// Reads the entries of `bytes`, the beginning of the file at `path`.
-pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, LoadVolumeError> {
+pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header> {
     let mut header = Header {
         layout: RawLayout {
             size: [0; 3],
@@ -352,13 +209,13 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, LoadVolumeError
     let (mut has_size, mut has_type) = (false, false);
     let mut start = 0;
     for (index, line) in bytes.split(|&byte| byte == b'\n').enumerate() {
-        let fail = |fault| LoadVolumeError::Header { path: path.to_owned(), line: index + 1, fault };
+        let fail = |error: Error| error.at(Place::Line(index as u64 + 1)).in_file(path);
         start += line.len() + 1;
-        let text = std::str::from_utf8(line).map_err(|_| fail(HeaderFault::NoEntry))?.trim();
+        let text = std::str::from_utf8(line).map_err(|_| fail(no_entry()))?.trim();
         if text.is_empty() {
             continue;
         }
-        let (key, value) = text.split_once('=').ok_or_else(|| fail(HeaderFault::NoEntry))?;
+        let (key, value) = text.split_once('=').ok_or_else(|| fail(no_entry()))?;
         let (key, value) = (key.trim(), value.trim());
         has_size |= key == "DimSize";
         has_type |= key == "ElementType";
@@ -366,22 +223,33 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Header, LoadVolumeError
             let missing =
                 [("DimSize", has_size), ("ElementType", has_type)].into_iter().find(|(_, has)| !has);
             if let Some((key, _)) = missing {
-                return Err(fail(HeaderFault::Missing { key }));
+                return Err(fail(missing_key(key)));
             }
             header.data = data_file(value, start as u64, path).map_err(fail)?;
             return Ok(header);
         }
         header.read(key, value).map_err(fail)?;
     }
-    let line = bytes.iter().filter(|&&byte| byte == b'\n').count() + 1;
-    let fault = HeaderFault::Missing { key: "ElementDataFile" };
-    Err(LoadVolumeError::Header { path: path.to_owned(), line, fault })
+    let line = bytes.iter().filter(|&&byte| byte == b'\n').count() as u64 + 1;
+    Err(missing_key("ElementDataFile").at(Place::Line(line)).in_file(path))
+}
+
+fn no_entry() -> Error {
+    Error::malformed("a MetaImage header has lines like 'DimSize = 64 64 64'")
+}
+
+fn missing_key(key: &str) -> Error {
+    Error::malformed(format!("the header ends without {key}"))
+}
+
+fn wrong_value(key: &str, expected: &str, got: &str) -> Error {
+    Error::malformed(format!("{key} is '{got}'; it must be {expected}"))
 }
 
 impl Header {
     /// Takes in an entry; those that say nothing about the numbers are passed over.
-    fn read(&mut self, key: &str, value: &str) -> Result<(), HeaderFault> {
-        let wrong = |key, expected| HeaderFault::Value { key, expected, got: value.to_owned() };
+    fn read(&mut self, key: &str, value: &str) -> Result<()> {
+        let wrong = |key, expected| wrong_value(key, expected, value);
         match key {
             "NDims" if value != "3" => Err(wrong("NDims", "3")),
             "DimSize" => {
@@ -430,14 +298,14 @@ impl Header {
     }
 }
 
-fn data_file(value: &str, start: u64, path: &Path) -> Result<DataFile, HeaderFault> {
+fn data_file(value: &str, start: u64, path: &Path) -> Result<DataFile> {
     const EXPECTED: &str = "LOCAL or the name of one file with all numbers";
     if value == "LOCAL" {
         return Ok(DataFile::Local(start));
     }
     // A list of files follows, or a pattern of names.
     if value.is_empty() || value.starts_with("LIST") || value.contains('%') {
-        return Err(HeaderFault::Value { key: "ElementDataFile", expected: EXPECTED, got: value.to_owned() });
+        return Err(wrong_value("ElementDataFile", EXPECTED, value));
     }
     Ok(DataFile::Beside(path.parent().unwrap_or(Path::new("")).join(value)))
 }

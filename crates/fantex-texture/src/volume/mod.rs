@@ -8,6 +8,7 @@ mod file;
 
 use std::sync::Arc;
 
+use fantex_base::{Error, Result};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -17,7 +18,7 @@ use crate::filter::{
 };
 use crate::{AlphaUse, ColorSpace, Depth, Filtering, Image, Samples, ShadingPoint, Texture, Wrap};
 
-pub use self::file::{ByteOrder, HeaderFault, LoadVolumeError, RawLayout, VolumeSizeError};
+pub use self::file::{ByteOrder, RawLayout};
 
 /// The longest side of a volume, in voxels.
 pub const MAX_VOLUME_SIDE: u32 = 65_536;
@@ -40,15 +41,13 @@ impl Volume {
     /// # Errors
     ///
     /// A side is 0 or above [`MAX_VOLUME_SIDE`], the channels are not 1 to 4, or the samples do not fit the size.
-    pub fn new(
-        size: [u32; 3],
-        channels: u8,
-        space: ColorSpace,
-        samples: Samples,
-    ) -> Result<Self, VolumeSizeError> {
+    pub fn new(size: [u32; 3], channels: u8, space: ColorSpace, samples: Samples) -> Result<Self> {
         let expected = checked_samples(size, channels)?;
         if samples.len() as u64 != expected {
-            return Err(VolumeSizeError::Samples { size, channels, expected, got: samples.len() as u64 });
+            let ([x, y, z], got) = (size, samples.len());
+            return Err(Error::invalid(format!(
+                "a volume of {x} x {y} x {z} voxels with {channels} channels takes {expected} numbers, not {got}"
+            )));
         }
         Ok(Self { size, channels, space, samples, spacing: Vec3::ONE })
     }
@@ -58,12 +57,14 @@ impl Volume {
     /// # Errors
     ///
     /// There is no image, one differs from the first, or a side is too long.
-    pub fn from_slices(slices: &[Image]) -> Result<Self, VolumeSizeError> {
-        let first = slices.first().ok_or(VolumeSizeError::NoSlices)?;
+    pub fn from_slices(slices: &[Image]) -> Result<Self> {
+        let first = slices.first().ok_or_else(|| Error::invalid("a volume needs at least one slice"))?;
         let kind =
             |image: &Image| (image.width, image.height, image.channels, image.space, image.samples.depth());
         if let Some(index) = slices.iter().position(|slice| kind(slice) != kind(first)) {
-            return Err(VolumeSizeError::UnequalSlices { index });
+            return Err(Error::invalid(format!(
+                "slice {index} of the volume differs from slice 0 in size, channels or depth; all must be equal"
+            )));
         }
         let size = [first.width, first.height, u32::try_from(slices.len()).unwrap_or(u32::MAX)];
         checked_samples(size, first.channels)?;
@@ -148,9 +149,13 @@ fn sample_bytes(depth: Depth) -> u64 {
 }
 
 /// Samples of a volume of this size.
-fn checked_samples(size: [u32; 3], channels: u8) -> Result<u64, VolumeSizeError> {
+fn checked_samples(size: [u32; 3], channels: u8) -> Result<u64> {
     if size.iter().any(|side| !(1..=MAX_VOLUME_SIDE).contains(side)) || !(1..=4).contains(&channels) {
-        return Err(VolumeSizeError::Size { size, channels });
+        let [x, y, z] = size;
+        return Err(Error::too_large(format!(
+            "a volume of {x} x {y} x {z} voxels with {channels} channels is not possible: each side must be 1 to \
+             {MAX_VOLUME_SIDE}, the channels 1 to 4"
+        )));
     }
     // At most 2^50.
     Ok(size.iter().map(|&side| u64::from(side)).product::<u64>() * u64::from(channels))

@@ -9,25 +9,23 @@ use glam::{Vec3, Vec4};
 pub(crate) const FILTERS: [Filter; 6] =
     [Filter::Nearest, Filter::Bilinear, Filter::Bicubic, Filter::Trilinear, Filter::Anisotropic, Filter::Ewa];
 
-/// A small generator of test numbers (SplitMix64).
-pub(crate) struct Random(pub(crate) u64);
+/// Repeatable numbers, vectors and directions.
+pub(crate) struct Random(fantex_base::Random);
 
 impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(fantex_base::Random::new(seed))
+    }
+
     pub(crate) fn bits(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
+        self.0.next_u64()
     }
 
     /// In [0,1).
     pub(crate) fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
-}
 
-impl Random {
     /// In [-1,1) along each axis.
     pub(crate) fn vector(&mut self) -> Vec3 {
         Vec3::new(self.unit(), self.unit(), self.unit()) * 2.0 - 1.0

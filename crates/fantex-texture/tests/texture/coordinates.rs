@@ -10,8 +10,8 @@ use fantex_texture::coordinates::{
 };
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    Filter, Filtering, InvalidOption, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind, Texture,
-    TriplanarMap, TwoPartMapping, UvPoint, Wrap,
+    Filter, Filtering, OMap, Placement, SMap, SampleOptions, ShadingPoint, ShapeKind, Texture, TriplanarMap,
+    TwoPartMapping, UvPoint, Wrap,
 };
 use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 
@@ -44,7 +44,7 @@ fn matrices() -> Vec<TextureMatrix> {
 
 #[test]
 fn texture_matrices_transform_footprints_by_their_derivative() {
-    let mut random = Random(21);
+    let mut random = Random::new(21);
     for matrix in matrices() {
         for _ in 0..200 {
             let [u, v, du, dv] = std::array::from_fn(|_| random.unit());
@@ -82,7 +82,7 @@ fn space_matrices_transform_footprints_by_their_derivative() {
         ..SpaceMatrixOptions::default()
     };
     let matrix = SpaceMatrix::new(options).unwrap();
-    let mut random = Random(22);
+    let mut random = Random::new(22);
     for _ in 0..200 {
         let at = ShadingPoint {
             position_steps: [random.vector() * 1e-2, random.vector() * 1e-2],
@@ -107,13 +107,13 @@ fn matrices_without_inverse_are_refused() {
         matrix: Some(Projective(Mat3::from_diagonal(Vec3::new(1.0, 0.0, 1.0)))),
         ..default
     };
-    assert!(matches!(refused(squeezed), InvalidOption::Singular { .. }));
+    assert!(refused(squeezed).to_string().ends_with("it must have an inverse"));
     for options in [
         TextureMatrixOptions { scale: Scale::Two([0.0, 1.0]), ..default },
         TextureMatrixOptions { rotation: f32::NAN, ..default },
         TextureMatrixOptions { scale_per_second: -1.0, ..default },
     ] {
-        assert!(matches!(refused(options), InvalidOption::Number { .. }), "{options:?}");
+        assert!(refused(options).to_string().contains("must be finite"), "{options:?}");
     }
     let flat = SpaceMatrixOptions { scale: Vec3::new(1.0, 1.0, 0.0), ..SpaceMatrixOptions::default() };
     assert!(SpaceMatrix::new(flat).is_err());
@@ -121,7 +121,7 @@ fn matrices_without_inverse_are_refused() {
 
 #[test]
 fn directions_turn_with_the_normal() {
-    let mut random = Random(23);
+    let mut random = Random::new(23);
     for _ in 0..200 {
         let n = random.direction();
         let (right, down) = n.any_orthonormal_pair();
@@ -249,7 +249,7 @@ fn every_kind_of_coordinates_gives_a_value() {
 #[test]
 fn no_number_stops_a_look_up() {
     let gradient = Arc::new(texture(16, 8, 4, |x, y| [x as f32 / 16.0, y as f32 / 8.0, 0.5, 1.0]));
-    let mut random = Random(25);
+    let mut random = Random::new(25);
     let mut accepted = 0;
     for _ in 0..20_000 {
         // Any bits: huge, tiny, infinite and NaN among them.
@@ -277,41 +277,4 @@ fn no_number_stops_a_look_up() {
         }
     }
     assert!(accepted > 500, "only {accepted} matrices were accepted");
-}
-
-/// Nanoseconds per point, the best of many runs.
-#[test]
-#[ignore = "measures, asserts nothing"]
-fn speed_of_coordinates() {
-    let bounds = Aabb { min: Vec3::NEG_ONE, max: Vec3::ONE };
-    let mut random = Random(24);
-    let points: Vec<_> = (0..1000)
-        .map(|_| {
-            let n = random.direction();
-            let (right, down) = n.any_orthonormal_pair();
-            let steps = [right * 0.01, down * 0.01];
-            ShadingPoint { position_steps: steps, normal_steps: steps, ..shading_point(0.7 * n, n) }
-        })
-        .collect();
-    let measure = |name: String, coordinates: Coordinates| {
-        let run = || {
-            let start = std::time::Instant::now();
-            let look_up = |point: &UvPoint| point.uv.extend(0.0).extend(point.steps[0].x);
-            let sum: Vec4 = points.iter().map(|at| coordinates.evaluate(at, look_up)).sum();
-            std::hint::black_box(sum);
-            start.elapsed().as_secs_f64() * 1e6
-        };
-        let best = (0..300).map(|_| run()).fold(f64::INFINITY, f64::min);
-        println!("{name:40} {best:7.1} ns");
-    };
-    for kind in ShapeKind::ALL {
-        let s_map = SMap::new(kind.fit(bounds), &Placement::default()).unwrap();
-        measure(format!("{kind:?}"), Coordinates::Surface(s_map));
-        for o_map in [OMap::Reflection, OMap::ObjectNormal, OMap::default()] {
-            measure(format!("{kind:?} {o_map:?}"), Coordinates::TwoPart(TwoPartMapping { s_map, o_map }));
-        }
-    }
-    measure("Triplanar".into(), Coordinates::Triplanar(TriplanarMap::fit(bounds)));
-    measure("Projected".into(), Coordinates::Projected(SpaceMatrix::default()));
-    measure("Parameter".into(), Coordinates::Parameter(Parameter::default()));
 }

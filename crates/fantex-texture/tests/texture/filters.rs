@@ -19,7 +19,7 @@ fn random_uv(random: &mut Random, range: f32) -> Vec2 {
 #[test]
 fn constants_stay_constant() {
     let color = [0.25, 0.5, 0.125, 1.0];
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     for (width, height) in [(1, 1), (7, 1), (5, 9), (64, 33)] {
         let texture = texture(width, height, 3, |_, _| color);
         for _ in 0..200 {
@@ -42,7 +42,7 @@ fn bilinear_and_bicubic_reproduce_ramps() {
     let (width, height) = (37, 21);
     let ramp = |x: f32, y: f32| [0.1 + 0.02 * x, 0.9 - 0.03 * y, 0.3 + 0.01 * x + 0.01 * y, 1.0];
     let texture = texture(width, height, 3, |x, y| ramp(x as f32 + 0.5, y as f32 + 0.5));
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     for _ in 0..1000 {
         let texel = Vec2::new(2.0 + random.unit() * 33.0, 2.0 + random.unit() * 17.0);
         let uv = texel / Vec2::new(width as f32, height as f32);
@@ -58,7 +58,7 @@ fn bilinear_and_bicubic_reproduce_ramps() {
 
 #[test]
 fn every_filter_but_ewa_interpolates_texel_centers() {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let texture = texture(6, 5, 3, |_, _| [random.unit(), random.unit(), random.unit(), 1.0]);
     for y in 0..5 {
         for x in 0..6 {
@@ -78,7 +78,7 @@ fn every_filter_but_ewa_interpolates_texel_centers() {
 #[test]
 fn wraps_equal_an_image_continued_by_hand() {
     let (width, height) = (5_u32, 4_u32);
-    let mut random = Random(4);
+    let mut random = Random::new(4);
     let source: Vec<[f32; 4]> =
         (0..width * height).map(|_| [random.unit(), random.unit(), random.unit(), 1.0]).collect();
     let small = texture(width, height, 4, |x, y| source[(y * width + x) as usize]);
@@ -133,7 +133,7 @@ fn mean(image: &Image) -> [f64; 4] {
 
 #[test]
 fn levels_of_any_size_keep_the_mean() {
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     for (width, height) in [(1, 1), (2, 2), (3, 3), (1, 13), (17, 2), (31, 45), (64, 64), (100, 7)] {
         let count = width as usize * height as usize * 3;
         let bytes: Vec<u8> = (0..count).map(|_| random.bits() as u8).collect();
@@ -262,7 +262,7 @@ fn supersampled_gaussian(texture: &ImageTexture, uv: Vec2, footprint: [Vec2; 2])
 #[test]
 fn ewa_approaches_the_supersampled_truth() {
     let texture = waves(256);
-    let mut random = Random(6);
+    let mut random = Random::new(6);
     let options = SampleOptions { filter: Filter::Ewa, ..Default::default() };
     for _ in 0..40 {
         let uv = random_uv(&mut random, 1.0);
@@ -278,7 +278,7 @@ fn ewa_approaches_the_supersampled_truth() {
 #[test]
 fn anisotropic_is_nearer_to_the_truth_than_trilinear() {
     let texture = waves(256);
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let (mut trilinear_error, mut anisotropic_error) = (0.0, 0.0);
     for _ in 0..60 {
         let uv = random_uv(&mut random, 1.0);
@@ -297,7 +297,7 @@ fn anisotropic_is_nearer_to_the_truth_than_trilinear() {
 
 #[test]
 fn area_equals_brute_force() {
-    let mut random = Random(8);
+    let mut random = Random::new(8);
     let noise = texture(40, 30, 3, |_, _| [random.unit(), random.unit(), random.unit(), 1.0]);
     let size = Vec2::new(40.0, 30.0);
     let mut squares = [0.0_f64; 5];
@@ -336,7 +336,7 @@ fn brute_force_area(texture: &ImageTexture, uv: Vec2, edges: [Vec2; 2]) -> [f32;
 #[test]
 fn coarse_area_stays_near_the_truth() {
     let texture = waves(512);
-    let mut random = Random(9);
+    let mut random = Random::new(9);
     for _ in 0..20 {
         let uv = random_uv(&mut random, 1.0);
         let edge = Vec2::from_angle(random.unit() * 6.3) * (10.0 + 60.0 * random.unit()) / 512.0;
@@ -374,7 +374,7 @@ fn absurd_arguments_are_survived() {
 const MAX_ERROR: f32 = 1e-4;
 
 fn noise(width: u32, height: u32, channels: u8, depth: Depth, space: ColorSpace) -> Image {
-    let mut random = Random(u64::from(channels));
+    let mut random = Random::new(u64::from(channels));
     let count = width as usize * height as usize * usize::from(channels);
     let samples = match depth {
         Depth::U8 => Samples::U8((0..count).map(|_| random.bits() as u8).collect()),
@@ -386,7 +386,7 @@ fn noise(width: u32, height: u32, channels: u8, depth: Depth, space: ColorSpace)
 
 #[test]
 fn fast_paths_equal_the_reference() {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let mut largest = [0.0_f32; 3];
     for (depth, space) in [
         (Depth::U8, ColorSpace::Srgb),
@@ -437,7 +437,7 @@ fn points(random: &mut Random, count: usize, side: u32) -> Vec<UvPoint> {
 
 #[test]
 fn many_look_ups_at_once_equal_the_reference() {
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     let mut largest = [0.0_f32; 3];
     for (depth, space) in [
         (Depth::U8, ColorSpace::Srgb),
@@ -479,7 +479,7 @@ fn many_look_ups_at_once_equal_the_reference() {
 #[test]
 fn it_does_not_matter_which_look_ups_are_made_together() {
     let texture = ImageTexture::new(Arc::new(noise(200, 100, 4, Depth::U8, ColorSpace::Srgb)));
-    let points = points(&mut Random(6), 300, 200);
+    let points = points(&mut Random::new(6), 300, 200);
     for filter in FILTERS {
         let options = SampleOptions { filter, ..SampleOptions::default() };
         let mut together = vec![[0.0; 4]; points.len()];
@@ -520,7 +520,7 @@ fn many_look_ups_of_no_numbers_give_what_single_ones_give() {
 
 #[test]
 fn many_means_at_once_equal_single_ones() {
-    let mut random = Random(8);
+    let mut random = Random::new(8);
     let mut largest = 0.0_f32;
     for (depth, space) in
         [(Depth::U8, ColorSpace::Srgb), (Depth::U8, ColorSpace::Linear), (Depth::U16, ColorSpace::Srgb)]
@@ -560,7 +560,7 @@ fn large_images_are_looked_up_precisely() {
     // A ramp over 8192 columns: the value tells where the look-up was.
     let samples = (0..8192 * 4).map(|i| (i % 8192) as f32).collect();
     let ramp = ImageTexture::new(Arc::new(Image::from_linear(8192, 4, 1, samples)));
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     for _ in 0..2000 {
         let x = 1.0 + random.unit() * 8189.0;
         let uv = Vec2::new((x + 0.5) / 8192.0, 0.5);
@@ -576,7 +576,7 @@ fn large_images_are_looked_up_precisely() {
 #[test]
 fn borders_have_their_color() {
     let (width, height) = (6_u32, 5_u32);
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     for (channels, border) in
         [(3, [0.9, 0.2, 0.4, 1.0]), (4, [0.1, 0.8, 0.3, 0.6]), (4, [0.3, 0.2, 0.1, 0.0])]
     {
@@ -638,7 +638,7 @@ fn opaque_images_need_no_weights() {
     };
     let opaque = ImageTexture::new(Arc::new(Image { channels: 3, samples: Samples::U8(rgb), ..image }));
     let with_alpha = ImageTexture::new(Arc::new(image));
-    let mut random = Random(4);
+    let mut random = Random::new(4);
     for _ in 0..200 {
         let uv = Vec2::new(random.unit(), random.unit());
         let footprint = [Vec2::X * random.unit(), Vec2::Y * random.unit()];
@@ -696,7 +696,7 @@ fn supersampled(texture: &ImageTexture, x: f32, y: f32, n: u32, random: &mut Ran
 #[test]
 fn ewa_is_the_truth_up_to_the_horizon() {
     let texture = checks();
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let mut squares = [0.0_f64; FILTERS.len()];
     let mut count = 0;
     for row in HORIZON + 1..SIDE {

@@ -2,10 +2,9 @@
 
 use std::{fs, panic};
 
+use fantex_base::{ErrorKind, Result};
 use fantex_texture::compare::{FlipOptions, compare, difference_picture, flip, psnr_db, ssim};
-use fantex_texture::{
-    AlphaUse, ColorSpace, Depth, Image, ImageLimits, LoadImageError, Samples, SaveImageError,
-};
+use fantex_texture::{AlphaUse, ColorSpace, Depth, Image, ImageLimits, Samples};
 use proptest::prelude::*;
 
 use crate::common::{Random, assert_close, data_folder};
@@ -13,7 +12,7 @@ use crate::common::{Random, assert_close, data_folder};
 fn sample_image(depth: Depth, channels: u8) -> Image {
     let (width, height) = (13, 7);
     let count = width as usize * height as usize * usize::from(channels);
-    let mut random = Random(u64::from(channels));
+    let mut random = Random::new(u64::from(channels));
     let samples = match depth {
         Depth::U8 => Samples::U8((0..count).map(|_| random.bits() as u8).collect()),
         Depth::U16 => Samples::U16((0..count).map(|_| random.bits() as u16).collect()),
@@ -81,17 +80,17 @@ fn mistakes_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let missing = folder.path().join("missing.png");
     let error = Image::load(&missing).unwrap_err();
-    assert!(matches!(error, LoadImageError::Read { .. }) && error.to_string().contains("missing.png"));
+    assert!(error.kind() == ErrorKind::NotFound && error.to_string().contains("missing.png"));
     let error = Image::decode(b"", "empty.png", ColorSpace::Srgb).unwrap_err();
-    assert!(matches!(error, LoadImageError::UnknownFormat { .. }), "{error}");
+    assert_eq!(error.kind(), ErrorKind::Unsupported, "{error}");
     let error = Image::decode(b"no picture at all", "x", ColorSpace::Srgb).unwrap_err();
-    assert!(matches!(error, LoadImageError::UnknownFormat { .. }), "{error}");
+    assert_eq!(error.kind(), ErrorKind::Unsupported, "{error}");
 
     let image = sample_image(Depth::U8, 4);
-    let saved = |name: &str| image.save(folder.path().join(name));
-    assert!(matches!(saved("a.xyz"), Err(SaveImageError::UnknownExtension { .. })));
-    assert!(matches!(saved("a.jpg"), Err(SaveImageError::Channels { .. })));
-    assert!(matches!(saved("no/such/folder.png"), Err(SaveImageError::Write { .. })));
+    let saved = |name: &str| image.save(folder.path().join(name)).unwrap_err();
+    assert!(saved("a.xyz").to_string().starts_with("cannot tell the image format"));
+    assert!(saved("a.jpg").to_string().starts_with("JPEG cannot hold 4 channels"));
+    assert_eq!(saved("no/such/folder.png").kind(), ErrorKind::NotFound);
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
 }
 
@@ -105,8 +104,9 @@ fn limits_are_checked_before_decoding() {
         let limits = ImageLimits { side, bytes: bytes_limit };
         Image::decode_within(&bytes, "a.png", ColorSpace::Srgb, limits)
     };
-    assert!(matches!(within(12, 1 << 20), Err(LoadImageError::Size { limit: 12, .. })));
-    assert!(matches!(within(100, 272), Err(LoadImageError::Memory { limit: 272, .. })));
+    let refused = |side, bytes| within(side, bytes).unwrap_err().to_string();
+    assert!(refused(12, 1 << 20).ends_with("each side must be 1 to 12"));
+    assert!(refused(100, 272).contains("would take more than 272 bytes"));
     assert!(within(13, 1 << 20).is_ok());
 }
 
@@ -202,7 +202,7 @@ fn coded(code: &[u8; 4]) -> [u32; 7] {
     [4, u32::from_le_bytes(*code), 0, 0, 0, 0, 0]
 }
 
-fn decode_all(bytes: &[u8]) -> Result<Vec<Image>, LoadImageError> {
+fn decode_all(bytes: &[u8]) -> Result<Vec<Image>> {
     Image::decode_all(bytes, "file", ColorSpace::Srgb, ImageLimits { side: 4096, bytes: 1 << 20 })
 }
 
@@ -327,7 +327,7 @@ proptest! {
     fn damaged_files_are_survived(seed in any::<u64>(), flips in 1..12_usize) {
         static SAMPLES: std::sync::LazyLock<Vec<(&'static str, Vec<u8>)>> =
             std::sync::LazyLock::new(encoded_samples);
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         for (name, bytes) in SAMPLES.iter() {
             let mut damaged = bytes.clone();
             for _ in 0..flips {
@@ -342,7 +342,7 @@ proptest! {
 // ---- Images of another size.
 
 fn noise(width: u32, height: u32, channels: u8) -> Image {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     let count = width * height * u32::from(channels);
     Image::from_linear(width, height, channels, (0..count).map(|_| random.unit()).collect())
 }
@@ -433,7 +433,7 @@ fn picture(width: u32, height: u32, mut texel: impl FnMut(u32, u32) -> [u8; 3]) 
 }
 
 fn noisy(amplitude: i32, seed: u64) -> Image {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     picture(64, 48, |x, y| {
         let noise = (random.unit() * (2 * amplitude + 1) as f32) as i32 - amplitude;
         let value = 100 + (40.0 * (x as f32 * 0.3).sin() + 30.0 * (y as f32 * 0.2).cos()) as i32;
@@ -469,7 +469,7 @@ fn ssim_of_constants_is_the_luminance_term() {
 
 #[test]
 fn ssim_of_opposite_patterns_is_negative() {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let pattern: Vec<u8> = (0..40 * 40).map(|_| 128 + (random.unit() * 80.0) as u8).collect();
     let a = picture(40, 40, |x, y| [pattern[(y * 40 + x) as usize]; 3]);
     let b = picture(40, 40, |x, y| [255 - pattern[(y * 40 + x) as usize]; 3]);

@@ -31,7 +31,7 @@ fn noise(family: NoiseFamily, fractal: FractalKind) -> NoiseOptions {
 }
 
 fn image() -> Arc<ImageTexture> {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let samples = Samples::U8((0..64 * 32 * 4).map(|_| random.bits() as u8).collect());
     let image = Image { width: 64, height: 32, channels: 4, space: ColorSpace::Srgb, samples };
     Arc::new(ImageTexture::new(Arc::new(image)))
@@ -123,7 +123,7 @@ fn textures() -> Vec<(&'static str, Slot)> {
 /// Texels of one triangle: parallelograms alike, one at a time and many at once.
 #[test]
 fn means_over_like_texels_are_what_single_ones_are() {
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     for (texels, wrap) in [(0.7, Wrap::Repeat), (1.4, Wrap::Clamp), (30.0, Wrap::Mirror)] {
         let steps = [Vec2::new(1.0, 0.2), Vec2::new(-0.1, 0.8)].map(|step| step * texels / 64.0);
         let uv: Vec<UvPoint> = (0..150)
@@ -154,7 +154,7 @@ fn means_over_like_texels_are_what_single_ones_are() {
 
 #[test]
 fn many_points_are_what_single_ones_are() {
-    let mut random = Random(9);
+    let mut random = Random::new(9);
     let count = 150;
     let uv: Vec<UvPoint> = (0..count)
         .map(|_| {

@@ -20,7 +20,7 @@ fn unwrapped(difference: Vec2, period: f32) -> Vec2 {
 
 #[test]
 fn footprints_equal_finite_differences() {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     let maps: [Box<dyn Mapping>; 5] = [
         Box::new(PlanarMap::fit(BOUNDS)),
         Box::new(PlanarMap::placed(Quat::from_rotation_x(0.7), Vec3::ONE, Vec2::new(2.0, 3.0), Vec2::ONE)),
@@ -69,7 +69,7 @@ fn seams_and_poles_have_small_or_bounded_footprints() {
 fn inverses_lead_back() {
     let (planar, cylinder, sphere) =
         (PlanarMap::fit(BOUNDS), CylinderMap::fit(BOUNDS), SphereMap::fit(BOUNDS));
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     for _ in 0..500 {
         let uv = Vec2::new(0.01 + 0.98 * random.unit(), 0.01 + 0.98 * random.unit());
         assert!((planar.uv(planar.point(uv), Vec3::Z) - uv).length() < 1e-5);
@@ -84,7 +84,7 @@ fn fitted_maps_cover_the_image_once() {
     for kind in MappingKind::ALL {
         assert_eq!(kind.name().parse(), Ok(kind));
         let AnyMapping::Single(map) = kind.fit(BOUNDS) else { continue };
-        let mut random = Random(3);
+        let mut random = Random::new(3);
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);
         for _ in 0..5000 {
             let unit = random_vector(&mut random) + 0.5;
@@ -145,7 +145,7 @@ fn boxes_and_triplanar_maps_show_images_unmirrored_from_outside() {
 #[test]
 fn triplanar_weights_add_up_and_blend_continuously() {
     let map = TriplanarMap::fit(BOUNDS);
-    let mut random = Random(4);
+    let mut random = Random::new(4);
     for _ in 0..200 {
         let n = random_vector(&mut random);
         assert!((map.weights(n).element_sum() - 1.0).abs() < 1e-5);

@@ -15,7 +15,7 @@ fn random_point(random: &mut Random) -> Vec3 {
 
 #[test]
 fn colors_are_plausible_everywhere() {
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     for name in SOLID_NAMES {
         let solid = solid_by_name(name, BOUNDS, 1).unwrap();
         for i in 0..3000 {
@@ -34,7 +34,7 @@ fn colors_are_plausible_everywhere() {
 /// A wide footprint must give about the mean of the fine texture inside it, and vary little.
 #[test]
 fn footprints_fade_details_to_their_mean() {
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     for name in SOLID_NAMES {
         let solid = solid_by_name(name, BOUNDS, 1).unwrap();
         let mut error = 0.0;
@@ -145,52 +145,4 @@ fn landscapes_have_grain_down_to_the_texel() {
         let [near, far] = [near, far].map(|v| v.iter().sum::<f32>() / v.len() as f32);
         assert!((near / far - 1.0).abs() < 0.15, "{near} {far}");
     }
-}
-
-#[test]
-#[ignore = "writes pictures to look at into the system's temporary folder"]
-fn swatches() {
-    for name in SOLID_NAMES {
-        let bounds = Aabb { min: Vec3::splat(-2.0), max: Vec3::splat(2.0) };
-        let solid = solid_by_name(name, bounds, 5).unwrap();
-        let path = std::env::temp_dir().join(format!("fantex-solid-{name}.png"));
-        swatch(solid.as_ref(), 512).save(&path).unwrap();
-        println!("{}", path.display());
-    }
-    let bounds = Aabb { min: Vec3::new(-1.0, 0.0, -1.0), max: Vec3::new(1.0, 0.45, 1.0) };
-    let solid = solid_by_name("landscape", bounds, 5).unwrap();
-    let path = std::env::temp_dir().join("fantex-solid-terrain.png");
-    terrain(solid.as_ref(), 384, 240).save(&path).unwrap();
-    println!("{}", path.display());
-}
-
-/// Mountains of height 0 to about 0.45, with steep flanks.
-fn height(x: f32, z: f32) -> f32 {
-    let hills = Noise::new(9).fbm(Vec3::new(x * 1.5, 0.5, z * 1.5), Fractal::octaves(4), 0.0);
-    0.45 * (0.5 + 0.9 * hills).clamp(0.0, 1.0)
-}
-
-/// Mountains seen obliquely from above.
-fn terrain(solid: &dyn Solid, width: u32, rows: u32) -> Image {
-    let forward = Vec3::new(0.0, -0.5, -1.0).normalize();
-    let (right, up) = (Vec3::X, Vec3::X.cross(forward));
-    let mut texels = Vec::new();
-    for y in 0..rows {
-        for x in 0..width {
-            let at = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) / width as f32 * 2.0;
-            let mut p = right * (at.x - 1.0) + up * (0.75 - at.y) - forward * 1.2;
-            let hit = (0..150).find(|_| {
-                p += forward * 0.5 * (p.y - height(p.x, p.z)).clamp(0.006, 0.2);
-                p.y < height(p.x, p.z)
-            });
-            texels.push(hit.map_or([0.35, 0.5, 0.75, 1.0], |_| {
-                let step = 1e-3;
-                let slope = |dx, dz| (height(p.x + dx, p.z + dz) - height(p.x - dx, p.z - dz)) / (2.0 * step);
-                let n = Vec3::new(-slope(step, 0.0), 1.0, -slope(0.0, step)).normalize();
-                let light = 0.2 + 1.1 * n.dot(Vec3::new(0.6, 0.6, 0.53)).max(0.0);
-                solid.color(&SolidPoint { p, n, footprint: 2.0 / width as f32, time: 0.0 }).map(|c| c * light)
-            }));
-        }
-    }
-    Image::from_linear_rgb(width, rows, &texels)
 }

@@ -3,8 +3,8 @@
 use fantex_texture::coordinates::{Coordinates, TextureMatrix};
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    DetailCoverage, DetailError, DetailPlane, DetailPolygon, Filtering, PolygonsTexture, ShadingPoint,
-    SurfaceDetail, Texture, UvPoint,
+    DetailCoverage, DetailPlane, DetailPolygon, Filtering, PolygonsTexture, ShadingPoint, SurfaceDetail,
+    Texture, UvPoint,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -246,18 +246,15 @@ fn what_is_no_polygon_is_refused() {
     let square = rectangle([0.0, 0.0], [1.0, 1.0]);
     let refused = |outlines: Vec<Vec<Vec2>>| {
         let bad = DetailPolygon { outlines, ..DetailPolygon::default() };
-        SurfaceDetail::new(&[polygon(square.clone(), 0, 9), bad]).unwrap_err()
+        SurfaceDetail::new(&[polygon(square.clone(), 0, 9), bad]).unwrap_err().to_string()
     };
     let line = vec![Vec2::ZERO, Vec2::X];
-    assert_eq!(refused(vec![line]), DetailError::TooFewCorners { polygon: 1, outline: 0, corners: 2 });
+    assert!(refused(vec![line]).starts_with("outline 0 of detail polygon 1 has 2 corners"));
     let mut broken = square.clone();
     broken[2].y = f32::NAN;
-    assert!(matches!(
-        refused(vec![square.clone(), broken]),
-        DetailError::Corner { outline: 1, corner: 2, .. }
-    ));
+    assert!(refused(vec![square.clone(), broken]).starts_with("corner 2 of outline 1 of detail polygon 1"));
     let bow = vec![Vec2::ZERO, Vec2::ONE, Vec2::X, Vec2::Y];
-    assert_eq!(refused(vec![bow]), DetailError::Crossing { polygon: 1 });
+    assert!(refused(vec![bow]).starts_with("the outlines of detail polygon 1 cross"));
     assert_eq!(SurfaceDetail::new(&[]).unwrap().coverage(Vec2::ZERO, PIXEL).base, 1.0);
     let flat = polygon(vec![Vec2::ZERO, Vec2::X, Vec2::X * 2.0], 0, 0);
     assert_eq!(SurfaceDetail::new(&[flat]).unwrap().coverage(Vec2::ZERO, PIXEL).base, 1.0);

@@ -4,8 +4,8 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 
 use fantex_base::Aabb;
 use fantex_texture::{
-    HemisphereLayout, HemisphereMap, InvalidOption, Mapping, OMap, Placement, SMap, ShadingPoint, Shape,
-    ShapeKind, SphereMap, TwoPartMapping,
+    HemisphereLayout, HemisphereMap, Mapping, OMap, Placement, SMap, ShadingPoint, Shape, ShapeKind,
+    SphereMap, TwoPartMapping,
 };
 use glam::{Quat, Vec2, Vec3};
 
@@ -54,7 +54,7 @@ fn difference(a: Vec2, b: Vec2) -> Vec2 {
 
 #[test]
 fn footprints_of_placed_surfaces_equal_finite_differences() {
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     for shape in shapes() {
         let mut compared = 0;
         for _ in 0..400 {
@@ -79,7 +79,7 @@ fn footprints_of_placed_surfaces_equal_finite_differences() {
 
 #[test]
 fn points_of_placed_surfaces_have_the_coordinates_they_were_asked_by() {
-    let mut random = Random(12);
+    let mut random = Random::new(12);
     for shape in shapes() {
         for _ in 0..300 {
             let map = SMap::new(shape, &placement(&mut random)).unwrap();
@@ -110,7 +110,7 @@ fn spheres_are_those_of_the_lecture_when_turned() {
     let turn = Quat::from_mat3(&glam::Mat3::from_cols(Vec3::NEG_Y, Vec3::Z, Vec3::NEG_X));
     let map =
         SMap::new(Shape::Sphere(sphere), &Placement { rotation: turn, ..Placement::default() }).unwrap();
-    let mut random = Random(13);
+    let mut random = Random::new(13);
     for _ in 0..200 {
         let (u, v) = (TAU * random.unit(), FRAC_PI_2 * 0.99 * (2.0 * random.unit() - 1.0));
         let p = 2.0 * Vec3::new(v.cos() * u.cos(), v.cos() * u.sin(), v.sin());
@@ -127,7 +127,7 @@ fn all_ways_meet_on_concentric_spheres() {
         &Placement::default(),
     )
     .unwrap();
-    let mut random = Random(14);
+    let mut random = Random::new(14);
     for _ in 0..200 {
         let n = random.direction();
         let at = shading_point(0.5 * n, n);
@@ -142,7 +142,7 @@ fn all_ways_meet_on_concentric_spheres() {
 
 #[test]
 fn rays_arrive_where_they_point() {
-    let mut random = Random(15);
+    let mut random = Random::new(15);
     for kind in ShapeKind::ALL {
         let s_map = SMap::new(kind.fit(BOUNDS), &Placement::default()).unwrap();
         for o_map in o_maps() {
@@ -175,7 +175,7 @@ fn rays_arrive_where_they_point() {
 
 #[test]
 fn the_surface_normal_leads_to_the_nearest_point() {
-    let mut random = Random(16);
+    let mut random = Random::new(16);
     for kind in ShapeKind::ALL {
         let shape = kind.fit(BOUNDS);
         for _ in 0..300 {
@@ -189,7 +189,7 @@ fn the_surface_normal_leads_to_the_nearest_point() {
 
 #[test]
 fn footprints_of_two_part_mappings_equal_finite_differences() {
-    let mut random = Random(17);
+    let mut random = Random::new(17);
     for kind in ShapeKind::ALL {
         for o_map in o_maps() {
             let s_map = SMap::new(kind.fit(BOUNDS), &Placement::default()).unwrap();
@@ -289,7 +289,7 @@ fn ends_of_cylinders_are_folded_up() {
 
 #[test]
 fn any_numbers_are_refused_or_mapped() {
-    let mut random = Random(18);
+    let mut random = Random::new(18);
     for round in 0..20_000 {
         let mut any = || match random.bits() % 4 {
             0 => f32::from_bits(random.bits() as u32),
@@ -333,10 +333,10 @@ fn numbers_out_of_range_are_refused() {
         Placement { pivot: Vec3::NAN, ..Placement::default() },
         Placement { translation: Vec3::INFINITY, ..Placement::default() },
     ] {
-        assert!(matches!(refused(placement), InvalidOption::Number { .. }));
+        assert!(refused(placement).to_string().contains("must be finite"));
     }
     let Shape::Plane(mut plane) = ShapeKind::Plane.fit(BOUNDS) else { unreachable!() };
     plane.v_gradient = 2.0 * plane.u_gradient;
     let error = SMap::new(Shape::Plane(plane), &Placement::default()).unwrap_err();
-    assert!(matches!(error, InvalidOption::Singular { .. }));
+    assert!(error.to_string().ends_with("it must have an inverse"), "{error}");
 }

@@ -4,11 +4,12 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use fantex_base::ErrorKind;
 use fantex_texture::coordinates::{InSpace, SpaceMatrix, SpaceMatrixOptions};
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    ByteOrder, ColorSpace, Depth, Filtering, Image, LoadVolumeError, RawLayout, Samples, ShadingPoint,
-    Texture, Volume, VolumeFilter, VolumeLookup, VolumeOptions, VolumeSizeError, VolumeTexture, Wrap,
+    ByteOrder, ColorSpace, Depth, Filtering, Image, RawLayout, Samples, ShadingPoint, Texture, Volume,
+    VolumeFilter, VolumeLookup, VolumeOptions, VolumeTexture, Wrap,
 };
 use glam::{Vec3, Vec4};
 use proptest::prelude::*;
@@ -44,7 +45,7 @@ fn constants_and_ramps_are_reproduced() {
     let flat = volume(size, 3, |_| [0.25, 0.5, 0.75, 1.0]);
     let ramp = |p: Vec3| [0.1 * p.x, 0.2 * p.y, 0.05 * p.z + 0.01 * p.x, 1.0];
     let ramps = volume(size, 3, ramp);
-    let mut random = Random(1);
+    let mut random = Random::new(1);
     for _ in 0..500 {
         let steps = [random.vector(), random.vector()].map(|v| v * 4.0_f32.powf(random.unit() * 5.0 - 5.0));
         for filter in FILTERS {
@@ -67,7 +68,7 @@ fn constants_and_ramps_are_reproduced() {
 #[test]
 fn every_axis_wraps_by_its_own_mode() {
     let size = [3, 4, 5];
-    let mut random = Random(2);
+    let mut random = Random::new(2);
     let noise = volume(size, 1, |_| [random.unit(); 4]);
     let Samples::F32(values) = noise.level(0).samples() else { panic!() };
     let wrapped = |index: i32, n: u32, wrap: Wrap| {
@@ -103,7 +104,7 @@ fn every_axis_wraps_by_its_own_mode() {
 
 #[test]
 fn levels_of_any_size_keep_the_mean() {
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     for size in [[1, 1, 1], [2, 2, 2], [5, 1, 3], [7, 6, 9], [16, 4, 8]] {
         let count = size.iter().product::<u32>() as usize * 3;
         let bytes: Vec<u8> = (0..count).map(|_| random.bits() as u8).collect();
@@ -128,7 +129,7 @@ fn area_stays_near_the_truth() {
     let waves = volume([48; 3], 1, |p| [0.5 + 0.5 * (p.x * 0.4 + p.y * 0.25).sin() * (p.z * 0.3).cos(); 4]);
     let wrap = options(Wrap::Mirror, VolumeFilter::Mipmapped);
     let linear = options(Wrap::Mirror, VolumeFilter::Linear);
-    let mut random = Random(4);
+    let mut random = Random::new(4);
     for _ in 0..60 {
         let p = random.vector() * 0.5 + 0.5;
         let a = random.direction();
@@ -175,18 +176,16 @@ fn slices_are_stacked() {
     let linear = options(Wrap::Clamp, VolumeFilter::Linear);
     assert!((texture.sample(Vec3::new(0.5, 0.5, 1.0 / 3.0), [Vec3::ZERO; 2], &linear).x - 0.25).abs() < 1e-6);
     let unequal = Volume::from_slices(&[slice(0.0), Image::from_linear(3, 2, 1, vec![0.0; 6])]);
-    assert_eq!(unequal.unwrap_err(), VolumeSizeError::UnequalSlices { index: 1 });
-    assert_eq!(Volume::from_slices(&[]).unwrap_err(), VolumeSizeError::NoSlices);
-    assert!(matches!(
-        Volume::new([2, 2, 2], 1, ColorSpace::Linear, Samples::U8(vec![0; 7])),
-        Err(VolumeSizeError::Samples { expected: 8, got: 7, .. })
-    ));
+    assert!(unequal.unwrap_err().to_string().starts_with("slice 1 of the volume differs"));
+    assert!(Volume::from_slices(&[]).unwrap_err().to_string().contains("at least one slice"));
+    let short = Volume::new([2, 2, 2], 1, ColorSpace::Linear, Samples::U8(vec![0; 7])).unwrap_err();
+    assert!(short.to_string().ends_with("takes 8 numbers, not 7"), "{short}");
     let folder = tempfile::tempdir().unwrap();
     let paths = [0.0, 1.0].map(|grey| folder.path().join(format!("{grey}.png")));
     paths.iter().zip([0.0, 1.0]).for_each(|(path, grey)| slice(grey).save(path).unwrap());
     assert_eq!(Volume::load_slices(&paths, ColorSpace::Srgb, PLENTY).unwrap().size(), [2, 3, 2]);
     let error = Volume::load_slices(&paths, ColorSpace::Srgb, 8).unwrap_err();
-    assert!(matches!(error, LoadVolumeError::Memory { needed: 14, limit: 8, .. }), "{error}");
+    assert!(error.to_string().contains("would take 14 bytes of memory with its levels, 8 are"), "{error}");
 }
 
 const HEADER: &str = "NDims = 3\nDimSize = 2 3 4\nElementSpacing = 1 2 3.5\nElementType = MET_UCHAR\n\
@@ -257,7 +256,7 @@ fn mistakes_are_named() {
         ("1 2 3.5", "1 -2 3", "line 3: ElementSpacing"),
         ("MET_UCHAR", "MET_DOUBLE", "MET_UCHAR, MET_USHORT or MET_FLOAT"),
         ("numbers.raw", "LIST", "ElementDataFile is 'LIST'"),
-        ("numbers.raw", "absent.raw", "cannot read volume"),
+        ("numbers.raw", "absent.raw", "cannot read"),
         ("ElementDataFile", "CompressedData = True\nElementDataFile", "unpack the file first"),
         ("ElementDataFile = numbers.raw\n", "", "ends without ElementDataFile"),
         ("DimSize = 2 3 4\n", "", "ends without DimSize"),
@@ -267,7 +266,7 @@ fn mistakes_are_named() {
         assert!(error.contains(part), "{from} -> {to}: {error}");
     }
     let error = Volume::load_meta_image(folder.path().join("absent.mhd"), PLENTY).unwrap_err();
-    assert!(matches!(error, LoadVolumeError::Read { .. }), "{error}");
+    assert_eq!(error.kind(), ErrorKind::NotFound, "{error}");
 }
 
 proptest! {
@@ -275,7 +274,7 @@ proptest! {
     #[test]
     fn damaged_headers_are_survived(seed in any::<u64>(), flips in 1..8_usize) {
         let folder = tempfile::tempdir().unwrap();
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let mut header = HEADER.as_bytes().to_vec();
         for _ in 0..flips {
             let bit = random.bits() as usize % (8 * header.len());
@@ -299,7 +298,7 @@ fn the_head_is_read() {
     let head = Volume::load_meta_image(&path, PLENTY).unwrap();
     assert_eq!((head.size(), head.channels(), head.spacing()), ([48, 62, 42], 1, Vec3::splat(4.0)));
     let error = Volume::load_meta_image(&path, 100_000).unwrap_err();
-    assert!(matches!(error, LoadVolumeError::Memory { limit: 100_000, .. }), "{error}");
+    assert!(error.to_string().contains("100000 are allowed"), "{error}");
     let raw = fs::read(folder.join("HeadMRVolume.raw")).unwrap();
     let texture = VolumeTexture::new(Arc::new(head));
     let voxel = Vec3::new(20.0, 30.0, 25.0);
