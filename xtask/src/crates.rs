@@ -14,11 +14,10 @@ const ALL: &[&str] = &["*"];
 const CRATES: &[(&str, &str, &[&str])] = &[
     (BASE, "errors, random numbers, boxes, the sRGB curve: what no crate owns", &[]),
     ("fantex-mesh", "loading, cleaning, fans, normals and tangents, rays, generators, writing", &[]),
-    ("fantex-look", "the look as its file says it: tables, JSON schema, checks with lines", &[]),
     (
         "fantex-texture",
         "images, filters, mappings, environments, noise, solids, texture graphs, picture comparison",
-        &["fantex-mesh", "fantex-look"],
+        &["fantex-mesh"],
     ),
     ("fantex-cover", "partial fans, groups, tile maps, the texture function's weights", &["fantex-mesh"]),
     (
@@ -29,12 +28,17 @@ const CRATES: &[(&str, &str, &[&str])] = &[
     (
         "fantex-bake",
         "sources to tiles, light maps, transfer between meshes",
-        &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store"],
+        &["fantex-mesh", "fantex-texture", "fantex-cover", "fantex-store", "fantex-scene"],
     ),
     (
         "fantex-scene",
         "cameras, lights, surroundings, tone mapping: what renderers are given",
         &["fantex-mesh", "fantex-texture"],
+    ),
+    (
+        "fantex-look",
+        "looks: their files, JSON schema, checks with lines, textures and materials made of them",
+        &["fantex-mesh", "fantex-texture", "fantex-scene"],
     ),
     (
         "fantex-stream",
@@ -71,7 +75,21 @@ const CRATES: &[(&str, &str, &[&str])] = &[
     ("fantex-bottle", "the model of the demo", &[]),
     ("fantex-gallery", "the looks of the gallery", &[]),
     ("fantex-cli", "the command line", &["fantex", "fantex-assets", "fantex-bottle", "fantex-gallery"]),
-    ("fantex-app", "the window: viewer and painter", &["fantex"]),
+    (
+        "fantex-app",
+        "the window: viewer and painter",
+        &[
+            "fantex-mesh",
+            "fantex-cover",
+            "fantex-texture",
+            "fantex-store",
+            "fantex-bake",
+            "fantex-scene",
+            "fantex-stream",
+            "fantex-gpu",
+            "fantex-paint",
+        ],
+    ),
     ("fantex-bench", "benchmarks, simulators and faulty disks; not shipped", ALL),
     ("fantex-test", "test data and meshes for tests of several crates; not shipped", &["fantex-mesh"]),
     ("xtask", "development chores; not shipped", &[]),
