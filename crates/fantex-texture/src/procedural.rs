@@ -29,6 +29,7 @@ parameters! {
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub cell: f32 = 0.25,
         /// How far the point is moved by another noise first, in cells: bands and flows.
+        #[schemars(range(min = 0, max = 100))]
         pub warp: f32 = 0.0,
         /// Factor of the noise.
         pub amplitude: f32 = 0.5,
