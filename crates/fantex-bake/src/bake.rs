@@ -1,10 +1,10 @@
 //! The bake of a whole asset.
 
-use fantex_base::{Error, Result};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use fantex_base::{Error, Result};
 use fantex_cover::{Cover, GroupTriangles};
 use fantex_mesh::{Mesh, shading_normals};
 use fantex_store::{AssetWriter, CreateOptions, Quality};

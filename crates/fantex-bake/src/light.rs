@@ -375,7 +375,7 @@ pub struct LightMapNoise {
 /// Sums are whole multiples of this.
 const UNIT: f64 = 1.0 / (1 << 24) as f64;
 /// What a single texel adds is at most this.
-const MOST: f64 = (1 << 14) as f64;
+const FIXED_POINT_LIMIT: f64 = (1 << 14) as f64;
 /// Buckets of a quarter of an octave.
 const BUCKETS: usize = 160;
 /// Upper end of the first bucket.
@@ -401,7 +401,7 @@ impl Default for NoiseMeter {
 
 impl NoiseMeter {
     pub(crate) fn add(&self, value: f32, error: f32, samples: u32) {
-        let units = |x: f32| (f64::from(x).clamp(0.0, MOST) / UNIT).round() as u64;
+        let units = |x: f32| (f64::from(x).clamp(0.0, FIXED_POINT_LIMIT) / UNIT).round() as u64;
         self.texels.fetch_add(1, Relaxed);
         self.samples.fetch_add(samples.into(), Relaxed);
         self.values.fetch_add(units(value), Relaxed);

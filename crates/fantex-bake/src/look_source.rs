@@ -1,19 +1,20 @@
 //! Materials whose properties are textures: what does not depend on the eye, as tiles.
 
-use crate::image_source::{ImageSource, NO_IMAGE_DENSITY};
-use fantex_base::{Error, Result};
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use fantex_mesh::{AlphaMode, Material, Mesh, corner_tangents, interpolate, shading_normals};
+use fantex_base::{Error, Result};
+use fantex_mesh::{AlphaMode, Material, Mesh, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::look::{
-    Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
+    Anisotropy, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity, Relief,
+    Slot, height_change, look_tangents, normal_by_map,
 };
 use fantex_texture::material::{MaterialImageError, TangentFrame, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
-use glam::{Quat, Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
+use crate::image_source::{ImageSource, NO_IMAGE_DENSITY};
 use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
 
 /// What a mesh looks like, as a source: base colour with alpha, the normal with all relief applied, occlusion with roughness
@@ -123,13 +124,7 @@ impl<'a> TextureSource<'a> {
         materials.iter().try_for_each(|m| check_eye(m))?;
         let channels = channels(&materials);
         let normals = shading_normals(mesh);
-        let sets = 0..mesh.corners.uv_sets.len();
-        let tangents = sets
-            .map(|set| {
-                let is_asked = materials.iter().any(|m| refers_to_tangents(m, set));
-                if is_asked { set_tangents(mesh, &normals, set) } else { Vec::new() }
-            })
-            .collect();
+        let tangents = look_tangents(mesh, &normals, materials.iter().map(AsRef::as_ref));
         Ok(Self { materials, finder: PointFinder { mesh, normals, time }, tangents, channels })
     }
 
@@ -214,7 +209,7 @@ impl TextureSource<'_> {
                         relief: &material.relief,
                         tangents: &self.tangents,
                         normals: &self.finder.normals,
-                        least_step: LEAST_STEP * self.finder.mesh.world_from_mesh.scale as f32,
+                        min_step: MIN_RELIEF_STEP * self.finder.mesh.world_from_mesh.scale as f32,
                     };
                     reliefs.bend(point, at, ask).extend(0.0)
                 }
@@ -340,26 +335,6 @@ fn check_eye(material: &LookMaterial) -> Result<()> {
     }
 }
 
-fn refers_to_tangents(material: &LookMaterial, set: usize) -> bool {
-    material.anisotropy.as_ref().is_some_and(|anisotropy| anisotropy.uv_set == set)
-        || material.relief.iter().any(|relief| {
-        matches!(relief, Relief::Normal { space: NormalSpace::Tangent { uv_set }, .. } if *uv_set == set)
-    })
-}
-
-/// The mesh's own tangents belong to its first set.
-fn set_tangents(mesh: &Mesh, normals: &[Vec3], set: usize) -> Vec<Vec4> {
-    let corners = 3 * mesh.triangles.len();
-    let uv = &mesh.corners.uv_sets[set];
-    if uv.len() != corners {
-        return Vec::new();
-    }
-    if set == 0 && mesh.corners.tangents.len() == corners {
-        return mesh.corners.tangents.clone();
-    }
-    corner_tangents(mesh, normals, |t| Some([uv[3 * t], uv[3 * t + 1], uv[3 * t + 2]]))
-}
-
 // From a texel on a mesh to what textures are asked by.
 
 /// Sets of texture coordinates that need no allocation per texel.
@@ -439,113 +414,57 @@ fn uv_point(set: &[Vec2], point: &TexelPoint) -> UvPoint {
 }
 
 // Normals bent by relief, over a texel.
-//
-// Bump mapping in the form that needs no parametrisation (M. Mikkelsen, "Bump Mapping Unparametrized Surfaces on the GPU",
-// 2010): the texel's edges are two directions in the surface along which the height's change is known.
-
-/// Shortest step of a difference as a share of the mesh's unit: below, single precision would be seen.
-const LEAST_STEP: f32 = 5e-5;
 
 /// A material's relief and the frames that it is relative to.
 struct Reliefs<'a> {
     relief: &'a [Relief],
-    pub(crate) tangents: &'a [Vec<Vec4>],
-    pub(crate) normals: &'a [Vec3],
+    tangents: &'a [Vec<Vec4>],
+    normals: &'a [Vec3],
     /// World units.
-    least_step: f32,
+    min_step: f32,
 }
 
 impl Reliefs<'_> {
     /// The unit normal after all relief. `ask` answers for the point.
-    pub(crate) fn bend(&self, point: &TexelPoint, at: &ShadingPoint<'_>, ask: &Ask<'_>) -> Vec3 {
+    fn bend(&self, point: &TexelPoint, at: &ShadingPoint<'_>, ask: &Ask<'_>) -> Vec3 {
         self.relief.iter().fold(at.normal, |normal, relief| {
+            let by_gradient = |gradient: Vec3| (normal - gradient).try_normalize();
+            let axes = || GradientAxes::new(at.position_steps, normal);
             let bent = match relief {
-                Relief::Bump { texture, height, difference } => {
+                Relief::Bump { texture, height, difference } => axes().and_then(|axes| {
+                    // Neighbouring texels' heights; farther only where that would be below the digits.
+                    let step =
+                        |edge: Vec3| (self.min_step / edge.length().max(f32::MIN_POSITIVE)).clamp(1.0, 1e6);
                     let height_at = |offset: Vec2| ask(&**texture, offset).x;
-                    self.by_height(height_at, *height, *difference, normal, at)
-                }
+                    let change = height_change(*difference, at.position_steps.map(step), height_at);
+                    by_gradient(axes.gradient(change * *height))
+                }),
                 Relief::Derivatives { texture, uv_set, height, range } => {
-                    by_derivatives(ask(&**texture, Vec2::ZERO), *uv_set, height * range, normal, at)
+                    let texel = ask(&**texture, Vec2::ZERO);
+                    let uv = at.uv.get(*uv_set);
+                    axes()
+                        .zip(uv)
+                        .and_then(|(axes, uv)| by_gradient(axes.of_derivatives(texel, uv, height * range)))
                 }
                 Relief::Normal { texture, scale, space } => {
                     let texel = ask(&**texture, Vec2::ZERO).truncate() * 2.0 - 1.0;
-                    self.by_normal(texel, *scale, *space, normal, point)
+                    match self.frame(*space, point) {
+                        Some(frame) => normal_by_map(normal, point.normal, texel, *scale, frame.as_ref()),
+                        None => None,
+                    }
                 }
             };
             bent.unwrap_or(normal)
         })
     }
 
-    fn by_height(
-        &self,
-        ask: impl Fn(Vec2) -> f32,
-        height: f32,
-        difference: Difference,
-        normal: Vec3,
-        at: &ShadingPoint<'_>,
-    ) -> Option<Vec3> {
-        let along = |axis: Vec2, edge: Vec3| {
-            // Neighbouring texels' heights; farther only where that would be below the digits.
-            let step = (self.least_step / edge.length().max(f32::MIN_POSITIVE)).clamp(1.0, 1e6);
-            match difference {
-                Difference::Forward => (ask(axis * step) - ask(Vec2::ZERO)) / step,
-                Difference::Backward => (ask(Vec2::ZERO) - ask(-axis * step)) / step,
-                Difference::Central => (ask(axis * step) - ask(-axis * step)) / (2.0 * step),
-            }
-        };
-        let [x, y] = at.position_steps;
-        let change = Vec2::new(along(Vec2::X, x), along(Vec2::Y, y)) * height;
-        (normal - gradient(at, normal, change)?).try_normalize()
+    /// The frame of a normal map, none for one in the model's axes; `None` where its texture coordinates are missing.
+    fn frame(&self, space: NormalSpace, point: &TexelPoint) -> Option<Option<TangentFrame>> {
+        let NormalSpace::Tangent { uv_set } = space else { return Some(None) };
+        let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
+        let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
+        Some(Some(TangentFrame::at(self.normals, tangents, point.at.index(), lambda)))
     }
-
-    /// What bent the normal before is kept: the map's normal is turned as the vertex normal was.
-    fn by_normal(
-        &self,
-        texel: Vec3,
-        scale: f32,
-        space: NormalSpace,
-        normal: Vec3,
-        point: &TexelPoint,
-    ) -> Option<Vec3> {
-        let bent = match space {
-            NormalSpace::Object => {
-                let upright = point.normal * point.normal.dot(texel);
-                upright + (texel - upright) * scale
-            }
-            NormalSpace::Tangent { uv_set } => {
-                let tangents = self.tangents.get(uv_set).filter(|t| !t.is_empty())?;
-                let lambda = point.at.lambda.clamp(Vec3::ZERO, Vec3::ONE);
-                let frame = TangentFrame::at(self.normals, tangents, point.at.index(), lambda);
-                frame.mesh_vector(texel * Vec3::new(scale, scale, 1.0))
-            }
-        };
-        let bent = bent.try_normalize()?;
-        Some(if normal == point.normal { bent } else { Quat::from_rotation_arc(point.normal, normal) * bent })
-    }
-}
-
-/// The gradient in the surface of a function that changes by `change` along the texel's edges.
-fn gradient(at: &ShadingPoint<'_>, normal: Vec3, change: Vec2) -> Option<Vec3> {
-    let [along_x, along_y] = at.position_steps;
-    let x = along_y.cross(normal);
-    let determinant = along_x.dot(x);
-    let is_plane = determinant.abs() > 1e-6 * along_x.length() * along_y.length();
-    let gradient = (x * change.x + normal.cross(along_x) * change.y) / determinant;
-    (is_plane && gradient.is_finite()).then_some(gradient)
-}
-
-/// `scale` is the world height of a derivative's code of one, per unit of `u` or `v`.
-fn by_derivatives(
-    texel: Vec4,
-    uv_set: usize,
-    scale: f32,
-    normal: Vec3,
-    at: &ShadingPoint<'_>,
-) -> Option<Vec3> {
-    let uv = at.uv.get(uv_set)?;
-    let by_uv = Vec2::new(texel.y * 2.0 - 1.0, texel.z * 2.0 - 1.0) * scale;
-    let change = Vec2::new(by_uv.dot(uv.steps[0]), by_uv.dot(uv.steps[1]));
-    (normal - gradient(at, normal, change)?).try_normalize()
 }
 
 // Textures asked once for all texels of a triangle.

@@ -9,9 +9,9 @@
 //! Large tiles are cut into blocks with a margin of `HALO` texels, so that a texel's value does not depend on the cut, and
 //! memory does not grow with the tile.
 
-use fantex_base::Result;
 use std::time::{Duration, Instant};
 
+use fantex_base::Result;
 use fantex_cover::{Cover, Footprints, TexelBlock, TexelTriangle};
 use fantex_mesh::{Mesh, SurfacePoint, interpolate};
 use fantex_store::{

@@ -8,10 +8,10 @@
 //! - [`TransferSource`] bakes normals and any [`Source`] of the detailed mesh into fan tiles;
 //! - [`bake_normal_map`] makes an ordinary image of normals for a coarse mesh with texture coordinates.
 
-use fantex_base::{Error, Result};
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{
     Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, corner_normals, corner_tangents, shading_normals,
 };
@@ -61,7 +61,7 @@ const PROBES: usize = 2048;
 /// The cage is larger than the largest distance that was measured.
 const CAGE_SLACK: f32 = 1.25;
 /// Meshes that coincide still get a cage, mesh units.
-const SMALLEST_CAGE: f32 = 1e-4;
+const MIN_CAGE: f32 = 1e-4;
 
 /// Rays from one mesh to another.
 struct Projector<'a> {
@@ -108,7 +108,7 @@ impl<'a> Projector<'a> {
         };
         projector.cage = match cage {
             Some(world) => (world / to.scale) as f32,
-            None => (CAGE_SLACK * projector.sampled_distance()).max(SMALLEST_CAGE),
+            None => (CAGE_SLACK * projector.sampled_distance()).max(MIN_CAGE),
         };
         Ok(projector)
     }

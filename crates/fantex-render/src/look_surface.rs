@@ -9,14 +9,15 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
-use fantex_mesh::{Mesh, Twins, corner_tangents};
+use fantex_mesh::{Mesh, Twins};
 use fantex_texture::combine::TextureUse;
 use fantex_texture::look::{
-    Anisotropy, Difference, LightingModel, LookMaterial, NormalSpace, Opacity, Relief, Slot,
+    Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity,
+    Relief, Slot, height_change, look_tangents, normal_by_map,
 };
 use fantex_texture::material::{MaterialImageError, TangentFrame, roughness_with_variance, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
-use glam::{Quat, Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::image_surface::ImageSurface;
 use crate::surface::CornerNormals;
@@ -115,12 +116,7 @@ impl<'a> TextureSurface<'a> {
             materials.push(Arc::default());
         }
         let normals = CornerNormals::of_mesh(mesh);
-        let tangents = (0..mesh.corners.uv_sets.len())
-            .map(|set| {
-                let is_asked = materials.iter().any(|m| refers_to(m, set));
-                if is_asked { set_tangents(mesh, &normals, set) } else { Vec::new() }
-            })
-            .collect();
+        let tangents = look_tangents(mesh, normals.all(), materials.iter().map(AsRef::as_ref));
         Self { mesh, normals, tangents, materials, time: 0.0, twins: Twins::of(&mesh.triangles) }
     }
 
@@ -147,7 +143,7 @@ impl<'a> TextureSurface<'a> {
                         texture: &**texture,
                         height: *height,
                         difference: *difference,
-                        least_step: LEAST_STEP * self.mesh.world_from_mesh.scale as f32,
+                        min_step: MIN_RELIEF_STEP * self.mesh.world_from_mesh.scale as f32,
                     };
                     bump.bend(bent.normal, at, shows_highlights)
                 }
@@ -241,27 +237,6 @@ impl<'a> TextureSurface<'a> {
         let strength = anisotropy.strength.evaluate_number(at).clamp(-1.0, 1.0);
         Some(AnisotropySample { direction, strength })
     }
-}
-
-/// Whether a material needs the tangents of a set of texture coordinates.
-fn refers_to(material: &LookMaterial, set: usize) -> bool {
-    let by_relief = material.relief.iter().any(|relief| {
-        matches!(relief, Relief::Normal { space: NormalSpace::Tangent { uv_set }, .. } if *uv_set == set)
-    });
-    by_relief || material.anisotropy.as_ref().is_some_and(|a| a.uv_set == set)
-}
-
-/// The mesh's own tangents belong to its first set.
-fn set_tangents(mesh: &Mesh, normals: &CornerNormals, set: usize) -> Vec<Vec4> {
-    let corners = 3 * mesh.triangles.len();
-    let uv = &mesh.corners.uv_sets[set];
-    if uv.len() != corners {
-        return Vec::new();
-    }
-    if set == 0 && mesh.corners.tangents.len() == corners {
-        return mesh.corners.tangents.clone();
-    }
-    corner_tangents(mesh, normals.all(), |t| Some([uv[3 * t], uv[3 * t + 1], uv[3 * t + 2]]))
 }
 
 impl Surface for TextureSurface<'_> {
@@ -599,14 +574,7 @@ fn alpha_beside(material: &LookMaterial, at: &ShadingPoint, offset: Vec2) -> f32
     value(&material.base_color).w * value(&material.alpha).x
 }
 
-// Bent normals.
-//
-// Bump mapping in the form that needs no parametrisation (M. Mikkelsen, "Bump Mapping Unparametrized Surfaces on the GPU",
-// 2010): Blinn's `N' = N + (F_u (N x P_v) - F_v (N x P_u)) / |N|` holds for any two directions in the surface, and the edges
-// of the pixel's footprint are two whose changes of position and height are at hand.
-
-/// Smallest step of a difference, as a share of the mesh's unit: below, single precision would be seen.
-const LEAST_STEP: f32 = 5e-5;
+// Bent normals, and what of the relief is too fine to be seen.
 
 /// Points of the footprint at which slopes are looked up to find their variance.
 const SLOPES: usize = 8;
@@ -629,29 +597,6 @@ struct Bent {
     slope_variance: f32,
 }
 
-/// Two directions in a surface, as what is perpendicular to them: a function that changes by `d` along them has the surface
-/// gradient `(d.x x + d.y y)`.
-#[derive(Clone, Copy, Debug)]
-struct GradientAxes {
-    x: Vec3,
-    y: Vec3,
-}
-
-impl GradientAxes {
-    /// `None` where the directions are parallel in the plane of `normal`.
-    fn new([along_x, along_y]: [Vec3; 2], normal: Vec3) -> Option<Self> {
-        let x = along_y.cross(normal);
-        let determinant = along_x.dot(x);
-        let scale = determinant.recip();
-        let is_plane = determinant.abs() > 1e-6 * along_x.length() * along_y.length();
-        (is_plane && scale.is_finite()).then(|| Self { x: x * scale, y: normal.cross(along_x) * scale })
-    }
-
-    fn gradient(&self, change: Vec2) -> Vec3 {
-        self.x * change.x + self.y * change.y
-    }
-}
-
 /// Bump mapping by a texture of heights.
 struct Bump<'a> {
     pub(crate) texture: &'a dyn Texture,
@@ -659,7 +604,7 @@ struct Bump<'a> {
     pub(crate) height: f32,
     pub(crate) difference: Difference,
     /// World units.
-    least_step: f32,
+    min_step: f32,
 }
 
 impl Bump<'_> {
@@ -675,29 +620,20 @@ impl Bump<'_> {
 
     /// Change of the height along the footprint's edges, from differences over half of them.
     fn change(&self, at: &ShadingPoint) -> Vec2 {
-        let height = |offset: Vec2| self.height * evaluate_beside(self.texture, at, offset, 1.0).x;
-        let steps = at.position_steps.map(|edge| self.least_share(edge).max(0.5));
-        let here = match self.difference {
-            Difference::Central => 0.0,
-            Difference::Forward | Difference::Backward => height(Vec2::ZERO),
-        };
-        let along = |axis: Vec2, step: f32| match self.difference {
-            Difference::Forward => (height(axis * step) - here) / step,
-            Difference::Backward => (here - height(axis * -step)) / step,
-            Difference::Central => (height(axis * step) - height(axis * -step)) / (2.0 * step),
-        };
-        Vec2::new(along(Vec2::X, steps[0]), along(Vec2::Y, steps[1]))
+        let height = |offset: Vec2| evaluate_beside(self.texture, at, offset, 1.0).x;
+        let steps = at.position_steps.map(|edge| self.min_share(edge).max(0.5));
+        height_change(self.difference, steps, height) * self.height
     }
 
     /// The share of an edge that still has enough digits for a difference along it; may be larger than one.
-    fn least_share(&self, edge: Vec3) -> f32 {
+    fn min_share(&self, edge: Vec3) -> f32 {
         let length = edge.length();
-        if length > 0.0 { (self.least_step / length).min(1e6) } else { 1.0 }
+        if length > 0.0 { (self.min_step / length).min(1e6) } else { 1.0 }
     }
 
     /// Variance of the slopes within the footprint.
     fn slope_variance(&self, at: &ShadingPoint, axes: &GradientAxes, mean: Vec3) -> f32 {
-        let [along, across] = at.position_steps.map(|edge| self.least_share(edge));
+        let [along, across] = at.position_steps.map(|edge| self.min_share(edge));
         let share = along.max(across).max(SLOPE_SHARE);
         if share > 0.5 {
             return 0.0;
@@ -726,10 +662,7 @@ impl DerivativeMap<'_> {
         let unbent = Bent { normal, slope_variance: 0.0 };
         let axes = GradientAxes::new(at.position_steps, normal);
         let (Some(uv), Some(axes)) = (at.uv.get(self.uv_set), axes) else { return unbent };
-        let gradient = |texel: Vec4| {
-            let by_uv = Vec2::new(texel.y * 2.0 - 1.0, texel.z * 2.0 - 1.0) * self.scale;
-            axes.gradient(Vec2::new(by_uv.dot(uv.steps[0]), by_uv.dot(uv.steps[1])))
-        };
+        let gradient = |texel: Vec4| axes.of_derivatives(texel, uv, self.scale);
         let mean = gradient(self.texture.evaluate(at));
         let Some(normal) = (normal - mean).try_normalize() else { return unbent };
         let slope = |p: Vec2| gradient(evaluate_beside(self.texture, at, p, SLOPE_SHARE));
@@ -760,18 +693,10 @@ fn bend_by_normal(
     scale: f32,
     frame: Option<&TangentFrame>,
 ) -> Bent {
-    let unbent = Bent { normal, slope_variance: 0.0 };
-    let bent = match frame {
-        Some(frame) => frame.mesh_vector(texel * Vec3::new(scale, scale, 1.0)),
-        None => {
-            let upright = vertex_normal * vertex_normal.dot(texel);
-            upright + (texel - upright) * scale
-        }
-    };
-    let Some(bent) = bent.try_normalize() else { return unbent };
-    let turned =
-        if normal == vertex_normal { bent } else { Quat::from_rotation_arc(vertex_normal, normal) * bent };
-    Bent { normal: turned, slope_variance: scale * scale * mean_normal_variance(texel.length()) }
+    match normal_by_map(normal, vertex_normal, texel, scale, frame) {
+        Some(normal) => Bent { normal, slope_variance: scale * scale * mean_normal_variance(texel.length()) },
+        None => Bent { normal, slope_variance: 0.0 },
+    }
 }
 
 /// Shortest mean of unit normals that rounding to bytes explains.
@@ -841,7 +766,7 @@ mod tests {
     }
 
     fn bump(texture: &dyn Texture, difference: Difference) -> Bump<'_> {
-        Bump { texture, height: 1.0, difference, least_step: LEAST_STEP }
+        Bump { texture, height: 1.0, difference, min_step: MIN_RELIEF_STEP }
     }
 
     #[test]

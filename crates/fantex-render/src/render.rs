@@ -7,9 +7,9 @@
 //!  Resolve: shade, composite, average      per tile: pieces of its pixels, many at once, then pixels
 //! ```
 
-use fantex_base::{Error, Result};
 use std::time::{Duration, Instant};
 
+use fantex_base::{Error, Result};
 use fantex_mesh::Mesh;
 use fantex_scene::{AmbientLight, Glow, Projection};
 use glam::{Vec2, Vec3, Vec4};

@@ -41,7 +41,7 @@ pub(crate) fn evaluate(
 pub(crate) const DIELECTRIC: f32 = 0.04;
 
 /// Roughness below which highlights of a directional light would be smaller than any pixel.
-const SMALLEST_ALPHA: f32 = 2e-3;
+const MIN_ALPHA: f32 = 2e-3;
 
 /// `L = r_a L_a + sum_j (r_d (n.l_j) + r_s (n.h_j)^m) L_j`, with the reflectances taken from the metallic-roughness
 /// material: `r_d` the dielectric's colour, `m = 2 / alpha^2 - 2` the exponent of the Blinn-Phong lobe that is as wide as
@@ -177,7 +177,7 @@ impl Microfacets {
 
 /// The slope of the facets, from the perceptual roughness.
 fn squared_roughness(material: &MaterialSample) -> f32 {
-    (material.roughness * material.roughness).clamp(SMALLEST_ALPHA, 1.0)
+    (material.roughness * material.roughness).clamp(MIN_ALPHA, 1.0)
 }
 
 // What a material says beyond the core of glTF, and how it is lit.

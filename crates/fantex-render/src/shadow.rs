@@ -114,7 +114,7 @@ impl ShadowFace {
 // Drawing a map: the nearest surface under the middle of every texel.
 
 /// What lets more light through than this casts no shadow.
-const LEAST_ALPHA: f32 = 0.5;
+const MIN_ALPHA: f32 = 0.5;
 
 /// Draws one map. Both sides of every triangle that casts shadows do; layered ones where their alpha is at least a half.
 fn draw_face(fitted: FittedView, resolution: u32, mesh: &Mesh, surface: &dyn Surface) -> ShadowFace {
@@ -226,8 +226,7 @@ impl Caster<'_> {
             let middle = [x, y].map(|c| c as i32 * SUBPIXELS + SUBPIXELS / 2);
             let own = fragment.nearness.at(middle);
             let nearest = &mut nearness[fragment.pixel as usize];
-            if own > *nearest
-                && self.alpha(fragment, Vec2::new(x as f32 + 0.5, y as f32 + 0.5)) >= LEAST_ALPHA
+            if own > *nearest && self.alpha(fragment, Vec2::new(x as f32 + 0.5, y as f32 + 0.5)) >= MIN_ALPHA
             {
                 *nearest = own;
             }
@@ -280,13 +279,13 @@ impl DepthPlane {
 // Antialiased Shadows with Depth Maps", 1987).
 
 /// Half the least width of the filter, in texels.
-const LEAST_RADIUS: f32 = 1.25;
+const MIN_RADIUS: f32 = 1.25;
 
 /// Most texels along each side of the filter that are asked; larger filters skip some.
-const MOST_TAPS: i32 = 16;
+const MAX_TAPS: i32 = 16;
 
 /// Largest tangent of the angle between light and normal for which a receiver's plane is followed.
-const STEEPEST: f64 = 12.0;
+const MAX_STEEPNESS: f64 = 12.0;
 
 /// Share of the light that arrives, 0..1.
 fn face_visibility(
@@ -318,7 +317,7 @@ fn face_visibility(
             width as f32 / texel
         }
     };
-    asked.radius = pixel.max(Vec2::splat(penumbra.max(LEAST_RADIUS)));
+    asked.radius = pixel.max(Vec2::splat(penumbra.max(MIN_RADIUS)));
     asked.lit_share(face)
 }
 
@@ -355,7 +354,7 @@ impl Asked {
         }
         let depth = (projected.depth - f64::from(options.bias) * texel_width).max(projected.depth * 0.5);
         let nearness = face.nearness_of(depth);
-        let steepest = STEEPEST * texel_width * face.nearness_per_depth(depth);
+        let steepest = MAX_STEEPNESS * texel_width * face.nearness_per_depth(depth);
         // A facet that is turned away from the lamp says nothing about the surface that the lamp sees.
         let faces_lamp = receiver.facet_normal.dot(to_light) > 0.0;
         let slope = if faces_lamp {
@@ -439,7 +438,7 @@ impl Span {
         let (low, high) = (middle - radius, middle + radius);
         let clamp = |c: f32| (c.floor() as i32).clamp(0, side - 1);
         let (first, last) = (clamp(low), clamp(high));
-        Self { low, high, first, last, stride: ((last - first + MOST_TAPS) / MOST_TAPS).max(1) }
+        Self { low, high, first, last, stride: ((last - first + MAX_TAPS) / MAX_TAPS).max(1) }
     }
 
     fn iter(&self) -> impl Iterator<Item = (i32, f32)> {

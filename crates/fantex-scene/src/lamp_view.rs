@@ -147,7 +147,7 @@ const CUBE: [[DVec3; 2]; 6] = [
 const CUBE_HALF: f64 = 1.04;
 
 /// Cones with a larger half angle than this are looked at through a cube.
-const WIDEST_CONE_DEGREES: f32 = 70.0;
+const MAX_CONE_DEGREES: f32 = 70.0;
 
 /// The views of a lamp: one, or six for a lamp that shines to all sides (in the order +x, -x, +y, -y, +z, -z). That of
 /// parallel light is fitted to `casters`, the corners of everything that casts shadows; `points` are the whole mesh's. Mesh
@@ -162,9 +162,7 @@ pub fn lamp_views(
     match kind {
         LightKind::Directional { to_light } => vec![parallel(-to_light.as_dvec3(), casters)],
         LightKind::Point { position, .. } => cube(placed(*position), points),
-        LightKind::Spot(SpotLight { position, outer_degrees, .. })
-            if *outer_degrees > WIDEST_CONE_DEGREES =>
-        {
+        LightKind::Spot(SpotLight { position, outer_degrees, .. }) if *outer_degrees > MAX_CONE_DEGREES => {
             cube(placed(*position), points)
         }
         LightKind::Spot(SpotLight { position, direction, outer_degrees, .. }) => {

@@ -94,7 +94,7 @@ impl Default for Glow {
 const GAUSSIANS: usize = 4;
 
 /// Levels are halved until a Gaussian's standard deviation there is below twice this many pixels.
-const LEAST_SIGMA: f32 = 2.0;
+const MIN_SIGMA: f32 = 2.0;
 
 impl Picture {
     /// This picture with the halo of a source of the same size: the emitted light, or the picture itself. Where the picture
@@ -206,7 +206,7 @@ fn blur(layer: &Layer, sigma: f32) -> Layer {
     if sigma < 0.1 {
         return Layer { pixels: layer.pixels.clone(), ..*layer };
     }
-    let levels = (sigma / LEAST_SIGMA).log2().floor().max(0.0) as i32;
+    let levels = (sigma / MIN_SIGMA).log2().floor().max(0.0) as i32;
     let mut finer_sizes = Vec::new();
     let mut small = Layer { pixels: layer.pixels.clone(), ..*layer };
     for _ in 0..levels {

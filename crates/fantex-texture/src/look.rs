@@ -1,10 +1,14 @@
 //! Materials whose every property may be a texture: what renderers and bakers evaluate.
 
+mod relief;
+
 use std::sync::Arc;
 
 use glam::{Vec3, Vec4};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+
+pub use relief::{GradientAxes, MIN_RELIEF_STEP, height_change, look_tangents, normal_by_map};
 
 use crate::{Color, ColorRamp, ShadingPoint, Texture};
 

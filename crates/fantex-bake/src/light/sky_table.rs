@@ -24,7 +24,7 @@ const SIDE: usize = 512;
 const LOOKS: usize = 2;
 /// A table is made where brightness varies more than this: mean square over squared mean, less one. A sky that grows
 /// linearly from dark at the nadir to bright at the zenith has a third.
-const LEAST_CONTRAST: f64 = 1.0;
+const MIN_CONTRAST: f64 = 1.0;
 
 /// A distribution of directions.
 #[derive(Debug)]
@@ -57,7 +57,7 @@ impl SkyTable {
         let mean_square = brightness.iter().map(|b| b * b).sum::<f64>() / count;
         let contrast = mean_square / (mean * mean) - 1.0;
         // Comparisons with NaN, the contrast of darkness, are false.
-        let is_worth_it = contrast > LEAST_CONTRAST;
+        let is_worth_it = contrast > MIN_CONTRAST;
         is_worth_it.then(|| Self::of_weights(spread(&brightness).map(|b| (b - mean).max(0.0)).collect()))
     }
 

@@ -5,9 +5,9 @@
 //! is a sky of high contrast (`sky_table.rs`). Other skies and glowing surfaces are found by the cosine-weighted directions along
 //! which paths go on; long paths end by Russian roulette.
 
-use fantex_base::{Error, Result};
 use std::f32::consts::PI;
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{Mesh, RayHit, SURFACE_OFFSET, SurfacePoint, TriangleBvh, WorldFromMesh, origin_beside};
 use glam::{DVec3, Vec3};
 

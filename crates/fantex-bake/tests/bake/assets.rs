@@ -1,11 +1,11 @@
 //! Assets as files: verified, the same on any number of threads, whole or not there at all.
 
-use fantex_base::ErrorKind;
 use std::f32::consts::TAU;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use fantex_bake::{BakeFormat, BakeOptions, Fidelity, Fit, NoProgress, Progress, SineSource, bake, fidelity};
+use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate, interpolate};
 use fantex_store::limits::MAX_TILE_SIDE;

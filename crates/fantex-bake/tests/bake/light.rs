@@ -1,7 +1,5 @@
 //! Light maps against closed forms: furnaces, sun, lamps, occlusion by a sphere, the edge of a shadow; and their noise.
 
-use crate::common;
-use crate::common::{baked, cleaned, cover, data_folder, float_options, loaded, sample};
 use fantex_bake::{
     BakeLight, Fit, Illumination, LightMapOptions, LightMapSource, LightQuantity, LightScene, Reflector,
     SourceReflector,
@@ -9,6 +7,9 @@ use fantex_bake::{
 use fantex_mesh::{Mesh, Model, SurfacePoint, TriangleBvh, generate, interpolate};
 use fantex_store::{ChannelKind, VerifyOptions, verify};
 use glam::{DVec3, Vec3};
+
+use crate::common;
+use crate::common::{baked, cleaned, cover, data_folder, float_options, loaded, sample};
 
 fn black(_: Vec3) -> Vec3 {
     Vec3::ZERO

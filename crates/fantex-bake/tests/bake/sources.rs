@@ -1,12 +1,12 @@
 //! The sources that come with fantex, read back through the texture function.
 
-use fantex_base::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
 
 use fantex_bake::{
     Fit, LookSource, MappedImageSource, Source, TexelPoint, TriangleFootprint, VertexColorSource, WorldSpace,
 };
+use fantex_base::ErrorKind;
 use fantex_mesh::{
     AlphaMode, ImageSource, Material, Mesh, SurfacePoint, TextureRef, WrapMode, generate, interpolate,
 };

@@ -1,6 +1,5 @@
 //! Transfer from detailed to coarse meshes: normals against formulas, tangent space against object space, colours.
 
-use crate::common::{OfPosition, baked, cleaned, cover, data_folder, float_options, loaded, sample};
 use fantex_bake::{
     Fit, NormalMapOptions, NormalSpace, Source, TransferOptions, TransferSource, bake_normal_map,
 };
@@ -12,6 +11,8 @@ use fantex_store::ChannelKind;
 use fantex_texture::Image;
 use fantex_texture::material::TangentFrame;
 use glam::{Vec2, Vec3, Vec4};
+
+use crate::common::{OfPosition, baked, cleaned, cover, data_folder, float_options, loaded, sample};
 
 /// Angles in degrees, ascending.
 struct Angles(Vec<f32>);

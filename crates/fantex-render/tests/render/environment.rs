@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::common::{frontal, ray, sphere, square};
 use fantex_mesh::{ImageSource, Mesh, TextureRef, WorldFromMesh, WrapMode, interpolate};
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, EnvironmentLight, FilterOptions, FlatShading,
@@ -14,6 +13,8 @@ use fantex_texture::environment::{
 };
 use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Mat3, Vec3};
+
+use crate::common::{frontal, ray, sphere, square};
 
 const SIZE: [u32; 2] = [120, 80];
 

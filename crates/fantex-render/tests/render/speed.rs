@@ -2,9 +2,6 @@
 
 use std::sync::Arc;
 
-use crate::common::fan_cover;
-use crate::common::{UvImage, image, look, model};
-use crate::common::{frontal, sheet, triangle_color};
 use fantex_mesh::{ImageSource, Material, Mesh, TextureRef, WrapMode};
 use fantex_render::{
     Background, Camera, Coverage, FanSurface, FilterOptions, Finish, FlatShading, FlatSurface, Hit, Lights,
@@ -21,6 +18,10 @@ use fantex_texture::{
     SolidTexture, Texture,
 };
 use glam::{DVec3, Mat3};
+
+use crate::common::fan_cover;
+use crate::common::{UvImage, image, look, model};
+use crate::common::{frontal, sheet, triangle_color};
 
 fn measure(name: &str, mesh: &Mesh, surface: &dyn Surface, samples: u32) {
     let options = RenderOptions { samples, background: Background::Transparent, ..RenderOptions::default() };

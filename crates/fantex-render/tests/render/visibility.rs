@@ -1,7 +1,5 @@
 //! Properties of coverage and visibility: no gaps, no double hits, the right triangle, the right point.
 
-use crate::common;
-use crate::common::{cast, frontal, ray, sheet, sphere};
 use fantex_base::ErrorKind;
 use fantex_mesh::Mesh;
 use fantex_render::{
@@ -9,6 +7,9 @@ use fantex_render::{
     Picture, RenderOptions, Shading, ShadingRate, Surface, render,
 };
 use glam::{DVec3, Vec3};
+
+use crate::common;
+use crate::common::{cast, frontal, ray, sheet, sphere};
 
 fn options(samples: u32) -> RenderOptions {
     RenderOptions {
