@@ -1,7 +1,6 @@
-//! Properties of the solids, and pictures of them.
+//! Properties of the solids.
 
 use fantex_base::Aabb;
-use fantex_texture::noise::{Fractal, Noise};
 use fantex_texture::{Image, SOLID_NAMES, Solid, SolidPoint, solid_by_name};
 use glam::{Vec2, Vec3};
 
