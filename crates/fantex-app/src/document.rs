@@ -6,15 +6,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
 use fantex_bake::Progress;
+use fantex_base::{Error, Result};
 use fantex_cover::{Cover, GroupKind};
 use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
-use fantex_paint::{PaintError, PaintOptions, Painter};
+use fantex_paint::{PaintOptions, Painter};
 use fantex_scene::world_bounds;
 use fantex_store::{Asset, ChannelKind, cover_level_count};
 use fantex_stream::open_asset;
 
 use crate::camera::SceneScale;
-use crate::paint::{BakeForPainting, Exchange, asset_beside, bake_model};
+use crate::paint::{Exchange, asset_beside, bake_model};
 
 /// Where something is opened from.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -105,61 +106,15 @@ pub struct ChannelFact {
     pub format: String,
 }
 
-/// Why nothing could be opened.
-#[derive(Debug, thiserror::Error)]
-pub enum OpenDocumentError {
-    /// The model or asset could not be read, or has nothing to show.
-    #[error(transparent)]
-    Model(#[from] fantex_base::Error),
-    /// The operating system refused.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// A look has no geometry of its own that is shown here.
-    #[error("{} is a look; open a model (.glb .gltf .obj .ply .stl) or an asset (.fan)", path.display())]
-    Look {
-        /// The file.
-        path: PathBuf,
-    },
-    /// Addresses are streamed, and models cannot be.
-    #[error("{url} is no asset (.fan): models are opened from files; download it first")]
-    ModelUrl {
-        /// The address.
-        url: String,
-    },
-    /// What was read could not be brought to the graphics memory.
-    #[error("{reason}")]
-    Graphics {
-        /// One sentence.
-        reason: String,
-    },
-    /// It cannot be painted on.
-    #[error(transparent)]
-    Paint(#[from] PaintError),
-    /// A model cannot be made an asset to paint on.
-    #[error(transparent)]
-    Bake(#[from] BakeForPainting),
-    /// Only what lies here can be changed.
-    #[error("{url} can only be looked at: download it to paint on it")]
-    PaintUrl {
-        /// The address.
-        url: String,
-    },
-    /// The system refused a thread.
-    #[error("cannot start a thread to paint on {}: {source}", path.display())]
-    Thread {
-        /// The asset.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// The user changed their mind.
-    #[error("opening was cancelled")]
-    Cancelled,
+fn cancelled() -> Error {
+    Error::cancelled("opening was cancelled")
+}
+
+/// A look has no geometry of its own that is shown here.
+fn is_look_error(path: &Path) -> Error {
+    let sentence =
+        format!("{} is a look; open a model (.glb .gltf .obj .ply .stl) or an asset (.fan)", path.display());
+    Error::unsupported(sentence).with_path(path)
 }
 
 /// How far opening is.
@@ -227,10 +182,10 @@ impl OpenProgress {
     ///
     /// # Errors
     ///
-    /// [`OpenDocumentError::Cancelled`], where the user does not want it any more.
-    pub fn enter(&self, stage: Stage) -> Result<(), OpenDocumentError> {
+    /// The user does not want it any more ([`Error::is_cancelled`]).
+    pub fn enter(&self, stage: Stage) -> Result<()> {
         self.stage.store(stage as u8, Relaxed);
-        if self.is_cancelled.load(Relaxed) { Err(OpenDocumentError::Cancelled) } else { Ok(()) }
+        if self.is_cancelled.load(Relaxed) { Err(cancelled()) } else { Ok(()) }
     }
 
     /// The user does not want it any more: opening ends with its current stage.
@@ -245,13 +200,13 @@ impl Place {
     ///
     /// # Errors
     ///
-    /// [`OpenDocumentError`]: one sentence for the user.
-    pub fn check(&self) -> Result<(), OpenDocumentError> {
+    /// One sentence for the user.
+    pub fn check(&self) -> Result<()> {
         match self {
-            Self::File(path) if is_look(path) => Err(OpenDocumentError::Look { path: path.clone() }),
+            Self::File(path) if is_look(path) => Err(is_look_error(path)),
             Self::File(path) => {
                 let found = std::fs::metadata(path).map(drop);
-                found.map_err(|source| OpenDocumentError::Read { path: path.clone(), source })?;
+                found.map_err(|source| Error::reading(path, source))?;
                 is_asset(path).map(drop)
             }
             Self::Url(_) => Ok(()),
@@ -264,13 +219,17 @@ impl Document {
     ///
     /// # Errors
     ///
-    /// [`OpenDocumentError`]: one sentence for the user.
-    pub fn open(place: &Place, progress: &OpenProgress) -> Result<Self, OpenDocumentError> {
+    /// One sentence for the user.
+    pub fn open(place: &Place, progress: &OpenProgress) -> Result<Self> {
         progress.enter(Stage::Reading)?;
         match place {
-            Place::Url(url) if !is_asset_url(url) => Err(OpenDocumentError::ModelUrl { url: url.clone() }),
+            Place::Url(url) if !is_asset_url(url) => {
+                let sentence =
+                    format!("{url} is no asset (.fan): models are opened from files; download it first");
+                Err(Error::unsupported(sentence))
+            }
             Place::Url(url) => Ok(Self::of_asset(place.clone(), Arc::new(open_asset(Path::new(url))?))),
-            Place::File(path) if is_look(path) => Err(OpenDocumentError::Look { path: path.clone() }),
+            Place::File(path) if is_look(path) => Err(is_look_error(path)),
             Place::File(path) if is_asset(path)? => {
                 Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?)))
             }
@@ -290,17 +249,20 @@ impl Document {
     ///
     /// # Errors
     ///
-    /// [`OpenDocumentError`]: one sentence for the user.
+    /// One sentence for the user.
     pub fn open_for_painting(
         place: &Place,
         memory_bytes: usize,
         progress: &OpenProgress,
-    ) -> Result<(Self, Painter), OpenDocumentError> {
+    ) -> Result<(Self, Painter)> {
         progress.enter(Stage::Reading)?;
         let mut notes = Vec::new();
         let path = match place {
-            Place::Url(url) => return Err(OpenDocumentError::PaintUrl { url: url.clone() }),
-            Place::File(path) if is_look(path) => return Err(OpenDocumentError::Look { path: path.clone() }),
+            Place::Url(url) => {
+                let sentence = format!("{url} can only be looked at: download it to paint on it");
+                return Err(Error::unsupported(sentence));
+            }
+            Place::File(path) if is_look(path) => return Err(is_look_error(path)),
             Place::File(path) if is_asset(path)? => path.clone(),
             Place::File(path) => asset_of_model(path, progress, &mut notes)?,
         };
@@ -378,11 +340,7 @@ impl Document {
 }
 
 /// The asset beside a model, made if it is not there.
-fn asset_of_model(
-    model: &Path,
-    progress: &OpenProgress,
-    notes: &mut Vec<String>,
-) -> Result<PathBuf, OpenDocumentError> {
+fn asset_of_model(model: &Path, progress: &OpenProgress, notes: &mut Vec<String>) -> Result<PathBuf> {
     let path = asset_beside(model);
     if path.is_file() {
         notes.push(format!("{} was there already and is painted on.", path.display()));
@@ -393,7 +351,7 @@ fn asset_of_model(
     let (mesh, _) = clean(loaded, &CleanOptions::default())?;
     progress.enter(Stage::Baking)?;
     match bake_model(&mesh, &path, progress) {
-        Err(_) if progress.is_cancelled() => return Err(OpenDocumentError::Cancelled),
+        Err(_) if progress.is_cancelled() => return Err(cancelled()),
         result => result?,
     }
     notes.push(format!("The model became the asset {}, which is painted on.", path.display()));
@@ -458,7 +416,7 @@ fn is_asset_url(url: &str) -> bool {
 }
 
 /// True for files that are named `.fan` or start like an asset, whatever they are named.
-fn is_asset(path: &Path) -> Result<bool, OpenDocumentError> {
+fn is_asset(path: &Path) -> Result<bool> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
         return Ok(true);
     }
@@ -469,7 +427,7 @@ fn is_asset(path: &Path) -> Result<bool, OpenDocumentError> {
     let mut start = Vec::with_capacity(4);
     std::fs::File::open(path)
         .and_then(|file| file.take(4).read_to_end(&mut start))
-        .map_err(|source| OpenDocumentError::Read { path: path.into(), source })?;
+        .map_err(|source| Error::reading(path, source))?;
     Ok(start == *b"\x89FAN")
 }
 
@@ -563,7 +521,7 @@ mod tests {
         let progress = OpenProgress::default();
         progress.cancel();
         let error = Document::open(&Place::parse("none.obj"), &progress).unwrap_err();
-        assert!(matches!(error, OpenDocumentError::Cancelled));
+        assert!(error.is_cancelled());
     }
 
     #[test]

@@ -3,6 +3,8 @@
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::Instant;
 
+use fantex_base::{Error, ErrorKind};
+
 /// Work under way on a thread of its own. Dropped, it runs to its end, and its result is lost.
 #[derive(Debug)]
 pub struct Job<T> {
@@ -71,6 +73,11 @@ impl<T: Send + 'static> Job<T> {
     pub fn seconds(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
     }
+}
+
+/// An error of another crate, with its sentence.
+pub(crate) fn other(error: impl std::error::Error + Send + Sync + 'static) -> Error {
+    Error::new(ErrorKind::Unavailable, error.to_string()).with_source(error)
 }
 
 #[cfg(test)]

@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex_base::Result;
 use fantex_scene::{AmbientLight, Background, EnvironmentLight, Light, Lights, ShadowOptions};
 use fantex_texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
 use glam::{DVec2, Vec3};
 use serde::{Deserialize, Serialize};
+
+use crate::job::other;
 
 /// Side of the faces of a computed sky in texels.
 const SKY_SIDE: u32 = 256;
@@ -124,14 +127,14 @@ impl MapKey {
     /// # Errors
     ///
     /// The file is no picture of surroundings.
-    pub fn make(self) -> fantex_base::Result<SurroundingsMap> {
+    pub fn make(self) -> Result<SurroundingsMap> {
         let (map, sun_color) = match &self {
             Self::Sky(thousandths) => {
                 let to_sun = Vec3::from_array(thousandths.map(|n| n as f32 / 1000.0));
                 let sky = Sky { to_sun, ..Sky::default() };
-                (sky.to_map(SKY_SIDE)?, Some(sky.sun_color()))
+                (sky.to_map(SKY_SIDE).map_err(other)?, Some(sky.sun_color()))
             }
-            Self::File(path) => (EnvironmentMap::load(path)?, None),
+            Self::File(path) => (EnvironmentMap::load(path).map_err(other)?, None),
         };
         let map = Arc::new(PrefilteredEnvironment::new(Arc::new(map)));
         Ok(SurroundingsMap { key: self, map, sun_color })

@@ -17,6 +17,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fantex_base::{Error, ErrorKind, Result};
 use serde::Deserialize;
 
 use crate::camera::{CameraMode, ViewPreset};
@@ -218,97 +219,25 @@ pub enum LayerStep {
     Delete,
 }
 
-/// Why a session failed.
-#[derive(Debug, thiserror::Error)]
-pub enum SessionError {
-    /// The operating system refused.
-    #[error("cannot read the session {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// No JSON, or unknown steps.
-    #[error("{} is no session: {source}", path.display())]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        source: serde_json::Error,
-    },
-    /// There is no such key.
-    #[error(
-        "step {step}: there is no key '{name}'; keys are named as on the help sheet, such as F1 or Ctrl+S"
-    )]
-    Key {
-        /// Step, from 1.
-        step: usize,
-        /// The name.
-        name: String,
-    },
-    /// There is no such colour.
-    #[error("step {step}: '{text}' is no colour; one is written as #d8452e")]
-    Color {
-        /// Step, from 1.
-        step: usize,
-        /// What was written.
-        text: String,
-    },
-    /// A wait took too long.
-    #[error("step {step}: after {seconds} s {what}")]
-    Late {
-        /// Step, from 1.
-        step: usize,
-        /// How long it waited.
-        seconds: f64,
-        /// What did not happen.
-        what: &'static str,
-    },
-    /// A message did not come.
-    #[error("step {step}: no message says '{text}'; there are: {found}")]
-    NoMessage {
-        /// Step, from 1.
-        step: usize,
-        /// What was expected.
-        text: String,
-        /// What there is.
-        found: String,
-    },
-    /// Something else was painted.
-    #[error("step {step}: there are {layers} layers and {steps} steps of the history")]
-    Painting {
-        /// Step, from 1.
-        step: usize,
-        /// Layers.
-        layers: usize,
-        /// Steps.
-        steps: usize,
-    },
-    /// What was asked for failed.
-    #[error("step {step}: {reason}")]
-    Failed {
-        /// Step, from 1.
-        step: usize,
-        /// The message.
-        reason: String,
-    },
-}
-
 impl Session {
     /// Reads a session.
     ///
     /// # Errors
     ///
-    /// [`SessionError`], where the file cannot be read, is no session or names unknown keys.
-    pub fn load(path: &Path) -> Result<Self, SessionError> {
-        let failed = |source| SessionError::Read { path: path.into(), source };
+    /// The file cannot be read, is no session or names unknown keys.
+    pub fn load(path: &Path) -> Result<Self> {
+        let name = path.display();
+        let failed = |source: std::io::Error| {
+            let sentence = format!("cannot read the session {name}: {source}");
+            Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
+        };
         if std::fs::metadata(path).map_err(failed)?.len() > MAX_FILE_BYTES {
             return Err(failed(std::io::ErrorKind::FileTooLarge.into()));
         }
         let text = std::fs::read(path).map_err(failed)?;
-        let mut session: Self = serde_json::from_slice(&text)
-            .map_err(|source| SessionError::Json { path: path.into(), source })?;
+        let mut session: Self = serde_json::from_slice(&text).map_err(|source| {
+            Error::malformed(format!("{name} is no session: {source}")).with_path(path).with_source(source)
+        })?;
         let folder = path.parent().unwrap_or(Path::new(""));
         for (i, step) in session.steps.iter_mut().enumerate() {
             step.check(i + 1)?;
@@ -318,13 +247,18 @@ impl Session {
     }
 }
 
+/// A step, from 1, that cannot be done.
+fn at_step(step: usize, reason: impl std::fmt::Display) -> Error {
+    Error::invalid(format!("step {step}: {reason}"))
+}
+
 impl Step {
-    fn check(&self, step: usize) -> Result<(), SessionError> {
+    fn check(&self, step: usize) -> Result<()> {
         let names: Vec<String> = match self {
             Self::Key(name) => vec![name.clone()],
             Self::Hold { keys, .. } => keys.clone(),
             Self::Color(text) if parse_hex(text).is_none() => {
-                return Err(SessionError::Color { step, text: text.clone() });
+                return Err(at_step(step, format!("'{text}' is no colour; one is written as #d8452e")));
             }
             Self::Drag { with, .. } | Self::Stroke { with, .. } => {
                 with.iter().map(|name| format!("{name}+A")).collect()
@@ -332,7 +266,10 @@ impl Step {
             _ => Vec::new(),
         };
         match names.into_iter().find(|name| parse_keys(name).is_none()) {
-            Some(name) => Err(SessionError::Key { step, name }),
+            Some(name) => {
+                let help = "keys are named as on the help sheet, such as F1 or Ctrl+S";
+                Err(at_step(step, format!("there is no key '{name}'; {help}")))
+            }
             None => Ok(()),
         }
     }
@@ -453,10 +390,10 @@ impl SessionRunner {
     ///
     /// # Errors
     ///
-    /// [`SessionError`], where a step failed or took too long.
-    pub fn next(&mut self, now: &Situation) -> Result<Act, SessionError> {
+    /// A step failed or took too long.
+    pub fn next(&mut self, now: &Situation) -> Result<Act> {
         if let Some(reason) = &now.failure {
-            return Err(SessionError::Failed { step: self.number, reason: reason.clone() });
+            return Err(at_step(self.number, reason));
         }
         if let Some(wait) = self.wait {
             if !self.is_over(wait, now)? {
@@ -475,11 +412,11 @@ impl SessionRunner {
             Step::ExpectMessage(text) => {
                 return match now.messages.iter().any(|message| message.contains(text)) {
                     true => Ok(Act::Wait),
-                    false => Err(SessionError::NoMessage {
-                        step: self.number,
-                        text: text.clone(),
-                        found: now.messages.join(" | "),
-                    }),
+                    false => {
+                        let found = now.messages.join(" | ");
+                        let reason = format!("no message says '{text}'; there are: {found}");
+                        Err(at_step(self.number, reason))
+                    }
                 };
             }
             Step::WaitWorking(seconds) => wait(Until::Working { seconds: *seconds }),
@@ -488,13 +425,13 @@ impl SessionRunner {
             Step::ExpectPainting { layers, steps } => {
                 let is_as_expected =
                     [layers, steps].into_iter().zip(now.painted).all(|(e, f)| e.is_none_or(|e| e == f));
+                let [layers, steps] = now.painted;
                 return match is_as_expected {
                     true => Ok(Act::Wait),
-                    false => Err(SessionError::Painting {
-                        step: self.number,
-                        layers: now.painted[0],
-                        steps: now.painted[1],
-                    }),
+                    false => {
+                        let reason = format!("there are {layers} layers and {steps} steps of the history");
+                        Err(at_step(self.number, reason))
+                    }
                 };
             }
             Step::Screenshot { .. } | Step::WindowScreenshot { .. } => wait(Until::Picture),
@@ -520,7 +457,7 @@ impl SessionRunner {
         self.number
     }
 
-    fn is_over(&self, wait: Waiting, now: &Situation) -> Result<bool, SessionError> {
+    fn is_over(&self, wait: Waiting, now: &Situation) -> Result<bool> {
         let (is_over, seconds, what) = match wait.until {
             Until::Frame(frame) => (now.frame >= frame, f64::INFINITY, ""),
             Until::Loaded { seconds } => (!now.is_opening, seconds, "the file was still being opened"),
@@ -542,7 +479,7 @@ impl SessionRunner {
             Until::Played => (!now.is_playing, f64::INFINITY, ""),
         };
         if !is_over && now.seconds - wait.since > seconds {
-            return Err(SessionError::Late { step: self.number, seconds, what });
+            return Err(at_step(self.number, format!("after {seconds} s {what}")));
         }
         Ok(is_over)
     }
@@ -552,7 +489,7 @@ impl SessionRunner {
 mod tests {
     use super::*;
 
-    fn session(text: &str) -> Result<Session, SessionError> {
+    fn session(text: &str) -> Result<Session> {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("session.json");
         std::fs::write(&path, text).unwrap();

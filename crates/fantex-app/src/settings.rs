@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use fantex_base::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{CameraMode, FlyMotion};
@@ -166,33 +167,10 @@ impl StreamingSettings {
     }
 }
 
-/// What was wrong with the settings' file.
-#[derive(Debug, thiserror::Error)]
-pub enum SettingsError {
-    /// It could not be read.
-    #[error("cannot read the settings {}: {source}; starting with the usual ones", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// It is damaged, and was set aside.
-    #[error("the settings {} are damaged ({source}); they were set aside as {}", path.display(), aside.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Where it is now.
-        aside: PathBuf,
-        /// Where and why.
-        source: serde_json::Error,
-    },
-}
-
 impl Settings {
     /// Reads the settings. Without a file they are the usual ones; a damaged file is renamed, and the settings are the usual
     /// ones, too.
-    pub fn load(path: &Path) -> (Self, Option<SettingsError>) {
+    pub fn load(path: &Path) -> (Self, Option<Error>) {
         match read_limited(path) {
             Ok(bytes) => match serde_json::from_slice::<Self>(&bytes) {
                 Ok(settings) => (settings.sanitized(), None),
@@ -200,11 +178,25 @@ impl Settings {
                     let aside = path.with_extension("damaged.json");
                     // Where it cannot be renamed it will be replaced when the program ends.
                     std::fs::rename(path, &aside).ok();
-                    (Self::default(), Some(SettingsError::Damaged { path: path.into(), aside, source }))
+                    let sentence = format!(
+                        "the settings {} are damaged ({source}); they were set aside as {}",
+                        path.display(),
+                        aside.display()
+                    );
+                    (Self::default(), Some(Error::malformed(sentence).with_path(path).with_source(source)))
                 }
             },
             Err(error) if error.kind() == io::ErrorKind::NotFound => (Self::default(), None),
-            Err(source) => (Self::default(), Some(SettingsError::Read { path: path.into(), source })),
+            Err(source) => {
+                let sentence = format!(
+                    "cannot read the settings {}: {source}; starting with the usual ones",
+                    path.display()
+                );
+                (
+                    Self::default(),
+                    Some(Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)),
+                )
+            }
         }
     }
 
@@ -212,10 +204,9 @@ impl Settings {
     ///
     /// # Errors
     ///
-    /// [`WriteError`], where the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), WriteError> {
-        let text = serde_json::to_vec_pretty(self)
-            .map_err(|source| WriteError { path: path.into(), source: source.into() })?;
+    /// The file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        let text = serde_json::to_vec_pretty(self).map_err(|source| Error::writing(path, source.into()))?;
         write_whole(path, &text)
     }
 
@@ -259,23 +250,13 @@ fn read_limited(path: &Path) -> io::Result<Vec<u8>> {
     std::fs::read(path)
 }
 
-/// A file could not be written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}", path.display())]
-pub struct WriteError {
-    /// The file.
-    pub path: PathBuf,
-    /// The operating system's reason.
-    pub source: io::Error,
-}
-
 /// Writes a file beside its place and moves it there, so that at the place there is never half a file. Folders above are made.
 ///
 /// # Errors
 ///
-/// [`WriteError`], where the operating system refuses.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
-    let failed = |source| WriteError { path: path.into(), source };
+/// The operating system refuses.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    let failed = |source| Error::writing(path, source);
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::create_dir_all(folder).map_err(failed)?;
     }
@@ -334,7 +315,9 @@ mod tests {
             let (_folder, path) = file(text);
             let (settings, problem) = Settings::load(&path);
             assert_eq!(settings, Settings::default());
-            let Some(SettingsError::Damaged { aside, .. }) = problem else { panic!("{text}: {problem:?}") };
+            let problem = problem.unwrap().to_string();
+            let aside = path.with_extension("damaged.json");
+            assert!(problem.contains(&aside.display().to_string()), "{text}: {problem}");
             assert_eq!(std::fs::read_to_string(aside).unwrap(), text);
             assert!(!path.exists());
         }

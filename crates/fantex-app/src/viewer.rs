@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex_base::Result;
 use fantex_paint::PaintOptions;
 use fantex_scene::{Background, Camera, Lights};
 use glam::{DVec2, DVec3};
@@ -186,7 +187,7 @@ pub struct Viewer {
     ground: Option<MeshGround>,
     ground_job: Option<Job<MeshGround>>,
     map: Option<SurroundingsMap>,
-    map_job: Option<(MapKey, Job<fantex_base::Result<SurroundingsMap>>)>,
+    map_job: Option<(MapKey, Job<Result<SurroundingsMap>>)>,
     /// Surroundings that could not be had, so that they are not tried in every frame.
     map_failed: Option<MapKey>,
     panels_before: Option<PanelSettings>,

@@ -1,6 +1,8 @@
 //! Coverage to texels: a page as it is after the stroke.
 
-use fantex_cover::{NO_OWNER, TexelTriangle};
+use fantex_base::Result;
+use fantex_cover::{NO_OWNER, Tap, TexelTriangle};
+use fantex_mesh::interpolate;
 use fantex_store::{
     Asset, AssetEditor, Channel, ChannelKind, PAGE, PageCache, PageId, Quality, TexelFormat, TexelSlice,
     encode,
@@ -10,11 +12,10 @@ use fantex_texture::material::vertex_color;
 use fantex_texture::{Filtering, ShadingPoint, UvPoint};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
-use crate::cover::blend;
 use crate::stroke::walk_straight;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
-use crate::{ChannelPaint, Paint, PaintColor, PaintError, Surface, SurfacePoint, Tool};
+use crate::{ChannelPaint, Paint, PaintColor, Surface, SurfacePoint, Tool};
 
 /// The bytes of a page in all painted channels: `shown` with the blocks of stale texels replaced, from those before the
 /// stroke.
@@ -25,7 +26,7 @@ pub(crate) fn composite(
     page: &StrokePage,
     shown: Vec<Vec<u8>>,
     ink: &Ink<'_>,
-) -> Result<Vec<Vec<u8>>, PaintError> {
+) -> Result<Vec<Vec<u8>>> {
     let extent = map.block.extent;
     let mut changed = Vec::with_capacity(ink.paint.channels.len());
     let rect = page.stale.blocks();
@@ -57,7 +58,7 @@ pub(crate) fn composite(
 }
 
 /// The texels before the stroke, per painted channel.
-fn decode(asset: &Asset, id: PageId, page: &StrokePage, ink: &Ink<'_>) -> Result<Vec<Vec<Vec4>>, PaintError> {
+fn decode(asset: &Asset, id: PageId, page: &StrokePage, ink: &Ink<'_>) -> Result<Vec<Vec<Vec4>>> {
     let channels = ink.paint.channels.iter().zip(&page.originals);
     let decoded = channels.map(|(painted, original)| {
         let texels = asset.decode_page_raw(painted.channel, id, original)?;
@@ -102,7 +103,7 @@ impl Ink<'_> {
             return Some(value);
         }
         let triangle = &map.triangles[map.owner[texel] as usize];
-        let point = nearest_inside(triangle.triangle, map.lambda(triangle, x, y));
+        let point = map.point(triangle, x, y).clamped();
         Some(stored_from_tangent(self.surface, map.group, point, value))
     }
 
@@ -115,14 +116,13 @@ impl Ink<'_> {
     /// The same for what does not depend on the dabs; of normals that are moved the tangent part (see `normals.rs`).
     pub(crate) fn at(&self, map: &TexelPage, [x, y]: [u32; 2], painted: &ChannelPaint) -> Option<Vec4> {
         let triangle = &map.triangles[map.owner[(y * map.block.extent[0] + x) as usize] as usize];
-        let lambda = map.lambda(triangle, x, y);
+        let point = map.point(triangle, x, y);
         match (&self.paint.tool, self.before) {
             (Tool::Blur { radius }, Some(before)) => {
-                let point = nearest_inside(triangle.triangle, lambda);
-                return Some(self.blurred(before, painted.channel, point, *radius));
+                return Some(self.blurred(before, painted.channel, point.clamped(), *radius));
             }
             (Tool::Clone { offset, reach }, Some(before)) => {
-                let position = blend(self.surface, triangle.triangle, lambda);
+                let position = point.position(self.surface.mesh());
                 let source = self.surface.nearest(position + *offset, *reach)?;
                 return Some(look_up(self.surface, before, painted.channel, source));
             }
@@ -131,12 +131,12 @@ impl Ink<'_> {
         match &painted.color {
             PaintColor::Constant(color) => Some(*color),
             PaintColor::Texture(texture) => {
-                Some(shade(self.surface, triangle, lambda, |point| texture.evaluate(point)))
+                Some(shade(self.surface, triangle, point.lambda, |point| texture.evaluate(point)))
             }
             PaintColor::Image(_) => None,
             PaintColor::Projected(projection) => {
-                let point = nearest_inside(triangle.triangle, lambda);
-                let steps = triangle.steps.map(|step| blend(self.surface, triangle.triangle, step));
+                let point = point.clamped();
+                let steps = position_steps(self.surface, triangle);
                 let color = match self.paint.stencil {
                     // It says where: sight need not be tested again.
                     Some(_) => projection.color_at(self.surface, point, steps)?,
@@ -167,25 +167,21 @@ impl Ink<'_> {
     }
 }
 
-/// A texel just off its triangle stands for the point beside it.
-pub(crate) fn nearest_inside(triangle: u32, lambda: Vec3) -> SurfacePoint {
-    let inside = lambda.max(Vec3::ZERO);
-    SurfacePoint { triangle, lambda: inside / inside.element_sum() }
+/// Change of the position along a texel's sides, mesh units.
+pub(crate) fn position_steps(surface: &Surface, triangle: &TexelTriangle) -> [Vec3; 2] {
+    let corners = surface.mesh().triangle_positions(triangle.triangle as usize);
+    triangle.steps.map(|step| interpolate(corners, step))
 }
 
-/// The texture function at level 0; **linear** RGBA; of normals the tangent part.
+/// The texture function at level 0; **linear** RGBA; of normals the part along the surface (see [`tangent_from_stored`]).
 pub(crate) fn look_up(surface: &Surface, cache: &PageCache, channel: usize, point: SurfacePoint) -> Vec4 {
-    let tiles = tiles_under(surface, point);
-    if cache.asset().channels()[channel].kind == ChannelKind::Normal {
-        let values = tiles.map(|(group, uv, weight)| {
-            let stored = Vec4::from_array(cache.bilinear(channel, group, 0, uv));
-            weight * tangent_from_stored(surface, group, point, stored)
-        });
-        return values.sum();
-    }
-    let values =
-        tiles.map(|(group, uv, weight)| weight * Vec4::from_array(cache.bilinear(channel, group, 0, uv)));
-    values.sum()
+    let is_normal = cache.asset().channels()[channel].kind == ChannelKind::Normal;
+    let look_up = |tap: &Tap| {
+        let stored = Vec4::from_array(cache.bilinear(channel, tap.group, 0, tap.uv));
+        let value = if is_normal { tangent_from_stored(surface, tap.group, point, stored) } else { stored };
+        tap.weight * value
+    };
+    surface.cover().taps(surface.mesh(), point).iter().map(look_up).sum()
 }
 
 /// The stored value with all changes that are not yet committed. Decodes the pages anew: for single points.
@@ -194,39 +190,34 @@ pub(crate) fn look_up_now(
     editor: &AssetEditor,
     channel: usize,
     point: SurfacePoint,
-) -> Result<Vec4, PaintError> {
+) -> Result<Vec4> {
     let mut sum = Vec4::ZERO;
-    for (group, uv, weight) in tiles_under(surface, point) {
-        let extent = surface.cover().groups[group as usize].extent;
-        let last = Vec2::new(extent[0] as f32, extent[1] as f32) - 1.0;
-        let at = (uv * (last + 1.0) - 0.5).clamp(Vec2::ZERO, last);
-        let (corner, f) = (at.floor().as_uvec2(), at.fract());
-        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let share = (if dx == 0 { 1.0 - f.x } else { f.x }) * (if dy == 0 { 1.0 - f.y } else { f.y });
-            if share > 0.0 {
-                let [x, y] = [corner.x + dx, corner.y + dy];
-                let page = [x / PAGE, y / PAGE];
-                let texels = editor.read_page(channel, PageId { group, level: 0, page })?;
-                let texel = (y % PAGE * texels.extent[0] + x % PAGE) as usize;
-                sum += Vec4::from_array(texels.rgba[texel]) * (share * weight);
-            }
+    for tap in surface.cover().taps(surface.mesh(), point) {
+        let (places, f) = texels_around(surface.cover().groups[tap.group as usize].extent, tap.uv);
+        let mut values = [Vec4::ZERO; 4];
+        for (value, [x, y]) in values.iter_mut().zip(places) {
+            let id = PageId { group: tap.group, level: 0, page: [x / PAGE, y / PAGE] };
+            let texels = editor.read_page(channel, id)?;
+            *value = Vec4::from_array(texels.rgba[(y % PAGE * texels.extent[0] + x % PAGE) as usize]);
         }
+        sum += tap.weight * bilinear(values, f);
     }
     Ok(sum)
 }
 
-/// The tiles that the texture function reads at a point: group, tile coordinates, weight.
-fn tiles_under(surface: &Surface, point: SurfacePoint) -> impl Iterator<Item = (u32, Vec2, f32)> + '_ {
-    let (mesh, cover) = (surface.mesh(), surface.cover());
-    let triangle = point.triangle as usize;
-    let weights = cover.weights(triangle, point.lambda);
-    let mut slots = [(0, 0.0); 3];
-    slots.iter_mut().zip(weights.iter()).for_each(|(slot, weighted)| *slot = weighted);
-    slots.into_iter().take(weights.len()).map(move |(slot, weight)| {
-        let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
-        let uv = a * point.lambda.x + b * point.lambda.y + c * point.lambda.z;
-        (cover.corner_groups[triangle][slot], uv, weight)
-    })
+/// Columns and rows of the texels that a bilinear look-up reads, clamped half a texel inside the tile, and where it lies
+/// between them.
+pub(crate) fn texels_around(extent: [u32; 2], uv: Vec2) -> ([[u32; 2]; 4], Vec2) {
+    let last = Vec2::new(extent[0] as f32, extent[1] as f32) - 1.0;
+    let at = (uv * (last + 1.0) - 0.5).clamp(Vec2::ZERO, last);
+    let corner = at.floor().as_uvec2();
+    let place = |[dx, dy]: [u32; 2]| [(corner.x + dx).min(extent[0] - 1), (corner.y + dy).min(extent[1] - 1)];
+    ([[0, 0], [1, 0], [0, 1], [1, 1]].map(place), at.fract())
+}
+
+/// The value between four texels of [`texels_around`].
+pub(crate) fn bilinear([a, b, c, d]: [Vec4; 4], f: Vec2) -> Vec4 {
+    a.lerp(b, f.x).lerp(c.lerp(d, f.x), f.y)
 }
 
 // Textures on the surface: from a texel to what textures are asked by.
@@ -241,9 +232,10 @@ pub(crate) fn shade<R>(
 ) -> R {
     let (mesh, index) = (surface.mesh(), triangle.triangle as usize);
     let scale = mesh.world_from_mesh.scale as f32;
-    let position = |lambda: Vec3| blend(surface, triangle.triangle, lambda) * scale;
-    let corners = [0, 1, 2].map(|k| surface.normals()[3 * index + k]);
-    let blended = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
+    let positions = mesh.triangle_positions(index);
+    let position = |lambda: Vec3| interpolate(positions, lambda) * scale;
+    let corners = surface.normals().of_triangle(triangle.triangle);
+    let blended = |lambda: Vec3| interpolate(corners, lambda);
     let facet = || surface.facet_normal(triangle.triangle).as_vec3();
     let normal = blended(lambda).try_normalize().unwrap_or_else(facet);
     let length = blended(lambda).length().max(1e-3);
@@ -252,9 +244,9 @@ pub(crate) fn shade<R>(
         change - normal * normal.dot(change)
     });
     let uv_point = |set: &Vec<Vec2>| {
-        let Some(corners) = set.get(3 * index..3 * index + 3) else { return UvPoint::default() };
-        let blend = |l: Vec3| corners[0] * l.x + corners[1] * l.y + corners[2] * l.z;
-        UvPoint { uv: blend(lambda), steps: triangle.steps.map(blend) }
+        let Some(&[a, b, c]) = set.get(3 * index..3 * index + 3) else { return UvPoint::default() };
+        let uv = |lambda: Vec3| interpolate([a, b, c], lambda);
+        UvPoint { uv: uv(lambda), steps: triangle.steps.map(uv) }
     };
     let uv: Vec<UvPoint> = mesh.corners.uv_sets.iter().map(uv_point).collect();
     ask(&ShadingPoint {
@@ -279,26 +271,19 @@ pub(crate) fn shade<R>(
 
 /// From what a tile stores (x and y in 0..1).
 pub(crate) fn tangent_from_stored(surface: &Surface, group: u32, point: SurfacePoint, stored: Vec4) -> Vec4 {
-    let [x_axis, y_axis] = axes(surface, group, point);
-    (x_axis * (2.0 * stored.x - 1.0) + y_axis * (2.0 * stored.y - 1.0)).extend(stored.w)
+    let group = &surface.cover().groups[group as usize];
+    group.tangent_from_stored(stored.truncate().truncate(), surface.normal(point)).extend(stored.w)
 }
 
 /// To what a tile stores.
 fn stored_from_tangent(surface: &Surface, group: u32, point: SurfacePoint, tangent: Vec4) -> Vec4 {
-    let [x_axis, y_axis] = axes(surface, group, point);
-    let along = tangent.truncate();
-    let (x, y) = (along.dot(x_axis), along.dot(y_axis));
-    let half = 0.5 / x.hypot(y).max(1.0);
-    Vec4::new(0.5 + half * x, 0.5 + half * y, 0.0, tangent.w)
+    let group = &surface.cover().groups[group as usize];
+    group.stored_from_tangent(tangent.truncate(), surface.normal(point)).extend(0.0).extend(tangent.w)
 }
 
 /// From a picture's red and green (x to the right, y upwards) where the picture's axes lie so in mesh space.
 pub(crate) fn tangent_from_picture(color: Vec4, [right, up]: [Vec3; 2]) -> Vec4 {
     (right * (2.0 * color.x - 1.0) + up * (2.0 * color.y - 1.0)).extend(color.w)
-}
-
-fn axes(surface: &Surface, group: u32, point: SurfacePoint) -> [Vec3; 2] {
-    surface.cover().groups[group as usize].shading_axes(surface.normal(point))
 }
 
 // From values to a page's bytes: only the blocks that changed are encoded, all others keep their bytes, so that painting
@@ -313,7 +298,7 @@ pub(crate) fn replace_blocks(
     values: &[Vec4],
     rect: Rect,
     changed: impl Fn(usize) -> bool,
-) -> fantex_base::Result<()> {
+) -> Result<()> {
     let rect = rect.blocks();
     let texels = rect.texels().map(|(x, y)| values[(y * extent[0] + x) as usize]);
     let encoded = if channel.format == TexelFormat::Rgba32F {

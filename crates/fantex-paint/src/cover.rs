@@ -3,8 +3,9 @@
 use std::collections::BTreeMap;
 
 use fantex_cover::{NO_OWNER, TexelTriangle};
+use fantex_mesh::SurfacePoint;
 use fantex_store::{PAGE, PageId};
-use glam::{Vec2, Vec3, Vec4};
+use glam::{Vec2, Vec4};
 
 use crate::dab::PlacedDab;
 use crate::stroke_page::StrokePage;
@@ -35,7 +36,7 @@ pub(crate) fn touched_pages<'a>(
 
 /// The pages of level 0 that show a triangle.
 pub(crate) fn for_each_page(surface: &Surface, triangle: u32, mut visit: impl FnMut(PageId)) {
-    for group in surface.groups_of(triangle) {
+    for group in surface.cover().groups_of(triangle) {
         let extent = surface.cover().groups[group as usize].extent;
         if extent.iter().all(|&n| n <= PAGE) {
             visit(PageId { group, level: 0, page: [0, 0] });
@@ -64,9 +65,8 @@ pub(crate) fn cover_page<'a>(
     let mut covered = Rect::EMPTY;
     for dab in dabs {
         for_each_texel(map, &dab.region, &mut in_region, |under| {
-            let triangle = under.triangle.triangle;
-            let position = blend(surface, triangle, under.lambda);
-            let added = dab.coverage(&dab.region.triangles[under.index], under.lambda, position);
+            let position = under.point.position(surface.mesh());
+            let added = dab.coverage(&dab.region.triangles[under.index], under.point.lambda, position);
             if added > 0.0 {
                 page.gather(under.texel, added, &[]);
                 covered.add(under.place[0], under.place[1]);
@@ -110,8 +110,8 @@ pub(crate) struct TexelUnder<'a> {
     pub(crate) triangle: &'a TexelTriangle,
     /// That triangle's number in the region.
     pub(crate) index: usize,
-    /// Barycentric coordinates of the texel's centre.
-    pub(crate) lambda: Vec3,
+    /// The texel's centre, on that triangle or just beside it.
+    pub(crate) point: SurfacePoint,
 }
 
 /// Visits the texels of a page that show triangles of a region. `in_region`: per triangle of the page, all `NO_OWNER`; left so.
@@ -149,9 +149,8 @@ fn for_each_texel(
             continue;
         }
         let triangle = &map.triangles[owner as usize];
-        let lambda = map.lambda(triangle, x, y);
-        let index = in_region[owner as usize] as usize;
-        visit(&TexelUnder { texel, place: [x, y], triangle, index, lambda });
+        let (index, point) = (in_region[owner as usize] as usize, map.point(triangle, x, y));
+        visit(&TexelUnder { texel, place: [x, y], triangle, index, point });
     }
     met.into_iter().for_each(|index| in_region[index] = NO_OWNER);
 }
@@ -179,12 +178,6 @@ pub(crate) fn cover_texels(coverage: &[f32], map: &TexelPage, page: &mut StrokeP
         page.touched.add(x, y);
         page.stale.add(x, y);
     }
-}
-
-/// Mesh-space position of barycentric coordinates.
-pub(crate) fn blend(surface: &Surface, triangle: u32, lambda: Vec3) -> Vec3 {
-    let [a, b, c] = surface.mesh().triangle_positions(triangle as usize);
-    a * lambda.x + b * lambda.y + c * lambda.z
 }
 
 /// The texels of a page that a triangle with these bounds may own.

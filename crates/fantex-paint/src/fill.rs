@@ -8,7 +8,7 @@ use fantex_store::{PAGE, PageCache, PageId};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::composite::{look_up, nearest_inside};
+use crate::composite::look_up;
 use crate::texel_page::TexelPage;
 use crate::{FillSettings, Paint, Surface, SurfacePoint, Symmetry};
 
@@ -40,31 +40,18 @@ impl FillArea {
         symmetry: &Symmetry,
     ) -> Option<Self> {
         let channel = paint.channels.first()?.channel;
-        let scope = match (fill, &paint.stencil) {
+        Some(match (fill, &paint.stencil) {
             // Nothing else can be covered.
-            (FillSettings::Whole, Some(stencil)) => return Some(Self::Triangles(stencil.triangles(surface))),
-            (FillSettings::Whole, None) => return Some(Self::Everything),
-            (FillSettings::Connected, _) => FillScope::Connected,
-            (FillSettings::Angle(degrees), _) => FillScope::Angle(degrees),
-            (FillSettings::Color(fill), _) => {
-                let starts = fill_starts(surface, start?, symmetry);
-                return Some(Self::Color { channel, starts, fill });
+            (FillSettings::Whole, Some(stencil)) => Self::Triangles(stencil.triangles(surface)),
+            (FillSettings::Whole, None) => Self::Everything,
+            (FillSettings::Connected | FillSettings::Angle(_), _) => {
+                Self::Triangles(fill_triangles_with(surface, start?, fill, symmetry))
             }
-        };
-        Some(Self::Triangles(fill_triangles_with(surface, start?, scope, symmetry)))
+            (FillSettings::Color(fill), _) => {
+                Self::Color { channel, starts: fill_starts(surface, start?, symmetry), fill }
+            }
+        })
     }
-}
-
-/// How far a fill goes from where it starts.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub enum FillScope {
-    /// The whole surface.
-    Whole,
-    /// What hangs together with the start through edges across which triangles continue each other (`fantex_mesh::continued`).
-    Connected,
-    /// The same, across edges that bend by at most so many degrees.
-    Angle(f32),
 }
 
 /// Mesh units from where a copy of a fill's start falls to the surface, at most. (Models are about 2 mesh units wide.)
@@ -74,7 +61,7 @@ const COPY_REACH: f32 = 0.1;
 pub fn fill_triangles_with(
     surface: &Surface,
     start: SurfacePoint,
-    scope: FillScope,
+    fill: FillSettings,
     symmetry: &Symmetry,
 ) -> Vec<u32> {
     let starts = fill_starts(surface, start, symmetry);
@@ -82,7 +69,7 @@ pub fn fill_triangles_with(
     for start in starts {
         // What is filled already goes as far, seen from any of its triangles.
         if !all.contains(&start.triangle) {
-            all.extend(fill_triangles(surface, start, scope));
+            all.extend(fill_triangles(surface, start, fill));
         }
     }
     all.into_iter().collect()
@@ -93,12 +80,14 @@ pub fn fill_starts(surface: &Surface, start: SurfacePoint, symmetry: &Symmetry) 
     symmetry.places(surface, start, COPY_REACH).into_iter().flatten().collect()
 }
 
-/// The triangles of a fill, ascending.
-pub fn fill_triangles(surface: &Surface, start: SurfacePoint, scope: FillScope) -> Vec<u32> {
-    let least_cosine = match scope {
-        FillScope::Whole => return (0..surface.mesh().triangles.len() as u32).collect(),
-        FillScope::Connected => -2.0,
-        FillScope::Angle(degrees) => f64::from(degrees).to_radians().cos() - 1e-9,
+/// The triangles of a fill, ascending; of one by colour those that it may reach.
+pub fn fill_triangles(surface: &Surface, start: SurfacePoint, fill: FillSettings) -> Vec<u32> {
+    let min_cosine = match fill {
+        FillSettings::Whole | FillSettings::Color(ColorFill { connected: false, .. }) => {
+            return (0..surface.mesh().triangles.len() as u32).collect();
+        }
+        FillSettings::Connected | FillSettings::Color(_) => -2.0,
+        FillSettings::Angle(degrees) => f64::from(degrees).to_radians().cos() - 1e-9,
     };
     let mut chosen = vec![false; surface.mesh().triangles.len()];
     chosen[start.triangle as usize] = true;
@@ -108,7 +97,7 @@ pub fn fill_triangles(surface: &Surface, start: SurfacePoint, scope: FillScope) 
         for edge in 3 * triangle..3 * triangle + 3 {
             let Some(other) = surface.opposite(edge) else { continue };
             let neighbour = other / 3;
-            if !chosen[neighbour as usize] && surface.facet_normal(neighbour).dot(normal) >= least_cosine {
+            if !chosen[neighbour as usize] && surface.facet_normal(neighbour).dot(normal) >= min_cosine {
                 chosen[neighbour as usize] = true;
                 waiting.push(neighbour);
             }
@@ -183,8 +172,7 @@ impl ColorSearch<'_> {
                 return 0.0;
             }
             let triangle = &map.triangles[owner as usize];
-            let lambda = map.lambda(triangle, texel as u32 % width, texel as u32 / width);
-            let point = nearest_inside(triangle.triangle, lambda);
+            let point = map.point(triangle, texel as u32 % width, texel as u32 / width).clamped();
             self.fill.coverage(look_up(self.surface, self.before, self.channel, point), self.start)
         };
         map.owner.par_iter().enumerate().map(of_texel).collect()
@@ -280,7 +268,7 @@ impl ColorSearch<'_> {
     fn point(&self, map: &TexelPage, [x, y]: [u32; 2]) -> (SurfacePoint, Vec3) {
         let owner = map.owner[(y * map.block.extent[0] + x) as usize];
         let triangle = &map.triangles[owner as usize];
-        let point = nearest_inside(triangle.triangle, map.lambda(triangle, x, y));
+        let point = map.point(triangle, x, y).clamped();
         (point, self.surface.position(point).as_vec3())
     }
 
@@ -294,8 +282,7 @@ impl ColorSearch<'_> {
             if Some(group) == without || groups[..slot].contains(&group) {
                 continue;
             }
-            let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
-            let uv = a * point.lambda.x + b * point.lambda.y + c * point.lambda.z;
+            let uv = point.interpolate(cover.tile_corners(mesh, triangle, slot));
             let extent = cover.groups[group as usize].extent;
             let texels = Vec2::new(extent[0] as f32, extent[1] as f32);
             let at = (uv * texels).clamp(Vec2::ZERO, texels - 1.0).as_uvec2();

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::Error;
+use fantex_base::{Error, Result};
 use fantex_cover::NO_OWNER;
 use fantex_look::{LookFile, LookImages, ResolveOptions, Resolver};
 use fantex_texture::Texture;
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use crate::composite::shade;
 use crate::layers::Layers;
 use crate::texel_page::{Rect, TexelPage};
-use crate::{LayerContent, PaintError, Surface};
+use crate::{LayerContent, Surface};
 
 /// A look's text, and the folder that the files it mentions are relative to.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -25,45 +25,35 @@ pub struct TextureGraph {
     pub folder: PathBuf,
 }
 
-/// A texture cannot be made.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum GraphError {
-    /// The look is wrong, or has no texture of that name, or a file is missing.
-    #[error(transparent)]
-    Look(#[from] Error),
-    /// The folder of its files is gone.
-    #[error(
-        "the files of the look with the texture {name:?} are not found ({source}): their folder was {}; put them there \
-         again, or move asset and look together",
-        folder.display()
-    )]
-    Folder {
-        /// The texture.
-        name: String,
-        /// Where the look's files should be.
-        folder: PathBuf,
-        /// What was not found.
-        source: Error,
-    },
-    /// It depends on the eye.
-    #[error("the texture {0:?} depends on the eye and cannot be painted with")]
-    ViewDependent(String),
-}
-
 impl TextureGraph {
     /// The texture of a name.
     ///
     /// # Errors
     ///
     /// The look is wrong, has no such texture, or the texture cannot be made or depends on the eye.
-    pub fn texture(&self, surface: &Surface, name: &str) -> Result<Arc<dyn Texture>, GraphError> {
-        match self.made(surface, name) {
-            Err(GraphError::Look(source)) if !self.folder.is_dir() => {
-                Err(GraphError::Folder { name: name.to_owned(), folder: self.folder.clone(), source })
+    pub fn texture(&self, surface: &Surface, name: &str) -> Result<Arc<dyn Texture>> {
+        let file = LookFile::parse(&self.look, &self.folder.join("look.toml"));
+        let images = LookImages::default();
+        let made = file.and_then(|file| {
+            Resolver::new(&file, surface.mesh(), &images, ResolveOptions::default()).texture(name)
+        });
+        let texture = made.map_err(|source| match self.folder.is_dir() {
+            true => source,
+            false => {
+                let folder = self.folder.display();
+                let sentence = format!(
+                    "the files of the look with the texture {name:?} are not found ({source}): their folder was {folder}; \
+                     put them there again, or move asset and look together"
+                );
+                Error::not_found(sentence).with_path(&self.folder).with_source(source)
             }
-            made => made,
+        })?;
+        if texture.is_view_dependent() {
+            return Err(Error::invalid(format!(
+                "the texture {name:?} depends on the eye and cannot be painted with"
+            )));
         }
+        Ok(texture)
     }
 
     /// The names of the look's textures, ascending.
@@ -71,18 +61,9 @@ impl TextureGraph {
     /// # Errors
     ///
     /// The look is wrong.
-    pub fn names(&self) -> Result<Vec<String>, GraphError> {
+    pub fn names(&self) -> Result<Vec<String>> {
         let file = LookFile::parse(&self.look, &self.folder.join("look.toml"))?;
         Ok(file.look().textures.keys().cloned().collect())
-    }
-
-    fn made(&self, surface: &Surface, name: &str) -> Result<Arc<dyn Texture>, GraphError> {
-        let file = LookFile::parse(&self.look, &self.folder.join("look.toml"))?;
-        let images = LookImages::default();
-        let mut resolver = Resolver::new(&file, surface.mesh(), &images, ResolveOptions::default());
-        let texture = resolver.texture(name)?;
-        let is_fixed = !texture.is_view_dependent();
-        is_fixed.then_some(texture).ok_or_else(|| GraphError::ViewDependent(name.to_owned()))
     }
 }
 
@@ -108,7 +89,7 @@ pub(crate) struct FillTextures {
 
 impl FillTextures {
     /// Makes what is missing and drops what is no longer shown.
-    pub(crate) fn update(&mut self, surface: &Surface, layers: &Layers) -> Result<(), PaintError> {
+    pub(crate) fn update(&mut self, surface: &Surface, layers: &Layers) -> Result<()> {
         let mut known = std::mem::take(&mut self.layers);
         for layer in layers.stack.iter().filter(|layer| layer.visible && layer.opacity > 0.0) {
             let LayerContent::Graph(fill) = &layer.content else { continue };
@@ -118,10 +99,13 @@ impl FillTextures {
                     let texture = |name: &Option<String>| {
                         name.as_ref().map(|name| fill.graph.texture(surface, name)).transpose()
                     };
-                    let textures = fill.textures.iter().map(texture).collect::<Result<_, _>>();
-                    textures.map_err(|source| {
-                        let layer = layer.name.clone();
-                        PaintError::Graph { layer, source: Box::new(source) }
+                    let textures = fill.textures.iter().map(texture).collect::<Result<_>>();
+                    textures.map_err(|source: Error| {
+                        let sentence = format!(
+                            "the layer {:?} cannot be shown: {source}; correct its textures or hide it",
+                            layer.name
+                        );
+                        Error::new(source.kind(), sentence).with_source(source)
                     })?
                 }
             };
@@ -150,7 +134,7 @@ impl FillTextures {
                 let owner = map.owner[texel];
                 if owner != NO_OWNER && !is_hidden(texel) {
                     let triangle = &map.triangles[owner as usize];
-                    let lambda = map.lambda(triangle, x, y);
+                    let lambda = map.point(triangle, x, y).lambda;
                     values[texel] = shade(surface, triangle, lambda, |point| texture.evaluate(point));
                 }
             }

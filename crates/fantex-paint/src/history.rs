@@ -10,11 +10,13 @@
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
+use fantex_base::Result;
 use fantex_store::{AssetEditor, PageId};
 use serde::{Deserialize, Serialize};
 
+use crate::error::{damaged, encoded};
 use crate::layers::{base_bytes, base_name};
-use crate::{PaintError, log};
+use crate::log;
 
 const INDEX: &str = "history/index";
 
@@ -89,10 +91,10 @@ impl HistoryStep {
 }
 
 impl History {
-    pub(crate) fn load(editor: &AssetEditor) -> Result<Self, PaintError> {
+    pub(crate) fn load(editor: &AssetEditor) -> Result<Self> {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
-        let index =
-            serde_json::from_slice(&bytes).map_err(|_| damaged(editor, "its index cannot be read"))?;
+        let index = serde_json::from_slice(&bytes)
+            .map_err(|_| damaged(editor, "history", "its index cannot be read"))?;
         Ok(Self { index, open: None })
     }
 
@@ -116,7 +118,7 @@ impl History {
         self.open = Some(OpenStep { step, bytes: Vec::new() });
     }
 
-    pub(crate) fn add_page(&mut self, step: PageStep, editor: &mut AssetEditor) -> Result<(), PaintError> {
+    pub(crate) fn add_page(&mut self, step: PageStep, editor: &mut AssetEditor) -> Result<()> {
         let Some(open) = &mut self.open else { return Ok(()) };
         let PageStep { id, channels, is_first_layered } = step;
         if is_first_layered {
@@ -142,14 +144,14 @@ impl History {
         before: Vec<u8>,
         after: Vec<u8>,
         editor: &mut AssetEditor,
-    ) -> Result<(), PaintError> {
+    ) -> Result<()> {
         let Some(open) = &mut self.open else { return Ok(()) };
         Record::Attachment { name: name.to_owned(), contents: [before, after] }.encode(&mut open.bytes);
         if open.bytes.len() >= PART_BYTES { open.write_part(editor) } else { Ok(()) }
     }
 
     /// Ends the step; one without changes is dropped.
-    pub(crate) fn finish(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+    pub(crate) fn finish(&mut self, editor: &mut AssetEditor) -> Result<()> {
         let Some(mut open) = self.open.take() else { return Ok(()) };
         if !open.bytes.is_empty() {
             open.write_part(editor)?;
@@ -161,7 +163,7 @@ impl History {
     }
 
     /// Writes what is recorded of the open step so far; returns the step as it is then.
-    pub(crate) fn keep_open(&mut self, editor: &mut AssetEditor) -> Result<Option<HistoryStep>, PaintError> {
+    pub(crate) fn keep_open(&mut self, editor: &mut AssetEditor) -> Result<Option<HistoryStep>> {
         let Some(open) = &mut self.open else { return Ok(None) };
         if !open.bytes.is_empty() {
             open.write_part(editor)?;
@@ -185,11 +187,7 @@ impl History {
     }
 
     /// The next step in a direction has been made.
-    pub(crate) fn move_step(
-        &mut self,
-        direction: Direction,
-        editor: &mut AssetEditor,
-    ) -> Result<(), PaintError> {
+    pub(crate) fn move_step(&mut self, direction: Direction, editor: &mut AssetEditor) -> Result<()> {
         match direction {
             Direction::Back => self.index.undone.extend(self.index.done.pop()),
             Direction::Forth => self.index.done.extend(self.index.undone.pop()),
@@ -198,7 +196,7 @@ impl History {
     }
 
     /// Forgets the last step, which has been taken back.
-    pub(crate) fn forget_last(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+    pub(crate) fn forget_last(&mut self, editor: &mut AssetEditor) -> Result<()> {
         if let Some(step) = self.index.done.pop() {
             (0..step.parts).for_each(|part| editor.detach(&part_name(step.id, part)));
         }
@@ -212,16 +210,18 @@ impl History {
         part: u32,
         direction: Direction,
         editor: &mut AssetEditor,
-    ) -> Result<(), PaintError> {
+    ) -> Result<()> {
         let bytes = editor.attachment(&part_name(step.id, part))?;
-        let bytes = bytes.ok_or_else(|| damaged(editor, "a step is missing"))?;
+        let bytes = bytes.ok_or_else(|| damaged(editor, "history", "a step is missing"))?;
         let mut rest = bytes.as_slice();
         // All is read before anything is changed: a part is applied once or not at all.
         let mut pages: BTreeMap<(PageId, usize), Vec<u8>> = BTreeMap::new();
         let mut bases = Vec::new();
         let mut others = Vec::new();
         while !rest.is_empty() {
-            match Record::decode(&mut rest).ok_or_else(|| damaged(editor, "a step cannot be read"))? {
+            match Record::decode(&mut rest)
+                .ok_or_else(|| damaged(editor, "history", "a step cannot be read"))?
+            {
                 Record::Page { id, channel, change } => {
                     let page = match pages.entry((id, channel)) {
                         Entry::Occupied(page) => page.into_mut(),
@@ -248,14 +248,14 @@ impl History {
         others.into_iter().try_for_each(|record| apply(record, direction, editor))
     }
 
-    fn save(&self, editor: &mut AssetEditor) -> Result<(), PaintError> {
-        let bytes = serde_json::to_vec(&self.index).map_err(std::io::Error::other)?;
+    fn save(&self, editor: &mut AssetEditor) -> Result<()> {
+        let bytes = encoded(&self.index)?;
         Ok(editor.attach(INDEX, bytes)?)
     }
 }
 
 impl OpenStep {
-    fn write_part(&mut self, editor: &mut AssetEditor) -> Result<(), PaintError> {
+    fn write_part(&mut self, editor: &mut AssetEditor) -> Result<()> {
         let name = part_name(self.step.id, self.step.parts);
         editor.attach(&name, std::mem::take(&mut self.bytes))?;
         self.step.parts += 1;
@@ -264,7 +264,7 @@ impl OpenStep {
 }
 
 /// Changes the asset by a record that is no page.
-fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Result<(), PaintError> {
+fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Result<()> {
     match record {
         // They are put together before.
         Record::Page { .. } | Record::Base(_) => {}
@@ -274,14 +274,14 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
                 Direction::Forth => after,
             };
             if !name.starts_with("layers/") && !name.starts_with(log::PREFIX) {
-                return Err(damaged(editor, "a step changes what is neither layer nor log"));
+                return Err(damaged(editor, "history", "a step changes what is neither layer nor log"));
             }
             if contents.is_empty() { editor.detach(&name) } else { editor.attach(&name, contents)? }
         }
         Record::Mean { channel, group, values: [before, after] } => {
             let asset = editor.asset();
             if channel >= asset.channels().len() || group as usize >= asset.cover().groups.len() {
-                return Err(damaged(editor, "a step changes a group that does not exist"));
+                return Err(damaged(editor, "history", "a step changes a group that does not exist"));
             }
             let value = match direction {
                 Direction::Back => before,
@@ -295,10 +295,6 @@ fn apply(record: Record, direction: Direction, editor: &mut AssetEditor) -> Resu
 
 fn part_name(id: u64, part: u32) -> String {
     format!("history/{id:012}/{part:06}")
-}
-
-fn damaged(editor: &AssetEditor, reason: &'static str) -> PaintError {
-    PaintError::History { path: editor.asset().path().to_owned(), reason }
 }
 
 // The records of a step, little-endian:

@@ -15,6 +15,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use fantex_base::{Error, Result};
 use fantex_store::{AssetEditor, PAGE, PageId, page_extent, page_grid};
 use glam::{Vec3, Vec4};
 use half::f16;
@@ -22,13 +23,14 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::composite::{Ink, composite, copy_blocks, replace_blocks};
+use crate::error::encoded;
 use crate::graph::{FillTextures, found_folder, kept_folder};
 use crate::history::PageStep;
 use crate::painter::Changes;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
 use crate::work::{FlattenWork, Work};
-use crate::{BlendMode, GraphFill, PaintError, Painter, StrokeSettings, Surface};
+use crate::{BlendMode, GraphFill, Painter, StrokeSettings, Surface};
 
 pub(crate) const INDEX: &str = "layers/index";
 
@@ -121,20 +123,25 @@ pub(crate) struct Layers {
 }
 
 impl Layers {
-    pub(crate) fn load(editor: &AssetEditor) -> Result<Self, PaintError> {
+    pub(crate) fn load(editor: &AssetEditor) -> Result<Self> {
         let Some(bytes) = editor.attachment(INDEX)? else { return Ok(Self::default()) };
         let path = editor.asset().path();
-        let mut layers: Self = serde_json::from_slice(&bytes)
-            .map_err(|_| PaintError::Layers { path: path.to_owned(), reason: "their list cannot be read" })?;
+        let mut layers: Self = serde_json::from_slice(&bytes).map_err(|_| {
+            let name = path.display();
+            let sentence = format!(
+                "the layers of {name} are damaged: their list cannot be read; its texels are not affected"
+            );
+            Error::damaged(sentence).with_path(path)
+        })?;
         find_folders(&mut layers.stack, path);
         Ok(layers)
     }
 
     /// As they are kept in an asset.
-    pub(crate) fn encoded(&self, asset: &Path) -> Result<Vec<u8>, PaintError> {
+    pub(crate) fn encoded(&self, asset: &Path) -> Result<Vec<u8>> {
         let mut layers = self.clone();
         keep_folders(&mut layers.stack, asset);
-        Ok(serde_json::to_vec(&layers).map_err(std::io::Error::other)?)
+        encoded(&layers)
     }
 
     pub(crate) fn find(&self, id: u64) -> Option<&Layer> {
@@ -256,14 +263,14 @@ impl Painter {
     }
 
     /// Puts a layer on top; returns its number, by which strokes name it.
-    pub fn add_layer(&mut self, layer: Layer) -> Result<u64, PaintError> {
+    pub fn add_layer(&mut self, layer: Layer) -> Result<u64> {
         let number = self.start_add_layer(layer, None)?;
         self.finish_work()?;
         Ok(number)
     }
 
     /// The same, above another layer where one is named; what it shows is left to [`work_on`](Self::work_on).
-    pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64, PaintError> {
+    pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64> {
         let mut number = 0;
         self.change_layers("add layer", |layers| {
             number = layers.add(layer);
@@ -279,21 +286,13 @@ impl Painter {
 
     /// Changes layers in any way: order, names, visibility, opacity, blending, masks; or removes some. One step of the
     /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer).
-    pub fn edit_layers(
-        &mut self,
-        label: &str,
-        change: impl FnOnce(&mut Vec<Layer>),
-    ) -> Result<(), PaintError> {
+    pub fn edit_layers(&mut self, label: &str, change: impl FnOnce(&mut Vec<Layer>)) -> Result<()> {
         self.start_edit_layers(label, change)?;
         self.finish_work()
     }
 
     /// The same; what it shows is left to [`work_on`](Self::work_on).
-    pub fn start_edit_layers(
-        &mut self,
-        label: &str,
-        change: impl FnOnce(&mut Vec<Layer>),
-    ) -> Result<(), PaintError> {
+    pub fn start_edit_layers(&mut self, label: &str, change: impl FnOnce(&mut Vec<Layer>)) -> Result<()> {
         self.change_layers(label, |layers| {
             let known: BTreeSet<u64> = layers.stack.iter().map(Layer::id).collect();
             change(&mut layers.stack);
@@ -303,7 +302,7 @@ impl Painter {
     }
 
     /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays.
-    pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>) -> Result<(), PaintError> {
+    pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>) -> Result<()> {
         self.change_layers(label, |layers| {
             let mut seen = BTreeSet::new();
             layers.stack = stack.into_iter().filter(|layer| seen.insert(layer.id())).collect();
@@ -313,7 +312,7 @@ impl Painter {
         self.finish_work()
     }
 
-    fn change_layers(&mut self, label: &str, change: impl FnOnce(&mut Layers)) -> Result<(), PaintError> {
+    fn change_layers(&mut self, label: &str, change: impl FnOnce(&mut Layers)) -> Result<()> {
         self.finish_work()?;
         self.end()?;
         let before = self.layers.clone();
@@ -338,7 +337,7 @@ impl Painter {
         Ok(())
     }
 
-    pub(crate) fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<(), PaintError> {
+    pub(crate) fn flatten_pages(&mut self, ids: &[PageId], changes: &mut Changes) -> Result<()> {
         let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
         let (editor, layers, surface, fills) = (&self.editor, &self.layers, &*self.surface, &self.fills);
         let flat: Vec<Vec<Vec<u8>>> = ids
@@ -450,7 +449,7 @@ impl LayerPage<'_> {
 }
 
 /// The bytes of the page in all channels of the asset.
-pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>, PaintError> {
+pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>> {
     let asset = stack.editor.asset();
     let texels = stack.extent[0] as usize * stack.extent[1] as usize;
     let pages = stack.pages(texels)?;
@@ -484,7 +483,7 @@ pub(crate) fn flatten(stack: &LayerStack<'_>) -> Result<Vec<Vec<u8>>, PaintError
 }
 
 impl<'a> LayerStack<'a> {
-    fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>, PaintError> {
+    fn attachment(&self, name: &str) -> Result<Option<Vec<u8>>> {
         match self.replaced {
             Some((replaced, contents)) if replaced == name => Ok(Some(contents.to_vec())),
             _ => Ok(self.editor.attachment(name)?),
@@ -492,12 +491,12 @@ impl<'a> LayerStack<'a> {
     }
 
     /// The page's bytes under all layers, per channel of the asset.
-    fn base(&self) -> Result<Vec<Vec<u8>>, PaintError> {
+    fn base(&self) -> Result<Vec<Vec<u8>>> {
         base_bytes(self.editor, self.id, self.attachment(&base_name(self.id))?)
     }
 
     /// The layers that show something here.
-    fn pages(&self, texels: usize) -> Result<Vec<LayerPage<'a>>, PaintError> {
+    fn pages(&self, texels: usize) -> Result<Vec<LayerPage<'a>>> {
         let channels = self.editor.asset().channels().len();
         let mut pages = Vec::new();
         for layer in &self.layers.stack {
@@ -528,11 +527,7 @@ impl<'a> LayerStack<'a> {
 
 /// A page's bytes under all layers, per channel: from the attachment that keeps them, or, where nothing lies over the page
 /// yet, the page itself.
-pub(crate) fn base_bytes(
-    editor: &AssetEditor,
-    id: PageId,
-    kept: Option<Vec<u8>>,
-) -> Result<Vec<Vec<u8>>, PaintError> {
+pub(crate) fn base_bytes(editor: &AssetEditor, id: PageId, kept: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>> {
     let channels = editor.asset().channels().len();
     let current = (0..channels).map(|channel| editor.read_page_raw(channel, id));
     let current = current.collect::<Result<Vec<_>, _>>()?;
@@ -562,12 +557,7 @@ pub(crate) struct ShownPage {
 
 impl ShownPage {
     /// Puts it in its place.
-    pub(crate) fn put(
-        self,
-        editor: &mut AssetEditor,
-        id: PageId,
-        affected: &[usize],
-    ) -> fantex_base::Result<()> {
+    pub(crate) fn put(self, editor: &mut AssetEditor, id: PageId, affected: &[usize]) -> Result<()> {
         for (&channel, bytes) in affected.iter().zip(self.channels) {
             editor.replace(id, channel, bytes)?;
         }
@@ -600,7 +590,7 @@ pub(crate) fn target_name(target: Target, id: PageId) -> String {
 
 impl LayeredPage<'_> {
     /// The page with the stroke.
-    pub(crate) fn show(&self) -> Result<ShownPage, PaintError> {
+    pub(crate) fn show(&self) -> Result<ShownPage> {
         // Kept behind the bytes of the channels.
         let before = self.page.originals.last().map_or(&[][..], Vec::as_slice);
         let contents = match self.target {
@@ -633,7 +623,7 @@ impl LayeredPage<'_> {
         Ok(shown)
     }
 
-    fn painted_base(&self, before: &[u8]) -> Result<Vec<u8>, PaintError> {
+    fn painted_base(&self, before: &[u8]) -> Result<Vec<u8>> {
         let asset = self.editor.asset();
         let mut base = base_bytes(self.editor, self.id, Some(before.to_vec()))?;
         let originals: Vec<Vec<u8>> =

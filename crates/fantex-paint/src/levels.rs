@@ -8,14 +8,15 @@ use std::collections::btree_map::Entry;
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use fantex_base::{Error, Result};
 use fantex_store::{ChannelKind, EditorSnapshot, PAGE, PageId, page_extent, page_grid, page_origin};
 use glam::Vec4;
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::Surface;
 use crate::composite::replace_blocks;
 use crate::texel_page::{Rect, TexelPage, TexelPages};
-use crate::{PaintError, Surface};
 
 /// Changed texels of a level, page by page, in the level's texels.
 pub(crate) type Dirty = BTreeMap<[u32; 2], Rect>;
@@ -117,7 +118,7 @@ struct LevelJob<'a> {
 
 impl LevelJob<'_> {
     /// Appends all coarser pages that change, and the mean.
-    pub(crate) fn run(&self, levels: &[Dirty], result: &mut CoarserLevels) -> Result<(), PaintError> {
+    pub(crate) fn run(&self, levels: &[Dirty], result: &mut CoarserLevels) -> Result<()> {
         // Pages of the level before, as they have become, by page.
         let mut finer: BTreeMap<[u32; 2], Vec<Vec4>> = BTreeMap::new();
         let shape = self.surface.cover().groups[self.group as usize];
@@ -152,7 +153,7 @@ impl LevelJob<'_> {
         [fine, coarse]: [[u32; 2]; 2],
         finer: &mut BTreeMap<[u32; 2], Vec<Vec4>>,
         result: &mut CoarserLevels,
-    ) -> Result<Vec<Vec4>, PaintError> {
+    ) -> Result<Vec<Vec4>> {
         let under = fine_rect(rect, fine, coarse);
         let window = self.window(id.level - 1, fine, under, finer)?;
         let before = self.pages.read_page_raw(self.channel, id)?;
@@ -184,7 +185,7 @@ impl LevelJob<'_> {
     }
 
     /// Reads a page that has not changed, unless it is there.
-    fn load(&self, id: PageId, pages: &mut BTreeMap<[u32; 2], Vec<Vec4>>) -> Result<(), PaintError> {
+    fn load(&self, id: PageId, pages: &mut BTreeMap<[u32; 2], Vec<Vec4>>) -> Result<()> {
         if let Entry::Vacant(place) = pages.entry(id.page) {
             let texels = self.pages.read_page(self.channel, id)?;
             place.insert(texels.rgba.into_iter().map(Vec4::from).collect());
@@ -199,7 +200,7 @@ impl LevelJob<'_> {
         extent: [u32; 2],
         rect: Rect,
         finer: &mut BTreeMap<[u32; 2], Vec<Vec4>>,
-    ) -> Result<Window, PaintError> {
+    ) -> Result<Window> {
         let [width, height] = rect.extent().map(|n| n as usize);
         let mut window = Window { rect, values: vec![None; width * height] };
         for page in pages_of(rect) {
@@ -306,7 +307,7 @@ pub(crate) struct LevelWork {
 
 impl LevelWork {
     /// Does the work, in parallel; results in the order of the groups.
-    pub(crate) fn run(&self, maps: &mut TexelPages) -> Result<LevelResults, PaintError> {
+    pub(crate) fn run(&self, maps: &mut TexelPages) -> Result<LevelResults> {
         let mut results = Vec::with_capacity(self.groups.len());
         for batch in self.groups.chunks(GROUP_BATCH) {
             results.extend(self.run_batch(batch, maps)?);
@@ -314,7 +315,7 @@ impl LevelWork {
         Ok(results)
     }
 
-    fn run_batch(&self, groups: &[(u32, Dirty)], maps: &mut TexelPages) -> Result<LevelResults, PaintError> {
+    fn run_batch(&self, groups: &[(u32, Dirty)], maps: &mut TexelPages) -> Result<LevelResults> {
         let surface = &*self.surface;
         let jobs: Vec<(u32, Vec<Dirty>)> = groups
             .par_iter()
@@ -339,7 +340,7 @@ impl LevelWork {
 
 /// Work that another thread does.
 #[derive(Debug)]
-pub(crate) struct LevelsUnderway(Receiver<Result<LevelResults, PaintError>>);
+pub(crate) struct LevelsUnderway(Receiver<Result<LevelResults>>);
 
 impl LevelsUnderway {
     /// Hands work to the thread for levels: one for all painters, so that dabs keep theirs. Gives it back where there is no
@@ -363,18 +364,24 @@ impl LevelsUnderway {
     }
 
     /// The results, if they are there.
-    pub(crate) fn poll(self) -> Result<Result<LevelResults, PaintError>, Self> {
+    pub(crate) fn poll(self) -> Result<Result<LevelResults>, Self> {
         match self.0.try_recv() {
             Ok(results) => Ok(results),
             Err(TryRecvError::Empty) => Err(self),
-            Err(TryRecvError::Disconnected) => Ok(Err(PaintError::LevelsLost)),
+            Err(TryRecvError::Disconnected) => Ok(Err(levels_lost())),
         }
     }
 
     /// Waits for the results.
-    pub(crate) fn wait(self) -> Result<LevelResults, PaintError> {
-        self.0.recv().unwrap_or(Err(PaintError::LevelsLost))
+    pub(crate) fn wait(self) -> Result<LevelResults> {
+        self.0.recv().unwrap_or_else(|_| Err(levels_lost()))
     }
+}
+
+fn levels_lost() -> Error {
+    let sentence =
+        "the coarser levels of the last stroke could not be computed; undo the stroke and paint it again";
+    Error::unavailable(sentence)
 }
 
 #[cfg(test)]

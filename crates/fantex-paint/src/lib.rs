@@ -50,24 +50,23 @@ mod texel_page;
 mod work;
 
 pub use dab::{Dab, Stamp};
-pub use error::PaintError;
-pub use fill::{ColorFill, FillArea, FillScope, fill_starts, fill_triangles, fill_triangles_with};
-pub use graph::{GraphError, GraphFill, TextureGraph};
+pub use fantex_mesh::SurfacePoint;
+pub use fill::{ColorFill, FillArea, fill_starts, fill_triangles, fill_triangles_with};
+pub use graph::{GraphFill, TextureGraph};
 pub use history::{History, HistoryStep};
 pub use layers::{Layer, LayerContent, Target};
 pub use log::StrokeLog;
 pub use paint::{BlendMode, ChannelPaint, Paint, PaintColor, SMUDGE_SPACING, Tool};
 pub use painter::{PaintOptions, Painter, PreviewPage, StrokeSummary};
-pub use picture::{DEFAULT_FONT, Decal, Picture, TextError, TextPicture, draw_text};
+pub use picture::{DEFAULT_FONT, Decal, Picture, TextPicture, draw_text};
 pub use projection::{Lens, PicturePlace, Projection, ProjectionView};
 pub use region::{Region, RegionTriangle};
-pub use replay::{ReplayError, ReplaySummary, replay};
+pub use replay::{ReplaySummary, replay};
 pub use stroke::{Brush, Jitter, LiveStroke, PressureResponse, Sample, Size, Stroke, Symmetry, dabs_of};
 pub use stroke_file::{
-    BrushSettings, ChannelKindName, ChannelSettings, ColorSettings, DabSettings, DecalSettings,
-    FillLayerSettings, FillSettings, FillTextureSettings, LayerSettings, LookSettings, ProjectionSettings,
-    SampleSettings, StencilBy, StencilSettings, StrokeFile, StrokeSettings, TextSettings, ToolSettings,
-    Where,
+    ChannelSettings, ColorSettings, DabSettings, DecalSettings, FillLayerSettings, FillSettings,
+    FillTextureSettings, LayerSettings, LookSettings, SampleSettings, StencilBy, StencilSettings, StrokeFile,
+    StrokeSettings, TextSettings, ToolSettings, Where,
 };
-pub use surface::{Surface, SurfacePoint};
+pub use surface::Surface;
 pub use work::WorkProgress;

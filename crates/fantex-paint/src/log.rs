@@ -11,18 +11,20 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_store::{Asset, AssetEditor, ChannelKind};
+use fantex_base::{Error, ErrorKind, Result};
+use fantex_store::{Asset, AssetEditor};
 use fantex_texture::Image;
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::error::{malformed, temporary};
 use crate::graph::{found_folder, kept_folder};
 use crate::layers::find_folders;
 use crate::replay::{place_on, prepare_fill};
 use crate::stroke::mesh_length;
 use crate::{
-    BrushSettings, ChannelSettings, ColorSettings, Dab, DabSettings, FillArea, LookSettings, Paint,
-    PaintColor, PaintError, Painter, ReplayError, ReplaySummary, Size, Stamp, StrokeFile, StrokeSettings,
-    Surface, SurfacePoint, Tool, ToolSettings, Where, replay,
+    Brush, ChannelSettings, ColorSettings, Dab, DabSettings, FillArea, LookSettings, Paint, PaintColor,
+    Painter, ReplaySummary, Size, Stamp, StrokeFile, StrokeSettings, Surface, SurfacePoint, Tool,
+    ToolSettings, Where, replay,
 };
 
 /// What the names of all attachments begin with.
@@ -81,8 +83,13 @@ impl StrokeLog {
     /// # Errors
     ///
     /// An attachment cannot be read, or is no stroke.
-    pub fn of(asset: &Asset) -> Result<Self, PaintError> {
-        let damaged = || PaintError::Log { path: asset.path().to_owned() };
+    pub fn of(asset: &Asset) -> Result<Self> {
+        let damaged = || {
+            let path = asset.path();
+            let sentence =
+                format!("the log of strokes of {} is damaged; its texels are not affected", path.display());
+            Error::damaged(sentence).with_path(path)
+        };
         let names = asset.attachment_names().map_err(|_| damaged())?;
         let (mut strokes, mut files) = (Vec::new(), Vec::new());
         for name in names {
@@ -104,11 +111,11 @@ impl StrokeLog {
     /// # Errors
     ///
     /// The system refuses.
-    pub fn save(&self, path: &Path) -> std::io::Result<()> {
+    pub fn save(&self, path: &Path) -> Result<()> {
         let folder = path.parent().unwrap_or(Path::new(""));
-        self.save_files(folder)?;
-        let text = serde_json::to_string_pretty(&self.strokes).map_err(std::io::Error::other)?;
-        std::fs::write(path, text)
+        let text = serde_json::to_string_pretty(&self.strokes).map_err(malformed)?;
+        let written = self.save_files(folder).and_then(|()| std::fs::write(path, text));
+        written.map_err(|source| Error::writing(path, source))
     }
 
     /// Paints all strokes onto another asset, by their places in the world. Commits nothing.
@@ -116,9 +123,9 @@ impl StrokeLog {
     /// # Errors
     ///
     /// As [`replay`], and where no temporary folder can be made for the files.
-    pub fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary, ReplayError> {
-        let folder = tempfile::tempdir().map_err(PaintError::Spill)?;
-        self.save_files(folder.path()).map_err(PaintError::Spill)?;
+    pub fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary> {
+        let folder = tempfile::tempdir().map_err(temporary)?;
+        self.save_files(folder.path()).map_err(temporary)?;
         replay(painter, &self.strokes, folder.path())
     }
 
@@ -212,7 +219,7 @@ impl Portable {
         settings: StrokeSettings,
         folder: &Path,
         asset: &Path,
-    ) -> Result<Self, PaintError> {
+    ) -> Result<Self> {
         let mut writer = Writer { surface, folder, asset, files: Vec::new() };
         let gathers_dabs = settings.samples.is_empty() && settings.dabs.is_empty() && settings.fill.is_none();
         let stroke = writer.stroke(settings)?;
@@ -243,7 +250,7 @@ pub(crate) fn portable(
     asset: &Asset,
     paint: &Paint,
     recording: Recording,
-) -> Result<Portable, PaintError> {
+) -> Result<Portable> {
     let lost = || Portable {
         stroke: StrokeSettings { unrecorded: true, ..StrokeSettings::default() },
         files: Vec::new(),
@@ -254,7 +261,7 @@ pub(crate) fn portable(
         Recording::Dabs(dabs, stamp) => {
             let Some((tool, channels)) = settings_of(surface, asset, paint) else { return Ok(lost()) };
             let mut files = Vec::new();
-            let mut brush = BrushSettings { opacity: paint.opacity, ..BrushSettings::default() };
+            let mut brush = Brush { opacity: paint.opacity, ..Brush::default() };
             if let Some(stamp) = stamp {
                 let bytes = picture_of(&stamp)?;
                 let name = hashed_name(&bytes, "exr");
@@ -277,18 +284,10 @@ fn settings_of(
     asset: &Asset,
     paint: &Paint,
 ) -> Option<(ToolSettings, Vec<ChannelSettings>)> {
-    let world_from_mesh = surface.mesh().world_from_mesh;
-    let tool = match paint.tool {
-        Tool::Paint(mode) => ToolSettings::Paint(mode),
-        Tool::Erase => ToolSettings::Erase,
-        Tool::Smudge { strength } => ToolSettings::Smudge { strength },
-        Tool::Blur { radius } => {
-            let radius = Size::World((f64::from(radius) * world_from_mesh.scale) as f32);
-            ToolSettings::Blur { radius }
-        }
+    if matches!(paint.tool, Tool::Clone { .. }) {
         // Where it starts is not known any more.
-        Tool::Clone { .. } => return None,
-    };
+        return None;
+    }
     let mut channels = Vec::with_capacity(paint.channels.len());
     for painted in &paint.channels {
         let color = match &painted.color {
@@ -296,23 +295,10 @@ fn settings_of(
             _ if paint.tool.reads_surface() => ColorSettings::default(),
             _ => return None,
         };
-        let kind = kind_name(asset.channels()[painted.channel].kind);
+        let kind = asset.channels()[painted.channel].kind;
         channels.push(ChannelSettings { kind, color });
     }
-    Some((tool, channels))
-}
-
-fn kind_name(kind: ChannelKind) -> crate::ChannelKindName {
-    use crate::ChannelKindName as Name;
-    match kind {
-        ChannelKind::BaseColor => Name::BaseColor,
-        ChannelKind::Normal => Name::Normal,
-        ChannelKind::OcclusionRoughnessMetallic => Name::OcclusionRoughnessMetallic,
-        ChannelKind::Emission => Name::Emission,
-        ChannelKind::Displacement => Name::Displacement,
-        ChannelKind::Light => Name::Light,
-        ChannelKind::Anisotropy => Name::Anisotropy,
-    }
+    Some((ToolSettings::of(&paint.tool, surface), channels))
 }
 
 /// Rewrites the settings of a stroke.
@@ -325,7 +311,7 @@ struct Writer<'a> {
 }
 
 impl Writer<'_> {
-    fn stroke(&mut self, mut stroke: StrokeSettings) -> Result<StrokeSettings, PaintError> {
+    fn stroke(&mut self, mut stroke: StrokeSettings) -> Result<StrokeSettings> {
         self.length(&mut stroke.brush.size);
         if let ToolSettings::Blur { radius } = &mut stroke.tool {
             self.length(radius);
@@ -373,7 +359,7 @@ impl Writer<'_> {
     }
 
     /// Takes a file along under the hash of its contents.
-    fn file(&mut self, path: &mut Option<PathBuf>) -> Result<(), PaintError> {
+    fn file(&mut self, path: &mut Option<PathBuf>) -> Result<()> {
         let Some(path) = path else { return Ok(()) };
         let bytes = read(&self.folder.join(&*path))?;
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("bin");
@@ -384,7 +370,7 @@ impl Writer<'_> {
     }
 
     /// Takes a look's text along; what it mentions stays where it is, and is found from the asset.
-    fn look(&mut self, look: &mut LookSettings) -> Result<(), PaintError> {
+    fn look(&mut self, look: &mut LookSettings) -> Result<()> {
         let (text, folder) = match look {
             LookSettings::File(path) => {
                 let path = self.folder.join(path);
@@ -398,8 +384,11 @@ impl Writer<'_> {
     }
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, PaintError> {
-    std::fs::read(path).map_err(|source| PaintError::LogFile { path: path.to_owned(), source })
+fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|source| {
+        let sentence = format!("cannot read {} for the log of strokes: {source}", path.display());
+        Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
+    })
 }
 
 fn hashed_name(bytes: &[u8], extension: &str) -> String {
@@ -407,12 +396,12 @@ fn hashed_name(bytes: &[u8], extension: &str) -> String {
 }
 
 /// A stamp as a picture file.
-fn picture_of(stamp: &Stamp) -> Result<Vec<u8>, PaintError> {
+fn picture_of(stamp: &Stamp) -> Result<Vec<u8>> {
     let ([width, height], coverage) = stamp.texels();
     let texels: Vec<[f32; 4]> = coverage.iter().map(|&a| [1.0, 1.0, 1.0, a]).collect();
-    let folder = tempfile::tempdir()?;
+    let folder = tempfile::tempdir().map_err(temporary)?;
     let path = folder.path().join("stamp.exr");
     let image = Image::from_linear_rgba(width as u32, height as u32, &texels);
-    image.save(&path).map_err(std::io::Error::other)?;
-    Ok(std::fs::read(path)?)
+    image.save(&path).map_err(malformed)?;
+    std::fs::read(path).map_err(temporary)
 }

@@ -13,6 +13,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 
+use fantex_base::{Error, Result};
 use fantex_store::{
     AssetEditor, ChannelKind, CommitSummary, EditOptions, PageCache, PageId, is_disk_full, page_origin,
     write_error,
@@ -23,6 +24,7 @@ use rayon::prelude::*;
 use crate::composite::{Ink, composite, look_up_now};
 use crate::cover::{Patch, cover_page, cover_page_colored, touched_pages};
 use crate::dab::PlacedDab;
+use crate::error::encoded;
 use crate::graph::FillTextures;
 use crate::history::PageStep;
 use crate::layers::{LayeredPage, Layers, ShownPage, base_name, target_name};
@@ -30,11 +32,11 @@ use crate::levels::{Dirty, GROUP_BATCH, LevelResults, LevelWork, LevelsUnderway,
 use crate::log::{self, Portable, Recording, portable};
 use crate::picture::PlacedDecal;
 use crate::projection::see_through;
-use crate::smudge::{Finger, LaidDown, PagesUnder, SmudgeDab, finger_of};
+use crate::smudge::{LaidDown, PagesUnder, SmudgeBuffer, SmudgeDab, buffer_of};
 use crate::stroke_page::{StrokePage, StrokePages};
 use crate::texel_page::{Rect, TexelPage, TexelPages};
 use crate::work::Work;
-use crate::{Dab, Decal, History, Paint, PaintError, StrokeSettings, Surface, SurfacePoint, Target, Tool};
+use crate::{Dab, Decal, History, Paint, StrokeSettings, Surface, SurfacePoint, Target, Tool};
 
 // The painter: an asset that is being painted on.
 
@@ -103,7 +105,7 @@ pub(crate) struct OpenStroke {
     /// What was seen before, for tools that ask for it.
     before: Option<PageCache>,
     /// What a smudge carries.
-    fingers: Vec<Finger>,
+    buffers: Vec<SmudgeBuffer>,
     /// For the log.
     pub(crate) recording: Recording,
     /// Channels of the asset that it can change, ascending or as painted.
@@ -114,7 +116,7 @@ pub(crate) struct OpenStroke {
 
 impl Painter {
     /// Opens an asset for painting. There may be unfinished work in it (see [`has_work`](Self::has_work)).
-    pub fn open(path: &Path, options: &PaintOptions) -> Result<Self, PaintError> {
+    pub fn open(path: &Path, options: &PaintOptions) -> Result<Self> {
         let editor = AssetEditor::open(path, &EditOptions::default())?;
         let history = History::load(&editor)?;
         let layers = Layers::load(&editor)?;
@@ -157,12 +159,12 @@ impl Painter {
     }
 
     /// Begins a stroke under all layers; one that is open ends first. `label` names it in the history.
-    pub fn begin(&mut self, label: &str, paint: Paint) -> Result<(), PaintError> {
+    pub fn begin(&mut self, label: &str, paint: Paint) -> Result<()> {
         self.begin_on(Target::Base, label, paint)
     }
 
     /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
-    pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<(), PaintError> {
+    pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<()> {
         self.finish_work()?;
         if self.stroke.is_some() {
             self.end()?;
@@ -170,7 +172,7 @@ impl Painter {
         if let Target::Layer(id) | Target::Mask(id) = target
             && self.layers.find(id).is_none()
         {
-            return Err(PaintError::NoLayer(id));
+            return Err(Error::not_found(format!("there is no layer number {id} to paint on")));
         }
         paint.channels.iter().try_for_each(|painted| self.check_channel(painted.channel))?;
         let count = self.editor.asset().channels().len();
@@ -180,15 +182,15 @@ impl Painter {
             _ => paint.channels.iter().map(|painted| painted.channel).collect(),
         };
         let before = paint.tool.reads_surface().then(|| self.state_before()).transpose()?;
-        let (label, pages, fingers) = (label.to_owned(), StrokePages::default(), Vec::new());
+        let (label, pages, buffers) = (label.to_owned(), StrokePages::default(), Vec::new());
         let recording = Recording::Dabs(Vec::new(), None);
         self.stroke =
-            Some(OpenStroke { label, target, paint, before, fingers, recording, affected, pages, dabs: 0 });
+            Some(OpenStroke { label, target, paint, before, buffers, recording, affected, pages, dabs: 0 });
         Ok(())
     }
 
     /// Adds dabs to the open stroke, in order. Does nothing where none is open.
-    pub fn dab(&mut self, dabs: &[Dab]) -> Result<(), PaintError> {
+    pub fn dab(&mut self, dabs: &[Dab]) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
             stroke.recording.add_dabs(&self.surface, dabs);
         }
@@ -213,11 +215,11 @@ impl Painter {
     }
 
     /// One dab of a smudge: it sees what those before have left.
-    fn smudge(&mut self, dab: &Dab, strength: f32) -> Result<(), PaintError> {
+    fn smudge(&mut self, dab: &Dab, strength: f32) -> Result<()> {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         let (surface, budget) = (&*self.surface, self.options.memory_bytes / 4);
-        let finger = finger_of(&mut stroke.fingers, surface, dab);
-        let placed = SmudgeDab::new(surface, dab, finger.as_ref());
+        let buffer = buffer_of(&mut stroke.buffers, surface, dab);
+        let placed = SmudgeDab::new(surface, dab, buffer.as_ref());
         let ids: Vec<PageId> = touched_pages(surface, std::iter::once(placed.region())).into_keys().collect();
         let maps = self.maps.get(surface, &ids, budget);
         let mut pages = PagesUnder::new();
@@ -228,8 +230,8 @@ impl Painter {
         }
         let normals = self.editor.asset().channel_of_kind(ChannelKind::Normal);
         let ink = Ink { surface, paint: &stroke.paint, before: stroke.before.as_ref(), normals };
-        let finger = placed.picked_up(finger, strength, &ink, &pages);
-        let laid = LaidDown { dab: &placed, finger: &finger, surface };
+        let buffer = placed.picked_up(buffer, strength, &ink, &pages);
+        let laid = LaidDown { dab: &placed, buffer: &buffer, surface };
         let channels = stroke.paint.channels.len();
         let stencil = stroke.paint.stencil.as_deref();
         pages.par_iter_mut().for_each(|(_, (map, page))| {
@@ -241,13 +243,13 @@ impl Painter {
                 stroke.pages.put(id, page, budget)?;
             }
         }
-        stroke.fingers.push(finger);
+        stroke.buffers.push(buffer);
         stroke.dabs += 1;
         Ok(())
     }
 
     /// Lays a picture onto the surface, as part of the open stroke. Does nothing where none is open.
-    pub fn decal(&mut self, decal: &Decal) -> Result<(), PaintError> {
+    pub fn decal(&mut self, decal: &Decal) -> Result<()> {
         let surface = Arc::clone(&self.surface);
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         stroke.recording.lose();
@@ -270,7 +272,7 @@ impl Painter {
     /// called before anything is painted. Settings that say nothing about where it is painted (neither samples nor dabs) are
     /// completed by the dabs as they come. Without it, dabs of constant colours are logged one by one; fills, decals and colours that
     /// are textures are counted in the log, but cannot be replayed from it. Fails where a file that is mentioned cannot be read.
-    pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<(), PaintError> {
+    pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
             let asset = self.editor.asset().path();
             let portable = Portable::new(&self.surface, settings, folder, asset)?;
@@ -279,9 +281,10 @@ impl Painter {
         Ok(())
     }
 
-    pub(crate) fn check_channel(&self, channel: usize) -> Result<(), PaintError> {
+    pub(crate) fn check_channel(&self, channel: usize) -> Result<()> {
         let count = self.editor.asset().channels().len();
-        if channel < count { Ok(()) } else { Err(PaintError::NoChannel { channel, count }) }
+        let sentence = || format!("the asset has {count} channels; there is no channel {channel} to paint");
+        (channel < count).then_some(()).ok_or_else(|| Error::invalid(sentence()))
     }
 
     /// Lets `add` change the coverage of pages, in parallel.
@@ -289,7 +292,7 @@ impl Painter {
         &mut self,
         touched: &[(PageId, T)],
         add: impl Fn(&Surface, &TexelPage, &T, &mut StrokePage) + Sync,
-    ) -> Result<(), PaintError> {
+    ) -> Result<()> {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         let budget = self.options.memory_bytes / 4;
         for batch in touched.chunks(PAGE_BATCH) {
@@ -316,7 +319,7 @@ impl Painter {
     }
 
     /// Brings the pages of level 0 up to date with the open stroke, and returns those that changed: for the next frame.
-    pub fn show(&mut self) -> Result<Vec<PageId>, PaintError> {
+    pub fn show(&mut self) -> Result<Vec<PageId>> {
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let stale = stroke.pages.stale();
         if stale.len() > PAGE_BATCH {
@@ -374,21 +377,21 @@ impl Painter {
 
     /// The value of a channel at a point as it is seen now, an open stroke included once it is shown: **linear** RGBA. (An
     /// eyedropper.)
-    pub fn pick(&mut self, channel: usize, point: SurfacePoint) -> Result<Vec4, PaintError> {
+    pub fn pick(&mut self, channel: usize, point: SurfacePoint) -> Result<Vec4> {
         self.check_channel(channel)?;
         self.show()?;
         look_up_now(&self.surface, &self.editor, channel, point)
     }
 
     /// The same of all channels, in their order.
-    pub fn pick_all(&mut self, point: SurfacePoint) -> Result<Vec<Vec4>, PaintError> {
+    pub fn pick_all(&mut self, point: SurfacePoint) -> Result<Vec<Vec4>> {
         self.show()?;
         let channels = 0..self.editor.asset().channels().len();
         channels.map(|channel| look_up_now(&self.surface, &self.editor, channel, point)).collect()
     }
 
     /// Makes everything durable, an open stroke (without its coarser levels) and unfinished work included.
-    pub fn commit(&mut self) -> Result<CommitSummary, PaintError> {
+    pub fn commit(&mut self) -> Result<CommitSummary> {
         self.show()?;
         self.finish_levels()?;
         self.keep_work()?;
@@ -399,7 +402,7 @@ impl Painter {
 impl OpenStroke {
     /// The bytes of a page before the stroke, per affected channel; where layers lie over it, also (last) the contents of
     /// the attachment that the stroke changes.
-    pub(crate) fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>, PaintError> {
+    pub(crate) fn originals(&self, editor: &AssetEditor, id: PageId) -> Result<Vec<Vec<u8>>> {
         let channels = self.affected.iter().map(|&channel| editor.read_page_raw(channel, id));
         let mut originals = channels.collect::<Result<Vec<_>, _>>()?;
         let contents = editor.attachment(&target_name(self.target, id))?;
@@ -423,7 +426,7 @@ impl OpenStroke {
         map: &TexelPage,
         id: PageId,
         page: &StrokePage,
-    ) -> Result<ShownPage, PaintError> {
+    ) -> Result<ShownPage> {
         let normals = editor.asset().channel_of_kind(ChannelKind::Normal);
         let ink = &Ink { surface, paint: &self.paint, before: self.before.as_ref(), normals };
         let (target, affected) = (self.target, self.affected.as_slice());
@@ -457,7 +460,7 @@ impl Changes {
 
 impl Painter {
     /// Ends the open stroke: shows it, computes coarser levels, and enters it into the history.
-    pub fn end(&mut self) -> Result<StrokeSummary, PaintError> {
+    pub fn end(&mut self) -> Result<StrokeSummary> {
         self.finish_levels()?;
         let Some((mut summary, changes, channels)) = self.close_stroke()? else {
             return Ok(StrokeSummary::default());
@@ -469,7 +472,7 @@ impl Painter {
     /// The same, but coarser levels are left to another thread: they (and the step in the history) are there once
     /// [`poll_levels`](Self::poll_levels) has said so. The results are the same bytes as [`end`](Self::end)'s. Whatever needs them
     /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
-    pub fn end_in_background(&mut self) -> Result<StrokeSummary, PaintError> {
+    pub fn end_in_background(&mut self) -> Result<StrokeSummary> {
         self.finish_levels()?;
         let Some((mut summary, changes, channels)) = self.close_stroke()? else {
             return Ok(StrokeSummary::default());
@@ -492,7 +495,7 @@ impl Painter {
 
     /// Takes over coarser levels that are ready, and returns the pages that they change (none twice, channels together); `None`
     /// while they are still being computed.
-    pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>, PaintError> {
+    pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>> {
         let Some(underway) = self.levels.take() else { return Ok(Some(Vec::new())) };
         match underway.poll() {
             Ok(results) => self.take_over(results).map(Some),
@@ -504,12 +507,12 @@ impl Painter {
     }
 
     /// Waits for coarser levels that are being computed, and returns the pages that they change.
-    pub fn finish_levels(&mut self) -> Result<Vec<PageId>, PaintError> {
+    pub fn finish_levels(&mut self) -> Result<Vec<PageId>> {
         let Some(underway) = self.levels.take() else { return Ok(Vec::new()) };
         self.take_over(underway.wait())
     }
 
-    fn take_over(&mut self, results: Result<LevelResults, PaintError>) -> Result<Vec<PageId>, PaintError> {
+    fn take_over(&mut self, results: Result<LevelResults>) -> Result<Vec<PageId>> {
         let applied = results.and_then(|results| self.apply_levels(results));
         // What is there of the step can be undone in any case.
         self.finish_history()?;
@@ -519,7 +522,7 @@ impl Painter {
     }
 
     /// Shows the open stroke for the last time and enters what it changed at level 0 into the history.
-    fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>, PaintError> {
+    fn close_stroke(&mut self) -> Result<Option<(StrokeSummary, Changes, Vec<usize>)>> {
         self.show()?;
         let Some(mut stroke) = self.stroke.take() else { return Ok(None) };
         self.room.let_go();
@@ -543,7 +546,7 @@ impl Painter {
         stroke: &OpenStroke,
         id: PageId,
         mut page: StrokePage,
-    ) -> Result<(), PaintError> {
+    ) -> Result<()> {
         if !self.options.history {
             return Ok(());
         }
@@ -562,7 +565,7 @@ impl Painter {
     }
 
     /// Enters a stroke into the log.
-    pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<(), PaintError> {
+    pub(crate) fn log_stroke(&mut self, stroke: &OpenStroke) -> Result<()> {
         let asset = self.editor.asset();
         let Portable { stroke: mut settings, files, .. } =
             portable(&self.surface, asset, &stroke.paint, stroke.recording.clone())?;
@@ -585,22 +588,22 @@ impl Painter {
     }
 
     /// Enters settings into the log.
-    pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<(), PaintError> {
-        let contents = serde_json::to_vec(settings).map_err(std::io::Error::other)?;
+    pub(crate) fn log(&mut self, settings: &StrokeSettings) -> Result<()> {
+        let contents = encoded(settings)?;
         let name = log::stroke_name(self.next_stroke);
         self.next_stroke += 1;
         self.attach(&name, contents)
     }
 
     /// Takes the last step back; false where there is none. An open stroke ends first.
-    pub fn undo(&mut self) -> Result<bool, PaintError> {
+    pub fn undo(&mut self) -> Result<bool> {
         let is_started = self.start_undo()?;
         self.finish_work()?;
         Ok(is_started)
     }
 
     /// Does what was taken back last again; false where there is nothing.
-    pub fn redo(&mut self) -> Result<bool, PaintError> {
+    pub fn redo(&mut self) -> Result<bool> {
         let is_started = self.start_redo()?;
         self.finish_work()?;
         Ok(is_started)
@@ -613,18 +616,14 @@ impl Painter {
     }
 
     /// Computes the coarser levels of what has changed; returns how many pages that changes.
-    fn finish_step(&mut self, changes: Changes, channels: &[usize]) -> Result<usize, PaintError> {
+    fn finish_step(&mut self, changes: Changes, channels: &[usize]) -> Result<usize> {
         let count = self.finish_changes(changes, channels)?;
         self.finish_history()?;
         Ok(count)
     }
 
     /// The same, with more of the step to come.
-    pub(crate) fn finish_changes(
-        &mut self,
-        changes: Changes,
-        channels: &[usize],
-    ) -> Result<usize, PaintError> {
+    pub(crate) fn finish_changes(&mut self, changes: Changes, channels: &[usize]) -> Result<usize> {
         let mut work = self.level_work(changes, channels);
         let mut groups = std::mem::take(&mut work.groups).into_iter();
         let mut count = 0;
@@ -651,12 +650,12 @@ impl Painter {
         }
     }
 
-    pub(crate) fn finish_history(&mut self) -> Result<(), PaintError> {
+    pub(crate) fn finish_history(&mut self) -> Result<()> {
         if self.options.history { self.history.finish(&mut self.editor) } else { Ok(()) }
     }
 
     /// Puts coarser levels in their places; returns the pages, channel by channel.
-    fn apply_levels(&mut self, results: LevelResults) -> Result<Vec<PageId>, PaintError> {
+    fn apply_levels(&mut self, results: LevelResults) -> Result<Vec<PageId>> {
         let mut ids = Vec::new();
         for (group, result) in results {
             for change in result.pages {
@@ -680,7 +679,7 @@ impl Painter {
     }
 
     /// Enters a page's change into the history.
-    pub(crate) fn remember(&mut self, change: PageStep) -> Result<(), PaintError> {
+    pub(crate) fn remember(&mut self, change: PageStep) -> Result<()> {
         if self.options.history {
             self.history.add_page(change, &mut self.editor)?;
         }
@@ -688,14 +687,14 @@ impl Painter {
     }
 
     /// Changes an attachment of the layers and enters that into the history.
-    pub(crate) fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<(), PaintError> {
+    pub(crate) fn attach(&mut self, name: &str, contents: Vec<u8>) -> Result<()> {
         let before = self.editor.attachment(name)?.unwrap_or_default();
         self.editor.attach(name, contents)?;
         self.remember_attachment(name, before)?;
         self.relieve()
     }
 
-    fn remember_attachment(&mut self, name: &str, before: Vec<u8>) -> Result<(), PaintError> {
+    fn remember_attachment(&mut self, name: &str, before: Vec<u8>) -> Result<()> {
         if self.options.history {
             let after = self.editor.attachment(name)?.unwrap_or_default();
             if before != after {
@@ -706,7 +705,7 @@ impl Painter {
     }
 
     /// True where this stroke has put the base of a page aside: then it is the page as it was.
-    fn is_new_base(&self, id: PageId, originals: &[Vec<u8>], affected: &[usize]) -> Result<bool, PaintError> {
+    fn is_new_base(&self, id: PageId, originals: &[Vec<u8>], affected: &[usize]) -> Result<bool> {
         let Some(base) = self.editor.attachment(&base_name(id))? else { return Ok(false) };
         let channels = self.editor.asset().channels().len();
         let mut page = Vec::with_capacity(base.len());
@@ -720,7 +719,7 @@ impl Painter {
     }
 
     /// Moves changes from memory to the file where they exceed the budget.
-    pub(crate) fn relieve(&mut self) -> Result<(), PaintError> {
+    pub(crate) fn relieve(&mut self) -> Result<()> {
         if self.editor.pending_bytes() > self.options.memory_bytes / 4 {
             // What another thread reads must stay where it is.
             self.finish_levels()?;
@@ -746,7 +745,7 @@ pub struct PreviewPage {
 impl Painter {
     /// The coarser levels of tiles under the open stroke, as [`end`](Self::end) will leave them: to be shown, not kept. `shown`
     /// are pages of level 0, by [`show`](Self::show). Waits for levels of the stroke before.
-    pub fn preview(&mut self, shown: &[PageId]) -> Result<Vec<PreviewPage>, PaintError> {
+    pub fn preview(&mut self, shown: &[PageId]) -> Result<Vec<PreviewPage>> {
         self.finish_levels()?;
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let groups: BTreeSet<u32> = shown.iter().map(|id| id.group).collect();
@@ -771,11 +770,11 @@ impl Painter {
 impl Painter {
     /// The asset as it is seen now, to stay so while the stroke is open. A commit gives such a state. Where the disk is full
     /// the changes in memory are looked through instead, and nothing is written before the stroke ends.
-    pub(crate) fn state_before(&mut self) -> Result<PageCache, PaintError> {
+    pub(crate) fn state_before(&mut self) -> Result<PageCache> {
         let budget = self.options.memory_bytes / 8;
         match self.commit() {
             Ok(_) => Ok(PageCache::new(Arc::clone(self.editor.asset()), budget)),
-            Err(PaintError::Asset(error)) if is_disk_full(&error) => {
+            Err(error) if is_disk_full(&error) => {
                 self.room.hold();
                 Ok(PageCache::of_snapshot(self.editor.snapshot(), budget))
             }
@@ -811,11 +810,7 @@ impl Room {
 
     /// Writes changes to the file where they exceed a budget. Where the disk is full they stay in memory, and painting goes on; it
     /// is asked again when an eighth more has come together.
-    pub(crate) fn relieve(
-        &mut self,
-        editor: &mut AssetEditor,
-        budget_bytes: usize,
-    ) -> Result<(), PaintError> {
+    pub(crate) fn relieve(&mut self, editor: &mut AssetEditor, budget_bytes: usize) -> Result<()> {
         let pending = editor.pending_bytes();
         if self.is_held
             || pending <= budget_bytes
@@ -823,36 +818,26 @@ impl Room {
         {
             return Ok(());
         }
-        let flushed = editor.flush();
-        self.note(editor, flushed)
+        match editor.flush() {
+            Ok(()) => self.full_at = None,
+            Err(error) if is_disk_full(&error) => self.full_at = Some(editor.pending_bytes()),
+            Err(error) => return Err(error),
+        }
+        Ok(())
     }
 
     /// Makes changes durable.
-    pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary, PaintError> {
+    pub(crate) fn commit(&mut self, editor: &mut AssetEditor) -> Result<CommitSummary> {
         if self.is_held {
             // As it was when the stroke began; when it ends the disk is asked again.
-            return Err(write_error(editor.asset().path(), std::io::ErrorKind::StorageFull.into()).into());
+            return Err(write_error(editor.asset().path(), std::io::ErrorKind::StorageFull.into()));
         }
-        match editor.commit() {
-            Ok(summary) => {
-                self.full_at = None;
-                Ok(summary)
-            }
-            Err(error) => {
-                if is_disk_full(&error) {
-                    self.full_at = Some(editor.pending_bytes());
-                }
-                Err(error.into())
-            }
+        let committed = editor.commit();
+        match &committed {
+            Ok(_) => self.full_at = None,
+            Err(error) if is_disk_full(error) => self.full_at = Some(editor.pending_bytes()),
+            Err(_) => {}
         }
-    }
-
-    fn note(&mut self, editor: &AssetEditor, flushed: fantex_base::Result<()>) -> Result<(), PaintError> {
-        match flushed {
-            Ok(()) => self.full_at = None,
-            Err(error) if is_disk_full(&error) => self.full_at = Some(editor.pending_bytes()),
-            Err(error) => return Err(error.into()),
-        }
-        Ok(())
+        committed
     }
 }

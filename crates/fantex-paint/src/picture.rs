@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
+use fantex_base::{Error, Result};
 use fantex_cover::TexelTriangle;
 use fantex_texture::Image;
 use fantex_texture::filter::halved_level;
@@ -215,7 +216,7 @@ impl Patch for PlacedDecal<'_> {
     }
 
     fn at(&self, map: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32 {
-        let Some(place) = self.chart.at(under.index, under.lambda) else { return 0.0 };
+        let Some(place) = self.chart.at(under.index, under.point.lambda) else { return 0.0 };
         let (place, width) = (place * self.scale, self.texel_width(under.triangle, under.index));
         let covered = self.shape.alpha(place, width);
         if covered <= 0.0 {
@@ -248,18 +249,6 @@ const LINE_TEXELS: f32 = 128.0;
 /// Texels along the longer side of a text, about, at most.
 const MAX_EXTENT: f32 = 8192.0;
 
-/// A text cannot be drawn.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum TextError {
-    /// The font is none.
-    #[error("the font is neither TrueType nor OpenType; give the path of a .ttf or .otf file")]
-    Font,
-    /// Nothing to see.
-    #[error("the text has no visible characters in this font")]
-    Empty,
-}
-
 /// A text that was drawn.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextPicture {
@@ -280,8 +269,10 @@ struct Line {
 /// # Errors
 ///
 /// The font cannot be read, or no character is visible.
-pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture, TextError> {
-    let font = FontRef::try_from_slice(font).map_err(|_| TextError::Font)?;
+pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture> {
+    let font = FontRef::try_from_slice(font).map_err(|_| {
+        Error::malformed("the font is neither TrueType nor OpenType; give the path of a .ttf or .otf file")
+    })?;
     let widest = set_lines(text, &font, LINE_TEXELS).iter().map(|line| line.width).fold(0.0, f32::max);
     let count = text.lines().count().max(1) as f32;
     let texels = LINE_TEXELS * (MAX_EXTENT / (widest + LINE_TEXELS).max(count * LINE_TEXELS)).min(1.0);
@@ -308,7 +299,7 @@ pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture, TextError> {
         }
     }
     if coverage.iter().all(|&covered| covered == 0.0) {
-        return Err(TextError::Empty);
+        return Err(Error::invalid("the text has no visible characters in this font"));
     }
     let lines = extent[0].max(extent[1]) as f32 / texels;
     Ok(TextPicture { picture: Picture::from_coverage(extent, &coverage), lines })
@@ -340,6 +331,7 @@ fn set_lines(text: &str, font: &FontRef<'_>, texels: f32) -> Vec<Line> {
 
 #[cfg(test)]
 mod tests {
+    use fantex_base::ErrorKind;
     use glam::Vec2;
 
     use super::*;
@@ -373,8 +365,9 @@ mod tests {
         assert_eq!(two.picture.extent()[1], 2 * one.picture.extent()[1]);
         assert!(one.picture.alpha(Vec2::ZERO, 0.0) > 0.9, "a stem in the middle");
         assert_eq!(one.picture.alpha(Vec2::new(-0.95, 0.0), 0.0), 0.0);
-        assert_eq!(draw_text("  ", DEFAULT_FONT), Err(TextError::Empty));
-        assert_eq!(draw_text("x", b"no font"), Err(TextError::Font));
+        let kind = |text: &str, font: &[u8]| draw_text(text, font).unwrap_err().kind();
+        assert_eq!(kind("  ", DEFAULT_FONT), ErrorKind::InvalidArgument);
+        assert_eq!(kind("x", b"no font"), ErrorKind::Malformed);
         let long = draw_text(&"wide ".repeat(400), DEFAULT_FONT).unwrap();
         assert!(long.picture.extent()[0] <= 8300 && long.lines > 500.0, "{}", long.lines);
     }

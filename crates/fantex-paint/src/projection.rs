@@ -6,25 +6,31 @@ use fantex_cover::NO_OWNER;
 use glam::{DVec2, DVec3, Mat2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::composite::nearest_inside;
-use crate::cover::blend;
+use crate::composite::position_steps;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::TexelPage;
 use crate::{Picture, Surface, SurfacePoint};
 
 /// Where a picture is projected from. World space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ProjectionView {
     /// The camera.
-    pub eye: DVec3,
+    pub eye: [f64; 3],
     /// What it looks at.
-    pub target: DVec3,
+    pub target: [f64; 3],
     /// What is upright in the picture.
-    pub up: DVec3,
-    /// How wide it sees.
+    #[serde(default = "up")]
+    pub up: [f64; 3],
+    /// How wide it sees: `{"perspective": DEGREES}` or `{"parallel": HEIGHT}`.
     pub lens: Lens,
     /// Where in the view the picture lies.
+    #[serde(default)]
     pub place: PicturePlace,
+}
+
+fn up() -> [f64; 3] {
+    [0.0, 1.0, 0.0]
 }
 
 /// Where in a camera's view a picture lies: coordinates are x to the right and y upwards, the origin in the middle, 1 at the
@@ -87,8 +93,9 @@ impl Projection {
     /// None where the view has no direction, or a lens beyond its range.
     pub fn new(surface: &Surface, view: &ProjectionView, picture: Arc<Picture>) -> Option<Self> {
         let world_from_mesh = surface.mesh().world_from_mesh;
-        let forward = (view.target - view.eye).try_normalize()?;
-        let right = forward.cross(view.up).try_normalize()?;
+        let [eye, target, up] = [view.eye, view.target, view.up].map(DVec3::from);
+        let forward = (target - eye).try_normalize()?;
+        let right = forward.cross(up).try_normalize()?;
         let (half_height, is_parallel) = match view.lens {
             Lens::Perspective(degrees) => ((0.5 * degrees.to_radians()).tan(), false),
             Lens::Parallel(height) => (0.5 * height / world_from_mesh.scale, true),
@@ -99,7 +106,7 @@ impl Projection {
         let flip = Vec2::new(if mirrored { -1.0 } else { 1.0 }, 1.0) / height as f32;
         (in_range && is_placed).then(|| Self {
             picture,
-            eye: world_from_mesh.inverse_point(view.eye),
+            eye: world_from_mesh.inverse_point(eye),
             right: right.as_vec3(),
             up: right.cross(forward).as_vec3(),
             forward: forward.as_vec3(),
@@ -257,8 +264,8 @@ pub(crate) fn see_through(surface: &Surface, map: &TexelPage, stencil: &Projecti
                 continue;
             }
             let triangle = &map.triangles[owner as usize];
-            let point = nearest_inside(triangle.triangle, map.lambda(triangle, x, y));
-            let steps = triangle.steps.map(|step| blend(surface, triangle.triangle, step));
+            let point = map.point(triangle, x, y).clamped();
+            let steps = position_steps(surface, triangle);
             *passes = stencil.at(surface, point, steps).map_or(0.0, |color| color.w);
         }
     });

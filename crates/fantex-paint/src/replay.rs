@@ -19,140 +19,23 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fantex_base::{Error, Result};
 use fantex_store::ChannelKind;
-use fantex_texture::{ColorSpace, Image, Samples, UnknownSolid};
+use fantex_texture::{ColorSpace, Image, Samples};
 use glam::{DVec3, Vec3};
 
+use crate::error::malformed;
 use crate::stroke::mesh_length;
 use crate::stroke_file::color_of;
 use crate::{
     Brush, ChannelPaint, ColorSettings, DEFAULT_FONT, Dab, DabSettings, Decal, FillArea, FillLayerSettings,
-    GraphError, GraphFill, Layer, LayerContent, LayerSettings, LookSettings, Paint, PaintError, Painter,
-    Picture, Projection, ProjectionView, SMUDGE_SPACING, Sample, SampleSettings, Size, Stamp, StencilBy,
-    Stroke, StrokeFile, StrokeSettings, StrokeSummary, Surface, SurfacePoint, Target, TextError,
-    TextureGraph, Tool, ToolSettings, Where, dabs_of, draw_text,
+    GraphFill, Layer, LayerContent, LayerSettings, LookSettings, Paint, Painter, Picture, Projection,
+    SMUDGE_SPACING, Sample, SampleSettings, Size, Stamp, StencilBy, Stroke, StrokeFile, StrokeSettings,
+    StrokeSummary, Surface, SurfacePoint, Target, TextureGraph, Tool, ToolSettings, Where, dabs_of,
+    draw_text,
 };
 
 // Applying a stroke file.
-
-/// A stroke file could not be applied.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ReplayError {
-    /// It cannot be read.
-    #[error("cannot read {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// It is not a stroke file.
-    #[error("{} is not a stroke file: {source}", path.display())]
-    Parse {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        source: serde_json::Error,
-    },
-    /// A later format.
-    #[error("this program replays stroke files of version 1; the file has version {0}")]
-    Version(u32),
-    /// A channel that the asset lacks.
-    #[error("stroke {stroke} paints the channel {kind:?}, which the asset does not have")]
-    Channel {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// What it asks for.
-        kind: ChannelKind,
-    },
-    /// A channel that is named twice.
-    #[error("stroke {stroke} names the channel {kind:?} twice")]
-    ChannelTwice {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// Which.
-        kind: ChannelKind,
-    },
-    /// A triangle that the mesh lacks, or barycentric coordinates that are none.
-    #[error("sample {sample} of stroke {stroke} is no point of the surface: {place:?}")]
-    Point {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// Number of the sample, from 0.
-        sample: usize,
-        /// What it asks for.
-        place: Where,
-    },
-    /// A number that is not finite, or a size that is not positive.
-    #[error("stroke {stroke}: {what} must be {range}")]
-    Number {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// Which.
-        what: &'static str,
-        /// What is allowed.
-        range: &'static str,
-    },
-    /// A solid that does not exist.
-    #[error("stroke {stroke}: {source}")]
-    Solid {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// Which.
-        source: UnknownSolid,
-    },
-    /// A texture of a look that cannot be made.
-    #[error("stroke {stroke}: {source}")]
-    Graph {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// Why.
-        source: Box<GraphError>,
-    },
-    /// A text that cannot be drawn.
-    #[error("stroke {stroke}: {source}")]
-    Text {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// Why.
-        source: TextError,
-    },
-    /// A decal without a picture.
-    #[error("stroke {stroke} lays a decal, but names no picture: give it a shape, or an image as colour")]
-    NoPicture {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-    },
-    /// A projection whose camera sees nothing.
-    #[error(
-        "stroke {stroke}: the camera of the projection must look somewhere, with its upright direction beside that, \
-         through a lens of more than 0 and less than 180 degrees, or of more than 0 units"
-    )]
-    Camera {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-    },
-    /// A stencil without a camera.
-    #[error(
-        "stroke {stroke} has a stencil, but no camera: add a projection, which says from where the stencil is seen"
-    )]
-    NoCamera {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-    },
-    /// A picture that cannot be loaded.
-    #[error("stroke {stroke}: {source}")]
-    Stamp {
-        /// Number of the stroke, from 0.
-        stroke: usize,
-        /// Why.
-        source: fantex_base::Error,
-    },
-    /// Painting failed.
-    #[error(transparent)]
-    Paint(#[from] PaintError),
-}
 
 /// What a replay did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -171,18 +54,22 @@ pub struct ReplaySummary {
 
 impl StrokeFile {
     /// Reads a stroke file.
-    pub fn load(path: &Path) -> Result<Self, ReplayError> {
-        let bytes =
-            std::fs::read(path).map_err(|source| ReplayError::Read { path: path.to_owned(), source })?;
-        let file: Self = serde_json::from_slice(&bytes)
-            .map_err(|source| ReplayError::Parse { path: path.to_owned(), source })?;
-        if file.version == 1 { Ok(file) } else { Err(ReplayError::Version(file.version)) }
+    pub fn load(path: &Path) -> Result<Self> {
+        let bytes = std::fs::read(path).map_err(|source| Error::reading(path, source))?;
+        let file: Self = serde_json::from_slice(&bytes).map_err(|source| {
+            let sentence = format!("{} is not a stroke file: {source}", path.display());
+            Error::malformed(sentence).with_path(path).with_source(source)
+        })?;
+        let version = file.version;
+        let sentence =
+            || format!("this program replays stroke files of version 1; the file has version {version}");
+        (version == 1).then_some(file).ok_or_else(|| Error::unsupported(sentence()))
     }
 }
 
 /// Applies all strokes of a file, one step of the history each. Commits nothing. `folder`: what paths in the file are relative
 /// to.
-pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result<ReplaySummary, ReplayError> {
+pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result<ReplaySummary> {
     let mut summary = ReplaySummary::default();
     // All are checked before the first one is applied.
     let mut prepared = Vec::with_capacity(file.strokes.len());
@@ -208,7 +95,7 @@ fn apply(
     settings: &StrokeSettings,
     prepared: Prepared,
     folder: &Path,
-) -> Result<StrokeSummary, PaintError> {
+) -> Result<StrokeSummary> {
     if let Some(layers) = &settings.set_layers {
         painter.set_layers(&settings.label, layers.clone())?;
         return Ok(StrokeSummary::default());
@@ -244,18 +131,14 @@ pub(crate) fn prepare_fill(
     painter: &Painter,
     settings: &StrokeSettings,
     folder: &Path,
-) -> Result<Option<(Paint, FillArea)>, ReplayError> {
+) -> Result<Option<(Paint, FillArea)>> {
     let prepared = Preparation { painter, stroke: 0, settings, folder }.run(&mut 0)?;
     let area = area_of(painter.surface(), settings, &prepared.paint, &prepared.stroke);
     Ok(area.map(|area| (prepared.paint, area)))
 }
 
 /// The layer that a stroke names; made where there is none.
-fn target_of(
-    painter: &mut Painter,
-    settings: &StrokeSettings,
-    fill: Option<GraphFill>,
-) -> Result<Target, PaintError> {
+fn target_of(painter: &mut Painter, settings: &StrokeSettings, fill: Option<GraphFill>) -> Result<Target> {
     let Some(LayerSettings { name, blend, opacity, id, mask, fill: filled }) = &settings.layer else {
         return Ok(Target::Base);
     };
@@ -302,9 +185,9 @@ pub(crate) struct Prepared {
 }
 
 impl Preparation<'_> {
-    pub(crate) fn run(&self, missed: &mut usize) -> Result<Prepared, ReplayError> {
+    pub(crate) fn run(&self, missed: &mut usize) -> Result<Prepared> {
         let stroke = self.stroke(missed)?;
-        let dabs = self.dabs(&stroke.brush)?;
+        let dabs = self.dabs(stroke.stamp.as_ref())?;
         let first = stroke.samples.first().map(|sample| sample.point).or(dabs.first().map(|dab| dab.center));
         let paint = self.paint(&stroke, first)?;
         let decals = self.decals(&stroke)?;
@@ -313,19 +196,29 @@ impl Preparation<'_> {
         Ok(Prepared { paint, stroke, decals, dabs, fill })
     }
 
-    fn channel(&self, kind: ChannelKind) -> Result<usize, ReplayError> {
-        let channel = self.painter.editor().asset().channel_of_kind(kind);
-        channel.ok_or(ReplayError::Channel { stroke: self.stroke, kind })
+    /// Names the stroke in an error.
+    pub(crate) fn of_stroke(&self, error: Error) -> Error {
+        error.context(format!("stroke {}", self.stroke))
     }
 
-    fn paint(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Paint, ReplayError> {
-        let stroke = self.stroke;
+    fn channel(&self, kind: ChannelKind) -> Result<usize> {
+        let channel = self.painter.editor().asset().channel_of_kind(kind);
+        channel.ok_or_else(|| {
+            let sentence = format!("paints the channel {kind:?}, which the asset does not have");
+            Error::not_found(format!("stroke {} {sentence}", self.stroke))
+        })
+    }
+
+    fn paint(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Paint> {
         let mut channels: Vec<ChannelPaint> = Vec::new();
         for settings in &self.settings.channels {
-            let kind = ChannelKind::from(settings.kind);
+            let kind = settings.kind;
             let channel = self.channel(kind)?;
             if channels.iter().any(|painted| painted.channel == channel) {
-                return Err(ReplayError::ChannelTwice { stroke, kind });
+                return Err(Error::invalid(format!(
+                    "stroke {} names the channel {kind:?} twice",
+                    self.stroke
+                )));
             }
             channels.push(ChannelPaint { channel, color: color_of(self, kind, &settings.color)? });
         }
@@ -334,7 +227,7 @@ impl Preparation<'_> {
     }
 
     /// `first`: where the stroke begins.
-    fn tool(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Tool, ReplayError> {
+    fn tool(&self, drawn: &Stroke, first: Option<SurfacePoint>) -> Result<Tool> {
         Ok(match self.settings.tool {
             ToolSettings::Paint(mode) => Tool::Paint(mode),
             ToolSettings::Erase => Tool::Erase,
@@ -354,26 +247,26 @@ impl Preparation<'_> {
     }
 
     /// A picture of the stroke file's folder.
-    pub(crate) fn image(&self, path: &Path) -> Result<Image, ReplayError> {
+    pub(crate) fn image(&self, path: &Path) -> Result<Image> {
         let image = Image::load(self.folder.join(path));
-        image.map_err(|source| ReplayError::Stamp { stroke: self.stroke, source })
+        image.map_err(|source| self.of_stroke(malformed(source)))
     }
 
     /// The same for a channel: where that holds no colour, fixed-point numbers are taken as they are.
-    pub(crate) fn image_for(&self, kind: ChannelKind, path: &Path) -> Result<Image, ReplayError> {
+    pub(crate) fn image_for(&self, kind: ChannelKind, path: &Path) -> Result<Image> {
         let image = self.image(path)?;
         let is_color = matches!(kind, ChannelKind::BaseColor | ChannelKind::Emission | ChannelKind::Light);
         let stays = is_color || matches!(image.samples, Samples::F32(_));
         Ok(if stays { image } else { Image { space: ColorSpace::Linear, ..image } })
     }
 
-    pub(crate) fn graph(&self, look: &LookSettings) -> Result<TextureGraph, ReplayError> {
+    pub(crate) fn graph(&self, look: &LookSettings) -> Result<TextureGraph> {
         let absolute = |folder: PathBuf| std::path::absolute(&folder).unwrap_or(folder);
         match look {
             LookSettings::File(path) => {
                 let path = self.folder.join(path);
                 let text = std::fs::read_to_string(&path);
-                let text = text.map_err(|source| ReplayError::Read { path: path.clone(), source })?;
+                let text = text.map_err(|source| Error::reading(&path, source))?;
                 let folder = path.parent().unwrap_or(Path::new("")).to_owned();
                 Ok(TextureGraph { look: text, folder: absolute(folder) })
             }
@@ -383,27 +276,30 @@ impl Preparation<'_> {
         }
     }
 
-    fn fill_layer(&self, settings: &FillLayerSettings) -> Result<GraphFill, ReplayError> {
+    fn fill_layer(&self, settings: &FillLayerSettings) -> Result<GraphFill> {
         let graph = self.graph(&settings.look)?;
         let mut textures = vec![None; self.painter.editor().asset().channels().len()];
         for texture in &settings.textures {
             let made = graph.texture(self.painter.surface(), &texture.texture);
-            made.map_err(|source| ReplayError::Graph { stroke: self.stroke, source: Box::new(source) })?;
-            textures[self.channel(texture.kind.into())?] = Some(texture.texture.clone());
+            made.map_err(|error| self.of_stroke(error))?;
+            textures[self.channel(texture.kind)?] = Some(texture.texture.clone());
         }
         Ok(GraphFill { graph, textures })
     }
 
     /// The projection of the stroke, with a picture.
-    pub(crate) fn projection(&self, picture: Arc<Picture>) -> Result<Option<Projection>, ReplayError> {
+    pub(crate) fn projection(&self, picture: Arc<Picture>) -> Result<Option<Projection>> {
         let Some(settings) = self.settings.projection else { return Ok(None) };
-        let [eye, target, up] = [settings.eye, settings.target, settings.up].map(DVec3::from);
-        let view = ProjectionView { eye, target, up, lens: settings.lens, place: settings.place };
-        let projection = Projection::new(self.painter.surface(), &view, picture);
-        projection.map(Some).ok_or(ReplayError::Camera { stroke: self.stroke })
+        let projection = Projection::new(self.painter.surface(), &settings, picture);
+        projection.map(Some).ok_or_else(|| {
+            self.of_stroke(Error::invalid(
+                "the camera of the projection must look somewhere, with its upright direction beside that, through a \
+                 lens of more than 0 and less than 180 degrees, or of more than 0 units",
+            ))
+        })
     }
 
-    fn stencil(&self) -> Result<Option<Arc<Projection>>, ReplayError> {
+    fn stencil(&self) -> Result<Option<Arc<Projection>>> {
         let Some(settings) = &self.settings.stencil else { return Ok(None) };
         let image = self.image(&settings.image)?;
         let picture = match settings.by {
@@ -411,21 +307,26 @@ impl Preparation<'_> {
             StencilBy::Alpha => Picture::new(&image),
         };
         let projection = self.projection(Arc::new(picture))?;
-        projection.map(|p| Some(Arc::new(p))).ok_or(ReplayError::NoCamera { stroke: self.stroke })
+        projection.map(|p| Some(Arc::new(p))).ok_or_else(|| {
+            Error::invalid(format!(
+                "stroke {} has a stencil, but no camera: add a projection, which says from where the stencil is seen",
+                self.stroke
+            ))
+        })
     }
 
-    fn decals(&self, drawn: &Stroke) -> Result<Vec<Decal>, ReplayError> {
+    fn decals(&self, drawn: &Stroke) -> Result<Vec<Decal>> {
         let (shape, size, angle, mirrored) = if let Some(decal) = &self.settings.decal {
             let shape = self.decal_shape(decal.shape.as_deref())?;
             (shape, self.mesh_length(decal.size)?, decal.angle, decal.mirrored)
         } else if let Some(text) = &self.settings.text {
             let font = text.font.as_ref().map(|path| {
                 let path = self.folder.join(path);
-                std::fs::read(&path).map_err(|source| ReplayError::Read { path, source })
+                std::fs::read(&path).map_err(|source| Error::reading(path, source))
             });
             let font = font.transpose()?;
             let drawn = draw_text(&text.text, font.as_deref().unwrap_or(DEFAULT_FONT));
-            let drawn = drawn.map_err(|source| ReplayError::Text { stroke: self.stroke, source })?;
+            let drawn = drawn.map_err(|error| self.of_stroke(error))?;
             (drawn.picture, self.mesh_length(text.size)? * drawn.lines, text.angle, text.mirrored)
         } else {
             return Ok(Vec::new());
@@ -442,7 +343,7 @@ impl Preparation<'_> {
         Ok(decals.collect())
     }
 
-    fn decal_shape(&self, path: Option<&Path>) -> Result<Picture, ReplayError> {
+    fn decal_shape(&self, path: Option<&Path>) -> Result<Picture> {
         if let Some(path) = path {
             return Ok(Picture::shape(&self.image(path)?));
         }
@@ -451,18 +352,23 @@ impl Preparation<'_> {
             ColorSettings::Image(path) => Some(path),
             _ => None,
         });
-        let first = image.into_iter().next().ok_or(ReplayError::NoPicture { stroke: self.stroke })?;
+        let first = image.into_iter().next().ok_or_else(|| {
+            Error::invalid(format!(
+                "stroke {} lays a decal, but names no picture: give it a shape, or an image as colour",
+                self.stroke
+            ))
+        })?;
         Ok(Picture::new(&self.image(first)?))
     }
 
-    fn dabs(&self, brush: &Brush) -> Result<Vec<Dab>, ReplayError> {
+    fn dabs(&self, stamp: Option<&Arc<Stamp>>) -> Result<Vec<Dab>> {
         let scale = self.painter.surface().mesh().world_from_mesh.scale;
         let mut dabs = Vec::with_capacity(self.settings.dabs.len());
         for (index, dab) in self.settings.dabs.iter().enumerate() {
             let DabSettings { at, radius, hardness, flow, angle, aspect } = *dab;
             self.finite("a dab's numbers", &[radius, hardness, flow, angle, aspect])?;
             let radius = (f64::from(radius) / scale) as f32;
-            let stamp = brush.stamp.clone();
+            let stamp = stamp.cloned();
             if let Some(center) = self.point(index, at)? {
                 dabs.push(Dab { center, radius, hardness, flow, angle, aspect, stamp });
             }
@@ -470,19 +376,20 @@ impl Preparation<'_> {
         Ok(dabs)
     }
 
-    fn mesh_length(&self, size: Size) -> Result<f32, ReplayError> {
+    fn mesh_length(&self, size: Size) -> Result<f32> {
         let length = mesh_length(self.painter.surface(), size);
         self.finite("a length", &[length]).map(|()| length.max(0.0))
     }
 
-    pub(crate) fn finite(&self, what: &'static str, numbers: &[f32]) -> Result<(), ReplayError> {
-        let range = "finite";
+    pub(crate) fn finite(&self, what: &'static str, numbers: &[f32]) -> Result<()> {
         let all = numbers.iter().all(|x| x.is_finite());
-        if all { Ok(()) } else { Err(ReplayError::Number { stroke: self.stroke, what, range }) }
+        if all { Ok(()) } else { Err(self.of_stroke(Error::invalid(format!("{what} must be finite")))) }
     }
 
-    fn stroke(&self, missed: &mut usize) -> Result<Stroke, ReplayError> {
+    fn stroke(&self, missed: &mut usize) -> Result<Stroke> {
         let brush = self.brush()?;
+        let stamp = brush.stamp.as_ref().map(|path| self.image(path)).transpose()?;
+        let stamp = stamp.map(|image| Arc::new(Stamp::new(&image)));
         let mut samples = Vec::with_capacity(self.settings.samples.len());
         for (index, sample) in self.settings.samples.iter().enumerate() {
             self.finite("a sample's pressure and tilt", &[sample.pressure, sample.tilt[0], sample.tilt[1]])?;
@@ -492,10 +399,11 @@ impl Preparation<'_> {
                 None => *missed += 1,
             }
         }
-        Ok(Stroke { brush, samples, line: self.settings.line, symmetry: self.settings.symmetry })
+        let StrokeSettings { line, symmetry, .. } = *self.settings;
+        Ok(Stroke { brush, stamp, samples, line, symmetry })
     }
 
-    fn brush(&self) -> Result<Brush, ReplayError> {
+    fn brush(&self) -> Result<Brush> {
         let settings = &self.settings.brush;
         let size = match settings.size {
             Size::Texels(size) | Size::World(size) => size,
@@ -516,35 +424,25 @@ impl Preparation<'_> {
         self.finite("the brush's numbers", &numbers)?;
         let positive = |x: f32| x.is_finite() && x > 0.0;
         if !positive(size) || !positive(settings.spacing) {
-            let (what, range) = ("the brush's size and spacing", "above 0");
-            return Err(ReplayError::Number { stroke: self.stroke, what, range });
+            return Err(self.of_stroke(Error::invalid("the brush's size and spacing must be above 0")));
         }
-        let stamp = settings.stamp.as_ref().map(|path| self.image(path)).transpose()?;
         let is_smudge = matches!(self.settings.tool, ToolSettings::Smudge { .. });
-        let most = if is_smudge { SMUDGE_SPACING } else { f32::INFINITY };
-        Ok(Brush {
-            size: settings.size,
-            hardness: settings.hardness,
-            opacity: settings.opacity,
-            flow: settings.flow,
-            spacing: settings.spacing.min(most),
-            smoothing: settings.smoothing,
-            angle: settings.angle.to_radians(),
-            follow_tilt: settings.follow_tilt,
-            jitter: settings.jitter,
-            pressure: settings.pressure,
-            stamp: stamp.map(|image| Arc::new(Stamp::new(&image))),
-            seed: settings.seed,
-        })
+        let max_spacing = if is_smudge { SMUDGE_SPACING } else { f32::INFINITY };
+        Ok(Brush { spacing: settings.spacing.min(max_spacing), ..settings.clone() })
     }
 
     /// None where a ray meets nothing.
-    fn point(&self, index: usize, place: Where) -> Result<Option<SurfacePoint>, ReplayError> {
+    fn point(&self, index: usize, place: Where) -> Result<Option<SurfacePoint>> {
         match (place, place_on(self.painter.surface(), place)) {
             (Where::Ray { direction, .. }, None) if DVec3::from(direction).try_normalize().is_some() => {
                 Ok(None)
             }
-            (_, None) => Err(ReplayError::Point { stroke: self.stroke, sample: index, place }),
+            (_, None) => {
+                let stroke = self.stroke;
+                let sentence =
+                    format!("sample {index} of stroke {stroke} is no point of the surface: {place:?}");
+                Err(Error::invalid(sentence))
+            }
             (_, point) => Ok(point),
         }
     }

@@ -8,11 +8,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use fantex_store::{PAGE, PageCache, PageId};
+use fantex_cover::Tap;
+use fantex_store::{PAGE, PageId};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::composite::{Ink, tangent_from_stored};
+use crate::composite::{Ink, bilinear, tangent_from_stored, texels_around};
 use crate::cover::{Patch, TexelUnder};
 use crate::dab::{Chart, PlacedDab, tangent_axes};
 use crate::stroke_page::StrokePage;
@@ -27,7 +28,7 @@ const MIN_CELLS: usize = 4;
 
 /// What a brush carries.
 #[derive(Clone, Debug)]
-pub(crate) struct Finger {
+pub(crate) struct SmudgeBuffer {
     /// Where it was, mesh space.
     center: DVec3,
     /// The x axis of its grid.
@@ -51,23 +52,27 @@ pub(crate) struct SmudgeDab {
     side: usize,
 }
 
-/// The finger that a dab continues: the one that was nearest, unless it was more than a diameter away. (Symmetric strokes have
+/// The buffer that a dab continues: the one that was nearest, unless it was more than a diameter away. (Symmetric strokes have
 /// several.)
-pub(crate) fn finger_of(fingers: &mut Vec<Finger>, surface: &Surface, dab: &Dab) -> Option<Finger> {
+pub(crate) fn buffer_of(
+    buffers: &mut Vec<SmudgeBuffer>,
+    surface: &Surface,
+    dab: &Dab,
+) -> Option<SmudgeBuffer> {
     let center = surface.position(dab.center);
-    let distances = fingers.iter().map(|finger| finger.center.distance(center)).enumerate();
+    let distances = buffers.iter().map(|buffer| buffer.center.distance(center)).enumerate();
     let (nearest, distance) = distances.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    (distance <= 2.0 * f64::from(dab.radius)).then(|| fingers.swap_remove(nearest))
+    (distance <= 2.0 * f64::from(dab.radius)).then(|| buffers.swap_remove(nearest))
 }
 
 impl SmudgeDab {
-    pub(crate) fn new(surface: &Surface, dab: &Dab, finger: Option<&Finger>) -> Self {
+    pub(crate) fn new(surface: &Surface, dab: &Dab, buffer: Option<&SmudgeBuffer>) -> Self {
         let texel = 1.0 / surface.cover().density;
         let placed = PlacedDab::new(surface, dab, texel);
         let normal = surface.facet_normal(dab.center.triangle);
         let upright = tangent_axes(normal).0;
         // The grid does not turn on its way, but for what the surface turns.
-        let axis = finger.map_or(upright, |f| (f.axis - normal * normal.dot(f.axis)).normalize_or(upright));
+        let axis = buffer.map_or(upright, |f| (f.axis - normal * normal.dot(f.axis)).normalize_or(upright));
         let chart = Chart::unfold(surface, &placed.region, dab.center, [axis, normal.cross(axis)]);
         let side = ((2.0 * placed.reach() / texel).ceil() as usize).clamp(MIN_CELLS, MAX_CELLS);
         Self { center: surface.position(dab.center), dab: placed, chart, axis, side }
@@ -77,24 +82,24 @@ impl SmudgeDab {
         &self.dab.region
     }
 
-    /// Picks up what is under the dab, over what the finger has carried here.
+    /// Picks up what is under the dab, over what the buffer has carried here.
     pub(crate) fn picked_up(
         &self,
-        finger: Option<Finger>,
+        buffer: Option<SmudgeBuffer>,
         strength: f32,
         ink: &Ink<'_>,
         pages: &PagesUnder,
-    ) -> Finger {
+    ) -> SmudgeBuffer {
         let reach = self.dab.reach();
-        let carried = finger.as_ref().map_or(0.0, |f| {
+        let carried = buffer.as_ref().map_or(0.0, |f| {
             let way = f.center.distance(self.center) as f32;
             strength.clamp(0.0, 1.0).powf(way / reach)
         });
         // A brush of another size carries its grid along as it is.
-        let side = finger.as_ref().map_or(self.side, |f| f.cells.len().isqrt());
+        let side = buffer.as_ref().map_or(self.side, |f| f.cells.len().isqrt());
         let points = self.points(side);
         let cells = points.into_par_iter().enumerate().map(|(cell, point)| {
-            let old = finger.as_ref().and_then(|f| f.cells[cell].clone());
+            let old = buffer.as_ref().and_then(|f| f.cells[cell].clone());
             let Some(point) = point else { return old };
             let seen: Vec<Vec4> =
                 (0..ink.paint.channels.len()).map(|k| current(ink, pages, k, point)).collect();
@@ -103,7 +108,7 @@ impl SmudgeDab {
                 None => seen,
             })
         });
-        Finger { center: self.center, axis: self.axis, radius: reach, cells: cells.collect() }
+        SmudgeBuffer { center: self.center, axis: self.axis, radius: reach, cells: cells.collect() }
     }
 
     /// The surface under each cell.
@@ -153,59 +158,38 @@ fn barycentric([a, b, c]: [Vec2; 3], p: Vec2) -> Option<Vec3> {
 
 /// What is seen at a point with the stroke so far: linear RGBA, multiplied by alpha. `number`: of the painted channel.
 fn current(ink: &Ink<'_>, pages: &PagesUnder, number: usize, point: SurfacePoint) -> Vec4 {
-    let (mesh, cover) = (ink.surface.mesh(), ink.surface.cover());
     let Some(before) = ink.before else { return Vec4::ZERO };
-    let triangle = point.triangle as usize;
-    let mut sum = Vec4::ZERO;
-    for (slot, weight) in cover.weights(triangle, point.lambda).iter() {
-        let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
-        let uv = a * point.lambda.x + b * point.lambda.y + c * point.lambda.z;
-        let group = cover.corner_groups[triangle][slot];
-        sum += weight * current_in_tile(ink, before, pages, number, (group, uv), point);
-    }
-    sum
-}
-
-fn current_in_tile(
-    ink: &Ink<'_>,
-    before: &PageCache,
-    pages: &PagesUnder,
-    number: usize,
-    (group, uv): (u32, Vec2),
-    point: SurfacePoint,
-) -> Vec4 {
-    let extent = ink.surface.cover().groups[group as usize].extent;
-    let tile = before.tile(ink.paint.channels[number].channel, group, 0);
-    let last = Vec2::new(extent[0] as f32, extent[1] as f32) - 1.0;
-    let at = (uv * (last + 1.0) - 0.5).clamp(Vec2::ZERO, last);
-    let (corner, f) = (at.floor(), at.fract());
-    let texel = |dx: u32, dy: u32| {
-        let x = (corner.x as u32 + dx).min(extent[0] - 1);
-        let y = (corner.y as u32 + dy).min(extent[1] - 1);
-        let stored = Vec4::from_array(tile.texel(x, y));
-        let is_tangent = ink.is_tangent(&ink.paint.channels[number]);
-        let original =
-            if is_tangent { tangent_from_stored(ink.surface, group, point, stored) } else { stored };
-        let id = PageId { group, level: 0, page: [x / PAGE, y / PAGE] };
-        let seen = pages.get(&id).map_or(original, |(map, page)| {
-            let texel = (y % PAGE * map.block.extent[0] + x % PAGE) as usize;
-            match page.color(number, texel) {
-                Some(color) if page.covered(texel) > 0.0 => {
-                    ink.paint.apply(original, color, page.covered(texel))
+    let painted = &ink.paint.channels[number];
+    let is_tangent = ink.is_tangent(painted);
+    let cover = ink.surface.cover();
+    let look_up = |tap: &Tap| {
+        let tile = before.tile(painted.channel, tap.group, 0);
+        let texel = |[x, y]: [u32; 2]| {
+            let stored = Vec4::from_array(tile.texel(x, y));
+            let original =
+                if is_tangent { tangent_from_stored(ink.surface, tap.group, point, stored) } else { stored };
+            let id = PageId { group: tap.group, level: 0, page: [x / PAGE, y / PAGE] };
+            let seen = pages.get(&id).map_or(original, |(map, page)| {
+                let texel = (y % PAGE * map.block.extent[0] + x % PAGE) as usize;
+                match page.color(number, texel) {
+                    Some(color) if page.covered(texel) > 0.0 => {
+                        ink.paint.apply(original, color, page.covered(texel))
+                    }
+                    _ => original,
                 }
-                _ => original,
-            }
-        });
-        (seen.truncate() * seen.w).extend(seen.w)
+            });
+            (seen.truncate() * seen.w).extend(seen.w)
+        };
+        let (places, f) = texels_around(cover.groups[tap.group as usize].extent, tap.uv);
+        tap.weight * bilinear(places.map(texel), f)
     };
-    let upper = texel(0, 0).lerp(texel(1, 0), f.x);
-    upper.lerp(texel(0, 1).lerp(texel(1, 1), f.x), f.y)
+    cover.taps(ink.surface.mesh(), point).iter().map(look_up).sum()
 }
 
-/// What a finger lays down where its dab is.
+/// What a buffer lays down where its dab is.
 pub(crate) struct LaidDown<'a> {
     pub(crate) dab: &'a SmudgeDab,
-    pub(crate) finger: &'a Finger,
+    pub(crate) buffer: &'a SmudgeBuffer,
     pub(crate) surface: &'a Surface,
 }
 
@@ -215,15 +199,16 @@ impl Patch for LaidDown<'_> {
     }
 
     fn at(&self, _: &TexelPage, under: &TexelUnder<'_>, colors: &mut [Vec4]) -> f32 {
-        let Some(place) = self.dab.chart.at(under.index, under.lambda) else { return 0.0 };
-        let position = crate::cover::blend(self.surface, under.triangle.triangle, under.lambda);
+        let lambda = under.point.lambda;
+        let Some(place) = self.dab.chart.at(under.index, lambda) else { return 0.0 };
+        let position = under.point.position(self.surface.mesh());
         let entry = &self.dab.region().triangles[under.index];
-        let covered = self.dab.dab.coverage(entry, under.lambda, position);
-        if covered > 0.0 && self.finger.at(place, colors) { covered } else { 0.0 }
+        let covered = self.dab.dab.coverage(entry, lambda, position);
+        if covered > 0.0 && self.buffer.at(place, colors) { covered } else { 0.0 }
     }
 }
 
-impl Finger {
+impl SmudgeBuffer {
     /// The carried colours at a place of the brush, mesh units from its middle; false where there are none.
     fn at(&self, place: Vec2, colors: &mut [Vec4]) -> bool {
         let side = self.cells.len().isqrt();

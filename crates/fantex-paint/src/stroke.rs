@@ -4,14 +4,16 @@
 //!  samples --symmetry--> copies --smoothing--> samples --walk--> way on the surface --spacing, jitter--> dabs
 //! ```
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
+use fantex_base::Random;
 use glam::{DVec3, Vec3};
 
 use crate::{Dab, Stamp, Surface, SurfacePoint};
 
 /// The least distance of dabs in texels: closer ones change nothing but the time they take.
-const LEAST_SPACING_TEXELS: f32 = 0.5;
+const MIN_SPACING_TEXELS: f32 = 0.5;
 
 /// Dabs of one stroke, at most.
 const MAX_DABS: usize = 1 << 20;
@@ -21,6 +23,8 @@ const MAX_DABS: usize = 1 << 20;
 pub struct Stroke {
     /// With what.
     pub brush: Brush,
+    /// The picture of a dab; round without one.
+    pub stamp: Option<Arc<Stamp>>,
     /// Where.
     pub samples: Vec<Sample>,
     /// Only the first and the last sample count: a straight line.
@@ -46,7 +50,12 @@ pub fn dabs_of(surface: &Surface, stroke: &Stroke) -> Vec<Dab> {
     let diameter = mesh_length(surface, stroke.brush.size);
     let mut dabs = Vec::new();
     for samples in stroke.symmetry.copies(surface, &samples, 0.5 * diameter) {
-        Spacer::new(surface, &stroke.brush, diameter).run(&samples, &mut dabs);
+        let way = Way::new(&stroke.brush);
+        let mut spacer =
+            Spacer { surface, brush: &stroke.brush, stamp: stroke.stamp.as_ref(), diameter, way };
+        for (k, sample) in samples.iter().enumerate() {
+            spacer.go_to(sample, k + 1 == samples.len(), &mut dabs);
+        }
     }
     dabs
 }
@@ -55,6 +64,8 @@ pub fn dabs_of(surface: &Surface, stroke: &Stroke) -> Vec<Dab> {
 struct Spacer<'a> {
     surface: &'a Surface,
     brush: &'a Brush,
+    stamp: Option<&'a Arc<Stamp>>,
+    /// Mesh units.
     diameter: f32,
     way: Way,
 }
@@ -71,21 +82,11 @@ struct Way {
 
 impl Way {
     fn new(brush: &Brush) -> Self {
-        Self { last: None, due: 0.0, random: Random(brush.seed) }
+        Self { last: None, due: 0.0, random: Random::new(brush.seed) }
     }
 }
 
-impl<'a> Spacer<'a> {
-    fn new(surface: &'a Surface, brush: &'a Brush, diameter: f32) -> Self {
-        Self { surface, brush, diameter, way: Way::new(brush) }
-    }
-
-    fn run(&mut self, samples: &[Sample], dabs: &mut Vec<Dab>) {
-        for (k, sample) in samples.iter().enumerate() {
-            self.go_to(sample, k + 1 == samples.len(), dabs);
-        }
-    }
-
+impl Spacer<'_> {
     /// Goes on to the next sample; all the way where it is the last one.
     fn go_to(&mut self, sample: &Sample, is_end: bool, dabs: &mut Vec<Dab>) {
         let path = self.way.last.map(|last| (last, path_between(self.surface, last.point, sample.point)));
@@ -117,7 +118,7 @@ impl<'a> Spacer<'a> {
     }
 
     fn spacing(&self, sample: &Sample) -> f64 {
-        let least = LEAST_SPACING_TEXELS / self.surface.cover().density;
+        let least = MIN_SPACING_TEXELS / self.surface.cover().density;
         f64::from((self.brush.spacing * self.diameter * self.size_factor(sample)).max(least))
     }
 
@@ -128,7 +129,8 @@ impl<'a> Spacer<'a> {
     fn dab(&mut self, sample: &Sample, dabs: &mut Vec<Dab>) {
         let (brush, jitter) = (self.brush, self.brush.jitter);
         // Always the same number of draws, so that one property's jitter does not depend on another's.
-        let [turn, out, size, flow, angle] = [(); 5].map(|()| self.way.random.next());
+        let [turn, out, size, flow, angle] =
+            [(); 5].map(|()| (self.way.random.next_u64() >> 40) as f32 / (1u64 << 24) as f32);
         let radius = 0.5 * self.diameter * self.size_factor(sample);
         let mut center = sample.point;
         if jitter.position > 0.0 {
@@ -142,9 +144,9 @@ impl<'a> Spacer<'a> {
             radius: radius * (1.0 - jitter.size.clamp(0.0, 1.0) * size),
             hardness: brush.hardness,
             flow: brush.flow.clamp(0.0, 1.0) * pressure * (1.0 - jitter.flow.clamp(0.0, 1.0) * flow),
-            angle: brush.angle + lean + jitter.angle * (2.0 * angle - 1.0),
+            angle: brush.angle.to_radians() + lean + jitter.angle * (2.0 * angle - 1.0),
             aspect,
-            stamp: brush.stamp.clone(),
+            stamp: self.stamp.cloned(),
         });
     }
 
@@ -158,12 +160,12 @@ impl<'a> Spacer<'a> {
 }
 
 /// Width over length of the dab of a pen that lies almost flat.
-const FLATTEST: f32 = 0.2;
+const MIN_TILT_ASPECT: f32 = 0.2;
 
 /// Where a pen's lean points, radians, and the aspect of the spot that it leaves: a round tip that leans touches as an ellipse.
 fn tilted([x, y]: [f32; 2]) -> [f32; 2] {
     let lean = x.hypot(y).min(std::f32::consts::FRAC_PI_2);
-    [y.atan2(x), lean.cos().max(FLATTEST)]
+    [y.atan2(x), lean.cos().max(MIN_TILT_ASPECT)]
 }
 
 fn mixed(a: &Sample, b: &Sample, t: f32) -> Sample {
@@ -173,21 +175,6 @@ fn mixed(a: &Sample, b: &Sample, t: f32) -> Sample {
         pressure: mix(a.pressure, b.pressure),
         tilt: [mix(a.tilt[0], b.tilt[0]), mix(a.tilt[1], b.tilt[1])],
         time: mix(a.time, b.time),
-    }
-}
-
-/// A small generator (G. Steele, D. Lea and C. Flood, "Fast splittable pseudorandom number generators", 2014).
-#[derive(Clone, Debug)]
-struct Random(u64);
-
-impl Random {
-    /// Uniform in 0..1.
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32
     }
 }
 
@@ -227,10 +214,11 @@ pub struct Jitter {
     pub angle: f32,
 }
 
-/// A brush.
-#[derive(Clone, Debug)]
+/// A brush, in stroke files, too: what is left out there is as in the default.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct Brush {
-    /// Diameter.
+    /// Diameter: `{"texels": 64}` or `{"world": 0.1}`.
     pub size: Size,
     /// Share of the radius within which a dab is full, 0..1.
     pub hardness: f32,
@@ -242,7 +230,7 @@ pub struct Brush {
     pub spacing: f32,
     /// 0: dabs follow the samples. Towards 1: they lag behind and cut corners.
     pub smoothing: f32,
-    /// Angle of the stamp, radians, counter-clockwise; 0 is upright.
+    /// Angle of the stamp, degrees, counter-clockwise; 0 is upright.
     pub angle: f32,
     /// Dabs follow a tilted pen: added to the angle is the direction that it leans to, and they become ellipses along it.
     pub follow_tilt: bool,
@@ -250,8 +238,8 @@ pub struct Brush {
     pub jitter: Jitter,
     /// What pressure does.
     pub pressure: PressureResponse,
-    /// The picture of a dab; round without one.
-    pub stamp: Option<Arc<Stamp>>,
+    /// The picture file of a dab, in a stroke file relative to that; round without one. (It is [`Stroke::stamp`] that counts.)
+    pub stamp: Option<PathBuf>,
     /// Of the jitter.
     pub seed: u64,
 }
@@ -552,6 +540,7 @@ impl Symmetry {
 #[derive(Clone, Debug)]
 pub struct LiveStroke {
     brush: Brush,
+    stamp: Option<Arc<Stamp>>,
     symmetry: Symmetry,
     /// Mesh units.
     diameter: f32,
@@ -561,9 +550,9 @@ pub struct LiveStroke {
 
 impl LiveStroke {
     /// Begins a stroke; dabs come with its samples.
-    pub fn new(surface: &Surface, brush: Brush, symmetry: Symmetry) -> Self {
+    pub fn new(surface: &Surface, brush: Brush, stamp: Option<Arc<Stamp>>, symmetry: Symmetry) -> Self {
         let ways = vec![Way::new(&brush); symmetry.count() as usize];
-        Self { diameter: mesh_length(surface, brush.size), ways, brush, symmetry }
+        Self { diameter: mesh_length(surface, brush.size), ways, brush, stamp, symmetry }
     }
 
     /// The pen leaves the surface: the next sample begins anew.
@@ -579,8 +568,8 @@ impl LiveStroke {
             let sample = if k == 0 { Some(*sample) } else { self.symmetry.moved(surface, sample, k, reach) };
             match sample {
                 Some(sample) => {
-                    let mut spacer =
-                        Spacer { surface, brush: &self.brush, diameter: self.diameter, way: way.clone() };
+                    let (brush, stamp, diameter) = (&self.brush, self.stamp.as_ref(), self.diameter);
+                    let mut spacer = Spacer { surface, brush, stamp, diameter, way: way.clone() };
                     spacer.go_to(&sample, is_end, &mut dabs);
                     *way = spacer.way;
                 }
@@ -613,12 +602,13 @@ mod tests {
         let samples: Vec<Sample> = [0, 3, 9, 14].map(|t| Sample::at(point(t))).into();
         let brush = Brush { smoothing: 0.4, ..Brush::default() };
         for symmetry in [Symmetry::None, Symmetry::Mirror { axis: 0, offset: 0.0 }] {
-            let mut live = LiveStroke::new(&surface, brush.clone(), symmetry);
+            let mut live = LiveStroke::new(&surface, brush.clone(), None, symmetry);
             let mut found = Vec::new();
             for (k, sample) in samples.iter().enumerate() {
                 found.extend(live.go_to(&surface, sample, k + 1 == samples.len()));
             }
-            let stroke = Stroke { brush: brush.clone(), samples: samples.clone(), line: false, symmetry };
+            let (brush, samples) = (brush.clone(), samples.clone());
+            let stroke = Stroke { brush, stamp: None, samples, line: false, symmetry };
             let whole = dabs_of(&surface, &stroke);
             let key = |dab: &crate::Dab| (dab.center.triangle, dab.center.lambda.x.to_bits());
             let sorted = |dabs: &[crate::Dab]| {

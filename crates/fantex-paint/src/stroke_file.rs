@@ -3,17 +3,17 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::Aabb;
+use fantex_base::{Aabb, Result};
 use fantex_store::ChannelKind;
 use fantex_texture::color::linear_from_srgb;
 use fantex_texture::{ShadingPoint, Solid, SolidPoint, Texture, solid_by_name};
 use glam::{Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
+use crate::error::malformed;
 use crate::replay::Preparation;
 use crate::{
-    BlendMode, ColorFill, FillScope, Jitter, Layer, Lens, PaintColor, Picture, PicturePlace,
-    PressureResponse, ReplayError, Size, Surface, Symmetry,
+    BlendMode, Brush, ColorFill, Layer, PaintColor, Picture, ProjectionView, Size, Surface, Symmetry, Tool,
 };
 
 /// A stroke file.
@@ -35,7 +35,7 @@ pub struct StrokeSettings {
     pub label: String,
     /// With what.
     #[serde(default)]
-    pub brush: BrushSettings,
+    pub brush: Brush,
     /// How.
     #[serde(default)]
     pub tool: ToolSettings,
@@ -56,7 +56,7 @@ pub struct StrokeSettings {
     pub text: Option<TextSettings>,
     /// The camera through which colours that are pictures are seen.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub projection: Option<ProjectionSettings>,
+    pub projection: Option<ProjectionView>,
     /// A picture that the stroke is laid on through, in the camera of `projection`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stencil: Option<StencilSettings>,
@@ -84,7 +84,7 @@ impl Default for StrokeSettings {
     fn default() -> Self {
         Self {
             label: default_label(),
-            brush: BrushSettings::default(),
+            brush: Brush::default(),
             tool: ToolSettings::default(),
             channels: Vec::new(),
             samples: Vec::new(),
@@ -177,7 +177,8 @@ pub struct FillLayerSettings {
 #[serde(deny_unknown_fields)]
 pub struct FillTextureSettings {
     /// Which channel.
-    pub kind: ChannelKindName,
+    #[serde(with = "ChannelKindName")]
+    pub kind: ChannelKind,
     /// The texture's name in the look.
     pub texture: String,
 }
@@ -194,16 +195,6 @@ pub enum FillSettings {
     Angle(f32),
     /// What looks like the start.
     Color(ColorFill),
-}
-
-impl From<FillScope> for FillSettings {
-    fn from(scope: FillScope) -> Self {
-        match scope {
-            FillScope::Whole => Self::Whole,
-            FillScope::Connected => Self::Connected,
-            FillScope::Angle(degrees) => Self::Angle(degrees),
-        }
-    }
 }
 
 /// A picture at a place.
@@ -243,24 +234,6 @@ pub struct TextSettings {
     pub mirrored: bool,
 }
 
-/// A camera.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ProjectionSettings {
-    /// Where it is, world space.
-    pub eye: [f64; 3],
-    /// What it looks at.
-    pub target: [f64; 3],
-    /// What is upright in its picture.
-    #[serde(default = "up")]
-    pub up: [f64; 3],
-    /// `{"perspective": DEGREES}` or `{"parallel": HEIGHT}`.
-    pub lens: Lens,
-    /// Where in the camera's view the pictures lie.
-    #[serde(default)]
-    pub place: PicturePlace,
-}
-
 /// A picture over the view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -283,62 +256,8 @@ pub enum StencilBy {
     Alpha,
 }
 
-fn up() -> [f64; 3] {
-    [0.0, 1.0, 0.0]
-}
-
 fn default_label() -> String {
     "stroke".to_owned()
-}
-
-/// A [`Brush`](crate::Brush); what is left out is as in its default.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct BrushSettings {
-    /// Diameter: `{"texels": 64}` or `{"world": 0.1}`.
-    pub size: Size,
-    /// 0..1.
-    pub hardness: f32,
-    /// 0..1.
-    pub opacity: f32,
-    /// 0..1.
-    pub flow: f32,
-    /// Diameters.
-    pub spacing: f32,
-    /// 0..1.
-    pub smoothing: f32,
-    /// Degrees.
-    pub angle: f32,
-    /// The stamp turns with the pen's tilt.
-    pub follow_tilt: bool,
-    /// Random changes.
-    pub jitter: Jitter,
-    /// What pressure does.
-    pub pressure: PressureResponse,
-    /// A picture, relative to the stroke file.
-    pub stamp: Option<PathBuf>,
-    /// Of the jitter.
-    pub seed: u64,
-}
-
-impl Default for BrushSettings {
-    fn default() -> Self {
-        let brush = crate::Brush::default();
-        Self {
-            size: brush.size,
-            hardness: brush.hardness,
-            opacity: brush.opacity,
-            flow: brush.flow,
-            spacing: brush.spacing,
-            smoothing: brush.smoothing,
-            angle: brush.angle.to_degrees(),
-            follow_tilt: brush.follow_tilt,
-            jitter: brush.jitter,
-            pressure: brush.pressure,
-            stamp: None,
-            seed: brush.seed,
-        }
-    }
 }
 
 /// What the stroke does.
@@ -366,6 +285,22 @@ pub enum ToolSettings {
     },
 }
 
+impl ToolSettings {
+    /// Of what a stroke does; where a clone copies from is not known to it.
+    pub fn of(tool: &Tool, surface: &Surface) -> Self {
+        match *tool {
+            Tool::Paint(mode) => Self::Paint(mode),
+            Tool::Erase => Self::Erase,
+            Tool::Smudge { strength } => Self::Smudge { strength },
+            Tool::Blur { radius } => {
+                let world = f64::from(radius) * surface.mesh().world_from_mesh.scale;
+                Self::Blur { radius: Size::World(world as f32) }
+            }
+            Tool::Clone { .. } => Self::Clone { from: [0.0; 3] },
+        }
+    }
+}
+
 impl Default for ToolSettings {
     fn default() -> Self {
         Self::Paint(BlendMode::Normal)
@@ -377,7 +312,8 @@ impl Default for ToolSettings {
 #[serde(deny_unknown_fields)]
 pub struct ChannelSettings {
     /// Which.
-    pub kind: ChannelKindName,
+    #[serde(with = "ChannelKindName")]
+    pub kind: ChannelKind,
     /// What (an eraser needs none).
     #[serde(default)]
     pub color: ColorSettings,
@@ -433,11 +369,10 @@ impl Default for ColorSettings {
     }
 }
 
-/// A channel by its meaning.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-#[expect(missing_docs, reason = "they are the kinds of `fantex_store::ChannelKind`")]
-pub enum ChannelKindName {
+/// How kinds of channels are called in stroke files.
+#[derive(Serialize, Deserialize)]
+#[serde(remote = "ChannelKind", rename_all = "snake_case")]
+enum ChannelKindName {
     BaseColor,
     Normal,
     OcclusionRoughnessMetallic,
@@ -445,20 +380,6 @@ pub enum ChannelKindName {
     Displacement,
     Light,
     Anisotropy,
-}
-
-impl From<ChannelKindName> for ChannelKind {
-    fn from(name: ChannelKindName) -> Self {
-        match name {
-            ChannelKindName::BaseColor => Self::BaseColor,
-            ChannelKindName::Normal => Self::Normal,
-            ChannelKindName::OcclusionRoughnessMetallic => Self::OcclusionRoughnessMetallic,
-            ChannelKindName::Emission => Self::Emission,
-            ChannelKindName::Displacement => Self::Displacement,
-            ChannelKindName::Light => Self::Light,
-            ChannelKindName::Anisotropy => Self::Anisotropy,
-        }
-    }
 }
 
 /// Where the pen was.
@@ -518,21 +439,19 @@ pub(crate) fn color_of(
     preparation: &Preparation<'_>,
     kind: ChannelKind,
     settings: &ColorSettings,
-) -> Result<PaintColor, ReplayError> {
-    let stroke = preparation.stroke;
+) -> Result<PaintColor> {
     let surface = preparation.painter.surface();
     let color = match settings {
         ColorSettings::Srgb(color) => Vec3::from(color.map(linear_from_srgb)).extend(1.0),
         ColorSettings::Linear(color) => Vec4::from(*color),
         ColorSettings::Solid { name, seed } => {
             let solid = solid_by_name(name, object_bounds(surface), *seed);
-            let solid = solid.map_err(|source| ReplayError::Solid { stroke, source })?;
+            let solid = solid.map_err(|source| preparation.of_stroke(malformed(source)))?;
             return Ok(PaintColor::Texture(Arc::new(NamedSolid(solid))));
         }
         ColorSettings::Texture { look, name } => {
             let texture = preparation.graph(look)?.texture(surface, name);
-            let texture =
-                texture.map_err(|source| ReplayError::Graph { stroke, source: Box::new(source) })?;
+            let texture = texture.map_err(|error| preparation.of_stroke(error))?;
             return Ok(PaintColor::Texture(texture));
         }
         ColorSettings::Image(path) => {

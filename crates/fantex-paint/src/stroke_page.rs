@@ -5,9 +5,11 @@ use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::sync::OnceLock;
 
+use fantex_base::Result;
 use fantex_store::PageId;
 use glam::Vec4;
 
+use crate::error::temporary;
 use crate::texel_page::Rect;
 
 /// One page of level 0 under a stroke.
@@ -111,19 +113,19 @@ pub(crate) struct StrokePages {
 
 impl StrokePages {
     /// Takes a page out, to be given back by [`put`](Self::put).
-    pub(crate) fn take(&mut self, id: PageId) -> io::Result<Option<StrokePage>> {
+    pub(crate) fn take(&mut self, id: PageId) -> Result<Option<StrokePage>> {
         if let Some(page) = self.pages.remove(&id) {
             self.bytes -= page.memory_bytes();
             return Ok(Some(page));
         }
         match (self.spilled.remove(&id), &mut self.file) {
-            (Some(spilled), Some(file)) => read_back(file, &spilled).map(Some),
+            (Some(spilled), Some(file)) => read_back(file, &spilled).map(Some).map_err(temporary),
             _ => Ok(None),
         }
     }
 
     /// Keeps a page; writes some to the temporary file where memory is short.
-    pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> io::Result<()> {
+    pub(crate) fn put(&mut self, id: PageId, page: StrokePage, budget_bytes: usize) -> Result<()> {
         self.bytes += page.memory_bytes();
         self.pages.insert(id, page);
         if self.bytes > budget_bytes / 2 {
@@ -137,7 +139,7 @@ impl StrokePages {
             && let Some((id, page)) = self.pages.pop_first()
         {
             self.bytes -= page.memory_bytes();
-            self.spill(id, &page)?;
+            self.spill(id, &page).map_err(temporary)?;
         }
         Ok(())
     }

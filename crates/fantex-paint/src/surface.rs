@@ -2,19 +2,10 @@
 
 use std::sync::{Arc, OnceLock};
 
-use fantex_cover::Cover;
-use fantex_mesh::{Edges, Mesh, RayHit, TriangleBvh, Twins, shading_normals};
+use fantex_cover::{Cover, GroupTriangles};
+use fantex_mesh::{CornerNormals, Edges, Mesh, RayHit, SurfacePoint, TriangleBvh, Twins, interpolate};
 use fantex_store::Asset;
 use glam::{DVec3, Vec3};
-
-/// A point of the surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
-    /// Triangle index.
-    pub triangle: u32,
-    /// Barycentric coordinates, not negative, of sum one.
-    pub lambda: Vec3,
-}
 
 /// No half-edge.
 const NONE: u32 = u32::MAX;
@@ -26,14 +17,12 @@ pub struct Surface {
     bvh: TriangleBvh,
     /// Per half-edge `3 * triangle + k` (from corner `k` to `k + 1`) the half-edge on the other side, or `NONE`.
     opposite: Vec<u32>,
-    /// Row `g` of `group_triangles` starts here.
-    group_starts: Vec<u32>,
-    group_triangles: Vec<u32>,
+    triangles_of_groups: GroupTriangles,
     twins: Twins,
     /// The mesh is closed and wound so that its facets face inwards.
     is_inside_out: bool,
     /// Per corner; made when first asked for.
-    normals: OnceLock<Vec<Vec3>>,
+    normals: OnceLock<CornerNormals>,
 }
 
 impl std::fmt::Debug for Surface {
@@ -51,11 +40,11 @@ impl Surface {
     /// The same from its parts.
     pub fn new(mesh: Arc<Mesh>, cover: Arc<Cover>) -> Self {
         let opposite = opposite_edges(&mesh.triangles);
-        let (group_starts, group_triangles) = triangles_of_groups(&cover);
+        let triangles_of_groups = GroupTriangles::of(&cover);
         let bvh = TriangleBvh::new(&mesh);
         let twins = Twins::of(&mesh.triangles);
         let (is_inside_out, normals) = (is_inside_out(&mesh), OnceLock::new());
-        Self { mesh, cover, bvh, opposite, group_starts, group_triangles, twins, is_inside_out, normals }
+        Self { mesh, cover, bvh, opposite, triangles_of_groups, twins, is_inside_out, normals }
     }
 
     /// The mesh.
@@ -107,15 +96,12 @@ impl Surface {
 
     /// Mesh-space position of a point.
     pub fn position(&self, point: SurfacePoint) -> DVec3 {
-        let [a, b, c] = self.corners(point.triangle);
-        let l = point.lambda.as_dvec3();
-        a * l.x + b * l.y + c * l.z
+        interpolate(self.corners(point.triangle), point.lambda.as_dvec3())
     }
 
     /// Unit normal of a triangle, by its winding; zero for one without area in double precision.
     pub fn facet_normal(&self, triangle: u32) -> DVec3 {
-        let [a, b, c] = self.corners(triangle);
-        (b - a).cross(c - a).normalize_or_zero()
+        self.mesh.facet_normal(triangle as usize)
     }
 
     /// The same on the side that is seen: outwards where the mesh is closed, whichever way it is wound.
@@ -126,15 +112,12 @@ impl Surface {
 
     /// Unit normal of the smooth surface.
     pub(crate) fn normal(&self, point: SurfacePoint) -> Vec3 {
-        let corners = [0, 1, 2].map(|k| self.normals()[3 * point.triangle as usize + k]);
-        let [a, b, c] = point.lambda.to_array();
-        let normal = (corners[0] * a + corners[1] * b + corners[2] * c).try_normalize();
-        normal.unwrap_or_else(|| self.facet_normal(point.triangle).as_vec3())
+        self.normals().at(&self.mesh, point)
     }
 
     /// Unit normals of the smooth surface, per corner.
-    pub(crate) fn normals(&self) -> &[Vec3] {
-        self.normals.get_or_init(|| shading_normals(&self.mesh))
+    pub(crate) fn normals(&self) -> &CornerNormals {
+        self.normals.get_or_init(|| CornerNormals::of(&self.mesh))
     }
 
     /// Corner positions of a triangle, mesh space.
@@ -155,16 +138,7 @@ impl Surface {
 
     /// The triangles with a corner in a group, ascending.
     pub(crate) fn triangles_of_group(&self, group: u32) -> &[u32] {
-        let [from, to] = [0, 1].map(|k| self.group_starts[group as usize + k] as usize);
-        &self.group_triangles[from..to]
-    }
-
-    /// The different groups of a triangle's corners.
-    pub(crate) fn groups_of(&self, triangle: u32) -> impl Iterator<Item = u32> + use<> {
-        let [a, b, c] = self.cover.corner_groups[triangle as usize];
-        let second = (b != a).then_some(b);
-        let third = (c != a && c != b).then_some(c);
-        [Some(a), second, third].into_iter().flatten()
+        self.triangles_of_groups.of_group(group)
     }
 }
 
@@ -189,28 +163,4 @@ fn opposite_edges(triangles: &[[u32; 3]]) -> Vec<u32> {
         opposite[second as usize] = first;
     }
     opposite
-}
-
-/// The triangles of every group in compressed rows.
-fn triangles_of_groups(cover: &Cover) -> (Vec<u32>, Vec<u32>) {
-    let distinct = |groups: &[u32; 3]| {
-        let [a, b, c] = *groups;
-        [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
-    };
-    let mut starts = vec![0u32; cover.groups.len() + 1];
-    for group in cover.corner_groups.iter().flat_map(distinct) {
-        starts[group as usize + 1] += 1;
-    }
-    for g in 1..starts.len() {
-        starts[g] += starts[g - 1];
-    }
-    let mut next = starts.clone();
-    let mut rows = vec![0; starts[starts.len() - 1] as usize];
-    for (t, groups) in cover.corner_groups.iter().enumerate() {
-        for group in distinct(groups) {
-            rows[next[group as usize] as usize] = t as u32;
-            next[group as usize] += 1;
-        }
-    }
-    (starts, rows)
 }

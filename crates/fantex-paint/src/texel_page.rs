@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use fantex_cover::{Footprints, NO_OWNER, TexelBlock, TexelTriangle};
+use fantex_mesh::SurfacePoint;
 use fantex_store::{PageId, page_extent, page_origin};
-use glam::{Vec2, Vec3};
+use glam::Vec2;
 use rayon::prelude::*;
 
 use crate::Surface;
@@ -46,11 +47,11 @@ impl TexelPage {
         self.owner[texel] != NO_OWNER
     }
 
-    /// Barycentric coordinates at the centre of a texel, given by column and row within the page.
+    /// The point at the centre of a texel, given by column and row within the page; beside the triangle, it is continued.
     #[inline]
-    pub(crate) fn lambda(&self, triangle: &TexelTriangle, column: u32, row: u32) -> Vec3 {
+    pub(crate) fn point(&self, triangle: &TexelTriangle, column: u32, row: u32) -> SurfacePoint {
         let [x, y] = [self.block.origin[0] + column, self.block.origin[1] + row].map(|n| n as f32 + 0.5);
-        triangle.lambda(Vec2::new(x, y))
+        SurfacePoint { triangle: triangle.triangle, lambda: triangle.lambda(Vec2::new(x, y)) }
     }
 
     fn memory_bytes(&self) -> usize {

@@ -17,13 +17,15 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use fantex_store::{AssetEditor, PageCache, PageId, page_extent};
+use fantex_base::Result;
+use fantex_store::{PageCache, PageId, page_extent};
 use glam::Vec4;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::composite::look_up;
 use crate::cover::{cover_texels, fill_page, for_each_page};
+use crate::error::{damaged, encoded};
 use crate::fill::{ColorSearch, Reached};
 use crate::history::Direction;
 use crate::layers::{Layers, ShownPage, find_folders, keep_folders};
@@ -32,7 +34,7 @@ use crate::painter::{Changes, OpenStroke};
 use crate::projection::see_through;
 use crate::stroke_page::StrokePage;
 use crate::texel_page::{Rect, TexelPage};
-use crate::{ColorFill, FillArea, HistoryStep, Layer, PaintError, Painter, StrokeSummary, Surface, Target};
+use crate::{ColorFill, FillArea, HistoryStep, Layer, Painter, StrokeSummary, Surface, Target};
 
 /// The attachment that keeps unfinished work.
 const KEPT: &str = "history/unfinished";
@@ -87,7 +89,7 @@ impl Painter {
     /// # Errors
     ///
     /// A page cannot be read, evaluated or kept. What is left stays to be done.
-    pub fn work_on(&mut self, until: Instant) -> Result<bool, PaintError> {
+    pub fn work_on(&mut self, until: Instant) -> Result<bool> {
         while let Some(work) = self.work.take() {
             match work {
                 Work::Fill(work) => drop(self.fill_on(work)?),
@@ -106,7 +108,7 @@ impl Painter {
     /// # Errors
     ///
     /// As [`work_on`](Self::work_on).
-    pub fn finish_work(&mut self) -> Result<(), PaintError> {
+    pub fn finish_work(&mut self) -> Result<()> {
         while !self.work_on(Instant::now())? {}
         Ok(())
     }
@@ -116,7 +118,7 @@ impl Painter {
     /// # Errors
     ///
     /// The history cannot be written.
-    pub fn cancel_work(&mut self) -> Result<(), PaintError> {
+    pub fn cancel_work(&mut self) -> Result<()> {
         match self.work.take() {
             Some(Work::Step(work)) => self.work = Some(Work::Step(work.turned_back())),
             // There is no way back but to the end and from there.
@@ -128,7 +130,7 @@ impl Painter {
     }
 
     /// Ends the open step, which has something in it, and begins to take it back.
-    fn take_back(&mut self) -> Result<(), PaintError> {
+    fn take_back(&mut self) -> Result<()> {
         self.room.let_go();
         self.finish_history()?;
         if let Some(step) = self.history.next_step(Direction::Back).cloned() {
@@ -147,7 +149,7 @@ impl Painter {
     }
 
     /// Writes down what is left, for a commit.
-    pub(crate) fn keep_work(&mut self) -> Result<(), PaintError> {
+    pub(crate) fn keep_work(&mut self) -> Result<()> {
         let kept = match &self.work {
             None if self.editor.has_attachment(KEPT) => {
                 self.editor.detach(KEPT);
@@ -161,14 +163,15 @@ impl Painter {
             }
             Some(Work::Step(work)) => Kept::Step(work.kept()),
         };
-        let bytes = serde_json::to_vec(&kept).map_err(std::io::Error::other)?;
+        let bytes = encoded(&kept)?;
         Ok(self.editor.attach(KEPT, bytes)?)
     }
 
     /// Takes up what was left when the asset was last committed.
-    pub(crate) fn take_up_work(&mut self) -> Result<(), PaintError> {
+    pub(crate) fn take_up_work(&mut self) -> Result<()> {
         let Some(bytes) = self.editor.attachment(KEPT)? else { return Ok(()) };
-        let kept = serde_json::from_slice(&bytes).map_err(|_| damaged(&self.editor))?;
+        let kept = serde_json::from_slice(&bytes)
+            .map_err(|_| damaged(&self.editor, "history", "what was left to be done cannot be read"))?;
         self.work = Some(match kept {
             Kept::Fill(kept) => {
                 if let Some(step) = &kept.step {
@@ -192,7 +195,7 @@ impl Painter {
     }
 
     /// Takes back the last step, or does the next one again; false where there is none.
-    fn start_step(&mut self, direction: Direction) -> Result<bool, PaintError> {
+    fn start_step(&mut self, direction: Direction) -> Result<bool> {
         self.finish_work()?;
         self.end()?;
         let Some(step) = self.history.next_step(direction).cloned() else { return Ok(false) };
@@ -205,7 +208,7 @@ impl Painter {
     /// # Errors
     ///
     /// What is open cannot be ended.
-    pub fn start_undo(&mut self) -> Result<bool, PaintError> {
+    pub fn start_undo(&mut self) -> Result<bool> {
         self.start_step(Direction::Back)
     }
 
@@ -215,20 +218,15 @@ impl Painter {
     /// # Errors
     ///
     /// What is open cannot be ended.
-    pub fn start_redo(&mut self) -> Result<bool, PaintError> {
+    pub fn start_redo(&mut self) -> Result<bool> {
         self.start_step(Direction::Forth)
     }
 
     /// After steps: the layers as they are in the asset.
-    fn reload_layers(&mut self) -> Result<(), PaintError> {
+    fn reload_layers(&mut self) -> Result<()> {
         self.layers = Layers::load(&self.editor)?;
         Ok(())
     }
-}
-
-fn damaged(editor: &AssetEditor) -> PaintError {
-    let reason = "what was left to be done cannot be read";
-    PaintError::History { path: editor.asset().path().to_owned(), reason }
 }
 
 // Pages of level 0 that work goes over, group by group.
@@ -353,12 +351,7 @@ impl Slices {
 
 impl Painter {
     /// A batch is done; with the last one of its groups come their coarser levels: returns how many pages these are.
-    fn end_batch(
-        &mut self,
-        slices: &mut Slices,
-        count: usize,
-        channels: &[usize],
-    ) -> Result<usize, PaintError> {
+    fn end_batch(&mut self, slices: &mut Slices, count: usize, channels: &[usize]) -> Result<usize> {
         slices.add_done(count);
         let mut coarser = 0;
         if slices.done == slices.pages.len() {
@@ -498,7 +491,7 @@ impl Painter {
     /// # Errors
     ///
     /// A page cannot be read, painted or kept. What is left stays to be done.
-    pub fn fill(&mut self, area: FillArea) -> Result<StrokeSummary, PaintError> {
+    pub fn fill(&mut self, area: FillArea) -> Result<StrokeSummary> {
         self.start_fill(area)?;
         let mut summary = StrokeSummary::default();
         while let Some(work) = self.work.take() {
@@ -520,7 +513,7 @@ impl Painter {
     /// # Errors
     ///
     /// There is no such channel, or the commit or the log fails: then the stroke is dropped.
-    pub fn start_fill(&mut self, area: FillArea) -> Result<(), PaintError> {
+    pub fn start_fill(&mut self, area: FillArea) -> Result<()> {
         if self.stroke.is_none() {
             return Ok(());
         }
@@ -542,7 +535,7 @@ impl Painter {
         Ok(())
     }
 
-    fn place_area(&mut self, area: FillArea) -> Result<Area, PaintError> {
+    fn place_area(&mut self, area: FillArea) -> Result<Area> {
         let (channel, starts, fill) = match area {
             FillArea::Everything => return Ok(Area::Everything),
             FillArea::Triangles(triangles) => return Ok(Area::Triangles(triangles)),
@@ -568,7 +561,7 @@ impl Painter {
     }
 
     /// Fills some pages, or ends the groups that are at work; returns what is done so far.
-    fn fill_on(&mut self, mut work: Box<FillWork>) -> Result<StrokeSummary, PaintError> {
+    fn fill_on(&mut self, mut work: Box<FillWork>) -> Result<StrokeSummary> {
         let Some(ids) = work.slices.batch() else {
             self.room.let_go();
             self.finish_history()?;
@@ -587,7 +580,7 @@ impl Painter {
     }
 
     /// All that can fail because of the asset comes before the first change: a page is painted once or not at all.
-    fn fill_pages(&mut self, work: &mut FillWork, ids: &[PageId]) -> Result<(), PaintError> {
+    fn fill_pages(&mut self, work: &mut FillWork, ids: &[PageId]) -> Result<()> {
         let maps = self.maps.get(&self.surface, ids, self.options.memory_bytes / 4);
         let mut pages = Vec::with_capacity(ids.len());
         for (&id, map) in ids.iter().zip(maps) {
@@ -616,7 +609,7 @@ impl Painter {
                 stroke.shown(surface, editor, layers, map, *id, page)
             }
         };
-        let shown: Vec<ShownPage> = pages.par_iter().map(shown_page).collect::<Result<_, PaintError>>()?;
+        let shown: Vec<ShownPage> = pages.par_iter().map(shown_page).collect::<Result<_>>()?;
         for ((id, page, _), shown) in pages.into_iter().zip(shown) {
             work.summary.pages += 1;
             work.slices.changes.add(id, page.touched);
@@ -627,7 +620,7 @@ impl Painter {
     }
 
     /// What was left of a fill when the asset was committed; none where it cannot go on.
-    fn fill_left(&mut self, kept: &KeptFill) -> Result<Option<FillWork>, PaintError> {
+    fn fill_left(&mut self, kept: &KeptFill) -> Result<Option<FillWork>> {
         let Some((paint, area)) = logged_fill(self, kept.logged) else { return Ok(None) };
         // What it compares or reads is not there any more.
         if paint.tool.reads_surface() || matches!(area, FillArea::Color { .. }) {
@@ -683,7 +676,7 @@ impl FlattenWork {
 
 impl Painter {
     /// Flattens some pages, or ends the groups that are at work.
-    fn flatten_on(&mut self, mut work: FlattenWork) -> Result<(), PaintError> {
+    fn flatten_on(&mut self, mut work: FlattenWork) -> Result<()> {
         let Some(ids) = work.slices.batch() else { return self.finish_history() };
         let channels: Vec<usize> = (0..self.editor.asset().channels().len()).collect();
         let done = self
@@ -788,7 +781,7 @@ impl StepWork {
 
 impl Painter {
     /// Applies the next part.
-    fn step_on(&mut self, mut work: StepWork) -> Result<(), PaintError> {
+    fn step_on(&mut self, mut work: StepWork) -> Result<()> {
         let mut left = work.left.clone();
         let next = match work.direction {
             Direction::Forth => left.next(),
@@ -804,7 +797,7 @@ impl Painter {
         self.relieve()
     }
 
-    fn end_step(&mut self, work: StepWork) -> Result<(), PaintError> {
+    fn end_step(&mut self, work: StepWork) -> Result<()> {
         match work.afterwards {
             Afterwards::Move => self.history.move_step(work.direction, &mut self.editor)?,
             Afterwards::Stay => {}

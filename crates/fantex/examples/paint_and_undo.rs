@@ -30,6 +30,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let along = (-4..=4).filter_map(|i| surface.nearest(Vec3::new(0.1 * i as f32, 0.0, 1.0), f32::INFINITY));
     let stroke = Stroke {
         brush: Brush { size: Size::Texels(40.0), ..Brush::default() },
+        stamp: None,
         samples: along.map(Sample::at).collect(),
         line: false,
         symmetry: Symmetry::None,

@@ -15,7 +15,7 @@ use fantex_base::Aabb;
 use fantex_mesh::Mesh;
 use fantex_scene::Camera;
 use glam::{DMat3, DVec2, DVec3};
-pub use path::{CameraKey, CameraPath, PathError, PathRecorder};
+pub use path::{CameraKey, CameraPath, PathRecorder};
 use serde::{Deserialize, Serialize};
 pub use walk::Walker;
 pub use walk::{Ground, GroundHit, MeshGround};

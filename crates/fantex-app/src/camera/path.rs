@@ -1,12 +1,13 @@
 //! Recorded camera paths: keys with times, played back smoothly, kept in a JSON file.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_scene::Camera;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::settings::{WriteError, write_whole};
+use crate::settings::write_whole;
 
 /// Most keys of a path; at 30 per second this is an hour.
 const MAX_KEYS: usize = 108_000;
@@ -61,78 +62,31 @@ pub struct CameraPath {
     pub keys: Vec<CameraKey>,
 }
 
-/// Why a path could not be read, or is none.
-#[derive(Debug, thiserror::Error)]
-pub enum PathError {
-    /// The operating system refused.
-    #[error("cannot read the camera path {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: std::io::Error,
-    },
-    /// The file is far too long to be a path.
-    #[error("{} has {bytes} bytes, more than the {MAX_FILE_BYTES} that a camera path may have", path.display())]
-    TooLarge {
-        /// The file.
-        path: PathBuf,
-        /// Its length.
-        bytes: u64,
-    },
-    /// No JSON, or other content than that of a path.
-    #[error("{} is no camera path: {source}", path.display())]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        source: serde_json::Error,
-    },
-    /// No key, or too many.
-    #[error("{} has {count} camera keys; a path has 1 to {MAX_KEYS}", path.display())]
-    Count {
-        /// The file.
-        path: PathBuf,
-        /// How many there are.
-        count: usize,
-    },
-    /// Times do not ascend.
-    #[error("{}: key {key} is at {seconds} s; times must start at 0 or later and ascend", path.display())]
-    Time {
-        /// The file.
-        path: PathBuf,
-        /// Key, from 0.
-        key: usize,
-        /// Its time.
-        seconds: f64,
-    },
-    /// A key whose camera cannot take a picture.
-    #[error("{}: the camera of key {key} cannot take a picture: {defect}", path.display())]
-    Camera {
-        /// The file.
-        path: PathBuf,
-        /// Key, from 0.
-        key: usize,
-        /// Why not.
-        defect: &'static str,
-    },
-}
-
 impl CameraPath {
     /// Reads and checks a path.
     ///
     /// # Errors
     ///
-    /// [`PathError`], where the file cannot be read or is no path.
-    pub fn load(path: &Path) -> Result<Self, PathError> {
-        let failed = |source| PathError::Read { path: path.into(), source };
+    /// The file cannot be read or is no path.
+    pub fn load(path: &Path) -> Result<Self> {
+        let name = path.display();
+        let failed = |source: std::io::Error| {
+            let sentence = format!("cannot read the camera path {name}: {source}");
+            Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
+        };
         let bytes = std::fs::metadata(path).map_err(failed)?.len();
         if bytes > MAX_FILE_BYTES {
-            return Err(PathError::TooLarge { path: path.into(), bytes });
+            let sentence = format!(
+                "{name} has {bytes} bytes, more than the {MAX_FILE_BYTES} that a camera path may have"
+            );
+            return Err(Error::too_large(sentence).with_path(path));
         }
         let text = std::fs::read(path).map_err(failed)?;
-        let found: Self =
-            serde_json::from_slice(&text).map_err(|source| PathError::Json { path: path.into(), source })?;
+        let found: Self = serde_json::from_slice(&text).map_err(|source| {
+            Error::malformed(format!("{name} is no camera path: {source}"))
+                .with_path(path)
+                .with_source(source)
+        })?;
         found.check(path)?;
         Ok(found)
     }
@@ -141,28 +95,31 @@ impl CameraPath {
     ///
     /// # Errors
     ///
-    /// [`WriteError`], where the file cannot be written.
-    pub fn save(&self, path: &Path) -> Result<(), WriteError> {
-        let mut text = serde_json::to_vec_pretty(self)
-            .map_err(|source| WriteError { path: path.into(), source: source.into() })?;
+    /// The file cannot be written.
+    pub fn save(&self, path: &Path) -> Result<()> {
+        let mut text =
+            serde_json::to_vec_pretty(self).map_err(|source| Error::writing(path, source.into()))?;
         text.push(b'\n');
         write_whole(path, &text)
     }
 
-    fn check(&self, path: &Path) -> Result<(), PathError> {
-        let count = self.keys.len();
+    fn check(&self, path: &Path) -> Result<()> {
+        let (count, name) = (self.keys.len(), path.display());
+        let refused = |sentence: String| Err(Error::malformed(sentence).with_path(path));
         if !(1..=MAX_KEYS).contains(&count) {
-            return Err(PathError::Count { path: path.into(), count });
+            return refused(format!("{name} has {count} camera keys; a path has 1 to {MAX_KEYS}"));
         }
-        let mut least = 0.0;
+        let mut earliest = 0.0;
         for (key, found) in self.keys.iter().enumerate() {
             let seconds = found.seconds;
-            if !(seconds >= least && seconds.is_finite()) {
-                return Err(PathError::Time { path: path.into(), key, seconds });
+            if !(seconds >= earliest && seconds.is_finite()) {
+                return refused(format!(
+                    "{name}: key {key} is at {seconds} s; times must start at 0 or later and ascend"
+                ));
             }
-            least = seconds;
+            earliest = seconds;
             if let Some(defect) = found.camera().defect() {
-                return Err(PathError::Camera { path: path.into(), key, defect });
+                return refused(format!("{name}: the camera of key {key} cannot take a picture: {defect}"));
             }
         }
         Ok(())

@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 use fantex_bake::{
     BakeOptions, LookSource, Prefilter, Progress, Source, SourceChannel, TexelPoint, VertexColorSource, bake,
 };
+use fantex_base::Result;
 use fantex_cover::{CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::Mesh;
 use fantex_store::ChannelKind;
-use fantex_texture::material::MaterialImageError;
 use glam::{Vec3, Vec4};
+
+use crate::job::other;
 
 /// Texels of a model whose own textures say nothing about how many it needs: with them a screen is filled sharply from nearby.
 const TEXELS: u64 = 8_000_000;
@@ -20,17 +22,6 @@ const GREY: f32 = 0.5;
 /// Occlusion, roughness and metallic of models that do not say.
 const PLAIN_MATERIAL: Vec4 = Vec4::new(1.0, 0.6, 0.0, 1.0);
 
-/// A model cannot be made an asset.
-#[derive(Debug, thiserror::Error)]
-pub enum BakeForPainting {
-    /// Its images cannot be read.
-    #[error(transparent)]
-    Image(#[from] MaterialImageError),
-    /// It cannot be covered, baked or written.
-    #[error(transparent)]
-    Bake(#[from] fantex_base::Error),
-}
-
 /// Where a model's asset lies: beside it, with the same name.
 pub fn asset_beside(model: &Path) -> PathBuf {
     model.with_extension("fan")
@@ -40,8 +31,8 @@ pub fn asset_beside(model: &Path) -> PathBuf {
 ///
 /// # Errors
 ///
-/// [`BakeForPainting`]; nothing is left behind then.
-pub fn bake_model(mesh: &Mesh, output: &Path, progress: &dyn Progress) -> Result<(), BakeForPainting> {
+/// The images of the model cannot be read, or it cannot be covered, baked or written. Nothing is left behind then.
+pub fn bake_model(mesh: &Mesh, output: &Path, progress: &dyn Progress) -> Result<()> {
     if !mesh.corners.colors.is_empty()
         && let Ok(source) = VertexColorSource::new(mesh)
     {
@@ -64,10 +55,11 @@ fn write(
     source: &dyn Source,
     output: &Path,
     progress: &dyn Progress,
-) -> Result<(), BakeForPainting> {
+) -> Result<()> {
     let options = CoverOptions { budget, ..CoverOptions::default() };
     let (cover, _) = build_cover(mesh, &options)?;
-    bake(mesh, &cover, &WithMaterial::of(source), output, &BakeOptions::default(), progress)?;
+    bake(mesh, &cover, &WithMaterial::of(source), output, &BakeOptions::default(), progress)
+        .map_err(other)?;
     Ok(())
 }
 

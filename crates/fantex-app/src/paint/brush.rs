@@ -2,12 +2,12 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use fantex_paint::{BlendMode, Brush, Jitter, PressureResponse, Size, Stamp};
+use fantex_base::{Error, ErrorKind, Result};
+use fantex_paint::{BlendMode, Brush, Jitter, PressureResponse, Size};
 use serde::{Deserialize, Serialize};
 
-use crate::settings::{WriteError, write_whole};
+use crate::settings::write_whole;
 
 /// What a brush's size is measured in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -93,7 +93,7 @@ impl BrushSettings {
     pub const SIZE: [f32; 2] = [1.0, 2000.0];
 
     /// The brush for the engine. `world_per_pixel` is the size of a pixel where the stroke begins.
-    pub fn brush(&self, world_per_pixel: f64, stamp: Option<Arc<Stamp>>, seed: u64) -> Brush {
+    pub fn brush(&self, world_per_pixel: f64, seed: u64) -> Brush {
         Brush {
             size: match self.unit {
                 SizeUnit::Pixels => Size::World((f64::from(self.size) * world_per_pixel) as f32),
@@ -105,11 +105,11 @@ impl BrushSettings {
             flow: self.flow,
             spacing: self.spacing,
             smoothing: self.smoothing,
-            angle: self.angle_degrees.to_radians(),
+            angle: self.angle_degrees,
             follow_tilt: false,
             jitter: self.jitter,
             pressure: self.pressure,
-            stamp,
+            stamp: self.stamp.clone(),
             seed,
         }
     }
@@ -164,30 +164,6 @@ pub struct Presets {
     pub brushes: Vec<BrushSettings>,
 }
 
-/// Presets could not be read or written.
-#[derive(Debug, thiserror::Error)]
-pub enum PresetsError {
-    /// They could not be read.
-    #[error("cannot read the brushes {}: {source}; there are the usual ones", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The operating system's reason.
-        source: io::Error,
-    },
-    /// They are damaged.
-    #[error("the brushes {} are damaged ({source}); there are the usual ones, and the file stays until one is saved", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// Where and why.
-        source: serde_json::Error,
-    },
-    /// They could not be written.
-    #[error(transparent)]
-    Write(#[from] WriteError),
-}
-
 impl Default for Presets {
     fn default() -> Self {
         let named = |name: &str| BrushSettings { name: name.into(), ..BrushSettings::default() };
@@ -239,9 +215,13 @@ impl Presets {
     ///
     /// # Errors
     ///
-    /// [`PresetsError`], where there is one that cannot be read.
-    pub fn load(path: &Path) -> Result<Self, PresetsError> {
-        let failed = |source| PresetsError::Read { path: path.into(), source };
+    /// There is a file that cannot be read.
+    pub fn load(path: &Path) -> Result<Self> {
+        let failed = |source: io::Error| {
+            let sentence =
+                format!("cannot read the brushes {}: {source}; there are the usual ones", path.display());
+            Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
+        };
         match std::fs::metadata(path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(error) => return Err(failed(error)),
@@ -251,17 +231,23 @@ impl Presets {
             Ok(_) => {}
         }
         let text = std::fs::read(path).map_err(failed)?;
-        serde_json::from_slice(&text).map_err(|source| PresetsError::Damaged { path: path.into(), source })
+        serde_json::from_slice(&text).map_err(|source| {
+            let name = path.display();
+            let sentence = format!(
+                "the brushes {name} are damaged ({source}); there are the usual ones, and the file stays until one is saved"
+            );
+            Error::malformed(sentence).with_path(path).with_source(source)
+        })
     }
 
     /// Writes them, whole or not at all.
     ///
     /// # Errors
     ///
-    /// [`PresetsError::Write`].
-    pub fn save(&self, path: &Path) -> Result<(), PresetsError> {
+    /// The operating system refuses.
+    pub fn save(&self, path: &Path) -> Result<()> {
         let text = serde_json::to_vec_pretty(self).unwrap_or_default();
-        Ok(write_whole(path, &text)?)
+        write_whole(path, &text)
     }
 
     /// Keeps a brush under its name; one of that name is replaced.
@@ -358,9 +344,9 @@ mod tests {
     #[test]
     fn pixels_become_world_units_where_the_stroke_begins() {
         let settings = BrushSettings { size: 50.0, ..BrushSettings::default() };
-        assert_eq!(settings.brush(0.02, None, 0).size, Size::World(1.0));
+        assert_eq!(settings.brush(0.02, 0).size, Size::World(1.0));
         let settings = BrushSettings { unit: SizeUnit::Texels, ..settings };
-        assert_eq!(settings.brush(0.02, None, 0).size, Size::Texels(50.0));
+        assert_eq!(settings.brush(0.02, 0).size, Size::Texels(50.0));
     }
 
     #[test]

@@ -1,11 +1,11 @@
-//! Where the thread that draws and the one that paints leave things for each other: a lock that nobody keeps for long.
+//! Mailbox between the render thread and the paint thread.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use fantex_base::Error;
+use fantex_base::{Error, Result};
 use fantex_cover::Cover;
 use fantex_paint::Painter;
 use fantex_store::{Asset, PageId, decode_plain, page_extent};
@@ -14,7 +14,7 @@ use fantex_stream::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader, ParcelTexel
 use crate::paint::Order;
 
 /// Pages that change at once and are handed over with their texels; beyond it they are asked for one after the other.
-const MOST_FRESH: usize = 512;
+const MAX_FRESH: usize = 512;
 
 /// What both threads see.
 pub struct Exchange {
@@ -33,7 +33,7 @@ struct State {
     /// Parcels that the painter is asked for, with their urgency.
     wanted: BTreeMap<Parcel, f32>,
     /// Its answers.
-    ready: BTreeMap<Parcel, (f32, Result<ParcelTexels, Error>)>,
+    ready: BTreeMap<Parcel, (f32, Result<ParcelTexels>)>,
     /// Pages that have just changed.
     fresh: BTreeMap<PageId, ParcelTexels>,
     /// The same where there are too many: they have to be asked for.
@@ -98,7 +98,7 @@ impl Exchange {
         pages: &[PageId],
         mut texels: impl FnMut(PageId) -> Result<ParcelTexels, E>,
     ) -> Result<(), E> {
-        if pages.len() > MOST_FRESH {
+        if pages.len() > MAX_FRESH {
             self.outdate(pages);
             return Ok(());
         }
@@ -150,7 +150,7 @@ impl Exchange {
     }
 
     /// The painter's: an answer. One that nobody waits for any more is dropped.
-    pub fn answer(&self, parcel: Parcel, texels: Result<ParcelTexels, Error>) {
+    pub fn answer(&self, parcel: Parcel, texels: Result<ParcelTexels>) {
         let mut state = self.lock();
         if let Some(urgency) = state.wanted.remove(&parcel) {
             state.ready.insert(parcel, (urgency, texels));
@@ -314,7 +314,7 @@ pub(crate) fn parcel_texels(
     painter: &Painter,
     parcel: Parcel,
     formats: &[AtlasFormat],
-) -> Result<ParcelTexels, Error> {
+) -> Result<ParcelTexels> {
     let layout = parcel.layout(painter.editor().asset().cover());
     assemble(&layout, formats, |channel, page| {
         channel_texels(painter, page, channel, formats[channel], None).map(Cow::Owned)
@@ -327,15 +327,15 @@ pub(crate) fn page_texels(
     page: PageId,
     formats: &[AtlasFormat],
     shown: &BTreeMap<usize, Vec<u8>>,
-) -> Result<ParcelTexels, Error> {
+) -> Result<ParcelTexels> {
     let extent = extent(painter, page)?;
     let channels = formats.iter().enumerate().map(|(channel, &format)| {
         Ok(Arc::from(channel_texels(painter, page, channel, format, shown.get(&channel))?))
     });
-    Ok(ParcelTexels { extent, channels: channels.collect::<Result<_, Error>>()? })
+    Ok(ParcelTexels { extent, channels: channels.collect::<Result<_>>()? })
 }
 
-fn extent(painter: &Painter, page: PageId) -> Result<[u32; 2], Error> {
+fn extent(painter: &Painter, page: PageId) -> Result<[u32; 2]> {
     let asset = painter.editor().asset();
     let group =
         asset.cover().groups.get(page.group as usize).ok_or_else(|| no_such_page(painter, 0, page))?;
@@ -349,7 +349,7 @@ fn channel_texels(
     index: usize,
     format: AtlasFormat,
     shown: Option<&Vec<u8>>,
-) -> Result<Vec<u8>, Error> {
+) -> Result<Vec<u8>> {
     let editor = painter.editor();
     let channel = &editor.asset().channels()[index];
     let stored = match shown {

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use fantex_paint::{
-    self as engine, BlendMode, ChannelKindName, ChannelPaint, ChannelSettings, ColorSettings, Decal,
-    DecalSettings, FillSettings, LayerContent, Paint, PaintColor, Sample, SampleSettings, Size, Stamp,
-    StencilSettings, StrokeSettings, Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
+    BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, Decal, DecalSettings, FillSettings,
+    LayerContent, Paint, PaintColor, Sample, SampleSettings, Size, Stamp, StencilSettings, StrokeSettings,
+    Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
 };
 use fantex_store::{Channel, ChannelKind};
 use fantex_texture::Image;
@@ -15,7 +15,7 @@ use glam::{Vec3, Vec4};
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;
 use crate::paint::painting::Hand;
-use crate::paint::stencil::{recorded_use, recorded_view};
+use crate::paint::stencil::{projection_view, recorded_use};
 use crate::paint::texture::{sticker, text_lines};
 use crate::paint::{
     ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
@@ -180,7 +180,7 @@ impl Painting {
             *from = source.to_array();
         }
         if let Some(path) = settings.stencil.image.clone().filter(|_| paint.stencil.is_some()) {
-            recorded.projection = Some(recorded_view(view, settings.stencil.place));
+            recorded.projection = Some(projection_view(view, settings.stencil.place));
             recorded.stencil =
                 Some(StencilSettings { image: path, by: recorded_use(settings.stencil.paints) });
         }
@@ -193,7 +193,8 @@ impl Painting {
             label,
             target: self.target,
             paint,
-            brush: settings.brush.brush(world_per_pixel, stamp, self.strokes),
+            brush: settings.brush.brush(world_per_pixel, self.strokes),
+            stamp,
             symmetry,
             recorded,
         }))
@@ -343,17 +344,6 @@ fn recorded(
     ingredients: &Ingredients,
     surface: &Surface,
 ) -> StrokeSettings {
-    let world_from_mesh = surface.mesh().world_from_mesh;
-    let tool = match paint.tool {
-        engine::Tool::Paint(mode) => ToolSettings::Paint(mode),
-        engine::Tool::Erase => ToolSettings::Erase,
-        engine::Tool::Smudge { strength } => ToolSettings::Smudge { strength },
-        engine::Tool::Blur { radius } => {
-            ToolSettings::Blur { radius: Size::World((f64::from(radius) * world_from_mesh.scale) as f32) }
-        }
-        // Where from is added where it is known where to.
-        engine::Tool::Clone { .. } => ToolSettings::Clone { from: [0.0; 3] },
-    };
     let color = |color: &PaintColor| match (color, &ingredients.texture, &ingredients.picture) {
         (PaintColor::Constant(color), _, _) => ColorSettings::Linear(color.to_array()),
         (PaintColor::Texture(_), Some(chosen), _) => {
@@ -365,13 +355,14 @@ fn recorded(
         _ => ColorSettings::default(),
     };
     let settings = paint.channels.iter().map(|painted| ChannelSettings {
-        kind: kind_name(channels[painted.channel].kind),
+        kind: channels[painted.channel].kind,
         color: color(&painted.color),
     });
     StrokeSettings {
         label: label.to_owned(),
-        brush: engine::BrushSettings { opacity: paint.opacity, ..engine::BrushSettings::default() },
-        tool,
+        brush: Brush { opacity: paint.opacity, ..Brush::default() },
+        // Where a clone copies from is added where it is known.
+        tool: ToolSettings::of(&paint.tool, surface),
         channels: settings.collect(),
         ..StrokeSettings::default()
     }
@@ -384,16 +375,4 @@ fn sample_at(surface: &Surface, point: SurfacePoint) -> SampleSettings {
     let is_exact = point.lambda.min_element() >= 0.0;
     let exact = Where::Point { triangle: point.triangle, lambda: point.lambda.to_array() };
     SampleSettings { at: if is_exact { exact } else { at }, pressure: 1.0, tilt: [0.0; 2], time: 0.0 }
-}
-
-fn kind_name(kind: ChannelKind) -> ChannelKindName {
-    match kind {
-        ChannelKind::BaseColor => ChannelKindName::BaseColor,
-        ChannelKind::Normal => ChannelKindName::Normal,
-        ChannelKind::OcclusionRoughnessMetallic => ChannelKindName::OcclusionRoughnessMetallic,
-        ChannelKind::Emission => ChannelKindName::Emission,
-        ChannelKind::Displacement => ChannelKindName::Displacement,
-        ChannelKind::Light => ChannelKindName::Light,
-        ChannelKind::Anisotropy => ChannelKindName::Anisotropy,
-    }
 }

@@ -24,8 +24,8 @@ pub(crate) mod tests;
 mod texture;
 mod worker;
 
-pub use bake::{BakeForPainting, asset_beside, bake_model};
-pub use brush::{BrushSettings, Presets, PresetsError, SizeUnit, blend_label, preview_stroke};
+pub use bake::{asset_beside, bake_model};
+pub use brush::{BrushSettings, Presets, SizeUnit, blend_label, preview_stroke};
 pub use colors::{Colors, PALETTES, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
@@ -36,5 +36,5 @@ pub use settings::{
 };
 pub use stencil::{StencilPicture, StencilSettings, StencilUse};
 pub use symmetry::{Section, SymmetryKind, SymmetrySettings, plane_outline};
-pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice, TextureChoiceError};
+pub use texture::{ChosenTexture, ColorSource, SOLIDS, TextureChoice};
 pub use worker::{LayerChange, Order, PaintThread, Report, SaveState, Snapshot, StrokeStart};

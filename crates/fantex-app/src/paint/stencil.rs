@@ -3,13 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_paint::{
-    Lens, Picture, PicturePlace, Projection, ProjectionSettings, ProjectionView, StencilBy, Surface,
-};
+use fantex_base::Result;
+use fantex_paint::{Lens, Picture, PicturePlace, Projection, ProjectionView, StencilBy, Surface};
 use fantex_texture::Image;
 use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
+use crate::job::other;
 use crate::paint::Viewpoint;
 
 /// What a picture over the view is for.
@@ -125,8 +125,8 @@ impl StencilPicture {
     /// # Errors
     ///
     /// It cannot be read.
-    pub fn load(path: &Path) -> fantex_base::Result<Self> {
-        let image = Image::load(path)?;
+    pub fn load(path: &Path) -> Result<Self> {
+        let image = Image::load(path).map_err(other)?;
         let (shape, colors) = (Arc::new(Picture::shape(&image)), Arc::new(Picture::new(&image)));
         Ok(Self { path: path.to_owned(), image, shape, colors })
     }
@@ -176,20 +176,15 @@ impl StencilPicture {
 }
 
 /// The camera of a view as the engine knows it.
-fn projection_view(view: &Viewpoint, place: PicturePlace) -> ProjectionView {
+pub(crate) fn projection_view(view: &Viewpoint, place: PicturePlace) -> ProjectionView {
+    let target = view.rig.eye + view.rig.forward() * view.rig.distance;
     ProjectionView {
-        eye: view.rig.eye,
-        target: view.rig.eye + view.rig.forward() * view.rig.distance,
-        up: view.rig.axes().y_axis,
+        eye: view.rig.eye.to_array(),
+        target: target.to_array(),
+        up: view.rig.axes().y_axis.to_array(),
         lens: Lens::Perspective(view.rig.fov_degrees),
         place,
     }
-}
-
-/// The same for the log of strokes.
-pub(crate) fn recorded_view(view: &Viewpoint, place: PicturePlace) -> ProjectionSettings {
-    let ProjectionView { eye, target, up, lens, place } = projection_view(view, place);
-    ProjectionSettings { eye: eye.to_array(), target: target.to_array(), up: up.to_array(), lens, place }
 }
 
 /// How a use of the picture is called in the log.

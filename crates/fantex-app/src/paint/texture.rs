@@ -3,14 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use fantex_base::{Error, ErrorKind, Result};
 use fantex_paint::{
-    DEFAULT_FONT, Decal, GraphError, LookSettings, Picture, Surface, SurfacePoint, TextError, TextureGraph,
-    draw_text,
+    DEFAULT_FONT, Decal, LookSettings, Picture, Surface, SurfacePoint, TextureGraph, draw_text,
 };
 use fantex_texture::{Filtering, Image, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
+use crate::job::other;
 use crate::paint::{PaintSettings, StickerKind};
 
 /// The names of solids.
@@ -74,53 +75,34 @@ impl Default for TextureChoice {
     }
 }
 
-/// A texture cannot be painted with.
-#[derive(Debug, thiserror::Error)]
-pub enum TextureChoiceError {
-    /// No file.
-    #[error("No look is chosen: choose its file in the panel at the right.")]
-    NoLook,
-    /// It cannot be read.
-    #[error("cannot read the look {}: {source}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// It has none.
-    #[error("the look {} has no textures", path.display())]
-    Empty {
-        /// The file.
-        path: PathBuf,
-    },
-    /// The texture cannot be made.
-    #[error(transparent)]
-    Graph(#[from] GraphError),
-}
-
 impl TextureChoice {
     /// The graph and the name of the texture in it; none where a colour is painted with.
     ///
     /// # Errors
     ///
     /// There is no look, or it cannot be read.
-    pub fn graph(&self) -> Result<Option<(TextureGraph, String)>, TextureChoiceError> {
+    pub fn graph(&self) -> Result<Option<(TextureGraph, String)>> {
         match self.source {
             ColorSource::Color => Ok(None),
             ColorSource::Solid => {
                 Ok(Some((TextureGraph { look: self.solid_look(), folder: PathBuf::new() }, SOLID.into())))
             }
             ColorSource::Look => {
-                let path = self.look.clone().ok_or(TextureChoiceError::NoLook)?;
-                let look = std::fs::read_to_string(&path)
-                    .map_err(|source| TextureChoiceError::Read { path: path.clone(), source })?;
+                let path = self.look.clone().ok_or_else(|| {
+                    Error::not_found("No look is chosen: choose its file in the panel at the right.")
+                })?;
+                let look = std::fs::read_to_string(&path).map_err(|source| {
+                    let sentence = format!("cannot read the look {}: {source}", path.display());
+                    Error::new(ErrorKind::Io, sentence).with_path(&path).with_source(source)
+                })?;
                 let folder = path.parent().unwrap_or(Path::new("")).to_owned();
                 let folder = std::path::absolute(&folder).unwrap_or(folder);
                 let graph = TextureGraph { look, folder };
                 let names = graph.names()?;
                 let chosen = names.iter().find(|name| **name == self.name).or(names.first());
-                let name = chosen.cloned().ok_or(TextureChoiceError::Empty { path })?;
+                let name = chosen.cloned().ok_or_else(|| {
+                    Error::not_found(format!("the look {} has no textures", path.display()))
+                })?;
                 Ok(Some((graph, name)))
             }
         }
@@ -161,7 +143,7 @@ impl ChosenTexture {
     /// # Errors
     ///
     /// The solid is not known, or the look or a texture of it cannot be made.
-    pub fn make(choice: &TextureChoice, surface: &Surface) -> Result<Option<Self>, TextureChoiceError> {
+    pub fn make(choice: &TextureChoice, surface: &Surface) -> Result<Option<Self>> {
         let Some((graph, name)) = choice.graph()? else { return Ok(None) };
         let texture = graph.texture(surface, &name)?;
         Ok(Some(Self { graph, name, texture }))
@@ -206,39 +188,27 @@ impl ChosenTexture {
 
 // Texts and pictures that are laid onto the surface.
 
-/// There is nothing to lay.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum StickerError {
-    /// The text cannot be drawn.
-    #[error(transparent)]
-    Text(#[from] TextError),
-    /// The picture cannot be read.
-    #[error(transparent)]
-    Image(#[from] fantex_base::Error),
-    /// No text was written.
-    #[error("There is no text: write one in the panel at the left.")]
-    NoText,
-    /// No picture was chosen.
-    #[error("There is no picture: choose one in the panel at the left.")]
-    NoPicture,
-}
-
 /// What is laid around a point, to be read from where the surface's normals point, or from behind. `line`: the distance of a text's lines, or the length of a picture's longer side, mesh units.
 pub(crate) fn sticker(
     settings: &PaintSettings,
     center: SurfacePoint,
     line: f32,
     is_behind: bool,
-) -> Result<Decal, StickerError> {
+) -> Result<Decal> {
     let (shape, size) = match settings.sticker {
-        StickerKind::Text if settings.text.trim().is_empty() => return Err(StickerError::NoText),
+        StickerKind::Text if settings.text.trim().is_empty() => {
+            return Err(Error::invalid("There is no text: write one in the panel at the left."));
+        }
         StickerKind::Text => {
             let text = draw_text(&settings.text, DEFAULT_FONT)?;
             (text.picture, text.lines * line)
         }
         StickerKind::Picture => {
-            let path = settings.picture.as_ref().ok_or(StickerError::NoPicture)?;
-            (Picture::new(&Image::load(path)?), line)
+            let path = settings
+                .picture
+                .as_ref()
+                .ok_or_else(|| Error::invalid("There is no picture: choose one in the panel at the left."))?;
+            (Picture::new(&Image::load(path).map_err(other)?), line)
         }
     };
     // Surfaces are wound either way: what is laid is right for whoever looks at them.

@@ -10,9 +10,10 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use fantex_base::{Error, Result};
 use fantex_paint::{
-    Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, PaintError, Painter, Sample,
-    StrokeSettings, SurfacePoint, Symmetry, Target, WorkProgress,
+    Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, Painter, Sample, Stamp, StrokeSettings,
+    SurfacePoint, Symmetry, Target, WorkProgress,
 };
 use fantex_store::{Asset, PageId, is_disk_full};
 use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
@@ -22,32 +23,32 @@ use crate::paint::exchange::{page_texels, parcel_texels};
 use crate::paint::{Exchange, Viewpoint};
 use crate::viewer::Wake;
 
-/// Between strokes changes are committed after so long.
-const REST: Duration = Duration::from_millis(700);
+/// Between strokes, changes are committed after this delay.
+const IDLE_COMMIT_DELAY: Duration = Duration::from_millis(700);
 
-/// Also while a stroke goes on, changes are committed after so long.
-const LONGEST: Duration = Duration::from_millis(1700);
+/// During strokes and long jobs, changes are committed after this delay.
+const MAX_COMMIT_DELAY: Duration = Duration::from_millis(1700);
 
-/// What takes long is done for so long between two looks at what else there is to do.
-const SLICE: Duration = Duration::from_millis(25);
+/// Time slice per step of a long job.
+const TIME_SLICE: Duration = Duration::from_millis(25);
 
-/// After a commit that failed the next one is tried after so long.
-const RETRY: Duration = Duration::from_secs(3);
+/// Delay after a failed commit.
+const RETRY_DELAY: Duration = Duration::from_secs(3);
 
-/// Orders are gathered for so long before what they did is shown.
-const GATHERED: Duration = Duration::from_millis(6);
+/// Orders that arrive within this time are shown together.
+const COALESCE_WINDOW: Duration = Duration::from_millis(6);
 
-/// How often to look whether coarser levels are there.
-const LEVELS: Duration = Duration::from_millis(5);
+/// How often to poll for coarser levels.
+const LEVEL_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
-/// Pages that are answered between two orders.
-const ANSWERED: usize = 32;
+/// Requested pages that are answered per turn of the loop.
+const MAX_PAGES_PER_TURN: usize = 32;
 
-/// After so many commits pages are loaded from a newer state of the file.
-const KEPT_COMMITS: u32 = 20;
+/// After this many commits the loader is given a newer state of the file, so that the older one can be reclaimed.
+const MAX_COMMITS_PER_LOADER: u32 = 20;
 
-/// Names of steps that are told of, the newest.
-const TOLD_STEPS: usize = 1000;
+/// Steps of the history that are listed, the newest ones.
+const MAX_LISTED_STEPS: usize = 1000;
 
 /// A painter at work on a thread of its own. Dropping it commits, and waits for that.
 #[derive(Debug)]
@@ -142,8 +143,8 @@ impl Saving {
     /// When to commit, if nothing else happens.
     fn due(&self, is_drawing: bool) -> Option<Instant> {
         let changed = self.changed?;
-        let due = changed + if is_drawing { LONGEST } else { REST };
-        Some(self.failed.map_or(due, |failed| due.max(failed + RETRY)))
+        let due = changed + if is_drawing { MAX_COMMIT_DELAY } else { IDLE_COMMIT_DELAY };
+        Some(self.failed.map_or(due, |failed| due.max(failed + RETRY_DELAY)))
     }
 }
 
@@ -195,7 +196,7 @@ impl Worker {
     /// Waits for orders and carries them out. False at the end.
     fn turn(&mut self) -> bool {
         let wait = match self.has_levels_due {
-            true => Some(Instant::now() + LEVELS),
+            true => Some(Instant::now() + LEVEL_POLL_INTERVAL),
             false => self.saving.due(self.is_drawing()),
         };
         let wait =
@@ -224,7 +225,7 @@ impl Worker {
             } else {
                 self.check(|worker| worker.act(order));
             }
-            if begun.elapsed() < GATHERED {
+            if begun.elapsed() < COALESCE_WINDOW {
                 next = self.orders.try_recv().ok();
             }
         }
@@ -245,7 +246,7 @@ impl Worker {
     }
 
     /// Coarser levels that another thread has computed.
-    fn take_levels(&mut self) -> Result<(), PaintError> {
+    fn take_levels(&mut self) -> Result<()> {
         if self.has_levels_due {
             let levels = self.painter.poll_levels();
             self.has_levels_due = matches!(levels, Ok(None));
@@ -262,13 +263,13 @@ impl Worker {
         self.reports.send(report).ok();
     }
 
-    fn check(&mut self, act: impl FnOnce(&mut Self) -> Result<(), PaintError>) {
+    fn check(&mut self, act: impl FnOnce(&mut Self) -> Result<()>) {
         if let Err(error) = act(self) {
             self.tell(Report::Failed(error.to_string()));
         }
     }
 
-    fn act(&mut self, order: Order) -> Result<(), PaintError> {
+    fn act(&mut self, order: Order) -> Result<()> {
         match order {
             Order::Begin(start, sample) => self.begin(*start, &sample)?,
             Order::Look(view) => self.look_from(&view),
@@ -336,15 +337,15 @@ impl Worker {
         Ok(())
     }
 
-    fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<(), PaintError> {
-        let (brush, symmetry) = (start.brush.clone(), start.symmetry);
+    fn begin(&mut self, start: StrokeStart, sample: &Sample) -> Result<()> {
+        let (brush, stamp, symmetry) = (start.brush.clone(), start.stamp.clone(), start.symmetry);
         self.open(start)?;
-        self.stroke = Some(LiveStroke::new(self.painter.surface(), brush, symmetry));
+        self.stroke = Some(LiveStroke::new(self.painter.surface(), brush, stamp, symmetry));
         self.go_to(sample, false)
     }
 
     /// Opens a stroke for the painter.
-    fn open(&mut self, start: StrokeStart) -> Result<(), PaintError> {
+    fn open(&mut self, start: StrokeStart) -> Result<()> {
         self.stroke = None;
         self.painter.begin_on(start.target, &start.label, start.paint)?;
         // For the log. Where it cannot be told, it is painted all the same.
@@ -352,14 +353,14 @@ impl Worker {
         Ok(())
     }
 
-    fn go_to(&mut self, sample: &Sample, is_end: bool) -> Result<(), PaintError> {
+    fn go_to(&mut self, sample: &Sample, is_end: bool) -> Result<()> {
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
         let dabs = stroke.go_to(self.painter.surface(), sample, is_end);
         self.painter.dab(&dabs)
     }
 
     /// Brings what has changed to the atlas.
-    fn publish(&mut self) -> Result<(), PaintError> {
+    fn publish(&mut self) -> Result<()> {
         let shown = self.painter.show()?;
         let replaced = self.painter.take_replaced();
         let Some(formats) = self.exchange.formats() else { return Ok(()) };
@@ -385,11 +386,11 @@ impl Worker {
 
     fn answer_pages(&mut self) {
         let Some(formats) = self.exchange.formats() else { return };
-        let wanted = self.exchange.wanted(ANSWERED);
+        let wanted = self.exchange.wanted(MAX_PAGES_PER_TURN);
         for &parcel in &wanted {
             self.exchange.answer(parcel, parcel_texels(&self.painter, parcel, formats));
         }
-        if wanted.len() == ANSWERED {
+        if wanted.len() == MAX_PAGES_PER_TURN {
             self.exchange.ask_again();
         }
     }
@@ -419,14 +420,17 @@ impl Worker {
         match self.painter.commit() {
             Ok(_) => {
                 self.saving = Saving { commits: self.saving.commits + 1, ..Saving::default() };
-                if self.saving.commits >= KEPT_COMMITS && self.stroke.is_none() {
+                if self.saving.commits >= MAX_COMMITS_PER_LOADER && self.stroke.is_none() {
                     self.offer_newer();
                 }
                 self.tell(Report::Save(SaveState::Saved));
             }
             Err(error) => {
                 self.saving.failed = Some(Instant::now());
-                self.tell(Report::Save(SaveState::Failed(save_problem(&error))));
+                self.tell(Report::Save(SaveState::Failed(save_problem(
+                    &error,
+                    self.painter.editor().asset().path(),
+                ))));
             }
         }
     }
@@ -450,7 +454,7 @@ impl Worker {
 
     fn tell_state(&self) {
         let history = self.painter.history();
-        let older = history.done().len().saturating_sub(TOLD_STEPS);
+        let older = history.done().len().saturating_sub(MAX_LISTED_STEPS);
         let names =
             |steps: &[fantex_paint::HistoryStep]| steps.iter().map(|step| step.label.clone()).collect();
         self.tell(Report::State(Box::new(Snapshot {
@@ -463,21 +467,18 @@ impl Worker {
 }
 
 /// What the user can do about it.
-fn save_problem(error: &PaintError) -> String {
-    match error {
-        PaintError::Asset(error) if is_disk_full(error) => {
-            let name = error.path().and_then(Path::file_name).unwrap_or_default();
-            let name = PathBuf::from(name);
-            format!(
-                "The disk is full: what you paint stays in memory. Make room, and {} is saved by itself.",
-                name.display()
-            )
-        }
-        error => format!("Not saved: {error}"),
+fn save_problem(error: &Error, path: &Path) -> String {
+    if !is_disk_full(error) {
+        return format!("Not saved: {error}");
     }
+    let name = PathBuf::from(path.file_name().unwrap_or_default());
+    format!(
+        "The disk is full: what you paint stays in memory. Make room, and {} is saved by itself.",
+        name.display()
+    )
 }
 
-// What the window and the painter's thread tell each other.
+// Messages between the window and the paint thread.
 
 /// A change of all layers.
 pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
@@ -493,6 +494,8 @@ pub struct StrokeStart {
     pub paint: Paint,
     /// With what.
     pub brush: Brush,
+    /// The picture of its dabs.
+    pub stamp: Option<Arc<Stamp>>,
     /// Copies.
     pub symmetry: Symmetry,
     /// The same for the log.
@@ -585,7 +588,7 @@ pub enum SaveState {
     Failed(String),
 }
 
-// What takes long: done in slices between other orders, told of, given up, and begun with what is seen.
+// Long jobs: time-sliced, cancellable, visible tiles first.
 
 impl Worker {
     /// Orders that had to wait, as long as nothing goes on that takes long.
@@ -612,7 +615,7 @@ impl Worker {
         if self.is_working() {
             // Before the first slice, too.
             self.tell_progress();
-            match self.painter.work_on(Instant::now() + SLICE) {
+            match self.painter.work_on(Instant::now() + TIME_SLICE) {
                 Ok(true) => self.tell_state(),
                 Ok(false) => {}
                 Err(error) => {
@@ -660,7 +663,7 @@ impl Worker {
         });
     }
 
-    pub(crate) fn go_to_step(&mut self, count: usize) -> Result<(), PaintError> {
+    pub(crate) fn go_to_step(&mut self, count: usize) -> Result<()> {
         self.stroke = None;
         self.painter.end()?;
         let done = self.painter.history().done().len();

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
 use eframe::wgpu;
+use fantex_base::Result;
 use fantex_paint::{Layer, Target};
 use fantex_scene::Camera;
 use glam::DVec3;
@@ -11,7 +12,7 @@ use glam::DVec3;
 use crate::command::{Command, parse_keys};
 use crate::light::Surroundings;
 use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, StickerKind, parse_hex};
-use crate::session::{Act, LayerStep, SessionError, SessionRunner, Situation, Step};
+use crate::session::{Act, LayerStep, SessionRunner, Situation, Step};
 use crate::viewer::{PictureSize, Request, Tape, Viewer};
 
 /// Frames over which a drag is spread.
@@ -51,7 +52,7 @@ impl Driver {
         seconds: f64,
         is_sharp: bool,
         pictures_due: usize,
-    ) -> Result<bool, SessionError> {
+    ) -> Result<bool> {
         self.frame += 1;
         let situation = Situation {
             seconds,

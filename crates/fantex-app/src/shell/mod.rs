@@ -13,6 +13,7 @@ use std::time::Duration;
 use clap::Parser;
 use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
+use fantex_base::Result;
 use fantex_gpu::Gpu;
 use workspace::{Answer, Start, Workspace};
 
@@ -21,7 +22,7 @@ use crate::document::Place;
 use crate::light::Surroundings;
 use crate::panels::{AtlasTexture, SceneTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
-use crate::session::{Session, SessionError};
+use crate::session::Session;
 use crate::settings::{Settings, WindowSettings};
 use crate::viewer::{PictureSize, Request};
 use crate::{panels, theme};
@@ -551,37 +552,30 @@ pub struct Arguments {
     pictures: Option<PathBuf>,
 }
 
-/// A text is no size of a window.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected width x height in points, such as 1280x800")]
-struct WindowSizeError;
-
-fn window_size(text: &str) -> Result<[f32; 2], WindowSizeError> {
-    let (width, height) = text.split_once(['x', 'X']).ok_or(WindowSizeError)?;
-    let side = |s: &str| s.parse::<u16>().ok().filter(|&n| n > 0).map(f32::from).ok_or(WindowSizeError);
+fn window_size(text: &str) -> Result<[f32; 2], &'static str> {
+    let expected = "expected width x height in points, such as 1280x800";
+    let (width, height) = text.split_once(['x', 'X']).ok_or(expected)?;
+    let side = |s: &str| s.parse::<u16>().ok().filter(|&n| n > 0).map(f32::from).ok_or(expected);
     Ok([side(width)?, side(height)?])
 }
 
-/// A text is no size of memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected at least 16M: a whole number of bytes, or one with K, M or G behind it")]
-struct MemorySizeError;
-
 /// Less than that is too little for a dab.
-const LEAST_MEMORY: usize = 16 << 20;
+const MIN_MEMORY: usize = 16 << 20;
 
-fn memory_size(text: &str) -> Result<usize, MemorySizeError> {
+fn memory_size(text: &str) -> Result<usize, &'static str> {
     let units = [('K', 10), ('M', 20), ('G', 30)];
     let found = units.into_iter().find_map(|(unit, shift)| Some((text.strip_suffix(unit)?, shift)));
     let (digits, shift) = found.unwrap_or((text, 0));
     let count = digits.parse::<usize>().ok();
     let bytes = count.and_then(|count| count.checked_mul(1usize << shift));
-    bytes.filter(|&bytes| bytes >= LEAST_MEMORY).ok_or(MemorySizeError)
+    bytes
+        .filter(|&bytes| bytes >= MIN_MEMORY)
+        .ok_or("expected at least 16M: a whole number of bytes, or one with K, M or G behind it")
 }
 
 impl Arguments {
     /// The session, where one is to be driven.
-    fn session(&self) -> Result<Option<Session>, SessionError> {
+    fn session(&self) -> Result<Option<Session>> {
         self.session.as_deref().map(Session::load).transpose()
     }
 

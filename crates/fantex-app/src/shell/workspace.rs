@@ -14,23 +14,23 @@ use rfd::AsyncFileDialog;
 use crate::job::{Job, JobState};
 use crate::scene_view::lost_picture;
 use crate::session::{Session, SessionRunner};
-use crate::settings::{Settings, SettingsError};
+use crate::settings::Settings;
 use crate::shell::Arguments;
 use crate::shell::driver::Driver;
 use crate::viewer::{Request, Viewer, Wake};
 
-/// A device that is lost more often than [`MOST_LOSSES`] in this time is given up.
+/// A device that is lost more often than [`MAX_LOSSES`] in this time is given up.
 const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 
 /// See [`LOSSES_WITHIN`].
-const MOST_LOSSES: usize = 3;
+const MAX_LOSSES: usize = 3;
 
 /// What the program begins with.
 pub(super) struct Start {
     pub(super) arguments: Arguments,
     pub(super) settings: Settings,
     pub(super) settings_file: Option<PathBuf>,
-    pub(super) problem: Option<SettingsError>,
+    pub(super) problem: Option<Error>,
     pub(super) session: Option<Session>,
 }
 
@@ -115,7 +115,7 @@ impl Workspace {
     /// Whether another window is to go on, since the last one has lost its device and that does not happen all the time.
     pub(super) fn takes_another_window(&mut self) -> bool {
         self.losses.retain(|when| when.elapsed() < LOSSES_WITHIN);
-        self.lost.is_some() && self.losses.len() <= MOST_LOSSES
+        self.lost.is_some() && self.losses.len() <= MAX_LOSSES
     }
 
     /// Ends the session where it was, with nothing of the user's lost: waits for the last commit, and keeps the settings.

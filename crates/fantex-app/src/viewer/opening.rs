@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use fantex_base::{Error, Result};
 use glam::DVec2;
 
 use crate::camera::{CameraMode, ViewPreset, Walker, Wish};
-use crate::document::{Document, OpenDocumentError, OpenProgress, Place, Stage};
+use crate::document::{Document, OpenProgress, Place, Stage};
 use crate::job::{Job, JobState};
 use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, Viewpoint, asset_beside};
 use crate::scene_view::{PrepareScene, SceneModel};
@@ -17,7 +18,7 @@ pub struct Opening {
     /// From where.
     pub place: Place,
     progress: Arc<OpenProgress>,
-    job: Job<Result<Loaded, OpenDocumentError>>,
+    job: Job<Result<Loaded>>,
     /// Whether the camera stays where it is.
     keeps_camera: bool,
     /// Whether there is nothing else to show: where it fails, the program does.
@@ -113,8 +114,10 @@ impl Viewer {
             let (document, painting) = if paints {
                 let (mut document, painter) = Document::open_for_painting(&from, memory, &for_thread)?;
                 let path = painter.editor().asset().path().to_owned();
-                let painting = Painting::new(painter, brushes_file, wake)
-                    .map_err(|source| OpenDocumentError::Thread { path, source })?;
+                let painting = Painting::new(painter, brushes_file, wake).map_err(|source| {
+                    let path = path.display();
+                    Error::unavailable(format!("cannot start a thread to paint on {path}: {source}"))
+                })?;
                 document.exchange = Some(painting.exchange().clone());
                 (document, Some(painting))
             } else {
@@ -122,7 +125,7 @@ impl Viewer {
             };
             for_thread.enter(Stage::Preparing)?;
             let model = prepare.map(|prepare| prepare(&document, streaming)).transpose();
-            let model = model.map_err(|reason| OpenDocumentError::Graphics { reason })?;
+            let model = model.map_err(Error::unavailable)?;
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;
             Ok(Loaded { document, model, painting })
@@ -194,7 +197,7 @@ impl Viewer {
                 }
                 self.want_ground(seconds);
             }
-            Err(OpenDocumentError::Cancelled) => {}
+            Err(error) if error.is_cancelled() => {}
             Err(error) => {
                 self.fail_opening(error.to_string(), is_all, seconds);
                 self.leave_lost_painting();

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use clap::Args;
 use fantex::Error;
-use fantex::paint::{PaintOptions, Painter, ReplayError, ReplaySummary, StrokeFile, StrokeLog, replay};
+use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
 use serde::Serialize;
 
 use super::view;
@@ -67,7 +67,7 @@ impl Strokes {
         Ok(Self::Log(StrokeLog::of(&*open_asset(asset)?)?))
     }
 
-    fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary, ReplayError> {
+    fn replay(&self, painter: &mut Painter) -> fantex::Result<ReplaySummary> {
         match self {
             Self::File { file, folder } => replay(painter, file, folder),
             Self::Log(log) => log.replay(painter),
@@ -148,7 +148,7 @@ fn missing(unrecorded: usize) -> String {
 fn export(asset: &Path, output: &Path, context: &Context) -> Result<(), CliError> {
     let log = StrokeLog::of(&*open_asset(asset)?)?;
     context.check_output(output)?;
-    log.save(output).map_err(|error| Error::writing(output, error))?;
+    log.save(output)?;
     let strokes = &log.strokes.strokes;
     let unrecorded = strokes.iter().filter(|stroke| stroke.unrecorded).count();
     let info = ExportInfo { output: output.to_owned(), strokes: strokes.len() - unrecorded, unrecorded };

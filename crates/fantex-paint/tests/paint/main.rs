@@ -124,6 +124,7 @@ pub(crate) fn stroke(surface: &Surface, texels: f32, positions: &[Vec3]) -> Stro
     let sample = |p: &Vec3| Sample::at(surface.nearest(*p, f32::INFINITY).unwrap());
     Stroke {
         brush: Brush { size: Size::Texels(texels), hardness: 0.2, ..Brush::default() },
+        stamp: None,
         samples: positions.iter().map(sample).collect(),
         line: false,
         symmetry: Symmetry::None,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_bake::{BakeFormat, BakeOptions, NoProgress, Prefilter, Source, SourceChannel, TexelPoint, bake};
 use fantex_mesh::{generate, shading_normals};
 use fantex_paint::{
-    FillArea, FillScope, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles,
+    FillArea, FillSettings, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles,
     replay,
 };
 use fantex_store::{Asset, ChannelKind, JUMP_BOUND, PageCache, VerifyOptions, verify};
@@ -179,7 +179,7 @@ fn a_fill_reaches_all_levels_and_means() {
         let baked = Baked::new(&mesh, &cover(&mesh, tile, texels), BakeFormat::Rgba8);
         let mut painter = baked.painter();
         let start = painter.surface().nearest(Vec3::X, f32::INFINITY).unwrap();
-        let all = fill_triangles(painter.surface(), start, FillScope::Connected);
+        let all = fill_triangles(painter.surface(), start, FillSettings::Connected);
         assert_eq!(all.len(), mesh.triangles.len());
         painter.begin("fill", red(1.0)).unwrap();
         painter.fill(FillArea::Triangles(all)).unwrap();
@@ -205,7 +205,7 @@ fn a_fill_by_angle_ends_at_edges() {
     let baked = Baked::new(&mesh, &cover(&mesh, 64, 20_000), BakeFormat::Rgba8);
     let painter = baked.painter();
     let start = painter.surface().hit(Vec3::new(0.1, 2.0, 0.1), Vec3::NEG_Y).unwrap();
-    let face = fill_triangles(painter.surface(), start, FillScope::Angle(30.0));
+    let face = fill_triangles(painter.surface(), start, FillSettings::Angle(30.0));
     assert_eq!(face.len(), mesh.triangles.len() / 6);
     assert!(face.iter().all(|&t| painter.surface().facet_normal(t).y > 0.9));
 }

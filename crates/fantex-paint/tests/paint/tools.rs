@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_bake::BakeFormat;
 use fantex_mesh::generate;
 use fantex_paint::{
-    BlendMode, ChannelPaint, ColorFill, FillArea, FillScope, Paint, PaintColor, Painter, Tool, dabs_of,
+    BlendMode, ChannelPaint, ColorFill, FillArea, FillSettings, Paint, PaintColor, Painter, Tool, dabs_of,
     fill_triangles,
 };
 use fantex_store::{PageCache, VerifyOptions, verify};
@@ -134,9 +134,9 @@ fn fills_of_triangles_end_where_they_should() {
     let surface = fantex_paint::Surface::new(Arc::new(mesh.clone()), Arc::new(cover(&mesh, 64, 4000)));
     let top = surface.hit(Vec3::new(0.1, 1.0, 0.1), Vec3::NEG_Y).unwrap();
     let count = |scope| fill_triangles(&surface, top, scope).len();
-    assert_eq!(count(FillScope::Whole), mesh.triangles.len());
-    assert_eq!(count(FillScope::Connected), mesh.triangles.len());
-    assert_eq!(count(FillScope::Angle(10.0)), 2 * 6 * 6);
+    assert_eq!(count(FillSettings::Whole), mesh.triangles.len());
+    assert_eq!(count(FillSettings::Connected), mesh.triangles.len());
+    assert_eq!(count(FillSettings::Angle(10.0)), 2 * 6 * 6);
 }
 
 #[test]

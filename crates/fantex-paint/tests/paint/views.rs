@@ -199,11 +199,11 @@ fn fills_and_stickers_have_mirror_images() {
 
 #[test]
 fn fills_of_triangles_start_on_all_sides() {
-    use fantex_paint::{FillScope, Surface, Symmetry, fill_triangles, fill_triangles_with};
+    use fantex_paint::{FillSettings, Surface, Symmetry, fill_triangles, fill_triangles_with};
     let mesh = plate(6, 0.4);
     let surface = Surface::new(Arc::new(mesh.clone()), Arc::new(cover(&mesh, 64, 4000)));
     let side = surface.hit(Vec3::new(5.0, 0.0, 0.05), Vec3::NEG_X).unwrap();
-    let scope = FillScope::Angle(20.0);
+    let scope = FillSettings::Angle(20.0);
     let one = fill_triangles(&surface, side, scope);
     let mirrored = fill_triangles_with(&surface, side, scope, &Symmetry::Mirror { axis: 0, offset: 0.0 });
     let radial = Symmetry::Radial { axis: 1, center: [0.0; 3], count: 4 };

@@ -114,8 +114,9 @@ fn dabs_around(surface: &Surface, texels: f32, count: usize) -> Vec<Dab> {
     loop {
         let more = (samples.len()..samples.len() + 64).filter_map(|i| surface.nearest(at(i), f32::INFINITY));
         samples.extend(more.map(Sample::at));
+        let (brush, samples_now) = (brush.clone(), samples.clone());
         let stroke =
-            Stroke { brush: brush.clone(), samples: samples.clone(), line: false, symmetry: Symmetry::None };
+            Stroke { brush, stamp: None, samples: samples_now, line: false, symmetry: Symmetry::None };
         let mut dabs = dabs_of(surface, &stroke);
         if dabs.len() >= count || samples.len() > 4096 || samples.is_empty() {
             dabs.truncate(count);
