@@ -32,7 +32,7 @@ pub use opening::Opening;
 const TREE_AT_ONCE_TRIANGLES: usize = 4_000_000;
 
 /// A frame of the camera's motion is no longer than this, however long the last frame took.
-const LONGEST_STEP_SECONDS: f64 = 0.1;
+const MAX_STEP_SECONDS: f64 = 0.1;
 
 /// Calls for another frame from any thread.
 pub type Wake = Arc<dyn Fn() + Send + Sync>;
@@ -605,7 +605,7 @@ impl Viewer {
             self.show(ViewPreset::ThreeQuarter);
         }
         let input = &self.paint(input, seconds);
-        let step = step.clamp(0.0, LONGEST_STEP_SECONDS);
+        let step = step.clamp(0.0, MAX_STEP_SECONDS);
         if input.turns_sun && input.drag != DVec2::ZERO {
             self.settings.light.has_sun = true;
             self.settings.light.drag_sun(input.drag);

@@ -30,7 +30,7 @@ pub struct Dab {
 }
 
 /// The flattest dab.
-const LEAST_ASPECT: f32 = 0.05;
+const MIN_ASPECT: f32 = 0.05;
 
 /// A dab with the part of the surface that it covers.
 #[derive(Clone, Debug)]
@@ -56,7 +56,7 @@ impl PlacedDab {
         let (sin, cos) = f64::from(dab.angle).sin_cos();
         let [along, across] =
             [x * cos + y * sin, y * cos - x * sin].map(|axis| (axis / f64::from(radius)).as_vec3());
-        let axes = [along, across / dab.aspect.clamp(LEAST_ASPECT, 1.0)];
+        let axes = [along, across / dab.aspect.clamp(MIN_ASPECT, 1.0)];
         Self {
             region: Region::grow(surface, dab.center, end),
             center: surface.position(dab.center).as_vec3(),
@@ -100,7 +100,7 @@ impl PlacedDab {
         let [along, across] = self.axes;
         let (x, y) = (q.dot(along), q.dot(across));
         // The same without the ellipse's shape.
-        let round = x.hypot(y * self.dab.aspect.clamp(LEAST_ASPECT, 1.0));
+        let round = x.hypot(y * self.dab.aspect.clamp(MIN_ASPECT, 1.0));
         if round > 0.0 { distance * x.hypot(y) / round } else { distance }
     }
 }
@@ -175,7 +175,7 @@ pub(crate) struct Chart {
 }
 
 /// A triangle whose sides are stretched by more than this lies on a tear.
-const MOST_STRETCH: f32 = 3.0;
+const MAX_STRETCH: f32 = 3.0;
 
 /// Grows a chart.
 struct Unfolder<'a> {
@@ -276,7 +276,7 @@ impl Unfolder<'_> {
         let corners = self.surface.corners(triangle).map(|p| p.as_vec3());
         let is_whole = (0..3).all(|k| {
             let flat = places[k].distance(places[(k + 1) % 3]);
-            flat <= MOST_STRETCH * corners[k].distance(corners[(k + 1) % 3]).max(1e-9)
+            flat <= MAX_STRETCH * corners[k].distance(corners[(k + 1) % 3]).max(1e-9)
         });
         is_whole.then_some(places)
     }

@@ -263,6 +263,10 @@ impl Painter {
     }
 
     /// Puts a layer on top; returns its number, by which strokes name it.
+    ///
+    /// # Errors
+    ///
+    /// The asset cannot be read or changed, or a texture of a fill layer cannot be evaluated.
     pub fn add_layer(&mut self, layer: Layer) -> Result<u64> {
         let number = self.start_add_layer(layer, None)?;
         self.finish_work()?;
@@ -270,6 +274,10 @@ impl Painter {
     }
 
     /// The same, above another layer where one is named; what it shows is left to [`work_on`](Self::work_on).
+    ///
+    /// # Errors
+    ///
+    /// As [`add_layer`](Self::add_layer).
     pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64> {
         let mut number = 0;
         self.change_layers("add layer", |layers| {
@@ -286,12 +294,20 @@ impl Painter {
 
     /// Changes layers in any way: order, names, visibility, opacity, blending, masks; or removes some. One step of the
     /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer).
+    ///
+    /// # Errors
+    ///
+    /// As [`add_layer`](Self::add_layer).
     pub fn edit_layers(&mut self, label: &str, change: impl FnOnce(&mut Vec<Layer>)) -> Result<()> {
         self.start_edit_layers(label, change)?;
         self.finish_work()
     }
 
     /// The same; what it shows is left to [`work_on`](Self::work_on).
+    ///
+    /// # Errors
+    ///
+    /// As [`add_layer`](Self::add_layer).
     pub fn start_edit_layers(&mut self, label: &str, change: impl FnOnce(&mut Vec<Layer>)) -> Result<()> {
         self.change_layers(label, |layers| {
             let known: BTreeSet<u64> = layers.stack.iter().map(Layer::id).collect();
@@ -302,6 +318,10 @@ impl Painter {
     }
 
     /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays.
+    ///
+    /// # Errors
+    ///
+    /// As [`add_layer`](Self::add_layer).
     pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>) -> Result<()> {
         self.change_layers(label, |layers| {
             let mut seen = BTreeSet::new();

@@ -116,6 +116,10 @@ pub(crate) struct OpenStroke {
 
 impl Painter {
     /// Opens an asset for painting. There may be unfinished work in it (see [`has_work`](Self::has_work)).
+    ///
+    /// # Errors
+    ///
+    /// The asset cannot be read, is being edited elsewhere, or its history or layers are damaged.
     pub fn open(path: &Path, options: &PaintOptions) -> Result<Self> {
         let editor = AssetEditor::open(path, &EditOptions::default())?;
         let history = History::load(&editor)?;
@@ -159,11 +163,19 @@ impl Painter {
     }
 
     /// Begins a stroke under all layers; one that is open ends first. `label` names it in the history.
+    ///
+    /// # Errors
+    ///
+    /// As [`begin_on`](Self::begin_on).
     pub fn begin(&mut self, label: &str, paint: Paint) -> Result<()> {
         self.begin_on(Target::Base, label, paint)
     }
 
     /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
+    ///
+    /// # Errors
+    ///
+    /// There is no such layer or channel, or an open stroke cannot be ended.
     pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<()> {
         self.finish_work()?;
         if self.stroke.is_some() {
@@ -190,6 +202,10 @@ impl Painter {
     }
 
     /// Adds dabs to the open stroke, in order. Does nothing where none is open.
+    ///
+    /// # Errors
+    ///
+    /// The asset or the temporary file of the stroke cannot be read or written.
     pub fn dab(&mut self, dabs: &[Dab]) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
             stroke.recording.add_dabs(&self.surface, dabs);
@@ -249,6 +265,10 @@ impl Painter {
     }
 
     /// Lays a picture onto the surface, as part of the open stroke. Does nothing where none is open.
+    ///
+    /// # Errors
+    ///
+    /// As [`dab`](Self::dab).
     pub fn decal(&mut self, decal: &Decal) -> Result<()> {
         let surface = Arc::clone(&self.surface);
         let Some(stroke) = &mut self.stroke else { return Ok(()) };
@@ -272,6 +292,10 @@ impl Painter {
     /// called before anything is painted. Settings that say nothing about where it is painted (neither samples nor dabs) are
     /// completed by the dabs as they come. Without it, dabs of constant colours are logged one by one; fills, decals and colours that
     /// are textures are counted in the log, but cannot be replayed from it. Fails where a file that is mentioned cannot be read.
+    ///
+    /// # Errors
+    ///
+    /// A file that the settings mention cannot be read.
     pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
             let asset = self.editor.asset().path();
@@ -319,6 +343,10 @@ impl Painter {
     }
 
     /// Brings the pages of level 0 up to date with the open stroke, and returns those that changed: for the next frame.
+    ///
+    /// # Errors
+    ///
+    /// Pages cannot be read or encoded.
     pub fn show(&mut self) -> Result<Vec<PageId>> {
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
         let stale = stroke.pages.stale();
@@ -377,6 +405,10 @@ impl Painter {
 
     /// The value of a channel at a point as it is seen now, an open stroke included once it is shown: **linear** RGBA. (An
     /// eyedropper.)
+    ///
+    /// # Errors
+    ///
+    /// There is no such channel, or pages cannot be read.
     pub fn pick(&mut self, channel: usize, point: SurfacePoint) -> Result<Vec4> {
         self.check_channel(channel)?;
         self.show()?;
@@ -384,6 +416,10 @@ impl Painter {
     }
 
     /// The same of all channels, in their order.
+    ///
+    /// # Errors
+    ///
+    /// Pages cannot be read.
     pub fn pick_all(&mut self, point: SurfacePoint) -> Result<Vec<Vec4>> {
         self.show()?;
         let channels = 0..self.editor.asset().channels().len();
@@ -391,6 +427,10 @@ impl Painter {
     }
 
     /// Makes everything durable, an open stroke (without its coarser levels) and unfinished work included.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written (see [`is_disk_full`](fantex_store::is_disk_full)); all changes stay in memory then.
     pub fn commit(&mut self) -> Result<CommitSummary> {
         self.show()?;
         self.finish_levels()?;
@@ -443,7 +483,7 @@ impl OpenStroke {
 
 /// Pages of level 0, times channels, whose coarser levels are left to another thread; those of more are computed at once, part by
 /// part, so that memory stays bounded.
-const MOST_PAGES_IN_BACKGROUND: usize = 2048;
+const MAX_PAGES_IN_BACKGROUND: usize = 2048;
 
 /// Changed texels of level 0, group by group.
 #[derive(Clone, Debug, Default)]
@@ -460,6 +500,10 @@ impl Changes {
 
 impl Painter {
     /// Ends the open stroke: shows it, computes coarser levels, and enters it into the history.
+    ///
+    /// # Errors
+    ///
+    /// Pages cannot be read, encoded or written.
     pub fn end(&mut self) -> Result<StrokeSummary> {
         self.finish_levels()?;
         let Some((mut summary, changes, channels)) = self.close_stroke()? else {
@@ -472,13 +516,17 @@ impl Painter {
     /// The same, but coarser levels are left to another thread: they (and the step in the history) are there once
     /// [`poll_levels`](Self::poll_levels) has said so. The results are the same bytes as [`end`](Self::end)'s. Whatever needs them
     /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
+    ///
+    /// # Errors
+    ///
+    /// As [`end`](Self::end).
     pub fn end_in_background(&mut self) -> Result<StrokeSummary> {
         self.finish_levels()?;
         let Some((mut summary, changes, channels)) = self.close_stroke()? else {
             return Ok(StrokeSummary::default());
         };
         let pages = summary.pages * channels.len().max(1);
-        if pages > MOST_PAGES_IN_BACKGROUND {
+        if pages > MAX_PAGES_IN_BACKGROUND {
             summary.coarser_pages = self.finish_step(changes, &channels)?;
             return Ok(summary);
         }
@@ -495,6 +543,10 @@ impl Painter {
 
     /// Takes over coarser levels that are ready, and returns the pages that they change (none twice, channels together); `None`
     /// while they are still being computed.
+    ///
+    /// # Errors
+    ///
+    /// As [`end`](Self::end).
     pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>> {
         let Some(underway) = self.levels.take() else { return Ok(Some(Vec::new())) };
         match underway.poll() {
@@ -507,6 +559,10 @@ impl Painter {
     }
 
     /// Waits for coarser levels that are being computed, and returns the pages that they change.
+    ///
+    /// # Errors
+    ///
+    /// As [`end`](Self::end).
     pub fn finish_levels(&mut self) -> Result<Vec<PageId>> {
         let Some(underway) = self.levels.take() else { return Ok(Vec::new()) };
         self.take_over(underway.wait())
@@ -596,6 +652,10 @@ impl Painter {
     }
 
     /// Takes the last step back; false where there is none. An open stroke ends first.
+    ///
+    /// # Errors
+    ///
+    /// The history cannot be read, or the asset not be changed.
     pub fn undo(&mut self) -> Result<bool> {
         let is_started = self.start_undo()?;
         self.finish_work()?;
@@ -603,6 +663,10 @@ impl Painter {
     }
 
     /// Does what was taken back last again; false where there is nothing.
+    ///
+    /// # Errors
+    ///
+    /// As [`undo`](Self::undo).
     pub fn redo(&mut self) -> Result<bool> {
         let is_started = self.start_redo()?;
         self.finish_work()?;
@@ -745,6 +809,10 @@ pub struct PreviewPage {
 impl Painter {
     /// The coarser levels of tiles under the open stroke, as [`end`](Self::end) will leave them: to be shown, not kept. `shown`
     /// are pages of level 0, by [`show`](Self::show). Waits for levels of the stroke before.
+    ///
+    /// # Errors
+    ///
+    /// Pages cannot be read or encoded.
     pub fn preview(&mut self, shown: &[PageId]) -> Result<Vec<PreviewPage>> {
         self.finish_levels()?;
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };

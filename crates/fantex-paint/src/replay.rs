@@ -54,6 +54,10 @@ pub struct ReplaySummary {
 
 impl StrokeFile {
     /// Reads a stroke file.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be read, or is no stroke file of this version.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|source| Error::reading(path, source))?;
         let file: Self = serde_json::from_slice(&bytes).map_err(|source| {
@@ -69,6 +73,10 @@ impl StrokeFile {
 
 /// Applies all strokes of a file, one step of the history each. Commits nothing. `folder`: what paths in the file are relative
 /// to.
+///
+/// # Errors
+///
+/// A stroke is wrong or mentions what is not there: then nothing is painted. Or painting fails.
 pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result<ReplaySummary> {
     let mut summary = ReplaySummary::default();
     // All are checked before the first one is applied.

@@ -325,7 +325,7 @@ enum Goal {
 const MAX_STEPS: usize = 1 << 16;
 
 /// A way around may be this much longer than the straight line before it is given up.
-const LONGEST_DETOUR: f64 = 4.0;
+const MAX_DETOUR: f64 = 4.0;
 
 /// The way from one point to another along the cut of the plane through both that stands upright on the surface between
 /// them: a straight line on a plane, nearly the shortest way elsewhere. None where the cut does not lead there.
@@ -355,7 +355,7 @@ pub(crate) fn walk_straight(
 fn walk(surface: &Surface, from: SurfacePoint, direction: DVec3, plane: DVec3, goal: Goal) -> Option<Path> {
     let origin = surface.position(from);
     let longest = match goal {
-        Goal::Point(_) => LONGEST_DETOUR * direction.length(),
+        Goal::Point(_) => MAX_DETOUR * direction.length(),
         Goal::Length(length) => length,
     };
     let mut path = Path { points: vec![(from, 0.0)] };

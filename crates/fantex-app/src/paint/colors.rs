@@ -5,7 +5,7 @@ use glam::Vec4;
 use serde::{Deserialize, Serialize};
 
 /// Colours that were used last and are remembered.
-const MOST_RECENT: usize = 16;
+const MAX_RECENT: usize = 16;
 
 /// The user's colours.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -140,7 +140,7 @@ impl Colors {
         let color = self.foreground;
         self.recent.retain(|&known| known != color);
         self.recent.insert(0, color);
-        self.recent.truncate(MOST_RECENT);
+        self.recent.truncate(MAX_RECENT);
     }
 
     /// The foreground as linear RGBA.
@@ -192,7 +192,7 @@ mod tests {
             colors.foreground = [n % 20, 0, 0];
             colors.used();
         }
-        assert_eq!(colors.recent.len(), MOST_RECENT);
+        assert_eq!(colors.recent.len(), MAX_RECENT);
         assert_eq!(colors.recent[0], [19, 0, 0]);
         colors.foreground = [10, 0, 0];
         colors.used();

@@ -119,7 +119,7 @@ struct Piece {
 }
 
 /// Places that are tested for what lies before them.
-const MOST_RAYS: usize = 5000;
+const MAX_RAYS: usize = 5000;
 
 /// Pixels between two such places at most.
 const STEP_PIXELS: f64 = 10.0;
@@ -148,7 +148,7 @@ impl Section {
             self.seen_from = Some(*view);
             let fine: Vec<Run> = self.runs.iter().map(|run| run.divided(view)).collect();
             let places: usize = fine.iter().map(|run| run.normals.len()).sum();
-            let stride = places.div_ceil(MOST_RAYS).max(1);
+            let stride = places.div_ceil(MAX_RAYS).max(1);
             self.seen = fine.iter().flat_map(|run| run.seen(surface, view, stride)).collect();
         }
         &self.seen

@@ -187,12 +187,12 @@ fn switches(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
 
 /// The end of a long place.
 pub(super) fn short_place(place: &str) -> String {
-    const LONGEST: usize = 48;
+    const MAX_CHARS: usize = 48;
     let count = place.chars().count();
-    if count <= LONGEST {
+    if count <= MAX_CHARS {
         return place.to_owned();
     }
-    let end: String = place.chars().skip(count - LONGEST + 1).collect();
+    let end: String = place.chars().skip(count - MAX_CHARS + 1).collect();
     format!("…{end}")
 }
 

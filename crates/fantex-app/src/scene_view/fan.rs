@@ -25,7 +25,7 @@ const POOL_SECONDS: f32 = 0.4;
 const QUICK_FRAMES_PER_SECOND: f32 = 60.0;
 
 /// A slow frame takes no more than so many quick ones would.
-const MOST_QUICK_FRAMES: f32 = 64.0;
+const MAX_QUICK_FRAMES: f32 = 64.0;
 
 /// An asset, streamed.
 pub struct FanScene {
@@ -97,7 +97,7 @@ impl FanScene {
         }
         let view = stream_view(&viewer.camera(), viewer.scene_pixels, self.streamed.model.space());
         // The budget is meant for quick frames; slow ones take as much per second.
-        let frames = (elapsed_seconds * QUICK_FRAMES_PER_SECOND).clamp(1.0, MOST_QUICK_FRAMES);
+        let frames = (elapsed_seconds * QUICK_FRAMES_PER_SECOND).clamp(1.0, MAX_QUICK_FRAMES);
         let upload_bytes = (settings.upload_bytes() as f32 * frames) as usize;
         let frame = FrameOptions { upload_bytes, elapsed_seconds };
         let was_hidden = self.streamed.model.has_hidden_atlas();

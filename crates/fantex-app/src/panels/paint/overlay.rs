@@ -206,7 +206,7 @@ fn saved(painter: &Painter, state: &SaveState, rect: Rect) {
 // The picture over the view: what it is, where it lies, and the handles that move it.
 
 /// Pixels of the picture on the screen, at most.
-const MOST_PIXELS: u32 = 1024;
+const MAX_PIXELS: u32 = 1024;
 
 /// Radius of a handle, points.
 const HANDLE: f32 = 7.0;
@@ -328,7 +328,7 @@ fn texture(ui: &Ui, picture: &Arc<StencilPicture>, paints: StencilUse) -> Textur
     if let Some((_, _, texture)) = known.filter(|(of, use_, _)| Arc::ptr_eq(of, picture) && *use_ == paints) {
         return texture;
     }
-    let (extent, pixels) = picture.pixels(MOST_PIXELS, paints);
+    let (extent, pixels) = picture.pixels(MAX_PIXELS, paints);
     let pixels = pixels.into_iter().map(|[r, g, b, a]| Color32::from_rgba_unmultiplied(r, g, b, a));
     let image = ColorImage::new(extent, pixels.collect());
     let texture = ui.ctx().load_texture("stencil", image, TextureOptions::LINEAR);
