@@ -39,7 +39,7 @@ pub fn bake_model(mesh: &Mesh, output: &Path, progress: &dyn Progress) -> Result
         return write(mesh, TexelBudget::Total(TEXELS), &source, output, progress);
     }
     let says_something = |m: &fantex_mesh::Material| m.base_color != Vec4::ONE || m.emission != Vec3::ZERO;
-    let source = LookSource::of_model(mesh)?;
+    let source = LookSource::of_model(mesh).map_err(other)?;
     if source.has_textures() {
         return write(mesh, TexelBudget::PerTriangle(source.density()), &source, output, progress);
     }
@@ -58,8 +58,7 @@ fn write(
 ) -> Result<()> {
     let options = CoverOptions { budget, ..CoverOptions::default() };
     let (cover, _) = build_cover(mesh, &options)?;
-    bake(mesh, &cover, &WithMaterial::of(source), output, &BakeOptions::default(), progress)
-        .map_err(other)?;
+    bake(mesh, &cover, &WithMaterial::of(source), output, &BakeOptions::default(), progress)?;
     Ok(())
 }
 
