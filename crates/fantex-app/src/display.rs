@@ -1,7 +1,7 @@
 //! How the scene is shown: views of the shading, overlays, tone, resolution.
 
-use fantex_scene::{FilterOptions, ToneMap};
-use fantex_texture::Filter;
+use fantex::scene::{FilterOptions, ToneMap};
+use fantex::texture::Filter;
 use serde::{Deserialize, Serialize};
 
 /// What of the shading is shown.

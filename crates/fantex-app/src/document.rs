@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
-use fantex_bake::Progress;
-use fantex_base::{Error, Result};
-use fantex_cover::{Cover, GroupKind};
-use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
-use fantex_paint::{PaintOptions, Painter};
-use fantex_scene::world_bounds;
-use fantex_store::{Asset, ChannelKind, cover_level_count};
-use fantex_stream::open_asset;
+use fantex::bake::Progress;
+use fantex::base::{Error, Result};
+use fantex::cover::{Cover, GroupKind};
+use fantex::mesh::{CleanOptions, CleanReport, LoadOptions, Mesh, clean, load};
+use fantex::paint::{PaintOptions, Painter};
+use fantex::scene::world_bounds;
+use fantex::store::{Asset, ChannelKind, cover_level_count};
+use fantex::stream::open_asset;
 
 use crate::camera::SceneScale;
 use crate::paint::{Exchange, asset_beside, bake_model};

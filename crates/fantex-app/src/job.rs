@@ -3,7 +3,7 @@
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::Instant;
 
-use fantex_base::{Error, ErrorKind};
+use fantex::base::{Error, ErrorKind};
 
 /// Work under way on a thread of its own. Dropped, it runs to its end, and its result is lost.
 #[derive(Debug)]

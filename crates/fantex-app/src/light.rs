@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::Result;
-use fantex_scene::{AmbientLight, Background, EnvironmentLight, Light, Lights, ShadowOptions};
-use fantex_texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
-use glam::{DVec2, Vec3};
+use fantex::base::Result;
+use fantex::glam::{DVec2, Vec3};
+use fantex::scene::{AmbientLight, Background, EnvironmentLight, Light, Lights, ShadowOptions};
+use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
 use serde::{Deserialize, Serialize};
 
 use crate::job::other;

@@ -17,7 +17,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, ErrorKind, Result};
+use fantex::base::{Error, ErrorKind, Result};
 use serde::Deserialize;
 
 use crate::camera::{CameraMode, ViewPreset};
@@ -208,7 +208,7 @@ pub enum LayerStep {
     /// 0..1.
     Opacity(f32),
     /// Another blend mode.
-    Blend(fantex_paint::BlendMode),
+    Blend(fantex::paint::BlendMode),
     /// Shown or not.
     Show(bool),
     /// A mask that shows all (true) or hides all.

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, ErrorKind, Result};
+use fantex::base::{Error, ErrorKind, Result};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{CameraMode, FlyMotion};

@@ -4,10 +4,10 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_base::Result;
-use fantex_paint::PaintOptions;
-use fantex_scene::{Background, Camera, Lights};
-use glam::{DVec2, DVec3};
+use fantex::base::Result;
+use fantex::glam::{DVec2, DVec3};
+use fantex::paint::PaintOptions;
+use fantex::scene::{Background, Camera, Lights};
 
 use crate::camera::{
     CameraMode, CameraPath, CameraRig, FlyMotion, Ground, MeshGround, PathRecorder, SceneScale, ViewPreset,

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!  orbit (drag, zoom to the cursor, pan) --.
-//!  fly   (keys, mouse look, speed) --------+--> CameraRig --> fantex_scene::Camera
+//!  fly   (keys, mouse look, speed) --------+--> CameraRig --> fantex::scene::Camera
 //!  walk  (gravity, steps, walls) ----------'        ^
 //!                             Ground (rays) --'     '-- presets, recorded paths
 //! ```
@@ -11,10 +11,10 @@
 
 use std::f64::consts::PI;
 
-use fantex_base::Aabb;
-use fantex_mesh::Mesh;
-use fantex_scene::Camera;
-use glam::{DMat3, DVec2, DVec3};
+use fantex::base::Aabb;
+use fantex::glam::{DMat3, DVec2, DVec3};
+use fantex::mesh::Mesh;
+use fantex::scene::Camera;
 pub use path::{CameraKey, CameraPath, PathRecorder};
 use serde::{Deserialize, Serialize};
 pub use walk::Walker;
@@ -397,8 +397,8 @@ impl CameraRig {
 
 #[cfg(test)]
 mod tests {
-    use fantex_mesh::generate::torus;
-    use fantex_mesh::{CleanOptions, clean};
+    use fantex::mesh::generate::torus;
+    use fantex::mesh::{CleanOptions, clean};
 
     use super::*;
 

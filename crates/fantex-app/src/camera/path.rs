@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use fantex_base::{Error, ErrorKind, Result};
-use fantex_scene::Camera;
-use glam::DVec3;
+use fantex::base::{Error, ErrorKind, Result};
+use fantex::glam::DVec3;
+use fantex::scene::Camera;
 use serde::{Deserialize, Serialize};
 
 use crate::settings::write_whole;

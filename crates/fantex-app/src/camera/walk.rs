@@ -7,9 +7,9 @@
 
 use std::sync::Arc;
 
-use fantex_mesh::{Mesh, TriangleBvh};
-use fantex_store::Asset;
-use glam::DVec3;
+use fantex::glam::DVec3;
+use fantex::mesh::{Mesh, TriangleBvh};
+use fantex::store::Asset;
 
 use crate::camera::{CameraRig, Wish};
 
@@ -265,8 +265,8 @@ impl Ground for MeshGround {
 
 #[cfg(test)]
 mod tests {
-    use fantex_mesh::generate::torus;
-    use fantex_mesh::{CleanOptions, clean};
+    use fantex::mesh::generate::torus;
+    use fantex::mesh::{CleanOptions, clean};
 
     use super::*;
     use crate::camera::GroundHit;

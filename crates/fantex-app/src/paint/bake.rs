@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex_bake::{
+use fantex::bake::{
     BakeOptions, LookSource, Prefilter, Progress, Source, SourceChannel, TexelPoint, VertexColorSource, bake,
 };
-use fantex_base::Result;
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::Mesh;
-use fantex_store::ChannelKind;
-use glam::{Vec3, Vec4};
+use fantex::base::Result;
+use fantex::cover::{CoverOptions, TexelBudget, build_cover};
+use fantex::glam::{Vec3, Vec4};
+use fantex::mesh::Mesh;
+use fantex::store::ChannelKind;
 
 use crate::job::other;
 
@@ -38,7 +38,7 @@ pub fn bake_model(mesh: &Mesh, output: &Path, progress: &dyn Progress) -> Result
     {
         return write(mesh, TexelBudget::Total(TEXELS), &source, output, progress);
     }
-    let says_something = |m: &fantex_mesh::Material| m.base_color != Vec4::ONE || m.emission != Vec3::ZERO;
+    let says_something = |m: &fantex::mesh::Material| m.base_color != Vec4::ONE || m.emission != Vec3::ZERO;
     let source = LookSource::of_model(mesh).map_err(other)?;
     if source.has_textures() {
         return write(mesh, TexelBudget::PerTriangle(source.density()), &source, output, progress);
@@ -119,10 +119,10 @@ impl Source for WithMaterial<'_> {
 
 #[cfg(test)]
 mod tests {
-    use fantex_bake::NoProgress;
-    use fantex_mesh::generate::torus;
-    use fantex_mesh::{CleanOptions, clean};
-    use fantex_store::Asset;
+    use fantex::bake::NoProgress;
+    use fantex::mesh::generate::torus;
+    use fantex::mesh::{CleanOptions, clean};
+    use fantex::store::Asset;
 
     use super::*;
 

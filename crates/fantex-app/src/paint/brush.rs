@@ -3,8 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fantex_base::{Error, ErrorKind, Result};
-use fantex_paint::{BlendMode, Brush, Jitter, PressureResponse, Size};
+use fantex::base::{Error, ErrorKind, Result};
+use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size};
 use serde::{Deserialize, Serialize};
 
 use crate::settings::write_whole;

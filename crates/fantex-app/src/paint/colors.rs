@@ -1,7 +1,7 @@
 //! Colours at hand: foreground, background, those used last, palettes. All are sRGB bytes.
 
-use fantex_texture::color::linear_from_srgb;
-use glam::Vec4;
+use fantex::glam::Vec4;
+use fantex::texture::color::linear_from_srgb;
 use serde::{Deserialize, Serialize};
 
 /// Colours that were used last and are remembered.

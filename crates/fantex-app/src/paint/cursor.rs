@@ -1,7 +1,7 @@
 //! The pen in the scene: from places in the picture to points of the surface.
 
-use fantex_paint::{Surface, SurfacePoint, Symmetry};
-use glam::{DVec2, DVec3};
+use fantex::glam::{DVec2, DVec3};
+use fantex::paint::{Surface, SurfacePoint, Symmetry};
 
 use crate::camera::CameraRig;
 
@@ -179,9 +179,9 @@ fn circle(center: DVec3, normal: DVec3, radius: f64) -> Vec<DVec3> {
 mod tests {
     use std::sync::Arc;
 
-    use fantex_cover::{CoverOptions, build_cover};
-    use fantex_mesh::generate::torus;
-    use fantex_mesh::{CleanOptions, clean};
+    use fantex::cover::{CoverOptions, build_cover};
+    use fantex::mesh::generate::torus;
+    use fantex::mesh::{CleanOptions, clean};
 
     use super::*;
     use crate::camera::ViewPreset;

@@ -5,11 +5,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::mpsc::Sender;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
-use fantex_base::{Error, Result};
-use fantex_cover::Cover;
-use fantex_paint::Painter;
-use fantex_store::{Asset, PageId, decode_plain, page_extent};
-use fantex_stream::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, assemble};
+use fantex::base::{Error, Result};
+use fantex::cover::Cover;
+use fantex::paint::Painter;
+use fantex::store::{Asset, PageId, decode_plain, page_extent};
+use fantex::stream::{AtlasFormat, LoadedParcel, Parcel, ParcelLoader, ParcelTexels, assemble};
 
 use crate::paint::Order;
 
@@ -375,8 +375,8 @@ fn no_such_page(painter: &Painter, channel: usize, page: PageId) -> Error {
 mod tests {
     use std::sync::mpsc::{Receiver, channel};
 
-    use fantex_cover::{Frame, Group, GroupKind};
-    use glam::{Vec2, Vec3};
+    use fantex::cover::{Frame, Group, GroupKind};
+    use fantex::glam::{Vec2, Vec3};
 
     use super::*;
 

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_paint::{
+use fantex::glam::{Vec3, Vec4};
+use fantex::paint::{
     BlendMode, Brush, ChannelPaint, ChannelSettings, ColorSettings, Decal, DecalSettings, FillSettings,
     LayerContent, Paint, PaintColor, Sample, SampleSettings, Size, Stamp, StencilSettings, StrokeSettings,
     Surface, SurfacePoint, Target, TextSettings, Tool, ToolSettings, Where,
 };
-use fantex_store::{Channel, ChannelKind};
-use fantex_texture::Image;
-use glam::{Vec3, Vec4};
+use fantex::store::{Channel, ChannelKind};
+use fantex::texture::Image;
 
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;

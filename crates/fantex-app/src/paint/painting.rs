@@ -1,17 +1,17 @@
 //! Something that is being painted on, as the window knows it: what the hand does becomes orders for the worker.
 
-use fantex_base::Aabb;
+use fantex::base::Aabb;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use fantex_paint::{
+use fantex::glam::{DVec2, DVec3, Vec4};
+use fantex::paint::{
     BlendMode, GraphFill, Layer, LayerContent, Painter, Sample, Stamp, Surface, SurfacePoint, Target,
     WorkProgress,
 };
-use fantex_scene::world_bounds;
-use fantex_store::{Asset, Channel, ChannelKind};
-use fantex_texture::color::srgb_from_linear;
-use glam::{DVec2, DVec3, Vec4};
+use fantex::scene::world_bounds;
+use fantex::store::{Asset, Channel, ChannelKind};
+use fantex::texture::color::srgb_from_linear;
 
 use crate::notices::Notices;
 use crate::paint::cursor::world_position;

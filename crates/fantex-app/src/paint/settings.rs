@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use eframe::egui::{Key, Modifiers};
-use fantex_paint::{ChannelPaint, ColorFill, FillSettings, PaintColor};
-use fantex_store::{Channel, ChannelKind};
-use glam::Vec4;
+use fantex::glam::Vec4;
+use fantex::paint::{ChannelPaint, ColorFill, FillSettings, PaintColor};
+use fantex::store::{Channel, ChannelKind};
 use serde::{Deserialize, Serialize};
 
 use crate::command::{Command, Section, Shortcut};

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::Result;
-use fantex_paint::{Lens, Picture, PicturePlace, Projection, ProjectionView, StencilBy, Surface};
-use fantex_texture::Image;
-use glam::DVec2;
+use fantex::base::Result;
+use fantex::glam::DVec2;
+use fantex::paint::{Lens, Picture, PicturePlace, Projection, ProjectionView, StencilBy, Surface};
+use fantex::texture::Image;
 use serde::{Deserialize, Serialize};
 
 use crate::job::other;
@@ -150,7 +150,7 @@ impl StencilPicture {
         let pixel = |x: u32, y: u32| {
             let [r, g, b, a] = self.image.linear_texel(x, y);
             let byte =
-                |c: f32| (fantex_texture::color::srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8;
+                |c: f32| (fantex::texture::color::srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8;
             // Luminance (ITU-R BT.709).
             let a = if is_mask { 0.2126 * r + 0.7152 * g + 0.0722 * b } else { a };
             [byte(r), byte(g), byte(b), (a.clamp(0.0, 1.0) * 255.0).round() as u8]

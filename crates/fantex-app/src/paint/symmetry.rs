@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use fantex_base::Aabb;
-use fantex_paint::{Surface, Symmetry};
-use glam::{DVec2, DVec3};
+use fantex::base::Aabb;
+use fantex::glam::{DVec2, DVec3};
+use fantex::paint::{Surface, Symmetry};
 use serde::{Deserialize, Serialize};
 
 use crate::paint::Viewpoint;
@@ -298,9 +298,9 @@ fn pixels_between(view: &Viewpoint, a: DVec3, b: DVec3) -> f64 {
 mod tests {
     use std::sync::Arc;
 
-    use fantex_cover::{CoverOptions, build_cover};
-    use fantex_mesh::generate::{icosphere, torus};
-    use fantex_mesh::{CleanOptions, Model, clean};
+    use fantex::cover::{CoverOptions, build_cover};
+    use fantex::mesh::generate::{icosphere, torus};
+    use fantex::mesh::{CleanOptions, Model, clean};
 
     use super::*;
     use crate::camera::ViewPreset;

@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use fantex_bake::{BakeOptions, NoProgress, SineSource, bake};
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::generate::torus;
-use fantex_mesh::{CleanOptions, clean};
-use fantex_paint::{BlendMode, PaintOptions, Painter, Target};
-use fantex_store::{Asset, PageId, VerifyOptions, verify};
-use fantex_stream::{AtlasFormat, ParcelTexels};
-use glam::DVec2;
+use fantex::bake::{BakeOptions, NoProgress, SineSource, bake};
+use fantex::cover::{CoverOptions, TexelBudget, build_cover};
+use fantex::glam::DVec2;
+use fantex::mesh::generate::torus;
+use fantex::mesh::{CleanOptions, clean};
+use fantex::paint::{BlendMode, PaintOptions, Painter, Target};
+use fantex::store::{Asset, PageId, VerifyOptions, verify};
+use fantex::stream::{AtlasFormat, ParcelTexels};
 
 use super::*;
 use crate::camera::ViewPreset;
@@ -267,7 +267,7 @@ fn save_slide(folder: &Path) -> PathBuf {
     let texel = |i: usize| [1.0, 0.5, 0.0, if i % 32 < 16 { 1.0 } else { 0.0 }];
     let texels: Vec<[f32; 4]> = (0..32 * 32).map(texel).collect();
     let path = folder.join("slide.png");
-    fantex_texture::Image::from_linear_rgba(32, 32, &texels).save(&path).unwrap();
+    fantex::texture::Image::from_linear_rgba(32, 32, &texels).save(&path).unwrap();
     path
 }
 
@@ -325,7 +325,7 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
     // All is in the log, and can be painted on another density.
     let path = studio.path.clone();
     let folder = studio.close();
-    let log = fantex_paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+    let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
     let mut again =
         Painter::open(&small_asset(tempfile::tempdir().unwrap().path()), &PaintOptions::default()).unwrap();
     let summary = log.replay(&mut again).unwrap();
@@ -359,7 +359,7 @@ fn what_the_hand_does_is_in_the_log() {
     let found = all(&mut studio);
     let path = studio.path.clone();
     let _folder = studio.close();
-    let log = fantex_paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
+    let log = fantex::paint::StrokeLog::of(&Asset::open(&path).unwrap()).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let path = small_asset(folder.path());
     let mut again = Painter::open(&path, &PaintOptions::default()).unwrap();

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use fantex_base::{Error, ErrorKind, Result};
-use fantex_paint::{
+use fantex::base::{Error, ErrorKind, Result};
+use fantex::glam::{Vec2, Vec3, Vec4};
+use fantex::paint::{
     DEFAULT_FONT, Decal, LookSettings, Picture, Surface, SurfacePoint, TextureGraph, draw_text,
 };
-use fantex_texture::{Filtering, Image, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
-use glam::{Vec2, Vec3, Vec4};
+use fantex::texture::{Filtering, Image, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
 use serde::{Deserialize, Serialize};
 
 use crate::job::other;
@@ -180,7 +180,7 @@ impl ChosenTexture {
             value
                 .truncate()
                 .to_array()
-                .map(|c| (fantex_texture::color::srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8)
+                .map(|c| (fantex::texture::color::srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8)
         };
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect()
     }
@@ -224,9 +224,9 @@ pub(crate) fn text_lines(text: &str) -> f32 {
 
 #[cfg(test)]
 mod tests {
-    use fantex_cover::{CoverOptions, build_cover};
-    use fantex_mesh::generate::torus;
-    use fantex_mesh::{CleanOptions, clean};
+    use fantex::cover::{CoverOptions, build_cover};
+    use fantex::mesh::generate::torus;
+    use fantex::mesh::{CleanOptions, clean};
 
     use super::*;
 

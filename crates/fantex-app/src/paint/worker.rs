@@ -10,14 +10,14 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use fantex_base::{Error, Result};
-use fantex_paint::{
+use fantex::base::{Error, Result};
+use fantex::glam::{DVec2, Vec4};
+use fantex::paint::{
     Brush, Decal, FillArea, FillSettings, Layer, LiveStroke, Paint, Painter, Sample, Stamp, StrokeSettings,
     SurfacePoint, Symmetry, Target, WorkProgress,
 };
-use fantex_store::{Asset, PageId, is_disk_full};
-use fantex_stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
-use glam::{DVec2, Vec4};
+use fantex::store::{Asset, PageId, is_disk_full};
+use fantex::stream::{AtlasFormat, ClusterLoader, ClusterLoaderOptions, ParcelLoader};
 
 use crate::paint::exchange::{page_texels, parcel_texels};
 use crate::paint::{Exchange, Viewpoint};
@@ -456,7 +456,7 @@ impl Worker {
         let history = self.painter.history();
         let older = history.done().len().saturating_sub(MAX_LISTED_STEPS);
         let names =
-            |steps: &[fantex_paint::HistoryStep]| steps.iter().map(|step| step.label.clone()).collect();
+            |steps: &[fantex::paint::HistoryStep]| steps.iter().map(|step| step.label.clone()).collect();
         self.tell(Report::State(Box::new(Snapshot {
             layers: self.painter.layers().to_vec(),
             older,

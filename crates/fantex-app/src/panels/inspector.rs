@@ -226,7 +226,7 @@ fn camera(ui: &mut Ui, viewer: &mut Viewer) {
             });
         }
     }
-    let point = |p: glam::DVec3| p.to_array().map(short_number).join(", ");
+    let point = |p: fantex::glam::DVec3| p.to_array().map(short_number).join(", ");
     facts(ui, "camera facts", [("At", point(viewer.rig.eye)), ("Looks at", point(viewer.rig.pivot()))]);
 }
 

@@ -4,7 +4,7 @@ use eframe::egui::{
     self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton,
     Pos2, Rect, RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
 };
-use glam::DVec2;
+use fantex::glam::DVec2;
 
 use super::SceneTexture;
 use super::bar::short_place;

@@ -17,8 +17,8 @@ fn empty() -> Viewer {
 }
 
 fn with_model() -> Viewer {
-    let model = fantex_mesh::generate::torus(24, 12);
-    let (mesh, report) = fantex_mesh::clean(model, &fantex_mesh::CleanOptions::default()).unwrap();
+    let model = fantex::mesh::generate::torus(24, 12);
+    let (mesh, report) = fantex::mesh::clean(model, &fantex::mesh::CleanOptions::default()).unwrap();
     let mut viewer = empty();
     let notes = vec!["12 vertices welded to an earlier vertex at the same place.".to_owned()];
     viewer.document = Some(Document::of_model(Place::parse("torus.ply"), Arc::new(mesh), &report, notes));
@@ -190,7 +190,7 @@ fn facts_stand_beside_their_names() {
 
 fn with_painting(folder: &std::path::Path) -> Viewer {
     let path = crate::paint::tests::small_asset(folder);
-    let painter = fantex_paint::Painter::open(&path, &fantex_paint::PaintOptions::default()).unwrap();
+    let painter = fantex::paint::Painter::open(&path, &fantex::paint::PaintOptions::default()).unwrap();
     let asset = painter.editor().asset().clone();
     let mut viewer = empty();
     viewer.document = Some(Document::of_asset(Place::File(path), asset));

@@ -1,7 +1,7 @@
 //! The atlas as a picture: its texels made small, in the encoding of screens.
 
 use eframe::wgpu;
-use fantex_gpu::{AtlasViewer, FanModel, Gpu};
+use fantex::gpu::{AtlasViewer, FanModel, Gpu};
 
 use crate::scene_view::FORMAT;
 

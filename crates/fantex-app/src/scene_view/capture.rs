@@ -3,9 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use eframe::wgpu;
-use fantex_base::{Error, ErrorKind, Result};
-use fantex_gpu::{Gpu, Readback};
-use fantex_texture::{ColorSpace, Image, Samples};
+use fantex::base::{Error, ErrorKind, Result};
+use fantex::gpu::{Gpu, Readback};
+use fantex::texture::{ColorSpace, Image, Samples};
 
 use super::FORMAT;
 

@@ -5,12 +5,12 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use eframe::wgpu;
-use fantex_base::Result;
-use fantex_cover::Cover;
-use fantex_gpu::{FanModel, Gpu, Model as _, StreamedModel, stream_view};
-use fantex_mesh::Mesh;
-use fantex_store::{Asset, PageId, cover_level_count};
-use fantex_stream::{FrameChanges, FrameOptions, Geometry, PageTable, ParcelUpload, TableEntry};
+use fantex::base::Result;
+use fantex::cover::Cover;
+use fantex::gpu::{FanModel, Gpu, Model as _, StreamedModel, stream_view};
+use fantex::mesh::Mesh;
+use fantex::store::{Asset, PageId, cover_level_count};
+use fantex::stream::{FrameChanges, FrameOptions, Geometry, PageTable, ParcelUpload, TableEntry};
 
 use crate::figures::{DamagedPart, LISTED_DAMAGE, LevelFigures, StreamFigures};
 use crate::paint::{Exchange, PaintLoader};

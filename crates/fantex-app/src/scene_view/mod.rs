@@ -17,11 +17,11 @@ pub(crate) use capture::lost_picture;
 pub use capture::{Captured, Capturing};
 use eframe::wgpu;
 pub use fan::FanScene;
-use fantex_base::{Error, Result};
-use fantex_gpu::{
+use fantex::base::{Error, Result};
+use fantex::gpu::{
     DrawOptions, Frame, Gpu, Model, Overlay as DrawnOverlay, Renderer, UvModel, WireframeOptions,
 };
-use fantex_scene::{Camera, Lights, Shading};
+use fantex::scene::{Camera, Lights, Shading};
 
 use crate::display::{Overlay, ShadingView};
 use crate::document::{Content, Document};

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
 use eframe::wgpu;
-use fantex_base::Result;
-use fantex_paint::{Layer, Target};
-use fantex_scene::Camera;
-use glam::DVec3;
+use fantex::base::Result;
+use fantex::glam::DVec3;
+use fantex::paint::{Layer, Target};
+use fantex::scene::Camera;
 
 use crate::command::{Command, parse_keys};
 use crate::light::Surroundings;

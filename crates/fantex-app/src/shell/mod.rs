@@ -13,8 +13,8 @@ use std::time::Duration;
 use clap::Parser;
 use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
-use fantex_base::Result;
-use fantex_gpu::Gpu;
+use fantex::base::Result;
+use fantex::gpu::Gpu;
 use workspace::{Answer, Start, Workspace};
 
 use crate::command::{Command, command_while};
@@ -76,7 +76,7 @@ pub fn run(arguments: Arguments) -> ExitCode {
     workspace.finish();
     match (workspace.failure, workspace.lost) {
         (Some(failure), _) => failed(&failure),
-        (None, Some(reason)) => failed(&fantex_gpu::device_lost(&reason)),
+        (None, Some(reason)) => failed(&fantex::gpu::device_lost(&reason)),
         (None, None) => ExitCode::SUCCESS,
     }
 }

@@ -7,8 +7,8 @@ use std::time::{Duration, Instant};
 
 use eframe::egui;
 use eframe::egui::{ColorImage, Context, ScreenshotCallback, ViewportCommand};
-use fantex_base::{Error, ErrorKind, Result};
-use fantex_texture::{ColorSpace, Image, Samples};
+use fantex::base::{Error, ErrorKind, Result};
+use fantex::texture::{ColorSpace, Image, Samples};
 use rfd::AsyncFileDialog;
 
 use crate::job::{Job, JobState};

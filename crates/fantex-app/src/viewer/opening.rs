@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use fantex_base::{Error, Result};
-use glam::DVec2;
+use fantex::base::{Error, Result};
+use fantex::glam::DVec2;
 
 use crate::camera::{CameraMode, ViewPreset, Walker, Wish};
 use crate::document::{Document, OpenProgress, Place, Stage};

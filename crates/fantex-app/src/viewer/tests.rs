@@ -13,10 +13,13 @@ fn viewer() -> Viewer {
 
 fn save_torus(folder: &Path) -> PathBuf {
     let path = folder.join("torus.ply");
-    let model = fantex_mesh::generate::torus(48, 24);
-    let geometry =
-        fantex_mesh::WriteGeometry { positions: &model.positions, triangles: &model.triangles, colors: None };
-    fantex_mesh::write_model(&path, &geometry, false).unwrap();
+    let model = fantex::mesh::generate::torus(48, 24);
+    let geometry = fantex::mesh::WriteGeometry {
+        positions: &model.positions,
+        triangles: &model.triangles,
+        colors: None,
+    };
+    fantex::mesh::write_model(&path, &geometry, false).unwrap();
     path
 }
 

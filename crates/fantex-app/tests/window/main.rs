@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 use display::Display;
-use fantex_bake::{BakeOptions, NoProgress, SineSource, bake};
-use fantex_cover::{CoverOptions, TexelBudget, build_cover};
-use fantex_mesh::generate::torus;
-use fantex_mesh::{CleanOptions, WriteGeometry, clean, write_model};
-use fantex_store::Asset;
-use fantex_texture::{Image, Samples};
+use fantex::bake::{BakeOptions, NoProgress, SineSource, bake};
+use fantex::cover::{CoverOptions, TexelBudget, build_cover};
+use fantex::mesh::generate::torus;
+use fantex::mesh::{CleanOptions, WriteGeometry, clean, write_model};
+use fantex::store::Asset;
+use fantex::texture::{Image, Samples};
 
 /// A model without any texture.
 fn save_model(folder: &Path) -> PathBuf {

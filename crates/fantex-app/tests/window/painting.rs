@@ -1,6 +1,6 @@
 //! Painting in the window: strokes are seen at once, undone, saved and there again.
 
-use fantex_store::{VerifyOptions, verify};
+use fantex::store::{VerifyOptions, verify};
 
 use super::display::Display;
 use super::{check_success, difference, save_asset, save_asset_of, save_model};
@@ -69,7 +69,7 @@ fn two_painters_do_not_share_an_asset() {
     let Some(display) = Display::start() else { return };
     let folder = tempfile::tempdir().unwrap();
     let asset = save_asset(folder.path());
-    let _other = fantex_store::AssetEditor::open(&asset, &Default::default()).unwrap();
+    let _other = fantex::store::AssetEditor::open(&asset, &Default::default()).unwrap();
     let steps = r#"{"wait_loaded":60},"quit""#;
     let output = display.run(folder.path(), &[&asset.to_string_lossy(), "--paint"], steps);
     let told = String::from_utf8_lossy(&output.stderr);
@@ -90,7 +90,7 @@ fn save_pictures(folder: &std::path::Path) {
         [light, light, light, 1.0]
     };
     let texels: Vec<[f32; 4]> = (0..128 * 128).map(texel).collect();
-    fantex_texture::Image::from_linear_rgb(128, 128, &texels).save(folder.join("rings.png")).unwrap();
+    fantex::texture::Image::from_linear_rgb(128, 128, &texels).save(folder.join("rings.png")).unwrap();
     std::fs::write(
         folder.join("a.toml"),
         "[textures.squares]\nkind = \"checker\"\nplace = { scale = 0.3 }\n",

@@ -4,7 +4,7 @@ use eframe::egui::{
     Button, Color32, ColorImage, CornerRadius, Rect, RichText, Sense, TextEdit, TextureOptions, Ui, pos2,
     vec2,
 };
-use fantex_paint::BlendMode;
+use fantex::paint::BlendMode;
 
 use crate::paint::{
     BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, blend_label, preview_stroke,

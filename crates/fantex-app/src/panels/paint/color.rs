@@ -4,7 +4,7 @@ use eframe::egui::{
     Button, Checkbox, Color32, ColorImage, CornerRadius, Mesh, Pos2, Rect, Response, RichText, Sense, Shape,
     Stroke, StrokeKind, TextEdit, TextureHandle, TextureOptions, Ui, pos2, vec2,
 };
-use fantex_store::ChannelKind;
+use fantex::store::ChannelKind;
 
 use crate::display::ShadingView;
 use crate::paint::{ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, parse_hex, text_hex};

@@ -4,7 +4,7 @@ use eframe::egui::{
     Align, Button, Color32, CornerRadius, Key, Label, Layout, Response, RichText, Sense, Slider, TextEdit,
     Ui, UiBuilder, vec2,
 };
-use fantex_paint::{BlendMode, Layer, LayerContent, Target};
+use fantex::paint::{BlendMode, Layer, LayerContent, Target};
 
 use crate::paint::{LayerAction, Painting, blend_label};
 use crate::panels::widgets::{choice, heading, hint, row};
@@ -232,8 +232,8 @@ fn fill_name(layer: &Layer) -> String {
     if name == "pattern" { solid.unwrap_or("").trim_matches('"').to_owned() } else { name }
 }
 
-fn short_name(kind: fantex_store::ChannelKind) -> &'static str {
-    use fantex_store::ChannelKind::{
+fn short_name(kind: fantex::store::ChannelKind) -> &'static str {
+    use fantex::store::ChannelKind::{
         Anisotropy, BaseColor, Displacement, Emission, Light, Normal, OcclusionRoughnessMetallic,
     };
     match kind {

@@ -8,7 +8,7 @@ use eframe::egui::{
     Order, Painter, Pos2, Rect, Response, RichText, Shape, Stroke, TextureHandle, TextureOptions, Ui, pos2,
     vec2,
 };
-use glam::{DVec2, DVec3};
+use fantex::glam::{DVec2, DVec3};
 
 use crate::command::Command;
 use crate::paint::{
