@@ -107,13 +107,13 @@ impl Raster {
         let [columns, rows] = [0, 1].map(|axis| overlaps(self.extent[axis], extent[axis], extent[axis]));
         let mut coarse = Self::empty(extent, self.channels, self.coverage);
         let are_halves = self.extent == extent.map(|n| 2 * n);
-        for y in 0..extent[1] as usize {
-            for x in 0..extent[0] as usize {
+        for (y, row) in rows.iter().enumerate().take(extent[1] as usize) {
+            for (x, column) in columns.iter().enumerate().take(extent[0] as usize) {
                 let target = y * extent[0] as usize + x;
                 if !(are_halves
                     && self.gather_four(2 * (y * self.extent[0] as usize + x), target, &mut coarse))
                 {
-                    self.gather(&columns[x], &rows[y], target, &mut coarse);
+                    self.gather(column, row, target, &mut coarse);
                 }
             }
         }

@@ -16,8 +16,11 @@ use fantex::store::{Quality, TexelFormat, TexelSlice, encode_many};
 /// A measurement's result.
 type Measured = Result<Vec<Row>, Box<dyn Error>>;
 
+/// Measures one subject.
+type Subject = fn() -> Measured;
+
 /// What can be measured.
-const SUBJECTS: [(&str, fn() -> Measured); 4] =
+const SUBJECTS: [(&str, Subject); 4] =
     [("images", images::rows), ("noise", noise::rows), ("encode", encode), ("terrain", terrain::rows)];
 
 /// Seed of everything random.
@@ -106,7 +109,7 @@ fn encode() -> Measured {
     let tile: Vec<[u8; 4]> = (0..SIDE * SIDE)
         .map(|i| {
             let [x, y] = [i % SIDE, i / SIDE];
-            let noise = (24 * (nth_random(SEED, u64::from(i)) >> 40) >> 24) as u32;
+            let noise = ((24 * (nth_random(SEED, u64::from(i)) >> 40)) >> 24) as u32;
             [(x / 2 + noise) as u8, (y / 2 + noise) as u8, ((x + y) / 4 + noise) as u8, 255]
         })
         .collect();

@@ -249,7 +249,7 @@ impl Translation<'_> {
         Input::Texture(TextureUse {
             channel: Some(channel),
             factor: Factor::Number(factor),
-            offset: offset,
+            offset,
             ..texture_use
         })
     }

@@ -250,7 +250,7 @@ impl History {
 
     fn save(&self, editor: &mut AssetEditor) -> Result<()> {
         let bytes = encoded(&self.index)?;
-        Ok(editor.attach(INDEX, bytes)?)
+        editor.attach(INDEX, bytes)
     }
 }
 

@@ -164,7 +164,7 @@ impl Painter {
             Some(Work::Step(work)) => Kept::Step(work.kept()),
         };
         let bytes = encoded(&kept)?;
-        Ok(self.editor.attach(KEPT, bytes)?)
+        self.editor.attach(KEPT, bytes)
     }
 
     /// Takes up what was left when the asset was last committed.

@@ -306,7 +306,7 @@ impl AssetEditor {
             return Ok(change.clone());
         }
         let record = self.flushed.attachments.get(name);
-        Ok(record.map(|record| self.asset.read_attachment(name, record)).transpose()?)
+        record.map(|record| self.asset.read_attachment(name, record)).transpose()
     }
 
     /// Whether there is an attachment of that name, with all changes.

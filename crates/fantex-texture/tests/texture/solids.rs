@@ -69,44 +69,6 @@ fn seeds_and_scales_matter_as_they_should() {
     }
 }
 
-/// A cube with its front, right side and top, seen from a corner, and a ball beside it.
-fn swatch(solid: &dyn Solid, side: u32) -> Image {
-    let mut texels = Vec::new();
-    for y in 0..side {
-        for x in 0..2 * side {
-            let in_cube = x < side;
-            let local = Vec2::new((x % side) as f32 + 0.5, y as f32 + 0.5) / side as f32 * 2.0 - 1.0;
-            let hit = if in_cube { cube(local) } else { ball(local) };
-            texels.push(hit.map_or([0.03, 0.03, 0.03, 1.0], |(p, n)| {
-                let footprint = 4.0 / side as f32;
-                let light = 0.25 + 0.75 * n.dot(Vec3::new(0.35, 0.75, 0.56)).max(0.0);
-                solid.color(&SolidPoint { p: p * 2.0, n, footprint, time: 0.0 }).map(|c| c * light)
-            }));
-        }
-    }
-    Image::from_linear_rgb(2 * side, side, &texels)
-}
-
-fn ball(at: Vec2) -> Option<(Vec3, Vec3)> {
-    let at = at * 1.1;
-    let squared = at.length_squared();
-    let p = Vec3::new(at.x, -at.y, (1.0 - squared).max(0.0).sqrt());
-    (squared < 1.0).then_some((p, p))
-}
-
-/// Isometric view of the cube [-1,1]^3: the first of three faces that the pixel's ray meets.
-fn cube(at: Vec2) -> Option<(Vec3, Vec3)> {
-    let forward = -Vec3::ONE.normalize();
-    let right = Vec3::new(1.0, 0.0, -1.0).normalize();
-    let up = right.cross(forward);
-    let origin = (right * at.x - up * at.y) * 1.75;
-    [Vec3::X, Vec3::Y, Vec3::Z].into_iter().find_map(|n| {
-        let p = origin + forward * ((1.0 - origin.dot(n)) / forward.dot(n));
-        let others = p - n * p.dot(n);
-        (others.abs().max_element() <= 1.0).then_some((p, n))
-    })
-}
-
 /// From nearby the ground of a landscape has grain at every width of texels down to a hundred-thousandth of its size; from afar that
 /// has gone, and left the mean brightness as it is.
 #[test]
