@@ -80,7 +80,7 @@ fn check_sizes(reference: &Image, test: &Image) -> Result<()> {
         return Ok(());
     }
     let ([aw, ah], [bw, bh]) = (a, b);
-    Err(Error::invalid(format!(
+    Err(Error::unsupported(format!(
         "pictures of {aw} x {ah} and {bw} x {bh} texels cannot be compared; render both at one size"
     )))
 }

@@ -185,7 +185,7 @@ impl Image {
         let format = ImageFormat::from_path(path).ok().filter(|format| READABLE.contains(format));
         let unknown = || {
             let known = "use .png, .jpg, .tif, .webp, .hdr or .exr";
-            Error::invalid(format!("cannot tell the image format of '{}'; {known}", path.display()))
+            Error::unsupported(format!("cannot tell the image format of '{}'; {known}", path.display()))
         };
         let format = format.ok_or_else(unknown)?;
         let fits = match format {

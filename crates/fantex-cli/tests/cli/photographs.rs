@@ -185,7 +185,7 @@ fn photographs_that_cannot_be_used_are_named() {
     bake(1, &["holds no cameras", "sparse/0"], &empty);
     write(folder.path(), "cameras.txt", "1 EUCM 10 10 1 1 5 5 1\n");
     write(folder.path(), "images.txt", "1 1 0 0 0 0 0 2 1 a.png\n\n");
-    bake(1, &["cameras.txt, line 1", "'EUCM' is not supported"], &empty);
+    bake(1, &["cameras.txt: line 1", "'EUCM' is not supported"], &empty);
     write(folder.path(), "cameras.txt", "1 PINHOLE 10 10 9 9 5 5\n");
     bake(1, &["1 of 1 photographs are missing", "a.png", "images=FOLDER"], &empty);
     std::fs::create_dir(folder.path().join("images")).unwrap();

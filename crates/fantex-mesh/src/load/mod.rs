@@ -156,7 +156,7 @@ fn read_file(path: &Path, limits: &LoadLimits) -> Result<Vec<u8>> {
     let file = File::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;
     if metadata.is_dir() {
-        return Err(about(path, ErrorKind::InvalidArgument, "is a folder; name a model file in it"));
+        return Err(about(path, ErrorKind::Unsupported, "is a folder; name a model file in it"));
     }
     let too_large = |bytes| {
         let limit = limits.max_file_bytes;

@@ -1,8 +1,8 @@
 //! Properties of the solids.
 
 use fantex_base::Aabb;
-use fantex_texture::{Image, SOLID_NAMES, Solid, SolidPoint, solid_by_name};
-use glam::{Vec2, Vec3};
+use fantex_texture::{SOLID_NAMES, SolidPoint, solid_by_name};
+use glam::Vec3;
 
 use crate::common::Random;
 
