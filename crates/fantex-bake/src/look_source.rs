@@ -23,8 +23,7 @@ use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, Tri
 #[derive(Debug)]
 pub struct LookSource<'a>(Materials<'a>);
 
-/// Materials by how they are evaluated. Those that are plain look-ups in images take a fraction of the time that textures of any
-/// kind do: the weights of texels are shared by the layers of a material.
+/// Materials by how they are evaluated. Layers that are plain look-ups in images share the weights of texels.
 #[derive(Debug)]
 enum Materials<'a> {
     Textures(TextureSource<'a>),

@@ -27,8 +27,7 @@ use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSamp
 #[derive(Debug)]
 pub struct LookSurface<'a>(Materials<'a>);
 
-/// Materials by how they are evaluated. Those that are plain look-ups in images take about half the time that textures of any
-/// kind do.
+/// Materials by how they are evaluated. Layers that are plain look-ups in images share the weights of texels.
 #[derive(Debug)]
 enum Materials<'a> {
     Textures(TextureSurface<'a>),
