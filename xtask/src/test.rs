@@ -139,6 +139,6 @@ mod tests {
     #[test]
     fn skipped_tests_are_counted_by_reason() {
         assert_eq!(summary("", true), "skipped: 0 tests");
-        assert_eq!(summary("no GPU\nno data\nno GPU\n", true), "skipped: 3 tests (1 x no data; 2 x no GPU)");
+        assert_eq!(summary("no GPU\nno data\nno GPU\n", true), "skipped: 3 tests (2 x no GPU; 1 x no data)");
     }
 }

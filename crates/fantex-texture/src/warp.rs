@@ -304,7 +304,7 @@ impl PlaneMap for ProjectiveMap {
 ///
 /// # Errors
 ///
-/// A side is 0 or longer than [`MAX_SIDE`](MAX_SIDE).
+/// A side is 0 or longer than [`MAX_SIDE`].
 pub fn warp_inverse(
     texture: &ImageTexture,
     map: &dyn PlaneMap,
@@ -364,7 +364,7 @@ pub enum Spread {
 ///
 /// # Errors
 ///
-/// A side is 0 or longer than [`MAX_SIDE`](MAX_SIDE).
+/// A side is 0 or longer than [`MAX_SIDE`].
 pub fn warp_forward(texture: &Image, map: &dyn PlaneMap, size: [u32; 2], spread: Spread) -> Result<Image> {
     check_size(size)?;
     let mut canvas = Canvas::new(size);
