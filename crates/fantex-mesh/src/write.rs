@@ -36,7 +36,7 @@ pub fn write_model(path: &Path, geometry: &WriteGeometry, force: bool) -> Result
     let format = format.filter(|f| matches!(f, ModelFormat::Ply | ModelFormat::Obj | ModelFormat::Glb));
     let format = format.ok_or_else(|| {
         let sentence = "names no format that fantex writes models in; use .ply, .obj or .glb";
-        about(path, ErrorKind::InvalidArgument, sentence)
+        about(path, ErrorKind::Unsupported, sentence)
     })?;
     check(path, geometry)?;
     if !force && path.exists() {
