@@ -2,7 +2,7 @@
 //! texels are noise.
 //!
 //! Tolerance. Samplers weigh texels in steps of 1/256 along each axis, and neighbouring texels of noise differ by up to one; sRGB is
-//! decoded to about 1/1000. So values may differ by [`TOLERANCE`], and on average by a tenth of that. Where the number of probes is a
+//! decoded to about 1/1000. So values may differ by [`TOLERANCE`], and on average by a fifth of that (weights of 8 bits are off by up to 1/512 of the difference of two texels, and the texels are noise). Where the number of probes is a
 //! ratio's next integer, rounding may give one probe more or less: that is left out.
 
 use std::f32::consts::TAU;
@@ -245,7 +245,7 @@ fn shaders_look_up_what_the_sampler_does() {
             // A normal is brought to unit length, which may double what its parts are off.
             let times = if kind == ChannelKind::Normal { 3.0 } else { 1.0 };
             assert!(largest < times * TOLERANCE, "{filter:?} {kind}: {largest}");
-            assert!(mean < 0.1 * times * TOLERANCE, "{filter:?} {kind}: {mean} on average");
+            assert!(mean < 0.2 * times * TOLERANCE, "{filter:?} {kind}: {mean} on average");
         }
     }
 }
