@@ -444,10 +444,53 @@ fn upper_end(bucket: usize) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use fantex_mesh::{CleanOptions, Mesh, Model, clean, generate};
-    use glam::{DVec3, Vec3};
-
     use super::*;
+    use fantex_mesh::CleanOptions;
+    use fantex_mesh::Mesh;
+    use fantex_mesh::Model;
+    use fantex_mesh::clean;
+    use fantex_mesh::generate;
+    use glam::DVec3;
+    use glam::Vec3;
+
+    fn gray(_: SurfacePoint) -> Vec3 {
+        Vec3::splat(0.5)
+    }
+
+    /// A ball above a plane.
+    fn ball_on_a_plane() -> Mesh {
+        let mut ball = generate::icosphere(4);
+        ball.positions.iter_mut().for_each(|p| *p = *p * 0.3 + DVec3::new(0.1, 0.4, 0.0));
+        let mut model: Model = generate::grid(8);
+        let first = model.positions.len() as u32;
+        model.positions.extend(&ball.positions);
+        model.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
+        clean(model, &CleanOptions::default()).unwrap().0
+    }
+
+    /// A blue sky with a sun that gives `share` of all light.
+    fn sky_with_sun(radius_degrees: f32, share: f32) -> impl Fn(Vec3) -> Vec3 + Sync {
+        let to_sun = Vec3::new(-0.5, 0.7, 0.3).normalize();
+        let cos_radius = radius_degrees.to_radians().cos();
+        let brightness = share / (1.0 - share) / (0.5 * (1.0 - cos_radius));
+        move |d: Vec3| {
+            let sky = Vec3::new(0.3, 0.4, 0.6) * (1.0 + 0.5 * d.y);
+            sky + if d.dot(to_sun) > cos_radius { Vec3::splat(brightness * 0.4) } else { Vec3::ZERO }
+        }
+    }
+
+    /// Sources with and without a table of the sky.
+    fn both<'a>(mesh: &'a Mesh, sky: &'a dyn Sky, options: LightMapOptions) -> [LightMapSource<'a>; 2] {
+        let scene = LightScene { lights: Vec::new(), sky, reflector: &gray };
+        let chosen = LightMapSource::new(mesh, &scene, options).unwrap();
+        let mut by_cosine = LightMapSource::new(mesh, &scene, options).unwrap();
+        by_cosine.tracer.sky_table = None;
+        [chosen, by_cosine]
+    }
+
+    fn in_triangle(triangle: usize) -> SurfacePoint {
+        SurfacePoint { triangle: triangle as u32, lambda: Vec3::new(0.3, 0.3, 0.4) }
+    }
 
     #[test]
     fn every_range_is_checked() {
@@ -488,45 +531,6 @@ mod tests {
         let meter = NoiseMeter::default();
         meter.add(1.0, 0.0, 4);
         assert_eq!((meter.report().error_95, meter.report().largest_error), (0.0, 0.0));
-    }
-
-    fn gray(_: SurfacePoint) -> Vec3 {
-        Vec3::splat(0.5)
-    }
-
-    /// A ball above a plane.
-    fn ball_on_a_plane() -> Mesh {
-        let mut ball = generate::icosphere(4);
-        ball.positions.iter_mut().for_each(|p| *p = *p * 0.3 + DVec3::new(0.1, 0.4, 0.0));
-        let mut model: Model = generate::grid(8);
-        let first = model.positions.len() as u32;
-        model.positions.extend(&ball.positions);
-        model.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + first)));
-        clean(model, &CleanOptions::default()).unwrap().0
-    }
-
-    /// A blue sky with a sun that gives `share` of all light.
-    fn sky_with_sun(radius_degrees: f32, share: f32) -> impl Fn(Vec3) -> Vec3 + Sync {
-        let to_sun = Vec3::new(-0.5, 0.7, 0.3).normalize();
-        let cos_radius = radius_degrees.to_radians().cos();
-        let brightness = share / (1.0 - share) / (0.5 * (1.0 - cos_radius));
-        move |d: Vec3| {
-            let sky = Vec3::new(0.3, 0.4, 0.6) * (1.0 + 0.5 * d.y);
-            sky + if d.dot(to_sun) > cos_radius { Vec3::splat(brightness * 0.4) } else { Vec3::ZERO }
-        }
-    }
-
-    /// Sources with and without a table of the sky.
-    fn both<'a>(mesh: &'a Mesh, sky: &'a dyn Sky, options: LightMapOptions) -> [LightMapSource<'a>; 2] {
-        let scene = LightScene { lights: Vec::new(), sky, reflector: &gray };
-        let chosen = LightMapSource::new(mesh, &scene, options).unwrap();
-        let mut by_cosine = LightMapSource::new(mesh, &scene, options).unwrap();
-        by_cosine.tracer.sky_table = None;
-        [chosen, by_cosine]
-    }
-
-    fn in_triangle(triangle: usize) -> SurfacePoint {
-        SurfacePoint { triangle: triangle as u32, lambda: Vec3::new(0.3, 0.3, 0.4) }
     }
 
     #[test]
@@ -604,37 +608,5 @@ mod tests {
             assert!((light.value.x - 1.0).abs() < 6.0 * light.standard_error + 0.02, "{triangle}: {light:?}");
         }
         assert!((sum / n - 1.0).abs() < 0.01, "{}", sum / n);
-    }
-
-    /// Many lamps, most of them far away or behind walls, give what each of them gives alone.
-    #[test]
-    fn chosen_lamps_give_the_light_of_all() {
-        let mesh = ball_on_a_plane();
-        let black = |_: Vec3| Vec3::ZERO;
-        let lamps: Vec<BakeLight> = (0..40)
-            .map(|i| {
-                let (sin, cos) = (f64::from(i) * 2.4).sin_cos();
-                let position = DVec3::new(cos, 0.2 + 0.02 * f64::from(i), sin) * (0.4 + 0.03 * f64::from(i));
-                let color = Vec3::new(0.02, 0.03, 0.001 * i as f32);
-                BakeLight::Point { position, color, radius: 0.02 * f64::from(i % 3) }
-            })
-            .collect();
-        let light_of = |lights: Vec<BakeLight>, samples: u32, triangle: usize| {
-            let scene = LightScene { lights, sky: &black, reflector: &gray };
-            let options = LightMapOptions { samples, bounces: 1, ..LightMapOptions::default() };
-            LightMapSource::new(&mesh, &scene, options)
-                .unwrap()
-                .illumination(in_triangle(triangle), [Vec3::ZERO; 2])
-        };
-        for triangle in [3, 40, 100, 1000, 4000] {
-            let together = light_of(lamps.clone(), 4096, triangle);
-            let apart: Vec<Illumination> =
-                lamps.chunks(4).map(|few| light_of(few.to_vec(), 1024, triangle)).collect();
-            let sum: Vec3 = apart.iter().map(|light| light.value).sum();
-            let noise = apart.iter().map(|light| light.standard_error.powi(2)).sum::<f32>().sqrt();
-            let noise = noise.hypot(together.standard_error);
-            let error = (together.value - sum).abs().max_element();
-            assert!(error < 6.0 * noise + 1e-4, "{triangle}: {} {sum}, noise {noise}", together.value);
-        }
     }
 }

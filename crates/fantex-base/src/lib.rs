@@ -2,6 +2,7 @@
 //!
 //! | module | what |
 //! |---|---|
+//! | [`files!`] | files that travel in a program |
 //! | [`error`] | one error type: a kind for programs, a sentence for people, the file and the place in it |
 //! | [`aabb`] | axis-aligned boxes |
 //! | [`parameters!`] | structs of parameters with their defaults beside them, read from files |
@@ -23,3 +24,9 @@ pub use error::{Error, ErrorKind, Place, Result};
 pub use random::{Random, mix64};
 pub use text::{counted, grouped, numbered};
 pub use union_find::UnionFind;
+
+/// Files of the caller's folder as `(path in the workspace, content)`: `files!["gallery/": "bump.toml" "glow.toml"]`.
+#[macro_export]
+macro_rules! files {
+    [$folder:literal: $($name:literal)*] => { &[$((concat!($folder, $name), include_bytes!($name))),*] };
+}

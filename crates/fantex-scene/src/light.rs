@@ -447,20 +447,3 @@ impl AmbientLight {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn light_weakens_with_the_square_and_ends_at_its_range() {
-        let falloff = Falloff::InverseSquare { reference: 2.0, range: Some(20.0) };
-        let free = Falloff::InverseSquare { reference: 2.0, range: None };
-        assert_eq!(free.factor(2.0), 1.0);
-        assert!((free.factor(6.0) - 1.0 / 9.0).abs() < 1e-6);
-        assert!(falloff.factor(6.0) < free.factor(6.0) && falloff.factor(6.0) > 0.98 * free.factor(6.0));
-        assert_eq!(falloff.factor(20.0), 0.0);
-        assert_eq!(falloff.factor(30.0), 0.0);
-        assert!(free.factor(0.0).is_finite());
-    }
-}

@@ -135,23 +135,3 @@ pub fn smith_visibility(n_l: f32, n_v: f32, a2: f32) -> f32 {
     let towards_eye = n_l * (n_v * n_v * (1.0 - a2) + a2).sqrt();
     0.5 / (towards_light + towards_eye)
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn mirrors_reflect_all_and_rough_metals_less() {
-        for n_v in [0.1, 0.5, 1.0] {
-            let total = |roughness| split_sum(roughness, n_v).iter().sum::<f32>();
-            assert!((total(0.0) - 1.0).abs() < 0.01, "{}", total(0.0));
-            assert!(total(1.0) < 0.9 && total(1.0) > 0.3, "{}", total(1.0));
-        }
-    }
-
-    #[test]
-    fn grazing_mirrors_reflect_whatever_their_colour() {
-        let [scale, bias] = split_sum(0.05, 0.05);
-        assert!(bias > 0.6 && scale < 0.4, "{scale} {bias}");
-    }
-}

@@ -188,19 +188,4 @@ mod tests {
             assert!(!single.is_animated() && frames(wrap, true).is_animated());
         }
     }
-
-    #[test]
-    fn mistakes_are_named() {
-        let new = |frames: Vec<(f32, Slot)>, duration| {
-            FrameTexture::new(frames, duration, FrameWrap::Repeat, true).unwrap_err().to_string()
-        };
-        let slot = || Slot::number(0.0);
-        assert!(new(vec![], 1.0).contains("at least one frame"));
-        assert!(new(vec![(f32::NAN, slot())], 1.0).contains("the time of a frame"));
-        assert!(new(vec![(0.0, slot())], 0.0).contains("the duration"));
-        let swapped = new(vec![(1.0, slot()), (0.0, slot())], 1.0);
-        assert!(swapped.starts_with("frame 1 starts at 0 s"), "{swapped}");
-        assert!(new(vec![(0.0, slot()), (2.0, slot())], 1.0).contains("ends before the last frame"));
-        assert!(FrameTexture::with_rate(vec![slot()], -1.0, FrameWrap::Hold, true).is_err());
-    }
 }

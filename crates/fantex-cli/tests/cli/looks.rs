@@ -416,3 +416,24 @@ fn entries_are_drawn_by_name_and_by_row() {
     );
     fails(1, &["no picture 'nonsense'", "sines"], &[&"gallery", &"-o", &folder.path(), &"nonsense"]);
 }
+
+#[test]
+fn every_file_that_travels_in_the_program_is_listed() {
+    let groups: [(&str, &[&str], &[(&str, &[u8])]); 3] = [
+        ("gallery", &[""], fantex_gallery::FILES),
+        ("assets", &["", "images", "models", "volumes"], fantex_assets::FILES),
+        ("assets/WaterBottle", &[""], fantex_bottle::FILES),
+    ];
+    for (folder, parts, files) in groups {
+        let paths = parts.iter().flat_map(|part| workspace().join(folder).join(part).read_dir().unwrap());
+        let is_own =
+            |path: &Path| path.extension().is_some_and(|e| e == "rs") || path.ends_with("Cargo.toml");
+        let paths = paths.map(|entry| entry.unwrap().path()).filter(|path| path.is_file() && !is_own(path));
+        let mut names: Vec<String> =
+            paths.map(|path| path.strip_prefix(workspace()).unwrap().display().to_string()).collect();
+        names.sort();
+        let mut listed: Vec<&str> = files.iter().map(|(name, _)| *name).collect();
+        listed.sort_unstable();
+        assert_eq!(listed, names);
+    }
+}

@@ -360,31 +360,3 @@ fn basis(Vec3 { x, y, z }: Vec3) -> [f32; 9] {
         0.546_274_2 * (x * x - y * y),
     ]
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn of(light: impl Fn(Vec3) -> f32 + Sync) -> IrradianceHarmonics {
-        let map = EnvironmentMap::from_function(EnvironmentForm::Cube, 64, |d, _| Vec3::splat(light(d)));
-        IrradianceHarmonics::of_map(&map)
-    }
-
-    #[test]
-    fn constant_light_is_reflected_as_it_is() {
-        let harmonics = of(|_| 0.75);
-        for n in [Vec3::X, Vec3::NEG_Y, Vec3::ONE.normalize()] {
-            assert!((harmonics.diffuse(n) - 0.75).abs().max_element() < 1e-4, "{}", harmonics.diffuse(n));
-        }
-    }
-
-    #[test]
-    fn linear_light_is_reflected_at_two_thirds() {
-        // Light 1 + d.y: the irradiance is pi (1 + 2/3 n.y).
-        let harmonics = of(|d| 1.0 + d.y);
-        for n in [Vec3::Y, Vec3::X, Vec3::NEG_Y] {
-            let expected = 1.0 + 2.0 / 3.0 * n.y;
-            assert!((harmonics.diffuse(n).x - expected).abs() < 1e-3, "{} {expected}", harmonics.diffuse(n));
-        }
-    }
-}

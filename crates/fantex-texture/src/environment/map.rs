@@ -459,27 +459,3 @@ impl EnvironmentProxy {
         (middle, steps)
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn walls_are_seen_where_they_are() {
-        let walls = EnvironmentProxy::Box { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
-        let ball = EnvironmentProxy::Ball { center: Vec3::ZERO, radius: 1.0 };
-        // From the centre nothing changes.
-        let d = Vec3::new(0.3, -0.4, 0.5).normalize();
-        for proxy in [walls, ball] {
-            assert!(proxy.corrected(Vec3::ZERO, d, Vec3::ZERO).normalize().distance(d) < 1e-6);
-        }
-        let beside = Vec3::new(0.5, 0.0, 0.0);
-        assert_eq!(walls.corrected(beside, Vec3::Z, Vec3::ZERO), Vec3::new(0.5, 0.0, 1.0));
-        let met = ball.corrected(beside, Vec3::Z, Vec3::ZERO);
-        assert!((met.length() - 1.0).abs() < 1e-6 && met.x == 0.5, "{met}");
-        // Outside, and without a direction.
-        assert_eq!(walls.corrected(Vec3::X * 2.0, d, Vec3::ZERO), d);
-        assert_eq!(ball.corrected(Vec3::X * 2.0, d, Vec3::ZERO), d);
-        assert_eq!(walls.corrected(beside, Vec3::ZERO, Vec3::ZERO), Vec3::ZERO);
-    }
-}

@@ -547,15 +547,10 @@ fn look_up<S: Simd>(simd: S, table: &[u8; 256], codes: S::u8s) -> S::u8s {
 
 #[cfg(test)]
 mod tests {
-    use fearless_simd::{Level, dispatch};
-
     use super::super::batch::level;
     use super::*;
-
-    #[test]
-    fn a_block_is_a_whole_number_of_vectors() {
-        assert_eq!(crate::filter::BLOCK % 16, 0);
-    }
+    use fearless_simd::Level;
+    use fearless_simd::dispatch;
 
     /// What a block of look-ups between equal rows gives, whose left and right texels are these.
     fn between<const C: usize>(row: [u16; 8]) -> Colors {

@@ -249,33 +249,6 @@ mod tests {
     use super::*;
 
     #[test]
-    fn axes_of_a_rotated_rectangle() {
-        let (sin, cos) = 0.7_f32.sin_cos();
-        let long = Vec2::new(cos, sin);
-        let axes = FootprintAxes::new(long.perp() * 2.0, long * 5.0);
-        assert!((axes.major - 5.0).abs() < 1e-5 && (axes.minor - 2.0).abs() < 1e-5);
-        assert!(axes.direction.perp_dot(long).abs() < 1e-5);
-    }
-
-    #[test]
-    fn the_longer_axis_alone_is_the_same() {
-        for (dx, dy) in [((3.0, 1.0), (-2.0, 0.5)), ((0.0, 0.0), (1.0, 7.0)), ((1e4, 2.0), (1e-3, 1e4))] {
-            let (dx, dy) = (Vec2::from(dx), Vec2::from(dy));
-            let (squared, axes) = (FootprintAxes::squared_major(dx, dy), FootprintAxes::new(dx, dy));
-            assert!((squared.sqrt() - axes.major).abs() < 1e-6 * axes.major);
-        }
-    }
-
-    #[test]
-    fn axes_of_nothing_and_of_a_line() {
-        let point = FootprintAxes::new(Vec2::ZERO, Vec2::ZERO);
-        assert_eq!((point.major, point.minor), (0.0, 0.0));
-        let line = FootprintAxes::new(Vec2::new(3.0, 4.0), Vec2::ZERO);
-        assert!((line.major - 5.0).abs() < 1e-5 && line.minor == 0.0);
-        assert!((line.limited_minor(10.0) - 0.5).abs() < 1e-6);
-    }
-
-    #[test]
     fn logarithms_are_those_of_the_library() {
         let mut x = 1.2e-38_f32;
         while x < 3e38 {

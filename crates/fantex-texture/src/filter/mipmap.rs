@@ -184,11 +184,4 @@ mod tests {
             assert!(total.iter().all(|t| (t - 1.0).abs() < 1e-6), "{fine} to {coarse}: {total:?}");
         }
     }
-
-    #[test]
-    fn odd_rows_end_with_what_lies_beyond() {
-        let sum = |four: [u32; 4]| four.into_iter().sum();
-        let texels = [1, 2, 3, 10, 20, 30, 100, 200, 300];
-        assert_eq!(halved_level(3, &texels, 1000, sum), [33, 2033, 2300, 3300]);
-    }
 }

@@ -197,3 +197,89 @@ fn dependencies_are_inherited() {
     let mix = Mix { a: base(), b: base(), mask: time() };
     assert!(!mix.is_view_dependent() && mix.is_animated());
 }
+
+mod color_ramp {
+    use fantex_mesh::{ToonInterpolation, ToonScale};
+    use fantex_texture::{ColorRamp, RampInterpolation};
+    use glam::Vec4;
+
+    #[test]
+    fn ramps_pass_through_their_stops_and_hold_their_ends() {
+        let stops = vec![(-1.0, Vec4::ZERO), (1.0, Vec4::ONE), (1.0, Vec4::X), (3.0, Vec4::Y)];
+        let ramp = ColorRamp::new(stops, RampInterpolation::Linear).unwrap();
+        assert_eq!(ramp.color(-5.0), Vec4::ZERO);
+        assert_eq!(ramp.color(0.0), Vec4::splat(0.5));
+        assert_eq!(ramp.color(1.0), Vec4::X);
+        assert_eq!(ramp.color(9.0), Vec4::Y);
+        assert_eq!(ramp.color(f32::NAN), Vec4::ZERO);
+    }
+
+    #[test]
+    fn toon_scales_are_ramps() {
+        let stops = vec![(0.0, Vec4::W), (0.3, Vec4::splat(0.5).with_w(1.0)), (0.3, Vec4::ONE)];
+        for interpolation in
+            [RampInterpolation::Linear, RampInterpolation::Smooth, RampInterpolation::Constant]
+        {
+            let ramp = ColorRamp::new(stops.clone(), interpolation).unwrap();
+            assert_eq!(ColorRamp::of_toon_scale(&ramp.toon_scale()), Some(ramp));
+        }
+        let many = (0..100).map(|i| (i as f32 * 0.02 - 1.0, Vec4::splat(i as f32).with_w(1.0))).collect();
+        let many = ColorRamp::new(many, RampInterpolation::Linear).unwrap();
+        let sampled = ColorRamp::of_toon_scale(&many.toon_scale()).unwrap();
+        assert!((sampled.color(0.123).x - many.color(0.123).x).abs() < 1e-3);
+        let empty = ToonScale { stops: Vec::new(), interpolation: ToonInterpolation::Linear };
+        assert_eq!(ColorRamp::of_toon_scale(&empty), None);
+    }
+
+    #[test]
+    fn means_equal_sums_of_many_colours() {
+        let stops =
+            vec![(-1.0, Vec4::ZERO), (1.0, Vec4::ONE), (1.0, Vec4::X), (3.0, Vec4::new(0.5, 2.0, -1.0, 0.2))];
+        for interpolation in
+            [RampInterpolation::Linear, RampInterpolation::Smooth, RampInterpolation::Constant]
+        {
+            let ramp = ColorRamp::new(stops.clone(), interpolation).unwrap();
+            for (from, to) in [(-3.0, 5.0), (-0.5, 0.25), (0.9, 1.1), (2.5, 0.0), (4.0, 5.0), (-9.0, -1.0)] {
+                let count = 20_000;
+                let sum: Vec4 = (0..count)
+                    .map(|i| ramp.color(from + (to - from) * (i as f32 + 0.5) / count as f32))
+                    .sum();
+                let error = (ramp.mean(from, to) - sum / count as f32).abs().max_element();
+                assert!(error < 2e-4, "{interpolation:?} from {from} to {to}: off by {error}");
+            }
+            let close = ramp.mean(0.3, 0.3 + 1e-6) - ramp.color(0.3);
+            assert!(close.abs().max_element() < 1e-5, "{interpolation:?}: {close}");
+            assert_eq!(ramp.mean(0.5, 0.5), ramp.color(0.5));
+            assert!(ramp.mean(f32::NEG_INFINITY, f32::INFINITY).is_finite());
+            assert!(ramp.mean(f32::NAN, 1.0).is_finite());
+        }
+    }
+
+    #[test]
+    fn stops_out_of_order_are_refused() {
+        let refused = |stops| ColorRamp::new(stops, RampInterpolation::Linear).unwrap_err().to_string();
+        assert!(refused(Vec::new()).contains("at least one stop"));
+        let stops = vec![(1.0, Vec4::ZERO), (0.0, Vec4::ONE)];
+        assert!(refused(stops).contains("stop 1 of a colour ramp is at 0"));
+    }
+}
+
+mod frames {
+    use fantex_texture::look::Slot;
+    use fantex_texture::{FrameTexture, FrameWrap};
+
+    #[test]
+    fn mistakes_are_named() {
+        let new = |frames: Vec<(f32, Slot)>, duration| {
+            FrameTexture::new(frames, duration, FrameWrap::Repeat, true).unwrap_err().to_string()
+        };
+        let slot = || Slot::number(0.0);
+        assert!(new(vec![], 1.0).contains("at least one frame"));
+        assert!(new(vec![(f32::NAN, slot())], 1.0).contains("the time of a frame"));
+        assert!(new(vec![(0.0, slot())], 0.0).contains("the duration"));
+        let swapped = new(vec![(1.0, slot()), (0.0, slot())], 1.0);
+        assert!(swapped.starts_with("frame 1 starts at 0 s"), "{swapped}");
+        assert!(new(vec![(0.0, slot()), (2.0, slot())], 1.0).contains("ends before the last frame"));
+        assert!(FrameTexture::with_rate(vec![slot()], -1.0, FrameWrap::Hold, true).is_err());
+    }
+}

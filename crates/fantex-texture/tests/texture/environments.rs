@@ -514,3 +514,181 @@ fn cube_textures_look_in_the_direction_they_are_told() {
     let mean = texture(DirectionSource::Normal).evaluate(&wide).truncate();
     assert!((mean.x - 0.5).abs() < 0.1 && (mean.z - 0.5).abs() < 0.1, "{mean}");
 }
+
+mod form {
+    use fantex_texture::environment::{ChartPoint, CubeFace, EnvironmentForm, mirrored, mirrored_steps};
+    use glam::{Vec2, Vec3};
+    use proptest::prelude::*;
+
+    fn unit_vectors() -> impl Strategy<Value = Vec3> {
+        (-1.0..1.0_f32, -1.0..1.0_f32, -1.0..1.0_f32)
+            .prop_map(|(x, y, z)| Vec3::new(x, y, z))
+            .prop_filter("too short", |v| v.length() > 0.1)
+            .prop_map(Vec3::normalize)
+    }
+
+    proptest! {
+        #[test]
+        fn directions_survive_location(d in unit_vectors(), scale in 0.01..100.0_f32) {
+            for form in EnvironmentForm::ALL {
+                let at = form.locate(d * scale);
+                prop_assert!(at.chart < form.charts());
+                prop_assert!(form.is_inside(at.uv * 0.9999 + 0.00005), "{form:?} {at:?}");
+                prop_assert!((form.direction(at) - d).length() < 2e-3, "{form:?} {d} {}", form.direction(at));
+            }
+        }
+
+        #[test]
+        fn steps_are_the_limits_of_differences(d in unit_vectors(), towards in unit_vectors()) {
+            let h = 2e-3;
+            let step = (towards - d * d.dot(towards)).normalize_or(Vec3::X) * h;
+            for form in EnvironmentForm::ALL {
+                let [a, b] = [d - step * 0.5, d + step * 0.5].map(|d| form.locate(d));
+                let mut seen = b.uv - a.uv;
+                // Beside a pole, the rim or a seam a difference is no derivative.
+                let singular = match form {
+                    EnvironmentForm::Sphere => d.y.abs() > 0.98 || seen.x.abs() > 0.5,
+                    EnvironmentForm::MirrorBall => d.z < -0.95,
+                    _ => a.chart != b.chart,
+                };
+                if !singular {
+                    seen /= h;
+                    let stated = form.uv_step(d, step) / h;
+                    prop_assert!((stated - seen).length() < 0.01 * (1.0 + seen.length()), "{form:?} {d}: {stated} {seen}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn solid_angles_cover_the_sphere() {
+        for form in EnvironmentForm::ALL {
+            let n = 512;
+            let mut sum = 0.0_f64;
+            for y in 0..n {
+                for x in 0..n {
+                    let uv = (Vec2::new(x as f32, y as f32) + 0.5) / n as f32;
+                    if form.is_inside(uv) {
+                        sum += f64::from(form.steradians_per_uv(uv));
+                    }
+                }
+            }
+            let total = sum / f64::from(n * n) * form.charts() as f64;
+            assert!((total / (4.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3, "{form:?}: {total}");
+        }
+    }
+
+    #[test]
+    fn the_middle_of_a_picture_is_ahead() {
+        for form in [EnvironmentForm::Sphere, EnvironmentForm::DualParaboloid] {
+            let ahead = form.direction(ChartPoint { chart: 0, uv: Vec2::splat(0.5) });
+            assert!((ahead - Vec3::NEG_Z).length() < 1e-6, "{form:?}: {ahead}");
+            let right = form.direction(ChartPoint { chart: 0, uv: Vec2::new(0.6, 0.5) });
+            assert!(right.x > 0.1, "{form:?}: {right}");
+        }
+    }
+
+    #[test]
+    fn pictures_are_seen_from_inside_without_mirroring() {
+        for face in CubeFace::ALL {
+            let axes = glam::Mat3::from_cols(face.right(), face.up(), -face.forward());
+            assert!((axes.determinant() - 1.0).abs() < 1e-6, "{face:?} is a right-handed camera");
+        }
+        assert_eq!(CubeFace::Front.right(), Vec3::X);
+    }
+
+    #[test]
+    fn steps_of_mirrored_directions_are_the_limits_of_differences() {
+        let n = Vec3::new(0.2, 0.9, 0.1).normalize();
+        let v = Vec3::new(-0.5, 0.6, 0.4).normalize();
+        let (dn, dv) = (Vec3::new(1e-3, 0.0, -5e-4), Vec3::new(0.0, 4e-4, 1e-3));
+        let seen = mirrored(n + dn * 0.5, v + dv * 0.5) - mirrored(n - dn * 0.5, v - dv * 0.5);
+        let [stated, _] = mirrored_steps(n, [dn, dn], v, [dv, dv]);
+        assert!((stated - seen).length() < 1e-5, "{stated} {seen}");
+        assert!((mirrored(n, v).dot(n) - v.dot(n)).abs() < 1e-6);
+    }
+}
+
+mod lighting {
+    use fantex_texture::environment::{EnvironmentForm, EnvironmentMap, IrradianceHarmonics};
+    use glam::Vec3;
+
+    fn of(light: impl Fn(Vec3) -> f32 + Sync) -> IrradianceHarmonics {
+        let map = EnvironmentMap::from_function(EnvironmentForm::Cube, 64, |d, _| Vec3::splat(light(d)));
+        IrradianceHarmonics::of_map(&map)
+    }
+
+    #[test]
+    fn constant_light_is_reflected_as_it_is() {
+        let harmonics = of(|_| 0.75);
+        for n in [Vec3::X, Vec3::NEG_Y, Vec3::ONE.normalize()] {
+            assert!((harmonics.diffuse(n) - 0.75).abs().max_element() < 1e-4, "{}", harmonics.diffuse(n));
+        }
+    }
+
+    #[test]
+    fn linear_light_is_reflected_at_two_thirds() {
+        // Light 1 + d.y: the irradiance is pi (1 + 2/3 n.y).
+        let harmonics = of(|d| 1.0 + d.y);
+        for n in [Vec3::Y, Vec3::X, Vec3::NEG_Y] {
+            let expected = 1.0 + 2.0 / 3.0 * n.y;
+            assert!((harmonics.diffuse(n).x - expected).abs() < 1e-3, "{} {expected}", harmonics.diffuse(n));
+        }
+    }
+}
+
+mod map {
+    use fantex_texture::environment::EnvironmentProxy;
+    use glam::Vec3;
+
+    #[test]
+    fn walls_are_seen_where_they_are() {
+        let walls = EnvironmentProxy::Box { min: Vec3::splat(-1.0), max: Vec3::splat(1.0) };
+        let ball = EnvironmentProxy::Ball { center: Vec3::ZERO, radius: 1.0 };
+        // From the centre nothing changes.
+        let d = Vec3::new(0.3, -0.4, 0.5).normalize();
+        for proxy in [walls, ball] {
+            assert!(proxy.corrected(Vec3::ZERO, d, Vec3::ZERO).normalize().distance(d) < 1e-6);
+        }
+        let beside = Vec3::new(0.5, 0.0, 0.0);
+        assert_eq!(walls.corrected(beside, Vec3::Z, Vec3::ZERO), Vec3::new(0.5, 0.0, 1.0));
+        let met = ball.corrected(beside, Vec3::Z, Vec3::ZERO);
+        assert!((met.length() - 1.0).abs() < 1e-6 && met.x == 0.5, "{met}");
+        // Outside, and without a direction.
+        assert_eq!(walls.corrected(Vec3::X * 2.0, d, Vec3::ZERO), d);
+        assert_eq!(ball.corrected(Vec3::X * 2.0, d, Vec3::ZERO), d);
+        assert_eq!(walls.corrected(beside, Vec3::ZERO, Vec3::ZERO), Vec3::ZERO);
+    }
+}
+
+mod sky {
+    use fantex_texture::environment::{MAX_TURBIDITY, Sky};
+    use glam::Vec3;
+
+    #[test]
+    fn the_disc_keeps_the_suns_light() {
+        let dark = Sky { to_sun: Vec3::new(0.3, 0.8, -0.5), ..Sky::default() };
+        let expected = dark.sun_color() * 0.25;
+        for side in [32, 200, 700] {
+            let bright = Sky { has_sun: true, ..dark }.to_map(side).unwrap();
+            let added = bright.mean(0) - dark.to_map(side).unwrap().mean(0);
+            let ratio = added / expected;
+            assert!((ratio - 1.0).abs().max_element() < 0.05, "{side}: {ratio}");
+        }
+    }
+
+    #[test]
+    fn parameters_are_checked() {
+        let sky = Sky::default();
+        let refused = |sky: Sky| sky.to_map(4).unwrap_err().to_string();
+        assert!(refused(Sky { to_sun: Vec3::ZERO, ..sky }).starts_with("the direction to the sun"));
+        assert!(refused(Sky { turbidity: f32::NAN, ..sky }).starts_with("a turbidity of NaN"));
+        assert!(refused(Sky { ground: Vec3::NEG_ONE.into(), ..sky }).starts_with("the ground's reflectance"));
+        for to_sun in [Vec3::Y, Vec3::NEG_Y, Vec3::X, Vec3::new(1.0, -0.1, 0.0)] {
+            for turbidity in [2.0, MAX_TURBIDITY] {
+                let map = Sky { to_sun, turbidity, has_sun: true, ..sky }.to_map(16).unwrap();
+                assert!(map.mean(0).is_finite() && map.mean(0).min_element() > 0.0);
+            }
+        }
+    }
+}

@@ -723,3 +723,51 @@ fn ewa_is_the_truth_up_to_the_horizon() {
     assert!(ewa < anisotropic && anisotropic < trilinear, "{rms:?}");
     assert!(anisotropic < nearest && anisotropic < bilinear, "{rms:?}");
 }
+
+#[test]
+fn a_block_of_look_ups_is_a_whole_number_of_vectors() {
+    assert_eq!(fantex_texture::filter::GRID_LOOK_UPS % 16, 0);
+}
+
+mod footprint {
+    use fantex_texture::filter::FootprintAxes;
+    use glam::Vec2;
+
+    #[test]
+    fn axes_of_a_rotated_rectangle() {
+        let (sin, cos) = 0.7_f32.sin_cos();
+        let long = Vec2::new(cos, sin);
+        let axes = FootprintAxes::new(long.perp() * 2.0, long * 5.0);
+        assert!((axes.major - 5.0).abs() < 1e-5 && (axes.minor - 2.0).abs() < 1e-5);
+        assert!(axes.direction.perp_dot(long).abs() < 1e-5);
+    }
+
+    #[test]
+    fn the_longer_axis_alone_is_the_same() {
+        for (dx, dy) in [((3.0, 1.0), (-2.0, 0.5)), ((0.0, 0.0), (1.0, 7.0)), ((1e4, 2.0), (1e-3, 1e4))] {
+            let (dx, dy) = (Vec2::from(dx), Vec2::from(dy));
+            let (squared, axes) = (FootprintAxes::squared_major(dx, dy), FootprintAxes::new(dx, dy));
+            assert!((squared.sqrt() - axes.major).abs() < 1e-6 * axes.major);
+        }
+    }
+
+    #[test]
+    fn axes_of_nothing_and_of_a_line() {
+        let point = FootprintAxes::new(Vec2::ZERO, Vec2::ZERO);
+        assert_eq!((point.major, point.minor), (0.0, 0.0));
+        let line = FootprintAxes::new(Vec2::new(3.0, 4.0), Vec2::ZERO);
+        assert!((line.major - 5.0).abs() < 1e-5 && line.minor == 0.0);
+        assert!((line.limited_minor(10.0) - 0.5).abs() < 1e-6);
+    }
+}
+
+mod mipmap {
+    use fantex_texture::filter::halved_level;
+
+    #[test]
+    fn odd_rows_end_with_what_lies_beyond() {
+        let sum = |four: [u32; 4]| four.into_iter().sum();
+        let texels = [1, 2, 3, 10, 20, 30, 100, 200, 300];
+        assert_eq!(halved_level(3, &texels, 1000, sum), [33, 2033, 2300, 3300]);
+    }
+}

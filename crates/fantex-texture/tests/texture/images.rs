@@ -517,3 +517,48 @@ fn sizes_must_agree_and_may_be_tiny() {
     let dot = picture(1, 1, |_, _| [9; 3]);
     assert!(compare(&dot, &dot).unwrap().ssim > 0.999);
 }
+
+mod tabulate {
+    use fantex_base::ErrorKind;
+    use fantex_texture::Tabulation;
+
+    #[test]
+    fn tables_hold_means_in_their_order() {
+        let table = Tabulation { size: [4, 3, 2], samples: 3, ..Tabulation::default() };
+        let texels = table.texels(|[x, y, z]| [x, y, z, 1.0]).unwrap();
+        assert_eq!(texels.len(), 24);
+        for (i, texel) in texels.iter().enumerate() {
+            let expected = [(i % 4) as f32 + 0.5, (i / 4 % 3) as f32 + 0.5, (i / 12) as f32 + 0.5];
+            for (axis, n) in [4.0, 3.0, 2.0].into_iter().enumerate() {
+                assert!((texel[axis] - expected[axis] / n).abs() < 1e-6, "{i}: {texel:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_dense_table_looked_up_is_the_function() {
+        use fantex_texture::{Filter, ImageTexture, SampleOptions, Wrap};
+        use glam::Vec2;
+        let function = |[x, y, _]: [f32; 3]| [(6.0 * x).sin() * (5.0 * y).cos(), x * y, 0.0, 1.0];
+        let image = Tabulation { size: [512, 512, 1], ..Tabulation::default() }.image(function).unwrap();
+        let texture = ImageTexture::new(std::sync::Arc::new(image));
+        let options =
+            SampleOptions { filter: Filter::Bilinear, wrap: [Wrap::Clamp; 2], ..SampleOptions::default() };
+        for i in 0..500 {
+            let uv =
+                Vec2::new(0.01 + 0.98 * (i as f32 * 0.618).fract(), 0.01 + 0.98 * (i as f32 * 0.414).fract());
+            let value = texture.sample(uv, [Vec2::ZERO; 2], &options);
+            let exact = function([uv.x, uv.y, 0.0]);
+            assert!((value[0] - exact[0]).abs() < 1e-4 && (value[1] - exact[1]).abs() < 1e-4, "{uv}");
+        }
+    }
+
+    #[test]
+    fn tables_of_nothing_or_too_much_are_refused() {
+        let constant = |_: [f32; 3]| [0.0; 4];
+        let empty = Tabulation { size: [0, 1, 1], ..Tabulation::default() };
+        assert_eq!(empty.texels(constant).unwrap_err().kind(), ErrorKind::InvalidArgument);
+        let huge = Tabulation { size: [u32::MAX; 3], ..Tabulation::default() };
+        assert_eq!(huge.texels(constant).unwrap_err().kind(), ErrorKind::TooLarge);
+    }
+}

@@ -11,6 +11,8 @@ mod filters;
 mod images;
 mod many_points;
 mod mappings;
+mod materials;
+mod noise;
 mod solids;
 mod surface_detail;
 mod two_part;

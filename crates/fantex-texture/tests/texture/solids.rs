@@ -107,3 +107,37 @@ fn landscapes_have_grain_down_to_the_texel() {
         assert!((near / far - 1.0).abs() < 0.15, "{near} {far}");
     }
 }
+
+mod pattern {
+    use fantex_texture::{Brick, Checker, Color, Recipe, Solid, SolidPoint};
+    use glam::Vec3;
+
+    #[test]
+    fn cubes_alternate_and_blur_to_grey() {
+        let checker = Checker { even: Color::WHITE, odd: Color::BLACK, cell: 0.5 };
+        let at = |p, footprint| {
+            checker.color(&SolidPoint { p, n: Vec3::ONE.normalize(), footprint, time: 0.0 })[0]
+        };
+        assert_eq!(at(Vec3::splat(0.25), 0.0), 1.0);
+        assert_eq!(at(Vec3::new(0.75, 0.25, 0.25), 0.0), 0.0);
+        assert_eq!(at(Vec3::new(-0.25, -0.25, 0.25), 0.0), 1.0);
+        assert!((at(Vec3::splat(0.25), 40.0) - 0.5).abs() < 0.01);
+    }
+
+    #[test]
+    fn cells_without_size_are_refused() {
+        assert!(Checker { cell: 0.0, ..Checker::default() }.check().is_err());
+        assert!(Checker { cell: f32::NAN, ..Checker::default() }.check().is_err());
+        assert!(Checker::default().check().is_ok());
+    }
+
+    #[test]
+    fn rows_are_shifted_against_each_other() {
+        let wall = Brick::new(1);
+        let mortar = |x: f32, y: f32| {
+            wall.height(&SolidPoint { p: Vec3::new(x, y, 0.05), n: Vec3::Z, footprint: 0.0, time: 0.0 }) < 0.5
+        };
+        assert!(mortar(0.295, 0.05) && !mortar(0.295, 0.15), "half a brick on, there is a brick");
+        assert!(mortar(0.1, 0.095) && !mortar(0.1, 0.05), "between rows lies mortar");
+    }
+}
