@@ -8,7 +8,7 @@ use std::sync::Arc;
 use fantex_bake::Progress;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, corner_tangents, shading_normals};
-use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat};
+use fantex_store::{Asset, ChannelKind, PageCache, TexelFormat, TileId, TileSource, TileTexels};
 use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -311,7 +311,7 @@ fn scale_of(cache: &PageCache, map: &Map) -> f32 {
         return 1.0;
     }
     let brightest = |group: usize| {
-        let tile = cache.tile(map.channel, group as u32, 0);
+        let tile = cache.tile(map.channel, TileId { group: group as u32, level: 0 });
         let [columns, rows] = tile.extent();
         let texels = (0..rows).flat_map(|y| (0..columns).map(move |x| [x, y]));
         let numbers = texels.flat_map(|[x, y]| tile.texel(x, y).into_iter().take(3));

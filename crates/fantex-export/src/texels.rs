@@ -12,7 +12,7 @@ use fantex_bake::Progress;
 use fantex_base::Result;
 use fantex_cover::{Cover, Tap, TriangleTiles};
 use fantex_mesh::{Mesh, interpolate};
-use fantex_store::{ChannelKind, PageCache, Tile};
+use fantex_store::{ChannelKind, PageCache, Tile, TileId, TileSource, TileTexels};
 use fantex_texture::material::TangentFrame;
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -501,16 +501,16 @@ impl TexelSampler<'_> {
 /// Tiles in use, so that the cache is asked once for each.
 struct Tiles<'a> {
     cache: &'a PageCache,
-    held: HashMap<(usize, u32, u32), Tile>,
+    held: HashMap<(usize, TileId), Tile>,
 }
 
 impl Tiles<'_> {
-    fn get(&mut self, channel: usize, group: u32, level: u32) -> Tile {
+    fn get(&mut self, channel: usize, id: TileId) -> Tile {
         if self.held.len() >= MAX_TILES {
             self.held.clear();
         }
         let cache = self.cache;
-        self.held.entry((channel, group, level)).or_insert_with(|| cache.tile(channel, group, level)).clone()
+        self.held.entry((channel, id)).or_insert_with(|| cache.tile(channel, id)).clone()
     }
 }
 
@@ -555,7 +555,7 @@ impl<'a> TriangleReader<'a> {
                 w if w <= MAX_LOOKUP_WIDTH => (0, MIDDLE),
                 w => (w.min(65_536.0).log2().max(0.0) as u32, QUARTERS),
             };
-            let tiles = maps.iter().map(|m| tiles.get(m.channel, index, level)).collect();
+            let tiles = maps.iter().map(|m| tiles.get(m.channel, TileId { group: index, level })).collect();
             SlotReader { tiles, offsets }
         });
         let normals = [0, 1, 2].map(|k| sampler.normals[3 * triangle + k]);

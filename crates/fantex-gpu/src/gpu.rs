@@ -56,7 +56,6 @@ impl Gpu {
     /// Opens the best adapter without a window; any will do, including software.
     ///
     /// # Errors
-    ///
     /// No adapter, or none that can be opened.
     pub fn headless(options: &GpuOptions) -> Result<Self> {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
@@ -147,7 +146,6 @@ impl Gpu {
     /// An error if the device is lost, or (see [`Gpu::record_errors`]) has refused something since the last call.
     ///
     /// # Errors
-    ///
     /// The device is lost, for good; it has no memory left or has refused something, once each.
     pub fn check(&self) -> Result<()> {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
@@ -160,7 +158,6 @@ impl Gpu {
     /// Waits until all work that was submitted is done.
     ///
     /// # Errors
-    ///
     /// As [`Gpu::check`].
     pub fn wait(&self) -> Result<()> {
         let waited = self.device.poll(wgpu::PollType::wait_indefinitely());

@@ -22,7 +22,6 @@ pub trait Model {
     /// Makes ready what the frame needs: pipelines, uploads, an order of triangles.
     ///
     /// # Errors
-    ///
     /// The device cannot do it.
     fn prepare(
         &mut self,

@@ -33,7 +33,6 @@ impl Readback {
     /// Room for a texture without blocks, levels or layers, whose usage includes `COPY_SRC`.
     ///
     /// # Errors
-    ///
     /// The device allows no buffer that large.
     pub fn new(gpu: &Gpu, texture: &wgpu::Texture) -> Result<Self> {
         let size = wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() };
@@ -77,7 +76,6 @@ impl Readback {
     /// Hands the bytes of each row to `row`, from the top; the buffer can be used again then.
     ///
     /// # Errors
-    ///
     /// The device has not brought them, or is lost.
     pub fn rows(&self, mut row: impl FnMut(&[u8])) -> Result<()> {
         if self.state.load(Ordering::Acquire) != MAPPED {
@@ -103,7 +101,6 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba32Float;
 /// Renders one picture; for several, a [`PictureRenderer`] is faster. See [`PictureRenderer::render`].
 ///
 /// # Errors
-///
 /// As [`PictureRenderer::render`].
 pub fn render_to_picture(gpu: &Gpu, frame: &mut Frame<'_>) -> Result<Picture> {
     PictureRenderer::new(gpu).render(gpu, frame)
@@ -119,7 +116,6 @@ impl PictureRenderer {
     /// Half floats round it to one part in 2000. A picture without columns or rows is empty.
     ///
     /// # Errors
-    ///
     /// As [`Renderer::draw`]; the device has no memory for the picture.
     pub fn render(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<Picture> {
         let [width, height] = frame.size;
@@ -195,7 +191,6 @@ impl HiddenScreen {
     /// Draws a frame of the screen's size and waits for it.
     ///
     /// # Errors
-    ///
     /// As [`Renderer::draw`].
     pub fn draw(&mut self, gpu: &Gpu, frame: &mut Frame<'_>) -> Result<()> {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -210,7 +205,6 @@ impl HiddenScreen {
 /// uploaded and shadow maps drawn.
 ///
 /// # Errors
-///
 /// As [`Renderer::draw`].
 pub fn frame_times(gpu: &Gpu, frame: &mut Frame<'_>, count: usize) -> Result<FrameTimes> {
     let mut screen = HiddenScreen::new(gpu, frame.size);

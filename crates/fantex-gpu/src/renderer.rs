@@ -51,7 +51,6 @@ impl Renderer {
     /// shadow maps, once drawn, are taken to be there.
     ///
     /// # Errors
-    ///
     /// The device is lost or cannot draw this; camera or lights have a defect. Commands that were recorded until then are
     /// harmless.
     pub fn draw(

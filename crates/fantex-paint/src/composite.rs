@@ -5,7 +5,7 @@ use fantex_cover::{NO_OWNER, Tap, TexelTriangle};
 use fantex_mesh::interpolate;
 use fantex_store::{
     Asset, AssetEditor, Channel, ChannelKind, PAGE, PageCache, PageId, Quality, TexelFormat, TexelSlice,
-    encode,
+    TileId, TileSource, TileTexels, encode,
 };
 use fantex_texture::color::{srgb_from_linear, srgb8_from_linear, unorm8};
 use fantex_texture::material::vertex_color;
@@ -177,7 +177,8 @@ pub(crate) fn position_steps(surface: &Surface, triangle: &TexelTriangle) -> [Ve
 pub(crate) fn look_up(surface: &Surface, cache: &PageCache, channel: usize, point: SurfacePoint) -> Vec4 {
     let is_normal = cache.asset().channels()[channel].kind == ChannelKind::Normal;
     let look_up = |tap: &Tap| {
-        let stored = Vec4::from_array(cache.bilinear(channel, tap.group, 0, tap.uv));
+        let stored =
+            Vec4::from_array(cache.tile(channel, TileId { group: tap.group, level: 0 }).bilinear(tap.uv));
         let value = if is_normal { tangent_from_stored(surface, tap.group, point, stored) } else { stored };
         tap.weight * value
     };

@@ -29,7 +29,6 @@ impl TextureGraph {
     /// The texture of a name.
     ///
     /// # Errors
-    ///
     /// The look is wrong, has no such texture, or the texture cannot be made or depends on the eye.
     pub fn texture(&self, surface: &Surface, name: &str) -> Result<Arc<dyn Texture>> {
         let file = LookFile::parse(&self.look, &self.folder.join("look.toml"));
@@ -59,7 +58,6 @@ impl TextureGraph {
     /// The names of the look's textures, ascending.
     ///
     /// # Errors
-    ///
     /// The look is wrong.
     pub fn names(&self) -> Result<Vec<String>> {
         let file = LookFile::parse(&self.look, &self.folder.join("look.toml"))?;

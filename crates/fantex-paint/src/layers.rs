@@ -265,7 +265,6 @@ impl Painter {
     /// Puts a layer on top; returns its number, by which strokes name it.
     ///
     /// # Errors
-    ///
     /// The asset cannot be read or changed, or a texture of a fill layer cannot be evaluated.
     pub fn add_layer(&mut self, layer: Layer) -> Result<u64> {
         let number = self.start_add_layer(layer, None)?;
@@ -276,7 +275,6 @@ impl Painter {
     /// The same, above another layer where one is named; what it shows is left to [`work_on`](Self::work_on).
     ///
     /// # Errors
-    ///
     /// As [`add_layer`](Self::add_layer).
     pub fn start_add_layer(&mut self, layer: Layer, above: Option<u64>) -> Result<u64> {
         let mut number = 0;
@@ -296,7 +294,6 @@ impl Painter {
     /// history. Layers that `change` invents are dropped: use [`add_layer`](Self::add_layer).
     ///
     /// # Errors
-    ///
     /// As [`add_layer`](Self::add_layer).
     pub fn edit_layers(&mut self, label: &str, change: impl FnOnce(&mut Vec<Layer>)) -> Result<()> {
         self.start_edit_layers(label, change)?;
@@ -306,7 +303,6 @@ impl Painter {
     /// The same; what it shows is left to [`work_on`](Self::work_on).
     ///
     /// # Errors
-    ///
     /// As [`add_layer`](Self::add_layer).
     pub fn start_edit_layers(&mut self, label: &str, change: impl FnOnce(&mut Vec<Layer>)) -> Result<()> {
         self.change_layers(label, |layers| {
@@ -320,7 +316,6 @@ impl Painter {
     /// Replaces all layers by others, numbers included: one step of the history. What was painted on numbers that stay, stays.
     ///
     /// # Errors
-    ///
     /// As [`add_layer`](Self::add_layer).
     pub fn set_layers(&mut self, label: &str, stack: Vec<Layer>) -> Result<()> {
         self.change_layers(label, |layers| {

@@ -81,7 +81,6 @@ impl StrokeLog {
     /// Reads the log of an asset; empty where nothing was painted.
     ///
     /// # Errors
-    ///
     /// An attachment cannot be read, or is no stroke.
     pub fn of(asset: &Asset) -> Result<Self> {
         let damaged = || {
@@ -109,7 +108,6 @@ impl StrokeLog {
     /// Writes a stroke file that can be replayed, and beside it the folder `files` with what it mentions.
     ///
     /// # Errors
-    ///
     /// The system refuses.
     pub fn save(&self, path: &Path) -> Result<()> {
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -121,7 +119,6 @@ impl StrokeLog {
     /// Paints all strokes onto another asset, by their places in the world. Commits nothing.
     ///
     /// # Errors
-    ///
     /// As [`replay`], and where no temporary folder can be made for the files.
     pub fn replay(&self, painter: &mut Painter) -> Result<ReplaySummary> {
         let folder = tempfile::tempdir().map_err(temporary)?;

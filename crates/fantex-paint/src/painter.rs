@@ -118,7 +118,6 @@ impl Painter {
     /// Opens an asset for painting. There may be unfinished work in it (see [`has_work`](Self::has_work)).
     ///
     /// # Errors
-    ///
     /// The asset cannot be read, is being edited elsewhere, or its history or layers are damaged.
     pub fn open(path: &Path, options: &PaintOptions) -> Result<Self> {
         let editor = AssetEditor::open(path, &EditOptions::default())?;
@@ -165,7 +164,6 @@ impl Painter {
     /// Begins a stroke under all layers; one that is open ends first. `label` names it in the history.
     ///
     /// # Errors
-    ///
     /// As [`begin_on`](Self::begin_on).
     pub fn begin(&mut self, label: &str, paint: Paint) -> Result<()> {
         self.begin_on(Target::Base, label, paint)
@@ -174,7 +172,6 @@ impl Painter {
     /// Begins a stroke on a layer, a mask or what lies under them; one that is open ends first.
     ///
     /// # Errors
-    ///
     /// There is no such layer or channel, or an open stroke cannot be ended.
     pub fn begin_on(&mut self, target: Target, label: &str, paint: Paint) -> Result<()> {
         self.finish_work()?;
@@ -204,7 +201,6 @@ impl Painter {
     /// Adds dabs to the open stroke, in order. Does nothing where none is open.
     ///
     /// # Errors
-    ///
     /// The asset or the temporary file of the stroke cannot be read or written.
     pub fn dab(&mut self, dabs: &[Dab]) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
@@ -267,7 +263,6 @@ impl Painter {
     /// Lays a picture onto the surface, as part of the open stroke. Does nothing where none is open.
     ///
     /// # Errors
-    ///
     /// As [`dab`](Self::dab).
     pub fn decal(&mut self, decal: &Decal) -> Result<()> {
         let surface = Arc::clone(&self.surface);
@@ -294,7 +289,6 @@ impl Painter {
     /// are textures are counted in the log, but cannot be replayed from it. Fails where a file that is mentioned cannot be read.
     ///
     /// # Errors
-    ///
     /// A file that the settings mention cannot be read.
     pub fn record(&mut self, settings: StrokeSettings, folder: &Path) -> Result<()> {
         if let Some(stroke) = &mut self.stroke {
@@ -345,7 +339,6 @@ impl Painter {
     /// Brings the pages of level 0 up to date with the open stroke, and returns those that changed: for the next frame.
     ///
     /// # Errors
-    ///
     /// Pages cannot be read or encoded.
     pub fn show(&mut self) -> Result<Vec<PageId>> {
         let Some(stroke) = &self.stroke else { return Ok(Vec::new()) };
@@ -407,7 +400,6 @@ impl Painter {
     /// eyedropper.)
     ///
     /// # Errors
-    ///
     /// There is no such channel, or pages cannot be read.
     pub fn pick(&mut self, channel: usize, point: SurfacePoint) -> Result<Vec4> {
         self.check_channel(channel)?;
@@ -418,7 +410,6 @@ impl Painter {
     /// The same of all channels, in their order.
     ///
     /// # Errors
-    ///
     /// Pages cannot be read.
     pub fn pick_all(&mut self, point: SurfacePoint) -> Result<Vec<Vec4>> {
         self.show()?;
@@ -429,7 +420,6 @@ impl Painter {
     /// Makes everything durable, an open stroke (without its coarser levels) and unfinished work included.
     ///
     /// # Errors
-    ///
     /// The file cannot be written (see [`is_disk_full`](fantex_store::is_disk_full)); all changes stay in memory then.
     pub fn commit(&mut self) -> Result<CommitSummary> {
         self.show()?;
@@ -502,7 +492,6 @@ impl Painter {
     /// Ends the open stroke: shows it, computes coarser levels, and enters it into the history.
     ///
     /// # Errors
-    ///
     /// Pages cannot be read, encoded or written.
     pub fn end(&mut self) -> Result<StrokeSummary> {
         self.finish_levels()?;
@@ -518,7 +507,6 @@ impl Painter {
     /// (undo, redo, a commit, the end of the next stroke, changes of the layers) waits for them.
     ///
     /// # Errors
-    ///
     /// As [`end`](Self::end).
     pub fn end_in_background(&mut self) -> Result<StrokeSummary> {
         self.finish_levels()?;
@@ -545,7 +533,6 @@ impl Painter {
     /// while they are still being computed.
     ///
     /// # Errors
-    ///
     /// As [`end`](Self::end).
     pub fn poll_levels(&mut self) -> Result<Option<Vec<PageId>>> {
         let Some(underway) = self.levels.take() else { return Ok(Some(Vec::new())) };
@@ -561,7 +548,6 @@ impl Painter {
     /// Waits for coarser levels that are being computed, and returns the pages that they change.
     ///
     /// # Errors
-    ///
     /// As [`end`](Self::end).
     pub fn finish_levels(&mut self) -> Result<Vec<PageId>> {
         let Some(underway) = self.levels.take() else { return Ok(Vec::new()) };
@@ -654,7 +640,6 @@ impl Painter {
     /// Takes the last step back; false where there is none. An open stroke ends first.
     ///
     /// # Errors
-    ///
     /// The history cannot be read, or the asset not be changed.
     pub fn undo(&mut self) -> Result<bool> {
         let is_started = self.start_undo()?;
@@ -665,7 +650,6 @@ impl Painter {
     /// Does what was taken back last again; false where there is nothing.
     ///
     /// # Errors
-    ///
     /// As [`undo`](Self::undo).
     pub fn redo(&mut self) -> Result<bool> {
         let is_started = self.start_redo()?;
@@ -811,7 +795,6 @@ impl Painter {
     /// are pages of level 0, by [`show`](Self::show). Waits for levels of the stroke before.
     ///
     /// # Errors
-    ///
     /// Pages cannot be read or encoded.
     pub fn preview(&mut self, shown: &[PageId]) -> Result<Vec<PreviewPage>> {
         self.finish_levels()?;

@@ -267,7 +267,6 @@ struct Line {
 /// Draws a text. Lines are centred; neighbouring characters are kerned.
 ///
 /// # Errors
-///
 /// The font cannot be read, or no character is visible.
 pub fn draw_text(text: &str, font: &[u8]) -> Result<TextPicture> {
     let font = FontRef::try_from_slice(font).map_err(|_| {

@@ -56,7 +56,6 @@ impl StrokeFile {
     /// Reads a stroke file.
     ///
     /// # Errors
-    ///
     /// The file cannot be read, or is no stroke file of this version.
     pub fn load(path: &Path) -> Result<Self> {
         let bytes = std::fs::read(path).map_err(|source| Error::reading(path, source))?;
@@ -75,7 +74,6 @@ impl StrokeFile {
 /// to.
 ///
 /// # Errors
-///
 /// A stroke is wrong or mentions what is not there: then nothing is painted. Or painting fails.
 pub fn replay(painter: &mut Painter, file: &StrokeFile, folder: &Path) -> Result<ReplaySummary> {
     let mut summary = ReplaySummary::default();

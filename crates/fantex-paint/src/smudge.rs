@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use fantex_cover::Tap;
-use fantex_store::{PAGE, PageId};
+use fantex_store::{PAGE, PageId, TileId, TileSource, TileTexels};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
@@ -163,7 +163,7 @@ fn current(ink: &Ink<'_>, pages: &PagesUnder, number: usize, point: SurfacePoint
     let is_tangent = ink.is_tangent(painted);
     let cover = ink.surface.cover();
     let look_up = |tap: &Tap| {
-        let tile = before.tile(painted.channel, tap.group, 0);
+        let tile = before.tile(painted.channel, TileId { group: tap.group, level: 0 });
         let texel = |[x, y]: [u32; 2]| {
             let stored = Vec4::from_array(tile.texel(x, y));
             let original =

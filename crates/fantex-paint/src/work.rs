@@ -87,7 +87,6 @@ impl Painter {
     /// Goes on until a moment (a slice more, at least one); true where nothing is left to do.
     ///
     /// # Errors
-    ///
     /// A page cannot be read, evaluated or kept. What is left stays to be done.
     pub fn work_on(&mut self, until: Instant) -> Result<bool> {
         while let Some(work) = self.work.take() {
@@ -106,7 +105,6 @@ impl Painter {
     /// Does all that is left.
     ///
     /// # Errors
-    ///
     /// As [`work_on`](Self::work_on).
     pub fn finish_work(&mut self) -> Result<()> {
         while !self.work_on(Instant::now())? {}
@@ -116,7 +114,6 @@ impl Painter {
     /// Gives the work up: what it has done so far is taken back, which is work, too.
     ///
     /// # Errors
-    ///
     /// The history cannot be written.
     pub fn cancel_work(&mut self) -> Result<()> {
         match self.work.take() {
@@ -206,7 +203,6 @@ impl Painter {
     /// Begins to take the last step back; false where there is none. The work is to be done by [`work_on`](Self::work_on).
     ///
     /// # Errors
-    ///
     /// What is open cannot be ended.
     pub fn start_undo(&mut self) -> Result<bool> {
         self.start_step(Direction::Back)
@@ -216,7 +212,6 @@ impl Painter {
     /// [`work_on`](Self::work_on).
     ///
     /// # Errors
-    ///
     /// What is open cannot be ended.
     pub fn start_redo(&mut self) -> Result<bool> {
         self.start_step(Direction::Forth)
@@ -489,7 +484,6 @@ impl Painter {
     /// Lets the open stroke, beside what its dabs have covered, cover an area, and ends it. Does nothing where none is open.
     ///
     /// # Errors
-    ///
     /// A page cannot be read, painted or kept. What is left stays to be done.
     pub fn fill(&mut self, area: FillArea) -> Result<StrokeSummary> {
         self.start_fill(area)?;
@@ -511,7 +505,6 @@ impl Painter {
     /// open stroke itself.
     ///
     /// # Errors
-    ///
     /// There is no such channel, or the commit or the log fails: then the stroke is dropped.
     pub fn start_fill(&mut self, area: FillArea) -> Result<()> {
         if self.stroke.is_none() {

@@ -14,13 +14,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use fantex_base::srgb::{linear_from_srgb8_table, unit_from_u8_table};
 use fantex_base::{Error, Result};
+use fantex_texture::filter::TexelGrid;
 use glam::Vec2;
 use quick_cache::sync::{Cache, DefaultLifecycle};
 use quick_cache::{DefaultHashBuilder, OptionsBuilder, Weighter};
 
 use crate::decode::{BC4_DENOMINATOR, StoredTexels, linear_from_stored};
 use crate::layout::{ClusterPages, PAGE, PageSize};
-use crate::{Asset, EditorSnapshot, PageId};
+use crate::{Asset, EditorSnapshot, PageId, TileId, TileSource, TileTexels};
 
 /// Decoded pages of an asset, within a budget, shared by threads. Cloning shares the cache.
 #[derive(Clone, Debug)]
@@ -135,33 +136,6 @@ impl PageCache {
         &self.shared.asset
     }
 
-    /// A tile's level for look-ups. `level` beyond the tile's last is clamped to it. Where the stored tile is damaged, the
-    /// next coarser level that is not (in the end the group's mean) takes its place and the damage is recorded. Panics
-    /// where `channel` or `group` is out of range.
-    pub fn tile(&self, channel: usize, group: u32, level: u32) -> Tile {
-        let asset = &self.shared.asset;
-        let extent = asset.cover().groups[group as usize].extent;
-        let last = fantex_cover::level_count(extent) - 1;
-        for level in level.min(last)..=last {
-            let size = PageSize::new(extent, level);
-            if size.page_count() > 1 {
-                let source = Source::Paged(self.clone(), Arc::default());
-                return Tile { channel, group, level, extent: size.extent(), source };
-            }
-            let id = PageId { group, level, page: [0, 0] };
-            if let Some(page) = self.page(channel, id) {
-                return Tile { channel, group, level, extent: size.extent(), source: Source::Page(page) };
-            }
-        }
-        let mean = asset.mean(channel, group);
-        Tile { channel, group, level: last, extent: [1, 1], source: Source::Mean(mean) }
-    }
-
-    /// One bilinear look-up: `self.tile(channel, group, level).bilinear(uv)`.
-    pub fn bilinear(&self, channel: usize, group: u32, level: u32, uv: Vec2) -> [f32; 4] {
-        self.tile(channel, group, level).bilinear(uv)
-    }
-
     /// What could not be read so far.
     pub fn damage(&self) -> Damage {
         let log = self.shared.damage.lock().unwrap_or_else(PoisonError::into_inner);
@@ -217,6 +191,35 @@ impl PageCache {
     }
 }
 
+impl TileSource for PageCache {
+    type Tile = Tile;
+
+    /// `id.level` beyond the tile's last is clamped to it. Where the stored tile is damaged, the next coarser level that is not (in
+    /// the end the group's mean) takes its place and the damage is recorded. Panics where `channel` or `id.group` is out of range.
+    fn tile(&self, channel: usize, id: TileId) -> Tile {
+        let asset = &self.shared.asset;
+        let TileId { group, level } = id;
+        let tile_extent = asset.cover().groups[group as usize].extent;
+        let last = fantex_cover::level_count(tile_extent) - 1;
+        for level in level.min(last)..=last {
+            let (id, size) = (TileId { group, level }, PageSize::new(tile_extent, level));
+            let extent = size.extent();
+            if size.page_count() > 1 {
+                return Tile { channel, id, extent, source: Source::Paged(self.clone(), Arc::default()) };
+            }
+            if let Some(page) = self.page(channel, PageId { group, level, page: [0, 0] }) {
+                return Tile { channel, id, extent, source: Source::Page(page) };
+            }
+        }
+        let source = Source::Mean(asset.mean(channel, group));
+        Tile { channel, id: TileId { group, level: last }, extent: [1, 1], source }
+    }
+
+    fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
+        self.shared.asset.mean(channel, group)
+    }
+}
+
 /// A page, decoded, in the smallest form that keeps its values.
 #[derive(Debug)]
 struct DecodedPage {
@@ -263,30 +266,12 @@ impl DecodedPage {
     }
 }
 
-/// Texels of a tile's level as they are stored, row-major, for those who look up many at once.
-#[derive(Clone, Copy, Debug)]
-pub enum PageTexels<'a> {
-    /// RGBA; the colours, though not alpha, may be encoded in sRGB.
-    Rgba8 {
-        /// One each.
-        texels: &'a [[u8; 4]],
-        /// Whether they are.
-        srgb: bool,
-    },
-    /// Red and green over [`RATIO_DENOMINATOR`]; blue is 0, alpha 1.
-    RgRatio(&'a [[u16; 2]]),
-}
-
-/// What the numbers of [`PageTexels::RgRatio`] are divided by.
-pub const RATIO_DENOMINATOR: u16 = BC4_DENOMINATOR as u16;
-
 /// A tile's level, ready for look-ups from any thread. Holds its page alive (whatever the cache's budget); a tile of one
 /// page is sampled without a lock.
 #[derive(Clone, Debug)]
 pub struct Tile {
     channel: usize,
-    group: u32,
-    level: u32,
+    id: TileId,
     /// Columns and rows of the whole level.
     extent: [u32; 2],
     source: Source,
@@ -340,30 +325,14 @@ impl TexelQuad {
     }
 }
 
-impl Tile {
-    /// Columns and rows in texels (`[1, 1]` for the mean of a tile that cannot be read at all).
-    pub fn extent(&self) -> [u32; 2] {
+impl TileTexels for Tile {
+    /// `[1, 1]` for the mean of a tile that cannot be read at all.
+    fn extent(&self) -> [u32; 2] {
         self.extent
     }
 
-    /// The level it really is (coarser than asked for where that is damaged).
-    pub fn level(&self) -> u32 {
-        self.level
-    }
-
-    /// The texels of a level that is one page; none where it is cut into pages, cannot be read, or is stored in another form.
-    pub fn page_texels(&self) -> Option<PageTexels<'_>> {
-        let Source::Page(page) = &self.source else { return None };
-        match &page.texels {
-            StoredTexels::Rgba8(texels) => Some(PageTexels::Rgba8 { texels, srgb: page.srgb }),
-            StoredTexels::RgRatio(texels) => Some(PageTexels::RgRatio(texels)),
-            _ => None,
-        }
-    }
-
-    /// Bilinear look-up at tile coordinates, clamped half a texel inside the tile; **linear** RGBA.
     #[inline]
-    pub fn bilinear(&self, uv: Vec2) -> [f32; 4] {
+    fn bilinear(&self, uv: Vec2) -> [f32; 4] {
         match &self.source {
             Source::Page(page) => page_bilinear(page, &TexelQuad::new(uv, self.extent)),
             Source::Paged(cache, recent) => self.paged_bilinear(cache, recent, uv),
@@ -371,8 +340,7 @@ impl Tile {
         }
     }
 
-    /// Texel at column x, row y (clamped to the tile); **linear** RGBA.
-    pub fn texel(&self, x: u32, y: u32) -> [f32; 4] {
+    fn texel(&self, x: u32, y: u32) -> [f32; 4] {
         let (x, y) = (x.min(self.extent[0] - 1), y.min(self.extent[1] - 1));
         match &self.source {
             Source::Page(page) => page.linear(x, y),
@@ -383,6 +351,22 @@ impl Tile {
             }),
             Source::Mean(mean) => *mean,
         }
+    }
+
+    fn grid(&self) -> Option<TexelGrid<'_>> {
+        let Source::Page(page) = &self.source else { return None };
+        match &page.texels {
+            StoredTexels::Rgba8(texels) => Some(TexelGrid::Rgba8 { texels, is_srgb: page.srgb }),
+            StoredTexels::RgRatio(texels) => Some(TexelGrid::Rg16 { texels, one: BC4_DENOMINATOR as u16 }),
+            _ => None,
+        }
+    }
+}
+
+impl Tile {
+    /// The level it really is (coarser than asked for where that is damaged).
+    pub fn level(&self) -> u32 {
+        self.id.level
     }
 
     /// Across page borders. A look-up that touches a damaged page is made in the coarser level as a whole.
@@ -423,7 +407,7 @@ impl Tile {
         y: u32,
     ) -> Option<Arc<DecodedPage>> {
         let page = [x / PAGE, y / PAGE];
-        let id = PageId { group: self.group, level: self.level, page };
+        let id = PageId { group: self.id.group, level: self.id.level, page };
         let slot = &recent[(page[0] % 2 + 2 * (page[1] % 2)) as usize];
         if let Some((held, page)) = &*slot.lock().unwrap_or_else(PoisonError::into_inner)
             && *held == id
@@ -437,7 +421,7 @@ impl Tile {
 
     /// The next level. (A paged level is never the last.)
     fn coarser(&self, cache: &PageCache) -> Tile {
-        cache.tile(self.channel, self.group, self.level + 1)
+        cache.tile(self.channel, TileId { level: self.id.level + 1, ..self.id })
     }
 }
 

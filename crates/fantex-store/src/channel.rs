@@ -81,7 +81,7 @@ pub enum TexelFormat {
 
 impl TexelFormat {
     /// All formats, ordered by their code in files.
-    pub(crate) const ALL: [Self; 8] =
+    pub const ALL: [Self; 8] =
         [Self::Bc1, Self::Bc4, Self::Bc5, Self::Bc7, Self::R8, Self::Rg8, Self::Rgba8, Self::Rgba32F];
 
     /// Bytes of 4x4 texels.

@@ -10,14 +10,15 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use fantex_base::Result;
+use fantex_cover::Cover;
 use half::f16;
 
-use crate::TexelFormat;
 use crate::bytes::{ByteReader, ByteWriter};
 use crate::error::{ends, misplaced_cluster, out_of_order, too_many, wrong_cluster_length, wrong_count};
 use crate::header::SectionRecord;
 use crate::layout::{PageSize, TilePlace};
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES, MAX_ATTACHMENTS, MAX_CLUSTER_BYTES};
+use crate::{TexelFormat, cover_level_count};
 
 /// Clusters start at multiples of this, so that direct I/O can read them.
 pub(crate) const ALIGNMENT: u64 = 4096;
@@ -38,7 +39,7 @@ pub(crate) struct ClusterEntry {
 
 impl ClusterEntry {
     /// Bytes of the file.
-    pub(crate) fn range(&self) -> std::ops::Range<u64> {
+    pub(crate) fn range(&self) -> Range<u64> {
         self.offset..self.offset + u64::from(self.stored_length)
     }
 }
@@ -50,6 +51,14 @@ pub(crate) struct Directory {
     pub(crate) levels: Vec<Vec<ClusterEntry>>,
     /// Linear RGBA, `means[group * channels + channel]`.
     pub(crate) means: Means,
+}
+
+impl Directory {
+    /// Index of the cluster that holds an existing page of a level.
+    pub(crate) fn cluster_of(&self, level: u32, place: TilePlace) -> usize {
+        let clusters = &self.levels[level as usize];
+        clusters.partition_point(|cluster| cluster.first <= place).saturating_sub(1)
+    }
 }
 
 /// Means of all groups and channels, group after group: half floats, or floats for float channels.
@@ -142,21 +151,19 @@ pub(crate) fn encode(directory: &Directory) -> Vec<u8> {
 
 /// What a directory must agree with.
 pub(crate) struct Expected<'a> {
-    /// Tile extents of all groups at level 0.
-    pub(crate) extents: &'a dyn Fn(usize) -> [u32; 2],
-    pub(crate) groups: usize,
-    pub(crate) levels: u32,
+    pub(crate) cover: &'a Cover,
     pub(crate) formats: &'a [TexelFormat],
     /// Where clusters may lie.
-    pub(crate) clusters: std::ops::Range<u64>,
+    pub(crate) places: Range<u64>,
 }
 
 pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory> {
     let mut input = ByteReader::new(bytes);
     let levels = input.u32("the directory's levels")?;
     input.u32("the directory's levels")?;
-    if levels != expected.levels {
-        return Err(wrong_count("levels in the directory", u64::from(expected.levels), u64::from(levels)));
+    let expected_levels = cover_level_count(expected.cover);
+    if levels != expected_levels {
+        return Err(wrong_count("levels in the directory", u64::from(expected_levels), u64::from(levels)));
     }
     let counts = (0..levels)
         .map(|_| input.count(bytes.len() / ENTRY_BYTES, "clusters"))
@@ -177,7 +184,7 @@ pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory>
         }
         directory.levels.push(clusters);
     }
-    let mean_bytes = expected.groups.checked_mul(directory.means.group_bytes);
+    let mean_bytes = expected.cover.groups.len().checked_mul(directory.means.group_bytes);
     let mean_bytes = mean_bytes.ok_or(ends("the means", bytes.len()))?;
     directory.means.bytes = input.take(mean_bytes, "the means")?.to_vec();
     input.end()?;
@@ -190,7 +197,7 @@ pub(crate) fn decode(bytes: &[u8], expected: &Expected<'_>) -> Result<Directory>
 
 /// Clusters lie aligned within the file's cluster area. (They may overlap: whatever they hold is checksummed.)
 fn check_places(directory: &Directory, expected: &Expected<'_>) -> Result<()> {
-    let std::ops::Range { start: first, end: last } = expected.clusters;
+    let Range { start: first, end: last } = expected.places;
     for (cluster, entry) in directory.levels.iter().flatten().enumerate() {
         let offset = entry.offset;
         let end = offset.saturating_add(u64::from(entry.stored_length));
@@ -220,8 +227,8 @@ fn check_lengths(level: u32, clusters: &[ClusterEntry], expected: &Expected<'_>)
         }
         _ => Ok(()),
     };
-    for group in 0..expected.groups {
-        let size = PageSize::new((expected.extents)(group), level);
+    for (group, tile) in expected.cover.groups.iter().enumerate() {
+        let size = PageSize::new(tile.extent, level);
         let mut from = 0;
         while let Some((cluster, entry)) = next.next_if(|(_, c)| c.first.group as usize == group) {
             let page = entry.first.page;

@@ -51,7 +51,7 @@ pub(crate) struct SectionRecord {
 
 impl SectionRecord {
     /// Bytes of the file; empty for one that overflows.
-    pub(crate) fn range(&self) -> std::ops::Range<u64> {
+    pub(crate) fn range(&self) -> Range<u64> {
         self.offset..self.offset.saturating_add(self.stored_length)
     }
 }
@@ -71,6 +71,12 @@ pub(crate) struct Slot {
 }
 
 impl Slot {
+    /// Of a generation that names nothing yet.
+    pub(crate) fn new(generation: u64) -> Self {
+        let (sections, attachments) = Default::default();
+        Self { version: VERSION, flags: 0, generation, file_length: 0, sections, attachments }
+    }
+
     pub(crate) fn encode(&self) -> [u8; SLOT_BYTES] {
         let mut out = ByteWriter::default();
         out.put(&SIGNATURE);
@@ -87,6 +93,11 @@ impl Slot {
         let mut slot = [0; SLOT_BYTES];
         slot.copy_from_slice(&out.bytes);
         slot
+    }
+
+    /// Where clusters and attachments may lie.
+    pub(crate) fn places(&self) -> Range<u64> {
+        HEADER_BYTES..self.file_length
     }
 
     /// None where signature or checksum are wrong.

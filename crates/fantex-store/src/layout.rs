@@ -23,6 +23,15 @@ impl std::fmt::Display for PageId {
     }
 }
 
+/// A group's tile at a detail level, 0 = finest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TileId {
+    /// Group index.
+    pub group: u32,
+    /// Detail level.
+    pub level: u32,
+}
+
 /// Longest side of a page in texels.
 pub const PAGE: u32 = 256;
 

@@ -18,10 +18,6 @@
 //! The format is described byte by byte in `docs/format.md`. No function of this crate trusts a file: lengths, offsets,
 //! counts and extents are checked against the [`limits`] before anything is allocated.
 
-// The tests inside this crate share helpers with those outside.
-#[cfg(test)]
-extern crate self as fantex_store;
-
 mod bytes;
 mod cache;
 mod channel;

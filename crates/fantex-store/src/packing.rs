@@ -562,19 +562,9 @@ impl<S: Simd> Code<S, 8> for EndPoints<S> {
 mod tests {
     use super::*;
 
-    fn record_length(format: TexelFormat) -> usize {
-        match format {
-            TexelFormat::R8 => 1,
-            TexelFormat::Rg8 => 2,
-            TexelFormat::Rgba8 => 4,
-            TexelFormat::Bc1 | TexelFormat::Bc4 => 8,
-            TexelFormat::Bc5 | TexelFormat::Bc7 | TexelFormat::Rgba32F => 16,
-        }
-    }
-
     /// Bytes that look random, or that hardly change from record to record.
     fn records(format: TexelFormat, count: usize, rough: bool) -> Vec<u8> {
-        let record = record_length(format);
+        let record = reference::record_length(format);
         let mut state = count as u32 + 1;
         (0..count * record)
             .map(|i| {
@@ -598,9 +588,6 @@ mod tests {
                     assert_eq!(packed, expected, "{count} records of {format:?}");
                     let mut back = vec![0xaa; natural.len()];
                     unpack(format, &packed, &mut back);
-                    assert_eq!(back, natural, "{count} records of {format:?}");
-                    back.fill(0xaa);
-                    reference::unpack(format, &packed, &mut back);
                     assert_eq!(back, natural, "{count} records of {format:?}");
                 }
             }

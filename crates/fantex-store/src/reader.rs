@@ -13,16 +13,15 @@ use fantex_base::{Error, ErrorKind, Place, Result};
 use fantex_cover::Cover;
 use fantex_mesh::Mesh;
 use xxhash_rust::xxh3::xxh3_64;
-use zstd::zstd_safe::CParameter;
 
 use crate::decode::StoredTexels;
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
 use crate::error::{damaged, no_such_page};
-use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Sections, Slot, read_section, read_slot};
+use crate::header::{SECTION_NAMES, SectionRecord, Sections, Slot, read_section, read_slot};
 use crate::layout::{ClusterPages, PageSize, TilePlace};
 use crate::{
-    ByteSource, Channel, ChannelKind, FileSource, PageId, TexelFormat, channel, cover_level_count,
-    cover_section, mesh_section, packing,
+    ByteSource, Channel, ChannelKind, FileSource, PageId, TexelFormat, channel, cover_section, mesh_section,
+    packing,
 };
 
 /// Decoded texels of one page and channel.
@@ -75,13 +74,7 @@ impl Asset {
         let mesh = mesh_section::decode(&sections.unpack(2)?).map_err(content(2))?;
         let cover = cover_section::decode(&sections.unpack(1)?, mesh.triangles.len()).map_err(content(1))?;
         let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
-        let expected = directory::Expected {
-            extents: &|group| cover.groups[group].extent,
-            groups: cover.groups.len(),
-            levels: cover_level_count(&cover),
-            formats: &formats,
-            clusters: HEADER_BYTES..slot.file_length,
-        };
+        let expected = directory::Expected { cover: &cover, formats: &formats, places: slot.places() };
         let directory = directory::decode(&sections.unpack(3)?, &expected).map_err(content(3))?;
         drop(sections);
         let attachments = read_attachments(&*source, &slot);
@@ -277,13 +270,14 @@ impl Asset {
     }
 }
 
-fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<Attachments> {
+/// The list of attachments that a slot names.
+pub(crate) fn read_attachments(source: &dyn ByteSource, slot: &Slot) -> Result<Attachments> {
     if slot.attachments == SectionRecord::default() {
         return Ok(Attachments::new());
     }
     let section = "attachment";
     let list = read_section(source, section, &slot.attachments, slot.file_length).and_then(|raw| {
-        directory::decode_attachments(&raw, &(HEADER_BYTES..slot.file_length))
+        directory::decode_attachments(&raw, &slot.places())
             .map_err(|error| content_error(source, section, &error))
     });
     list.map_err(|error| {
@@ -330,13 +324,15 @@ impl Asset {
     /// # Errors
     /// There is no such page.
     pub fn cluster_of(&self, id: PageId) -> Result<ClusterId> {
-        let missing = || self.no_such_page(0, id);
-        let clusters = self.directory.levels.get(id.level as usize).ok_or_else(missing)?;
-        let group = self.cover().groups.get(id.group as usize).ok_or_else(missing)?;
-        let number = PageSize::new(group.extent, id.level).number(id.page).ok_or_else(missing)?;
-        let place = TilePlace { group: id.group, page: number };
-        let index = clusters.partition_point(|cluster| cluster.first <= place).checked_sub(1);
-        Ok(ClusterId { level: id.level, index: index.ok_or_else(missing)? as u32 })
+        let index = self.directory.cluster_of(id.level, self.place_of(id)?);
+        Ok(ClusterId { level: id.level, index: index as u32 })
+    }
+
+    /// The place of a page within its level.
+    pub(crate) fn place_of(&self, id: PageId) -> Result<TilePlace> {
+        let extent = self.cover.groups.get(id.group as usize).map_or([0, 0], |group| group.extent);
+        let number = PageSize::new(extent, id.level).number(id.page);
+        Ok(TilePlace { group: id.group, page: number.ok_or_else(|| self.no_such_page(0, id))? })
     }
 
     /// Where a cluster's stored bytes lie in the file; the start is a multiple of 4096. Panics where there is no such
@@ -367,23 +363,16 @@ impl Asset {
     }
 
     fn unpack_entry(&self, level: u32, entry: &ClusterEntry, stored: &[u8]) -> Result<ClusterPages> {
-        if stored.len() != entry.stored_length as usize || xxh3_64(stored) != entry.checksum {
-            return Err(damaged(
-                self.path(),
-                format!("the cluster at byte {} has a wrong checksum", entry.offset),
-            )
-            .with_place(Place::Byte(entry.offset)));
-        }
-        let packing_error = || {
-            damaged(
-                self.path(),
-                format!("the cluster at byte {} does not unpack to {} bytes", entry.offset, entry.raw_length),
-            )
-            .with_place(Place::Byte(entry.offset))
+        let error = |what: String| {
+            let sentence = format!("the cluster at byte {} {what}", entry.offset);
+            damaged(self.path(), sentence).with_place(Place::Byte(entry.offset))
         };
+        if stored.len() != entry.stored_length as usize || xxh3_64(stored) != entry.checksum {
+            return Err(error("has a wrong checksum".into()));
+        }
         let natural = UNPACKER
             .with_borrow_mut(|unpacker| unpacker.unpack(&self.formats, stored, entry.raw_length as usize))
-            .ok_or_else(packing_error)?;
+            .ok_or_else(|| error(format!("does not unpack to {} bytes", entry.raw_length)))?;
         let extents = |group: usize| self.cover().groups[group].extent;
         Ok(ClusterPages::new(natural, level, entry, &self.formats, extents))
     }
@@ -393,9 +382,7 @@ impl Asset {
     /// # Errors
     /// There is no such page or channel, or it lies in another cluster.
     pub fn page_in<'c>(&self, cluster: &'c ClusterPages, channel: usize, id: PageId) -> Result<&'c [u8]> {
-        self.page_extent(channel, id)?;
-        let extent = self.cover().groups[id.group as usize].extent;
-        cluster.page(&self.formats, channel, id, extent).ok_or_else(|| self.no_such_page(channel, id))
+        self.page_in_any([cluster], channel, id)
     }
 
     /// The same, in whichever of several clusters holds the page.
@@ -404,13 +391,14 @@ impl Asset {
     /// There is no such page or channel, or it lies in none of them.
     pub fn page_in_any<'c>(
         &self,
-        clusters: &'c [Arc<ClusterPages>],
+        clusters: impl IntoIterator<Item = &'c ClusterPages>,
         channel: usize,
         id: PageId,
     ) -> Result<&'c [u8]> {
         self.page_extent(channel, id)?;
         let extent = self.cover().groups[id.group as usize].extent;
-        let found = clusters.iter().find_map(|cluster| cluster.page(&self.formats, channel, id, extent));
+        let mut clusters = clusters.into_iter();
+        let found = clusters.find_map(|cluster| cluster.page(&self.formats, channel, id, extent));
         found.ok_or_else(|| self.no_such_page(channel, id))
     }
 
@@ -453,41 +441,6 @@ impl Asset {
     }
 }
 
-/// A cluster as it is stored.
-pub(crate) struct PackedCluster {
-    /// Bytes before packing.
-    pub(crate) raw_length: u32,
-    pub(crate) stored: Vec<u8>,
-}
-
-/// The shortest run that zstd may store as a repetition. Blocks of texels repeat in whole or hardly at all: with short runs a
-/// cluster is as large, and takes a tenth longer to unpack.
-const MIN_MATCH: u32 = 7;
-
-/// Packs the bytes of all pages of a cluster, given by channel.
-pub(crate) fn pack_cluster(
-    channels: &[Vec<u8>],
-    formats: &[TexelFormat],
-    zstd_level: i32,
-) -> std::io::Result<PackedCluster> {
-    let raw = arrange(channels, formats);
-    let mut compressor = zstd::bulk::Compressor::new(zstd_level)?;
-    compressor.set_parameter(CParameter::MinMatch(MIN_MATCH))?;
-    Ok(PackedCluster { raw_length: raw.len() as u32, stored: compressor.compress(&raw)? })
-}
-
-/// The cluster's channels one after the other, each rearranged to pack well.
-fn arrange(channels: &[Vec<u8>], formats: &[TexelFormat]) -> Vec<u8> {
-    let mut raw = vec![0; channels.iter().map(Vec::len).sum()];
-    let mut rest = raw.as_mut_slice();
-    for (stream, &format) in channels.iter().zip(formats) {
-        let (packed, after) = rest.split_at_mut(stream.len());
-        packing::pack(format, stream, packed);
-        rest = after;
-    }
-    raw
-}
-
 thread_local! {
     static UNPACKER: RefCell<Unpacker> = RefCell::default();
 }
@@ -516,7 +469,7 @@ impl Unpacker {
     }
 }
 
-/// Inverse of [`arrange`].
+/// The inverse of what [`OpenCluster::pack`](crate::writer::OpenCluster::pack) does to channels.
 fn unarranged(formats: &[TexelFormat], raw: &[u8]) -> Vec<u8> {
     let block_bytes: usize = formats.iter().map(|f| f.block_bytes()).sum();
     let blocks = raw.len() / block_bytes;
@@ -533,6 +486,7 @@ fn unarranged(formats: &[TexelFormat], raw: &[u8]) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::writer::OpenCluster;
 
     #[test]
     fn an_unpacker_survives_damaged_clusters_and_long_ones() {
@@ -543,7 +497,9 @@ mod tests {
                 (0..blocks * format.block_bytes()).map(|i| (i / 16 * 3 + i % 5) as u8).collect::<Vec<u8>>()
             });
             let natural = channels.concat();
-            let stored = pack_cluster(&channels, &formats, 1).unwrap().stored;
+            let mut cluster = OpenCluster::empty(2);
+            cluster.add(TilePlace { group: 0, page: 0 }, &channels, usize::MAX);
+            let stored = cluster.pack(&formats, 1).unwrap().stored;
             assert_eq!(unpacker.unpack(&formats, &stored, natural.len()).as_ref(), Some(&natural));
             assert_eq!(unpacker.unpack(&formats, &stored[..stored.len() - 1], natural.len()), None);
             assert_eq!(unpacker.unpack(&formats, &stored, natural.len() - 80), None);

@@ -26,7 +26,7 @@ use fantex_mesh::{Edges, Mesh};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-use crate::{Asset, ClusterId, PageCache, Tile};
+use crate::{Asset, ClusterId, PageCache, Tile, TileId, TileSource, TileTexels};
 
 /// A jump of the texture function across an edge up to this passes. It lies far below half a step of 8 bits (2e-3), so
 /// nothing of it can be seen, and far above what rounding makes (below 1e-6: both sides take the same tile coordinates up
@@ -113,8 +113,8 @@ fn count_damaged_attachments(asset: &Asset) -> u64 {
 
 struct ClusterDamage {
     what: String,
-    /// Group and level of the tiles that have pages in the cluster.
-    tiles: Vec<(u32, u32)>,
+    /// Those that have pages in the cluster.
+    tiles: Vec<TileId>,
 }
 
 /// Reads every cluster. A cluster that unpacks to its recorded length, which opening compared with the cover, holds pages
@@ -125,7 +125,8 @@ fn check_clusters(asset: &Asset) -> Vec<ClusterDamage> {
         let error = asset.read_cluster(cluster).err()?;
         let level = cluster.level;
         let has_level = |&g: &u32| level < asset.cover().groups[g as usize].level_count();
-        let tiles = asset.groups_in_cluster(cluster).filter(has_level).map(|g| (g, level)).collect();
+        let tiles =
+            asset.groups_in_cluster(cluster).filter(has_level).map(|group| TileId { group, level }).collect();
         Some(ClusterDamage { what: error.to_string(), tiles })
     });
     damage.collect()
@@ -386,7 +387,8 @@ impl<'a> Comparison<'a> {
     fn compare_at(&mut self, edge: &Edge, corners: &[TriangleTiles; 2], choice: LevelChoice) {
         let tiles: Vec<[Tile; 2]> = (0..self.asset.channels().len())
             .map(|channel| {
-                let tile = |group| self.cache.tile(channel, group, self.level(group, choice));
+                let tile =
+                    |group| self.cache.tile(channel, TileId { group, level: self.level(group, choice) });
                 let first = tile(edge.groups[0]);
                 let is_one_group = edge.groups[0] == edge.groups[1];
                 let second = if is_one_group { first.clone() } else { tile(edge.groups[1]) };

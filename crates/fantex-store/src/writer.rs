@@ -10,7 +10,7 @@
 //! stand in front of them: a reader far away gets everything but texels in two requests.
 
 use std::fs::File;
-use std::io::{Seek, SeekFrom, Write};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use fantex_base::{Error, Result};
@@ -19,20 +19,24 @@ use fantex_mesh::Mesh;
 use rayon::prelude::*;
 use tempfile::NamedTempFile;
 use xxhash_rust::xxh3::xxh3_64;
+use zstd::zstd_safe::{CParameter, compress_bound};
 
-use crate::directory::{self, ALIGNMENT, ClusterEntry, Directory, Means};
+use crate::directory::{self, ALIGNMENT, Attachments, ClusterEntry, Directory, Means};
 use crate::error::invalid;
-use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot, VERSION};
+use crate::header::{HEADER_BYTES, SLOT_OFFSETS, SectionRecord, Slot};
 use crate::layout::{PageSize, TilePlace, page_bytes};
 use crate::limits::{MAX_SECTION_RATIO, SECTION_RATIO_FREE};
-use crate::reader::pack_cluster;
-use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section};
+use crate::{Channel, PageId, TexelFormat, channel, cover_section, mesh_section, packing};
 
 /// A cluster is closed before the page that would make it longer than this, unpacked. Packed it is about two thirds.
-pub(crate) const CLUSTER_TARGET_BYTES: u64 = 256 << 10;
+pub(crate) const CLUSTER_TARGET_BYTES: usize = 256 << 10;
 
 /// zstd level of the sections, which are written once.
-pub(crate) const SECTION_ZSTD_LEVEL: i32 = 3;
+const SECTION_ZSTD_LEVEL: i32 = 3;
+
+/// The shortest run that zstd may store as a repetition. Blocks of texels repeat in whole or hardly at all: with short runs a
+/// cluster is as large, and takes a tenth longer to unpack.
+const MIN_MATCH: u32 = 7;
 
 /// Magic number of a zstd frame that decoders skip.
 const SKIPPABLE_FRAME: u32 = 0x184d_2a50;
@@ -83,37 +87,15 @@ pub struct WriteSummary {
 pub struct AssetWriter {
     path: PathBuf,
     options: CreateOptions,
-    file: NamedTempFile,
+    file: NewFile,
     extents: Vec<[u32; 2]>,
     formats: Vec<TexelFormat>,
-    sections: [SectionRecord; 4],
     /// The level's cluster that still takes pages.
     open: Vec<OpenCluster>,
     /// Full clusters on their way to the file, with their level.
     full: Vec<(usize, OpenCluster)>,
-    written: Vec<Vec<ClusterEntry>>,
     due: Option<PageId>,
-    /// Where the next cluster goes.
-    end: u64,
     summary: WriteSummary,
-}
-
-/// Pages of one level and neighbouring groups.
-#[derive(Debug)]
-struct OpenCluster {
-    first: TilePlace,
-    /// Per channel, page after page.
-    channels: Vec<Vec<u8>>,
-}
-
-impl OpenCluster {
-    fn empty(channels: usize) -> Self {
-        Self { first: TilePlace { group: 0, page: 0 }, channels: vec![Vec::new(); channels] }
-    }
-
-    fn length(&self) -> u64 {
-        self.channels.iter().map(|c| c.len() as u64).sum()
-    }
 }
 
 impl AssetWriter {
@@ -136,30 +118,29 @@ impl AssetWriter {
         if !options.force && path.symlink_metadata().is_ok() {
             return Err(already_exists(path));
         }
-        let file = temporary_file(path).map_err(|source| Error::writing(path, source))?;
+        let io = |source| Error::writing(path, source);
         let extents: Vec<_> = cover.groups.iter().map(|group| group.extent).collect();
         let formats: Vec<_> = channels.iter().map(|channel| channel.format).collect();
         let levels = extents.iter().map(|&e| level_count(e)).max().unwrap_or(0) as usize;
-        let mut writer = Self {
+        let mut file = NewFile::create(path, 1, levels).map_err(io)?;
+        let sections =
+            [channel::encode_channels(channels), cover_section::encode(cover), mesh_section::encode(mesh)];
+        for (index, raw) in sections.iter().enumerate() {
+            let (stored, record) = pack_section(raw).map_err(io)?;
+            file.section(index, &stored, record).map_err(io)?;
+        }
+        file.keep_room_for_directory(&extents, &formats);
+        Ok(Self {
             path: path.to_owned(),
             options: options.clone(),
             file,
-            sections: [SectionRecord::default(); 4],
             open: (0..levels).map(|_| OpenCluster::empty(formats.len())).collect(),
             full: Vec::new(),
-            written: vec![Vec::new(); levels],
-            due: None,
-            end: HEADER_BYTES,
+            due: first_page(0, &extents),
             summary: WriteSummary::default(),
             extents,
             formats,
-        };
-        writer.due = writer.first_page_from(0);
-        writer.write_section(0, &channel::encode_channels(channels))?;
-        writer.write_section(1, &cover_section::encode(cover))?;
-        writer.write_section(2, &mesh_section::encode(mesh))?;
-        writer.keep_room_for_directory();
-        Ok(writer)
+        })
     }
 
     /// Adds pages: groups ascending, all pages of a group together as [`group_pages`](crate::group_pages) lists them (a
@@ -170,7 +151,7 @@ impl AssetWriter {
     /// A page came out of turn or with wrong lengths, or the file cannot be written.
     pub fn write_pages(&mut self, batch: Vec<EncodedPage>) -> Result<()> {
         for page in batch {
-            self.add_page(page)?;
+            self.add_page(&page)?;
         }
         self.write_full_clusters()
     }
@@ -181,98 +162,53 @@ impl AssetWriter {
     /// # Errors
     /// Pages or means are missing, or the file cannot be written.
     pub fn finish(mut self, means: &[[f32; 4]]) -> Result<WriteSummary> {
-        let path = self.path.clone();
         if let Some(missing) = self.due {
-            return Err(invalid(
-                &path,
-                format!("cannot finish {}: page ({missing}) has not been written", path.display()),
-            ));
+            return Err(self.refused("finish", format!("page ({missing}) has not been written")));
         }
-        let expected = self.extents.len() * self.formats.len();
-        if means.len() != expected {
-            return Err(invalid(
-                &path,
-                format!(
-                    "cannot finish {}: {expected} means are due (one per group and channel), {} were given",
-                    path.display(),
-                    means.len()
-                ),
-            ));
+        let (expected, got) = (self.extents.len() * self.formats.len(), means.len());
+        if got != expected {
+            let what = format!("{expected} means are due (one per group and channel), {got} were given");
+            return Err(self.refused("finish", what));
         }
-        for level in 0..self.open.len() {
-            self.close(level);
-        }
+        let open = self.open.iter_mut().enumerate();
+        self.full.extend(open.filter_map(|(level, cluster)| Some((level, cluster.take()?))));
         self.write_full_clusters()?;
-        let file_length = self.end;
-        self.write_directory(means)?;
-        let slot = Slot {
-            version: VERSION,
-            flags: 0,
-            generation: 1,
-            file_length,
-            sections: self.sections,
-            attachments: SectionRecord::default(),
-        };
-        for offset in SLOT_OFFSETS {
-            self.write_at(offset, &slot.encode())?;
-        }
-        let io = |source| Error::writing(&path, source);
-        // The last cluster's padding is part of the file.
-        self.file.as_file().set_len(file_length).map_err(io)?;
-        self.file.as_file().sync_all().map_err(io)?;
-        persist(self.file, &path, self.options.force)?;
-        Ok(WriteSummary { bytes: file_length, ..self.summary })
+        let means = Means::new(means, &self.formats);
+        let finished = self.file.finish(means, &Attachments::new(), None);
+        let (file, bytes) = finished.map_err(|source| Error::writing(&self.path, source))?;
+        persist(file, &self.path, self.options.force)?;
+        Ok(WriteSummary { bytes, ..self.summary })
     }
 
-    fn add_page(&mut self, page: EncodedPage) -> Result<()> {
+    fn refused(&self, verb: &str, what: String) -> Error {
+        invalid(&self.path, format!("cannot {verb} {}: {what}", self.path.display()))
+    }
+
+    fn add_page(&mut self, page: &EncodedPage) -> Result<()> {
         let id = page.id;
-        let due = self.due.ok_or_else(|| {
-            invalid(
-                &self.path,
-                format!("cannot write {}: page ({id}) is not part of the cover", self.path.display()),
-            )
-        })?;
-        if id != due {
-            return Err(invalid(
-                &self.path,
-                format!("cannot write {}: page ({id}) came where ({due}) was due", self.path.display()),
-            ));
+        match self.due {
+            None => return Err(self.refused("write", format!("page ({id}) is not part of the cover"))),
+            Some(due) if id != due => {
+                return Err(self.refused("write", format!("page ({id}) came where ({due}) was due")));
+            }
+            _ => {}
         }
         let size = PageSize::new(self.extents[id.group as usize], id.level);
         let number = size.number(id.page).unwrap_or(0);
         let expected = page_bytes(&self.formats, size.page_extent(number));
         let got: Vec<usize> = page.channels.iter().map(Vec::len).collect();
         if got != expected {
-            return Err(invalid(
-                &self.path,
-                format!(
-                    "cannot write {}: page ({id}) needs {expected:?} bytes per channel, but has {got:?}",
-                    self.path.display()
-                ),
-            ));
+            let what = format!("page ({id}) needs {expected:?} bytes per channel, but has {got:?}");
+            return Err(self.refused("write", what));
         }
         let level = id.level as usize;
-        let page_length = expected.iter().sum::<usize>() as u64;
-        let length = self.open[level].length();
-        if length > 0 && length + page_length > CLUSTER_TARGET_BYTES {
-            self.close(level);
-        }
-        let cluster = &mut self.open[level];
-        if cluster.length() == 0 {
-            cluster.first = TilePlace { group: id.group, page: number };
-        }
-        for (stream, bytes) in cluster.channels.iter_mut().zip(&page.channels) {
-            stream.extend_from_slice(bytes);
-        }
+        let place = TilePlace { group: id.group, page: number };
+        let full = self.open[level].add(place, &page.channels, CLUSTER_TARGET_BYTES);
+        self.full.extend(full.map(|cluster| (level, cluster)));
         self.summary.pages += 1;
-        self.summary.unpacked_texel_bytes += page_length;
+        self.summary.unpacked_texel_bytes += expected.iter().sum::<usize>() as u64;
         self.due = self.page_after(id, size, number);
         Ok(())
-    }
-
-    /// Level 0's first page of the first group from `group` on.
-    fn first_page_from(&self, group: u32) -> Option<PageId> {
-        ((group as usize) < self.extents.len()).then_some(PageId { group, level: 0, page: [0, 0] })
     }
 
     fn page_after(&self, id: PageId, size: PageSize, number: u32) -> Option<PageId> {
@@ -282,86 +218,201 @@ impl AssetWriter {
         if id.level + 1 < level_count(self.extents[id.group as usize]) {
             return Some(PageId { level: id.level + 1, page: [0, 0], ..id });
         }
-        self.first_page_from(id.group + 1)
-    }
-
-    /// Moves the open cluster of a level to the full ones, unless it is empty.
-    fn close(&mut self, level: usize) {
-        if self.open[level].length() > 0 {
-            let empty = OpenCluster::empty(self.formats.len());
-            self.full.push((level, std::mem::replace(&mut self.open[level], empty)));
-        }
+        first_page(id.group + 1, &self.extents)
     }
 
     /// Packs all full clusters in parallel and writes them in the order in which they became full.
     fn write_full_clusters(&mut self) -> Result<()> {
-        let full = std::mem::take(&mut self.full);
         let (formats, zstd_level) = (&self.formats, self.options.zstd_level);
-        let packed: Vec<_> = full
+        let packed: Vec<_> = std::mem::take(&mut self.full)
             .into_par_iter()
-            .map(|(level, cluster)| {
-                pack_cluster(&cluster.channels, formats, zstd_level)
-                    .map(|packed| (level, cluster.first, packed.raw_length, packed.stored))
-            })
+            .map(|(level, cluster)| Ok((level, cluster.pack(formats, zstd_level)?)))
             .collect();
         for cluster in packed {
-            let (level, first, raw_length, stored) = cluster.map_err(|e| Error::writing(&self.path, e))?;
-            self.write_at(self.end, &stored)?;
-            self.written[level].push(ClusterEntry {
-                first,
-                offset: self.end,
-                stored_length: stored.len() as u32,
-                raw_length,
-                checksum: xxh3_64(&stored),
-            });
-            self.end = (self.end + stored.len() as u64).next_multiple_of(ALIGNMENT);
-            self.summary.cluster_bytes += stored.len() as u64;
+            let written = cluster.and_then(|(level, cluster)| self.file.cluster(level, &cluster));
+            self.summary.cluster_bytes += written.map_err(|e| Error::writing(&self.path, e))?;
             self.summary.clusters += 1;
         }
         Ok(())
     }
+}
 
-    /// Packs and writes a section at the end of those before.
-    fn write_section(&mut self, index: usize, raw: &[u8]) -> Result<()> {
-        let mut stored =
-            zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL).map_err(|e| Error::writing(&self.path, e))?;
-        lengthen(&mut stored, raw.len() as u64);
-        self.write_at(self.end, &stored)?;
-        self.sections[index] = SectionRecord {
-            offset: self.end,
-            stored_length: stored.len() as u64,
-            raw_length: raw.len() as u64,
-            checksum: xxh3_64(&stored),
-        };
+/// Level 0's first page of a group, if there is such a group.
+fn first_page(group: u32, extents: &[[u32; 2]]) -> Option<PageId> {
+    ((group as usize) < extents.len()).then_some(PageId { group, level: 0, page: [0, 0] })
+}
+
+/// Pages of one level that follow each other, until they are a cluster.
+#[derive(Debug)]
+pub(crate) struct OpenCluster {
+    first: TilePlace,
+    /// Per channel, page after page.
+    channels: Vec<Vec<u8>>,
+}
+
+impl OpenCluster {
+    pub(crate) fn empty(channels: usize) -> Self {
+        Self { first: TilePlace { group: 0, page: 0 }, channels: vec![Vec::new(); channels] }
+    }
+
+    fn length(&self) -> usize {
+        self.channels.iter().map(Vec::len).sum()
+    }
+
+    /// Adds the next page; returns those before it where the cluster would become longer than `max_bytes`.
+    pub(crate) fn add(
+        &mut self,
+        place: TilePlace,
+        page: &[impl AsRef<[u8]>],
+        max_bytes: usize,
+    ) -> Option<Self> {
+        let page_length: usize = page.iter().map(|bytes| bytes.as_ref().len()).sum();
+        let full = if self.length() + page_length > max_bytes { self.take() } else { None };
+        if self.length() == 0 {
+            self.first = place;
+        }
+        for (stream, bytes) in self.channels.iter_mut().zip(page) {
+            stream.extend_from_slice(bytes.as_ref());
+        }
+        full
+    }
+
+    /// The pages since the last full cluster, if there are any.
+    pub(crate) fn take(&mut self) -> Option<Self> {
+        let empty = Self::empty(self.channels.len());
+        (self.length() > 0).then(|| std::mem::replace(self, empty))
+    }
+
+    /// Rearranges each channel to pack well, and packs them one after the other.
+    pub(crate) fn pack(&self, formats: &[TexelFormat], zstd_level: i32) -> io::Result<PackedCluster> {
+        let mut raw = vec![0; self.length()];
+        let mut rest = raw.as_mut_slice();
+        for (stream, &format) in self.channels.iter().zip(formats) {
+            let (packed, after) = rest.split_at_mut(stream.len());
+            packing::pack(format, stream, packed);
+            rest = after;
+        }
+        let mut compressor = zstd::bulk::Compressor::new(zstd_level)?;
+        compressor.set_parameter(CParameter::MinMatch(MIN_MATCH))?;
+        let stored = compressor.compress(&raw)?;
+        Ok(PackedCluster { first: self.first, raw_length: raw.len() as u32, stored })
+    }
+}
+
+/// A cluster as it is stored.
+pub(crate) struct PackedCluster {
+    first: TilePlace,
+    raw_length: u32,
+    pub(crate) stored: Vec<u8>,
+}
+
+impl PackedCluster {
+    /// Its entry once it lies at `offset`.
+    pub(crate) fn entry(&self, offset: u64) -> ClusterEntry {
+        ClusterEntry {
+            first: self.first,
+            offset,
+            stored_length: self.stored.len() as u32,
+            raw_length: self.raw_length,
+            checksum: xxh3_64(&self.stored),
+        }
+    }
+}
+
+/// The file of one generation while it is written from front to back, under a temporary name.
+#[derive(Debug)]
+pub(crate) struct NewFile {
+    file: NamedTempFile,
+    /// Where the next part goes.
+    end: u64,
+    slot: Slot,
+    levels: Vec<Vec<ClusterEntry>>,
+}
+
+impl NewFile {
+    pub(crate) fn create(path: &Path, generation: u64, levels: usize) -> io::Result<Self> {
+        let (file, slot) = (temporary_file(path)?, Slot::new(generation));
+        Ok(Self { file, end: HEADER_BYTES, slot, levels: vec![Vec::new(); levels] })
+    }
+
+    /// Adds a packed section: channels, cover, mesh.
+    pub(crate) fn section(&mut self, index: usize, stored: &[u8], record: SectionRecord) -> io::Result<()> {
+        self.write_at(self.end, stored)?;
+        self.slot.sections[index] = SectionRecord { offset: self.end, ..record };
         self.end = (self.end + stored.len() as u64).next_multiple_of(8);
         Ok(())
     }
 
     /// Puts the start of the clusters behind the longest directory that there can be.
-    fn keep_room_for_directory(&mut self) {
-        let clusters = clusters_per_level(&self.extents, &self.formats, self.open.len());
-        let length = directory::encoded_length(&clusters, self.extents.len(), &self.formats);
-        self.sections[3].offset = self.end;
-        self.end = (self.end + zstd::zstd_safe::compress_bound(length) as u64).next_multiple_of(ALIGNMENT);
+    pub(crate) fn keep_room_for_directory(&mut self, extents: &[[u32; 2]], formats: &[TexelFormat]) {
+        let clusters = clusters_per_level(extents, formats, self.levels.len());
+        let length = directory::encoded_length(&clusters, extents.len(), formats);
+        self.slot.sections[3].offset = self.end;
+        self.end = (self.end + compress_bound(length) as u64).next_multiple_of(ALIGNMENT);
     }
 
-    fn write_directory(&mut self, means: &[[f32; 4]]) -> Result<()> {
-        let levels = std::mem::take(&mut self.written);
-        let directory = Directory { levels, means: Means::new(means, &self.formats) };
-        self.end = self.sections[3].offset;
-        self.write_section(3, &directory::encode(&directory))
+    /// Adds a cluster or an attachment; returns where it lies.
+    pub(crate) fn append(&mut self, stored: &[u8]) -> io::Result<u64> {
+        let offset = self.end;
+        self.write_at(offset, stored)?;
+        self.end = (offset + stored.len() as u64).next_multiple_of(ALIGNMENT);
+        Ok(offset)
     }
 
-    fn write_at(&self, offset: u64, bytes: &[u8]) -> Result<()> {
+    /// Adds the next cluster of a level; returns its length.
+    pub(crate) fn cluster(&mut self, level: usize, cluster: &PackedCluster) -> io::Result<u64> {
+        let offset = self.append(&cluster.stored)?;
+        self.levels[level].push(cluster.entry(offset));
+        Ok(cluster.stored.len() as u64)
+    }
+
+    /// Writes directory, list of attachments and header, and makes the file durable. Returns it with its length.
+    pub(crate) fn finish(
+        mut self,
+        means: Means,
+        attachments: &Attachments,
+        permissions: Option<std::fs::Permissions>,
+    ) -> io::Result<(NamedTempFile, u64)> {
+        let directory = Directory { levels: std::mem::take(&mut self.levels), means };
+        let (stored, record) = pack_section(&directory::encode(&directory))?;
+        let offset = self.slot.sections[3].offset;
+        self.write_at(offset, &stored)?;
+        self.slot.sections[3] = SectionRecord { offset, ..record };
+        if !attachments.is_empty() {
+            let (stored, record) = pack_section(&directory::encode_attachments(attachments))?;
+            self.slot.attachments = SectionRecord { offset: self.append(&stored)?, ..record };
+        }
+        self.slot.file_length = self.end;
+        for offset in SLOT_OFFSETS {
+            self.write_at(offset, &self.slot.encode())?;
+        }
+        let file = self.file.as_file();
+        // The last part's padding is part of the file.
+        file.set_len(self.end)?;
+        if let Some(permissions) = permissions {
+            file.set_permissions(permissions)?;
+        }
+        file.sync_all()?;
+        Ok((self.file, self.end))
+    }
+
+    fn write_at(&self, offset: u64, bytes: &[u8]) -> io::Result<()> {
         let mut file: &File = self.file.as_file();
-        file.seek(SeekFrom::Start(offset))
-            .and_then(|_| file.write_all(bytes))
-            .map_err(|source| Error::writing(&self.path, source))
+        file.seek(SeekFrom::Start(offset)).and_then(|_| file.write_all(bytes))
     }
 }
 
+/// Packs a section. Where it lies is still to be written into the record.
+pub(crate) fn pack_section(raw: &[u8]) -> io::Result<(Vec<u8>, SectionRecord)> {
+    let mut stored = zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL)?;
+    lengthen(&mut stored, raw.len() as u64);
+    let (stored_length, raw_length) = (stored.len() as u64, raw.len() as u64);
+    let record = SectionRecord { offset: 0, stored_length, raw_length, checksum: xxh3_64(&stored) };
+    Ok((stored, record))
+}
+
 /// Number of clusters that pages will be cut into, per level.
-pub(crate) fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usize) -> Vec<usize> {
+fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], levels: usize) -> Vec<usize> {
     let block_bytes: u64 = formats.iter().map(|f| f.block_bytes() as u64).sum();
     let count = |level: usize| {
         let (mut clusters, mut length) = (0, 0);
@@ -370,7 +421,7 @@ pub(crate) fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], 
             for number in 0..size.page_count() {
                 let [width, height] = size.page_extent(number).map(u64::from);
                 let page_length = width / 4 * (height / 4) * block_bytes;
-                if length == 0 || length + page_length > CLUSTER_TARGET_BYTES {
+                if length == 0 || length + page_length > CLUSTER_TARGET_BYTES as u64 {
                     clusters += 1;
                     length = 0;
                 }
@@ -383,7 +434,7 @@ pub(crate) fn clusters_per_level(extents: &[[u32; 2]], formats: &[TexelFormat], 
 }
 
 /// Appends a skippable zstd frame where a section packs so well that readers would refuse it as a bomb.
-pub(crate) fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
+fn lengthen(stored: &mut Vec<u8>, raw_length: u64) {
     let due = raw_length.saturating_sub(SECTION_RATIO_FREE).div_ceil(MAX_SECTION_RATIO) as usize;
     if stored.len() < due {
         let skipped = due - stored.len();
@@ -401,7 +452,7 @@ pub(crate) fn folder_of(path: &Path) -> &Path {
     }
 }
 
-pub(crate) fn temporary_file(path: &Path) -> std::io::Result<NamedTempFile> {
+fn temporary_file(path: &Path) -> io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     builder.prefix(".fantex-").suffix(".tmp");
     #[cfg(unix)]
@@ -413,7 +464,7 @@ pub(crate) fn temporary_file(path: &Path) -> std::io::Result<NamedTempFile> {
 fn persist(file: NamedTempFile, path: &Path, force: bool) -> Result<()> {
     let renamed = if force { file.persist(path) } else { file.persist_noclobber(path) };
     renamed.map_err(|e| match e.error.kind() {
-        std::io::ErrorKind::AlreadyExists => already_exists(path),
+        io::ErrorKind::AlreadyExists => already_exists(path),
         _ => Error::writing(path, e.error),
     })?;
     // The rename is durable once the folder is.

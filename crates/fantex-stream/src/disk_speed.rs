@@ -89,7 +89,6 @@ pub fn mean_cluster_bytes(asset: &Asset) -> usize {
 /// (by threads where it has none).
 ///
 /// # Errors
-///
 /// The file cannot be opened or read.
 pub fn plain_reads(path: &Path, block_bytes: usize, load: &DiskLoad) -> io::Result<DiskSpeed> {
     let direct = takes_direct_io(path);
@@ -133,7 +132,6 @@ pub fn plain_reads(path: &Path, block_bytes: usize, load: &DiskLoad) -> io::Resu
 /// Reads random clusters of an asset in a file, and does nothing with them.
 ///
 /// # Errors
-///
 /// The file cannot be opened or read.
 pub fn queued_reads(asset: &Asset, load: &DiskLoad) -> io::Result<DiskSpeed> {
     let options = FileReadOptions { depth: load.depth, ..FileReadOptions::default() };
@@ -184,7 +182,6 @@ fn random_reads(
 /// (Clusters that are still in its cache are not counted.)
 ///
 /// # Errors
-///
 /// As [`ClusterLoader::open`].
 pub fn loaded_clusters(
     asset: &Arc<Asset>,
@@ -228,7 +225,6 @@ pub fn loaded_clusters(
 /// Checks and unpacks random clusters from memory, on all of the global pool's threads. Clusters that cannot be read are left out.
 ///
 /// # Errors
-///
 /// The file cannot be opened or read.
 pub fn unpacked_clusters(asset: &Asset, load: &DiskLoad) -> io::Result<DiskSpeed> {
     let clusters: Vec<ClusterId> = asset.clusters().collect();

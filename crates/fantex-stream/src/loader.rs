@@ -72,7 +72,6 @@ pub trait ParcelLoader: Send {
 /// texels.
 ///
 /// # Errors
-///
 /// Those of `page`.
 pub fn assemble<'p, E>(
     layout: &ParcelLayout,

@@ -9,7 +9,9 @@ use fantex_base::ErrorKind;
 use fantex_cover::{Cover, CoverOptions, GroupKind, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, generate, interpolate};
 use fantex_store::limits::MAX_TILE_SIDE;
-use fantex_store::{ChannelKind, JUMP_BOUND, PageCache, VerifyOptions, VerifyReport, verify};
+use fantex_store::{
+    ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, verify,
+};
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
 use crate::common;
@@ -405,7 +407,7 @@ fn flat_texels(cover: &Cover, group: usize, step: usize) -> Vec<([u32; 2], Vec3)
 }
 
 fn texel(cache: &PageCache, group: usize, level: u32, [x, y]: [u32; 2]) -> Vec4 {
-    Vec4::from_array(cache.tile(0, group as u32, level).texel(x, y))
+    Vec4::from_array(cache.tile(0, TileId { group: group as u32, level }).texel(x, y))
 }
 
 /// Tiles longer than a block give what direct evaluation gives: no border between blocks, at no level.

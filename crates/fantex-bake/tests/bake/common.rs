@@ -8,7 +8,7 @@ use fantex_bake::{
 };
 use fantex_cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex_mesh::{Mesh, interpolate};
-use fantex_store::{Asset, ChannelKind, PageCache};
+use fantex_store::{Asset, ChannelKind, PageCache, TileId, TileSource, TileTexels};
 pub(crate) use fantex_test::cleaned;
 pub(crate) use fantex_test::data_folder;
 pub(crate) use fantex_test::loaded;
@@ -61,7 +61,7 @@ pub(crate) fn sample(cache: &PageCache, channel: usize, level: u32, triangle: us
         let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
         let uv = interpolate([a, b, c], lambda);
         let group = cover.corner_groups[triangle][slot];
-        sum += weight * Vec4::from_array(cache.bilinear(channel, group, level, uv));
+        sum += weight * Vec4::from_array(cache.tile(channel, TileId { group, level }).bilinear(uv));
     }
     sum
 }

@@ -7,7 +7,7 @@ use fantex_mesh::{
     CleanOptions, DisplaceOptions, LoadOptions, Material, Mesh, Refinement, SurfacePoint, TriangleBvh, clean,
     corner_tangents, displace, generate, interpolate, load, shading_normals,
 };
-use fantex_store::ChannelKind;
+use fantex_store::{ChannelKind, TileId, TileSource, TileTexels};
 use fantex_texture::Image;
 use fantex_texture::material::TangentFrame;
 use glam::{Vec2, Vec3, Vec4};
@@ -110,7 +110,7 @@ fn sample_in_shading_frame(
     for (slot, weight) in cover.weights(triangle, lambda).iter() {
         let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
         let group = cover.corner_groups[triangle][slot];
-        let texel = cache.bilinear(0, group, 0, interpolate([a, b, c], lambda));
+        let texel = cache.tile(0, TileId { group, level: 0 }).bilinear(interpolate([a, b, c], lambda));
         let [x, y] = [texel[0], texel[1]].map(|v| 2.0 * v - 1.0);
         let [x_axis, y_axis] = cover.groups[group as usize].shading_axes(vertex_normal);
         let z = (1.0 - x * x - y * y).max(0.0).sqrt();

@@ -119,7 +119,6 @@ impl FanModel {
     /// A model of an open asset whose texels take at most `budget_bytes` of graphics memory.
     ///
     /// # Errors
-    ///
     /// As [`FanModel::new`].
     pub fn of_asset(gpu: &Gpu, asset: &Asset, pages: &PageTable, budget_bytes: u64) -> Result<Self> {
         let formats = Self::atlas_formats(gpu, asset.channels());
@@ -137,7 +136,6 @@ impl FanModel {
     /// A model; `mean` gives the mean linear RGBA of a channel and group.
     ///
     /// # Errors
-    ///
     /// The device cannot hold the cover's tables or the atlas.
     pub fn new(
         gpu: &Gpu,
@@ -194,7 +192,6 @@ impl FanModel {
     /// `pages` is the numbering that the model was made with.
     ///
     /// # Errors
-    ///
     /// The device cannot hold it.
     pub fn begin_atlas(
         &mut self,
@@ -525,7 +522,6 @@ impl StreamedModel {
     /// An open asset, read where it was opened, with texels in at most `budget_bytes` of graphics memory.
     ///
     /// # Errors
-    ///
     /// The file cannot be opened for streaming; the device cannot take the model.
     pub fn open(gpu: &Gpu, asset: Arc<Asset>, budget_bytes: u64) -> Result<Self> {
         let loader = Self::loader(gpu, &asset)?;
@@ -535,7 +531,6 @@ impl StreamedModel {
     /// What reads an asset's pages as a device wants them.
     ///
     /// # Errors
-    ///
     /// The file cannot be opened for streaming.
     pub fn loader(gpu: &Gpu, asset: &Arc<Asset>) -> Result<ClusterLoader> {
         let options =
@@ -547,7 +542,6 @@ impl StreamedModel {
     /// the asset nothing else is.
     ///
     /// # Errors
-    ///
     /// The device cannot take the model.
     pub fn with_pages(
         gpu: &Gpu,
@@ -581,7 +575,6 @@ impl StreamedModel {
     /// it is, until the new one has what the view needs, for a few seconds at most. For that time there are both.
     ///
     /// # Errors
-    ///
     /// The device cannot take the atlas; then everything is as it was.
     pub fn set_budget(&mut self, gpu: &Gpu, budget_bytes: u64) -> Result<()> {
         let shape = FanModel::atlas_shape(gpu, budget_bytes, self.model.formats());
@@ -598,7 +591,6 @@ impl StreamedModel {
     /// Waits until all that a view needs is resident, or for `patience`; whether it is. For offline pictures; windows call [`StreamedModel::advance`].
     ///
     /// # Errors
-    ///
     /// The device is lost or refuses an upload.
     pub fn wait_until_sharp(
         &mut self,

@@ -48,7 +48,6 @@ impl UvModel {
     /// Decodes the images that the materials use and uploads everything, as the CPU renderer's surface does.
     ///
     /// # Errors
-    ///
     /// An image that is used cannot be read; the device cannot take the model.
     pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self> {
         let mut textures = load_material_textures(mesh).map_err(image_error)?;
@@ -59,7 +58,6 @@ impl UvModel {
     /// Uploads a mesh with decoded textures, an entry per material.
     ///
     /// # Errors
-    ///
     /// The device cannot take the model.
     pub fn new(gpu: &Gpu, mesh: &Mesh, textures: &[MaterialTextures]) -> Result<Self> {
         let uv_sets = used_uv_sets(textures);

@@ -14,8 +14,8 @@ use fantex_mesh::{ImageSource, Mesh};
 use fantex_render::{FanSurface, LookSurface, RenderOptions, ShadingRate, Surface, render};
 use fantex_scene::{Background, Camera, FilterOptions, Lights, Picture, Shading};
 use fantex_store::{
-    Asset, PageCache, PageId, Sampler, TexelFormat, Tile, TileSource, TileTexels, decode, group_pages,
-    page_extent,
+    Asset, PageCache, PageId, Sampler, TexelFormat, Tile, TileId, TileSource, TileTexels, decode,
+    group_pages, page_extent,
 };
 use fantex_stream::{
     AtlasFormat, AtlasPlace, FrameChanges, PageTable, ParcelTexels, ParcelUpload, TableChange, TableEntry,
@@ -485,13 +485,13 @@ enum TileOrMean {
 impl<F: Fn(u32) -> u32 + Sync> TileSource for StandIns<'_, F> {
     type Tile = TileOrMean;
 
-    fn tile(&self, channel: usize, group: u32, level: u32) -> TileOrMean {
+    fn tile(&self, channel: usize, id: TileId) -> TileOrMean {
         let asset = self.cache.asset();
-        let wanted = (self.shown)(level);
-        if wanted < asset.cover().groups[group as usize].level_count() {
-            TileOrMean::Tile(self.cache.tile(channel, group, wanted))
+        let level = (self.shown)(id.level);
+        if level < asset.cover().groups[id.group as usize].level_count() {
+            TileOrMean::Tile(self.cache.tile(channel, TileId { level, ..id }))
         } else {
-            TileOrMean::Mean(asset.mean(channel, group))
+            TileOrMean::Mean(asset.mean(channel, id.group))
         }
     }
 

@@ -23,7 +23,9 @@ use fantex_paint::{
     BlendMode, Brush, ChannelPaint, Paint, PaintColor, PaintOptions, Painter, Sample, Size, Stroke,
     StrokeFile, Surface, Symmetry, Tool, dabs_of, replay,
 };
-use fantex_store::{Asset, ChannelKind, PageCache, PageId, VerifyOptions, group_pages, verify};
+use fantex_store::{
+    Asset, ChannelKind, PageCache, PageId, TileId, TileSource, TileTexels, VerifyOptions, group_pages, verify,
+};
 use glam::{DVec3, Vec3, Vec4};
 
 pub(crate) use fantex_test::{cleaned, data_folder, loaded, mesh_of};
@@ -171,7 +173,7 @@ pub(crate) fn sample(
         let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
         let uv = a * lambda.x + b * lambda.y + c * lambda.z;
         let group = cover.corner_groups[triangle][slot];
-        let part = Vec4::from_array(cache.bilinear(channel, group, level, uv));
+        let part = Vec4::from_array(cache.tile(channel, TileId { group, level }).bilinear(uv));
         sum += weight * part;
         parts.push(part);
     }

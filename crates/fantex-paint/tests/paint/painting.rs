@@ -8,7 +8,9 @@ use fantex_paint::{
     FillArea, FillSettings, PaintOptions, Painter, Size, StrokeFile, Symmetry, Tool, dabs_of, fill_triangles,
     replay,
 };
-use fantex_store::{Asset, ChannelKind, JUMP_BOUND, PageCache, VerifyOptions, verify};
+use fantex_store::{
+    Asset, ChannelKind, JUMP_BOUND, PageCache, TileId, TileSource, TileTexels, VerifyOptions, verify,
+};
 use fantex_texture::Image;
 use glam::{Vec3, Vec4};
 
@@ -414,7 +416,7 @@ fn tangents(cache: &PageCache, normals: &[Vec3], triangle: usize, lambda: Vec3) 
         let [a, b, c] = cover.tile_corners(mesh, triangle, slot);
         let uv = a * lambda.x + b * lambda.y + c * lambda.z;
         let group = cover.corner_groups[triangle][slot];
-        let [x, y, ..] = cache.bilinear(0, group, 0, uv);
+        let [x, y, ..] = cache.tile(0, TileId { group, level: 0 }).bilinear(uv);
         let [x_axis, y_axis] = cover.groups[group as usize].shading_axes(normal);
         x_axis * (2.0 * x - 1.0) + y_axis * (2.0 * y - 1.0)
     };

@@ -9,7 +9,7 @@ use fantex_render::{
     AmbientLight, Background, Camera, FanSurface, FilterOptions, Hit, Light, Lights, Picture, RenderOptions,
     Scene, SceneObject, Shading, Surface, render,
 };
-use fantex_store::{Channel, Sampler, TileSource, TileTexels};
+use fantex_store::{Channel, Sampler, TileId, TileSource, TileTexels};
 use fantex_test::{data, opened};
 use fantex_texture::look::{LightingModel, LookMaterial, Slot};
 use fantex_texture::{ColorSpace, Filter, Image, ImageTexture, SampleOptions, ShadingPoint, Texture};
@@ -344,8 +344,8 @@ impl MemoryTile {
 impl TileSource for MemoryTiles {
     type Tile = MemoryTile;
 
-    fn tile(&self, channel: usize, group: u32, level: u32) -> MemoryTile {
-        self.levels[channel][group as usize][level as usize].clone()
+    fn tile(&self, channel: usize, id: TileId) -> MemoryTile {
+        self.levels[channel][id.group as usize][id.level as usize].clone()
     }
 
     fn mean(&self, channel: usize, group: u32) -> [f32; 4] {

@@ -8,17 +8,15 @@ use std::sync::Arc;
 
 use fantex_base::{Error, Result};
 use rayon::prelude::*;
-use xxhash_rust::xxh3::xxh3_64;
 
 use super::lock::{is_same_file, is_unread};
-use super::{AssetEditor, Flushed};
+use super::{AssetEditor, EditOptions, Flushed};
 use crate::directory::{self, ClusterEntry, Directory};
-use crate::header::{SLOT_OFFSETS, SectionRecord, Slot, VERSION};
+use crate::header::{SLOT_OFFSETS, SectionRecord, Slot};
 use crate::layout::{PageSize, TilePlace};
-use crate::reader::pack_cluster;
 use crate::source::write_all_at;
-use crate::writer::{SECTION_ZSTD_LEVEL, lengthen};
-use crate::{Asset, PageId, TexelFormat, write_error};
+use crate::writer::{OpenCluster, PackedCluster, pack_section};
+use crate::{Asset, PageId, write_error};
 
 /// Clusters that are packed at a time: bounds the memory of a flush.
 const BATCH: usize = 32;
@@ -34,12 +32,6 @@ pub struct CommitSummary {
     pub free_bytes: u64,
 }
 
-/// Where the parts of a generation that every commit writes anew went.
-struct Switch {
-    slot: Slot,
-    written: Vec<Range<u64>>,
-}
-
 impl AssetEditor {
     /// Makes all changes durable, at once: after a crash either all of them are there or none. Returns the same generation
     /// where there are none.
@@ -50,8 +42,8 @@ impl AssetEditor {
     pub fn commit(&mut self) -> Result<CommitSummary> {
         if self.has_changes() {
             self.flush()?;
-            let switch = self.write_directory()?;
-            self.switch_to(switch)?;
+            let (slot, written) = self.write_directory()?;
+            self.switch_to(slot, written)?;
         }
         Ok(CommitSummary {
             generation: self.asset.generation(),
@@ -96,10 +88,10 @@ impl AssetEditor {
     fn flush_batch(&mut self, level: u32) -> Result<()> {
         let (changes, indices) = self.take_batch(level);
         let (asset, directory) = (&self.asset, &self.flushed.directory);
-        let packing = self.packing;
+        let options = &self.options;
         let packed: Result<Vec<_>> = indices
             .par_iter()
-            .map(|&index| Ok((index, rewrite(asset, directory, level, index, &changes, packing)?)))
+            .map(|&index| Ok((index, rewrite(asset, directory, level, index, &changes, options)?)))
             .collect();
         let written = packed.and_then(|packed| self.write_clusters(packed));
         match written {
@@ -121,7 +113,7 @@ impl AssetEditor {
         let mut indices: Vec<usize> = Vec::new();
         let mut rest = None;
         for &place in self.pending.pages[level as usize].keys() {
-            let index = self.cluster_of(level, place);
+            let index = self.flushed.directory.cluster_of(level, place);
             if indices.last() == Some(&index) {
                 continue;
             }
@@ -139,7 +131,7 @@ impl AssetEditor {
     /// Writes rewritten clusters: all of them or, on an error, none.
     fn write_clusters(
         &mut self,
-        packed: Vec<(usize, Vec<PackedRun>)>,
+        packed: Vec<(usize, Vec<PackedCluster>)>,
     ) -> Result<Vec<(usize, Vec<ClusterEntry>)>> {
         let mut done: Vec<(usize, Vec<ClusterEntry>)> = Vec::new();
         for (index, runs) in packed {
@@ -209,8 +201,8 @@ impl AssetEditor {
         }
     }
 
-    /// Steps 1 and 2: the directory and the list of attachments, and everything made durable.
-    fn write_directory(&mut self) -> Result<Switch> {
+    /// Steps 1 and 2: the directory and the list of attachments, and everything made durable. Returns also where these went.
+    fn write_directory(&mut self) -> Result<(Slot, Vec<Range<u64>>)> {
         let mut written = Vec::new();
         let slot = self.write_sections(&mut written);
         let durable = slot.and_then(|slot| {
@@ -222,7 +214,7 @@ impl AssetEditor {
             Ok(slot)
         });
         match durable {
-            Ok(slot) => Ok(Switch { slot, written }),
+            Ok(slot) => Ok((slot, written)),
             Err(error) => {
                 written.iter().for_each(|range| self.space.release(range));
                 Err(error)
@@ -234,24 +226,17 @@ impl AssetEditor {
         let mut sections = self.asset.slot().sections;
         sections[3] = self.write_section(&directory::encode(&self.flushed.directory))?;
         written.push(sections[3].range());
-        let mut list = SectionRecord::default();
+        let mut attachments = SectionRecord::default();
         if !self.flushed.attachments.is_empty() {
-            list = self.write_section(&directory::encode_attachments(&self.flushed.attachments))?;
-            written.push(list.range());
+            attachments = self.write_section(&directory::encode_attachments(&self.flushed.attachments))?;
+            written.push(attachments.range());
         }
-        Ok(Slot {
-            version: VERSION,
-            flags: 0,
-            generation: self.header.newest + 1,
-            file_length: self.space.end(),
-            sections,
-            attachments: list,
-        })
+        let file_length = self.space.end();
+        Ok(Slot { file_length, sections, attachments, ..Slot::new(self.header.newest + 1) })
     }
 
     /// Steps 3 and 4.
-    fn switch_to(&mut self, switch: Switch) -> Result<()> {
-        let Switch { slot, written } = switch;
+    fn switch_to(&mut self, slot: Slot, written: Vec<Range<u64>>) -> Result<()> {
         let target = SLOT_OFFSETS[self.header.target];
         self.header.newest = slot.generation;
         self.space.keep_length();
@@ -288,15 +273,8 @@ impl AssetEditor {
     }
 
     fn write_section(&mut self, raw: &[u8]) -> Result<SectionRecord> {
-        let packed = zstd::bulk::compress(raw, SECTION_ZSTD_LEVEL);
-        let mut stored = packed.map_err(|source| self.failed(source))?;
-        lengthen(&mut stored, raw.len() as u64);
-        Ok(SectionRecord {
-            offset: self.write_anywhere(&stored)?,
-            stored_length: stored.len() as u64,
-            raw_length: raw.len() as u64,
-            checksum: xxh3_64(&stored),
-        })
+        let (stored, record) = pack_section(raw).map_err(|source| self.failed(source))?;
+        Ok(SectionRecord { offset: self.write_anywhere(&stored)?, ..record })
     }
 
     /// Writes bytes where there is room and returns where.
@@ -304,7 +282,7 @@ impl AssetEditor {
         let offset = self.space.allocate(bytes.len() as u64);
         let is_beyond = self.limit.is_some_and(|limit| offset + bytes.len() as u64 > limit);
         let written = if is_beyond {
-            Err(std::io::ErrorKind::QuotaExceeded.into())
+            Err(io::ErrorKind::QuotaExceeded.into())
         } else {
             self.output.write_at(offset, bytes)
         };
@@ -318,7 +296,7 @@ impl AssetEditor {
     }
 
     /// The error of a failed write. Gives back what the file grew by, so that a full disk has room for others again.
-    fn failed(&mut self, source: std::io::Error) -> Error {
+    fn failed(&mut self, source: io::Error) -> Error {
         let length = self.space.end().max(self.asset.file_bytes());
         self.output.set_len(length).unwrap_or_default();
         write_error(self.asset.path(), source)
@@ -336,84 +314,11 @@ impl Asset {
     }
 }
 
-/// Bytes before packing of a run that an edit makes: one page of 256x256 texels in BC7. A cluster is packed as a whole, so that one
-/// changed page costs all of its pages. A baked cluster holds 256 KiB; where an edit touches one, it is cut into runs of this
-/// length, so that the next edit nearby rewrites less.
-pub(super) const RUN_BYTES: usize = 64 << 10;
-
 /// Replaced bytes of a page per channel; none where the channel stays.
 pub(super) type PageChange = Vec<Option<Arc<Vec<u8>>>>;
 
 /// Changed pages of one level.
 pub(super) type LevelChanges = BTreeMap<TilePlace, PageChange>;
-
-/// A run that is ready to be written.
-pub(super) struct PackedRun {
-    pub(super) first: TilePlace,
-    pub(super) raw_length: u32,
-    pub(super) stored: Vec<u8>,
-}
-
-impl PackedRun {
-    /// Its entry once it lies at `offset`.
-    pub(super) fn entry(&self, offset: u64) -> ClusterEntry {
-        ClusterEntry {
-            first: self.first,
-            offset,
-            stored_length: self.stored.len() as u32,
-            raw_length: self.raw_length,
-            checksum: xxh3_64(&self.stored),
-        }
-    }
-}
-
-/// How runs are made.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct RunPacking {
-    /// A run has at most so many bytes before packing, or one page.
-    pub(super) run_bytes: usize,
-    pub(super) zstd_level: i32,
-}
-
-/// Pages that are gathered until they are a run.
-pub(super) struct RunCutter<'a> {
-    formats: &'a [TexelFormat],
-    packing: RunPacking,
-    first: Option<TilePlace>,
-    channels: Vec<Vec<u8>>,
-}
-
-impl<'a> RunCutter<'a> {
-    /// Without pages.
-    pub(super) fn new(formats: &'a [TexelFormat], packing: RunPacking) -> Self {
-        Self { formats, packing, first: None, channels: vec![Vec::new(); formats.len()] }
-    }
-
-    /// Adds the next page; returns the run before it where that is full.
-    pub(super) fn add(
-        &mut self,
-        place: TilePlace,
-        page: &[impl AsRef<[u8]>],
-    ) -> std::io::Result<Option<PackedRun>> {
-        let length = |channels: &[Vec<u8>]| channels.iter().map(Vec::len).sum::<usize>();
-        let page_length: usize = page.iter().map(|bytes| bytes.as_ref().len()).sum();
-        let full = self.first.is_some() && length(&self.channels) + page_length > self.packing.run_bytes;
-        let done = if full { self.finish()? } else { None };
-        self.first.get_or_insert(place);
-        for (stream, bytes) in self.channels.iter_mut().zip(page) {
-            stream.extend_from_slice(bytes.as_ref());
-        }
-        Ok(done)
-    }
-
-    /// The last run.
-    pub(super) fn finish(&mut self) -> std::io::Result<Option<PackedRun>> {
-        let Some(first) = self.first.take() else { return Ok(None) };
-        let packed = pack_cluster(&self.channels, self.formats, self.packing.zstd_level)?;
-        self.channels.iter_mut().for_each(Vec::clear);
-        Ok(Some(PackedRun { first, raw_length: packed.raw_length, stored: packed.stored }))
-    }
-}
 
 /// The pages of a cluster, in order.
 pub(super) fn pages_of_cluster(
@@ -439,19 +344,18 @@ pub(super) fn pages_of_cluster(
 }
 
 /// Reads a cluster, replaces what has changed, and packs it as one or more runs.
-pub(super) fn rewrite(
+fn rewrite(
     asset: &Asset,
     directory: &Directory,
     level: u32,
     index: usize,
     changes: &LevelChanges,
-    packing: RunPacking,
-) -> Result<Vec<PackedRun>> {
+    options: &EditOptions,
+) -> Result<Vec<PackedCluster>> {
     let entry = &directory.levels[level as usize][index];
     let cluster = asset.read_entry(level, entry)?;
     let formats = asset.formats();
-    let io = |source| write_error(asset.path(), source);
-    let mut cutter = RunCutter::new(formats, packing);
+    let mut open = OpenCluster::empty(formats.len());
     let mut runs = Vec::new();
     for place in pages_of_cluster(asset, directory, level, index) {
         let size = PageSize::new(asset.cover().groups[place.group as usize].extent, level);
@@ -464,15 +368,16 @@ pub(super) fn rewrite(
                 None => asset.page_in(&cluster, channel, id)?,
             });
         }
-        runs.extend(cutter.add(place, &page).map_err(io)?);
+        runs.extend(open.add(place, &page, options.run_bytes));
     }
-    runs.extend(cutter.finish().map_err(io)?);
-    Ok(runs)
+    runs.extend(open.take());
+    let packed = runs.iter().map(|run| run.pack(formats, options.zstd_level)).collect::<io::Result<_>>();
+    packed.map_err(|source| write_error(asset.path(), source))
 }
 
 /// Positional writes, made durable on demand. Writes between two calls of `sync` may reach the disk in any order, in part
 /// or not at all.
-pub(crate) trait Output: Send + Sync + std::fmt::Debug {
+pub trait EditOutput: Send + Sync + std::fmt::Debug {
     /// Writes all bytes at an offset; the file grows as needed.
     fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()>;
     /// Cuts or extends the file.
@@ -485,7 +390,7 @@ pub(crate) trait Output: Send + Sync + std::fmt::Debug {
 #[derive(Debug)]
 pub(super) struct FileOutput(pub(super) Arc<File>);
 
-impl Output for FileOutput {
+impl EditOutput for FileOutput {
     fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
         write_all_at(&self.0, bytes, offset)
     }

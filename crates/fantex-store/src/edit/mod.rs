@@ -24,8 +24,6 @@ mod commit;
 mod compact;
 pub(crate) mod lock;
 mod space;
-#[cfg(test)]
-mod tests;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::{File, OpenOptions};
@@ -35,41 +33,45 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use fantex_base::{Error, Result};
 
-use self::commit::{FileOutput, LevelChanges, Output, RUN_BYTES, RunPacking};
+use self::commit::{FileOutput, LevelChanges};
 use self::lock::WriterLock;
 use self::space::{Space, padded_in_order, without_fixed};
 use crate::directory::{self, Attachments, ClusterEntry, Directory};
-use crate::error::no_such_page;
-use crate::header::{HEADER_BYTES, SECTION_NAMES, SectionRecord, Slot, read_other_slot, read_section};
-use crate::layout::{ClusterPages, PageSize, TilePlace};
+use crate::header::{SECTION_NAMES, SectionRecord, Slot, read_other_slot, read_section};
+use crate::layout::ClusterPages;
 use crate::limits::{MAX_ATTACHMENT_BYTES, MAX_ATTACHMENT_NAME_BYTES};
-use crate::{Asset, FileSource, PageId, Texels, cover_level_count, write_error};
+use crate::reader::read_attachments;
+use crate::{Asset, FileSource, PageId, Texels, write_error};
 
-pub use self::commit::CommitSummary;
+pub use self::commit::{CommitSummary, EditOutput};
 pub use self::compact::CompactSummary;
 
 /// How to edit an asset.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub struct EditOptions {
     /// zstd level of rewritten clusters, 1..=19.
     pub zstd_level: i32,
+    /// Bytes before packing of a cluster that an edit makes, or one page. A cluster is packed as a whole, so that one changed page
+    /// costs all of its pages. A baked cluster holds 256 KiB; where an edit touches one, it is cut into runs of this length, so that
+    /// the next edit nearby rewrites less.
+    pub run_bytes: usize,
 }
 
 impl Default for EditOptions {
-    /// zstd level 1.
+    /// zstd level 1; one page of 256x256 texels in BC7.
     fn default() -> Self {
-        Self { zstd_level: 1 }
+        Self { zstd_level: 1, run_bytes: 64 << 10 }
     }
 }
 
 /// The one writer of an asset. Dropping it drops what is not committed.
 #[derive(Debug)]
 pub struct AssetEditor {
-    packing: RunPacking,
+    options: EditOptions,
     lock: Arc<WriterLock>,
     /// The asset's, open for reading and writing.
     file: Arc<File>,
-    output: Box<dyn Output>,
+    output: Box<dyn EditOutput>,
     /// The newest committed generation.
     asset: Arc<Asset>,
     /// All generations that were handed out.
@@ -139,20 +141,31 @@ impl AssetEditor {
     /// # Errors
     /// Another writer is at work, or the asset cannot be opened.
     pub fn open(path: &Path, options: &EditOptions) -> Result<Self> {
-        let lock = Arc::new(WriterLock::acquire(path)?);
-        let file = OpenOptions::new().read(true).write(true).open(path);
-        let file = file.map_err(|source| write_error(path, source))?;
-        let file = Arc::new(file);
-        let packing = RunPacking { run_bytes: RUN_BYTES, zstd_level: options.zstd_level };
-        Self::with_output(path, packing, lock, Arc::clone(&file), Box::new(FileOutput(file)))
+        Self::open_with_output(path, options, |file| Box::new(FileOutput(file)))
     }
 
-    fn with_output(
+    /// The same where changes reach the file through another output: to count, delay or spoil writes.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub fn open_with_output(
         path: &Path,
-        packing: RunPacking,
+        options: &EditOptions,
+        output: impl FnOnce(Arc<File>) -> Box<dyn EditOutput>,
+    ) -> Result<Self> {
+        let lock = Arc::new(WriterLock::acquire(path)?);
+        let file = OpenOptions::new().read(true).write(true).open(path);
+        let file = Arc::new(file.map_err(|source| write_error(path, source))?);
+        let output = output(Arc::clone(&file));
+        Self::locked(path, *options, lock, file, output)
+    }
+
+    fn locked(
+        path: &Path,
+        options: EditOptions,
         lock: Arc<WriterLock>,
         file: Arc<File>,
-        output: Box<dyn Output>,
+        output: Box<dyn EditOutput>,
     ) -> Result<Self> {
         let source = FileSource::from_file(path, Arc::clone(&file));
         let asset = Arc::new(Asset::open_source(Arc::new(source))?);
@@ -160,7 +173,7 @@ impl AssetEditor {
         let (space, header) = space_and_header(&asset);
         let levels = asset.level_count() as usize;
         Ok(Self {
-            packing,
+            options,
             lock,
             file,
             output,
@@ -193,7 +206,7 @@ impl AssetEditor {
             let (path, got) = (self.asset.path().to_owned(), bytes.len());
             return Err(Error::invalid(format!("cannot change {}: page ({page}) takes {expected} bytes in channel {channel}, but {got} were given", path.display())).with_path(path));
         }
-        let place = self.place(page)?;
+        let place = self.asset.place_of(page)?;
         let channels = self.asset.formats().len();
         let change = self.pending.pages[page.level as usize].entry(place);
         let slot = &mut change.or_insert_with(|| vec![None; channels])[channel];
@@ -348,15 +361,6 @@ impl AssetEditor {
             self.space.release(&range);
         }
     }
-
-    fn place(&self, page: PageId) -> Result<TilePlace> {
-        place_of(&self.asset, page)
-    }
-
-    /// Index of the cluster that holds an existing page.
-    fn cluster_of(&self, level: u32, place: TilePlace) -> usize {
-        cluster_of(&self.flushed.directory.levels[level as usize], place)
-    }
 }
 
 /// True where parts of a file share no block with each other, but with the fixed ones at most.
@@ -402,24 +406,11 @@ fn space_and_header(asset: &Asset) -> (Space, HeaderState) {
 /// What the other slot names; none where it cannot be read.
 fn ranges_of(asset: &Asset, slot: &Slot) -> Option<Vec<Range<u64>>> {
     let source = &**asset.source();
-    let groups = &asset.cover().groups;
-    let places = HEADER_BYTES..slot.file_length;
     let raw = read_section(source, SECTION_NAMES[3], &slot.sections[3], slot.file_length).ok()?;
-    let expected = directory::Expected {
-        extents: &|group| groups[group].extent,
-        groups: groups.len(),
-        levels: cover_level_count(asset.cover()),
-        formats: asset.formats(),
-        clusters: places.clone(),
-    };
+    let (cover, formats) = (asset.cover(), asset.formats());
+    let expected = directory::Expected { cover, formats, places: slot.places() };
     let directory = directory::decode(&raw, &expected).ok()?;
-    let list = if slot.attachments == SectionRecord::default() {
-        Attachments::new()
-    } else {
-        let raw = read_section(source, "attachment", &slot.attachments, slot.file_length).ok()?;
-        directory::decode_attachments(&raw, &places).ok()?
-    };
-    Some(used_ranges(slot, &directory, &list).collect())
+    Some(used_ranges(slot, &directory, &read_attachments(source, slot).ok()?).collect())
 }
 
 /// Clusters that were unpacked last, by offset and checksum: neighbouring pages are mostly read together.
@@ -440,13 +431,13 @@ struct View<'a> {
 impl View<'_> {
     fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         self.asset.page_extent(channel, page)?;
-        let place = place_of(self.asset, page)?;
+        let place = self.asset.place_of(page)?;
         let change = self.pages[page.level as usize].get(&place);
         if let Some(bytes) = change.and_then(|change| change[channel].as_ref()) {
             return Ok(bytes.to_vec());
         }
-        let level = &self.directory.levels[page.level as usize];
-        let cluster = self.cluster(page.level, &level[cluster_of(level, place)])?;
+        let index = self.directory.cluster_of(page.level, place);
+        let cluster = self.cluster(page.level, &self.directory.levels[page.level as usize][index])?;
         self.asset.page_in(&cluster, channel, page).map(<[u8]>::to_vec)
     }
 
@@ -464,18 +455,6 @@ impl View<'_> {
         recent.push_back((key, Arc::clone(&cluster)));
         Ok(cluster)
     }
-}
-
-fn place_of(asset: &Asset, page: PageId) -> Result<TilePlace> {
-    let extent = asset.cover().groups.get(page.group as usize).map_or([0, 0], |g| g.extent);
-    let number = PageSize::new(extent, page.level).number(page.page);
-    let number = number.ok_or_else(|| no_such_page(asset.path(), 0, page))?;
-    Ok(TilePlace { group: page.group, page: number })
-}
-
-/// Index of the cluster of a level that holds an existing page.
-fn cluster_of(level: &[ClusterEntry], place: TilePlace) -> usize {
-    level.partition_point(|cluster| cluster.first <= place).saturating_sub(1)
 }
 
 /// All pages of an asset as an editor had them at a moment, for other threads. Later changes do not show in it. It can be read
@@ -497,7 +476,6 @@ impl EditorSnapshot {
     /// A page's bytes.
     ///
     /// # Errors
-    ///
     /// There is no such page, or it cannot be read.
     pub fn read_page_raw(&self, channel: usize, page: PageId) -> Result<Vec<u8>> {
         let Self { asset, directory, pages, recent } = self;
@@ -507,7 +485,6 @@ impl EditorSnapshot {
     /// A page, decoded.
     ///
     /// # Errors
-    ///
     /// As [`read_page_raw`](Self::read_page_raw).
     pub fn read_page(&self, channel: usize, page: PageId) -> Result<Texels> {
         let bytes = self.read_page_raw(channel, page)?;

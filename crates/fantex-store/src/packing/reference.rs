@@ -101,58 +101,6 @@ pub(super) fn pack(format: TexelFormat, natural: &[u8], packed: &mut [u8]) {
     }
 }
 
-/// Inverse of [`pack`].
-pub(super) fn unpack(format: TexelFormat, packed: &[u8], natural: &mut [u8]) {
-    let record = record_length(format);
-    let count = natural.len() / record;
-    let mut at = 0;
-    for &field in fields(format) {
-        let plane = at * count;
-        let records = natural.chunks_exact_mut(record).map(|r| &mut r[at..]);
-        match field {
-            Field::Plain(length) => {
-                for (r, bytes) in records.zip(packed[plane..].chunks_exact(length)) {
-                    r[..length].copy_from_slice(bytes);
-                }
-            }
-            Field::Difference8 => {
-                let mut value = 0u8;
-                for (r, code) in records.zip(&packed[plane..]) {
-                    value = value.wrapping_add(*code);
-                    r[0] = value;
-                }
-            }
-            Field::Difference16 => {
-                let (low, high) = packed[plane..][..2 * count].split_at(count);
-                let mut value = 0u16;
-                for ((r, &l), &h) in records.zip(low).zip(high) {
-                    value = value.wrapping_add(unzigzag16(u16::from_le_bytes([l, h])));
-                    r[..2].copy_from_slice(&value.to_le_bytes());
-                }
-            }
-            Field::Difference32 => {
-                let planes = &packed[plane..][..4 * count];
-                let mut value = 0u32;
-                for (i, r) in records.enumerate() {
-                    let code = [0, 1, 2, 3].map(|k| planes[k * count + i]);
-                    value = value.wrapping_add(crate::bytes::unzigzag(u32::from_le_bytes(code)));
-                    r[..4].copy_from_slice(&value.to_le_bytes());
-                }
-            }
-            Field::EndPoints => {
-                let planes = &packed[plane..][..8 * count];
-                let mut points = [0; 8];
-                for (i, r) in records.enumerate() {
-                    let steps = correlated(std::array::from_fn(|k| planes[k * count + i]));
-                    points = std::array::from_fn(|k| steps[k].wrapping_add(points[k]));
-                    r[..8].copy_from_slice(&head_of(points).to_le_bytes());
-                }
-            }
-        }
-        at += field.length();
-    }
-}
-
 /// The first 64 bits of a block.
 fn head(block: &[u8]) -> u64 {
     let mut bytes = [0; 8];
@@ -167,16 +115,6 @@ fn end_points(head: u64) -> [u8; 8] {
     std::array::from_fn(|k| ((head >> (7 + 7 * k)) & 0x7f) as u8 | ((rest >> k) as u8 & 1) << 7)
 }
 
-/// Inverse of [`end_points`].
-fn head_of(points: [u8; 8]) -> u64 {
-    let (mut head, mut rest) = (0, 0);
-    for (k, byte) in points.into_iter().enumerate() {
-        head |= u64::from(byte & 0x7f) << (7 + 7 * k);
-        rest |= u64::from(byte >> 7) << k;
-    }
-    head | (rest & 0x7f) | (rest >> 7 << 63)
-}
-
 fn differences(points: [u8; 8], previous: [u8; 8]) -> [u8; 8] {
     std::array::from_fn(|k| points[k].wrapping_sub(previous[k]))
 }
@@ -187,20 +125,10 @@ fn decorrelated(d: [u8; 8]) -> [u8; 8] {
     [r0.wrapping_sub(g0), r1.wrapping_sub(g1), g0, g1, b0.wrapping_sub(g0), b1.wrapping_sub(g1), a0, a1]
 }
 
-/// Inverse of [`decorrelated`].
-fn correlated(d: [u8; 8]) -> [u8; 8] {
-    let [r0, r1, g0, g1, b0, b1, a0, a1] = d;
-    [r0.wrapping_add(g0), r1.wrapping_add(g1), g0, g1, b0.wrapping_add(g0), b1.wrapping_add(g1), a0, a1]
-}
-
-fn record_length(format: TexelFormat) -> usize {
+pub(super) fn record_length(format: TexelFormat) -> usize {
     fields(format).iter().map(|field| field.length()).sum()
 }
 
 fn zigzag16(difference: u16) -> u16 {
     (difference << 1) ^ (((difference as i16) >> 15) as u16)
-}
-
-fn unzigzag16(code: u16) -> u16 {
-    (code >> 1) ^ (code & 1).wrapping_neg()
 }

@@ -14,10 +14,11 @@ use fantex_mesh::SurfacePoint;
 use fantex_texture::filter::{GRID_LOOK_UPS, GridLookUps, TexelGrid};
 use glam::{Vec2, Vec4};
 
-use super::lookup::{ProbeLevel, TileLookup};
+use super::lookup::TileLookup;
 use super::{
     Footprint, SamplePoint, Sampler, SurfaceValues, TileSource, TileTexels, VALUE_KINDS, value_of_sum,
 };
+use crate::TileId;
 
 /// Fewer points than this are sampled one by one.
 const MIN_BATCH: usize = 4;
@@ -45,8 +46,7 @@ struct MeanShare {
 
 /// A level of a tile.
 struct TileName {
-    group: u32,
-    level: u32,
+    id: TileId,
     extent: [u32; 2],
 }
 
@@ -58,17 +58,16 @@ struct TileNames {
 }
 
 impl TileNames {
-    fn index(&mut self, cover: &Cover, group: u32, level: u32) -> u32 {
+    fn index(&mut self, cover: &Cover, id: TileId) -> u32 {
         // Odd, so that the levels of neighbouring groups spread.
-        let slot = (group.wrapping_mul(37).wrapping_add(level) % 256) as usize;
-        if let Some(known) = self.table[slot].checked_sub(1) {
-            let name = &self.names[known as usize];
-            if (name.group, name.level) == (group, level) {
-                return known;
-            }
+        let slot = (id.group.wrapping_mul(37).wrapping_add(id.level) % 256) as usize;
+        if let Some(known) = self.table[slot].checked_sub(1)
+            && self.names[known as usize].id == id
+        {
+            return known;
         }
-        let extent = cover.groups[group as usize].level_extent(level);
-        self.names.push(TileName { group, level, extent });
+        let extent = cover.groups[id.group as usize].level_extent(id.level);
+        self.names.push(TileName { id, extent });
         self.table[slot] = self.names.len() as u32;
         self.names.len() as u32 - 1
     }
@@ -105,12 +104,12 @@ impl Plan {
     fn add(&mut self, cover: &Cover, point: usize, tap: Tap, lookup: &TileLookup) {
         let entry = self.entries.len() as u32;
         self.entries.push(Entry { point: point as u32, tap });
-        lookup.for_each_probe(|level, uv, share| match level {
-            ProbeLevel::Tile(level) => {
-                let tile = self.tiles.index(cover, tap.group, level);
+        lookup.for_each_probe(|tile, uv, share| match tile {
+            Some(id) => {
+                let tile = self.tiles.index(cover, id);
                 self.probes.push(Probe { entry, tile, uv, share });
             }
-            ProbeLevel::Mean => self.means.push(MeanShare { entry, share }),
+            None => self.means.push(MeanShare { entry, share }),
         });
     }
 }
@@ -173,7 +172,7 @@ impl<S: TileSource> Sampler<S> {
         let tiles_of = |channel: Option<usize>| -> Vec<S::Tile> {
             let names = plan.tiles.names.iter();
             channel.map_or_else(Vec::new, |channel| {
-                names.map(|name| self.tiles.tile(channel, name.group, name.level)).collect()
+                names.map(|name| self.tiles.tile(channel, name.id)).collect()
             })
         };
         let tiles = channels.map(tiles_of);

@@ -12,18 +12,18 @@ use fantex_texture::{Filter, FilterOptions};
 use glam::{Vec2, Vec4};
 
 use super::{TileSource, TileTexels};
+use crate::TileId;
 
 /// A look-up in one tile, planned once for all channels.
 #[derive(Clone, Copy, Debug)]
 pub struct TileLookup {
-    group: u32,
+    /// The group, and the finer level; the one after it (after the last: the group's mean) has the share `coarse_share`.
+    fine: TileId,
+    coarse_share: f32,
     level_count: u32,
     uv: Vec2,
     footprint: [Vec2; 2],
     filter: Filter,
-    /// The finer level; the one after it (after the last: the group's mean) has the share `coarse_share`.
-    fine: u32,
-    coarse_share: f32,
     /// Probes and the way, in tile coordinates, that they are spread over.
     probes: u32,
     span: Vec2,
@@ -39,13 +39,12 @@ impl TileLookup {
         options: &FilterOptions,
     ) -> Self {
         let mut plan = Self {
-            group: group_index,
+            fine: TileId { group: group_index, level: 0 },
+            coarse_share: 0.0,
             level_count: group.level_count(),
             uv,
             footprint,
             filter: options.filter,
-            fine: 0,
-            coarse_share: 0.0,
             probes: 1,
             span: Vec2::ZERO,
         };
@@ -82,32 +81,36 @@ impl TileLookup {
         if guess > 0 {
             let there = width(guess);
             if there > 1.0 {
-                (self.fine, here) = (guess, there);
+                (self.fine.level, here) = (guess, there);
             }
         }
         loop {
-            let is_last = self.fine + 1 == self.level_count;
-            let next = if is_last { here * 0.25 } else { width(self.fine + 1) };
+            let is_last = self.coarse().is_none();
+            let next = if is_last { here * 0.25 } else { width(self.fine.level + 1) };
             if next <= 1.0 || is_last {
                 self.coarse_share = (here.ln() / (here / next).ln()).clamp(0.0, 1.0);
                 return;
             }
-            self.fine += 1;
+            self.fine.level += 1;
             here = next;
         }
     }
 
+    /// The coarser level; none after the last.
+    fn coarse(&self) -> Option<TileId> {
+        let level = self.fine.level + 1;
+        (level < self.level_count).then_some(TileId { level, ..self.fine })
+    }
+
     /// Linear RGBA of a channel.
     pub fn sample<S: TileSource>(&self, tiles: &S, channel: usize) -> Vec4 {
-        let fine = tiles.tile(channel, self.group, self.fine);
-        let value = self.at_level(&fine);
+        let value = self.at_level(&tiles.tile(channel, self.fine));
         if self.coarse_share == 0.0 {
             return value;
         }
-        let coarse = if self.fine + 1 == self.level_count {
-            Vec4::from_array(tiles.mean(channel, self.group))
-        } else {
-            self.at_level(&tiles.tile(channel, self.group, self.fine + 1))
+        let coarse = match self.coarse() {
+            Some(id) => self.at_level(&tiles.tile(channel, id)),
+            None => Vec4::from_array(tiles.mean(channel, self.fine.group)),
         };
         value.lerp(coarse, self.coarse_share)
     }
@@ -117,21 +120,16 @@ impl TileLookup {
         matches!(filter, Filter::Bilinear | Filter::Trilinear | Filter::Anisotropic)
     }
 
-    /// Visits the bilinear look-ups that it consists of: level, tile coordinates, share.
-    pub(super) fn for_each_probe(&self, mut visit: impl FnMut(ProbeLevel, Vec2, f32)) {
-        let is_last = self.fine + 1 == self.level_count;
-        let coarse = if is_last { ProbeLevel::Mean } else { ProbeLevel::Tile(self.fine + 1) };
-        let levels = [(ProbeLevel::Tile(self.fine), 1.0 - self.coarse_share), (coarse, self.coarse_share)];
-        for (level, share) in levels {
-            if share == 0.0 {
-                continue;
-            }
-            if level == ProbeLevel::Mean {
-                visit(level, self.uv, share);
+    /// Visits the bilinear look-ups that it consists of: tile (none: the group's mean), tile coordinates, share.
+    pub(super) fn for_each_probe(&self, mut visit: impl FnMut(Option<TileId>, Vec2, f32)) {
+        let levels = [(Some(self.fine), 1.0 - self.coarse_share), (self.coarse(), self.coarse_share)];
+        for (tile, share) in levels.into_iter().filter(|(_, share)| *share != 0.0) {
+            if tile.is_none() {
+                visit(tile, self.uv, share);
                 continue;
             }
             let share = share / self.probes as f32;
-            (0..self.probes).for_each(|probe| visit(level, self.probe(probe), share));
+            (0..self.probes).for_each(|probe| visit(tile, self.probe(probe), share));
         }
     }
 
@@ -152,15 +150,6 @@ impl TileLookup {
             }
         }
     }
-}
-
-/// Where a probe reads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum ProbeLevel {
-    /// A level of the tile.
-    Tile(u32),
-    /// The mean of the group, beyond the last level.
-    Mean,
 }
 
 /// Columns and rows.

@@ -27,7 +27,7 @@ use glam::{Vec2, Vec3, Vec4};
 
 pub use lookup::TileLookup;
 
-use crate::{Channel, ChannelKind, PageCache, PageTexels, RATIO_DENOMINATOR, Tile};
+use crate::{Channel, ChannelKind, PageCache, TileId};
 
 /// Something that has the tiles of a cover: an asset's cache, tiles in memory, or a cache with changes that are not committed.
 pub trait TileSource: Sync {
@@ -35,7 +35,7 @@ pub trait TileSource: Sync {
     type Tile: TileTexels;
 
     /// The tile of a group at a level of [`Group::level_count`](fantex_cover::Group::level_count), or a coarser one in its place.
-    fn tile(&self, channel: usize, group: u32, level: u32) -> Self::Tile;
+    fn tile(&self, channel: usize, id: TileId) -> Self::Tile;
 
     /// Mean linear RGBA of a group.
     fn mean(&self, channel: usize, group: u32) -> [f32; 4];
@@ -49,7 +49,7 @@ pub trait TileTexels {
     /// Bilinear look-up at tile coordinates, clamped half a texel inside the tile.
     fn bilinear(&self, uv: Vec2) -> [f32; 4];
 
-    /// The texel at a column and row inside the tile.
+    /// The texel at a column and row of the tile.
     fn texel(&self, x: u32, y: u32) -> [f32; 4];
 
     /// The stored texels, where they lie in one piece and are of a kind that can be looked up many at once. That differs from
@@ -62,45 +62,12 @@ pub trait TileTexels {
 impl<S: TileSource + ?Sized> TileSource for &S {
     type Tile = S::Tile;
 
-    fn tile(&self, channel: usize, group: u32, level: u32) -> Self::Tile {
-        (**self).tile(channel, group, level)
+    fn tile(&self, channel: usize, id: TileId) -> Self::Tile {
+        (**self).tile(channel, id)
     }
 
     fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
         (**self).mean(channel, group)
-    }
-}
-
-impl TileSource for PageCache {
-    type Tile = Tile;
-
-    fn tile(&self, channel: usize, group: u32, level: u32) -> Tile {
-        PageCache::tile(self, channel, group, level)
-    }
-
-    fn mean(&self, channel: usize, group: u32) -> [f32; 4] {
-        self.asset().mean(channel, group)
-    }
-}
-
-impl TileTexels for Tile {
-    fn extent(&self) -> [u32; 2] {
-        Tile::extent(self)
-    }
-
-    fn bilinear(&self, uv: Vec2) -> [f32; 4] {
-        Tile::bilinear(self, uv)
-    }
-
-    fn texel(&self, x: u32, y: u32) -> [f32; 4] {
-        Tile::texel(self, x, y)
-    }
-
-    fn grid(&self) -> Option<TexelGrid<'_>> {
-        Some(match self.page_texels()? {
-            PageTexels::Rgba8 { texels, srgb } => TexelGrid::Rgba8 { texels, is_srgb: srgb },
-            PageTexels::RgRatio(texels) => TexelGrid::Rg16 { texels, one: RATIO_DENOMINATOR },
-        })
     }
 }
 

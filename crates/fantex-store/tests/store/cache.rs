@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use fantex_store::{Asset, PAGE, PageCache, PageId, page_grid};
+use fantex_store::{Asset, PAGE, PageCache, PageId, TileId, TileSource, TileTexels, page_grid};
 use glam::Vec2;
 
 use crate::common::{block_channels, fan_cover, plain_channels, sheet, write};
@@ -59,7 +59,7 @@ fn bilinear_follows_its_definition_across_page_borders() {
                 for level in [0, 1, last, 99] {
                     for channel in 0..channels.len() {
                         let (extent, texels) = whole_level(&asset, channel, group, level.min(last));
-                        let tile = cache.tile(channel, group, level);
+                        let tile = cache.tile(channel, TileId { group, level });
                         assert_eq!((tile.extent(), tile.level()), (extent, level.min(last)));
                         for i in 0..200 {
                             let uv = Vec2::new((i as f32 * 0.618).fract(), (i as f32 * 0.755).fract());
@@ -88,7 +88,7 @@ fn coordinates_that_are_no_numbers_do_no_harm() {
     let cache = PageCache::new(asset, 1 << 20);
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, f32::MIN] {
         for group in 0..4 {
-            let value = cache.bilinear(0, group, 0, Vec2::new(bad, 0.5));
+            let value = cache.tile(0, TileId { group, level: 0 }).bilinear(Vec2::new(bad, 0.5));
             assert!(value.iter().all(|x| x.is_finite()));
         }
     }
@@ -113,11 +113,12 @@ fn damaged_tiles_give_way_to_coarser_ones() {
     let cache = PageCache::new(Arc::clone(&asset), 1 << 24);
     for (group, (extent, texels)) in &coarse {
         let uv = Vec2::new(0.41, 0.63);
-        let (got, due) = (cache.bilinear(0, *group, 0, uv), reference(*extent, texels, uv));
+        let (got, due) =
+            (cache.tile(0, TileId { group: *group, level: 0 }).bilinear(uv), reference(*extent, texels, uv));
         assert!((0..4).all(|k| (f64::from(got[k]) - due[k]).abs() < 1e-4), "{got:?} {due:?}");
     }
     // A single level and nothing coarser: the mean.
-    assert_eq!(cache.bilinear(0, 2, 0, Vec2::splat(0.5)), asset.mean(0, 2));
+    assert_eq!(cache.tile(0, TileId { group: 2, level: 0 }).bilinear(Vec2::splat(0.5)), asset.mean(0, 2));
     let damage = cache.damage();
     assert_eq!(damage.pages, 4);
     assert!(damage.first[0].2.contains("checksum"), "{damage:?}");
@@ -129,7 +130,7 @@ fn threads_share_a_cache() {
     let asset = sample_asset(&folder.path().join("a.fan"), &block_channels());
     let expected = whole_level(&asset, 0, 0, 0);
     let cache = PageCache::new(asset, 1 << 18);
-    let tile = cache.tile(0, 0, 0);
+    let tile = cache.tile(0, TileId { group: 0, level: 0 });
     std::thread::scope(|scope| {
         for thread in 0..4 {
             let (tile, cache, expected) = (&tile, &cache, &expected);
@@ -138,7 +139,8 @@ fn threads_share_a_cache() {
                     let uv =
                         Vec2::new((i as f32 * 0.377 + thread as f32).fract(), (i as f32 * 0.511).fract());
                     let due = reference(expected.0, &expected.1, uv);
-                    for got in [tile.bilinear(uv), cache.bilinear(0, 0, 0, uv)] {
+                    for got in [tile.bilinear(uv), cache.tile(0, TileId { group: 0, level: 0 }).bilinear(uv)]
+                    {
                         assert!((0..4).all(|k| (f64::from(got[k]) - due[k]).abs() < 1e-4));
                     }
                 }

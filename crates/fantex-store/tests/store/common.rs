@@ -1,7 +1,5 @@
 //! Small meshes, covers and assets made by hand.
 
-#![allow(dead_code, reason = "unit tests of edits use a part of these")]
-
 use std::path::Path;
 
 use fantex_base::Random;

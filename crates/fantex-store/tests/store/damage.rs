@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use fantex_base::{Error, ErrorKind};
-use fantex_store::{Asset, PageCache, VerifyOptions, VerifyReport, verify_asset};
+use fantex_store::{
+    Asset, PageCache, TileId, TileSource, TileTexels, VerifyOptions, VerifyReport, verify_asset,
+};
 use glam::Vec2;
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -62,7 +64,8 @@ fn use_all(path: &Path) -> Result<(Arc<Asset>, VerifyReport), Error> {
         for channel in 0..asset.channels().len() {
             let read = asset.read_page(channel, id);
             assert!(read.is_ok() == asset.read_page_raw(channel, id).is_ok());
-            let value = cache.bilinear(channel, id.group, id.level, Vec2::new(0.3, 0.7));
+            let tile = TileId { group: id.group, level: id.level };
+            let value = cache.tile(channel, tile).bilinear(Vec2::new(0.3, 0.7));
             assert!(value.iter().all(|x| x.is_finite()));
         }
     }

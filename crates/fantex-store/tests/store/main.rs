@@ -2,9 +2,11 @@
 
 #![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
 
+mod blocks;
 mod cache;
 mod common;
 mod damage;
+mod edit;
 mod format;
 mod killed;
 mod sampler;

@@ -165,7 +165,6 @@ impl ClusterLoader {
     /// A loader that reads the asset where it was opened: its file, or its URL.
     ///
     /// # Errors
-    ///
     /// The file cannot be opened, or the system refuses a thread.
     pub fn open(asset: Arc<Asset>, options: &ClusterLoaderOptions) -> Result<Self> {
         let reader =
@@ -176,7 +175,6 @@ impl ClusterLoader {
     /// A loader that reads the asset's bytes through `reader`.
     ///
     /// # Errors
-    ///
     /// The system refuses a thread.
     pub fn with_reader(
         asset: Arc<Asset>,

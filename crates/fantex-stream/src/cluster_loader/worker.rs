@@ -124,7 +124,7 @@ impl Worker {
         let Shared { asset, formats, .. } = &*self.shared;
         assemble(&parcel.layout(asset.cover()), formats, |index, page| {
             let (channel, format) = (&asset.channels()[index], formats[index]);
-            let stored = asset.page_in_any(from, index, page)?;
+            let stored = asset.page_in_any(from.iter().map(Arc::as_ref), index, page)?;
             if format == AtlasFormat::of(channel.format, true) && format != AtlasFormat::Rgba16F {
                 return Ok(Cow::Borrowed(stored));
             }

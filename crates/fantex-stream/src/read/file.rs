@@ -201,7 +201,6 @@ impl Span {
 /// A reader of a file whose lanes are `depth` threads.
 ///
 /// # Errors
-///
 /// If the file cannot be opened (for direct I/O, where asked for), or the system refuses a thread.
 pub fn threaded_reader(path: &Path, depth: usize, direct: bool) -> io::Result<LaneReader> {
     let open = |direct| Ok::<_, io::Error>(FileSource::from_file(path, Arc::new(open_file(path, direct)?)));
@@ -264,7 +263,6 @@ fn read_blocking(
 /// A reader of a file with `depth` tasks over one completion queue.
 ///
 /// # Errors
-///
 /// [`Unsupported`](io::ErrorKind::Unsupported) where the system has no completion queue, or lets us have none; if the file cannot be
 /// opened.
 pub fn ring_reader(path: &Path, depth: usize, direct: bool) -> io::Result<LaneReader> {

@@ -192,7 +192,6 @@ fn content_range(headers: &HeaderMap) -> Option<ContentRange> {
 /// A queued reader of a file on a web server, over `connections` at a time (browsers use six).
 ///
 /// # Errors
-///
 /// The system refuses a thread.
 pub fn http_reader(source: Arc<HttpSource>, connections: usize) -> io::Result<LaneReader> {
     let depth = connections.clamp(1, 64);

@@ -163,7 +163,6 @@ impl Default for FileReadOptions {
 /// A reader of a file: of all ways that `options` allow the first that works here.
 ///
 /// # Errors
-///
 /// The file cannot be opened, or the system refuses a thread.
 pub fn open_file_reader(path: &Path, options: &FileReadOptions) -> io::Result<Box<dyn QueuedReader>> {
     let options = FileReadOptions { depth: options.depth.clamp(1, 256), ..*options };

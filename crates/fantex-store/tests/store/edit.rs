@@ -1,20 +1,16 @@
-//! Crashes, failures and readers.
-
-#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+//! Edits: crashes, failures and readers.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use common::{Dice, encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
+use fantex_store::{
+    Asset, AssetEditor, EditOptions, EditOutput, PageId, VerifyOptions, is_disk_full, verify, write_all_at,
+};
 
-use super::commit::{FileOutput, Output, RunPacking};
-use super::lock::WriterLock;
-use crate::{Asset, AssetEditor, EditOptions, PageId, VerifyOptions};
-
-#[path = "../../tests/store/common.rs"]
-mod common;
+use crate::common::{Dice, encoded_page, fan_cover, means, pages, plain_channels, sheet, write};
 
 /// All that an asset holds and that commits change.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -116,7 +112,7 @@ fn seen_by(editor: &AssetEditor) -> fantex_base::Result<State> {
 
 /// Checksums of everything.
 fn assert_whole(path: &Path) {
-    let report = crate::verify(path, &VerifyOptions::default()).unwrap();
+    let report = verify(path, &VerifyOptions::default()).unwrap();
     assert_eq!((report.damaged_tiles, report.damaged_headers, report.damaged_attachments), (0, 0, 0));
 }
 
@@ -152,18 +148,18 @@ impl Plan {
 /// Writes to the file as planned.
 #[derive(Debug)]
 struct Recorder {
-    file: FileOutput,
+    file: Arc<File>,
     plan: Arc<Mutex<Plan>>,
 }
 
-impl Output for Recorder {
+impl EditOutput for Recorder {
     fn write_at(&mut self, offset: u64, bytes: &[u8]) -> io::Result<()> {
         match self.plan.lock().unwrap().fails(Operation::Write(offset, bytes.to_vec())) {
             Some(error) => {
-                self.file.write_at(offset, &bytes[..bytes.len() / 2])?;
+                write_all_at(&self.file, &bytes[..bytes.len() / 2], offset)?;
                 Err(error)
             }
-            None => self.file.write_at(offset, bytes),
+            None => write_all_at(&self.file, bytes, offset),
         }
     }
 
@@ -180,13 +176,13 @@ impl Output for Recorder {
 
 /// An editor that writes through a recorder.
 fn recorded_editor(path: &Path) -> (AssetEditor, Arc<Mutex<Plan>>) {
-    let lock = Arc::new(WriterLock::acquire(path).unwrap());
-    let file = Arc::new(std::fs::OpenOptions::new().read(true).write(true).open(path).unwrap());
     let plan = Arc::new(Mutex::new(Plan::default()));
-    let output = Recorder { file: FileOutput(Arc::clone(&file)), plan: Arc::clone(&plan) };
     // Short runs, so that clusters of a small asset are cut.
-    let packing = RunPacking { run_bytes: 4096, zstd_level: 1 };
-    (AssetEditor::with_output(path, packing, lock, file, Box::new(output)).unwrap(), plan)
+    let options = EditOptions { run_bytes: 4096, ..EditOptions::default() };
+    let editor = AssetEditor::open_with_output(path, &options, |file| {
+        Box::new(Recorder { file, plan: Arc::clone(&plan) })
+    });
+    (editor.unwrap(), plan)
 }
 
 /// The bytes on the disk.
@@ -310,7 +306,7 @@ fn session(fail_at: usize, once: bool, kind: ErrorKind) -> bool {
         return false;
     };
     assert_eq!(error.kind(), fantex_base::ErrorKind::Io, "{error}");
-    assert_eq!(crate::is_disk_full(&error), kind == ErrorKind::StorageFull, "{error}");
+    assert_eq!(is_disk_full(&error), kind == ErrorKind::StorageFull, "{error}");
     let on_disk = State::open(&path).1;
     assert!(on_disk == committed || on_disk == state, "call {fail_at}");
     assert!(seen_by(&editor).unwrap() == state, "changes are kept");
@@ -369,12 +365,12 @@ fn mistakes_are_named() {
     let folder = tempfile::tempdir().unwrap();
     let path = small_asset(folder.path());
     let (mut editor, _) = recorded_editor(&path);
-    let page = crate::PageId { group: 0, level: 0, page: [0, 0] };
+    let page = PageId { group: 0, level: 0, page: [0, 0] };
     refused(editor.replace(page, 0, vec![0; 3]), "but 3 were given");
-    let missing = crate::PageId { group: 99, ..page };
+    let missing = PageId { group: 99, ..page };
     refused(editor.replace(missing, 0, vec![]), "has no page");
     refused(editor.attach(&"x".repeat(256), vec![]), "names may have up to 255");
-    let second = crate::AssetEditor::open(&path, &crate::EditOptions::default());
+    let second = AssetEditor::open(&path, &EditOptions::default());
     refused(second, "is being edited by another program");
     // Replaced under the editor's feet.
     std::fs::copy(&path, folder.path().join("other.fan")).unwrap();
@@ -382,7 +378,7 @@ fn mistakes_are_named() {
     editor.attach("a", vec![1]).unwrap();
     refused(editor.commit(), "was replaced or removed");
     drop(editor);
-    assert!(crate::AssetEditor::open(&path, &crate::EditOptions::default()).is_ok());
+    assert!(AssetEditor::open(&path, &EditOptions::default()).is_ok());
     assert_eq!(Asset::open(&path).unwrap().generation(), 1);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the lock's file is gone");
 }
