@@ -215,20 +215,3 @@ pub struct FrameChanges {
     /// Entries, ascending by index, each at most once.
     pub entries: Vec<TableChange>,
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn entries_keep_places() {
-        assert_eq!(TableEntry::ABSENT.place(), None);
-        for place in [
-            AtlasPlace { layer: 0, x: 0, y: 0 },
-            AtlasPlace { layer: 127, x: 16380, y: 4 },
-            AtlasPlace { layer: 5, x: 4, y: 16380 },
-        ] {
-            assert_eq!(TableEntry::at(place).place(), Some(place));
-        }
-    }
-}

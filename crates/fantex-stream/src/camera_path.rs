@@ -158,29 +158,3 @@ impl CameraKeyframe {
         Some(StreamView::new(world_from_mesh.inverse_point(eye), axes, fov, size))
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn paths_pass_their_keyframes_and_jump_at_cuts() {
-        let path = CameraPath::random_walk(DVec3::ZERO, 2.0, 5, 3.0);
-        for keyframe in &path.keyframes {
-            let there = path.at(keyframe.seconds).unwrap();
-            assert!(DVec3::from(there.eye).distance(keyframe.eye.into()) < 1e-9);
-        }
-        let cuts = CameraPath::cuts(DVec3::ZERO, &[2.0, 3.0], 1.0);
-        assert_eq!(cuts.cuts_seconds(), [0.0, 1.0]);
-        assert_eq!(cuts.at(0.9995).unwrap().eye, cuts.keyframes[0].eye);
-        assert_eq!(cuts.at(1.0).unwrap().eye, cuts.keyframes[2].eye);
-        assert_eq!(CameraPath::default().at(1.0), None);
-    }
-
-    #[test]
-    fn paths_are_recorded_as_text() {
-        let path = CameraPath::fly(DVec3::ONE, DVec3::new(1.0, 1.0, -3.0), 2.0);
-        let text = serde_json::to_string(&path).unwrap();
-        assert_eq!(serde_json::from_str::<CameraPath>(&text).unwrap(), path);
-    }
-}

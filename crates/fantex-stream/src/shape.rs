@@ -59,7 +59,8 @@ pub(crate) struct TileShape {
     first_single: u32,
     /// Per step the least detail that does without the level; zero where there is none.
     shared_leaves: [u8; SHARED_LEVELS as usize],
-    side_log2: f32,
+    /// The binary logarithm of the side in texels of level 0, about.
+    pub(crate) side_log2: f32,
 }
 
 impl TileShape {
@@ -113,12 +114,6 @@ impl TileShape {
     #[inline]
     pub(crate) fn shared_leaves(&self) -> [u8; SHARED_LEVELS as usize] {
         self.shared_leaves
-    }
-
-    /// The binary logarithm of the side in texels of level 0, about.
-    #[inline]
-    pub(crate) fn side_log2(&self) -> f32 {
-        self.side_log2
     }
 
     #[inline]

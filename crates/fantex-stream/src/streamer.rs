@@ -115,7 +115,12 @@ impl Streamer {
         let mut changes = self.residency.arrive(frame.upload_bytes, loader);
         let arrived = Instant::now();
         self.changed.clear();
-        self.demand.update(&mut self.surface, view, self.residency.bounding_nanoseconds(), &mut self.changed);
+        self.demand.update(
+            &mut self.surface,
+            view,
+            self.residency.work.bounding_nanoseconds(),
+            &mut self.changed,
+        );
         let demanded = Instant::now();
         self.residency.want(&self.changed, &self.demand);
         self.residency.adapt(&self.demand, is_moving);
@@ -124,7 +129,7 @@ impl Streamer {
         self.look_ahead();
         let predicted = Instant::now();
         self.residency.tell(&mut *self.loader);
-        changes.entries = self.residency.take_changes();
+        changes.entries = self.residency.pool.take_changes();
         self.times = UpdateTimes {
             demand: demanded - arrived,
             prediction: predicted - requested,
@@ -148,7 +153,7 @@ impl Streamer {
         self.changed.clear();
         // The last prediction is taken over first.
         if !self.residency.has_unexpected() {
-            let nanoseconds = self.residency.bounding_nanoseconds();
+            let nanoseconds = self.residency.work.bounding_nanoseconds();
             self.predicted.update(&mut self.surface, Some(&view), nanoseconds, &mut self.changed);
         }
         self.residency.expect(&self.changed, &self.predicted);
@@ -162,12 +167,12 @@ impl Streamer {
 
     /// The numbering of the entries in [`FrameChanges`].
     pub fn table(&self) -> &PageTable {
-        self.residency.pool().table()
+        &self.residency.pool.table
     }
 
     /// The atlas that places refer to.
     pub fn atlas(&self) -> AtlasShape {
-        self.residency.pool().shape()
+        self.residency.pool.shape
     }
 
     /// Replaces the atlas by an empty one; the next update clears all entries.
@@ -192,7 +197,7 @@ impl Streamer {
     /// Parcels that could not be loaded, with the reason. They are not asked for again; a coarser level stands in for them, and
     /// finer ones are resident without them.
     pub fn damaged(&self) -> impl Iterator<Item = (&Parcel, &Error)> {
-        self.residency.damaged().iter()
+        self.residency.damaged.iter()
     }
 
     /// Asks for all damaged parcels once more.
@@ -237,30 +242,7 @@ impl Streamer {
 
     /// Figures for graphs.
     pub fn statistics(&self) -> StreamStatistics {
-        let (visible_groups, lacking_groups) = self.residency.visible_and_lacking();
-        let pool = self.residency.pool();
-        let (requested, waiting) = self.residency.in_flight();
-        StreamStatistics {
-            resident: pool.resident(),
-            resident_texels_by_level: *pool.resident_by_level(),
-            needed: pool.needed(),
-            missing: self.residency.missing_count(),
-            atlas_texels: pool.shape().texels(),
-            evictions: pool.evictions(),
-            requested,
-            waiting,
-            queued: self.residency.queued(),
-            requests: self.residency.requests(),
-            uploaded_bytes: self.residency.uploaded_bytes(),
-            bias_levels: f32::from(self.residency.bias()) / Detail::STEPS as f32,
-            visible_groups,
-            complete_groups: visible_groups - lacking_groups,
-            damaged: self.residency.damaged().len(),
-            work: self.demand.work(),
-            frame_work: *self.residency.work_done(),
-            frame_limit: self.residency.work_limit(),
-            times: self.times,
-        }
+        StreamStatistics { work: self.demand.work, times: self.times, ..self.residency.statistics() }
     }
 
     /// Panics where an invariant of what is resident, needed and on its way does not hold. Takes time linear in all parcels.

@@ -13,7 +13,7 @@ use fantex_base::{Error, ErrorKind};
 use fantex_store::{ClusterId, ClusterPages, io_cause};
 
 use super::worker::{ClusterCache, Kept};
-use super::{ClusterLoaderOptions, LoaderStatistics};
+use super::{ClusterLoaderOptions, Effects, LoaderStatistics};
 use crate::read::{ReadBuffer, RetryPolicy, is_transient};
 use crate::{LoadedParcel, Parcel, ParcelTexels};
 
@@ -43,10 +43,10 @@ enum Stage {
     InWork,
 }
 
-impl Wanted {
-    fn urgency(&self) -> Urgency {
-        self.parcels.values().copied().max().unwrap_or(Urgency(f32::NEG_INFINITY))
-    }
+/// That of the most urgent parcel; below all others where none is wanted.
+fn urgency_of(clusters: &BTreeMap<ClusterId, Wanted>, id: ClusterId) -> Urgency {
+    let urgency = clusters.get(&id).and_then(|wanted| wanted.parcels.values().copied().max());
+    urgency.unwrap_or(Urgency(f32::NEG_INFINITY))
 }
 
 /// A parcel whose pages lie in several clusters.
@@ -68,15 +68,6 @@ pub(super) enum Job {
     Stored(Arc<ReadBuffer>, Range<usize>),
     /// In the cache, in one form or the other (unless it has left meanwhile).
     Cached,
-}
-
-/// What a request calls for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Change {
-    /// There are clusters to read.
-    pub(super) reads: bool,
-    /// New jobs for workers.
-    pub(super) jobs: usize,
 }
 
 /// What a worker shall do.
@@ -101,7 +92,7 @@ pub(super) struct Board {
     /// Clusters at [`Stage::Queued`]. Urgencies are upper bounds.
     to_read: UrgencyQueue<ClusterId>,
     /// Clusters at [`Stage::Paused`], and stale entries.
-    paused: BTreeMap<(Instant, ClusterId), ()>,
+    paused: BTreeSet<(Instant, ClusterId)>,
     /// Clusters of which the last parcel was cancelled while they were being read.
     abandoned: Vec<ClusterId>,
     jobs: BTreeMap<ClusterId, Job>,
@@ -115,8 +106,9 @@ pub(super) struct Board {
     /// Parcels in `clusters`.
     waiting: usize,
     retry: RetryPolicy,
-    closed: bool,
-    counts: LoaderStatistics,
+    /// All that workers and scheduler do ends.
+    pub(super) is_closed: bool,
+    pub(super) counts: LoaderStatistics,
 }
 
 impl Board {
@@ -125,7 +117,7 @@ impl Board {
             clusters: BTreeMap::new(),
             assemblies: BTreeMap::new(),
             to_read: UrgencyQueue::default(),
-            paused: BTreeMap::new(),
+            paused: BTreeSet::new(),
             abandoned: Vec::new(),
             jobs: BTreeMap::new(),
             job_order: UrgencyQueue::default(),
@@ -136,7 +128,7 @@ impl Board {
             flight_budget: options.in_flight_bytes,
             waiting: 0,
             retry,
-            closed: false,
+            is_closed: false,
             counts: LoaderStatistics::default(),
         }
     }
@@ -144,29 +136,30 @@ impl Board {
     // Called for the caller.
 
     /// A parcel is wanted, whose pages lie in these clusters.
-    pub(super) fn request(&mut self, parcel: Parcel, clusters: &[ClusterId], urgency: f32) -> Change {
+    pub(super) fn request(
+        &mut self,
+        parcel: Parcel,
+        clusters: &[ClusterId],
+        urgency: f32,
+        effects: &mut Effects,
+    ) {
         let urgency = Urgency(urgency);
         if self.ready.set_urgency(parcel, urgency) {
-            return Change::default();
+            return;
         }
-        let assembled = match clusters.len() {
-            1 => None,
-            _ => {
-                let begin = || Assembly { awaited: clusters.to_vec(), come: Vec::new() };
-                Some(self.assemblies.entry(parcel).or_insert_with(begin).awaited.clone())
-            }
-        };
-        let mut change = Change::default();
+        let assembled = (clusters.len() > 1).then(|| {
+            let begin = || Assembly { awaited: clusters.to_vec(), come: Vec::new() };
+            self.assemblies.entry(parcel).or_insert_with(begin).awaited.clone()
+        });
         let mut is_new = true;
         for &cluster in assembled.as_deref().unwrap_or(clusters) {
-            is_new &= self.want(parcel, cluster, urgency, &mut change);
+            is_new &= self.want(parcel, cluster, urgency, effects);
         }
         self.waiting += usize::from(is_new);
-        change
     }
 
     /// A parcel is wanted of a cluster. Whether it was not before.
-    fn want(&mut self, parcel: Parcel, cluster: ClusterId, urgency: Urgency, change: &mut Change) -> bool {
+    fn want(&mut self, parcel: Parcel, cluster: ClusterId, urgency: Urgency, effects: &mut Effects) -> bool {
         if let Some(wanted) = self.clusters.get_mut(&cluster) {
             let is_new = wanted.parcels.insert(parcel, urgency).is_none();
             match wanted.stage {
@@ -180,10 +173,10 @@ impl Board {
         self.clusters.insert(cluster, Wanted { parcels, stage: Stage::Queued, failures: 0 });
         if self.cache.contains(cluster) {
             self.add_job(cluster, Job::Cached);
-            change.jobs += 1;
+            effects.jobs += 1;
         } else {
             self.to_read.set(cluster, urgency);
-            change.reads = true;
+            effects.for_scheduler = true;
         }
         true
     }
@@ -191,10 +184,6 @@ impl Board {
     /// A parcel that no cluster holds arrives as an error.
     pub(super) fn refuse(&mut self, parcel: Parcel, urgency: f32, error: Error) {
         self.ready.insert(parcel, Urgency(urgency), Err(error));
-    }
-
-    pub(super) fn cancel_refused(&mut self, parcel: Parcel) {
-        self.ready.remove(parcel);
     }
 
     /// A parcel is no longer wanted. True if the scheduler may give up a read.
@@ -220,12 +209,8 @@ impl Board {
             return false;
         }
         match wanted.stage {
-            Stage::Queued => {
+            Stage::Queued | Stage::Paused(_) => {
                 self.to_read.remove(cluster);
-                self.clusters.remove(&cluster);
-                false
-            }
-            Stage::Paused(_) => {
                 self.clusters.remove(&cluster);
                 false
             }
@@ -251,68 +236,42 @@ impl Board {
     pub(super) fn take_ready(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
         let (mut parcels, mut left) = (Vec::new(), usize::MAX);
         while let Some((parcel, texels)) = self.ready.take_first(left) {
-            let bytes = texels.as_ref().map_or(0, ParcelTexels::bytes);
+            let bytes = bytes_of(&texels);
             left = left.min(max_bytes).saturating_sub(bytes);
-            match &texels {
-                Ok(texels) => {
-                    self.counts.parcels += 1;
-                    self.counts.parcel_bytes += texels.bytes() as u64;
-                }
-                Err(_) => self.counts.parcels_failed += 1,
-            }
+            self.counts.parcel_bytes += bytes as u64;
+            *if texels.is_ok() { &mut self.counts.parcels } else { &mut self.counts.parcels_failed } += 1;
             parcels.push(LoadedParcel { parcel, texels });
         }
         parcels
     }
 
-    pub(super) fn pending(&self) -> usize {
-        self.waiting + self.ready.len()
-    }
-
     pub(super) fn ready_is_full(&self) -> bool {
-        self.ready.bytes() >= self.ready_budget
+        self.ready.bytes >= self.ready_budget
     }
 
     pub(super) fn statistics(&self) -> LoaderStatistics {
         LoaderStatistics {
-            queued_clusters: self.to_read.len(),
+            queued_clusters: self.to_read.urgencies.len(),
             in_flight_bytes: self.in_flight_bytes,
-            cache_bytes: self.cache.unpacked_bytes(),
-            stored_cache_bytes: self.cache.stored_bytes(),
-            ready_bytes: self.ready.bytes(),
-            pending: self.pending(),
+            cache_bytes: self.cache.unpacked.bytes,
+            stored_cache_bytes: self.cache.stored.bytes,
+            ready_bytes: self.ready.bytes,
+            pending: self.waiting + self.ready.outcomes.len(),
             ..self.counts
         }
     }
 
-    /// All that workers and scheduler do ends.
-    pub(super) fn close(&mut self) {
-        self.closed = true;
-    }
-
     // Called by the scheduler.
-
-    pub(super) fn counts(&mut self) -> &mut LoaderStatistics {
-        &mut self.counts
-    }
-
-    pub(super) fn is_closed(&self) -> bool {
-        self.closed
-    }
 
     /// Queues paused clusters whose time has come. Returns when the next one's comes.
     pub(super) fn resume_paused(&mut self, now: Instant) -> Option<Instant> {
-        while let Some((&(until, cluster), ())) = self.paused.first_key_value() {
+        while let Some(&(until, cluster)) = self.paused.first() {
             if until > now {
                 return Some(until);
             }
             self.paused.pop_first();
-            if let Some(wanted) = self.clusters.get_mut(&cluster)
-                && wanted.stage == Stage::Paused(until)
-            {
-                wanted.stage = Stage::Queued;
-                let urgency = wanted.urgency();
-                self.to_read.set(cluster, urgency);
+            if self.clusters.get(&cluster).is_some_and(|wanted| wanted.stage == Stage::Paused(until)) {
+                self.read_again(cluster);
             }
         }
         None
@@ -335,9 +294,7 @@ impl Board {
 
     /// Takes the most urgent cluster to read, and whether it may be read together with others.
     pub(super) fn next_to_read(&mut self) -> Option<(ClusterId, bool)> {
-        let clusters = &self.clusters;
-        let exact = |id: ClusterId| clusters.get(&id).map_or(Urgency(f32::NEG_INFINITY), Wanted::urgency);
-        let cluster = self.to_read.pop_exact(exact)?;
+        let cluster = self.to_read.pop_exact(|id| urgency_of(&self.clusters, id))?;
         Some((cluster, !self.has_failed(cluster)))
     }
 
@@ -398,31 +355,26 @@ impl Board {
     fn add_job(&mut self, cluster: ClusterId, job: Job) {
         if let Some(wanted) = self.clusters.get_mut(&cluster) {
             wanted.stage = Stage::InWork;
-            let urgency = wanted.urgency();
             self.jobs.insert(cluster, job);
-            self.job_order.set(cluster, urgency);
+            self.job_order.set(cluster, urgency_of(&self.clusters, cluster));
         }
     }
 
     /// The next thing to do, if there is any.
     pub(super) fn next_order(&mut self) -> Option<Order> {
-        if self.closed {
+        if self.is_closed {
             return Some(Order::End);
         }
         if self.ready_is_full() {
             return None;
         }
-        let clusters = &self.clusters;
-        let exact = |id: ClusterId| clusters.get(&id).map_or(Urgency(f32::NEG_INFINITY), Wanted::urgency);
-        let cluster = self.job_order.pop_exact(exact)?;
+        let cluster = self.job_order.pop_exact(|id| urgency_of(&self.clusters, id))?;
         Some(match self.jobs.remove(&cluster)? {
-            Job::Stored(_, part) if self.is_abandoned(cluster) => {
-                self.counts.clusters_dropped += 1;
-                self.in_flight_bytes -= part.len();
-                self.clusters.remove(&cluster);
-                Order::TellScheduler
-            }
-            Job::Cached if self.is_abandoned(cluster) => {
+            job if self.is_abandoned(cluster) => {
+                if let Job::Stored(_, part) = job {
+                    self.counts.clusters_dropped += 1;
+                    self.in_flight_bytes -= part.len();
+                }
                 self.clusters.remove(&cluster);
                 Order::TellScheduler
             }
@@ -438,12 +390,11 @@ impl Board {
         })
     }
 
-    /// A cluster that had been at hand is not any more.
+    /// A cluster has waited long enough, or had been at hand and is not any more.
     fn read_again(&mut self, cluster: ClusterId) {
         if let Some(wanted) = self.clusters.get_mut(&cluster) {
             wanted.stage = Stage::Queued;
-            let urgency = wanted.urgency();
-            self.to_read.set(cluster, urgency);
+            self.to_read.set(cluster, urgency_of(&self.clusters, cluster));
         }
     }
 
@@ -456,14 +407,14 @@ impl Board {
     ) {
         self.in_flight_bytes -= stored_bytes;
         if let Some(bytes) = kept {
-            self.cache.insert_stored(cluster, bytes);
+            self.cache.stored.insert(cluster, bytes);
         }
     }
 
     /// A cluster has been unpacked, or cannot be.
     pub(super) fn unpacked(&mut self, cluster: ClusterId, pages: Result<&Arc<ClusterPages>, Error>) {
         match pages {
-            Ok(pages) => self.cache.insert(cluster, pages),
+            Ok(pages) => self.cache.unpacked.insert(cluster, pages),
             // The bytes may have been damaged on their way here: once more.
             Err(error) if error.kind() == ErrorKind::Damaged => {
                 self.fail(cluster, error, self.retry.retries.min(1))
@@ -537,7 +488,7 @@ impl Board {
             self.counts.retries += 1;
             wanted.failures += 1;
             wanted.stage = Stage::Paused(until);
-            self.paused.insert((until, cluster), ());
+            self.paused.insert((until, cluster));
             self.clusters.insert(cluster, wanted);
             return;
         }
@@ -637,10 +588,6 @@ impl<K: Copy + Ord> UrgencyQueue<K> {
             }
         }
     }
-
-    pub(super) fn len(&self) -> usize {
-        self.urgencies.len()
-    }
 }
 
 /// Texels, or why there are none.
@@ -664,15 +611,6 @@ pub(super) struct Ready {
 }
 
 impl Ready {
-    pub(super) fn len(&self) -> usize {
-        self.outcomes.len()
-    }
-
-    /// Bytes of texels.
-    pub(super) fn bytes(&self) -> usize {
-        self.bytes
-    }
-
     /// Inserts or replaces a parcel.
     pub(super) fn insert(&mut self, parcel: Parcel, urgency: Urgency, outcome: Outcome) {
         self.bytes += bytes_of(&outcome);
@@ -767,7 +705,7 @@ mod tests {
             taken.push(name);
         }
         assert_eq!(taken, [1, 4, 3]);
-        assert_eq!(queue.len(), 0);
+        assert!(queue.urgencies.is_empty());
     }
 
     fn queue_urgency(name: i32) -> f32 {
@@ -788,11 +726,11 @@ mod tests {
         ready.set_urgency(parcel(3), Urgency(9.0));
         assert!(ready.remove(parcel(5)) && !ready.remove(parcel(5)));
         ready.insert(parcel(1), Urgency(0.5), outcome(11));
-        assert_eq!((ready.len(), ready.bytes()), (4, 11 + 20 + 30 + 40));
+        assert_eq!((ready.outcomes.len(), ready.bytes), (4, 11 + 20 + 30 + 40));
         assert!(ready.take_first(29).is_none());
         let taken = std::iter::from_fn(|| ready.take_first(usize::MAX)).map(|(parcel, _)| parcel);
         assert_eq!(taken.collect::<Vec<_>>(), [3, 2, 4, 1].map(parcel));
-        assert_eq!((ready.len(), ready.bytes(), ready.entries), (0, 0, 0));
+        assert_eq!((ready.outcomes.len(), ready.bytes, ready.entries), (0, 0, 0));
     }
 
     #[test]

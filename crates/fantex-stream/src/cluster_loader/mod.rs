@@ -100,16 +100,33 @@ struct Shared {
     scheduler: SchedulerWaker,
 }
 
+impl std::fmt::Debug for Shared {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Shared").field("path", &self.asset.path()).finish_non_exhaustive()
+    }
+}
+
 impl Shared {
+    /// Leaves messages for the scheduler.
+    fn tell(&self, messages: impl Iterator<Item = Message>) {
+        // Made before the lock is taken.
+        let mut messages: VecDeque<Message> = messages.collect();
+        if !messages.is_empty() {
+            self.inbox.lock().append(&mut messages);
+            self.scheduler.wake();
+        }
+    }
+
     /// Wakes the threads that have something to do after messages were taken over.
     fn notify(&self, effects: Effects) {
         if effects.for_scheduler || effects.has_more {
             self.scheduler.wake();
         }
-        if effects.has_room {
-            self.board.room_arrived();
-        } else {
-            self.board.jobs_arrived(effects.jobs);
+        match effects.jobs {
+            _ if effects.has_room => self.board.work.notify_all(),
+            0 => {}
+            1 => self.board.work.notify_one(),
+            _ => self.board.work.notify_all(),
         }
     }
 
@@ -143,6 +160,7 @@ impl SchedulerWaker {
 }
 
 /// Loads pages of an asset through its clusters. Dropping it ends its threads, after the reads that are in flight.
+#[derive(Debug)]
 pub struct ClusterLoader {
     shared: Arc<Shared>,
     info: ReaderInfo,
@@ -155,20 +173,15 @@ pub struct ClusterLoader {
 /// Polls in a row that may return nothing because the board is locked; the next one waits for it.
 const MAX_MISSED_POLLS: u32 = 3;
 
-impl std::fmt::Debug for ClusterLoader {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ClusterLoader").field("path", &self.shared.asset.path()).finish_non_exhaustive()
-    }
-}
-
 impl ClusterLoader {
     /// A loader that reads the asset where it was opened: its file, or its URL.
     ///
     /// # Errors
     /// The file cannot be opened, or the system refuses a thread.
     pub fn open(asset: Arc<Asset>, options: &ClusterLoaderOptions) -> Result<Self> {
-        let reader =
-            open_reader(asset.path(), &options.file).map_err(|error| set_up_error("open", &asset, error))?;
+        let reader = open_reader(asset.path(), &options.file).map_err(|error| {
+            set_up_error(&asset, &format!("open {} for streaming", asset.path().display()), error)
+        })?;
         Self::with_reader(asset, reader, options)
     }
 
@@ -188,7 +201,8 @@ impl ClusterLoader {
         let stored_formats = asset.channels().iter().map(|channel| channel.format);
         let formats =
             stored_formats.map(|format| AtlasFormat::of(format, options.block_compressed)).collect();
-        let thread_error = |error| set_up_error("start a thread for", &asset, error);
+        let what = format!("start a thread for streaming {}", asset.path().display());
+        let thread_error = |error| set_up_error(&asset, &what, error);
         let shared = Arc::new(Shared {
             formats,
             options: options.clone(),
@@ -237,7 +251,7 @@ impl ClusterLoader {
 }
 
 /// Sees a [`ClusterLoader`]'s statistics, from any thread, also after its end.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub struct LoaderMonitor {
     shared: Arc<Shared>,
 }
@@ -249,27 +263,16 @@ impl LoaderMonitor {
     }
 }
 
-impl std::fmt::Debug for LoaderMonitor {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("LoaderMonitor").field("path", &self.shared.asset.path()).finish_non_exhaustive()
-    }
-}
-
 /// Streaming of an asset cannot begin.
-fn set_up_error(what: &str, asset: &Asset, error: io::Error) -> Error {
-    let kind = match error.kind() {
-        io::ErrorKind::NotFound => ErrorKind::NotFound,
-        _ => ErrorKind::Io,
-    };
-    let message = match what {
-        "open" => format!("cannot open {} for streaming: {error}", asset.path().display()),
-        _ => format!("cannot {what} streaming {}: {error}", asset.path().display()),
-    };
+fn set_up_error(asset: &Asset, what: &str, error: io::Error) -> Error {
+    let is_missing = error.kind() == io::ErrorKind::NotFound;
+    let kind = if is_missing { ErrorKind::NotFound } else { ErrorKind::Io };
+    let message = format!("cannot {what}: {error}");
     Error::new(kind, message).with_path(asset.path()).with_source(error)
 }
 
 /// The clusters that hold a parcel's pages.
-fn clusters_of(asset: &Asset, parcel: Parcel) -> Result<Vec<ClusterId>, Error> {
+fn clusters_of(asset: &Asset, parcel: Parcel) -> Result<Vec<ClusterId>> {
     if let Parcel::Page(page) = parcel {
         return Ok(vec![asset.cluster_of(page)?]);
     }
@@ -307,16 +310,12 @@ impl ParcelLoader for ClusterLoader {
     }
 
     fn request_all(&mut self, parcels: &[(Parcel, f32)]) {
-        if parcels.is_empty() {
-            return;
-        }
-        let Shared { asset, inbox, scheduler, .. } = &*self.shared;
-        inbox.add(
+        let asset = &self.shared.asset;
+        self.shared.tell(
             parcels
                 .iter()
                 .map(|&(parcel, urgency)| Message::Request(parcel, urgency, clusters_of(asset, parcel))),
         );
-        scheduler.wake();
     }
 
     fn cancel(&mut self, parcel: Parcel) {
@@ -324,12 +323,9 @@ impl ParcelLoader for ClusterLoader {
     }
 
     fn cancel_all(&mut self, parcels: &[Parcel]) {
-        if parcels.is_empty() {
-            return;
-        }
-        let Shared { asset, inbox, scheduler, .. } = &*self.shared;
-        inbox.add(parcels.iter().map(|&parcel| Message::Cancel(parcel, clusters_of(asset, parcel).ok())));
-        scheduler.wake();
+        // What no cluster holds has been refused, or will be.
+        let clusters = |parcel| clusters_of(&self.shared.asset, parcel).unwrap_or_default();
+        self.shared.tell(parcels.iter().map(|&parcel| Message::Cancel(parcel, clusters(parcel))));
     }
 
     fn poll(&mut self, max_bytes: usize) -> Vec<LoadedParcel> {
@@ -457,19 +453,6 @@ impl SharedBoard {
         }
     }
 
-    /// Jobs are on the board: wakes a worker for each.
-    fn jobs_arrived(&self, count: usize) {
-        match count {
-            0 => {}
-            1 => self.work.notify_one(),
-            _ => self.work.notify_all(),
-        }
-    }
-
-    fn room_arrived(&self) {
-        self.work.notify_all();
-    }
-
     /// Waits for something to do.
     fn wait_for_order(&self) -> Order {
         let mut board = self.lock();
@@ -482,7 +465,7 @@ impl SharedBoard {
     }
 
     fn close(&self) {
-        self.lock().close();
+        self.lock().is_closed = true;
         self.work.notify_all();
     }
 }
@@ -499,9 +482,9 @@ const CHUNK: usize = 256;
 #[derive(Debug)]
 enum Message {
     /// It is wanted, so urgently.
-    Request(Parcel, f32, Result<Vec<ClusterId>, Error>),
+    Request(Parcel, f32, Result<Vec<ClusterId>>),
     /// It is not wanted any more.
-    Cancel(Parcel, Option<Vec<ClusterId>>),
+    Cancel(Parcel, Vec<ClusterId>),
 }
 
 /// Messages in the order in which they came.
@@ -528,54 +511,39 @@ impl Inbox {
         self.messages.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn add(&self, messages: impl Iterator<Item = Message>) {
-        // Made before the lock is taken.
-        let mut messages: VecDeque<Message> = messages.collect();
-        self.lock().append(&mut messages);
-    }
-
     /// Whether there are more messages than are taken over at a time.
     fn is_long(&self) -> bool {
         self.lock().len() > CHUNK
     }
 
     /// Takes over some messages. Whoever holds the board sees each either here or there.
-    fn take_some(&self, board: &mut Board) -> Effects {
+    fn take_some(&self, board: &mut Board, effects: &mut Effects) {
         let mut inbox = self.lock();
         let count = inbox.len().min(CHUNK);
         let messages: Vec<Message> = inbox.drain(..count).collect();
-        let has_more = !inbox.is_empty();
+        effects.has_more = !inbox.is_empty();
         drop(inbox);
-        let mut effects = Effects { has_more, ..Effects::default() };
         let was_full = board.ready_is_full();
         for message in messages {
             match message {
                 Message::Request(parcel, urgency, Ok(clusters)) => {
-                    let change = board.request(parcel, &clusters, urgency);
-                    effects.for_scheduler |= change.reads;
-                    effects.jobs += change.jobs;
+                    board.request(parcel, &clusters, urgency, effects);
                 }
                 Message::Request(parcel, urgency, Err(error)) => board.refuse(parcel, urgency, error),
-                Message::Cancel(parcel, Some(clusters)) => {
+                Message::Cancel(parcel, clusters) => {
                     effects.for_scheduler |= board.cancel(parcel, &clusters);
                 }
-                Message::Cancel(parcel, None) => board.cancel_refused(parcel),
             }
         }
-        effects.has_room = was_full && !board.ready_is_full();
-        effects
+        effects.has_room |= was_full && !board.ready_is_full();
     }
 
     /// Takes over all messages.
     fn take_all(&self, board: &mut Board) -> Effects {
-        let mut all = self.take_some(board);
-        while all.has_more {
-            let some = self.take_some(board);
-            all.for_scheduler |= some.for_scheduler;
-            all.jobs += some.jobs;
-            all.has_room |= some.has_room;
-            all.has_more = some.has_more;
+        let mut effects = Effects { has_more: true, ..Effects::default() };
+        while effects.has_more {
+            self.take_some(board, &mut effects);
         }
-        all
+        effects
     }
 }

@@ -42,7 +42,7 @@ impl Scheduler {
     pub(super) fn run(mut self) {
         loop {
             self.shared.scheduler.clear();
-            if self.shared.board.lock().is_closed() {
+            if self.shared.board.lock().is_closed {
                 return;
             }
             self.take_messages();
@@ -60,13 +60,13 @@ impl Scheduler {
 
     /// Brings what the caller has asked for onto the board, a little at a time: others need it, too.
     fn take_messages(&self) {
-        loop {
-            let effects = self.shared.inbox.take_some(&mut self.shared.board.lock());
+        let mut has_more = true;
+        while has_more {
+            let mut effects = Effects::default();
+            self.shared.inbox.take_some(&mut self.shared.board.lock(), &mut effects);
+            has_more = effects.has_more;
             // The scheduler itself is about to look.
             self.shared.notify(Effects { for_scheduler: false, has_more: false, ..effects });
-            if !effects.has_more {
-                return;
-            }
         }
     }
 
@@ -83,7 +83,7 @@ impl Scheduler {
                     board.read_cancelled(*id, (range.end - range.start) as usize);
                     self.tokens.remove(id);
                 }
-                board.counts().reads_in_flight -= 1;
+                board.counts.reads_in_flight -= 1;
                 self.reads_by_token.remove(&token);
             }
         }
@@ -113,7 +113,7 @@ impl Scheduler {
             }
             reads.push(read);
         }
-        let counts = board.counts();
+        let counts = &mut board.counts;
         counts.reads_in_flight += reads.len();
         counts.max_reads_in_flight = counts.max_reads_in_flight.max(counts.reads_in_flight);
         drop(board);
@@ -149,7 +149,7 @@ impl Scheduler {
             length = length.next_multiple_of(4096);
         }
         let mut board = self.shared.board.lock();
-        let counts = board.counts();
+        let counts = &mut board.counts;
         counts.reads += 1;
         counts.reads_in_flight -= 1;
         counts.bytes_read += length;
@@ -175,7 +175,7 @@ impl Scheduler {
             board.read_fails(id, stored_bytes, error, alone);
         }
         drop(board);
-        self.shared.board.jobs_arrived(jobs);
+        self.shared.notify(Effects { jobs, ..Effects::default() });
     }
 }
 

@@ -52,7 +52,7 @@ impl Worker {
         let kept = is_kept.then(|| Arc::new(ReadBuffer::from(bytes[part].to_vec())));
         drop(bytes);
         let mut board = self.shared.board.lock();
-        let counts = board.counts();
+        let counts = &mut board.counts;
         counts.unpack_seconds += begin.elapsed().as_secs_f64();
         if unpacked.is_ok() {
             counts.unpacked_bytes += self.shared.asset.cluster_page_bytes(cluster) as u64;
@@ -76,9 +76,10 @@ impl Worker {
         let mut begin = Instant::now();
         loop {
             let mut board = self.shared.board.lock();
-            let counts = board.counts();
+            let counts = &mut board.counts;
             counts.unpack_seconds += begin.elapsed().as_secs_f64();
-            counts.bytes_needed += (share * self.stored_bytes(cluster)) as u64;
+            let range = self.shared.asset.cluster_range(cluster);
+            counts.bytes_needed += (share * (range.end - range.start) as f64) as u64;
             counts.cache_hits += if is_hit { made.len() as u64 } else { 0 };
             board.made(cluster, std::mem::take(&mut made));
             let batch = board.next_batch(cluster, pages, |parcel| self.parcel_bytes(parcel));
@@ -91,11 +92,6 @@ impl Worker {
             share = stored as f64 / self.shared.asset.cluster_page_bytes(cluster).max(1) as f64;
             made = batch.into_iter().map(|(parcel, from)| (parcel, self.texels(&from, parcel))).collect();
         }
-    }
-
-    fn stored_bytes(&self, cluster: ClusterId) -> f64 {
-        let range = self.shared.asset.cluster_range(cluster);
-        (range.end - range.start) as f64
     }
 
     /// Columns and rows of a page that exists.
@@ -154,8 +150,9 @@ pub(super) enum Kept {
 /// Clusters within budgets of bytes.
 #[derive(Debug)]
 pub(super) struct ClusterCache {
-    unpacked: Recent<Arc<ClusterPages>>,
-    stored: Recent<Arc<ReadBuffer>>,
+    pub(super) unpacked: Recent<Arc<ClusterPages>>,
+    /// Those whose bytes were good.
+    pub(super) stored: Recent<Arc<ReadBuffer>>,
 }
 
 impl ClusterCache {
@@ -167,7 +164,7 @@ impl ClusterCache {
     }
 
     pub(super) fn contains(&self, id: ClusterId) -> bool {
-        self.unpacked.contains(id) || self.stored.contains(id)
+        self.unpacked.items.contains_key(&id) || self.stored.items.contains_key(&id)
     }
 
     /// A cluster, which has been used now.
@@ -176,37 +173,17 @@ impl ClusterCache {
         let pages = self.unpacked.get(id).map(Kept::Pages);
         pages.or_else(|| self.stored.get(id).map(Kept::Stored))
     }
-
-    /// Keeps a cluster that has been unpacked.
-    pub(super) fn insert(&mut self, id: ClusterId, pages: &Arc<ClusterPages>) {
-        self.unpacked.insert(id, pages);
-    }
-
-    /// Keeps a cluster's stored bytes.
-    pub(super) fn insert_stored(&mut self, id: ClusterId, bytes: &Arc<ReadBuffer>) {
-        self.stored.insert(id, bytes);
-    }
-
-    /// Bytes of unpacked clusters.
-    pub(super) fn unpacked_bytes(&self) -> usize {
-        self.unpacked.bytes
-    }
-
-    /// Bytes of clusters as they are stored.
-    pub(super) fn stored_bytes(&self) -> usize {
-        self.stored.bytes
-    }
 }
 
 /// Things within a budget of bytes.
 #[derive(Debug)]
-struct Recent<T> {
+pub(super) struct Recent<T> {
     /// With the time of the last use.
     items: BTreeMap<ClusterId, (T, u64)>,
     /// By time of the last use.
     order: BTreeMap<u64, ClusterId>,
     clock: u64,
-    bytes: usize,
+    pub(super) bytes: usize,
     budget_bytes: usize,
     bytes_of: fn(&T) -> usize,
 }
@@ -214,10 +191,6 @@ struct Recent<T> {
 impl<T: Clone> Recent<T> {
     fn new(budget_bytes: usize, bytes_of: fn(&T) -> usize) -> Self {
         Self { items: BTreeMap::new(), order: BTreeMap::new(), clock: 0, bytes: 0, budget_bytes, bytes_of }
-    }
-
-    fn contains(&self, id: ClusterId) -> bool {
-        self.items.contains_key(&id)
     }
 
     fn get(&mut self, id: ClusterId) -> Option<T> {
@@ -230,9 +203,9 @@ impl<T: Clone> Recent<T> {
     }
 
     /// Keeps it, if it fits into the budget at all, and drops others for it.
-    fn insert(&mut self, id: ClusterId, item: &T) {
+    pub(super) fn insert(&mut self, id: ClusterId, item: &T) {
         let bytes = (self.bytes_of)(item);
-        if bytes > self.budget_bytes || self.contains(id) {
+        if bytes > self.budget_bytes || self.items.contains_key(&id) {
             return;
         }
         while self.bytes + bytes > self.budget_bytes
@@ -262,7 +235,7 @@ mod tests {
         }
         assert!(recent.get(id(0)).is_some() && recent.get(id(3)).is_none());
         recent.insert(id(4), &Arc::new(vec![4; 3]));
-        let there: Vec<u32> = (0..5).filter(|&index| recent.contains(id(index))).collect();
+        let there: Vec<u32> = (0..5).filter(|&index| recent.items.contains_key(&id(index))).collect();
         assert_eq!((there, recent.bytes), (vec![0, 2, 4], 9));
     }
 }

@@ -151,7 +151,7 @@ impl Lens {
         let plane_distance = relief.plane_distance(center - self.eye, slack.travel);
         let slant = (pixel.least_depth / plane_distance.max(1e-3 * pixel.least_depth)).max(pixel.least_cos);
         let longer = self.pixel * pixel.least_depth * slant * self.inverse_anisotropy;
-        longer.log2() + relief.log2_density()
+        longer.log2() + relief.log2_density
     }
 
     /// How wide a pixel is at least on a piece of surface. The same holds of everything within the piece.
@@ -561,12 +561,6 @@ impl Relief {
         let [a, b] = self.axes.map(|axis| axis.dot(to_center).abs());
         let spread = (a + b).min(self.roundness * (a * a + b * b).sqrt());
         middle + spread + self.offset_reach + self.longest * travel
-    }
-
-    /// Texels of level 0 per unit of length in the tile's plane, as a binary logarithm; negative infinity where nothing is known.
-    #[inline]
-    fn log2_density(&self) -> f32 {
-        self.log2_density
     }
 }
 

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! **What is computed.** For every group that may be in the picture a lower bound of the width of a pixel in its texels,
-//! rounded down to an eighth of a level: never coarser than what a look-up reads, a little finer (`tests.rs` compares it
+//! rounded down to an eighth of a level: never coarser than what a look-up reads, a little finer (`tests/stream/demand.rs` compares it
 //! with every triangle, point by point).
 //!
 //! **What makes it cheap.** A result is valid until the camera has moved or turned so far that a bound could be crossed: the
@@ -109,12 +109,14 @@ pub struct DemandWork {
 /// The demand of one view that moves.
 pub(crate) struct Demand {
     max_anisotropy: f32,
-    details: Vec<Detail>,
+    /// Per group what it needs.
+    pub(crate) details: Vec<Detail>,
     pages: SparseLists<PageDemand>,
     nodes: Vec<Vec<NodeState>>,
     view: Option<StreamView>,
     course: Course,
-    work: DemandWork,
+    /// Work of the last update.
+    pub(crate) work: DemandWork,
     /// The last update might do so much,
     may_do: usize,
     /// and left so much.
@@ -152,18 +154,9 @@ impl Demand {
         self.details[group as usize]
     }
 
-    pub(crate) fn details(&self) -> &[Detail] {
-        &self.details
-    }
-
     /// The [own](TileShape::own_pages) pages that a large tile needs, ascending; none for a tile of one page per level.
     pub(crate) fn pages(&self, group: u32) -> &[PageDemand] {
         self.pages.get(group)
-    }
-
-    /// Work of the last update.
-    pub(crate) fn work(&self) -> DemandWork {
-        self.work
     }
 
     /// Nanoseconds that the last update should have taken.

@@ -444,17 +444,3 @@ impl Drop for LaneReader {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn urls_are_told_from_paths() {
-        assert_eq!(url_of(Path::new("https://example.org/a.fan")), Some("https://example.org/a.fan"));
-        assert!(url_of(Path::new("HTTP://example.org/a.fan")).is_some());
-        for path in ["a.fan", "/tmp/http/a.fan", "http:/a.fan", "C:\\a.fan", "ftp://example.org/a.fan"] {
-            assert_eq!(url_of(Path::new(path)), None, "{path}");
-        }
-    }
-}

@@ -105,16 +105,17 @@ impl FrameWork {
 
 /// What may still be done in a frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Work {
+pub(crate) struct Work {
     /// Nanoseconds for a sixtieth of a second.
     regular: u32,
     /// Seconds of filling that are left after a jump of the camera.
     filling_seconds: f32,
-    frame: u32,
+    /// Nanoseconds that the frame may spend.
+    pub(super) frame: u32,
     /// What of that arrivals leave for the rest.
     reserved: u32,
     spent: u32,
-    done: FrameWork,
+    pub(super) done: FrameWork,
 }
 
 impl Work {
@@ -146,16 +147,6 @@ impl Work {
         (self.spent, self.done) = (0, FrameWork::default());
     }
 
-    /// Nanoseconds that the frame may spend.
-    pub(super) fn limit(&self) -> u32 {
-        self.frame
-    }
-
-    /// What has been done.
-    pub(super) fn done(&self) -> &FrameWork {
-        &self.done
-    }
-
     /// Whether more may be done of a task. What comes first leaves something for the others.
     pub(super) fn may(&self, task: Task) -> bool {
         let until = match task {
@@ -167,7 +158,7 @@ impl Work {
     }
 
     /// How long bounding may take: a part of the frame, less where little is left, never nothing.
-    pub(super) fn bounding_nanoseconds(&self) -> u32 {
+    pub(crate) fn bounding_nanoseconds(&self) -> u32 {
         let left = self.frame.saturating_sub(self.spent);
         left.min(self.frame / 8 * BOUNDING_EIGHTHS).max(self.frame / 32)
     }
@@ -252,23 +243,24 @@ fn until(shape: &TileShape, level: u32, detail: Detail) -> u8 {
 
 /// The bias and what it depends on.
 #[derive(Clone, Debug)]
-pub(crate) struct BiasControl {
-    bias: u8,
+pub(super) struct BiasControl {
+    /// Steps of [`Detail`] by which everything is wanted coarser.
+    pub(super) bias: u8,
     /// Share of the atlas that turned out to be usable.
     usable: f64,
     histogram: Histogram,
     /// Per group the demand that is counted.
-    counted: Vec<Detail>,
+    pub(super) counted: Vec<Detail>,
     /// Per large tile that is visible the pages that are counted.
     counted_pages: SparseLists<PageDemand>,
-    /// Per bundle the bias from which on it is not needed, as far as it is counted.
-    untils: Vec<u8>,
+    /// Per bundle the bias from which on it is not needed, as far as the demand of its groups is counted.
+    pub(super) untils: Vec<u8>,
     /// Frames since the bias changed.
     steady: u32,
 }
 
 impl BiasControl {
-    pub(crate) fn new(shapes: &TileShapes) -> Self {
+    pub(super) fn new(shapes: &TileShapes) -> Self {
         let group_count = shapes.group_count();
         Self {
             untils: vec![0; shapes.bundle_count() as usize],
@@ -282,12 +274,12 @@ impl BiasControl {
     }
 
     /// Begins anew with another atlas and the same demand.
-    pub(crate) fn reset(&mut self) {
+    pub(super) fn reset(&mut self) {
         (self.bias, self.usable, self.steady) = (0, 1.0, 0);
     }
 
     /// Takes over the demand of a group; its bundle is counted separately.
-    pub(crate) fn count(&mut self, group: u32, demand: &Demand, shapes: &TileShapes) {
+    pub(super) fn count(&mut self, group: u32, demand: &Demand, shapes: &TileShapes) {
         let shape = shapes.of(group);
         let detail = demand.detail(group);
         let last = std::mem::replace(&mut self.counted[group as usize], detail);
@@ -305,7 +297,7 @@ impl BiasControl {
     }
 
     /// Takes over what bundles need, as far as the demand of their groups is counted.
-    pub(crate) fn count_family(&mut self, family: u32, shapes: &TileShapes) {
+    pub(super) fn count_family(&mut self, family: u32, shapes: &TileShapes) {
         let groups = shapes.groups(family, 0);
         let first = groups.start;
         let mut untils = [[0; SHARED_LEVELS as usize]; FAMILY as usize];
@@ -346,38 +338,19 @@ impl BiasControl {
         })
     }
 
-    /// The bias from which on a bundle is not needed, as far as the demand of its groups is counted.
-    pub(crate) fn bundle_until(&self, index: u32) -> u8 {
-        self.untils[index as usize]
-    }
-
-    /// The demand of a group that is counted.
-    pub(crate) fn counted(&self, group: u32) -> Detail {
-        self.counted[group as usize]
-    }
-
-    /// Steps of [`Detail`] by which everything is wanted coarser.
-    pub(crate) fn bias(&self) -> u8 {
-        self.bias
-    }
-
     /// A needed parcel found no room: less must be needed.
-    pub(crate) fn squeeze(&mut self) {
+    pub(super) fn squeeze(&mut self) {
         self.usable = (self.usable * SQUEEZE_FACTOR).max(1e-3);
     }
 
     /// The camera moves, so what did not fit may fit now.
-    pub(crate) fn relax(&mut self) {
+    pub(super) fn relax(&mut self) {
         self.usable = (self.usable + RELAX_STEP).min(1.0);
     }
 
-    fn limit(&self, atlas_texels: u64) -> f64 {
-        atlas_texels as f64 * MAX_NEEDED_SHARE * self.usable
-    }
-
     /// Adapts the bias; whether everything should be wanted anew.
-    pub(crate) fn update(&mut self, needed_texels: u64, atlas_texels: u64) -> bool {
-        let limit = self.limit(atlas_texels);
+    pub(super) fn update(&mut self, needed_texels: u64, atlas_texels: u64) -> bool {
+        let limit = atlas_texels as f64 * MAX_NEEDED_SHARE * self.usable;
         if needed_texels as f64 > limit {
             self.bias = self.histogram.bias_within(TARGET_SHARE * limit).max(self.bias);
             self.steady = 0;

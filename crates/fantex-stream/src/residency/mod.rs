@@ -33,21 +33,22 @@ use pool::Pool;
 pub use requests::RequestLimits;
 use requests::{Priority, RequestQueue, RequestState, Transfers};
 
-use crate::demand::Demand;
+use crate::demand::{Demand, DemandWork};
 use crate::parcel::{FAMILY, SHARED_LEVELS};
 use crate::shape::{Detail, SparseLists, TileShapes};
-use crate::{AtlasShape, PageTable, Parcel, ParcelLoader, TableChange};
+use crate::{AtlasShape, PageTable, Parcel, ParcelLoader, StreamStatistics, UpdateTimes};
 
 /// What is needed, on its way, and resident.
 pub(crate) struct Residency {
     shapes: Arc<TileShapes>,
-    pool: Pool,
+    pub(crate) pool: Pool,
     bias_control: BiasControl,
     backlog: Backlog,
     queue: RequestQueue,
     transfers: Transfers,
-    work: Work,
-    damaged: BTreeMap<Parcel, Error>,
+    pub(crate) work: Work,
+    /// Parcels that could not be read.
+    pub(crate) damaged: BTreeMap<Parcel, Error>,
     /// Per group the finest level that it needs.
     wanted: Vec<u8>,
     /// Per large tile that is visible the numbers of its own pages that are needed, ascending.
@@ -98,23 +99,33 @@ impl Residency {
         }
     }
 
-    pub(crate) fn pool(&self) -> &Pool {
-        &self.pool
-    }
-
-    pub(crate) fn bias(&self) -> u8 {
-        self.bias_control.bias()
-    }
-
-    pub(crate) fn damaged(&self) -> &BTreeMap<Parcel, Error> {
-        &self.damaged
-    }
-
-    /// Groups that need parcels, and those of them that lack some. All groups of a family whose demand is not taken over yet count
-    /// as both.
-    pub(crate) fn visible_and_lacking(&self) -> (u64, u64) {
+    /// Figures for graphs, without those of demand.
+    pub(crate) fn statistics(&self) -> StreamStatistics {
+        let pool = &self.pool;
+        let (requested, waiting) = self.in_flight();
+        // Of a family whose demand is not taken over yet all groups count as visible and lacking.
         let unknown = self.backlog.present.len() as u64 * u64::from(FAMILY);
-        (self.visible_groups + unknown, self.lacking_groups + unknown)
+        StreamStatistics {
+            resident: pool.resident,
+            resident_texels_by_level: pool.resident_by_level,
+            needed: pool.needed,
+            missing: self.missing_parcels,
+            atlas_texels: pool.shape.texels(),
+            evictions: pool.evictions,
+            requested,
+            waiting,
+            queued: self.queued(),
+            requests: self.transfers.request_count,
+            uploaded_bytes: self.uploaded_bytes,
+            bias_levels: f32::from(self.bias_control.bias) / Detail::STEPS as f32,
+            visible_groups: self.visible_groups + unknown,
+            complete_groups: self.visible_groups - self.lacking_groups,
+            damaged: self.damaged.len(),
+            work: DemandWork::default(),
+            frame_work: self.work.done,
+            frame_limit: self.work.frame,
+            times: UpdateTimes::default(),
+        }
     }
 
     /// Parcels asked for that have not arrived, and those that have arrived and wait.
@@ -124,7 +135,7 @@ impl Residency {
 
     /// Owners whose missing parcels have not been asked for, and groups whose demand may not have been taken over.
     pub(crate) fn queued(&self) -> usize {
-        self.queue.urgent_count() + self.backlog.present.len() * FAMILY as usize
+        self.queue.urgent + self.backlog.present.len() * FAMILY as usize
     }
 
     pub(crate) fn has_backlog(&self) -> bool {
@@ -152,15 +163,6 @@ impl Residency {
             Some(group) => self.shapes.own_parcels(group),
             None => owner..owner + 1,
         }
-    }
-
-    pub(crate) fn uploaded_bytes(&self) -> u64 {
-        self.uploaded_bytes
-    }
-
-    /// Parcels asked for since the beginning.
-    pub(crate) fn requests(&self) -> u64 {
-        self.transfers.request_count
     }
 
     /// The finest level that a group needs, with the bias; `None` where it needs none.
@@ -191,30 +193,6 @@ impl Residency {
         let lacking = self.lacking_groups as f32 / self.visible_groups.max(1) as f32;
         self.work.begin_frame(elapsed_seconds, is_cut, lacking);
         self.pool.begin_frame();
-    }
-
-    pub(crate) fn take_changes(&mut self) -> Vec<TableChange> {
-        self.pool.take_changes()
-    }
-
-    /// How long demand may take now.
-    pub(crate) fn bounding_nanoseconds(&self) -> u32 {
-        self.work.bounding_nanoseconds()
-    }
-
-    /// What has been done since the frame began.
-    pub(crate) fn work_done(&self) -> &FrameWork {
-        self.work.done()
-    }
-
-    /// Nanoseconds that the frame may spend.
-    pub(crate) fn work_limit(&self) -> u32 {
-        self.work.limit()
-    }
-
-    /// Needed parcels that are not resident.
-    pub(crate) fn missing_count(&self) -> u64 {
-        self.missing_parcels
     }
 
     /// Panics where an invariant does not hold. Takes time linear in all parcels.
@@ -251,7 +229,7 @@ impl Residency {
 
     /// Side of a tile on the screen, pixels, as a binary logarithm.
     fn side_log2(&self, group: u32, detail: Detail) -> f32 {
-        self.shapes.of(group).side_log2() - f32::from(detail.0) / Detail::STEPS as f32
+        self.shapes.of(group).side_log2 - f32::from(detail.0) / Detail::STEPS as f32
     }
 
     /// A needed parcel is missing from now on, or (`more` false) is not missing any more. Whether its groups lack something is to
@@ -443,7 +421,7 @@ impl Residency {
 
     /// Whether a predicted view needs a parcel.
     fn is_expected(&self, parcel: Parcel, index: u32, predicted: &Demand) -> bool {
-        let bias = self.bias();
+        let bias = self.bias_control.bias;
         let wants = |group: u32, level: u32| {
             self.shapes.of(group).wanted_level(predicted.detail(group).biased(bias)) <= level
         };
@@ -469,7 +447,7 @@ impl Residency {
         let mut changed = 0u32;
         for (i, group) in self.shapes.groups(family, 0).enumerate() {
             // What has not changed is wanted as before, unless the bias is another one.
-            let has_changed = demand.detail(group) != self.bias_control.counted(group);
+            let has_changed = demand.detail(group) != self.bias_control.counted[group as usize];
             if has_changed || hysteresis == 0 || self.shapes.of(group).is_paged() {
                 changed |= 1 << i;
                 self.want_with(group, demand, hysteresis);
@@ -551,21 +529,22 @@ impl Residency {
         let visible = self.shapes.groups(bundle, step).filter(|&group| self.is_wanted(group));
         visible.fold((step + 1, 0.0), |(levels, side): (u32, f32), group| {
             let needed = self.shapes.of(group).level_count() - u32::from(self.wanted[group as usize]);
-            (levels.max(needed), side.max(self.side_log2(group, self.bias_control.counted(group))))
+            (levels.max(needed), side.max(self.side_log2(group, self.bias_control.counted[group as usize])))
         })
     }
 
     /// Bundles need what their groups do. Whether any becomes needed or unneeded.
     fn want_bundles(&mut self, family: u32, hysteresis: u8) -> bool {
         self.bias_control.count_family(family, &self.shapes);
-        let bias = self.bias_control.bias();
+        let bias = self.bias_control.bias;
         let mut has_changed = false;
         // Finest first, so that they leave in this order; what lies over something needed is needed.
         for step in (0..SHARED_LEVELS).rev() {
             for bundle in self.shapes.family_bundles(family, step) {
                 let parcel = Parcel::Bundle { bundle, step };
                 let index = self.shapes.index(parcel);
-                let (until, was_needed) = (self.bias_control.bundle_until(index), self.pool.is_needed(index));
+                let (until, was_needed) =
+                    (self.bias_control.untils[index as usize], self.pool.is_needed(index));
                 let hysteresis = if was_needed { hysteresis } else { 0 };
                 let is_needed = until > 0 && until.saturating_add(hysteresis) > bias;
                 // Groups whose demand is not taken over yet may still need theirs.
@@ -584,11 +563,11 @@ impl Residency {
     fn level_for(&self, group: u32, detail: Detail, hysteresis: u8) -> u32 {
         let shape = self.shapes.of(group);
         let current = u32::from(self.wanted[group as usize]);
-        let level = shape.wanted_level(detail.biased(self.bias_control.bias()));
+        let level = shape.wanted_level(detail.biased(self.bias_control.bias));
         if level <= current || !detail.is_visible() {
             return level;
         }
-        let reluctant = Detail(detail.0.saturating_sub(hysteresis)).biased(self.bias_control.bias());
+        let reluctant = Detail(detail.0.saturating_sub(hysteresis)).biased(self.bias_control.bias);
         shape.wanted_level(reluctant).max(current)
     }
 
@@ -607,7 +586,7 @@ impl Residency {
 
     fn want_pages(&mut self, group: u32, demand: &Demand) {
         let first = self.shapes.own_parcels(group).start;
-        let (bias, shape) = (self.bias_control.bias(), self.shapes.of(group));
+        let (bias, shape) = (self.bias_control.bias, self.shapes.of(group));
         let next: Vec<u32> = demand
             .pages(group)
             .iter()
@@ -666,9 +645,9 @@ impl Residency {
         if self.backlog.has_exact() {
             return;
         }
-        let (needed, atlas) = (self.pool.needed().texels, self.pool.shape().texels());
+        let (needed, atlas) = (self.pool.needed.texels, self.pool.shape.texels());
         if self.bias_control.update(needed, atlas) {
-            for (family, details) in (0..).zip(demand.details().chunks(FAMILY as usize)) {
+            for (family, details) in (0..).zip(demand.details.chunks(FAMILY as usize)) {
                 if details.iter().any(|detail| detail.is_visible()) {
                     self.backlog.put(family, Backlog::EXACT);
                 }

@@ -49,11 +49,11 @@ const NEEDED: u32 = u32::MAX;
 
 pub(crate) struct Pool {
     shapes: Arc<TileShapes>,
-    table: PageTable,
-    shape: AtlasShape,
+    pub(crate) table: PageTable,
+    pub(crate) shape: AtlasShape,
     packer: Packer,
     /// Per parcel where it lies.
-    entries: Vec<TableEntry>,
+    pub(crate) entries: Vec<TableEntry>,
     stamps: Vec<u32>,
     /// Parcels that could not be read, and have not been since: what lies under them needs them no longer.
     holes: BTreeSet<u32>,
@@ -61,11 +61,11 @@ pub(crate) struct Pool {
     candidates: [VecDeque<EvictionCandidate>; KINDS],
     /// Parcels whose place changed since the changes were taken, in any order, some of them twice.
     touched: Vec<(u32, Parcel)>,
-    resident: ParcelCount,
+    pub(crate) resident: ParcelCount,
     /// Per level texels of tiles.
-    resident_by_level: [u64; COUNTED_LEVELS],
-    needed: ParcelCount,
-    evictions: u64,
+    pub(crate) resident_by_level: [u64; COUNTED_LEVELS],
+    pub(crate) needed: ParcelCount,
+    pub(crate) evictions: u64,
     /// Where the parcels lay that left last.
     freed: Vec<AtlasPlace>,
     frame: u32,
@@ -101,18 +101,6 @@ impl Pool {
             let is_evictable = |candidate: &EvictionCandidate| is_evictable(candidate, entries, stamps);
             self.candidates.iter_mut().for_each(|candidates| candidates.retain(is_evictable));
         }
-    }
-
-    pub(crate) fn shape(&self) -> AtlasShape {
-        self.shape
-    }
-
-    pub(crate) fn table(&self) -> &PageTable {
-        &self.table
-    }
-
-    pub(crate) fn entry(&self, index: u32) -> TableEntry {
-        self.entries[index as usize]
     }
 
     pub(crate) fn is_resident(&self, index: u32) -> bool {
@@ -159,22 +147,6 @@ impl Pool {
                 self.shapes.for_each_finer(finer, &mut |finer| under.push(finer));
             }
         }
-    }
-
-    pub(crate) fn needed(&self) -> ParcelCount {
-        self.needed
-    }
-
-    pub(crate) fn resident(&self) -> ParcelCount {
-        self.resident
-    }
-
-    pub(crate) fn resident_by_level(&self) -> &[u64; COUNTED_LEVELS] {
-        &self.resident_by_level
-    }
-
-    pub(crate) fn evictions(&self) -> u64 {
-        self.evictions
     }
 
     /// A parcel is needed from now on.
@@ -338,7 +310,7 @@ impl Pool {
 
     /// Adds the entries of a parcel's pages, ascending.
     fn push_entries(&self, index: u32, parcel: Parcel, changes: &mut Vec<TableChange>) {
-        let place = self.entry(index).place();
+        let place = self.entries[index as usize].place();
         match parcel {
             Parcel::Page(page) => {
                 let in_tile = self.shapes.of(page.group).page_index(page.level, page.page);
@@ -373,7 +345,7 @@ impl Pool {
             .map(|l| l.index)
             .collect();
         for index in 0..self.entries.len() as u32 {
-            let Some(place) = self.entry(index).place() else { continue };
+            let Some(place) = self.entries[index as usize].place() else { continue };
             let parcel = self.shapes.parcel(index);
             assert_eq!(self.shapes.index(parcel), index);
             assert_eq!(self.blocker(parcel), None, "{parcel} is resident without what lies over it");
@@ -397,7 +369,7 @@ impl Pool {
             }
             count.add(u64::from(w * h));
         }
-        assert_eq!(count, self.resident());
+        assert_eq!(count, self.resident);
         assert!(count.texels <= self.shape.texels());
         assert!(self.resident_by_level.iter().sum::<u64>() <= count.texels);
     }

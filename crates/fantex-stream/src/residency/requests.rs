@@ -70,7 +70,7 @@ pub(super) struct RequestQueue {
     /// Per owner.
     priorities: Vec<Option<Priority>>,
     /// Owners that the present view waits for.
-    urgent: usize,
+    pub(super) urgent: usize,
     /// Entries since the last clearing, at most.
     moved: usize,
 }
@@ -139,11 +139,6 @@ impl RequestQueue {
         let owner = self.buckets[usize::from(priority.0)].pop_front()?;
         self.set(owner, None);
         Some(owner)
-    }
-
-    /// Number of owners that the present view waits for.
-    pub(super) fn urgent_count(&self) -> usize {
-        self.urgent
     }
 
     /// Drops what only the predicted view needs.
@@ -284,8 +279,8 @@ impl Residency {
 
     /// Whether the atlas has room for more than what is needed.
     fn has_room_ahead(&self) -> bool {
-        let room = (self.pool.shape().texels() as f64 * AHEAD_SHARE) as u64;
-        self.pool.needed().texels + self.transfers.texels < room
+        let room = (self.pool.shape.texels() as f64 * AHEAD_SHARE) as u64;
+        self.pool.needed.texels + self.transfers.texels < room
     }
 
     /// Asks for the needed parcels of an owner that are neither resident, nor on their way, nor known to be damaged; the coarsest
@@ -434,7 +429,7 @@ impl Residency {
         if !matches!(self.transfers.state(index), RequestState::Requested | RequestState::Prefetched) {
             return;
         }
-        match (texels, self.pool.entry(index).place()) {
+        match (texels, self.pool.entries[index as usize].place()) {
             (Err(error), _) => {
                 self.transfers.set(parcel, index, RequestState::Idle);
                 self.give_up(parcel, index, error);
@@ -507,9 +502,9 @@ impl Residency {
             self.transfers.arrived.insert(index, (parcel, texels));
             return;
         }
-        let evictions = self.pool.evictions();
+        let evictions = self.pool.evictions;
         let place = self.pool.insert(parcel, index, if is_needed { 0 } else { AHEAD_AGE });
-        self.work.spend(Item::Evict, (self.pool.evictions() - evictions) as u32);
+        self.work.spend(Item::Evict, (self.pool.evictions - evictions) as u32);
         match place {
             Some(place) => {
                 self.work.spend(Item::Place, 1);

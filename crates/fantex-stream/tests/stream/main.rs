@@ -1,0 +1,6 @@
+//! Tests of the crate `fantex-stream` from outside. (Loaders and residency are tested in `fantex-bench`, with its faulty disks.)
+
+#![allow(clippy::unwrap_used, reason = "a step that fails fails the test")]
+
+mod demand;
+mod values;
