@@ -233,6 +233,18 @@ impl Gpu {
         self.device.create_bind_group(&descriptor)
     }
 
+    /// Refuses what needs more than this device allows.
+    pub(crate) fn allow(
+        &self,
+        what: &str,
+        needed: impl Into<u64>,
+        allowed: impl Into<u64>,
+        unit: &str,
+    ) -> Result<()> {
+        let (needed, allowed) = (needed.into(), allowed.into());
+        if needed <= allowed { Ok(()) } else { Err(self.too_large(what, needed, allowed, unit)) }
+    }
+
     /// Something needs more than this device allows.
     pub(crate) fn too_large(&self, what: &str, needed: u64, allowed: u64, unit: &str) -> Error {
         let adapter = &self.info.name;

@@ -39,9 +39,7 @@ impl Readback {
         let row_bytes = size.width * texture.format().block_copy_size(None).unwrap_or(4);
         let pitch = row_bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
         let (bytes, allowed) = (u64::from(pitch) * u64::from(size.height), gpu.limits().max_buffer_size);
-        if bytes > allowed {
-            return Err(gpu.too_large("a picture", bytes, allowed, "bytes of a buffer"));
-        }
+        gpu.allow("a picture", bytes, allowed, "bytes of a buffer")?;
         let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("picture"),
             size: bytes,
@@ -141,9 +139,7 @@ impl PictureRenderer {
 
 fn target(gpu: &Gpu, [width, height]: [u32; 2]) -> Result<(wgpu::Texture, Readback)> {
     let (side, allowed) = (width.max(height), gpu.limits().max_texture_dimension_2d);
-    if side > allowed {
-        return Err(gpu.too_large("a picture", side.into(), allowed.into(), "pixels along a side"));
-    }
+    gpu.allow("a picture", side, allowed, "pixels along a side")?;
     let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC;
     let texture = gpu.texture("picture", [width, height, 1], 1, FORMAT, usage);
     let readback = Readback::new(gpu, &texture)?;
@@ -216,16 +212,4 @@ pub fn frame_times(gpu: &Gpu, frame: &mut Frame<'_>, count: usize) -> Result<Fra
     };
     let all = (0..count).map(timed).collect::<Result<_>>()?;
     Ok(FrameTimes { all })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_middle_is_not_the_mean() {
-        let times = FrameTimes { all: [9, 1, 2].map(Duration::from_millis).to_vec() };
-        assert_eq!((times.minimum(), times.median()), (Duration::from_millis(1), Duration::from_millis(2)));
-        assert_eq!(FrameTimes { all: Vec::new() }.median(), Duration::ZERO);
-    }
 }

@@ -8,6 +8,7 @@ use fantex_scene::{Camera, Lights};
 use crate::frame::{DEPTH_FORMAT, FrameInputs, FrameState, LIGHT_FORMAT};
 use crate::gpu::texture_type;
 use crate::shader::{ENVIRONMENT, FRAME, SKY, TONE, compose, module};
+use crate::surface_pipeline::pipeline_layout;
 use crate::wireframe::Wireframe;
 use crate::{Blending, DrawOptions, FrameContext, Gpu, Model, SurfaceKey, SurfacePipeline, View};
 
@@ -126,14 +127,7 @@ fn draw_shadows(state: &FrameState, encoder: &mut wgpu::CommandEncoder, model: &
     for (face, group, offset) in state.shadow_faces() {
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("shadow map"),
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &face.target,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Store,
-                }),
-                stencil_ops: None,
-            }),
+            depth_stencil_attachment: Some(depth_attachment(&face.target, wgpu::StoreOp::Store)),
             ..Default::default()
         });
         let side = face.resolution as f32;
@@ -199,11 +193,13 @@ impl ScreenPipelines {
         let light = texture_type(unfiltered, wgpu::TextureViewDimension::D2);
         let tone_layout = gpu.bind_layout("tone map", wgpu::ShaderStages::FRAGMENT, [light]);
         let tone_module = module(device, "tone map", &compose(&[FRAME, TONE]));
+        let layout = pipeline_layout(gpu, "tone map", gpu.frame_layout().surfaces(), &[&tone_layout]);
+        let entries = ["vs_tone", "fs_tone"];
         Self {
             output,
             sky_module: module(device, "sky", &compose(&[FRAME, ENVIRONMENT, SKY])),
             skies: HashMap::new(),
-            tone: tone_pipeline(gpu, &tone_module, &tone_layout, output),
+            tone: screen_pipeline(gpu, "tone map", &tone_module, entries, Some(&layout), output),
             tone_layout,
             light: None,
         }
@@ -264,15 +260,7 @@ impl ScreenPipelines {
         let Some((_, light)) = &self.light else { return };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("tone map"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target,
-                depth_slice: None,
-                resolve_target: None,
-                ops: wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
-                    store: wgpu::StoreOp::Store,
-                },
-            })],
+            color_attachments: &[Some(color_attachment(target, wgpu::Color::TRANSPARENT))],
             ..Default::default()
         });
         pass.set_pipeline(&self.tone);
@@ -282,24 +270,21 @@ impl ScreenPipelines {
     }
 }
 
-fn tone_pipeline(
+/// A pipeline of triangles over a whole target, without depth. Without a layout that of the shader.
+pub(crate) fn screen_pipeline(
     gpu: &Gpu,
+    label: &str,
     module: &wgpu::ShaderModule,
-    layout: &wgpu::BindGroupLayout,
+    [vertex, fragment]: [&str; 2],
+    layout: Option<&wgpu::PipelineLayout>,
     output: wgpu::TextureFormat,
 ) -> wgpu::RenderPipeline {
-    let device = &gpu.device;
-    let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-        label: Some("tone map"),
-        bind_group_layouts: &[Some(gpu.frame_layout().surfaces()), Some(layout)],
-        immediate_size: 0,
-    });
-    device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-        label: Some("tone map"),
-        layout: Some(&layout),
+    gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        label: Some(label),
+        layout,
         vertex: wgpu::VertexState {
             module,
-            entry_point: Some("vs_tone"),
+            entry_point: Some(vertex),
             compilation_options: Default::default(),
             buffers: &[],
         },
@@ -308,13 +293,31 @@ fn tone_pipeline(
         multisample: Default::default(),
         fragment: Some(wgpu::FragmentState {
             module,
-            entry_point: Some("fs_tone"),
+            entry_point: Some(fragment),
             compilation_options: Default::default(),
             targets: &[Some(output.into())],
         }),
         multiview_mask: None,
         cache: None,
     })
+}
+
+/// A target that is cleared first.
+pub(crate) fn color_attachment(
+    view: &wgpu::TextureView,
+    clear: wgpu::Color,
+) -> wgpu::RenderPassColorAttachment<'_> {
+    let ops = wgpu::Operations { load: wgpu::LoadOp::Clear(clear), store: wgpu::StoreOp::Store };
+    wgpu::RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops }
+}
+
+/// Depth that begins at the far end.
+fn depth_attachment(
+    view: &wgpu::TextureView,
+    store: wgpu::StoreOp,
+) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    let depth_ops = Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store });
+    wgpu::RenderPassDepthStencilAttachment { view, depth_ops, stencil_ops: None }
 }
 
 // The textures that a frame is drawn into before it is tone mapped.
@@ -335,15 +338,7 @@ impl Targets {
     /// For pictures of a size with sides of at least one pixel.
     pub(crate) fn new(gpu: &Gpu, size: [u32; 2], samples: u32) -> Result<Self> {
         let allowed = gpu.limits().max_texture_dimension_2d;
-        let side = size[0].max(size[1]);
-        if side > allowed {
-            return Err(gpu.too_large(
-                "a picture",
-                u64::from(side),
-                u64::from(allowed),
-                "pixels along a side",
-            ));
-        }
+        gpu.allow("a picture", size[0].max(size[1]), allowed, "pixels along a side")?;
         let texture = |label: &str, format, samples: u32, usage| {
             let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(label),
@@ -378,23 +373,12 @@ impl Targets {
             Some(many) => (many, Some(&self.light), wgpu::StoreOp::Discard),
             None => (&self.light, None, wgpu::StoreOp::Store),
         };
-        let light = wgpu::RenderPassColorAttachment {
-            view,
-            depth_slice: None,
-            resolve_target,
-            ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store },
-        };
+        let mut light = color_attachment(view, wgpu::Color::TRANSPARENT);
+        (light.resolve_target, light.ops.store) = (resolve_target, store);
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("frame"),
             color_attachments: &[Some(light)],
-            depth_stencil_attachment: Some(wgpu::RenderPassDepthStencilAttachment {
-                view: &self.depth,
-                depth_ops: Some(wgpu::Operations {
-                    load: wgpu::LoadOp::Clear(0.0),
-                    store: wgpu::StoreOp::Discard,
-                }),
-                stencil_ops: None,
-            }),
+            depth_stencil_attachment: Some(depth_attachment(&self.depth, wgpu::StoreOp::Discard)),
             ..Default::default()
         })
     }

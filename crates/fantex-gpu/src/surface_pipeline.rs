@@ -1,5 +1,6 @@
 //! What all kinds of models have in common: pipelines of surfaces and of their shadows, the order of blended triangles.
 
+use fantex_mesh::AlphaMode;
 use fantex_scene::Shading;
 use fantex_texture::Filter;
 use glam::{DVec3, Vec3};
@@ -23,6 +24,15 @@ pub struct SurfaceKey {
     pub has_shadows: bool,
     /// Whether the ambient light is an environment map.
     pub has_environment: bool,
+}
+
+/// What alpha means, as shaders know it.
+pub(crate) fn alpha_code(mode: AlphaMode) -> u32 {
+    match mode {
+        AlphaMode::Opaque => 0,
+        AlphaMode::Mask(_) => 1,
+        AlphaMode::Blend => 2,
+    }
 }
 
 /// How a surface covers what lies behind it.
@@ -61,22 +71,18 @@ pub struct SurfacePipeline<'a> {
 }
 
 impl SurfaceKey {
-    /// The number that shaders know the lighting model by.
-    fn shading_code(self) -> u32 {
-        match self.shading {
-            Shading::MetallicRoughness => 0,
-            Shading::BlinnPhong => 1,
-            Shading::BaseColor => 2,
-            Shading::Normal => 3,
-            Shading::OcclusionRoughnessMetallic => 4,
-            Shading::Emission => 5,
-        }
-    }
-
     /// Values of the overrides of [`crate::shader::SURFACE`].
     pub fn constants(self) -> [(&'static str, f64); 3] {
+        let shading = match self.shading {
+            Shading::MetallicRoughness => 0.0,
+            Shading::BlinnPhong => 1.0,
+            Shading::BaseColor => 2.0,
+            Shading::Normal => 3.0,
+            Shading::OcclusionRoughnessMetallic => 4.0,
+            Shading::Emission => 5.0,
+        };
         [
-            ("SHADING", f64::from(self.shading_code())),
+            ("SHADING", shading),
             ("HAS_SHADOWS", f64::from(u8::from(self.has_shadows))),
             ("HAS_ENVIRONMENT", f64::from(u8::from(self.has_environment))),
         ]
@@ -97,17 +103,10 @@ impl SurfacePipeline<'_> {
         samples: u32,
         constants: &[(&str, f64)],
     ) -> wgpu::RenderPipeline {
-        let device = &gpu.device;
-        let groups: Vec<_> =
-            [gpu.frame_layout().surfaces()].iter().chain(self.groups).copied().map(Some).collect();
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(self.label),
-            bind_group_layouts: &groups,
-            immediate_size: 0,
-        });
+        let layout = pipeline_layout(gpu, self.label, gpu.frame_layout().surfaces(), self.groups);
         let compilation_options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
         let is_opaque = self.blending == Blending::Opaque;
-        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(self.label),
             layout: Some(&layout),
             vertex: wgpu::VertexState {
@@ -121,13 +120,7 @@ impl SurfacePipeline<'_> {
                 cull_mode: (!self.is_double_sided).then_some(wgpu::Face::Back),
                 ..Default::default()
             },
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(is_opaque),
-                depth_compare: Some(wgpu::CompareFunction::GreaterEqual),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
+            depth_stencil: Some(depth_test(wgpu::CompareFunction::GreaterEqual, is_opaque)),
             multisample: wgpu::MultisampleState { count: samples, ..Default::default() },
             fragment: Some(wgpu::FragmentState {
                 module: self.module,
@@ -167,16 +160,9 @@ pub struct CasterPipeline<'a> {
 impl CasterPipeline<'_> {
     /// Compiles it.
     pub fn build(&self, gpu: &Gpu) -> wgpu::RenderPipeline {
-        let device = &gpu.device;
-        let groups: Vec<_> =
-            [gpu.frame_layout().casters()].iter().chain(self.groups).copied().map(Some).collect();
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(self.label),
-            bind_group_layouts: &groups,
-            immediate_size: 0,
-        });
+        let layout = pipeline_layout(gpu, self.label, gpu.frame_layout().casters(), self.groups);
         let options = wgpu::PipelineCompilationOptions { constants: self.constants, ..Default::default() };
-        device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+        gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(self.label),
             layout: Some(&layout),
             vertex: wgpu::VertexState {
@@ -186,13 +172,7 @@ impl CasterPipeline<'_> {
                 buffers: self.buffers,
             },
             primitive: Default::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH_FORMAT,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Greater),
-                stencil: Default::default(),
-                bias: Default::default(),
-            }),
+            depth_stencil: Some(depth_test(wgpu::CompareFunction::Greater, true)),
             multisample: Default::default(),
             fragment: self.fragment.map(|entry_point| wgpu::FragmentState {
                 module: self.module,
@@ -203,6 +183,31 @@ impl CasterPipeline<'_> {
             multiview_mask: None,
             cache: None,
         })
+    }
+}
+
+/// Group 0 of a frame, then others.
+pub(crate) fn pipeline_layout(
+    gpu: &Gpu,
+    label: &str,
+    first: &wgpu::BindGroupLayout,
+    others: &[&wgpu::BindGroupLayout],
+) -> wgpu::PipelineLayout {
+    let groups: Vec<_> = [first].iter().chain(others).copied().map(Some).collect();
+    gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+        label: Some(label),
+        bind_group_layouts: &groups,
+        immediate_size: 0,
+    })
+}
+
+fn depth_test(compare: wgpu::CompareFunction, is_written: bool) -> wgpu::DepthStencilState {
+    wgpu::DepthStencilState {
+        format: DEPTH_FORMAT,
+        depth_write_enabled: Some(is_written),
+        depth_compare: Some(compare),
+        stencil: Default::default(),
+        bias: Default::default(),
     }
 }
 
@@ -247,19 +252,22 @@ impl SortedTriangles {
         Self { triangles, order, seen: None }
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
-        self.triangles.is_empty()
-    }
-
-    /// Number of corners.
-    pub(crate) fn index_count(&self) -> usize {
-        3 * self.triangles.len()
+    /// Room for the indices of all corners; none where there are no triangles.
+    pub(crate) fn index_buffer(&self, gpu: &Gpu) -> Option<wgpu::Buffer> {
+        (!self.triangles.is_empty()).then(|| {
+            gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some("sorted triangles"),
+                size: 12 * self.triangles.len() as u64,
+                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        })
     }
 
     /// Sorts for a view; the corners in drawing order and their runs, or nothing where the order is already that.
     pub(crate) fn sort(&mut self, view: &View) -> Option<(Vec<[u32; 3]>, Vec<Run>)> {
         let backward = view.axes.z_axis;
-        if self.is_empty() || self.seen == Some((view.eye, backward)) {
+        if self.triangles.is_empty() || self.seen == Some((view.eye, backward)) {
             return None;
         }
         self.seen = Some((view.eye, backward));

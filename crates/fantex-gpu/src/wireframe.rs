@@ -52,10 +52,7 @@ impl Wireframe {
         let device = &gpu.device;
         let edges = edges(&space.triangles);
         let bytes = size_of_val(&edges[..]) as u64;
-        let allowed = gpu.limits().max_buffer_size;
-        if bytes > allowed {
-            return Err(gpu.too_large("the wireframe", bytes, allowed, "bytes of a buffer"));
-        }
+        gpu.allow("the wireframe", bytes, gpu.limits().max_buffer_size, "bytes of a buffer")?;
         let record = record(options);
         let uniforms = gpu.buffer("lines", bytemuck::bytes_of(&record), wgpu::BufferUsages::UNIFORM);
         let layout = gpu.bind_layout("lines", wgpu::ShaderStages::FRAGMENT, [UNIFORM]);

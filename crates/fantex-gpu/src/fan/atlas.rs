@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use fantex_base::Result;
 use fantex_cover::Cover;
 use fantex_store::{Channel, ChannelKind};
 use fantex_stream::{
@@ -13,6 +14,7 @@ use super::FanModel;
 use super::geometry::is_paged;
 use crate::Gpu;
 use crate::gpu::SAMPLED;
+use crate::renderer::{color_attachment, screen_pipeline};
 use crate::shader::{FAN_ATLAS, module};
 
 /// How many kinds of channel are drawn.
@@ -27,12 +29,6 @@ pub(crate) const DRAWN_KINDS: [ChannelKind; KINDS] = [
     ChannelKind::Light,
     ChannelKind::Anisotropy,
 ];
-
-/// The formats in which an asset's channels are handed over, in their order: block-compressed as they are stored where the
-/// device samples that at full speed, else decoded.
-pub(crate) fn atlas_formats(channels: &[Channel], has_block_compression: bool) -> Vec<AtlasFormat> {
-    channels.iter().map(|channel| AtlasFormat::of(channel.format, has_block_compression)).collect()
-}
 
 /// The texture format that decodes a channel's texels, sRGB included.
 fn texture_format(format: AtlasFormat, srgb: bool) -> wgpu::TextureFormat {
@@ -107,6 +103,15 @@ impl AtlasGrid {
         let most = (longest.min(16384) / side).max(1);
         let is_grid = |layers: &u32| (1..=most).any(|c| layers.is_multiple_of(c) && layers / c <= most);
         AtlasShape { side, layers: (1..=shape.layers).rev().find(is_grid).unwrap_or(1) }
+    }
+
+    /// The grid of a shape, unless the device's textures cannot hold it.
+    pub(crate) fn checked(gpu: &Gpu, shape: AtlasShape) -> Result<Self> {
+        let allowed = gpu.limits().max_texture_dimension_2d;
+        if Self::fitting(shape, allowed) != shape {
+            return Err(gpu.too_large("the atlas", shape.side.into(), allowed.into(), "texels per side"));
+        }
+        Ok(Self::new(shape, allowed))
     }
 
     /// Columns and rows in texels.
@@ -204,11 +209,6 @@ impl PageWords {
         runs.into_iter().flat_map(rows).collect()
     }
 
-    /// Words of some pages.
-    pub(crate) fn words(&self, pages: Range<u32>) -> &[u32] {
-        &self.words[pages.start as usize..pages.end as usize]
-    }
-
     /// Hands coarser levels' words on to finer ones, from the last of `levels` down; the tile's levels end before `end`.
     fn chain(&mut self, levels: Range<u32>, end: u32) {
         for level in levels.rev().map(|level| level as usize) {
@@ -259,9 +259,6 @@ impl Uploader {
         atlases: &[Option<ChannelAtlas>],
         table: &wgpu::Texture,
     ) {
-        if changes.uploads.is_empty() && changes.entries.is_empty() {
-            return;
-        }
         for upload in &changes.uploads {
             for (atlas, texels) in atlases.iter().zip(&upload.texels.channels) {
                 if let Some(atlas) = atlas {
@@ -294,21 +291,11 @@ impl Uploader {
         }
         let [x, y] = self.grid.texel(upload.place);
         let [width, height] = upload.texels.extent;
+        let (offset, bytes_per_row) = (slice.offset(), Some(rows.pitch as u32));
+        let layout = wgpu::TexelCopyBufferLayout { offset, bytes_per_row, rows_per_image: None };
         encoder.copy_buffer_to_texture(
-            wgpu::TexelCopyBufferInfo {
-                buffer: slice.buffer(),
-                layout: wgpu::TexelCopyBufferLayout {
-                    offset: slice.offset(),
-                    bytes_per_row: Some(rows.pitch as u32),
-                    rows_per_image: None,
-                },
-            },
-            wgpu::TexelCopyTextureInfo {
-                texture: &atlas.texture,
-                mip_level: 0,
-                origin: wgpu::Origin3d { x, y, z: 0 },
-                aspect: wgpu::TextureAspect::All,
-            },
+            wgpu::TexelCopyBufferInfo { buffer: slice.buffer(), layout },
+            place_in(&atlas.texture, [x, y]),
             wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
         );
     }
@@ -327,29 +314,23 @@ impl Uploader {
         let Ok(mut mapped) = slice.get_mapped_range_mut() else { return };
         let mut filled = 0;
         for run in runs {
-            let words = bytemuck::cast_slice(self.words.words(run.clone()));
+            let words = bytemuck::cast_slice(&self.words.words[run.start as usize..run.end as usize]);
             mapped.slice(filled..filled + words.len()).copy_from_slice(words);
             let columns = (1 << ROW_SHIFT) - 1;
+            let offset = slice.offset() + filled as u64;
+            let layout = wgpu::TexelCopyBufferLayout { offset, bytes_per_row: None, rows_per_image: None };
             encoder.copy_buffer_to_texture(
-                wgpu::TexelCopyBufferInfo {
-                    buffer: slice.buffer(),
-                    layout: wgpu::TexelCopyBufferLayout {
-                        offset: slice.offset() + filled as u64,
-                        bytes_per_row: None,
-                        rows_per_image: None,
-                    },
-                },
-                wgpu::TexelCopyTextureInfo {
-                    texture: table,
-                    mip_level: 0,
-                    origin: wgpu::Origin3d { x: run.start & columns, y: run.start >> ROW_SHIFT, z: 0 },
-                    aspect: wgpu::TextureAspect::All,
-                },
+                wgpu::TexelCopyBufferInfo { buffer: slice.buffer(), layout },
+                place_in(table, [run.start & columns, run.start >> ROW_SHIFT]),
                 wgpu::Extent3d { width: run.len() as u32, height: 1, depth_or_array_layers: 1 },
             );
             filled += words.len();
         }
     }
+}
+
+fn place_in(texture: &wgpu::Texture, [x, y]: [u32; 2]) -> wgpu::TexelCopyTextureInfo<'_> {
+    wgpu::TexelCopyTextureInfo { origin: wgpu::Origin3d { x, y, z: 0 }, ..texture.as_image_copy() }
 }
 
 /// Bytes of a page's word.
@@ -394,28 +375,8 @@ impl AtlasViewer {
     /// For targets of a format.
     pub fn new(gpu: &Gpu, output: wgpu::TextureFormat) -> Self {
         let module = module(&gpu.device, "live atlas", FAN_ATLAS);
-        let pipeline = gpu.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some("live atlas"),
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("vs_fan_atlas"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: Default::default(),
-            depth_stencil: None,
-            multisample: Default::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("fs_fan_atlas"),
-                compilation_options: Default::default(),
-                targets: &[Some(output.into())],
-            }),
-            multiview_mask: None,
-            cache: None,
-        });
-        Self { pipeline }
+        let entries = ["vs_fan_atlas", "fs_fan_atlas"];
+        Self { pipeline: screen_pipeline(gpu, "live atlas", &module, entries, None, output) }
     }
 
     /// Fills a target with the whole atlas of one of the asset's channels, each pixel the mean of up to four of the texels that it
@@ -435,16 +396,9 @@ impl AtlasViewer {
         let source = atlas.create_view(&Default::default());
         let resources = [wgpu::BindingResource::TextureView(&source), about.as_entire_binding()];
         let group = gpu.bind_group("live atlas", &self.pipeline.get_bind_group_layout(0), resources);
-        let ops =
-            wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Store };
         let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label: Some("live atlas"),
-            color_attachments: &[Some(wgpu::RenderPassColorAttachment {
-                view: target,
-                depth_slice: None,
-                resolve_target: None,
-                ops,
-            })],
+            color_attachments: &[Some(color_attachment(target, wgpu::Color::BLACK))],
             ..Default::default()
         });
         pass.set_pipeline(&self.pipeline);

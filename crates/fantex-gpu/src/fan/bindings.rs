@@ -14,10 +14,11 @@ use fantex_texture::Filter;
 use half::f16;
 use wgpu::BindingResource;
 
-use super::alpha_code;
 use super::atlas::{AtlasGrid, ChannelAtlas, DRAWN_KINDS, KINDS, PageWords, no_channel};
+use super::geometry::{BorderVertex, PlainVertex};
 use crate::gpu::{FILTERED, SAMPLED, SAMPLER, STORAGE, UNIFORM, dynamic_uniform, texture_type};
 use crate::shader::{CASTER, FAN, FAN_CASTER, FAN_GEOMETRY, FAN_LOOKUP, compose, compose_surface, module};
+use crate::surface_pipeline::alpha_code;
 use crate::{Blending, CasterPipeline, Gpu, SurfaceKey, SurfacePipeline};
 
 /// What an asset's texture function is made of, as far as the GPU is concerned.
@@ -49,29 +50,65 @@ pub(crate) struct FanBindings {
 impl FanBindings {
     pub(crate) fn new(gpu: &Gpu, source: BindingSource<'_>, mean: impl Fn(usize, u32) -> [f32; 4]) -> Self {
         let BindingSource { cover, channels, formats, grid, pages } = source;
-        let parts = Parts {
-            layout: layout(gpu),
-            tables: FanTables::new(gpu, cover, channels, pages, mean),
-            params: FanParams::new(cover, channels, grid, &FilterOptions::default()),
-            channels: channels.to_vec(),
-        };
-        parts.bind(gpu, grid, formats)
+        let tables = FanTables::new(gpu, cover, channels, pages, mean);
+        let params = FanParams::new(cover, channels, &FilterOptions::default());
+        Self::bind(gpu, layout(gpu), tables, params, channels, formats, grid)
     }
 
     /// The same asset with another atlas, in which nothing is resident. What does not depend on it is shared.
     pub(crate) fn with_atlas(&self, gpu: &Gpu, grid: AtlasGrid, formats: &[AtlasFormat]) -> Self {
-        let parts = Parts {
-            layout: self.layout.clone(),
-            tables: self.tables.without_pages(gpu),
-            params: self.params.with_grid(grid),
-            channels: self.channels.clone(),
+        let tables = self.tables.without_pages(gpu);
+        Self::bind(gpu, self.layout.clone(), tables, self.params, &self.channels, formats, grid)
+    }
+
+    /// Makes the atlas and binds everything. `formats` has an entry per channel.
+    fn bind(
+        gpu: &Gpu,
+        layout: wgpu::BindGroupLayout,
+        tables: FanTables,
+        params: FanParams,
+        channels: &[Channel],
+        formats: &[AtlasFormat],
+        grid: AtlasGrid,
+    ) -> Self {
+        let params = FanParams { atlas_scale: grid.extent().map(|n| 1.0 / n as f32), ..params };
+        let usage = wgpu::BufferUsages::UNIFORM;
+        let params_buffer = gpu.buffer("fan parameters", bytemuck::bytes_of(&params), usage);
+        // Of several channels of a kind the first one counts.
+        let drawn = DRAWN_KINDS.map(|kind| channels.iter().position(|c| c.kind == kind));
+        let atlas = |index: usize| {
+            let is_drawn = drawn.contains(&Some(index));
+            is_drawn.then(|| ChannelAtlas::new(gpu, grid, &channels[index], formats[index]))
         };
-        parts.bind(gpu, grid, formats)
+        let atlases: Vec<_> = (0..channels.len()).map(atlas).collect();
+        let sampler = gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("fan atlas"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            ..Default::default()
+        });
+        let nothing = no_channel(gpu);
+        let views = drawn.map(|channel| {
+            let atlas = channel.and_then(|channel| atlases[channel].as_ref());
+            BindingResource::TextureView(atlas.map_or(&nothing, |atlas| &atlas.view))
+        });
+        let pages_view = tables.pages.create_view(&Default::default());
+        let resources = [
+            params_buffer.as_entire_binding(),
+            tables.groups.as_entire_binding(),
+            BindingResource::TextureView(&pages_view),
+            tables.means.as_entire_binding(),
+            tables.frames.as_entire_binding(),
+            BindingResource::Sampler(&sampler),
+        ];
+        let group = gpu.bind_group("fan model", &layout, resources.into_iter().chain(views));
+        let channels = channels.to_vec();
+        Self { layout, group, atlases, tables, drawn, channels, params, params_buffer }
     }
 
     /// Writes the filter's parameters if they have changed.
     pub(crate) fn set_filter(&mut self, queue: &wgpu::Queue, filter: &FilterOptions) {
-        let params = self.params.with_filter(filter);
+        let params = FanParams { max_anisotropy: max_anisotropy(filter), ..self.params };
         if params != self.params {
             self.params = params;
             queue.write_buffer(&self.params_buffer, 0, bytemuck::bytes_of(&params));
@@ -90,59 +127,6 @@ impl FanBindings {
     }
 }
 
-/// All but the atlas.
-struct Parts {
-    layout: wgpu::BindGroupLayout,
-    tables: FanTables,
-    params: FanParams,
-    channels: Vec<Channel>,
-}
-
-impl Parts {
-    /// Makes the atlas and binds everything. `formats` has an entry per channel.
-    fn bind(self, gpu: &Gpu, grid: AtlasGrid, formats: &[AtlasFormat]) -> FanBindings {
-        let Self { layout, tables, params, channels } = self;
-        let device = &gpu.device;
-        let usage = wgpu::BufferUsages::UNIFORM;
-        let params_buffer = gpu.buffer("fan parameters", bytemuck::bytes_of(&params), usage);
-        // Of several channels of a kind the first one counts.
-        let drawn = DRAWN_KINDS.map(|kind| channels.iter().position(|c| c.kind == kind));
-        let atlas = |index: usize| {
-            let is_drawn = drawn.contains(&Some(index));
-            is_drawn.then(|| ChannelAtlas::new(gpu, grid, &channels[index], formats[index]))
-        };
-        let atlases: Vec<_> = (0..channels.len()).map(atlas).collect();
-        let sampler = device.create_sampler(&wgpu::SamplerDescriptor {
-            label: Some("fan atlas"),
-            mag_filter: wgpu::FilterMode::Linear,
-            min_filter: wgpu::FilterMode::Linear,
-            ..Default::default()
-        });
-        let nothing = no_channel(gpu);
-        let view = |kind: usize| {
-            let atlas = drawn[kind].and_then(|channel| atlases[channel].as_ref());
-            BindingResource::TextureView(atlas.map_or(&nothing, |atlas| &atlas.view))
-        };
-        let pages_view = tables.pages.create_view(&Default::default());
-        let resources = [
-            params_buffer.as_entire_binding(),
-            tables.groups.as_entire_binding(),
-            BindingResource::TextureView(&pages_view),
-            tables.means.as_entire_binding(),
-            tables.frames.as_entire_binding(),
-            BindingResource::Sampler(&sampler),
-            view(0),
-            view(1),
-            view(2),
-            view(3),
-            view(4),
-            view(5),
-        ];
-        let group = gpu.bind_group("fan model", &layout, resources);
-        FanBindings { layout, group, atlases, tables, drawn, channels, params, params_buffer }
-    }
-}
-
 fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
     let texture = |sample_type| texture_type(sample_type, wgpu::TextureViewDimension::D2);
     let words = texture(wgpu::TextureSampleType::Uint);
@@ -157,7 +141,7 @@ fn layout(gpu: &Gpu) -> wgpu::BindGroupLayout {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct FanParams {
-    /// One over the atlas' sides in texels.
+    /// One over the atlas' sides in texels; of no atlas zero.
     atlas_scale: [f32; 2],
     delta: f32,
     max_anisotropy: f32,
@@ -170,11 +154,11 @@ pub(crate) struct FanParams {
 }
 
 impl FanParams {
-    pub(crate) fn new(cover: &Cover, channels: &[Channel], grid: AtlasGrid, filter: &FilterOptions) -> Self {
+    fn new(cover: &Cover, channels: &[Channel], filter: &FilterOptions) -> Self {
         let channel_of = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind).unwrap_or(0) as u32;
         let [base_color, normal, material, emission, light, anisotropy] = DRAWN_KINDS.map(channel_of);
         Self {
-            atlas_scale: atlas_scale(grid),
+            atlas_scale: [0.0; 2],
             delta: cover.delta,
             max_anisotropy: max_anisotropy(filter),
             mean_of: [base_color, normal, material, emission],
@@ -184,20 +168,6 @@ impl FanParams {
             pad: 0,
         }
     }
-
-    /// Of another atlas.
-    fn with_grid(self, grid: AtlasGrid) -> Self {
-        Self { atlas_scale: atlas_scale(grid), ..self }
-    }
-
-    /// With a filter's parameters.
-    fn with_filter(self, filter: &FilterOptions) -> Self {
-        Self { max_anisotropy: max_anisotropy(filter), ..self }
-    }
-}
-
-fn atlas_scale(grid: AtlasGrid) -> [f32; 2] {
-    grid.extent().map(|n| 1.0 / n as f32)
 }
 
 fn max_anisotropy(filter: &FilterOptions) -> f32 {
@@ -350,21 +320,17 @@ impl FanMaterials {
         let limits = gpu.limits();
         let stride =
             size_of::<MaterialRecord>().next_multiple_of(limits.min_uniform_buffer_offset_alignment as usize);
-        let (bytes, allowed) =
-            ((stride * materials.len()) as u64, limits.max_buffer_size.min(u32::MAX.into()));
-        if bytes > allowed {
-            return Err(gpu.too_large("the materials of a model", bytes, allowed, "bytes"));
-        }
+        let allowed = limits.max_buffer_size.min(u32::MAX.into());
+        gpu.allow("the materials of a model", (stride * materials.len()) as u64, allowed, "bytes")?;
         let mut contents = vec![0; stride * materials.len()];
         for (place, material) in contents.chunks_exact_mut(stride).zip(materials) {
             place[..size_of::<MaterialRecord>()]
                 .copy_from_slice(bytemuck::bytes_of(&MaterialRecord::new(material)));
         }
         let buffer = gpu.buffer("fan materials", &contents, wgpu::BufferUsages::UNIFORM);
-        let size = NonZeroU64::new(size_of::<MaterialRecord>() as u64);
-        let types = [dynamic_uniform(size_of::<MaterialRecord>() as u64)];
-        let layout = gpu.bind_layout("fan material", wgpu::ShaderStages::FRAGMENT, types);
-        let record = wgpu::BufferBinding { buffer: &buffer, offset: 0, size };
+        let size = size_of::<MaterialRecord>() as u64;
+        let layout = gpu.bind_layout("fan material", wgpu::ShaderStages::FRAGMENT, [dynamic_uniform(size)]);
+        let record = wgpu::BufferBinding { buffer: &buffer, offset: 0, size: NonZeroU64::new(size) };
         let group = gpu.bind_group("fan material", &layout, [BindingResource::Buffer(record)]);
         Ok(Self { layout, group, stride: stride as u32 })
     }
@@ -422,31 +388,24 @@ pub(crate) struct Part {
 pub(crate) struct FanPipelines {
     surface: wgpu::ShaderModule,
     caster: wgpu::ShaderModule,
-    surfaces: HashMap<(SurfaceKey, Part), wgpu::RenderPipeline>,
+    pub(crate) surfaces: HashMap<(SurfaceKey, Part), wgpu::RenderPipeline>,
     /// By shape and alpha mode.
     casters: HashMap<(Shape, u32), wgpu::RenderPipeline>,
 }
 
-const PLAIN_VERTEX: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
-    array_stride: size_of::<super::geometry::PlainVertex>() as u64,
-    step_mode: wgpu::VertexStepMode::Vertex,
-    attributes: &wgpu::vertex_attr_array![0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Uint32],
-};
-
-const BORDER_VERTEX: wgpu::VertexBufferLayout<'static> = wgpu::VertexBufferLayout {
-    array_stride: size_of::<super::geometry::BorderVertex>() as u64,
-    step_mode: wgpu::VertexStepMode::Vertex,
-    attributes: &wgpu::vertex_attr_array![
-        0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Float32x2, 4 => Float32x2, 5 => Uint32x3
-    ],
-};
-
 impl Shape {
     fn layout(self) -> wgpu::VertexBufferLayout<'static> {
-        match self {
-            Self::Plain => PLAIN_VERTEX,
-            Self::Border => BORDER_VERTEX,
-        }
+        const PLAIN: &[wgpu::VertexAttribute] =
+            &wgpu::vertex_attr_array![0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Uint32];
+        const BORDER: &[wgpu::VertexAttribute] = &wgpu::vertex_attr_array![
+            0 => Float32x3, 1 => Snorm16x2, 2 => Float32x2, 3 => Float32x2, 4 => Float32x2, 5 => Uint32x3
+        ];
+        let (bytes, attributes) = match self {
+            Self::Plain => (size_of::<PlainVertex>(), PLAIN),
+            Self::Border => (size_of::<BorderVertex>(), BORDER),
+        };
+        let step_mode = wgpu::VertexStepMode::Vertex;
+        wgpu::VertexBufferLayout { array_stride: bytes as u64, step_mode, attributes }
     }
 }
 
@@ -496,17 +455,12 @@ impl FanPipelines {
         });
     }
 
-    pub(crate) fn surface(&self, frame: SurfaceKey, part: Part) -> Option<&wgpu::RenderPipeline> {
-        self.surfaces.get(&(frame, part))
-    }
-
     pub(crate) fn prepare_caster(
         &mut self,
         gpu: &Gpu,
         bindings: &FanBindings,
         material: &wgpu::BindGroupLayout,
-        shape: Shape,
-        surface: Surface,
+        Part { shape, surface, .. }: Part,
     ) {
         self.casters.entry((shape, surface.alpha_mode)).or_insert_with(|| {
             let mut constants = bindings.constants(Filter::Trilinear, true);
@@ -529,8 +483,8 @@ impl FanPipelines {
         });
     }
 
-    pub(crate) fn caster(&self, shape: Shape, surface: Surface) -> Option<&wgpu::RenderPipeline> {
-        self.casters.get(&(shape, surface.alpha_mode))
+    pub(crate) fn caster(&self, part: Part) -> Option<&wgpu::RenderPipeline> {
+        self.casters.get(&(part.shape, part.surface.alpha_mode))
     }
 }
 

@@ -28,11 +28,11 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 pub use atlas::AtlasViewer;
-use atlas::{AtlasGrid, PageWords, Uploader, atlas_formats};
+use atlas::{AtlasGrid, PageWords, Uploader};
 use bindings::{BindingSource, FanBindings, FanMaterials, FanPipelines, FanTables, Part, Shape, Surface};
 use fantex_base::Result;
 use fantex_cover::Cover;
-use fantex_mesh::{AlphaMode, Material, Mesh, Twins, shading_normals};
+use fantex_mesh::{Material, Mesh, Twins, shading_normals};
 use fantex_scene::{Camera, FilterOptions};
 use fantex_store::{Asset, Channel};
 use fantex_stream::{
@@ -106,9 +106,11 @@ struct Blended {
 }
 
 impl FanModel {
-    /// The formats in which [`FanModel::update`] takes the channels' texels.
+    /// The formats in which [`FanModel::update`] takes the channels' texels: block-compressed as they are stored where the device
+    /// samples that at full speed, else decoded.
     pub fn atlas_formats(gpu: &Gpu, channels: &[Channel]) -> Vec<AtlasFormat> {
-        atlas_formats(channels, gpu.has_block_compression())
+        let has_blocks = gpu.has_block_compression();
+        channels.iter().map(|channel| AtlasFormat::of(channel.format, has_blocks)).collect()
     }
 
     /// The largest atlas for these formats within a budget that the device's textures can hold.
@@ -145,19 +147,11 @@ impl FanModel {
         let FanModelSource { mesh, cover, channels, formats, pages, shape } = *source;
         let limits = gpu.limits();
         let longest = FanTables::longest_bytes(cover, channels);
-        let allowed = limits.max_storage_buffer_binding_size;
-        if longest > allowed {
-            return Err(gpu.too_large("the tables of a cover", longest, allowed, "bytes"));
-        }
+        gpu.allow("the tables of a cover", longest, limits.max_storage_buffer_binding_size, "bytes")?;
         let allowed = limits.max_texture_dimension_2d;
-        let rows = PageWords::extent(pages.len()).into_iter().fold(0, u32::max);
-        if rows > allowed {
-            return Err(gpu.too_large("the page table", rows.into(), allowed.into(), "texels per side"));
-        }
-        if AtlasGrid::fitting(shape, allowed) != shape {
-            return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
-        }
-        let grid = AtlasGrid::new(shape, allowed);
+        let [columns, rows] = PageWords::extent(pages.len());
+        gpu.allow("the page table", columns.max(rows), allowed, "texels per side")?;
+        let grid = AtlasGrid::checked(gpu, shape)?;
         let parts = BindingSource { cover, channels, formats, grid, pages };
         let bindings = FanBindings::new(gpu, parts, mean);
         let normals = shading_normals(mesh);
@@ -200,13 +194,9 @@ impl FanModel {
         pages: &PageTable,
         shape: AtlasShape,
     ) -> Result<()> {
-        let allowed = gpu.limits().max_texture_dimension_2d;
-        if AtlasGrid::fitting(shape, allowed) != shape {
-            return Err(gpu.too_large("the atlas", u64::from(shape.side), allowed.into(), "texels per side"));
-        }
+        let grid = AtlasGrid::checked(gpu, shape)?;
         // One that is being filled goes first.
         self.next = None;
-        let grid = AtlasGrid::new(shape, allowed);
         let bindings = self.bindings.with_atlas(gpu, grid, &self.formats);
         let uploader = Uploader::new(&gpu.device, grid, PageWords::new(cover, pages));
         self.next = Some((bindings, uploader));
@@ -227,11 +217,6 @@ impl FanModel {
         }
     }
 
-    /// The bindings whose atlas takes pages.
-    fn filled(&self) -> &FanBindings {
-        self.next.as_ref().map_or(&self.bindings, |(bindings, _)| bindings)
-    }
-
     /// The shape of the atlas that takes pages.
     pub fn shape(&self) -> AtlasShape {
         self.shape
@@ -239,7 +224,8 @@ impl FanModel {
 
     /// The atlas of one of the asset's channels, to be looked at: layers beside each other. None for channels that are not drawn.
     pub fn atlas_texture(&self, channel: usize) -> Option<&wgpu::Texture> {
-        self.filled().atlases.get(channel)?.as_ref().map(|atlas| &atlas.texture)
+        let filled = self.next.as_ref().map_or(&self.bindings, |(bindings, _)| bindings);
+        filled.atlases.get(channel)?.as_ref().map(|atlas| &atlas.texture)
     }
 
     /// Bind group 1 of shaders that evaluate the texture function ([`shader::FAN`](crate::shader::FAN)), and its layout.
@@ -379,7 +365,7 @@ impl Model for FanModel {
         for part in parts {
             self.pipelines.prepare_surface(gpu, &self.bindings, material, frame.key, part);
             if frame.draws_shadows {
-                self.pipelines.prepare_caster(gpu, &self.bindings, material, part.shape, part.surface);
+                self.pipelines.prepare_caster(gpu, &self.bindings, material, part);
             }
         }
         Ok(())
@@ -387,8 +373,8 @@ impl Model for FanModel {
 
     fn draw_casters(&self, pass: &mut wgpu::RenderPass<'_>) {
         pass.set_bind_group(1, &self.bindings.group, &[]);
-        self.draw_chunks(pass, |part| self.pipelines.caster(part.shape, part.surface));
-        self.draw_blended(pass, |part| self.pipelines.caster(part.shape, part.surface));
+        self.draw_chunks(pass, |part| self.pipelines.caster(part));
+        self.draw_blended(pass, |part| self.pipelines.caster(part));
     }
 
     fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
@@ -399,7 +385,7 @@ impl Model for FanModel {
                 self.materials.bind(pass, 0);
                 colors.draw(pass, key);
             }
-            _ => self.draw_chunks(pass, |part| self.pipelines.surface(key, part)),
+            _ => self.draw_chunks(pass, |part| self.pipelines.surfaces.get(&(key, part))),
         }
     }
 
@@ -407,7 +393,7 @@ impl Model for FanModel {
         let Some(key) = self.key else { return };
         if key.overlay != Overlay::Fans {
             pass.set_bind_group(1, &self.bindings.group, &[]);
-            self.draw_blended(pass, |part| self.pipelines.surface(key, part));
+            self.draw_blended(pass, |part| self.pipelines.surfaces.get(&(key, part)));
         }
     }
 }
@@ -444,9 +430,7 @@ impl Blended {
     fn new(gpu: &Gpu, geometry: &GeometrySource<'_>, triangles: &[u32]) -> Result<Self> {
         let corners: Vec<_> = triangles.iter().flat_map(|&t| geometry.border_corners(t as usize)).collect();
         let (bytes, allowed) = (size_of_val(corners.as_slice()) as u64, gpu.limits().max_buffer_size);
-        if bytes > allowed {
-            return Err(gpu.too_large("the blended part of a model", bytes, allowed, "bytes"));
-        }
+        gpu.allow("the blended part of a model", bytes, allowed, "bytes")?;
         let twins = geometry.twins;
         let sorted = triangles.iter().zip(0u32..).map(|(&t, i)| SortedTriangle {
             centre: geometry.mesh.triangle_positions(t as usize).iter().sum::<Vec3>() / 3.0,
@@ -455,14 +439,7 @@ impl Blended {
             has_twin: twins.contains(t as usize),
         });
         let sorted = SortedTriangles::new(sorted.collect());
-        let indices = (!sorted.is_empty()).then(|| {
-            gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("blended fan triangles"),
-                size: 4 * sorted.index_count() as u64,
-                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            })
-        });
+        let indices = sorted.index_buffer(gpu);
         let vertices = geometry_buffer(gpu, &corners, wgpu::BufferUsages::VERTEX);
         Ok(Self { vertices, indices, sorted, runs: Vec::new() })
     }
@@ -483,15 +460,6 @@ fn geometry_buffer<T: bytemuck::Pod>(
     usage: wgpu::BufferUsages,
 ) -> Option<wgpu::Buffer> {
     (!items.is_empty()).then(|| gpu.buffer("fan triangles", bytemuck::cast_slice(items), usage))
-}
-
-/// What alpha means, as shaders know it.
-pub(crate) fn alpha_code(mode: AlphaMode) -> u32 {
-    match mode {
-        AlphaMode::Opaque => 0,
-        AlphaMode::Mask(_) => 1,
-        AlphaMode::Blend => 2,
-    }
 }
 
 // Models that bring their own pages: a streamer and a model put together.

@@ -198,7 +198,7 @@ pub(crate) struct ShadowFace {
 /// All maps of a scene's lamps.
 #[derive(Debug)]
 pub(super) struct ShadowMaps {
-    drawn: Option<Drawn>,
+    pub(super) drawn: Option<Drawn>,
     pub(super) faces: Vec<ShadowFace>,
     /// First face and number of faces per lamp.
     pub(super) of_lamps: Vec<[u32; 2]>,
@@ -208,7 +208,7 @@ pub(super) struct ShadowMaps {
 
 /// What decides what the maps hold.
 #[derive(Debug)]
-struct Drawn {
+pub(super) struct Drawn {
     lamps: Vec<(LampRecord, Option<ShadowOptions>)>,
     points: Arc<[Vec3]>,
     revision: u64,
@@ -280,11 +280,6 @@ impl ShadowMaps {
         Ok(ShadowChanges { stale: !self.faces.is_empty(), moved })
     }
 
-    /// Forgets that the maps were drawn.
-    pub(super) fn forget(&mut self) {
-        self.drawn = None;
-    }
-
     /// A texture with a layer for every map, as large as the largest; whether it is a new one.
     fn make_room(&mut self, gpu: &Gpu, lamps: &[Light], fitted: &[Vec<FittedView>]) -> Result<bool> {
         let layers = fitted.iter().map(Vec::len).sum::<usize>().max(1) as u32;
@@ -293,14 +288,8 @@ impl ShadowMaps {
             return Ok(false);
         }
         let limits = gpu.limits();
-        if side > limits.max_texture_dimension_2d {
-            let allowed = u64::from(limits.max_texture_dimension_2d);
-            return Err(gpu.too_large("a shadow map", u64::from(side), allowed, "texels along a side"));
-        }
-        if layers > limits.max_texture_array_layers {
-            let allowed = u64::from(limits.max_texture_array_layers);
-            return Err(gpu.too_large("the scene's lamps", u64::from(layers), allowed, "shadow maps"));
-        }
+        gpu.allow("a shadow map", side, limits.max_texture_dimension_2d, "texels along a side")?;
+        gpu.allow("the scene's lamps", layers, limits.max_texture_array_layers, "shadow maps")?;
         self.texture = create(gpu, side, layers);
         self.view = array_view(&self.texture);
         Ok(true)

@@ -331,7 +331,7 @@ impl FrameState {
 
     /// Has shadow maps drawn again in the next frame, because this one came to nothing.
     pub(crate) fn forget_shadows(&mut self) {
-        self.shadows.forget();
+        self.shadows.drawn = None;
     }
 
     fn bind(&self, gpu: &Gpu) -> [wgpu::BindGroup; 2] {
@@ -477,57 +477,8 @@ fn make_room(gpu: &Gpu, buffer: &mut wgpu::Buffer, bytes: u64, usage: wgpu::Buff
 
 #[cfg(test)]
 mod tests {
-    use std::mem::{offset_of, size_of};
-
-    use fantex_mesh::{Mesh, WorldFromMesh};
-    use fantex_scene::Projection;
-    use glam::Vec2;
-
     use super::*;
-    use crate::shader::layout_check::assert_same_layout;
-
-    /// A view and the CPU renderer's projection of the same camera.
-    fn both() -> (View, Projection, Mesh) {
-        let mesh = Mesh {
-            positions: vec![Vec3::new(-0.5, 0.3, 0.2), Vec3::new(0.7, -0.4, 0.9), Vec3::new(0.1, 0.9, -0.8)],
-            triangles: vec![[0, 1, 2]],
-            world_from_mesh: WorldFromMesh { offset: DVec3::new(1e4, -20.0, 3.0), scale: 32.0 },
-            ..Mesh::default()
-        };
-        let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.5);
-        let size = [300, 200];
-        (View::new(&camera, size, &ModelSpace::of_mesh(&mesh)), Projection::new(&camera, size, &mesh), mesh)
-    }
-
-    #[test]
-    fn points_are_where_the_cpu_renderer_sees_them() {
-        let (view, projection, mesh) = both();
-        for &p in &mesh.positions {
-            let clip = view.clip_from_offset() * (p.as_dvec3() - view.eye).as_vec3().extend(1.0);
-            let seen = Vec2::new(clip.x, -clip.y) / clip.w * 0.5 + 0.5;
-            let h = projection.project(p);
-            let pixel = h.truncate() / h.z;
-            assert!((seen.as_dvec2() * glam::DVec2::new(300.0, 200.0) - pixel).length() < 1e-3);
-            assert!((f64::from(clip.w) - h.z).abs() < 1e-5);
-            assert!(clip.z > 0.0 && clip.z < clip.w, "nearer than the near plane: {clip}");
-        }
-    }
-
-    #[test]
-    fn rays_go_through_their_pixels() {
-        let (view, projection, _) = both();
-        let [corner, right, down] = view.rays();
-        for pixel in [Vec2::ZERO, Vec2::new(150.0, 100.0), Vec2::new(299.5, 10.5)] {
-            let direction = (corner + right * pixel.x + down * pixel.y).normalize();
-            assert!((direction - projection.direction(pixel).as_vec3()).length() < 1e-5, "{pixel}");
-        }
-    }
-
-    macro_rules! fields {
-        ($record:ty: $($field:ident),* $(,)?) => {
-            &[$((stringify!($field), offset_of!($record, $field))),*]
-        };
-    }
+    use crate::shader::layout_check::{assert_same_layout, fields};
 
     #[test]
     fn records_are_laid_out_as_shaders_read_them() {

@@ -274,10 +274,7 @@ fn byte_len(image: &ImageTexture) -> u64 {
 fn upload(gpu: &Gpu, image: &ImageTexture, is_premultiplied: bool) -> Result<wgpu::Texture> {
     let [width, height] = image.size();
     let allowed = gpu.limits().max_texture_dimension_2d;
-    if width.max(height) > allowed {
-        let side = u64::from(width.max(height));
-        return Err(gpu.too_large("a texture", side, u64::from(allowed), "texels along a side"));
-    }
+    gpu.allow("a texture", width.max(height), allowed, "texels along a side")?;
     let storage = Storage::of(image.level(0));
     let levels = image.level_count() as u32;
     let texture = gpu.texture("image", [width, height, 1], levels, storage.format(), SAMPLED);
@@ -324,18 +321,11 @@ fn encode(image: &Image, storage: Storage, is_premultiplied: bool) -> Vec<u8> {
 
 #[cfg(test)]
 mod tests {
-    use std::mem::{offset_of, size_of};
-
     use super::*;
-    use crate::shader::layout_check::assert_same_layout;
+    use crate::shader::layout_check::{assert_same_layout, fields};
 
     #[test]
     fn records_are_laid_out_as_shaders_read_them() {
-        macro_rules! fields {
-            ($record:ty: $($field:ident),* $(,)?) => {
-                &[$((stringify!($field), offset_of!($record, $field))),*]
-            };
-        }
         let material = fields!(MaterialRecord: base_color, emission, metallic, roughness, normal_scale,
             occlusion_strength, alpha_threshold, unlit, is_premultiplied, layers);
         assert_same_layout("uv", "UvMaterial", size_of::<MaterialRecord>(), material);

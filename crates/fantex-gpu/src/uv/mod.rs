@@ -14,14 +14,12 @@ use std::collections::HashMap;
 use fantex_base::{Error, Result};
 use fantex_mesh::{AlphaMode, Material, Mesh, Twins};
 use fantex_scene::FilterOptions;
-use fantex_texture::material::{
-    MaterialImageError, MaterialTextures, load_material_textures, preserve_coverage,
-};
+use fantex_texture::material::{MaterialTextures, load_material_textures, preserve_coverage};
 use materials::{TexturePool, UvMaterial, material_layout};
 use vertices::{Attributes, MAX_UV_SETS, Vertices, used_uv_sets};
 
 use crate::shader::{CASTER, UV, UV_CASTER, UV_MATERIAL, compose, compose_surface, module};
-use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles};
+use crate::surface_pipeline::{Run, SortedTriangle, SortedTriangles, alpha_code};
 use crate::{Blending, CasterPipeline, FrameContext, Gpu, Model, ModelSpace, SurfaceKey, SurfacePipeline};
 
 /// A mesh with its own materials on the device.
@@ -50,7 +48,8 @@ impl UvModel {
     /// # Errors
     /// An image that is used cannot be read; the device cannot take the model.
     pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self> {
-        let mut textures = load_material_textures(mesh).map_err(image_error)?;
+        let mut textures = load_material_textures(mesh)
+            .map_err(|error| Error::malformed(error.to_string()).with_source(error))?;
         preserve_coverage(&mesh.materials, &mut textures);
         Self::new(gpu, mesh, &textures)
     }
@@ -107,21 +106,21 @@ impl UvModel {
         self.texture_bytes
     }
 
-    fn draw_part(&self, pass: &mut wgpu::RenderPass<'_>, part: &Run) {
+    fn draw_surface(&self, pass: &mut wgpu::RenderPass<'_>, part: &Run) {
         let Some(frame) = self.key else { return };
-        let material = &self.materials[part.material as usize];
-        if let Some(pipeline) = self.pipelines.surface(PipelineKey::new(material, part.has_twins, frame)) {
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(1, &material.group, &[]);
-            pass.draw_indexed(part.indices.clone(), 0, 0..1);
-        }
+        let key = PipelineKey::new(&self.materials[part.material as usize], part.has_twins, frame);
+        self.draw(pass, part, self.pipelines.surfaces.get(&key));
     }
 
     fn draw_caster(&self, pass: &mut wgpu::RenderPass<'_>, part: &Run) {
-        let material = &self.materials[part.material as usize];
-        if let Some(pipeline) = self.pipelines.caster(material) {
+        let key = caster_key(&self.materials[part.material as usize]);
+        self.draw(pass, part, self.pipelines.casters.get(&key));
+    }
+
+    fn draw(&self, pass: &mut wgpu::RenderPass<'_>, part: &Run, pipeline: Option<&wgpu::RenderPipeline>) {
+        if let Some(pipeline) = pipeline {
             pass.set_pipeline(pipeline);
-            pass.set_bind_group(1, &material.group, &[]);
+            pass.set_bind_group(1, &self.materials[part.material as usize].group, &[]);
             pass.draw_indexed(part.indices.clone(), 0, 0..1);
         }
     }
@@ -153,10 +152,12 @@ impl Model for UvModel {
                 self.pipelines.make_caster(gpu, &self.layout, &self.buffers, material);
             }
         }
-        if let Some((corners, runs)) = self.sorted.sort(frame.view) {
+        if let Some(indices) = &self.buffers.sorted
+            && let Some((corners, runs)) = self.sorted.sort(frame.view)
+        {
             let corners = bytemuck::cast_slice(&corners);
             let staged = gpu.buffer("sorted triangles", corners, wgpu::BufferUsages::COPY_SRC);
-            encoder.copy_buffer_to_buffer(&staged, 0, &self.buffers.sorted, 0, corners.len() as u64);
+            encoder.copy_buffer_to_buffer(&staged, 0, indices, 0, corners.len() as u64);
             self.runs = runs;
         }
         Ok(())
@@ -166,20 +167,23 @@ impl Model for UvModel {
         self.buffers.set_vertices(pass);
         pass.set_index_buffer(self.buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
         self.solid.iter().for_each(|part| self.draw_caster(pass, part));
-        pass.set_index_buffer(self.buffers.sorted.slice(..), wgpu::IndexFormat::Uint32);
-        self.runs.iter().for_each(|run| self.draw_caster(pass, run));
+        if let Some(sorted) = &self.buffers.sorted {
+            pass.set_index_buffer(sorted.slice(..), wgpu::IndexFormat::Uint32);
+            self.runs.iter().for_each(|run| self.draw_caster(pass, run));
+        }
     }
 
     fn draw_opaque(&self, pass: &mut wgpu::RenderPass<'_>) {
         self.buffers.set_vertices(pass);
         pass.set_index_buffer(self.buffers.indices.slice(..), wgpu::IndexFormat::Uint32);
-        self.solid.iter().for_each(|part| self.draw_part(pass, part));
+        self.solid.iter().for_each(|part| self.draw_surface(pass, part));
     }
 
     fn draw_layered(&self, pass: &mut wgpu::RenderPass<'_>) {
+        let Some(sorted) = &self.buffers.sorted else { return };
         self.buffers.set_vertices(pass);
-        pass.set_index_buffer(self.buffers.sorted.slice(..), wgpu::IndexFormat::Uint32);
-        self.runs.iter().for_each(|run| self.draw_part(pass, run));
+        pass.set_index_buffer(sorted.slice(..), wgpu::IndexFormat::Uint32);
+        self.runs.iter().for_each(|run| self.draw_surface(pass, run));
     }
 }
 
@@ -228,7 +232,7 @@ fn arrange(
 struct PipelineKey {
     frame: SurfaceKey,
     layers: u32,
-    alpha: u8,
+    alpha: u32,
     is_double_sided: bool,
 }
 
@@ -238,9 +242,8 @@ struct Pipelines {
     surface_module: wgpu::ShaderModule,
     caster_module: wgpu::ShaderModule,
     surfaces: HashMap<PipelineKey, wgpu::RenderPipeline>,
-    solid_caster: Option<wgpu::RenderPipeline>,
-    /// By layers and alpha mode.
-    casters: HashMap<(u32, u8), wgpu::RenderPipeline>,
+    /// By [`caster_key`].
+    casters: HashMap<(u32, u32), wgpu::RenderPipeline>,
 }
 
 impl PipelineKey {
@@ -261,23 +264,7 @@ impl Pipelines {
             surface_module: module(&gpu.device, "mesh", &compose_surface(&[UV_MATERIAL, UV])),
             caster_module: module(&gpu.device, "mesh shadow", &compose(&[CASTER, UV_MATERIAL, UV_CASTER])),
             surfaces: HashMap::new(),
-            solid_caster: None,
             casters: HashMap::new(),
-        }
-    }
-
-    /// The pipeline that draws a surface, if it was made.
-    fn surface(&self, key: PipelineKey) -> Option<&wgpu::RenderPipeline> {
-        self.surfaces.get(&key)
-    }
-
-    /// The pipeline that draws a material's shadow, if it was made.
-    fn caster(&self, material: &UvMaterial) -> Option<&wgpu::RenderPipeline> {
-        match material.alpha {
-            AlphaMode::Opaque => self.solid_caster.as_ref(),
-            AlphaMode::Mask(_) | AlphaMode::Blend => {
-                self.casters.get(&(material.layers, alpha_code(material.alpha)))
-            }
         }
     }
 
@@ -317,43 +304,34 @@ impl Pipelines {
         buffers: &Buffers,
         material: &UvMaterial,
     ) {
-        let Self { caster_module, solid_caster, casters, .. } = self;
-        let build = |vertex, fragment, constants: &[(&str, f64)]| {
+        let Self { caster_module, casters, .. } = self;
+        let (layers, alpha) = caster_key(material);
+        casters.entry((layers, alpha)).or_insert_with(|| {
+            let constants = [("UV_LAYERS", f64::from(layers)), ("ALPHA_MODE", f64::from(alpha))];
+            let is_solid = alpha == 0;
             buffers.with_layout(|buffers| {
                 let pipeline = CasterPipeline {
                     label: "mesh shadow",
                     module: caster_module,
-                    vertex,
-                    fragment,
+                    vertex: if is_solid { "vs_uv_solid" } else { "vs_uv_caster" },
+                    fragment: (!is_solid).then_some("fs_uv_caster"),
                     buffers,
                     groups: &[layout],
-                    constants,
+                    constants: if is_solid { &[] } else { &constants },
                 };
                 pipeline.build(gpu)
             })
-        };
-        let alpha = alpha_code(material.alpha);
-        if material.alpha == AlphaMode::Opaque {
-            solid_caster.get_or_insert_with(|| build("vs_uv_solid", None, &[]));
-        } else {
-            casters.entry((material.layers, alpha)).or_insert_with(|| {
-                let constants = [("UV_LAYERS", f64::from(material.layers)), ("ALPHA_MODE", f64::from(alpha))];
-                build("vs_uv_caster", Some("fs_uv_caster"), &constants)
-            });
-        }
+        });
     }
 }
 
-/// `ALPHA_MODE` of `uv_material.wgsl`.
-fn alpha_code(alpha: AlphaMode) -> u8 {
-    match alpha {
-        AlphaMode::Opaque => 0,
-        AlphaMode::Mask(_) => 1,
-        AlphaMode::Blend => 2,
+/// Layers and alpha mode, on which shadows depend; no layers where a material is opaque.
+fn caster_key(material: &UvMaterial) -> (u32, u32) {
+    match alpha_code(material.alpha) {
+        0 => (0, 0),
+        alpha => (material.layers, alpha),
     }
 }
-
-// Vertices and indices on the device.
 
 /// Vertices and indices on the device.
 #[derive(Debug)]
@@ -364,8 +342,8 @@ struct Buffers {
     uv_pairs: usize,
     /// Of what is not blended.
     indices: wgpu::Buffer,
-    /// Of what is blended, in drawing order.
-    sorted: wgpu::Buffer,
+    /// Of what is blended, in drawing order, if there is any.
+    sorted: Option<wgpu::Buffer>,
 }
 
 impl Buffers {
@@ -373,9 +351,7 @@ impl Buffers {
     fn new(gpu: &Gpu, vertices: &Vertices, indices: &[[u32; 3]], sorted: &SortedTriangles) -> Result<Self> {
         let allowed = gpu.limits().max_buffer_size;
         let buffer = |label: &str, contents: &[u8], usage| {
-            if contents.len() as u64 > allowed {
-                return Err(gpu.too_large("the mesh", contents.len() as u64, allowed, "bytes of a buffer"));
-            }
+            gpu.allow("the mesh", contents.len() as u64, allowed, "bytes of a buffer")?;
             Ok(gpu.buffer(label, contents, usage))
         };
         let vertex = wgpu::BufferUsages::VERTEX;
@@ -387,12 +363,7 @@ impl Buffers {
             uv: uv.transpose()?,
             uv_pairs: vertices.uv_pairs,
             indices: buffer("triangles", bytemuck::cast_slice(indices), wgpu::BufferUsages::INDEX)?,
-            sorted: gpu.device.create_buffer(&wgpu::BufferDescriptor {
-                label: Some("sorted triangles"),
-                size: (4 * sorted.index_count() as u64).max(16),
-                usage: wgpu::BufferUsages::INDEX | wgpu::BufferUsages::COPY_DST,
-                mapped_at_creation: false,
-            }),
+            sorted: sorted.index_buffer(gpu),
         })
     }
 
@@ -430,9 +401,4 @@ impl Buffers {
             Some(buffer(stride, &uv)),
         ])
     }
-}
-
-/// An image of a material cannot be read.
-fn image_error(error: MaterialImageError) -> Error {
-    Error::malformed(error.to_string()).with_source(error)
 }

@@ -7,3 +7,4 @@ mod fan;
 mod faults;
 mod pictures;
 mod sampler;
+mod views;
