@@ -1,18 +1,18 @@
 //! All tests.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::shell::{Failure, capture, cargo_command, data_folder, root, run as run_command, succeeds};
 
-/// Examples of the library, each with the features that it needs. All of them end by themselves without arguments.
-const EXAMPLES: [(&str, &str); 6] = [
-    ("sample_an_asset", ""),
-    ("bake_a_closure", ""),
-    ("stream_without_a_gpu", ""),
-    ("paint_and_undo", "paint"),
-    ("unwrap_a_mesh", "export"),
-    ("draw_in_a_host_frame", "gpu"),
+/// Examples of the library. All of them end by themselves without arguments.
+const EXAMPLES: [&str; 6] = [
+    "sample_an_asset",
+    "bake_a_closure",
+    "stream_without_a_gpu",
+    "paint_and_undo",
+    "unwrap_a_mesh",
+    "draw_in_a_host_frame",
 ];
 
 /// Runs unit, integration and documentation tests, and the examples. `slow` adds tests that are ignored because they take long.
@@ -33,11 +33,19 @@ pub(crate) fn run(slow: bool) -> Result<(), Failure> {
     prepare_graphics();
     let result = run_cargo(&arguments, &list);
     let documentation = run_cargo(&["test", "--workspace", "--doc", "--quiet"], &list);
-    let examples = EXAMPLES.iter().try_for_each(|(example, features)| {
-        run_cargo(&["run", "--quiet", "-p", "fantex", "--features", features, "--example", example], &list)
-    });
+    let examples = run_examples(&list);
     eprintln!("{}", summary(&std::fs::read_to_string(&list).unwrap_or_default(), slow));
     result.and(documentation).and(examples)
+}
+
+/// Examples are built as the tests are, with the features that the workspace's programs ask for; so nothing is compiled twice.
+fn run_examples(list: &Path) -> Result<(), Failure> {
+    run_cargo(&["build", "--workspace", "--examples"], list)?;
+    let target = std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from);
+    EXAMPLES.iter().try_for_each(|example| {
+        eprintln!("> {example}");
+        run_command(Command::new(target.join("debug/examples").join(example)).current_dir(root()))
+    })
 }
 
 /// One line on what was left out, by reason.
