@@ -8,73 +8,50 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ShadingView {
-    /// Lit.
     #[default]
     Lit,
-    /// Base colour alone.
     BaseColor,
     /// Shading normals as colours.
     Normal,
     /// Occlusion, roughness and metal as red, green and blue.
     OcclusionRoughnessMetallic,
-    /// Emitted light alone.
     Emission,
 }
 
 impl ShadingView {
     /// All views in the order in which a key goes through them.
-    pub const ALL: [Self; 5] =
-        [Self::Lit, Self::BaseColor, Self::Normal, Self::OcclusionRoughnessMetallic, Self::Emission];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Lit => "Lit",
-            Self::BaseColor => "Base colour",
-            Self::Normal => "Normals",
-            Self::OcclusionRoughnessMetallic => "Occl. / rough. / metal",
-            Self::Emission => "Emission",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::Lit, "Lit"),
+        (Self::BaseColor, "Base colour"),
+        (Self::Normal, "Normals"),
+        (Self::OcclusionRoughnessMetallic, "Occl. / rough. / metal"),
+        (Self::Emission, "Emission"),
+    ];
 }
 
-/// What is drawn over the scene of an asset.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Overlay {
-    /// Nothing.
     #[default]
     None,
-    /// Each partial fan in a colour.
     Fans,
-    /// Each group of fans (each tile) in a colour.
     Groups,
-    /// The detail level that is shown.
     Levels,
-    /// How much coarser than wanted is what is there.
     Residency,
-    /// Where tiles blend.
     BlendBands,
 }
 
 impl Overlay {
     /// All overlays in the order in which a key goes through them.
-    pub const ALL: [Self; 6] =
-        [Self::None, Self::Fans, Self::Groups, Self::Levels, Self::Residency, Self::BlendBands];
+    pub const ALL: [(Self, &'static str); 6] = [
+        (Self::None, "None"),
+        (Self::Fans, "Partial fans"),
+        (Self::Groups, "Groups"),
+        (Self::Levels, "Levels"),
+        (Self::Residency, "Residency"),
+        (Self::BlendBands, "Blend bands"),
+    ];
 
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::None => "None",
-            Self::Fans => "Partial fans",
-            Self::Groups => "Groups",
-            Self::Levels => "Levels",
-            Self::Residency => "Residency",
-            Self::BlendBands => "Blend bands",
-        }
-    }
-
-    /// What its colours mean.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::None => "",
@@ -97,29 +74,17 @@ impl Overlay {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ToneChoice {
-    /// Cut off.
     #[default]
     Clip,
     /// Luminance compressed, hues kept.
     Reinhard,
-    /// As film.
     Filmic,
 }
 
 impl ToneChoice {
-    /// All choices.
-    pub const ALL: [Self; 3] = [Self::Clip, Self::Reinhard, Self::Filmic];
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Clip, "Clip"), (Self::Reinhard, "Reinhard"), (Self::Filmic, "Filmic")];
 
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Clip => "Clip",
-            Self::Reinhard => "Reinhard",
-            Self::Filmic => "Filmic",
-        }
-    }
-
-    /// The renderer's.
     pub fn tone_map(self) -> ToneMap {
         match self {
             Self::Clip => ToneMap::Clip,
@@ -129,19 +94,14 @@ impl ToneChoice {
     }
 }
 
-/// How the scene is shown.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct DisplaySettings {
-    /// What of the shading is shown.
     pub shading: ShadingView,
-    /// What is drawn over it.
     pub overlay: Overlay,
-    /// Whether edges are drawn.
     pub has_wireframe: bool,
     /// Exposure in stops; 0 is as it is.
     pub exposure_stops: f32,
-    /// What becomes of light beyond one.
     pub tone: ToneChoice,
     /// Longest ratio of a footprint's axes, 1 (trilinear) to 16.
     pub anisotropy: u32,
@@ -167,8 +127,8 @@ impl Default for DisplaySettings {
 }
 
 impl DisplaySettings {
-    /// Choices of the anisotropy.
-    pub const ANISOTROPIES: [u32; 5] = [1, 2, 4, 8, 16];
+    pub const ANISOTROPIES: [(u32, &'static str); 5] =
+        [(1, "Off (trilinear)"), (2, "2×"), (4, "4×"), (8, "8×"), (16, "16×")];
 
     /// Range of the exposure in stops.
     pub const EXPOSURES: [f32; 2] = [-8.0, 8.0];
@@ -178,24 +138,20 @@ impl DisplaySettings {
         self.exposure_stops.exp2()
     }
 
-    /// Brighter or darker.
     pub fn change_exposure(&mut self, stops: f32) {
         let [least, most] = Self::EXPOSURES;
         self.exposure_stops = (self.exposure_stops + stops).clamp(least, most);
     }
 
-    /// The texture filter.
     pub fn filter(&self) -> FilterOptions {
         let filter = if self.anisotropy > 1 { Filter::Anisotropic } else { Filter::Trilinear };
         FilterOptions { filter, max_anisotropy: self.anisotropy as f32 }
     }
 
-    /// The next or the previous overlay.
     pub fn step_overlay(&mut self, by: isize) {
         self.overlay = step(&Overlay::ALL, self.overlay, by);
     }
 
-    /// The next view of the shading.
     pub fn step_shading(&mut self, by: isize) {
         self.shading = step(&ShadingView::ALL, self.shading, by);
     }
@@ -204,7 +160,7 @@ impl DisplaySettings {
     pub(crate) fn sanitized(mut self) -> Self {
         let stops = self.exposure_stops;
         self.exposure_stops = if stops.is_finite() { stops.clamp(-8.0, 8.0) } else { 0.0 };
-        if !Self::ANISOTROPIES.contains(&self.anisotropy) {
+        if Self::ANISOTROPIES.iter().all(|(n, _)| *n != self.anisotropy) {
             self.anisotropy = Self::default().anisotropy;
         }
         if ![1, 4].contains(&self.samples) {
@@ -215,39 +171,7 @@ impl DisplaySettings {
 }
 
 /// The element `by` places after another, round and round.
-fn step<T: Copy + PartialEq>(all: &[T], now: T, by: isize) -> T {
-    let at = all.iter().position(|&one| one == now).unwrap_or(0) as isize;
-    all[(at + by).rem_euclid(all.len() as isize) as usize]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn keys_go_round_all_overlays() {
-        let mut display = DisplaySettings::default();
-        for overlay in Overlay::ALL {
-            assert_eq!(display.overlay, overlay);
-            display.step_overlay(1);
-        }
-        assert_eq!(display.overlay, Overlay::None);
-        display.step_overlay(-1);
-        assert_eq!(display.overlay, Overlay::BlendBands);
-    }
-
-    #[test]
-    fn exposure_is_in_stops() {
-        let mut display = DisplaySettings::default();
-        display.change_exposure(2.0);
-        assert_eq!(display.exposure(), 4.0);
-        display.change_exposure(99.0);
-        assert_eq!(display.exposure_stops, 8.0);
-    }
-
-    #[test]
-    fn without_anisotropy_the_filter_is_trilinear() {
-        let display = DisplaySettings { anisotropy: 1, ..DisplaySettings::default() };
-        assert_eq!(display.filter().filter, Filter::Trilinear);
-    }
+fn step<T: Copy + PartialEq>(all: &[(T, &str)], now: T, by: isize) -> T {
+    let at = all.iter().position(|(one, _)| *one == now).unwrap_or(0) as isize;
+    all[(at + by).rem_euclid(all.len() as isize) as usize].0
 }

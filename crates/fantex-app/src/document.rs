@@ -17,17 +17,14 @@ use fantex::stream::open_asset;
 use crate::camera::SceneScale;
 use crate::paint::{Exchange, asset_beside, bake_model};
 
-/// Where something is opened from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// A file.
     File(PathBuf),
     /// An address: `http://...` or `https://...`.
     Url(String),
 }
 
 impl Place {
-    /// From what the user wrote.
     pub fn parse(text: &str) -> Self {
         let is_url = ["http://", "https://"]
             .iter()
@@ -58,51 +55,36 @@ impl std::fmt::Display for Place {
     }
 }
 
-/// What is shown.
 #[derive(Clone, Debug)]
 pub enum Content {
-    /// A model with its own textures.
     Model(Arc<Mesh>),
-    /// A baked asset.
     Asset(Arc<Asset>),
 }
 
-/// A model or an asset, open.
 #[derive(Clone, Debug)]
 pub struct Document {
-    /// Where it is from.
     pub place: Place,
-    /// What it is.
     pub content: Content,
-    /// Its size in the world.
     pub scale: SceneScale,
     /// What was noticed when it was opened: one sentence each.
     pub notes: Vec<String>,
-    /// Names and values for the model panel.
     pub model_facts: Vec<Fact>,
     /// Names and values for the cover panel; none for models.
     pub cover_facts: Vec<Fact>,
-    /// The asset's channels, as the cover panel shows them.
     pub channels: Vec<ChannelFact>,
     /// Where its painter leaves pages that have changed, where there is one.
     pub exchange: Option<Arc<Exchange>>,
 }
 
-/// A line of a panel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fact {
-    /// What.
     pub name: &'static str,
-    /// How much.
     pub value: String,
 }
 
-/// A channel in words.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ChannelFact {
-    /// What it means.
     pub kind: &'static str,
-    /// How it is stored.
     pub format: String,
 }
 
@@ -117,22 +99,16 @@ fn is_look_error(path: &Path) -> Error {
     Error::unsupported(sentence).with_path(path)
 }
 
-/// How far opening is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Stage {
-    /// Bytes become a model or an asset's tables.
     Reading,
-    /// Welding, dropping, orienting.
     Cleaning,
-    /// A model becomes an asset to paint on.
     Baking,
-    /// Textures and buffers for drawing.
     Preparing,
 }
 
 impl Stage {
-    /// In words.
     pub fn label(self) -> &'static str {
         match self {
             Self::Reading => "Reading",
@@ -163,7 +139,6 @@ impl Progress for OpenProgress {
 }
 
 impl OpenProgress {
-    /// How far it is.
     pub fn stage(&self) -> Stage {
         match self.stage.load(Relaxed) {
             0 => Stage::Reading,
@@ -273,7 +248,6 @@ impl Document {
         Ok((document, painter))
     }
 
-    /// What is shown of a cleaned model.
     pub fn of_model(place: Place, mesh: Arc<Mesh>, report: &CleanReport, notes: Vec<String>) -> Self {
         let mut model_facts = mesh_facts(&mesh);
         let textures = mesh.images.len();
@@ -294,7 +268,6 @@ impl Document {
         }
     }
 
-    /// What is shown of an asset.
     pub fn of_asset(place: Place, asset: Arc<Asset>) -> Self {
         let mesh = asset.mesh();
         let cover = asset.cover();
@@ -322,7 +295,6 @@ impl Document {
         }
     }
 
-    /// Its geometry.
     pub fn mesh(&self) -> &Mesh {
         match &self.content {
             Content::Model(mesh) => mesh,
@@ -330,7 +302,6 @@ impl Document {
         }
     }
 
-    /// The asset, if it is one.
     pub fn asset(&self) -> Option<&Arc<Asset>> {
         match &self.content {
             Content::Asset(asset) => Some(asset),
@@ -470,68 +441,5 @@ pub fn short_number(value: f64) -> String {
     } else {
         let decimals = (2 - size.log10().floor() as i32).max(0) as usize;
         format!("{value:.decimals$}")
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn places_are_files_or_addresses() {
-        assert_eq!(Place::parse("HTTPS://a.b/c.fan?x=1"), Place::Url("HTTPS://a.b/c.fan?x=1".into()));
-        assert_eq!(Place::parse("https://a.b/c.fan?x=1").name(), "c.fan");
-        assert_eq!(Place::parse("models/a.glb").name(), "a.glb");
-        assert_eq!(Place::parse("http.glb"), Place::File("http.glb".into()));
-    }
-
-    #[test]
-    fn numbers_are_readable() {
-        assert_eq!(grouped(1_234_567), "1\u{a0}234\u{a0}567");
-        assert_eq!(grouped(12), "12");
-        assert_eq!(bytes_text(64.0 * 1024.0 * 1024.0), "64.0 MiB");
-        assert_eq!(bytes_text(12.0), "12 B");
-        assert_eq!(short_number(0.012_345), "0.0123");
-        assert_eq!(short_number(12_345.6), "12\u{a0}346");
-        assert_eq!(short_number(-1e6), "-1\u{a0}000\u{a0}000");
-        assert_eq!(short_number(999.4), "999");
-        assert_eq!(short_number(1.5e9), "1.50e9");
-    }
-
-    #[test]
-    fn what_cannot_be_opened_says_why() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = |name: &str, bytes: &[u8]| {
-            let path = folder.path().join(name);
-            std::fs::write(&path, bytes).unwrap();
-            Place::File(path)
-        };
-        let message =
-            |place: &Place| Document::open(place, &OpenProgress::default()).unwrap_err().to_string();
-        assert!(message(&file("look.toml", b"")).contains("is a look"));
-        assert!(message(&file("a.fan", b"nonsense")).contains("not a .fan asset"));
-        assert!(message(&file("a.glb", b"nonsense")).contains("a.glb"));
-        assert!(message(&Place::File(folder.path().join("none.obj"))).contains("cannot read"));
-        assert!(message(&Place::File(folder.path().into())).contains("folder"));
-        assert!(message(&Place::parse("https://example.org/a.glb")).contains("download it first"));
-    }
-
-    #[test]
-    fn opening_can_be_cancelled() {
-        let progress = OpenProgress::default();
-        progress.cancel();
-        let error = Document::open(&Place::parse("none.obj"), &progress).unwrap_err();
-        assert!(error.is_cancelled());
-    }
-
-    #[test]
-    fn models_tell_their_facts() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("triangle.obj");
-        std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
-        let document = Document::open(&Place::File(path), &OpenProgress::default()).unwrap();
-        assert_eq!(document.model_facts[0], fact("Triangles", "1".into()));
-        assert_eq!(document.model_facts[2].value, "2.00 × 1.00 × 0");
-        assert!(document.cover_facts.is_empty());
     }
 }

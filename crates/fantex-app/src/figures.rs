@@ -8,12 +8,10 @@ const SHOWN_FRAMES: usize = 240;
 /// Most damaged parts that are listed.
 pub const LISTED_DAMAGE: usize = 100;
 
-/// What is resident of one detail level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LevelFigures {
     /// Texels in the atlas.
     pub resident: u64,
-    /// Texels of the level.
     pub texels: u64,
 }
 
@@ -22,18 +20,14 @@ pub struct LevelFigures {
 pub struct DamagedPart {
     /// Group, level and page, or tiles and level, in words.
     pub part: String,
-    /// Why.
     pub reason: String,
 }
 
-/// Streaming at one moment.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StreamFigures {
     /// Per detail level, the finest first.
     pub levels: Vec<LevelFigures>,
-    /// Bytes of the pool.
     pub pool_bytes: u64,
-    /// Bytes of it that are in use.
     pub used_bytes: u64,
     /// Sides of the atlas' layers in texels, and their number.
     pub atlas: [u32; 3],
@@ -41,19 +35,14 @@ pub struct StreamFigures {
     pub bias: f32,
     /// Wanted parcels that are not resident.
     pub missing: u64,
-    /// Wanted parcels.
     pub wanted: u64,
     /// Parcels that are being read.
     pub queue: u64,
     /// Bytes that went to the graphics memory since the start.
     pub uploaded_bytes: u64,
-    /// Parcels that went to the graphics memory since the start.
     pub uploaded_parcels: u64,
-    /// Parcels that left it since the start.
     pub evicted_parcels: u64,
-    /// What could not be read: the first of it.
     pub damaged: Vec<DamagedPart>,
-    /// How many could not be read.
     pub damaged_count: u64,
 }
 
@@ -74,16 +63,11 @@ impl StreamFigures {
     }
 }
 
-/// Figures over time.
 #[derive(Clone, Debug)]
 pub struct Graphs {
-    /// Milliseconds of drawing per picture.
     pub frame_ms: History,
-    /// Share of the pool in use, 0..1.
     pub pool: History,
-    /// Parcels that are being read.
     pub queue: History,
-    /// Bytes per second to the graphics memory.
     pub bandwidth: History,
     meter: RateMeter,
 }
@@ -102,7 +86,6 @@ impl Default for Graphs {
 }
 
 impl Graphs {
-    /// A picture of the scene was drawn.
     pub fn picture(&mut self, seconds: f64) {
         self.frame_ms.push((seconds * 1e3) as f32);
     }
@@ -114,7 +97,6 @@ impl Graphs {
         self.bandwidth.push(self.meter.update(seconds, now.uploaded_bytes as f64) as f32);
     }
 
-    /// Forgets everything.
     pub fn clear(&mut self) {
         *self = Self::default();
     }
@@ -147,17 +129,14 @@ impl History {
         self.values.iter().copied()
     }
 
-    /// The newest value.
     pub fn last(&self) -> Option<f32> {
         self.values.back().copied()
     }
 
-    /// How many values are kept at most.
     pub fn capacity(&self) -> usize {
         self.capacity
     }
 
-    /// Forgets everything.
     pub fn clear(&mut self) {
         self.values.clear();
     }
@@ -171,7 +150,6 @@ impl History {
         Some(sorted[rank.saturating_sub(1).min(last)])
     }
 
-    /// The greatest value.
     pub fn max(&self) -> Option<f32> {
         self.iter().reduce(f32::max)
     }
@@ -201,67 +179,5 @@ impl RateMeter {
         let (first_seconds, first_total) = self.samples[0];
         let span = seconds - first_seconds;
         if span > 0.0 { (total - first_total) / span } else { 0.0 }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn shares_are_shares() {
-        let mut figures = StreamFigures::default();
-        assert_eq!((figures.hit_rate(), figures.occupancy()), (1.0, 0.0));
-        assert!(figures.is_sharp());
-        figures = StreamFigures { wanted: 4, missing: 1, pool_bytes: 100, used_bytes: 25, ..figures };
-        assert_eq!((figures.hit_rate(), figures.occupancy()), (0.75, 0.25));
-        assert!(!figures.is_sharp());
-    }
-
-    #[test]
-    fn bandwidth_is_per_second() {
-        let mut graphs = Graphs::default();
-        for i in 0..20 {
-            let now = StreamFigures { uploaded_bytes: i * 1000, ..StreamFigures::default() };
-            graphs.stream(i as f64 * 0.1, &now);
-        }
-        assert!((graphs.bandwidth.last().unwrap() - 10_000.0).abs() < 1.0);
-    }
-
-    #[test]
-    fn histories_forget_the_oldest() {
-        let mut history = History::new(3);
-        for value in [9.0, 1.0, f32::NAN, 2.0] {
-            history.push(value);
-        }
-        assert_eq!(history.iter().collect::<Vec<_>>(), [1.0, 0.0, 2.0]);
-        assert_eq!((history.last(), history.max()), (Some(2.0), Some(2.0)));
-    }
-
-    #[test]
-    fn percentiles_are_values_that_occurred() {
-        let mut history = History::new(100);
-        assert_eq!(history.percentile(0.5), None);
-        (1..=100).for_each(|i| history.push(i as f32));
-        assert_eq!(history.percentile(0.5), Some(50.0));
-        assert_eq!(history.percentile(0.99), Some(99.0));
-        assert_eq!(history.percentile(1.0), Some(100.0));
-        assert_eq!(history.percentile(0.0), Some(1.0));
-    }
-
-    #[test]
-    fn rates_are_means_over_a_second() {
-        let mut meter = RateMeter::default();
-        assert_eq!(meter.update(0.0, 0.0), 0.0);
-        let mut rate = 0.0;
-        for i in 1..=40 {
-            rate = meter.update(f64::from(i) * 0.1, f64::from(i) * 5.0);
-        }
-        assert!((rate - 50.0).abs() < 1e-6, "{rate}");
-        assert_eq!(meter.update(4.1, 0.0), 0.0, "a count that falls starts anew");
-        for i in 1..=20 {
-            rate = meter.update(4.1 + f64::from(i) * 0.1, 0.0);
-        }
-        assert_eq!(rate, 0.0);
     }
 }

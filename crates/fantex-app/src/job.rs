@@ -3,8 +3,6 @@
 use std::sync::mpsc::{self, Receiver, TryRecvError};
 use std::time::Instant;
 
-use fantex::base::{Error, ErrorKind};
-
 /// Work under way on a thread of its own. Dropped, it runs to its end, and its result is lost.
 #[derive(Debug)]
 pub struct Job<T> {
@@ -12,12 +10,9 @@ pub struct Job<T> {
     started: Instant,
 }
 
-/// How far a job is.
 #[derive(Debug)]
 pub enum JobState<T> {
-    /// Not done.
     Running,
-    /// Done.
     Done(T),
     /// It ended without a result: a fault of the program, whose details stand on standard error.
     Lost,
@@ -69,35 +64,7 @@ impl<T: Send + 'static> Job<T> {
         self.receiver.recv().ok()
     }
 
-    /// Seconds since it was started.
     pub fn seconds(&self) -> f64 {
         self.started.elapsed().as_secs_f64()
-    }
-}
-
-/// An error of another crate, with its sentence.
-pub(crate) fn other(error: impl std::error::Error + Send + Sync + 'static) -> Error {
-    Error::new(ErrorKind::Unavailable, error.to_string()).with_source(error)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn results_arrive_and_wake() {
-        let (waker, woken) = mpsc::channel();
-        let job = Job::spawn("test", move || waker.send(()).unwrap(), || 6 * 7).unwrap();
-        woken.recv().unwrap();
-        assert!(matches!(job.poll(), JobState::Done(42)));
-    }
-
-    #[test]
-    fn a_job_that_panics_is_lost_and_wakes() {
-        let (waker, woken) = mpsc::channel();
-        let job: Job<u32> =
-            Job::spawn("test", move || waker.send(()).unwrap(), || panic!("on purpose")).unwrap();
-        woken.recv().unwrap();
-        assert!(matches!(job.poll(), JobState::Lost));
     }
 }

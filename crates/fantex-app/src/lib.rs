@@ -11,21 +11,39 @@
 //!
 //! [`Viewer`](viewer::Viewer) is the whole state; it and everything below it know no window and are tested without one.
 //! What only the shell can do (dialogs, pictures, ending) is asked of it as a [`Request`](viewer::Request).
+//!
+//! Others use [`shell::run`]; the other modules are open for the tests.
 
+#[doc(hidden)]
 pub mod camera;
+#[doc(hidden)]
 pub mod command;
+#[doc(hidden)]
 pub mod display;
+#[doc(hidden)]
 pub mod document;
+#[doc(hidden)]
 pub mod figures;
+#[doc(hidden)]
 pub mod job;
+#[doc(hidden)]
 pub mod light;
+#[doc(hidden)]
 pub mod notices;
+#[doc(hidden)]
 pub mod pacing;
+#[doc(hidden)]
 pub mod paint;
+#[doc(hidden)]
 pub mod panels;
+#[doc(hidden)]
 pub mod scene_view;
+#[doc(hidden)]
 pub mod session;
+#[doc(hidden)]
 pub mod settings;
 pub mod shell;
+#[doc(hidden)]
 pub mod theme;
+#[doc(hidden)]
 pub mod viewer;

@@ -9,15 +9,12 @@ use fantex::scene::{AmbientLight, Background, EnvironmentLight, Light, Lights, S
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
 use serde::{Deserialize, Serialize};
 
-use crate::job::other;
-
 /// Side of the faces of a computed sky in texels.
 const SKY_SIDE: u32 = 256;
 
 /// Degrees that the sun turns by a drag over the picture's height.
 const TURN_PER_HEIGHT: f32 = 180.0;
 
-/// Where light comes from besides the sun.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Surroundings {
@@ -26,7 +23,6 @@ pub enum Surroundings {
     Studio,
     /// A computed sky with the sun where the lamp is.
     Sky,
-    /// A picture of the surroundings.
     File(PathBuf),
 }
 
@@ -34,7 +30,6 @@ pub enum Surroundings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BackgroundChoice {
-    /// A dark gradient.
     #[default]
     Dark,
     /// A light gradient, as in pictures of the command line.
@@ -44,40 +39,24 @@ pub enum BackgroundChoice {
 }
 
 impl BackgroundChoice {
-    /// All choices.
-    pub const ALL: [Self; 3] = [Self::Dark, Self::Light, Self::Surroundings];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Dark => "Dark",
-            Self::Light => "Light",
-            Self::Surroundings => "Surroundings",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Dark, "Dark"), (Self::Light, "Light"), (Self::Surroundings, "Surroundings")];
 }
 
-/// The light of the scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct LightSettings {
-    /// Whether the sun shines.
     pub has_sun: bool,
     /// Degrees to the right of +z (seen from above: counter-clockwise), 0..360.
     pub sun_azimuth: f32,
     /// Degrees above the horizon, -90..90.
     pub sun_elevation: f32,
-    /// Factor of the sun's light.
     pub sun_strength: f32,
-    /// Whether the sun casts shadows.
     pub has_shadows: bool,
-    /// Light from everywhere else.
     pub surroundings: Surroundings,
-    /// Factor of the surroundings' light.
     pub surroundings_strength: f32,
     /// Degrees by which the surroundings are turned to the left.
     pub surroundings_rotation: f32,
-    /// What is seen behind the model.
     pub background: BackgroundChoice,
     /// How much surroundings are blurred behind the model, 0..1.
     pub background_blur: f32,
@@ -106,16 +85,12 @@ impl Default for LightSettings {
 pub enum MapKey {
     /// A sky with the sun in this direction, thousandths.
     Sky([i32; 3]),
-    /// A file.
     File(PathBuf),
 }
 
-/// Surroundings ready for lighting.
 #[derive(Clone, Debug)]
 pub struct SurroundingsMap {
-    /// What it was made for.
     pub key: MapKey,
-    /// Its light.
     pub map: Arc<PrefilteredEnvironment>,
     /// Colour of the sun that belongs to it.
     pub sun_color: Option<Vec3>,
@@ -132,9 +107,9 @@ impl MapKey {
             Self::Sky(thousandths) => {
                 let to_sun = Vec3::from_array(thousandths.map(|n| n as f32 / 1000.0));
                 let sky = Sky { to_sun, ..Sky::default() };
-                (sky.to_map(SKY_SIDE).map_err(other)?, Some(sky.sun_color()))
+                (sky.to_map(SKY_SIDE)?, Some(sky.sun_color()))
             }
-            Self::File(path) => (EnvironmentMap::load(path).map_err(other)?, None),
+            Self::File(path) => (EnvironmentMap::load(path)?, None),
         };
         let map = Arc::new(PrefilteredEnvironment::new(Arc::new(map)));
         Ok(SurroundingsMap { key: self, map, sun_color })
@@ -156,7 +131,6 @@ impl LightSettings {
         self.sun_elevation = (self.sun_elevation - drag.y).clamp(-90.0, 90.0);
     }
 
-    /// The map that the surroundings need, if any.
     pub fn map_key(&self) -> Option<MapKey> {
         match &self.surroundings {
             Surroundings::Studio => None,
@@ -216,7 +190,6 @@ impl LightSettings {
     }
 }
 
-/// A light with a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightPreset {
     /// A lamp over the shoulder.
@@ -225,30 +198,20 @@ pub enum LightPreset {
     Even,
     /// A low lamp from the side, which shows relief.
     Grazing,
-    /// From behind.
     Rim,
-    /// Outdoors at noon.
     Noon,
-    /// Outdoors in the evening.
     Evening,
 }
 
 impl LightPreset {
-    /// All of them.
-    pub const ALL: [Self; 6] =
-        [Self::Studio, Self::Even, Self::Grazing, Self::Rim, Self::Noon, Self::Evening];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Studio => "Studio",
-            Self::Even => "Even",
-            Self::Grazing => "Grazing",
-            Self::Rim => "Rim",
-            Self::Noon => "Noon",
-            Self::Evening => "Evening",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 6] = [
+        (Self::Studio, "Studio"),
+        (Self::Even, "Even"),
+        (Self::Grazing, "Grazing"),
+        (Self::Rim, "Rim"),
+        (Self::Noon, "Noon"),
+        (Self::Evening, "Evening"),
+    ];
 
     /// The light; what is seen behind the model stays as it is in `now`.
     pub fn light(self, now: &LightSettings) -> LightSettings {
@@ -274,68 +237,7 @@ impl LightPreset {
         }
     }
 
-    /// Whether a light is this one.
     pub fn is_in(self, light: &LightSettings) -> bool {
         self.light(light) == *light
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_default_sun_is_over_the_left_shoulder() {
-        let to_sun = LightSettings::default().to_sun();
-        assert!(to_sun.x < -0.3 && to_sun.y > 0.5 && to_sun.z > 0.3, "{to_sun}");
-        assert!((to_sun.length() - 1.0).abs() < 1e-6);
-    }
-
-    #[test]
-    fn dragging_turns_the_sun_the_way_of_the_hand() {
-        let mut light = LightSettings { sun_azimuth: 0.0, ..LightSettings::default() };
-        let before = light.to_sun();
-        light.drag_sun(DVec2::new(0.1, -0.1));
-        let after = light.to_sun();
-        assert!(after.x > before.x && after.y > before.y, "{before} {after}");
-        light.drag_sun(DVec2::new(55.0, 99.0));
-        assert!(light.sun_elevation == -90.0 && (0.0..360.0).contains(&light.sun_azimuth));
-    }
-
-    #[test]
-    fn the_sky_is_made_anew_where_the_sun_moves() {
-        let mut light = LightSettings { surroundings: Surroundings::Sky, ..LightSettings::default() };
-        let first = light.map_key().unwrap();
-        assert_eq!(light.map_key().unwrap(), first);
-        light.drag_sun(DVec2::new(0.05, 0.0));
-        assert_ne!(light.map_key().unwrap(), first);
-        light.sun_elevation = -40.0;
-        let map = light.map_key().unwrap().make().unwrap();
-        assert!(map.sun_color.is_some());
-        assert!(light.lights(Some(&map)).defect().is_none());
-    }
-
-    #[test]
-    fn missing_pictures_are_named() {
-        let error = MapKey::File("no/such/sky.hdr".into()).make().unwrap_err();
-        assert!(error.to_string().contains("sky.hdr"));
-    }
-
-    #[test]
-    fn nonsense_is_brought_into_range() {
-        let light =
-            LightSettings { sun_strength: f32::NAN, background_blur: 7.0, ..LightSettings::default() };
-        let light = light.sanitized();
-        assert_eq!((light.sun_strength, light.background_blur), (1.0, 1.0));
-    }
-
-    #[test]
-    fn presets_differ() {
-        let usual = LightSettings::default();
-        for preset in LightPreset::ALL {
-            let light = preset.light(&usual);
-            let found: Vec<_> = LightPreset::ALL.into_iter().filter(|other| other.is_in(&light)).collect();
-            assert_eq!(found, [preset]);
-        }
     }
 }

@@ -8,21 +8,16 @@ const SHOWN: usize = 4;
 /// Most messages that are kept for those who ask later.
 const KEPT: usize = 200;
 
-/// How serious a message is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Severity {
-    /// Something was done.
     Info,
-    /// Something is not as it should be.
     Warning,
     /// Something failed. Stays until it is dismissed.
     Error,
 }
 
-/// A message on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Notice {
-    /// How serious.
     pub severity: Severity,
     /// One or two sentences.
     pub text: String,
@@ -30,7 +25,6 @@ pub struct Notice {
     pub since: f64,
 }
 
-/// The messages.
 #[derive(Clone, Debug, Default)]
 pub struct Notices {
     shown: VecDeque<Notice>,
@@ -57,17 +51,14 @@ impl Notices {
         }
     }
 
-    /// Something was done.
     pub fn info(&mut self, text: impl Into<String>, seconds: f64) {
         self.add(Severity::Info, text, seconds);
     }
 
-    /// Something is not as it should be.
     pub fn warning(&mut self, text: impl Into<String>, seconds: f64) {
         self.add(Severity::Warning, text, seconds);
     }
 
-    /// Something failed.
     pub fn error(&mut self, text: impl Into<String>, seconds: f64) {
         self.add(Severity::Error, text, seconds);
     }
@@ -94,7 +85,6 @@ impl Notices {
         self.log.iter().map(String::as_str)
     }
 
-    /// Number of errors so far.
     pub fn error_count(&self) -> u64 {
         self.unseen_errors
     }
@@ -106,33 +96,5 @@ fn lifetime(severity: Severity) -> Option<f64> {
         Severity::Info => Some(4.0),
         Severity::Warning => Some(12.0),
         Severity::Error => None,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn messages_go_and_errors_stay() {
-        let mut notices = Notices::default();
-        notices.info("saved", 0.0);
-        notices.error("broken", 0.0);
-        assert_eq!(notices.shown(1.0).count(), 2);
-        assert_eq!(notices.wake_in(1.0), Some(3.0));
-        assert_eq!(notices.shown(60.0).map(|n| n.text.as_str()).collect::<Vec<_>>(), ["broken"]);
-        notices.dismiss(0);
-        assert_eq!(notices.shown(60.0).count(), 0);
-        assert_eq!(notices.log().collect::<Vec<_>>(), ["saved", "broken"]);
-    }
-
-    #[test]
-    fn repeated_messages_are_one() {
-        let mut notices = Notices::default();
-        (0..50).for_each(|i| notices.warning("slow", f64::from(i)));
-        assert_eq!(notices.shown(50.0).count(), 1);
-        assert_eq!(notices.log().count(), 1);
-        (0..50).for_each(|i| notices.error(format!("{i}"), 0.0));
-        assert_eq!(notices.shown(50.0).count(), SHOWN);
     }
 }

@@ -10,12 +10,10 @@ const REST_SECONDS: f64 = 0.15;
 /// Scales of the sides of a moving picture.
 const SCALES: [f32; 5] = [1.0, 0.75, 0.6, 0.45, 0.3];
 
-/// Decides about pictures of the scene.
 #[derive(Clone, Debug, Default)]
 pub struct Pacing {
     /// Something has changed since the last picture.
     is_stale: bool,
-    /// Whether a picture is being drawn.
     is_drawing: bool,
     /// When something moved for the last time, seconds.
     moved: Option<f64>,
@@ -25,7 +23,6 @@ pub struct Pacing {
     moving: usize,
 }
 
-/// What to draw now.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Draw {
     /// Nothing: what is shown is right, or a picture is being drawn.
@@ -102,77 +99,5 @@ impl Pacing {
     pub fn wake_in(&self, seconds: f64) -> Option<f64> {
         let rest = self.moved.map(|moved| (moved + REST_SECONDS - seconds).max(0.0));
         if self.is_stale && !self.is_drawing { Some(0.0) } else { rest.filter(|_| self.scale < 1.0) }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn nothing_is_drawn_where_nothing_changes() {
-        let mut pacing = Pacing::default();
-        pacing.changed();
-        assert_eq!(pacing.next(0.0, true), Draw::Scaled(1.0));
-        assert_eq!(pacing.next(0.1, true), Draw::Nothing, "one at a time");
-        assert!(!pacing.is_settled());
-        pacing.drawn(0.01);
-        assert!(pacing.is_settled());
-        assert_eq!(pacing.next(0.2, true), Draw::Nothing);
-        assert_eq!(pacing.wake_in(0.2), None);
-    }
-
-    #[test]
-    fn slow_pictures_shrink_while_moving_and_grow_at_rest() {
-        let mut pacing = Pacing::default();
-        let mut seconds = 0.0;
-        let mut scales = Vec::new();
-        for _ in 0..20 {
-            pacing.moved(seconds);
-            let Draw::Scaled(scale) = pacing.next(seconds, true) else { panic!("nothing drawn") };
-            scales.push(scale);
-            // 100 ms in full.
-            let took = 0.1 * f64::from(scale).powi(2);
-            pacing.drawn(took);
-            seconds += took;
-        }
-        assert_eq!(scales[0], 1.0);
-        let last = *scales.last().unwrap();
-        assert!(last < 0.61 && last > 0.4, "{scales:?}");
-        assert!(!pacing.is_settled());
-        let rest = pacing.wake_in(seconds).unwrap();
-        assert!(rest > 0.0 && rest <= REST_SECONDS);
-        assert_eq!(pacing.next(seconds + rest + 1e-6, true), Draw::Scaled(1.0));
-        pacing.drawn(0.1);
-        assert!(pacing.is_settled());
-    }
-
-    #[test]
-    fn fast_pictures_stay_whole() {
-        let mut pacing = Pacing::default();
-        for frame in 0..30 {
-            pacing.moved(f64::from(frame) * 0.01);
-            assert_eq!(pacing.next(f64::from(frame) * 0.01, true), Draw::Scaled(1.0));
-            pacing.drawn(0.005);
-        }
-    }
-
-    #[test]
-    fn without_adaption_pictures_stay_whole() {
-        let mut pacing = Pacing::default();
-        for frame in 0..10 {
-            pacing.moved(f64::from(frame));
-            assert_eq!(pacing.next(f64::from(frame), false), Draw::Scaled(1.0));
-            pacing.drawn(0.5);
-        }
-    }
-
-    #[test]
-    fn lost_pictures_are_drawn_again() {
-        let mut pacing = Pacing::default();
-        pacing.changed();
-        pacing.next(0.0, true);
-        pacing.lost();
-        assert_eq!(pacing.next(0.1, true), Draw::Scaled(1.0));
     }
 }

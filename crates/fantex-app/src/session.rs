@@ -17,7 +17,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::base::{Error, ErrorKind, Result};
+use fantex::base::{Error, Result};
 use serde::Deserialize;
 
 use crate::camera::{CameraMode, ViewPreset};
@@ -27,7 +27,7 @@ use crate::paint::{
     BrushSettings, ChannelSwitches, FillReach, Material, PaintTool, StencilSettings, SymmetrySettings,
     TextureChoice, parse_hex,
 };
-use crate::settings::Tab;
+use crate::settings::{Tab, read_limited};
 
 /// Most bytes of a file that is read as a session.
 const MAX_FILE_BYTES: u64 = 1 << 20;
@@ -39,7 +39,6 @@ const PICTURE_SECONDS: f64 = 120.0;
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Session {
-    /// One after the other.
     pub steps: Vec<Step>,
 }
 
@@ -57,9 +56,7 @@ pub enum Step {
     Key(String),
     /// Holds keys for so many frames.
     Hold {
-        /// Names of keys.
         keys: Vec<String>,
-        /// Frames.
         frames: u32,
     },
     /// Drags in the scene, in shares of its height.
@@ -72,22 +69,16 @@ pub enum Step {
         #[serde(default)]
         with: Vec<String>,
     },
-    /// Puts the camera somewhere.
     Camera {
         /// The pinhole, world space.
         eye: [f64; 3],
         /// A point in the middle of the picture, world space.
         target: [f64; 3],
     },
-    /// Shows the whole model from a side.
     View(ViewPreset),
-    /// Moves the camera in another way.
     Mode(CameraMode),
-    /// Chooses an overlay.
     Overlay(Overlay),
-    /// Chooses a view of the shading.
     Shading(ShadingView),
-    /// Shows a page of the inspector.
     Tab(Tab),
     /// Opens a file or address.
     Open(String),
@@ -97,17 +88,13 @@ pub enum Step {
     Pool(u32),
     /// Plays a camera path and waits for its end.
     Play(String),
-    /// Saves a picture of the scene.
     Screenshot {
-        /// Where to.
         path: PathBuf,
         /// Width and height in pixels; those on the screen without.
         #[serde(default)]
         size: Option<[u32; 2]>,
     },
-    /// Saves a picture of the whole window.
     WindowScreenshot {
-        /// Where to.
         path: PathBuf,
     },
     /// Gives the window another size in points.
@@ -115,10 +102,11 @@ pub enum Step {
     /// Hides the window as a symbol, or brings it back.
     Minimize(bool),
     /// Loses the GPU's device, as when a driver is replaced, and goes on in another window.
+    #[cfg(feature = "test-steps")]
     LoseDevice,
     /// Fails unless a message with this text has been shown.
+    #[cfg(feature = "test-steps")]
     ExpectMessage(String),
-    /// Chooses a tool of the painter.
     PaintTool(PaintTool),
     /// Takes a brush; what is left out is as usual.
     Brush(BrushSettings),
@@ -126,13 +114,9 @@ pub enum Step {
     Text(String),
     /// Takes a colour: `#d8452e`.
     Color(String),
-    /// Says which channels are painted.
     Channels(ChannelSwitches),
-    /// Says what is painted into the material's channels.
     Material(Material),
-    /// Says what the base colour comes from.
     Texture(TextureChoice),
-    /// Lays a picture over the view; what is left out is as usual.
     Stencil(StencilSettings),
     /// Lets the pointer move that picture (true), or paint again.
     AdjustStencil(bool),
@@ -140,17 +124,14 @@ pub enum Step {
     FitStencil,
     /// Projects that picture onto all that is seen.
     Project,
-    /// Says how far fills go.
     Fill(FillReach),
     /// Lays this picture with the next click of the tool `sticker`.
     Picture(PathBuf),
-    /// Chooses symmetry.
     Symmetry(SymmetrySettings),
     /// Draws with the first button through points of the scene.
     Stroke {
         /// 0..1 along the scene's sides; one point is a click.
         points: Vec<[f64; 2]>,
-        /// Names of held modifiers.
         #[serde(default)]
         with: Vec<String>,
         /// Frames from one point to the next.
@@ -162,7 +143,6 @@ pub enum Step {
     },
     /// Lets the pointer rest at a point of the scene.
     Hover([f64; 2]),
-    /// Does something with layers.
     Layer(LayerStep),
     /// Waits until something that takes long has done a part of its work, at most so many seconds.
     WaitWorking(f64),
@@ -171,6 +151,7 @@ pub enum Step {
     /// Waits until all is in the file, at most so many seconds.
     WaitSaved(f64),
     /// Fails unless there are so many layers and steps of the history.
+    #[cfg(feature = "test-steps")]
     ExpectPainting {
         /// Layers over the base.
         #[serde(default)]
@@ -179,7 +160,6 @@ pub enum Step {
         #[serde(default)]
         steps: Option<usize>,
     },
-    /// Ends the viewer with exit code 0.
     Quit,
 }
 
@@ -191,31 +171,25 @@ fn stroke_frames() -> u32 {
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum LayerStep {
-    /// A new layer.
     Add,
     /// A new layer of one colour or texture, hidden by its mask.
     AddFill,
     /// The same, without a mask.
     AddFillEverywhere,
-    /// A fill layer takes the colour or texture of now.
     Refill,
     /// The layer of this name, or `base`.
     Select(String),
     /// Its mask.
     SelectMask(String),
-    /// Another name.
     Rename(String),
     /// 0..1.
     Opacity(f32),
-    /// Another blend mode.
     Blend(fantex::paint::BlendMode),
-    /// Shown or not.
     Show(bool),
     /// A mask that shows all (true) or hides all.
     AddMask(bool),
     /// Towards the top (true) or the bottom.
     Move(bool),
-    /// Away with it.
     Delete,
 }
 
@@ -227,14 +201,7 @@ impl Session {
     /// The file cannot be read, is no session or names unknown keys.
     pub fn load(path: &Path) -> Result<Self> {
         let name = path.display();
-        let failed = |source: std::io::Error| {
-            let sentence = format!("cannot read the session {name}: {source}");
-            Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
-        };
-        if std::fs::metadata(path).map_err(failed)?.len() > MAX_FILE_BYTES {
-            return Err(failed(std::io::ErrorKind::FileTooLarge.into()));
-        }
-        let text = std::fs::read(path).map_err(failed)?;
+        let text = read_limited(path, MAX_FILE_BYTES, "the session")?;
         let mut session: Self = serde_json::from_slice(&text).map_err(|source| {
             Error::malformed(format!("{name} is no session: {source}")).with_path(path).with_source(source)
         })?;
@@ -296,19 +263,16 @@ impl Step {
 /// What a session needs to know of the viewer.
 #[derive(Clone, Debug, Default)]
 pub struct Situation {
-    /// Seconds since the start.
     pub seconds: f64,
     /// Frames of the window since the start.
     pub frame: u64,
-    /// Whether something is being opened.
     pub is_opening: bool,
     /// Whether all that is seen has its wanted level, and the picture shows it.
     pub is_sharp: bool,
-    /// Whether a camera path is being played.
     pub is_playing: bool,
-    /// Whether the hands have something to do.
-    pub are_hands_busy: bool,
-    /// Whether a painter has something to do, or the hands have.
+    /// Whether keys and mouse of the session are still at work.
+    pub is_acting: bool,
+    /// Whether a painter has something to do, or keys and mouse have.
     pub is_painting: bool,
     /// Whether a painter has done a part of something that takes long.
     pub is_working: bool,
@@ -320,8 +284,6 @@ pub struct Situation {
     pub pictures_due: usize,
     /// Messages that were shown since the start, oldest first.
     pub messages: Vec<String>,
-    /// What failed of that which a step asked for.
-    pub failure: Option<String>,
 }
 
 /// What the viewer shall do for a session now.
@@ -341,43 +303,18 @@ pub struct SessionRunner {
     steps: std::vec::IntoIter<Step>,
     /// Number of the current step, from 1.
     number: usize,
-    wait: Option<Waiting>,
+    wait: Option<Wait>,
 }
 
+/// What is waited for, from a frame on and at most so many seconds.
 #[derive(Clone, Copy, Debug)]
-struct Waiting {
-    until: Until,
+struct Wait {
+    is_over: fn(&Situation) -> bool,
+    frame: u64,
     since: f64,
-}
-
-#[derive(Clone, Copy, Debug)]
-enum Until {
-    Frame(u64),
-    Loaded {
-        seconds: f64,
-    },
-    /// And the frame before which the picture cannot be the wanted one.
-    Sharp {
-        seconds: f64,
-        frame: u64,
-    },
-    /// The hand has drawn all of a stroke.
-    Drawn {
-        frame: u64,
-    },
-    Working {
-        seconds: f64,
-    },
-    Painted {
-        seconds: f64,
-        frame: u64,
-    },
-    Saved {
-        seconds: f64,
-        frame: u64,
-    },
-    Picture,
-    Played,
+    seconds: f64,
+    /// What is said where it takes longer.
+    problem: &'static str,
 }
 
 impl SessionRunner {
@@ -392,171 +329,95 @@ impl SessionRunner {
     ///
     /// A step failed or took too long.
     pub fn next(&mut self, now: &Situation) -> Result<Act> {
-        if let Some(reason) = &now.failure {
-            return Err(at_step(self.number, reason));
-        }
         if let Some(wait) = self.wait {
-            if !self.is_over(wait, now)? {
+            let is_over = now.frame >= wait.frame && (wait.is_over)(now);
+            if !is_over && now.seconds - wait.since > wait.seconds {
+                let Wait { seconds, problem, .. } = wait;
+                return Err(at_step(self.number, format!("after {seconds} s {problem}")));
+            }
+            if !is_over {
                 return Ok(Act::Wait);
             }
             self.wait = None;
         }
         let Some(step) = self.steps.next() else { return Ok(Act::End) };
         self.number += 1;
-        let wait = |until| Some(Waiting { until, since: now.seconds });
-        self.wait = match &step {
+        let frames = |count: u32| Wait {
+            is_over: |_| true,
+            frame: now.frame + u64::from(count),
+            since: now.seconds,
+            seconds: f64::INFINITY,
+            problem: "",
+        };
+        let until = |is_over: fn(&Situation) -> bool, seconds, problem| Wait {
+            is_over,
+            seconds,
+            problem,
+            ..frames(0)
+        };
+        let (wait, is_done) = match &step {
             Step::Quit => return Ok(Act::End),
-            Step::WaitFrames(frames) => wait(Until::Frame(now.frame + u64::from(*frames))),
-            Step::WaitLoaded(seconds) => wait(Until::Loaded { seconds: *seconds }),
-            Step::WaitSharp(seconds) => wait(Until::Sharp { seconds: *seconds, frame: now.frame + 3 }),
+            Step::WaitFrames(count) => (frames(*count), false),
+            Step::WaitLoaded(seconds) => {
+                (until(|now| !now.is_opening, *seconds, "the file was still being opened"), false)
+            }
+            // Before the third frame the picture cannot be the wanted one.
+            Step::WaitSharp(seconds) => {
+                let is_sharp = |now: &Situation| !now.is_opening && now.is_sharp;
+                (
+                    Wait { frame: now.frame + 3, ..until(is_sharp, *seconds, "the picture was not sharp") },
+                    false,
+                )
+            }
+            Step::WaitWorking(seconds) => {
+                (until(|now| now.is_working, *seconds, "nothing that takes long was under way"), false)
+            }
+            Step::WaitPainted(seconds) => {
+                let is_painted = |now: &Situation| !now.is_opening && !now.is_painting;
+                (
+                    Wait {
+                        frame: now.frame + 2,
+                        ..until(is_painted, *seconds, "the painter was still busy")
+                    },
+                    false,
+                )
+            }
+            Step::WaitSaved(seconds) => {
+                let is_saved = |now: &Situation| !now.is_painting && !now.is_unsaved;
+                (Wait { frame: now.frame + 2, ..until(is_saved, *seconds, "not all was saved") }, false)
+            }
+            #[cfg(feature = "test-steps")]
             Step::ExpectMessage(text) => {
-                return match now.messages.iter().any(|message| message.contains(text)) {
-                    true => Ok(Act::Wait),
-                    false => {
-                        let found = now.messages.join(" | ");
-                        let reason = format!("no message says '{text}'; there are: {found}");
-                        Err(at_step(self.number, reason))
-                    }
-                };
+                if !now.messages.iter().any(|message| message.contains(text)) {
+                    let found = now.messages.join(" | ");
+                    let reason = format!("no message says '{text}'; there are: {found}");
+                    return Err(at_step(self.number, reason));
+                }
+                return Ok(Act::Wait);
             }
-            Step::WaitWorking(seconds) => wait(Until::Working { seconds: *seconds }),
-            Step::WaitPainted(seconds) => wait(Until::Painted { seconds: *seconds, frame: now.frame + 2 }),
-            Step::WaitSaved(seconds) => wait(Until::Saved { seconds: *seconds, frame: now.frame + 2 }),
+            #[cfg(feature = "test-steps")]
             Step::ExpectPainting { layers, steps } => {
-                let is_as_expected =
-                    [layers, steps].into_iter().zip(now.painted).all(|(e, f)| e.is_none_or(|e| e == f));
-                let [layers, steps] = now.painted;
-                return match is_as_expected {
-                    true => Ok(Act::Wait),
-                    false => {
-                        let reason = format!("there are {layers} layers and {steps} steps of the history");
-                        Err(at_step(self.number, reason))
-                    }
-                };
+                let [found_layers, found_steps] = now.painted;
+                if layers.is_some_and(|n| n != found_layers) || steps.is_some_and(|n| n != found_steps) {
+                    let reason =
+                        format!("there are {found_layers} layers and {found_steps} steps of the history");
+                    return Err(at_step(self.number, reason));
+                }
+                return Ok(Act::Wait);
             }
-            Step::Screenshot { .. } | Step::WindowScreenshot { .. } => wait(Until::Picture),
-            Step::Hold { frames, .. } => wait(Until::Frame(now.frame + u64::from(*frames))),
-            Step::Play(_) => wait(Until::Played),
-            Step::Stroke { .. } => wait(Until::Drawn { frame: now.frame + 2 }),
+            Step::Screenshot { .. } | Step::WindowScreenshot { .. } => {
+                (until(|now| now.pictures_due == 0, PICTURE_SECONDS, "the picture was not written"), true)
+            }
+            Step::Hold { frames: count, .. } => (frames(*count), true),
+            Step::Play(_) => (until(|now| !now.is_playing, f64::INFINITY, ""), true),
+            Step::Stroke { .. } => {
+                let is_drawn = |now: &Situation| !now.is_acting;
+                (Wait { frame: now.frame + 2, ..until(is_drawn, f64::INFINITY, "") }, true)
+            }
             // What it changes is there in the next frame.
-            _ => wait(Until::Frame(now.frame + 2)),
+            _ => (frames(2), true),
         };
-        match step {
-            Step::WaitFrames(_)
-            | Step::WaitLoaded(_)
-            | Step::WaitSharp(_)
-            | Step::WaitWorking(_)
-            | Step::WaitPainted(_)
-            | Step::WaitSaved(_) => Ok(Act::Wait),
-            step => Ok(Act::Do(step)),
-        }
-    }
-
-    /// Number of the current step, from 1.
-    pub fn number(&self) -> usize {
-        self.number
-    }
-
-    fn is_over(&self, wait: Waiting, now: &Situation) -> Result<bool> {
-        let (is_over, seconds, what) = match wait.until {
-            Until::Frame(frame) => (now.frame >= frame, f64::INFINITY, ""),
-            Until::Loaded { seconds } => (!now.is_opening, seconds, "the file was still being opened"),
-            Until::Sharp { seconds, frame } => {
-                let is_sharp = now.frame >= frame && !now.is_opening && now.is_sharp;
-                (is_sharp, seconds, "the picture was not sharp")
-            }
-            Until::Drawn { frame } => (now.frame >= frame && !now.are_hands_busy, f64::INFINITY, ""),
-            Until::Working { seconds } => (now.is_working, seconds, "nothing that takes long was under way"),
-            Until::Painted { seconds, frame } => (
-                now.frame >= frame && !now.is_opening && !now.is_painting,
-                seconds,
-                "the painter was still busy",
-            ),
-            Until::Saved { seconds, frame } => {
-                (now.frame >= frame && !now.is_painting && !now.is_unsaved, seconds, "not all was saved")
-            }
-            Until::Picture => (now.pictures_due == 0, PICTURE_SECONDS, "the picture was not written"),
-            Until::Played => (!now.is_playing, f64::INFINITY, ""),
-        };
-        if !is_over && now.seconds - wait.since > seconds {
-            return Err(at_step(self.number, format!("after {seconds} s {what}")));
-        }
-        Ok(is_over)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn session(text: &str) -> Result<Session> {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("session.json");
-        std::fs::write(&path, text).unwrap();
-        Session::load(&path)
-    }
-
-    fn at(frame: u64) -> Situation {
-        Situation { frame, seconds: frame as f64 / 10.0, ..Situation::default() }
-    }
-
-    #[test]
-    fn every_step_has_its_text() {
-        let text = r#"{"steps":[{"wait_frames":3},{"wait_loaded":5},{"wait_sharp":2.5},{"key":"Ctrl+S"},
-            {"hold":{"keys":["W"],"frames":9}},{"drag":{"x":0.1,"y":0,"with":["Ctrl"]}},
-            {"camera":{"eye":[1,2,3],"target":[0,0,0]}},{"view":"three_quarter"},{"mode":"walk"},
-            {"overlay":"blend_bands"},{"shading":"base_color"},{"tab":"light"},{"open":"a.glb"},
-            {"surroundings":"sky"},{"pool":16},{"play":"way.json"},{"screenshot":{"path":"a.png","size":[64,32]}},
-            {"window_screenshot":{"path":"b.png"}},{"resize":[0,0]},{"minimize":true},{"expect_message":"x"},"quit"]}"#;
-        let found = session(text).unwrap();
-        assert_eq!(found.steps.len(), 22);
-        let Step::Screenshot { path, .. } = &found.steps[16] else { panic!("{:?}", found.steps[16]) };
-        assert!(path.is_absolute(), "paths are relative to the session: {}", path.display());
-    }
-
-    #[test]
-    fn wrong_sessions_are_refused_in_a_sentence() {
-        let message = |text| session(text).unwrap_err().to_string();
-        assert!(message("{\"steps\":[{\"jump\":1}]}").contains("jump"));
-        assert!(message("{\"steps\":[\"quit\",{\"key\":\"Hyper\"}]}").contains("step 2"));
-        assert!(message("{").contains("no session"));
-    }
-
-    #[test]
-    fn steps_wait_for_what_they_asked_for() {
-        let text =
-            r#"{"steps":[{"wait_frames":2},{"screenshot":{"path":"a.png"}},{"wait_sharp":60},"quit"]}"#;
-        let mut runner = SessionRunner::new(session(text).unwrap());
-        assert_eq!(runner.next(&at(0)).unwrap(), Act::Wait);
-        assert_eq!(runner.next(&at(1)).unwrap(), Act::Wait);
-        assert!(matches!(runner.next(&at(2)).unwrap(), Act::Do(Step::Screenshot { .. })));
-        assert_eq!(runner.next(&Situation { pictures_due: 1, ..at(3) }).unwrap(), Act::Wait);
-        assert_eq!(runner.next(&at(4)).unwrap(), Act::Wait);
-        assert_eq!(
-            runner.next(&Situation { is_sharp: true, ..at(5) }).unwrap(),
-            Act::Wait,
-            "of the frame before"
-        );
-        assert_eq!(runner.next(&Situation { is_sharp: true, ..at(8) }).unwrap(), Act::End);
-    }
-
-    #[test]
-    fn waits_end() {
-        let mut runner = SessionRunner::new(session(r#"{"steps":[{"wait_loaded":1}]}"#).unwrap());
-        let opening = |frame| Situation { is_opening: true, ..at(frame) };
-        assert_eq!(runner.next(&opening(0)).unwrap(), Act::Wait);
-        assert_eq!(runner.next(&opening(10)).unwrap(), Act::Wait);
-        let late = runner.next(&opening(11)).unwrap_err().to_string();
-        assert!(late.contains("step 1") && late.contains("still being opened"), "{late}");
-    }
-
-    #[test]
-    fn failures_and_missing_messages_end_a_session() {
-        let mut runner = SessionRunner::new(session(r#"{"steps":[{"expect_message":"damaged"}]}"#).unwrap());
-        let now = Situation { messages: vec!["all is well".into()], ..at(0) };
-        assert!(runner.next(&now).unwrap_err().to_string().contains("all is well"));
-        let mut runner = SessionRunner::new(session(r#"{"steps":["quit"]}"#).unwrap());
-        let now = Situation { failure: Some("no room".into()), ..at(0) };
-        assert!(runner.next(&now).unwrap_err().to_string().contains("no room"));
+        self.wait = Some(wait);
+        Ok(if is_done { Act::Do(step) } else { Act::Wait })
     }
 }

@@ -18,7 +18,7 @@ use crate::display::DisplaySettings;
 use crate::document::{Content, Document};
 use crate::figures::{Graphs, StreamFigures};
 use crate::job::{Job, JobState};
-use crate::light::{MapKey, SurroundingsMap};
+use crate::light::{MapKey, Surroundings, SurroundingsMap};
 use crate::notices::Notices;
 use crate::pacing::Pacing;
 use crate::paint::{Painting, PenEvent};
@@ -40,59 +40,52 @@ pub type Wake = Arc<dyn Fn() + Send + Sync>;
 /// What only the shell can do.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// Ask for a file to open.
-    OpenDialog,
-    /// Ask for a picture of surroundings.
-    SurroundingsDialog,
-    /// Ask for a picture that shapes the brush.
-    StampDialog,
-    /// Ask for a picture to lay onto the surface.
-    StickerDialog,
-    /// Ask for a picture to lay over the view.
-    StencilDialog,
-    /// Ask for a look to paint with.
-    LookDialog,
-    /// Ask for a camera path to load.
-    LoadPathDialog,
-    /// Ask where to save the camera path.
-    SavePathDialog,
-    /// Save a picture of the scene.
+    Dialog(FileDialog),
     Picture {
-        /// Where to.
         path: PathBuf,
-        /// How large.
         size: PictureSize,
     },
-    /// Save a picture of the window.
     WindowPicture(PathBuf),
-    /// End the program.
+    /// Lose the GPU's device, as when a driver is replaced.
+    #[cfg(feature = "test-steps")]
+    LoseDevice,
     Quit,
 }
 
-/// How large a saved picture of the scene is.
+/// A file that is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileDialog {
+    Open,
+    Surroundings,
+    /// A picture that shapes the brush.
+    Stamp,
+    /// A picture to lay onto the surface.
+    Sticker,
+    /// A picture to lay over the view.
+    Stencil,
+    /// A look to paint with.
+    Look,
+    LoadPath,
+    SavePath,
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PictureSize {
     /// So many times as wide and high as on the screen.
     Times(u32),
-    /// Pixels.
     Pixels([u32; 2]),
 }
 
 /// A camera path being played or recorded.
 #[derive(Clone, Debug)]
 pub enum Tape {
-    /// Neither.
     Still,
-    /// Since a time in seconds.
     Recording {
         /// When it began.
         since: f64,
-        /// What there is so far.
         recorder: PathRecorder,
     },
-    /// Since a time in seconds.
     Playing {
-        /// When it began.
         since: f64,
     },
 }
@@ -127,45 +120,29 @@ pub struct SceneInput {
     pub wheel: f64,
     /// Where the cursor is, 0..1 along the scene's sides.
     pub cursor: Option<DVec2>,
-    /// Whether there was a double click at the cursor.
     pub is_double_click: bool,
-    /// What held keys ask for.
     pub wish: Wish,
 }
 
-/// The viewer's state.
 pub struct Viewer {
-    /// What is remembered.
     pub settings: Settings,
-    /// What is shown.
     pub document: Option<Document>,
-    /// What is being opened.
     pub opening: Option<Opening>,
-    /// The camera.
     pub rig: CameraRig,
-    /// The path that was recorded or loaded.
     pub path: Option<CameraPath>,
-    /// Recording or playing.
     pub tape: Tape,
-    /// Messages.
     pub notices: Notices,
     /// Why the program is to end.
     pub failure: Option<String>,
-    /// What streaming tells.
     pub figures: StreamFigures,
-    /// Figures over time.
     pub graphs: Graphs,
-    /// When the scene is drawn.
     pub pacing: Pacing,
-    /// Whether the help sheet is shown.
     pub has_help: bool,
-    /// What is painted on.
     pub painting: Option<Painting>,
     /// Whether what is opened is to be painted on.
     pub paints: bool,
     /// Memory for pages while painting, bytes.
     pub paint_memory_bytes: usize,
-    /// Where the user's brushes are kept.
     pub brushes_file: Option<PathBuf>,
     /// The scene's size on the screen in pixels; zero while it is not shown.
     pub scene_pixels: [u32; 2],
@@ -173,7 +150,6 @@ pub struct Viewer {
     pub scene_corner: [f32; 2],
     /// What draws.
     pub adapter: String,
-    /// Where pictures go.
     pub picture_folder: PathBuf,
     /// The model in the graphics memory, until the shell takes it.
     pub new_model: Option<Option<SceneModel>>,
@@ -184,7 +160,8 @@ pub struct Viewer {
     requests: Vec<Request>,
     fly: FlyMotion,
     walker: Walker,
-    ground: Option<MeshGround>,
+    /// What a walker stands on, once it is prepared.
+    pub ground: Option<MeshGround>,
     ground_job: Option<Job<MeshGround>>,
     map: Option<SurroundingsMap>,
     map_job: Option<(MapKey, Job<Result<SurroundingsMap>>)>,
@@ -194,7 +171,7 @@ pub struct Viewer {
     looks: Option<Looks>,
     prepare: Option<PrepareScene>,
     /// The document on its way to another GPU.
-    moving: Option<Job<Result<SceneModel, String>>>,
+    moving: Option<Job<Result<SceneModel>>>,
     wake: Wake,
 }
 
@@ -257,7 +234,6 @@ impl Viewer {
         std::mem::take(&mut self.requests)
     }
 
-    /// Asks the shell for something.
     pub fn request(&mut self, request: Request) {
         self.requests.push(request);
     }
@@ -273,17 +249,14 @@ impl Viewer {
         width / height
     }
 
-    /// The camera for renderers.
     pub fn camera(&self) -> Camera {
         self.rig.camera()
     }
 
-    /// The lights for renderers.
     pub fn lights(&self) -> Lights {
         self.settings.light.lights(self.map_in_use())
     }
 
-    /// What is seen behind the model.
     pub fn background(&self) -> Background {
         self.settings.light.background(self.map_in_use())
     }
@@ -298,9 +271,9 @@ impl Viewer {
         self.settings.camera.eye_height.unwrap_or_else(|| self.scale().eye_height())
     }
 
-    /// Whether somebody wants to walk and cannot yet.
-    pub fn is_waiting_for_ground(&self) -> bool {
-        self.settings.camera.mode == CameraMode::Walk && self.ground.is_none() && self.ground_job.is_some()
+    /// Whether the ground is being prepared.
+    pub fn is_preparing_ground(&self) -> bool {
+        self.ground_job.is_some()
     }
 
     /// Whether somebody wants to walk where no ground is below or above the camera.
@@ -350,7 +323,7 @@ impl Viewer {
         self.poll_map(seconds);
         if let Some(painting) = &mut self.painting {
             painting.poll(&mut self.settings.paint, &mut self.notices, seconds);
-            if let (Some(asset), Some(document)) = (painting.take_newer(), &mut self.document) {
+            if let (Some(asset), Some(document)) = (painting.newer.take(), &mut self.document) {
                 document.content = Content::Asset(asset);
             }
         }
@@ -364,13 +337,12 @@ impl Viewer {
         if !is_wanted || self.ground.is_some() || self.ground_job.is_some() {
             return;
         }
-        let content = document.content.clone();
-        let work = move || match content {
-            Content::Model(mesh) => MeshGround::of_model(mesh),
-            // A painter's asset must not be kept from reusing its space.
-            Content::Asset(asset) => MeshGround::of_model(asset.shared_mesh()),
+        // Not the asset: a painter's must not be kept from reusing its space.
+        let mesh = match &document.content {
+            Content::Model(mesh) => mesh.clone(),
+            Content::Asset(asset) => asset.shared_mesh(),
         };
-        match Job::spawn("ground", self.waker(), work) {
+        match Job::spawn("ground", self.waker(), move || MeshGround::new(mesh)) {
             Ok(job) => self.ground_job = Some(job),
             Err(error) => {
                 self.notices.warning(format!("cannot start a thread for the ground: {error}"), seconds)
@@ -427,7 +399,6 @@ impl Viewer {
         }
     }
 
-    /// Shows the whole model from a side.
     pub fn show(&mut self, preset: ViewPreset) {
         if let Some(document) = &self.document {
             self.rig = preset.rig(document.mesh(), self.aspect());
@@ -451,10 +422,9 @@ impl Viewer {
         self.fly.stop();
     }
 
-    /// Does what the user asks for.
     pub fn command(&mut self, command: Command, seconds: f64) {
         match command {
-            Command::OpenDialog => self.request(Request::OpenDialog),
+            Command::OpenDialog => self.request(Request::Dialog(FileDialog::Open)),
             Command::Open(text) => self.open(&text, seconds),
             Command::Reload => {
                 if let Some(place) = self.document.as_ref().map(|document| document.place.clone()) {
@@ -491,12 +461,12 @@ impl Viewer {
             Command::ToggleStreaming => toggle(&mut self.settings.streaming.is_running),
             Command::ToggleRecording => self.toggle_recording(seconds),
             Command::TogglePlayback => self.toggle_playback(seconds),
-            Command::LoadPath => self.request(Request::LoadPathDialog),
+            Command::LoadPath => self.request(Request::Dialog(FileDialog::LoadPath)),
             Command::SavePath => match self.path.is_some() {
-                true => self.request(Request::SavePathDialog),
+                true => self.request(Request::Dialog(FileDialog::SavePath)),
                 false => self.notices.info("There is no camera path yet: press R to record one.", seconds),
             },
-            Command::ChooseSurroundings => self.request(Request::SurroundingsDialog),
+            Command::ChooseSurroundings => self.request(Request::Dialog(FileDialog::Surroundings)),
             Command::TogglePainting => self.toggle_painting(seconds),
             Command::Paint(command) => self.paint_command(&command, seconds),
             Command::Light(preset) => self.settings.light = preset.light(&self.settings.light),
@@ -511,7 +481,7 @@ impl Viewer {
             self.cancel_opening();
         } else if !matches!(self.tape, Tape::Still) {
             self.tape = Tape::Still;
-        } else if let Some(painting) = self.painting.as_ref().filter(|painting| painting.work().is_some()) {
+        } else if let Some(painting) = self.painting.as_ref().filter(|painting| painting.work.is_some()) {
             painting.give_up_work();
         } else {
             self.settings.paint.stencil.is_adjusted = false;
@@ -578,7 +548,6 @@ impl Viewer {
         };
     }
 
-    /// Loads a camera path.
     pub fn load_path(&mut self, file: &std::path::Path, seconds: f64) {
         match CameraPath::load(file) {
             Ok(path) => {
@@ -590,12 +559,26 @@ impl Viewer {
         }
     }
 
-    /// Saves the camera path.
     pub fn save_path(&mut self, file: &std::path::Path, seconds: f64) {
         let Some(path) = &self.path else { return };
         match path.save(file) {
             Ok(()) => self.notices.info(format!("Saved {}.", file.display()), seconds),
             Err(error) => self.notices.error(error.to_string(), seconds),
+        }
+    }
+
+    /// Takes the file that was chosen in a dialog.
+    pub fn take_file(&mut self, dialog: FileDialog, path: PathBuf, seconds: f64) {
+        let paint = &mut self.settings.paint;
+        match dialog {
+            FileDialog::Open => self.open(&path.to_string_lossy(), seconds),
+            FileDialog::Surroundings => self.settings.light.surroundings = Surroundings::File(path),
+            FileDialog::Stamp => paint.brush.stamp = Some(path),
+            FileDialog::Sticker => paint.picture = Some(path),
+            FileDialog::Stencil => (paint.stencil.image, paint.stencil.is_on) = (Some(path), true),
+            FileDialog::Look => paint.texture.look = Some(path),
+            FileDialog::LoadPath => self.load_path(&path, seconds),
+            FileDialog::SavePath => self.save_path(&path, seconds),
         }
     }
 
@@ -671,7 +654,7 @@ impl Viewer {
     }
 
     /// World units along the ray under the cursor to the model.
-    fn hit_under(&self, cursor: DVec2) -> Option<f64> {
+    pub fn hit_under(&self, cursor: DVec2) -> Option<f64> {
         let ray = self.rig.ray(cursor, self.aspect());
         Some(self.ground.as_ref()?.first(self.rig.eye, ray, f64::INFINITY)?.distance)
     }
@@ -750,5 +733,3 @@ fn toggle(switch: &mut bool) {
 }
 
 mod opening;
-#[cfg(test)]
-mod tests;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fantex_mesh::{AlphaMode, Material, Mesh, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::material::{
-    MaterialImageError, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
-    load_material_textures, normal_map_tangents, occlusion_roughness_metallic, vertex_color,
+    MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
+    normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
 use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
 use glam::{Vec2, Vec3, Vec4};
@@ -30,7 +30,7 @@ impl<'a> ImageSource<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub(crate) fn new(mesh: &'a Mesh) -> Result<Self, MaterialImageError> {
+    pub(crate) fn new(mesh: &'a Mesh) -> fantex_base::Result<Self> {
         let materials = load_material_textures(mesh)?;
         let has_normal_maps = materials.iter().any(|m| m.normal.is_some());
         let normals = if has_normal_maps { shading_normals(mesh) } else { Vec::new() };

@@ -10,7 +10,7 @@ use fantex_texture::look::{
     Anisotropy, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity, Relief,
     Slot, height_change, look_tangents, normal_by_map,
 };
-use fantex_texture::material::{MaterialImageError, TangentFrame, vertex_color};
+use fantex_texture::material::{TangentFrame, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 
@@ -57,7 +57,7 @@ impl<'a> LookSource<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn of_model(mesh: &'a Mesh) -> Result<Self, MaterialImageError> {
+    pub fn of_model(mesh: &'a Mesh) -> fantex_base::Result<Self> {
         Ok(Self(Materials::Images(ImageSource::new(mesh)?)))
     }
 

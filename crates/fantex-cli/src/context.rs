@@ -13,13 +13,12 @@ use std::time::Duration;
 
 use fantex::bake::Progress;
 use fantex::look::ResolveOptions;
-use fantex::{Error, ErrorKind};
+use fantex::{Error, ErrorKind, Result};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use serde::Serialize;
 use tempfile::TempDir;
 
 use crate::CommonArgs;
-use crate::error::{CliError, exists};
 
 /// The common flags, and whether the user wants to stop.
 #[derive(Debug)]
@@ -37,7 +36,7 @@ pub(crate) struct Context {
 
 impl Context {
     /// Sets up threads and Ctrl-C.
-    pub(crate) fn new(common: &CommonArgs) -> Result<Self, CliError> {
+    pub(crate) fn new(common: &CommonArgs) -> Result<Self> {
         if let Some(threads) = common.threads {
             let started = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
             started.map_err(|error| {
@@ -62,14 +61,11 @@ impl Context {
         }
     }
 
-    /// Prints the result: as JSON if that is wanted, else as text.
-    pub(crate) fn print<T: Serialize>(
-        &self,
-        result: &T,
-        text: impl FnOnce(&T) -> String,
-    ) -> Result<(), CliError> {
+    /// Prints the result: as JSON if that is wanted, else as text. A reader that has closed standard output wants no more.
+    pub(crate) fn print<T: Serialize>(&self, result: &T, text: impl FnOnce(&T) -> String) -> Result<()> {
         let mut output = match self.json {
-            true => serde_json::to_string_pretty(result)?,
+            true => serde_json::to_string_pretty(result)
+                .map_err(|error| Error::new(ErrorKind::Io, format!("cannot write the result: {error}")))?,
             false => text(result),
         };
         if !output.ends_with('\n') {
@@ -77,10 +73,10 @@ impl Context {
         }
         let mut stdout = io::stdout().lock();
         match stdout.write_all(output.as_bytes()).and_then(|()| stdout.flush()) {
-            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Err(CliError::OutputClosed),
-            result => Ok(result.map_err(|error| {
+            Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
+            result => result.map_err(|error| {
                 Error::new(ErrorKind::Io, format!("cannot write to standard output: {error}"))
-            })?),
+            }),
         }
     }
 
@@ -109,36 +105,35 @@ impl Context {
     }
 
     /// Checks for Ctrl-C between steps.
-    pub(crate) fn check_interrupt(&self) -> Result<(), CliError> {
-        if self.interrupt.is_requested() { Err(Error::cancelled(INTERRUPTED).into()) } else { Ok(()) }
+    pub(crate) fn check_interrupt(&self) -> Result<()> {
+        if self.interrupt.is_requested() { Err(Error::cancelled(INTERRUPTED)) } else { Ok(()) }
     }
 
     /// Refuses to overwrite a file before any work is done for it.
-    pub(crate) fn check_output(&self, path: &Path) -> Result<(), CliError> {
+    pub(crate) fn check_output(&self, path: &Path) -> Result<()> {
         if path.is_dir() {
-            return Err(Error::conflict(format!("cannot write {}: it is a folder", path.display())).into());
+            return Err(Error::conflict(format!("cannot write {}: it is a folder", path.display())));
         }
         // A device or a pipe would be replaced by a file of its name.
         if path.metadata().is_ok_and(|m| !m.is_file()) {
             let path = path.display();
             return Err(Error::conflict(format!(
                 "cannot write {path}: it is no ordinary file; give another name"
-            ))
-            .into());
+            )));
         }
         if !self.force && path.symlink_metadata().is_ok() {
-            return Err(exists(path).into());
+            return Err(exists(path));
         }
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         if !folder.is_dir() {
             let (path, folder) = (path.display(), folder.display());
-            return Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")).into());
+            return Err(Error::not_found(format!("cannot write {path}: there is no folder {folder}")));
         }
         Ok(())
     }
 
     /// As [`Context::check_output`]; never allows the input itself, not even with --force.
-    pub(crate) fn check_output_of(&self, path: &Path, input: &Path) -> Result<(), CliError> {
+    pub(crate) fn check_output_of(&self, path: &Path, input: &Path) -> Result<()> {
         if let (Ok(output), Ok(input)) = (path.canonicalize(), input.canonicalize())
             && output == input
             && output.is_file()
@@ -146,21 +141,26 @@ impl Context {
             let path = path.display();
             return Err(Error::conflict(format!(
                 "{path} is what is read; give what is written another name"
-            ))
-            .into());
+            )));
         }
         self.check_output(path)
     }
 
     /// A folder that goes away with the value.
-    pub(crate) fn temporary_folder() -> Result<TempDir, CliError> {
+    pub(crate) fn temporary_folder() -> Result<TempDir> {
         Ok(tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?)
     }
 
     /// Makes a folder for output, and those above it.
-    pub(crate) fn make_folder(&self, folder: &Path) -> Result<(), CliError> {
-        std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error).into())
+    pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {
+        std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error))
     }
+}
+
+/// The output exists.
+pub(crate) fn exists(path: &Path) -> Error {
+    Error::already_exists(format!("{} exists already; use --force to overwrite it", path.display()))
+        .with_path(path)
 }
 
 /// The exit code of a program that was interrupted: 128 + SIGINT.

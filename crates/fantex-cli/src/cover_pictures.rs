@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use fantex::Result;
 use fantex::cover::{Cover, Group, Packing, pack};
 use fantex::mesh::Mesh;
 use fantex::render::{FlatShading, FlatSurface, Hit, Picture, RenderOptions};
@@ -13,17 +14,11 @@ use rayon::prelude::*;
 
 use crate::commands::render::save;
 use crate::context::Context;
-use crate::error::CliError;
 use crate::scene::{photograph, portrait};
 
 /// Draws all three and returns their paths: `DIR/cover.png`, `DIR/directions.png` and `DIR/tiles.png` for a folder, else
 /// `PREFIX-cover.png` and so on.
-pub(crate) fn draw(
-    mesh: &Mesh,
-    cover: &Cover,
-    target: &Path,
-    context: &Context,
-) -> Result<Vec<PathBuf>, CliError> {
+pub(crate) fn draw(mesh: &Mesh, cover: &Cover, target: &Path, context: &Context) -> Result<Vec<PathBuf>> {
     let paths = paths(target, context)?;
     for path in &paths {
         context.check_output(path)?;
@@ -36,11 +31,7 @@ pub(crate) fn draw(
 }
 
 /// The cover on the model, the projection directions, and the packed texture (which has its own size).
-pub(crate) fn cover_pictures(
-    mesh: &Mesh,
-    cover: &Cover,
-    options: &RenderOptions,
-) -> Result<[Picture; 3], CliError> {
+pub(crate) fn cover_pictures(mesh: &Mesh, cover: &Cover, options: &RenderOptions) -> Result<[Picture; 3]> {
     let colors = group_colors(cover);
     Ok([
         draw_on_model(mesh, cover, &colors, options)?,
@@ -49,7 +40,7 @@ pub(crate) fn cover_pictures(
     ])
 }
 
-fn paths(target: &Path, context: &Context) -> Result<[PathBuf; 3], CliError> {
+fn paths(target: &Path, context: &Context) -> Result<[PathBuf; 3]> {
     let names = ["cover.png", "directions.png", "tiles.png"];
     let ends_like_folder = target.as_os_str().to_string_lossy().ends_with(['/', '\\']);
     if target.is_dir() || ends_like_folder {
@@ -67,12 +58,7 @@ fn paths(target: &Path, context: &Context) -> Result<[PathBuf; 3], CliError> {
 }
 
 /// Draws the cover with one colour per group.
-fn draw_on_model(
-    mesh: &Mesh,
-    cover: &Cover,
-    colors: &[Vec3],
-    options: &RenderOptions,
-) -> Result<Picture, CliError> {
+fn draw_on_model(mesh: &Mesh, cover: &Cover, colors: &[Vec3], options: &RenderOptions) -> Result<Picture> {
     let color = |hit: &Hit| {
         let groups = cover.corner_groups[hit.triangle()];
         let weights = cover.weights(hit.triangle(), hit.at.lambda);
@@ -93,12 +79,7 @@ const TRIANGLES: usize = 4 * SIDES;
 const TAIL: f32 = 0.4;
 
 /// Draws the directions, each in its group's colour.
-fn draw_directions(
-    mesh: &Mesh,
-    cover: &Cover,
-    colors: &[Vec3],
-    options: &RenderOptions,
-) -> Result<Picture, CliError> {
+fn draw_directions(mesh: &Mesh, cover: &Cover, colors: &[Vec3], options: &RenderOptions) -> Result<Picture> {
     let step = cover.groups.len().div_ceil(MAX_ARROWS).max(1);
     let shown: Vec<usize> = (0..cover.groups.len()).step_by(step).collect();
     let length = ((mesh.area() / shown.len() as f64).sqrt() as f32 * 0.9).clamp(0.015, 0.2);

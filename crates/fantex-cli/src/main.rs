@@ -3,17 +3,16 @@
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
+use fantex::{Error, ErrorKind, Result};
 
 use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, info, paint, render, verify, view,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED};
-use crate::error::CliError;
 use crate::text::Bytes;
 
 mod context;
 mod cover_pictures;
-mod error;
 mod scene;
 mod shipped;
 mod sources;
@@ -42,7 +41,7 @@ fn main() -> ExitCode {
         Err(error) => return failed(&error),
     };
     match run(&cli.command, &context) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(exit_code) => exit_code,
         Err(_) if context.is_interrupted() => {
             eprintln!("fantex: {INTERRUPTED}");
             ExitCode::from(EXIT_INTERRUPTED)
@@ -51,11 +50,9 @@ fn main() -> ExitCode {
     }
 }
 
-fn failed(error: &CliError) -> ExitCode {
-    if let CliError::Failed(error) = error {
-        eprintln!("fantex: {error}");
-    }
-    ExitCode::from(error.exit_code())
+fn failed(error: &Error) -> ExitCode {
+    eprintln!("fantex: {error}");
+    ExitCode::from(if error.kind() == ErrorKind::InvalidArgument { 2 } else { 1 })
 }
 
 /// Seamless textures without UV coordinates: cover a model by parts of its triangle fans, bake, verify, render.
@@ -117,8 +114,10 @@ pub(crate) enum Command {
 }
 
 /// Runs a command.
-fn run(command: &Command, context: &Context) -> Result<(), CliError> {
+fn run(command: &Command, context: &Context) -> Result<ExitCode> {
     match command {
+        Command::Paint(args) => return paint::run(args, context),
+        Command::View(args) => return view::run(&args.arguments),
         Command::Info(args) => info::run(args, context),
         Command::Bake(args) => bake::run(args, context),
         Command::Verify(args) => verify::run(args, context),
@@ -127,11 +126,10 @@ fn run(command: &Command, context: &Context) -> Result<(), CliError> {
         Command::Export(args) => export::run(args, context),
         Command::Gallery(args) => gallery::run(args, context),
         Command::Generate(args) => generate::run(args, context),
-        Command::Paint(args) => paint::run(args, context),
         Command::Bench(args) => bench::run(args, context),
         Command::Demo(args) => demo::run(args, context),
-        Command::View(args) => view::run(args),
-    }
+    }?;
+    Ok(ExitCode::SUCCESS)
 }
 
 #[cfg(test)]

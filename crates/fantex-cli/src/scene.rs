@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use clap::Args;
-use fantex::Error;
 use fantex::bake::{Source, TexelPoint};
 use fantex::look::LookFile;
 use fantex::mesh::{Mesh, shading_normals};
@@ -17,11 +16,11 @@ use fantex::render::{
 use fantex::store::{Asset, PageCache};
 use fantex::texture::Filter;
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
+use fantex::{Error, Result};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::context::Context;
-use crate::error::CliError;
-use crate::text::counted;
+use crate::text::{Choices, counted, share, within};
 
 /// A model or an asset, open.
 #[derive(Debug)]
@@ -38,13 +37,13 @@ enum Content {
 
 impl Scene {
     /// Opens a file. An asset's decoded tiles stay within the common memory budget.
-    pub(crate) fn open(path: &Path, context: &Context) -> Result<Self, CliError> {
+    pub(crate) fn open(path: &Path, context: &Context) -> Result<Self> {
         let content = match Input::open(path)? {
             Input::Model(model) => {
                 show_notes(&model, context);
                 Content::Model(model)
             }
-            Input::Look(_) => return Err(look_instead(path).into()),
+            Input::Look(_) => return Err(look_instead(path)),
             Input::Asset(asset) => Content::Asset(PageCache::new(asset, context.memory_bytes as usize)),
         };
         Ok(Self { path: path.into(), content })
@@ -67,7 +66,8 @@ impl Scene {
     }
 
     /// Its appearance.
-    pub(crate) fn surface(&self, filter: FilterOptions) -> Result<Box<dyn Surface + '_>, CliError> {
+    pub(crate) fn surface(&self, filter: Filter) -> Result<Box<dyn Surface + '_>> {
+        let filter = FilterOptions { filter, ..FilterOptions::default() };
         Ok(match &self.content {
             Content::Model(model) => Box::new(LookSurface::of_model(model, filter)?),
             Content::Asset(cache) => Box::new(FanSurface::of_asset(cache, filter)),
@@ -89,37 +89,14 @@ impl Scene {
 }
 
 /// The filters of `--filter`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum FilterArg {
-    /// The nearest texel
-    Nearest,
-    /// Four texels, no anti-aliasing
-    Bilinear,
-    /// Sixteen texels, no anti-aliasing
-    Bicubic,
-    /// Two detail levels
-    Trilinear,
-    /// Several trilinear probes along the footprint
-    #[default]
-    Anisotropic,
-    /// Elliptical weighted average, the reference
-    Ewa,
-}
-
-impl FilterArg {
-    /// The renderer's options.
-    pub(crate) fn options(self) -> FilterOptions {
-        let filter = match self {
-            Self::Nearest => Filter::Nearest,
-            Self::Bilinear => Filter::Bilinear,
-            Self::Bicubic => Filter::Bicubic,
-            Self::Trilinear => Filter::Trilinear,
-            Self::Anisotropic => Filter::Anisotropic,
-            Self::Ewa => Filter::Ewa,
-        };
-        FilterOptions { filter, ..FilterOptions::default() }
-    }
-}
+pub(crate) const FILTERS: Choices<Filter, 6> = [
+    ("nearest", "The nearest texel", Filter::Nearest),
+    ("bilinear", "Four texels, no anti-aliasing", Filter::Bilinear),
+    ("bicubic", "Sixteen texels, no anti-aliasing", Filter::Bicubic),
+    ("trilinear", "Two detail levels", Filter::Trilinear),
+    ("anisotropic", "Several trilinear probes along the footprint", Filter::Anisotropic),
+    ("ewa", "Elliptical weighted average, the reference", Filter::Ewa),
+];
 
 /// A surface that asks a bake source itself: the truth that a baked asset is compared with. Base colour only.
 pub(crate) fn source_surface<'a>(
@@ -150,7 +127,7 @@ pub(crate) fn photograph(
     surface: &dyn Surface,
     camera: &Camera,
     options: &RenderOptions,
-) -> Result<Rendering, CliError> {
+) -> Result<Rendering> {
     Ok(render(mesh, surface, camera, &Lights::behind(camera), options)?)
 }
 
@@ -213,7 +190,7 @@ pub(crate) enum Input {
 
 impl Input {
     /// Opens a model, an asset or a look.
-    pub(crate) fn open(path: &Path) -> Result<Self, CliError> {
+    pub(crate) fn open(path: &Path) -> Result<Self> {
         if is_look(path) {
             return Ok(Self::Look(Box::new(LookFile::read(path)?)));
         }
@@ -225,7 +202,7 @@ impl Input {
 }
 
 /// Loads and cleans a model; an asset is refused.
-pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh, CliError> {
+pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
     refuse_asset(path)?;
     Ok(fantex::Mesh::load(path)?)
 }
@@ -235,27 +212,25 @@ pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
     mesh.notes().iter().for_each(|note| context.note(format!("{}: {note}", mesh.path().display())));
 }
 
-fn refuse_asset(path: &Path) -> Result<(), CliError> {
+fn refuse_asset(path: &Path) -> Result<()> {
     refuse_look(path)?;
     if is_asset(path)? {
         return Err(Error::unsupported(format!(
             "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
             path.display()
-        ))
-        .into());
+        )));
     }
     Ok(())
 }
 
 /// Opens an asset; a model is refused.
-pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>, CliError> {
+pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>> {
     refuse_look(path)?;
     if !is_asset(path)? {
         return Err(Error::unsupported(format!(
             "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
             path.display()
-        ))
-        .into());
+        )));
     }
     Ok(Arc::new(Asset::open(path)?))
 }
@@ -265,8 +240,8 @@ pub(crate) fn is_look(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-fn refuse_look(path: &Path) -> Result<(), CliError> {
-    if is_look(path) { Err(look_instead(path).into()) } else { Ok(()) }
+fn refuse_look(path: &Path) -> Result<()> {
+    if is_look(path) { Err(look_instead(path)) } else { Ok(()) }
 }
 
 fn look_instead(path: &Path) -> Error {
@@ -277,7 +252,7 @@ fn look_instead(path: &Path) -> Error {
 }
 
 /// True for files that are named `.fan` or start like an asset, whatever they are named.
-fn is_asset(path: &Path) -> Result<bool, CliError> {
+fn is_asset(path: &Path) -> Result<bool> {
     if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
         return Ok(true);
     }
@@ -286,7 +261,7 @@ fn is_asset(path: &Path) -> Result<bool, CliError> {
         Ok(_) => Ok(start == *b"\x89FAN"),
         // The loader has a sentence for folders.
         Err(_) if path.is_dir() => Ok(false),
-        Err(error) => Err(Error::reading(path, error).into()),
+        Err(error) => Err(Error::reading(path, error)),
     }
 }
 
@@ -329,25 +304,12 @@ enum BackgroundArg {
     Transparent,
 }
 
-fn finite(text: &str) -> Result<f32, Error> {
-    text.parse()
-        .ok()
-        .filter(|number: &f32| number.is_finite())
-        .ok_or_else(|| Error::invalid("expected a finite number"))
+fn finite(text: &str) -> Result<f32, String> {
+    within(text, "expected a finite number", f32::is_finite)
 }
 
-fn not_negative(text: &str) -> Result<f32, Error> {
-    finite(text)
-        .ok()
-        .filter(|&number| number >= 0.0)
-        .ok_or_else(|| Error::invalid("expected a finite number that is not negative"))
-}
-
-fn share(text: &str) -> Result<f32, Error> {
-    finite(text)
-        .ok()
-        .filter(|number| (0.0..=1.0).contains(number))
-        .ok_or_else(|| Error::invalid("expected a number from 0 to 1"))
+fn not_negative(text: &str) -> Result<f32, String> {
+    within(text, "expected a finite number that is not negative", |n: f32| n.is_finite() && n >= 0.0)
 }
 
 /// An environment, ready for lighting.
@@ -367,7 +329,7 @@ impl SurroundingsArgs {
     }
 
     /// Reads or computes the environment that was asked for. `to_sun` is where a computed sky has its sun.
-    pub(crate) fn load(&self, to_sun: Option<Vec3>) -> Result<Option<Surroundings>, CliError> {
+    pub(crate) fn load(&self, to_sun: Option<Vec3>) -> Result<Option<Surroundings>> {
         let Some(path) = &self.environment else { return Ok(None) };
         let (map, sun) = if path == Path::new(COMPUTED_SKY) {
             let sky = Sky { to_sun: to_sun.unwrap_or(Sky::default().to_sun), ..Sky::default() };

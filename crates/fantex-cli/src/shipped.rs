@@ -2,11 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use fantex::Error;
+use fantex::{Error, Result};
 use tempfile::TempDir;
 
 use crate::context::Context;
-use crate::error::CliError;
 
 /// The folder that holds `assets` and `gallery`.
 #[derive(Debug)]
@@ -17,7 +16,7 @@ pub(crate) struct Shipped {
 
 impl Shipped {
     /// This folder, if it is the project's, whose files may have been changed; else a temporary one with the program's own.
-    pub(crate) fn open() -> Result<Self, CliError> {
+    pub(crate) fn open() -> Result<Self> {
         let here = Path::new("");
         if here.join("gallery/gallery.toml").is_file() && here.join("assets").is_dir() {
             return Ok(Self { folder: here.into(), _temporary: None });

@@ -6,8 +6,8 @@ use std::str::FromStr;
 
 use fantex::photos::CameraFrame;
 use fantex::texture::color::linear_from_srgb8_table;
-use fantex::texture::{SOLID_NAMES, UnknownMapping, UnknownSolid};
-use fantex::{Error, MappingKind, Mesh, PhotoSet, Source};
+use fantex::texture::{SOLID_NAMES, unknown_solid};
+use fantex::{Error, MappingKind, Mesh, PhotoSet, Result, Source};
 
 /// The value of `--source`.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +73,7 @@ impl FromStr for SourceArg {
             None if text == "uv" => Ok(Self::Uv),
             None if text == "vertex" => Ok(Self::Vertex),
             Some(("solid", name)) if SOLID_NAMES.contains(&name) => Ok(Self::Solid(name.to_owned())),
-            Some(("solid", name)) => Err(Error::invalid(UnknownSolid { name: name.to_owned() }.to_string())),
+            Some(("solid", name)) => Err(unknown_solid(name)),
             Some(("look", path)) if !path.is_empty() => Ok(Self::Look(path.into())),
             Some(("mesh", rest)) => {
                 let (path, cage) = match rest.rsplit_once(",cage=") {
@@ -96,10 +96,7 @@ impl FromStr for SourceArg {
                 if path.is_empty() {
                     return Err(Error::invalid(IMAGE_SYNTAX));
                 }
-                Ok(Self::Image {
-                    path: path.into(),
-                    mapping: mapping.parse().map_err(|e: UnknownMapping| Error::invalid(e.to_string()))?,
-                })
+                Ok(Self::Image { path: path.into(), mapping: mapping.parse()? })
             }
             _ => Err(Error::invalid(SOURCE_SYNTAX)),
         }

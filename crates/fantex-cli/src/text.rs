@@ -3,6 +3,7 @@
 use std::fmt::{self, Write as _};
 use std::str::FromStr;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use fantex::Error;
 use fantex::base::numbered;
 use fantex::cover::{CoverStats, TexelBudget};
@@ -87,16 +88,34 @@ fn write_shortest(value: u64, kilo: u64, f: &mut fmt::Formatter<'_>) -> fmt::Res
 
 /// A number above zero, for argument parsing. Single precision holds it.
 pub(crate) fn positive(text: &str) -> Result<f64, String> {
-    within(text, "above zero", |value| value > f64::from(f32::MIN_POSITIVE) && value < f64::from(f32::MAX))
+    let is_inside = |n| n > f64::from(f32::MIN_POSITIVE) && n < f64::from(f32::MAX);
+    within(text, "expected a number above zero", is_inside)
 }
 
 /// A number from 0 to 1, for argument parsing.
-pub(crate) fn share(text: &str) -> Result<f64, String> {
-    within(text, "from 0 to 1", |value| (0.0..=1.0).contains(&value))
+pub(crate) fn share(text: &str) -> Result<f32, String> {
+    within(text, "expected a number from 0 to 1", |n: f32| (0.0..=1.0).contains(&n))
 }
 
-fn within(text: &str, range: &str, is_inside: impl Fn(f64) -> bool) -> Result<f64, String> {
-    text.parse().ok().filter(|&value| is_inside(value)).ok_or_else(|| format!("expected a number {range}"))
+/// A number that fulfils a condition; `expected` says which.
+pub(crate) fn within<T: FromStr + Copy>(
+    text: &str,
+    expected: &str,
+    is_inside: impl Fn(T) -> bool,
+) -> Result<T, String> {
+    text.parse().ok().filter(|&number| is_inside(number)).ok_or_else(|| expected.to_owned())
+}
+
+/// What an option can be: names, their help, their values.
+pub(crate) type Choices<T, const N: usize> = [(&'static str, &'static str, T); N];
+
+/// Parses the names of a table, which `--help` lists.
+pub(crate) fn one_of<T: Copy + Send + Sync, const N: usize>(
+    table: &'static Choices<T, N>,
+) -> impl TypedValueParser<Value = T> {
+    let names = table.each_ref().map(|(name, help, _)| PossibleValue::new(*name).help(*help));
+    let value_of = move |name: String| table[table.iter().position(|row| row.0 == name).unwrap_or(0)].2;
+    PossibleValuesParser::new(names).map(value_of)
 }
 
 /// A count in words: `1 tile`, `69 451 tiles`.

@@ -3,9 +3,8 @@
 
 use fantex_mesh::{Material, Mesh, SurfacePoint, Twins};
 use fantex_texture::material::{
-    MaterialImageError, MaterialTextures, TangentFrame, TextureLayer, base_color, emission,
-    load_material_textures, normal_map_tangents, occlusion_roughness_metallic, preserve_coverage,
-    vertex_color,
+    MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
+    normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
 };
 use fantex_texture::{Filter, SampleOptions, UvPoint};
 use glam::{Mat2, Vec2, Vec3, Vec4};
@@ -31,7 +30,7 @@ impl<'a> ImageSurface<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, MaterialImageError> {
+    pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> fantex_base::Result<Self> {
         let mut textures = load_material_textures(mesh)?;
         preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);

@@ -15,7 +15,7 @@ use fantex_texture::look::{
     Anisotropy, Difference, GradientAxes, LightingModel, LookMaterial, MIN_RELIEF_STEP, NormalSpace, Opacity,
     Relief, Slot, height_change, look_tangents, normal_by_map,
 };
-use fantex_texture::material::{MaterialImageError, TangentFrame, roughness_with_variance, vertex_color};
+use fantex_texture::material::{TangentFrame, roughness_with_variance, vertex_color};
 use fantex_texture::{Filtering, ShadingPoint, Texture, UvPoint};
 use glam::{Vec2, Vec3, Vec4};
 
@@ -47,7 +47,7 @@ impl<'a> LookSurface<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn of_model(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self, MaterialImageError> {
+    pub fn of_model(mesh: &'a Mesh, filter: FilterOptions) -> fantex_base::Result<Self> {
         Ok(Self(Materials::Images(ImageSurface::load(mesh, filter)?)))
     }
 

@@ -10,8 +10,6 @@ use fantex_store::{PageCache, Sampler};
 use fantex_texture::FilterOptions;
 use glam::DVec3;
 
-use crate::Unified;
-
 /// A `.fan` asset. It dereferences to [`fantex_store::Asset`], which reads single pages, and clones share one open file.
 #[derive(Clone, Debug)]
 pub struct Asset {
@@ -26,7 +24,7 @@ impl Asset {
     /// # Errors
     /// It cannot be read, is no asset, or is damaged.
     pub fn open(place: impl AsRef<Path>) -> Result<Self> {
-        Ok(Arc::new(fantex_stream::open_asset(place.as_ref()).unified()?).into())
+        Ok(Arc::new(fantex_stream::open_asset(place.as_ref())?).into())
     }
 
     /// The asset, to share with caches, streamers and editors.

@@ -26,8 +26,8 @@ use glam::Vec4;
 #[cfg(feature = "photos")]
 pub use photos::PhotoSet;
 
+use crate::Mesh;
 use crate::look_scene::{LookBake, MaterialResolver};
-use crate::{Mesh, Unified};
 
 /// What is baked.
 pub struct Source<'a>(Kind<'a>);
@@ -129,15 +129,15 @@ impl Kind<'_> {
         seed: u64,
     ) -> Result<Box<dyn fantex_bake::Source + 'm>> {
         Ok(match self {
-            Self::OwnMaterials => Box::new(LookSource::of_model(mesh).unified()?),
-            Self::VertexColors => Box::new(VertexColorSource::new(mesh).unified()?),
+            Self::OwnMaterials => Box::new(LookSource::of_model(mesh)?),
+            Self::VertexColors => Box::new(VertexColorSource::new(mesh)?),
             Self::Image(path, mapping) => {
-                let texture = ImageTexture::new(Arc::new(Image::load(path).unified()?));
+                let texture = ImageTexture::new(Arc::new(Image::load(path)?));
                 let mapping = mapping.fit(WorldSpace::bounds(mesh));
                 Box::new(MappedImageSource::new(mesh, texture, mapping, [Wrap::Repeat; 2]))
             }
             Self::Solid(name) => {
-                let solid = solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed)).unified()?;
+                let solid = solid_by_name(name, WorldSpace::bounds(mesh), folded_seed(seed))?;
                 Box::new(SolidSource::new(mesh, solid))
             }
             Self::Function(color) => Box::new(FunctionSource(color.as_ref())),
@@ -309,12 +309,12 @@ impl<'a> Baker<'a> {
                         model.path().display()
                     )));
                 }
-                let source = LookSource::of_model(model).unified()?;
+                let source = LookSource::of_model(model)?;
                 let density = source.has_textures().then(|| source.density());
                 self.bake(model, &source, density, path)
             }
             Kind::Look(look) => {
-                let (file, images) = (LookFile::read(look).unified()?, LookImages::default());
+                let (file, images) = (LookFile::read(look)?, LookImages::default());
                 let options = ResolveOptions {
                     memory_bytes: self.options.memory_bytes,
                     seed: folded_seed(self.seed),
@@ -322,8 +322,8 @@ impl<'a> Baker<'a> {
                 };
                 let mut mesh = fantex_mesh::Mesh::clone(model);
                 let resolver = MaterialResolver { file: &file, images: &images, options };
-                let look = LookBake::new(&resolver, &mut mesh, model.path()).unified()?;
-                look.with_source(&mesh, |source| self.bake(&mesh, source, None, path)).unified()?
+                let look = LookBake::new(&resolver, &mut mesh, model.path())?;
+                look.with_source(&mesh, |source| self.bake(&mesh, source, None, path))?
             }
             Kind::Mesh { path: detailed, cage } => self.transfer(detailed, *cage, path),
             #[cfg(feature = "photos")]
@@ -359,10 +359,10 @@ impl<'a> Baker<'a> {
         let started = Instant::now();
         let texels_asked = if let TexelBudget::Total(texels) = budget { Some(texels) } else { None };
         let options = CoverOptions { budget, tile: self.tile, ..CoverOptions::default() };
-        let (cover, stats) = build_cover(mesh, &options).unified()?;
+        let (cover, stats) = build_cover(mesh, &options)?;
         let cover_time = started.elapsed();
         self.check_cancelled()?;
-        let summary = bake(mesh, &cover, source, path, &self.options, self.progress.0).unified()?;
+        let summary = bake(mesh, &cover, source, path, &self.options, self.progress.0)?;
         Ok(Baked {
             triangles: mesh.triangles.len() as u64,
             texels_asked,
@@ -390,16 +390,16 @@ impl<'a> Baker<'a> {
             detailed.notes().iter().map(|note| format!("{}: {note}", detailed.path().display())).collect();
         let (materials, vertices);
         let colors: Option<&dyn fantex_bake::Source> = if detailed.has_materials() {
-            materials = LookSource::of_model(&detailed).unified()?;
+            materials = LookSource::of_model(&detailed)?;
             Some(&materials)
         } else if detailed.has_vertex_colors() {
-            vertices = VertexColorSource::new(&detailed).unified()?;
+            vertices = VertexColorSource::new(&detailed)?;
             Some(&vertices)
         } else {
             None
         };
         let options = TransferOptions { cage, ..TransferOptions::default() };
-        let source = TransferSource::new(&mesh, &detailed, colors, &options).unified()?;
+        let source = TransferSource::new(&mesh, &detailed, colors, &options)?;
         let baked = self.bake(&mesh, &source, None, path)?;
         let report = source.report();
         // Single points at rims say nothing.

@@ -102,20 +102,3 @@ pub use {
     fantex_store::{ChannelKind, Footprint, Quality, Sampler},
     fantex_texture::MappingKind,
 };
-
-/// Errors of all crates as [`Error`].
-trait Unified<T> {
-    /// The same result with an [`Error`].
-    fn unified(self) -> Result<T>;
-}
-
-impl<T, E: std::error::Error + Send + Sync + 'static> Unified<T> for Result<T, E> {
-    fn unified(self) -> Result<T> {
-        self.map_err(|error| {
-            let error: Box<dyn std::error::Error + Send + Sync> = Box::new(error);
-            error
-                .downcast()
-                .map_or_else(|other| Error::malformed(other.to_string()).with_source(other), |error| *error)
-        })
-    }
-}

@@ -8,8 +8,6 @@ use fantex_base::Result;
 use fantex_mesh::{CleanOptions, CleanReport, LoadOptions, Model, clean, load};
 use glam::{Vec3, Vec4};
 
-use crate::Unified;
-
 /// A triangle mesh, loaded and cleaned: welded, without duplicates, in mesh space, with its materials.
 ///
 /// It dereferences to [`fantex_mesh::Mesh`], which holds the geometry.
@@ -31,7 +29,7 @@ impl Mesh {
     pub fn load(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let started = Instant::now();
-        let model = load(path, &LoadOptions::default()).unified()?;
+        let model = load(path, &LoadOptions::default())?;
         let load_time = started.elapsed();
         let mesh = Self::from_model(model, path)?;
         Ok(Self { load_time, ..mesh })
@@ -44,7 +42,7 @@ impl Mesh {
     pub fn from_model(model: Model, path: impl AsRef<Path>) -> Result<Self> {
         let started = Instant::now();
         let mut notes = model.notes.clone();
-        let (mesh, report) = clean(model, &CleanOptions::default()).unified()?;
+        let (mesh, report) = clean(model, &CleanOptions::default())?;
         notes.extend(report.lines());
         Ok(Self {
             mesh,

@@ -26,7 +26,6 @@ mod walk;
 /// Steepest look up and down: a little less than straight, so that there is always a right and a left.
 const MAX_PITCH: f64 = 89.9 * std::f64::consts::PI / 180.0;
 
-/// How the camera is moved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CameraMode {
@@ -40,23 +39,13 @@ pub enum CameraMode {
 }
 
 impl CameraMode {
-    /// All modes in the order of their keys.
-    pub const ALL: [Self; 3] = [Self::Orbit, Self::Fly, Self::Walk];
-
-    /// Its name on buttons.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Orbit => "Orbit",
-            Self::Fly => "Fly",
-            Self::Walk => "Walk",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Orbit, "Orbit"), (Self::Fly, "Fly"), (Self::Walk, "Walk")];
 }
 
 /// The size of what is looked at, from which speeds follow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneScale {
-    /// Middle of the model.
     pub center: DVec3,
     /// Length of its bounding box's diagonal, world units, positive.
     pub diagonal: f64,
@@ -120,7 +109,6 @@ impl CameraRig {
         rig
     }
 
-    /// What renderers are given.
     pub fn camera(&self) -> Camera {
         Camera { eye: self.eye, target: self.pivot(), up: self.axes().y_axis, fov_degrees: self.fov_degrees }
     }
@@ -216,14 +204,6 @@ impl CameraRig {
         let axes = self.axes();
         self.eye += (axes.y_axis * drag.y - axes.x_axis * drag.x) * height;
     }
-
-    /// Takes a point, such as one of the surface, as the pivot's depth: orbits then keep its distance.
-    pub fn set_pivot_depth(&mut self, point: DVec3) {
-        let depth = (point - self.eye).dot(self.forward());
-        if depth > 0.0 && depth.is_finite() {
-            self.distance = depth;
-        }
-    }
 }
 
 /// Seconds in which the motion covers most (63 %) of the way to what is wished.
@@ -238,18 +218,13 @@ const DIAGONALS_PER_SECOND: f64 = 0.2;
 /// Which way the user wants to go: -1, 0 or 1 per axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Wish {
-    /// To the right.
     pub right: f64,
-    /// Upwards.
     pub up: f64,
-    /// Forwards.
     pub forward: f64,
-    /// Faster than usual.
     pub fast: bool,
 }
 
 impl Wish {
-    /// Whether nothing is wished.
     pub fn is_none(&self) -> bool {
         self.right == 0.0 && self.up == 0.0 && self.forward == 0.0
     }
@@ -268,13 +243,11 @@ impl Wish {
         (right * self.right + ahead * self.forward).clamp_length_max(1.0)
     }
 
-    /// Factor of the speed.
     pub fn haste(&self) -> f64 {
         if self.fast { 4.0 } else { 1.0 }
     }
 }
 
-/// A flight under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlyMotion {
     /// Factor of the usual speed, which the wheel changes.
@@ -290,7 +263,6 @@ impl Default for FlyMotion {
 }
 
 impl FlyMotion {
-    /// At rest.
     pub fn new(speed: f64) -> Self {
         Self { speed, velocity: DVec3::ZERO }
     }
@@ -324,13 +296,11 @@ impl FlyMotion {
         !wish.is_none() || self.velocity != DVec3::ZERO
     }
 
-    /// Stops at once.
     pub fn stop(&mut self) {
         self.velocity = DVec3::ZERO;
     }
 }
 
-/// A side of the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ViewPreset {
@@ -351,25 +321,18 @@ pub enum ViewPreset {
 }
 
 impl ViewPreset {
-    /// All views in the order of their keys.
-    pub const ALL: [Self; 7] =
-        [Self::ThreeQuarter, Self::Front, Self::Back, Self::Left, Self::Right, Self::Top, Self::Bottom];
-
-    /// Its name in menus.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::ThreeQuarter => "Three-quarter",
-            Self::Front => "Front",
-            Self::Back => "Back",
-            Self::Left => "Left",
-            Self::Right => "Right",
-            Self::Top => "Top",
-            Self::Bottom => "Bottom",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 7] = [
+        (Self::ThreeQuarter, "Three-quarter"),
+        (Self::Front, "Front"),
+        (Self::Back, "Back"),
+        (Self::Left, "Left"),
+        (Self::Right, "Right"),
+        (Self::Top, "Top"),
+        (Self::Bottom, "Bottom"),
+    ];
 
     /// From the model to the camera.
-    fn direction(self) -> DVec3 {
+    pub fn direction(self) -> DVec3 {
         match self {
             Self::ThreeQuarter => Camera::THREE_QUARTER,
             Self::Front => DVec3::Z,
@@ -392,187 +355,5 @@ impl CameraRig {
     /// Shows the whole mesh from where the camera looks now.
     pub fn frame_all(&mut self, mesh: &Mesh, aspect: f64) {
         *self = Self::of_camera(&Camera::framing_mesh(mesh, -self.forward(), aspect));
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use fantex::mesh::generate::torus;
-    use fantex::mesh::{CleanOptions, clean};
-
-    use super::*;
-
-    #[test]
-    fn a_rig_shows_what_its_camera_shows() {
-        let camera = Camera {
-            eye: DVec3::new(3.0, 2.0, -5.0),
-            target: DVec3::new(0.5, -1.0, 4.0),
-            up: DVec3::Y,
-            fov_degrees: 50.0,
-        };
-        let again = CameraRig::of_camera(&camera).camera();
-        assert!((again.target - camera.target).length() < 1e-12, "{again:?}");
-        assert!((again.eye - camera.eye).length() < 1e-12);
-        assert!(again.up.y > 0.9 && again.up.dot(again.target - again.eye).abs() < 1e-9);
-    }
-
-    #[test]
-    fn axes_are_orthonormal_and_right_handed() {
-        for (yaw, pitch) in [(0.0, 0.0), (1.0, 0.5), (4.0, -1.5), (6.0, 1.56)] {
-            let rig = CameraRig { yaw, pitch, ..CameraRig::default() };
-            let axes = rig.axes();
-            assert!((axes.determinant() - 1.0).abs() < 1e-12);
-            assert!((axes.transpose() * axes).abs_diff_eq(DMat3::IDENTITY, 1e-12));
-        }
-    }
-
-    #[test]
-    fn rays_go_through_the_picture_the_right_way_round() {
-        let rig = CameraRig::default();
-        assert!((rig.ray(DVec2::splat(0.5), 1.6) - DVec3::NEG_Z).length() < 1e-12);
-        assert!(rig.ray(DVec2::new(1.0, 0.5), 1.6).x > 0.0, "the right border is on the right");
-        assert!(rig.ray(DVec2::new(0.5, 0.0), 1.6).y > 0.0, "the first row is above");
-    }
-
-    #[test]
-    fn looking_straight_down_stays_upright() {
-        let mut rig = CameraRig::default();
-        rig.look(0.3, -10.0);
-        assert!(rig.is_sound() && rig.axes().y_axis.y > 0.0);
-    }
-
-    #[test]
-    fn eyes_are_at_a_height_that_suits_the_scene() {
-        let height = |diagonal| SceneScale { center: DVec3::ZERO, diagonal }.eye_height();
-        assert_eq!(height(2000.0), 1.7);
-        assert!(height(0.2) < 0.01 && height(1e6) > 100.0);
-    }
-
-    const SCENE: SceneScale = SceneScale { center: DVec3::ZERO, diagonal: 2.0 };
-
-    fn rig() -> CameraRig {
-        let mut rig = CameraRig { eye: DVec3::new(1.0, 2.0, 5.0), distance: 4.0, ..CameraRig::default() };
-        rig.look(0.4, -0.3);
-        rig
-    }
-
-    /// Where in the picture a point is, 0..1 along its sides.
-    fn seen(rig: &CameraRig, point: DVec3, aspect: f64) -> DVec2 {
-        let p = rig.axes().transpose() * (point - rig.eye);
-        let half = (rig.fov_degrees.to_radians() * 0.5).tan();
-        DVec2::new(p.x / -p.z / half / aspect, -p.y / -p.z / half) * 0.5 + 0.5
-    }
-
-    #[test]
-    fn orbits_keep_pivot_and_distance() {
-        let mut rig = rig();
-        let pivot = rig.pivot();
-        for drag in [DVec2::new(0.3, 0.1), DVec2::new(-2.0, 1.0), DVec2::new(0.0, -9.0)] {
-            rig.orbit(drag);
-            assert!((rig.pivot() - pivot).length() < 1e-9);
-            assert!(((rig.eye - pivot).length() - 4.0).abs() < 1e-9);
-            assert!(rig.axes().y_axis.y > 0.0, "up is kept");
-        }
-    }
-
-    #[test]
-    fn zoom_keeps_what_is_under_the_cursor() {
-        let mut rig = rig();
-        let cursor = DVec2::new(0.2, 0.7);
-        let point = rig.point_under(cursor, 1.6, Some(3.0));
-        assert!((seen(&rig, point, 1.6) - cursor).length() < 1e-9);
-        rig.zoom_to(point, 0.5, &SCENE);
-        assert!((seen(&rig, point, 1.6) - cursor).length() < 1e-9, "{}", seen(&rig, point, 1.6));
-        assert!((rig.eye.distance(point) - 1.5).abs() < 1e-9);
-    }
-
-    #[test]
-    fn zoom_has_limits_and_comes_back_from_them() {
-        let mut rig = rig();
-        for _ in 0..1000 {
-            rig.zoom_to(DVec3::ZERO, 0.5, &SCENE);
-        }
-        assert!(rig.is_sound() && rig.distance >= 1e-6);
-        for _ in 0..1000 {
-            rig.zoom_to(DVec3::ZERO, 2.0, &SCENE);
-        }
-        assert!(rig.is_sound() && rig.distance <= 101.0);
-    }
-
-    #[test]
-    fn panning_moves_the_pivot_with_the_hand() {
-        let mut rig = rig();
-        let point = rig.pivot();
-        rig.pan(DVec2::new(0.25, -0.125));
-        let moved = seen(&rig, point, 1.0) - 0.5;
-        assert!((moved - DVec2::new(0.25, -0.125)).length() < 1e-9, "{moved}");
-    }
-
-    const WIDE_SCENE: SceneScale = SceneScale { center: DVec3::ZERO, diagonal: 10.0 };
-
-    fn flown(seconds: f64, frames: u32) -> DVec3 {
-        let (mut rig, mut motion) = (CameraRig::default(), FlyMotion::default());
-        let wish = Wish { forward: 1.0, ..Wish::default() };
-        for _ in 0..frames {
-            assert!(motion.step(&mut rig, &wish, &WIDE_SCENE, seconds / f64::from(frames)));
-        }
-        rig.eye
-    }
-
-    #[test]
-    fn the_way_does_not_depend_on_the_frame_rate() {
-        assert!((flown(1.0, 10) - flown(1.0, 1000)).length() < 1e-9);
-        let way = (flown(2.0, 60) - CameraRig::default().eye).length();
-        assert!((3.5..4.0).contains(&way), "two units per second, and a soft start: {way}");
-    }
-
-    #[test]
-    fn flight_comes_to_rest() {
-        let (mut rig, mut motion) = (CameraRig::default(), FlyMotion::default());
-        motion.step(&mut rig, &Wish { right: 1.0, ..Wish::default() }, &WIDE_SCENE, 1.0);
-        let steps =
-            (0..200).take_while(|_| motion.step(&mut rig, &Wish::default(), &WIDE_SCENE, 0.02)).count();
-        assert!((5..100).contains(&steps), "{steps}");
-    }
-
-    #[test]
-    fn speed_stays_within_its_range() {
-        let mut motion = FlyMotion::default();
-        motion.change_speed(1e4);
-        assert_eq!(motion.speed, FlyMotion::SPEEDS[1]);
-        motion.change_speed(-1e4);
-        assert_eq!(motion.speed, FlyMotion::SPEEDS[0]);
-    }
-
-    #[test]
-    fn walking_wishes_follow_the_horizon() {
-        let mut rig = CameraRig::default();
-        rig.look(0.7, -1.5);
-        let wish = Wish { forward: 1.0, ..Wish::default() }.horizontal(&rig);
-        assert!(wish.y == 0.0 && (wish.length() - 1.0).abs() < 1e-9);
-        assert!(wish.dot(rig.forward()) > 0.0);
-    }
-
-    #[test]
-    fn every_side_is_seen_upright() {
-        let (mesh, _) = clean(torus(32, 16), &CleanOptions::default()).unwrap();
-        for preset in ViewPreset::ALL {
-            let rig = preset.rig(&mesh, 1.5);
-            assert!(rig.is_sound());
-            assert!(rig.forward().dot(-preset.direction().normalize()) > 0.999, "{preset:?}");
-        }
-        let top = ViewPreset::Top.rig(&mesh, 1.5);
-        assert!(top.axes().y_axis.dot(DVec3::NEG_Z) > 0.99, "the front is below: {}", top.axes().y_axis);
-    }
-
-    #[test]
-    fn framing_keeps_the_direction() {
-        let (mesh, _) = clean(torus(32, 16), &CleanOptions::default()).unwrap();
-        let mut rig = CameraRig { eye: DVec3::splat(90.0), ..CameraRig::default() };
-        rig.look(0.6, -0.4);
-        let before = rig.forward();
-        rig.frame_all(&mesh, 1.5);
-        assert!(rig.forward().dot(before) > 0.999_999);
-        assert!(rig.eye.length() < 20.0);
     }
 }

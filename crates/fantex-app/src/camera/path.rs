@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use fantex::base::{Error, ErrorKind, Result};
+use fantex::base::{Error, Result};
 use fantex::glam::DVec3;
 use fantex::scene::Camera;
 use serde::{Deserialize, Serialize};
 
-use crate::settings::write_whole;
+use crate::settings::{read_limited, write_whole};
 
 /// Most keys of a path; at 30 per second this is an hour.
 const MAX_KEYS: usize = 108_000;
@@ -15,7 +15,6 @@ const MAX_KEYS: usize = 108_000;
 /// Most bytes of a file that is read as a path.
 const MAX_FILE_BYTES: u64 = 64 << 20;
 
-/// Where the camera is at one time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraKey {
@@ -25,14 +24,12 @@ pub struct CameraKey {
     pub eye: [f64; 3],
     /// A point in the middle of the picture, world space.
     pub target: [f64; 3],
-    /// Upwards in the picture.
     pub up: [f64; 3],
     /// Vertical opening angle in degrees.
     pub fov_degrees: f64,
 }
 
 impl CameraKey {
-    /// A camera at a time.
     pub fn new(seconds: f64, camera: &Camera) -> Self {
         Self {
             seconds,
@@ -43,7 +40,6 @@ impl CameraKey {
         }
     }
 
-    /// Its camera.
     pub fn camera(&self) -> Camera {
         Camera {
             eye: DVec3::from_array(self.eye),
@@ -58,7 +54,6 @@ impl CameraKey {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CameraPath {
-    /// The keys.
     pub keys: Vec<CameraKey>,
 }
 
@@ -70,18 +65,7 @@ impl CameraPath {
     /// The file cannot be read or is no path.
     pub fn load(path: &Path) -> Result<Self> {
         let name = path.display();
-        let failed = |source: std::io::Error| {
-            let sentence = format!("cannot read the camera path {name}: {source}");
-            Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
-        };
-        let bytes = std::fs::metadata(path).map_err(failed)?.len();
-        if bytes > MAX_FILE_BYTES {
-            let sentence = format!(
-                "{name} has {bytes} bytes, more than the {MAX_FILE_BYTES} that a camera path may have"
-            );
-            return Err(Error::too_large(sentence).with_path(path));
-        }
-        let text = std::fs::read(path).map_err(failed)?;
+        let text = read_limited(path, MAX_FILE_BYTES, "the camera path")?;
         let found: Self = serde_json::from_slice(&text).map_err(|source| {
             Error::malformed(format!("{name} is no camera path: {source}"))
                 .with_path(path)
@@ -152,7 +136,6 @@ impl CameraPath {
     }
 }
 
-/// A recording under way.
 #[derive(Clone, Debug, Default)]
 pub struct PathRecorder {
     keys: Vec<CameraKey>,
@@ -181,65 +164,5 @@ impl PathRecorder {
             self.keys.push(CameraKey::new(seconds.max(0.0), camera));
         }
         (!self.keys.is_empty()).then_some(CameraPath { keys: self.keys })
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn camera(x: f64) -> Camera {
-        Camera { eye: DVec3::new(x, 1.0, 5.0), target: DVec3::ZERO, up: DVec3::Y, fov_degrees: 40.0 }
-    }
-
-    fn recorded() -> CameraPath {
-        let mut recorder = PathRecorder::default();
-        for frame in 0..=120 {
-            let seconds = f64::from(frame) / 60.0;
-            recorder.take(seconds, &camera(seconds));
-        }
-        recorder.finish(2.0, &camera(2.0)).unwrap()
-    }
-
-    #[test]
-    fn recordings_play_back_as_they_were() {
-        let path = recorded();
-        assert!((40..80).contains(&path.keys.len()), "{}", path.keys.len());
-        assert_eq!(path.seconds(), 2.0);
-        for seconds in [0.0, 0.31, 1.0, 1.999] {
-            assert!((path.camera_at(seconds).unwrap().eye.x - seconds).abs() < 1e-9);
-        }
-        assert_eq!(path.camera_at(-1.0).unwrap().eye.x, 0.0);
-        assert_eq!(path.camera_at(99.0).unwrap().eye.x, 2.0);
-    }
-
-    #[test]
-    fn files_keep_paths() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("way.json");
-        recorded().save(&file).unwrap();
-        assert_eq!(CameraPath::load(&file).unwrap(), recorded());
-    }
-
-    #[test]
-    fn what_is_no_path_is_refused_in_a_sentence() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("way.json");
-        let message = |text: &str| {
-            std::fs::write(&file, text).unwrap();
-            CameraPath::load(&file).unwrap_err().to_string()
-        };
-        assert!(message("{").contains("no camera path"));
-        assert!(message("{\"keys\":[]}").contains("0 camera keys"));
-        let key = |seconds: f64, eye: f64| {
-            format!(
-                "{{\"seconds\":{seconds},\"eye\":[{eye},0,0],\"target\":[0,0,0],\"up\":[0,1,0],\"fov_degrees\":40}}"
-            )
-        };
-        assert!(message(&format!("{{\"keys\":[{},{}]}}", key(1.0, 1.0), key(0.5, 1.0))).contains("key 1"));
-        assert!(message(&format!("{{\"keys\":[{}]}}", key(0.0, 0.0))).contains("same point"));
-        assert!(
-            CameraPath::load(&folder.path().join("none")).unwrap_err().to_string().contains("cannot read")
-        );
     }
 }

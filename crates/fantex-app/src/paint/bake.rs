@@ -11,8 +11,6 @@ use fantex::glam::{Vec3, Vec4};
 use fantex::mesh::Mesh;
 use fantex::store::ChannelKind;
 
-use crate::job::other;
-
 /// Texels of a model whose own textures say nothing about how many it needs: with them a screen is filled sharply from nearby.
 const TEXELS: u64 = 8_000_000;
 
@@ -39,7 +37,7 @@ pub fn bake_model(mesh: &Mesh, output: &Path, progress: &dyn Progress) -> Result
         return write(mesh, TexelBudget::Total(TEXELS), &source, output, progress);
     }
     let says_something = |m: &fantex::mesh::Material| m.base_color != Vec4::ONE || m.emission != Vec3::ZERO;
-    let source = LookSource::of_model(mesh).map_err(other)?;
+    let source = LookSource::of_model(mesh)?;
     if source.has_textures() {
         return write(mesh, TexelBudget::PerTriangle(source.density()), &source, output, progress);
     }
@@ -62,7 +60,6 @@ fn write(
     Ok(())
 }
 
-/// Grey all over.
 struct Plain;
 
 impl Source for Plain {

@@ -1,15 +1,13 @@
 //! The brush as the user sets it.
 
-use std::io;
 use std::path::{Path, PathBuf};
 
 use fantex::base::{Error, ErrorKind, Result};
 use fantex::paint::{BlendMode, Brush, Jitter, PressureResponse, Size};
 use serde::{Deserialize, Serialize};
 
-use crate::settings::write_whole;
+use crate::settings::{continued, read_limited, write_whole};
 
-/// What a brush's size is measured in.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SizeUnit {
@@ -23,20 +21,10 @@ pub enum SizeUnit {
 }
 
 impl SizeUnit {
-    /// All units.
-    pub const ALL: [Self; 3] = [Self::Pixels, Self::World, Self::Texels];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Pixels => "px",
-            Self::World => "units",
-            Self::Texels => "texels",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Pixels, "px"), (Self::World, "units"), (Self::Texels, "texels")];
 }
 
-/// A brush.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BrushSettings {
@@ -44,7 +32,6 @@ pub struct BrushSettings {
     pub name: String,
     /// Diameter.
     pub size: f32,
-    /// What that is measured in.
     pub unit: SizeUnit,
     /// Share of the radius that is full, 0..1.
     pub hardness: f32,
@@ -56,11 +43,8 @@ pub struct BrushSettings {
     pub spacing: f32,
     /// How far the brush lags behind the hand, 0..1.
     pub smoothing: f32,
-    /// How it lies over what is there.
     pub blend: BlendMode,
-    /// Random changes.
     pub jitter: Jitter,
-    /// What pressure does.
     pub pressure: PressureResponse,
     /// Angle of the stamp, degrees.
     pub angle_degrees: f32,
@@ -89,7 +73,6 @@ impl Default for BrushSettings {
 }
 
 impl BrushSettings {
-    /// Least and most diameter.
     pub const SIZE: [f32; 2] = [1.0, 2000.0];
 
     /// The brush for the engine. `world_per_pixel` is the size of a pixel where the stroke begins.
@@ -129,38 +112,33 @@ impl BrushSettings {
     }
 }
 
-/// The name of a blend mode.
-pub fn blend_label(mode: BlendMode) -> &'static str {
-    match mode {
-        BlendMode::Normal => "Normal",
-        BlendMode::Multiply => "Multiply",
-        BlendMode::Screen => "Screen",
-        BlendMode::Overlay => "Overlay",
-        BlendMode::Darken => "Darken",
-        BlendMode::Lighten => "Lighten",
-        BlendMode::ColorDodge => "Colour dodge",
-        BlendMode::ColorBurn => "Colour burn",
-        BlendMode::HardLight => "Hard light",
-        BlendMode::SoftLight => "Soft light",
-        BlendMode::Difference => "Difference",
-        BlendMode::Exclusion => "Exclusion",
-        BlendMode::Hue => "Hue",
-        BlendMode::Saturation => "Saturation",
-        BlendMode::Color => "Colour",
-        BlendMode::Luminosity => "Luminosity",
-        BlendMode::Add => "Add",
-    }
-}
+pub const BLEND_MODES: [(BlendMode, &str); 17] = [
+    (BlendMode::Normal, "Normal"),
+    (BlendMode::Multiply, "Multiply"),
+    (BlendMode::Screen, "Screen"),
+    (BlendMode::Overlay, "Overlay"),
+    (BlendMode::Darken, "Darken"),
+    (BlendMode::Lighten, "Lighten"),
+    (BlendMode::ColorDodge, "Colour dodge"),
+    (BlendMode::ColorBurn, "Colour burn"),
+    (BlendMode::HardLight, "Hard light"),
+    (BlendMode::SoftLight, "Soft light"),
+    (BlendMode::Difference, "Difference"),
+    (BlendMode::Exclusion, "Exclusion"),
+    (BlendMode::Hue, "Hue"),
+    (BlendMode::Saturation, "Saturation"),
+    (BlendMode::Color, "Colour"),
+    (BlendMode::Luminosity, "Luminosity"),
+    (BlendMode::Add, "Add"),
+];
 
 // Brushes that the user keeps, in a file of their own.
 
 /// Most bytes of a file that is read as presets.
 const MAX_FILE_BYTES: u64 = 4 << 20;
 
-/// Named brushes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Presets {
-    /// In the order in which they are shown.
     pub brushes: Vec<BrushSettings>,
 }
 
@@ -217,20 +195,11 @@ impl Presets {
     ///
     /// There is a file that cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
-        let failed = |source: io::Error| {
-            let sentence =
-                format!("cannot read the brushes {}: {source}; there are the usual ones", path.display());
-            Error::new(ErrorKind::Io, sentence).with_path(path).with_source(source)
+        let text = match read_limited(path, MAX_FILE_BYTES, "the brushes") {
+            Ok(text) => text,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Self::default()),
+            Err(error) => return Err(continued(error, "; there are the usual ones")),
         };
-        match std::fs::metadata(path) {
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
-            Err(error) => return Err(failed(error)),
-            Ok(found) if found.len() > MAX_FILE_BYTES => {
-                return Err(failed(io::ErrorKind::FileTooLarge.into()));
-            }
-            Ok(_) => {}
-        }
-        let text = std::fs::read(path).map_err(failed)?;
         serde_json::from_slice(&text).map_err(|source| {
             let name = path.display();
             let sentence = format!(
@@ -334,60 +303,5 @@ impl Dab {
                 }
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn pixels_become_world_units_where_the_stroke_begins() {
-        let settings = BrushSettings { size: 50.0, ..BrushSettings::default() };
-        assert_eq!(settings.brush(0.02, 0).size, Size::World(1.0));
-        let settings = BrushSettings { unit: SizeUnit::Texels, ..settings };
-        assert_eq!(settings.brush(0.02, 0).size, Size::Texels(50.0));
-    }
-
-    #[test]
-    fn sizes_stay_within_bounds() {
-        let mut settings = BrushSettings::default();
-        settings.change_size(1000.0);
-        assert_eq!(settings.size, BrushSettings::SIZE[1]);
-        settings.change_size(-1000.0);
-        assert_eq!(settings.size, BrushSettings::SIZE[0]);
-        settings.change_hardness(20.0);
-        assert_eq!(settings.hardness, 1.0);
-    }
-
-    #[test]
-    fn presets_come_back_from_the_disk() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("brushes.json");
-        let mut presets = Presets::load(&path).unwrap();
-        assert_eq!(presets, Presets::default());
-        presets.keep(&BrushSettings { name: "Mine".into(), size: 7.0, ..BrushSettings::default() });
-        presets.keep(&BrushSettings { name: "Mine".into(), size: 9.0, ..BrushSettings::default() });
-        presets.save(&path).unwrap();
-        let again = Presets::load(&path).unwrap();
-        assert_eq!(again, presets);
-        assert_eq!(
-            again.brushes.iter().filter(|b| b.name == "Mine").map(|b| b.size).collect::<Vec<_>>(),
-            [9.0]
-        );
-        std::fs::write(&path, "{").unwrap();
-        assert!(Presets::load(&path).unwrap_err().to_string().contains("damaged"));
-    }
-
-    #[test]
-    fn the_preview_shows_opacity_and_size() {
-        let sum = |brush: &BrushSettings| preview_stroke(brush, 200, 60).iter().sum::<f32>();
-        let brush = BrushSettings { size: 12.0, hardness: 1.0, ..BrushSettings::default() };
-        let whole = sum(&brush);
-        assert!(whole > 500.0, "{whole}");
-        let fainter = sum(&BrushSettings { opacity: 0.5, ..brush.clone() });
-        assert!((fainter / whole - 0.5).abs() < 1e-3);
-        assert!(sum(&BrushSettings { size: 24.0, ..brush.clone() }) > 1.5 * whole);
-        assert!(preview_stroke(&brush, 200, 60).iter().all(|c| (0.0..=1.0).contains(c)));
     }
 }

@@ -7,19 +7,15 @@ use serde::{Deserialize, Serialize};
 /// Colours that were used last and are remembered.
 const MAX_RECENT: usize = 16;
 
-/// The user's colours.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Colors {
-    /// What is painted with.
     pub foreground: [u8; 3],
     /// What `X` brings to the front.
     pub background: [u8; 3],
     /// Those that were painted with, the last one first.
     pub recent: Vec<[u8; 3]>,
-    /// The palette that is shown.
     pub palette: usize,
-    /// Colours that the user keeps.
     pub own: Vec<[u8; 3]>,
 }
 
@@ -35,97 +31,46 @@ impl Default for Colors {
     }
 }
 
-/// Names and colours.
-pub const PALETTES: [(&str, &[[u8; 3]]); 4] = [
+/// Names, and colours as `0xrrggbb`.
+pub const PALETTES: [(&str, [u32; 16]); 4] = [
     (
         "Basic",
-        &[
-            [0x00, 0x00, 0x00],
-            [0x4d, 0x4d, 0x4d],
-            [0x99, 0x99, 0x99],
-            [0xff, 0xff, 0xff],
-            [0xd8, 0x45, 0x2e],
-            [0xf0, 0x8a, 0x24],
-            [0xf5, 0xcf, 0x3d],
-            [0x7f, 0xb5, 0x3c],
-            [0x2f, 0x8f, 0x5b],
-            [0x2d, 0x9c, 0xb3],
-            [0x2f, 0x6f, 0xc1],
-            [0x3b, 0x3f, 0x9e],
-            [0x7a, 0x46, 0xa8],
-            [0xc2, 0x4c, 0x93],
-            [0xe8, 0x8f, 0xa6],
-            [0x7a, 0x4a, 0x2b],
+        [
+            0x000000, 0x4d4d4d, 0x999999, 0xffffff, 0xd8452e, 0xf08a24, 0xf5cf3d, 0x7fb53c, 0x2f8f5b,
+            0x2d9cb3, 0x2f6fc1, 0x3b3f9e, 0x7a46a8, 0xc24c93, 0xe88fa6, 0x7a4a2b,
         ],
     ),
     (
         "Earth",
-        &[
-            [0x2b, 0x21, 0x1b],
-            [0x4a, 0x35, 0x28],
-            [0x6b, 0x4a, 0x34],
-            [0x8a, 0x62, 0x43],
-            [0xa8, 0x7d, 0x57],
-            [0xc4, 0x9c, 0x72],
-            [0xdb, 0xbd, 0x98],
-            [0xee, 0xdf, 0xc6],
-            [0x5a, 0x2a, 0x1c],
-            [0x8c, 0x3f, 0x26],
-            [0xb5, 0x5b, 0x35],
-            [0xcf, 0x86, 0x4d],
-            [0x3c, 0x42, 0x2b],
-            [0x5f, 0x66, 0x3e],
-            [0x88, 0x8d, 0x5a],
-            [0xb6, 0xb5, 0x84],
+        [
+            0x2b211b, 0x4a3528, 0x6b4a34, 0x8a6243, 0xa87d57, 0xc49c72, 0xdbbd98, 0xeedfc6, 0x5a2a1c,
+            0x8c3f26, 0xb55b35, 0xcf864d, 0x3c422b, 0x5f663e, 0x888d5a, 0xb6b584,
         ],
     ),
     (
         "Skin",
-        &[
-            [0x3a, 0x22, 0x1a],
-            [0x5a, 0x37, 0x29],
-            [0x7b, 0x4e, 0x3a],
-            [0x9b, 0x68, 0x4e],
-            [0xb8, 0x84, 0x66],
-            [0xcf, 0x9f, 0x80],
-            [0xe2, 0xba, 0x9d],
-            [0xf1, 0xd5, 0xbf],
-            [0x8f, 0x3b, 0x35],
-            [0xb5, 0x5a, 0x50],
-            [0xd0, 0x81, 0x74],
-            [0xe6, 0xab, 0x9e],
-            [0x5e, 0x3b, 0x45],
-            [0x8a, 0x60, 0x68],
-            [0x3f, 0x5a, 0x6b],
-            [0x6f, 0x8b, 0x95],
+        [
+            0x3a221a, 0x5a3729, 0x7b4e3a, 0x9b684e, 0xb88466, 0xcf9f80, 0xe2ba9d, 0xf1d5bf, 0x8f3b35,
+            0xb55a50, 0xd08174, 0xe6ab9e, 0x5e3b45, 0x8a6068, 0x3f5a6b, 0x6f8b95,
         ],
     ),
+    // Reflectances at normal incidence of common metals.
     (
         "Metal",
-        &[
-            // Reflectances at normal incidence of common metals.
-            [0xfc, 0xfa, 0xf6],
-            [0xff, 0xd7, 0x8a],
-            [0xfa, 0xd0, 0xc0],
-            [0xf5, 0xf6, 0xf6],
-            [0xc4, 0xc7, 0xc7],
-            [0xd4, 0xcf, 0xc7],
-            [0xc7, 0xbe, 0xb2],
-            [0xc5, 0xca, 0xce],
-            [0x8a, 0x4b, 0x2a],
-            [0x9c, 0x6b, 0x30],
-            [0x4f, 0x7d, 0x6a],
-            [0x76, 0xa5, 0x8f],
-            [0x2a, 0x2c, 0x30],
-            [0x4b, 0x50, 0x57],
-            [0x6d, 0x3a, 0x22],
-            [0x9a, 0x55, 0x2c],
+        [
+            0xfcfaf6, 0xffd78a, 0xfad0c0, 0xf5f6f6, 0xc4c7c7, 0xd4cfc7, 0xc7beb2, 0xc5cace, 0x8a4b2a,
+            0x9c6b30, 0x4f7d6a, 0x76a58f, 0x2a2c30, 0x4b5057, 0x6d3a22, 0x9a552c,
         ],
     ),
 ];
 
+/// `0xrrggbb` as bytes.
+pub fn color_of_hex(hex: u32) -> [u8; 3] {
+    let [_, r, g, b] = hex.to_be_bytes();
+    [r, g, b]
+}
+
 impl Colors {
-    /// Foreground becomes background and the other way round.
     pub fn swap(&mut self) {
         std::mem::swap(&mut self.foreground, &mut self.background);
     }
@@ -135,7 +80,6 @@ impl Colors {
         (self.foreground, self.background) = ([0; 3], [255; 3]);
     }
 
-    /// The foreground was used.
     pub fn used(&mut self) {
         let color = self.foreground;
         self.recent.retain(|&known| known != color);
@@ -168,34 +112,5 @@ pub fn parse_hex(text: &str) -> Option<[u8; 3]> {
         [r, g, b] => Some([r, g, b].map(|d| 17 * d)),
         [a, b, c, d, e, f] => Some([16 * a + b, 16 * c + d, 16 * e + f]),
         _ => None,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn hexadecimal_colours_are_read_as_they_are_written() {
-        for color in [[0, 0, 0], [255, 128, 3], [0xd8, 0x45, 0x2e]] {
-            assert_eq!(parse_hex(&text_hex(color)), Some(color));
-        }
-        assert_eq!(parse_hex("f80"), Some([255, 136, 0]));
-        assert_eq!(parse_hex("#12345"), None);
-        assert_eq!(parse_hex("red"), None);
-    }
-
-    #[test]
-    fn recent_colours_are_each_there_once_the_last_one_first() {
-        let mut colors = Colors::default();
-        for n in 0..40u8 {
-            colors.foreground = [n % 20, 0, 0];
-            colors.used();
-        }
-        assert_eq!(colors.recent.len(), MAX_RECENT);
-        assert_eq!(colors.recent[0], [19, 0, 0]);
-        colors.foreground = [10, 0, 0];
-        colors.used();
-        assert_eq!((colors.recent[0], colors.recent[1]), ([10, 0, 0], [19, 0, 0]));
     }
 }

@@ -5,21 +5,16 @@ use fantex::paint::{Surface, SurfacePoint, Symmetry};
 
 use crate::camera::CameraRig;
 
-/// What the pen did.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PenPhase {
-    /// It touched.
     Down,
     /// It moved, touching.
     Move,
-    /// It left.
     Up,
 }
 
-/// Something that the pen did.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PenEvent {
-    /// What.
     pub phase: PenPhase,
     /// Where, 0..1 along the scene's sides.
     pub at: DVec2,
@@ -30,14 +25,12 @@ pub struct PenEvent {
 /// From where the scene is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewpoint {
-    /// The camera.
     pub rig: CameraRig,
     /// Width and height of the scene in pixels.
     pub pixels: [u32; 2],
 }
 
 impl Viewpoint {
-    /// Width by height.
     pub fn aspect(&self) -> f64 {
         let [width, height] = self.pixels.map(|n| f64::from(n.max(1)));
         width / height
@@ -86,12 +79,10 @@ pub struct Cursor {
     pub rings: Vec<Ring>,
 }
 
-/// An outline in the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ring {
     /// The middle, 0..1 along the scene's sides.
     pub middle: DVec2,
-    /// A closed line around it.
     pub outline: Vec<DVec2>,
     /// The part that is painted in full.
     pub core: Vec<DVec2>,
@@ -173,56 +164,4 @@ fn circle(center: DVec3, normal: DVec3, radius: f64) -> Vec<DVec3> {
     let y = normal.cross(x);
     let turn = |k: usize| (std::f64::consts::TAU * k as f64 / POINTS as f64).sin_cos();
     (0..POINTS).map(turn).map(|(sin, cos)| center + radius * (cos * x + sin * y)).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use fantex::cover::{CoverOptions, build_cover};
-    use fantex::mesh::generate::torus;
-    use fantex::mesh::{CleanOptions, clean};
-
-    use super::*;
-    use crate::camera::ViewPreset;
-
-    #[test]
-    fn what_a_ray_meets_is_seen_where_it_started() {
-        let view = Viewpoint {
-            rig: CameraRig { yaw: 0.4, pitch: -0.2, ..CameraRig::default() },
-            pixels: [800, 500],
-        };
-        for at in [DVec2::new(0.5, 0.5), DVec2::new(0.1, 0.8), DVec2::new(0.95, 0.03)] {
-            let point = view.rig.eye + 7.0 * view.rig.ray(at, view.aspect());
-            assert!((view.project(point).unwrap() - at).length() < 1e-9);
-        }
-        assert_eq!(view.project(view.rig.eye - view.rig.forward()), None);
-        let middle = view.rig.eye + 4.0 * view.rig.forward();
-        let beside = middle + view.rig.axes().y_axis * view.world_per_pixel(middle);
-        let moved = (view.project(beside).unwrap() - view.project(middle).unwrap()) * 500.0;
-        assert!((moved.length() - 1.0).abs() < 1e-9);
-    }
-
-    #[test]
-    fn rings_lie_around_the_cursor_and_its_mirror_image() {
-        let (mesh, _) = clean(torus(64, 32), &CleanOptions::default()).unwrap();
-        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
-        let rig = ViewPreset::Top.rig(&mesh, 1.6);
-        let surface = Surface::new(Arc::new(mesh), Arc::new(cover));
-        let view = Viewpoint { rig, pixels: [800, 500] };
-        // A torus seen from above: on its right side.
-        let at = (0..100).map(|k| DVec2::new(0.5 + 0.005 * f64::from(k), 0.5));
-        let (at, point) = at.filter_map(|at| Some((at, view.hit(&surface, at)?))).nth(10).unwrap();
-        let world = world_position(&surface, point);
-        let radius = 20.0 * view.world_per_pixel(world);
-        let mirror = Symmetry::Mirror { axis: 0, offset: 0.0 };
-        let cursor = Cursor::new(&surface, &view, point, radius, 0.5, &mirror);
-        assert_eq!(cursor.rings.len(), 2);
-        let ring = &cursor.rings[0];
-        assert!((ring.middle - at).length() < 1e-3 && !ring.is_hidden);
-        let pixels = |p: &DVec2| ((*p - ring.middle) * DVec2::new(800.0, 500.0)).length();
-        assert!(ring.outline.iter().all(|p| (8.0..24.0).contains(&pixels(p))), "{:?}", ring.outline);
-        let other = &cursor.rings[1];
-        assert!((other.middle.x + ring.middle.x - 1.0).abs() < 1e-2, "{:?}", other.middle);
-    }
 }

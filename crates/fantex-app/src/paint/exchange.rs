@@ -84,10 +84,6 @@ impl Exchange {
 
     /// Lets the painter look once more at what is wanted.
     pub(crate) fn ask_again(&self) {
-        self.kick();
-    }
-
-    fn kick(&self) {
         // Where the painter is gone nobody answers; pages stay as they are.
         self.orders.send(Order::Pages).ok();
     }
@@ -108,13 +104,8 @@ impl Exchange {
         }
         for &page in pages {
             let now = texels(page)?;
-            let mut state = self.lock();
-            state.note(self.parcel_of(page));
-            let is_outdated = state.put(page, self.parcel_of(page), now);
-            drop(state);
-            if is_outdated {
-                self.kick();
-            }
+            self.lock().note(self.parcel_of(page));
+            self.publish_preview(page, now);
         }
         Ok(())
     }
@@ -141,16 +132,15 @@ impl Exchange {
     pub fn publish_preview(&self, page: PageId, texels: ParcelTexels) {
         let is_outdated = self.lock().put(page, self.parcel_of(page), texels);
         if is_outdated {
-            self.kick();
+            self.ask_again();
         }
     }
 
     /// The painter's: some parcels that are wanted, the most urgent first.
     pub fn wanted(&self, most: usize) -> Vec<Parcel> {
-        let state = self.lock();
-        let mut wanted: Vec<(f32, Parcel)> = state.wanted.iter().map(|(&parcel, &u)| (u, parcel)).collect();
-        wanted.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        wanted.into_iter().take(most).map(|(_, parcel)| parcel).collect()
+        let mut wanted = by_urgency(self.lock().wanted.iter().map(|(&parcel, &urgency)| (parcel, urgency)));
+        wanted.truncate(most);
+        wanted
     }
 
     /// The painter's: an answer. One that nobody waits for any more is dropped.
@@ -172,6 +162,13 @@ impl Exchange {
         let state = self.lock();
         state.fresh.is_empty() && state.stale.is_empty() && state.ready.is_empty()
     }
+}
+
+/// Parcels by their urgency, the most urgent first.
+fn by_urgency(parcels: impl Iterator<Item = (Parcel, f32)>) -> Vec<Parcel> {
+    let mut sorted: Vec<(Parcel, f32)> = parcels.collect();
+    sorted.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    sorted.into_iter().map(|(parcel, _)| parcel).collect()
 }
 
 impl State {
@@ -219,9 +216,7 @@ impl PaintLoader {
         drop(state);
         Self { file, exchange, asked: BTreeMap::new() }
     }
-}
 
-impl PaintLoader {
     /// Goes over to a newer state of the file, if there is one.
     fn go_over(&mut self) {
         let mut state = self.exchange.lock();
@@ -252,7 +247,7 @@ impl ParcelLoader for PaintLoader {
         }
         state.wanted.insert(parcel, urgency);
         drop(state);
-        self.exchange.kick();
+        self.exchange.ask_again();
     }
 
     fn cancel(&mut self, parcel: Parcel) {
@@ -270,9 +265,8 @@ impl ParcelLoader for PaintLoader {
         let mut loaded = Vec::new();
         let mut bytes = 0;
         let mut state = self.exchange.lock();
-        let mut by_urgency: Vec<(f32, Parcel)> = state.ready.iter().map(|(&p, (u, _))| (*u, p)).collect();
-        by_urgency.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        for (_, parcel) in by_urgency {
+        let ready = by_urgency(state.ready.iter().map(|(&parcel, (urgency, _))| (parcel, *urgency)));
+        for parcel in ready {
             if bytes >= max_bytes {
                 break;
             }
@@ -300,7 +294,7 @@ impl ParcelLoader for PaintLoader {
         }
         drop(state);
         if has_wishes {
-            self.exchange.kick();
+            self.exchange.ask_again();
         }
         loaded
     }
@@ -369,150 +363,4 @@ fn channel_texels(
 
 fn no_such_page(painter: &Painter, channel: usize, page: PageId) -> Error {
     painter.editor().asset().no_such_page(channel, page)
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::mpsc::{Receiver, channel};
-
-    use fantex::cover::{Frame, Group, GroupKind};
-    use fantex::glam::{Vec2, Vec3};
-
-    use super::*;
-
-    /// Has every parcel at once: zeros.
-    #[derive(Default)]
-    struct Zeros(Vec<Parcel>);
-
-    impl ParcelLoader for Zeros {
-        fn request(&mut self, parcel: Parcel, _: f32) {
-            self.0.push(parcel);
-        }
-
-        fn cancel(&mut self, parcel: Parcel) {
-            self.0.retain(|&p| p != parcel);
-        }
-
-        fn poll(&mut self, _: usize) -> Vec<LoadedParcel> {
-            self.0.drain(..).map(|parcel| LoadedParcel { parcel, texels: Ok(texels(0)) }).collect()
-        }
-
-        fn pending(&self) -> usize {
-            self.0.len()
-        }
-    }
-
-    fn texels(value: u8) -> ParcelTexels {
-        ParcelTexels { extent: [4, 4], channels: vec![vec![value; 16].into()] }
-    }
-
-    /// Many tiles of 256x256 texels, whose finest levels stand alone.
-    fn cover() -> Arc<Cover> {
-        let frame = Frame { origin: Vec3::ZERO, direction: Vec3::Z, x_axis: Vec3::X };
-        let extent = [256, 256];
-        let group =
-            Group { kind: GroupKind::Projected, frame, uv_scale: Vec2::ONE, uv_offset: Vec2::ZERO, extent };
-        let (corner_groups, unfolded) = (Vec::new(), Vec::new());
-        Arc::new(Cover { groups: vec![group; 2000], corner_groups, unfolded, delta: 0.25, density: 1.0 })
-    }
-
-    fn id(group: u32) -> PageId {
-        PageId { group, level: 0, page: [0, 0] }
-    }
-
-    fn own(group: u32) -> Parcel {
-        Parcel::Page(id(group))
-    }
-
-    fn value(loaded: &LoadedParcel) -> u8 {
-        loaded.texels.as_ref().unwrap().channels[0][0]
-    }
-
-    fn loader() -> (PaintLoader, Arc<Exchange>, Receiver<Order>) {
-        let (sender, receiver) = channel();
-        let exchange = Arc::new(Exchange::new(sender, cover()));
-        (PaintLoader::new(Box::new(Zeros::default()), exchange.clone()), exchange, receiver)
-    }
-
-    #[test]
-    fn parcels_come_from_the_file_until_they_are_painted() {
-        let (mut loader, exchange, orders) = loader();
-        loader.request(own(1), 1.0);
-        loader.request(own(2), 1.0);
-        // Painted while it is on its way from the file.
-        exchange.publish(&[id(2)], |_| Ok::<_, ()>(texels(7))).unwrap();
-        let found = loader.poll(1000);
-        assert_eq!(found.iter().map(|p| (p.parcel, value(p))).collect::<Vec<_>>(), [(own(1), 0)]);
-        assert!(matches!(orders.try_recv(), Ok(Order::Pages)));
-        assert_eq!(exchange.wanted(9), [own(2)]);
-        assert_eq!(loader.pending(), 1);
-        exchange.answer(own(2), Ok(texels(7)));
-        // And once more before the answer was taken: the newer texels count.
-        exchange.publish(&[id(2)], |_| Ok::<_, ()>(texels(9))).unwrap();
-        let found = loader.poll(1000);
-        assert_eq!((found[0].parcel, value(&found[0])), (own(2), 9));
-        assert_eq!(loader.pending(), 0);
-        let (fresh, stale) = exchange.take_fresh();
-        assert_eq!((fresh[&id(2)].channels[0][0], stale.len()), (9, 0));
-    }
-
-    #[test]
-    fn a_bundle_comes_from_the_painter_when_one_of_its_pages_has_changed() {
-        let (mut loader, exchange, orders) = loader();
-        // The coarsest level of tile 40, which comes with those of 32 to 63.
-        let page = PageId { group: 40, level: cover().groups[40].level_count() - 1, page: [0, 0] };
-        let bundle = Parcel::Bundle { bundle: 1, step: 0 };
-        exchange.publish(&[page], |_| Ok::<_, ()>(texels(7))).unwrap();
-        loader.request(bundle, 1.0);
-        loader.request(Parcel::Bundle { bundle: 2, step: 0 }, 1.0);
-        assert_eq!(exchange.wanted(9), [bundle]);
-        assert!(matches!(orders.try_recv(), Ok(Order::Pages)));
-        exchange.answer(bundle, Ok(texels(7)));
-        // Painted before the answer was taken: it is asked for once more.
-        exchange.publish(&[page], |_| Ok::<_, ()>(texels(9))).unwrap();
-        assert!(matches!(orders.try_recv(), Ok(Order::Pages)));
-        assert_eq!((loader.poll(1000).len(), exchange.wanted(9)), (1, vec![bundle]));
-        exchange.answer(bundle, Ok(texels(9)));
-        let found = loader.poll(1000);
-        assert_eq!((found[0].parcel, value(&found[0]), loader.pending()), (bundle, 9, 0));
-    }
-
-    #[test]
-    fn cancelled_parcels_do_not_arrive() {
-        let (mut loader, exchange, _orders) = loader();
-        exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(1))).unwrap();
-        loader.request(own(3), 1.0);
-        loader.cancel(own(3));
-        exchange.answer(own(3), Ok(texels(1)));
-        assert!(loader.poll(1000).is_empty());
-    }
-
-    #[test]
-    fn what_is_on_its_way_comes_from_the_newer_file() {
-        let (mut loader, exchange, orders) = loader();
-        exchange.publish(&[id(1)], |_| Ok::<_, ()>(texels(7))).unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let asset = crate::paint::tests::small_asset(folder.path());
-        loader.request(own(2), 1.0);
-        exchange.offer(Box::new(Zeros::default()), Arc::new(Asset::open(&asset).unwrap()));
-        exchange.publish(&[id(3)], |_| Ok::<_, ()>(texels(8))).unwrap();
-        let found = loader.poll(1000);
-        assert_eq!(found.iter().map(|p| p.parcel).collect::<Vec<_>>(), [own(2)]);
-        assert!(matches!(orders.try_recv(), Ok(Order::Release(_))));
-        assert!(exchange.take_asset().is_some() && exchange.take_asset().is_none());
-        // Page 1 is in the newer file, page 3 is not.
-        loader.request(own(1), 1.0);
-        loader.request(own(3), 1.0);
-        assert_eq!(exchange.wanted(9), [own(3)]);
-        assert_eq!(loader.poll(1000)[0].parcel, own(1));
-    }
-
-    #[test]
-    fn many_pages_are_asked_for_instead() {
-        let (_loader, exchange, _orders) = loader();
-        let pages: Vec<PageId> = (0..2000).map(id).collect();
-        exchange.publish(&pages, |_| -> Result<_, ()> { panic!("not read at once") }).unwrap();
-        let (fresh, stale) = exchange.take_fresh();
-        assert_eq!((fresh.len(), stale.len()), (0, 2000));
-    }
 }

@@ -21,6 +21,7 @@ use crate::paint::{
     ChosenTexture, ColorSource, Order, PaintSettings, PaintTool, Painting, PenEvent, PenPhase, StickerKind,
     StrokeStart, Viewpoint,
 };
+use crate::settings::label_of;
 
 impl Painting {
     /// What the pen did in this frame. `is_line` and `is_pick`: Shift and Alt are held.
@@ -173,7 +174,7 @@ impl Painting {
         let (paint, ingredients) = self.paint(point, settings, view)?;
         let stamp = self.stamp(settings, notices, seconds);
         self.strokes += 1;
-        let label = settings.tool.label().to_lowercase();
+        let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();
         let mut recorded = recorded(&label, &paint, &self.channels, &ingredients, &self.surface);
         recorded.brush.stamp = settings.brush.stamp.clone().filter(|_| settings.tool.has_brush());
         if let (ToolSettings::Clone { from }, Some(source)) = (&mut recorded.tool, self.source()) {

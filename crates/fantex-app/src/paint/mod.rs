@@ -19,14 +19,12 @@ mod painting;
 mod settings;
 mod stencil;
 mod symmetry;
-#[cfg(test)]
-pub(crate) mod tests;
 mod texture;
 mod worker;
 
 pub use bake::{asset_beside, bake_model};
-pub use brush::{BrushSettings, Presets, SizeUnit, blend_label, preview_stroke};
-pub use colors::{Colors, PALETTES, parse_hex, text_hex};
+pub use brush::{BLEND_MODES, BrushSettings, Presets, SizeUnit, preview_stroke};
+pub use colors::{Colors, PALETTES, color_of_hex, parse_hex, text_hex};
 pub use cursor::{Cursor, PenEvent, PenPhase, Ring, Viewpoint};
 pub use exchange::{Exchange, PaintLoader};
 pub use painting::{LayerAction, Painting};

@@ -25,10 +25,8 @@ use crate::viewer::Wake;
 /// For so long it is told that the pen went down beside the model.
 const MISSED_SECONDS: f64 = 4.0;
 
-/// What the hand is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Hand {
-    /// Nothing.
     #[default]
     Idle,
     /// A stroke. The point is where it was last; none where it has left the surface.
@@ -37,19 +35,19 @@ pub(super) enum Hand {
     Turn,
 }
 
-/// An asset that is being painted on.
 #[derive(Debug)]
 pub struct Painting {
     pub(super) thread: PaintThread,
-    pub(super) surface: Arc<Surface>,
-    pub(super) bounds: Aabb<DVec3>,
-    pub(super) channels: Vec<Channel>,
-    pub(super) snapshot: Snapshot,
-    pub(super) target: Target,
+    pub surface: Arc<Surface>,
+    /// The model's, world space.
+    pub bounds: Aabb<DVec3>,
+    pub channels: Vec<Channel>,
+    pub snapshot: Snapshot,
+    pub target: Target,
     /// Whether the target was chosen already, by the user or for him.
     has_target: bool,
-    pub(super) save: SaveState,
-    pub(super) presets: Presets,
+    pub save: SaveState,
+    pub presets: Presets,
     presets_file: Option<PathBuf>,
     pub(super) hand: Hand,
     /// When the pen last went down beside the model, seconds; none once it has met it.
@@ -61,11 +59,13 @@ pub struct Painting {
     pub(super) stamp: Option<(PathBuf, Arc<Stamp>)>,
     pub(super) texture: Option<(TextureChoice, Result<Option<ChosenTexture>, String>)>,
     pub(super) stencil: Option<(PathBuf, Result<Arc<StencilPicture>, String>)>,
-    pub(super) work: Option<WorkProgress>,
+    /// How far something is that takes long.
+    pub work: Option<WorkProgress>,
     /// From where it was seen when the worker was last told.
     told_view: Option<Viewpoint>,
     pub(super) strokes: u64,
-    pub(super) newer: Option<Arc<Asset>>,
+    /// A newer state of the asset; the older ones are to be let go.
+    pub newer: Option<Arc<Asset>>,
     pub(super) section: Section,
     /// A layer's name while it is being edited.
     pub renaming: Option<(u64, String)>,
@@ -119,34 +119,8 @@ impl Painting {
         }
     }
 
-    /// What is shared with whoever draws.
     pub fn exchange(&self) -> &Arc<Exchange> {
         self.thread.exchange()
-    }
-
-    /// The surface.
-    pub fn surface(&self) -> &Arc<Surface> {
-        &self.surface
-    }
-
-    /// The model's box, world space.
-    pub fn bounds(&self) -> &Aabb<DVec3> {
-        &self.bounds
-    }
-
-    /// The asset's channels.
-    pub fn channels(&self) -> &[Channel] {
-        &self.channels
-    }
-
-    /// Layers and history.
-    pub fn snapshot(&self) -> &Snapshot {
-        &self.snapshot
-    }
-
-    /// What is painted on.
-    pub fn target(&self) -> Target {
-        self.target
     }
 
     /// The layer that is painted on or whose mask is.
@@ -157,27 +131,11 @@ impl Painting {
         }
     }
 
-    /// Whether all is in the file.
-    pub fn save(&self) -> &SaveState {
-        &self.save
-    }
-
-    /// The user's brushes.
-    pub fn presets(&self) -> &Presets {
-        &self.presets
-    }
-
     /// Whether what was asked for is not all done yet.
     pub fn is_busy(&self) -> bool {
         self.thread.is_busy()
     }
 
-    /// How far something is that takes long.
-    pub fn work(&self) -> Option<&WorkProgress> {
-        self.work.as_ref()
-    }
-
-    /// Gives up what takes long.
     pub fn give_up_work(&self) {
         self.thread.order(Order::GiveUp);
     }
@@ -223,12 +181,10 @@ impl Painting {
         read.map(Some)
     }
 
-    /// Whether a stroke goes on.
     pub fn is_drawing(&self) -> bool {
         matches!(self.hand, Hand::Stroke(_))
     }
 
-    /// Whether the hand turns the view.
     pub fn is_turning(&self) -> bool {
         self.hand == Hand::Turn
     }
@@ -254,18 +210,12 @@ impl Painting {
         self.source.map(|point| world_position(&self.surface, point))
     }
 
-    /// A newer state of the asset, once; the older ones are to be let go.
-    pub fn take_newer(&mut self) -> Option<Arc<Asset>> {
-        self.newer.take()
-    }
-
     /// Keeps the brush among the presets, on the disk too.
     pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices, seconds: f64) {
         self.presets.keep(&settings.brush);
         self.save_presets(notices, seconds);
     }
 
-    /// Drops a preset.
     pub fn drop_brush(&mut self, name: &str, notices: &mut Notices, seconds: f64) {
         self.presets.brushes.retain(|brush| brush.name != name);
         self.save_presets(notices, seconds);
@@ -279,7 +229,6 @@ impl Painting {
         }
     }
 
-    /// Picks up what the worker tells.
     pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices, seconds: f64) {
         for report in self.thread.reports() {
             match report {
@@ -335,7 +284,6 @@ impl Painting {
         }
     }
 
-    /// What a key or button asks for.
     pub fn command(&mut self, command: &PaintCommand, settings: &mut PaintSettings) {
         let stencil = &mut settings.stencil;
         let brush = &mut settings.brush;
@@ -503,10 +451,8 @@ impl Painting {
 
 // What the user does with layers.
 
-/// Something done with layers.
 #[derive(Clone, Debug, PartialEq)]
 pub enum LayerAction {
-    /// Paint on this.
     Select(Target),
     /// An empty layer above the chosen one.
     Add,
@@ -514,27 +460,21 @@ pub enum LayerAction {
     AddFill(bool),
     /// A fill layer takes the current colour or texture.
     Refill(u64),
-    /// Away with it.
     Delete(u64),
-    /// Another name.
     Rename(u64, String),
-    /// Shown or not.
     Show(u64, bool),
     /// 0..1.
     Opacity(u64, f32),
-    /// Another blend mode.
     Blend(u64, BlendMode),
     /// One place towards the top (true) or the bottom.
     Move(u64, bool),
     /// A mask that shows (true) or hides all until it is painted.
     AddMask(u64, bool),
-    /// No mask any more.
     RemoveMask(u64),
     /// Shown in a channel of the asset or not.
     Channel(u64, usize, bool),
 }
 
-/// Changes one layer.
 pub(crate) fn change(
     thread: &PaintThread,
     label: &'static str,
@@ -549,14 +489,12 @@ pub(crate) fn change(
     thread.order(Order::EditLayers(label, Box::new(change)));
 }
 
-/// Moves a layer by one place.
 pub(crate) fn shift(layers: &mut [Layer], id: u64, is_up: bool) {
     let Some(at) = layers.iter().position(|layer| layer.id() == id) else { return };
     let to = if is_up { (at + 1).min(layers.len() - 1) } else { at.saturating_sub(1) };
     layers.swap(at, to);
 }
 
-/// Hides or shows a channel.
 fn set_channel(layer: &mut Layer, channel: usize, is_shown: bool) {
     if layer.channels.len() <= channel {
         layer.channels.resize(channel + 1, true);

@@ -12,27 +12,19 @@ use crate::command::{Command, Section, Shortcut};
 use crate::paint::colors::linear_of;
 use crate::paint::{BrushSettings, Colors, StencilSettings, SymmetrySettings, TextureChoice};
 
-/// Tool, brush, colours.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct PaintSettings {
-    /// The tool.
     pub tool: PaintTool,
-    /// The brush of all tools.
     pub brush: BrushSettings,
-    /// Colours.
     pub colors: Colors,
     /// A texture that is painted instead of the foreground.
     pub texture: TextureChoice,
-    /// A picture over the view.
     pub stencil: StencilSettings,
-    /// Which channels are painted.
     pub channels: ChannelSwitches,
     /// With what besides the colour.
     pub material: Material,
-    /// Copies of strokes.
     pub symmetry: SymmetrySettings,
-    /// How far fills go.
     pub fill: FillReach,
     /// Degrees by which an edge bends that ends a fill.
     pub fill_degrees: f32,
@@ -40,19 +32,14 @@ pub struct PaintSettings {
     pub fill_tolerance: f32,
     /// Share of a colour that smudging carries over a radius of the brush, 0..1.
     pub smudge: f32,
-    /// What is laid onto the surface.
     pub sticker: StickerKind,
-    /// The text of it.
     pub text: String,
-    /// The picture of it.
     pub picture: Option<PathBuf>,
     /// How it is turned, degrees.
     pub sticker_degrees: f32,
     /// How far around blurring looks, diameters of the brush.
     pub blur_radius: f32,
-    /// Whether the brush panel is shown.
     pub has_brush_panel: bool,
-    /// Whether the panel of colours and layers is shown.
     pub has_layer_panel: bool,
 }
 
@@ -84,55 +71,31 @@ impl Default for PaintSettings {
 
 // What the pen does.
 
-/// A tool of the strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum PaintTool {
-    /// Lays colour on.
     #[default]
     Paint,
-    /// Takes away what was painted.
     Erase,
-    /// Covers a part of the surface at once.
     Fill,
-    /// Averages what is there.
     Blur,
-    /// Drags what is there along.
     Smudge,
-    /// Copies from elsewhere.
     Clone,
-    /// Lays a text or a picture onto the surface.
     Sticker,
-    /// Takes the colour from the surface.
     Pick,
 }
 
 impl PaintTool {
-    /// All tools from the top of the strip to its bottom.
-    pub const ALL: [Self; 8] = [
-        Self::Paint,
-        Self::Erase,
-        Self::Fill,
-        Self::Blur,
-        Self::Smudge,
-        Self::Clone,
-        Self::Sticker,
-        Self::Pick,
+    pub const ALL: [(Self, &'static str); 8] = [
+        (Self::Paint, "Paint"),
+        (Self::Erase, "Erase"),
+        (Self::Fill, "Fill"),
+        (Self::Blur, "Blur"),
+        (Self::Smudge, "Smudge"),
+        (Self::Clone, "Clone"),
+        (Self::Sticker, "Text and pictures"),
+        (Self::Pick, "Pick colour"),
     ];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Paint => "Paint",
-            Self::Erase => "Erase",
-            Self::Fill => "Fill",
-            Self::Blur => "Blur",
-            Self::Smudge => "Smudge",
-            Self::Sticker => "Text and pictures",
-            Self::Clone => "Clone",
-            Self::Pick => "Pick colour",
-        }
-    }
 
     /// What to do with it, for the line below the window.
     pub fn hint(self) -> &'static str {
@@ -148,7 +111,6 @@ impl PaintTool {
         }
     }
 
-    /// Whether it has a brush.
     pub fn has_brush(self) -> bool {
         !matches!(self, Self::Fill | Self::Sticker | Self::Pick)
     }
@@ -159,61 +121,37 @@ impl PaintTool {
     }
 }
 
-/// How far a fill goes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FillReach {
-    /// All that hangs together.
     #[default]
     Connected,
-    /// Up to edges that bend.
     Angle,
-    /// What looks alike and hangs together.
     Color,
-    /// What looks alike anywhere.
     AllOfColor,
-    /// Everything.
     Whole,
 }
 
-/// What a sticker is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StickerKind {
-    /// A text in the foreground's colour.
     #[default]
     Text,
-    /// A picture from a file.
     Picture,
 }
 
 impl StickerKind {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Text, Self::Picture];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Text => "Text",
-            Self::Picture => "Picture",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 2] = [(Self::Text, "Text"), (Self::Picture, "Picture")];
 }
 
 impl FillReach {
-    /// All of them.
-    pub const ALL: [Self; 5] = [Self::Connected, Self::Angle, Self::Color, Self::AllOfColor, Self::Whole];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Connected => "Connected part",
-            Self::Angle => "Up to edges",
-            Self::Color => "Same colour",
-            Self::AllOfColor => "Same colour anywhere",
-            Self::Whole => "Everything",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::Connected, "Connected part"),
+        (Self::Angle, "Up to edges"),
+        (Self::Color, "Same colour"),
+        (Self::AllOfColor, "Same colour anywhere"),
+        (Self::Whole, "Everything"),
+    ];
 
     /// As the engine knows it; an edge bends by more than `degrees`. Colours differ by at most
     /// `tolerance`, 0..2.
@@ -236,11 +174,9 @@ impl FillReach {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct ChannelSwitches {
-    /// Base colour.
     pub color: bool,
     /// Occlusion, roughness and metallic, together.
     pub material: bool,
-    /// Emission.
     pub emission: bool,
     /// Normal: towards the mesh's own.
     pub normal: bool,
@@ -277,7 +213,6 @@ impl Default for Material {
 }
 
 impl ChannelSwitches {
-    /// Whether a kind of channel is painted.
     pub fn paints(&self, kind: ChannelKind) -> bool {
         match kind {
             ChannelKind::BaseColor => self.color,
@@ -330,10 +265,8 @@ impl Material {
 
 // Keys of the painter, as painters know them. While something is painted they come before those of the viewer.
 
-/// Something that a key or a button does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PaintCommand {
-    /// Another tool.
     Tool(PaintTool),
     /// Larger or smaller, in steps.
     Size(i32),
@@ -343,27 +276,17 @@ pub enum PaintCommand {
     Opacity(u32),
     /// Flow in per cent.
     Flow(u32),
-    /// Foreground and background change places.
     SwapColors,
-    /// Black and white.
     ResetColors,
-    /// One step back.
     Undo,
-    /// One step forth.
     Redo,
-    /// Mirror on or off.
     ToggleSymmetry,
-    /// The picture over the view on or off.
     ToggleStencil,
     /// The pointer moves the picture over the view, or paints.
     AdjustStencil,
-    /// The picture over the view goes onto all that is seen.
     Project,
-    /// A layer above the chosen one.
     AddLayer,
-    /// Save now.
     Save,
-    /// Brush and layer panels on or off.
     TogglePanels,
 }
 
@@ -374,7 +297,6 @@ impl PaintCommand {
     }
 }
 
-/// All keys of the painter.
 pub fn paint_shortcuts() -> Vec<Shortcut> {
     use PaintCommand::{
         AddLayer, AdjustStencil, Flow, Hardness, Opacity, Project, Redo, ResetColors, Save, Size, SwapColors,
@@ -432,27 +354,4 @@ pub fn paint_shortcuts() -> Vec<Shortcut> {
         rows.push(row(SHIFT, key, Flow(10 * tenths), "Flow"));
     }
     rows
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::command::{command_while, parse_keys};
-
-    #[test]
-    fn no_key_of_the_painter_has_two_meanings() {
-        let all = paint_shortcuts();
-        for (i, a) in all.iter().enumerate() {
-            assert!(all[..i].iter().all(|b| !(a.key == b.key && a.modifiers == b.modifiers)), "{}", a.text);
-            let (modifiers, key) = parse_keys(&a.keys().replace(' ', "")).unwrap();
-            assert_eq!(command_while(true, modifiers, key).as_ref(), Some(&a.command));
-        }
-    }
-
-    #[test]
-    fn the_viewer_s_keys_stay_where_painting_needs_none() {
-        let help = command_while(true, Modifiers::NONE, Key::F1);
-        assert_eq!(help, Some(Command::ToggleHelp));
-        assert_eq!(command_while(false, Modifiers::NONE, Key::X), Some(Command::ToggleShadows));
-    }
 }

@@ -9,46 +9,30 @@ use fantex::paint::{Lens, Picture, PicturePlace, Projection, ProjectionView, Ste
 use fantex::texture::Image;
 use serde::{Deserialize, Serialize};
 
-use crate::job::other;
 use crate::paint::Viewpoint;
 
-/// What a picture over the view is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum StencilUse {
     /// The brush paints through it: through its alpha, or its brightness where it has none.
     #[default]
     Mask,
-    /// The brush paints its colours.
     Colors,
 }
 
 impl StencilUse {
-    /// Both.
-    pub const ALL: [Self; 2] = [Self::Mask, Self::Colors];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Mask => "Stencil",
-            Self::Colors => "Its colours",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 2] = [(Self::Mask, "Stencil"), (Self::Colors, "Its colours")];
 }
 
 /// A picture over the view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StencilSettings {
-    /// Whether it lies there.
     pub is_on: bool,
-    /// The picture.
     pub image: Option<PathBuf>,
-    /// What it is for.
     pub paints: StencilUse,
     /// How much of it is seen over the scene, 0..1. (What is painted does not depend on it.)
     pub opacity: f32,
-    /// Where it lies in the view.
     pub place: PicturePlace,
     /// Whether the pointer moves it instead of painting.
     #[serde(skip)]
@@ -90,7 +74,6 @@ impl StencilSettings {
         self.place.center = center.clamp(DVec2::splat(-50.0), DVec2::splat(50.0)).to_array();
     }
 
-    /// Makes it larger or smaller around its middle.
     pub fn scale(&mut self, by: f64) {
         self.place.height = (self.place.height * by).clamp(HEIGHTS[0], HEIGHTS[1]);
     }
@@ -126,17 +109,15 @@ impl StencilPicture {
     ///
     /// It cannot be read.
     pub fn load(path: &Path) -> Result<Self> {
-        let image = Image::load(path).map_err(other)?;
+        let image = Image::load(path)?;
         let (shape, colors) = (Arc::new(Picture::shape(&image)), Arc::new(Picture::new(&image)));
         Ok(Self { path: path.to_owned(), image, shape, colors })
     }
 
-    /// Where it was read from.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Width by height.
     pub fn aspect(&self) -> f64 {
         f64::from(self.image.width) / f64::from(self.image.height.max(1))
     }
@@ -192,27 +173,5 @@ pub(crate) fn recorded_use(paints: StencilUse) -> StencilBy {
     match paints {
         StencilUse::Mask => StencilBy::Shape,
         StencilUse::Colors => StencilBy::Alpha,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_picture_is_fitted_moved_and_turned() {
-        let mut stencil = StencilSettings::default();
-        stencil.fit([3.0, 1.5]);
-        assert_eq!(stencil.place.height, 0.5);
-        let corners = stencil.corners(3.0);
-        assert!((corners[0] - DVec2::new(-1.5, 0.5)).length() < 1e-12, "the whole width: {corners:?}");
-        stencil.turn(270.0);
-        assert_eq!(stencil.place.angle, -90.0);
-        assert!((stencil.corners(3.0)[0] - DVec2::new(0.5, 1.5)).length() < 1e-12);
-        stencil.shift(DVec2::new(0.25, -0.5));
-        stencil.scale(1e9);
-        assert_eq!((stencil.place.center, stencil.place.height), ([0.25, -0.5], HEIGHTS[1]));
-        stencil.reset();
-        assert_eq!(stencil.place, PicturePlace::default());
     }
 }

@@ -9,38 +9,23 @@ use serde::{Deserialize, Serialize};
 
 use crate::paint::Viewpoint;
 
-/// What kind of symmetry.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum SymmetryKind {
-    /// None.
     #[default]
     Off,
-    /// On the other side of a plane.
     Mirror,
-    /// Around an axis.
     Radial,
 }
 
 impl SymmetryKind {
-    /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Off, Self::Mirror, Self::Radial];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Off => "Off",
-            Self::Mirror => "Mirror",
-            Self::Radial => "Radial",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Off, "Off"), (Self::Mirror, "Mirror"), (Self::Radial, "Radial")];
 }
 
-/// Where strokes are repeated.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct SymmetrySettings {
-    /// How.
     pub kind: SymmetryKind,
     /// The axis: 0 x, 1 y, 2 z.
     pub axis: usize,
@@ -48,7 +33,6 @@ pub struct SymmetrySettings {
     pub offset: f64,
     /// Copies around an axis, the stroke itself included.
     pub count: u32,
-    /// Whether the plane is shown.
     pub shows_plane: bool,
 }
 
@@ -292,64 +276,4 @@ fn is_free(surface: &Surface, view: &Viewpoint, point: DVec3, normal: DVec3) -> 
 fn pixels_between(view: &Viewpoint, a: DVec3, b: DVec3) -> f64 {
     let [Some(a), Some(b)] = [a, b].map(|p| view.project(p)) else { return 0.0 };
     ((b - a) * DVec2::from(view.pixels.map(f64::from))).length()
-}
-
-#[cfg(test)]
-mod tests {
-    use std::sync::Arc;
-
-    use fantex::cover::{CoverOptions, build_cover};
-    use fantex::mesh::generate::{icosphere, torus};
-    use fantex::mesh::{CleanOptions, Model, clean};
-
-    use super::*;
-    use crate::camera::ViewPreset;
-
-    #[test]
-    fn planes_pass_the_centre_unless_moved() {
-        let center = DVec3::new(5.0, 1.0, 2.0);
-        let settings = SymmetrySettings { kind: SymmetryKind::Mirror, offset: 0.5, ..Default::default() };
-        assert_eq!(settings.symmetry(center), Symmetry::Mirror { axis: 0, offset: 5.5 });
-        let bounds = Aabb { min: center - 1.0, max: center + 1.0 };
-        assert!(plane_outline(&bounds, 0, 5.5).iter().all(|corner| corner.x == 5.5));
-    }
-
-    fn seen(model: Model, preset: ViewPreset) -> (Viewpoint, Vec<Vec<DVec3>>) {
-        let (mesh, _) = clean(model, &CleanOptions::default()).unwrap();
-        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
-        let view = Viewpoint { rig: preset.rig(&mesh, 1.0), pixels: [900, 900] };
-        let surface = Surface::new(Arc::new(mesh), Arc::new(cover));
-        let mut section = Section::default();
-        section.follow(&surface, 0, 0.0);
-        let parts = section.seen(&surface, &view).to_vec();
-        (view, parts)
-    }
-
-    #[test]
-    fn the_line_is_whole_from_silhouette_to_silhouette() {
-        // From the front the line goes over the ball once, from above it crosses both sides of a ring.
-        for (model, preset, count) in
-            [(icosphere(4), ViewPreset::Front, 1), (torus(64, 32), ViewPreset::Top, 2)]
-        {
-            let (view, parts) = seen(model, preset);
-            assert_eq!(parts.len(), count, "{preset:?}");
-            for part in &parts {
-                assert!(part.iter().all(|p| p.x.abs() < 1e-6));
-                let gaps = part.windows(2).map(|ends| pixels_between(&view, ends[0], ends[1]));
-                assert!(gaps.fold(0.0, f64::max) <= STEP_PIXELS + 1e-6);
-            }
-            let longest = parts.iter().map(|part| pixels_between(&view, part[0], part[part.len() - 1]));
-            assert!(longest.fold(0.0, f64::max) > 150.0);
-        }
-    }
-
-    #[test]
-    fn rough_ground_does_not_tear_the_line() {
-        let mut rough = icosphere(6);
-        for p in &mut rough.positions {
-            *p *= 1.0 + 0.001 * (180.0 * p.y).sin() * (150.0 * p.z).cos();
-        }
-        let (_, parts) = seen(rough, ViewPreset::ThreeQuarter);
-        assert!(parts.len() <= 2, "{}", parts.len());
-    }
 }

@@ -11,52 +11,33 @@ use fantex::paint::{
 use fantex::texture::{Filtering, Image, SOLID_NAMES, ShadingPoint, Texture, UvPoint};
 use serde::{Deserialize, Serialize};
 
-use crate::job::other;
 use crate::paint::{PaintSettings, StickerKind};
 
-/// The names of solids.
 pub const SOLIDS: [&str; 8] = SOLID_NAMES;
 
-/// Where the base colour comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ColorSource {
-    /// The foreground.
     #[default]
     Color,
     /// A solid: a pattern in space, as if the model were cut from it.
     Solid,
-    /// A texture of a look's file.
     Look,
 }
 
 impl ColorSource {
-    /// All of them.
-    pub const ALL: [Self; 3] = [Self::Color, Self::Solid, Self::Look];
-
-    /// Its name.
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Color => "Colour",
-            Self::Solid => "Pattern",
-            Self::Look => "Look",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 3] =
+        [(Self::Color, "Colour"), (Self::Solid, "Pattern"), (Self::Look, "Look")];
 }
 
-/// A texture as the user chooses it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TextureChoice {
-    /// What is painted with.
     pub source: ColorSource,
-    /// The solid's name.
     pub solid: String,
-    /// Another seed, another piece.
     pub seed: u32,
     /// Size of the pattern; 1 fits the model.
     pub scale: f32,
-    /// The look's file.
     pub look: Option<PathBuf>,
     /// The name of its texture; the first one where it is empty.
     pub name: String,
@@ -120,14 +101,10 @@ impl TextureChoice {
 /// The name of a solid's texture in its look.
 const SOLID: &str = "pattern";
 
-/// A texture ready to paint with.
 #[derive(Clone)]
 pub struct ChosenTexture {
-    /// Where it comes from.
     pub graph: TextureGraph,
-    /// Its name there.
     pub name: String,
-    /// It.
     pub texture: Arc<dyn Texture>,
 }
 
@@ -208,7 +185,7 @@ pub(crate) fn sticker(
                 .picture
                 .as_ref()
                 .ok_or_else(|| Error::invalid("There is no picture: choose one in the panel at the left."))?;
-            (Picture::new(&Image::load(path).map_err(other)?), line)
+            (Picture::new(&Image::load(path)?), line)
         }
     };
     // Surfaces are wound either way: what is laid is right for whoever looks at them.
@@ -220,56 +197,4 @@ pub(crate) fn sticker(
 /// Length of a text's longer side in distances of lines.
 pub(crate) fn text_lines(text: &str) -> f32 {
     draw_text(text, DEFAULT_FONT).map_or(1.0, |drawn| drawn.lines)
-}
-
-#[cfg(test)]
-mod tests {
-    use fantex::cover::{CoverOptions, build_cover};
-    use fantex::mesh::generate::torus;
-    use fantex::mesh::{CleanOptions, clean};
-
-    use super::*;
-
-    fn surface() -> Surface {
-        let (mesh, _) = clean(torus(24, 12), &CleanOptions::default()).unwrap();
-        let (cover, _) = build_cover(&mesh, &CoverOptions::default()).unwrap();
-        Surface::new(Arc::new(mesh), Arc::new(cover))
-    }
-
-    #[test]
-    fn every_solid_can_be_painted_with_and_is_seen_in_its_preview() {
-        let surface = surface();
-        for solid in SOLIDS {
-            let choice =
-                TextureChoice { source: ColorSource::Solid, solid: solid.into(), ..Default::default() };
-            let made = ChosenTexture::make(&choice, &surface).unwrap().unwrap();
-            let picture = made.preview(&surface, [40, 20]);
-            let colors: std::collections::BTreeSet<_> = picture.iter().collect();
-            assert!(picture.len() == 800 && colors.len() > 1, "{solid}: {}", colors.len());
-            let smaller = TextureChoice { scale: 0.3, ..choice };
-            let smaller = ChosenTexture::make(&smaller, &surface).unwrap().unwrap();
-            assert!(smaller.preview(&surface, [40, 20]) != picture, "{solid}");
-        }
-        assert!(ChosenTexture::make(&TextureChoice::default(), &surface).unwrap().is_none());
-    }
-
-    #[test]
-    fn looks_are_read_and_what_is_wrong_is_said() {
-        let (surface, folder) = (surface(), tempfile::tempdir().unwrap());
-        let choice = TextureChoice { source: ColorSource::Look, ..Default::default() };
-        let refused = |choice: &TextureChoice| ChosenTexture::make(choice, &surface).unwrap_err().to_string();
-        assert!(refused(&choice).contains("choose its file"));
-        let path = folder.path().join("a.toml");
-        let choice = TextureChoice { look: Some(path.clone()), ..choice };
-        assert!(refused(&choice).contains("a.toml"));
-        std::fs::write(
-            &path,
-            "[textures.b]\nkind = \"rock\"\n[textures.a]\nkind = \"color\"\ncolor = [1, 0, 0]\n",
-        )
-        .unwrap();
-        let first = ChosenTexture::make(&choice, &surface).unwrap().unwrap();
-        assert_eq!((first.name.as_str(), first.preview(&surface, [2, 2])), ("a", vec![[255, 0, 0]; 4]));
-        let named = TextureChoice { name: "b".into(), ..choice };
-        assert_eq!(ChosenTexture::make(&named, &surface).unwrap().unwrap().name, "b");
-    }
 }

@@ -95,7 +95,6 @@ impl PaintThread {
         Ok(Self { orders, reports, exchange, sent, done, thread })
     }
 
-    /// What is shared with whoever draws.
     pub fn exchange(&self) -> &Arc<Exchange> {
         &self.exchange
     }
@@ -486,27 +485,18 @@ pub type LayerChange = Box<dyn FnOnce(&mut Vec<Layer>) + Send>;
 /// What a stroke starts with.
 #[derive(Clone, Debug)]
 pub struct StrokeStart {
-    /// Its name in the history.
     pub label: String,
-    /// What it paints on.
     pub target: Target,
-    /// What it paints.
     pub paint: Paint,
-    /// With what.
     pub brush: Brush,
-    /// The picture of its dabs.
     pub stamp: Option<Arc<Stamp>>,
-    /// Copies.
     pub symmetry: Symmetry,
     /// The same for the log.
     pub recorded: StrokeSettings,
 }
 
-/// What the painter is to do.
 pub enum Order {
-    /// Begin a stroke at a sample.
     Begin(Box<StrokeStart>, Sample),
-    /// Go on to samples.
     Move(Vec<Sample>),
     /// The pen has left the surface; the stroke goes on where it comes back.
     Lift,
@@ -518,17 +508,13 @@ pub enum Order {
     Lay(Box<StrokeStart>, Decal, bool),
     /// It is seen from here: what takes long begins with what is seen.
     Look(Viewpoint),
-    /// Give up what takes long.
     GiveUp,
     /// Put a layer above another, or on top.
     AddLayer(Box<Layer>, Option<u64>),
-    /// Change layers, under a name in the history.
     EditLayers(&'static str, LayerChange),
     /// Take back steps or do them again until so many are done.
     GoTo(usize),
-    /// One step back.
     Undo,
-    /// One step forth.
     Redo,
     /// Tell the values at a point.
     Pick(SurfacePoint),
@@ -536,16 +522,13 @@ pub enum Order {
     Pages,
     /// Drop a loader, which may take a while.
     Release(Box<dyn ParcelLoader>),
-    /// Commit now.
     Commit,
     /// Commit and end.
     Close,
 }
 
-/// What the painter tells.
 #[derive(Clone, Debug)]
 pub enum Report {
-    /// Layers or history have changed.
     State(Box<Snapshot>),
     /// The number of the layer that was added.
     Added(u64),
@@ -553,15 +536,12 @@ pub enum Report {
     Picked(Vec<Vec4>),
     /// How far something is that takes long; none where nothing does.
     Work(Option<WorkProgress>),
-    /// What became of saving.
     Save(SaveState),
     /// A newer state of the file.
     Newer(Arc<Asset>),
-    /// Something failed: one sentence.
     Failed(String),
 }
 
-/// Layers and history.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
     /// From the bottom to the top.
@@ -574,15 +554,11 @@ pub struct Snapshot {
     pub undone: Vec<String>,
 }
 
-/// Whether what was painted is in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum SaveState {
-    /// All of it.
     #[default]
     Saved,
-    /// There are changes, which will be in a moment.
     Changed,
-    /// It is being written.
     Saving,
     /// It cannot be written; painting goes on in memory.
     Failed(String),

@@ -28,8 +28,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         let is_painting = viewer.painting.is_some();
         let mut paints = viewer.paints;
         ui.scope(|ui| {
-            let label = |paints: bool| if paints { "Paint" } else { "Look" };
-            if segments(ui, &mut paints, &[false, true], label) {
+            if segments(ui, &mut paints, &[(false, "Look"), (true, "Paint")]) {
                 commands.push(Command::TogglePainting);
             }
         });
@@ -40,7 +39,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         } else {
             let mut mode = viewer.settings.camera.mode;
             ui.scope(|ui| {
-                if segments(ui, &mut mode, &CameraMode::ALL, CameraMode::label) {
+                if segments(ui, &mut mode, &CameraMode::ALL) {
                     commands.push(Command::Mode(mode));
                 }
             });
@@ -57,7 +56,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
 /// One step back, one step forth.
 fn undo(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     let Some(painting) = &viewer.painting else { return };
-    let snapshot = painting.snapshot();
+    let snapshot = &painting.snapshot;
     let has_done = !snapshot.done.is_empty() || snapshot.older > 0;
     let rows =
         [(has_done, "Undo", PaintCommand::Undo), (!snapshot.undone.is_empty(), "Redo", PaintCommand::Redo)];
@@ -71,8 +70,8 @@ fn undo(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     let light = &viewer.settings.light;
     ui.menu_button("Light", |ui| {
         ui.set_min_width(150.0);
-        for preset in LightPreset::ALL {
-            if ui.selectable_label(preset.is_in(light), preset.label()).clicked() {
+        for (preset, label) in LightPreset::ALL {
+            if ui.selectable_label(preset.is_in(light), label).clicked() {
                 commands.push(Command::Light(preset));
                 ui.close();
             }
@@ -108,8 +107,8 @@ fn menus(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
     ui.menu_button("View", |ui| {
         ui.set_min_width(220.0);
         item(ui, has_document, "Show all", Command::FrameAll, commands);
-        for preset in ViewPreset::ALL {
-            item(ui, has_document, preset.label(), Command::View(preset), commands);
+        for (preset, label) in ViewPreset::ALL {
+            item(ui, has_document, label, Command::View(preset), commands);
         }
         ui.separator();
         item(ui, has_document, "Record camera path", Command::ToggleRecording, commands);
@@ -139,12 +138,12 @@ fn choices(ui: &mut Ui, viewer: &mut Viewer, commands: &mut Vec<Command>) {
     }
     // What looks into the engine is left out where painting needs the room.
     let is_narrow = viewer.painting.is_some() && ui.ctx().content_rect().width() < WIDE_POINTS;
-    named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL, |s| s.label().into());
+    named_choice(ui, "Shading", &mut display.shading, &ShadingView::ALL);
     if is_narrow {
         return;
     }
     ui.add_enabled_ui(is_asset, |ui| {
-        named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL, |o| o.label().into());
+        named_choice(ui, "Overlay", &mut display.overlay, &Overlay::ALL);
     });
     if switch(ui, display.has_wireframe, "Wireframe", "Lines along all edges (Z)") {
         commands.push(Command::ToggleWireframe);
@@ -245,12 +244,10 @@ fn gesture(viewer: &Viewer) -> &'static str {
     if viewer.painting.is_some() {
         return viewer.settings.paint.tool.hint();
     }
-    if viewer.is_waiting_for_ground() {
-        return "Preparing the ground to walk on …";
-    }
     match viewer.settings.camera.mode {
         CameraMode::Orbit => "Drag turns, right drag shifts, wheel zooms",
         CameraMode::Fly => "W A S D and E Q fly, drag looks, wheel changes the speed",
+        CameraMode::Walk if viewer.is_preparing_ground() => "Preparing the ground to walk on …",
         CameraMode::Walk => "W A S D walk, drag looks, Shift runs",
     }
 }

@@ -11,20 +11,22 @@ use crate::document::short_number;
 use crate::light::{BackgroundChoice, LightSettings, Surroundings};
 use crate::panels::streaming;
 use crate::panels::widgets::{NumberRow, choice, document_facts, facts, heading, hint, row, segments};
-use crate::settings::Tab;
+use crate::settings::{Tab, label_of};
 use crate::theme;
 use crate::viewer::{Tape, Viewer};
 
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
-    ui.horizontal(|ui| segments(ui, &mut viewer.settings.panels.tab, &Tab::ALL, Tab::label));
+    ui.horizontal(|ui| segments(ui, &mut viewer.settings.panels.tab, &Tab::ALL));
     ui.separator();
     let tab = viewer.settings.panels.tab;
-    ScrollArea::vertical().id_salt(tab.label()).auto_shrink([false, false]).show(ui, |ui| match tab {
-        Tab::Model => show_model(ui, viewer),
-        Tab::Cover => show_cover(ui, viewer),
-        Tab::Streaming => streaming::show(ui, viewer),
-        Tab::Light => show_light(ui, viewer, seconds),
-        Tab::View => show_view(ui, viewer, seconds),
+    ScrollArea::vertical().id_salt(label_of(&Tab::ALL, tab)).auto_shrink([false, false]).show(ui, |ui| {
+        match tab {
+            Tab::Model => show_model(ui, viewer),
+            Tab::Cover => show_cover(ui, viewer),
+            Tab::Streaming => streaming::show(ui, viewer),
+            Tab::Light => show_light(ui, viewer, seconds),
+            Tab::View => show_view(ui, viewer, seconds),
+        }
     });
 }
 
@@ -70,7 +72,7 @@ fn show_cover(ui: &mut Ui, viewer: &mut Viewer) {
     facts(ui, "channels", document.channels.iter().map(|channel| (channel.kind, channel.format.clone())));
     heading(ui, "Overlay");
     let overlay = &mut viewer.settings.display.overlay;
-    choice(ui, "overlay of the cover", overlay, &Overlay::ALL, |o| o.label().into());
+    choice(ui, "overlay of the cover", overlay, &Overlay::ALL);
     hint(ui, overlay.meaning());
 }
 
@@ -153,9 +155,7 @@ fn file_name(path: &Path) -> String {
 }
 
 fn background(ui: &mut Ui, light: &mut LightSettings) {
-    row(ui, "Shows", |ui| {
-        choice(ui, "background", &mut light.background, &BackgroundChoice::ALL, |b| b.label().into())
-    });
+    row(ui, "Shows", |ui| choice(ui, "background", &mut light.background, &BackgroundChoice::ALL));
     ui.add_enabled_ui(light.background == BackgroundChoice::Surroundings, |ui| {
         NumberRow::PLAIN.named("Blur").show(ui, &mut light.background_blur, 0.0..=1.0);
     });
@@ -171,7 +171,7 @@ fn tone(ui: &mut Ui, display: &mut DisplaySettings) {
         &mut display.exposure_stops,
         least..=most,
     );
-    row(ui, "Curve", |ui| choice(ui, "tone", &mut display.tone, &ToneChoice::ALL, |t| t.label().into()));
+    row(ui, "Curve", |ui| choice(ui, "tone", &mut display.tone, &ToneChoice::ALL));
 }
 
 fn show_view(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
@@ -182,8 +182,8 @@ fn show_view(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     ui.add_enabled_ui(viewer.document.is_some(), |ui| {
         ui.horizontal_wrapped(|ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
-            for preset in ViewPreset::ALL {
-                if ui.button(preset.label()).clicked() {
+            for (preset, label) in ViewPreset::ALL {
+                if ui.button(label).clicked() {
                     commands.push(Command::View(preset));
                 }
             }
@@ -259,10 +259,7 @@ fn path(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
 
 fn picture(ui: &mut Ui, display: &mut DisplaySettings) {
     row(ui, "Anisotropy", |ui| {
-        choice(ui, "anisotropy", &mut display.anisotropy, &DisplaySettings::ANISOTROPIES, |n| match n {
-            1 => "Off (trilinear)".into(),
-            n => format!("{n}×"),
-        })
+        choice(ui, "anisotropy", &mut display.anisotropy, &DisplaySettings::ANISOTROPIES)
     });
     row(ui, "Smooth edges", |ui| {
         let mut is_smooth = display.samples > 1;

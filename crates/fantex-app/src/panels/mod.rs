@@ -16,6 +16,7 @@ use eframe::egui::{
 
 use crate::command::{Command, GESTURES, PAINT_GESTURES, Section, shortcuts};
 use crate::paint::{PaintCommand, paint_shortcuts};
+use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::{SceneInput, Viewer};
 
@@ -26,14 +27,11 @@ mod scene;
 mod streaming;
 mod widgets;
 
-/// The picture of the scene.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneTexture {
-    /// How egui knows it.
     pub id: TextureId,
 }
 
-/// The picture of the atlas.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct AtlasTexture {
     /// How egui knows it; none where there is no atlas.
@@ -44,19 +42,15 @@ pub struct AtlasTexture {
     pub channel: usize,
 }
 
-/// What the panels are given besides the viewer's state.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Textures {
-    /// The scene, once it has been drawn.
     pub scene: Option<SceneTexture>,
-    /// The atlas, where there is one.
     pub atlas: AtlasTexture,
 }
 
 /// What the user did with the panels, besides editing settings.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shown {
-    /// What was done in the scene.
     pub input: SceneInput,
     /// Another channel of the atlas was chosen.
     pub atlas_channel: Option<usize>,
@@ -116,9 +110,6 @@ fn panel_frame() -> Frame {
         .inner_margin(Margin::symmetric(12, 10))
 }
 
-#[cfg(test)]
-mod tests;
-
 fn show_help(ui: &Ui, viewer: &mut Viewer) {
     let mut is_open = true;
     let screen = ui.ctx().content_rect();
@@ -175,7 +166,7 @@ fn painting(ui: &mut Ui) {
         matches!(command, Command::Paint(PaintCommand::Opacity(_) | PaintCommand::Flow(_)))
     };
     let rows = paint_shortcuts().into_iter().filter(|s| !is_digit(&s.command)).map(|s| (s.keys(), s.text));
-    table(ui, Section::Painting.label(), rows);
+    table(ui, label_of(&Section::ALL, Section::Painting), rows);
 }
 
 fn keys(ui: &mut Ui, section: Section, is_painting: bool) {
@@ -184,7 +175,7 @@ fn keys(ui: &mut Ui, section: Section, is_painting: bool) {
     };
     let rows =
         shortcuts().into_iter().filter(|s| s.section == section && !is_taken(s)).map(|s| (s.keys(), s.text));
-    table(ui, section.label(), rows);
+    table(ui, label_of(&Section::ALL, section), rows);
 }
 
 fn table(ui: &mut Ui, title: &str, rows: impl Iterator<Item = (String, &'static str)>) {

@@ -15,6 +15,7 @@ use crate::command::{Command, keys_of};
 use crate::display::Overlay;
 use crate::notices::{Notice, Severity};
 use crate::paint::{PenEvent, PenPhase};
+use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::{SceneInput, Viewer};
 
@@ -241,7 +242,7 @@ fn legend(ui: &Ui, viewer: &Viewer, rect: Rect) {
         |ui| {
             card().show(ui, |ui| {
                 ui.set_max_width((rect.width() - 60.0).clamp(160.0, 260.0));
-                ui.label(RichText::new(overlay.label()).color(theme::STRONG));
+                ui.label(RichText::new(label_of(&Overlay::ALL, overlay)).color(theme::STRONG));
                 if overlay == Overlay::Levels {
                     swatches(ui, viewer);
                 }

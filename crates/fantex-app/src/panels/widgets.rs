@@ -12,13 +12,11 @@ use crate::document::Fact;
 use crate::figures::History;
 use crate::theme;
 
-/// A heading within a page.
 pub(super) fn heading(ui: &mut Ui, text: &str) {
     ui.add_space(6.0);
     ui.label(RichText::new(text).color(theme::STRONG).strong());
 }
 
-/// An explanation in small, faint letters.
 pub(super) fn hint(ui: &mut Ui, text: &str) {
     ui.label(RichText::new(text).small().color(theme::FAINT));
 }
@@ -71,7 +69,6 @@ impl<'a> NumberRow<'a> {
     /// Two decimals, nothing else.
     pub(super) const PLAIN: Self = Self { name: "", suffix: "", decimals: 2, is_logarithmic: false, tip: "" };
 
-    /// The same with a name.
     pub(super) fn named(self, name: &'a str) -> Self {
         Self { name, ..self }
     }
@@ -98,16 +95,11 @@ impl<'a> NumberRow<'a> {
 }
 
 /// A choice among a few, as buttons side by side. Returns whether another was chosen.
-pub(super) fn segments<T: Copy + PartialEq>(
-    ui: &mut Ui,
-    value: &mut T,
-    all: &[T],
-    label: impl Fn(T) -> &'static str,
-) -> bool {
+pub(super) fn segments<T: Copy + PartialEq>(ui: &mut Ui, value: &mut T, all: &[(T, &str)]) -> bool {
     let before = *value;
     ui.spacing_mut().item_spacing.x = 2.0;
-    for &one in all {
-        ui.selectable_value(value, one, label(one));
+    for &(one, label) in all {
+        ui.selectable_value(value, one, label);
     }
     *value != before
 }
@@ -117,12 +109,12 @@ pub(super) fn choice<T: Copy + PartialEq>(
     ui: &mut Ui,
     id: &str,
     value: &mut T,
-    all: &[T],
-    label: impl Fn(T) -> String,
+    all: &[(T, impl AsRef<str>)],
 ) -> Response {
-    let list = ComboBox::from_id_salt(id).selected_text(label(*value)).show_ui(ui, |ui| {
-        for &one in all {
-            ui.selectable_value(value, one, label(one));
+    let chosen = all.iter().find(|(one, _)| one == value).map_or("", |(_, label)| label.as_ref());
+    let list = ComboBox::from_id_salt(id).selected_text(chosen).show_ui(ui, |ui| {
+        for (one, label) in all {
+            ui.selectable_value(value, *one, label.as_ref());
         }
     });
     list.response
@@ -133,14 +125,12 @@ pub(super) fn named_choice<T: Copy + PartialEq>(
     ui: &mut Ui,
     name: &str,
     value: &mut T,
-    all: &[T],
-    label: impl Fn(T) -> String,
+    all: &[(T, impl AsRef<str>)],
 ) {
     let name_id = ui.label(RichText::new(name).color(theme::FAINT)).id;
-    choice(ui, name, value, all, label).labelled_by(name_id);
+    choice(ui, name, value, all).labelled_by(name_id);
 }
 
-/// A small disc in a line of text.
 pub(super) fn dot(ui: &mut Ui, color: Color32) {
     let (rect, _) =
         ui.allocate_exact_size(vec2(10.0, ui.spacing().interact_size.y.min(18.0)), Sense::hover());

@@ -11,7 +11,6 @@ const MAX_SIDE: u32 = 1024;
 /// Seconds between pictures while pages arrive.
 const INTERVAL_SECONDS: f64 = 0.2;
 
-/// Makes pictures of an atlas.
 #[derive(Debug, Default)]
 pub(super) struct AtlasView {
     is_stale: bool,
@@ -29,10 +28,8 @@ struct Drawn {
     extent: [u32; 2],
 }
 
-/// A picture of the atlas.
 #[derive(Debug)]
 pub struct AtlasPicture<'a> {
-    /// The picture.
     pub view: &'a wgpu::TextureView,
     /// Whether it is another texture than at the last call.
     pub is_new: bool,
@@ -65,7 +62,7 @@ impl AtlasView {
         let extent = [atlas.width(), atlas.height()];
         let mut drawn = match self.drawn.take() {
             Some(drawn) if drawn.extent == extent => drawn,
-            _ => Drawn { view: target(gpu, extent), is_new: true, channel, seconds, extent },
+            _ => Drawn { view: small_target(gpu, extent), is_new: true, channel, seconds, extent },
         };
         (drawn.channel, drawn.seconds) = (channel, seconds);
         let viewer = self.viewer.get_or_insert_with(|| AtlasViewer::new(gpu, FORMAT));
@@ -86,19 +83,10 @@ impl AtlasView {
     }
 }
 
-fn target(gpu: &Gpu, extent: [u32; 2]) -> wgpu::TextureView {
+fn small_target(gpu: &Gpu, extent: [u32; 2]) -> wgpu::TextureView {
     let longest = extent[0].max(extent[1]).max(1);
     let shrink = longest.div_ceil(MAX_SIDE).max(1);
     let [width, height] = extent.map(|n| (n / shrink).max(1));
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("picture of the atlas"),
-        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: wgpu::TextureDimension::D2,
-        format: FORMAT,
-        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-        view_formats: &[],
-    });
-    texture.create_view(&Default::default())
+    let usage = wgpu::TextureUsages::TEXTURE_BINDING;
+    super::target(gpu, "picture of the atlas", [width, height], usage).create_view(&Default::default())
 }

@@ -7,8 +7,6 @@ use fantex::base::{Error, ErrorKind, Result};
 use fantex::gpu::{Gpu, Readback};
 use fantex::texture::{ColorSpace, Image, Samples};
 
-use super::FORMAT;
-
 /// A picture that is being drawn and copied.
 #[derive(Debug)]
 pub struct Capturing {
@@ -17,12 +15,9 @@ pub struct Capturing {
     readback: Readback,
 }
 
-/// A picture in main memory.
 #[derive(Debug)]
 pub struct Captured {
-    /// Where it is to go.
     pub path: PathBuf,
-    /// The picture.
     pub image: Result<Image>,
 }
 
@@ -34,7 +29,7 @@ pub(crate) fn lost_picture(path: &Path) -> Error {
 
 impl Capturing {
     /// Somewhere to draw.
-    pub(super) fn target(gpu: &Gpu, size: [u32; 2], path: PathBuf) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, size: [u32; 2], path: PathBuf) -> Result<Self> {
         let most = gpu.limits().max_texture_dimension_2d;
         let [width, height] = size;
         if size.contains(&0) || size.iter().any(|&n| n > most) {
@@ -42,16 +37,7 @@ impl Capturing {
                 "a picture of {width}x{height} pixels cannot be taken; its sides must have 1 to {most} pixels"
             )));
         }
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("picture for a file"),
-            size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::COPY_SRC,
-            view_formats: &[],
-        });
+        let texture = super::target(gpu, "picture for a file", size, wgpu::TextureUsages::COPY_SRC);
         let readback = Readback::new(gpu, &texture)?;
         Ok(Self { path, texture, readback })
     }

@@ -66,7 +66,8 @@ impl FanScene {
                 let loader =
                     PaintLoader::new(Box::new(StreamedModel::loader(gpu, &asset)?), exchange.clone());
                 // Older states of what is painted on must not be kept.
-                let geometry = Arc::new(PaintedGeometry::of(&asset));
+                let geometry =
+                    Arc::new(PaintedGeometry { mesh: asset.shared_mesh(), cover: asset.shared_cover() });
                 StreamedModel::with_pages(gpu, &asset, geometry, Box::new(loader), settings.pool_bytes())?
             }
         };
@@ -80,7 +81,7 @@ impl FanScene {
             uploaded_parcels: 0,
             damaged: Vec::new(),
             atlas_view: AtlasView::default(),
-            painted: exchange.map(PaintedPages::new),
+            painted: exchange.map(|exchange| PaintedPages { exchange, entries: HashMap::new() }),
         })
     }
 
@@ -119,7 +120,7 @@ impl FanScene {
     /// Brings what was painted since the last frame to the atlas, where its pages are resident.
     fn upload_painted(&mut self, gpu: &Gpu) -> bool {
         let Some(painted) = &mut self.painted else { return false };
-        if let Some(asset) = painted.take_asset() {
+        if let Some(asset) = painted.exchange.take_asset() {
             self.asset = asset;
         }
         let (changes, stale) = painted.take(self.streamed.streamer.table(), self.asset.cover());
@@ -195,7 +196,7 @@ impl FanScene {
         self.streamed.streamer.is_settled()
             && !self.streamed.model.has_hidden_atlas()
             && self.pool_wait == 0.0
-            && self.painted.as_ref().is_none_or(PaintedPages::is_settled)
+            && self.painted.as_ref().is_none_or(|painted| painted.exchange.is_empty())
     }
 
     /// Whether the atlas has changed since its picture was made.
@@ -228,15 +229,9 @@ fn level_texels(cover: &Cover) -> Vec<u64> {
 }
 
 /// Mesh and cover of an asset whose texels change.
-pub(super) struct PaintedGeometry {
+struct PaintedGeometry {
     mesh: Arc<Mesh>,
     cover: Arc<Cover>,
-}
-
-impl PaintedGeometry {
-    pub(super) fn of(asset: &Asset) -> Self {
-        Self { mesh: asset.shared_mesh(), cover: asset.shared_cover() }
-    }
 }
 
 impl Geometry for PaintedGeometry {
@@ -251,19 +246,15 @@ impl Geometry for PaintedGeometry {
 
 /// Knows where resident pages lie, and brings what was painted there.
 #[derive(Debug)]
-pub(super) struct PaintedPages {
+struct PaintedPages {
     exchange: Arc<Exchange>,
     /// Entries of the page table that are not absent.
     entries: HashMap<u32, TableEntry>,
 }
 
 impl PaintedPages {
-    pub(super) fn new(exchange: Arc<Exchange>) -> Self {
-        Self { exchange, entries: HashMap::new() }
-    }
-
     /// Takes over what the streamer has done.
-    pub(super) fn follow(&mut self, changes: &FrameChanges) {
+    fn follow(&mut self, changes: &FrameChanges) {
         for change in &changes.entries {
             if change.entry == TableEntry::ABSENT {
                 self.entries.remove(&change.index);
@@ -274,7 +265,7 @@ impl PaintedPages {
     }
 
     /// What was painted since the last call: uploads of resident pages, and pages whose texels have to be asked for.
-    pub(super) fn take(&mut self, table: &PageTable, cover: &Cover) -> (FrameChanges, Vec<PageId>) {
+    fn take(&mut self, table: &PageTable, cover: &Cover) -> (FrameChanges, Vec<PageId>) {
         let (fresh, mut stale) = self.exchange.take_fresh();
         let mut changes = FrameChanges::default();
         for (page, texels) in fresh {
@@ -286,15 +277,5 @@ impl PaintedPages {
             }
         }
         (changes, stale)
-    }
-
-    /// Another state of the file that pages are loaded from.
-    pub(super) fn take_asset(&self) -> Option<Arc<Asset>> {
-        self.exchange.take_asset()
-    }
-
-    /// Whether there is nothing to take.
-    pub(super) fn is_settled(&self) -> bool {
-        self.exchange.is_empty()
     }
 }

@@ -38,7 +38,6 @@ mod fan;
 /// Encoded as screens want it: egui takes such texels as they are.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-/// Draws the viewer's document.
 pub struct SceneView {
     gpu: Arc<Gpu>,
     renderer: Renderer,
@@ -51,7 +50,6 @@ pub struct SceneView {
 }
 
 impl SceneView {
-    /// Draws with a GPU.
     pub fn new(gpu: Arc<Gpu>) -> Self {
         Self {
             renderer: Renderer::new(&gpu, FORMAT),
@@ -64,7 +62,6 @@ impl SceneView {
         }
     }
 
-    /// The GPU.
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
     }
@@ -89,7 +86,10 @@ impl SceneView {
             return Ok(false);
         }
         let elapsed = seconds - self.last_stream_seconds.replace(seconds).unwrap_or(seconds);
-        let has_arrived = model.stream(&self.gpu, viewer, elapsed as f32)?;
+        let has_arrived = match model.fan_mut() {
+            Some(scene) => scene.stream(&self.gpu, viewer, elapsed as f32)?,
+            None => false,
+        };
         if has_arrived {
             // A stroke wants quick pictures, as a camera that moves.
             match viewer.painting.as_ref().is_some_and(Painting::is_drawing) {
@@ -97,7 +97,7 @@ impl SceneView {
                 false => viewer.pacing.changed(),
             }
         }
-        if let Some(figures) = model.figures() {
+        if let Some(figures) = model.fan().map(FanScene::figures) {
             viewer.graphs.stream(seconds, &figures);
             viewer.figures = figures;
         } else {
@@ -108,13 +108,13 @@ impl SceneView {
         };
         let size = scaled(viewer.scene_pixels, scale, self.gpu.limits().max_texture_dimension_2d);
         let picture = match self.picture.take() {
-            Some(picture) if picture.size() == size => picture,
+            Some(picture) if picture.size == size => picture,
             _ => Picture::new(&self.gpu, size),
         };
         let picture = self.picture.insert(picture);
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let seen = Seen::of(viewer);
-        self.renderer.draw(&self.gpu, &mut encoder, picture.view(), &mut seen.frame(size, model))?;
+        self.renderer.draw(&self.gpu, &mut encoder, &picture.view, &mut seen.frame(size, model))?;
         self.gpu.queue.submit([encoder.finish()]);
         picture.submitted(&self.gpu);
         Ok(true)
@@ -143,14 +143,14 @@ impl SceneView {
     /// The atlas as a picture, where there is an atlas.
     pub fn atlas(&mut self, channel: usize, seconds: f64) -> Option<AtlasPicture<'_>> {
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
-        let picture = self.model.as_mut()?.atlas(&self.gpu, &mut encoder, channel, seconds);
+        let picture = self.model.as_mut()?.fan_mut()?.atlas(&self.gpu, &mut encoder, channel, seconds);
         self.gpu.queue.submit([encoder.finish()]);
         picture
     }
 
     /// Whether [`SceneView::atlas`] would give another picture a little later.
     pub fn is_atlas_stale(&self) -> bool {
-        self.model.as_ref().is_some_and(SceneModel::is_atlas_stale)
+        self.model.as_ref().and_then(SceneModel::fan).is_some_and(FanScene::is_atlas_stale)
     }
 
     /// Begins a picture of `size` pixels for a file; see [`SceneView::poll_captures`].
@@ -163,7 +163,7 @@ impl SceneView {
             let message = "there is nothing to take a picture of: open a model or an asset first";
             return Err(Error::invalid(message));
         };
-        let capturing = Capturing::target(&self.gpu, size, path)?;
+        let capturing = Capturing::new(&self.gpu, size, path)?;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         let renderer = self.capturer.get_or_insert_with(|| Renderer::new(&self.gpu, FORMAT));
         let seen = Seen::of(viewer);
@@ -196,7 +196,7 @@ impl SceneView {
 
     /// Whether streaming has nothing to do until the view changes: everything that is seen has the level that it can have.
     pub fn is_settled(&self) -> bool {
-        self.model.as_ref().is_none_or(SceneModel::is_settled)
+        self.model.as_ref().and_then(SceneModel::fan).is_none_or(FanScene::is_settled)
     }
 }
 
@@ -262,11 +262,9 @@ fn overlay(overlay: Overlay) -> DrawnOverlay {
     }
 }
 
-/// Brings a document to the graphics memory; takes long, so on the thread that opens it. Fails with one sentence.
-pub type PrepareScene =
-    Arc<dyn Fn(&Document, StreamingSettings) -> std::result::Result<SceneModel, String> + Send + Sync>;
+/// Brings a document to the graphics memory; takes long, so on the thread that opens it.
+pub type PrepareScene = Arc<dyn Fn(&Document, StreamingSettings) -> Result<SceneModel> + Send + Sync>;
 
-/// A document in the graphics memory.
 #[derive(Debug)]
 pub enum SceneModel {
     /// A model with its own textures.
@@ -275,23 +273,17 @@ pub enum SceneModel {
     Fan(Box<FanScene>),
 }
 
-/// Brings documents to a GPU.
 pub fn preparer(gpu: Arc<Gpu>) -> PrepareScene {
     Arc::new(move |document, settings| match &document.content {
-        Content::Model(mesh) => {
-            let model = UvModel::load(&gpu, mesh).map_err(|error| error.to_string())?;
-            Ok(SceneModel::Uv(Box::new(model)))
-        }
+        Content::Model(mesh) => Ok(SceneModel::Uv(Box::new(UvModel::load(&gpu, mesh)?))),
         Content::Asset(asset) => {
-            let scene = FanScene::new(&gpu, asset.clone(), settings, document.exchange.clone());
-            let scene = scene.map_err(|error| error.to_string())?;
+            let scene = FanScene::new(&gpu, asset.clone(), settings, document.exchange.clone())?;
             Ok(SceneModel::Fan(Box::new(scene)))
         }
     })
 }
 
 impl SceneModel {
-    /// What the renderer draws.
     fn drawn(&mut self) -> &mut dyn Model {
         match self {
             Self::Uv(model) => &mut **model,
@@ -299,50 +291,27 @@ impl SceneModel {
         }
     }
 
-    /// Lets streaming go on for a frame. Returns whether something has changed that may be seen.
-    fn stream(&mut self, gpu: &Gpu, viewer: &Viewer, elapsed_seconds: f32) -> Result<bool> {
-        match self {
-            Self::Uv(_) => Ok(false),
-            Self::Fan(scene) => scene.stream(gpu, viewer, elapsed_seconds),
-        }
+    fn fan(&self) -> Option<&FanScene> {
+        if let Self::Fan(scene) = self { Some(scene) } else { None }
     }
 
-    /// What streaming tells, where there is any.
-    fn figures(&self) -> Option<StreamFigures> {
-        match self {
-            Self::Uv(_) => None,
-            Self::Fan(scene) => Some(scene.figures()),
-        }
+    fn fan_mut(&mut self) -> Option<&mut FanScene> {
+        if let Self::Fan(scene) = self { Some(scene) } else { None }
     }
+}
 
-    /// Whether the picture stays as it is until the view changes.
-    fn is_settled(&self) -> bool {
-        match self {
-            Self::Uv(_) => true,
-            Self::Fan(scene) => scene.is_settled(),
-        }
-    }
-
-    /// Whether the atlas has changed since its picture was made.
-    fn is_atlas_stale(&self) -> bool {
-        match self {
-            Self::Uv(_) => false,
-            Self::Fan(scene) => scene.is_atlas_stale(),
-        }
-    }
-
-    fn atlas(
-        &mut self,
-        gpu: &Gpu,
-        encoder: &mut wgpu::CommandEncoder,
-        channel: usize,
-        seconds: f64,
-    ) -> Option<AtlasPicture<'_>> {
-        match self {
-            Self::Uv(_) => None,
-            Self::Fan(scene) => scene.atlas(gpu, encoder, channel, seconds),
-        }
-    }
+/// A texture of the screen's format to draw into.
+fn target(gpu: &Gpu, label: &str, [width, height]: [u32; 2], usage: wgpu::TextureUsages) -> wgpu::Texture {
+    gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: FORMAT,
+        usage: wgpu::TextureUsages::RENDER_ATTACHMENT | usage,
+        view_formats: &[],
+    })
 }
 
 /// A texture to draw into and to show.
@@ -357,26 +326,9 @@ struct Picture {
 
 impl Picture {
     fn new(gpu: &Gpu, size: [u32; 2]) -> Self {
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("scene"),
-            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
-            format: FORMAT,
-            usage: wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        });
+        let texture = target(gpu, "scene", size, wgpu::TextureUsages::TEXTURE_BINDING);
         let view = texture.create_view(&Default::default());
         Self { size, view, is_new: true, took: Arc::default() }
-    }
-
-    fn size(&self) -> [u32; 2] {
-        self.size
-    }
-
-    fn view(&self) -> &wgpu::TextureView {
-        &self.view
     }
 
     /// The view, and whether it is shown for the first time.

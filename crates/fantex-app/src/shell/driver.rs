@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use eframe::egui::{self, Event, Key, Modifiers, PointerButton, Pos2, RawInput, ViewportCommand, pos2, vec2};
-use eframe::wgpu;
 use fantex::base::Result;
 use fantex::glam::DVec3;
 use fantex::paint::{Layer, Target};
@@ -22,25 +21,25 @@ const DRAG_FRAMES: u32 = 6;
 pub(super) struct Driver {
     runner: SessionRunner,
     frame: u64,
-    hands: Hands,
+    input: InputQueue,
 }
 
-/// What the session's hands do with keys and mouse.
+/// Keys and mouse of the session.
 #[derive(Debug, Default)]
-struct Hands {
+struct InputQueue {
     /// Events for the next frames, in this order, one list per frame.
     coming: std::collections::VecDeque<Vec<Event>>,
     held: Vec<Key>,
     held_frames: u32,
     /// A stroke has left the button down.
     is_down: bool,
-    /// They did something in this frame, which is still to be seen.
+    /// Something was done in this frame, which is still to be seen.
     has_acted: bool,
 }
 
 impl Driver {
     pub(super) fn new(runner: SessionRunner) -> Self {
-        Self { runner, frame: 0, hands: Hands::default() }
+        Self { runner, frame: 0, input: InputQueue::default() }
     }
 
     /// Does what is next. Returns whether there is more to do.
@@ -48,7 +47,6 @@ impl Driver {
         &mut self,
         ctx: &egui::Context,
         viewer: &mut Viewer,
-        device: &wgpu::Device,
         seconds: f64,
         is_sharp: bool,
         pictures_due: usize,
@@ -60,43 +58,44 @@ impl Driver {
             is_opening: viewer.is_opening() || viewer.is_making_surroundings(),
             is_sharp,
             is_playing: matches!(viewer.tape, Tape::Playing { .. }),
-            are_hands_busy: self.hands.are_busy(),
-            is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.hands.are_busy(),
+            is_acting: self.input.is_busy(),
+            is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.input.is_busy(),
             is_working: viewer
                 .painting
                 .as_ref()
-                .and_then(Painting::work)
+                .and_then(|painting| painting.work.as_ref())
                 .is_some_and(|work| !work.is_undo && work.share > 0.0),
-            is_unsaved: viewer.painting.as_ref().is_some_and(|p| *p.save() != SaveState::Saved),
+            is_unsaved: viewer.painting.as_ref().is_some_and(|p| p.save != SaveState::Saved),
             painted: viewer.painting.as_ref().map_or([0; 2], |p| {
-                let snapshot = p.snapshot();
+                let snapshot = &p.snapshot;
                 [snapshot.layers.len(), snapshot.older + snapshot.done.len()]
             }),
-            pictures_due: pictures_due + self.hands.coming.len(),
+            pictures_due: pictures_due + self.input.coming.len(),
             messages: viewer.notices.log().map(str::to_owned).collect(),
-            failure: None,
         };
         match self.runner.next(&situation)? {
-            Act::Wait => Ok(true),
-            Act::End => Ok(false),
-            Act::Do(Step::LoseDevice) => {
-                device.destroy();
-                // It is told to be lost when its work is done.
-                device.poll(wgpu::PollType::wait_indefinitely()).ok();
-                Ok(true)
-            }
-            Act::Do(step) => {
-                self.act(ctx, viewer, step, seconds);
-                Ok(true)
-            }
+            Act::Wait => {}
+            Act::End => return Ok(false),
+            Act::Do(step) => self.act(ctx, viewer, step, seconds),
         }
+        Ok(true)
     }
 
     fn act(&mut self, ctx: &egui::Context, viewer: &mut Viewer, step: Step, seconds: f64) {
         match step {
-            Step::Key(name) => self.hands.press(&name),
-            Step::Hold { keys, frames } => self.hands.hold(&keys, frames),
-            Step::Drag { x, y, with } => self.hands.drag(ctx, viewer, [x, y], &with),
+            Step::Key(name) => self.input.press(&name),
+            Step::Hold { keys, frames } => self.input.hold(&keys, frames),
+            Step::Drag { x, y, with } => {
+                let from = scene_point(ctx, viewer, [0.5; 2]);
+                let height = viewer.scene_pixels[1] as f32 / ctx.pixels_per_point();
+                self.input.stroke(
+                    &[from, from + vec2(x as f32, y as f32) * height],
+                    &with,
+                    DRAG_FRAMES,
+                    false,
+                );
+                self.input.coming.push_back(vec![Event::PointerGone]);
+            }
             Step::Camera { eye, target } => viewer.set_camera(&Camera {
                 eye: DVec3::from_array(eye),
                 target: DVec3::from_array(target),
@@ -146,12 +145,12 @@ impl Driver {
             Step::Material(material) => viewer.settings.paint.material = material,
             Step::Symmetry(symmetry) => viewer.settings.paint.symmetry = symmetry,
             Step::Stroke { points, with, frames, holds } => {
-                let way = Way { points, with, frames, holds };
-                self.hands.stroke(ctx, viewer, &way);
+                let points = points.into_iter().map(|point| scene_point(ctx, viewer, point));
+                self.input.stroke(&points.collect::<Vec<_>>(), &with, frames, holds);
             }
             Step::Hover(point) => {
                 let at = scene_point(ctx, viewer, point);
-                self.hands.coming.push_back(vec![Event::PointerMoved(at)]);
+                self.input.coming.push_back(vec![Event::PointerMoved(at)]);
             }
             Step::Layer(step) => layer_step(viewer, step, seconds),
             Step::Texture(texture) => viewer.settings.paint.texture = texture,
@@ -166,32 +165,25 @@ impl Driver {
                 viewer.settings.paint.sticker = StickerKind::Picture;
                 viewer.settings.paint.picture = Some(path);
             }
-            // Done above; and the runner itself waits, compares and ends.
-            Step::LoseDevice
-            | Step::WaitFrames(_)
+            #[cfg(feature = "test-steps")]
+            Step::LoseDevice => viewer.request(Request::LoseDevice),
+            // The runner itself waits, compares and ends.
+            #[cfg(feature = "test-steps")]
+            Step::ExpectPainting { .. } | Step::ExpectMessage(_) => {}
+            Step::WaitFrames(_)
             | Step::WaitLoaded(_)
             | Step::WaitSharp(_)
             | Step::WaitWorking(_)
             | Step::WaitPainted(_)
             | Step::WaitSaved(_)
-            | Step::ExpectPainting { .. }
-            | Step::ExpectMessage(_)
             | Step::Quit => {}
         }
     }
 
-    /// Adds what the hands do to what the window tells.
+    /// Adds keys and mouse of the session to what the window tells.
     pub(super) fn inject(&mut self, raw_input: &mut RawInput) {
-        self.hands.inject(raw_input);
+        self.input.inject(raw_input);
     }
-}
-
-/// A stroke of the session's hand.
-struct Way {
-    points: Vec<[f64; 2]>,
-    with: Vec<String>,
-    frames: u32,
-    holds: bool,
 }
 
 /// A place of the scene, given along its sides, in the window.
@@ -214,7 +206,7 @@ fn layer_step(viewer: &mut Viewer, step: LayerStep, seconds: f64) {
     let Some(painting) = &viewer.painting else { return };
     let chosen = painting.layer().map_or(u64::MAX, Layer::id);
     let find =
-        |name: &str| painting.snapshot().layers.iter().find(|l| l.name == name).map_or(u64::MAX, Layer::id);
+        |name: &str| painting.snapshot.layers.iter().find(|l| l.name == name).map_or(u64::MAX, Layer::id);
     let action = match step {
         LayerStep::Add => LayerAction::Add,
         LayerStep::AddFill => LayerAction::AddFill(false),
@@ -239,7 +231,7 @@ fn remove_old(path: &Path) {
     std::fs::remove_file(path).ok();
 }
 
-impl Hands {
+impl InputQueue {
     fn press(&mut self, name: &str) {
         let Some((modifiers, key)) = parse_keys(name) else { return };
         self.coming.push_back(vec![key_event(key, true, modifiers)]);
@@ -253,11 +245,10 @@ impl Hands {
         self.coming.push_back(self.held.iter().map(|&key| key_event(key, true, Modifiers::NONE)).collect());
     }
 
-    /// Draws through points; the pointer rests at the last one.
-    fn stroke(&mut self, ctx: &egui::Context, viewer: &Viewer, way: &Way) {
-        let points: Vec<Pos2> = way.points.iter().map(|&point| scene_point(ctx, viewer, point)).collect();
+    /// Draws through points; the pointer rests at the last one, with the button down if it `holds`.
+    fn stroke(&mut self, points: &[Pos2], with: &[String], frames: u32, holds: bool) {
         let (Some(&first), Some(&last)) = (points.first(), points.last()) else { return };
-        let parsed = way.with.iter().filter_map(|name| parse_keys(&format!("{name}+A")));
+        let parsed = with.iter().filter_map(|name| parse_keys(&format!("{name}+A")));
         let modifiers = parsed.fold(Modifiers::NONE, |all, (one, _)| all | one);
         let button = |pos: Pos2, pressed: bool| Event::PointerButton {
             pos,
@@ -266,10 +257,10 @@ impl Hands {
             modifiers,
         };
         self.coming.push_back(vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(first)]);
-        if !std::mem::replace(&mut self.is_down, way.holds) {
+        if !std::mem::replace(&mut self.is_down, holds) {
             self.coming.push_back(vec![button(first, true)]);
         }
-        let frames = way.frames.max(1);
+        let frames = frames.max(1);
         for pair in points.windows(2) {
             for k in 1..=frames {
                 // Pens tell more than once a frame.
@@ -278,35 +269,12 @@ impl Hands {
                 self.coming.push_back(moves.collect());
             }
         }
-        if !way.holds {
+        if !holds {
             self.coming.push_back(vec![button(last, false), Event::ModifiersChanged(Modifiers::NONE)]);
         }
     }
 
-    fn drag(&mut self, ctx: &egui::Context, viewer: &Viewer, by: [f64; 2], with: &[String]) {
-        let scale = ctx.pixels_per_point();
-        let height = viewer.scene_pixels[1] as f32 / scale;
-        let from = scene_point(ctx, viewer, [0.5; 2]);
-        let by = vec2(by[0] as f32, by[1] as f32) * height;
-        let parsed = with.iter().filter_map(|name| parse_keys(&format!("{name}+A")));
-        let modifiers = parsed.fold(Modifiers::NONE, |all, (one, _)| all | one);
-        let button = |at: Pos2, pressed: bool| Event::PointerButton {
-            pos: at,
-            button: PointerButton::Primary,
-            pressed,
-            modifiers,
-        };
-        self.coming.push_back(vec![Event::ModifiersChanged(modifiers), Event::PointerMoved(from)]);
-        self.coming.push_back(vec![button(from, true)]);
-        for i in 1..=DRAG_FRAMES {
-            self.coming.push_back(vec![Event::PointerMoved(from + by * (i as f32 / DRAG_FRAMES as f32))]);
-        }
-        let released =
-            [button(from + by, false), Event::PointerGone, Event::ModifiersChanged(Modifiers::NONE)];
-        self.coming.push_back(released.into());
-    }
-
-    fn are_busy(&self) -> bool {
+    fn is_busy(&self) -> bool {
         self.has_acted || !self.coming.is_empty()
     }
 

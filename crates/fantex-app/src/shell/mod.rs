@@ -15,11 +15,10 @@ use eframe::egui::{TextureId, ViewportCommand};
 use eframe::{egui, egui_wgpu, wgpu};
 use fantex::base::Result;
 use fantex::gpu::Gpu;
-use workspace::{Answer, Start, Workspace};
+use workspace::{Start, Workspace};
 
 use crate::command::{Command, command_while};
 use crate::document::Place;
-use crate::light::Surroundings;
 use crate::panels::{AtlasTexture, SceneTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
 use crate::session::Session;
@@ -245,6 +244,12 @@ impl<'a> Shell<'a> {
     fn requests(&mut self, ctx: &egui::Context, seconds: f64) {
         for request in self.workspace.viewer.take_requests() {
             match request {
+                #[cfg(feature = "test-steps")]
+                Request::LoseDevice => {
+                    self.render_state.device.destroy();
+                    // It is told to be lost when its work is done.
+                    self.render_state.device.poll(wgpu::PollType::wait_indefinitely()).ok();
+                }
                 Request::Quit => ctx.send_viewport_cmd(ViewportCommand::Close),
                 Request::Picture { path, size } => {
                     let size = match size {
@@ -258,28 +263,17 @@ impl<'a> Shell<'a> {
                     }
                 }
                 Request::WindowPicture(path) => self.workspace.pictures.take_window(ctx, path),
-                dialog => self.workspace.dialogs.ask(dialog, &self.workspace.viewer.stem()),
+                Request::Dialog(dialog) => self.workspace.dialogs.ask(dialog, &self.workspace.viewer.stem()),
             }
         }
     }
 
     fn answers(&mut self, seconds: f64) {
-        for answer in self.workspace.dialogs.poll() {
-            match answer {
-                Answer::Open(path) => self.workspace.viewer.open(&path.to_string_lossy(), seconds),
-                Answer::Surroundings(path) => {
-                    self.workspace.viewer.settings.light.surroundings = Surroundings::File(path);
-                }
-                Answer::Sticker(path) => self.workspace.viewer.settings.paint.picture = Some(path),
-                Answer::Stencil(path) => {
-                    let stencil = &mut self.workspace.viewer.settings.paint.stencil;
-                    (stencil.image, stencil.is_on) = (Some(path), true);
-                }
-                Answer::Look(path) => self.workspace.viewer.settings.paint.texture.look = Some(path),
-                Answer::Stamp(path) => self.workspace.viewer.settings.paint.brush.stamp = Some(path),
-                Answer::LoadPath(path) => self.workspace.viewer.load_path(&path, seconds),
-                Answer::SavePath(path) => self.workspace.viewer.save_path(&path, seconds),
-                Answer::Unavailable => self.workspace.viewer.notices.warning(
+        let Workspace { dialogs, viewer, .. } = &mut *self.workspace;
+        for (dialog, path) in dialogs.poll() {
+            match path {
+                Some(path) => viewer.take_file(dialog, path, seconds),
+                None => viewer.notices.warning(
                     "This system shows no file dialog: drop the file onto the window, or name it on the command line.",
                     seconds,
                 ),
@@ -321,54 +315,15 @@ impl<'a> Shell<'a> {
 
     /// Tells egui about the textures that it shows.
     fn register_textures(&mut self, seconds: f64) {
-        let device = &self.render_state.device;
-        let mut renderer = self.render_state.renderer.write();
-        match self.scene.shown() {
-            Some((view, true)) => match self.scene_texture {
-                Some(id) => {
-                    renderer.update_egui_texture_from_wgpu_texture(
-                        device,
-                        view,
-                        wgpu::FilterMode::Linear,
-                        id,
-                    );
-                }
-                None => {
-                    let id = renderer.register_native_texture(device, view, wgpu::FilterMode::Linear);
-                    self.scene_texture = Some(id);
-                }
-            },
-            Some((_, false)) => {}
-            None => {
-                if let Some(id) = self.scene_texture.take() {
-                    renderer.free_texture(&id);
-                }
-            }
-        }
+        let shown = self.scene.shown();
+        register(&self.render_state, &mut self.scene_texture, shown);
         let is_shown = self.workspace.viewer.settings.panels.has_atlas;
         let picture = if is_shown { self.scene.atlas(self.atlas.channel, seconds) } else { None };
-        let Some(picture) = picture else {
-            if let Some(id) = self.atlas.id.take() {
-                renderer.free_texture(&id);
-            }
-            return;
-        };
-        self.atlas.extent = picture.extent;
-        match self.atlas.id {
-            Some(id) if picture.is_new => {
-                renderer.update_egui_texture_from_wgpu_texture(
-                    device,
-                    picture.view,
-                    wgpu::FilterMode::Linear,
-                    id,
-                );
-            }
-            Some(_) => {}
-            None => {
-                let id = renderer.register_native_texture(device, picture.view, wgpu::FilterMode::Linear);
-                self.atlas.id = Some(id);
-            }
+        if let Some(picture) = &picture {
+            self.atlas.extent = picture.extent;
         }
+        let shown = picture.map(|picture| (picture.view, picture.is_new));
+        register(&self.render_state, &mut self.atlas.id, shown);
     }
 
     /// Asks for the next frame where something goes on.
@@ -432,8 +387,7 @@ impl<'a> Shell<'a> {
         let Some(driver) = &mut self.workspace.driver else { return };
         let is_sharp = self.scene.is_settled() && self.workspace.viewer.pacing.is_settled();
         let pictures_due = self.scene.captures_due() + self.workspace.pictures.due();
-        let device = &self.render_state.device;
-        match driver.step(ctx, &mut self.workspace.viewer, device, seconds, is_sharp, pictures_due) {
+        match driver.step(ctx, &mut self.workspace.viewer, seconds, is_sharp, pictures_due) {
             Ok(true) => {}
             Ok(false) => {
                 self.workspace.driver = None;
@@ -506,6 +460,27 @@ impl eframe::App for Shell<'_> {
 
     fn persist_egui_memory(&self) -> bool {
         false
+    }
+}
+
+/// Tells egui about a texture (`shown`: and whether it is another one than before), or that there is none.
+fn register(
+    state: &egui_wgpu::RenderState,
+    id: &mut Option<TextureId>,
+    shown: Option<(&wgpu::TextureView, bool)>,
+) {
+    let (device, filter) = (&state.device, wgpu::FilterMode::Linear);
+    let mut renderer = state.renderer.write();
+    match (shown, *id) {
+        (Some((view, true)), Some(id)) => {
+            renderer.update_egui_texture_from_wgpu_texture(device, view, filter, id);
+        }
+        (Some((view, _)), None) => *id = Some(renderer.register_native_texture(device, view, filter)),
+        (Some((_, false)), Some(_)) | (None, None) => {}
+        (None, Some(known)) => {
+            renderer.free_texture(&known);
+            *id = None;
+        }
     }
 }
 

@@ -17,7 +17,7 @@ use crate::session::{Session, SessionRunner};
 use crate::settings::Settings;
 use crate::shell::Arguments;
 use crate::shell::driver::Driver;
-use crate::viewer::{Request, Viewer, Wake};
+use crate::viewer::{FileDialog, Viewer, Wake};
 
 /// A device that is lost more often than [`MAX_LOSSES`] in this time is given up.
 const LOSSES_WITHIN: Duration = Duration::from_secs(60);
@@ -25,7 +25,6 @@ const LOSSES_WITHIN: Duration = Duration::from_secs(60);
 /// See [`LOSSES_WITHIN`].
 const MAX_LOSSES: usize = 3;
 
-/// What the program begins with.
 pub(super) struct Start {
     pub(super) arguments: Arguments,
     pub(super) settings: Settings,
@@ -132,26 +131,13 @@ impl Workspace {
 /// A dialog that is gone after so few seconds was never shown.
 const SHOWN_SECONDS: f64 = 0.25;
 
-/// What the user chose.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Answer {
-    Open(PathBuf),
-    Surroundings(PathBuf),
-    Stamp(PathBuf),
-    Sticker(PathBuf),
-    Stencil(PathBuf),
-    Look(PathBuf),
-    LoadPath(PathBuf),
-    SavePath(PathBuf),
-    /// There are no dialogs.
-    Unavailable,
-}
-
-/// Dialogs that are open.
 pub(super) struct Dialogs {
-    open: Vec<(Request, Job<Option<PathBuf>>)>,
+    open: Vec<(FileDialog, Job<Option<PathBuf>>)>,
     wake: Wake,
 }
+
+const MODELS: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fan"];
+const PICTURES: &[&str] = &["hdr", "exr", "png", "jpg", "jpeg", "tif", "tiff", "webp"];
 
 impl Dialogs {
     pub(super) fn new(wake: Wake) -> Self {
@@ -159,84 +145,50 @@ impl Dialogs {
     }
 
     /// Shows a dialog; one of a kind at a time. `stem` is the start of suggested names.
-    pub(super) fn ask(&mut self, request: Request, stem: &str) {
-        if self.open.iter().any(|(open, _)| *open == request) {
+    pub(super) fn ask(&mut self, dialog: FileDialog, stem: &str) {
+        if self.open.iter().any(|(open, _)| *open == dialog) {
             return;
         }
-        let dialog = AsyncFileDialog::new();
-        let models: &[&str] = &["glb", "gltf", "obj", "ply", "stl", "fan"];
-        let pictures: &[&str] = &["hdr", "exr", "png", "jpg", "jpeg", "tif", "tiff", "webp"];
+        let (title, filter, extensions) = match dialog {
+            FileDialog::Open => ("Open a model or an asset", "Models and assets", MODELS),
+            FileDialog::Surroundings => ("Choose surroundings", "Pictures", PICTURES),
+            FileDialog::Sticker => ("Choose a picture", "Pictures", PICTURES),
+            FileDialog::Stencil => ("Choose a picture over the view", "Pictures", PICTURES),
+            FileDialog::Look => ("Choose a look", "Looks", &["toml"][..]),
+            FileDialog::Stamp => ("Choose a stamp", "Pictures", PICTURES),
+            FileDialog::LoadPath => ("Load a camera path", "Camera paths", &["json"][..]),
+            FileDialog::SavePath => ("Save the camera path", "Camera paths", &["json"][..]),
+        };
+        let window = AsyncFileDialog::new().set_title(title).add_filter(filter, extensions);
         let path_name = format!("{stem}-path.json");
-        let chosen: std::pin::Pin<Box<dyn Future<Output = Option<rfd::FileHandle>> + Send>> = match request {
-            Request::OpenDialog => Box::pin(
-                dialog
-                    .set_title("Open a model or an asset")
-                    .add_filter("Models and assets", models)
-                    .pick_file(),
-            ),
-            Request::SurroundingsDialog => {
-                Box::pin(dialog.set_title("Choose surroundings").add_filter("Pictures", pictures).pick_file())
-            }
-            Request::StickerDialog => {
-                Box::pin(dialog.set_title("Choose a picture").add_filter("Pictures", pictures).pick_file())
-            }
-            Request::StencilDialog => Box::pin(
-                dialog
-                    .set_title("Choose a picture over the view")
-                    .add_filter("Pictures", pictures)
-                    .pick_file(),
-            ),
-            Request::LookDialog => {
-                Box::pin(dialog.set_title("Choose a look").add_filter("Looks", &["toml"]).pick_file())
-            }
-            Request::StampDialog => {
-                Box::pin(dialog.set_title("Choose a stamp").add_filter("Pictures", pictures).pick_file())
-            }
-            Request::LoadPathDialog => Box::pin(
-                dialog.set_title("Load a camera path").add_filter("Camera paths", &["json"]).pick_file(),
-            ),
-            Request::SavePathDialog => {
-                Box::pin(dialog.set_title("Save the camera path").set_file_name(path_name).save_file())
-            }
-            _ => return,
+        let work = move || {
+            let handle = match dialog {
+                FileDialog::SavePath => pollster::block_on(window.set_file_name(path_name).save_file()),
+                _ => pollster::block_on(window.pick_file()),
+            };
+            handle.map(|handle| handle.path().to_owned())
         };
         let wake = self.wake.clone();
-        let work = move || pollster::block_on(chosen).map(|handle| handle.path().to_owned());
         if let Ok(job) = Job::spawn("dialog", move || wake(), work) {
-            self.open.push((request, job));
+            self.open.push((dialog, job));
         }
     }
 
-    /// What was chosen since the last call.
-    pub(super) fn poll(&mut self) -> Vec<Answer> {
+    /// What was chosen since the last call; none where this system shows no dialogs.
+    pub(super) fn poll(&mut self) -> Vec<(FileDialog, Option<PathBuf>)> {
         let mut answers = Vec::new();
-        self.open.retain(|(request, job)| {
+        self.open.retain(|(dialog, job)| {
             let chosen = match job.poll() {
                 JobState::Running => return true,
                 JobState::Done(chosen) => chosen,
                 JobState::Lost => None,
             };
-            match chosen {
-                Some(path) => answers.push(answer(request, path)),
-                None if job.seconds() < SHOWN_SECONDS => answers.push(Answer::Unavailable),
-                None => {}
+            if chosen.is_some() || job.seconds() < SHOWN_SECONDS {
+                answers.push((*dialog, chosen));
             }
             false
         });
         answers
-    }
-}
-
-fn answer(request: &Request, path: PathBuf) -> Answer {
-    match request {
-        Request::SurroundingsDialog => Answer::Surroundings(path),
-        Request::StampDialog => Answer::Stamp(path),
-        Request::StickerDialog => Answer::Sticker(path),
-        Request::StencilDialog => Answer::Stencil(path),
-        Request::LookDialog => Answer::Look(path),
-        Request::LoadPathDialog => Answer::LoadPath(path),
-        Request::SavePathDialog => Answer::SavePath(path),
-        _ => Answer::Open(path),
     }
 }
 

@@ -12,10 +12,8 @@ use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, Viewpoint, as
 use crate::scene_view::{PrepareScene, SceneModel};
 use crate::viewer::{SceneInput, Viewer};
 
-/// Something that is being opened.
 #[derive(Debug)]
 pub struct Opening {
-    /// From where.
     pub place: Place,
     progress: Arc<OpenProgress>,
     job: Job<Result<Loaded>>,
@@ -26,7 +24,6 @@ pub struct Opening {
 }
 
 impl Opening {
-    /// How far it is.
     pub fn stage(&self) -> Stage {
         self.progress.stage()
     }
@@ -36,13 +33,11 @@ impl Opening {
         self.progress.share()
     }
 
-    /// Seconds since it began.
     pub fn seconds(&self) -> f64 {
         self.job.seconds()
     }
 }
 
-/// What opening gives.
 #[derive(Debug)]
 struct Loaded {
     document: Document,
@@ -124,8 +119,7 @@ impl Viewer {
                 (Document::open(&from, &for_thread)?, None)
             };
             for_thread.enter(Stage::Preparing)?;
-            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose();
-            let model = model.map_err(Error::unavailable)?;
+            let model = prepare.map(|prepare| prepare(&document, streaming)).transpose()?;
             // Those who gave up meanwhile do not want it.
             for_thread.enter(Stage::Preparing)?;
             Ok(Loaded { document, model, painting })
@@ -150,13 +144,13 @@ impl Viewer {
             None | Some(JobState::Running) => return,
             Some(JobState::Done(result)) => result,
             Some(JobState::Lost) => {
-                Err("The model could not be drawn again: the program failed on it".into())
+                Err(Error::unavailable("The model could not be drawn again: the program failed on it"))
             }
         };
         self.moving = None;
         match result {
             Ok(model) => self.new_model = Some(Some(model)),
-            Err(reason) => self.notices.error(format!("{reason}."), seconds),
+            Err(error) => self.notices.error(format!("{error}."), seconds),
         }
     }
 
@@ -245,7 +239,6 @@ impl Viewer {
         }
     }
 
-    /// What is done with layers.
     pub fn layer_action(&mut self, action: &LayerAction, seconds: f64) {
         if let Some(painting) = &mut self.painting
             && let Err(reason) = painting.layer_action(action, &self.settings.paint)
@@ -254,7 +247,6 @@ impl Viewer {
         }
     }
 
-    /// From where the scene is seen.
     pub fn viewpoint(&self) -> Viewpoint {
         Viewpoint { rig: self.rig, pixels: self.scene_pixels }
     }
@@ -262,7 +254,7 @@ impl Viewer {
     /// Whether the window may close: not while something painted is not in the file, unless that is asked for again.
     pub fn may_close(&mut self, seconds: f64) -> bool {
         let Some(painting) = &self.painting else { return true };
-        let SaveState::Failed(reason) = painting.save() else { return true };
+        let SaveState::Failed(reason) = &painting.save else { return true };
         if std::mem::replace(&mut self.was_warned, true) {
             return true;
         }

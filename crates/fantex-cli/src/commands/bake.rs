@@ -6,15 +6,14 @@ use std::time::Instant;
 use clap::Args;
 use fantex::bake::BakeSummary;
 use fantex::photos::PhotoReport;
-use fantex::{BakeFormat, Baker, Error, Fit, Mesh, Quality};
+use fantex::{BakeFormat, Baker, Error, Fit, Mesh, Quality, Result};
 use serde::Serialize;
 
 use crate::commands::info::CoverArgs;
 use crate::context::{Context, peak_memory_bytes};
-use crate::error::CliError;
 use crate::scene::{open_model, show_notes};
 use crate::sources::SourceArg;
-use crate::text::{counted, megabytes, over_budget};
+use crate::text::{Choices, counted, megabytes, one_of, over_budget};
 
 /// Bake a model and a source of colour into one seamless asset.
 #[derive(Args, Debug)]
@@ -59,87 +58,38 @@ pub(crate) struct BakeArgs {
     encoding: EncodingArgs,
 }
 
+const FORMATS: Choices<BakeFormat, 4> = [
+    ("bc7", "One byte per texel; normals BC5", BakeFormat::Bc7),
+    ("bc1", "Half a byte per texel; normals BC5", BakeFormat::Bc1),
+    ("rgba8", "Four bytes per texel, uncompressed", BakeFormat::Rgba8),
+    ("float", "Sixteen bytes per texel, nothing rounded", BakeFormat::Float),
+];
+
+pub(crate) const FITS: Choices<Fit, 3> = [
+    ("sharp", "Fitted to the bilinear look-up, overshoot bounded", Fit::Sharp),
+    ("point", "The value at the texel's centre", Fit::Point),
+    ("box", "The mean over the texel", Fit::Box),
+];
+
+const QUALITIES: Choices<Quality, 4> = [
+    ("ultra-fast", "About 60 million texels per second and core", Quality::UltraFast),
+    ("very-fast", "A tenth of that, 2 dB better", Quality::VeryFast),
+    ("fast", "Slower, slightly better", Quality::Fast),
+    ("basic", "About 1 million texels per second and core", Quality::Basic),
+];
+
 /// How texels are found and stored.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct EncodingArgs {
     /// Storage of the texels
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) format: FormatArg,
+    #[arg(long, value_parser = one_of(&FORMATS), default_value = "bc7")]
+    format: BakeFormat,
     /// How texels are found from the source
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) fit: FitArg,
+    #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]
+    fit: Fit,
     /// Effort of the BC7 encoder
-    #[arg(long, value_enum, default_value_t)]
-    pub(crate) quality: QualityArg,
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum FormatArg {
-    /// One byte per texel; normals BC5
-    #[default]
-    Bc7,
-    /// Half a byte per texel; normals BC5
-    Bc1,
-    /// Four bytes per texel, uncompressed
-    Rgba8,
-    /// Sixteen bytes per texel, nothing rounded
-    Float,
-}
-
-impl From<FormatArg> for BakeFormat {
-    fn from(format: FormatArg) -> Self {
-        match format {
-            FormatArg::Bc7 => Self::Bc7,
-            FormatArg::Bc1 => Self::Bc1,
-            FormatArg::Rgba8 => Self::Rgba8,
-            FormatArg::Float => Self::Float,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum FitArg {
-    /// Fitted to the bilinear look-up, overshoot bounded
-    #[default]
-    Sharp,
-    /// The value at the texel's centre
-    Point,
-    /// The mean over the texel
-    Box,
-}
-
-impl From<FitArg> for Fit {
-    fn from(fit: FitArg) -> Self {
-        match fit {
-            FitArg::Sharp => Self::Sharp,
-            FitArg::Point => Self::Point,
-            FitArg::Box => Self::Box,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum QualityArg {
-    /// About 60 million texels per second and core
-    #[default]
-    UltraFast,
-    /// A tenth of that, 2 dB better
-    VeryFast,
-    /// Slower, slightly better
-    Fast,
-    /// About 1 million texels per second and core
-    Basic,
-}
-
-impl From<QualityArg> for Quality {
-    fn from(quality: QualityArg) -> Self {
-        match quality {
-            QualityArg::UltraFast => Self::UltraFast,
-            QualityArg::VeryFast => Self::VeryFast,
-            QualityArg::Fast => Self::Fast,
-            QualityArg::Basic => Self::Basic,
-        }
-    }
+    #[arg(long, value_parser = one_of(&QUALITIES), default_value = "ultra-fast")]
+    quality: Quality,
 }
 
 #[derive(Debug, Serialize)]
@@ -199,7 +149,7 @@ impl From<&PhotoReport> for PhotosInfo {
     }
 }
 
-pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let mesh = open_model(&args.model)?;
     context.check_output_of(&args.output, &args.model)?;
@@ -223,15 +173,13 @@ pub(crate) fn run(args: &BakeArgs, context: &Context) -> Result<(), CliError> {
             "{} has no textures and no colours of its materials; leave --source uv out, or give --source vertex, image=... or \
              solid=...",
             args.model.display()
-        ))
-        .into());
+        )));
     }
     if args.match_source && !matches!(job.source, SourceArg::Uv | SourceArg::Photos(_)) {
         let source = &job.source;
         return Err(Error::invalid(format!(
             "--match takes the density of textures, and {source} has none; give --texels or --density"
-        ))
-        .into());
+        )));
     }
     context.print(&job.run(context)?, text)
 }
@@ -250,7 +198,7 @@ pub(crate) struct BakeJob<'a> {
 
 impl BakeJob<'_> {
     /// Bakes, with progress and notes.
-    pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo, CliError> {
+    pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo> {
         let Self { mesh, cover, encoding, output, .. } = self;
         let load_seconds = self.started.elapsed().as_secs_f64();
         let baked = {
@@ -258,9 +206,9 @@ impl BakeJob<'_> {
             let progress = context.progress("baking");
             let mut baker = Baker::new(mesh)
                 .source(self.source.source())
-                .format(encoding.format.into())
-                .fit(encoding.fit.into())
-                .quality(encoding.quality.into())
+                .format(encoding.format)
+                .fit(encoding.fit)
+                .quality(encoding.quality)
                 .overwrite(context.force)
                 .memory(context.memory_bytes)
                 .seed(context.seed)

@@ -9,7 +9,8 @@ use std::time::Instant;
 
 use clap::{Args, Subcommand};
 use fantex::Mesh;
-use fantex::bake::{self as baking, BakeFormat, BakeOptions, SineSource, fidelity};
+use fantex::Result;
+use fantex::bake::{self as baking, BakeFormat, BakeOptions, Fit, SineSource, fidelity};
 use fantex::base::random::nth_random;
 use fantex::cover::{Cover, CoverOptions, TexelBudget, build_cover};
 use fantex::mesh::generate::{LandscapeOptions, landscape};
@@ -22,12 +23,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 use tempfile::TempDir;
 
-use crate::commands::bake::FitArg;
+use crate::commands::bake::FITS;
 use crate::context::Context;
-use crate::error::CliError;
 use crate::scene::{photograph, portrait};
 use crate::sources::SourceArg;
-use crate::text::{Count, Table, columns, grouped};
+use crate::text::{Count, Table, columns, grouped, one_of};
 
 /// Measure fidelity and speed.
 #[derive(Args, Debug)]
@@ -73,8 +73,8 @@ struct FidelityArgs {
     #[arg(long, value_name = "N")]
     tile: Option<u32>,
     /// How texels are found from the function
-    #[arg(long, value_enum, default_value_t)]
-    fit: FitArg,
+    #[arg(long, value_parser = one_of(&FITS), default_value = "sharp")]
+    fit: Fit,
 }
 
 /// The model of a benchmark.
@@ -117,7 +117,7 @@ struct Rows {
     rows: Vec<Row>,
 }
 
-pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &BenchArgs, context: &Context) -> Result<()> {
     let rows = match &args.what {
         What::Fidelity(args) => return measure_fidelity(args, context),
         What::Cover(args) => cover(args, context)?,
@@ -161,7 +161,7 @@ struct FidelityInfo {
     wavelength: f64,
 }
 
-fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<(), CliError> {
+fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<()> {
     let mesh = &crate::scene::open_model(&args.model)?;
     let default = CoverOptions::default();
     let tile = args.tile.unwrap_or(default.tile);
@@ -172,7 +172,7 @@ fn measure_fidelity(args: &FidelityArgs, context: &Context) -> Result<(), CliErr
     let source = SineSource { k: k as f32 };
 
     let options = BakeOptions {
-        fit: args.fit.into(),
+        fit: args.fit,
         format: BakeFormat::Float,
         memory_bytes: context.memory_bytes,
         ..BakeOptions::default()
@@ -213,7 +213,7 @@ fn fidelity_text(info: &FidelityInfo) -> String {
 const REPETITIONS: usize = 3;
 
 /// Covering: all steps from welding to tile extents, cleaning and its report included.
-fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     let model = open_model(args, context)?;
     let mut rows = Vec::new();
     for (name, tile) in [("cover, grouped", CoverOptions::default().tile), ("cover, one fan per tile", 0)] {
@@ -232,7 +232,7 @@ fn cover(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
 }
 
 /// Baking from the model's textures, or from marble.
-fn bake(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+fn bake(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     let bench = Bench::open(args, context)?;
     let mut rows = Vec::new();
     for (format_name, format) in [("rgba8", BakeFormat::Rgba8), ("bc7", BakeFormat::Bc7)] {
@@ -246,7 +246,7 @@ fn bake(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
 }
 
 /// Bilinear look-ups at random points, beside bilinear look-ups in one image of as many texels.
-fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     const SAMPLES: u64 = 4_000_000;
     let bench = Bench::open(args, context)?;
     let baked = bench.bake(BakeFormat::Rgba8, context)?;
@@ -294,7 +294,7 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
 }
 
 /// Rendering an asset, beside rendering the model with its own textures.
-fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+fn render(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
     let bench = Bench::open(args, context)?;
     let baked = bench.bake(BakeFormat::Bc7, context)?;
     let cache = PageCache::new(Arc::new(Asset::open(&baked.path)?), context.memory_bytes as usize);
@@ -330,7 +330,7 @@ struct Baked {
 }
 
 impl Bench {
-    fn open(args: &ModelArgs, context: &Context) -> Result<Self, CliError> {
+    fn open(args: &ModelArgs, context: &Context) -> Result<Self> {
         let mesh = open(args, context)?;
         let (cover, _) = build_cover(&mesh, &cover_options(args, CoverOptions::default().tile))?;
         let source = SourceArg::of_model(&mesh).unwrap_or(SourceArg::Solid("marble".to_owned()));
@@ -338,7 +338,7 @@ impl Bench {
         Ok(Self { mesh, cover, source, folder })
     }
 
-    fn bake(&self, format: BakeFormat, context: &Context) -> Result<Baked, CliError> {
+    fn bake(&self, format: BakeFormat, context: &Context) -> Result<Baked> {
         let path = self.folder.path().join(format!("{format:?}.fan"));
         let source = self.source.source();
         let source = source.evaluator(&self.mesh, context.seed)?;
@@ -357,7 +357,7 @@ impl Bench {
     }
 }
 
-fn open(args: &ModelArgs, context: &Context) -> Result<Mesh, CliError> {
+fn open(args: &ModelArgs, context: &Context) -> Result<Mesh> {
     if let Some(path) = &args.model {
         return crate::scene::open_model(path);
     }
@@ -365,7 +365,7 @@ fn open(args: &ModelArgs, context: &Context) -> Result<Mesh, CliError> {
 }
 
 /// The model as its file says, or a landscape.
-fn open_model(args: &ModelArgs, context: &Context) -> Result<Model, CliError> {
+fn open_model(args: &ModelArgs, context: &Context) -> Result<Model> {
     if let Some(path) = &args.model {
         return Ok(load(path, &LoadOptions::default())?);
     }
@@ -379,11 +379,11 @@ fn cover_options(args: &ModelArgs, tile: u32) -> CoverOptions {
 }
 
 /// Seconds of the fastest repetition.
-fn fastest<E: Into<CliError>>(mut work: impl FnMut() -> Result<(), E>) -> Result<f64, CliError> {
+fn fastest(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
     let mut best = f64::INFINITY;
     for _ in 0..REPETITIONS {
         let started = Instant::now();
-        work().map_err(Into::into)?;
+        work()?;
         best = best.min(started.elapsed().as_secs_f64());
     }
     Ok(best)

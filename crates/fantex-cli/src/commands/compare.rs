@@ -3,21 +3,20 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use fantex::Result;
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
 use fantex::mesh::Mesh;
 use fantex::render::{Background, Camera, RenderOptions, Surface};
-use fantex::texture::Image;
 use fantex::texture::compare::{Comparison, compare, difference_picture};
+use fantex::texture::{Filter, Image};
 use serde::Serialize;
 
-use crate::commands::render::{filter_of, show_damaged_tiles};
+use crate::commands::render::show_damaged_tiles;
 use crate::context::Context;
-use crate::error::CliError;
-use crate::scene::is_look;
-use crate::scene::{FilterArg, Scene, SizeArg, aspect, photograph};
-use crate::text::columns;
+use crate::scene::{FILTERS, Scene, SizeArg, aspect, is_look, photograph};
+use crate::text::{columns, one_of};
 
 /// Render two files from the same cameras and compare the pictures.
 #[derive(Args, Debug)]
@@ -48,8 +47,8 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "N", default_value_t = 8)]
     samples: u32,
     /// How textures are filtered
-    #[arg(long, value_enum, default_value_t)]
-    filter: FilterArg,
+    #[arg(long, value_parser = one_of(&FILTERS), default_value = "anisotropic")]
+    filter: Filter,
 }
 
 /// How much differences are enlarged.
@@ -88,7 +87,7 @@ pub(crate) struct Subject<'a> {
 
 impl Subject<'_> {
     /// The picture, linear light.
-    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError> {
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image> {
         Ok(photograph(self.mesh, self.surface, camera, options)?.picture.to_linear_image())
     }
 }
@@ -100,7 +99,7 @@ enum Opened {
 }
 
 impl Opened {
-    fn open(path: &Path, context: &Context) -> Result<Self, CliError> {
+    fn open(path: &Path, context: &Context) -> Result<Self> {
         if is_look(path) {
             Ok(Self::Look(Box::new(LookFile::read(path)?)))
         } else {
@@ -131,14 +130,14 @@ impl<'a> Prepared<'a> {
         images: &'a LookImages,
         args: &CompareArgs,
         context: &Context,
-    ) -> Result<Self, CliError> {
+    ) -> Result<Self> {
         let file = match file {
             Opened::Scene(scene) => {
-                return Ok(Self::Scene { scene, surface: scene.surface(args.filter.options())? });
+                return Ok(Self::Scene { scene, surface: scene.surface(args.filter)? });
             }
             Opened::Look(file) => file,
         };
-        let filter = Some(filter_of(args.filter));
+        let filter = Some(args.filter);
         let resolver = MaterialResolver {
             file,
             images,
@@ -155,7 +154,7 @@ impl<'a> Prepared<'a> {
         Ok(Self::Look(Box::new(LookScene::new(resolver, given.as_ref(), changes)?)))
     }
 
-    fn orbit(&self, args: &CompareArgs, aspect: f64) -> Result<Vec<Camera>, CliError> {
+    fn orbit(&self, args: &CompareArgs, aspect: f64) -> Result<Vec<Camera>> {
         match self {
             Self::Scene { scene, .. } => Ok(Camera::orbit(scene.mesh(), args.views as usize, aspect)),
             Self::Look(look) => Ok(look.orbit(args.views as usize, aspect)?),
@@ -163,7 +162,7 @@ impl<'a> Prepared<'a> {
     }
 
     /// The picture, linear light. A look has its size and samples already.
-    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image, CliError> {
+    fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image> {
         match self {
             Self::Scene { scene, surface } => {
                 Subject { mesh: scene.mesh(), surface: surface.as_ref() }.picture(camera, options)
@@ -183,7 +182,7 @@ impl<'a> Prepared<'a> {
     }
 }
 
-pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
     let files = [Opened::open(&args.a, context)?, Opened::open(&args.b, context)?];
     let images = LookImages::default();
     let a = Prepared::new(&files[0], (&files[1], &args.b), &images, args, context)?;
@@ -239,7 +238,7 @@ impl ViewFiles {
         Self { a: file("a"), b: file("b"), difference: file("difference") }
     }
 
-    fn check(&self, context: &Context) -> Result<(), CliError> {
+    fn check(&self, context: &Context) -> Result<()> {
         [&self.a, &self.b, &self.difference].into_iter().try_for_each(|path| context.check_output(path))
     }
 }
@@ -249,7 +248,7 @@ fn compare_view(
     [reference, test]: &[Image; 2],
     files: Option<ViewFiles>,
     context: &Context,
-) -> Result<(Comparison, Vec<PathBuf>), CliError> {
+) -> Result<(Comparison, Vec<PathBuf>)> {
     let comparison = compare(reference, test)?;
     let Some(files) = files else { return Ok((comparison, Vec::new())) };
     let difference = difference_picture(reference, test, GAIN)?;
@@ -266,7 +265,7 @@ pub(crate) fn mean_psnr_db(
     cameras: &[Camera],
     options: &RenderOptions,
     context: &Context,
-) -> Result<f64, CliError> {
+) -> Result<f64> {
     let mut sum = 0.0;
     for camera in cameras {
         let [a, b] = subjects;

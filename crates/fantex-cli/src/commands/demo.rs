@@ -9,7 +9,7 @@ use fantex::mesh::generate::{LandscapeOptions, landscape};
 use fantex::mesh::{Mesh, WriteGeometry, write_model};
 use fantex::render::{Camera, FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, VerifyOptions, verify};
-use fantex::{Baker, Source};
+use fantex::{Baker, Result, Source};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
@@ -17,7 +17,6 @@ use crate::commands::compare::{Subject, mean_psnr_db};
 use crate::commands::render::save;
 use crate::commands::verify::not_verified;
 use crate::context::Context;
-use crate::error::CliError;
 use crate::scene::{aspect, open_model, photograph, source_surface};
 use crate::shipped::Shipped;
 use crate::text::columns;
@@ -72,7 +71,7 @@ struct DemoInfo {
     seconds: f64,
 }
 
-pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let folder = args.output.clone().unwrap_or_else(|| PathBuf::from("out/demo"));
     let shipped = Shipped::open()?;
@@ -112,7 +111,7 @@ struct Subtask<'a> {
 }
 
 impl Demo<'_> {
-    fn landscape(&mut self, args: &DemoArgs) -> Result<(), CliError> {
+    fn landscape(&mut self, args: &DemoArgs) -> Result<()> {
         let model_path = self.target("landscape.ply")?;
         self.context.note(format!("generating a landscape of {} triangles", args.triangles));
         let options = LandscapeOptions {
@@ -138,7 +137,7 @@ impl Demo<'_> {
         self.make(&Subtask { name: "landscape", mesh: &mesh, source, texels, camera }, &truth)
     }
 
-    fn bottle(&mut self, mesh: &fantex::Mesh) -> Result<(), CliError> {
+    fn bottle(&mut self, mesh: &fantex::Mesh) -> Result<()> {
         let original = LookSurface::of_model(mesh, FilterOptions::default())?;
         let camera = self.camera(mesh, Camera::THREE_QUARTER);
         self.make(
@@ -148,7 +147,7 @@ impl Demo<'_> {
     }
 
     /// Bakes, verifies, renders and compares.
-    fn make(&mut self, task: &Subtask, original: &dyn Surface) -> Result<(), CliError> {
+    fn make(&mut self, task: &Subtask, original: &dyn Surface) -> Result<()> {
         let Subtask { name, mesh, camera, .. } = task;
         let asset_path = self.target(&format!("{name}.fan"))?;
         let mut part = self.bake(task, &asset_path)?;
@@ -178,7 +177,7 @@ impl Demo<'_> {
         Ok(())
     }
 
-    fn bake(&self, task: &Subtask, path: &Path) -> Result<Part, CliError> {
+    fn bake(&self, task: &Subtask, path: &Path) -> Result<Part> {
         self.context.note(format!("baking {}", path.display()));
         let started = Instant::now();
         let _deferral = self.context.defer_interrupt();
@@ -210,7 +209,7 @@ impl Demo<'_> {
     }
 
     /// A file in the demo's folder that may be written.
-    fn target(&self, name: &str) -> Result<PathBuf, CliError> {
+    fn target(&self, name: &str) -> Result<PathBuf> {
         let path = self.info.folder.join(name);
         if self.force {
             return Ok(path);

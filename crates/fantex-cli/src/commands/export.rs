@@ -5,20 +5,18 @@ pub(super) mod turntable;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::{Args, ValueEnum};
-use fantex::Error;
+use clap::{ArgAction, Args, ValueEnum};
 use fantex::export::{
     ChannelMap, Depth, ExportOptions, ExportSummary, UvChoice, export_channel, export_model,
 };
 use fantex::store::{Asset, ChannelKind};
+use fantex::texture::Filter;
+use fantex::{Error, Result};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::error::CliError;
-use crate::scene::SurroundingsArgs;
-use crate::scene::{FilterArg, SizeArg};
-use crate::scene::{open_asset, open_model};
-use crate::text::{counted, megabytes};
+use crate::scene::{FILTERS, SizeArg, SurroundingsArgs, open_asset, open_model};
+use crate::text::{Choices, counted, megabytes, one_of};
 
 /// Export an asset for other programs: a model with texture coordinates, single channels, a turntable.
 #[derive(Args, Debug)]
@@ -56,14 +54,14 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N")]
     padding: Option<u32>,
     /// The pictures of a model; KTX2 files (BC7, BC5, all levels, zstd) come beside it
-    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["channel", "turntable"])]
-    textures: TexturesArg,
+    #[arg(long, value_parser = one_of(&TEXTURES), action = ArgAction::Set, default_value = "png", conflicts_with_all = ["channel", "turntable"])]
+    textures: bool,
     /// Write one channel alone
-    #[arg(long, value_enum, conflicts_with = "turntable")]
-    channel: Option<ChannelArg>,
+    #[arg(long, value_parser = one_of(&CHANNELS), conflicts_with = "turntable")]
+    channel: Option<ChannelMap>,
     /// Bits per sample of a channel's PNG
-    #[arg(long, value_enum, default_value_t, requires = "channel")]
-    depth: DepthArg,
+    #[arg(long, value_parser = one_of(&DEPTHS), default_value = "8", requires = "channel")]
+    depth: Depth,
     /// Number of pictures around the model
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=3600))]
     turntable: Option<u32>,
@@ -74,8 +72,8 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N", default_value_t = 8, requires = "turntable")]
     samples: u32,
     /// How a turntable's textures are filtered
-    #[arg(long, value_enum, default_value_t, requires = "turntable")]
-    filter: FilterArg,
+    #[arg(long, value_parser = one_of(&FILTERS), default_value = "anisotropic", requires = "turntable")]
+    filter: Filter,
     #[command(flatten)]
     surroundings: SurroundingsArgs,
 }
@@ -90,53 +88,26 @@ enum UvArg {
     Source,
 }
 
-/// Pictures of a model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum TexturesArg {
-    /// PNG, which every program reads
-    #[default]
-    Png,
-    /// PNG, and the same pictures as KTX2 files for engines
-    #[value(name = "png+ktx2")]
-    PngAndKtx2,
-}
+const CHANNELS: Choices<ChannelMap, 10> = [
+    ("base-color", "Colour, with opacity where something shows through", ChannelMap::BaseColor),
+    ("opacity", "Opacity alone", ChannelMap::Opacity),
+    ("normal", "Normals in tangent space, +y up", ChannelMap::Normal),
+    ("orm", "Red = occlusion, green = roughness, blue = metallic", ChannelMap::OcclusionRoughnessMetallic),
+    ("occlusion", "Occlusion alone", ChannelMap::Occlusion),
+    ("roughness", "Roughness alone", ChannelMap::Roughness),
+    ("metallic", "Metallic alone", ChannelMap::Metallic),
+    ("emission", "Emitted light", ChannelMap::Emission),
+    ("displacement", "Height", ChannelMap::Displacement),
+    ("light", "Light that arrives", ChannelMap::Light),
+];
 
-/// A single channel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum ChannelArg {
-    /// Colour, with opacity where something shows through
-    BaseColor,
-    /// Opacity alone
-    Opacity,
-    /// Normals in tangent space, +y up
-    Normal,
-    /// Red = occlusion, green = roughness, blue = metallic
-    Orm,
-    /// Occlusion alone
-    Occlusion,
-    /// Roughness alone
-    Roughness,
-    /// Metallic alone
-    Metallic,
-    /// Emitted light
-    Emission,
-    /// Height
-    Displacement,
-    /// Light that arrives
-    Light,
-}
+const DEPTHS: Choices<Depth, 2> = [("8", "Eight bits", Depth::Eight), ("16", "Sixteen bits", Depth::Sixteen)];
 
-/// Bits per sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-enum DepthArg {
-    /// Eight bits
-    #[default]
-    #[value(name = "8")]
-    Eight,
-    /// Sixteen bits
-    #[value(name = "16")]
-    Sixteen,
-}
+/// Whether KTX2 files come beside the PNG files.
+const TEXTURES: Choices<bool, 2> = [
+    ("png", "PNG, which every program reads", false),
+    ("png+ktx2", "PNG, and the same pictures as KTX2 files for engines", true),
+];
 
 /// A side, or width and height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -153,23 +124,6 @@ impl std::str::FromStr for PictureSizeArg {
         side.or_else(|| text.parse().ok().map(Self::WidthHeight)).ok_or_else(|| {
             Error::invalid("expected a side such as 2048, or for a turntable width x height such as 800x600")
         })
-    }
-}
-
-impl ChannelArg {
-    fn map(self) -> ChannelMap {
-        match self {
-            Self::BaseColor => ChannelMap::BaseColor,
-            Self::Opacity => ChannelMap::Opacity,
-            Self::Normal => ChannelMap::Normal,
-            Self::Orm => ChannelMap::OcclusionRoughnessMetallic,
-            Self::Occlusion => ChannelMap::Occlusion,
-            Self::Roughness => ChannelMap::Roughness,
-            Self::Metallic => ChannelMap::Metallic,
-            Self::Emission => ChannelMap::Emission,
-            Self::Displacement => ChannelMap::Displacement,
-            Self::Light => ChannelMap::Light,
-        }
     }
 }
 
@@ -201,30 +155,27 @@ struct ExportInfo {
     seconds: f64,
 }
 
-pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
     if let Some(count) = args.turntable {
         return turntable::run(args, count, context);
     }
     if args.surroundings.is_given() {
         return Err(Error::invalid(
             "--environment belongs to a turntable; give --turntable, too, or leave it out",
-        )
-        .into());
+        ));
     }
     let is_picture = ["png", "exr", "ktx2"].iter().any(|e| has_extension(&args.output, e));
     if args.channel.is_none() && is_picture {
         return Err(Error::invalid(format!(
             "{} is a picture: say which with --channel base-color, normal, orm ..., or make a --turntable; a model is .glb or .gltf",
             args.output.display()
-        ))
-        .into());
+        )));
     }
     let side = match args.size {
         Some(PictureSizeArg::WidthHeight(size)) => {
             return Err(Error::invalid(format!(
                 "{size} is a turntable's size; the pictures of a model are square: give one number, such as --size 2048"
-            ))
-            .into());
+            )));
         }
         Some(PictureSizeArg::Side(side)) => Some(side),
         None => None,
@@ -242,7 +193,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> 
         side,
         largest_side: args.max_size,
         padding: args.padding,
-        with_ktx2: args.textures == TexturesArg::PngAndKtx2,
+        with_ktx2: args.textures,
         force: context.force,
         memory_bytes: context.memory_bytes,
     };
@@ -251,10 +202,7 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<(), CliError> 
         let progress = context.progress("export");
         match args.channel {
             None => export_model(&asset, &args.output, &options, &progress),
-            Some(channel) => {
-                let depth = if args.depth == DepthArg::Eight { Depth::Eight } else { Depth::Sixteen };
-                export_channel(&asset, channel.map(), depth, &args.output, &options, &progress)
-            }
+            Some(channel) => export_channel(&asset, channel, args.depth, &args.output, &options, &progress),
         }?
     };
     notes(args, &asset, &summary, context);

@@ -12,17 +12,16 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::Error;
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{LookScene, MaterialResolver, PictureChanges};
 use fantex::texture::Image;
+use fantex::{Error, Result};
 use fantex_gallery::{CHAPTERS, Catalogue, Entry, Variant, read};
 use serde::Serialize;
 
 use crate::commands::export::turntable::Animation;
 use crate::context::Context;
-use crate::error::CliError;
 use crate::shipped::Shipped;
 use crate::text::counted;
 
@@ -52,7 +51,7 @@ struct GalleryInfo {
     seconds: f64,
 }
 
-pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let pictures = make(args, context)?;
     let info = GalleryInfo {
@@ -67,7 +66,7 @@ pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<(), CliError>
 }
 
 /// Makes the pictures and the page; returns the pictures' paths.
-fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>, CliError> {
+fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let GalleryArgs { names, output, width } = args;
     let shipped = Shipped::open()?;
     let catalogue = Catalogue::read(&shipped.file("gallery"))?;
@@ -94,15 +93,15 @@ struct Artist<'a> {
 }
 
 impl Artist<'_> {
-    fn exhibit<'e>(&self, entry: &'e Entry) -> Result<Exhibit<'e>, CliError> {
+    fn exhibit<'e>(&self, entry: &'e Entry) -> Result<Exhibit<'e>> {
         match (&entry.look, &entry.drawn_by) {
             (Some(look), _) => self.by_look(entry, look),
             (None, Some(drawing)) => self.by_program(entry, drawing),
-            (None, None) => Err(nothing_to_draw(entry).into()),
+            (None, None) => Err(nothing_to_draw(entry)),
         }
     }
 
-    fn by_look<'e>(&self, entry: &'e Entry, look: &str) -> Result<Exhibit<'e>, CliError> {
+    fn by_look<'e>(&self, entry: &'e Entry, look: &str) -> Result<Exhibit<'e>> {
         let path = self.shipped.file("gallery").join(look);
         let text = read(&path)?;
         let original: toml::Table =
@@ -119,7 +118,7 @@ impl Artist<'_> {
     }
 
     /// One picture, or an animated one.
-    fn render(&self, file: &LookFile, target: &Path) -> Result<(), CliError> {
+    fn render(&self, file: &LookFile, target: &Path) -> Result<()> {
         let size = self.width.map(|width| {
             let [w, h] = file.look().picture.size.map(|side| side.0);
             [width, (u64::from(width) * u64::from(h)).div_ceil(u64::from(w)) as u32]
@@ -143,7 +142,7 @@ impl Artist<'_> {
         self.save(&frames, frames_per_second, target)
     }
 
-    fn by_program<'e>(&self, entry: &'e Entry, drawing: &str) -> Result<Exhibit<'e>, CliError> {
+    fn by_program<'e>(&self, entry: &'e Entry, drawing: &str) -> Result<Exhibit<'e>> {
         let draw = drawings::by_name(drawing).ok_or_else(|| nothing_to_draw(entry))?;
         let drawn =
             draw(&drawings::Studio { width: self.width, shipped: self.shipped, context: self.context })?;
@@ -160,7 +159,7 @@ impl Artist<'_> {
         format!("{}-{}.png", entry.name, index + 1)
     }
 
-    fn save(&self, frames: &[Image], frames_per_second: f64, target: &Path) -> Result<(), CliError> {
+    fn save(&self, frames: &[Image], frames_per_second: f64, target: &Path) -> Result<()> {
         self.context.check_output(target)?;
         let _deferral = self.context.defer_interrupt();
         match frames {

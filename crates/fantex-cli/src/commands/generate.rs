@@ -12,15 +12,14 @@ use fantex::photos::{
 };
 use fantex::render::Camera;
 use fantex::texture::{ColorSpace, Depth};
-use fantex::{Error, Mesh};
+use fantex::{Error, Mesh, Result};
 use glam::{DVec3, Vec3};
 use serde::Serialize;
 
 use crate::commands::bake;
 use crate::commands::bake::{BakeJob, EncodingArgs};
 use crate::commands::info::CoverArgs;
-use crate::context::Context;
-use crate::error::{CliError, exists};
+use crate::context::{Context, exists};
 use crate::scene::{SizeArg, open_model, show_notes};
 use crate::sources::SourceArg;
 use crate::text::{Count, counted, positive, share};
@@ -68,7 +67,7 @@ struct LandscapeArgs {
     arches: u32,
     /// How far triangles are from regular, 0 to 1
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
-    irregularity: f64,
+    irregularity: f32,
     #[command(flatten, next_help_heading = "Assets only")]
     cover: CoverArgs,
     #[command(flatten, next_help_heading = "Assets only")]
@@ -94,14 +93,14 @@ struct LandscapeInfo {
     seconds: f64,
 }
 
-pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &GenerateArgs, context: &Context) -> Result<()> {
     match &args.what {
         What::Landscape(args) => run_landscape(args, context),
         What::Photographs(args) => run_photographs(args, context),
     }
 }
 
-fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError> {
+fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     context.check_output(&args.output)?;
     let made = landscape(&LandscapeOptions {
@@ -110,7 +109,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
         size: args.size as f32,
         tunnels: args.tunnels,
         arches: args.arches,
-        irregularity: args.irregularity as f32,
+        irregularity: args.irregularity,
     });
     if args.writes_asset() {
         return bake_landscape(args, made.into(), started, context);
@@ -119,8 +118,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
         return Err(Error::invalid(format!(
             "{} is a model and has no texels: leave out --texels, --density and --tile, or write an asset (.fan)",
             args.output.display()
-        ))
-        .into());
+        )));
     }
     let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
     {
@@ -152,12 +150,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<(), CliError
     })
 }
 
-fn bake_landscape(
-    args: &LandscapeArgs,
-    model: Model,
-    started: Instant,
-    context: &Context,
-) -> Result<(), CliError> {
+fn bake_landscape(args: &LandscapeArgs, model: Model, started: Instant, context: &Context) -> Result<()> {
     let mesh = Mesh::from_model(model, &args.output)?;
     let job = BakeJob {
         mesh: &mesh,
@@ -198,7 +191,7 @@ pub(super) struct PhotographsArgs {
     lens: LensArg,
     /// How far exposure and tint of the photographs differ, 0 to 1: up to half as light again or as dark at 0.5
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share, allow_negative_numbers = true)]
-    exposure: f64,
+    exposure: f32,
     /// The model stands on something: no photograph from below
     #[arg(long)]
     standing: bool,
@@ -243,7 +236,7 @@ struct PhotographsInfo {
     seconds: f64,
 }
 
-fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<(), CliError> {
+fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     let mesh = &open_model(&args.model)?;
     show_notes(mesh, context);
@@ -257,7 +250,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<(), CliE
     let transforms = args.output.join("transforms.json");
     for path in [&images, &args.output.join("sparse"), &transforms] {
         if !context.force && path.symlink_metadata().is_ok() {
-            return Err(exists(path).into());
+            return Err(exists(path));
         }
     }
     [&images, &sparse].into_iter().try_for_each(|folder| context.make_folder(folder))?;
@@ -265,7 +258,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<(), CliE
     let bvh = TriangleBvh::new(mesh);
     for (i, photograph) in photographs.iter().enumerate() {
         context.check_interrupt()?;
-        let exposure = exposure(i, args.exposure as f32);
+        let exposure = exposure(i, args.exposure);
         let options = CaptureOptions { samples: args.samples, exposure, ..CaptureOptions::default() };
         let picture = capture(mesh, &bvh, look.as_ref(), photograph, &options);
         let _deferral = context.defer_interrupt();

@@ -10,12 +10,11 @@ use fantex::look::LookFile;
 use fantex::look::data::{FileName, Look};
 use fantex::look::look_of_model;
 use fantex::store::Asset;
-use fantex::{Error, Mesh};
+use fantex::{Error, Mesh, Result};
 use serde::Serialize;
 
 use crate::context::Context;
 use crate::cover_pictures;
-use crate::error::CliError;
 use crate::scene::Input;
 use crate::text::{Count, Table, counted, grouped, megabytes, over_budget, positive, texels_asked};
 
@@ -172,14 +171,13 @@ struct AssetInfo {
     pictures: Vec<PathBuf>,
 }
 
-pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<()> {
     match Input::open(&args.file)? {
         Input::Model(model) if args.look => print_look_of_model(&model, context),
         Input::Asset(_) | Input::Look(_) if args.look => Err(Error::unsupported(format!(
             "{} is no model, and only models have materials that are printed as a look",
             args.file.display()
-        ))
-        .into()),
+        ))),
         Input::Look(file) => print_look(&file, context),
         Input::Model(model) => {
             let info = of_model(&model, args, context)?;
@@ -188,8 +186,7 @@ pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
         Input::Asset(_) if !args.cover.is_default() => Err(Error::invalid(format!(
             "--texels, --density or --tile has no meaning for an asset: {} has its cover already",
             args.file.display()
-        ))
-        .into()),
+        ))),
         Input::Asset(asset) => {
             let info = of_asset(&asset, args, context)?;
             context.print(&info, |info| asset_text(info, &args.file))
@@ -197,7 +194,7 @@ pub(crate) fn run(args: &InfoArgs, context: &Context) -> Result<(), CliError> {
     }
 }
 
-fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo, CliError> {
+fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo> {
     let started = Instant::now();
     let budget = args.cover.budget(mesh).unwrap_or(DEFAULT_BUDGET);
     let texels_asked = texels_asked(&budget);
@@ -263,7 +260,7 @@ fn of_model(mesh: &Mesh, args: &InfoArgs, context: &Context) -> Result<ModelInfo
     })
 }
 
-fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetInfo, CliError> {
+fn of_asset(asset: &Asset, args: &InfoArgs, context: &Context) -> Result<AssetInfo> {
     let (mesh, cover) = (asset.mesh(), asset.cover());
     let unfolded =
         cover.groups.iter().filter(|g| g.kind == fantex::cover::GroupKind::Unfolded).count() as u64;
@@ -297,7 +294,7 @@ fn draw(
     cover: &Cover,
     args: &InfoArgs,
     context: &Context,
-) -> Result<Vec<PathBuf>, CliError> {
+) -> Result<Vec<PathBuf>> {
     match &args.picture {
         Some(target) => cover_pictures::draw(mesh, cover, target, context),
         None => Ok(Vec::new()),
@@ -388,13 +385,13 @@ struct LookInfo {
 }
 
 /// Shows what is in a look.
-pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<(), CliError> {
+pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<()> {
     let look = file.look();
     let resolved = |name: &FileName| file.file(name);
     let info = LookInfo {
         kind: "look",
         file: file.path().into(),
-        textures: kinds(look)?,
+        textures: kinds(look),
         materials: look.materials.keys().cloned().collect(),
         objects: look.object.len() as u64,
         lights: look.light.len() as u64,
@@ -406,10 +403,10 @@ pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<(), CliEr
 }
 
 /// The key `kind` of each texture.
-fn kinds(look: &Look) -> Result<BTreeMap<String, String>, CliError> {
+fn kinds(look: &Look) -> BTreeMap<String, String> {
     let kind = |value: serde_json::Value| value["kind"].as_str().unwrap_or_default().to_owned();
-    let textures = look.textures.iter();
-    textures.map(|(name, table)| Ok((name.clone(), kind(serde_json::to_value(table)?)))).collect()
+    let kind_of = |table| kind(serde_json::to_value(table).unwrap_or_default());
+    look.textures.iter().map(|(name, table)| (name.clone(), kind_of(table))).collect()
 }
 
 fn look_text(info: &LookInfo) -> String {
@@ -438,7 +435,7 @@ struct Translation {
 }
 
 /// Prints a model's own materials as a look.
-pub(crate) fn print_look_of_model(model: &Mesh, context: &Context) -> Result<(), CliError> {
+pub(crate) fn print_look_of_model(model: &Mesh, context: &Context) -> Result<()> {
     let (path, translated) = (model.path(), look_of_model(model));
     let text = translated.look.to_toml();
     let text = text.map_err(|problem| problem.in_file(path))?;

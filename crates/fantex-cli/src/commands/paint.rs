@@ -2,16 +2,16 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::Error;
 use fantex::paint::{PaintOptions, Painter, ReplaySummary, StrokeFile, StrokeLog, replay};
+use fantex::{Error, Result};
 use serde::Serialize;
 
 use super::view;
-use crate::context::Context;
-use crate::error::{CliError, exists};
+use crate::context::{Context, exists};
 use crate::scene::open_asset;
 use crate::text::{counted, megabytes};
 
@@ -58,12 +58,12 @@ enum Strokes {
 }
 
 impl Strokes {
-    fn of_file(path: &Path) -> Result<Self, CliError> {
+    fn of_file(path: &Path) -> Result<Self> {
         let folder = path.parent().unwrap_or(Path::new(".")).to_owned();
         Ok(Self::File { file: StrokeFile::load(path)?, folder })
     }
 
-    fn logged_in(asset: &Path) -> Result<Self, CliError> {
+    fn logged_in(asset: &Path) -> Result<Self> {
         Ok(Self::Log(StrokeLog::of(&*open_asset(asset)?)?))
     }
 
@@ -95,17 +95,18 @@ struct PaintInfo {
     seconds: f64,
 }
 
-pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<ExitCode> {
     let started = Instant::now();
     if let Some(output) = &args.export_log {
-        return export(&args.asset, output, context);
+        export(&args.asset, output, context)?;
+        return Ok(ExitCode::SUCCESS);
     }
     // Opening says what is wrong with files of other kinds.
     let opens = || open_asset(&args.asset).map(drop);
     let strokes = match (&args.replay, &args.replay_log) {
         (None, None) => {
             let memory = format!("--memory={}", context.memory_bytes.max(16 << 20));
-            return view::start(&["--paint".into(), memory.into(), args.asset.clone().into()]);
+            return view::run(&["--paint".into(), memory.into(), args.asset.clone().into()]);
         }
         (Some(path), _) => opens().and_then(|()| Strokes::of_file(path))?,
         (None, Some(other)) => opens().and_then(|()| Strokes::logged_in(other))?,
@@ -135,7 +136,8 @@ pub(crate) fn run(args: &PaintArgs, context: &Context) -> Result<(), CliError> {
             info.seconds,
             missing(info.unrecorded)
         )
-    })
+    })?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn missing(unrecorded: usize) -> String {
@@ -145,7 +147,7 @@ fn missing(unrecorded: usize) -> String {
     }
 }
 
-fn export(asset: &Path, output: &Path, context: &Context) -> Result<(), CliError> {
+fn export(asset: &Path, output: &Path, context: &Context) -> Result<()> {
     let log = StrokeLog::of(&*open_asset(asset)?)?;
     context.check_output(output)?;
     log.save(output)?;
@@ -158,12 +160,7 @@ fn export(asset: &Path, output: &Path, context: &Context) -> Result<(), CliError
     })
 }
 
-fn paint(
-    asset: &Path,
-    strokes: &Strokes,
-    args: &PaintArgs,
-    context: &Context,
-) -> Result<PaintInfo, CliError> {
+fn paint(asset: &Path, strokes: &Strokes, args: &PaintArgs, context: &Context) -> Result<PaintInfo> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, history: !args.no_history };
     let mut painter = Painter::open(asset, &options)?;
     let summary = strokes.replay(&mut painter)?;
@@ -183,7 +180,7 @@ fn paint(
 }
 
 /// A copy in the folder of the output, which goes away unless it is renamed.
-fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath, CliError> {
+fn copy_beside(asset: &Path, output: &Path) -> Result<tempfile::TempPath> {
     let folder = output.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let write = |error| Error::writing(output, error);
     let mut builder = tempfile::Builder::new();

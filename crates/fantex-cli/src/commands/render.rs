@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use fantex::Error;
 use fantex::gpu::{
     DrawOptions, Frame, Gpu, GpuOptions, Model, StreamedModel, UvModel, render_to_picture, stream_view,
 };
@@ -14,15 +13,15 @@ use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges
 use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, RenderStats, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
+use fantex::{Error, Result};
 use glam::DVec3;
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::error::CliError;
 use crate::scene::{
-    FilterArg, Scene, SizeArg, SurroundingsArgs, VectorArg, is_look, open_model, portrait, show_notes,
+    FILTERS, Scene, SizeArg, SurroundingsArgs, VectorArg, is_look, open_model, portrait, show_notes,
 };
-use crate::text::{Bytes, counted};
+use crate::text::{Bytes, counted, one_of};
 
 /// Render a model, an asset or a look.
 #[derive(Args, Debug)]
@@ -61,8 +60,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "N")]
     pub(crate) samples: Option<u32>,
     /// How textures are filtered [default: the look's, or anisotropic]
-    #[arg(long, value_enum)]
-    pub(crate) filter: Option<FilterArg>,
+    #[arg(long, value_parser = one_of(&FILTERS))]
+    pub(crate) filter: Option<Filter>,
     /// Direction to the sun, world axes; over the camera's left shoulder by default, none beside an environment
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     light: Option<VectorArg>,
@@ -92,7 +91,7 @@ struct RenderInfo {
     adapter: Option<String>,
 }
 
-pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     if (args.look.is_some() || is_look(&args.file)) && (args.light.is_some() || args.surroundings.is_given())
     {
         let path = args.look.clone().unwrap_or_else(|| args.file.clone());
@@ -128,7 +127,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
             None => sun.is_some(),
         });
     }
-    let filter = args.filter.unwrap_or_default().options();
+    let filter = args.filter.unwrap_or(Filter::Anisotropic);
     let mut info = RenderInfo {
         output: args.output.clone(),
         width,
@@ -162,12 +161,11 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<(), CliError> 
     context.print(&info, text)
 }
 
-fn not_for_looks(option: &str, path: &Path) -> CliError {
+fn not_for_looks(option: &str, path: &Path) -> Error {
     let path = path.display();
     Error::invalid(format!(
         "{path} is a look, which has its lamps and surroundings itself; leave {option} out"
     ))
-    .into()
 }
 
 fn text(info: &RenderInfo) -> String {
@@ -195,7 +193,7 @@ fn camera(args: &RenderArgs, scene: &Scene, options: &RenderOptions) -> Camera {
 }
 
 /// Writes a picture: in linear light where the format holds it, else in sRGB.
-pub(crate) fn save(picture: &Picture, path: &Path, context: &Context) -> Result<(), CliError> {
+pub(crate) fn save(picture: &Picture, path: &Path, context: &Context) -> Result<()> {
     let _deferral = context.defer_interrupt();
     let holds_light =
         path.extension().is_some_and(|e| ["exr", "hdr"].iter().any(|name| e.eq_ignore_ascii_case(name)));
@@ -222,12 +220,13 @@ fn render_on_gpu(
     camera: &Camera,
     lights: &Lights,
     options: &RenderOptions,
-    filter: FilterOptions,
+    filter: Filter,
     pool_bytes: u64,
     context: &Context,
-) -> Result<GpuRendering, CliError> {
+) -> Result<GpuRendering> {
     let gpu = Gpu::headless(&GpuOptions::default())?;
     let size = [options.width, options.height];
+    let filter = FilterOptions { filter, ..FilterOptions::default() };
     let draw = DrawOptions {
         shading: options.shading,
         filter,
@@ -281,15 +280,10 @@ struct LookRenderInfo {
 }
 
 /// Renders a look, on a model where one is given.
-fn render_look(
-    args: &RenderArgs,
-    file: &LookFile,
-    model: Option<&Path>,
-    context: &Context,
-) -> Result<(), CliError> {
+fn render_look(args: &RenderArgs, file: &LookFile, model: Option<&Path>, context: &Context) -> Result<()> {
     let given = model.map(|path| given_model(path, context)).transpose()?;
     let images = LookImages::default();
-    let options = ResolveOptions { filter: args.filter.map(filter_of), ..context.resolve_options() };
+    let options = ResolveOptions { filter: args.filter, ..context.resolve_options() };
     let resolver = MaterialResolver { file, images: &images, options };
     let scene = LookScene::new(resolver, given.as_ref(), changes(args))?;
     let times = scene.times();
@@ -325,7 +319,7 @@ pub(crate) fn show_damaged_tiles(scene: &LookScene, context: &Context) {
     }
 }
 
-fn given_model(path: &Path, context: &Context) -> Result<GivenModel, CliError> {
+fn given_model(path: &Path, context: &Context) -> Result<GivenModel> {
     let model = open_model(path)?;
     show_notes(&model, context);
     Ok(GivenModel { path: path.into(), mesh: model.into_inner() })
@@ -335,16 +329,12 @@ fn changes(args: &RenderArgs) -> PictureChanges {
     PictureChanges {
         size: args.size.map(|size| size.0),
         samples: args.samples,
-        filter: args.filter.map(filter_of),
+        filter: args.filter,
         eye: args.eye.map(|v| v.0),
         target: args.target.map(|v| v.0),
         fov_degrees: args.fov,
         background: None,
     }
-}
-
-pub(crate) fn filter_of(filter: crate::scene::FilterArg) -> Filter {
-    filter.options().filter
 }
 
 /// `picture.png` for one picture, `picture-0001.png` and so on for several.

@@ -4,12 +4,11 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use fantex::Error;
 use fantex::store::{self, JUMP_BOUND, VerifyOptions, VerifyReport};
+use fantex::{Error, Result};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::error::CliError;
 use crate::scene::open_asset;
 use crate::text::Table;
 use crate::text::{counted, grouped, megabytes};
@@ -50,7 +49,7 @@ struct VerifyInfo {
     seconds: f64,
 }
 
-pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> {
+pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<()> {
     let started = Instant::now();
     // Opening says what is wrong with files of other kinds.
     drop(open_asset(&args.asset)?);
@@ -81,7 +80,7 @@ pub(crate) fn run(args: &VerifyArgs, context: &Context) -> Result<(), CliError> 
 }
 
 /// Why an asset did not pass.
-pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
+pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> Error {
     let jump = report.continuity.largest_jump;
     let reason = if let Some(damage) = report.first_damage.first() {
         format!("it has {}; the first: {damage}", counted(report.damaged_tiles, "damaged tile"))
@@ -100,7 +99,7 @@ pub(crate) fn not_verified(path: &Path, report: &VerifyReport) -> CliError {
     } else {
         format!("its texture jumps by {jump:.1e} across an edge, more than the bound of {JUMP_BOUND:.0e}")
     };
-    Error::damaged(format!("{} did not pass: {reason}", path.display())).into()
+    Error::damaged(format!("{} did not pass: {reason}", path.display()))
 }
 
 fn text(info: &VerifyInfo, path: &Path) -> String {

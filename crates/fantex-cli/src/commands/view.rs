@@ -3,12 +3,11 @@
 use std::env::consts::EXE_SUFFIX;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, ExitCode};
 
 use clap::Args;
 
-use crate::error::CliError;
-use fantex::Error;
+use fantex::{Error, Result};
 
 /// The viewer's name.
 const VIEWER: &str = "fantex-app";
@@ -26,16 +25,11 @@ pub(crate) struct ViewArgs {
     /// A model (.glb .gltf .obj .ply .stl) or an asset (.fan, also at an http:// or https:// address), and options of the
     /// viewer
     #[arg(value_name = "FILE", trailing_var_arg = true, allow_hyphen_values = true)]
-    arguments: Vec<OsString>,
-}
-
-/// Runs the command: waits until the window is closed.
-pub(crate) fn run(args: &ViewArgs) -> Result<(), CliError> {
-    start(&args.arguments)
+    pub(crate) arguments: Vec<OsString>,
 }
 
 /// Starts the viewer and waits until its window is closed.
-pub(super) fn start(arguments: &[OsString]) -> Result<(), CliError> {
+pub(crate) fn run(arguments: &[OsString]) -> Result<ExitCode> {
     let beside = std::env::current_exe().ok().and_then(|this| this.parent().map(Path::to_owned));
     let path = std::env::var_os("PATH").unwrap_or_default();
     let viewer = find(beside.as_deref(), &path).ok_or_else(|| {
@@ -48,9 +42,9 @@ pub(super) fn start(arguments: &[OsString]) -> Result<(), CliError> {
         Error::unavailable(format!("cannot start the viewer {}: {error}", viewer.display()))
     })?;
     match status.code().map(u8::try_from) {
-        Some(Ok(0)) => Ok(()),
-        Some(Ok(exit_code @ 1..=2)) => Err(CliError::Viewer { exit_code }),
-        _ => Err(Error::unavailable(format!("the viewer ended unexpectedly ({status})")).into()),
+        // Of a failure the viewer has said itself what was wrong.
+        Some(Ok(code @ 0..=2)) => Ok(ExitCode::from(code)),
+        _ => Err(Error::unavailable(format!("the viewer ended unexpectedly ({status})"))),
     }
 }
 

@@ -48,8 +48,7 @@ impl UvModel {
     /// # Errors
     /// An image that is used cannot be read; the device cannot take the model.
     pub fn load(gpu: &Gpu, mesh: &Mesh) -> Result<Self> {
-        let mut textures = load_material_textures(mesh)
-            .map_err(|error| Error::malformed(error.to_string()).with_source(error))?;
+        let mut textures = load_material_textures(mesh)?;
         preserve_coverage(&mesh.materials, &mut textures);
         Self::new(gpu, mesh, &textures)
     }

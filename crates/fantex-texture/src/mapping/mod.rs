@@ -14,7 +14,7 @@ mod two_part;
 
 use std::str::FromStr;
 
-use fantex_base::Aabb;
+use fantex_base::{Aabb, Error};
 use glam::{Vec2, Vec3};
 
 pub use shape::{BoxMap, CylinderMap, HemisphereLayout, HemisphereMap, PlanarMap, SphereMap};
@@ -73,22 +73,15 @@ impl MappingKind {
     }
 }
 
-/// A name that is no mapping.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{name}' is no mapping; use planar, box, cylinder, sphere or triplanar")]
-pub struct UnknownMapping {
-    /// What was asked for.
-    pub name: String,
-}
-
 impl FromStr for MappingKind {
-    type Err = UnknownMapping;
+    type Err = Error;
 
-    fn from_str(name: &str) -> Result<Self, Self::Err> {
-        Self::ALL
-            .into_iter()
-            .find(|kind| kind.name() == name)
-            .ok_or_else(|| UnknownMapping { name: name.to_owned() })
+    fn from_str(name: &str) -> Result<Self, Error> {
+        let unknown = || {
+            let known = "planar, box, cylinder, sphere or triplanar";
+            Error::invalid(format!("'{name}' is no mapping; use {known}"))
+        };
+        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(unknown)
     }
 }
 

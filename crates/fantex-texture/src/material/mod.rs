@@ -82,19 +82,6 @@ struct ImageUse {
 
 type Textures = BTreeMap<ImageUse, Arc<ImageTexture>>;
 
-/// An image that a material wants cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[error("the {channel} of {material}: {cause}")]
-pub struct MaterialImageError {
-    /// Which material, as its model file knows it; the first one of those that use the image alike.
-    pub material: MaterialLabel,
-    /// What the image is for, such as `base colour`.
-    pub channel: &'static str,
-    /// What is wrong with the image.
-    #[source]
-    pub cause: Box<fantex_base::Error>,
-}
-
 /// A material in messages: its name and its place in the model file, as far as there are any.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MaterialLabel {
@@ -128,7 +115,7 @@ impl fmt::Display for MaterialLabel {
 /// # Errors
 ///
 /// An image that is used cannot be read; where several cannot, the one with the lowest index.
-pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>, MaterialImageError> {
+pub fn load_material_textures(mesh: &Mesh) -> fantex_base::Result<Vec<MaterialTextures>> {
     // Each with the material and the channel that want it first.
     let mut wanted: BTreeMap<ImageUse, (usize, &'static str)> = BTreeMap::new();
     for (index, material) in mesh.materials.iter().enumerate() {
@@ -142,10 +129,9 @@ pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>, Mate
         .into_par_iter()
         .map(|(image_use, (index, channel))| {
             let decoded = decode(&mesh.images[image_use.image], image_use);
-            let failed = |cause| MaterialImageError {
-                material: MaterialLabel::new(index, &mesh.materials[index]),
-                channel,
-                cause: Box::new(cause),
+            let failed = |cause: fantex_base::Error| {
+                let material = MaterialLabel::new(index, &mesh.materials[index]);
+                cause.context(format!("the {channel} of {material}"))
             };
             decoded.map(|texture| (image_use, Arc::new(texture))).map_err(failed)
         })

@@ -128,12 +128,10 @@ pub trait Recipe {
     }
 }
 
-/// A name that is no solid.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("'{name}' is no solid; use wood, marble, rock, granite, clouds, checker, brick or landscape")]
-pub struct UnknownSolid {
-    /// What was asked for.
-    pub name: String,
+/// What is said of a name that is no solid's.
+pub fn unknown_solid(name: &str) -> fantex_base::Error {
+    let known = "wood, marble, rock, granite, clouds, checker, brick or landscape";
+    fantex_base::Error::invalid(format!("'{name}' is no solid; use {known}"))
 }
 
 /// The names that [`solid_by_name`] knows.
@@ -145,7 +143,7 @@ pub const SOLID_NAMES: [&str; 8] =
 /// # Errors
 ///
 /// There is no such recipe.
-pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> Result<Box<dyn Solid>, UnknownSolid> {
+pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> fantex_base::Result<Box<dyn Solid>> {
     let center = bounds.center();
     let radius = 0.5 * (bounds.max - bounds.min).length();
     let radius = if radius > 0.0 { radius } else { 1.0 };
@@ -164,7 +162,7 @@ pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> Result<Box<dyn Soli
             let half_height = (0.5 * (bounds.max.y - bounds.min.y) / radius).max(1e-6);
             placed(Landscape { half_height, ..Landscape::new(seed) }, center, radius)
         }
-        _ => return Err(UnknownSolid { name: name.to_owned() }),
+        _ => return Err(unknown_solid(name)),
     })
 }
 

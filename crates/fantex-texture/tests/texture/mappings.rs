@@ -82,7 +82,7 @@ fn inverses_lead_back() {
 #[test]
 fn fitted_maps_cover_the_image_once() {
     for kind in MappingKind::ALL {
-        assert_eq!(kind.name().parse(), Ok(kind));
+        assert_eq!(kind.name().parse::<MappingKind>().unwrap(), kind);
         let AnyMapping::Single(map) = kind.fit(BOUNDS) else { continue };
         let mut random = Random::new(3);
         let (mut low, mut high) = (Vec2::INFINITY, Vec2::NEG_INFINITY);

@@ -9,7 +9,6 @@ use fantex_photos::{CameraFrame, PhotoOptions, PhotoSource, read_cameras_in};
 use glam::Vec3;
 
 use super::{Baked, Baker, Budget, Observer};
-use crate::Unified;
 
 /// Photographs of a model, with their cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,7 +53,7 @@ impl Baker<'_> {
         mesh.images.clear();
         let mesh = &mesh;
 
-        let photographs = read_cameras_in(&photos.path, photos.images.as_deref(), photos.frame).unified()?;
+        let photographs = read_cameras_in(&photos.path, photos.images.as_deref(), photos.frame)?;
         let scratch = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let texel_size = match self.budget {
             Budget::Matching => None,
@@ -69,7 +68,7 @@ impl Baker<'_> {
             unseen: photos.unseen,
             texel_size,
         };
-        let source = PhotoSource::new(mesh, &photographs, &options, self.progress.0).unified()?;
+        let source = PhotoSource::new(mesh, &photographs, &options, self.progress.0)?;
         let report = source.report();
         let mut notes = Vec::new();
         if report.used < report.photographs {

@@ -1,25 +1,24 @@
 //! The brush: its preview, its numbers, and the brushes that are kept.
 
+use crate::paint::{
+    BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, preview_stroke,
+};
+use crate::panels::paint::color::name_field;
+use crate::panels::widgets::{NumberRow, choice, heading, hint, row, segments};
+use crate::settings::label_of;
+use crate::theme;
+use crate::viewer::{FileDialog, Request, Viewer};
 use eframe::egui::{
     Button, Color32, ColorImage, CornerRadius, Rect, RichText, Sense, TextEdit, TextureOptions, Ui, pos2,
     vec2,
 };
-use fantex::paint::BlendMode;
-
-use crate::paint::{
-    BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, blend_label, preview_stroke,
-};
-use crate::panels::paint::color::name_field;
-use crate::panels::widgets::{NumberRow, choice, heading, hint, row, segments};
-use crate::theme;
-use crate::viewer::{Request, Viewer};
 
 /// Pixels of the preview, before the screen's own scale.
 const PREVIEW: [usize; 2] = [244, 64];
 
 pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     let paint = &mut viewer.settings.paint;
-    ui.label(RichText::new(paint.tool.label()).heading().color(theme::STRONG));
+    ui.label(RichText::new(label_of(&PaintTool::ALL, paint.tool)).heading().color(theme::STRONG));
     hint(ui, paint.tool.hint());
     ui.add_space(2.0);
     if paint.tool == PaintTool::Fill {
@@ -27,7 +26,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     }
     if paint.tool == PaintTool::Sticker {
         if sticker(ui, paint) {
-            viewer.request(Request::StickerDialog);
+            viewer.request(Request::Dialog(FileDialog::Sticker));
         }
         return;
     }
@@ -45,9 +44,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     percent(ui, "Opacity", &mut brush.opacity, "Most that one stroke covers (digits)");
     percent(ui, "Flow", &mut brush.flow, "What each dab adds (Shift + digits)");
     if paint.tool == PaintTool::Paint {
-        row(ui, "Blend", |ui| {
-            choice(ui, "brush blend", &mut brush.blend, &BlendMode::ALL, |m| blend_label(m).into())
-        });
+        row(ui, "Blend", |ui| choice(ui, "brush blend", &mut brush.blend, &BLEND_MODES));
     }
     if paint.tool == PaintTool::Smudge {
         percent(ui, "Strength", &mut paint.smudge, "How far colours are carried");
@@ -73,7 +70,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     });
     open.header_response.on_hover_text("Spacing, smoothing, jitter, pressure, stamp");
     if asks_stamp {
-        viewer.request(Request::StampDialog);
+        viewer.request(Request::Dialog(FileDialog::Stamp));
     }
 }
 
@@ -83,7 +80,7 @@ fn number<'a>(name: &'a str, suffix: &'a str, decimals: usize, tip: &'a str) -> 
 
 /// How far a fill goes.
 fn fill(ui: &mut Ui, paint: &mut PaintSettings) {
-    row(ui, "Fills", |ui| choice(ui, "fill", &mut paint.fill, &FillReach::ALL, |f| f.label().into()));
+    row(ui, "Fills", |ui| choice(ui, "fill", &mut paint.fill, &FillReach::ALL));
     match paint.fill {
         FillReach::Angle => {
             let bend = number("Bend", "°", 0, "Edges that bend more end the fill");
@@ -101,7 +98,7 @@ fn fill(ui: &mut Ui, paint: &mut PaintSettings) {
 /// A text or a picture. Returns whether another picture is wanted.
 fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
     let mut is_asked = false;
-    ui.horizontal(|ui| segments(ui, &mut paint.sticker, &StickerKind::ALL, StickerKind::label));
+    ui.horizontal(|ui| segments(ui, &mut paint.sticker, &StickerKind::ALL));
     match paint.sticker {
         StickerKind::Text => {
             let field = ui.add(TextEdit::multiline(&mut paint.text).desired_rows(2).desired_width(240.0));
@@ -171,7 +168,7 @@ fn size(ui: &mut Ui, brush: &mut BrushSettings) {
     };
     row_of.show(ui, &mut brush.size, low..=high);
     row(ui, "Measured in", |ui| {
-        let inner = ui.horizontal(|ui| segments(ui, &mut brush.unit, &SizeUnit::ALL, SizeUnit::label));
+        let inner = ui.horizontal(|ui| segments(ui, &mut brush.unit, &SizeUnit::ALL));
         inner.response.on_hover_text("Pixels of the screen, units of the model's file, or texels")
     });
 }
@@ -224,7 +221,7 @@ pub(crate) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     heading(ui, "Brushes");
     let (mut taken, mut dropped) = (None, None);
     let size = vec2(118.0, 22.0);
-    for pair in painting.presets().brushes.chunks(2) {
+    for pair in painting.presets.brushes.chunks(2) {
         ui.horizontal(|ui| {
             for preset in pair {
                 let button =

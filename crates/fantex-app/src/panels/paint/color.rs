@@ -1,16 +1,20 @@
 //! Colours and channels.
 
+use eframe::egui::ecolor::{hsv_from_rgb, rgb_from_hsv};
 use eframe::egui::{
-    Button, Checkbox, Color32, ColorImage, CornerRadius, Mesh, Pos2, Rect, Response, RichText, Sense, Shape,
-    Stroke, StrokeKind, TextEdit, TextureHandle, TextureOptions, Ui, pos2, vec2,
+    Align, Button, Checkbox, Color32, ColorImage, CornerRadius, Layout, Mesh, Rect, Response, RichText,
+    Sense, Shape, Stroke, StrokeKind, TextEdit, TextStyle, TextureHandle, TextureOptions, Ui, Vec2, pos2,
+    vec2,
 };
 use fantex::store::ChannelKind;
 
 use crate::display::ShadingView;
-use crate::paint::{ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, parse_hex, text_hex};
+use crate::paint::{
+    ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, color_of_hex, parse_hex, text_hex,
+};
 use crate::panels::widgets::{NumberRow, heading, named_choice, row, segments};
 use crate::theme;
-use crate::viewer::{Request, Viewer};
+use crate::viewer::{FileDialog, Request, Viewer};
 
 pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     texture_choice(ui, viewer);
@@ -20,9 +24,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
         let id = ui.scope_id().with("hex");
         let mut text =
             ui.data(|data| data.get_temp::<String>(id)).unwrap_or_else(|| text_hex(colors.foreground));
-        let field = ui.add(
-            TextEdit::singleline(&mut text).desired_width(66.0).font(eframe::egui::TextStyle::Monospace),
-        );
+        let field = ui.add(TextEdit::singleline(&mut text).desired_width(66.0).font(TextStyle::Monospace));
         name_field(&field, "Colour, hexadecimal");
         if field.has_focus() {
             ui.data_mut(|data| data.insert_temp(id, text.clone()));
@@ -54,13 +56,13 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     {
         colors.foreground = color;
     }
-    let names: Vec<usize> = (0..=PALETTES.len()).collect();
-    ui.horizontal(|ui| {
-        named_choice(ui, "Palette", &mut colors.palette, &names, |n| {
-            PALETTES.get(n).map_or("My own", |(name, _)| name).to_owned()
-        });
-    });
-    let shown = PALETTES.get(colors.palette).map_or_else(|| colors.own.clone(), |(_, all)| all.to_vec());
+    let names = PALETTES.iter().map(|(name, _)| *name).chain(["My own"]);
+    let names: Vec<(usize, &str)> = names.enumerate().collect();
+    ui.horizontal(|ui| named_choice(ui, "Palette", &mut colors.palette, &names));
+    let shown = match PALETTES.get(colors.palette) {
+        Some((_, all)) => all.map(color_of_hex).to_vec(),
+        None => colors.own.clone(),
+    };
     if let Some(color) = swatches(ui, &shown, colors.foreground) {
         colors.foreground = color;
     }
@@ -93,12 +95,12 @@ pub(crate) fn channels(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &viewer.painting else { return };
     heading(ui, "Channels");
     let paint = &mut viewer.settings.paint;
-    for channel in painting.channels() {
+    for channel in &painting.channels {
         let Some((name, view)) = name_and_view(channel.kind) else { continue };
         let Some(is_painted) = paint.channels.of(channel.kind) else { continue };
         ui.horizontal(|ui| {
             ui.add(Checkbox::new(is_painted, name)).on_hover_text("Whether the brush paints it");
-            ui.with_layout(eframe::egui::Layout::right_to_left(eframe::egui::Align::Center), |ui| {
+            ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                 let Some(view) = view else { return };
                 let is_alone = viewer.settings.display.shading == view;
                 let text = RichText::new("Only").size(11.0);
@@ -152,7 +154,7 @@ const PREVIEW: [usize; 2] = [124, 40];
 
 fn texture_choice(ui: &mut Ui, viewer: &mut Viewer) {
     let choice = &mut viewer.settings.paint.texture;
-    let sources = ui.horizontal(|ui| segments(ui, &mut choice.source, &ColorSource::ALL, ColorSource::label));
+    let sources = ui.horizontal(|ui| segments(ui, &mut choice.source, &ColorSource::ALL));
     sources.response.on_hover_text("What is painted with: a colour, a pattern in space, a texture of a look");
     let mut asks_file = false;
     match choice.source {
@@ -162,17 +164,14 @@ fn texture_choice(ui: &mut Ui, viewer: &mut Viewer) {
     }
     texture_preview(ui, viewer);
     if asks_file {
-        viewer.request(Request::LookDialog);
+        viewer.request(Request::Dialog(FileDialog::Look));
     }
 }
 
 fn solid(ui: &mut Ui, choice: &mut TextureChoice) {
     let mut now = SOLIDS.into_iter().find(|name| *name == choice.solid).unwrap_or(SOLIDS[0]);
-    ui.horizontal(|ui| {
-        named_choice(ui, "Pattern", &mut now, &SOLIDS, |name| {
-            format!("{}{}", name[..1].to_uppercase(), &name[1..])
-        });
-    });
+    let named = |name: &'static str| (name, format!("{}{}", name[..1].to_uppercase(), &name[1..]));
+    ui.horizontal(|ui| named_choice(ui, "Pattern", &mut now, &SOLIDS.map(named)));
     if now != choice.solid {
         choice.solid = now.to_owned();
     }
@@ -199,9 +198,9 @@ fn look(ui: &mut Ui, choice: &mut TextureChoice) -> bool {
     .clicked();
     let names = known_names(ui, choice);
     if !names.is_empty() {
-        let places: Vec<usize> = (0..names.len()).collect();
+        let places: Vec<(usize, &String)> = names.iter().enumerate().collect();
         let mut at = names.iter().position(|name| *name == choice.name).unwrap_or(0);
-        ui.horizontal(|ui| named_choice(ui, "Texture", &mut at, &places, |at| names[at].clone()));
+        ui.horizontal(|ui| named_choice(ui, "Texture", &mut at, &places));
         if choice.name != names[at] {
             choice.name.clone_from(&names[at]);
         }
@@ -241,7 +240,7 @@ fn texture_preview(ui: &mut Ui, viewer: &mut Viewer) {
     let texture = match known.filter(|(of, _)| *of == choice) {
         Some((_, texture)) => texture,
         None => {
-            let pixels = made.preview(painting.surface(), PREVIEW);
+            let pixels = made.preview(&painting.surface, PREVIEW);
             let pixels = pixels.into_iter().map(|[r, g, b]| Color32::from_rgb(r, g, b)).collect();
             let image = ColorImage::new(PREVIEW, pixels);
             let texture = ui.ctx().load_texture("texture preview", image, TextureOptions::LINEAR);
@@ -262,28 +261,11 @@ fn texture_preview(ui: &mut Ui, viewer: &mut Viewer) {
 
 /// Hue, saturation, value, each 0..1, of sRGB values.
 fn hsv_of(color: [u8; 3]) -> [f32; 3] {
-    let [r, g, b] = color.map(|c| f32::from(c) / 255.0);
-    let (high, low) = (r.max(g).max(b), r.min(g).min(b));
-    let range = high - low;
-    let hue = if range == 0.0 {
-        0.0
-    } else if high == r {
-        ((g - b) / range).rem_euclid(6.0)
-    } else if high == g {
-        (b - r) / range + 2.0
-    } else {
-        (r - g) / range + 4.0
-    };
-    [hue / 6.0, if high > 0.0 { range / high } else { 0.0 }, high]
+    hsv_from_rgb(color.map(|c| f32::from(c) / 255.0)).into()
 }
 
-/// The other way round.
 fn rgb_of([h, s, v]: [f32; 3]) -> [u8; 3] {
-    let part = |n: f32| {
-        let k = (n + 6.0 * h).rem_euclid(6.0);
-        v - v * s * k.min(4.0 - k).clamp(0.0, 1.0)
-    };
-    [5.0, 3.0, 1.0].map(|n| (part(n) * 255.0).round() as u8)
+    rgb_from_hsv((h, s, v)).map(|c| (c * 255.0).round() as u8)
 }
 
 fn color32([r, g, b]: [u8; 3]) -> Color32 {
@@ -307,7 +289,7 @@ fn picker(ui: &mut Ui, color: &mut [u8; 3], height: f32) {
     ui.data_mut(|data| data.insert_temp(id, hsv));
 }
 
-fn square(ui: &mut Ui, hsv: &mut [f32; 3], size: eframe::egui::Vec2) {
+fn square(ui: &mut Ui, hsv: &mut [f32; 3], size: Vec2) {
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     if let Some(at) = response.interact_pointer_pos() {
         let share = (at - rect.min) / rect.size();
@@ -315,10 +297,9 @@ fn square(ui: &mut Ui, hsv: &mut [f32; 3], size: eframe::egui::Vec2) {
         hsv[2] = 1.0 - share.y.clamp(0.0, 1.0);
     }
     let pure = color32(rgb_of([hsv[0], 1.0, 1.0]));
-    let corners = [rect.left_top(), rect.right_top(), rect.right_bottom(), rect.left_bottom()];
     let clear = Color32::TRANSPARENT;
-    ui.painter().add(quad(corners, [Color32::WHITE, pure, pure, Color32::WHITE]));
-    ui.painter().add(quad(corners, [clear, clear, Color32::BLACK, Color32::BLACK]));
+    ui.painter().add(quad(rect, [Color32::WHITE, pure, pure, Color32::WHITE]));
+    ui.painter().add(quad(rect, [clear, clear, Color32::BLACK, Color32::BLACK]));
     frame(ui, rect);
     let knob = pos2(rect.left() + hsv[1] * rect.width(), rect.top() + (1.0 - hsv[2]) * rect.height());
     ui.painter().circle_filled(knob, 5.5, color32(rgb_of(*hsv)));
@@ -326,7 +307,7 @@ fn square(ui: &mut Ui, hsv: &mut [f32; 3], size: eframe::egui::Vec2) {
     ui.painter().circle_stroke(knob, 6.0, Stroke::new(1.2, Color32::WHITE));
 }
 
-fn hue_bar(ui: &mut Ui, hsv: &mut [f32; 3], size: eframe::egui::Vec2) {
+fn hue_bar(ui: &mut Ui, hsv: &mut [f32; 3], size: Vec2) {
     let (rect, response) = ui.allocate_exact_size(size, Sense::click_and_drag());
     if let Some(at) = response.interact_pointer_pos() {
         hsv[0] = ((at.y - rect.top()) / rect.height()).clamp(0.0, 0.9999);
@@ -335,29 +316,16 @@ fn hue_bar(ui: &mut Ui, hsv: &mut [f32; 3], size: eframe::egui::Vec2) {
         let [from, to] = [part, part + 1].map(|n| n as f32 / 6.0);
         let [a, b] = [from, to].map(|h| color32(rgb_of([h, 1.0, 1.0])));
         let y = |t: f32| rect.top() + t * rect.height();
-        let corners = [
-            pos2(rect.left(), y(from)),
-            pos2(rect.right(), y(from)),
-            pos2(rect.right(), y(to)),
-            pos2(rect.left(), y(to)),
-        ];
-        ui.painter().add(quad(corners, [a, a, b, b]));
+        let part = Rect::from_x_y_ranges(rect.x_range(), y(from)..=y(to));
+        ui.painter().add(quad(part, [a, a, b, b]));
     }
     frame(ui, rect);
     let y = rect.top() + hsv[0] * rect.height();
     let mark = Rect::from_center_size(pos2(rect.center().x, y), vec2(rect.width() + 4.0, 6.0));
-    ui.painter().rect_stroke(
-        mark,
-        CornerRadius::same(2),
-        Stroke::new(3.0, Color32::BLACK),
-        StrokeKind::Middle,
-    );
-    ui.painter().rect_stroke(
-        mark,
-        CornerRadius::same(2),
-        Stroke::new(1.5, Color32::WHITE),
-        StrokeKind::Middle,
-    );
+    for (width, color) in [(3.0, Color32::BLACK), (1.5, Color32::WHITE)] {
+        let stroke = Stroke::new(width, color);
+        ui.painter().rect_stroke(mark, CornerRadius::same(2), stroke, StrokeKind::Middle);
+    }
 }
 
 fn frame(ui: &Ui, rect: Rect) {
@@ -365,30 +333,11 @@ fn frame(ui: &Ui, rect: Rect) {
 }
 
 /// A rectangle whose corners have colours of their own, from the upper left one clockwise.
-fn quad(corners: [Pos2; 4], colors: [Color32; 4]) -> Shape {
+fn quad(rect: Rect, colors: [Color32; 4]) -> Shape {
+    let corners = [rect.left_top(), rect.right_top(), rect.right_bottom(), rect.left_bottom()];
     let mut mesh = Mesh::default();
-    for (corner, color) in corners.into_iter().zip(colors) {
-        mesh.colored_vertex(corner, color);
-    }
+    corners.into_iter().zip(colors).for_each(|(corner, color)| mesh.colored_vertex(corner, color));
     mesh.add_triangle(0, 1, 2);
     mesh.add_triangle(0, 2, 3);
     Shape::mesh(mesh)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn colours_survive_the_way_through_hue_saturation_and_value() {
-        for r in (0..=255).step_by(17) {
-            for g in (0..=255).step_by(51) {
-                for b in (0..=255).step_by(15) {
-                    let color = [r, g, b].map(|c| c as u8);
-                    assert_eq!(rgb_of(hsv_of(color)), color);
-                }
-            }
-        }
-        assert_eq!(rgb_of([1.0 / 3.0, 1.0, 1.0]), [0, 255, 0]);
-    }
 }

@@ -6,8 +6,9 @@ use eframe::egui::{
 };
 use fantex::paint::{BlendMode, Layer, LayerContent, Target};
 
-use crate::paint::{LayerAction, Painting, blend_label};
+use crate::paint::{BLEND_MODES, LayerAction, Painting};
 use crate::panels::widgets::{choice, heading, hint, row};
+use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::Viewer;
 
@@ -16,11 +17,11 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let mut actions = Vec::new();
     heading(ui, "Layers");
     buttons(ui, painting, &mut actions);
-    let layers = painting.snapshot().layers.clone();
+    let layers = painting.snapshot.layers.clone();
     for layer in layers.iter().rev() {
         layer_row(ui, painting, layer, &mut actions);
     }
-    base_row(ui, painting.target() == Target::Base, &mut actions);
+    base_row(ui, painting.target == Target::Base, &mut actions);
     if let Some(layer) = painting.layer().cloned() {
         chosen(ui, painting, &layer, &mut actions);
     } else if layers.is_empty() {
@@ -75,8 +76,8 @@ fn buttons(ui: &mut Ui, painting: &Painting, actions: &mut Vec<LayerAction>) {
 /// A line of the list: eye, name, mask.
 fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec<LayerAction>) {
     let id = layer.id();
-    let is_layer = painting.target() == Target::Layer(id);
-    let is_mask = painting.target() == Target::Mask(id);
+    let is_layer = painting.target == Target::Layer(id);
+    let is_mask = painting.target == Target::Mask(id);
     frame_row(ui, is_layer || is_mask, |ui| {
         let (rect, response) = ui.allocate_exact_size(vec2(20.0, 22.0), Sense::click());
         super::eye(ui.painter(), rect, layer.visible, if layer.visible { theme::TEXT } else { theme::FAINT });
@@ -99,7 +100,8 @@ fn layer_row(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut 
             }
             let faded =
                 if layer.opacity < 0.995 { format!("{:.0} %", layer.opacity * 100.0) } else { String::new() };
-            let mode = if layer.blend == BlendMode::Normal { "" } else { blend_label(layer.blend) };
+            let mode =
+                if layer.blend == BlendMode::Normal { "" } else { label_of(&BLEND_MODES, layer.blend) };
             ui.label(RichText::new(format!("{mode} {faded}").trim()).size(11.0).color(theme::FAINT));
             ui.with_layout(Layout::left_to_right(Align::Center), |ui| {
                 let color = if layer.visible { theme::STRONG } else { theme::FAINT };
@@ -166,7 +168,7 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     let id = layer.id();
     ui.add_space(4.0);
     let mut mode = layer.blend;
-    row(ui, "Blend", |ui| choice(ui, "layer blend", &mut mode, &BlendMode::ALL, |m| blend_label(m).into()));
+    row(ui, "Blend", |ui| choice(ui, "layer blend", &mut mode, &BLEND_MODES));
     if mode != layer.blend {
         actions.push(LayerAction::Blend(id, mode));
     }
@@ -215,7 +217,7 @@ fn chosen(ui: &mut Ui, painting: &mut Painting, layer: &Layer, actions: &mut Vec
     });
     ui.horizontal_wrapped(|ui| {
         ui.label(RichText::new("Shows in").color(theme::FAINT));
-        for (index, channel) in painting.channels().iter().enumerate() {
+        for (index, channel) in painting.channels.iter().enumerate() {
             let is_shown = layer.channels.get(index).copied().unwrap_or(true);
             if ui.selectable_label(is_shown, RichText::new(short_name(channel.kind)).size(11.0)).clicked() {
                 actions.push(LayerAction::Channel(id, index, !is_shown));

@@ -80,7 +80,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
 fn tool_strip(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     ui.spacing_mut().item_spacing.y = 4.0;
     let mut chosen = None;
-    for tool in PaintTool::ALL {
+    for (tool, label) in PaintTool::ALL {
         let is_on = viewer.settings.paint.tool == tool;
         let (rect, response) = ui.allocate_exact_size(vec2(36.0, 36.0), Sense::click());
         let fill = match (is_on, response.hovered()) {
@@ -92,11 +92,11 @@ fn tool_strip(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         let color = if is_on { theme::STRONG } else { theme::TEXT };
         tool_icon(ui.painter(), Rect::from_center_size(rect.center(), vec2(20.0, 20.0)), tool, color);
         let keys = keys_of(&Command::Paint(PaintCommand::Tool(tool))).unwrap_or_default();
-        let name = format!("{} tool", tool.label());
+        let name = format!("{label} tool");
         response.widget_info(|| {
             eframe::egui::WidgetInfo::selected(eframe::egui::Role::Button, true, is_on, &name)
         });
-        if response.on_hover_text(format!("{} ({keys})\n{}", tool.label(), tool.hint())).clicked() {
+        if response.on_hover_text(format!("{label} ({keys})\n{}", tool.hint())).clicked() {
             chosen = Some(tool);
         }
     }
@@ -227,13 +227,12 @@ pub(crate) fn symmetry(ui: &mut Ui, viewer: &mut Viewer) {
     let diagonal = viewer.scale().diagonal;
     let symmetry = &mut viewer.settings.paint.symmetry;
     heading(ui, "Symmetry");
-    ui.horizontal(|ui| segments(ui, &mut symmetry.kind, &SymmetryKind::ALL, SymmetryKind::label));
+    ui.horizontal(|ui| segments(ui, &mut symmetry.kind, &SymmetryKind::ALL));
     if symmetry.kind == SymmetryKind::Off {
         return;
     }
     row(ui, "Axis", |ui| {
-        let axes =
-            |ui: &mut Ui| segments(ui, &mut symmetry.axis, &[0, 1, 2], |axis| ["X", "Y", "Z"][axis.min(2)]);
+        let axes = |ui: &mut Ui| segments(ui, &mut symmetry.axis, &[(0, "X"), (1, "Y"), (2, "Z")]);
         ui.horizontal(axes).response
     });
     match symmetry.kind {
@@ -258,7 +257,7 @@ const SHOWN: usize = 8;
 
 pub(crate) fn history(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &mut viewer.painting else { return };
-    let snapshot = painting.snapshot();
+    let snapshot = &painting.snapshot;
     heading(ui, "History");
     let mut chosen = None;
     let height = SHOWN as f32 * 24.0;

@@ -18,7 +18,7 @@ use crate::paint::{
 use crate::panels::paint::brush::percent;
 use crate::panels::widgets::{NumberRow, gauge, heading, row, segments};
 use crate::theme;
-use crate::viewer::{Request, SceneInput, Viewer};
+use crate::viewer::{FileDialog, Request, SceneInput, Viewer};
 
 /// What takes less long is not told of.
 const SHOWN_AFTER_SECONDS: f64 = 0.3;
@@ -59,7 +59,7 @@ pub(in crate::panels) fn show(ui: &Ui, viewer: &mut Viewer, rect: Rect, cursor: 
         });
         rings(&painter, &found, settings.colors.foreground, &place);
     }
-    saved(&painter, painting.save(), rect);
+    saved(&painter, &painting.save, rect);
 }
 
 fn rings(painter: &Painter, cursor: &Cursor, [r, g, b]: [u8; 3], place: &impl Fn(DVec2) -> Pos2) {
@@ -109,7 +109,7 @@ fn cross(painter: &Painter, at: Pos2) {
 fn plane(painter: &Painter, viewer: &Viewer, line: &[Vec<DVec3>], place: &impl Fn(DVec2) -> Pos2) {
     let symmetry = &viewer.settings.paint.symmetry;
     let Some(painting) = viewer.painting.as_ref().filter(|_| symmetry.shows_plane) else { return };
-    let (bounds, view) = (painting.bounds(), viewer.viewpoint());
+    let (bounds, view) = (&painting.bounds, viewer.viewpoint());
     let color = [theme::ERROR, theme::GOOD, theme::ACCENT][symmetry.axis.min(2)];
     match symmetry.kind {
         SymmetryKind::Off => {}
@@ -148,7 +148,7 @@ fn work(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
     let Some(painting) = &mut viewer.painting else { return };
     painting.look_from(&view);
     let since = Id::unique("painter's work since");
-    let Some(work) = painting.work().cloned() else { return ui.data_mut(|data| data.remove::<f64>(since)) };
+    let Some(work) = painting.work.clone() else { return ui.data_mut(|data| data.remove::<f64>(since)) };
     // What is over at once needs no card.
     let now = ui.input(|i| i.time);
     if now - ui.data_mut(|data| *data.get_temp_mut_or(since, now)) < SHOWN_AFTER_SECONDS {
@@ -230,8 +230,7 @@ pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     });
     if stencil.is_on && stencil.image.is_some() {
         row(ui, "Paints", |ui| {
-            let inner =
-                ui.horizontal(|ui| segments(ui, &mut stencil.paints, &StencilUse::ALL, StencilUse::label));
+            let inner = ui.horizontal(|ui| segments(ui, &mut stencil.paints, &StencilUse::ALL));
             inner.response.on_hover_text("Through its alpha or brightness, or with its colours")
         });
         percent(ui, "Seen", &mut stencil.opacity, "How much of it is seen over the scene");
@@ -281,7 +280,7 @@ pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         }
     }
     if asks_file {
-        viewer.request(Request::StencilDialog);
+        viewer.request(Request::Dialog(FileDialog::Stencil));
     }
     if let Some(command) = command {
         viewer.command(command, seconds);

@@ -5,16 +5,15 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
-use fantex::Error;
 use fantex::paint::{
     BlendMode, Brush, ChannelPaint, Dab, Paint, PaintColor, PaintOptions, Painter, Sample, Size, Stroke,
     Surface, Symmetry, Tool, dabs_of,
 };
+use fantex::{Error, Result};
 use glam::{Vec3, Vec4};
 
 use super::Row;
 use crate::context::Context;
-use crate::error::CliError;
 use crate::scene::open_asset;
 
 /// Paint a long stroke onto a copy of an asset, dab by dab: what a dab takes up to the visible update, the end of the stroke,
@@ -37,7 +36,7 @@ pub(super) struct PaintBenchArgs {
 }
 
 /// Runs the benchmark.
-pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, ..PaintOptions::default() };
     let mut rows = Vec::new();
     for asset in &args.assets {
@@ -55,7 +54,7 @@ fn milliseconds(since: Instant) -> f64 {
     1e3 * since.elapsed().as_secs_f64()
 }
 
-fn opening(asset: &Path, options: &PaintOptions) -> Result<Vec<Row>, CliError> {
+fn opening(asset: &Path, options: &PaintOptions) -> Result<Vec<Row>> {
     // Opening to read says what is wrong with files of other kinds.
     drop(open_asset(asset)?);
     let started = Instant::now();
@@ -68,7 +67,7 @@ fn opening(asset: &Path, options: &PaintOptions) -> Result<Vec<Row>, CliError> {
     Ok(vec![Row::new(name, time, "ms")])
 }
 
-fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>, CliError> {
+fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>> {
     let surface = Arc::clone(painter.surface());
     let dabs = dabs_around(&surface, args.brush as f32, args.dabs);
     let color = PaintColor::Constant(Vec4::new(0.8, 0.1, 0.05, 1.0));
@@ -88,11 +87,11 @@ fn stroke(painter: &mut Painter, args: &PaintBenchArgs) -> Result<Vec<Row>, CliE
         Row::new("dab, median", share(0.5).unwrap_or(0.0), "ms"),
         Row::new("dab, 99 of 100", share(0.99).unwrap_or(0.0), "ms"),
     ];
-    let mut timed = |name: &str, run: &mut dyn FnMut() -> Result<(), CliError>| {
+    let mut timed = |name: &str, run: &mut dyn FnMut() -> Result<()>| {
         let started = Instant::now();
         run()?;
         rows.push(Row::new(name, milliseconds(started), "ms"));
-        Ok::<(), CliError>(())
+        Ok::<_, Error>(())
     };
     timed("end of the stroke", &mut || Ok(painter.end_in_background().map(|_| ())?))?;
     timed("its coarser levels", &mut || Ok(painter.finish_levels().map(|_| ())?))?;

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use fantex::Error;
 use fantex::gpu::{DrawOptions, FanModel, Frame, Gpu, GpuOptions, HiddenScreen};
 use fantex::scene::{Camera, Lights, world_bounds};
 use fantex::store::Asset;
@@ -14,11 +13,11 @@ use fantex::stream::{
     DiskLoad, FrameChanges, FrameOptions, LoaderStatistics, PageTable, Streamer, StreamerOptions,
     loaded_clusters, mean_cluster_bytes, open_asset, plain_reads, queued_reads, unpacked_clusters, url_of,
 };
+use fantex::{Error, Result};
 use glam::DVec3;
 
 use super::Row;
 use crate::context::{Context, peak_memory_bytes};
-use crate::error::CliError;
 use crate::scene::SizeArg;
 use crate::text::{Bytes, positive};
 
@@ -67,7 +66,7 @@ const MAX_STEP_SECONDS: f64 = 0.1;
 const MAX_QUICK_FRAMES: f64 = 16.0;
 
 /// Runs the benchmark.
-pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>, CliError> {
+pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>> {
     let started = Instant::now();
     let asset = Arc::new(open_asset(&args.asset)?);
     let opened = started.elapsed();
@@ -87,14 +86,14 @@ fn formats(asset: &Asset, block_compressed: bool) -> Vec<AtlasFormat> {
     asset.channels().iter().map(|channel| AtlasFormat::of(channel.format, block_compressed)).collect()
 }
 
-fn read_path(path: &Path) -> Result<CameraPath, CliError> {
+fn read_path(path: &Path) -> Result<CameraPath> {
     let text = std::fs::read_to_string(path).map_err(|error| Error::reading(path, error))?;
     let parsed: CameraPath = serde_json::from_str(&text).map_err(|error| {
         Error::malformed(format!("{} is no camera path: {error}", path.display())).with_path(path)
     })?;
     if parsed.keyframes.is_empty() {
         let path = path.display();
-        return Err(Error::malformed(format!("{path} holds no keyframes; record at least one")).into());
+        return Err(Error::malformed(format!("{path} holds no keyframes; record at least one")));
     }
     Ok(parsed)
 }
@@ -149,7 +148,7 @@ fn fly(
     args: &StreamArgs,
     context: &Context,
     program_started: Instant,
-) -> Result<Vec<Row>, CliError> {
+) -> Result<Vec<Row>> {
     let gpu = if args.gpu { Some(Gpu::headless(&GpuOptions::default())?) } else { None };
     let block_compressed = gpu.as_ref().is_none_or(Gpu::has_block_compression);
     let formats = formats(asset, block_compressed);
@@ -238,13 +237,13 @@ struct Screen {
 }
 
 impl Screen {
-    fn new(gpu: Gpu, asset: &Asset, pages: &PageTable, args: &StreamArgs) -> Result<Self, CliError> {
+    fn new(gpu: Gpu, asset: &Asset, pages: &PageTable, args: &StreamArgs) -> Result<Self> {
         let size = args.size.0;
         let model = FanModel::of_asset(&gpu, asset, pages, args.pool.0)?;
         Ok(Self { hidden: HiddenScreen::new(&gpu, size), gpu, model, size, lights: Lights::default() })
     }
 
-    fn draw(&mut self, camera: &CameraKeyframe, changes: &FrameChanges) -> Result<(), CliError> {
+    fn draw(&mut self, camera: &CameraKeyframe, changes: &FrameChanges) -> Result<()> {
         self.model.update(&self.gpu, changes);
         let camera = Camera {
             eye: camera.eye.into(),
@@ -319,7 +318,7 @@ fn sharpness(rows: &mut Vec<Row>, seconds: &[f64], never: u64) {
 }
 
 /// What the loader gets out of the disk, beside a plain loop of reads of the same size. None for URLs.
-fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>, CliError> {
+fn disk_rows(asset: &Arc<Asset>) -> Result<Vec<Row>> {
     if url_of(asset.path()).is_some() {
         return Ok(Vec::new());
     }

@@ -6,18 +6,17 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use fantex::Error;
 use fantex::mesh::Mesh;
 use fantex::render::{AmbientLight, Camera, Lights, RenderOptions, render};
 use fantex::scene::world_bounds;
 use fantex::texture::{Image, Samples};
+use fantex::{Error, Result};
 use glam::DQuat;
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
 use super::{ExportArgs, PictureSizeArg, UvArg, has_extension};
 use crate::context::Context;
-use crate::error::CliError;
 use crate::scene::{Scene, Surroundings, aspect};
 use crate::text::counted;
 
@@ -32,11 +31,9 @@ struct TurntableInfo {
 }
 
 /// Renders `count` pictures: an animation where the output is a PNG, numbered files in a folder else.
-pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<(), CliError> {
+pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()> {
     if args.uv != UvArg::Atlas || args.padding.is_some() {
-        return Err(
-            Error::invalid("--uv and --padding have no meaning for a turntable; leave them out").into()
-        );
+        return Err(Error::invalid("--uv and --padding have no meaning for a turntable; leave them out"));
     }
     let started = Instant::now();
     let scene = Scene::open(&args.asset, context)?;
@@ -59,7 +56,7 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     if let Some(surroundings) = &surroundings {
         options.background = surroundings.background();
     }
-    let surface = scene.surface(args.filter.options())?;
+    let surface = scene.surface(args.filter)?;
     // An unfinished animation must not stay behind.
     let _deferral = context.defer_interrupt();
     let mut animation = None;
@@ -142,12 +139,7 @@ pub(crate) struct Animation {
 
 impl Animation {
     /// Begins a file of `count` pictures of the size of `first`.
-    pub(crate) fn new(
-        target: &Path,
-        first: &Image,
-        count: u32,
-        frames_per_second: f64,
-    ) -> Result<Self, CliError> {
+    pub(crate) fn new(target: &Path, first: &Image, count: u32, frames_per_second: f64) -> Result<Self> {
         let failed = |error| Error::writing(target, error);
         let folder =
             target.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -162,14 +154,14 @@ impl Animation {
     }
 
     /// Adds a picture: 8 bits, of the first one's size.
-    pub(crate) fn add(&mut self, image: &Image) -> Result<(), CliError> {
+    pub(crate) fn add(&mut self, image: &Image) -> Result<()> {
         let Samples::U8(bytes) = &image.samples else { return Ok(()) };
         let failed = |error: png::EncodingError| Error::writing(&self.target, error.into());
         Ok(self.writer.write_image_data(bytes).map_err(failed)?)
     }
 
     /// Gives the file its name.
-    pub(crate) fn finish(self) -> Result<(), CliError> {
+    pub(crate) fn finish(self) -> Result<()> {
         let Self { file, writer, target } = self;
         let named = |file: NamedTempFile| file.persist(&target).map(drop).map_err(|error| error.error);
         let finished = writer.finish().map_err(io::Error::from).and_then(|()| named(file));

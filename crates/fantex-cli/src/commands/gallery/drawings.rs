@@ -1,5 +1,6 @@
 //! Pictures that no look can make: of covers, of maps between images, of surroundings unfolded, of baked light.
 
+use fantex::Result;
 use fantex::scene::world_bounds;
 use std::sync::Arc;
 
@@ -23,7 +24,6 @@ use glam::{DVec2, DVec3, Vec3};
 
 use crate::context::Context;
 use crate::cover_pictures::cover_pictures;
-use crate::error::CliError;
 use crate::scene::open_model;
 use crate::shipped::Shipped;
 
@@ -36,7 +36,7 @@ pub(super) struct Studio<'a> {
 }
 
 /// Pictures with their captions.
-pub(super) type Drawn = Result<Vec<(String, Image)>, CliError>;
+pub(super) type Drawn = Result<Vec<(String, Image)>>;
 
 /// What draws an entry's pictures.
 pub(super) fn by_name(name: &str) -> Option<fn(&Studio<'_>) -> Drawn> {
@@ -60,7 +60,7 @@ impl Studio<'_> {
     }
 
     /// A picture no wider than wanted.
-    fn reduced(&self, image: Image) -> Result<Image, CliError> {
+    fn reduced(&self, image: Image) -> Result<Image> {
         let Some(width) = self.width.filter(|&w| w < image.width) else { return Ok(image) };
         let size = [width, (width * image.height / image.width).max(1)];
         let [w, h] = size.map(f64::from);
@@ -96,7 +96,7 @@ fn seamless(studio: &Studio<'_>) -> Drawn {
     let options = studio.options([480, 480]);
     let camera = Camera::framing_mesh(&mesh, Camera::THREE_QUARTER, 1.0);
     let lights = Lights::behind(&camera);
-    let picture = |surface: &dyn Surface| -> Result<Image, CliError> {
+    let picture = |surface: &dyn Surface| -> Result<Image> {
         Ok(render(&mesh, surface, &camera, &lights, &options)?.picture.to_srgb_image())
     };
     let cache = baked(&mesh, &cover, &LookSource::of_model(&mesh)?, studio)?;
@@ -120,7 +120,7 @@ fn baked(
     cover: &fantex::cover::Cover,
     source: &dyn Source,
     studio: &Studio<'_>,
-) -> Result<Baked, CliError> {
+) -> Result<Baked> {
     let folder = Context::temporary_folder()?;
     let path = folder.path().join("drawing.fan");
     bake(mesh, cover, source, &path, &BakeOptions::default(), &studio.context.progress("baking"))?;

@@ -6,11 +6,14 @@ use eframe::egui::{Key, Modifiers, vec2};
 use egui_kittest::Harness;
 use egui_kittest::kittest::Queryable;
 
-use super::*;
-use crate::camera::CameraMode;
-use crate::document::{ChannelFact, Document, Fact, Place};
-use crate::figures::{DamagedPart, LevelFigures};
-use crate::settings::{PanelSettings, Settings, Tab};
+use fantex::store::Asset;
+use fantex_app::camera::CameraMode;
+use fantex_app::document::{ChannelFact, Document, Fact, Place};
+use fantex_app::figures::{DamagedPart, LevelFigures};
+use fantex_app::panels::{Textures, show};
+use fantex_app::settings::{PanelSettings, Settings, Tab};
+use fantex_app::theme;
+use fantex_app::viewer::{FileDialog, Request, Viewer};
 
 fn empty() -> Viewer {
     Viewer::new(Settings::default(), None, Arc::new(|| {}))
@@ -45,7 +48,7 @@ fn the_welcome_asks_for_a_file() {
     let mut harness = harness(viewer, [1280.0, 800.0]);
     harness.get_by_label_contains("Open a file").click();
     harness.run_steps(2);
-    assert_eq!(harness.state_mut().take_requests(), [crate::viewer::Request::OpenDialog]);
+    assert_eq!(harness.state_mut().take_requests(), [Request::Dialog(FileDialog::Open)]);
     harness.get_by_label_contains("/data/bunny.fan").click();
     harness.run_steps(2);
     assert!(harness.state().opening.is_some());
@@ -88,7 +91,7 @@ fn the_model_page_shows_facts_and_report() {
 #[test]
 fn every_page_is_shown_at_every_size() {
     for size in [[1280.0, 800.0], [1920.0, 1080.0], [640.0, 400.0], [220.0, 160.0]] {
-        for tab in Tab::ALL {
+        for (tab, _) in Tab::ALL {
             for mut viewer in [empty(), with_model()] {
                 viewer.settings.panels =
                     PanelSettings { has_inspector: true, tab, has_atlas: true, has_graphs: true };
@@ -155,12 +158,21 @@ fn keys_in_the_scene_become_wishes() {
     assert_eq!(wishes.lock().unwrap().last().unwrap().forward, 0.0);
 }
 
+/// An asset on a page of the inspector.
+fn with_asset(tab: Tab) -> Viewer {
+    let folder = tempfile::tempdir().unwrap();
+    let path = crate::painting::small_asset(folder.path());
+    let mut viewer = empty();
+    let asset = Arc::new(Asset::open(&path).unwrap());
+    viewer.document = Some(Document::of_asset(Place::File(path), asset));
+    viewer.settings.panels.tab = tab;
+    viewer
+}
+
 #[test]
 fn damage_is_listed() {
-    let mut harness = Harness::builder()
-        .with_size(vec2(400.0, 900.0))
-        .build_ui_state(|ui, viewer: &mut Viewer| streaming::show_figures(ui, &viewer.figures), empty());
-    let figures = &mut harness.state_mut().figures;
+    let mut viewer = with_asset(Tab::Streaming);
+    let figures = &mut viewer.figures;
     figures.levels = vec![
         LevelFigures { resident: 3_000_000, texels: 9_000_000 },
         LevelFigures { resident: 4, texels: 4 },
@@ -170,6 +182,7 @@ fn damage_is_listed() {
         reason: "its checksum is wrong".into(),
     }];
     figures.damaged_count = 1;
+    let mut harness = harness(viewer, [1280.0, 1000.0]);
     harness.run_steps(2);
     harness.get_by_label_contains("group 7, level 2");
     harness.get_by_label("33.3 % of 9.0 M texels");
@@ -177,24 +190,24 @@ fn damage_is_listed() {
 
 #[test]
 fn facts_stand_beside_their_names() {
-    let facts = [Fact { name: "Levels", value: "9".into() }];
-    let channels = [ChannelFact { kind: "Normal", format: "BC5".into() }];
-    let mut harness = Harness::builder().with_size(vec2(400.0, 300.0)).build_ui(move |ui| {
-        widgets::document_facts(ui, "facts", &facts);
-        widgets::facts(ui, "channels", channels.iter().map(|c| (c.kind, c.format.clone())));
-    });
+    let mut viewer = with_asset(Tab::Cover);
+    if let Some(document) = &mut viewer.document {
+        document.cover_facts = vec![Fact { name: "Levels", value: "9".into() }];
+        document.channels = vec![ChannelFact { kind: "Normal", format: "BC5".into() }];
+    }
+    let mut harness = harness(viewer, [1280.0, 800.0]);
     harness.run_steps(1);
     harness.get_by_label("Levels");
     harness.get_by_label("BC5");
 }
 
 fn with_painting(folder: &std::path::Path) -> Viewer {
-    let path = crate::paint::tests::small_asset(folder);
+    let path = crate::painting::small_asset(folder);
     let painter = fantex::paint::Painter::open(&path, &fantex::paint::PaintOptions::default()).unwrap();
     let asset = painter.editor().asset().clone();
     let mut viewer = empty();
     viewer.document = Some(Document::of_asset(Place::File(path), asset));
-    viewer.painting = Some(crate::paint::Painting::new(painter, None, Arc::new(|| {})).unwrap());
+    viewer.painting = Some(fantex_app::paint::Painting::new(painter, None, Arc::new(|| {})).unwrap());
     viewer.paints = true;
     viewer
 }
@@ -221,7 +234,7 @@ fn tools_and_layers_are_chosen_with_the_mouse() {
     harness.run_steps(2);
     harness.get_by_label("Erase tool").click();
     harness.run_steps(2);
-    assert_eq!(harness.state().settings.paint.tool, crate::paint::PaintTool::Erase);
+    assert_eq!(harness.state().settings.paint.tool, fantex_app::paint::PaintTool::Erase);
     harness.get_by_label("Hard round").click();
     harness.run_steps(2);
     assert_eq!(harness.state().settings.paint.brush.hardness, 0.95);
@@ -239,5 +252,5 @@ fn tools_and_layers_are_chosen_with_the_mouse() {
     harness.run_steps(2);
     harness.get_by_label("Rim").click();
     harness.run_steps(2);
-    assert!(crate::light::LightPreset::Rim.is_in(&harness.state().settings.light));
+    assert!(fantex_app::light::LightPreset::Rim.is_in(&harness.state().settings.light));
 }

@@ -13,9 +13,13 @@ use fantex::paint::{BlendMode, PaintOptions, Painter, Target};
 use fantex::store::{Asset, PageId, VerifyOptions, verify};
 use fantex::stream::{AtlasFormat, ParcelTexels};
 
-use super::*;
-use crate::camera::ViewPreset;
-use crate::notices::Notices;
+use fantex_app::camera::ViewPreset;
+use fantex_app::notices::Notices;
+use fantex_app::paint::{
+    BrushSettings, ColorSource, FillReach, LayerAction, PaintCommand, PaintSettings, PaintTool, Painting,
+    PenEvent, PenPhase, SaveState, Section, StencilSettings, StencilUse, StickerKind, SymmetryKind,
+    TextureChoice, Viewpoint,
+};
 
 /// A torus with 60 000 texels.
 pub(crate) fn small_asset(folder: &Path) -> PathBuf {
@@ -116,7 +120,7 @@ fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
     for (page, texels) in painted.iter().filter(|(page, _)| page.level > 0) {
         assert!(kept.get(page) == Some(texels), "{page}");
     }
-    assert_eq!(studio.painting.snapshot().done, ["paint"]);
+    assert_eq!(studio.painting.snapshot.done, ["paint"]);
     studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
     studio.wait();
     // What an undo of several slices changes has to be asked for.
@@ -125,7 +129,7 @@ fn strokes_are_shown_at_all_levels_before_they_end_and_undone_after() {
         stale.contains(page) || undone.get(page).is_some_and(|now| now != texels)
     };
     assert!(painted.iter().all(is_undone));
-    assert_eq!(studio.painting.snapshot().undone, ["paint"]);
+    assert_eq!(studio.painting.snapshot.undone, ["paint"]);
 }
 
 #[test]
@@ -133,13 +137,13 @@ fn everything_is_saved_and_verified_and_comes_back() {
     let mut studio = Studio::open();
     studio.painting.layer_action(&LayerAction::Add, &studio.settings).unwrap();
     studio.wait();
-    let Target::Layer(id) = studio.painting.target() else { panic!("the new layer is painted on") };
+    let Target::Layer(id) = studio.painting.target else { panic!("the new layer is painted on") };
     studio.stroke();
     studio.painting.layer_action(&LayerAction::Blend(id, BlendMode::Multiply), &studio.settings).unwrap();
     studio.painting.layer_action(&LayerAction::Rename(id, "Dirt".into()), &studio.settings).unwrap();
     studio.wait();
     let started = Instant::now();
-    while *studio.painting.save() != SaveState::Saved {
+    while studio.painting.save != SaveState::Saved {
         assert!(started.elapsed() < Duration::from_secs(10), "it does not save by itself");
         std::thread::sleep(Duration::from_millis(20));
         studio.wait();
@@ -151,13 +155,13 @@ fn everything_is_saved_and_verified_and_comes_back() {
     assert!(std::fs::read(&path).unwrap() == before, "nothing is left to write");
     assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
     let mut studio = Studio::open_at(folder, path, None);
-    let snapshot = studio.painting.snapshot();
+    let snapshot = &studio.painting.snapshot;
     assert_eq!(snapshot.done, ["add layer", "paint", "layer blend mode", "rename layer"]);
     assert_eq!((snapshot.layers[0].name.as_str(), snapshot.layers[0].blend), ("Dirt", BlendMode::Multiply));
     studio.painting.go_to_step(0);
     studio.wait();
-    assert!(studio.painting.snapshot().layers.is_empty());
-    assert_eq!(studio.painting.target(), Target::Base);
+    assert!(studio.painting.snapshot.layers.is_empty());
+    assert_eq!(studio.painting.target, Target::Base);
 }
 
 #[test]
@@ -168,7 +172,7 @@ fn a_full_disk_is_said_and_painting_goes_on() {
     let mut studio = Studio::open_at(folder, path, Some(bytes));
     studio.stroke();
     let started = Instant::now();
-    while !matches!(studio.painting.save(), SaveState::Failed(_)) {
+    while !matches!(studio.painting.save, SaveState::Failed(_)) {
         assert!(started.elapsed() < Duration::from_secs(10), "it does not say so");
         std::thread::sleep(Duration::from_millis(20));
         studio.wait();
@@ -177,7 +181,7 @@ fn a_full_disk_is_said_and_painting_goes_on() {
     studio.stroke();
     studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
     studio.wait();
-    let snapshot = studio.painting.snapshot();
+    let snapshot = &studio.painting.snapshot;
     assert_eq!((snapshot.done.len(), snapshot.undone.len()), (1, 1));
     assert_eq!(studio.notices.error_count(), 1, "it is said once");
 }
@@ -194,7 +198,7 @@ fn lines_colours_and_turning_are_told_apart() {
     assert!(!studio.painting.is_drawing(), "a line is done at once");
     studio.pen(PenPhase::Up, 0.85, 0.5, [true, false]);
     studio.wait();
-    assert_eq!(studio.painting.snapshot().done.len(), 2);
+    assert_eq!(studio.painting.snapshot.done.len(), 2);
     let painted = studio.settings.colors.foreground;
     studio.settings.colors.foreground = [0; 3];
     studio.pen(PenPhase::Down, 0.55, 0.845, [false, true]);
@@ -209,7 +213,7 @@ fn what_cannot_be_painted_is_said() {
     let said = |studio: &mut Studio, text: &str| {
         studio.stroke();
         assert!(studio.notices.log().any(|notice| notice.contains(text)), "{text}");
-        assert!(studio.painting.snapshot().done.is_empty());
+        assert!(studio.painting.snapshot.done.is_empty());
     };
     studio.settings.tool = PaintTool::Erase;
     said(&mut studio, "add a layer");
@@ -240,7 +244,7 @@ fn all_tools_paint_on_a_layer() {
     studio.stroke();
     studio.settings.fill = FillReach::Color;
     studio.stroke();
-    let done = &studio.painting.snapshot().done;
+    let done = &studio.painting.snapshot.done;
     assert_eq!(
         done[2..],
         ["paint", "blur", "smudge", "text and pictures", "erase", "clone", "fill", "fill"],
@@ -256,8 +260,8 @@ fn all_tools_paint_on_a_layer() {
 fn the_mirror_s_line_lies_on_the_model() {
     let studio = Studio::open();
     let mut section = Section::default();
-    section.follow(studio.painting.surface(), 0, 0.0);
-    let seen = section.seen(studio.painting.surface(), &studio.view);
+    section.follow(&studio.painting.surface, 0, 0.0);
+    let seen = section.seen(&studio.painting.surface, &studio.view);
     assert_eq!(seen.len(), 2, "both sides of the ring");
     assert!(seen.iter().flatten().all(|p| p.x.abs() < 1e-9 && p.y > -1e-6), "seen from above");
 }
@@ -315,7 +319,7 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
     studio.wait();
     let far = picked(&mut studio, 0.12, 0.5);
     assert!(near(far, [255, 188, 0]), "{far:?}");
-    assert_eq!(studio.painting.snapshot().done, ["paint", "paint", "project"]);
+    assert_eq!(studio.painting.snapshot.done, ["paint", "paint", "project"]);
     assert_eq!(studio.notices.error_count(), 0);
     // Without a picture it says so.
     studio.settings.stencil.image = None;
@@ -351,7 +355,7 @@ fn what_the_hand_does_is_in_the_log() {
     studio.pen(PenPhase::Down, 0.15, 0.5, [false, true]);
     studio.pen(PenPhase::Up, 0.15, 0.5, [false, true]);
     studio.stroke();
-    assert_eq!(studio.painting.snapshot().done.len(), 5);
+    assert_eq!(studio.painting.snapshot.done.len(), 5);
     let all = |studio: &mut Studio| {
         let places = [(0.5, 0.85), (0.6, 0.84), (0.45, 0.82), (0.3, 0.75), (0.55, 0.86)];
         places.map(|(x, y)| picked(studio, x, y))
@@ -386,7 +390,7 @@ fn large_asset(folder: &Path) -> PathBuf {
 /// Waits until a share of what takes long is done.
 fn wait_for_work(studio: &mut Studio) {
     let started = Instant::now();
-    while studio.painting.work().is_none_or(|work| work.share < 0.1) {
+    while studio.painting.work.as_ref().is_none_or(|work| work.share < 0.1) {
         assert!(started.elapsed() < Duration::from_secs(60) && studio.painting.is_busy(), "it is told of");
         studio.painting.poll(&mut studio.settings, &mut studio.notices, 0.0);
         studio.painting.look_from(&studio.view);
@@ -417,7 +421,7 @@ fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
         wait_for_work(&mut studio);
         studio.painting.give_up_work();
         studio.wait();
-        assert!(studio.painting.work().is_none() && studio.painting.snapshot().done.is_empty());
+        assert!(studio.painting.work.is_none() && studio.painting.snapshot.done.is_empty());
         assert_eq!(picked(&mut studio, 0.3, 0.75), before);
         // Closed in the middle of it, it goes on when it is opened again.
         begin(&mut studio);
@@ -425,7 +429,7 @@ fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
         let folder = studio.close();
         assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
         let mut studio = Studio::open_at(folder, path, None);
-        assert_eq!(studio.painting.snapshot().done, [label]);
+        assert_eq!(studio.painting.snapshot.done, [label]);
         assert_ne!(picked(&mut studio, 0.3, 0.75), before);
         studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
         studio.wait();
@@ -446,7 +450,7 @@ fn a_stroke_beside_the_model_is_told_of() {
     assert_eq!(studio.painting.missed_for(100.0), None);
     studio.stroke();
     assert_eq!(studio.painting.missed_for(1.0), None);
-    assert_eq!(studio.painting.snapshot().done, ["paint"]);
+    assert_eq!(studio.painting.snapshot.done, ["paint"]);
 }
 
 #[test]
@@ -461,21 +465,21 @@ fn a_fill_of_everything_is_told_of_given_up_and_taken_up_again() {
     };
     start(&mut studio);
     // Meanwhile the layer is there, and a stroke waits.
-    assert_eq!(studio.painting.snapshot().layers.len(), 1);
+    assert_eq!(studio.painting.snapshot.layers.len(), 1);
     studio.painting.give_up_work();
     studio.wait();
-    assert!(studio.painting.work().is_none() && studio.painting.snapshot().layers.is_empty());
-    assert_eq!((studio.painting.snapshot().done.len(), studio.painting.snapshot().undone.len()), (0, 0));
+    assert!(studio.painting.work.is_none() && studio.painting.snapshot.layers.is_empty());
+    assert_eq!((studio.painting.snapshot.done.len(), studio.painting.snapshot.undone.len()), (0, 0));
     // Closed in the middle of it, it goes on when it is opened again.
     start(&mut studio);
     let folder = studio.close();
     assert!(verify(&path, &VerifyOptions::default()).unwrap().ok);
     let mut studio = Studio::open_at(folder, path, None);
     studio.wait();
-    assert_eq!(studio.painting.snapshot().done, ["add layer"]);
-    assert_eq!(studio.painting.target(), Target::Layer(studio.painting.snapshot().layers[0].id()));
+    assert_eq!(studio.painting.snapshot.done, ["add layer"]);
+    assert_eq!(studio.painting.target, Target::Layer(studio.painting.snapshot.layers[0].id()));
     studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
     studio.wait();
-    assert!(studio.painting.snapshot().layers.is_empty());
+    assert!(studio.painting.snapshot.layers.is_empty());
     assert_eq!(studio.notices.error_count(), 0);
 }

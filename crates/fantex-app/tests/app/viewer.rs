@@ -1,9 +1,16 @@
-use std::path::Path;
-use std::sync::Mutex;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use super::*;
-use crate::light::Surroundings;
+use fantex::base::Error;
+use fantex::glam::{DVec2, DVec3};
+use fantex::scene::Camera;
+use fantex_app::camera::{CameraMode, Ground, ViewPreset};
+use fantex_app::command::{Command, shortcuts};
+use fantex_app::light::Surroundings;
+use fantex_app::scene_view::PrepareScene;
+use fantex_app::settings::Settings;
+use fantex_app::viewer::{SceneInput, Tape, Viewer};
 
 fn viewer() -> Viewer {
     let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
@@ -28,7 +35,7 @@ fn wait(viewer: &mut Viewer) {
     let started = Instant::now();
     loop {
         viewer.poll(0.0);
-        if !viewer.is_opening() && viewer.ground_job.is_none() && viewer.map_job.is_none() {
+        if !viewer.is_opening() && !viewer.is_preparing_ground() && !viewer.is_making_surroundings() {
             return;
         }
         assert!(started.elapsed() < Duration::from_secs(60), "a job does not end");
@@ -63,7 +70,7 @@ fn another_gpu_is_given_the_document_and_what_is_being_opened() {
     let names = asked.clone();
     let prepare: PrepareScene = Arc::new(move |document, _| {
         names.lock().unwrap().push(document.place.name());
-        Err("there are no graphics here".into())
+        Err(Error::unavailable("there are no graphics here"))
     });
     viewer.draw_with(prepare.clone(), 1.0);
     assert!(viewer.is_opening());
@@ -235,7 +242,7 @@ fn all_panels_come_back_as_they_were() {
 #[test]
 fn commands_without_a_document_do_no_harm() {
     let mut viewer = viewer();
-    for shortcut in crate::command::shortcuts() {
+    for shortcut in shortcuts() {
         viewer.command(shortcut.command, 0.0);
         viewer.navigate(&SceneInput::default(), 0.0, 0.016);
         viewer.notice_changes(0.0);
