@@ -193,26 +193,16 @@ impl Shortcut {
     }
 }
 
-/// The command of a key, if it has one. Exactly the held modifiers count.
-pub fn command_of(modifiers: Modifiers, key: Key) -> Option<Command> {
+/// The command of a key, if it has one. Exactly the held modifiers count. While something is painted on the painter's keys come first.
+pub fn command_of(is_painting: bool, modifiers: Modifiers, key: Key) -> Option<Command> {
+    let is_same = |s: &Shortcut| {
+        s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift
+    };
     // The question mark lies elsewhere on every keyboard.
-    if key == Key::Questionmark {
-        return Some(Command::ToggleHelp);
-    }
-    let is_same = |s: &Shortcut| {
-        s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift
-    };
-    (!modifiers.alt).then(|| shortcuts().into_iter().find(is_same)).flatten().map(|s| s.command)
-}
-
-/// The same while something is painted on (or not): the painter's keys come first, and those that fly the camera are not
-/// needed.
-pub fn command_while(is_painting: bool, modifiers: Modifiers, key: Key) -> Option<Command> {
-    let is_same = |s: &Shortcut| {
-        s.key == key && s.modifiers.command == modifiers.command && s.modifiers.shift == modifiers.shift
-    };
-    let own = if is_painting && !modifiers.alt { paint_shortcuts().into_iter().find(is_same) } else { None };
-    own.map(|s| s.command).or_else(|| command_of(modifiers, key))
+    let help = (key == Key::Questionmark).then_some(Command::ToggleHelp);
+    let own = if is_painting { paint_shortcuts() } else { Vec::new() };
+    let mut found = own.into_iter().chain(shortcuts()).filter(|_| !modifiers.alt);
+    help.or_else(|| found.find(is_same).map(|s| s.command))
 }
 
 pub fn keys_of(command: &Command) -> Option<String> {

@@ -404,15 +404,7 @@ fn is_asset(path: &Path) -> Result<bool> {
 
 /// `1 234 567`: groups of three digits.
 pub fn grouped(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::with_capacity(digits.len() * 4 / 3);
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push('\u{a0}');
-        }
-        text.push(digit);
-    }
-    text
+    fantex::base::grouped(number, '\u{a0}')
 }
 
 /// Bytes with a unit: `12.3 MiB`.

@@ -137,10 +137,6 @@ impl History {
         self.capacity
     }
 
-    pub fn clear(&mut self) {
-        self.values.clear();
-    }
-
     /// The value that a share (0..1) of the values does not exceed.
     pub fn percentile(&self, share: f32) -> Option<f32> {
         let mut sorted: Vec<f32> = self.iter().collect();
@@ -148,10 +144,6 @@ impl History {
         let last = sorted.len().checked_sub(1)?;
         let rank = (share.clamp(0.0, 1.0) * sorted.len() as f32).ceil() as usize;
         Some(sorted[rank.saturating_sub(1).min(last)])
-    }
-
-    pub fn max(&self) -> Option<f32> {
-        self.iter().reduce(f32::max)
     }
 }
 

@@ -30,12 +30,11 @@ pub struct Notices {
     shown: VecDeque<Notice>,
     /// All texts, oldest first.
     log: VecDeque<String>,
-    unseen_errors: u64,
 }
 
 impl Notices {
     /// Shows a message. The same text twice is one message, with the time of the second.
-    pub fn add(&mut self, severity: Severity, text: impl Into<String>, seconds: f64) {
+    fn add(&mut self, severity: Severity, text: impl Into<String>, seconds: f64) {
         let text = text.into();
         self.shown.retain(|notice| notice.text != text);
         if self.log.back() != Some(&text) {
@@ -44,7 +43,6 @@ impl Notices {
         if self.log.len() > KEPT {
             self.log.pop_front();
         }
-        self.unseen_errors += u64::from(severity == Severity::Error);
         self.shown.push_back(Notice { severity, text, since: seconds });
         while self.shown.len() > SHOWN {
             self.shown.pop_front();
@@ -83,10 +81,6 @@ impl Notices {
     /// The last texts, oldest first.
     pub fn log(&self) -> impl Iterator<Item = &str> {
         self.log.iter().map(String::as_str)
-    }
-
-    pub fn error_count(&self) -> u64 {
-        self.unseen_errors
     }
 }
 

@@ -23,11 +23,9 @@ use crate::CommonArgs;
 /// The common flags, and whether the user wants to stop.
 #[derive(Debug)]
 pub(crate) struct Context {
-    /// Overwrite existing files.
     pub(crate) force: bool,
     /// Bytes that texels in flight or in caches may take.
     pub(crate) memory_bytes: u64,
-    /// Seed of everything random.
     pub(crate) seed: u64,
     json: bool,
     quiet: bool,
@@ -35,7 +33,6 @@ pub(crate) struct Context {
 }
 
 impl Context {
-    /// Sets up threads and Ctrl-C.
     pub(crate) fn new(common: &CommonArgs) -> Result<Self> {
         if let Some(threads) = common.threads {
             let started = rayon::ThreadPoolBuilder::new().num_threads(threads as usize).build_global();
@@ -45,7 +42,7 @@ impl Context {
         }
         Ok(Self {
             force: common.force,
-            memory_bytes: common.memory.0,
+            memory_bytes: common.memory,
             seed: common.seed,
             json: common.json,
             quiet: common.quiet,
@@ -90,7 +87,6 @@ impl Context {
         self.interrupt.defer()
     }
 
-    /// How the textures of a look are made.
     pub(crate) fn resolve_options(&self) -> ResolveOptions {
         ResolveOptions {
             memory_bytes: self.memory_bytes,
@@ -99,7 +95,6 @@ impl Context {
         }
     }
 
-    /// Whether Ctrl-C came.
     pub(crate) fn is_interrupted(&self) -> bool {
         self.interrupt.is_requested()
     }
@@ -151,7 +146,6 @@ impl Context {
         Ok(tempfile::tempdir().map_err(|error| Error::writing(std::env::temp_dir(), error))?)
     }
 
-    /// Makes a folder for output, and those above it.
     pub(crate) fn make_folder(&self, folder: &Path) -> Result<()> {
         std::fs::create_dir_all(folder).map_err(|error| Error::writing(folder, error))
     }
@@ -190,7 +184,6 @@ impl Interrupt {
         Ok(interrupt)
     }
 
-    /// True after Ctrl-C.
     pub(crate) fn is_requested(&self) -> bool {
         self.lock().requested
     }

@@ -57,7 +57,6 @@ fn paths(target: &Path, context: &Context) -> Result<[PathBuf; 3]> {
     }))
 }
 
-/// Draws the cover with one colour per group.
 fn draw_on_model(mesh: &Mesh, cover: &Cover, colors: &[Vec3], options: &RenderOptions) -> Result<Picture> {
     let color = |hit: &Hit| {
         let groups = cover.corner_groups[hit.triangle()];
@@ -78,7 +77,6 @@ const TRIANGLES: usize = 4 * SIDES;
 /// How far the shaft reaches behind the surface, in arrow lengths: on a model that is inside out it is what is seen.
 const TAIL: f32 = 0.4;
 
-/// Draws the directions, each in its group's colour.
 fn draw_directions(mesh: &Mesh, cover: &Cover, colors: &[Vec3], options: &RenderOptions) -> Result<Picture> {
     let step = cover.groups.len().div_ceil(MAX_ARROWS).max(1);
     let shown: Vec<usize> = (0..cover.groups.len()).step_by(step).collect();
@@ -159,7 +157,6 @@ const EMPTY: Vec3 = Vec3::splat(0.01);
 /// Brightness of a tile's texels outside its partial fans: filter margin and gaps.
 const MARGIN: f32 = 0.16;
 
-/// Draws the sheet.
 fn draw_sheet(mesh: &Mesh, cover: &Cover, colors: &[Vec3]) -> Picture {
     let extents: Vec<[u32; 2]> = cover.groups.iter().map(|g| g.extent).collect();
     let packing = pack(&extents);

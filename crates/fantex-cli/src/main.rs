@@ -9,7 +9,7 @@ use crate::commands::{
     bake, bench, compare, demo, export, gallery, generate, info, paint, render, verify, view,
 };
 use crate::context::{Context, EXIT_INTERRUPTED, INTERRUPTED};
-use crate::text::Bytes;
+use crate::text::bytes;
 
 mod context;
 mod cover_pictures;
@@ -86,8 +86,8 @@ pub(crate) struct CommonArgs {
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) threads: Option<u32>,
     /// Memory that texels may take, e.g. 512M or 4G
-    #[arg(long, global = true, value_name = "SIZE", default_value = "1G")]
-    pub(crate) memory: Bytes,
+    #[arg(long, global = true, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
+    pub(crate) memory: u64,
     /// Overwrite existing files
     #[arg(long, global = true)]
     pub(crate) force: bool,
@@ -113,7 +113,6 @@ pub(crate) enum Command {
     View(view::ViewArgs),
 }
 
-/// Runs a command.
 fn run(command: &Command, context: &Context) -> Result<ExitCode> {
     match command {
         Command::Paint(args) => return paint::run(args, context),

@@ -22,7 +22,6 @@ use glam::{DVec3, Vec3, Vec4};
 use crate::context::Context;
 use crate::text::{Choices, counted, share, within};
 
-/// A model or an asset, open.
 #[derive(Debug)]
 pub(crate) struct Scene {
     path: PathBuf,
@@ -49,7 +48,6 @@ impl Scene {
         Ok(Self { path: path.into(), content })
     }
 
-    /// Its geometry.
     pub(crate) fn mesh(&self) -> &Mesh {
         match &self.content {
             Content::Model(model) => model,
@@ -57,7 +55,6 @@ impl Scene {
         }
     }
 
-    /// The asset, if it is one.
     pub(crate) fn asset(&self) -> Option<&Arc<Asset>> {
         match &self.content {
             Content::Model(_) => None,
@@ -65,7 +62,6 @@ impl Scene {
         }
     }
 
-    /// Its appearance.
     pub(crate) fn surface(&self, filter: Filter) -> Result<Box<dyn Surface + '_>> {
         let filter = FilterOptions { filter, ..FilterOptions::default() };
         Ok(match &self.content {
@@ -141,46 +137,22 @@ pub(crate) fn aspect(options: &RenderOptions) -> f64 {
     f64::from(options.width) / f64::from(options.height)
 }
 
-/// A point or direction of the command line: `X,Y,Z`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct VectorArg(pub(crate) DVec3);
-
-impl std::str::FromStr for VectorArg {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        let wrong = || Error::invalid("expected three numbers with commas between them, such as 1,0.5,-2");
-        let numbers: Vec<f64> =
-            text.split(',').map(|n| n.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
-        match numbers[..] {
-            [x, y, z] if numbers.iter().all(|n| n.is_finite()) => Ok(Self(DVec3::new(x, y, z))),
-            _ => Err(wrong()),
-        }
+/// Parses a point or direction: `X,Y,Z`.
+pub(crate) fn vector(text: &str) -> Result<DVec3> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if [x, y, z].iter().all(|n| n.is_finite()) => Ok(DVec3::new(x, y, z)),
+        _ => Err(Error::invalid("expected three numbers with commas between them, such as 1,0.5,-2")),
     }
 }
 
-/// A picture's size on the command line: `1280x720`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct SizeArg(pub(crate) [u32; 2]);
-
-impl std::str::FromStr for SizeArg {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        let wrong = || Error::invalid("expected width x height in pixels, such as 1280x720");
-        let (width, height) = text.split_once(['x', 'X']).ok_or_else(wrong)?;
-        let side = |s: &str| s.parse().ok().filter(|&n| n > 0).ok_or_else(wrong);
-        Ok(Self([side(width)?, side(height)?]))
-    }
+/// Parses a picture's size: `1280x720`.
+pub(crate) fn size(text: &str) -> Result<[u32; 2]> {
+    let side = |s: &str| s.parse().ok().filter(|&n: &u32| n > 0);
+    let sides = text.split_once(['x', 'X']).and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    sides.ok_or_else(|| Error::invalid("expected width x height in pixels, such as 1280x720"))
 }
 
-impl std::fmt::Display for SizeArg {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}x{}", self.0[0], self.0[1])
-    }
-}
-
-/// What a file holds.
 #[derive(Debug)]
 pub(crate) enum Input {
     Model(Box<fantex::Mesh>),
@@ -189,7 +161,6 @@ pub(crate) enum Input {
 }
 
 impl Input {
-    /// Opens a model, an asset or a look.
     pub(crate) fn open(path: &Path) -> Result<Self> {
         if is_look(path) {
             return Ok(Self::Look(Box::new(LookFile::read(path)?)));
@@ -312,9 +283,7 @@ fn not_negative(text: &str) -> Result<f32, String> {
     within(text, "expected a finite number that is not negative", |n: f32| n.is_finite() && n >= 0.0)
 }
 
-/// An environment, ready for lighting.
 pub(crate) struct Surroundings {
-    /// Its light.
     pub(crate) light: EnvironmentLight,
     /// Colour of the lamp that stands for the sun of a computed sky.
     pub(crate) sun: Option<Vec3>,
@@ -349,7 +318,6 @@ impl SurroundingsArgs {
 }
 
 impl Surroundings {
-    /// What is seen behind the model.
     pub(crate) fn background(&self) -> Background {
         match self.background {
             BackgroundArg::Environment => Background::Environment { blur: self.blur },

@@ -32,7 +32,6 @@ impl Shipped {
         Ok(Self { folder: temporary.path().into(), _temporary: Some(temporary) })
     }
 
-    /// A file of `assets` or `gallery`.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }

@@ -9,36 +9,26 @@ use fantex::texture::color::linear_from_srgb8_table;
 use fantex::texture::{SOLID_NAMES, unknown_solid};
 use fantex::{Error, MappingKind, Mesh, PhotoSet, Result, Source};
 
-/// The value of `--source`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum SourceArg {
-    /// The model's own textures.
     Uv,
-    /// The model's vertex colours.
     Vertex,
-    /// An image through a mapping.
     Image {
-        /// The image file.
         path: PathBuf,
         /// How it is laid over the model.
         mapping: MappingKind,
     },
     /// A solid recipe, one of [`SOLID_NAMES`].
     Solid(String),
-    /// A look's materials.
     Look(PathBuf),
-    /// Another model's look and shape.
     Mesh {
-        /// The model file.
         path: PathBuf,
         /// How far its surface is looked for, world units; measured where it is not given.
         cage: Option<f64>,
     },
-    /// Photographs with cameras.
     Photos(PhotosArg),
 }
 
-/// The value of `--source photos=...`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct PhotosArg {
     /// A sparse model of COLMAP, a folder with one, or a `transforms.json`.
@@ -203,7 +193,6 @@ impl SourceArg {
         }
     }
 
-    /// As the library takes it.
     pub(crate) fn source(&self) -> Source<'static> {
         match self {
             Self::Uv => Source::own_materials(),

@@ -12,10 +12,6 @@ use fantex::cover::{CoverStats, TexelBudget};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Count(pub(crate) u64);
 
-/// A number of bytes: `512M` is 512 MiB, `4G` 4 GiB.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Bytes(pub(crate) u64);
-
 impl FromStr for Count {
     type Err = Error;
 
@@ -24,23 +20,19 @@ impl FromStr for Count {
     }
 }
 
-impl FromStr for Bytes {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        parse(text, 1024).map(Self)
-    }
+/// Parses a number of bytes: `512M` is 512 MiB, `4G` 4 GiB.
+pub(crate) fn bytes(text: &str) -> Result<u64, Error> {
+    parse(text, 1024)
 }
 
 impl fmt::Display for Count {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write_shortest(self.0, 1000, f)
-    }
-}
-
-impl fmt::Display for Bytes {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write_shortest(self.0, 1024, f)
+        let (mut rest, mut letter) = (self.0, None);
+        let mut letters = LETTERS.into_iter();
+        while rest > 0 && rest.is_multiple_of(1000) && letters.len() > 0 {
+            (rest, letter) = (rest / 1000, letters.next());
+        }
+        write!(f, "{rest}{}", letter.map(String::from).unwrap_or_default())
     }
 }
 
@@ -70,19 +62,6 @@ fn parse(text: &str, kilo: u64) -> Result<u64, Error> {
         Ok(0) => Err(Error::invalid("expected a number above zero")),
         Ok(value) => Ok(value),
         Err(_) => Err(Error::invalid("the number is too large")),
-    }
-}
-
-fn write_shortest(value: u64, kilo: u64, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-    let mut power = 0;
-    let mut rest = value;
-    while rest > 0 && rest.is_multiple_of(kilo) && power < LETTERS.len() {
-        rest /= kilo;
-        power += 1;
-    }
-    match power.checked_sub(1) {
-        Some(letter) => write!(f, "{rest}{}", LETTERS[letter]),
-        None => write!(f, "{rest}"),
     }
 }
 
@@ -145,7 +124,6 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    /// Adds a line.
     pub(crate) fn row(&mut self, label: &str, value: impl Into<String>) -> &mut Self {
         self.rows.push((label.to_owned(), value.into()));
         self
@@ -212,7 +190,7 @@ mod tests {
     #[test]
     fn letters_multiply() {
         let count = |text: &str| text.parse::<Count>().unwrap().0;
-        let bytes = |text: &str| text.parse::<Bytes>().unwrap().0;
+        let bytes = |text: &str| bytes(text).unwrap();
         assert_eq!(count("64k"), 64_000);
         assert_eq!(count("5.59M"), 5_590_000);
         assert_eq!(count("16g"), 16_000_000_000);
@@ -228,7 +206,7 @@ mod tests {
             assert!(text.parse::<Count>().unwrap_err().to_string().contains("such as"), "{text}");
         }
         assert_eq!("0".parse::<Count>().unwrap_err().to_string(), "expected a number above zero");
-        assert_eq!("0.0001".parse::<Bytes>().unwrap_err().to_string(), "expected a number above zero");
+        assert_eq!(bytes("0.0001").unwrap_err().to_string(), "expected a number above zero");
         assert_eq!("99999999T".parse::<Count>().unwrap_err().to_string(), "the number is too large");
         assert_eq!(
             "123456789012345678901234567890".parse::<Count>().unwrap_err().to_string(),
@@ -241,7 +219,6 @@ mod tests {
         for text in ["64k", "4M", "5590k", "7"] {
             assert_eq!(text.parse::<Count>().unwrap().to_string(), text);
         }
-        assert_eq!(Bytes(1 << 30).to_string(), "1G");
         assert_eq!(grouped(1_234_567), "1 234 567");
         assert_eq!(grouped(12), "12");
         assert_eq!(megabytes(12_345_678), "12.3 MB");

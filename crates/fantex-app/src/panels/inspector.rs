@@ -10,7 +10,7 @@ use crate::display::{DisplaySettings, Overlay, ToneChoice};
 use crate::document::short_number;
 use crate::light::{BackgroundChoice, LightSettings, Surroundings};
 use crate::panels::streaming;
-use crate::panels::widgets::{NumberRow, choice, document_facts, facts, heading, hint, row, segments};
+use crate::panels::widgets::{choice, document_facts, facts, heading, hint, number, row, segments};
 use crate::settings::{Tab, label_of};
 use crate::theme;
 use crate::viewer::{Tape, Viewer};
@@ -76,8 +76,6 @@ fn show_cover(ui: &mut Ui, viewer: &mut Viewer) {
     hint(ui, overlay.meaning());
 }
 
-const DEGREES: NumberRow<'static> = NumberRow { suffix: "°", decimals: 0, ..NumberRow::PLAIN };
-
 fn show_light(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     heading(ui, "Sun");
     sun(ui, &mut viewer.settings.light);
@@ -106,9 +104,9 @@ fn sun(ui: &mut Ui, light: &mut LightSettings) {
     row(ui, "Shines", |ui| ui.checkbox(&mut light.has_sun, ""));
     ui.add_enabled_ui(light.has_sun, |ui| {
         row(ui, "Shadows", |ui| ui.checkbox(&mut light.has_shadows, "").on_hover_text("X"));
-        DEGREES.named("Direction").show(ui, &mut light.sun_azimuth, 0.0..=360.0);
-        DEGREES.named("Height").show(ui, &mut light.sun_elevation, -90.0..=90.0);
-        NumberRow::PLAIN.named("Strength").show(ui, &mut light.sun_strength, 0.0..=4.0);
+        number("Direction", "°", 0, "").show(ui, &mut light.sun_azimuth, 0.0..=360.0);
+        number("Height", "°", 0, "").show(ui, &mut light.sun_elevation, -90.0..=90.0);
+        number("Strength", "", 2, "").show(ui, &mut light.sun_strength, 0.0..=4.0);
     });
 }
 
@@ -136,9 +134,9 @@ fn surroundings(ui: &mut Ui, light: &mut LightSettings, is_making: bool, wants_f
         }
         list.response
     });
-    NumberRow::PLAIN.named("Strength").show(ui, &mut light.surroundings_strength, 0.0..=4.0);
+    number("Strength", "", 2, "").show(ui, &mut light.surroundings_strength, 0.0..=4.0);
     ui.add_enabled_ui(light.surroundings != Surroundings::Studio, |ui| {
-        DEGREES.named("Turned by").show(ui, &mut light.surroundings_rotation, -180.0..=180.0);
+        number("Turned by", "°", 0, "").show(ui, &mut light.surroundings_rotation, -180.0..=180.0);
     });
 }
 
@@ -157,7 +155,7 @@ fn file_name(path: &Path) -> String {
 fn background(ui: &mut Ui, light: &mut LightSettings) {
     row(ui, "Shows", |ui| choice(ui, "background", &mut light.background, &BackgroundChoice::ALL));
     ui.add_enabled_ui(light.background == BackgroundChoice::Surroundings, |ui| {
-        NumberRow::PLAIN.named("Blur").show(ui, &mut light.background_blur, 0.0..=1.0);
+        number("Blur", "", 2, "").show(ui, &mut light.background_blur, 0.0..=1.0);
     });
     if light.background == BackgroundChoice::Surroundings && light.surroundings == Surroundings::Studio {
         hint(ui, "The studio has no picture: choose a sky or a picture above.");
@@ -166,11 +164,8 @@ fn background(ui: &mut Ui, light: &mut LightSettings) {
 
 fn tone(ui: &mut Ui, display: &mut DisplaySettings) {
     let [least, most] = DisplaySettings::EXPOSURES;
-    NumberRow { name: "Exposure", suffix: " EV", tip: "[ and ]", ..NumberRow::PLAIN }.show(
-        ui,
-        &mut display.exposure_stops,
-        least..=most,
-    );
+    let exposure = number("Exposure", " EV", 2, "[ and ]");
+    exposure.show(ui, &mut display.exposure_stops, least..=most);
     row(ui, "Curve", |ui| choice(ui, "tone", &mut display.tone, &ToneChoice::ALL));
 }
 
@@ -201,9 +196,9 @@ fn show_view(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
 fn camera(ui: &mut Ui, viewer: &mut Viewer) {
     let eye_height = viewer.eye_height();
     let camera = &mut viewer.settings.camera;
-    let degrees = NumberRow { name: "Opening angle", suffix: "°", decimals: 0, ..NumberRow::PLAIN };
+    let degrees = number("Opening angle", "°", 0, "");
     degrees.show(ui, &mut camera.fov_degrees, 10.0..=120.0);
-    let speed = NumberRow { name: "Speed", suffix: "×", is_logarithmic: true, ..NumberRow::PLAIN };
+    let speed = number("Speed", "×", 2, "").logarithmic();
     match camera.mode {
         CameraMode::Orbit => {}
         CameraMode::Fly => {

@@ -27,11 +27,6 @@ mod scene;
 mod streaming;
 mod widgets;
 
-#[derive(Clone, Copy, Debug)]
-pub struct SceneTexture {
-    pub id: TextureId,
-}
-
 #[derive(Clone, Copy, Debug, Default)]
 pub struct AtlasTexture {
     /// How egui knows it; none where there is no atlas.
@@ -44,7 +39,7 @@ pub struct AtlasTexture {
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Textures {
-    pub scene: Option<SceneTexture>,
+    pub scene: Option<TextureId>,
     pub atlas: AtlasTexture,
 }
 

@@ -2,11 +2,10 @@
 
 use eframe::egui::{
     self, Align, Align2, Area, Color32, CornerRadius, Frame, Id, Key, Layout, Margin, Order, PointerButton,
-    Pos2, Rect, RichText, Sense, Spinner, Stroke, Ui, UiBuilder, Vec2, pos2, vec2,
+    Pos2, Rect, RichText, Sense, Spinner, Stroke, TextureId, Ui, UiBuilder, Vec2, pos2, vec2,
 };
 use fantex::glam::DVec2;
 
-use super::SceneTexture;
 use super::bar::short_place;
 use super::paint;
 use super::widgets::dot;
@@ -23,12 +22,7 @@ use crate::viewer::{SceneInput, Viewer};
 const NOTCH_POINTS: f32 = 50.0;
 
 /// Returns what the user did in the scene.
-pub(super) fn show(
-    ui: &mut Ui,
-    viewer: &mut Viewer,
-    texture: Option<SceneTexture>,
-    seconds: f64,
-) -> SceneInput {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>, seconds: f64) -> SceneInput {
     let rect = ui.max_rect();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     viewer.scene_pixels = pixels(rect.size(), ui.ctx().pixels_per_point());
@@ -38,7 +32,7 @@ pub(super) fn show(
     if viewer.document.is_some() {
         if let Some(texture) = texture {
             let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-            ui.painter().image(texture.id, rect, whole, Color32::WHITE);
+            ui.painter().image(texture, rect, whole, Color32::WHITE);
         }
         input = scene_input(ui, &response, rect);
         if viewer.painting.is_some() {

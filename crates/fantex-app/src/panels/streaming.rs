@@ -8,7 +8,7 @@ use eframe::egui::{
 use crate::document::{bytes_text, grouped};
 use crate::figures::{DamagedPart, StreamFigures};
 use crate::panels::AtlasTexture;
-use crate::panels::widgets::{Chart, NumberRow, dot, facts, gauge, heading, hint, row};
+use crate::panels::widgets::{Chart, dot, facts, gauge, heading, hint, number, row};
 use crate::settings::StreamingSettings;
 use crate::theme;
 use crate::viewer::Viewer;
@@ -69,14 +69,8 @@ pub(super) fn show_figures(ui: &mut Ui, figures: &StreamFigures) {
 
 fn settings(ui: &mut Ui, streaming: &mut StreamingSettings) {
     let [least, most] = StreamingSettings::POOL_MIB;
-    let size = NumberRow {
-        name: "Size",
-        suffix: " MiB",
-        decimals: 0,
-        is_logarithmic: true,
-        tip: "Graphics memory for texels; nothing beyond it is taken",
-    };
-    size.show(ui, &mut streaming.pool_mib, least..=most);
+    let size = number("Size", " MiB", 0, "Graphics memory for texels; nothing beyond it is taken");
+    size.logarithmic().show(ui, &mut streaming.pool_mib, least..=most);
     let [least, most] = StreamingSettings::UPLOAD_KIB;
     row(ui, "Per frame", |ui| {
         let value = DragValue::new(&mut streaming.upload_kib).range(least..=most).speed(64).suffix(" KiB");
@@ -187,39 +181,12 @@ pub(super) fn show_graphs(ui: &mut Ui, viewer: &Viewer) {
     let percent = |share: f32| format!("{:.0} %", share * 100.0);
     let pages = |count: f32| format!("{count:.0} pages");
     let rate = |bytes: f32| format!("{}/s", bytes_text(f64::from(bytes)));
+    let chart = |title, history, color, top, limit, text| Chart { title, history, color, top, limit, text };
     let charts = [
-        Chart {
-            title: "Frame",
-            history: &graphs.frame_ms,
-            color: theme::ACCENT,
-            top: 20.0,
-            limit: Some(SMOOTH_MS),
-            text: &milliseconds,
-        },
-        Chart {
-            title: "Pool",
-            history: &graphs.pool,
-            color: theme::GOOD,
-            top: 1.0,
-            limit: None,
-            text: &percent,
-        },
-        Chart {
-            title: "Queue",
-            history: &graphs.queue,
-            color: theme::WARNING,
-            top: 10.0,
-            limit: None,
-            text: &pages,
-        },
-        Chart {
-            title: "Uploads",
-            history: &graphs.bandwidth,
-            color: theme::VIOLET,
-            top: 1e6,
-            limit: None,
-            text: &rate,
-        },
+        chart("Frame", &graphs.frame_ms, theme::ACCENT, 20.0, Some(SMOOTH_MS), &milliseconds),
+        chart("Pool", &graphs.pool, theme::GOOD, 1.0, None, &percent),
+        chart("Queue", &graphs.queue, theme::WARNING, 10.0, None, &pages),
+        chart("Uploads", &graphs.bandwidth, theme::VIOLET, 1e6, None, &rate),
     ];
     let gap = 8.0;
     let (rect, _) = ui.allocate_exact_size(ui.available_size(), Sense::hover());

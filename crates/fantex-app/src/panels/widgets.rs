@@ -1,11 +1,13 @@
 //! Small parts that several panels share.
 
 use std::ops::RangeInclusive;
+use std::path::Path;
 
 use eframe::egui::emath::Numeric;
 use eframe::egui::{
-    self, Align, Align2, Color32, ComboBox, CornerRadius, DragValue, FontId, Grid, Layout, Mesh, Pos2, Rect,
-    Response, RichText, Sense, Shape, Slider, Stroke, Ui, pos2, vec2,
+    Align, Align2, Button, Color32, ColorImage, ComboBox, CornerRadius, DragValue, FontId, Grid, Id, Layout,
+    Mesh, Pos2, Rect, Response, RichText, Sense, Shape, Slider, Stroke, StrokeKind, TextureHandle,
+    TextureOptions, Ui, Vec2, pos2, vec2,
 };
 
 use crate::document::Fact;
@@ -58,19 +60,20 @@ fn name_label(ui: &mut Ui, name: &str) -> Response {
 
 /// A row with a number, to slide or to type.
 pub(super) struct NumberRow<'a> {
-    pub(super) name: &'a str,
-    pub(super) suffix: &'a str,
-    pub(super) decimals: usize,
-    pub(super) is_logarithmic: bool,
-    pub(super) tip: &'a str,
+    name: &'a str,
+    suffix: &'a str,
+    decimals: usize,
+    tip: &'a str,
+    is_logarithmic: bool,
 }
 
-impl<'a> NumberRow<'a> {
-    /// Two decimals, nothing else.
-    pub(super) const PLAIN: Self = Self { name: "", suffix: "", decimals: 2, is_logarithmic: false, tip: "" };
+pub(super) fn number<'a>(name: &'a str, suffix: &'a str, decimals: usize, tip: &'a str) -> NumberRow<'a> {
+    NumberRow { name, suffix, decimals, tip, is_logarithmic: false }
+}
 
-    pub(super) fn named(self, name: &'a str) -> Self {
-        Self { name, ..self }
+impl NumberRow<'_> {
+    pub(super) fn logarithmic(self) -> Self {
+        Self { is_logarithmic: true, ..self }
     }
 
     /// Shows the row for a value within a range.
@@ -92,6 +95,39 @@ impl<'a> NumberRow<'a> {
             ui.add(number).labelled_by(label.id);
         });
     }
+}
+
+/// A button with a file's name that asks for another one.
+pub(super) fn file_button(ui: &mut Ui, path: Option<&Path>, tip: &str) -> Response {
+    let name = path.and_then(Path::file_name);
+    let name = name.map_or("Choose …".into(), |name| name.to_string_lossy().into_owned());
+    ui.add(Button::new(name).truncate()).on_hover_text(tip)
+}
+
+/// A texture that is made once for each value of a key, and remembered under an id.
+pub(super) fn cached_texture<K: Clone + PartialEq + Send + Sync + 'static>(
+    ui: &Ui,
+    id: Id,
+    key: K,
+    make: impl FnOnce() -> ColorImage,
+) -> TextureHandle {
+    let known = ui.data(|data| data.get_temp::<(K, TextureHandle)>(id));
+    if let Some((_, texture)) = known.filter(|(of, _)| *of == key) {
+        return texture;
+    }
+    let texture = ui.ctx().load_texture("preview", make(), TextureOptions::LINEAR);
+    ui.data_mut(|data| data.insert_temp(id, (key, texture.clone())));
+    texture
+}
+
+/// A texture in a frame.
+pub(super) fn framed_picture(ui: &mut Ui, texture: &TextureHandle, size: Vec2) -> Response {
+    let (rect, response) = ui.allocate_exact_size(size, Sense::hover());
+    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
+    ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
+    let edge = Stroke::new(1.0, theme::LINE);
+    ui.painter().rect_stroke(rect, CornerRadius::same(2), edge, StrokeKind::Inside);
+    response
 }
 
 /// A choice among a few, as buttons side by side. Returns whether another was chosen.
@@ -236,5 +272,5 @@ fn filled_below(points: &[Pos2], bottom: f32, color: Color32) -> Shape {
 
 /// A button of a bar that is pressed while something is on.
 pub(super) fn switch(ui: &mut Ui, is_on: bool, text: &str, tip: &str) -> bool {
-    ui.add(egui::Button::selectable(is_on, text)).on_hover_text(tip).clicked()
+    ui.add(Button::selectable(is_on, text)).on_hover_text(tip).clicked()
 }

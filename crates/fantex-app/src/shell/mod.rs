@@ -17,9 +17,9 @@ use fantex::base::Result;
 use fantex::gpu::Gpu;
 use workspace::{Start, Workspace};
 
-use crate::command::{Command, command_while};
+use crate::command::{Command, command_of};
 use crate::document::Place;
-use crate::panels::{AtlasTexture, SceneTexture, Textures};
+use crate::panels::{AtlasTexture, Textures};
 use crate::scene_view::{SceneView, preparer};
 use crate::session::Session;
 use crate::settings::{Settings, WindowSettings};
@@ -222,7 +222,7 @@ impl<'a> Shell<'a> {
         });
         let is_painting = self.workspace.viewer.painting.is_some();
         for (modifiers, key, is_repeated) in pressed {
-            let Some(command) = command_while(is_painting, modifiers, key) else { continue };
+            let Some(command) = command_of(is_painting, modifiers, key) else { continue };
             if key == egui::Key::Tab && !is_typing {
                 // It hides panels here and does not go from field to field.
                 ctx.memory_mut(|memory| memory.move_focus(egui::FocusDirection::None));
@@ -437,8 +437,7 @@ impl eframe::App for Shell<'_> {
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
         self.keys(&ctx, seconds);
         self.dropped_files(&ctx, seconds);
-        let textures =
-            Textures { scene: self.scene_texture.map(|id| SceneTexture { id }), atlas: self.atlas };
+        let textures = Textures { scene: self.scene_texture, atlas: self.atlas };
         let shown = panels::show(ui, &mut self.workspace.viewer, &textures, seconds);
         if let Some(channel) = shown.atlas_channel {
             self.atlas.channel = channel;

@@ -12,3 +12,10 @@ mod panels;
 mod session;
 mod settings;
 mod viewer;
+
+use fantex_app::notices::{Notices, Severity};
+
+/// Errors on the screen.
+fn errors(notices: &Notices) -> usize {
+    notices.clone().shown(0.0).filter(|notice| notice.severity == Severity::Error).count()
+}

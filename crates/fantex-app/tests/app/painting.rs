@@ -148,7 +148,7 @@ fn everything_is_saved_and_verified_and_comes_back() {
         std::thread::sleep(Duration::from_millis(20));
         studio.wait();
     }
-    assert_eq!(studio.notices.error_count(), 0);
+    assert_eq!(crate::errors(&studio.notices), 0);
     let path = studio.path.clone();
     let before = std::fs::read(&path).unwrap();
     let folder = studio.close();
@@ -183,7 +183,7 @@ fn a_full_disk_is_said_and_painting_goes_on() {
     studio.wait();
     let snapshot = &studio.painting.snapshot;
     assert_eq!((snapshot.done.len(), snapshot.undone.len()), (1, 1));
-    assert_eq!(studio.notices.error_count(), 1, "it is said once");
+    assert_eq!(crate::errors(&studio.notices), 1, "it is said once");
 }
 
 #[test]
@@ -250,7 +250,7 @@ fn all_tools_paint_on_a_layer() {
         ["paint", "blur", "smudge", "text and pictures", "erase", "clone", "fill", "fill"],
         "{done:?}"
     );
-    assert_eq!(studio.notices.error_count(), 0);
+    assert_eq!(crate::errors(&studio.notices), 0);
     let asset = Asset::open(&studio.path).unwrap();
     drop(studio);
     assert!(asset.generation() >= 1);
@@ -320,7 +320,7 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
     let far = picked(&mut studio, 0.12, 0.5);
     assert!(near(far, [255, 188, 0]), "{far:?}");
     assert_eq!(studio.painting.snapshot.done, ["paint", "paint", "project"]);
-    assert_eq!(studio.notices.error_count(), 0);
+    assert_eq!(crate::errors(&studio.notices), 0);
     // Without a picture it says so.
     studio.settings.stencil.image = None;
     let Studio { painting, settings, view, notices, .. } = &mut studio;
@@ -434,7 +434,7 @@ fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
         studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
         studio.wait();
         assert_eq!(picked(&mut studio, 0.3, 0.75), before);
-        assert_eq!(studio.notices.error_count(), 0);
+        assert_eq!(crate::errors(&studio.notices), 0);
     }
 }
 
@@ -481,5 +481,5 @@ fn a_fill_of_everything_is_told_of_given_up_and_taken_up_again() {
     studio.painting.command(&PaintCommand::Undo, &mut studio.settings);
     studio.wait();
     assert!(studio.painting.snapshot.layers.is_empty());
-    assert_eq!(studio.notices.error_count(), 0);
+    assert_eq!(crate::errors(&studio.notices), 0);
 }

@@ -6,7 +6,7 @@ use eframe::egui::{Key, Modifiers};
 use fantex::glam::DVec2;
 use fantex::texture::Filter;
 use fantex_app::camera::CameraMode;
-use fantex_app::command::{Command, command_of, command_while, parse_keys, shortcuts};
+use fantex_app::command::{Command, command_of, parse_keys, shortcuts};
 use fantex_app::display::{DisplaySettings, Overlay};
 use fantex_app::light::{LightPreset, LightSettings, MapKey, Surroundings};
 use fantex_app::paint::paint_shortcuts;
@@ -194,7 +194,7 @@ fn no_key_has_two_meanings() {
 #[test]
 fn movement_keys_are_no_commands() {
     for key in [Key::W, Key::A, Key::S, Key::D, Key::Q, Key::E] {
-        assert_eq!(command_of(Modifiers::NONE, key), None, "{key:?} moves the camera");
+        assert_eq!(command_of(false, Modifiers::NONE, key), None, "{key:?} moves the camera");
     }
 }
 
@@ -202,12 +202,12 @@ fn movement_keys_are_no_commands() {
 fn keys_are_found_as_they_are_written() {
     for shortcut in shortcuts() {
         let (modifiers, key) = parse_keys(&shortcut.keys().replace(' ', "")).unwrap();
-        assert_eq!(command_of(modifiers, key), Some(shortcut.command));
+        assert_eq!(command_of(false, modifiers, key), Some(shortcut.command));
     }
     assert_eq!(parse_keys("Ctrl+Nonsense"), None);
     assert_eq!(parse_keys("Hyper+A"), None);
-    assert_eq!(command_of(Modifiers::NONE, Key::Questionmark), Some(Command::ToggleHelp));
-    assert_eq!(command_of(Modifiers::ALT, Key::O), None);
+    assert_eq!(command_of(false, Modifiers::NONE, Key::Questionmark), Some(Command::ToggleHelp));
+    assert_eq!(command_of(false, Modifiers::ALT, Key::O), None);
 }
 
 #[test]
@@ -216,13 +216,13 @@ fn no_key_of_the_painter_has_two_meanings() {
     for (i, a) in all.iter().enumerate() {
         assert!(all[..i].iter().all(|b| !(a.key == b.key && a.modifiers == b.modifiers)), "{}", a.text);
         let (modifiers, key) = parse_keys(&a.keys().replace(' ', "")).unwrap();
-        assert_eq!(command_while(true, modifiers, key).as_ref(), Some(&a.command));
+        assert_eq!(command_of(true, modifiers, key).as_ref(), Some(&a.command));
     }
 }
 
 #[test]
 fn the_viewer_s_keys_stay_where_painting_needs_none() {
-    let help = command_while(true, Modifiers::NONE, Key::F1);
+    let help = command_of(true, Modifiers::NONE, Key::F1);
     assert_eq!(help, Some(Command::ToggleHelp));
-    assert_eq!(command_while(false, Modifiers::NONE, Key::X), Some(Command::ToggleShadows));
+    assert_eq!(command_of(false, Modifiers::NONE, Key::X), Some(Command::ToggleShadows));
 }

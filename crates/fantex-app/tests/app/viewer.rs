@@ -59,7 +59,7 @@ fn opening_shows_the_model_and_remembers_it() {
     assert!((viewer.rig.pivot() - document.scale.center).length() < document.scale.diagonal);
     assert!(viewer.settings.recent[0].ends_with("torus.ply"));
     assert!(viewer.ground.is_some());
-    assert_eq!(viewer.notices.error_count(), 0);
+    assert_eq!(crate::errors(&viewer.notices), 0);
 }
 
 #[test]
@@ -113,7 +113,7 @@ fn opening_can_be_cancelled() {
     assert!(viewer.opening.is_none());
     wait(&mut viewer);
     assert_eq!(viewer.document.as_ref().unwrap().place, before);
-    assert_eq!(viewer.notices.error_count(), 0);
+    assert_eq!(crate::errors(&viewer.notices), 0);
 }
 
 #[test]
@@ -204,7 +204,7 @@ fn surroundings_come_in_the_background_and_failures_once() {
     for _ in 0..3 {
         wait(&mut viewer);
     }
-    assert_eq!(viewer.notices.error_count(), 1);
+    assert_eq!(crate::errors(&viewer.notices), 1);
     assert!(viewer.lights().ambient.environment.is_none());
 }
 

@@ -120,7 +120,6 @@ pub(crate) struct BakeInfo {
     photos: Option<PhotosInfo>,
 }
 
-/// What was found out about photographs.
 #[derive(Debug, Serialize)]
 struct PhotosInfo {
     photos: u64,
@@ -197,7 +196,6 @@ pub(crate) struct BakeJob<'a> {
 }
 
 impl BakeJob<'_> {
-    /// Bakes, with progress and notes.
     pub(crate) fn run(&self, context: &Context) -> Result<BakeInfo> {
         let Self { mesh, cover, encoding, output, .. } = self;
         let load_seconds = self.started.elapsed().as_secs_f64();
@@ -256,7 +254,6 @@ impl BakeJob<'_> {
     }
 }
 
-/// One line on a finished bake.
 pub(crate) fn text(info: &BakeInfo) -> String {
     format!(
         "{}: {} in {}, {}, {} in {:.1} s",

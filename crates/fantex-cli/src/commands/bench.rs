@@ -90,7 +90,6 @@ struct ModelArgs {
     texels: Count,
 }
 
-/// One measured figure.
 #[derive(Clone, Debug, Serialize)]
 struct Row {
     name: String,
@@ -272,7 +271,10 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
             .sum::<f32>()
     };
     std::hint::black_box(fans());
-    let fan_seconds = fastest_of(|| std::hint::black_box(fans()));
+    let fan_seconds = fastest(|| {
+        std::hint::black_box(fans());
+        Ok(())
+    })?;
 
     let side = (baked.texels as f64).sqrt() as u32;
     let texels = vec![[0.25_f32, 0.5, 0.75, 1.0]; side as usize * side as usize];
@@ -288,7 +290,10 @@ fn sample(args: &ModelArgs, context: &Context) -> Result<Vec<Row>> {
             })
             .sum::<f32>()
     };
-    let plain_seconds = fastest_of(|| std::hint::black_box(plain()));
+    let plain_seconds = fastest(|| {
+        std::hint::black_box(plain());
+        Ok(())
+    })?;
     let rate = |seconds: f64| SAMPLES as f64 / seconds / 1e6;
     Ok(vec![Row::new("sample, bilinear", rate(fan_seconds), "M samples/s").beside(rate(plain_seconds))])
 }
@@ -387,15 +392,6 @@ fn fastest(mut work: impl FnMut() -> Result<()>) -> Result<f64> {
         best = best.min(started.elapsed().as_secs_f64());
     }
     Ok(best)
-}
-
-fn fastest_of<T>(mut work: impl FnMut() -> T) -> f64 {
-    let times = (0..REPETITIONS).map(|_| {
-        let started = Instant::now();
-        work();
-        started.elapsed().as_secs_f64()
-    });
-    times.fold(f64::INFINITY, f64::min)
 }
 
 /// A number in [0, 1) that depends on seed and index.

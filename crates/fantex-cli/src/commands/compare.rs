@@ -15,7 +15,7 @@ use serde::Serialize;
 
 use crate::commands::render::show_damaged_tiles;
 use crate::context::Context;
-use crate::scene::{FILTERS, Scene, SizeArg, aspect, is_look, photograph};
+use crate::scene::{FILTERS, Scene, aspect, is_look, photograph, size};
 use crate::text::{columns, one_of};
 
 /// Render two files from the same cameras and compare the pictures.
@@ -41,8 +41,8 @@ pub(crate) struct CompareArgs {
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
     /// Width and height in pixels
-    #[arg(long, value_name = "WxH", default_value = "960x720")]
-    size: SizeArg,
+    #[arg(long, value_name = "WxH", default_value = "960x720", value_parser = size)]
+    size: [u32; 2],
     /// Samples per pixel, 1 to 64
     #[arg(long, value_name = "N", default_value_t = 8)]
     samples: u32,
@@ -78,7 +78,6 @@ struct CompareInfo {
     per_view: Vec<ViewInfo>,
 }
 
-/// A mesh and its appearance.
 #[derive(Clone, Copy)]
 pub(crate) struct Subject<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -86,13 +85,11 @@ pub(crate) struct Subject<'a> {
 }
 
 impl Subject<'_> {
-    /// The picture, linear light.
     fn picture(&self, camera: &Camera, options: &RenderOptions) -> Result<Image> {
         Ok(photograph(self.mesh, self.surface, camera, options)?.picture.to_linear_image())
     }
 }
 
-/// A file, open.
 enum Opened {
     Scene(Scene),
     Look(Box<LookFile>),
@@ -144,7 +141,7 @@ impl<'a> Prepared<'a> {
             options: ResolveOptions { filter, ..context.resolve_options() },
         };
         let changes = PictureChanges {
-            size: Some(args.size.0),
+            size: Some(args.size),
             samples: Some(args.samples),
             filter,
             background: Some(Background::default()),
@@ -187,7 +184,7 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
     let images = LookImages::default();
     let a = Prepared::new(&files[0], (&files[1], &args.b), &images, args, context)?;
     let b = Prepared::new(&files[1], (&files[0], &args.a), &images, args, context)?;
-    let [width, height] = args.size.0;
+    let [width, height] = args.size;
     let options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
     if let Some(folder) = &args.output {
         context.make_folder(folder)?;
@@ -225,7 +222,6 @@ pub(crate) fn run(args: &CompareArgs, context: &Context) -> Result<()> {
     context.print(&info, text)
 }
 
-/// The pictures of one view.
 struct ViewFiles {
     a: PathBuf,
     b: PathBuf,
@@ -259,7 +255,6 @@ fn compare_view(
     Ok((comparison, vec![files.a, files.b, files.difference]))
 }
 
-/// Mean PSNR of two subjects over some cameras, in dB.
 pub(crate) fn mean_psnr_db(
     subjects: [Subject; 2],
     cameras: &[Camera],

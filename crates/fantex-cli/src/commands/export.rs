@@ -15,7 +15,7 @@ use fantex::{Error, Result};
 use serde::Serialize;
 
 use crate::context::Context;
-use crate::scene::{FILTERS, SizeArg, SurroundingsArgs, open_asset, open_model};
+use crate::scene::{FILTERS, SurroundingsArgs, open_asset, open_model, size};
 use crate::text::{Choices, counted, megabytes, one_of};
 
 /// Export an asset for other programs: a model with texture coordinates, single channels, a turntable.
@@ -45,8 +45,8 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "MODEL", conflicts_with = "turntable")]
     model: Option<PathBuf>,
     /// Side of the pictures, a power of two [default: the asset's density]; or WxH of a turntable's [default: 800x600]
-    #[arg(long, value_name = "N|WxH")]
-    size: Option<PictureSizeArg>,
+    #[arg(long, value_name = "N|WxH", value_parser = picture_size)]
+    size: Option<PictureSize>,
     /// The largest side that is taken by default
     #[arg(long, value_name = "N", default_value_t = 8192)]
     max_size: u32,
@@ -111,20 +111,16 @@ const TEXTURES: Choices<bool, 2> = [
 
 /// A side, or width and height.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum PictureSizeArg {
+enum PictureSize {
     Side(u32),
-    WidthHeight(SizeArg),
+    WidthHeight([u32; 2]),
 }
 
-impl std::str::FromStr for PictureSizeArg {
-    type Err = Error;
-
-    fn from_str(text: &str) -> Result<Self, Error> {
-        let side = text.parse().ok().filter(|&n: &u32| n > 0).map(Self::Side);
-        side.or_else(|| text.parse().ok().map(Self::WidthHeight)).ok_or_else(|| {
-            Error::invalid("expected a side such as 2048, or for a turntable width x height such as 800x600")
-        })
-    }
+fn picture_size(text: &str) -> Result<PictureSize> {
+    let side = text.parse().ok().filter(|&n: &u32| n > 0).map(PictureSize::Side);
+    side.or_else(|| size(text).ok().map(PictureSize::WidthHeight)).ok_or_else(|| {
+        Error::invalid("expected a side such as 2048, or for a turntable width x height such as 800x600")
+    })
 }
 
 #[derive(Debug, Serialize)]
@@ -172,12 +168,12 @@ pub(crate) fn run(args: &ExportArgs, context: &Context) -> Result<()> {
         )));
     }
     let side = match args.size {
-        Some(PictureSizeArg::WidthHeight(size)) => {
+        Some(PictureSize::WidthHeight([width, height])) => {
             return Err(Error::invalid(format!(
-                "{size} is a turntable's size; the pictures of a model are square: give one number, such as --size 2048"
+                "{width}x{height} is a turntable's size; the pictures of a model are square: give one number, such as --size 2048"
             )));
         }
-        Some(PictureSizeArg::Side(side)) => Some(side),
+        Some(PictureSize::Side(side)) => Some(side),
         None => None,
     };
     let started = Instant::now();

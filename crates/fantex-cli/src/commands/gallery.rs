@@ -65,7 +65,6 @@ pub(crate) fn run(args: &GalleryArgs, context: &Context) -> Result<()> {
     })
 }
 
-/// Makes the pictures and the page; returns the pictures' paths.
 fn make(args: &GalleryArgs, context: &Context) -> Result<Vec<PathBuf>> {
     let GalleryArgs { names, output, width } = args;
     let shipped = Shipped::open()?;
@@ -192,7 +191,6 @@ struct Exhibit<'e> {
     look: Option<String>,
 }
 
-/// A finished picture.
 struct Exposed {
     /// Relative to the page.
     file: String,
@@ -277,7 +275,6 @@ fn push(html: &mut String, text: std::fmt::Arguments) {
     html.write_fmt(text).unwrap_or_else(|_| unreachable!("writing to a string cannot fail"));
 }
 
-/// Text as HTML.
 fn escaped(text: &str) -> String {
     text.chars().fold(String::with_capacity(text.len()), |mut html, c| {
         match c {

@@ -20,7 +20,7 @@ use crate::commands::bake;
 use crate::commands::bake::{BakeJob, EncodingArgs};
 use crate::commands::info::CoverArgs;
 use crate::context::{Context, exists};
-use crate::scene::{SizeArg, open_model, show_notes};
+use crate::scene::{open_model, show_notes, size};
 use crate::sources::SourceArg;
 use crate::text::{Count, counted, positive, share};
 
@@ -184,8 +184,8 @@ pub(super) struct PhotographsArgs {
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     count: u32,
     /// Width and height in pixels
-    #[arg(long, value_name = "WxH", default_value = "1200x900")]
-    size: SizeArg,
+    #[arg(long, value_name = "WxH", default_value = "1200x900", value_parser = size)]
+    size: [u32; 2],
     /// What the camera sees through
     #[arg(long, value_enum, default_value_t)]
     lens: LensArg,
@@ -270,7 +270,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
         write_colmap_text(&sparse, &photographs)?;
         write_transforms(&transforms, &photographs, "images")?;
     }
-    let [width, height] = args.size.0;
+    let [width, height] = args.size;
     let info = PhotographsInfo {
         output: args.output.clone(),
         photos: photographs.len() as u64,
@@ -287,7 +287,7 @@ fn run_photographs(args: &PhotographsArgs, context: &Context) -> Result<()> {
 
 /// Cameras all around the model that show it whole.
 fn set_up(args: &PhotographsArgs, mesh: &Mesh, images: &Path) -> Vec<Photograph> {
-    let size = args.size.0;
+    let size = args.size;
     let [width, height] = size.map(f64::from);
     let framed = Camera::orbit(mesh, args.count as usize, width / height);
     let photograph = |(i, camera): (usize, Camera)| {

@@ -57,7 +57,6 @@ pub(crate) struct CoverArgs {
 }
 
 impl CoverArgs {
-    /// True where nothing was asked for.
     pub(crate) fn is_default(&self) -> bool {
         self.texels.is_none() && self.density.is_none() && self.tile.is_none()
     }
@@ -68,7 +67,6 @@ impl CoverArgs {
         self.texels.map(|texels| TexelBudget::Total(texels.0)).or(per_world_unit)
     }
 
-    /// Options with a budget.
     pub(crate) fn options(&self, budget: TexelBudget) -> CoverOptions {
         let default = CoverOptions::default();
         CoverOptions { budget, tile: self.tile.unwrap_or(default.tile), ..default }
@@ -384,7 +382,6 @@ struct LookInfo {
     models: Vec<PathBuf>,
 }
 
-/// Shows what is in a look.
 pub(crate) fn print_look(file: &LookFile, context: &Context) -> Result<()> {
     let look = file.look();
     let resolved = |name: &FileName| file.file(name);

@@ -51,7 +51,6 @@ pub(crate) struct PaintArgs {
     no_history: bool,
 }
 
-/// Strokes to apply.
 enum Strokes {
     File { file: StrokeFile, folder: PathBuf },
     Log(StrokeLog),

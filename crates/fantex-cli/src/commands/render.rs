@@ -19,9 +19,9 @@ use serde::Serialize;
 
 use crate::context::Context;
 use crate::scene::{
-    FILTERS, Scene, SizeArg, SurroundingsArgs, VectorArg, is_look, open_model, portrait, show_notes,
+    FILTERS, Scene, SurroundingsArgs, is_look, open_model, portrait, show_notes, size, vector,
 };
-use crate::text::{Bytes, counted, one_of};
+use crate::text::{bytes, counted, one_of};
 
 /// Render a model, an asset or a look.
 #[derive(Args, Debug)]
@@ -45,14 +45,14 @@ pub(crate) struct RenderArgs {
     #[arg(short, long, value_name = "PICTURE")]
     pub(crate) output: PathBuf,
     /// Width and height in pixels [default: the look's, or 1280x720]
-    #[arg(long, value_name = "WxH")]
-    pub(crate) size: Option<SizeArg>,
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    pub(crate) size: Option<[u32; 2]>,
     /// Where the camera is, world units
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    pub(crate) eye: Option<VectorArg>,
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    pub(crate) eye: Option<DVec3>,
     /// What the camera looks at, world units; the model's centre by default
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    pub(crate) target: Option<VectorArg>,
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    pub(crate) target: Option<DVec3>,
     /// Vertical opening angle of the camera in degrees [default: 35]
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub(crate) fov: Option<f64>,
@@ -63,16 +63,16 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_parser = one_of(&FILTERS))]
     pub(crate) filter: Option<Filter>,
     /// Direction to the sun, world axes; over the camera's left shoulder by default, none beside an environment
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
-    light: Option<VectorArg>,
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = vector)]
+    light: Option<DVec3>,
     #[command(flatten)]
     surroundings: SurroundingsArgs,
     /// Draw on the graphics card (any Vulkan, Metal or DirectX 12 adapter; software too) with 1 or 4 samples
     #[arg(long)]
     gpu: bool,
     /// Graphics memory for an asset's texels
-    #[arg(long, value_name = "SIZE", default_value = "64M", requires = "gpu")]
-    pool: Bytes,
+    #[arg(long, value_name = "SIZE", default_value = "64M", requires = "gpu", value_parser = bytes)]
+    pool: u64,
 }
 
 #[derive(Debug, Serialize)]
@@ -110,11 +110,11 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
     let mut options = RenderOptions::default();
-    [options.width, options.height] = args.size.map_or([options.width, options.height], |size| size.0);
+    [options.width, options.height] = args.size.unwrap_or([options.width, options.height]);
     options.samples = args.samples.unwrap_or(options.samples);
     let [width, height] = [options.width, options.height];
     let camera = camera(args, &scene, &options);
-    let sun = args.light.map(|VectorArg(to_light)| to_light.as_vec3());
+    let sun = args.light.map(|to_light| to_light.as_vec3());
     let mut lights = sun.map_or_else(|| Lights::behind(&camera), Lights::sun);
     if let Some(surroundings) = args.surroundings.load(sun)? {
         options.background = surroundings.background();
@@ -141,7 +141,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
     };
     let picture = if args.gpu {
         options.samples = args.samples.unwrap_or(4);
-        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool.0, context)?;
+        let drawn = render_on_gpu(&scene, &camera, &lights, &options, filter, args.pool, context)?;
         info.seconds = drawn.elapsed.as_secs_f64();
         info.adapter = Some(drawn.adapter);
         drawn.picture
@@ -183,10 +183,10 @@ fn text(info: &RenderInfo) -> String {
 fn camera(args: &RenderArgs, scene: &Scene, options: &RenderOptions) -> Camera {
     let framed = portrait(scene.mesh(), options);
     let center = scene.mesh().world_from_mesh.offset;
-    let target = args.target.map_or(center, |v| v.0);
+    let target = args.target.unwrap_or(center);
     let fov_degrees = args.fov.unwrap_or(framed.fov_degrees);
     match (args.eye, args.target) {
-        (Some(VectorArg(eye)), _) => Camera { eye, target, up: DVec3::Y, fov_degrees },
+        (Some(eye), _) => Camera { eye, target, up: DVec3::Y, fov_degrees },
         (None, Some(_)) => Camera { target, up: DVec3::Y, fov_degrees, ..framed },
         (None, None) => Camera { fov_degrees, ..framed },
     }
@@ -208,7 +208,6 @@ const MAX_WAIT: Duration = Duration::from_secs(600);
 /// What was drawn, and on what.
 pub(super) struct GpuRendering {
     pub(super) picture: Picture,
-    /// The adapter's name.
     pub(super) adapter: String,
     /// Drawing and reading back, without loading.
     pub(super) elapsed: Duration,
@@ -327,11 +326,11 @@ fn given_model(path: &Path, context: &Context) -> Result<GivenModel> {
 
 fn changes(args: &RenderArgs) -> PictureChanges {
     PictureChanges {
-        size: args.size.map(|size| size.0),
+        size: args.size,
         samples: args.samples,
         filter: args.filter,
-        eye: args.eye.map(|v| v.0),
-        target: args.target.map(|v| v.0),
+        eye: args.eye,
+        target: args.target,
         fov_degrees: args.fov,
         background: None,
     }

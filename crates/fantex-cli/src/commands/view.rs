@@ -9,7 +9,6 @@ use clap::Args;
 
 use fantex::{Error, Result};
 
-/// The viewer's name.
 const VIEWER: &str = "fantex-app";
 
 /// Show a model or an asset in a window.

@@ -4,14 +4,13 @@ use crate::paint::{
     BLEND_MODES, BrushSettings, FillReach, PaintSettings, PaintTool, SizeUnit, StickerKind, preview_stroke,
 };
 use crate::panels::paint::color::name_field;
-use crate::panels::widgets::{NumberRow, choice, heading, hint, row, segments};
+use crate::panels::widgets::{
+    cached_texture, choice, file_button, framed_picture, heading, hint, number, row, segments,
+};
 use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::{FileDialog, Request, Viewer};
-use eframe::egui::{
-    Button, Color32, ColorImage, CornerRadius, Rect, RichText, Sense, TextEdit, TextureOptions, Ui, pos2,
-    vec2,
-};
+use eframe::egui::{Button, Color32, ColorImage, RichText, TextEdit, Ui, vec2};
 
 /// Pixels of the preview, before the screen's own scale.
 const PREVIEW: [usize; 2] = [244, 64];
@@ -74,10 +73,6 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
     }
 }
 
-fn number<'a>(name: &'a str, suffix: &'a str, decimals: usize, tip: &'a str) -> NumberRow<'a> {
-    NumberRow { name, suffix, decimals, tip, ..NumberRow::PLAIN }
-}
-
 /// How far a fill goes.
 fn fill(ui: &mut Ui, paint: &mut PaintSettings) {
     row(ui, "Fills", |ui| choice(ui, "fill", &mut paint.fill, &FillReach::ALL));
@@ -105,9 +100,8 @@ fn sticker(ui: &mut Ui, paint: &mut PaintSettings) -> bool {
             name_field(&field, "Text");
         }
         StickerKind::Picture => {
-            let path = paint.picture.as_ref().and_then(|path| path.file_name());
-            let name = path.map_or("Choose …".into(), |name| name.to_string_lossy().into_owned());
-            is_asked = row(ui, "Picture", |ui| ui.add(Button::new(name).truncate())).clicked();
+            let tip = "A picture to lay onto the surface";
+            is_asked = row(ui, "Picture", |ui| file_button(ui, paint.picture.as_deref(), tip)).clicked();
         }
     }
     size(ui, &mut paint.brush);
@@ -159,14 +153,8 @@ fn size(ui: &mut Ui, brush: &mut BrushSettings) {
     };
     let high = brush.size.max(high);
     let decimals = if brush.unit == SizeUnit::World { 3 } else { 0 };
-    let row_of = NumberRow {
-        name: "Size",
-        decimals,
-        is_logarithmic: true,
-        tip: "Diameter ([ and ])",
-        ..NumberRow::PLAIN
-    };
-    row_of.show(ui, &mut brush.size, low..=high);
+    let size = number("Size", "", decimals, "Diameter ([ and ])");
+    size.logarithmic().show(ui, &mut brush.size, low..=high);
     row(ui, "Measured in", |ui| {
         let inner = ui.horizontal(|ui| segments(ui, &mut brush.unit, &SizeUnit::ALL));
         inner.response.on_hover_text("Pixels of the screen, units of the model's file, or texels")
@@ -175,13 +163,10 @@ fn size(ui: &mut Ui, brush: &mut BrushSettings) {
 
 /// A stroke in the brush's colour on a dark sheet.
 fn preview(ui: &mut Ui, brush: &BrushSettings, [r, g, b]: [u8; 3]) {
-    let (rect, _) = ui.allocate_exact_size(vec2(PREVIEW[0] as f32, PREVIEW[1] as f32), Sense::hover());
     let scale = ui.ctx().pixels_per_point().max(1.0);
     let [width, height] = PREVIEW.map(|n| (n as f32 * scale) as usize);
-    let key = (brush.clone(), [r, g, b], width);
     let id = ui.scope_id().with("brush preview");
-    let known = ui.data(|data| data.get_temp::<Preview>(id)).filter(|known| known.key == key);
-    let shown = known.unwrap_or_else(|| {
+    let texture = cached_texture(ui, id, (brush.clone(), [r, g, b], width), || {
         let sized = BrushSettings { size: brush.size * scale, ..brush.clone() };
         let coverage = preview_stroke(&sized, width, height);
         let mix = |ground: u8, ink: u8, share: f32| {
@@ -193,25 +178,9 @@ fn preview(ui: &mut Ui, brush: &BrushSettings, [r, g, b]: [u8; 3]) {
         let pixels = coverage.iter().map(|&share| {
             Color32::from_rgb(mix(ground, r, share), mix(ground, g, share), mix(ground, b, share))
         });
-        let image = ColorImage::new([width, height], pixels.collect());
-        let texture = ui.ctx().load_texture("brush preview", image, TextureOptions::LINEAR);
-        Preview { key, texture }
+        ColorImage::new([width, height], pixels.collect())
     });
-    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    ui.painter().image(shown.texture.id(), rect, whole, Color32::WHITE);
-    ui.painter().rect_stroke(
-        rect,
-        CornerRadius::same(2),
-        eframe::egui::Stroke::new(1.0, theme::LINE),
-        eframe::egui::StrokeKind::Inside,
-    );
-    ui.data_mut(|data| data.insert_temp(id, shown));
-}
-
-#[derive(Clone)]
-struct Preview {
-    key: (BrushSettings, [u8; 3], usize),
-    texture: eframe::egui::TextureHandle,
+    framed_picture(ui, &texture, vec2(PREVIEW[0] as f32, PREVIEW[1] as f32));
 }
 
 /// Brushes that are kept: a click takes one.

@@ -2,9 +2,8 @@
 
 use eframe::egui::ecolor::{hsv_from_rgb, rgb_from_hsv};
 use eframe::egui::{
-    Align, Button, Checkbox, Color32, ColorImage, CornerRadius, Layout, Mesh, Rect, Response, RichText,
-    Sense, Shape, Stroke, StrokeKind, TextEdit, TextStyle, TextureHandle, TextureOptions, Ui, Vec2, pos2,
-    vec2,
+    Align, Checkbox, Color32, ColorImage, CornerRadius, Layout, Mesh, Rect, Response, RichText, Sense, Shape,
+    Stroke, StrokeKind, TextEdit, TextStyle, Ui, Vec2, pos2, vec2,
 };
 use fantex::store::ChannelKind;
 
@@ -12,7 +11,9 @@ use crate::display::ShadingView;
 use crate::paint::{
     ColorSource, PALETTES, PaintSettings, SOLIDS, TextureChoice, color_of_hex, parse_hex, text_hex,
 };
-use crate::panels::widgets::{NumberRow, heading, named_choice, row, segments};
+use crate::panels::widgets::{
+    cached_texture, file_button, framed_picture, heading, named_choice, number, row, segments,
+};
 use crate::theme;
 use crate::viewer::{FileDialog, Request, Viewer};
 
@@ -119,7 +120,7 @@ fn material(ui: &mut Ui, kind: ChannelKind, paint: &mut PaintSettings) {
         return;
     }
     let material = &mut paint.material;
-    let number = |name| NumberRow { name, ..NumberRow::PLAIN };
+    let number = |name| number(name, "", 2, "");
     match kind {
         ChannelKind::OcclusionRoughnessMetallic => {
             number("   Roughness").show(ui, &mut material.roughness, 0.0..=1.0);
@@ -175,27 +176,16 @@ fn solid(ui: &mut Ui, choice: &mut TextureChoice) {
     if now != choice.solid {
         choice.solid = now.to_owned();
     }
-    let scale = NumberRow {
-        name: "Scale",
-        decimals: 2,
-        is_logarithmic: true,
-        tip: "Size of the pattern; 1 fits the model",
-        ..NumberRow::PLAIN
-    };
-    scale.show(ui, &mut choice.scale, 0.02..=10.0);
-    let seed =
-        NumberRow { name: "Seed", decimals: 0, tip: "Another seed is another piece", ..NumberRow::PLAIN };
+    let scale = number("Scale", "", 2, "Size of the pattern; 1 fits the model");
+    scale.logarithmic().show(ui, &mut choice.scale, 0.02..=10.0);
+    let seed = number("Seed", "", 0, "Another seed is another piece");
     seed.show(ui, &mut choice.seed, 0..=99);
 }
 
 /// Returns whether another file is wanted.
 fn look(ui: &mut Ui, choice: &mut TextureChoice) -> bool {
-    let name = choice.look.as_ref().and_then(|path| path.file_name());
-    let name = name.map_or("Choose …".into(), |name| name.to_string_lossy().into_owned());
-    let is_asked = row(ui, "Look", |ui| {
-        ui.add(Button::new(name).truncate()).on_hover_text("A look: a TOML file with textures")
-    })
-    .clicked();
+    let tip = "A look: a TOML file with textures";
+    let is_asked = row(ui, "Look", |ui| file_button(ui, choice.look.as_deref(), tip)).clicked();
     let names = known_names(ui, choice);
     if !names.is_empty() {
         let places: Vec<(usize, &String)> = names.iter().enumerate().collect();
@@ -236,24 +226,11 @@ fn texture_preview(ui: &mut Ui, viewer: &mut Viewer) {
     };
     let Some(made) = made else { return };
     let id = ui.scope_id().with("texture preview");
-    let known = ui.data(|data| data.get_temp::<(TextureChoice, TextureHandle)>(id));
-    let texture = match known.filter(|(of, _)| *of == choice) {
-        Some((_, texture)) => texture,
-        None => {
-            let pixels = made.preview(&painting.surface, PREVIEW);
-            let pixels = pixels.into_iter().map(|[r, g, b]| Color32::from_rgb(r, g, b)).collect();
-            let image = ColorImage::new(PREVIEW, pixels);
-            let texture = ui.ctx().load_texture("texture preview", image, TextureOptions::LINEAR);
-            ui.data_mut(|data| data.insert_temp(id, (choice, texture.clone())));
-            texture
-        }
-    };
-    let (rect, response) =
-        ui.allocate_exact_size(vec2(2.0 * PREVIEW[0] as f32, 2.0 * PREVIEW[1] as f32), Sense::hover());
-    let whole = Rect::from_min_max(pos2(0.0, 0.0), pos2(1.0, 1.0));
-    ui.painter().image(texture.id(), rect, whole, Color32::WHITE);
-    let edge = Stroke::new(1.0, theme::LINE);
-    ui.painter().rect_stroke(rect, CornerRadius::same(2), edge, StrokeKind::Inside);
+    let texture = cached_texture(ui, id, choice, || {
+        let pixels = made.preview(&painting.surface, PREVIEW);
+        ColorImage::new(PREVIEW, pixels.into_iter().map(color32).collect())
+    });
+    let response = framed_picture(ui, &texture, 2.0 * vec2(PREVIEW[0] as f32, PREVIEW[1] as f32));
     response.on_hover_text("A slanting cut through the model's middle, as wide as the model");
 }
 

@@ -24,7 +24,7 @@ use eframe::egui::{
 use crate::command::{Command, keys_of};
 use crate::paint::{PaintCommand, PaintTool, SymmetryKind};
 use crate::panels::panel_frame;
-use crate::panels::widgets::{NumberRow, heading, row, segments};
+use crate::panels::widgets::{heading, number, row, segments};
 use crate::theme;
 use crate::viewer::Viewer;
 
@@ -238,13 +238,11 @@ pub(crate) fn symmetry(ui: &mut Ui, viewer: &mut Viewer) {
     match symmetry.kind {
         SymmetryKind::Mirror => {
             let half = 0.5 * diagonal;
-            let offset =
-                NumberRow { name: "Offset", decimals: 3, tip: "From the model's middle", ..NumberRow::PLAIN };
+            let offset = number("Offset", "", 3, "From the model's middle");
             offset.show(ui, &mut symmetry.offset, -half..=half);
         }
         _ => {
-            let count = NumberRow { name: "Copies", decimals: 0, ..NumberRow::PLAIN };
-            count.show(ui, &mut symmetry.count, 2..=24);
+            number("Copies", "", 0, "").show(ui, &mut symmetry.count, 2..=24);
         }
     }
     ui.checkbox(&mut symmetry.shows_plane, "Show it in the scene");

@@ -4,9 +4,8 @@
 use std::sync::Arc;
 
 use eframe::egui::{
-    Align2, Area, Button, Color32, ColorImage, CornerRadius, CursorIcon, FontId, Frame, Id, Margin, Mesh,
-    Order, Painter, Pos2, Rect, Response, RichText, Shape, Stroke, TextureHandle, TextureOptions, Ui, pos2,
-    vec2,
+    Align2, Area, Color32, ColorImage, CornerRadius, CursorIcon, FontId, Frame, Id, Margin, Mesh, Order,
+    Painter, Pos2, Rect, Response, RichText, Shape, Stroke, TextureHandle, TextureOptions, Ui, pos2, vec2,
 };
 use fantex::glam::{DVec2, DVec3};
 
@@ -16,7 +15,7 @@ use crate::paint::{
     SymmetryKind, plane_outline,
 };
 use crate::panels::paint::brush::percent;
-use crate::panels::widgets::{NumberRow, gauge, heading, row, segments};
+use crate::panels::widgets::{file_button, gauge, heading, number, row, segments};
 use crate::theme;
 use crate::viewer::{FileDialog, Request, SceneInput, Viewer};
 
@@ -223,10 +222,7 @@ pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     let mut asks_file = false;
     ui.horizontal(|ui| {
         ui.checkbox(&mut stencil.is_on, "On").on_hover_text("N");
-        let name = stencil.image.as_ref().and_then(|path| path.file_name());
-        let name = name.map_or("Choose …".into(), |name| name.to_string_lossy().into_owned());
-        asks_file =
-            ui.add(Button::new(name).truncate()).on_hover_text("A picture to paint through").clicked();
+        asks_file = file_button(ui, stencil.image.as_deref(), "A picture to paint through").clicked();
     });
     if stencil.is_on && stencil.image.is_some() {
         row(ui, "Paints", |ui| {
@@ -234,16 +230,9 @@ pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
             inner.response.on_hover_text("Through its alpha or brightness, or with its colours")
         });
         percent(ui, "Seen", &mut stencil.opacity, "How much of it is seen over the scene");
-        let height = NumberRow {
-            name: "Height",
-            decimals: 2,
-            is_logarithmic: true,
-            tip: "In heights of the view",
-            ..NumberRow::PLAIN
-        };
-        height.show(ui, &mut stencil.place.height, 0.05..=5.0);
-        let angle = NumberRow { name: "Angle", suffix: "°", decimals: 0, ..NumberRow::PLAIN };
-        angle.show(ui, &mut stencil.place.angle, -180.0..=180.0);
+        let height = number("Height", "", 2, "In heights of the view");
+        height.logarithmic().show(ui, &mut stencil.place.height, 0.05..=5.0);
+        number("Angle", "°", 0, "").show(ui, &mut stencil.place.angle, -180.0..=180.0);
         let picture = viewer.painting.as_mut().and_then(|painting| painting.stencil(stencil).ok().flatten());
         ui.horizontal(|ui| {
             ui.spacing_mut().item_spacing.x = 4.0;
@@ -306,7 +295,7 @@ pub(in crate::panels) fn stencil_overlay(ui: &Ui, viewer: &mut Viewer, rect: Rec
     painter.add(Shape::mesh(mesh));
     stencil_outline(&painter, corners, settings.is_adjusted);
     if settings.is_adjusted {
-        for at in corners.into_iter().chain([stalk(rect, &settings, picture.aspect())]) {
+        for at in corners.into_iter().chain([turn_handle(rect, &settings, picture.aspect())]) {
             painter.circle(at, HANDLE, Color32::from_black_alpha(160), Stroke::new(1.5, theme::STRONG));
         }
     }
@@ -347,7 +336,7 @@ fn in_view(rect: Rect, at: Pos2) -> DVec2 {
 }
 
 /// The handle that turns: above the picture's upper side.
-fn stalk(rect: Rect, settings: &StencilSettings, aspect: f64) -> Pos2 {
+fn turn_handle(rect: Rect, settings: &StencilSettings, aspect: f64) -> Pos2 {
     let [a, b, ..] = settings.corners(aspect);
     let up = DVec2::from_angle(settings.place.angle.to_radians()).perp();
     in_window(rect, 0.5 * (a + b) + up * (50.0 / f64::from(rect.height().max(1.0))))
@@ -383,7 +372,7 @@ pub(in crate::panels) fn adjust(
         && let Some(at) = ui.input(|i| i.pointer.press_origin())
     {
         let corners = settings.corners(picture.aspect()).map(|corner| in_window(rect, corner));
-        let grip = if near(at, stalk(rect, settings, picture.aspect())) {
+        let grip = if near(at, turn_handle(rect, settings, picture.aspect())) {
             Grip::Turn
         } else if corners.into_iter().any(|corner| near(at, corner)) {
             Grip::Scale

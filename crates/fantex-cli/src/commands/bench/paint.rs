@@ -35,7 +35,6 @@ pub(super) struct PaintBenchArgs {
     dabs: usize,
 }
 
-/// Runs the benchmark.
 pub(super) fn paint(args: &PaintBenchArgs, context: &Context) -> Result<Vec<Row>> {
     let options = PaintOptions { memory_bytes: context.memory_bytes as usize, ..PaintOptions::default() };
     let mut rows = Vec::new();

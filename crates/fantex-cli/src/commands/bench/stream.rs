@@ -18,8 +18,8 @@ use glam::DVec3;
 
 use super::Row;
 use crate::context::{Context, peak_memory_bytes};
-use crate::scene::SizeArg;
-use crate::text::{Bytes, positive};
+use crate::scene::size;
+use crate::text::{bytes, positive};
 
 /// Fly through an asset: frame times, time until views are sharp, bytes read against bytes needed, the disk beside it.
 #[derive(Args, Debug)]
@@ -40,11 +40,11 @@ pub(super) struct StreamArgs {
     #[arg(long, value_name = "PATH")]
     path: Option<PathBuf>,
     /// Graphics memory for texels
-    #[arg(long, value_name = "SIZE", default_value = "64M")]
-    pool: Bytes,
+    #[arg(long, value_name = "SIZE", default_value = "64M", value_parser = bytes)]
+    pool: u64,
     /// Width and height of the picture in pixels
-    #[arg(long, value_name = "WxH", default_value = "1280x720")]
-    size: SizeArg,
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    size: [u32; 2],
     /// Frames per second
     #[arg(long, value_name = "RATE", default_value_t = 60.0, value_parser = positive)]
     rate: f64,
@@ -65,7 +65,6 @@ const MAX_STEP_SECONDS: f64 = 0.1;
 /// A slow frame may upload as much as so many quick ones.
 const MAX_QUICK_FRAMES: f64 = 16.0;
 
-/// Runs the benchmark.
 pub(super) fn stream(args: &StreamArgs, context: &Context) -> Result<Vec<Row>> {
     let started = Instant::now();
     let asset = Arc::new(open_asset(&args.asset)?);
@@ -153,8 +152,8 @@ fn fly(
     let block_compressed = gpu.as_ref().is_none_or(Gpu::has_block_compression);
     let formats = formats(asset, block_compressed);
     let atlas = match &gpu {
-        Some(gpu) => FanModel::atlas_shape(gpu, args.pool.0, &formats),
-        None => AtlasShape::within(args.pool.0, &formats),
+        Some(gpu) => FanModel::atlas_shape(gpu, args.pool, &formats),
+        None => AtlasShape::within(args.pool, &formats),
     };
     let loader = ClusterLoader::open(
         Arc::clone(asset),
@@ -188,7 +187,7 @@ fn fly(
             incomplete_since = Some(seconds);
         }
         let Some(camera) = path.at(path_seconds) else { break };
-        let view = camera.view(&asset.mesh().world_from_mesh, args.size.0);
+        let view = camera.view(&asset.mesh().world_from_mesh, args.size);
         let budget = FrameOptions::default();
         let quick_frames = (elapsed * args.rate).clamp(1.0, MAX_QUICK_FRAMES);
         let frame = FrameOptions {
@@ -238,8 +237,8 @@ struct Screen {
 
 impl Screen {
     fn new(gpu: Gpu, asset: &Asset, pages: &PageTable, args: &StreamArgs) -> Result<Self> {
-        let size = args.size.0;
-        let model = FanModel::of_asset(&gpu, asset, pages, args.pool.0)?;
+        let size = args.size;
+        let model = FanModel::of_asset(&gpu, asset, pages, args.pool)?;
         Ok(Self { hidden: HiddenScreen::new(&gpu, size), gpu, model, size, lights: Lights::default() })
     }
 

@@ -15,7 +15,7 @@ use glam::DQuat;
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
-use super::{ExportArgs, PictureSizeArg, UvArg, has_extension};
+use super::{ExportArgs, PictureSize, UvArg, has_extension};
 use crate::context::Context;
 use crate::scene::{Scene, Surroundings, aspect};
 use crate::text::counted;
@@ -39,8 +39,8 @@ pub(super) fn run(args: &ExportArgs, count: u32, context: &Context) -> Result<()
     let scene = Scene::open(&args.asset, context)?;
     let [width, height] = match args.size {
         None => [800, 600],
-        Some(PictureSizeArg::Side(side)) => [side, side],
-        Some(PictureSizeArg::WidthHeight(size)) => size.0,
+        Some(PictureSize::Side(side)) => [side, side],
+        Some(PictureSize::WidthHeight(size)) => size,
     };
     let mut options = RenderOptions { width, height, samples: args.samples, ..RenderOptions::default() };
     let is_animation = has_extension(&args.output, "png");

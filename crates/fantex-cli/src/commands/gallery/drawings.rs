@@ -35,7 +35,6 @@ pub(super) struct Studio<'a> {
     pub(super) context: &'a Context,
 }
 
-/// Pictures with their captions.
 pub(super) type Drawn = Result<Vec<(String, Image)>>;
 
 /// What draws an entry's pictures.
@@ -109,7 +108,6 @@ fn seamless(studio: &Studio<'_>) -> Drawn {
     ])
 }
 
-/// An asset in a temporary folder.
 struct Baked {
     cache: PageCache,
     _folder: tempfile::TempDir,
