@@ -1,10 +1,10 @@
 //! Models and assets that are open, and what is worth telling about them.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU16, Ordering::Relaxed};
 
+use fantex::FileKind;
 use fantex::bake::Progress;
 use fantex::base::{Error, Result};
 use fantex::cover::{Cover, GroupKind};
@@ -109,14 +109,12 @@ pub enum Stage {
 }
 
 impl Stage {
-    pub fn label(self) -> &'static str {
-        match self {
-            Self::Reading => "Reading",
-            Self::Cleaning => "Cleaning the mesh",
-            Self::Baking => "Making an asset to paint on",
-            Self::Preparing => "Preparing textures",
-        }
-    }
+    pub const ALL: [(Self, &'static str); 4] = [
+        (Self::Reading, "Reading"),
+        (Self::Cleaning, "Cleaning the mesh"),
+        (Self::Baking, "Making an asset to paint on"),
+        (Self::Preparing, "Preparing textures"),
+    ];
 }
 
 /// The thread that opens and the one that shows talk through this.
@@ -140,12 +138,7 @@ impl Progress for OpenProgress {
 
 impl OpenProgress {
     pub fn stage(&self) -> Stage {
-        match self.stage.load(Relaxed) {
-            0 => Stage::Reading,
-            1 => Stage::Cleaning,
-            2 => Stage::Baking,
-            _ => Stage::Preparing,
-        }
+        Stage::ALL[usize::from(self.stage.load(Relaxed))].0
     }
 
     /// How much of the stage is done, 0..1; none where that is not known.
@@ -178,12 +171,10 @@ impl Place {
     /// One sentence for the user.
     pub fn check(&self) -> Result<()> {
         match self {
-            Self::File(path) if is_look(path) => Err(is_look_error(path)),
-            Self::File(path) => {
-                let found = std::fs::metadata(path).map(drop);
-                found.map_err(|source| Error::reading(path, source))?;
-                is_asset(path).map(drop)
-            }
+            Self::File(path) => match FileKind::of(path)? {
+                FileKind::Look => Err(is_look_error(path)),
+                _ => std::fs::metadata(path).map(drop).map_err(|source| Error::reading(path, source)),
+            },
             Self::Url(_) => Ok(()),
         }
     }
@@ -204,18 +195,18 @@ impl Document {
                 Err(Error::unsupported(sentence))
             }
             Place::Url(url) => Ok(Self::of_asset(place.clone(), Arc::new(open_asset(Path::new(url))?))),
-            Place::File(path) if is_look(path) => Err(is_look_error(path)),
-            Place::File(path) if is_asset(path)? => {
-                Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?)))
-            }
-            Place::File(path) => {
-                let model = load(path, &LoadOptions::default())?;
-                progress.enter(Stage::Cleaning)?;
-                let mut notes = model.notes.clone();
-                let (mesh, report) = clean(model, &CleanOptions::default())?;
-                notes.extend(report.lines());
-                Ok(Self::of_model(place.clone(), Arc::new(mesh), &report, notes))
-            }
+            Place::File(path) => match FileKind::of(path)? {
+                FileKind::Look => Err(is_look_error(path)),
+                FileKind::Asset => Ok(Self::of_asset(place.clone(), Arc::new(Asset::open(path)?))),
+                FileKind::Model => {
+                    let model = load(path, &LoadOptions::default())?;
+                    progress.enter(Stage::Cleaning)?;
+                    let mut notes = model.notes.clone();
+                    let (mesh, report) = clean(model, &CleanOptions::default())?;
+                    notes.extend(report.lines());
+                    Ok(Self::of_model(place.clone(), Arc::new(mesh), &report, notes))
+                }
+            },
         }
     }
 
@@ -237,9 +228,11 @@ impl Document {
                 let sentence = format!("{url} can only be looked at: download it to paint on it");
                 return Err(Error::unsupported(sentence));
             }
-            Place::File(path) if is_look(path) => return Err(is_look_error(path)),
-            Place::File(path) if is_asset(path)? => path.clone(),
-            Place::File(path) => asset_of_model(path, progress, &mut notes)?,
+            Place::File(path) => match FileKind::of(path)? {
+                FileKind::Look => return Err(is_look_error(path)),
+                FileKind::Asset => path.clone(),
+                FileKind::Model => asset_of_model(path, progress, &mut notes)?,
+            },
         };
         progress.enter(Stage::Preparing)?;
         let painter = Painter::open(&path, &PaintOptions { memory_bytes, history: true })?;
@@ -376,30 +369,10 @@ fn kind_label(kind: ChannelKind) -> &'static str {
     }
 }
 
-fn is_look(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
-}
-
 /// False for addresses of models; all others may be assets.
 fn is_asset_url(url: &str) -> bool {
     let name = Place::Url(url.to_owned()).name().to_ascii_lowercase();
     ![".glb", ".gltf", ".obj", ".ply", ".stl", ".toml"].iter().any(|extension| name.ends_with(extension))
-}
-
-/// True for files that are named `.fan` or start like an asset, whatever they are named.
-fn is_asset(path: &Path) -> Result<bool> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
-        return Ok(true);
-    }
-    if path.is_dir() {
-        // The loader has a sentence for folders.
-        return Ok(false);
-    }
-    let mut start = Vec::with_capacity(4);
-    std::fs::File::open(path)
-        .and_then(|file| file.take(4).read_to_end(&mut start))
-        .map_err(|source| Error::reading(path, source))?;
-    Ok(start == *b"\x89FAN")
 }
 
 /// `1 234 567`: groups of three digits.

@@ -10,8 +10,8 @@ use fantex::paint::PaintOptions;
 use fantex::scene::{Background, Camera, Lights};
 
 use crate::camera::{
-    CameraMode, CameraPath, CameraRig, FlyMotion, Ground, MeshGround, PathRecorder, SceneScale, ViewPreset,
-    Walker, Wish,
+    CameraMode, CameraPath, CameraRig, FlyMotion, Ground, MeshGround, MoveInput, PathRecorder, SceneScale,
+    ViewPreset, Walker,
 };
 use crate::command::Command;
 use crate::display::DisplaySettings;
@@ -77,8 +77,9 @@ pub enum PictureSize {
 }
 
 /// A camera path being played or recorded.
-#[derive(Clone, Debug)]
-pub enum Tape {
+#[derive(Clone, Debug, Default)]
+pub enum PathState {
+    #[default]
     Still,
     Recording {
         /// When it began.
@@ -92,7 +93,7 @@ pub enum Tape {
 
 /// Everything that a picture of the scene depends on, besides what is resident.
 #[derive(Clone, Debug, PartialEq)]
-struct Looks {
+struct PictureState {
     rig: CameraRig,
     size: [u32; 2],
     light: crate::light::LightSettings,
@@ -121,16 +122,17 @@ pub struct SceneInput {
     /// Where the cursor is, 0..1 along the scene's sides.
     pub cursor: Option<DVec2>,
     pub is_double_click: bool,
-    pub wish: Wish,
+    pub movement: MoveInput,
 }
 
+#[derive(Default)]
 pub struct Viewer {
     pub settings: Settings,
     pub document: Option<Document>,
     pub opening: Option<Opening>,
     pub rig: CameraRig,
     pub path: Option<CameraPath>,
-    pub tape: Tape,
+    pub path_state: PathState,
     pub notices: Notices,
     /// Why the program is to end.
     pub failure: Option<String>,
@@ -168,64 +170,25 @@ pub struct Viewer {
     /// Surroundings that could not be had, so that they are not tried in every frame.
     map_failed: Option<MapKey>,
     panels_before: Option<PanelSettings>,
-    looks: Option<Looks>,
+    looks: Option<PictureState>,
     prepare: Option<PrepareScene>,
     /// The document on its way to another GPU.
     moving: Option<Job<Result<SceneModel>>>,
-    wake: Wake,
-}
-
-impl std::fmt::Debug for Viewer {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Viewer")
-            .field("document", &self.document)
-            .field("rig", &self.rig)
-            .finish_non_exhaustive()
-    }
+    wake: Option<Wake>,
 }
 
 impl Viewer {
     /// A viewer without a document. `prepare` brings a document to the graphics memory, on the thread that opens it; without,
     /// nothing is drawn.
     pub fn new(settings: Settings, prepare: Option<PrepareScene>, wake: Wake) -> Self {
-        let rig = CameraRig { fov_degrees: settings.camera.fov_degrees, ..CameraRig::default() };
         Self {
+            rig: CameraRig { fov_degrees: settings.camera.fov_degrees, ..CameraRig::default() },
             fly: FlyMotion::new(settings.camera.fly_speed),
             settings,
-            document: None,
-            opening: None,
-            rig,
-            path: None,
-            tape: Tape::Still,
-            notices: Notices::default(),
-            failure: None,
-            figures: StreamFigures::default(),
-            graphs: Graphs::default(),
-            pacing: Pacing::default(),
-            has_help: false,
-            painting: None,
-            paints: false,
             paint_memory_bytes: PaintOptions::default().memory_bytes,
-            brushes_file: None,
-            scene_pixels: [0; 2],
-            scene_corner: [0.0; 2],
-            adapter: String::new(),
-            picture_folder: PathBuf::new(),
-            new_model: None,
-            was_warned: false,
-            is_unframed: false,
-            requests: Vec::new(),
-            walker: Walker::new(SceneScale::default().eye_height()),
-            ground: None,
-            ground_job: None,
-            map: None,
-            map_job: None,
-            map_failed: None,
-            panels_before: None,
-            looks: None,
             prepare,
-            moving: None,
-            wake,
+            wake: Some(wake),
+            ..Self::default()
         }
     }
 
@@ -289,9 +252,9 @@ impl Viewer {
         })
     }
 
-    fn waker(&self) -> impl FnOnce() + Send + 'static {
+    fn waker(&self) -> impl Fn() + Send + Sync + 'static {
         let wake = self.wake.clone();
-        move || wake()
+        move || wake.iter().for_each(|wake| wake())
     }
 
     /// Shows nothing.
@@ -307,7 +270,7 @@ impl Viewer {
         self.moving = None;
         self.ground = None;
         self.ground_job = None;
-        self.tape = Tape::Still;
+        self.path_state = PathState::Still;
         self.figures = StreamFigures::default();
         self.graphs.clear();
         self.walker.leave();
@@ -479,8 +442,8 @@ impl Viewer {
             self.has_help = false;
         } else if self.opening.is_some() {
             self.cancel_opening();
-        } else if !matches!(self.tape, Tape::Still) {
-            self.tape = Tape::Still;
+        } else if !matches!(self.path_state, PathState::Still) {
+            self.path_state = PathState::Still;
         } else if let Some(painting) = self.painting.as_ref().filter(|painting| painting.work.is_some()) {
             painting.give_up_work();
         } else {
@@ -522,28 +485,28 @@ impl Viewer {
     }
 
     fn toggle_recording(&mut self, seconds: f64) {
-        self.tape = match std::mem::replace(&mut self.tape, Tape::Still) {
-            Tape::Recording { since, recorder } => {
+        self.path_state = match std::mem::replace(&mut self.path_state, PathState::Still) {
+            PathState::Recording { since, recorder } => {
                 self.path = recorder.finish(seconds - since, &self.rig.camera());
                 self.notices
                     .info("The camera path was recorded: P plays it, the View page saves it.", seconds);
-                Tape::Still
+                PathState::Still
             }
             _ if self.document.is_some() => {
                 self.notices.info("Recording the camera's path; R ends it.", seconds);
-                Tape::Recording { since: seconds, recorder: PathRecorder::default() }
+                PathState::Recording { since: seconds, recorder: PathRecorder::default() }
             }
-            _ => Tape::Still,
+            _ => PathState::Still,
         };
     }
 
     fn toggle_playback(&mut self, seconds: f64) {
-        self.tape = match (&self.tape, &self.path) {
-            (Tape::Playing { .. }, _) => Tape::Still,
-            (_, Some(_)) => Tape::Playing { since: seconds },
+        self.path_state = match (&self.path_state, &self.path) {
+            (PathState::Playing { .. }, _) => PathState::Still,
+            (_, Some(_)) => PathState::Playing { since: seconds },
             (_, None) => {
                 self.notices.info("There is no camera path yet: press R to record one.", seconds);
-                Tape::Still
+                PathState::Still
             }
         };
     }
@@ -593,7 +556,7 @@ impl Viewer {
             self.settings.light.has_sun = true;
             self.settings.light.drag_sun(input.drag);
         }
-        if let Tape::Playing { since } = self.tape {
+        if let PathState::Playing { since } = self.path_state {
             return self.play(seconds - since);
         }
         let drag = if input.turns_sun { DVec2::ZERO } else { input.drag };
@@ -606,7 +569,7 @@ impl Viewer {
             CameraMode::Fly => self.fly(input, drag, step),
             CameraMode::Walk => self.walk(input, drag, step),
         };
-        if let Tape::Recording { since, recorder } = &mut self.tape {
+        if let PathState::Recording { since, recorder } = &mut self.path_state {
             recorder.take(seconds - *since, &self.rig.camera());
             return true;
         }
@@ -615,7 +578,7 @@ impl Viewer {
 
     fn play(&mut self, at: f64) -> bool {
         let Some(path) = &self.path else {
-            self.tape = Tape::Still;
+            self.path_state = PathState::Still;
             return false;
         };
         let is_over = at >= path.seconds();
@@ -623,7 +586,7 @@ impl Viewer {
             self.set_camera(&camera);
         }
         if is_over {
-            self.tape = Tape::Still;
+            self.path_state = PathState::Still;
         }
         !is_over
     }
@@ -672,7 +635,7 @@ impl Viewer {
         self.fly.change_speed(input.wheel);
         self.settings.camera.fly_speed = self.fly.speed;
         let scale = self.scale();
-        let goes_on = self.fly.step(&mut self.rig, &input.wish, &scale, step);
+        let goes_on = self.fly.step(&mut self.rig, &input.movement, &scale, step);
         let is_lost = (self.rig.eye - scale.center).length() > 1e3 * scale.diagonal;
         if is_lost || !self.rig.is_sound() {
             self.rig = before;
@@ -689,12 +652,12 @@ impl Viewer {
         let eye_height = self.eye_height();
         self.walker.eye_height = eye_height;
         let Some(ground) = &self.ground else { return self.ground_job.is_some() };
-        self.walker.step(&mut self.rig, &input.wish, ground, step)
+        self.walker.step(&mut self.rig, &input.movement, ground, step)
     }
 
     /// Compares with the last frame and tells the pacing what has changed.
     pub fn notice_changes(&mut self, seconds: f64) {
-        let looks = Looks {
+        let looks = PictureState {
             rig: self.rig,
             size: self.scene_pixels,
             light: self.settings.light.clone(),

@@ -1,7 +1,5 @@
 //! Opening models, assets and looks, and rendering them.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -16,7 +14,7 @@ use fantex::render::{
 use fantex::store::{Asset, PageCache};
 use fantex::texture::Filter;
 use fantex::texture::environment::{EnvironmentMap, PrefilteredEnvironment, Sky};
-use fantex::{Error, Result};
+use fantex::{Error, FileKind, Result};
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::context::Context;
@@ -162,20 +160,24 @@ pub(crate) enum Input {
 
 impl Input {
     pub(crate) fn open(path: &Path) -> Result<Self> {
-        if is_look(path) {
-            return Ok(Self::Look(Box::new(LookFile::read(path)?)));
-        }
-        if is_asset(path)? {
-            return Ok(Self::Asset(Arc::new(Asset::open(path)?)));
-        }
-        Ok(Self::Model(Box::new(fantex::Mesh::load(path)?)))
+        Ok(match FileKind::of(path)? {
+            FileKind::Look => Self::Look(Box::new(LookFile::read(path)?)),
+            FileKind::Asset => Self::Asset(Arc::new(Asset::open(path)?)),
+            FileKind::Model => Self::Model(Box::new(fantex::Mesh::load(path)?)),
+        })
     }
 }
 
 /// Loads and cleans a model; an asset is refused.
 pub(crate) fn open_model(path: &Path) -> Result<fantex::Mesh> {
-    refuse_asset(path)?;
-    Ok(fantex::Mesh::load(path)?)
+    match FileKind::of(path)? {
+        FileKind::Model => fantex::Mesh::load(path),
+        FileKind::Look => Err(look_instead(path)),
+        FileKind::Asset => Err(Error::unsupported(format!(
+            "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
+            path.display()
+        ))),
+    }
 }
 
 /// Notes what loading and cleaning have found.
@@ -183,27 +185,16 @@ pub(crate) fn show_notes(mesh: &fantex::Mesh, context: &Context) {
     mesh.notes().iter().for_each(|note| context.note(format!("{}: {note}", mesh.path().display())));
 }
 
-fn refuse_asset(path: &Path) -> Result<()> {
-    refuse_look(path)?;
-    if is_asset(path)? {
-        return Err(Error::unsupported(format!(
-            "{} is an asset, already baked; give the model (.glb .gltf .obj .ply .stl) that it was baked from",
-            path.display()
-        )));
-    }
-    Ok(())
-}
-
 /// Opens an asset; a model is refused.
 pub(crate) fn open_asset(path: &Path) -> Result<Arc<Asset>> {
-    refuse_look(path)?;
-    if !is_asset(path)? {
-        return Err(Error::unsupported(format!(
+    match FileKind::of(path)? {
+        FileKind::Asset => Ok(Arc::new(Asset::open(path)?)),
+        FileKind::Look => Err(look_instead(path)),
+        FileKind::Model => Err(Error::unsupported(format!(
             "{} is not an asset; give a .fan file, for example one that 'fantex bake' has written",
             path.display()
-        )));
+        ))),
     }
-    Ok(Arc::new(Asset::open(path)?))
 }
 
 /// True for files that are named `.toml`.
@@ -211,29 +202,11 @@ pub(crate) fn is_look(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml"))
 }
 
-fn refuse_look(path: &Path) -> Result<()> {
-    if is_look(path) { Err(look_instead(path)) } else { Ok(()) }
-}
-
 fn look_instead(path: &Path) -> Error {
     let path = path.display();
     Error::unsupported(format!(
         "{path} is a look; give a model (.glb .gltf .obj .ply .stl) or an asset (.fan)"
     ))
-}
-
-/// True for files that are named `.fan` or start like an asset, whatever they are named.
-fn is_asset(path: &Path) -> Result<bool> {
-    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("fan")) {
-        return Ok(true);
-    }
-    let mut start = Vec::with_capacity(4);
-    match File::open(path).and_then(|file| file.take(4).read_to_end(&mut start)) {
-        Ok(_) => Ok(start == *b"\x89FAN"),
-        // The loader has a sentence for folders.
-        Err(_) if path.is_dir() => Ok(false),
-        Err(error) => Err(Error::reading(path, error)),
-    }
 }
 
 /// The name that stands for a computed sky instead of a file.

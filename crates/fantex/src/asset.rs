@@ -1,14 +1,50 @@
 //! Baked assets, open for reading.
 
+use std::fs::File;
+use std::io::Read;
 use std::ops::Deref;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use fantex_base::Result;
+use fantex_base::{Error, Result};
 use fantex_mesh::{SurfacePoint, TriangleBvh};
 use fantex_store::{PageCache, Sampler};
 use fantex_texture::FilterOptions;
 use glam::DVec3;
+
+/// What a file is, by its name or its first bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FileKind {
+    /// Anything else: the loader says what is wrong with it.
+    Model,
+    /// Named `.fan`, or starting like an asset.
+    Asset,
+    /// Named `.toml`.
+    Look,
+}
+
+impl FileKind {
+    /// Looks at a file. Those named `.fan` and `.toml` are not opened.
+    ///
+    /// # Errors
+    /// It cannot be read.
+    pub fn of(path: &Path) -> Result<Self> {
+        let extension = path.extension().map(|extension| extension.to_ascii_lowercase());
+        match extension.as_ref().and_then(|extension| extension.to_str()) {
+            Some("toml") => return Ok(Self::Look),
+            Some("fan") => return Ok(Self::Asset),
+            _ => {}
+        }
+        let mut start = Vec::with_capacity(4);
+        match File::open(path).and_then(|file| file.take(4).read_to_end(&mut start)) {
+            Ok(_) if start == *b"\x89FAN" => Ok(Self::Asset),
+            Ok(_) => Ok(Self::Model),
+            // The loader has a sentence for folders.
+            Err(_) if path.is_dir() => Ok(Self::Model),
+            Err(error) => Err(Error::reading(path, error)),
+        }
+    }
+}
 
 /// A `.fan` asset. It dereferences to [`fantex_store::Asset`], which reads single pages, and clones share one open file.
 #[derive(Clone, Debug)]

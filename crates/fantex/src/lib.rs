@@ -77,7 +77,7 @@ mod baker;
 pub mod look_scene;
 mod model;
 
-pub use asset::Asset;
+pub use asset::{Asset, FileKind};
 #[cfg(feature = "photos")]
 pub use baker::PhotoSet;
 pub use baker::{Baked, Baker, Source};

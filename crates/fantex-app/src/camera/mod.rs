@@ -185,7 +185,7 @@ impl CameraRig {
     /// picture.
     pub fn zoom_to(&mut self, point: DVec3, factor: f64, scene: &SceneScale) {
         let [nearest, farthest] = DISTANCE_RANGE.map(|share| share * scene.diagonal);
-        // The share that the limits leave of the wish.
+        // The share that the limits leave of the movement.
         let factor = (self.distance * factor).clamp(nearest, farthest) / self.distance;
         self.eye = point + (self.eye - point) * factor;
         self.distance *= factor;
@@ -210,40 +210,40 @@ impl CameraRig {
 const SOFTNESS_SECONDS: f64 = 0.08;
 
 /// Below this share of the full speed the motion rests.
-const REST: f64 = 1e-3;
+const MIN_SPEED_SHARE: f64 = 1e-3;
 
 /// Scene diagonals per second at speed factor one.
 const DIAGONALS_PER_SECOND: f64 = 0.2;
 
 /// Which way the user wants to go: -1, 0 or 1 per axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wish {
+pub struct MoveInput {
     pub right: f64,
     pub up: f64,
     pub forward: f64,
     pub fast: bool,
 }
 
-impl Wish {
+impl MoveInput {
     pub fn is_none(&self) -> bool {
         self.right == 0.0 && self.up == 0.0 && self.forward == 0.0
     }
 
-    /// The wish as a direction, no longer than one.
+    /// The movement as a direction, no longer than one.
     pub fn direction(&self, rig: &CameraRig) -> DVec3 {
         let axes = rig.axes();
-        let wish = axes.x_axis * self.right + DVec3::Y * self.up - axes.z_axis * self.forward;
-        wish.clamp_length_max(1.0)
+        let movement = axes.x_axis * self.right + DVec3::Y * self.up - axes.z_axis * self.forward;
+        movement.clamp_length_max(1.0)
     }
 
-    /// As [`Wish::direction`], but along the horizon: looking down does not slow a walker.
+    /// As [`MoveInput::direction`], but along the horizon: looking down does not slow a walker.
     pub fn horizontal(&self, rig: &CameraRig) -> DVec3 {
         let right = rig.axes().x_axis;
         let ahead = DVec3::Y.cross(right);
         (right * self.right + ahead * self.forward).clamp_length_max(1.0)
     }
 
-    pub fn haste(&self) -> f64 {
+    pub fn speed_factor(&self) -> f64 {
         if self.fast { 4.0 } else { 1.0 }
     }
 }
@@ -276,24 +276,30 @@ impl FlyMotion {
         self.speed = (self.speed * 1.2f64.powf(notches)).clamp(least, most);
     }
 
-    /// World units per second at full wish.
+    /// World units per second at full movement.
     pub fn full_speed(&self, scene: &SceneScale) -> f64 {
         self.speed * DIAGONALS_PER_SECOND * scene.diagonal
     }
 
     /// Moves the camera for a frame. Returns whether it is still moving.
-    pub fn step(&mut self, rig: &mut CameraRig, wish: &Wish, scene: &SceneScale, seconds: f64) -> bool {
-        let full = self.full_speed(scene) * wish.haste();
-        let target = wish.direction(rig) * full;
+    pub fn step(
+        &mut self,
+        rig: &mut CameraRig,
+        movement: &MoveInput,
+        scene: &SceneScale,
+        seconds: f64,
+    ) -> bool {
+        let full = self.full_speed(scene) * movement.speed_factor();
+        let target = movement.direction(rig) * full;
         // Exact for any length of frame: the rest of the difference decays exponentially.
         let kept = (-seconds / SOFTNESS_SECONDS).exp();
         let before = self.velocity;
         self.velocity = target + (before - target) * kept;
         rig.eye += target * seconds + (before - target) * (SOFTNESS_SECONDS * (1.0 - kept));
-        if wish.is_none() && self.velocity.length() < REST * full {
+        if movement.is_none() && self.velocity.length() < MIN_SPEED_SHARE * full {
             self.velocity = DVec3::ZERO;
         }
-        !wish.is_none() || self.velocity != DVec3::ZERO
+        !movement.is_none() || self.velocity != DVec3::ZERO
     }
 
     pub fn stop(&mut self) {

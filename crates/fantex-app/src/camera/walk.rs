@@ -10,7 +10,7 @@ use std::sync::Arc;
 use fantex::glam::DVec3;
 use fantex::mesh::{Mesh, TriangleBvh};
 
-use crate::camera::{CameraRig, Wish};
+use crate::camera::{CameraRig, MoveInput, SceneScale};
 
 /// Shares of the eye height.
 const RADIUS: f64 = 0.2;
@@ -48,6 +48,12 @@ pub struct Walker {
     is_lost: bool,
 }
 
+impl Default for Walker {
+    fn default() -> Self {
+        Self::new(SceneScale::default().eye_height())
+    }
+}
+
 impl Walker {
     pub fn new(eye_height: f64) -> Self {
         Self {
@@ -71,15 +77,22 @@ impl Walker {
         self.is_lost
     }
 
-    /// Moves for a frame. Returns whether the picture may still change without any wish: while falling or settling.
-    pub fn step(&mut self, rig: &mut CameraRig, wish: &Wish, ground: &dyn Ground, seconds: f64) -> bool {
+    /// Moves for a frame. Returns whether the picture may still change without any movement: while falling or settling.
+    pub fn step(
+        &mut self,
+        rig: &mut CameraRig,
+        movement: &MoveInput,
+        ground: &dyn Ground,
+        seconds: f64,
+    ) -> bool {
         self.is_lost = !self.is_placed && !self.place(rig, ground);
         if self.is_lost {
             return false;
         }
         let height = self.eye_height;
         let before = self.feet;
-        let way = wish.horizontal(rig) * (SPEED * height * self.speed * wish.haste() * seconds);
+        let way =
+            movement.horizontal(rig) * (SPEED * height * self.speed * movement.speed_factor() * seconds);
         let steps = ((way.length() / (RADIUS * height)).ceil() as usize).clamp(1, MAX_STEPS);
         let part = (way / steps as f64).clamp_length_max(RADIUS * height);
         let mut is_falling = false;
@@ -95,7 +108,7 @@ impl Walker {
             self.lag = 0.0;
         }
         rig.eye = self.feet + DVec3::Y * (height + self.lag);
-        is_falling || self.lag != 0.0 || !wish.is_none()
+        is_falling || self.lag != 0.0 || !movement.is_none()
     }
 
     /// Puts the feet below the camera. Where nothing is below, the highest ground at the place counts; without any ground

@@ -281,19 +281,19 @@ impl ParcelLoader for PaintLoader {
         }
         let arrived = self.file.poll(max_bytes - bytes.min(max_bytes));
         let mut state = self.exchange.lock();
-        let mut has_wishes = false;
+        let mut is_wanted = false;
         for come in arrived {
             let urgency = self.asked.remove(&come.parcel);
             if state.edited.contains(&come.parcel) {
                 // It was painted on while it was on its way.
                 state.wanted.insert(come.parcel, urgency.unwrap_or(0.0));
-                has_wishes = true;
+                is_wanted = true;
             } else {
                 loaded.push(come);
             }
         }
         drop(state);
-        if has_wishes {
+        if is_wanted {
             self.exchange.ask_again();
         }
         loaded

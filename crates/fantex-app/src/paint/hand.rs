@@ -171,11 +171,11 @@ impl Painting {
         notices: &mut Notices,
         seconds: f64,
     ) -> Result<Box<StrokeStart>, String> {
-        let (paint, ingredients) = self.paint(point, settings, view)?;
+        let (paint, sources) = self.paint(point, settings, view)?;
         let stamp = self.stamp(settings, notices, seconds);
         self.strokes += 1;
         let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();
-        let mut recorded = recorded(&label, &paint, &self.channels, &ingredients, &self.surface);
+        let mut recorded = recorded(&label, &paint, &self.channels, &sources, &self.surface);
         recorded.brush.stamp = settings.brush.stamp.clone().filter(|_| settings.tool.has_brush());
         if let (ToolSettings::Clone { from }, Some(source)) = (&mut recorded.tool, self.source()) {
             *from = source.to_array();
@@ -230,7 +230,7 @@ impl Painting {
         start: SurfacePoint,
         settings: &PaintSettings,
         view: &Viewpoint,
-    ) -> Result<(Paint, Ingredients), String> {
+    ) -> Result<(Paint, PaintSources), String> {
         let is_mask = matches!(self.target, Target::Mask(_));
         if let Some(layer) = self.layer() {
             if !layer.visible {
@@ -247,7 +247,7 @@ impl Painting {
             let grey = Vec4::new(color.x, color.y, color.z, 1.0);
             channels = vec![ChannelPaint { channel: 0, color: PaintColor::Constant(grey) }];
         }
-        let mut ingredients = Ingredients::default();
+        let mut sources = PaintSources::default();
         let mut set_color = |color: &PaintColor, all: &[Channel]| {
             let colors =
                 channels.iter_mut().filter(|paint| all[paint.channel].kind == ChannelKind::BaseColor);
@@ -258,7 +258,7 @@ impl Painting {
             && let Some(chosen) = self.texture(&settings.texture)?
         {
             set_color(&PaintColor::Texture(chosen.texture.clone()), &self.channels);
-            ingredients.texture = Some(chosen);
+            sources.texture = Some(chosen);
         }
         let mut stencil = None;
         if let Some(picture) = self.stencil(&settings.stencil)? {
@@ -267,7 +267,7 @@ impl Painting {
             stencil = Some(found.0);
             if let Some(colors) = found.1.filter(|_| settings.tool.has_color() && !is_mask) {
                 set_color(&PaintColor::Projected(colors), &self.channels);
-                ingredients.picture = Some(picture.path().to_owned());
+                sources.picture = Some(picture.path().to_owned());
             }
         }
         if channels.is_empty() {
@@ -295,7 +295,7 @@ impl Painting {
             PaintTool::Paint => Tool::Paint(settings.brush.blend),
             PaintTool::Fill | PaintTool::Sticker | PaintTool::Pick => Tool::Paint(BlendMode::Normal),
         };
-        Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil }, ingredients))
+        Ok((Paint { tool, opacity: settings.brush.opacity, channels, stencil }, sources))
     }
 
     /// The brush's picture; read once.
@@ -330,7 +330,7 @@ impl Painting {
 
 /// What a paint is made of, besides constants.
 #[derive(Clone, Debug, Default)]
-struct Ingredients {
+struct PaintSources {
     /// The texture of the base colour.
     pub(crate) texture: Option<ChosenTexture>,
     /// The picture of the base colour.
@@ -342,10 +342,10 @@ fn recorded(
     label: &str,
     paint: &Paint,
     channels: &[Channel],
-    ingredients: &Ingredients,
+    sources: &PaintSources,
     surface: &Surface,
 ) -> StrokeSettings {
-    let color = |color: &PaintColor| match (color, &ingredients.texture, &ingredients.picture) {
+    let color = |color: &PaintColor| match (color, &sources.texture, &sources.picture) {
         (PaintColor::Constant(color), _, _) => ColorSettings::Linear(color.to_array()),
         (PaintColor::Texture(_), Some(chosen), _) => {
             ColorSettings::Texture { look: chosen.look(), name: chosen.name.clone() }

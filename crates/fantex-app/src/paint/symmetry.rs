@@ -73,7 +73,7 @@ pub fn plane_outline(bounds: &Aabb<DVec3>, axis: usize, offset: f64) -> [DVec3; 
 
 // Where a plane cuts the model: the line that symmetry mirrors at.
 //
-// Every triangle that the plane crosses gives a piece between two of its edges. Pieces are strung together through the edges
+// Every triangle that the plane crosses gives a piece between two of its edges. Pieces are chained together through the edges
 // that they share, so that the line has no gaps but where the model ends. What hides it is asked piece by piece.
 
 /// The line along which a plane orthogonal to an axis cuts a surface.
@@ -123,7 +123,7 @@ impl Section {
         self.plane = Some((axis, offset));
         self.seen_from = None;
         let triangles = 0..surface.mesh().triangles.len() as u32;
-        self.runs = strung(triangles.filter_map(|t| piece(surface, t, axis.min(2), offset)).collect());
+        self.runs = chained(triangles.filter_map(|t| piece(surface, t, axis.min(2), offset)).collect());
     }
 
     /// The parts of the line that are seen, with nothing before them. Costs something only where the view is another one.
@@ -162,7 +162,7 @@ fn piece(surface: &Surface, triangle: u32, axis: usize, offset: f64) -> Option<P
 }
 
 /// Puts pieces that share an edge behind each other.
-fn strung(pieces: Vec<Piece>) -> Vec<Run> {
+fn chained(pieces: Vec<Piece>) -> Vec<Run> {
     let mut at_edge: BTreeMap<(u32, u32), Vec<usize>> = BTreeMap::new();
     for (index, piece) in pieces.iter().enumerate() {
         piece.edges.iter().for_each(|edge| at_edge.entry(*edge).or_default().push(index));

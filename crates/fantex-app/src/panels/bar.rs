@@ -10,7 +10,7 @@ use crate::light::LightPreset;
 use crate::paint::PaintCommand;
 use crate::panels::widgets::{named_choice, segments, switch};
 use crate::theme;
-use crate::viewer::{Tape, Viewer};
+use crate::viewer::{PathState, Viewer};
 
 /// A window of a painter that is narrower shows less in the bar.
 const WIDE_POINTS: f32 = 1250.0;
@@ -216,7 +216,7 @@ pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer, seconds: f64) {
                     .as_ref()
                     .map_or("Nothing is open".into(), |document| document.place.name());
                 ui.add(Label::new(RichText::new(name).color(theme::TEXT)).truncate());
-                if let Some((text, color)) = tape(viewer, seconds) {
+                if let Some((text, color)) = path_state(viewer, seconds) {
                     ui.separator();
                     ui.label(RichText::new(text).color(color));
                 }
@@ -252,11 +252,13 @@ fn gesture(viewer: &Viewer) -> &'static str {
     }
 }
 
-fn tape(viewer: &Viewer, seconds: f64) -> Option<(String, Color32)> {
-    match &viewer.tape {
-        Tape::Still => None,
-        Tape::Recording { since, .. } => Some((format!("Recording {:.1} s", seconds - since), theme::ERROR)),
-        Tape::Playing { since } => {
+fn path_state(viewer: &Viewer, seconds: f64) -> Option<(String, Color32)> {
+    match &viewer.path_state {
+        PathState::Still => None,
+        PathState::Recording { since, .. } => {
+            Some((format!("Recording {:.1} s", seconds - since), theme::ERROR))
+        }
+        PathState::Playing { since } => {
             let length = viewer.path.as_ref().map_or(0.0, |path| path.seconds());
             Some((format!("Playing {:.1} of {length:.1} s", (seconds - since).min(length)), theme::GOOD))
         }

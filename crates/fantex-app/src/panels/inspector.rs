@@ -13,7 +13,7 @@ use crate::panels::streaming;
 use crate::panels::widgets::{choice, document_facts, facts, heading, hint, number, row, segments};
 use crate::settings::{Tab, label_of};
 use crate::theme;
-use crate::viewer::{Tape, Viewer};
+use crate::viewer::{PathState, Viewer};
 
 pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     ui.horizontal(|ui| segments(ui, &mut viewer.settings.panels.tab, &Tab::ALL));
@@ -222,12 +222,16 @@ fn camera(ui: &mut Ui, viewer: &mut Viewer) {
         }
     }
     let point = |p: fantex::glam::DVec3| p.to_array().map(short_number).join(", ");
-    facts(ui, "camera facts", [("At", point(viewer.rig.eye)), ("Looks at", point(viewer.rig.pivot()))]);
+    facts(
+        ui,
+        "camera facts",
+        [("At", point(viewer.rig.eye)), ("PictureState at", point(viewer.rig.pivot()))],
+    );
 }
 
 fn path(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
-    let is_recording = matches!(viewer.tape, Tape::Recording { .. });
-    let is_playing = matches!(viewer.tape, Tape::Playing { .. });
+    let is_recording = matches!(viewer.path_state, PathState::Recording { .. });
+    let is_playing = matches!(viewer.path_state, PathState::Playing { .. });
     ui.horizontal_wrapped(|ui| {
         ui.spacing_mut().item_spacing.x = 4.0;
         let mut button = |ui: &mut Ui, is_enabled: bool, text: &str, command: Command| {

@@ -9,9 +9,10 @@ use fantex::glam::DVec2;
 use super::bar::short_place;
 use super::paint;
 use super::widgets::dot;
-use crate::camera::Wish;
+use crate::camera::MoveInput;
 use crate::command::{Command, keys_of};
 use crate::display::Overlay;
+use crate::document::Stage;
 use crate::notices::{Notice, Severity};
 use crate::paint::{PenEvent, PenPhase};
 use crate::settings::label_of;
@@ -85,7 +86,7 @@ fn scene_input(ui: &Ui, response: &egui::Response, rect: Rect) -> SceneInput {
             wheel: if cursor.is_some() { f64::from(i.smooth_scroll_delta().y / NOTCH_POINTS) } else { 0.0 },
             cursor,
             is_double_click,
-            wish: Wish {
+            movement: MoveInput {
                 right: held(Key::D) - held(Key::A),
                 up: held(Key::E) - held(Key::Q),
                 forward: (held(Key::W) - held(Key::S)) + held(Key::ArrowUp) - held(Key::ArrowDown),
@@ -187,7 +188,11 @@ fn opening(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
                 ui.horizontal(|ui| {
                     let share =
                         opening.share().map_or(String::new(), |share| format!(" {:.0} %", share * 100.0));
-                    let text = format!("{} …{share} {:.0} s", opening.stage().label(), opening.seconds());
+                    let text = format!(
+                        "{} …{share} {:.0} s",
+                        label_of(&Stage::ALL, opening.stage()),
+                        opening.seconds()
+                    );
                     ui.label(RichText::new(text).color(theme::FAINT));
                     ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                         is_cancelled = ui.button("Cancel").clicked();

@@ -12,7 +12,7 @@ use crate::command::{Command, parse_keys};
 use crate::light::Surroundings;
 use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, StickerKind, parse_hex};
 use crate::session::{Act, LayerStep, SessionRunner, Situation, Step};
-use crate::viewer::{PictureSize, Request, Tape, Viewer};
+use crate::viewer::{PathState, PictureSize, Request, Viewer};
 
 /// Frames over which a drag is spread.
 const DRAG_FRAMES: u32 = 6;
@@ -57,7 +57,7 @@ impl Driver {
             frame: self.frame,
             is_opening: viewer.is_opening() || viewer.is_making_surroundings(),
             is_sharp,
-            is_playing: matches!(viewer.tape, Tape::Playing { .. }),
+            is_playing: matches!(viewer.path_state, PathState::Playing { .. }),
             is_acting: self.input.is_busy(),
             is_painting: viewer.painting.as_ref().is_some_and(Painting::is_busy) || self.input.is_busy(),
             is_working: viewer

@@ -30,7 +30,7 @@ mod driver;
 mod workspace;
 
 /// Width and height in points that the window does not fall below.
-const SMALLEST_WINDOW: [f32; 2] = [480.0, 320.0];
+const MIN_WINDOW_POINTS: [f32; 2] = [480.0, 320.0];
 
 /// How often a window is tried to be opened where the last one has lost its device, and seconds between the tries.
 const REOPENING: (u32, u64) = (5, 1);
@@ -112,7 +112,7 @@ fn native_options(workspace: &Workspace, size: Option<[f32; 2]>) -> eframe::Nati
         .with_app_id("fantex")
         .with_title("fantex")
         .with_inner_size(size.unwrap_or(window.size))
-        .with_min_inner_size(SMALLEST_WINDOW)
+        .with_min_inner_size(MIN_WINDOW_POINTS)
         .with_maximized(window.is_maximized && size.is_none())
         .with_drag_and_drop(true);
     if let Some(position) = window.position {
@@ -190,7 +190,7 @@ impl<'a> Shell<'a> {
         })
     }
 
-    /// Looks whether the device is lost; then nothing more is drawn, and the window ends.
+    /// PictureState whether the device is lost; then nothing more is drawn, and the window ends.
     fn check_device(&mut self, ctx: &egui::Context, seconds: f64) -> bool {
         if self.workspace.lost.is_none()
             && let Some(reason) = self.scene.gpu().lost()

@@ -154,7 +154,7 @@ impl Dialogs {
             FileDialog::Surroundings => ("Choose surroundings", "Pictures", PICTURES),
             FileDialog::Sticker => ("Choose a picture", "Pictures", PICTURES),
             FileDialog::Stencil => ("Choose a picture over the view", "Pictures", PICTURES),
-            FileDialog::Look => ("Choose a look", "Looks", &["toml"][..]),
+            FileDialog::Look => ("Choose a look", "PictureState", &["toml"][..]),
             FileDialog::Stamp => ("Choose a stamp", "Pictures", PICTURES),
             FileDialog::LoadPath => ("Load a camera path", "Camera paths", &["json"][..]),
             FileDialog::SavePath => ("Save the camera path", "Camera paths", &["json"][..]),

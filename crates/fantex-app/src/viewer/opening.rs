@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex::base::{Error, Result};
 use fantex::glam::DVec2;
 
-use crate::camera::{CameraMode, ViewPreset, Walker, Wish};
+use crate::camera::{CameraMode, MoveInput, ViewPreset, Walker};
 use crate::document::{Document, OpenProgress, Place, Stage};
 use crate::job::{Job, JobState};
 use crate::paint::{LayerAction, PaintCommand, Painting, SaveState, Viewpoint, asset_beside};
@@ -101,7 +101,7 @@ impl Viewer {
             document.place == place || document.place == beside
         });
         let leaving = if is_same || !self.paints { self.painting.take() } else { None };
-        let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.wake.clone());
+        let (paints, brushes_file, wake) = (self.paints, self.brushes_file.clone(), self.waker());
         let memory = self.paint_memory_bytes;
         let work = move || {
             drop(leaving);
@@ -109,7 +109,7 @@ impl Viewer {
             let (document, painting) = if paints {
                 let (mut document, painter) = Document::open_for_painting(&from, memory, &for_thread)?;
                 let path = painter.editor().asset().path().to_owned();
-                let painting = Painting::new(painter, brushes_file, wake).map_err(|source| {
+                let painting = Painting::new(painter, brushes_file, Arc::new(wake)).map_err(|source| {
                     let path = path.display();
                     Error::unavailable(format!("cannot start a thread to paint on {path}: {source}"))
                 })?;
@@ -293,7 +293,7 @@ impl Viewer {
         left.turns_sun = input.turns_sun && sun != DVec2::ZERO;
         left.side_drag = shifted;
         left.is_double_click = false;
-        left.wish = Wish::default();
+        left.movement = MoveInput::default();
         left
     }
 }

@@ -7,8 +7,8 @@ use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
 use fantex::scene::Camera;
 use fantex_app::camera::{
-    CameraPath, CameraRig, FlyMotion, Ground, GroundHit, MeshGround, PathRecorder, SceneScale, ViewPreset,
-    Walker, Wish,
+    CameraPath, CameraRig, FlyMotion, Ground, GroundHit, MeshGround, MoveInput, PathRecorder, SceneScale,
+    ViewPreset, Walker,
 };
 
 #[test]
@@ -121,9 +121,9 @@ const WIDE_SCENE: SceneScale = SceneScale { center: DVec3::ZERO, diagonal: 10.0 
 
 fn flown(seconds: f64, frames: u32) -> DVec3 {
     let (mut rig, mut motion) = (CameraRig::default(), FlyMotion::default());
-    let wish = Wish { forward: 1.0, ..Wish::default() };
+    let movement = MoveInput { forward: 1.0, ..MoveInput::default() };
     for _ in 0..frames {
-        assert!(motion.step(&mut rig, &wish, &WIDE_SCENE, seconds / f64::from(frames)));
+        assert!(motion.step(&mut rig, &movement, &WIDE_SCENE, seconds / f64::from(frames)));
     }
     rig.eye
 }
@@ -138,8 +138,9 @@ fn the_way_does_not_depend_on_the_frame_rate() {
 #[test]
 fn flight_comes_to_rest() {
     let (mut rig, mut motion) = (CameraRig::default(), FlyMotion::default());
-    motion.step(&mut rig, &Wish { right: 1.0, ..Wish::default() }, &WIDE_SCENE, 1.0);
-    let steps = (0..200).take_while(|_| motion.step(&mut rig, &Wish::default(), &WIDE_SCENE, 0.02)).count();
+    motion.step(&mut rig, &MoveInput { right: 1.0, ..MoveInput::default() }, &WIDE_SCENE, 1.0);
+    let steps =
+        (0..200).take_while(|_| motion.step(&mut rig, &MoveInput::default(), &WIDE_SCENE, 0.02)).count();
     assert!((5..100).contains(&steps), "{steps}");
 }
 
@@ -156,9 +157,9 @@ fn speed_stays_within_its_range() {
 fn walking_wishes_follow_the_horizon() {
     let mut rig = CameraRig::default();
     rig.look(0.7, -1.5);
-    let wish = Wish { forward: 1.0, ..Wish::default() }.horizontal(&rig);
-    assert!(wish.y == 0.0 && (wish.length() - 1.0).abs() < 1e-9);
-    assert!(wish.dot(rig.forward()) > 0.0);
+    let movement = MoveInput { forward: 1.0, ..MoveInput::default() }.horizontal(&rig);
+    assert!(movement.y == 0.0 && (movement.length() - 1.0).abs() < 1e-9);
+    assert!(movement.dot(rig.forward()) > 0.0);
 }
 
 #[test]
@@ -211,29 +212,34 @@ impl<F: Fn(f64, f64) -> f64> Ground for Field<F> {
     }
 }
 
-fn walk(field: impl Fn(f64, f64) -> f64, wish: Wish, seconds: f64, frame: f64) -> (Vec<DVec3>, CameraRig) {
+fn walk(
+    field: impl Fn(f64, f64) -> f64,
+    movement: MoveInput,
+    seconds: f64,
+    frame: f64,
+) -> (Vec<DVec3>, CameraRig) {
     let mut rig = CameraRig { eye: DVec3::new(0.0, 3.0, 0.0), ..CameraRig::default() };
     let ground = Field(field);
     let mut walker = Walker::new(1.7);
     // Land first.
     for _ in 0..300 {
-        walker.step(&mut rig, &Wish::default(), &ground, 0.02);
+        walker.step(&mut rig, &MoveInput::default(), &ground, 0.02);
     }
     let frames = (seconds / frame) as usize;
     let eyes = (0..frames)
         .map(|_| {
-            walker.step(&mut rig, &wish, &ground, frame);
+            walker.step(&mut rig, &movement, &ground, frame);
             rig.eye
         })
         .collect();
     (eyes, rig)
 }
 
-const FORWARD: Wish = Wish { right: 0.0, up: 0.0, forward: 1.0, fast: false };
+const FORWARD: MoveInput = MoveInput { right: 0.0, up: 0.0, forward: 1.0, fast: false };
 
 #[test]
 fn gravity_brings_the_eyes_to_their_height() {
-    let (_, rig) = walk(|_, _| 0.5, Wish::default(), 0.1, 0.02);
+    let (_, rig) = walk(|_, _| 0.5, MoveInput::default(), 0.1, 0.02);
     assert!((rig.eye.y - 2.2).abs() < 1e-3, "{}", rig.eye.y);
 }
 
@@ -259,7 +265,7 @@ fn low_steps_are_climbed_and_walls_stop() {
 
 #[test]
 fn long_frames_do_not_fall_through_or_leave_the_border() {
-    let (_, rig) = walk(|_, z| z * 0.05, Wish { fast: true, ..FORWARD }, 30.0, 0.5);
+    let (_, rig) = walk(|_, z| z * 0.05, MoveInput { fast: true, ..FORWARD }, 30.0, 0.5);
     assert!(rig.eye.z >= -HALF - 1e-6, "{}", rig.eye);
     assert!((rig.eye.y - rig.eye.z * 0.05 - 1.7).abs() < 0.1, "{}", rig.eye);
 }
@@ -304,7 +310,7 @@ fn someone_below_the_ground_is_put_on_it() {
     }
     let mut walker = Walker::new(1.7);
     for _ in 0..300 {
-        walker.step(&mut rig, &Wish::default(), &Slab, 0.02);
+        walker.step(&mut rig, &MoveInput::default(), &Slab, 0.02);
     }
     assert!((rig.eye.y - 1.7).abs() < 1e-3, "{}", rig.eye);
 }

@@ -146,7 +146,7 @@ fn keys_in_the_scene_become_wishes() {
     let seen = wishes.clone();
     let mut harness = Harness::builder().with_size(vec2(1280.0, 800.0)).build_ui_state(
         move |ui, viewer: &mut Viewer| {
-            seen.lock().unwrap().push(show(ui, viewer, &Textures::default(), 1.0).input.wish);
+            seen.lock().unwrap().push(show(ui, viewer, &Textures::default(), 1.0).input.movement);
         },
         viewer,
     );

@@ -10,7 +10,7 @@ use fantex_app::command::{Command, shortcuts};
 use fantex_app::light::Surroundings;
 use fantex_app::scene_view::PrepareScene;
 use fantex_app::settings::Settings;
-use fantex_app::viewer::{SceneInput, Tape, Viewer};
+use fantex_app::viewer::{PathState, SceneInput, Viewer};
 
 fn viewer() -> Viewer {
     let mut viewer = Viewer::new(Settings::default(), None, Arc::new(|| {}));
@@ -180,7 +180,7 @@ fn recorded_paths_play_back() {
     viewer.command(Command::TogglePlayback, 10.0);
     assert!(viewer.navigate(&SceneInput::default(), 10.5, 0.016));
     assert!(!viewer.navigate(&SceneInput::default(), 15.0, 0.016));
-    assert!(matches!(viewer.tape, Tape::Still));
+    assert!(matches!(viewer.path_state, PathState::Still));
     assert!((viewer.rig.eye - end.eye).length() < 1e-6);
 }
 
