@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use fantex_base::Result;
 use fantex_mesh::{AlphaMode, Material, Mesh, interpolate, shading_normals};
 use fantex_store::ChannelKind;
 use fantex_texture::material::{
-    MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
+    ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, vertex_color,
 };
 use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
@@ -30,7 +31,7 @@ impl<'a> ImageSource<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub(crate) fn new(mesh: &'a Mesh) -> fantex_base::Result<Self> {
+    pub(crate) fn new(mesh: &'a Mesh) -> Result<Self> {
         let materials = load_material_textures(mesh)?;
         let has_normal_maps = materials.iter().any(|m| m.normal.is_some());
         let normals = if has_normal_maps { shading_normals(mesh) } else { Vec::new() };
@@ -150,58 +151,34 @@ fn areas_around(sampler: &AreaSampler<'_>, corners: [Vec2; 3], points: &[TexelPo
 /// The layers of a material on one triangle. Most materials look all of them up at the same place of equally large images:
 /// the weights of the texels are then worked out once.
 struct MaterialSampler<'s> {
-    colors: Option<LayerSampler<'s>>,
-    bends: Option<LayerSampler<'s>>,
-    metallic_roughness: Option<LayerSampler<'s>>,
-    /// `None` also where it is read with the metallic-roughness texture.
-    occlusions: Option<LayerSampler<'s>>,
-    glow: Option<LayerSampler<'s>>,
+    /// No occlusion where it is read with the metallic-roughness texture.
+    layers: ImageSlots<Option<LayerSampler<'s>>>,
     /// The first smooth layer, and its coordinates at the corners.
     first: Option<(AreaSampler<'s>, [Vec2; 3])>,
 }
 
 impl<'s> MaterialSampler<'s> {
-    fn layers_mut(&mut self) -> impl Iterator<Item = &mut LayerSampler<'s>> {
-        let Self { colors, bends, metallic_roughness, occlusions, glow, .. } = self;
-        [colors, bends, metallic_roughness, occlusions, glow].into_iter().flatten()
-    }
-
     /// Finds out which layers share their areas.
-    fn with_shared_areas(mut self) -> Self {
-        let first = self.layers_mut().find_map(|layer| Some((layer.smooth?, layer.corners)));
-        if let Some((sampler, corners)) = &first {
-            for layer in self.layers_mut() {
-                layer.follows = layer.corners == *corners
-                    && layer.smooth.as_ref().is_some_and(|smooth| smooth.shares_areas_with(sampler));
-            }
-        }
-        Self { first, ..self }
+    fn new(layers: ImageSlots<Option<LayerSampler<'s>>>) -> Self {
+        let first = layers.layers().find_map(|layer| Some((layer.smooth?, layer.corners)));
+        let follows = |layer: &LayerSampler<'_>| {
+            let (sampler, corners) = first.as_ref()?;
+            Some(layer.corners == *corners && layer.smooth?.shares_areas_with(sampler))
+        };
+        let marked =
+            |layer: LayerSampler<'s>| LayerSampler { follows: follows(&layer) == Some(true), ..layer };
+        Self { layers: layers.map(|layer| layer.map(marked)), first }
     }
 
     /// The means of all layers at up to [`AREAS_AT_ONCE`] points.
     fn means(&self, points: &[TexelPoint]) -> MaterialMeans {
         let areas = self.first.as_ref().map(|(sampler, corners)| areas_around(sampler, *corners, points));
-        let means = |layer: &Option<LayerSampler<'_>>| {
-            layer.as_ref().map(|layer| layer.means(points, areas.as_ref()))
-        };
-        MaterialMeans {
-            colors: means(&self.colors),
-            bends: means(&self.bends),
-            metallic_roughness: means(&self.metallic_roughness),
-            occlusions: means(&self.occlusions),
-            glow: means(&self.glow),
-        }
+        self.layers.each_ref().map(|layer| Some(layer.as_ref()?.means(points, areas.as_ref())))
     }
 }
 
 /// What the layers of a [`MaterialSampler`] give.
-struct MaterialMeans {
-    colors: Option<Means>,
-    bends: Option<Means>,
-    metallic_roughness: Option<Means>,
-    occlusions: Option<Means>,
-    glow: Option<Means>,
-}
+type MaterialMeans = ImageSlots<Option<Means>>;
 
 /// White without texture.
 fn or_white(means: &Option<Means>, index: usize) -> Vec4 {
@@ -249,24 +226,17 @@ impl Source for ImageSource<'_> {
         let packed = is_same_look_up(&textures.metallic_roughness, &textures.occlusion);
         let occlusion = if packed { &None } else { &textures.occlusion };
         let emission_layer = if wanted(ChannelKind::Emission) { &textures.emission } else { &None };
-        let layers = MaterialSampler {
-            colors: self.sampler(&textures.base_color, on),
-            bends: self.sampler(&textures.normal, on),
-            metallic_roughness: self.sampler(&textures.metallic_roughness, on),
-            occlusions: self.sampler(occlusion, on),
-            glow: self.sampler(emission_layer, on),
-            first: None,
-        }
-        .with_shared_areas();
+        let textures = ImageSlots { occlusion, emission: emission_layer, ..textures.each_ref() };
+        let layers = MaterialSampler::new(textures.map(|layer| self.sampler(layer, on)));
         let at = move |point: &TexelPoint, means: &MaterialMeans, index: usize, values: &mut [Vec4]| {
             for (kind, value) in self.kinds.iter().zip(values) {
                 *value = match kind {
                     ChannelKind::BaseColor => {
                         let vertex_color = vertex_color(self.mesh, triangle, lambda_on_triangle(point));
-                        base_color(material, vertex_color, or_white(&means.colors, index))
+                        base_color(material, vertex_color, or_white(&means.base_color, index))
                     }
                     ChannelKind::Normal => {
-                        let bent = means.bends.as_ref().and_then(|bends| {
+                        let bent = means.normal.as_ref().and_then(|bends| {
                             let lambda = lambda_on_triangle(point);
                             let frame = TangentFrame::at(&self.normals, &self.tangents, triangle, lambda);
                             frame.bend(material, Vec4::from_array(bends[index]))
@@ -275,10 +245,10 @@ impl Source for ImageSource<'_> {
                     }
                     ChannelKind::OcclusionRoughnessMetallic => {
                         let surface = or_white(&means.metallic_roughness, index);
-                        let occlusion = if packed { surface } else { or_white(&means.occlusions, index) };
+                        let occlusion = if packed { surface } else { or_white(&means.occlusion, index) };
                         occlusion_roughness_metallic(material, occlusion, surface).extend(1.0)
                     }
-                    ChannelKind::Emission => emission(material, or_white(&means.glow, index)).extend(1.0),
+                    ChannelKind::Emission => emission(material, or_white(&means.emission, index)).extend(1.0),
                     ChannelKind::Displacement | ChannelKind::Light | ChannelKind::Anisotropy => Vec4::ZERO,
                 };
             }

@@ -41,23 +41,13 @@ impl<'a> LookSource<'a> {
         Ok(Self(Materials::Textures(TextureSource::new(mesh, materials, time)?)))
     }
 
-    /// A single texture as base colour, opaque.
-    ///
-    /// # Errors
-    ///
-    /// It depends on the eye.
-    pub fn of_texture(mesh: &'a Mesh, texture: Arc<dyn Texture>, time: f32) -> Result<Self> {
-        let material = LookMaterial { base_color: Slot::Texture(texture), ..LookMaterial::default() };
-        Self::new(mesh, vec![Arc::new(material)], time)
-    }
-
     /// The model's own materials through its own texture coordinates: base colour always, other channels where a texture varies
     /// them or materials differ in them.
     ///
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn of_model(mesh: &'a Mesh) -> fantex_base::Result<Self> {
+    pub fn of_model(mesh: &'a Mesh) -> Result<Self> {
         Ok(Self(Materials::Images(ImageSource::new(mesh)?)))
     }
 

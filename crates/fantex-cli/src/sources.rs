@@ -7,7 +7,7 @@ use std::str::FromStr;
 use fantex::photos::CameraFrame;
 use fantex::texture::color::linear_from_srgb8_table;
 use fantex::texture::{SOLID_NAMES, unknown_solid};
-use fantex::{Error, MappingKind, Mesh, PhotoSet, Result, Source};
+use fantex::{Error, MappingKind, Mesh, PhotoSet, Source};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum SourceArg {

@@ -3,15 +3,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use fantex_base::{Error, ErrorKind, Result};
-use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef, ToonInterpolation, WrapMode};
+use fantex_base::Result;
+use fantex_mesh::{AlphaMode, ImageSource, Material, Mesh, TextureRef};
 use fantex_texture::combine::{Channel, Combine, CombineMode, Factor, TextureUse};
 use fantex_texture::coordinates::{Projective, TextureMatrixOptions};
 use fantex_texture::look::{LightingModel, LookMaterial};
-use fantex_texture::material::MaterialLabel;
-use fantex_texture::{AlphaUse, Color, ColorSpace, RampInterpolation, Stop, Wrap};
+use fantex_texture::material::{self, read_used_images};
+use fantex_texture::{Color, ColorSpace, Stop, Wrap};
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
 
 use crate::data::{
     CoordinatesKind, CoordinatesTable, ImageTable, Input, Look, MaterialName, MaterialTable, NoKeys,
@@ -50,69 +49,20 @@ pub fn materials_of_model(
 
 /// All images that a mesh's materials use.
 fn load_images(mesh: &Mesh, images: &LookImages) -> Result<ModelImages> {
-    let mut wanted: BTreeMap<(usize, bool, bool), Wanted<'_>> = BTreeMap::new();
-    for (index, material) in mesh.materials.iter().enumerate() {
-        let channels = [
-            ("base colour", &material.base_color_texture, ColorSpace::Srgb),
-            ("metallic-roughness texture", &material.metallic_roughness_texture, ColorSpace::Linear),
-            ("normal map", &material.normal_texture, ColorSpace::Linear),
-            ("occlusion texture", &material.occlusion_texture, ColorSpace::Linear),
-            ("emission texture", &material.emission_texture, ColorSpace::Srgb),
-        ];
-        for (channel, texture, space) in channels {
-            if let Some(texture) = usable(mesh, texture) {
-                let image_use = ImageUse { space, alpha: alpha_of(material, texture) };
-                let key = (texture.image, space == ColorSpace::Srgb, image_use.alpha == AlphaUse::Coverage);
-                let source = &mesh.images[texture.image];
-                let first = Wanted { source, image: texture.image, image_use, material: index, channel };
-                wanted.entry(key).or_insert(first);
-            }
-        }
-    }
-    let loaded: Vec<_> = wanted
-        .into_par_iter()
-        .map(|(_, wanted)| {
-            let texture = images.of_model(wanted.source, wanted.image_use);
-            let texture = texture.map_err(|cause| wanted.failed(mesh, cause))?;
-            Ok(((wanted.image, wanted.image_use), texture))
-        })
-        .collect();
-    // Not collected as one result in parallel: which of several errors that gives is left to chance.
-    loaded.into_iter().collect()
+    let kept = |used: material::ImageUse| ImageUse { space: used.space, alpha: used.alpha };
+    let read = |source: &ImageSource, used| images.of_model(source, kept(used));
+    let loaded = read_used_images(mesh, |texture| has_set(mesh, texture), read)?;
+    Ok(loaded.into_iter().map(|(used, texture)| ((used.image, kept(used)), texture)).collect())
 }
 
-/// An image, and the material and the channel that want it first.
-struct Wanted<'a> {
-    source: &'a ImageSource,
-    image: usize,
-    image_use: ImageUse,
-    material: usize,
-    channel: &'static str,
-}
-
-impl Wanted<'_> {
-    fn failed(&self, mesh: &Mesh, cause: Error) -> Error {
-        let Material { name, place, .. } = &mesh.materials[self.material];
-        let label = MaterialLabel { index: self.material, name: name.clone(), place: place.clone() };
-        let sentence = format!("the {} of {label}: {cause}", self.channel);
-        Error::new(ErrorKind::Malformed, sentence).with_source(cause)
-    }
+fn has_set(mesh: &Mesh, texture: &TextureRef) -> bool {
+    let set = mesh.corners.uv_sets.get(texture.uv_set);
+    set.is_some_and(|set| set.len() == 3 * mesh.triangles.len())
 }
 
 /// A texture that the mesh has the image and the coordinates for.
 fn usable<'t>(mesh: &Mesh, texture: &'t Option<TextureRef>) -> Option<&'t TextureRef> {
-    let corners = 3 * mesh.triangles.len();
-    let has_set = |set: usize| mesh.corners.uv_sets.get(set).is_some_and(|s| s.len() == corners);
-    texture.as_ref().filter(|t| has_set(t.uv_set) && t.image < mesh.images.len())
-}
-
-/// The alpha of the base colour's image is coverage where the material looks at it.
-fn alpha_of(material: &Material, texture: &TextureRef) -> AlphaUse {
-    let is_base_color = material.base_color_texture.as_ref() == Some(texture);
-    match is_base_color && material.alpha != AlphaMode::Opaque {
-        true => AlphaUse::Coverage,
-        false => AlphaUse::Independent,
-    }
+    texture.as_ref().filter(|t| has_set(mesh, t) && t.image < mesh.images.len())
 }
 
 /// The look that a model's materials are: textures named after the images, materials named after the model's, and an object
@@ -183,11 +133,7 @@ impl Translation<'_> {
         }
         table.toon = material.toon.as_ref().map(|scale| ToonTable {
             stops: scale.stops.iter().map(|&(at, color)| Stop { at, color: color.into() }).collect(),
-            interpolation: match scale.interpolation {
-                ToonInterpolation::Linear => RampInterpolation::Linear,
-                ToonInterpolation::Smooth => RampInterpolation::Smooth,
-                ToonInterpolation::Constant => RampInterpolation::Constant,
-            },
+            interpolation: scale.interpolation.into(),
         });
         table
     }
@@ -265,15 +211,11 @@ impl Translation<'_> {
             matrix: (!is_identity).then_some(Projective(texture.uv_transform)),
             ..TextureMatrixOptions::default()
         };
-        let wraps = texture.wrap.map(|wrap| match wrap {
-            WrapMode::Clamp => Wrap::Clamp,
-            WrapMode::Repeat => Wrap::Repeat,
-            WrapMode::Mirror => Wrap::Mirror,
-        });
+        let wraps = texture.wrap.map(Wrap::from);
         let table = ImageTable {
             model_image: Some(texture.image as u32),
             color_space,
-            alpha: alpha_of(material, texture),
+            alpha: material::ImageUse::of(material, texture, color_space).alpha,
             coordinates: CoordinatesTable(CoordinatesKind::Uv(UvTable { set: texture.uv_set as u32 })),
             matrix,
             wrap: if wraps[0] == wraps[1] { WrapTable::Both(wraps[0]) } else { WrapTable::Each(wraps) },

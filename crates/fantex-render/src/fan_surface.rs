@@ -9,7 +9,9 @@ use glam::{Vec3, Vec4};
 
 use crate::surface::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{
+    AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, Shaded, SmoothPoint, Surface,
+};
 
 /// A mesh with the tiles of its cover.
 ///
@@ -111,12 +113,7 @@ impl<S: TileSource> FanSurface<S> {
         })
     }
 
-    fn finished(
-        &self,
-        hit: &Hit,
-        normal_steps: [Vec3; 2],
-        values: &SurfaceValues,
-    ) -> (MaterialSample, Option<Finish<'_>>) {
+    fn finished(&self, hit: &Hit, normal_steps: [Vec3; 2], values: &SurfaceValues) -> Shaded<'_> {
         let sample = self.sample(hit, normal_steps, values);
         let finish = self.finish(hit, &sample, values);
         (sample, finish)
@@ -140,17 +137,12 @@ fn toon_ramp(material: &Material) -> Option<ColorRamp> {
 }
 
 impl<S: TileSource> Surface for FanSurface<S> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        let (point, normal_steps) = self.sample_point(hit);
-        self.sample(hit, normal_steps, &self.sampler.values(&point))
-    }
-
-    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let (point, normal_steps) = self.sample_point(hit);
         self.finished(hit, normal_steps, &self.sampler.values(&point))
     }
 
-    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
         let (points, steps): (Vec<_>, Vec<_>) = hits.iter().map(|hit| self.sample_point(hit)).unzip();
         let values = self.sampler.values_many(&points);
         let shaded = hits.iter().zip(steps).zip(&values);

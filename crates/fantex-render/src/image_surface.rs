@@ -1,9 +1,10 @@
 //! A model's own materials: every property is a factor times one look-up in an image. They are evaluated a layer at a time, for many
 //! points at once.
 
+use fantex_base::Result;
 use fantex_mesh::{Material, Mesh, SurfacePoint, Twins};
 use fantex_texture::material::{
-    MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
+    ImageSlots, MaterialTextures, TangentFrame, TextureLayer, base_color, emission, load_material_textures,
     normal_map_tangents, occlusion_roughness_metallic, preserve_coverage, vertex_color,
 };
 use fantex_texture::{Filter, SampleOptions, UvPoint};
@@ -11,7 +12,7 @@ use glam::{Mat2, Vec2, Vec3, Vec4};
 
 use crate::surface::CornerNormals;
 use crate::surface::apply_alpha_mode;
-use crate::{Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{Coverage, FilterOptions, Hit, MaterialSample, Shaded, SmoothPoint, Surface};
 
 /// A mesh with its own materials. Textures whose texture coordinates the mesh lacks are left out.
 #[derive(Debug)]
@@ -30,7 +31,7 @@ impl<'a> ImageSurface<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> fantex_base::Result<Self> {
+    pub(crate) fn load(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self> {
         let mut textures = load_material_textures(mesh)?;
         preserve_coverage(&mesh.materials, &mut textures);
         let normals = CornerNormals::of_mesh(mesh);
@@ -75,14 +76,8 @@ impl<'a> ImageSurface<'a> {
     }
 }
 
-/// What the layers of a material give at a point, white where there is none.
-struct Texels {
-    base_color: Vec4,
-    metallic_roughness: Vec4,
-    normal: Option<Vec4>,
-    occlusion: Vec4,
-    emission: Vec4,
-}
+/// What the layers of a material give at a point.
+type Texels = ImageSlots<Option<Vec4>>;
 
 /// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
 const SHINY: f32 = 0.3;
@@ -127,8 +122,13 @@ impl ImageSurface<'_> {
     ) -> MaterialSample {
         let (vertex_normal, vertex_steps) = self.normals.with_steps(self.mesh, hit);
         let vertex_color = vertex_color(self.mesh, hit.triangle(), hit.at.lambda);
-        let base = base_color(material, vertex_color, texels.base_color);
-        let surface = occlusion_roughness_metallic(material, texels.occlusion, texels.metallic_roughness);
+        let or_white = |texel: Option<Vec4>| texel.unwrap_or(Vec4::ONE);
+        let base = base_color(material, vertex_color, or_white(texels.base_color));
+        let surface = occlusion_roughness_metallic(
+            material,
+            or_white(texels.occlusion),
+            or_white(texels.metallic_roughness),
+        );
         let bent = texels.normal.and_then(|texel| self.bent_normal(material, texel, hit));
         let normal = bent.unwrap_or(vertex_normal);
         let normal_steps = match &textures.normal {
@@ -145,7 +145,7 @@ impl ImageSurface<'_> {
             occlusion: surface.x,
             roughness: surface.y,
             metallic: surface.z,
-            emission: emission(material, texels.emission).max(Vec3::ZERO),
+            emission: emission(material, or_white(texels.emission)).max(Vec3::ZERO),
             unlit: material.unlit,
             lookups: textures.layers().count() as u32,
         }
@@ -160,23 +160,15 @@ impl ImageSurface<'_> {
 }
 
 impl Surface for ImageSurface<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let Some((material, textures)) = self.material(hit.triangle()) else {
-            return self.without_material(hit);
+            return (self.without_material(hit), None);
         };
-        let texel = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texel(layer, hit));
-        let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
-        let texels = Texels {
-            base_color: or_white(&textures.base_color),
-            metallic_roughness: or_white(&textures.metallic_roughness),
-            normal: texel(&textures.normal),
-            occlusion: or_white(&textures.occlusion),
-            emission: or_white(&textures.emission),
-        };
-        self.sample(hit, material, textures, &texels)
+        let texels = textures.each_ref().map(|layer| Some(self.texel(layer.as_ref()?, hit)));
+        (self.sample(hit, material, textures, &texels), None)
     }
 
-    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
         let is_one_material =
             |a: &Hit, b: &Hit| self.mesh.material_of(a.triangle()) == self.mesh.material_of(b.triangle());
         for run in hits.chunk_by(is_one_material) {
@@ -184,25 +176,10 @@ impl Surface for ImageSurface<'_> {
                 out.extend(run.iter().map(|hit| (self.without_material(hit), None)));
                 continue;
             };
-            let texels = |layer: &Option<TextureLayer>| layer.as_ref().map(|layer| self.texels(layer, run));
-            let base_color = texels(&textures.base_color);
-            let metallic_roughness = texels(&textures.metallic_roughness);
-            let normal = texels(&textures.normal);
-            let occlusion = texels(&textures.occlusion);
-            let emission = texels(&textures.emission);
+            let texels = textures.each_ref().map(|layer| Some(self.texels(layer.as_ref()?, run)));
             for (index, hit) in run.iter().enumerate() {
-                let texel = |layer: &Option<Vec<[f32; 4]>>| {
-                    layer.as_ref().map(|texels| Vec4::from_array(texels[index]))
-                };
-                let or_white = |layer| texel(layer).unwrap_or(Vec4::ONE);
-                let texels = Texels {
-                    base_color: or_white(&base_color),
-                    metallic_roughness: or_white(&metallic_roughness),
-                    normal: texel(&normal),
-                    occlusion: or_white(&occlusion),
-                    emission: or_white(&emission),
-                };
-                out.push((self.sample(hit, material, textures, &texels), None));
+                let own = texels.each_ref().map(|texels| Some(Vec4::from_array(texels.as_ref()?[index])));
+                out.push((self.sample(hit, material, textures, &own), None));
             }
         }
     }

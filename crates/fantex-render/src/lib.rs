@@ -45,4 +45,4 @@ pub use reflection::{
 pub use render::{MAX_PICTURE_SIDE, RenderOptions, RenderStats, Rendering, render, render_with_glow};
 pub use scene::{Scene, SceneObject};
 pub use shading::{AnisotropySample, Finish};
-pub use surface::{Coverage, FlatShading, FlatSurface, MaterialSample, SmoothPoint, Surface};
+pub use surface::{Coverage, FlatShading, FlatSurface, MaterialSample, Shaded, SmoothPoint, Surface};

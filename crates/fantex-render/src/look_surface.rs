@@ -9,6 +9,7 @@
 use std::rc::Rc;
 use std::sync::Arc;
 
+use fantex_base::Result;
 use fantex_mesh::{Mesh, Twins};
 use fantex_texture::combine::TextureUse;
 use fantex_texture::look::{
@@ -21,7 +22,9 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::image_surface::ImageSurface;
 use crate::surface::CornerNormals;
-use crate::{AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{
+    AnisotropySample, Coverage, FilterOptions, Finish, Hit, MaterialSample, Shaded, SmoothPoint, Surface,
+};
 
 /// What a mesh looks like: with a look for each of its materials, or with its own.
 #[derive(Debug)]
@@ -47,7 +50,7 @@ impl<'a> LookSurface<'a> {
     /// # Errors
     ///
     /// An image that is used cannot be read.
-    pub fn of_model(mesh: &'a Mesh, filter: FilterOptions) -> fantex_base::Result<Self> {
+    pub fn of_model(mesh: &'a Mesh, filter: FilterOptions) -> Result<Self> {
         Ok(Self(Materials::Images(ImageSurface::load(mesh, filter)?)))
     }
 
@@ -68,15 +71,11 @@ impl<'a> LookSurface<'a> {
 }
 
 impl Surface for LookSurface<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        self.materials().shade_inputs(hit)
-    }
-
-    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         self.materials().shade(hit)
     }
 
-    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
         self.materials().shade_all(hits, out);
     }
 
@@ -174,7 +173,7 @@ impl<'a> TextureSurface<'a> {
         hit: &Hit,
         at: &ShadingPoint<'_>,
         slots: &Slots<Vec4>,
-    ) -> (MaterialSample, Option<Finish<'s>>) {
+    ) -> Shaded<'s> {
         let side = if hit.front { 1.0 } else { -1.0 };
         // Relief rises from the front, so that a sheet seen from behind shows its dents as bumps.
         let bent = self.relief(material, hit, at, at.normal * side);
@@ -239,18 +238,14 @@ impl<'a> TextureSurface<'a> {
 }
 
 impl Surface for TextureSurface<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        self.shade(hit).0
-    }
-
-    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let material = self.material_of(hit.triangle());
         let own = LookPoint::new(self.mesh, &self.normals, hit, self.time);
         let at = own.shading_point();
         self.shaded(material, hit, &at, &Slots::new(material, |slot| slot.evaluate(&at)))
     }
 
-    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
         let material_of = |hit: &Hit| self.material_of(hit.triangle());
         for hits in hits.chunk_by(|a, b| std::ptr::eq(material_of(a), material_of(b))) {
             let material = material_of(&hits[0]);

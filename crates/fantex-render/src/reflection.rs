@@ -8,8 +8,8 @@ use fantex_texture::environment::{CubeFace, EnvironmentForm, EnvironmentMap, Env
 use glam::{DVec3, Vec3};
 
 use crate::{
-    Background, Camera, Coverage, EnvironmentLight, Finish, Hit, Lights, MaterialSample, Picture,
-    RenderOptions, SmoothPoint, Surface, render,
+    Background, Camera, Coverage, EnvironmentLight, Hit, Lights, MaterialSample, Picture, RenderOptions,
+    Shaded, SmoothPoint, Surface, render,
 };
 
 /// How an environment is taken.
@@ -120,11 +120,7 @@ impl PartialSurface<'_> {
 }
 
 impl Surface for PartialSurface<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        self.surface.shade_inputs(&self.own_hit(hit))
-    }
-
-    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         self.surface.shade(&self.own_hit(hit))
     }
 
@@ -221,16 +217,12 @@ impl ReflectingSurface<'_> {
 }
 
 impl Surface for ReflectingSurface<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        self.with_reflection(hit, self.surface.shade_inputs(hit))
-    }
-
-    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let (material, finish) = self.surface.shade(hit);
         (self.with_reflection(hit, material), finish)
     }
 
-    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
         let first = out.len();
         self.surface.shade_all(hits, out);
         for (hit, (material, _)) in hits.iter().zip(&mut out[first..]) {

@@ -12,7 +12,7 @@ use fantex_scene::world_bounds;
 use glam::{DAffine3, DMat3, DVec3, Mat3, Vec3};
 use rayon::prelude::*;
 
-use crate::{AnisotropySample, Coverage, Finish, Hit, MaterialSample, SmoothPoint, Surface};
+use crate::{AnisotropySample, Coverage, Finish, Hit, MaterialSample, Shaded, SmoothPoint, Surface};
 
 /// One object of a scene.
 #[derive(Clone, Copy)]
@@ -208,10 +208,7 @@ impl<'a> Part<'a> {
     }
 
     /// What the object's own surface says, as the scene knows it.
-    fn shaded<'s>(
-        &self,
-        (material, finish): (MaterialSample, Option<Finish<'s>>),
-    ) -> (MaterialSample, Option<Finish<'s>>) {
+    fn shaded<'s>(&self, (material, finish): Shaded<'s>) -> Shaded<'s> {
         let turned = |a: AnisotropySample| AnisotropySample {
             direction: (self.scene_from_object * a.direction).normalize_or(a.direction),
             ..a
@@ -233,17 +230,12 @@ impl<'a> Part<'a> {
 }
 
 impl Surface for Scene<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
-        let (part, own) = self.locate(hit.triangle());
-        part.material(part.object.surface.shade_inputs(&part.own_hit(own, hit)))
-    }
-
-    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let (part, own) = self.locate(hit.triangle());
         part.shaded(part.object.surface.shade(&part.own_hit(own, hit)))
     }
 
-    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
         let (mut own_hits, mut shaded) = (Vec::with_capacity(hits.len()), Vec::with_capacity(hits.len()));
         let of_one_object =
             |a: &Hit, b: &Hit| self.object_of(a.triangle()).0 == self.object_of(b.triangle()).0;

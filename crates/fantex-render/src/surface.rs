@@ -75,6 +75,9 @@ impl MaterialSample {
     }
 }
 
+/// The material at a point, and what it has beyond the core of glTF.
+pub type Shaded<'s> = (MaterialSample, Option<Finish<'s>>);
+
 /// Where the surface would be if it were as smooth as its normals say.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SmoothPoint {
@@ -86,23 +89,18 @@ pub struct SmoothPoint {
 
 /// The appearance of a mesh.
 pub trait Surface: Sync {
-    /// The material at a point.
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample;
-
     /// The material at a point, and what it has beyond the core of glTF.
-    fn shade(&self, hit: &Hit) -> (MaterialSample, Option<Finish<'_>>) {
-        (self.shade_inputs(hit), None)
-    }
+    fn shade(&self, hit: &Hit) -> Shaded<'_>;
 
     /// [`Surface::shade`] at many points: appends one pair for each. Surfaces that look up many texels at once faster than one
     /// by one override this; the results may differ by what their look-ups differ by.
-    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<(MaterialSample, Option<Finish<'s>>)>) {
+    fn shade_all<'s>(&'s self, hits: &[Hit], out: &mut Vec<Shaded<'s>>) {
         out.extend(hits.iter().map(|hit| self.shade(hit)));
     }
 
-    /// The opacity at a point: that of [`Surface::shade_inputs`].
+    /// The opacity at a point: that of [`Surface::shade`].
     fn alpha(&self, hit: &Hit) -> f32 {
-        self.shade_inputs(hit).alpha
+        self.shade(hit).0.alpha
     }
 
     /// Whether a triangle casts shadows. Where a floor casts none, the shadow map of a directional lamp is fitted to what
@@ -226,17 +224,18 @@ impl<'a, F: Fn(&Hit) -> Vec3 + Sync> FlatSurface<'a, F> {
 }
 
 impl<F: Fn(&Hit) -> Vec3 + Sync> Surface for FlatSurface<'_, F> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let (normal, normal_steps) = match &self.normals {
             Some(normals) => normals.with_steps(self.mesh, hit),
             None => (face_normal(self.mesh, hit.triangle()), [Vec3::ZERO; 2]),
         };
-        MaterialSample {
+        let material = MaterialSample {
             base_color: (self.color)(hit),
             unlit: self.unlit,
             normal_steps,
             ..MaterialSample::with_normal(if hit.front { normal } else { -normal })
-        }
+        };
+        (material, None)
     }
 
     fn smooth_point(&self, hit: &Hit) -> Option<SmoothPoint> {

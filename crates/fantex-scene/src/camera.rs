@@ -35,13 +35,8 @@ impl Camera {
     /// Direction from the model to the camera of a three-quarter view: from the front (+z), the right and above.
     pub const THREE_QUARTER: DVec3 = DVec3::new(0.62, 0.45, 1.0);
 
-    /// A camera that looks at a box from `direction` (from the box to the camera) and shows it whole and as large as
+    /// A camera that looks at a mesh from `direction` (from the mesh to the camera) and shows it whole and as large as
     /// possible. `aspect` is width / height.
-    pub fn framing(bounds: &Aabb<DVec3>, direction: DVec3, aspect: f64) -> Self {
-        Self::framing_points(bounds.corners().into_iter(), direction, aspect)
-    }
-
-    /// Like [`Camera::framing`], but tight around the mesh itself.
     pub fn framing_mesh(mesh: &Mesh, direction: DVec3, aspect: f64) -> Self {
         Self::framing_points(mesh.positions.iter().map(|&p| mesh.world_from_mesh.point(p)), direction, aspect)
     }

@@ -21,6 +21,16 @@ pub enum RampInterpolation {
     Constant,
 }
 
+impl From<ToonInterpolation> for RampInterpolation {
+    fn from(interpolation: ToonInterpolation) -> Self {
+        match interpolation {
+            ToonInterpolation::Linear => Self::Linear,
+            ToonInterpolation::Smooth => Self::Smooth,
+            ToonInterpolation::Constant => Self::Constant,
+        }
+    }
+}
+
 parameters! {
     /// A stop of a colour scale.
     #[derive(Copy)]
@@ -79,12 +89,7 @@ impl ColorRamp {
     /// The ramp that a material's toon scale stands for; `None` where its stops make none.
     pub fn of_toon_scale(scale: &ToonScale) -> Option<Self> {
         let stops = scale.stops.iter().map(|&(at, color)| (at, color.extend(1.0)));
-        let interpolation = match scale.interpolation {
-            ToonInterpolation::Linear => RampInterpolation::Linear,
-            ToonInterpolation::Smooth => RampInterpolation::Smooth,
-            ToonInterpolation::Constant => RampInterpolation::Constant,
-        };
-        Self::new(stops.collect(), interpolation).ok()
+        Self::new(stops.collect(), scale.interpolation.into()).ok()
     }
 
     /// This ramp between -1 and 1 as a material keeps it. One of more stops than that has room for is sampled evenly.

@@ -9,11 +9,10 @@
 //!  uv, footprint --> parallelogram --carve out each piece that lies in it--> share of each polygon; the rest: base
 //! ```
 //!
-//! A [`SurfaceDetail`] lives in a plane: in the plane of a face ([`DetailPlane`]), or in that of texture coordinates. As a
-//! texture among others it is a [`PolygonsTexture`].
+//! A [`SurfaceDetail`] lives in the plane of texture coordinates. As a texture among others it is a [`PolygonsTexture`].
 
 use fantex_base::{Error, Result};
-use glam::{DVec2, Vec2, Vec3, Vec4};
+use glam::{DVec2, Vec2, Vec4};
 
 use crate::coordinates::{Coordinates, TextureMatrix};
 use crate::look::Slot;
@@ -229,39 +228,6 @@ fn checked_outlines(index: usize, polygon: &DetailPolygon) -> Result<Vec<Vec<DVe
         }
     }
     Ok(polygon.outlines.iter().map(|o| o.iter().map(|c| c.as_dvec2()).collect()).collect())
-}
-
-/// Coordinates in the plane of a face.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DetailPlane {
-    /// Where the coordinates are 0, 0.
-    pub origin: Vec3,
-    /// Unit vectors along which the first and the second coordinate grow by one per unit of length.
-    pub axes: [Vec3; 2],
-}
-
-impl DetailPlane {
-    /// The plane of a triangle: the origin at its first corner, the first axis towards the second, counter-clockwise.
-    /// `None` for a triangle without area.
-    pub fn of_triangle([a, b, c]: [Vec3; 3]) -> Option<Self> {
-        let normal = (b - a).cross(c - a).try_normalize()?;
-        let first = (b - a).try_normalize()?;
-        Some(Self { origin: a, axes: [first, normal.cross(first)] })
-    }
-
-    /// Coordinates of a point, or of its projection onto the plane.
-    pub fn uv(&self, position: Vec3) -> Vec2 {
-        self.along(position - self.origin)
-    }
-
-    /// The footprint that steps in space make in the plane.
-    pub fn footprint(&self, position_steps: [Vec3; 2]) -> [Vec2; 2] {
-        position_steps.map(|step| self.along(step))
-    }
-
-    fn along(&self, v: Vec3) -> Vec2 {
-        Vec2::from(self.axes.map(|axis| v.dot(axis)))
-    }
 }
 
 // ---- Convex polygons cut by convex pieces, and their areas.

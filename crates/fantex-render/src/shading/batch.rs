@@ -12,7 +12,7 @@ use crate::hit::HitFinder;
 use crate::illumination::{DistantLamp, PreparedLights};
 use crate::shading::{DIELECTRIC, MIN_ALPHA, evaluate};
 use crate::vectors::{Vector, add, clamped, dot, lerp, level, mul, normalize_or, scaled, splat, sub};
-use crate::{Finish, Hit, MaterialSample, Surface};
+use crate::{Finish, Hit, MaterialSample, Shaded, Surface};
 
 /// Points of a block; a whole number of vectors.
 const BLOCK: usize = 64;
@@ -75,9 +75,6 @@ fn set(vectors: &mut Vectors, index: usize, value: Vec3) {
         numbers.0[index] = number;
     }
 }
-
-/// Materials of hits as surfaces give them.
-type Shaded<'a> = (MaterialSample, Option<Finish<'a>>);
 
 /// [`evaluate`] at many points: appends linear RGB towards the eye.
 pub(crate) fn evaluate_all(

@@ -6,7 +6,7 @@ use fantex_mesh::{ImageSource, Mesh, TextureRef, WorldFromMesh, WrapMode, interp
 use fantex_render::{
     AmbientLight, Background, Camera, CaptureOptions, EnvironmentLight, FilterOptions, FlatShading,
     FlatSurface, Hit, Lights, LookSurface, MaterialSample, ObjectReflection, Picture, ReflectingSurface,
-    RenderOptions, Shading, Surface, capture_environment, capture_with, cube_cameras, render,
+    RenderOptions, Shaded, Shading, Surface, capture_environment, capture_with, cube_cameras, render,
 };
 use fantex_texture::environment::{
     CubeFace, EnvironmentForm, EnvironmentMap, EnvironmentProxy, PrefilteredEnvironment,
@@ -45,11 +45,11 @@ struct Ball<'a> {
 }
 
 impl Surface for Ball<'_> {
-    fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+    fn shade(&self, hit: &Hit) -> Shaded<'_> {
         let normal = hit.position(self.mesh).normalize();
         let corners = self.mesh.triangle_positions(hit.triangle());
         let along = |l: Vec3| interpolate(corners, l);
-        MaterialSample {
+        let material = MaterialSample {
             roughness: self.roughness,
             metallic: self.metallic,
             unlit: self.unlit,
@@ -57,7 +57,8 @@ impl Surface for Ball<'_> {
             normal_steps: hit.lambda_steps.map(along),
             occlusion: 0.8,
             ..MaterialSample::with_normal(normal)
-        }
+        };
+        (material, None)
     }
 }
 

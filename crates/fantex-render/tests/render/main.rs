@@ -8,5 +8,4 @@ mod fan;
 mod look;
 mod materials;
 mod scene;
-mod speed;
 mod visibility;

@@ -4,7 +4,7 @@ use fantex_base::ErrorKind;
 use fantex_mesh::Mesh;
 use fantex_render::{
     Background, Camera, Coverage, FlatShading, FlatSurface, Hit, Interpolation, Lights, MaterialSample,
-    Picture, RenderOptions, Shading, ShadingRate, Surface, render,
+    Picture, RenderOptions, Shaded, Shading, ShadingRate, Surface, render,
 };
 use glam::{DVec3, Vec3};
 
@@ -29,8 +29,8 @@ fn picture(mesh: &Mesh, surface: &dyn Surface, camera: &Camera, options: &Render
 struct Half;
 
 impl Surface for Half {
-    fn shade_inputs(&self, _: &Hit) -> MaterialSample {
-        MaterialSample { alpha: 0.5, ..MaterialSample::with_normal(Vec3::Z) }
+    fn shade(&self, _: &Hit) -> Shaded<'_> {
+        (MaterialSample { alpha: 0.5, ..MaterialSample::with_normal(Vec3::Z) }, None)
     }
 
     fn coverage(&self, _: usize) -> Coverage {
@@ -166,9 +166,9 @@ fn degenerate_and_broken_triangles_do_no_harm() {
 fn single_sided_triangles_are_seen_from_the_front_only() {
     struct OneSided;
     impl Surface for OneSided {
-        fn shade_inputs(&self, hit: &Hit) -> MaterialSample {
+        fn shade(&self, hit: &Hit) -> Shaded<'_> {
             assert!(hit.front);
-            MaterialSample::with_normal(Vec3::Z)
+            (MaterialSample::with_normal(Vec3::Z), None)
         }
         fn is_double_sided(&self, _: usize) -> bool {
             false

@@ -14,12 +14,11 @@ mod two_part;
 
 use std::str::FromStr;
 
-use fantex_base::{Aabb, Error};
+use fantex_base::{Aabb, Error, Result};
 use glam::{Vec2, Vec3};
 
 pub use shape::{BoxMap, CylinderMap, HemisphereLayout, HemisphereMap, PlanarMap, SphereMap};
 pub use triplanar::{TriplanarMap, TriplanarTap};
-pub(crate) use two_part::reflected;
 pub use two_part::{OMap, Placement, SMap, Shape, ShapeKind, ShapePoint, TwoPartMapping};
 
 /// From a surface point to texture coordinates.
@@ -76,12 +75,10 @@ impl MappingKind {
 impl FromStr for MappingKind {
     type Err = Error;
 
-    fn from_str(name: &str) -> Result<Self, Error> {
-        let unknown = || {
-            let known = "planar, box, cylinder, sphere or triplanar";
-            Error::invalid(format!("'{name}' is no mapping; use {known}"))
-        };
-        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(unknown)
+    fn from_str(name: &str) -> Result<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name).ok_or_else(|| {
+            Error::invalid(format!("'{name}' is no mapping; use planar, box, cylinder, sphere or triplanar"))
+        })
     }
 }
 

@@ -367,7 +367,7 @@ impl TwoPartMapping {
 }
 
 /// The direction into which a mirror with normal `n` sends the view ray.
-pub(crate) fn reflected(to_eye: Vec3, n: Vec3) -> Vec3 {
+fn reflected(to_eye: Vec3, n: Vec3) -> Vec3 {
     2.0 * n.dot(to_eye) * n - to_eye
 }
 

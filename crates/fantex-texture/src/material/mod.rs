@@ -10,10 +10,10 @@
 
 mod filtering;
 
-use std::collections::BTreeMap;
-use std::fmt;
+use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
+use fantex_base::{Error, Result};
 use fantex_mesh::{
     AlphaMode, ImageSource, Material, Mesh, TextureRef, WrapMode, corner_tangents, interpolate,
 };
@@ -24,20 +24,23 @@ use crate::{AlphaUse, ColorSpace, Image, ImageTexture, Samples, Wrap};
 
 pub use filtering::*;
 
-/// A material's textures; those whose texture coordinates the mesh lacks are left out.
+/// One `T` for each channel of a material that may have an image.
 #[derive(Clone, Debug, Default)]
-pub struct MaterialTextures {
+pub struct ImageSlots<T> {
     /// sRGB colour, alpha.
-    pub base_color: Option<TextureLayer>,
+    pub base_color: T,
     /// Green = roughness, blue = metallic.
-    pub metallic_roughness: Option<TextureLayer>,
+    pub metallic_roughness: T,
     /// Tangent-space normal, 0..1.
-    pub normal: Option<TextureLayer>,
+    pub normal: T,
     /// Red = occlusion.
-    pub occlusion: Option<TextureLayer>,
+    pub occlusion: T,
     /// sRGB colour.
-    pub emission: Option<TextureLayer>,
+    pub emission: T,
 }
+
+/// A material's textures; those whose texture coordinates the mesh lacks are left out.
+pub type MaterialTextures = ImageSlots<Option<TextureLayer>>;
 
 /// One use of an image.
 #[derive(Clone, Debug)]
@@ -54,11 +57,34 @@ pub struct TextureLayer {
     pub texture: Arc<ImageTexture>,
 }
 
-impl MaterialTextures {
-    /// Those that there are.
-    pub fn layers(&self) -> impl Iterator<Item = &TextureLayer> {
+impl<T> ImageSlots<T> {
+    /// What `of` makes of each.
+    pub fn map<U>(self, mut of: impl FnMut(T) -> U) -> ImageSlots<U> {
+        ImageSlots {
+            base_color: of(self.base_color),
+            metallic_roughness: of(self.metallic_roughness),
+            normal: of(self.normal),
+            occlusion: of(self.occlusion),
+            emission: of(self.emission),
+        }
+    }
+
+    /// References to all.
+    pub fn each_ref(&self) -> ImageSlots<&T> {
         let Self { base_color, metallic_roughness, normal, occlusion, emission } = self;
-        [base_color, metallic_roughness, normal, occlusion, emission].into_iter().flatten()
+        ImageSlots { base_color, metallic_roughness, normal, occlusion, emission }
+    }
+
+    /// All of them, in the order of the fields.
+    pub fn into_array(self) -> [T; 5] {
+        [self.base_color, self.metallic_roughness, self.normal, self.occlusion, self.emission]
+    }
+}
+
+impl<T> ImageSlots<Option<T>> {
+    /// Those that there are.
+    pub fn layers(&self) -> impl Iterator<Item = &T> {
+        self.each_ref().into_array().into_iter().flatten()
     }
 }
 
@@ -72,111 +98,114 @@ impl TextureLayer {
 
 // Decoding of the images that materials use.
 
-/// What distinguishes two ways of decoding an image: colours or data, alpha as coverage or as a number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct ImageUse {
-    image: usize,
-    srgb: bool,
-    alpha_is_coverage: bool,
+/// An image as a channel of a material uses it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct ImageUse {
+    /// Index in the mesh.
+    pub image: usize,
+    /// What the channel's numbers mean.
+    pub space: ColorSpace,
+    /// Coverage for the base colour of a material that looks at its alpha.
+    pub alpha: AlphaUse,
 }
 
-type Textures = BTreeMap<ImageUse, Arc<ImageTexture>>;
+impl ImageUse {
+    /// How a channel of this colour space uses its texture.
+    pub fn of(material: &Material, texture: &TextureRef, space: ColorSpace) -> Self {
+        let is_base_color = material.base_color_texture.as_ref() == Some(texture);
+        let is_coverage = is_base_color && material.alpha != AlphaMode::Opaque;
+        let alpha = if is_coverage { AlphaUse::Coverage } else { AlphaUse::Independent };
+        Self { image: texture.image, space, alpha }
+    }
+}
 
 /// A material in messages: its name and its place in the model file, as far as there are any.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct MaterialLabel {
-    /// Counted from 0.
-    pub index: usize,
-    /// [`Material::name`].
-    pub name: String,
-    /// [`Material::place`].
-    pub place: String,
-}
-
-impl MaterialLabel {
-    fn new(index: usize, material: &Material) -> Self {
-        Self { index, name: material.name.clone(), place: material.place.clone() }
+fn label(index: usize, Material { name, place, .. }: &Material) -> String {
+    match (name.as_str(), place.as_str()) {
+        ("", "") => format!("material {index}"),
+        ("", place) => place.to_owned(),
+        (name, "") => format!("material {name:?}"),
+        (name, place) => format!("material {name:?} ({place})"),
     }
 }
 
-impl fmt::Display for MaterialLabel {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match (self.name.as_str(), self.place.as_str()) {
-            ("", "") => write!(f, "material {}", self.index),
-            ("", place) => f.write_str(place),
-            (name, "") => write!(f, "material {name:?}"),
-            (name, place) => write!(f, "material {name:?} ({place})"),
-        }
-    }
-}
-
-/// Decodes all images that a mesh's materials use, each once per way of use, in parallel; one entry per material.
+/// Reads the images of all textures of a mesh's materials that are `usable`, each once per way of use, in parallel.
 ///
 /// # Errors
 ///
-/// An image that is used cannot be read; where several cannot, the one with the lowest index.
-pub fn load_material_textures(mesh: &Mesh) -> fantex_base::Result<Vec<MaterialTextures>> {
-    // Each with the material and the channel that want it first.
-    let mut wanted: BTreeMap<ImageUse, (usize, &'static str)> = BTreeMap::new();
+/// An image that is used cannot be read; where several cannot, the one with the lowest index. The material and the channel in the
+/// message are the first ones that use it so.
+pub fn read_used_images<T: Send>(
+    mesh: &Mesh,
+    usable: impl Fn(&TextureRef) -> bool,
+    read: impl Fn(&ImageSource, ImageUse) -> Result<T> + Sync,
+) -> Result<Vec<(ImageUse, T)>> {
+    let mut wanted = BTreeMap::new();
     for (index, material) in mesh.materials.iter().enumerate() {
-        for (channel, texture, srgb) in channels(material) {
-            if let Some(texture) = texture.filter(|t| t.image < mesh.images.len()) {
-                wanted.entry(image_use(material, texture, srgb)).or_insert((index, channel));
+        for (channel, texture, space) in channels(material).into_array() {
+            if let Some(texture) = texture.filter(|t| t.image < mesh.images.len() && usable(t)) {
+                let used = ImageUse::of(material, texture, space);
+                let key = (used.image, space == ColorSpace::Srgb, used.alpha == AlphaUse::Coverage);
+                wanted.entry(key).or_insert((used, index, channel));
             }
         }
     }
-    let decoded: Vec<_> = wanted
+    let loaded: Vec<_> = wanted
         .into_par_iter()
-        .map(|(image_use, (index, channel))| {
-            let decoded = decode(&mesh.images[image_use.image], image_use);
-            let failed = |cause: fantex_base::Error| {
-                let material = MaterialLabel::new(index, &mesh.materials[index]);
-                cause.context(format!("the {channel} of {material}"))
+        .map(|(_, (used, index, channel))| {
+            let failed = |cause: Error| {
+                let label = label(index, &mesh.materials[index]);
+                Error::malformed(format!("the {channel} of {label}: {cause}")).with_source(cause)
             };
-            decoded.map(|texture| (image_use, Arc::new(texture))).map_err(failed)
+            Ok((used, read(&mesh.images[used.image], used).map_err(failed)?))
         })
         .collect();
     // Not collected as one result in parallel: which of several errors that gives is left to chance.
-    let textures = decoded.into_iter().collect::<Result<Textures, _>>()?;
-    Ok(mesh.materials.iter().map(|m| of_material(mesh, m, &textures)).collect())
+    loaded.into_iter().collect()
 }
 
-fn of_material(mesh: &Mesh, material: &Material, textures: &Textures) -> MaterialTextures {
-    let [base_color, metallic_roughness, normal, occlusion, emission] =
-        channels(material).map(|(_, texture, srgb)| {
-            let texture_ref = texture?;
-            let texture = textures.get(&image_use(material, texture_ref, srgb))?;
+/// Decodes all images that a mesh's materials use; one entry per material.
+///
+/// # Errors
+///
+/// As [`read_used_images`].
+pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
+    let decode = |source: &ImageSource, used| Ok(Arc::new(decode(source, used)?));
+    let textures: HashMap<_, _> = read_used_images(mesh, |_| true, decode)?.into_iter().collect();
+    let of_material = |material| {
+        channels(material).map(|(_, texture, space)| {
+            let texture_ref: &TextureRef = texture?;
+            let texture = textures.get(&ImageUse::of(material, texture_ref, space))?;
             let set = mesh.corners.uv_sets.get(texture_ref.uv_set)?;
             (set.len() == 3 * mesh.triangles.len()).then(|| TextureLayer {
                 uv_set: texture_ref.uv_set,
                 uv_transform: texture_ref.uv_transform,
-                wrap: texture_ref.wrap.map(wrap),
+                wrap: texture_ref.wrap.map(Wrap::from),
                 nearest: texture_ref.nearest,
                 texture: Arc::clone(texture),
             })
-        });
-    MaterialTextures { base_color, metallic_roughness, normal, occlusion, emission }
+        })
+    };
+    Ok(mesh.materials.iter().map(of_material).collect())
 }
 
-/// Each channel's name and texture, and whether its colours are sRGB-encoded.
-fn channels(material: &Material) -> [(&'static str, Option<&TextureRef>, bool); 5] {
-    [
-        ("base colour", material.base_color_texture.as_ref(), true),
-        ("metallic-roughness texture", material.metallic_roughness_texture.as_ref(), false),
-        ("normal map", material.normal_texture.as_ref(), false),
-        ("occlusion texture", material.occlusion_texture.as_ref(), false),
-        ("emission texture", material.emission_texture.as_ref(), true),
-    ]
+/// Each channel's name, its texture, and what its numbers mean.
+fn channels(material: &Material) -> ImageSlots<(&'static str, Option<&TextureRef>, ColorSpace)> {
+    use ColorSpace::{Linear, Srgb};
+    ImageSlots {
+        base_color: ("base colour", material.base_color_texture.as_ref(), Srgb),
+        metallic_roughness: (
+            "metallic-roughness texture",
+            material.metallic_roughness_texture.as_ref(),
+            Linear,
+        ),
+        normal: ("normal map", material.normal_texture.as_ref(), Linear),
+        occlusion: ("occlusion texture", material.occlusion_texture.as_ref(), Linear),
+        emission: ("emission texture", material.emission_texture.as_ref(), Srgb),
+    }
 }
 
-fn image_use(material: &Material, texture: &TextureRef, srgb: bool) -> ImageUse {
-    let is_base_color = material.base_color_texture.as_ref() == Some(texture);
-    let alpha_is_coverage = is_base_color && material.alpha != AlphaMode::Opaque;
-    ImageUse { image: texture.image, srgb, alpha_is_coverage }
-}
-
-fn decode(source: &ImageSource, image_use: ImageUse) -> Result<ImageTexture, fantex_base::Error> {
-    let space = if image_use.srgb { ColorSpace::Srgb } else { ColorSpace::Linear };
+fn decode(source: &ImageSource, ImageUse { space, alpha, .. }: ImageUse) -> Result<ImageTexture> {
     let mut image = match source {
         ImageSource::File(path) => Image::load_as(path, space)?,
         ImageSource::Embedded { label, bytes } => Image::decode(bytes, label, space)?,
@@ -185,15 +214,16 @@ fn decode(source: &ImageSource, image_use: ImageUse) -> Result<ImageTexture, fan
         // The channel decides, whatever the file claims (glTF 2.0, section 3.8).
         image.space = space;
     }
-    let alpha = if image_use.alpha_is_coverage { AlphaUse::Coverage } else { AlphaUse::Independent };
     Ok(ImageTexture::with_alpha_use(Arc::new(image), alpha))
 }
 
-fn wrap(mode: WrapMode) -> Wrap {
-    match mode {
-        WrapMode::Clamp => Wrap::Clamp,
-        WrapMode::Repeat => Wrap::Repeat,
-        WrapMode::Mirror => Wrap::Mirror,
+impl From<WrapMode> for Wrap {
+    fn from(mode: WrapMode) -> Self {
+        match mode {
+            WrapMode::Clamp => Self::Clamp,
+            WrapMode::Repeat => Self::Repeat,
+            WrapMode::Mirror => Self::Mirror,
+        }
     }
 }
 

@@ -110,27 +110,6 @@ impl Noise {
         values_at(self.seed, points, out);
     }
 
-    /// [`Noise::value`] and its derivatives along x, y and z.
-    pub fn value_and_gradient(&self, p: Vec3) -> (f32, Vec3) {
-        let (cell, t) = cell_and_offset(p);
-        let fade = t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
-        let fade_slope = 30.0 * t * t * (t * (t - 2.0) + 1.0);
-        let slopes = self.corner_gradients(cell);
-        let (mut value, mut gradient) = (0.0, Vec3::ZERO);
-        for (offset, slope) in CORNERS.into_iter().zip(slopes) {
-            let height = slope.dot(t - offset);
-            // Weight of the corner along each axis, and how it changes.
-            let sign = offset * 2.0 - 1.0;
-            let w = Vec3::ONE - offset + sign * fade;
-            let dw = sign * fade_slope;
-            let weight = w.x * w.y * w.z;
-            value += weight * height;
-            gradient +=
-                weight * slope + height * Vec3::new(dw.x * w.y * w.z, w.x * dw.y * w.z, w.x * w.y * dw.z);
-        }
-        (value, gradient)
-    }
-
     /// The gradients at the corners of a cell, in the order of [`CORNERS`].
     fn corner_gradients(&self, cell: IVec3) -> [Vec3; 8] {
         let next = cell.wrapping_add(IVec3::ONE);

@@ -32,7 +32,7 @@ mod pattern;
 mod stone;
 
 use arrayvec::ArrayVec;
-use fantex_base::Aabb;
+use fantex_base::{Aabb, Error, Result};
 use glam::{Vec3, Vec4};
 
 use crate::noise::{Fractal, Noise};
@@ -128,22 +128,23 @@ pub trait Recipe {
     }
 }
 
-/// What is said of a name that is no solid's.
-pub fn unknown_solid(name: &str) -> fantex_base::Error {
-    let known = "wood, marble, rock, granite, clouds, checker, brick or landscape";
-    fantex_base::Error::invalid(format!("'{name}' is no solid; use {known}"))
-}
-
 /// The names that [`solid_by_name`] knows.
 pub const SOLID_NAMES: [&str; 8] =
     ["wood", "marble", "rock", "granite", "clouds", "checker", "brick", "landscape"];
+
+/// What to say of a name that is none of [`SOLID_NAMES`].
+pub fn unknown_solid(name: &str) -> Error {
+    Error::invalid(format!(
+        "'{name}' is no solid; use wood, marble, rock, granite, clouds, checker, brick or landscape"
+    ))
+}
 
 /// The recipe `name`, scaled to a model with these bounds.
 ///
 /// # Errors
 ///
 /// There is no such recipe.
-pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> fantex_base::Result<Box<dyn Solid>> {
+pub fn solid_by_name(name: &str, bounds: Aabb, seed: u32) -> Result<Box<dyn Solid>> {
     let center = bounds.center();
     let radius = 0.5 * (bounds.max - bounds.min).length();
     let radius = if radius > 0.0 { radius } else { 1.0 };

@@ -3,8 +3,7 @@
 use fantex_texture::coordinates::{Coordinates, TextureMatrix};
 use fantex_texture::look::Slot;
 use fantex_texture::{
-    DetailCoverage, DetailPlane, DetailPolygon, Filtering, PolygonsTexture, ShadingPoint, SurfaceDetail,
-    Texture, UvPoint,
+    DetailCoverage, DetailPolygon, Filtering, PolygonsTexture, ShadingPoint, SurfaceDetail, Texture, UvPoint,
 };
 use glam::{Vec2, Vec3, Vec4};
 
@@ -180,19 +179,6 @@ fn thousands_of_polygons_are_no_burden() {
         eprintln!("{count} polygons: {:.2} us per look-up", seconds * 1e6);
         assert!(seconds < 1e-3);
     }
-}
-
-#[test]
-fn planes_of_triangles_keep_lengths() {
-    let corners = [Vec3::new(1.0, 2.0, 3.0), Vec3::new(3.0, 2.0, 3.0), Vec3::new(1.0, 2.0, 0.0)];
-    let plane = DetailPlane::of_triangle(corners).unwrap();
-    assert_eq!(plane.uv(corners[0]), Vec2::ZERO);
-    assert!((plane.uv(corners[1]) - Vec2::new(2.0, 0.0)).length() < 1e-6);
-    assert!((plane.uv(corners[2]) - Vec2::new(0.0, 3.0)).length() < 1e-6);
-    let footprint = plane.footprint([Vec3::new(0.5, 9.0, 0.0), Vec3::new(0.0, -9.0, -0.25)]);
-    assert!((footprint[0] - Vec2::new(0.5, 0.0)).length() < 1e-6);
-    assert!((footprint[1] - Vec2::new(0.0, 0.25)).length() < 1e-6);
-    assert!(DetailPlane::of_triangle([Vec3::ZERO, Vec3::X, Vec3::X * 2.0]).is_none());
 }
 
 /// What a texture of polygons shows at texture coordinates.
