@@ -220,7 +220,6 @@ impl Progress for NoProgress {
     fn report(&self, _done: u64, _total: u64) {}
 }
 
-/// Adds up what threads have finished.
 pub(crate) struct Meter<'a> {
     progress: &'a dyn Progress,
     done: AtomicU64,

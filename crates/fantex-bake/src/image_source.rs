@@ -14,7 +14,6 @@ use glam::{Vec2, Vec3, Vec4};
 
 use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
 
-/// The materials of a mesh as a source.
 #[derive(Debug)]
 pub(crate) struct ImageSource<'a> {
     mesh: &'a Mesh,
@@ -41,7 +40,6 @@ impl<'a> ImageSource<'a> {
         Ok(Self { mesh, materials, tangents, normals, kinds, has_alpha })
     }
 
-    /// True where at least one material has a texture.
     pub(crate) fn has_textures(&self) -> bool {
         self.materials.iter().any(|m| m.layers().next().is_some())
     }
@@ -105,7 +103,6 @@ pub(crate) const NO_IMAGE_DENSITY: f32 = 256.0;
 /// beside each other by rounding errors has such triangles, with whole stripes of the image on them.
 const MIN_SLENDERNESS: f32 = 1e-5;
 
-/// One layer on one triangle.
 struct LayerSampler<'s> {
     layer: &'s TextureLayer,
     corners: [Vec2; 3],
@@ -121,7 +118,6 @@ struct LayerSampler<'s> {
 type Means = [[f32; 4]; AREAS_AT_ONCE];
 
 impl LayerSampler<'_> {
-    /// The means of the texture over the texels around points.
     fn means(&self, points: &[TexelPoint], shared: Option<&Areas>) -> Means {
         let mut means = [[1.0; 4]; AREAS_AT_ONCE];
         let out = &mut means[..points.len()];
@@ -139,7 +135,6 @@ impl LayerSampler<'_> {
     }
 }
 
-/// The areas of a sampler around points of a triangle with these coordinates at its corners.
 fn areas_around(sampler: &AreaSampler<'_>, corners: [Vec2; 3], points: &[TexelPoint]) -> Areas {
     let mut coordinates = [Vec2::ZERO; AREAS_AT_ONCE];
     for (uv, point) in coordinates.iter_mut().zip(points) {
@@ -158,7 +153,6 @@ struct MaterialSampler<'s> {
 }
 
 impl<'s> MaterialSampler<'s> {
-    /// Finds out which layers share their areas.
     fn new(layers: ImageSlots<Option<LayerSampler<'s>>>) -> Self {
         let first = layers.layers().find_map(|layer| Some((layer.smooth?, layer.corners)));
         let follows = |layer: &LayerSampler<'_>| {
@@ -170,14 +164,12 @@ impl<'s> MaterialSampler<'s> {
         Self { layers: layers.map(|layer| layer.map(marked)), first }
     }
 
-    /// The means of all layers at up to [`AREAS_AT_ONCE`] points.
     fn means(&self, points: &[TexelPoint]) -> MaterialMeans {
         let areas = self.first.as_ref().map(|(sampler, corners)| areas_around(sampler, *corners, points));
         self.layers.each_ref().map(|layer| Some(layer.as_ref()?.means(points, areas.as_ref())))
     }
 }
 
-/// What the layers of a [`MaterialSampler`] give.
 type MaterialMeans = ImageSlots<Option<Means>>;
 
 /// White without texture.
@@ -185,7 +177,6 @@ fn or_white(means: &Option<Means>, index: usize) -> Vec4 {
     means.as_ref().map_or(Vec4::ONE, |means| Vec4::from_array(means[index]))
 }
 
-/// True where two layers read the same texels.
 fn is_same_look_up(a: &Option<TextureLayer>, b: &Option<TextureLayer>) -> bool {
     let (Some(a), Some(b)) = (a, b) else { return false };
     Arc::ptr_eq(&a.texture, &b.texture)

@@ -194,7 +194,6 @@ impl Default for LightMapOptions {
     }
 }
 
-/// Largest number of paths per texel.
 const MAX_SAMPLES: u32 = 1 << 20;
 const MAX_BOUNCES: u32 = 64;
 
@@ -235,7 +234,6 @@ impl LightMapOptions {
         Ok(())
     }
 
-    /// Reflections that are followed.
     pub(crate) fn reflections(&self) -> u32 {
         if self.quantity == LightQuantity::Full { self.bounces } else { 0 }
     }
@@ -318,7 +316,6 @@ impl<'a> SourceReflector<'a> {
         Self { mesh, source, channels: channels.len(), base_color, emission, has_alpha }
     }
 
-    /// One channel's value at a point.
     fn value(&self, channel: usize, at: SurfacePoint) -> Vec4 {
         let [a, b, c] = self.mesh.triangle_positions(at.index());
         let point = TexelPoint {

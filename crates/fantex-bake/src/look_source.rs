@@ -95,7 +95,6 @@ impl Source for LookSource<'_> {
     }
 }
 
-/// Materials whose properties are textures of any kind.
 #[derive(Debug)]
 struct TextureSource<'a> {
     materials: Vec<Arc<LookMaterial>>,
@@ -329,7 +328,6 @@ fn check_eye(material: &LookMaterial) -> Result<()> {
 /// Sets of texture coordinates that need no allocation per texel.
 const INLINE_SETS: usize = 4;
 
-/// What all points of a mesh have in common.
 #[derive(Debug)]
 struct PointFinder<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -355,7 +353,6 @@ impl PointFinder<'_> {
         ask(&self.shading_point(point, uv))
     }
 
-    /// As [`PointFinder::at`], at many texels together.
     fn at_all<R>(&self, points: &[TexelPoint], ask: impl FnOnce(&[ShadingPoint<'_>]) -> R) -> R {
         let sets = &self.mesh.corners.uv_sets;
         let uv: Vec<UvPoint> =
@@ -461,7 +458,6 @@ impl Reliefs<'_> {
 /// The value of a texture at the point in question, moved by so many of the texel's edges.
 type Ask<'a> = dyn Fn(&dyn Texture, Vec2) -> Vec4 + 'a;
 
-/// Asks at one point.
 fn ask_at(at: &ShadingPoint<'_>, texture: &dyn Texture, offset: Vec2) -> Vec4 {
     if offset == Vec2::ZERO {
         return texture.evaluate(at);
@@ -488,7 +484,6 @@ impl<'a> Answers<'a> {
         Self { at, columns: RefCell::default() }
     }
 
-    /// The answer at one of the points.
     fn ask(&self, index: usize, texture: &dyn Texture, offset: Vec2) -> Vec4 {
         // Several uses of one texture ask it once.
         if let Some(texture_use) = texture.as_use() {

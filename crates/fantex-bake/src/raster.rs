@@ -14,7 +14,6 @@ pub(crate) struct Raster {
     pub(crate) channels: usize,
     /// The channel whose alpha is coverage, if any.
     pub(crate) coverage: Option<usize>,
-    /// True where there is a value.
     pub(crate) valid: Vec<bool>,
     /// True where a look-up of the texture function falls into the texel.
     pub(crate) read: Vec<bool>,
@@ -36,7 +35,6 @@ impl Overshoot {
     /// Signed values have no dark end.
     pub(crate) const SIGNED: Self = Self { above: 1.0 / 32.0, below: 1.0 / 32.0, share_below: f32::INFINITY };
 
-    /// How far a value may fall below its smallest neighbour.
     fn below(&self, low: Vec4) -> Vec4 {
         let bound = Vec4::splat(self.below);
         if self.share_below.is_finite() { (low * self.share_below).min(bound).max(Vec4::ZERO) } else { bound }
@@ -97,7 +95,6 @@ impl Raster {
         fitted
     }
 
-    /// The values of a texel.
     fn texel(&self, texel: usize) -> &[Vec4] {
         &self.values[texel * self.channels..][..self.channels]
     }
@@ -218,7 +215,6 @@ impl Raster {
         }
     }
 
-    /// Copies a rectangle out.
     pub(crate) fn window(&self, origin: [u32; 2], extent: [u32; 2]) -> Self {
         let mut window = Self { extent, channels: self.channels, coverage: self.coverage, ..Self::default() };
         for row in origin[1]..origin[1] + extent[1] {
@@ -231,7 +227,6 @@ impl Raster {
         window
     }
 
-    /// Copies a rectangle in.
     pub(crate) fn paste(&mut self, origin: [u32; 2], from: &Self) {
         let width = from.extent[0] as usize;
         for row in 0..from.extent[1] as usize {
@@ -269,7 +264,6 @@ fn unweighted(v: Vec4) -> Vec4 {
 
 const TRANSPARENT_WEIGHT: f32 = 1.0 / (1 << 20) as f32;
 
-/// A mean under construction.
 #[derive(Default)]
 pub(crate) struct Mean {
     sum: Vec4,

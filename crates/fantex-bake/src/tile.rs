@@ -39,7 +39,6 @@ const HALO: u32 = 16;
 /// Points of a triangle that a source is asked for at a time.
 const POINTS: usize = 256;
 
-/// What all tiles of a bake share.
 pub(crate) struct TileBaker<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) cover: &'a Cover,
@@ -50,7 +49,6 @@ pub(crate) struct TileBaker<'a> {
     pub(crate) meter: &'a Meter<'a>,
 }
 
-/// A finished tile.
 #[derive(Default)]
 pub(crate) struct BakedTile {
     /// All pages, as the writer wants them.
@@ -165,7 +163,6 @@ impl TileBaker<'_> {
         Ok((tile, raster.window(start, size), first))
     }
 
-    /// Values of all channels over a block.
     fn evaluate(
         &self,
         group: u32,
@@ -364,7 +361,6 @@ fn means(raster: &Raster) -> Vec<[f32; 4]> {
 
 // From linear values to the numbers and bytes that a channel stores.
 
-/// How one channel of the source is stored.
 #[derive(Clone, Debug)]
 pub(crate) struct ChannelPlan {
     pub(crate) channel: Channel,
@@ -419,7 +415,6 @@ impl Texels {
     }
 }
 
-/// A rectangle of texels.
 struct Window<'a> {
     texels: &'a Texels,
     origin: [u32; 2],

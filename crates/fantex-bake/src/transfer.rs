@@ -37,7 +37,6 @@ pub struct TransferReport {
 /// Rays along a texel's side at most.
 const MAX_SAMPLES: u32 = 64;
 
-/// Checks the number of rays along a texel's side.
 fn check_samples(samples: u32) -> Result<()> {
     if (1..=MAX_SAMPLES).contains(&samples) {
         Ok(())
@@ -63,7 +62,6 @@ const CAGE_SLACK: f32 = 1.25;
 /// Meshes that coincide still get a cage, mesh units.
 const MIN_CAGE: f32 = 1e-4;
 
-/// Rays from one mesh to another.
 struct Projector<'a> {
     pub(crate) coarse: &'a Mesh,
     detailed: &'a Mesh,
@@ -146,12 +144,10 @@ impl<'a> Projector<'a> {
         at.interpolate(normals).try_normalize().unwrap_or(normals[0])
     }
 
-    /// A point of coarse mesh space in detailed mesh space.
     fn in_detailed(&self, p: Vec3) -> Vec3 {
         (p.as_dvec3() * self.scale + self.offset).as_vec3()
     }
 
-    /// A length of coarse mesh space in detailed mesh space.
     fn length_in_detailed(&self) -> f32 {
         self.scale as f32
     }
@@ -443,7 +439,6 @@ fn check<'a>(coarse: &'a Mesh, options: &NormalMapOptions) -> Result<&'a [Vec2]>
     })
 }
 
-/// Which triangle every texel belongs to.
 struct Charts<'a> {
     uv: &'a [Vec2],
     size: [u32; 2],
@@ -538,7 +533,6 @@ impl Frames {
         }
     }
 
-    /// Where there is no surface.
     fn nothing(&self) -> Vec3 {
         match self {
             Self::Object => Vec3::ZERO,

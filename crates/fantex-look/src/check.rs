@@ -25,7 +25,6 @@ const MAGNITUDES: Range<f64> = 1e-30..1e30;
 
 const BAD_NAME: &str = "a name must not be empty, start with '#' or hold a dot";
 
-/// A mistake and the bytes that it is in.
 #[derive(Debug)]
 pub(crate) struct Mistake {
     pub(crate) key: Key,
@@ -42,7 +41,6 @@ pub(crate) struct Reference {
     pub(crate) name: String,
 }
 
-/// What a name stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum ReferenceKind {
     Texture,
@@ -50,7 +48,6 @@ pub(crate) enum ReferenceKind {
     Object,
 }
 
-/// A document being checked.
 #[derive(Debug)]
 pub(crate) struct Checker<'s> {
     schema: &'s Value,
@@ -59,7 +56,6 @@ pub(crate) struct Checker<'s> {
 
 pub(crate) type Checked = Result<(), Mistake>;
 
-/// A value and where it is.
 #[derive(Clone, Debug)]
 struct Place<'v, 'i> {
     value: &'v DeValue<'i>,
@@ -88,7 +84,6 @@ impl<'s> Checker<'s> {
         Self { schema, references: Vec::new() }
     }
 
-    /// Checks a whole document.
     pub(crate) fn document(&mut self, document: &Spanned<DeTable<'_>>) -> Checked {
         let value = DeValue::Table(document.get_ref().clone());
         let place = Place { value: &value, key: Key::default(), span: 0..0 };
@@ -113,7 +108,6 @@ impl<'s> Checker<'s> {
         }
     }
 
-    /// The schema that a reference points to.
     fn target(&self, schema: &'s Value) -> &'s Value {
         let name = schema.get("$ref").and_then(Value::as_str).and_then(|r| r.strip_prefix("#/$defs/"));
         name.and_then(|name| self.schema.get("$defs")?.get(name)).unwrap_or(schema)
@@ -251,7 +245,6 @@ impl<'s> Checker<'s> {
     }
 }
 
-/// The schemas of which one must fit.
 fn alternatives(schema: &Value) -> Option<&[Value]> {
     let list = schema.get("anyOf").or_else(|| schema.get("oneOf"))?;
     list.as_array().map(Vec::as_slice)
@@ -265,7 +258,6 @@ fn has_type(schema: &Value, name: &str) -> bool {
     }
 }
 
-/// Whether a value is of a schema's type at all.
 fn fits(schema: &Value, value: &DeValue<'_>) -> bool {
     if alternatives(schema).is_some_and(|a| a.iter().any(|a| fits(a, value))) {
         return true;
@@ -281,7 +273,6 @@ fn fits(schema: &Value, value: &DeValue<'_>) -> bool {
     }
 }
 
-/// The texts that a schema of fixed texts allows.
 fn constants(schema: &Value) -> Option<Vec<&str>> {
     if let Some(text) = schema.get("const").and_then(Value::as_str) {
         return Some(vec![text]);
@@ -366,7 +357,6 @@ fn unexpected(expected: &str, found: &DeValue<'_>) -> Error {
     problem::unexpected(expected, &found)
 }
 
-/// What a schema expects, in words.
 fn phrase(schema: &Value) -> String {
     if let Some(title) = schema.get("title").and_then(Value::as_str) {
         return title.to_owned();

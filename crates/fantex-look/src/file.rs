@@ -290,7 +290,6 @@ fn mistake(reference: &Reference, problem: Error) -> Mistake {
     Mistake { key: reference.key.clone(), span: reference.span.clone(), problem }
 }
 
-/// A depth-first walk through the textures.
 struct Walk<'r> {
     needs: &'r BTreeMap<&'r str, Vec<&'r Reference>>,
     /// From the first texture to the one that is visited.

@@ -41,7 +41,6 @@ fn next_mark(text: &str) -> Option<(&str, &str, &str)> {
     Some((&text[..start], &inner[..end], after.strip_prefix('\n').unwrap_or(after)))
 }
 
-/// The fixed text that says of which kind a table is.
 fn kind_of(table: &Value) -> Option<&str> {
     table.get("properties")?.as_object()?.values().find_map(|property| property.get("const")?.as_str())
 }

@@ -226,7 +226,6 @@ impl<'a> Resolver<'a> {
         Err(self.file.error(key, problem))
     }
 
-    /// The filter of images that name none.
     fn filter(&self, filter: Option<Filter>) -> Filter {
         filter.or(self.options.filter).unwrap_or(self.file.look().picture.filter)
     }

@@ -47,7 +47,6 @@ pub fn materials_of_model(
     materials.iter().map(|name| resolver.material(name, &base)).collect()
 }
 
-/// All images that a mesh's materials use.
 fn load_images(mesh: &Mesh, images: &LookImages) -> Result<ModelImages> {
     let kept = |used: material::ImageUse| ImageUse { space: used.space, alpha: used.alpha };
     let read = |source: &ImageSource, used| images.of_model(source, kept(used));

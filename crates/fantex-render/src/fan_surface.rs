@@ -62,7 +62,6 @@ impl<S: TileSource> FanSurface<S> {
         mesh.materials.get(mesh.material_of(triangle))
     }
 
-    /// The material at a point, of its values.
     fn sample(&self, hit: &Hit, normal_steps: [Vec3; 2], values: &SurfaceValues) -> MaterialSample {
         let default_material;
         let material = match self.material(hit.triangle()) {
@@ -97,7 +96,6 @@ impl<S: TileSource> FanSurface<S> {
         }
     }
 
-    /// What a point has beside its material.
     fn finish(&self, hit: &Hit, sample: &MaterialSample, values: &SurfaceValues) -> Option<Finish<'_>> {
         let toon = self.toon(hit.triangle());
         if toon.is_none() && !self.has_light && values.stretch.is_none() {
@@ -119,7 +117,6 @@ impl<S: TileSource> FanSurface<S> {
         (sample, finish)
     }
 
-    /// The scale of a triangle's material, if that is toon-shaded.
     fn toon(&self, triangle: usize) -> Option<&ColorRamp> {
         self.toon.get(self.sampler.mesh().material_of(triangle))?.as_ref()
     }

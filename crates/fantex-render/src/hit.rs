@@ -55,7 +55,6 @@ pub(crate) struct ScreenBarycentrics {
 }
 
 impl ScreenBarycentrics {
-    /// For a triangle's screen-homogeneous corners.
     pub(crate) fn new(corners: [DVec3; 3], interpolation: Interpolation) -> Self {
         let in_front = corners.iter().all(|h| h.z > 0.0);
         let [a, b, c] = match interpolation {
@@ -86,7 +85,6 @@ impl ScreenBarycentrics {
     }
 }
 
-/// Finds the points of triangles under screen positions.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct HitFinder<'a> {
     pub(crate) mesh: &'a Mesh,
@@ -104,7 +102,6 @@ impl HitFinder<'_> {
         self.hit(triangle, ScreenBarycentrics::new(projected, self.interpolation).at(position))
     }
 
-    /// The hit with these barycentric coordinates and their changes.
     fn hit(&self, triangle: usize, [lambda, dx, dy]: [Vec3; 3]) -> Hit {
         let [a, b, c] = self.mesh.triangle_positions(triangle);
         let normal = (b - a).cross(c - a);
@@ -124,10 +121,8 @@ impl HitFinder<'_> {
 /// Points of a block; a whole number of vectors.
 const BLOCK: usize = 16;
 
-/// A triangle and the position in pixels where it is seen.
 pub(crate) type Seen = (u32, Vec2);
 
-/// What a block asks.
 struct Question {
     /// Three coordinates of the first corner, of the second, of the third; mesh space.
     corners: [[f32; BLOCK]; 9],
@@ -135,7 +130,6 @@ struct Question {
     position: [[f32; BLOCK]; 2],
 }
 
-/// What it learns.
 struct Answer {
     /// Barycentric coordinates, their change to the right, and downwards.
     lambda: [[f32; BLOCK]; 9],
@@ -144,7 +138,6 @@ struct Answer {
     to_eye: [[f32; BLOCK]; 3],
 }
 
-/// What is the same for all.
 struct View {
     screen_from_view: DMat3,
     eye: DVec3,

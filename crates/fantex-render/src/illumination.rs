@@ -18,7 +18,6 @@ pub(crate) struct PreparedLights<'a> {
     lamps: Vec<Lamp<'a>>,
     /// The lamps, if all are of this kind and the surroundings are two colours.
     distant: Option<Vec<DistantLamp>>,
-    /// Whether any lamp asks where the lit point is.
     are_local: bool,
     world_per_mesh: f32,
     time: f32,
@@ -71,7 +70,6 @@ enum Source<'a> {
     },
 }
 
-/// A point that light falls on.
 #[derive(Clone, Copy, Debug)]
 struct LitPoint {
     /// Mesh space.
@@ -79,7 +77,6 @@ struct LitPoint {
     receiver: Receiver,
 }
 
-/// The light around a point of the surface.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Illumination<'a> {
     pub(crate) ambient: &'a AmbientLight,
@@ -87,7 +84,6 @@ pub(crate) struct Illumination<'a> {
     point: Option<LitPoint>,
 }
 
-/// Light of one lamp at a point.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Incoming {
     /// Unit vector.
@@ -133,7 +129,6 @@ impl<'a> PreparedLights<'a> {
         self.distant.as_deref()
     }
 
-    /// The light at a hit.
     pub(crate) fn at(&'a self, mesh: &Mesh, surface: &dyn Surface, hit: &Hit) -> Illumination<'a> {
         let point = self.are_local.then(|| LitPoint::new(mesh, surface, hit));
         Illumination { ambient: self.ambient, lights: self, point }

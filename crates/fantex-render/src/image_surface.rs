@@ -44,7 +44,6 @@ impl<'a> ImageSurface<'a> {
         Some((self.mesh.materials.get(index)?, &self.textures[index]))
     }
 
-    /// The filtered texel of a layer under the pixel.
     fn texel(&self, layer: &TextureLayer, hit: &Hit) -> Vec4 {
         let (uv, footprint) = hit.interpolate(layer.corner_uv(self.mesh, hit.triangle()));
         let size = layer.texture.size().map(|n| n as f32);
@@ -76,7 +75,6 @@ impl<'a> ImageSurface<'a> {
     }
 }
 
-/// What the layers of a material give at a point.
 type Texels = ImageSlots<Option<Vec4>>;
 
 /// Roughness below which mirror images are so sharp that the change of a bent normal over the pixel matters.
@@ -112,7 +110,6 @@ impl ImageSurface<'_> {
 }
 
 impl ImageSurface<'_> {
-    /// The material at a point, of its texels.
     fn sample(
         &self,
         hit: &Hit,
@@ -151,7 +148,6 @@ impl ImageSurface<'_> {
         }
     }
 
-    /// The material of a triangle that has none.
     fn without_material(&self, hit: &Hit) -> MaterialSample {
         let (vertex_normal, normal_steps) = self.normals.with_steps(self.mesh, hit);
         let normal = if hit.front { vertex_normal } else { -vertex_normal };

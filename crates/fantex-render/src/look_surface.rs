@@ -96,7 +96,6 @@ impl Surface for LookSurface<'_> {
     }
 }
 
-/// A mesh whose materials are textures of any kind.
 #[derive(Debug)]
 struct TextureSurface<'a> {
     mesh: &'a Mesh,
@@ -118,7 +117,6 @@ impl<'a> TextureSurface<'a> {
         Self { mesh, normals, tangents, materials, time: 0.0, twins: Twins::of(&mesh.triangles) }
     }
 
-    /// The material of a triangle.
     fn material_of(&self, triangle: usize) -> &LookMaterial {
         let last = self.materials.len() - 1;
         &self.materials[self.mesh.material_of(triangle).min(last)]
@@ -166,7 +164,6 @@ impl<'a> TextureSurface<'a> {
         bent
     }
 
-    /// The material at a hit, from the values of its slots there.
     fn shaded<'s>(
         &self,
         material: &'s LookMaterial,
@@ -312,7 +309,6 @@ struct Slots<T> {
 }
 
 impl<T> Slots<T> {
-    /// What `of` gives for each.
     fn new<'m>(material: &'m LookMaterial, mut of: impl FnMut(&'m Slot) -> T) -> Self {
         Self {
             base_color: of(&material.base_color),
@@ -380,7 +376,6 @@ impl Column<'_> {
 }
 
 impl Slots<Column<'_>> {
-    /// The values at one of the points.
     pub(crate) fn at(&self, index: usize) -> Slots<Vec4> {
         let value = |column: &Column<'_>| column.value(index);
         Slots {
@@ -582,7 +577,6 @@ const SLOPE_SHARE: f32 = 1.0 / 64.0;
 /// Variance of slopes that no highlight shows.
 const INVISIBLE_VARIANCE: f32 = 1e-5;
 
-/// What relief does to a normal.
 #[derive(Clone, Copy, Debug)]
 struct Bent {
     /// Unit vector.
@@ -591,7 +585,6 @@ struct Bent {
     slope_variance: f32,
 }
 
-/// Bump mapping by a texture of heights.
 struct Bump<'a> {
     pub(crate) texture: &'a dyn Texture,
     /// World units per unit of the texture.
@@ -625,7 +618,6 @@ impl Bump<'_> {
         if length > 0.0 { (self.min_step / length).min(1e6) } else { 1.0 }
     }
 
-    /// Variance of the slopes within the footprint.
     fn slope_variance(&self, at: &ShadingPoint, axes: &GradientAxes, mean: Vec3) -> f32 {
         let [along, across] = at.position_steps.map(|edge| self.min_share(edge));
         let share = along.max(across).max(SLOPE_SHARE);

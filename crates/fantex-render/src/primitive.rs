@@ -8,7 +8,6 @@ use rayon::prelude::*;
 use crate::raster::{NearnessPlane, SamplePattern, SamplesIn};
 use crate::surface::{Coverage, Surface};
 
-/// Side of a tile in pixels.
 pub(crate) const TILE: u32 = 32;
 
 /// Triangles per unit of parallel work. Fixed, so that the work is cut the same way on any number of threads.
@@ -17,11 +16,9 @@ pub(crate) const CHUNK: usize = 16 * 1024;
 /// A triangle on the screen: corners run clockwise (y down), the area is not zero.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Primitive {
-    /// Corner positions.
     pub(crate) corners: [FixedPoint; 3],
     /// Nearness `1 / w` at the corners; linear over the screen.
     pub(crate) nearness: [f32; 3],
-    /// The mesh's triangle.
     pub(crate) triangle: u32,
     /// True where what lies behind may show through.
     pub(crate) layered: bool,
@@ -40,7 +37,6 @@ impl Primitive {
     }
 }
 
-/// The picture's division into tiles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct TileGrid {
     /// Picture width and height in pixels.
@@ -48,17 +44,14 @@ pub(crate) struct TileGrid {
 }
 
 impl TileGrid {
-    /// Tiles in a row.
     pub(crate) fn columns(&self) -> u32 {
         self.size[0].div_ceil(TILE)
     }
 
-    /// Number of tiles.
     pub(crate) fn len(&self) -> usize {
         (self.columns() * self.size[1].div_ceil(TILE)) as usize
     }
 
-    /// First pixel and extent of a tile.
     pub(crate) fn rect(&self, tile: usize) -> [[u32; 2]; 2] {
         let origin = [tile as u32 % self.columns() * TILE, tile as u32 / self.columns() * TILE];
         [origin, [0, 1].map(|i| TILE.min(self.size[i] - origin[i]))]
@@ -88,7 +81,6 @@ impl TileGrid {
     }
 }
 
-/// A rectangle of tiles.
 #[derive(Clone, Copy, Debug)]
 struct TouchedTiles {
     /// Column and row of the first tile, and of the one after the last.
@@ -99,17 +91,14 @@ struct TouchedTiles {
 }
 
 impl TouchedTiles {
-    /// Number of tiles.
     fn len(&self) -> usize {
         [0, 1].map(|i| (self.end[i] - self.first[i]) as usize).iter().product()
     }
 
-    /// The tile's number, if it is only one.
     fn single(&self) -> Option<u32> {
         (self.len() == 1).then(|| self.first[1] * self.stride + self.first[0])
     }
 
-    /// Visits the tiles' numbers, ascending.
     fn for_each(&self, mut visit: impl FnMut(usize)) {
         for row in self.first[1]..self.end[1] {
             for column in self.first[0]..self.end[0] {
@@ -135,12 +124,10 @@ pub(crate) struct Chunk {
     /// Primitives that touch many tiles.
     large: Vec<u32>,
     dots: Dots,
-    /// Whether any primitive is layered.
     pub(crate) has_layers: bool,
 }
 
 impl Chunk {
-    /// The primitives that may touch a tile.
     pub(crate) fn in_tile(&self, grid: &TileGrid, tile: usize) -> impl Iterator<Item = &Primitive> {
         let range = self.starts[tile] as usize..self.starts[tile + 1] as usize;
         let [origin, extent] = grid.rect(tile);
@@ -157,7 +144,6 @@ impl Chunk {
         self.dots.in_tile(tile)
     }
 
-    /// Bins primitives.
     pub(crate) fn new(primitives: Vec<Primitive>, grid: &TileGrid) -> Self {
         Self::of_pieces(Pieces { primitives, dots: Vec::new() }, grid)
     }
@@ -201,7 +187,6 @@ impl Chunk {
     }
 }
 
-/// Projects, clips, culls and bins the mesh's triangles.
 pub(crate) fn prepare(
     mesh: &Mesh,
     surface: &dyn Surface,
@@ -226,7 +211,6 @@ pub(crate) fn prepare(
         .collect()
 }
 
-/// A projected point.
 #[derive(Clone, Copy, Debug)]
 struct ScreenVertex {
     /// Its place on the screen; without meaning where `nearness` is 0.
@@ -248,7 +232,6 @@ impl ScreenVertex {
 /// Points up to here need no clipping, in pixels from the picture's corner: well inside the guard band.
 const PLAIN: f64 = 0.25 * GUARD_BAND;
 
-/// What is visible of the triangles of a chunk.
 #[derive(Default)]
 struct Pieces {
     primitives: Vec<Primitive>,
@@ -332,7 +315,6 @@ pub(crate) struct Polygon {
 }
 
 impl Polygon {
-    /// The corners in order.
     pub(crate) fn corners(&self) -> &[DVec3] {
         &self.corners[..self.count]
     }
@@ -384,7 +366,6 @@ pub(crate) fn clip(triangle: [DVec3; 3], near: f64) -> Polygon {
     polygon
 }
 
-/// The position on the screen in pixels.
 pub(crate) fn screen(h: DVec3) -> DVec2 {
     h.truncate() / h.z
 }
@@ -441,7 +422,6 @@ impl Edge {
         Self { dx, dy, constant: bias - dx * ax - dy * ay }
     }
 
-    /// Value at a position.
     pub(crate) fn at(&self, x: i64, y: i64) -> i64 {
         self.dx * x + self.dy * y + self.constant
     }
@@ -463,7 +443,6 @@ pub(crate) struct Dot {
     pub(crate) nearness: f32,
 }
 
-/// A pixel of the picture.
 #[derive(Clone, Copy, Debug)]
 struct Place {
     pub(crate) tile: u32,
@@ -517,7 +496,6 @@ impl Dots {
         Self { starts, dots }
     }
 
-    /// Those of a tile.
     pub(crate) fn in_tile(&self, tile: usize) -> &[Dot] {
         match self.starts[..] {
             [] => &[],

@@ -25,7 +25,6 @@ pub(crate) struct NearnessPlane {
 }
 
 impl NearnessPlane {
-    /// Of a primitive.
     pub(crate) fn new(p: &Primitive) -> Self {
         let [a, b, c] = p.corners;
         let [na, nb, nc] = p.nearness.map(f64::from);
@@ -36,7 +35,6 @@ impl NearnessPlane {
         Self { origin: a, value: na, slope, low: na.min(nb).min(nc), high: na.max(nb).max(nc) }
     }
 
-    /// Nearness at a position in fixed point.
     pub(crate) fn at(&self, [x, y]: [i32; 2]) -> f32 {
         let [dx, dy] = [x - self.origin[0], y - self.origin[1]].map(f64::from);
         (self.value + self.slope[0] * dx + self.slope[1] * dy).clamp(self.low, self.high) as f32
@@ -48,7 +46,6 @@ impl NearnessPlane {
 pub(crate) struct Fragment {
     /// Pixel index in the tile, row-major with stride [`TILE`].
     pub(crate) pixel: u32,
-    /// The mesh's triangle.
     pub(crate) triangle: u32,
     /// Samples that it covers and that nothing opaque hides.
     pub(crate) mask: u64,
@@ -56,7 +53,6 @@ pub(crate) struct Fragment {
     pub(crate) nearness: NearnessPlane,
 }
 
-/// The samples of one tile.
 #[derive(Debug)]
 pub(crate) struct TileSamples<'a> {
     pattern: &'a SamplePattern,
@@ -81,7 +77,6 @@ impl<'a> TileSamples<'a> {
         }
     }
 
-    /// The triangles that the samples of a pixel see.
     pub(crate) fn visible(&self, pixel: u32) -> &[u32] {
         let n = self.pattern.len();
         &self.triangles[pixel as usize * n..][..n]
@@ -107,7 +102,6 @@ impl<'a> TileSamples<'a> {
         self.see(dot.pixel as usize, dot.nearness, dot.triangle);
     }
 
-    /// Keeps the nearer triangle of a sample.
     fn see(&mut self, sample: usize, nearness: f32, triangle: u32) {
         let (nearest, seen) = (&mut self.nearness[sample], &mut self.triangles[sample]);
         if nearness > *nearest || (nearness == *nearest && triangle < *seen) {
@@ -342,12 +336,10 @@ impl SamplePattern {
         &self.offsets
     }
 
-    /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.offsets.len()
     }
 
-    /// The samples in a box (inclusive, fixed point).
     pub(crate) fn samples_in(&self, low: FixedPoint, high: FixedPoint) -> SamplesIn {
         // One sample of every pixel makes a lattice; the box holds a point of it if it does so along both axes.
         const PIXEL: u32 = SUBPIXELS.ilog2();
@@ -367,7 +359,6 @@ impl SamplePattern {
         if holds_any { SamplesIn::Several } else { SamplesIn::None }
     }
 
-    /// The mask with one bit per sample, all set.
     pub(crate) fn full_mask(&self) -> u64 {
         u64::MAX >> (64 - self.offsets.len())
     }
@@ -391,7 +382,6 @@ fn r2_point(i: u32) -> [i32; 2] {
     step.map(|a| ((0.5 + a * f64::from(i)).fract() * f64::from(SUBPIXELS)) as i32)
 }
 
-/// Indices of the set bits, ascending.
 pub(crate) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let bit = (mask != 0).then(|| mask.trailing_zeros() as usize)?;

@@ -105,7 +105,6 @@ pub fn capture_environment(
     })
 }
 
-/// The surface of some of a mesh's triangles.
 struct PartialSurface<'a> {
     surface: &'a dyn Surface,
     /// Their numbers in the whole mesh.

@@ -87,7 +87,6 @@ pub fn render(
     Ok(Rendering { picture, stats })
 }
 
-/// Visibility of one tile.
 fn rasterise<'a>(
     chunks: &[Chunk],
     tile: usize,
@@ -167,7 +166,6 @@ impl Default for RenderOptions {
 pub const MAX_PICTURE_SIDE: u32 = 16_384;
 
 impl RenderOptions {
-    /// Checks options and camera.
     pub(crate) fn check(&self, camera: &Camera) -> Result<()> {
         let (width, height) = (self.width, self.height);
         if !(1..=MAX_PICTURE_SIDE).contains(&width) || !(1..=MAX_PICTURE_SIDE).contains(&height) {
@@ -189,18 +187,14 @@ impl RenderOptions {
 
 // From visible samples to pixel colours.
 
-/// The finished pixels of a tile.
 #[derive(Debug)]
 struct PixelColors {
     /// Linear RGB and straight alpha, row-major over the tile's extent.
     rgba: Vec<[f32; 4]>,
-    /// Materials evaluated.
     pub(crate) shaded: u64,
-    /// Filtered look-ups.
     pub(crate) lookups: u64,
 }
 
-/// All that is needed to colour pixels.
 struct Resolve<'a> {
     pub(crate) surface: &'a dyn Surface,
     pub(crate) hits: HitFinder<'a>,
@@ -303,13 +297,11 @@ impl Resolve<'_> {
         pieces
     }
 
-    /// What is seen of a pixel where no triangle is, premultiplied.
     fn behind(&self, pixel: [u32; 2]) -> Vec4 {
         let (projection, ambient) = (self.hits.projection, &self.lights.ambient);
         behind(&self.options.background, pixel, self.options, projection, ambient)
     }
 
-    /// Fills the samples that see no triangle.
     fn background(&self, pixel: [u32; 2], visible: &[u32], samples: &mut [Vec4]) {
         if !visible.contains(&NO_TRIANGLE) {
             return;
@@ -343,7 +335,6 @@ impl Resolve<'_> {
         }
     }
 
-    /// The sets of samples that share one evaluation of the material.
     fn shading_parts(&self, mask: u64) -> impl Iterator<Item = u64> + use<> {
         let per_sample = self.options.shading_rate == ShadingRate::PerSample;
         let count = if per_sample { mask.count_ones() } else { 1 };

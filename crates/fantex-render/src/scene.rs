@@ -62,7 +62,6 @@ pub struct Scene<'a> {
     parts: Vec<Part<'a>>,
 }
 
-/// An object in the merged mesh.
 #[derive(Debug)]
 struct Part<'a> {
     object: SceneObject<'a>,
@@ -70,7 +69,6 @@ struct Part<'a> {
     first_triangle: usize,
     /// Takes directions of the object's mesh space to the scene's.
     scene_from_object: Mat3,
-    /// Takes directions back.
     object_from_scene: Mat3,
     /// Takes normals of the object to the scene's: the inverse transpose, with any length.
     scene_normal_from_object: Mat3,

@@ -85,7 +85,6 @@ pub(crate) struct Reflected {
 }
 
 impl Reflected {
-    /// Both parts together.
     pub(crate) fn sum(&self) -> Vec3 {
         self.diffuse + self.specular
     }
@@ -96,7 +95,6 @@ impl Reflected {
     }
 }
 
-/// The reflection of one point towards the eye.
 struct Microfacets {
     n: Vec3,
     v: Vec3,
@@ -242,7 +240,6 @@ impl Default for Finish<'_> {
 /// Points at which a colour scale is asked to average it.
 const RAMP_POINTS: usize = 8;
 
-/// The mean colour of a scale over a stretch around `index`.
 fn mean_color(ramp: &ColorRamp, index: f32, width: f32) -> Vec3 {
     if width < 1e-4 {
         return ramp.color(index).truncate();
@@ -335,7 +332,6 @@ impl Finish<'_> {
         sum
     }
 
-    /// Specular reflectance and exponent.
     fn phong_highlight(&self, material: &MaterialSample) -> (Vec3, f32) {
         if let Some(shininess) = self.shininess {
             return (self.specular, shininess.max(0.0));

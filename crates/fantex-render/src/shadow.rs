@@ -22,7 +22,6 @@ use crate::primitive::{
 use crate::raster::{Fragment, SamplePattern, TileSamples};
 use crate::{Coverage, Light, Surface};
 
-/// The maps of a lamp.
 #[derive(Debug)]
 pub(crate) struct ShadowMaps {
     faces: Vec<ShadowFace>,
@@ -31,7 +30,6 @@ pub(crate) struct ShadowMaps {
     mesh_per_world: f32,
 }
 
-/// One map.
 #[derive(Debug)]
 struct ShadowFace {
     view: LampView,
@@ -94,7 +92,6 @@ impl ShadowFace {
         }
     }
 
-    /// The depth of a nearness.
     fn depth_of(&self, nearness: f64) -> f64 {
         match self.view.spread() {
             Spread::Perspective => 1.0 / nearness,
@@ -371,7 +368,6 @@ impl Asked {
         Some(Self { at, depth: projected.depth, projected, nearness, slope, texel_width, radius: Vec2::ONE })
     }
 
-    /// A step of the surface in texels.
     fn texels(&self, face: &ShadowFace, step: Vec3) -> Vec2 {
         face.view.step(&self.projected, step) * face.resolution as f32
     }

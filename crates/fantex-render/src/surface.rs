@@ -137,12 +137,10 @@ pub trait Surface: Sync {
 pub(crate) struct CornerNormals(Vec<Vec3>);
 
 impl CornerNormals {
-    /// See [`shading_normals`].
     pub(crate) fn of_mesh(mesh: &Mesh) -> Self {
         Self(shading_normals(mesh))
     }
 
-    /// One per corner of the mesh.
     pub(crate) fn all(&self) -> &[Vec3] {
         &self.0
     }

@@ -8,7 +8,6 @@ use std::sync::LazyLock;
 
 use fearless_simd::{Level, Select, Simd, prelude::*};
 
-/// The instructions that there are.
 pub(crate) fn level() -> Level {
     static LEVEL: LazyLock<Level> = LazyLock::new(Level::new);
     *LEVEL

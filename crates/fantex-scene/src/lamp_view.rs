@@ -196,7 +196,6 @@ fn with_far(view: LampView, points: &[Vec3]) -> FittedView {
     FittedView { view, far: points.iter().map(depth).fold(1e-6, f64::max) }
 }
 
-/// Parallel light through everything that casts shadows.
 fn parallel(forward: DVec3, casters: impl Iterator<Item = Vec3>) -> FittedView {
     let probe = LampView::new(DVec3::ZERO, forward, DVec3::Y, DVec2::ONE, Spread::Parallel);
     let corners = casters.map(|p| {

@@ -118,7 +118,6 @@ impl Picture {
     }
 }
 
-/// The scattered light of every pixel, linear RGB.
 fn halo(source: &Picture, glow: &Glow) -> Vec<Vec3> {
     let bright = Layer {
         width: source.width as usize,
@@ -146,7 +145,6 @@ fn bright_part([r, g, b, alpha]: [f32; 4], threshold: f32) -> Vec3 {
     }
 }
 
-/// Pixels in rows.
 struct Layer {
     width: usize,
     height: usize,
@@ -167,7 +165,6 @@ impl Layer {
         Self { width, height, pixels }
     }
 
-    /// Means of two by two pixels.
     fn halved(&self) -> Self {
         let mean = |[a, b, c, d]: [Vec3; 4]| ((a + b) + (c + d)) * 0.25;
         Self {
@@ -187,7 +184,6 @@ impl Layer {
         })
     }
 
-    /// Filtered by a Gaussian along both axes.
     fn gaussian(&self, sigma: f32) -> Self {
         let reach = (3.0 * sigma).ceil() as isize;
         let weight = |i: isize| (-0.5 * (i as f32 / sigma).powi(2)).exp();

@@ -98,7 +98,6 @@ fn display_rgb(image: &Image) -> Vec<[f32; 3]> {
     texels
 }
 
-/// One number per texel.
 struct Plane {
     width: usize,
     height: usize,

@@ -28,7 +28,6 @@ impl fmt::Display for ContainerFormat {
     }
 }
 
-/// What a header says: images of one size, one after the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Layout {
     format: TexelFormat,
@@ -41,12 +40,10 @@ struct Layout {
 }
 
 impl Layout {
-    /// Bytes of one image in the file.
     fn image_bytes(&self) -> u64 {
         self.format.byte_len(self.width, self.height)
     }
 
-    /// Refuses sizes that are impossible or above the limits.
     fn check(&self, label: &str, limits: ImageLimits) -> Result<()> {
         check_sides(label, self.width, self.height, limits)?;
         let texels = (u64::from(self.width) * u64::from(self.height)).saturating_mul(self.images);
@@ -62,7 +59,6 @@ impl Layout {
     }
 }
 
-/// Which container the bytes begin as.
 pub(crate) fn recognise(bytes: &[u8]) -> Option<ContainerFormat> {
     if bytes.starts_with(&KTX2_MAGIC) {
         return Some(ContainerFormat::Ktx2);
@@ -100,14 +96,12 @@ pub(crate) fn decode(
     }
 }
 
-/// The little-endian number at an offset.
 fn u32_at(bytes: &[u8], offset: usize) -> Result<u32> {
     let number = bytes.get(offset..).and_then(|rest| rest.first_chunk());
     let number = number.ok_or_else(|| too_short(offset as u64 + 4, bytes.len()))?;
     Ok(u32::from_le_bytes(*number))
 }
 
-/// `length` bytes from `offset` on.
 fn slice_at(bytes: &[u8], offset: u64, length: u64) -> Result<&[u8]> {
     let end = offset.saturating_add(length);
     let is_inside = end <= bytes.len() as u64;
@@ -143,14 +137,12 @@ const CUBE_FACES: u32 = 0xfc00;
 const IS_VOLUME: u32 = 0x20_0000;
 const EXTENDED_CUBE: u32 = 0x4;
 
-/// What is needed of a header.
 #[derive(Clone, Copy, Debug)]
 struct DdsHeader {
     layout: Layout,
     /// Images that follow each other without coarser levels between them: the slices of a volume.
     slices: u64,
     levels: u32,
-    /// Where the texels begin.
     start: u64,
 }
 
@@ -199,7 +191,6 @@ impl DdsHeader {
             .collect()
     }
 
-    /// Bytes of a level of a face or volume.
     fn level_bytes(&self, level: u32) -> u64 {
         let side = |n: u32| n.checked_shr(level).unwrap_or(0).max(1);
         let slices = self.slices.checked_shr(level).unwrap_or(0).max(1);
@@ -300,7 +291,6 @@ const LEVEL_INDEX: usize = 80;
 const ZSTANDARD: u32 = 2;
 const BASIS_LZ: u32 = 1;
 
-/// What is needed of a header.
 #[derive(Clone, Copy, Debug)]
 struct Ktx2Header {
     layout: Layout,
@@ -451,7 +441,6 @@ enum TexelFormat {
 const BLOCK: usize = 4;
 
 impl TexelFormat {
-    /// Bytes of a block, for formats that have blocks.
     fn block_bytes(self) -> Option<usize> {
         match self {
             Self::Bc1 | Self::Bc4 => Some(8),
@@ -460,7 +449,6 @@ impl TexelFormat {
         }
     }
 
-    /// Bytes of a texel, for formats without blocks.
     fn texel_bytes(self) -> usize {
         match self {
             Self::U8 { channels } | Self::Bgr8 { channels } => usize::from(channels),
@@ -471,7 +459,6 @@ impl TexelFormat {
         }
     }
 
-    /// Bytes of an image in the file.
     fn byte_len(self, width: u32, height: u32) -> u64 {
         match self.block_bytes() {
             Some(bytes) => u64::from(width.div_ceil(4)) * u64::from(height.div_ceil(4)) * bytes as u64,

@@ -34,7 +34,6 @@ pub struct FrameTexture {
     is_blended: bool,
 }
 
-/// What is shown at a time: a frame, the next one, and its share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Moment {
     frame: usize,

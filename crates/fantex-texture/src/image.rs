@@ -255,7 +255,6 @@ fn nearest_power_of_two(n: u32) -> u32 {
     u32::try_from(power).unwrap_or(1 << 31)
 }
 
-/// What a new texel is made of along one axis.
 struct OldTexels {
     first: usize,
     /// One per texel from `first` on; they add up to 1.
@@ -293,7 +292,6 @@ fn between(old: u32, new: u32, index: u32) -> OldTexels {
     OldTexels { first: clamped[0] as usize, weights }
 }
 
-/// Resizes every row.
 struct AlongRows<'a> {
     image: &'a Image,
     columns: &'a [OldTexels],

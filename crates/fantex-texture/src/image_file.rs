@@ -35,7 +35,6 @@ impl Default for ImageLimits {
     }
 }
 
-/// The name of a format, as people write it.
 fn name_of(format: ImageFormat) -> &'static str {
     match format {
         ImageFormat::Png => "PNG",
@@ -57,7 +56,6 @@ pub(crate) fn check_sides(label: &str, width: u32, height: u32, limits: ImageLim
     Err(Error::too_large(format!("'{label}' has {width} x {height} texels; each side must be 1 to {limit}")))
 }
 
-/// Decoding would allocate too much.
 pub(crate) fn too_much_memory(label: &str, limits: ImageLimits) -> Error {
     let limit = limits.bytes;
     Error::too_large(format!(

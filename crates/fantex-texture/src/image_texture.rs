@@ -272,7 +272,6 @@ impl ImageTexture {
         (excess.log2().max(0.0) as usize).min(self.coarser.len())
     }
 
-    /// How texels count under these wrap modes.
     #[inline(always)]
     fn texels(&self, wrap: [Wrap; 2]) -> TexelUse {
         if !wrap.contains(&Wrap::Border) {
@@ -482,7 +481,6 @@ impl ImageTexture {
         }
     }
 
-    /// One probe per point.
     fn isotropic_all(
         &self,
         points: &[UvPoint],
@@ -559,7 +557,6 @@ impl ImageTexture {
     }
 }
 
-/// Equal trilinear probes along a footprint's longer axis.
 struct ProbeRow {
     first: Vec2,
     step: Vec2,
@@ -608,7 +605,6 @@ impl<'a> Queue<'a> {
 }
 
 impl ImageTexture {
-    /// A probe by the scalar path.
     fn between_levels(&self, at: Vec2, fine: usize, share: f32, look_up: &LookUp<'_>) -> Vec4 {
         let texels = self.texels(look_up.wrap);
         let coarse = (fine + 1).min(self.coarser.len());

@@ -74,7 +74,6 @@ const FARTHEST: f32 = 1e6;
 pub struct SurfaceDetail {
     /// Convex pieces, those of topmost polygons first.
     pieces: Vec<Piece>,
-    /// Polygon of each piece.
     owners: Vec<u32>,
     materials: Vec<u32>,
     grid: Grid,
@@ -206,7 +205,6 @@ impl SurfaceDetail {
     }
 }
 
-/// Whether two boxes have a point in common.
 fn touch(a: [DVec2; 2], b: [DVec2; 2]) -> bool {
     a[0].cmple(b[1]).all() && b[0].cmple(a[1]).all()
 }
@@ -303,7 +301,6 @@ struct Grid {
     pieces: Vec<u32>,
 }
 
-/// Lower and upper corner of a box around points.
 fn bounds(points: &[DVec2]) -> [DVec2; 2] {
     points.iter().fold([DVec2::INFINITY, DVec2::NEG_INFINITY], |[low, high], &p| [low.min(p), high.max(p)])
 }

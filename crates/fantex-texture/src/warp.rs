@@ -386,12 +386,10 @@ pub fn warp_forward(texture: &Image, map: &dyn PlaneMap, size: [u32; 2], spread:
     Ok(canvas.resolve(spread))
 }
 
-/// Weighted sums of colours per pixel.
 struct Canvas {
     size: [u32; 2],
     /// Sums of `weight * alpha * rgb` and of `weight * alpha`.
     colors: Vec<DVec4>,
-    /// Sums of weights.
     weights: Vec<f64>,
 }
 
@@ -461,7 +459,6 @@ impl Canvas {
 /// notch.
 const MAX_CORNERS: usize = 12;
 
-/// A polygon of few corners.
 #[derive(Clone, Copy)]
 struct Polygon {
     corners: [DVec2; MAX_CORNERS],

@@ -26,7 +26,6 @@ const LOOKS: usize = 2;
 /// linearly from dark at the nadir to bright at the zenith has a third.
 const MIN_CONTRAST: f64 = 1.0;
 
-/// A distribution of directions.
 #[derive(Debug)]
 pub(crate) struct SkyTable {
     /// Sums of the rows' shares, from 0 to 1.
@@ -35,7 +34,6 @@ pub(crate) struct SkyTable {
     cells: Vec<f32>,
 }
 
-/// A direction that was chosen.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkySample {
     /// Unit vector.
@@ -93,7 +91,6 @@ impl SkyTable {
     }
 }
 
-/// The mean of the channels over a cell.
 fn brightness(sky: &dyn Sky, column: usize, row: usize) -> f64 {
     let looks = (0..LOOKS * LOOKS).map(|look| {
         let within = Vec2::new((look % LOOKS) as f32 + 0.5, (look / LOOKS) as f32 + 0.5) / LOOKS as f32;
@@ -167,7 +164,6 @@ fn direction(place: Vec2) -> Vec3 {
     Vec3::new((across * cos).copysign(p.x), (across * sin).copysign(p.y), z).normalize()
 }
 
-/// The inverse of [`direction`].
 fn square(direction: Vec3) -> Vec2 {
     let Vec3 { x, y, z } = direction;
     let radius = (1.0 - z.abs()).max(0.0).sqrt();

@@ -30,7 +30,6 @@ const SKY: u32 = PER_VERTEX - 1;
 /// Lamps that are all sampled at the first vertex of a path; of more, so many are chosen.
 const FEW_LAMPS: usize = 4;
 
-/// Where light is gathered.
 #[derive(Clone, Copy)]
 struct Receiver {
     /// Where rays start, mesh space.
@@ -39,7 +38,6 @@ struct Receiver {
     pub(crate) normal: Vec3,
 }
 
-/// The scene in mesh space.
 pub(crate) struct Tracer<'a> {
     pub(crate) mesh: &'a Mesh,
     pub(crate) bvh: TriangleBvh,
@@ -91,7 +89,6 @@ impl Tracer<'_> {
         Receiver { origin: origin_beside(origin, face, normal), normal }
     }
 
-    /// A path that starts at `receiver`.
     fn arriving_light(&self, mut receiver: Receiver, sequence: &Sequence, index: u32) -> Vec3 {
         let reflections = self.options.reflections();
         let (mut sum, mut throughput) = (Vec3::ZERO, Vec3::ONE);
@@ -217,7 +214,6 @@ impl<I: Iterator<Item = f32>> Iterator for Choices<I> {
     }
 }
 
-/// Unit normal of the front.
 fn face_normal([a, b, c]: [Vec3; 3]) -> Vec3 {
     let [a, b, c] = [a, b, c].map(Vec3::as_dvec3);
     (b - a).cross(c - a).normalize_or(glam::DVec3::Z).as_vec3()
@@ -281,7 +277,6 @@ pub enum BakeLight {
     },
 }
 
-/// A light in mesh space, ready to be sampled.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Lamp {
     Directional { to_light: Vec3, color: Vec3, cos_radius: f32 },
@@ -325,7 +320,6 @@ struct Appearance {
 }
 
 impl Lamp {
-    /// In the mesh's space.
     pub(crate) fn new(mesh: &Mesh, index: usize, light: &BakeLight) -> Result<Self> {
         let checks = Checks { light: index };
         let of_mesh = &mesh.world_from_mesh;
@@ -423,7 +417,6 @@ fn in_cone(axis: Vec3, cos_radius: f32, [u, v]: [f32; 2]) -> Vec3 {
     (x * (sin * cos_phi) + y * (sin * sin_phi) + axis * cos).normalize()
 }
 
-/// The ranges of a light's numbers.
 struct Checks {
     light: usize,
 }
@@ -488,7 +481,6 @@ impl Checks {
 // (B. Burley, "Practical Hash-based Owen Scrambling", 2020). So any number of pairs is available, the first 2^m points of
 // each are stratified in every way that 2^m cells can be cut, and different pairs are independent.
 
-/// One randomised copy of the sequence.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sequence {
     seed: u32,

@@ -54,7 +54,6 @@ impl LookImages {
         Ok(Arc::clone(files().entry(key).or_insert(texture)))
     }
 
-    /// An image of a model.
     pub(crate) fn of_model(&self, source: &ImageSource, image_use: ImageUse) -> Result<Arc<ImageTexture>> {
         match source {
             ImageSource::File(path) => self.file(path.clone(), image_use),
@@ -65,7 +64,6 @@ impl LookImages {
     }
 }
 
-/// Images of one model that have been read.
 pub(crate) type ModelImages = HashMap<(usize, ImageUse), Arc<ImageTexture>>;
 
 impl Resolver<'_> {

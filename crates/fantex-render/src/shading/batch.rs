@@ -27,7 +27,6 @@ type Vectors = [Numbers; 3];
 
 const ZERO: Numbers = Numbers([0.0; BLOCK]);
 
-/// The points of a block.
 struct Points {
     normal: Vectors,
     to_eye: Vectors,
@@ -257,7 +256,6 @@ fn split_sum<S: Simd>(simd: S, roughness: S::f32s, n_v: S::f32s) -> [S::f32s; 2]
     [between::<S>(simd, &around[..4], fx, fy), between::<S>(simd, &around[4..], fx, fy)]
 }
 
-/// Interpolates between four values of every point.
 #[inline(always)]
 fn between<S: Simd>(simd: S, around: &[[f32; 16]], fx: S::f32s, fy: S::f32s) -> S::f32s {
     let [a, b] = [0, 1].map(|i| S::f32s::from_slice(simd, &around[i][..S::f32s::LEN]));

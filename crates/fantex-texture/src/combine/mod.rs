@@ -222,13 +222,11 @@ impl Layer {
         Self { texture, ..Self::default() }
     }
 
-    /// What becomes of the colour below.
     fn evaluate(&self, below: Vec4, at: &ShadingPoint<'_>) -> Vec4 {
         let share = (self.mask.evaluate_number(at) * self.opacity.evaluate_number(at)).clamp(0.0, 1.0);
         if share == 0.0 { below } else { self.cover(below, self.texture.evaluate(at), share) }
     }
 
-    /// What becomes of the colours below.
     fn evaluate_all(&self, below: &mut [Vec4], at: &[ShadingPoint<'_>]) {
         let mut values = vec![Vec4::ZERO; at.len()];
         self.mask.evaluate_all(at, &mut values);

@@ -86,7 +86,6 @@ impl Contours {
         Allowed::NotNegative.check(OWNER, "the width", &[self.width.unwrap_or(self.pixels)])
     }
 
-    /// The share of the footprint that is line.
     fn coverage(&self, at: &ShadingPoint<'_>) -> f32 {
         let (center, reach) = interval(&self.input, self.channel, at);
         let line = self.width.unwrap_or(self.pixels * reach);

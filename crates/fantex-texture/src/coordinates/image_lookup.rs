@@ -35,7 +35,6 @@ impl ImageLookup {
         }
     }
 
-    /// Where the image is looked up, from its coordinates.
     fn place(&self, point: &UvPoint, time: f32) -> UvPoint {
         let UvPoint { uv, steps } = self.matrix.apply(point, time);
         UvPoint { uv, steps: steps.map(shortened) }

@@ -95,7 +95,6 @@ impl TextureMatrixOptions {
             || self.translation_per_second != Vec2::ZERO
     }
 
-    /// The matrix at a time in seconds.
     fn at(&self, time: f32) -> Mat3 {
         let scale = self.scale() * Vec2::splat(self.scale_per_second).powf(time);
         let rotation = (self.rotation + self.rotation_per_second * time).to_radians();
@@ -225,7 +224,6 @@ impl SpaceMatrixOptions {
             || self.translation_per_second != Vec3::ZERO
     }
 
-    /// The matrix at a time in seconds.
     fn at(&self, time: f32) -> Mat4 {
         let turn = |degrees: Vec3| Quat::from_scaled_axis(degrees * f32::to_radians(1.0));
         let placed = Mat4::from_scale_rotation_translation(

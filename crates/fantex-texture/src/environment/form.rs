@@ -63,7 +63,6 @@ impl EnvironmentForm {
         }
     }
 
-    /// Whether the chart is a disc in a square rather than the whole square.
     pub(super) fn is_disc(self) -> bool {
         matches!(self, Self::DualParaboloid | Self::MirrorBall)
     }

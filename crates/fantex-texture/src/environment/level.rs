@@ -16,7 +16,6 @@ use super::form::paraboloid_uv;
 use super::{ChartPoint, CubeFace, EnvironmentForm, EnvironmentMap};
 use crate::filter::{Overlap, overlaps};
 
-/// The texels of one level.
 #[derive(Clone)]
 pub(super) struct Level {
     pub(super) form: EnvironmentForm,
@@ -63,7 +62,6 @@ impl Level {
         self.texels[self.index(chart, x, y)]
     }
 
-    /// The middle of a texel.
     pub(super) fn texel_uv(&self, x: i32, y: i32) -> Vec2 {
         let [width, height] = self.size.map(|n| n as f32);
         Vec2::new((x as f32 + 0.5) / width, (y as f32 + 0.5) / height)

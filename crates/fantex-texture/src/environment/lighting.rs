@@ -121,9 +121,7 @@ struct LobeSample {
     steradians: f32,
 }
 
-/// How a blurred level is made.
 struct Recipe {
-    /// Side of its faces.
     side: u32,
     /// Directions per texel; nothing where the lobe is so wide that all texels of a coarse level are summed.
     directions: Option<u32>,
@@ -181,7 +179,6 @@ fn blur(cube: &EnvironmentMap, level: usize) -> Level {
     }
 }
 
-/// A cube whose texels are functions of their direction.
 fn for_texels(side: u32, color: impl Fn(Vec3) -> Vec3A + Sync) -> Level {
     let color = &color;
     let inner: Vec<Vec3A> = (0..6 * side)
@@ -228,7 +225,6 @@ fn gather(cube: &EnvironmentMap, normal: Vec3, plan: &[PlannedSample]) -> Vec3A 
 /// Texels that are summed side by side.
 const LANES: usize = 8;
 
-/// Direction, solid angle and colour of some texels.
 #[derive(Clone, Copy)]
 struct LightBundle {
     direction: [[f32; LANES]; 3],

@@ -64,7 +64,6 @@ impl EnvironmentMap {
         })
     }
 
-    /// A map whose texels are given by chart, column and row.
     pub(super) fn from_texels(
         form: EnvironmentForm,
         size: [u32; 2],
@@ -216,7 +215,6 @@ impl EnvironmentMap {
         0.5 * (steradians / texel.max(1e-12)).max(1e-12).log2()
     }
 
-    /// One level, for loops that look up very often.
     pub(super) fn level(&self, level: usize) -> &Level {
         &self.levels[level.min(self.levels.len() - 1)]
     }

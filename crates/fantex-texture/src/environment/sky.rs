@@ -116,7 +116,6 @@ impl Perez {
     }
 }
 
-/// The model with its parameters put in.
 struct Air {
     to_sun: Vec3,
     turbidity: f32,
@@ -199,7 +198,6 @@ impl SunDisc {
         Self { to_sun: air.to_sun, cos_radius: radius.cos(), radiance }
     }
 
-    /// The mean over a texel.
     fn mean_over(&self, d: Vec3, steps: [Vec3; 2]) -> Vec3 {
         const SUB: u32 = 8;
         let reach = self.cos_radius.acos() + steps[0].length() + steps[1].length();

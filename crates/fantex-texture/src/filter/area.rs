@@ -29,7 +29,6 @@ impl Subsamples {
 /// Most subsamples along one edge; callers choose the level so that this is not reached by sensible footprints.
 const MAX_SUBSAMPLES: f32 = 512.0;
 
-/// A footprint prepared for many look-ups on one level.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct AreaPlan {
     wrap: [Wrap; 2],
@@ -74,7 +73,6 @@ impl AreaPlan {
         Self { wrap, subsamples: Subsamples { columns, rows }, step, first, window: None }
     }
 
-    /// The mean of the bilinear reconstruction around `uv`.
     #[inline]
     pub(crate) fn bilinear_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
         let (size, wrap, subsamples) = ([level.width, level.height], self.wrap, self.subsamples);
@@ -89,7 +87,6 @@ impl AreaPlan {
         }
     }
 
-    /// The mean of the nearest-texel reconstruction around `uv`.
     pub(crate) fn nearest_mean(&self, level: &Image, texels: TexelUse, uv: Vec2) -> Vec4 {
         with_border(level, texels, Mean::<1> { level, uv, plan: self })
     }
@@ -136,7 +133,6 @@ const WINDOW: usize = 4;
 /// that every texel is decoded once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Window<const N: usize> {
-    /// Texels of the level.
     size: [u32; 2],
     wrap: [Wrap; 2],
     /// Column and row of the window's first texel, before wrapping.
@@ -288,7 +284,6 @@ impl AreaBlock {
         block
     }
 
-    /// Where the footprints are.
     pub(crate) fn points(&self) -> &[Vec2] {
         &self.points.0[..self.count]
     }
@@ -314,7 +309,6 @@ impl AreaBlock {
     }
 }
 
-/// An image of bytes, and where it is read.
 struct Source<'a> {
     bytes: &'a [u8],
     width: usize,
@@ -389,7 +383,6 @@ fn gather<S: Simd>(
     }
 }
 
-/// The hat functions of a window's texels.
 #[inline(always)]
 fn hats<S: Simd>(simd: S, position: S::f32s) -> [S::f32s; SIDE] {
     let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
@@ -468,7 +461,6 @@ fn weighted<S: Simd, const C: usize>(
     sum
 }
 
-/// A number of 16 bits.
 #[inline(always)]
 fn number<S: Simd>(words: [S::u32s; 8], sample: usize) -> S::f32s {
     let word = words[sample / 2];

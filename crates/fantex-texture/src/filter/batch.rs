@@ -58,7 +58,6 @@ pub(crate) struct Probes {
 }
 
 impl Probes {
-    /// None yet.
     pub(crate) fn new() -> Self {
         Self { places: Block::of([0.0; 2]), fine: Block::of(0), share: Block::of(0.0), count: 0 }
     }
@@ -87,17 +86,14 @@ impl Probes {
         self.count = range.end;
     }
 
-    /// Probes in the block.
     pub(crate) fn len(&self) -> usize {
         self.count
     }
 
-    /// Forgets all probes.
     pub(crate) fn clear(&mut self) {
         self.count = 0;
     }
 
-    /// Where a probe is.
     pub(crate) fn at(&self, index: usize) -> (Vec2, u32, f32) {
         (Vec2::from_array(self.places.0[index]), self.fine.0[index], self.share.0[index])
     }
@@ -108,7 +104,6 @@ impl Probes {
 pub(crate) struct Steps(Block<[f32; 4]>);
 
 impl Steps {
-    /// None yet.
     pub(crate) fn new() -> Self {
         Self(Block::of([0.0; 4]))
     }
@@ -125,7 +120,6 @@ impl Steps {
 pub(crate) type Colors = Block<[f32; 4]>;
 
 impl Colors {
-    /// Black.
     pub(crate) fn black() -> Self {
         Self::of([0.0; 4])
     }
@@ -139,7 +133,6 @@ pub(crate) struct Workspace {
 }
 
 impl Workspace {
-    /// Not yet used.
     pub(crate) fn new() -> Self {
         Self { quads: [Quads::new(), Quads::new()], pairs: [Pairs::new(), Pairs::new()] }
     }
@@ -303,7 +296,6 @@ fn fold<S: Simd>(simd: S, coordinate: S::f32s, wrap: Wrap) -> S::f32s {
 
 /// Two by two texels per look-up, in one level each.
 pub(super) struct Quads {
-    /// The level.
     pub(super) level: Block<u32>,
     /// Row-major offset of the upper left texel, [`NONE`] at the edges of the level; and of the one below it.
     pub(super) upper: Block<u32>,
@@ -326,7 +318,6 @@ impl Quads {
     }
 }
 
-/// No offset.
 pub(super) const NONE: u32 = u32::MAX;
 
 /// Positions in the finer level of every probe, or so many levels above, as `Quad::around`.

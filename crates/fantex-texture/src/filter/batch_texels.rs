@@ -14,7 +14,6 @@ use crate::image::{ColorSpace, Image, Samples};
 /// Levels of the largest image.
 const MAX_LEVELS: usize = 32;
 
-/// The samples of a level.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Stored<'a> {
     U8(&'a [u8]),
@@ -51,7 +50,6 @@ impl<'a> Levels<'a> {
         Some(Self { size: [base.width, base.height], channels: base.channels, is_srgb, stored })
     }
 
-    /// Width and height of level 0.
     pub(super) fn size(&self) -> [u32; 2] {
         self.size
     }
@@ -60,12 +58,10 @@ impl<'a> Levels<'a> {
         self.channels
     }
 
-    /// How stored bytes are to be understood.
     pub(super) fn meaning(&self) -> Meaning {
         Meaning { is_srgb: self.is_srgb, has_alpha: self.channels == 4 }
     }
 
-    /// The index of the coarsest level.
     pub(super) fn last(&self) -> u32 {
         self.stored.len() as u32 - 1
     }
@@ -207,7 +203,6 @@ pub(super) fn blend<S: Simd, const C: usize>(
     mix::<S, C>(upper_row, lower_row, lower)
 }
 
-/// From one value to another by a share.
 #[inline(always)]
 pub(super) fn mix<S: Simd, const C: usize>(
     mut from: Channels<S::f32s>,
@@ -220,7 +215,6 @@ pub(super) fn mix<S: Simd, const C: usize>(
     from
 }
 
-/// Between two neighbouring texels.
 #[inline(always)]
 fn row<S: Simd, const C: usize>(
     simd: S,
@@ -450,7 +444,6 @@ static CURVE: LazyLock<Curve> = LazyLock::new(|| {
     Curve { whole, low: whole.map(|number| number as u8), high: whole.map(|number| (number >> 8) as u8) }
 });
 
-/// How bytes are to be understood.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Meaning {
     pub(super) is_srgb: bool,

@@ -75,7 +75,6 @@ pub(crate) struct Taps<const N: usize> {
 }
 
 impl<const N: usize> Taps<N> {
-    /// Indices and weights.
     #[inline(always)]
     pub(crate) fn pairs(self) -> impl Iterator<Item = (usize, f32)> {
         self.index.into_iter().zip(self.weight)
@@ -202,14 +201,12 @@ impl<const N: usize> Kernel for TensorProduct<N> {
     }
 }
 
-/// The texel whose square holds `uv`.
 pub(crate) fn nearest(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::nearest(uv.x, level.width, wrap[0]);
     let v = Taps::nearest(uv.y, level.height, wrap[1]);
     with_border(level, texels, TensorProduct { width: level.width, u, v })
 }
 
-/// Linear interpolation between the four nearest texels.
 #[inline]
 pub(crate) fn bilinear(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     match Quad::around(level, uv, wrap) {
@@ -241,7 +238,6 @@ pub(crate) fn bilinear_row(
     }
 }
 
-/// Cubic interpolation between the sixteen nearest texels.
 pub(crate) fn bicubic(level: &Image, texels: TexelUse, uv: Vec2, wrap: [Wrap; 2]) -> Vec4 {
     let u = Taps::cubic(uv.x, level.width, wrap[0]);
     let v = Taps::cubic(uv.y, level.height, wrap[1]);
@@ -422,7 +418,6 @@ impl<D: Decoder, const C: usize> Texels<'_, D, C> {
 trait Decoder: Copy + Sync {
     type Sample: Copy + Sync;
 
-    /// The RGBA value of a texel with 1 to 4 channels.
     fn rgba<const C: usize>(self, texel: &[Self::Sample; C]) -> Vec4;
 }
 
@@ -596,7 +591,6 @@ impl QuadRow {
 impl Kernel for QuadRow {
     type Output = Vec4;
 
-    /// The sum over all points.
     #[inline(always)]
     fn run<T: TexelSource>(self, texels: T) -> Vec4 {
         let mut sum = Vec4::ZERO;

@@ -214,12 +214,10 @@ impl SMap {
         &self.shape
     }
 
-    /// A point of the object in the surface's own space.
     pub(super) fn local_point(&self, p: Vec3) -> Vec3 {
         self.surface_from_object.transform_point3(p)
     }
 
-    /// A direction of the object's space in the surface's own.
     pub(super) fn local_direction(&self, direction: Vec3) -> Vec3 {
         self.surface_from_object.transform_vector3(direction)
     }
@@ -366,7 +364,6 @@ impl TwoPartMapping {
     }
 }
 
-/// The direction into which a mirror with normal `n` sends the view ray.
 fn reflected(to_eye: Vec3, n: Vec3) -> Vec3 {
     2.0 * n.dot(to_eye) * n - to_eye
 }

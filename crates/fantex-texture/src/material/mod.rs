@@ -189,7 +189,6 @@ pub fn load_material_textures(mesh: &Mesh) -> Result<Vec<MaterialTextures>> {
     Ok(mesh.materials.iter().map(of_material).collect())
 }
 
-/// Each channel's name, its texture, and what its numbers mean.
 fn channels(material: &Material) -> ImageSlots<(&'static str, Option<&TextureRef>, ColorSpace)> {
     use ColorSpace::{Linear, Srgb};
     ImageSlots {

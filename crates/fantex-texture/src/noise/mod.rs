@@ -39,7 +39,6 @@ fn finish(hash: u32) -> u32 {
     (mixed ^ (mixed >> 16)).wrapping_mul(0x27d4_eb2f)
 }
 
-/// A random 32-bit number of a cell.
 fn cell_hash<const D: usize>(seed: u32, cell: [i32; D]) -> u32 {
     finish(cell.iter().rev().fold(seed, |hash, &coordinate| absorb(hash, coordinate)))
 }

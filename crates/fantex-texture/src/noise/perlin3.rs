@@ -129,7 +129,6 @@ impl Noise {
         unit(self.hash(cell))
     }
 
-    /// A random 32-bit number of a cell.
     fn hash(&self, cell: IVec3) -> u32 {
         finish(absorb(absorb(absorb(self.seed, cell.z), cell.y), cell.x))
     }

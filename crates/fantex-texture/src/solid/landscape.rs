@@ -41,7 +41,6 @@ impl Landscape {
         Noise::new(self.seed ^ 0x5bd1)
     }
 
-    /// What lies bare on slopes.
     fn rock(&self) -> Rock {
         Rock { frequency: 4.5 / self.half_height, folding: 0.12 * self.half_height, seed: self.seed }
     }
@@ -89,7 +88,6 @@ impl Landscape {
         }
     }
 
-    /// Colours of at most a block of points. Only what shows is worked out.
     fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
         let ragged = fbm(&self.noise(), at, 5, 8.0, |_, p| p * 8.0 + 3.0);
         let covers: Notes<GroundCover> =

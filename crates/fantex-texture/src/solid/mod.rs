@@ -219,7 +219,6 @@ fn fractal_sum(
     sums
 }
 
-/// Opaque linear RGBA.
 fn opaque(rgb: Vec3) -> [f32; 4] {
     [rgb.x, rgb.y, rgb.z, 1.0]
 }

@@ -195,7 +195,6 @@ impl Granite {
             + self.mica.rgb() * (1.0 - SHARES[1])
     }
 
-    /// The minerals of one size of grains.
     fn grains(&self, p: Vec3, width: f32, footprint: f32, seed: u32) -> Vec3 {
         let left = band_limit(0.7 / width, footprint);
         if left == 0.0 {
@@ -285,7 +284,6 @@ impl Rock {
 }
 
 impl Rock {
-    /// Colours of at most a block of points.
     fn block(&self, at: &[SolidPoint], colors: &mut [[f32; 4]]) {
         let folds = fbm(&self.noise(), at, 4, 1.5, |_, p| p * Vec3::new(1.5, 0.8, 1.5));
         let levels: Notes<f32> = at

@@ -41,7 +41,6 @@ pub struct RawLayout {
 }
 
 impl RawLayout {
-    /// Bytes of the numbers.
     fn byte_len(&self) -> u64 {
         self.size.iter().map(|&side| u64::from(side)).product::<u64>()
             * u64::from(self.channels)
@@ -172,7 +171,6 @@ fn read_samples(file: &mut File, layout: &RawLayout) -> io::Result<Samples> {
 /// Longest header that is looked at; real ones have a few hundred bytes.
 pub(super) const MAX_HEADER_BYTES: usize = 1 << 16;
 
-/// Where the numbers are.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum DataFile {
     /// In the header's own file, from this byte on.

@@ -346,7 +346,6 @@ impl VolumeTexture {
         Vec4::from_array(resolve(sum / (columns * rows), self.alpha))
     }
 
-    /// Voxels along each axis of level 0.
     fn voxels(&self) -> Vec3 {
         Vec3::from(self.base.size.map(|side| side as f32))
     }
