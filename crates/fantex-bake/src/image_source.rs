@@ -12,7 +12,7 @@ use fantex_texture::material::{
 use fantex_texture::{AREAS_AT_ONCE, AreaSampler, Areas};
 use glam::{Vec2, Vec3, Vec4};
 
-use crate::{Prefilter, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
+use crate::{Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource};
 
 #[derive(Debug)]
 pub(crate) struct ImageSource<'a> {
@@ -198,10 +198,6 @@ impl Source for ImageSource<'_> {
             exceeds_one: kind == ChannelKind::Emission && glows,
         };
         self.kinds.iter().map(channel).collect()
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Box
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {

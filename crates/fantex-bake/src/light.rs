@@ -29,7 +29,8 @@ use glam::{DVec3, Vec3, Vec4};
 use crate::light::sky_table::SkyTable;
 pub use crate::light::tracer::BakeLight;
 use crate::light::tracer::{Lamp, Sequence, Tracer, mixed};
-use crate::{LightQuantity, Prefilter, Source, SourceChannel, TexelPoint};
+use crate::source::SurfaceColors;
+use crate::{LightQuantity, Source, SourceChannel, TexelPoint};
 
 /// Independent estimates of a texel.
 const ESTIMATES: u32 = 4;
@@ -47,7 +48,7 @@ pub struct Illumination {
 
 /// The light on a mesh, as a source.
 ///
-/// The mean over the texel is taken ([`Prefilter::Box`]), as far as it lies on the triangle under its centre.
+/// The mean over the texel is taken ([`Prefilter::Box`](crate::Prefilter)), as far as it lies on the triangle under its centre.
 /// [`Fit::Sharp`](crate::Fit::Sharp) sharpens noise along with shadows, by a quarter.
 pub struct LightMapSource<'a> {
     tracer: Tracer<'a>,
@@ -138,11 +139,7 @@ fn mean_and_error(sums: &[DVec3; ESTIMATES as usize], count: u32) -> (Vec3, f32)
 impl Source for LightMapSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         let exceeds_one = self.tracer.options.quantity != LightQuantity::AmbientOcclusion;
-        vec![SourceChannel { kind: ChannelKind::Light, has_alpha: false, exceeds_one }]
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Box
+        vec![SourceChannel { exceeds_one, ..SourceChannel::new(ChannelKind::Light) }]
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
@@ -298,22 +295,14 @@ impl std::fmt::Debug for LightScene<'_> {
 /// The base colour and emission that a [`Source`] would bake, as a reflector; alpha below a half lets light through.
 pub struct SourceReflector<'a> {
     mesh: &'a Mesh,
-    source: &'a dyn Source,
-    channels: usize,
-    base_color: Option<usize>,
-    emission: Option<usize>,
-    has_alpha: bool,
+    colors: SurfaceColors<'a>,
 }
 
 impl<'a> SourceReflector<'a> {
     /// `source` is a source for `mesh`; channels other than base colour and emission are ignored. Without a base colour the
     /// surface is white.
     pub fn new(mesh: &'a Mesh, source: &'a dyn Source) -> Self {
-        let channels = source.channels();
-        let position = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind);
-        let (base_color, emission) = (position(ChannelKind::BaseColor), position(ChannelKind::Emission));
-        let has_alpha = base_color.is_some_and(|c| channels[c].has_alpha);
-        Self { mesh, source, channels: channels.len(), base_color, emission, has_alpha }
+        Self { mesh, colors: SurfaceColors::new(source) }
     }
 
     fn value(&self, channel: usize, at: SurfacePoint) -> Vec4 {
@@ -325,26 +314,24 @@ impl<'a> SourceReflector<'a> {
             position_steps: [Vec3::ZERO; 2],
             normal: (b - a).cross(c - a).normalize_or(Vec3::Z),
         };
-        let mut values = vec![Vec4::ZERO; self.channels];
-        self.source.evaluate(&point, &mut values);
-        values[channel]
+        self.colors.values(&point)[channel]
     }
 }
 
 impl Reflector for SourceReflector<'_> {
     fn albedo(&self, at: SurfacePoint) -> Vec3 {
         let color = |c| self.value(c, at).truncate().clamp(Vec3::ZERO, Vec3::ONE);
-        self.base_color.map_or(Vec3::ONE, color)
+        self.colors.base_color.map_or(Vec3::ONE, color)
     }
 
     fn emission(&self, at: SurfacePoint) -> Vec3 {
         let color = |c| self.value(c, at).truncate().max(Vec3::ZERO);
-        self.emission.map_or(Vec3::ZERO, color)
+        self.colors.emission.map_or(Vec3::ZERO, color)
     }
 
     fn is_solid(&self, at: SurfacePoint) -> bool {
-        match self.base_color {
-            Some(channel) if self.has_alpha => self.value(channel, at).w >= 0.5,
+        match self.colors.base_color {
+            Some(channel) if self.colors.has_alpha => self.value(channel, at).w >= 0.5,
             _ => true,
         }
     }

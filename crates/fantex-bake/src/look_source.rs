@@ -145,10 +145,6 @@ impl Source for TextureSource<'_> {
         self.channels.clone()
     }
 
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Box
-    }
-
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let material = self.material_of(point.at.index());
         self.finder.at(point, |at| {
@@ -267,7 +263,7 @@ fn channels(materials: &[Arc<LookMaterial>]) -> Vec<SourceChannel> {
     let any = |test: &dyn Fn(&LookMaterial) -> bool| materials.iter().any(|m| test(m));
     let varies = |slot: &Slot| constant(slot).is_none();
     let has_alpha = any(&|m| !matches!(m.opacity, Opacity::Opaque));
-    let channel = |kind| SourceChannel { kind, has_alpha: false, exceeds_one: false };
+    let channel = SourceChannel::new;
     let mut channels = vec![SourceChannel { has_alpha, ..channel(ChannelKind::BaseColor) }];
     if any(&|m| !m.relief.is_empty()) {
         channels.push(channel(ChannelKind::Normal));

@@ -35,6 +35,13 @@ pub struct SourceChannel {
     pub exceeds_one: bool,
 }
 
+impl SourceChannel {
+    /// Without alpha, up to 1.
+    pub const fn new(kind: ChannelKind) -> Self {
+        Self { kind, has_alpha: false, exceeds_one: false }
+    }
+}
+
 /// How a value relates to the function at the texel's centre.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Prefilter {
@@ -59,11 +66,15 @@ pub type TriangleSource<'s> = Box<dyn Fn(&[TexelPoint], &mut [Vec4]) + 's>;
 
 /// A function on the surface that can be baked.
 pub trait Source: Sync {
-    /// The channels it gives, in the order of `evaluate`'s output.
-    fn channels(&self) -> Vec<SourceChannel>;
+    /// The channels it gives, in the order of `evaluate`'s output: base colour alone, unless the source says more.
+    fn channels(&self) -> Vec<SourceChannel> {
+        vec![SourceChannel::new(ChannelKind::BaseColor)]
+    }
 
     /// How its values relate to the texel's centre.
-    fn prefilter(&self) -> Prefilter;
+    fn prefilter(&self) -> Prefilter {
+        Prefilter::Box
+    }
 
     /// Writes one value per channel.
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]);
@@ -141,7 +152,7 @@ impl<'a> VertexColorSource<'a> {
 
 impl Source for VertexColorSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: self.has_alpha, exceeds_one: false }]
+        vec![SourceChannel { has_alpha: self.has_alpha, ..SourceChannel::new(ChannelKind::BaseColor) }]
     }
 
     fn prefilter(&self) -> Prefilter {
@@ -175,15 +186,8 @@ impl MappedImageSource {
 
 impl Source for MappedImageSource {
     fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel {
-            kind: ChannelKind::BaseColor,
-            has_alpha: self.texture.level(0).has_alpha(),
-            exceeds_one: false,
-        }]
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Box
+        let has_alpha = self.texture.level(0).has_alpha();
+        vec![SourceChannel { has_alpha, ..SourceChannel::new(ChannelKind::BaseColor) }]
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
@@ -198,7 +202,8 @@ impl Source for MappedImageSource {
 
 // Solid textures.
 
-/// A recipe that is defined everywhere in space, evaluated in world space.
+/// A recipe that is defined everywhere in space, evaluated in world space. Solids fade what is finer than the footprint, as a mean
+/// over the texel would.
 pub struct SolidSource {
     solid: Box<dyn Solid>,
     space: WorldSpace,
@@ -218,15 +223,6 @@ impl SolidSource {
 }
 
 impl Source for SolidSource {
-    fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        // Solids fade what is finer than the footprint, as a mean over the texel would.
-        Prefilter::Box
-    }
-
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         values[0] = Vec4::from_array(self.solid.color(&self.solid_point(point)));
     }
@@ -258,10 +254,6 @@ impl SineSource {
 }
 
 impl Source for SineSource {
-    fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
-    }
-
     fn prefilter(&self) -> Prefilter {
         Prefilter::Point
     }
@@ -274,42 +266,47 @@ impl Source for SineSource {
 // The finished picture of a surface: its light, multiplied with its colour.
 
 /// Light as base colour, with the colour and the alpha of another source, or alone.
-#[derive(Debug)]
 pub struct LitSource<'a> {
     light: LightMapSource<'a>,
-    colors: Option<Colors<'a>>,
+    colors: Option<SurfaceColors<'a>>,
 }
 
-/// A source that gives base colours.
-struct Colors<'a> {
+/// A source, and where its base colour and emission are among its channels.
+pub(crate) struct SurfaceColors<'a> {
     source: &'a dyn Source,
     channels: usize,
-    base_color: usize,
-    emission: Option<usize>,
-    has_alpha: bool,
+    pub(crate) base_color: Option<usize>,
+    pub(crate) emission: Option<usize>,
+    pub(crate) has_alpha: bool,
 }
 
-impl std::fmt::Debug for Colors<'_> {
+impl<'a> SurfaceColors<'a> {
+    pub(crate) fn new(source: &'a dyn Source) -> Self {
+        let channels = source.channels();
+        let position = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind);
+        let (base_color, emission) = (position(ChannelKind::BaseColor), position(ChannelKind::Emission));
+        let has_alpha = base_color.is_some_and(|c| channels[c].has_alpha);
+        Self { source, channels: channels.len(), base_color, emission, has_alpha }
+    }
+
+    /// The values of all channels.
+    pub(crate) fn values(&self, point: &TexelPoint) -> Vec<Vec4> {
+        let mut values = vec![Vec4::ZERO; self.channels];
+        self.source.evaluate(point, &mut values);
+        values
+    }
+}
+
+impl std::fmt::Debug for LitSource<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Colors").field("channels", &self.channels).finish_non_exhaustive()
+        f.debug_struct("LitSource").field("light", &self.light).finish_non_exhaustive()
     }
 }
 
 impl<'a> LitSource<'a> {
     /// The light, and what it falls on: without a source, or with one that has no base colour, the light alone.
     pub fn new(light: LightMapSource<'a>, source: Option<&'a dyn Source>) -> Self {
-        let colors = source.and_then(|source| {
-            let channels = source.channels();
-            let position = |kind: ChannelKind| channels.iter().position(|c| c.kind == kind);
-            let base_color = position(ChannelKind::BaseColor)?;
-            Some(Colors {
-                source,
-                channels: channels.len(),
-                base_color,
-                emission: position(ChannelKind::Emission),
-                has_alpha: channels[base_color].has_alpha,
-            })
-        });
+        let colors = source.map(SurfaceColors::new).filter(|colors| colors.base_color.is_some());
         Self { light, colors }
     }
 
@@ -322,11 +319,7 @@ impl<'a> LitSource<'a> {
 impl Source for LitSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         let has_alpha = self.colors.as_ref().is_some_and(|colors| colors.has_alpha);
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha, exceeds_one: false }]
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Box
+        vec![SourceChannel { has_alpha, ..SourceChannel::new(ChannelKind::BaseColor) }]
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
@@ -334,9 +327,9 @@ impl Source for LitSource<'_> {
         let at = SurfacePoint { lambda: lambda / lambda.element_sum().max(f32::MIN_POSITIVE), ..point.at };
         let light = self.light.illumination(at, point.lambda_steps).value;
         let (color, emission) = self.colors.as_ref().map_or((Vec4::ONE, Vec3::ZERO), |colors| {
-            let mut all = vec![Vec4::ZERO; colors.channels];
-            colors.source.evaluate(point, &mut all);
-            (all[colors.base_color], colors.emission.map_or(Vec3::ZERO, |c| all[c].truncate()))
+            let all = colors.values(point);
+            let emission = colors.emission.map_or(Vec3::ZERO, |c| all[c].truncate());
+            (colors.base_color.map_or(Vec4::ONE, |c| all[c]), emission)
         });
         values[0] = (color.truncate() * light + emission).extend(color.w);
     }

@@ -21,7 +21,7 @@ use fantex_texture::material::TangentFrame;
 use glam::{DVec2, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::{Prefilter, Source, SourceChannel, TexelPoint};
+use crate::{Source, SourceChannel, TexelPoint};
 
 /// How well two meshes fitted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -257,7 +257,7 @@ impl<'a> TransferSource<'a> {
         let mut channels = detail.map_or_else(Vec::new, Source::channels);
         let own_normals = options.normals && channels.iter().all(|c| c.kind != ChannelKind::Normal);
         if own_normals {
-            let normals = SourceChannel { kind: ChannelKind::Normal, has_alpha: false, exceeds_one: false };
+            let normals = SourceChannel::new(ChannelKind::Normal);
             channels.insert(0, normals);
         }
         Ok(Self { projector, detail, channels, own_normals, samples: options.samples })
@@ -300,10 +300,6 @@ fn lambda_step([a, b, c]: [Vec3; 3], step: Vec3) -> Vec3 {
 impl Source for TransferSource<'_> {
     fn channels(&self) -> Vec<SourceChannel> {
         self.channels.clone()
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Box
     }
 
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {

@@ -4,12 +4,9 @@ use std::collections::VecDeque;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use fantex_bake::{
-    Prefilter, Progress, Source, SourceChannel, TexelPoint, TriangleFootprint, TriangleSource,
-};
+use fantex_bake::{Progress, Source, TexelPoint, TriangleFootprint, TriangleSource};
 use fantex_base::{Error, ErrorKind, Result};
 use fantex_mesh::Mesh;
-use fantex_store::ChannelKind;
 use glam::{DVec3, Vec3, Vec4};
 
 use crate::Photograph;
@@ -218,14 +215,6 @@ fn density(mesh: &Mesh, sharpness: &[f32]) -> Vec<f32> {
 }
 
 impl Source for PhotoSource<'_> {
-    fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
-    }
-
-    fn prefilter(&self) -> Prefilter {
-        Prefilter::Box
-    }
-
     fn evaluate(&self, point: &TexelPoint, values: &mut [Vec4]) {
         let on = TriangleFootprint { triangle: point.at.index(), lambda_steps: point.lambda_steps };
         self.on_triangle(&on)(std::slice::from_ref(point), values);

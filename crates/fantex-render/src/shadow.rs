@@ -296,7 +296,7 @@ fn face_visibility(
     let footprint = [receiver.steps[0], receiver.steps[1]].map(|step| asked.texels(face, step));
     let pixel = 0.5 * (footprint[0].abs() + footprint[1].abs());
     let texel = asked.texel_width as f32;
-    let penumbra = match options.penumbra {
+    let penumbra = match options.penumbra() {
         Penumbra::Sharp => 0.0,
         Penumbra::Even(half_width) => half_width * mesh_per_world / texel,
         Penumbra::Lamp(size) => {

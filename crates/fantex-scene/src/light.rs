@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fantex_base::parameters;
 use fantex_texture::environment::{PrefilteredEnvironment, mirrored, mirrored_steps};
 use fantex_texture::{ImageTexture, SampleOptions, Texture};
 use glam::{DVec3, Quat, Vec3};
@@ -294,38 +295,41 @@ impl Lights {
 
 // How lamps cast shadows.
 
-/// How a lamp casts shadows.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ShadowOptions {
-    /// Texels along each side of a map, [`ShadowOptions::MIN_RESOLUTION`] to [`ShadowOptions::MAX_RESOLUTION`]. A
-    /// directional lamp has one map over the whole scene, a point light six.
-    pub resolution: u32,
-    /// How far a receiver is lifted towards the lamp before it is compared, in texels.
-    pub bias: f32,
-    /// How far a receiver is lifted along its normal, in texels, where light grazes it; less where light falls steeply.
-    pub normal_offset: f32,
-    /// How soft the border is.
-    pub penumbra: Penumbra,
+parameters! {
+    /// A shadow map.
+    #[derive(Copy)]
+    #[schemars(rename = "Shadow")]
+    pub struct ShadowOptions {
+        /// Texels along each side of the map. A sun has one map over the whole scene, a point light six.
+        #[serde(rename = "size")]
+        #[schemars(range(min = 16, max = 16384))]
+        pub resolution: u32 = 2048,
+        /// How far a receiver is lifted towards the lamp, in texels of the map.
+        #[schemars(range(min = 0, max = 1000))]
+        pub bias: f32 = 1.0,
+        /// How far a receiver is lifted along its normal where light grazes it, in texels of the map.
+        #[serde(rename = "normal_bias")]
+        #[schemars(range(min = 0, max = 1000))]
+        pub normal_offset: f32 = 1.5,
+        /// Half the width of the border, in world units.
+        #[schemars(range(min = 0))]
+        pub softness: f32 = 0.0,
+        /// Radius of the lamp in world units (of the sun: the tangent of its angle): borders grow wider with the distance.
+        #[schemars(extend("exclusiveMinimum" = 0))]
+        pub lamp_radius: Option<f32> = None,
+    }
 }
 
 /// How soft the border of a shadow is; never sharper than the map and the picture.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Penumbra {
     /// As sharp as the map.
-    #[default]
     Sharp,
     /// With the same half width everywhere, world units.
     Even(f32),
     /// Wider the farther the shadow falls, by the lamp's radius in world units (for parallel light: the tangent of the angle
     /// that the radius appears under, 0.0047 for the sun): R. Fernando, "Percentage-Closer Soft Shadows", 2005.
     Lamp(f32),
-}
-
-impl Default for ShadowOptions {
-    /// Sharp shadows from a map of 2048 x 2048 texels (16 MiB).
-    fn default() -> Self {
-        Self { resolution: 2048, bias: 1.0, normal_offset: 1.5, penumbra: Penumbra::Sharp }
-    }
 }
 
 impl ShadowOptions {
@@ -335,12 +339,18 @@ impl ShadowOptions {
     /// Most texels along a side: 256 MiB per map.
     pub const MAX_RESOLUTION: u32 = 8_192;
 
+    /// How soft the border is.
+    pub fn penumbra(&self) -> Penumbra {
+        match self.lamp_radius {
+            Some(radius) => Penumbra::Lamp(radius),
+            None if self.softness == 0.0 => Penumbra::Sharp,
+            None => Penumbra::Even(self.softness),
+        }
+    }
+
     /// Why no shadow can be cast, or nothing.
     pub fn defect(&self) -> Option<&'static str> {
-        let width = match self.penumbra {
-            Penumbra::Sharp => 0.0,
-            Penumbra::Even(width) | Penumbra::Lamp(width) => width,
-        };
+        let width = self.lamp_radius.unwrap_or(self.softness);
         if !(Self::MIN_RESOLUTION..=Self::MAX_RESOLUTION).contains(&self.resolution) {
             Some("its shadow map must have between 16 and 8192 texels along a side")
         } else if !(self.bias.is_finite() && self.normal_offset.is_finite()) {

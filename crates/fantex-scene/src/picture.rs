@@ -1,5 +1,6 @@
 //! Rendered pictures.
 
+use fantex_base::parameters;
 use fantex_texture::color::{srgb8_from_linear, unorm8};
 use fantex_texture::filter::halved_level;
 use fantex_texture::{ColorSpace, Image, Samples};
@@ -71,22 +72,19 @@ impl Picture {
 // "Physically-Based Glare Effects for Digital Images", 1995). Every pass keeps the sum of the light; what is scattered out of
 // the picture is gone.
 
-/// How things glow.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Glow {
-    /// Luminance above which light is scattered; only the excess is.
-    pub threshold: f32,
-    /// Share of that light that is scattered into the halo, usually below one.
-    pub strength: f32,
-    /// Standard deviation of the widest Gaussian, as a share of the picture's height: the halo looks the same at any
-    /// resolution.
-    pub radius: f32,
-}
-
-impl Default for Glow {
-    /// Half of all light, into a halo of a twentieth of the picture's height.
-    fn default() -> Self {
-        Self { threshold: 0.0, strength: 0.5, radius: 0.05 }
+parameters! {
+    /// A halo around bright light.
+    #[derive(Copy)]
+    pub struct Glow {
+        /// Radius in shares of the picture's height: the standard deviation of the widest Gaussian.
+        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
+        pub radius: f32 = 0.05,
+        /// Share of the light that is spread.
+        #[schemars(range(min = 0, max = 100))]
+        pub strength: f32 = 0.5,
+        /// Light above which a surface glows by itself, the excess only; emission always does.
+        #[schemars(range(min = 0))]
+        pub threshold: Option<f32> = None,
     }
 }
 
@@ -122,7 +120,11 @@ fn halo(source: &Picture, glow: &Glow) -> Vec<Vec3> {
     let bright = Layer {
         width: source.width as usize,
         height: source.height as usize,
-        pixels: source.rgba.par_iter().map(|&pixel| bright_part(pixel, glow.threshold)).collect(),
+        pixels: source
+            .rgba
+            .par_iter()
+            .map(|&pixel| bright_part(pixel, glow.threshold.unwrap_or(0.0)))
+            .collect(),
     };
     let widest = (glow.radius * source.height as f32).clamp(0.0, 1e4);
     let mut sum = vec![Vec3::ZERO; bright.pixels.len()];
@@ -303,7 +305,7 @@ mod tests {
     fn halos_keep_the_light() {
         for (width, height, at) in [(256, 256, [128, 128]), (301, 253, [150, 121])] {
             let picture = spark(width, height, at, 100.0);
-            let glow = Glow { threshold: 0.0, strength: 0.3, radius: 0.06 };
+            let glow = Glow { threshold: None, strength: 0.3, radius: 0.06 };
             let sum: Vec3 = halo(&picture, &glow).iter().sum();
             assert!((sum / Vec3::new(30.0, 15.0, 1.0) - Vec3::new(1.0, 1.0, 0.0)).length() < 0.01, "{sum}");
         }
@@ -341,7 +343,7 @@ mod tests {
 
     #[test]
     fn only_the_excess_glows_and_transparency_gives_way() {
-        let glow = Glow { threshold: 1.0, strength: 0.5, radius: 0.05 };
+        let glow = Glow { threshold: Some(1.0), strength: 0.5, radius: 0.05 };
         assert!(halo(&spark(64, 64, [32, 32], 1.0), &glow).iter().all(|h| *h == Vec3::ZERO));
         let clear = Picture { width: 64, height: 64, rgba: vec![[0.0; 4]; 64 * 64] };
         let lit = clear.with_glow(&spark(64, 64, [32, 32], 100.0), &glow);

@@ -244,43 +244,10 @@ fn coded_format(code: u32) -> Option<TexelFormat> {
 
 /// By the numbers of `DXGI_FORMAT`. Many programs store sRGB colours without saying so: only formats that say it count.
 fn extended_format(number: u32) -> Option<(TexelFormat, Option<ColorSpace>)> {
-    use TexelFormat as F;
-    const SRGB: Option<ColorSpace> = Some(ColorSpace::Srgb);
-    Some(match number {
-        2 => (F::F32 { channels: 4 }, None),
-        6 => (F::F32 { channels: 3 }, None),
-        10 => (F::F16 { channels: 4 }, None),
-        11 => (F::U16 { channels: 4 }, None),
-        16 => (F::F32 { channels: 2 }, None),
-        26 => (F::B10G11R11, None),
-        28 => (F::U8 { channels: 4 }, None),
-        29 => (F::U8 { channels: 4 }, SRGB),
-        34 => (F::F16 { channels: 2 }, None),
-        35 => (F::U16 { channels: 2 }, None),
-        41 => (F::F32 { channels: 1 }, None),
-        49 => (F::U8 { channels: 2 }, None),
-        54 => (F::F16 { channels: 1 }, None),
-        56 => (F::U16 { channels: 1 }, None),
-        61 => (F::U8 { channels: 1 }, None),
-        67 => (F::E5B9G9R9, None),
-        71 => (F::Bc1, None),
-        72 => (F::Bc1, SRGB),
-        74 => (F::Bc2, None),
-        75 => (F::Bc2, SRGB),
-        77 => (F::Bc3, None),
-        78 => (F::Bc3, SRGB),
-        80 => (F::Bc4, None),
-        83 => (F::Bc5, None),
-        87 => (F::Bgr8 { channels: 4 }, None),
-        88 => (F::Bgrx8, None),
-        91 => (F::Bgr8 { channels: 4 }, SRGB),
-        93 => (F::Bgrx8, SRGB),
-        95 => (F::Bc6h { is_signed: false }, None),
-        96 => (F::Bc6h { is_signed: true }, None),
-        98 => (F::Bc7, None),
-        99 => (F::Bc7, SRGB),
-        _ => return None,
-    })
+    let of = |number| {
+        FORMATS.iter().find(|(_, _, [linear, srgb])| number != 0 && [*linear, *srgb].contains(&number))
+    };
+    of(number).map(|(format, _, [_, srgb])| (*format, (number == *srgb).then_some(ColorSpace::Srgb)))
 }
 
 // ---- The header of KTX2 files (Khronos, "KTX File Format Specification", version 2.0).
@@ -350,52 +317,51 @@ impl Ktx2Header {
     }
 }
 
-/// By the numbers of Vulkan's `VkFormat`.
+/// By the numbers of `VkFormat`.
 fn texel_format(code: u32) -> Option<(TexelFormat, ColorSpace)> {
-    use ColorSpace::{Linear, Srgb};
-    use TexelFormat as F;
-    Some(match code {
-        9 => (F::U8 { channels: 1 }, Linear),
-        15 => (F::U8 { channels: 1 }, Srgb),
-        16 => (F::U8 { channels: 2 }, Linear),
-        22 => (F::U8 { channels: 2 }, Srgb),
-        23 => (F::U8 { channels: 3 }, Linear),
-        29 => (F::U8 { channels: 3 }, Srgb),
-        30 => (F::Bgr8 { channels: 3 }, Linear),
-        36 => (F::Bgr8 { channels: 3 }, Srgb),
-        37 => (F::U8 { channels: 4 }, Linear),
-        43 => (F::U8 { channels: 4 }, Srgb),
-        44 => (F::Bgr8 { channels: 4 }, Linear),
-        50 => (F::Bgr8 { channels: 4 }, Srgb),
-        70 => (F::U16 { channels: 1 }, Linear),
-        77 => (F::U16 { channels: 2 }, Linear),
-        84 => (F::U16 { channels: 3 }, Linear),
-        91 => (F::U16 { channels: 4 }, Linear),
-        76 => (F::F16 { channels: 1 }, Linear),
-        83 => (F::F16 { channels: 2 }, Linear),
-        90 => (F::F16 { channels: 3 }, Linear),
-        97 => (F::F16 { channels: 4 }, Linear),
-        100 => (F::F32 { channels: 1 }, Linear),
-        103 => (F::F32 { channels: 2 }, Linear),
-        106 => (F::F32 { channels: 3 }, Linear),
-        109 => (F::F32 { channels: 4 }, Linear),
-        122 => (F::B10G11R11, Linear),
-        123 => (F::E5B9G9R9, Linear),
-        131 | 133 => (F::Bc1, Linear),
-        132 | 134 => (F::Bc1, Srgb),
-        135 => (F::Bc2, Linear),
-        136 => (F::Bc2, Srgb),
-        137 => (F::Bc3, Linear),
-        138 => (F::Bc3, Srgb),
-        139 => (F::Bc4, Linear),
-        141 => (F::Bc5, Linear),
-        143 => (F::Bc6h { is_signed: false }, Linear),
-        144 => (F::Bc6h { is_signed: true }, Linear),
-        145 => (F::Bc7, Linear),
-        146 => (F::Bc7, Srgb),
-        _ => return None,
+    let of =
+        |code| FORMATS.iter().find(|(_, [linear, srgb], _)| code != 0 && [*linear, *srgb].contains(&code));
+    of(code).map(|(format, [_, srgb], _)| {
+        (*format, if code == *srgb { ColorSpace::Srgb } else { ColorSpace::Linear })
     })
 }
+
+/// The numbers of formats, linear and sRGB: Vulkan's `VkFormat` and Direct3D's `DXGI_FORMAT`; 0 where there is none.
+const FORMATS: [(TexelFormat, [u32; 2], [u32; 2]); 30] = {
+    use TexelFormat as F;
+    [
+        (F::U8 { channels: 1 }, [9, 15], [61, 0]),
+        (F::U8 { channels: 2 }, [16, 22], [49, 0]),
+        (F::U8 { channels: 3 }, [23, 29], [0, 0]),
+        (F::Bgr8 { channels: 3 }, [30, 36], [0, 0]),
+        (F::U8 { channels: 4 }, [37, 43], [28, 29]),
+        (F::Bgr8 { channels: 4 }, [44, 50], [87, 91]),
+        (F::Bgrx8, [0, 0], [88, 93]),
+        (F::U16 { channels: 1 }, [70, 0], [56, 0]),
+        (F::U16 { channels: 2 }, [77, 0], [35, 0]),
+        (F::U16 { channels: 3 }, [84, 0], [0, 0]),
+        (F::U16 { channels: 4 }, [91, 0], [11, 0]),
+        (F::F16 { channels: 1 }, [76, 0], [54, 0]),
+        (F::F16 { channels: 2 }, [83, 0], [34, 0]),
+        (F::F16 { channels: 3 }, [90, 0], [0, 0]),
+        (F::F16 { channels: 4 }, [97, 0], [10, 0]),
+        (F::F32 { channels: 1 }, [100, 0], [41, 0]),
+        (F::F32 { channels: 2 }, [103, 0], [16, 0]),
+        (F::F32 { channels: 3 }, [106, 0], [6, 0]),
+        (F::F32 { channels: 4 }, [109, 0], [2, 0]),
+        (F::B10G11R11, [122, 0], [26, 0]),
+        (F::E5B9G9R9, [123, 0], [67, 0]),
+        (F::Bc1, [131, 132], [71, 72]),
+        (F::Bc1, [133, 134], [0, 0]),
+        (F::Bc2, [135, 136], [74, 75]),
+        (F::Bc3, [137, 138], [77, 78]),
+        (F::Bc4, [139, 0], [80, 0]),
+        (F::Bc5, [141, 0], [83, 0]),
+        (F::Bc6h { is_signed: false }, [143, 0], [95, 0]),
+        (F::Bc6h { is_signed: true }, [144, 0], [96, 0]),
+        (F::Bc7, [145, 146], [98, 99]),
+    ]
+};
 
 // ---- Texels as they lie in KTX2 and DDS files.
 

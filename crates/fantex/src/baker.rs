@@ -11,15 +11,14 @@ use std::time::{Duration, Instant};
 
 use fantex_bake::{
     BakeFormat, BakeOptions, BakeSummary, Fit, LookSource, MappedImageSource, NoProgress, Prefilter,
-    Progress, SolidSource, SourceChannel, TexelPoint, TransferOptions, TransferSource, VertexColorSource,
-    WorldSpace, bake,
+    Progress, SolidSource, TexelPoint, TransferOptions, TransferSource, VertexColorSource, WorldSpace, bake,
 };
 use fantex_base::{Error, Result};
 use fantex_cover::{CoverOptions, CoverStats, TexelBudget, build_cover};
 use fantex_look::LookFile;
 use fantex_look::{LookImages, ResolveOptions};
 use fantex_mesh::Material;
-use fantex_store::{ChannelKind, Quality};
+use fantex_store::Quality;
 use fantex_texture::{Image, ImageTexture, MappingKind, Wrap, solid_by_name};
 use glam::Vec4;
 
@@ -441,10 +440,6 @@ pub struct Baked {
 struct FunctionSource<'f>(&'f (dyn Fn(&TexelPoint) -> Vec4 + Sync));
 
 impl fantex_bake::Source for FunctionSource<'_> {
-    fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
-    }
-
     fn prefilter(&self) -> Prefilter {
         Prefilter::Point
     }

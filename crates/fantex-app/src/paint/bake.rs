@@ -63,10 +63,6 @@ fn write(
 struct Plain;
 
 impl Source for Plain {
-    fn channels(&self) -> Vec<SourceChannel> {
-        vec![SourceChannel { kind: ChannelKind::BaseColor, has_alpha: false, exceeds_one: false }]
-    }
-
     fn prefilter(&self) -> Prefilter {
         Prefilter::Point
     }
@@ -89,7 +85,7 @@ impl<'a> WithMaterial<'a> {
         let mut channels = source.channels();
         let is_missing = channels.iter().all(|channel| channel.kind != kind);
         if is_missing {
-            channels.push(SourceChannel { kind, has_alpha: false, exceeds_one: false });
+            channels.push(SourceChannel::new(kind));
         }
         Self { source, channels, is_missing }
     }

@@ -309,7 +309,7 @@ impl ShadowMaps {
         };
         let [right, up] = view.sides().map(|side| side.as_vec3());
         let half = view.half_extent().as_vec2();
-        let (penumbra, penumbra_width) = match (options.penumbra, view.spread()) {
+        let (penumbra, penumbra_width) = match (options.penumbra(), view.spread()) {
             (Penumbra::Sharp, _) => (0, 0.0),
             (Penumbra::Even(width), _) => (1, width * mesh_per_world),
             (Penumbra::Lamp(size), Spread::Perspective) => (2, size * mesh_per_world),

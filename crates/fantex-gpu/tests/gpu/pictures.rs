@@ -268,10 +268,10 @@ fn shadows_of_all_lamps() {
     ];
     let mesh = ball_on_floor();
     for (name, kind) in lamps {
-        for (kind_of_border, penumbra) in
-            [("sharp", Penumbra::Sharp), ("even", Penumbra::Even(0.1)), ("lamp", Penumbra::Lamp(0.15))]
+        for (kind_of_border, softness, lamp_radius) in
+            [("sharp", 0.0, None), ("even", 0.1, None), ("lamp", 0.0, Some(0.15))]
         {
-            let shadow = ShadowOptions { resolution: 512, penumbra, ..ShadowOptions::default() };
+            let shadow = ShadowOptions { resolution: 512, softness, lamp_radius, ..ShadowOptions::default() };
             let scene = Scene { lights: lit_by(kind.clone(), Some(shadow)), ..Scene::of(mesh.clone()) };
             let difference = scene.compare(&gpu, &format!("shadow-{name}-{kind_of_border}"));
             difference.assert_below(0.05, 8, 0.002);

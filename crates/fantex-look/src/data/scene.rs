@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use fantex_base::parameters;
-use fantex_scene::{Interpolation, LightQuantity, ShadingRate};
+use fantex_scene::{Glow, Interpolation, LightQuantity, ShadingRate, ShadowOptions};
 use fantex_texture::environment::{EnvironmentForm, EnvironmentLayout, Sky};
 use fantex_texture::{Color, Filter, Scale};
 use schemars::JsonSchema;
@@ -50,7 +50,7 @@ parameters! {
         /// An animation: numbered pictures.
         pub frames: Option<FramesTable> = None,
         /// A halo around bright light.
-        pub glow: Option<GlowTable> = None,
+        pub glow: Option<Glow> = None,
     }
 
     /// The pictures of an animation.
@@ -63,19 +63,6 @@ parameters! {
         pub from: f64 = 0.0,
         /// Time after the last, in seconds: the animation takes `to - from`.
         pub to: f64 = 1.0,
-    }
-
-    /// A halo.
-    pub struct GlowTable {
-        /// Radius in shares of the picture's height.
-        #[schemars(extend("exclusiveMinimum" = 0, "maximum" = 1))]
-        pub radius: f64 = 0.05,
-        /// Share of the light that is spread.
-        #[schemars(range(min = 0, max = 100))]
-        pub strength: f32 = 0.5,
-        /// Light above which a surface glows by itself; emission always does.
-        #[schemars(range(min = 0))]
-        pub threshold: Option<f64> = None,
     }
 
     /// A thing in the scene: a model, an asset, or a simple shape.
@@ -224,15 +211,12 @@ parameters! {
         #[schemars(range(min = 0, max = 90))]
         pub radius: f64 = 0.27,
         /// Shadows; none where it is left out.
-        pub shadow: Option<ShadowTable> = None,
+        pub shadow: Option<ShadowOptions> = None,
     }
 
-    /// Light from a point.
-    #[schemars(extend("required" = ["position"]))]
-    pub struct PointTable {
-        /// Where it is, world units.
-        pub position: [f64; 3] = [0.0; 3],
-        /// Colour: what a white surface that faces the light at the distance `full_at` reflects.
+    /// How light from a place shines.
+    pub struct Beam {
+        /// Colour: what a white surface that faces the light reflects (at the distance `full_at`, where that is given).
         pub color: Color = Color::WHITE,
         /// Factor of the colour.
         #[schemars(range(min = 0))]
@@ -244,11 +228,21 @@ parameters! {
         /// Distance in world units beyond which there is no light; needs `full_at`.
         #[schemars(extend("exclusiveMinimum" = 0))]
         pub range: Option<f64> = None,
+        /// Shadows; none where it is left out.
+        pub shadow: Option<ShadowOptions> = None,
+    }
+
+    /// Light from a point.
+    #[schemars(extend("required" = ["position"]))]
+    pub struct PointTable {
+        /// Where it is, world units.
+        pub position: [f64; 3] = [0.0; 3],
+        /// How it shines.
+        #[serde(flatten)]
+        pub beam: Beam = Beam::default(),
         /// Radius of the lamp in world units: soft shadows in baked light.
         #[schemars(range(min = 0))]
         pub radius: f64 = 0.0,
-        /// Shadows; none where it is left out.
-        pub shadow: Option<ShadowTable> = None,
     }
 
     /// Light from a point into a cone.
@@ -264,23 +258,12 @@ parameters! {
         /// Angle between the axis and the border of all light, in degrees; not below `inner`.
         #[schemars(range(min = 0, max = 90))]
         pub outer: f64 = 25.0,
-        /// Colour: what a white surface that faces the light reflects.
-        pub color: Color = Color::WHITE,
-        /// Factor of the colour.
-        #[schemars(range(min = 0))]
-        pub strength: f32 = 1.0,
-        /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
-        /// distance; without it, it does not weaken.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        pub full_at: Option<f64> = None,
-        /// Distance in world units beyond which there is no light; needs `full_at`.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        pub range: Option<f64> = None,
+        /// How it shines.
+        #[serde(flatten)]
+        pub beam: Beam = Beam::default(),
         /// Radius of the lamp in world units: soft shadows in baked light.
         #[schemars(range(min = 0))]
         pub radius: f64 = 0.0,
-        /// Shadows; none where it is left out.
-        pub shadow: Option<ShadowTable> = None,
     }
 
     /// Light through a slide: an image or any texture.
@@ -305,20 +288,9 @@ parameters! {
         pub image: Option<FileName> = None,
         /// The slide, a texture: its coordinates run over the slide from 0 to 1.
         pub texture: Option<TextureName> = None,
-        /// Colour of the lamp behind the slide.
-        pub color: Color = Color::WHITE,
-        /// Factor of the colour.
-        #[schemars(range(min = 0))]
-        pub strength: f32 = 1.0,
-        /// Distance in world units at which it has its full strength and beyond which it weakens with the square of the
-        /// distance; without it, it does not weaken.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        pub full_at: Option<f64> = None,
-        /// Distance in world units beyond which there is no light; needs `full_at`.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        pub range: Option<f64> = None,
-        /// Shadows; none where it is left out.
-        pub shadow: Option<ShadowTable> = None,
+        /// How it shines.
+        #[serde(flatten)]
+        pub beam: Beam = Beam::default(),
     }
 
     /// Light from everywhere.
@@ -332,24 +304,6 @@ parameters! {
         pub strength: f32 = 1.0,
     }
 
-    /// A shadow map.
-    pub struct ShadowTable {
-        /// Texels along each side of the map.
-        #[schemars(range(min = 16, max = 16384))]
-        pub size: u32 = 2048,
-        /// How far a receiver is lifted towards the lamp, in texels of the map.
-        #[schemars(range(min = 0, max = 1000))]
-        pub bias: f32 = 1.0,
-        /// How far a receiver is lifted along its normal where light grazes it, in texels of the map.
-        #[schemars(range(min = 0, max = 1000))]
-        pub normal_bias: f32 = 1.5,
-        /// Half the width of the border, in world units.
-        #[schemars(range(min = 0))]
-        pub softness: f32 = 0.0,
-        /// Radius of the lamp in world units (of the sun: the tangent of its angle): borders grow wider with the distance.
-        #[schemars(extend("exclusiveMinimum" = 0))]
-        pub lamp_radius: Option<f32> = None,
-    }
 }
 
 parameters! {

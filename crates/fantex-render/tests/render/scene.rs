@@ -312,15 +312,12 @@ fn pictures() {
         fov_degrees: 35.0,
     };
     let options = RenderOptions { width: 96, height: 64, ..RenderOptions::default() };
-    let sun = |penumbra| {
-        let shadow = ShadowOptions { resolution: 512, penumbra, ..ShadowOptions::default() };
+    let sun = |lamp_radius| {
+        let shadow = ShadowOptions { resolution: 512, lamp_radius, ..ShadowOptions::default() };
         Lights::sun(Vec3::new(-0.9, 0.8, 0.4)).with_shadows(shadow)
     };
-    common::check_golden("scene_sharp_shadow", &picture(&scene, &camera, &sun(Penumbra::Sharp), &options));
-    common::check_golden(
-        "scene_soft_shadow",
-        &picture(&scene, &camera, &sun(Penumbra::Lamp(0.15)), &options),
-    );
+    common::check_golden("scene_sharp_shadow", &picture(&scene, &camera, &sun(None), &options));
+    common::check_golden("scene_soft_shadow", &picture(&scene, &camera, &sun(Some(0.15)), &options));
     let stripes = Function(|at: &fantex_texture::ShadingPoint<'_>| {
         let wave = (at.uv[0].uv * 25.0).to_array().map(|c| 0.5 + 0.5 * c.sin());
         Vec4::new(wave[0], wave[1], 0.3, 1.0)
@@ -431,9 +428,10 @@ fn a_ball_casts_no_shadow_on_its_lit_side() {
     let ball = sphere(40, 0.8);
     let surface = LookSurface::of_model(&ball, FilterOptions::default()).unwrap();
     let camera = frontal(3.0, 40.0);
-    for penumbra in [Penumbra::Sharp, Penumbra::Even(0.02), Penumbra::Lamp(0.05)] {
+    for (softness, lamp_radius) in [(0.0, None), (0.02, None), (0.0, Some(0.05))] {
         for resolution in [256, 1024] {
-            let shadow = ShadowOptions { penumbra, resolution, ..ShadowOptions::default() };
+            let shadow = ShadowOptions { softness, lamp_radius, resolution, ..ShadowOptions::default() };
+            let penumbra = shadow.penumbra();
             let lights = |shadow| {
                 lit_by(vec![Light { shadow, ..Light::directional(Vec3::new(-0.6, 0.5, 0.4), Vec3::ONE) }])
             };

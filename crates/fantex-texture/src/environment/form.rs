@@ -420,10 +420,15 @@ impl EnvironmentMap {
         if side == 0 || faces.iter().any(|face| face.width != side || face.height != side) {
             return None;
         }
-        Some(Self::from_texels(EnvironmentForm::Cube, [side; 2], |chart, x, y| {
+        Some(Self::of_cube_faces(faces))
+    }
+
+    /// As [`EnvironmentMap::from_faces`], of six squares of one size.
+    pub(super) fn of_cube_faces(faces: &[Image]) -> Self {
+        Self::from_texels(EnvironmentForm::Cube, [faces[0].width; 2], |chart, x, y| {
             let [r, g, b, _] = faces[chart].linear_texel(x, y);
             Vec3::new(r, g, b)
-        }))
+        })
     }
 
     /// Linear RGBA picture of the map. Where the layout belongs to another form than the map's, the map is converted

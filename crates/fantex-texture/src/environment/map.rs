@@ -286,11 +286,7 @@ impl EnvironmentMap {
             }
             faces.push(image);
         }
-        let side = faces[0].width;
-        Ok(Self::from_texels(super::EnvironmentForm::Cube, [side; 2], |chart, x, y| {
-            let [r, g, b, _] = faces[chart].linear_texel(x, y);
-            glam::Vec3::new(r, g, b)
-        }))
+        Ok(Self::of_cube_faces(&faces))
     }
 }
 

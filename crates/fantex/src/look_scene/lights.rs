@@ -8,13 +8,12 @@ use fantex_bake::{
     baked_materials,
 };
 use fantex_base::{Error, Result};
-use fantex_look::data::{EnvironmentTable, LightBakeTable, LightTable, ProjectorTable, ShadowTable};
+use fantex_look::data::{Beam, EnvironmentTable, LightBakeTable, LightTable, ProjectorTable};
 use fantex_look::problem::{self, refused};
 use fantex_look::{Key, Resolver};
 use fantex_mesh::Mesh;
 use fantex_render::{
-    AmbientLight, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, Penumbra, Projector,
-    ShadowOptions, Slide, SpotLight,
+    AmbientLight, EnvironmentLight, Falloff, Lens, Light, LightKind, Lights, Projector, Slide, SpotLight,
 };
 use fantex_texture::environment::{EnvironmentForm, EnvironmentMap, PrefilteredEnvironment, Sky};
 use fantex_texture::look::{LookMaterial, Slot};
@@ -53,12 +52,12 @@ impl MaterialResolver<'_> {
                 let to_light = DVec3::from_array(table.to_light).as_vec3();
                 self.check_direction(to_light, &key.name("to_light"))?;
                 let color = table.color.rgb() * table.strength;
-                shadowed(LightKind::Directional { to_light }, color, &table.shadow)
+                Light { shadow: table.shadow, ..Light::directional(to_light, color) }
             }
             LightTable::Point(table) => {
-                let falloff = self.falloff(table.full_at, table.range, key)?;
+                let falloff = self.falloff(&table.beam, key)?;
                 let kind = LightKind::Point { position: DVec3::from_array(table.position), falloff };
-                shadowed(kind, table.color.rgb() * table.strength, &table.shadow)
+                beaming(kind, &table.beam)
             }
             LightTable::Spot(table) => {
                 let position = DVec3::from_array(table.position);
@@ -74,10 +73,9 @@ impl MaterialResolver<'_> {
                     direction,
                     inner_degrees: table.inner as f32,
                     outer_degrees: table.outer as f32,
-                    falloff: self.falloff(table.full_at, table.range, key)?,
+                    falloff: self.falloff(&table.beam, key)?,
                 };
-                let color = table.color.rgb() * table.strength;
-                shadowed(LightKind::Spot(spot), color, &table.shadow)
+                beaming(LightKind::Spot(spot), &table.beam)
             }
             LightTable::Projector(table) => self.projector(table, key)?,
             LightTable::Ambient(_) => Light::directional(Vec3::Y, Vec3::ZERO),
@@ -117,14 +115,13 @@ impl MaterialResolver<'_> {
             lens,
             aspect: table.aspect.unwrap_or(own_aspect),
             slide,
-            falloff: self.falloff(table.full_at, table.range, key)?,
+            falloff: self.falloff(&table.beam, key)?,
         };
-        let color = table.color.rgb() * table.strength;
-        Ok(shadowed(LightKind::Projector(projector), color, &table.shadow))
+        Ok(beaming(LightKind::Projector(projector), &table.beam))
     }
 
-    fn falloff(&self, full_at: Option<f64>, range: Option<f64>, key: &Key) -> Result<Falloff> {
-        match (full_at, range) {
+    fn falloff(&self, beam: &Beam, key: &Key) -> Result<Falloff> {
+        match (beam.full_at, beam.range) {
             (Some(reference), range) => Ok(Falloff::InverseSquare { reference, range }),
             (None, None) => Ok(Falloff::None),
             (None, Some(_)) => Err(self.file.error(key, problem::missing_key("full_at"))),
@@ -210,18 +207,8 @@ pub(super) fn environment_light(map: EnvironmentMap, table: &EnvironmentTable) -
     }
 }
 
-fn shadowed(kind: LightKind, color: Vec3, shadow: &Option<ShadowTable>) -> Light {
-    let options = shadow.as_ref().map(|table| ShadowOptions {
-        resolution: table.size,
-        bias: table.bias,
-        normal_offset: table.normal_bias,
-        penumbra: match table.lamp_radius {
-            Some(radius) => Penumbra::Lamp(radius),
-            None if table.softness > 0.0 => Penumbra::Even(table.softness),
-            None => Penumbra::Sharp,
-        },
-    });
-    Light { shadow: options, ..Light::new(kind, color) }
+fn beaming(kind: LightKind, beam: &Beam) -> Light {
+    Light { shadow: beam.shadow, ..Light::new(kind, beam.color.rgb() * beam.strength) }
 }
 
 /// A look on a model, ready to be baked.
@@ -343,7 +330,8 @@ impl MaterialResolver<'_> {
 fn bake_light(lamp: &LightTable) -> Option<BakeLight> {
     let direction = |v: [f64; 3]| DVec3::from_array(v).as_vec3();
     // What it would be at the distance 1.
-    let at_one = |full_at: Option<f64>| full_at.map_or(1.0, |d| d * d) as f32;
+    let at_one =
+        |beam: &Beam| beam.color.rgb() * (beam.strength * beam.full_at.map_or(1.0, |d| d * d) as f32);
     match lamp {
         LightTable::Sun(sun) => Some(BakeLight::Directional {
             to_light: direction(sun.to_light),
@@ -352,13 +340,13 @@ fn bake_light(lamp: &LightTable) -> Option<BakeLight> {
         }),
         LightTable::Point(point) => Some(BakeLight::Point {
             position: DVec3::from_array(point.position),
-            color: point.color.rgb() * (point.strength * at_one(point.full_at)),
+            color: at_one(&point.beam),
             radius: point.radius,
         }),
         LightTable::Spot(spot) => Some(BakeLight::Spot {
             position: DVec3::from_array(spot.position),
             axis: (DVec3::from_array(spot.target) - DVec3::from_array(spot.position)).as_vec3(),
-            color: spot.color.rgb() * (spot.strength * at_one(spot.full_at)),
+            color: at_one(&spot.beam),
             radius: spot.radius,
             inner_degrees: spot.inner as f32,
             outer_degrees: (spot.outer as f32).max(spot.inner as f32 + 0.01),

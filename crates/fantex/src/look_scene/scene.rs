@@ -5,8 +5,8 @@ use fantex_look::Key;
 use fantex_look::data::{CameraTable, CaptureTable, EnvironmentTable, PictureTable, ToneMappingName};
 use fantex_look::problem::{self, refused};
 use fantex_render::{
-    AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Glow, Lights, RenderOptions, Rendering,
-    Scene, SceneObject, Surface, ToneMap, capture_environment, render, render_with_glow,
+    AmbientLight, Background, Camera, CaptureOptions, FilterOptions, Lights, RenderOptions, Rendering, Scene,
+    SceneObject, Surface, ToneMap, capture_environment, render, render_with_glow,
 };
 use fantex_texture::Filter;
 use fantex_texture::environment::EnvironmentMap;
@@ -132,22 +132,16 @@ impl<'a> LookScene<'a> {
             options.background = Background::Environment { blur: 0.0 };
         }
         let picture = self.picture();
-        let glow = picture.glow.as_ref().map(|table| Glow {
-            threshold: table.threshold.unwrap_or(0.0) as f32,
-            strength: table.strength,
-            radius: table.radius as f32,
-        });
-        let mut rendering = match (&glow, picture.glow.as_ref().and_then(|table| table.threshold)) {
-            (None, _) => render(scene.mesh(), scene, camera, &lights, &options).map_err(refused)?,
-            (Some(glow), None) => {
-                render_with_glow(scene.mesh(), scene, camera, &lights, &options, glow).map_err(refused)?
+        let seen = match &picture.glow {
+            Some(glow) if glow.threshold.is_none() => {
+                render_with_glow(scene.mesh(), scene, camera, &lights, &options, glow)
             }
-            (Some(glow), Some(_)) => {
-                let mut seen = render(scene.mesh(), scene, camera, &lights, &options).map_err(refused)?;
-                seen.picture = seen.picture.with_glow(&seen.picture, glow);
-                seen
-            }
+            _ => render(scene.mesh(), scene, camera, &lights, &options),
         };
+        let mut rendering = seen.map_err(refused)?;
+        if let Some(glow) = picture.glow.filter(|glow| glow.threshold.is_some()) {
+            rendering.picture = rendering.picture.with_glow(&rendering.picture, &glow);
+        }
         let tone_map = match picture.tone_mapping {
             ToneMappingName::None => return Ok(rendering),
             ToneMappingName::Reinhard => ToneMap::Reinhard { white: 4.0 },
