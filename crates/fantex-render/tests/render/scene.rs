@@ -5,7 +5,7 @@ use std::sync::Arc;
 use fantex_mesh::{Mesh, SurfacePoint};
 use fantex_render::{
     AmbientLight, Background, Camera, Falloff, FilterOptions, FlatShading, FlatSurface, Interpolation, Lens,
-    Light, LightKind, Lights, LookSurface, Penumbra, Projector, RenderOptions, Scene, SceneObject, Shading,
+    Light, LightKind, Lights, LookSurface, Projector, RenderOptions, Scene, SceneObject, Shading,
     ShadowOptions, Slide, SpotLight, render,
 };
 use fantex_texture::look::{LightingModel, LookMaterial, Opacity, Slot};

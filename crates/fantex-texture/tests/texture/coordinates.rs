@@ -5,8 +5,8 @@ use std::sync::Arc;
 use fantex_base::Aabb;
 use fantex_texture::Scale;
 use fantex_texture::coordinates::{
-    Coordinates, Direction, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, SpaceMatrixOptions,
-    TextureMatrix, TextureMatrixOptions,
+    Coordinates, ImageLookup, InSpace, Parameter, Projective, SpaceMatrix, SpaceMatrixOptions, TextureMatrix,
+    TextureMatrixOptions,
 };
 use fantex_texture::look::Slot;
 use fantex_texture::{
@@ -117,30 +117,6 @@ fn matrices_without_inverse_are_refused() {
     }
     let flat = SpaceMatrixOptions { scale: Vec3::new(1.0, 1.0, 0.0), ..SpaceMatrixOptions::default() };
     assert!(SpaceMatrix::new(flat).is_err());
-}
-
-#[test]
-fn directions_turn_with_the_normal() {
-    let mut random = Random::new(23);
-    for _ in 0..200 {
-        let n = random.direction();
-        let (right, down) = n.any_orthonormal_pair();
-        let at = ShadingPoint {
-            position_steps: [right * 1e-2, down * 1e-2],
-            normal_steps: [right * 1e-2, down * 2e-2],
-            to_eye: Some((n + 0.5 * random.vector()).normalize()),
-            ..shading_point(2.0 * n, n)
-        };
-        for direction in
-            [Direction::Reflection, Direction::Normal, Direction::View, Direction::From { center: Vec3::X }]
-        {
-            let beside = |a: f32| at.shifted(a, 0.0, |point| direction.at(point).direction);
-            let expected = beside(0.5) - beside(-0.5);
-            let got = direction.at(&at);
-            assert!((got.steps[0] - expected).length() < 2e-5, "{direction:?}: {} {expected}", got.steps[0]);
-            assert!((got.direction.length() - 1.0).abs() < 1e-5);
-        }
-    }
 }
 
 #[test]

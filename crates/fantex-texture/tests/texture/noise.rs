@@ -189,6 +189,30 @@ mod noise {
     }
 
     #[test]
+    fn gradient_is_the_derivative() {
+        let waves = Waves::spectrum(4, 12, 3.0, 1.0);
+        for p in points::<3>(100).map(Vec3::from) {
+            for axis in Vec3::AXES {
+                let at = |shift: f32| waves.mean(p + axis * shift, [Vec3::ZERO; 2], 1.0);
+                let slope = (at(1e-3) - at(-1e-3)) / 2e-3;
+                assert!((slope - waves.gradient(p, 1.0).dot(axis)).abs() < 0.05);
+            }
+        }
+    }
+}
+
+mod perlin3 {
+    use fantex_texture::noise::{Fractal, Noise};
+    use glam::Vec3;
+
+    fn points() -> impl Iterator<Item = Vec3> {
+        (0..200_000).map(|i| {
+            let i = i as f32;
+            Vec3::new(i * 0.754_877, i * 0.569_84, i * 0.430_159) % 97.0
+        })
+    }
+
+    #[test]
     fn many_points_and_octaves_in_vectors_equal_single_points() {
         let noise = Noise::new(11);
         let points: Vec<Vec3> = points().take(1003).map(|p| p - 48.0).collect();
