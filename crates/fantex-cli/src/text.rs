@@ -129,6 +129,13 @@ impl Table {
         self
     }
 
+    /// Adds a line with the same label for each value.
+    pub(crate) fn rows(&mut self, label: &str, values: impl IntoIterator<Item = impl Into<String>>) {
+        for value in values {
+            self.row(label, value);
+        }
+    }
+
     /// The lines, each with its end.
     pub(crate) fn to_text(&self) -> String {
         let width = self.rows.iter().map(|(label, _)| label.chars().count()).max().unwrap_or(0);

@@ -5,22 +5,22 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use clap::Args;
+use fantex::mesh::Mesh;
 use fantex::mesh::generate::{LandscapeOptions, landscape};
-use fantex::mesh::{Mesh, WriteGeometry, write_model};
 use fantex::render::{Camera, FanSurface, FilterOptions, LookSurface, RenderOptions, Surface};
 use fantex::store::{Asset, PageCache, VerifyOptions, verify};
 use fantex::{Baker, Result, Source};
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use serde::Serialize;
 
 use crate::commands::compare::{Subject, mean_psnr_db};
+use crate::commands::generate::write_landscape;
 use crate::commands::render::save;
 use crate::commands::verify::not_verified;
 use crate::context::Context;
 use crate::scene::{aspect, open_model, photograph, source_surface};
 use crate::shipped::Shipped;
-use crate::text::columns;
-use crate::text::{Count, grouped};
+use crate::text::{Count, columns, grouped};
 
 /// Generate, bake, verify, render and compare: the tour of the README, in under a minute.
 #[derive(Args, Debug)]
@@ -61,7 +61,7 @@ struct Part {
     psnr_db: f64,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct DemoInfo {
     folder: PathBuf,
     parts: Vec<Part>,
@@ -80,14 +80,7 @@ pub(crate) fn run(args: &DemoArgs, context: &Context) -> Result<()> {
     let mut demo = Demo {
         context,
         force: context.force || args.output.is_none(),
-        info: DemoInfo {
-            folder,
-            parts: Vec::new(),
-            models: Vec::new(),
-            assets: Vec::new(),
-            pictures: Vec::new(),
-            seconds: 0.0,
-        },
+        info: DemoInfo { folder, ..DemoInfo::default() },
     };
     demo.landscape(args)?;
     demo.bottle(&bottle)?;
@@ -120,12 +113,7 @@ impl Demo<'_> {
             ..LandscapeOptions::default()
         };
         let made = landscape(&options);
-        let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
-        {
-            let _deferral = self.context.defer_interrupt();
-            let geometry = WriteGeometry { positions: &positions, triangles: &made.triangles, colors: None };
-            write_model(&model_path, &geometry, self.force)?;
-        }
+        write_landscape(&made, &model_path, self.force, self.context)?;
         self.info.models.push(model_path.clone());
         let mesh = fantex::Mesh::from_model(made.into(), &model_path)?;
         let source = || Source::solid("landscape");
@@ -162,7 +150,7 @@ impl Demo<'_> {
         self.context.note(format!("rendering the {name}, baked and original"));
         let cache = PageCache::new(Arc::new(Asset::open(&asset_path)?), memory_bytes);
         let baked = FanSurface::of_asset(&cache, FilterOptions::default());
-        let options = picture_options();
+        let options = RenderOptions::default();
         for (suffix, surface) in [("baked", &baked as &dyn Surface), ("original", original)] {
             let path = self.target(&format!("{name}-{suffix}.png"))?;
             save(&photograph(mesh, surface, camera, &options)?.picture, &path, self.context)?;
@@ -205,7 +193,7 @@ impl Demo<'_> {
     }
 
     fn camera(&self, mesh: &Mesh, direction: DVec3) -> Camera {
-        Camera::framing_mesh(mesh, direction, aspect(&picture_options()))
+        Camera::framing_mesh(mesh, direction, aspect(&RenderOptions::default()))
     }
 
     /// A file in the demo's folder that may be written.
@@ -216,10 +204,6 @@ impl Demo<'_> {
         }
         self.context.check_output(&path).map(|()| path)
     }
-}
-
-fn picture_options() -> RenderOptions {
-    RenderOptions::default()
 }
 
 fn text(info: &DemoInfo) -> String {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, Subcommand, ValueEnum};
-use fantex::mesh::generate::{LandscapeOptions, landscape};
+use fantex::mesh::generate::{Landscape, LandscapeOptions, landscape};
 use fantex::mesh::{Model, TriangleBvh, WriteGeometry, write_model};
 use fantex::photos::{
     CameraFromWorld, CaptureOptions, Distortion, Lens, PhotoCamera, Photograph, capture, write_colmap_binary,
@@ -120,12 +120,7 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
             args.output.display()
         )));
     }
-    let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
-    {
-        let _deferral = context.defer_interrupt();
-        let geometry = WriteGeometry { positions: &positions, triangles: &made.triangles, colors: None };
-        write_model(&args.output, &geometry, context.force)?;
-    }
+    write_landscape(&made, &args.output, context.force, context)?;
     let info = LandscapeInfo {
         output: args.output.clone(),
         triangles: made.triangles.len() as u64,
@@ -148,6 +143,14 @@ fn run_landscape(args: &LandscapeArgs, context: &Context) -> Result<()> {
             info.seconds
         )
     })
+}
+
+/// Writes a landscape as a model.
+pub(crate) fn write_landscape(made: &Landscape, path: &Path, force: bool, context: &Context) -> Result<()> {
+    let positions: Vec<_> = made.positions.iter().copied().map(Vec3::as_dvec3).collect();
+    let _deferral = context.defer_interrupt();
+    let geometry = WriteGeometry { positions: &positions, triangles: &made.triangles, colors: None };
+    write_model(path, &geometry, force)
 }
 
 fn bake_landscape(args: &LandscapeArgs, model: Model, started: Instant, context: &Context) -> Result<()> {

@@ -328,10 +328,8 @@ fn model_text(info: &ModelInfo, path: &Path) -> String {
                 info.seconds.load, info.seconds.clean, info.seconds.cover
             ),
         );
-    info.report.iter().for_each(|line| {
-        table.row("cleaning", line.as_str());
-    });
-    add_pictures(&mut table, &info.pictures);
+    table.rows("cleaning", &info.report);
+    table.rows("picture", info.pictures.iter().map(shown));
     table.to_text()
 }
 
@@ -353,7 +351,7 @@ fn asset_text(info: &AssetInfo, path: &Path) -> String {
         let encoding = if channel.srgb { "sRGB" } else { "linear" };
         table.row("channel", format!("{}, {}, {encoding}", channel.kind, channel.format));
     }
-    add_pictures(&mut table, &info.pictures);
+    table.rows("picture", info.pictures.iter().map(shown));
     table.to_text()
 }
 
@@ -361,10 +359,8 @@ fn sheet_text(sheet: &Sheet) -> String {
     format!("{} x {} texels, {:.1} % used", sheet.width, sheet.height, 100.0 * sheet.fill)
 }
 
-fn add_pictures(table: &mut Table, pictures: &[PathBuf]) {
-    pictures.iter().for_each(|path| {
-        table.row("picture", path.display().to_string());
-    });
+fn shown(path: &PathBuf) -> String {
+    path.display().to_string()
 }
 
 #[derive(Debug, Serialize)]
@@ -409,18 +405,12 @@ fn kinds(look: &Look) -> BTreeMap<String, String> {
 fn look_text(info: &LookInfo) -> String {
     let mut table = Table::default();
     table.row("look", info.file.display().to_string());
-    info.textures.iter().for_each(|(name, kind)| {
-        table.row("texture", format!("{name}: {kind}"));
-    });
-    info.materials.iter().for_each(|name| {
-        table.row("material", name.as_str());
-    });
+    table.rows("texture", info.textures.iter().map(|(name, kind)| format!("{name}: {kind}")));
+    table.rows("material", &info.materials);
     table.row("objects", info.objects.to_string()).row("lights", info.lights.to_string());
     table.row("environment", if info.has_environment { "yes" } else { "no" });
     table.row("frames", info.frames.to_string());
-    info.models.iter().for_each(|path| {
-        table.row("model", path.display().to_string());
-    });
+    table.rows("model", info.models.iter().map(shown));
     table.to_text()
 }
 

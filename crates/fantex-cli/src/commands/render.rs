@@ -10,7 +10,7 @@ use fantex::gpu::{
 use fantex::look::LookFile;
 use fantex::look::{LookImages, ResolveOptions};
 use fantex::look_scene::{GivenModel, LookScene, MaterialResolver, PictureChanges};
-use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, RenderStats, Rendering, render};
+use fantex::render::{AmbientLight, Camera, Lights, Picture, RenderOptions, Rendering, render};
 use fantex::scene::FilterOptions;
 use fantex::texture::Filter;
 use fantex::{Error, Result};
@@ -75,7 +75,7 @@ pub(crate) struct RenderArgs {
     pool: u64,
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct RenderInfo {
     output: PathBuf,
     width: u32,
@@ -92,20 +92,14 @@ struct RenderInfo {
 }
 
 pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
-    if (args.look.is_some() || is_look(&args.file)) && (args.light.is_some() || args.surroundings.is_given())
-    {
-        let path = args.look.clone().unwrap_or_else(|| args.file.clone());
-        return Err(not_for_looks("--light and --environment", &path));
-    }
-    if (args.look.is_some() || is_look(&args.file)) && args.gpu {
-        let path = args.look.clone().unwrap_or_else(|| args.file.clone());
-        return Err(not_for_looks("--gpu", &path));
-    }
-    if let Some(path) = &args.look {
-        return render_look(args, &LookFile::read(path)?, Some(&args.file), context);
-    }
-    if is_look(&args.file) {
-        return render_look(args, &LookFile::read(&args.file)?, None, context);
+    if let Some(path) = args.look.as_ref().or(is_look(&args.file).then_some(&args.file)) {
+        if args.light.is_some() || args.surroundings.is_given() {
+            return Err(not_for_looks("--light and --environment", path));
+        }
+        if args.gpu {
+            return Err(not_for_looks("--gpu", path));
+        }
+        return render_look(args, &LookFile::read(path)?, context);
     }
     let scene = Scene::open(&args.file, context)?;
     context.check_output(&args.output)?;
@@ -132,12 +126,8 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> Result<()> {
         output: args.output.clone(),
         width,
         height,
-        seconds: 0.0,
         triangles: scene.mesh().triangles.len() as u64,
-        shaded: None,
-        lookups: None,
-        lookups_per_shading: None,
-        adapter: None,
+        ..RenderInfo::default()
     };
     let picture = if args.gpu {
         options.samples = args.samples.unwrap_or(4);
@@ -265,7 +255,7 @@ fn render_on_gpu(
     picture_of(&mut streamed.model)
 }
 
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct LookRenderInfo {
     output: PathBuf,
     /// All pictures that were written.
@@ -279,30 +269,34 @@ struct LookRenderInfo {
 }
 
 /// Renders a look, on a model where one is given.
-fn render_look(args: &RenderArgs, file: &LookFile, model: Option<&Path>, context: &Context) -> Result<()> {
-    let given = model.map(|path| given_model(path, context)).transpose()?;
+fn render_look(args: &RenderArgs, file: &LookFile, context: &Context) -> Result<()> {
+    // With --look the file is the model.
+    let given = args.look.as_ref().map(|_| given_model(&args.file, context)).transpose()?;
     let images = LookImages::default();
     let options = ResolveOptions { filter: args.filter, ..context.resolve_options() };
     let resolver = MaterialResolver { file, images: &images, options };
-    let scene = LookScene::new(resolver, given.as_ref(), changes(args))?;
+    let changes = PictureChanges {
+        size: args.size,
+        samples: args.samples,
+        filter: args.filter,
+        eye: args.eye,
+        target: args.target,
+        fov_degrees: args.fov,
+        background: None,
+    };
+    let scene = LookScene::new(resolver, given.as_ref(), changes)?;
     let times = scene.times();
     let pictures = names(&args.output, times.len());
     pictures.iter().try_for_each(|path| context.check_output(path))?;
-    let mut info = LookRenderInfo {
-        output: args.output.clone(),
-        pictures: Vec::new(),
-        width: 0,
-        height: 0,
-        seconds: 0.0,
-        triangles: 0,
-        shaded: 0,
-        lookups: 0,
-    };
+    let mut info = LookRenderInfo { output: args.output.clone(), ..LookRenderInfo::default() };
     for (time, path) in times.into_iter().zip(pictures) {
         let Rendering { picture, stats } = scene.render(time)?;
         save(&picture, &path, context)?;
         (info.width, info.height) = (picture.width, picture.height);
-        info.add(&stats);
+        info.seconds += stats.elapsed.as_secs_f64();
+        info.triangles = stats.triangles;
+        info.shaded += stats.shaded;
+        info.lookups += stats.lookups;
         info.pictures.push(path);
         context.check_interrupt()?;
     }
@@ -324,18 +318,6 @@ fn given_model(path: &Path, context: &Context) -> Result<GivenModel> {
     Ok(GivenModel { path: path.into(), mesh: model.into_inner() })
 }
 
-fn changes(args: &RenderArgs) -> PictureChanges {
-    PictureChanges {
-        size: args.size,
-        samples: args.samples,
-        filter: args.filter,
-        eye: args.eye,
-        target: args.target,
-        fov_degrees: args.fov,
-        background: None,
-    }
-}
-
 /// `picture.png` for one picture, `picture-0001.png` and so on for several.
 fn names(output: &Path, count: usize) -> Vec<PathBuf> {
     if count == 1 {
@@ -344,15 +326,6 @@ fn names(output: &Path, count: usize) -> Vec<PathBuf> {
     let stem = output.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let extension = output.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
     (1..=count).map(|i| output.with_file_name(format!("{stem}-{i:04}{extension}"))).collect()
-}
-
-impl LookRenderInfo {
-    fn add(&mut self, stats: &RenderStats) {
-        self.seconds += stats.elapsed.as_secs_f64();
-        self.triangles = stats.triangles;
-        self.shaded += stats.shaded;
-        self.lookups += stats.lookups;
-    }
 }
 
 fn look_text(info: &LookRenderInfo) -> String {

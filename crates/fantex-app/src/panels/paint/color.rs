@@ -318,3 +318,21 @@ fn quad(rect: Rect, colors: [Color32; 4]) -> Shape {
     mesh.add_triangle(0, 2, 3);
     Shape::mesh(mesh)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_survive_the_way_through_hue_saturation_and_value() {
+        for r in (0..=255).step_by(17) {
+            for g in (0..=255).step_by(51) {
+                for b in (0..=255).step_by(15) {
+                    let color = [r, g, b].map(|c| c as u8);
+                    assert_eq!(rgb_of(hsv_of(color)), color);
+                }
+            }
+        }
+        assert_eq!(rgb_of([1.0 / 3.0, 1.0, 1.0]), [0, 255, 0]);
+    }
+}
