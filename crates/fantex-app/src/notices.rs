@@ -27,6 +27,8 @@ pub struct Notice {
 
 #[derive(Clone, Debug, Default)]
 pub struct Notices {
+    /// The frame's time in seconds.
+    pub now: f64,
     shown: VecDeque<Notice>,
     /// All texts, oldest first.
     log: VecDeque<String>,
@@ -34,7 +36,7 @@ pub struct Notices {
 
 impl Notices {
     /// Shows a message. The same text twice is one message, with the time of the second.
-    fn add(&mut self, severity: Severity, text: impl Into<String>, seconds: f64) {
+    fn add(&mut self, severity: Severity, text: impl Into<String>) {
         let text = text.into();
         self.shown.retain(|notice| notice.text != text);
         if self.log.back() != Some(&text) {
@@ -43,33 +45,33 @@ impl Notices {
         if self.log.len() > KEPT {
             self.log.pop_front();
         }
-        self.shown.push_back(Notice { severity, text, since: seconds });
+        self.shown.push_back(Notice { severity, text, since: self.now });
         while self.shown.len() > SHOWN {
             self.shown.pop_front();
         }
     }
 
-    pub fn info(&mut self, text: impl Into<String>, seconds: f64) {
-        self.add(Severity::Info, text, seconds);
+    pub fn info(&mut self, text: impl Into<String>) {
+        self.add(Severity::Info, text);
     }
 
-    pub fn warning(&mut self, text: impl Into<String>, seconds: f64) {
-        self.add(Severity::Warning, text, seconds);
+    pub fn warning(&mut self, text: impl Into<String>) {
+        self.add(Severity::Warning, text);
     }
 
-    pub fn error(&mut self, text: impl Into<String>, seconds: f64) {
-        self.add(Severity::Error, text, seconds);
+    pub fn error(&mut self, text: impl Into<String>) {
+        self.add(Severity::Error, text);
     }
 
-    /// The messages on the screen at a time, oldest first; old ones go.
-    pub fn shown(&mut self, seconds: f64) -> impl Iterator<Item = &Notice> {
-        self.shown.retain(|notice| lifetime(notice.severity).is_none_or(|l| seconds - notice.since < l));
+    /// The messages on the screen, oldest first; old ones go.
+    pub fn shown(&mut self) -> impl Iterator<Item = &Notice> {
+        self.shown.retain(|notice| lifetime(notice.severity).is_none_or(|l| self.now - notice.since < l));
         self.shown.iter()
     }
 
     /// Seconds until the next message goes.
-    pub fn wake_in(&self, seconds: f64) -> Option<f64> {
-        let left = |n: &Notice| lifetime(n.severity).map(|l| (n.since + l - seconds).max(0.0));
+    pub fn wake_in(&self) -> Option<f64> {
+        let left = |n: &Notice| lifetime(n.severity).map(|l| (n.since + l - self.now).max(0.0));
         self.shown.iter().filter_map(left).reduce(f64::min)
     }
 

@@ -192,6 +192,11 @@ impl Viewer {
         }
     }
 
+    /// The frame's time in seconds.
+    pub fn now(&self) -> f64 {
+        self.notices.now
+    }
+
     /// What the shell has to do, once each.
     pub fn take_requests(&mut self) -> Vec<Request> {
         std::mem::take(&mut self.requests)
@@ -279,13 +284,13 @@ impl Viewer {
     }
 
     /// Picks up what threads have done.
-    pub fn poll(&mut self, seconds: f64) {
-        self.poll_moving(seconds);
-        self.poll_opening(seconds);
-        self.poll_ground(seconds);
-        self.poll_map(seconds);
+    pub fn poll(&mut self) {
+        self.poll_moving();
+        self.poll_opening();
+        self.poll_ground();
+        self.poll_map();
         if let Some(painting) = &mut self.painting {
-            painting.poll(&mut self.settings.paint, &mut self.notices, seconds);
+            painting.poll(&mut self.settings.paint, &mut self.notices);
             if let (Some(asset), Some(document)) = (painting.newer.take(), &mut self.document) {
                 document.content = Content::Asset(asset);
             }
@@ -293,7 +298,7 @@ impl Viewer {
     }
 
     /// Starts the tree of triangles where it is wanted and not there.
-    fn want_ground(&mut self, seconds: f64) {
+    fn want_ground(&mut self) {
         let Some(document) = &self.document else { return };
         let triangles = document.mesh().triangles.len();
         let is_wanted = triangles <= TREE_AT_ONCE_TRIANGLES || self.settings.camera.mode == CameraMode::Walk;
@@ -307,13 +312,11 @@ impl Viewer {
         };
         match Job::spawn("ground", self.waker(), move || MeshGround::new(mesh)) {
             Ok(job) => self.ground_job = Some(job),
-            Err(error) => {
-                self.notices.warning(format!("cannot start a thread for the ground: {error}"), seconds)
-            }
+            Err(error) => self.notices.warning(format!("cannot start a thread for the ground: {error}")),
         }
     }
 
-    fn poll_ground(&mut self, seconds: f64) {
+    fn poll_ground(&mut self) {
         match self.ground_job.as_ref().map(Job::poll) {
             None | Some(JobState::Running) => {}
             Some(JobState::Done(ground)) => {
@@ -322,12 +325,12 @@ impl Viewer {
             }
             Some(JobState::Lost) => {
                 self.ground_job = None;
-                self.notices.warning("Nobody can walk here: the ground could not be prepared.", seconds);
+                self.notices.warning("Nobody can walk here: the ground could not be prepared.");
             }
         }
     }
 
-    fn poll_map(&mut self, seconds: f64) {
+    fn poll_map(&mut self) {
         if let Some((key, job)) = &self.map_job {
             match job.poll() {
                 JobState::Running => return,
@@ -337,12 +340,11 @@ impl Viewer {
                 }
                 JobState::Done(Err(error)) => {
                     self.map_failed = Some(key.clone());
-                    self.notices.error(error.to_string(), seconds);
+                    self.notices.error(error.to_string());
                 }
                 JobState::Lost => {
                     self.map_failed = Some(key.clone());
-                    self.notices
-                        .error("The surroundings could not be made: the program failed on them.", seconds);
+                    self.notices.error("The surroundings could not be made: the program failed on them.");
                 }
             }
             self.map_job = None;
@@ -357,7 +359,7 @@ impl Viewer {
             Ok(job) => self.map_job = Some((wanted, job)),
             Err(error) => {
                 self.map_failed = Some(wanted);
-                self.notices.warning(format!("cannot start a thread for the surroundings: {error}"), seconds);
+                self.notices.warning(format!("cannot start a thread for the surroundings: {error}"));
             }
         }
     }
@@ -385,13 +387,13 @@ impl Viewer {
         self.fly.stop();
     }
 
-    pub fn command(&mut self, command: Command, seconds: f64) {
+    pub fn command(&mut self, command: Command) {
         match command {
             Command::OpenDialog => self.request(Request::Dialog(FileDialog::Open)),
-            Command::Open(text) => self.open(&text, seconds),
+            Command::Open(text) => self.open(&text),
             Command::Reload => {
                 if let Some(place) = self.document.as_ref().map(|document| document.place.clone()) {
-                    self.begin_opening(place, true, seconds);
+                    self.begin_opening(place, true);
                 }
             }
             Command::Close => self.close(),
@@ -410,7 +412,7 @@ impl Viewer {
                 }
             }
             Command::View(preset) => self.show(preset),
-            Command::Mode(mode) => self.set_mode(mode, seconds),
+            Command::Mode(mode) => self.set_mode(mode),
             Command::StepOverlay(by) => self.settings.display.step_overlay(by),
             Command::StepShading(by) => self.settings.display.step_shading(by),
             Command::ToggleWireframe => toggle(&mut self.settings.display.has_wireframe),
@@ -422,16 +424,16 @@ impl Viewer {
             Command::ToggleAllPanels => self.toggle_all_panels(),
             Command::ToggleHelp => toggle(&mut self.has_help),
             Command::ToggleStreaming => toggle(&mut self.settings.streaming.is_running),
-            Command::ToggleRecording => self.toggle_recording(seconds),
-            Command::TogglePlayback => self.toggle_playback(seconds),
+            Command::ToggleRecording => self.toggle_recording(),
+            Command::TogglePlayback => self.toggle_playback(),
             Command::LoadPath => self.request(Request::Dialog(FileDialog::LoadPath)),
             Command::SavePath => match self.path.is_some() {
                 true => self.request(Request::Dialog(FileDialog::SavePath)),
-                false => self.notices.info("There is no camera path yet: press R to record one.", seconds),
+                false => self.notices.info("There is no camera path yet: press R to record one."),
             },
             Command::ChooseSurroundings => self.request(Request::Dialog(FileDialog::Surroundings)),
-            Command::TogglePainting => self.toggle_painting(seconds),
-            Command::Paint(command) => self.paint_command(&command, seconds),
+            Command::TogglePainting => self.toggle_painting(),
+            Command::Paint(command) => self.paint_command(&command),
             Command::Light(preset) => self.settings.light = preset.light(&self.settings.light),
         }
     }
@@ -451,11 +453,11 @@ impl Viewer {
         }
     }
 
-    fn set_mode(&mut self, mode: CameraMode, seconds: f64) {
+    fn set_mode(&mut self, mode: CameraMode) {
         self.settings.camera.mode = mode;
         self.walker.leave();
         self.fly.stop();
-        self.want_ground(seconds);
+        self.want_ground();
     }
 
     fn toggle_all_panels(&mut self) {
@@ -484,80 +486,79 @@ impl Viewer {
         name.and_then(|n| n.file_stem().map(|s| s.to_string_lossy().into_owned())).unwrap_or("fantex".into())
     }
 
-    fn toggle_recording(&mut self, seconds: f64) {
+    fn toggle_recording(&mut self) {
         self.path_state = match std::mem::replace(&mut self.path_state, PathState::Still) {
             PathState::Recording { since, recorder } => {
-                self.path = recorder.finish(seconds - since, &self.rig.camera());
-                self.notices
-                    .info("The camera path was recorded: P plays it, the View page saves it.", seconds);
+                self.path = recorder.finish(self.now() - since, &self.rig.camera());
+                self.notices.info("The camera path was recorded: P plays it, the View page saves it.");
                 PathState::Still
             }
             _ if self.document.is_some() => {
-                self.notices.info("Recording the camera's path; R ends it.", seconds);
-                PathState::Recording { since: seconds, recorder: PathRecorder::default() }
+                self.notices.info("Recording the camera's path; R ends it.");
+                PathState::Recording { since: self.now(), recorder: PathRecorder::default() }
             }
             _ => PathState::Still,
         };
     }
 
-    fn toggle_playback(&mut self, seconds: f64) {
+    fn toggle_playback(&mut self) {
         self.path_state = match (&self.path_state, &self.path) {
             (PathState::Playing { .. }, _) => PathState::Still,
-            (_, Some(_)) => PathState::Playing { since: seconds },
+            (_, Some(_)) => PathState::Playing { since: self.now() },
             (_, None) => {
-                self.notices.info("There is no camera path yet: press R to record one.", seconds);
+                self.notices.info("There is no camera path yet: press R to record one.");
                 PathState::Still
             }
         };
     }
 
-    pub fn load_path(&mut self, file: &std::path::Path, seconds: f64) {
+    pub fn load_path(&mut self, file: &std::path::Path) {
         match CameraPath::load(file) {
             Ok(path) => {
                 let text = format!("{}: {:.1} s of camera path; P plays it.", file.display(), path.seconds());
                 self.path = Some(path);
-                self.notices.info(text, seconds);
+                self.notices.info(text);
             }
-            Err(error) => self.notices.error(error.to_string(), seconds),
+            Err(error) => self.notices.error(error.to_string()),
         }
     }
 
-    pub fn save_path(&mut self, file: &std::path::Path, seconds: f64) {
+    pub fn save_path(&mut self, file: &std::path::Path) {
         let Some(path) = &self.path else { return };
         match path.save(file) {
-            Ok(()) => self.notices.info(format!("Saved {}.", file.display()), seconds),
-            Err(error) => self.notices.error(error.to_string(), seconds),
+            Ok(()) => self.notices.info(format!("Saved {}.", file.display())),
+            Err(error) => self.notices.error(error.to_string()),
         }
     }
 
     /// Takes the file that was chosen in a dialog.
-    pub fn take_file(&mut self, dialog: FileDialog, path: PathBuf, seconds: f64) {
+    pub fn take_file(&mut self, dialog: FileDialog, path: PathBuf) {
         let paint = &mut self.settings.paint;
         match dialog {
-            FileDialog::Open => self.open(&path.to_string_lossy(), seconds),
+            FileDialog::Open => self.open(&path.to_string_lossy()),
             FileDialog::Surroundings => self.settings.light.surroundings = Surroundings::File(path),
             FileDialog::Stamp => paint.brush.stamp = Some(path),
             FileDialog::Sticker => paint.picture = Some(path),
             FileDialog::Stencil => (paint.stencil.image, paint.stencil.is_on) = (Some(path), true),
             FileDialog::Look => paint.texture.look = Some(path),
-            FileDialog::LoadPath => self.load_path(&path, seconds),
-            FileDialog::SavePath => self.save_path(&path, seconds),
+            FileDialog::LoadPath => self.load_path(&path),
+            FileDialog::SavePath => self.save_path(&path),
         }
     }
 
     /// Moves camera and light as mouse and keys want. Returns whether something goes on moving by itself.
-    pub fn navigate(&mut self, input: &SceneInput, seconds: f64, step: f64) -> bool {
+    pub fn navigate(&mut self, input: &SceneInput, step: f64) -> bool {
         if std::mem::take(&mut self.is_unframed) {
             self.show(ViewPreset::ThreeQuarter);
         }
-        let input = &self.paint(input, seconds);
+        let input = &self.paint(input);
         let step = step.clamp(0.0, MAX_STEP_SECONDS);
         if input.turns_sun && input.drag != DVec2::ZERO {
             self.settings.light.has_sun = true;
             self.settings.light.drag_sun(input.drag);
         }
         if let PathState::Playing { since } = self.path_state {
-            return self.play(seconds - since);
+            return self.play(self.now() - since);
         }
         let drag = if input.turns_sun { DVec2::ZERO } else { input.drag };
         self.rig.fov_degrees = self.settings.camera.fov_degrees;
@@ -570,7 +571,7 @@ impl Viewer {
             CameraMode::Walk => self.walk(input, drag, step),
         };
         if let PathState::Recording { since, recorder } = &mut self.path_state {
-            recorder.take(seconds - *since, &self.rig.camera());
+            recorder.take(self.notices.now - *since, &self.rig.camera());
             return true;
         }
         goes_on
@@ -656,7 +657,7 @@ impl Viewer {
     }
 
     /// Compares with the last frame and tells the pacing what has changed.
-    pub fn notice_changes(&mut self, seconds: f64) {
+    pub fn notice_changes(&mut self) {
         let looks = PictureState {
             rig: self.rig,
             size: self.scene_pixels,
@@ -670,7 +671,7 @@ impl Viewer {
                 || before.light != looks.light
                 || before.display.exposure_stops != looks.display.exposure_stops;
             if has_moved {
-                self.pacing.moved(seconds);
+                self.pacing.moved(self.notices.now);
             } else if *before != looks {
                 self.pacing.changed();
             }

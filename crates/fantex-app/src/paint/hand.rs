@@ -32,7 +32,6 @@ impl Painting {
         view: &Viewpoint,
         [is_line, is_pick]: [bool; 2],
         notices: &mut Notices,
-        seconds: f64,
     ) {
         let mut samples = Vec::new();
         for event in events {
@@ -45,12 +44,12 @@ impl Painting {
                 PenPhase::Down => match sample {
                     None => {
                         self.hand = Hand::Turn;
-                        self.missed = Some(seconds);
+                        self.missed = Some(notices.now);
                     }
                     Some(sample) if is_pick || settings.tool == PaintTool::Pick => {
-                        self.pick(sample.point, settings, notices, seconds);
+                        self.pick(sample.point, settings, notices);
                     }
-                    Some(sample) => self.touch(sample, settings, view, is_line, notices, seconds),
+                    Some(sample) => self.touch(sample, settings, view, is_line, notices),
                 },
                 PenPhase::Move => {
                     if let Hand::Stroke(last) = &mut self.hand {
@@ -78,10 +77,10 @@ impl Painting {
         }
     }
 
-    fn pick(&mut self, point: SurfacePoint, settings: &PaintSettings, notices: &mut Notices, seconds: f64) {
+    fn pick(&mut self, point: SurfacePoint, settings: &PaintSettings, notices: &mut Notices) {
         if settings.tool == PaintTool::Clone {
             self.source = Some(point);
-            notices.info("Clone: drag now to copy from there.", seconds);
+            notices.info("Clone: drag now to copy from there.");
         } else {
             self.thread.order(Order::Pick(point));
         }
@@ -94,11 +93,10 @@ impl Painting {
         view: &Viewpoint,
         is_line: bool,
         notices: &mut Notices,
-        seconds: f64,
     ) {
-        let mut start = match self.start(sample.point, settings, view, notices, seconds) {
+        let mut start = match self.start(sample.point, settings, view, notices) {
             Ok(start) => start,
-            Err(reason) => return notices.warning(reason, seconds),
+            Err(reason) => return notices.warning(reason),
         };
         if settings.tool.has_color() && settings.texture.source == ColorSource::Color {
             settings.colors.used();
@@ -117,7 +115,7 @@ impl Painting {
             let line = (world / self.surface.mesh().world_from_mesh.scale) as f32;
             match sticker(settings, sample.point, line, is_behind) {
                 Ok(decal) => self.lay(start, decal, settings),
-                Err(error) => notices.warning(error.to_string(), seconds),
+                Err(error) => notices.warning(error.to_string()),
             }
             return;
         }
@@ -135,22 +133,16 @@ impl Painting {
     }
 
     /// Projects the picture over the view onto all that is seen.
-    pub fn project(
-        &mut self,
-        settings: &mut PaintSettings,
-        view: &Viewpoint,
-        notices: &mut Notices,
-        seconds: f64,
-    ) {
+    pub fn project(&mut self, settings: &mut PaintSettings, view: &Viewpoint, notices: &mut Notices) {
         let before = (settings.tool, settings.stencil.is_on);
         (settings.tool, settings.stencil.is_on) = (PaintTool::Paint, true);
         // Nothing that it does depends on where it starts.
         let anywhere = SurfacePoint { triangle: 0, lambda: Vec3::X };
-        let start = self.start(anywhere, settings, view, notices, seconds);
+        let start = self.start(anywhere, settings, view, notices);
         (settings.tool, settings.stencil.is_on) = before;
         match start {
             Ok(_) if settings.stencil.image.is_none() => {
-                notices.warning("There is no picture over the view: choose one first.", seconds);
+                notices.warning("There is no picture over the view: choose one first.");
             }
             Ok(mut start) => {
                 start.label = "project".into();
@@ -158,7 +150,7 @@ impl Painting {
                 start.recorded.fill = Some(FillSettings::Whole);
                 self.leave_stroke(Order::Fill(start, None, FillSettings::Whole));
             }
-            Err(reason) => notices.warning(reason, seconds),
+            Err(reason) => notices.warning(reason),
         }
     }
 
@@ -169,10 +161,9 @@ impl Painting {
         settings: &mut PaintSettings,
         view: &Viewpoint,
         notices: &mut Notices,
-        seconds: f64,
     ) -> Result<Box<StrokeStart>, String> {
         let (paint, sources) = self.paint(point, settings, view)?;
-        let stamp = self.stamp(settings, notices, seconds);
+        let stamp = self.stamp(settings, notices);
         self.strokes += 1;
         let label = label_of(&PaintTool::ALL, settings.tool).to_lowercase();
         let mut recorded = recorded(&label, &paint, &self.channels, &sources, &self.surface);
@@ -299,12 +290,7 @@ impl Painting {
     }
 
     /// The brush's picture; read once.
-    fn stamp(
-        &mut self,
-        settings: &mut PaintSettings,
-        notices: &mut Notices,
-        seconds: f64,
-    ) -> Option<Arc<Stamp>> {
+    fn stamp(&mut self, settings: &mut PaintSettings, notices: &mut Notices) -> Option<Arc<Stamp>> {
         let path = settings.brush.stamp.clone()?;
         if let Some((known, stamp)) = &self.stamp
             && *known == path
@@ -319,7 +305,7 @@ impl Painting {
             }
             Err(error) => {
                 settings.brush.stamp = None;
-                notices.error(error.to_string(), seconds);
+                notices.error(error.to_string());
                 None
             }
         }

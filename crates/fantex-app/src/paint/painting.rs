@@ -111,11 +111,11 @@ impl Painting {
     }
 
     /// Reads the user's brushes; tells what is wrong with them.
-    pub fn load_presets(&mut self, notices: &mut Notices, seconds: f64) {
+    pub fn load_presets(&mut self, notices: &mut Notices) {
         match self.presets_file.as_deref().map(Presets::load) {
             None => {}
             Some(Ok(presets)) => self.presets = presets,
-            Some(Err(error)) => notices.warning(error.to_string(), seconds),
+            Some(Err(error)) => notices.warning(error.to_string()),
         }
     }
 
@@ -190,12 +190,12 @@ impl Painting {
     }
 
     /// Seconds for which it is still to be told that the pen went down beside the model; none where it did not, or long ago.
-    pub fn missed_for(&self, seconds: f64) -> Option<f64> {
+    pub fn missed_for(&self, now: f64) -> Option<f64> {
         let since = self.missed?;
         if self.is_turning() {
             return Some(MISSED_SECONDS);
         }
-        Some(since + MISSED_SECONDS - seconds).filter(|left| *left > 0.0)
+        Some(since + MISSED_SECONDS - now).filter(|left| *left > 0.0)
     }
 
     /// The line where symmetry's plane cuts the model, as far as it is seen; `offset` is from the model's middle, world units.
@@ -211,25 +211,25 @@ impl Painting {
     }
 
     /// Keeps the brush among the presets, on the disk too.
-    pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices, seconds: f64) {
+    pub fn keep_brush(&mut self, settings: &PaintSettings, notices: &mut Notices) {
         self.presets.keep(&settings.brush);
-        self.save_presets(notices, seconds);
+        self.save_presets(notices);
     }
 
-    pub fn drop_brush(&mut self, name: &str, notices: &mut Notices, seconds: f64) {
+    pub fn drop_brush(&mut self, name: &str, notices: &mut Notices) {
         self.presets.brushes.retain(|brush| brush.name != name);
-        self.save_presets(notices, seconds);
+        self.save_presets(notices);
     }
 
-    fn save_presets(&self, notices: &mut Notices, seconds: f64) {
+    fn save_presets(&self, notices: &mut Notices) {
         if let Some(file) = &self.presets_file
             && let Err(error) = self.presets.save(file)
         {
-            notices.error(error.to_string(), seconds);
+            notices.error(error.to_string());
         }
     }
 
-    pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices, seconds: f64) {
+    pub fn poll(&mut self, settings: &mut PaintSettings, notices: &mut Notices) {
         for report in self.thread.reports() {
             match report {
                 Report::State(snapshot) => {
@@ -251,15 +251,15 @@ impl Painting {
                     if let SaveState::Failed(reason) = &state
                         && state != self.save
                     {
-                        notices.error(reason.clone(), seconds);
+                        notices.error(reason.clone());
                     }
                     if matches!((&self.save, &state), (SaveState::Failed(_), SaveState::Saved)) {
-                        notices.info("Saved: all that was painted is on the disk.", seconds);
+                        notices.info("Saved: all that was painted is on the disk.");
                     }
                     self.save = state;
                 }
                 Report::Newer(asset) => self.newer = Some(asset),
-                Report::Failed(reason) => notices.error(reason, seconds),
+                Report::Failed(reason) => notices.error(reason),
             }
         }
     }

@@ -18,7 +18,7 @@ const WIDE_POINTS: f32 = 1250.0;
 /// Room for a choice and the switches after it.
 const CHOICE_POINTS: f32 = 330.0;
 
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let mut commands = Vec::new();
     ui.horizontal(|ui| {
         ui.label(RichText::new("fantex").color(theme::STRONG).size(15.0));
@@ -49,7 +49,7 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| switches(ui, viewer, &mut commands));
     });
     for command in commands {
-        viewer.command(command, seconds);
+        viewer.command(command);
     }
 }
 
@@ -204,7 +204,7 @@ const BESIDE_GROUND: &str = "No ground below the camera: orbit or fly until it i
 /// The pen went down beside the model.
 const MISSED: &str = "Beside the model: nothing is painted, dragging turns the view";
 
-pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer, seconds: f64) {
+pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer) {
     let width = ui.available_width();
     ui.horizontal(|ui| {
         ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
@@ -216,12 +216,12 @@ pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer, seconds: f64) {
                     .as_ref()
                     .map_or("Nothing is open".into(), |document| document.place.name());
                 ui.add(Label::new(RichText::new(name).color(theme::TEXT)).truncate());
-                if let Some((text, color)) = path_state(viewer, seconds) {
+                if let Some((text, color)) = path_state(viewer) {
                     ui.separator();
                     ui.label(RichText::new(text).color(color));
                 }
                 ui.separator();
-                let (text, color) = hint(ui, viewer, seconds);
+                let (text, color) = hint(ui, viewer);
                 ui.add(Label::new(RichText::new(text).color(color)).truncate());
             });
         });
@@ -229,8 +229,8 @@ pub(super) fn show_status(ui: &mut Ui, viewer: &Viewer, seconds: f64) {
 }
 
 /// What the hand can do, or why what it did has done nothing.
-fn hint(ui: &Ui, viewer: &Viewer, seconds: f64) -> (&'static str, Color32) {
-    if let Some(left) = viewer.painting.as_ref().and_then(|painting| painting.missed_for(seconds)) {
+fn hint(ui: &Ui, viewer: &Viewer) -> (&'static str, Color32) {
+    if let Some(left) = viewer.painting.as_ref().and_then(|painting| painting.missed_for(viewer.now())) {
         ui.ctx().request_repaint_after_secs(left as f32);
         return (MISSED, theme::WARNING);
     }
@@ -252,15 +252,15 @@ fn gesture(viewer: &Viewer) -> &'static str {
     }
 }
 
-fn path_state(viewer: &Viewer, seconds: f64) -> Option<(String, Color32)> {
+fn path_state(viewer: &Viewer) -> Option<(String, Color32)> {
     match &viewer.path_state {
         PathState::Still => None,
         PathState::Recording { since, .. } => {
-            Some((format!("Recording {:.1} s", seconds - since), theme::ERROR))
+            Some((format!("Recording {:.1} s", viewer.now() - since), theme::ERROR))
         }
         PathState::Playing { since } => {
             let length = viewer.path.as_ref().map_or(0.0, |path| path.seconds());
-            Some((format!("Playing {:.1} of {length:.1} s", (seconds - since).min(length)), theme::GOOD))
+            Some((format!("Playing {:.1} of {length:.1} s", (viewer.now() - since).min(length)), theme::GOOD))
         }
     }
 }

@@ -15,7 +15,7 @@ use crate::settings::{Tab, label_of};
 use crate::theme;
 use crate::viewer::{PathState, Viewer};
 
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     ui.horizontal(|ui| segments(ui, &mut viewer.settings.panels.tab, &Tab::ALL));
     ui.separator();
     let tab = viewer.settings.panels.tab;
@@ -24,8 +24,8 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
             Tab::Model => show_model(ui, viewer),
             Tab::Cover => show_cover(ui, viewer),
             Tab::Streaming => streaming::show(ui, viewer),
-            Tab::Light => show_light(ui, viewer, seconds),
-            Tab::View => show_view(ui, viewer, seconds),
+            Tab::Light => show_light(ui, viewer),
+            Tab::View => show_view(ui, viewer),
         }
     });
 }
@@ -76,7 +76,7 @@ fn show_cover(ui: &mut Ui, viewer: &mut Viewer) {
     hint(ui, overlay.meaning());
 }
 
-fn show_light(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+fn show_light(ui: &mut Ui, viewer: &mut Viewer) {
     heading(ui, "Sun");
     sun(ui, &mut viewer.settings.light);
     hint(ui, "Ctrl + drag in the scene turns the sun.");
@@ -96,7 +96,7 @@ fn show_light(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         viewer.settings.display.tone = usual.tone;
     }
     if wants_file {
-        viewer.command(Command::ChooseSurroundings, seconds);
+        viewer.command(Command::ChooseSurroundings);
     }
 }
 
@@ -169,7 +169,7 @@ fn tone(ui: &mut Ui, display: &mut DisplaySettings) {
     row(ui, "Curve", |ui| choice(ui, "tone", &mut display.tone, &ToneChoice::ALL));
 }
 
-fn show_view(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+fn show_view(ui: &mut Ui, viewer: &mut Viewer) {
     let mut commands = Vec::new();
     heading(ui, "Camera");
     camera(ui, viewer);
@@ -189,7 +189,7 @@ fn show_view(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     heading(ui, "Picture");
     picture(ui, &mut viewer.settings.display);
     for command in commands {
-        viewer.command(command, seconds);
+        viewer.command(command);
     }
 }
 

@@ -52,17 +52,17 @@ pub struct Shown {
 }
 
 /// Draws the whole window. `seconds` is the time of the frame.
-pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures, seconds: f64) -> Shown {
+pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures) -> Shown {
     let panels = viewer.settings.panels;
-    Panel::top("bar").frame(bar_frame()).show(ui, |ui| bar::show(ui, viewer, seconds));
-    Panel::bottom("status").frame(bar_frame()).show(ui, |ui| bar::show_status(ui, viewer, seconds));
+    Panel::top("bar").frame(bar_frame()).show(ui, |ui| bar::show(ui, viewer));
+    Panel::bottom("status").frame(bar_frame()).show(ui, |ui| bar::show_status(ui, viewer));
     // While something is painted on, its own panels need the room.
     if panels.has_inspector && viewer.painting.is_none() {
         Panel::right("inspector")
             .frame(panel_frame())
             .default_size(320.0)
             .size_range(290.0..=480.0)
-            .show(ui, |ui| inspector::show(ui, viewer, seconds));
+            .show(ui, |ui| inspector::show(ui, viewer));
     }
     if panels.has_graphs {
         Panel::bottom("graphs")
@@ -82,11 +82,11 @@ pub fn show(ui: &mut egui::Ui, viewer: &mut Viewer, textures: &Textures, seconds
             .show(ui, |ui| atlas_channel = streaming::show_atlas(ui, viewer, &textures.atlas));
     }
     if viewer.painting.is_some() {
-        paint::show(ui, viewer, seconds);
+        paint::show(ui, viewer);
     }
     let mut input = SceneInput::default();
     egui::CentralPanel::no_frame().show(ui, |ui| {
-        input = scene::show(ui, viewer, textures.scene, seconds);
+        input = scene::show(ui, viewer, textures.scene);
     });
     if viewer.has_help {
         show_help(ui, viewer);

@@ -23,7 +23,7 @@ use crate::viewer::{SceneInput, Viewer};
 const NOTCH_POINTS: f32 = 50.0;
 
 /// Returns what the user did in the scene.
-pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>, seconds: f64) -> SceneInput {
+pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>) -> SceneInput {
     let rect = ui.max_rect();
     let response = ui.allocate_rect(rect, Sense::click_and_drag());
     viewer.scene_pixels = pixels(rect.size(), ui.ctx().pixels_per_point());
@@ -43,11 +43,11 @@ pub(super) fn show(ui: &mut Ui, viewer: &mut Viewer, texture: Option<TextureId>,
         }
         legend(ui, viewer, rect);
     } else if viewer.opening.is_none() {
-        welcome(ui, viewer, rect, seconds);
+        welcome(ui, viewer, rect);
     }
     opening(ui, viewer, rect);
     drop_target(ui, rect);
-    notices(ui, viewer, rect, seconds);
+    notices(ui, viewer, rect);
     input
 }
 
@@ -134,7 +134,7 @@ fn pen(ui: &Ui, response: &egui::Response, rect: Rect) -> Vec<PenEvent> {
 }
 
 /// What is seen before anything is open.
-fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, seconds: f64) {
+fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect) {
     let mut command = None;
     let card =
         Rect::from_center_size(rect.center(), vec2(420.0f32.min(rect.width()), 320.0f32.min(rect.height())));
@@ -160,7 +160,7 @@ fn welcome(ui: &mut Ui, viewer: &mut Viewer, rect: Rect, seconds: f64) {
         }
     });
     if let Some(command) = command {
-        viewer.command(command, seconds);
+        viewer.command(command);
     }
 }
 
@@ -265,12 +265,12 @@ fn swatches(ui: &mut Ui, viewer: &Viewer) {
 }
 
 /// Messages in the lower left corner, the newest at the bottom.
-fn notices(ui: &Ui, viewer: &mut Viewer, rect: Rect, seconds: f64) {
-    let shown: Vec<Notice> = viewer.notices.shown(seconds).cloned().collect();
+fn notices(ui: &Ui, viewer: &mut Viewer, rect: Rect) {
+    let shown: Vec<Notice> = viewer.notices.shown().cloned().collect();
     if shown.is_empty() {
         return;
     }
-    if let Some(wake) = viewer.notices.wake_in(seconds) {
+    if let Some(wake) = viewer.notices.wake_in() {
         ui.ctx().request_repaint_after_secs(wake as f32 + 0.01);
     }
     let at: Pos2 = rect.left_bottom() + vec2(12.0, -12.0);

@@ -78,7 +78,8 @@ impl SceneView {
     /// # Errors
     ///
     /// One of the renderer's.
-    pub fn update(&mut self, viewer: &mut Viewer, seconds: f64) -> Result<bool> {
+    pub fn update(&mut self, viewer: &mut Viewer) -> Result<bool> {
+        let seconds = viewer.now();
         self.finish_picture(viewer);
         self.gpu.check()?;
         let Some(model) = &mut self.model else { return Ok(false) };

@@ -47,13 +47,12 @@ impl Driver {
         &mut self,
         ctx: &egui::Context,
         viewer: &mut Viewer,
-        seconds: f64,
         is_sharp: bool,
         pictures_due: usize,
     ) -> Result<bool> {
         self.frame += 1;
         let situation = Situation {
-            seconds,
+            seconds: viewer.now(),
             frame: self.frame,
             is_opening: viewer.is_opening() || viewer.is_making_surroundings(),
             is_sharp,
@@ -76,12 +75,12 @@ impl Driver {
         match self.runner.next(&situation)? {
             Act::Wait => {}
             Act::End => return Ok(false),
-            Act::Do(step) => self.act(ctx, viewer, step, seconds),
+            Act::Do(step) => self.act(ctx, viewer, step),
         }
         Ok(true)
     }
 
-    fn act(&mut self, ctx: &egui::Context, viewer: &mut Viewer, step: Step, seconds: f64) {
+    fn act(&mut self, ctx: &egui::Context, viewer: &mut Viewer, step: Step) {
         match step {
             Step::Key(name) => self.input.press(&name),
             Step::Hold { keys, frames } => self.input.hold(&keys, frames),
@@ -102,12 +101,12 @@ impl Driver {
                 up: DVec3::Y,
                 fov_degrees: viewer.settings.camera.fov_degrees,
             }),
-            Step::View(preset) => viewer.command(Command::View(preset), seconds),
-            Step::Mode(mode) => viewer.command(Command::Mode(mode), seconds),
+            Step::View(preset) => viewer.command(Command::View(preset)),
+            Step::Mode(mode) => viewer.command(Command::Mode(mode)),
             Step::Overlay(overlay) => viewer.settings.display.overlay = overlay,
             Step::Shading(shading) => viewer.settings.display.shading = shading,
             Step::Tab(tab) => viewer.settings.panels.tab = tab,
-            Step::Open(place) => viewer.open(&place, seconds),
+            Step::Open(place) => viewer.open(&place),
             Step::Surroundings(name) => {
                 viewer.settings.light.surroundings = match name.as_str() {
                     "studio" => Surroundings::Studio,
@@ -117,8 +116,8 @@ impl Driver {
             }
             Step::Pool(mebibytes) => viewer.settings.streaming.pool_mib = mebibytes.max(1),
             Step::Play(file) => {
-                viewer.load_path(Path::new(&file), seconds);
-                viewer.command(Command::TogglePlayback, seconds);
+                viewer.load_path(Path::new(&file));
+                viewer.command(Command::TogglePlayback);
             }
             Step::Screenshot { path, size } => {
                 remove_old(&path);
@@ -131,7 +130,7 @@ impl Driver {
             }
             Step::Resize(size) => ctx.send_viewport_cmd(ViewportCommand::InnerSize(size.into())),
             Step::Minimize(is_minimized) => ctx.send_viewport_cmd(ViewportCommand::Minimized(is_minimized)),
-            Step::PaintTool(tool) => viewer.command(Command::Paint(PaintCommand::Tool(tool)), seconds),
+            Step::PaintTool(tool) => viewer.command(Command::Paint(PaintCommand::Tool(tool))),
             Step::Brush(brush) => viewer.settings.paint.brush = brush,
             Step::Text(text) => {
                 viewer.settings.paint.sticker = StickerKind::Text;
@@ -152,14 +151,14 @@ impl Driver {
                 let at = scene_point(ctx, viewer, point);
                 self.input.coming.push_back(vec![Event::PointerMoved(at)]);
             }
-            Step::Layer(step) => layer_step(viewer, step, seconds),
+            Step::Layer(step) => layer_step(viewer, step),
             Step::Texture(texture) => viewer.settings.paint.texture = texture,
             Step::Stencil(stencil) => viewer.settings.paint.stencil = stencil,
             Step::AdjustStencil(is_adjusted) => {
                 viewer.settings.paint.stencil.is_adjusted = is_adjusted;
             }
             Step::FitStencil => fit_stencil(viewer),
-            Step::Project => viewer.command(Command::Paint(PaintCommand::Project), seconds),
+            Step::Project => viewer.command(Command::Paint(PaintCommand::Project)),
             Step::Fill(fill) => viewer.settings.paint.fill = fill,
             Step::Picture(path) => {
                 viewer.settings.paint.sticker = StickerKind::Picture;
@@ -202,7 +201,7 @@ fn fit_stencil(viewer: &mut Viewer) {
     }
 }
 
-fn layer_step(viewer: &mut Viewer, step: LayerStep, seconds: f64) {
+fn layer_step(viewer: &mut Viewer, step: LayerStep) {
     let Some(painting) = &viewer.painting else { return };
     let chosen = painting.layer().map_or(u64::MAX, Layer::id);
     let find =
@@ -223,7 +222,7 @@ fn layer_step(viewer: &mut Viewer, step: LayerStep, seconds: f64) {
         LayerStep::Move(is_up) => LayerAction::Move(chosen, is_up),
         LayerStep::Delete => LayerAction::Delete(chosen),
     };
-    viewer.layer_action(&action, seconds);
+    viewer.layer_action(&action);
 }
 
 /// A picture of an earlier session must not pass for this one's.

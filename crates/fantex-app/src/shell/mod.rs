@@ -166,17 +166,17 @@ impl<'a> Shell<'a> {
             // The window may be closing: then nobody wants to know.
             sender.lock().unwrap_or_else(PoisonError::into_inner).send(error.to_string()).ok();
         }));
-        let seconds = workspace.seconds();
+        let seconds = workspace.tick();
         let viewer = &mut workspace.viewer;
         viewer.adapter = adapter_text(&gpu);
-        viewer.draw_with(preparer(gpu.clone()), seconds);
+        viewer.draw_with(preparer(gpu.clone()));
         if let Some(reason) = workspace.lost.take() {
             let text =
                 format!("The GPU device was lost ({reason}); the window was opened again with another.");
-            viewer.notices.warning(text, seconds);
+            viewer.notices.warning(text);
         }
         if let Some(place) = workspace.to_open.take() {
-            viewer.open_or_fail(&place, 0.0);
+            viewer.open_or_fail(&place);
         }
         Some(Self {
             scene: SceneView::new(gpu),
@@ -191,13 +191,13 @@ impl<'a> Shell<'a> {
     }
 
     /// PictureState whether the device is lost; then nothing more is drawn, and the window ends.
-    fn check_device(&mut self, ctx: &egui::Context, seconds: f64) -> bool {
+    fn check_device(&mut self, ctx: &egui::Context) -> bool {
         if self.workspace.lost.is_none()
             && let Some(reason) = self.scene.gpu().lost()
         {
             let viewer = &mut self.workspace.viewer;
             for error in self.scene.abandon_captures() {
-                viewer.notices.error(error.to_string(), seconds);
+                viewer.notices.error(error.to_string());
             }
             self.workspace.lose(&reason);
         }
@@ -209,7 +209,7 @@ impl<'a> Shell<'a> {
         self.workspace.lost.is_none()
     }
 
-    fn keys(&mut self, ctx: &egui::Context, seconds: f64) {
+    fn keys(&mut self, ctx: &egui::Context) {
         let is_typing = ctx.egui_wants_keyboard_input();
         let pressed: Vec<_> = ctx.input(|i| {
             let key_of = |event: &egui::Event| match event {
@@ -229,19 +229,19 @@ impl<'a> Shell<'a> {
             }
             let repeats = matches!(&command, Command::Paint(command) if command.repeats());
             if (!is_typing || modifiers.command) && (!is_repeated || repeats) {
-                self.workspace.viewer.command(command, seconds);
+                self.workspace.viewer.command(command);
             }
         }
     }
 
-    fn dropped_files(&mut self, ctx: &egui::Context, seconds: f64) {
+    fn dropped_files(&mut self, ctx: &egui::Context) {
         let dropped = ctx.input(|i| i.raw.dropped_files.first().map(|file| file.path().to_owned()));
         if let Some(path) = dropped {
-            self.workspace.viewer.open(&path.to_string_lossy(), seconds);
+            self.workspace.viewer.open(&path.to_string_lossy());
         }
     }
 
-    fn requests(&mut self, ctx: &egui::Context, seconds: f64) {
+    fn requests(&mut self, ctx: &egui::Context) {
         for request in self.workspace.viewer.take_requests() {
             match request {
                 #[cfg(feature = "test-steps")]
@@ -259,7 +259,7 @@ impl<'a> Shell<'a> {
                         }
                     };
                     if let Err(error) = self.scene.capture(&self.workspace.viewer, size, path) {
-                        self.workspace.viewer.notices.error(error.to_string(), seconds);
+                        self.workspace.viewer.notices.error(error.to_string());
                     }
                 }
                 Request::WindowPicture(path) => self.workspace.pictures.take_window(ctx, path),
@@ -268,21 +268,19 @@ impl<'a> Shell<'a> {
         }
     }
 
-    fn answers(&mut self, seconds: f64) {
+    fn answers(&mut self) {
         let Workspace { dialogs, viewer, .. } = &mut *self.workspace;
         for (dialog, path) in dialogs.poll() {
             match path {
-                Some(path) => viewer.take_file(dialog, path, seconds),
+                Some(path) => viewer.take_file(dialog, path),
                 None => viewer.notices.warning(
-                    "This system shows no file dialog: drop the file onto the window, or name it on the command line.",
-                    seconds,
-                ),
+                    "This system shows no file dialog: drop the file onto the window, or name it on the command line."),
             }
         }
     }
 
     /// Streams and draws the scene.
-    fn draw(&mut self, seconds: f64) {
+    fn draw(&mut self) {
         if let Some(model) = self.workspace.viewer.new_model.take() {
             self.scene.set_model(model);
             self.workspace.viewer.pacing.lost();
@@ -294,31 +292,29 @@ impl<'a> Shell<'a> {
         if let Some(first) = refused.next() {
             // The others mostly follow from it.
             let words: Vec<&str> = first.split_whitespace().take(60).collect();
-            self.workspace
-                .viewer
-                .notices
-                .error(format!("The GPU refused an operation: {}", words.join(" ")), seconds);
+            self.workspace.viewer.notices.error(format!("The GPU refused an operation: {}", words.join(" ")));
             refused.chain([first]).for_each(|error| eprintln!("fantex-app: {error}"));
         }
-        self.workspace.viewer.notice_changes(seconds);
-        if let Err(error) = self.scene.update(&mut self.workspace.viewer, seconds) {
+        self.workspace.viewer.notice_changes();
+        if let Err(error) = self.scene.update(&mut self.workspace.viewer) {
             self.scene.abandon_picture(&mut self.workspace.viewer);
             if self.scene.gpu().lost().is_none() {
-                self.workspace.viewer.notices.error(format!("{error}."), seconds);
+                self.workspace.viewer.notices.error(format!("{error}."));
             }
         }
         if self.scene.gpu().lost().is_some() {
             return;
         }
-        self.register_textures(seconds);
+        self.register_textures();
     }
 
     /// Tells egui about the textures that it shows.
-    fn register_textures(&mut self, seconds: f64) {
+    fn register_textures(&mut self) {
         let shown = self.scene.shown();
         register(&self.render_state, &mut self.scene_texture, shown);
         let is_shown = self.workspace.viewer.settings.panels.has_atlas;
-        let picture = if is_shown { self.scene.atlas(self.atlas.channel, seconds) } else { None };
+        let picture =
+            if is_shown { self.scene.atlas(self.atlas.channel, self.workspace.viewer.now()) } else { None };
         if let Some(picture) = &picture {
             self.atlas.extent = picture.extent;
         }
@@ -327,13 +323,14 @@ impl<'a> Shell<'a> {
     }
 
     /// Asks for the next frame where something goes on.
-    fn wake(&self, ctx: &egui::Context, goes_on: bool, seconds: f64) {
+    fn wake(&self, ctx: &egui::Context, goes_on: bool) {
         if goes_on || self.workspace.driver.is_some() {
             ctx.request_repaint();
         } else if !self.scene.is_settled() || self.scene.captures_due() > 0 {
             ctx.request_repaint_after_secs(0.016);
         } else if !self.workspace.viewer.pacing.is_settled() && self.workspace.viewer.document.is_some() {
-            let wake = self.workspace.viewer.pacing.wake_in(seconds).unwrap_or(0.008).max(0.004);
+            let wake =
+                self.workspace.viewer.pacing.wake_in(self.workspace.viewer.now()).unwrap_or(0.008).max(0.004);
             ctx.request_repaint_after_secs(wake as f32);
         } else if self.workspace.viewer.settings.panels.has_atlas && self.scene.is_atlas_stale() {
             ctx.request_repaint_after_secs(0.1);
@@ -370,24 +367,24 @@ impl<'a> Shell<'a> {
     }
 
     /// Pictures that have become ready are written.
-    fn save_pictures(&mut self, seconds: f64) {
+    fn save_pictures(&mut self) {
         for captured in self.scene.poll_captures() {
             self.workspace.pictures.save(captured.path, captured.image);
         }
         for (path, result) in self.workspace.pictures.poll() {
             match result {
-                Ok(()) => self.workspace.viewer.notices.info(format!("Saved {}", path.display()), seconds),
-                Err(error) => self.workspace.viewer.notices.error(error.to_string(), seconds),
+                Ok(()) => self.workspace.viewer.notices.info(format!("Saved {}", path.display())),
+                Err(error) => self.workspace.viewer.notices.error(error.to_string()),
             }
         }
     }
 
     /// Lets the session do its next step.
-    fn drive(&mut self, ctx: &egui::Context, seconds: f64) {
+    fn drive(&mut self, ctx: &egui::Context) {
         let Some(driver) = &mut self.workspace.driver else { return };
         let is_sharp = self.scene.is_settled() && self.workspace.viewer.pacing.is_settled();
         let pictures_due = self.scene.captures_due() + self.workspace.pictures.due();
-        match driver.step(ctx, &mut self.workspace.viewer, seconds, is_sharp, pictures_due) {
+        match driver.step(ctx, &mut self.workspace.viewer, is_sharp, pictures_due) {
             Ok(true) => {}
             Ok(false) => {
                 self.workspace.driver = None;
@@ -409,20 +406,20 @@ impl<'a> Shell<'a> {
 
 impl eframe::App for Shell<'_> {
     fn logic(&mut self, ctx: &egui::Context, _frame: &mut eframe::Frame) {
-        let seconds = self.workspace.seconds();
-        if !self.check_device(ctx, seconds) {
+        self.workspace.tick();
+        if !self.check_device(ctx) {
             return;
         }
-        self.workspace.viewer.poll(seconds);
+        self.workspace.viewer.poll();
         if let Some(failure) = self.workspace.viewer.failure.take() {
             self.fail(ctx, failure);
         }
-        if ctx.input(|i| i.viewport().close_requested()) && !self.workspace.viewer.may_close(seconds) {
+        if ctx.input(|i| i.viewport().close_requested()) && !self.workspace.viewer.may_close() {
             ctx.send_viewport_cmd(ViewportCommand::CancelClose);
         }
-        self.answers(seconds);
-        self.save_pictures(seconds);
-        self.drive(ctx, seconds);
+        self.answers();
+        self.save_pictures();
+        self.drive(ctx);
         if self.workspace.driver.is_some() {
             ctx.request_repaint();
         }
@@ -430,25 +427,25 @@ impl eframe::App for Shell<'_> {
 
     fn ui(&mut self, ui: &mut egui::Ui, _frame: &mut eframe::Frame) {
         let ctx = ui.ctx().clone();
-        let seconds = self.workspace.seconds();
-        if !self.check_device(&ctx, seconds) {
+        let seconds = self.workspace.tick();
+        if !self.check_device(&ctx) {
             return;
         }
         let step = seconds - std::mem::replace(&mut self.last_frame, seconds);
-        self.keys(&ctx, seconds);
-        self.dropped_files(&ctx, seconds);
+        self.keys(&ctx);
+        self.dropped_files(&ctx);
         let textures = Textures { scene: self.scene_texture, atlas: self.atlas };
-        let shown = panels::show(ui, &mut self.workspace.viewer, &textures, seconds);
+        let shown = panels::show(ui, &mut self.workspace.viewer, &textures);
         if let Some(channel) = shown.atlas_channel {
             self.atlas.channel = channel;
         }
-        let goes_on = self.workspace.viewer.navigate(&shown.input, seconds, step);
-        self.draw(seconds);
-        self.requests(&ctx, seconds);
+        let goes_on = self.workspace.viewer.navigate(&shown.input, step);
+        self.draw();
+        self.requests(&ctx);
         self.remember_window(&ctx);
         self.show_title(&ctx);
-        self.wake(&ctx, goes_on, seconds);
-        self.check_device(&ctx, seconds);
+        self.wake(&ctx, goes_on);
+        self.check_device(&ctx);
     }
 
     fn raw_input_hook(&mut self, _ctx: &egui::Context, raw_input: &mut egui::RawInput) {

@@ -79,7 +79,7 @@ impl Workspace {
         let mut viewer = Viewer::new(start.settings, None, wake.clone());
         viewer.picture_folder = start.arguments.picture_folder();
         if let Some(problem) = start.problem {
-            viewer.notices.warning(problem.to_string(), 0.0);
+            viewer.notices.warning(problem.to_string());
         }
         viewer.paints = start.arguments.paint;
         viewer.paint_memory_bytes = start.arguments.memory.unwrap_or(viewer.paint_memory_bytes);
@@ -99,9 +99,10 @@ impl Workspace {
         }
     }
 
-    /// Seconds since the start. Not those of egui, whose time stands still while the window is hidden.
-    pub(super) fn seconds(&self) -> f64 {
-        self.started.elapsed().as_secs_f64()
+    /// Begins a frame at a time, in seconds since the start. Not those of egui, whose time stands still while the window is hidden.
+    pub(super) fn tick(&mut self) -> f64 {
+        self.viewer.notices.now = self.started.elapsed().as_secs_f64();
+        self.viewer.notices.now
     }
 
     /// The device is lost: the window ends, for another one to take its place.

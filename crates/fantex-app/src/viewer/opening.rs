@@ -48,22 +48,20 @@ struct Loaded {
 impl Viewer {
     /// Draws with another GPU from now on. What was brought to the one before is gone, so the document is brought anew, in
     /// the background; everything else goes on as it is.
-    pub fn draw_with(&mut self, prepare: PrepareScene, seconds: f64) {
+    pub fn draw_with(&mut self, prepare: PrepareScene) {
         self.prepare = Some(prepare.clone());
         self.new_model = None;
         self.pacing.lost();
         if let Some(Opening { place, keeps_camera, is_all, .. }) = &self.opening {
             let (place, keeps_camera, is_all) = (place.clone(), *keeps_camera, *is_all);
-            self.begin_opening(place, keeps_camera, seconds);
+            self.begin_opening(place, keeps_camera);
             self.opening.iter_mut().for_each(|opening| opening.is_all = is_all);
         }
         let Some(document) = self.document.clone() else { return };
         let streaming = self.settings.streaming;
         match Job::spawn("move", self.waker(), move || prepare(&document, streaming)) {
             Ok(job) => self.moving = Some(job),
-            Err(error) => {
-                self.notices.error(format!("cannot start a thread to draw again: {error}"), seconds)
-            }
+            Err(error) => self.notices.error(format!("cannot start a thread to draw again: {error}")),
         }
     }
 
@@ -73,17 +71,17 @@ impl Viewer {
     }
 
     /// Begins to open a file or address. What is being opened is given up.
-    pub fn open(&mut self, text: &str, seconds: f64) {
-        self.begin_opening(Place::parse(text), false, seconds);
+    pub fn open(&mut self, text: &str) {
+        self.begin_opening(Place::parse(text), false);
     }
 
     /// The same for what the program was started with: where it cannot be opened there is a [`failure`](Self::failure).
-    pub fn open_or_fail(&mut self, text: &str, seconds: f64) {
-        self.open(text, seconds);
+    pub fn open_or_fail(&mut self, text: &str) {
+        self.open(text);
         self.opening.iter_mut().for_each(|opening| opening.is_all = true);
     }
 
-    pub(super) fn begin_opening(&mut self, place: Place, keeps_camera: bool, seconds: f64) {
+    pub(super) fn begin_opening(&mut self, place: Place, keeps_camera: bool) {
         // One that is given up may still keep the file for itself.
         let before = self.opening.take();
         if let Some(opening) = &before {
@@ -126,9 +124,7 @@ impl Viewer {
         };
         match Job::spawn("open", self.waker(), work) {
             Ok(job) => self.opening = Some(Opening { place, progress, job, keeps_camera, is_all: false }),
-            Err(error) => {
-                self.notices.error(format!("cannot start a thread to open {place}: {error}"), seconds)
-            }
+            Err(error) => self.notices.error(format!("cannot start a thread to open {place}: {error}")),
         }
     }
 
@@ -139,7 +135,7 @@ impl Viewer {
         }
     }
 
-    pub(super) fn poll_moving(&mut self, seconds: f64) {
+    pub(super) fn poll_moving(&mut self) {
         let result = match self.moving.as_ref().map(Job::poll) {
             None | Some(JobState::Running) => return,
             Some(JobState::Done(result)) => result,
@@ -150,11 +146,11 @@ impl Viewer {
         self.moving = None;
         match result {
             Ok(model) => self.new_model = Some(Some(model)),
-            Err(error) => self.notices.error(format!("{error}."), seconds),
+            Err(error) => self.notices.error(format!("{error}.")),
         }
     }
 
-    pub(super) fn poll_opening(&mut self, seconds: f64) {
+    pub(super) fn poll_opening(&mut self) {
         let Some(opening) = &self.opening else { return };
         let (place, keeps_camera, is_all) = (opening.place.clone(), opening.keeps_camera, opening.is_all);
         let result = match opening.job.poll() {
@@ -164,7 +160,7 @@ impl Viewer {
                 self.opening = None;
                 let text =
                     format!("{place} could not be opened: the program failed on it; please report the file");
-                return self.fail_opening(text, is_all, seconds);
+                return self.fail_opening(text, is_all);
             }
         };
         self.opening = None;
@@ -172,11 +168,11 @@ impl Viewer {
             Ok(Loaded { document, model, painting }) => {
                 self.settings.remember(&absolute(&place));
                 for note in document.notes.iter().filter(|_| painting.is_some()) {
-                    self.notices.info(note.clone(), seconds);
+                    self.notices.info(note.clone());
                 }
                 self.painting = painting;
                 if let Some(painting) = &mut self.painting {
-                    painting.load_presets(&mut self.notices, seconds);
+                    painting.load_presets(&mut self.notices);
                     self.settings.camera.mode = CameraMode::Orbit;
                 }
                 self.forget_scene();
@@ -189,21 +185,21 @@ impl Viewer {
                     self.show(ViewPreset::ThreeQuarter);
                     self.is_unframed = true;
                 }
-                self.want_ground(seconds);
+                self.want_ground();
             }
             Err(error) if error.is_cancelled() => {}
             Err(error) => {
-                self.fail_opening(error.to_string(), is_all, seconds);
+                self.fail_opening(error.to_string(), is_all);
                 self.leave_lost_painting();
             }
         }
     }
 
-    fn fail_opening(&mut self, reason: String, is_all: bool, seconds: f64) {
+    fn fail_opening(&mut self, reason: String, is_all: bool) {
         if is_all {
             self.failure = Some(reason);
         } else {
-            self.notices.error(reason, seconds);
+            self.notices.error(reason);
         }
     }
 }
@@ -220,30 +216,30 @@ fn absolute(place: &Place) -> String {
 
 impl Viewer {
     /// Paints on what is open, or goes back to looking at it.
-    pub(super) fn toggle_painting(&mut self, seconds: f64) {
+    pub(super) fn toggle_painting(&mut self) {
         self.paints = !self.paints;
         if let Some(place) = self.document.as_ref().map(|document| document.place.clone()) {
-            self.begin_opening(place, true, seconds);
+            self.begin_opening(place, true);
         }
     }
 
     /// Something of the painter; nothing where nothing is painted on.
-    pub fn paint_command(&mut self, command: &PaintCommand, seconds: f64) {
+    pub fn paint_command(&mut self, command: &PaintCommand) {
         let view = self.viewpoint();
         let Some(painting) = &mut self.painting else { return };
         match command {
             PaintCommand::Project => {
-                painting.project(&mut self.settings.paint, &view, &mut self.notices, seconds);
+                painting.project(&mut self.settings.paint, &view, &mut self.notices);
             }
             command => painting.command(command, &mut self.settings.paint),
         }
     }
 
-    pub fn layer_action(&mut self, action: &LayerAction, seconds: f64) {
+    pub fn layer_action(&mut self, action: &LayerAction) {
         if let Some(painting) = &mut self.painting
             && let Err(reason) = painting.layer_action(action, &self.settings.paint)
         {
-            self.notices.warning(reason, seconds);
+            self.notices.warning(reason);
         }
     }
 
@@ -252,14 +248,14 @@ impl Viewer {
     }
 
     /// Whether the window may close: not while something painted is not in the file, unless that is asked for again.
-    pub fn may_close(&mut self, seconds: f64) -> bool {
+    pub fn may_close(&mut self) -> bool {
         let Some(painting) = &self.painting else { return true };
         let SaveState::Failed(reason) = &painting.save else { return true };
         if std::mem::replace(&mut self.was_warned, true) {
             return true;
         }
         let text = format!("{reason} Close again to lose what is not saved.");
-        self.notices.error(text, seconds);
+        self.notices.error(text);
         false
     }
 
@@ -275,13 +271,13 @@ impl Viewer {
     }
 
     /// Lets the pen paint; what is left of the input moves the camera.
-    pub(super) fn paint(&mut self, input: &SceneInput, seconds: f64) -> SceneInput {
+    pub(super) fn paint(&mut self, input: &SceneInput) -> SceneInput {
         let view = self.viewpoint();
         let mut left = input.clone();
         let Some(painting) = &mut self.painting else { return left };
         let settings = &mut self.settings.paint;
         if !input.turns_sun || painting.is_drawing() || painting.is_turning() {
-            painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices, seconds);
+            painting.pen(&input.pen, settings, &view, input.modifiers, &mut self.notices);
         }
         let turn = if painting.is_turning() { input.drag } else { DVec2::ZERO };
         let sun = if input.turns_sun && !painting.is_drawing() { input.drag } else { DVec2::ZERO };

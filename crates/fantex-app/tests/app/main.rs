@@ -17,5 +17,5 @@ use fantex_app::notices::{Notices, Severity};
 
 /// Errors on the screen.
 fn errors(notices: &Notices) -> usize {
-    notices.clone().shown(0.0).filter(|notice| notice.severity == Severity::Error).count()
+    notices.clone().shown().filter(|notice| notice.severity == Severity::Error).count()
 }

@@ -71,7 +71,7 @@ impl Studio {
         let started = Instant::now();
         loop {
             let is_busy = self.painting.is_busy();
-            self.painting.poll(&mut self.settings, &mut self.notices, 0.0);
+            self.painting.poll(&mut self.settings, &mut self.notices);
             if !is_busy {
                 return;
             }
@@ -83,7 +83,7 @@ impl Studio {
     fn pen(&mut self, phase: PenPhase, x: f64, y: f64, modifiers: [bool; 2]) {
         let event = PenEvent { phase, at: DVec2::new(x, y), pressure: 1.0 };
         let Self { painting, settings, view, notices, .. } = self;
-        painting.pen(&[event], settings, view, modifiers, notices, 0.0);
+        painting.pen(&[event], settings, view, modifiers, notices);
     }
 
     fn stroke(&mut self) {
@@ -315,7 +315,7 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
     // All of it at once, from a place where there is no surface either.
     studio.settings.stencil.place.mirrored = false;
     let Studio { painting, settings, view, notices, .. } = &mut studio;
-    painting.project(settings, view, notices, 0.0);
+    painting.project(settings, view, notices);
     studio.wait();
     let far = picked(&mut studio, 0.12, 0.5);
     assert!(near(far, [255, 188, 0]), "{far:?}");
@@ -324,7 +324,7 @@ fn a_picture_over_the_view_masks_colours_and_is_projected() {
     // Without a picture it says so.
     studio.settings.stencil.image = None;
     let Studio { painting, settings, view, notices, .. } = &mut studio;
-    painting.project(settings, view, notices, 0.0);
+    painting.project(settings, view, notices);
     assert!(studio.notices.log().any(|text| text.contains("choose one")));
     // All is in the log, and can be painted on another density.
     let path = studio.path.clone();
@@ -392,7 +392,7 @@ fn wait_for_work(studio: &mut Studio) {
     let started = Instant::now();
     while studio.painting.work.as_ref().is_none_or(|work| work.share < 0.1) {
         assert!(started.elapsed() < Duration::from_secs(60) && studio.painting.is_busy(), "it is told of");
-        studio.painting.poll(&mut studio.settings, &mut studio.notices, 0.0);
+        studio.painting.poll(&mut studio.settings, &mut studio.notices);
         studio.painting.look_from(&studio.view);
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -410,7 +410,7 @@ fn fills_and_projections_are_told_of_given_up_and_taken_up_again() {
         let image = Some(save_slide(studio.path.parent().unwrap()));
         studio.settings.stencil = StencilSettings { is_on: true, image, ..Default::default() };
         let Studio { painting, settings, view, notices, .. } = studio;
-        painting.project(settings, view, notices, 0.0);
+        painting.project(settings, view, notices);
     };
     for (begin, label) in [(fill, "fill"), (project, "project")] {
         let folder = tempfile::tempdir().unwrap();

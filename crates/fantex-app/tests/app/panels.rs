@@ -35,7 +35,7 @@ fn harness(viewer: Viewer, size: [f32; 2]) -> Harness<'static, Viewer> {
             if !std::mem::replace(&mut is_dressed, true) {
                 theme::apply(ui.ctx());
             }
-            show(ui, viewer, &Textures::default(), 1.0);
+            show(ui, viewer, &Textures::default());
         },
         viewer,
     )
@@ -98,7 +98,7 @@ fn every_page_is_shown_at_every_size() {
                 viewer.has_help = true;
                 viewer
                     .notices
-                    .error("Something went wrong, and this is a long sentence that says what it was.", 0.0);
+                    .error("Something went wrong, and this is a long sentence that says what it was.");
                 let mut harness = harness(viewer, size);
                 harness.run_steps(3);
             }
@@ -130,7 +130,7 @@ fn help_opens_and_closes() {
 #[test]
 fn errors_stay_until_they_are_dismissed() {
     let mut viewer = with_model();
-    viewer.notices.error("bunny.fan is damaged.", 0.0);
+    viewer.notices.error("bunny.fan is damaged.");
     let mut harness = harness(viewer, [1280.0, 800.0]);
     harness.get_by_label_contains("bunny.fan is damaged");
     harness.get_by_label("×").click();
@@ -146,7 +146,7 @@ fn keys_in_the_scene_become_wishes() {
     let seen = wishes.clone();
     let mut harness = Harness::builder().with_size(vec2(1280.0, 800.0)).build_ui_state(
         move |ui, viewer: &mut Viewer| {
-            seen.lock().unwrap().push(show(ui, viewer, &Textures::default(), 1.0).input.movement);
+            seen.lock().unwrap().push(show(ui, viewer, &Textures::default()).input.movement);
         },
         viewer,
     );
@@ -217,7 +217,7 @@ fn wait_painted(viewer: &mut Viewer) {
     let started = std::time::Instant::now();
     loop {
         let is_busy = viewer.painting.as_ref().unwrap().is_busy();
-        viewer.poll(0.0);
+        viewer.poll();
         if !is_busy {
             return;
         }

@@ -34,7 +34,7 @@ fn save_torus(folder: &Path) -> PathBuf {
 fn wait(viewer: &mut Viewer) {
     let started = Instant::now();
     loop {
-        viewer.poll(0.0);
+        viewer.poll();
         if !viewer.is_opening() && !viewer.is_preparing_ground() && !viewer.is_making_surroundings() {
             return;
         }
@@ -46,7 +46,7 @@ fn wait(viewer: &mut Viewer) {
 fn opened() -> (tempfile::TempDir, Viewer) {
     let folder = tempfile::tempdir().unwrap();
     let mut viewer = viewer();
-    viewer.open(&save_torus(folder.path()).to_string_lossy(), 0.0);
+    viewer.open(&save_torus(folder.path()).to_string_lossy());
     assert!(viewer.opening.is_some());
     wait(&mut viewer);
     (folder, viewer)
@@ -72,7 +72,7 @@ fn another_gpu_is_given_the_document_and_what_is_being_opened() {
         names.lock().unwrap().push(document.place.name());
         Err(Error::unavailable("there are no graphics here"))
     });
-    viewer.draw_with(prepare.clone(), 1.0);
+    viewer.draw_with(prepare.clone());
     assert!(viewer.is_opening());
     wait(&mut viewer);
     assert_eq!(*asked.lock().unwrap(), ["torus.ply"]);
@@ -81,9 +81,9 @@ fn another_gpu_is_given_the_document_and_what_is_being_opened() {
     // Lost while another file is being opened: that begins anew.
     let other = folder.path().join("other.ply");
     std::fs::copy(folder.path().join("torus.ply"), &other).unwrap();
-    viewer.open(&other.to_string_lossy(), 2.0);
+    viewer.open(&other.to_string_lossy());
     asked.lock().unwrap().clear();
-    viewer.draw_with(prepare, 3.0);
+    viewer.draw_with(prepare);
     wait(&mut viewer);
     let asked = asked.lock().unwrap();
     assert!(
@@ -97,7 +97,7 @@ fn what_cannot_be_opened_is_a_message_and_leaves_the_rest() {
     let (folder, mut viewer) = opened();
     let broken = folder.path().join("broken.fan");
     std::fs::write(&broken, b"\x89FAN and then nothing").unwrap();
-    viewer.open(&broken.to_string_lossy(), 1.0);
+    viewer.open(&broken.to_string_lossy());
     wait(&mut viewer);
     assert!(viewer.document.is_some(), "what was shown stays");
     assert!(viewer.notices.log().any(|text| text.contains("broken.fan")));
@@ -108,8 +108,8 @@ fn what_cannot_be_opened_is_a_message_and_leaves_the_rest() {
 fn opening_can_be_cancelled() {
     let (_folder, mut viewer) = opened();
     let before = viewer.document.as_ref().unwrap().place.clone();
-    viewer.open("/no/such/file.glb", 1.0);
-    viewer.command(Command::Cancel, 1.0);
+    viewer.open("/no/such/file.glb");
+    viewer.command(Command::Cancel);
     assert!(viewer.opening.is_none());
     wait(&mut viewer);
     assert_eq!(viewer.document.as_ref().unwrap().place, before);
@@ -122,7 +122,7 @@ fn the_wheel_comes_closer_to_the_model_under_the_cursor() {
     let distance = |viewer: &Viewer| viewer.hit_under(DVec2::new(0.5, 0.7)).unwrap();
     let before = distance(&viewer);
     let input = SceneInput { wheel: 4.0, cursor: Some(DVec2::new(0.5, 0.7)), ..SceneInput::default() };
-    viewer.navigate(&input, 0.0, 0.016);
+    viewer.navigate(&input, 0.016);
     assert!((distance(&viewer) / before - 0.85f64.powi(4)).abs() < 1e-3);
 }
 
@@ -132,7 +132,7 @@ fn a_double_click_makes_the_point_the_pivot() {
     let cursor = DVec2::new(0.5, 0.7);
     let point = viewer.rig.point_under(cursor, viewer.aspect(), viewer.hit_under(cursor));
     let input = SceneInput { is_double_click: true, cursor: Some(cursor), ..SceneInput::default() };
-    viewer.navigate(&input, 0.0, 0.016);
+    viewer.navigate(&input, 0.016);
     assert!((viewer.rig.pivot() - point).length() < 1e-6);
 }
 
@@ -140,8 +140,8 @@ fn a_double_click_makes_the_point_the_pivot() {
 fn changing_the_mode_keeps_the_picture() {
     let (_folder, mut viewer) = opened();
     let before = viewer.rig;
-    viewer.command(Command::Mode(CameraMode::Fly), 0.0);
-    viewer.navigate(&SceneInput::default(), 0.0, 0.016);
+    viewer.command(Command::Mode(CameraMode::Fly));
+    viewer.navigate(&SceneInput::default(), 0.016);
     assert_eq!(viewer.rig, before);
 }
 
@@ -154,9 +154,10 @@ fn walkers_stand_on_the_model() {
         up: DVec3::Y,
         fov_degrees: 60.0,
     });
-    viewer.command(Command::Mode(CameraMode::Walk), 0.0);
+    viewer.command(Command::Mode(CameraMode::Walk));
     for frame in 0..400 {
-        viewer.navigate(&SceneInput::default(), f64::from(frame) * 0.02, 0.02);
+        viewer.notices.now = f64::from(frame) * 0.02;
+        viewer.navigate(&SceneInput::default(), 0.02);
     }
     let below = viewer.ground.as_ref().unwrap().first(viewer.rig.eye, DVec3::NEG_Y, 10.0).unwrap();
     assert!((below.distance - viewer.eye_height()).abs() < 0.05 * viewer.eye_height(), "{below:?}");
@@ -165,21 +166,26 @@ fn walkers_stand_on_the_model() {
 #[test]
 fn recorded_paths_play_back() {
     let (folder, mut viewer) = opened();
-    viewer.command(Command::ToggleRecording, 0.0);
+    viewer.command(Command::ToggleRecording);
     for frame in 0..60 {
         let input = SceneInput { drag: DVec2::new(0.01, 0.0), ..SceneInput::default() };
-        viewer.navigate(&input, f64::from(frame) / 30.0, 0.033);
+        viewer.notices.now = f64::from(frame) / 30.0;
+        viewer.navigate(&input, 0.033);
     }
     let end = viewer.rig;
-    viewer.command(Command::ToggleRecording, 2.0);
+    viewer.notices.now = 2.0;
+    viewer.command(Command::ToggleRecording);
     let file = folder.path().join("way.json");
-    viewer.save_path(&file, 2.0);
+    viewer.save_path(&file);
     viewer.path = None;
-    viewer.load_path(&file, 2.0);
+    viewer.load_path(&file);
     viewer.show(ViewPreset::Back);
-    viewer.command(Command::TogglePlayback, 10.0);
-    assert!(viewer.navigate(&SceneInput::default(), 10.5, 0.016));
-    assert!(!viewer.navigate(&SceneInput::default(), 15.0, 0.016));
+    viewer.notices.now = 10.0;
+    viewer.command(Command::TogglePlayback);
+    viewer.notices.now = 10.5;
+    assert!(viewer.navigate(&SceneInput::default(), 0.016));
+    viewer.notices.now = 15.0;
+    assert!(!viewer.navigate(&SceneInput::default(), 0.016));
     assert!(matches!(viewer.path_state, PathState::Still));
     assert!((viewer.rig.eye - end.eye).length() < 1e-6);
 }
@@ -189,7 +195,7 @@ fn dragging_with_the_modifier_turns_the_sun_alone() {
     let (_folder, mut viewer) = opened();
     let (rig, sun) = (viewer.rig, viewer.settings.light.to_sun());
     let input = SceneInput { drag: DVec2::new(0.2, 0.1), turns_sun: true, ..SceneInput::default() };
-    viewer.navigate(&input, 0.0, 0.016);
+    viewer.navigate(&input, 0.016);
     assert_eq!(viewer.rig, rig);
     assert_ne!(viewer.settings.light.to_sun(), sun);
 }
@@ -212,19 +218,22 @@ fn surroundings_come_in_the_background_and_failures_once() {
 fn pictures_are_drawn_where_something_changes() {
     let (_folder, mut viewer) = opened();
     let settle = |viewer: &mut Viewer| {
-        viewer.notice_changes(100.0);
+        viewer.notices.now = 100.0;
+        viewer.notice_changes();
         viewer.pacing.next(100.0, true);
         viewer.pacing.drawn(0.01);
     };
     settle(&mut viewer);
-    viewer.notice_changes(101.0);
+    viewer.notices.now = 101.0;
+    viewer.notice_changes();
     assert!(viewer.pacing.is_settled());
-    viewer.command(Command::StepOverlay(1), 101.0);
-    viewer.notice_changes(101.0);
+    viewer.command(Command::StepOverlay(1));
+    viewer.notice_changes();
     assert!(!viewer.pacing.is_settled() && !viewer.pacing.is_moving(101.0));
     settle(&mut viewer);
     viewer.rig.orbit(DVec2::new(0.1, 0.0));
-    viewer.notice_changes(102.0);
+    viewer.notices.now = 102.0;
+    viewer.notice_changes();
     assert!(viewer.pacing.is_moving(102.0));
 }
 
@@ -233,9 +242,9 @@ fn all_panels_come_back_as_they_were() {
     let mut viewer = viewer();
     viewer.settings.panels.has_atlas = true;
     let before = viewer.settings.panels;
-    viewer.command(Command::ToggleAllPanels, 0.0);
+    viewer.command(Command::ToggleAllPanels);
     assert!(!viewer.settings.panels.has_inspector && !viewer.settings.panels.has_atlas);
-    viewer.command(Command::ToggleAllPanels, 0.0);
+    viewer.command(Command::ToggleAllPanels);
     assert_eq!(viewer.settings.panels, before);
 }
 
@@ -243,9 +252,9 @@ fn all_panels_come_back_as_they_were() {
 fn commands_without_a_document_do_no_harm() {
     let mut viewer = viewer();
     for shortcut in shortcuts() {
-        viewer.command(shortcut.command, 0.0);
-        viewer.navigate(&SceneInput::default(), 0.0, 0.016);
-        viewer.notice_changes(0.0);
+        viewer.command(shortcut.command);
+        viewer.navigate(&SceneInput::default(), 0.016);
+        viewer.notice_changes();
     }
     assert!(viewer.document.is_none());
 }

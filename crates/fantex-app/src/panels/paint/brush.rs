@@ -15,7 +15,7 @@ use eframe::egui::{Button, Color32, ColorImage, RichText, TextEdit, Ui, vec2};
 /// Pixels of the preview, before the screen's own scale.
 const PREVIEW: [usize; 2] = [244, 64];
 
-pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, _seconds: f64) {
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let paint = &mut viewer.settings.paint;
     ui.label(RichText::new(label_of(&PaintTool::ALL, paint.tool)).heading().color(theme::STRONG));
     hint(ui, paint.tool.hint());
@@ -184,7 +184,7 @@ fn preview(ui: &mut Ui, brush: &BrushSettings, [r, g, b]: [u8; 3]) {
 }
 
 /// Brushes that are kept: a click takes one.
-pub(crate) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(crate) fn presets(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &mut viewer.painting else { return };
     let brush = &mut viewer.settings.paint.brush;
     heading(ui, "Brushes");
@@ -218,9 +218,9 @@ pub(crate) fn presets(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         is_kept = ui.button("Keep").on_hover_text("Saves the brush under this name").clicked();
     });
     if is_kept && !brush.name.trim().is_empty() {
-        painting.keep_brush(&viewer.settings.paint, &mut viewer.notices, seconds);
+        painting.keep_brush(&viewer.settings.paint, &mut viewer.notices);
     }
     if let Some(name) = dropped {
-        painting.drop_brush(&name, &mut viewer.notices, seconds);
+        painting.drop_brush(&name, &mut viewer.notices);
     }
 }

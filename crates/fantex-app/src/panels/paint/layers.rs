@@ -12,7 +12,7 @@ use crate::settings::label_of;
 use crate::theme;
 use crate::viewer::Viewer;
 
-pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     let Some(painting) = &mut viewer.painting else { return };
     let mut actions = Vec::new();
     heading(ui, "Layers");
@@ -28,7 +28,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         hint(ui, "Paint goes onto the base. On a layer it can be erased, hidden and mixed later.");
     }
     for action in actions {
-        viewer.layer_action(&action, seconds);
+        viewer.layer_action(&action);
     }
 }
 

@@ -34,12 +34,12 @@ const LAYER_POINTS: f32 = 276.0;
 const SCENE_POINTS: f32 = 150.0;
 
 /// What is left and right of the scene while something is painted on.
-pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer) {
     Panel::left("paint tools")
         .frame(panel_frame().inner_margin(Margin::symmetric(6, 8)))
         .exact_size(48.0)
         .resizable(false)
-        .show(ui, |ui| tool_strip(ui, viewer, seconds));
+        .show(ui, |ui| tool_strip(ui, viewer));
     // Where there is no room for both and a scene between them, the brush comes first.
     let width = ui.available_width() - SCENE_POINTS;
     let has_brush = viewer.settings.paint.has_brush_panel && width >= BRUSH_POINTS;
@@ -51,10 +51,10 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
             |ui| {
                 ScrollArea::vertical().id_salt("paint brush").auto_shrink([false, false]).show(ui, |ui| {
                     ui.spacing_mut().slider_width = 72.0;
-                    brush::show(ui, viewer, seconds);
+                    brush::show(ui, viewer);
                     symmetry(ui, viewer);
-                    overlay::stencil(ui, viewer, seconds);
-                    brush::presets(ui, viewer, seconds);
+                    overlay::stencil(ui, viewer);
+                    brush::presets(ui, viewer);
                     history(ui, viewer);
                 });
             },
@@ -68,7 +68,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
                     ui.spacing_mut().slider_width = 84.0;
                     color::show(ui, viewer);
                     color::channels(ui, viewer);
-                    layers::show(ui, viewer, seconds);
+                    layers::show(ui, viewer);
                 });
             },
         );
@@ -77,7 +77,7 @@ pub(crate) fn show(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
 
 // The tool strip, with the two colours at its end.
 
-fn tool_strip(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+fn tool_strip(ui: &mut Ui, viewer: &mut Viewer) {
     ui.spacing_mut().item_spacing.y = 4.0;
     let mut chosen = None;
     for (tool, label) in PaintTool::ALL {
@@ -101,14 +101,14 @@ fn tool_strip(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         }
     }
     if let Some(tool) = chosen {
-        viewer.paint_command(&PaintCommand::Tool(tool), seconds);
+        viewer.paint_command(&PaintCommand::Tool(tool));
     }
     ui.add_space(10.0);
-    swatches(ui, viewer, seconds);
+    swatches(ui, viewer);
 }
 
 /// Foreground over background.
-fn swatches(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+fn swatches(ui: &mut Ui, viewer: &mut Viewer) {
     let (rect, response) = ui.allocate_exact_size(vec2(36.0, 36.0), Sense::click());
     let colors = &viewer.settings.paint.colors;
     let back = Rect::from_min_size(rect.min + vec2(13.0, 13.0), vec2(23.0, 23.0));
@@ -116,7 +116,7 @@ fn swatches(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
     swatch(ui.painter(), back, colors.background, false);
     swatch(ui.painter(), front, colors.foreground, false);
     if response.on_hover_text("Foreground and background; click or X swaps them").clicked() {
-        viewer.paint_command(&PaintCommand::SwapColors, seconds);
+        viewer.paint_command(&PaintCommand::SwapColors);
     }
 }
 

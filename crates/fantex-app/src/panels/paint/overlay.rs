@@ -214,7 +214,7 @@ const HANDLE: f32 = 7.0;
 const SCROLL: f32 = 200.0;
 
 /// Settings in the panel.
-pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
+pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer) {
     let view_aspect = viewer.aspect();
     let stencil = &mut viewer.settings.paint.stencil;
     heading(ui, "Picture over the view");
@@ -272,7 +272,7 @@ pub(crate) fn stencil(ui: &mut Ui, viewer: &mut Viewer, seconds: f64) {
         viewer.request(Request::Dialog(FileDialog::Stencil));
     }
     if let Some(command) = command {
-        viewer.command(command, seconds);
+        viewer.command(command);
     }
 }
 
