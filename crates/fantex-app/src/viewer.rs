@@ -8,10 +8,11 @@ use fantex::base::Result;
 use fantex::glam::{DVec2, DVec3};
 use fantex::paint::PaintOptions;
 use fantex::scene::{Background, Camera, Lights};
+use fantex::stream::CameraPath;
 
 use crate::camera::{
-    CameraMode, CameraPath, CameraRig, FlyMotion, Ground, MeshGround, MoveInput, PathRecorder, SceneScale,
-    ViewPreset, Walker,
+    CameraMode, CameraRig, FlyMotion, Ground, MeshGround, MoveInput, PathRecorder, SceneScale, ViewPreset,
+    Walker, camera_of, load_path, save_path,
 };
 use crate::command::Command;
 use crate::display::DisplaySettings;
@@ -513,9 +514,13 @@ impl Viewer {
     }
 
     pub fn load_path(&mut self, file: &std::path::Path) {
-        match CameraPath::load(file) {
+        match load_path(file) {
             Ok(path) => {
-                let text = format!("{}: {:.1} s of camera path; P plays it.", file.display(), path.seconds());
+                let text = format!(
+                    "{}: {:.1} s of camera path; P plays it.",
+                    file.display(),
+                    path.duration_seconds()
+                );
                 self.path = Some(path);
                 self.notices.info(text);
             }
@@ -525,7 +530,7 @@ impl Viewer {
 
     pub fn save_path(&mut self, file: &std::path::Path) {
         let Some(path) = &self.path else { return };
-        match path.save(file) {
+        match save_path(path, file) {
             Ok(()) => self.notices.info(format!("Saved {}.", file.display())),
             Err(error) => self.notices.error(error.to_string()),
         }
@@ -582,8 +587,10 @@ impl Viewer {
             self.path_state = PathState::Still;
             return false;
         };
-        let is_over = at >= path.seconds();
-        if let Some(camera) = path.camera_at(at) {
+        let is_over = at >= path.duration_seconds();
+        let camera = path.at(at).as_ref().map(camera_of);
+        // Halfway between opposite views there may be none.
+        if let Some(camera) = camera.filter(|camera| camera.defect().is_none()) {
             self.set_camera(&camera);
         }
         if is_over {

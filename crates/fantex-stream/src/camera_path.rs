@@ -23,7 +23,7 @@ pub struct CameraKeyframe {
     /// Vertical opening angle, degrees.
     pub fov_degrees: f64,
     /// The camera jumps here; it does not move here from the keyframe before.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_cut: bool,
 }
 

@@ -15,7 +15,7 @@ use fantex::base::Aabb;
 use fantex::glam::{DMat3, DVec2, DVec3};
 use fantex::mesh::Mesh;
 use fantex::scene::Camera;
-pub use path::{CameraKey, CameraPath, PathRecorder};
+pub use path::{PathRecorder, camera_of, load_path, save_path};
 use serde::{Deserialize, Serialize};
 pub use walk::Walker;
 pub use walk::{Ground, GroundHit, MeshGround};

@@ -259,7 +259,7 @@ fn path_state(viewer: &Viewer) -> Option<(String, Color32)> {
             Some((format!("Recording {:.1} s", viewer.now() - since), theme::ERROR))
         }
         PathState::Playing { since } => {
-            let length = viewer.path.as_ref().map_or(0.0, |path| path.seconds());
+            let length = viewer.path.as_ref().map_or(0.0, |path| path.duration_seconds());
             Some((format!("Playing {:.1} of {length:.1} s", (viewer.now() - since).min(length)), theme::GOOD))
         }
     }

@@ -251,7 +251,7 @@ fn path(ui: &mut Ui, viewer: &Viewer, commands: &mut Vec<Command>) {
         button(ui, viewer.path.is_some(), "Save…", Command::SavePath);
     });
     match &viewer.path {
-        Some(path) => hint(ui, &format!("{:.1} s, {} keys", path.seconds(), path.keys.len())),
+        Some(path) => hint(ui, &format!("{:.1} s, {} keys", path.duration_seconds(), path.keyframes.len())),
         None => hint(ui, "Record the camera's way with R, play it with P."),
     }
 }

@@ -6,9 +6,10 @@ use fantex::glam::{DMat3, DVec2, DVec3};
 use fantex::mesh::generate::torus;
 use fantex::mesh::{CleanOptions, clean};
 use fantex::scene::Camera;
+use fantex::stream::CameraPath;
 use fantex_app::camera::{
-    CameraPath, CameraRig, FlyMotion, Ground, GroundHit, MeshGround, MoveInput, PathRecorder, SceneScale,
-    ViewPreset, Walker,
+    CameraRig, FlyMotion, Ground, GroundHit, MeshGround, MoveInput, PathRecorder, SceneScale, ViewPreset,
+    Walker, load_path, save_path,
 };
 
 #[test]
@@ -348,21 +349,21 @@ fn recorded() -> CameraPath {
 #[test]
 fn recordings_play_back_as_they_were() {
     let path = recorded();
-    assert!((40..80).contains(&path.keys.len()), "{}", path.keys.len());
-    assert_eq!(path.seconds(), 2.0);
+    assert!((40..80).contains(&path.keyframes.len()), "{}", path.keyframes.len());
+    assert_eq!(path.duration_seconds(), 2.0);
     for seconds in [0.0, 0.31, 1.0, 1.999] {
-        assert!((path.camera_at(seconds).unwrap().eye.x - seconds).abs() < 1e-9);
+        assert!((path.at(seconds).unwrap().eye[0] - seconds).abs() < 1e-9);
     }
-    assert_eq!(path.camera_at(-1.0).unwrap().eye.x, 0.0);
-    assert_eq!(path.camera_at(99.0).unwrap().eye.x, 2.0);
+    assert_eq!(path.at(-1.0).unwrap().eye[0], 0.0);
+    assert_eq!(path.at(99.0).unwrap().eye[0], 2.0);
 }
 
 #[test]
 fn files_keep_paths() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("way.json");
-    recorded().save(&file).unwrap();
-    assert_eq!(CameraPath::load(&file).unwrap(), recorded());
+    save_path(&recorded(), &file).unwrap();
+    assert_eq!(load_path(&file).unwrap(), recorded());
 }
 
 #[test]
@@ -371,7 +372,7 @@ fn what_is_no_path_is_refused_in_a_sentence() {
     let file = folder.path().join("way.json");
     let message = |text: &str| {
         std::fs::write(&file, text).unwrap();
-        CameraPath::load(&file).unwrap_err().to_string()
+        load_path(&file).unwrap_err().to_string()
     };
     assert!(message("{").contains("no camera path"));
     assert!(message("{\"keys\":[]}").contains("0 camera keys"));
@@ -382,5 +383,5 @@ fn what_is_no_path_is_refused_in_a_sentence() {
     };
     assert!(message(&format!("{{\"keys\":[{},{}]}}", key(1.0, 1.0), key(0.5, 1.0))).contains("key 1"));
     assert!(message(&format!("{{\"keys\":[{}]}}", key(0.0, 0.0))).contains("same point"));
-    assert!(CameraPath::load(&folder.path().join("none")).unwrap_err().to_string().contains("cannot read"));
+    assert!(load_path(&folder.path().join("none")).unwrap_err().to_string().contains("cannot read"));
 }
